@@ -1,0 +1,84 @@
+"""Rotations and rigid transforms on plain floats (small-array numpy is slower), REP 103: x forward, y left, z up.
+
+Quaternions are (x, y, z, w) as in ROS. A planar pose is (x, y, yaw). A transform named `target_from_source` takes
+coordinates in `source` to coordinates in `target`.
+"""
+
+import math
+from typing import NamedTuple
+
+
+class Pose2(NamedTuple):
+    """A pose in the plane: metres and radians."""
+
+    x: float
+    y: float
+    yaw: float
+
+
+Quat = tuple[float, float, float, float]
+Vec3 = tuple[float, float, float]
+
+
+def normalize_angle(angle: float) -> float:
+    """The same direction in (-pi, pi]."""
+    wrapped = math.fmod(angle, math.tau)
+    if wrapped > math.pi:
+        return wrapped - math.tau
+    if wrapped <= -math.pi:
+        return wrapped + math.tau
+    return wrapped
+
+
+def compose2(a_from_b: Pose2, b_from_c: Pose2) -> Pose2:
+    """a_from_c."""
+    c, s = math.cos(a_from_b.yaw), math.sin(a_from_b.yaw)
+    return Pose2(
+        a_from_b.x + c * b_from_c.x - s * b_from_c.y,
+        a_from_b.y + s * b_from_c.x + c * b_from_c.y,
+        normalize_angle(a_from_b.yaw + b_from_c.yaw),
+    )
+
+
+def inverse2(a_from_b: Pose2) -> Pose2:
+    """b_from_a."""
+    c, s = math.cos(a_from_b.yaw), math.sin(a_from_b.yaw)
+    return Pose2(
+        -c * a_from_b.x - s * a_from_b.y,
+        s * a_from_b.x - c * a_from_b.y,
+        normalize_angle(-a_from_b.yaw),
+    )
+
+
+def quaternion_from_yaw(yaw: float) -> Quat:
+    """Rotation about z by `yaw`."""
+    return (0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw))
+
+
+def yaw_from_quaternion(x: float, y: float, z: float, w: float) -> float:
+    """Heading of a unit quaternion: the yaw of its fixed-axis roll, pitch, yaw."""
+    return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+
+
+def quaternion_from_rpy(roll: float, pitch: float, yaw: float) -> Quat:
+    """Fixed-axis roll, pitch, yaw (tf2's setRPY): R = Rz(yaw) Ry(pitch) Rx(roll)."""
+    cr, sr = math.cos(0.5 * roll), math.sin(0.5 * roll)
+    cp, sp = math.cos(0.5 * pitch), math.sin(0.5 * pitch)
+    cy, sy = math.cos(0.5 * yaw), math.sin(0.5 * yaw)
+    return (
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+        cr * cp * cy + sr * sp * sy,
+    )
+
+
+def rpy_from_quaternion(x: float, y: float, z: float, w: float) -> Vec3:
+    """Fixed-axis (roll, pitch, yaw) of a unit quaternion; pitch in [-pi/2, pi/2], roll 0 at the poles."""
+    sin_pitch = 2.0 * (w * y - z * x)
+    if abs(sin_pitch) >= 1.0 - 1e-12:
+        # Gimbal lock: only roll -/+ yaw is defined, so all of it is called yaw.
+        pitch = math.copysign(0.5 * math.pi, sin_pitch)
+        return (0.0, pitch, normalize_angle(-math.copysign(2.0, sin_pitch) * math.atan2(x, w)))
+    roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
+    return (roll, math.asin(sin_pitch), yaw_from_quaternion(x, y, z, w))

@@ -1,0 +1,43 @@
+"""Worlds and team files that come with zteam: inside the wheel, or beside the package in a checkout."""
+
+from pathlib import Path
+
+_PACKAGE = Path(__file__).resolve().parent
+
+
+def _folder(inside_wheel: str, in_checkout: str) -> Path:
+    installed = _PACKAGE / inside_wheel
+    # An editable install has no copies inside the package: its files are the checkout's own.
+    return installed if installed.is_dir() else _PACKAGE.parent / in_checkout
+
+
+def worlds_folder() -> Path:
+    """Folder of the shipped worlds."""
+    return _folder("_worlds", "worlds")
+
+
+def teams_folder() -> Path:
+    """Folder of the shipped team files."""
+    return _folder("_deploy", "deploy")
+
+
+def shipped_world(name: str) -> Path | None:
+    """Path of a shipped world (`office` or `office.world`), or None."""
+    return _find(worlds_folder(), name, ".world")
+
+
+def shipped_team(name: str) -> Path | None:
+    """Path of a shipped team file (`line` or `line.toml`), or None."""
+    return _find(teams_folder(), name, ".toml")
+
+
+def _find(folder: Path, name: str, suffix: str) -> Path | None:
+    if Path(name).name != name:
+        return None
+    path = folder / (name if name.endswith(suffix) else name + suffix)
+    return path if path.is_file() else None
+
+
+def names(folder: Path, suffix: str) -> list[str]:
+    """Names of the shipped files with `suffix`, sorted, for error texts."""
+    return sorted(p.stem for p in folder.glob("*" + suffix))
