@@ -1,0 +1,130 @@
+"""What a world file describes, flattened to what the simulator needs: plain data, no parser and no physics.
+
+Everything is SI: metres, radians, nanoseconds. `z` values are heights above the ground, absolute: in a planar world
+they never change, so a shape is seen by a laser exactly if `z_min <= laser z <= z_max`.
+"""
+
+from typing import Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from zteam.geometry import Pose2
+
+Point2 = tuple[float, float]
+
+
+class Shape(msgspec.Struct, frozen=True):
+    """A prism over a simple polygon: `points` counter-clockwise in the owner's frame, heights absolute."""
+
+    points: tuple[Point2, ...]
+    z_min: float
+    z_max: float
+    ranger_return: float = 1.0
+    """Intensity a laser reads; below 0 the shape is invisible and transparent."""
+    obstacle: bool = True
+    """Whether bodies collide with it."""
+
+
+class Floorplan(msgspec.Struct, frozen=True, eq=False):
+    """A bitmap that stands on the ground, kept on the bitmap's own cells."""
+
+    name: str
+    occupied: NDArray[np.bool_]
+    """(rows, columns), row 0 at the bottom (lowest y), column 0 at the left (lowest x)."""
+    cell: Point2
+    """Size of one cell along x and y; a crop makes them unequal."""
+    pose: Pose2
+    """Pose in `map` of the lower left corner of cell [0, 0], axes along columns and rows."""
+    z_min: float
+    z_max: float
+    ranger_return: float = 1.0
+    obstacle: bool = True
+
+
+class Obstacle(msgspec.Struct, frozen=True):
+    """A model without a drive: a box, a pillar, the slabs of a boundary."""
+
+    name: str
+    pose: Pose2
+    shapes: tuple[Shape, ...]
+
+
+class Ranger(msgspec.Struct, frozen=True):
+    """One sensor of a ranger model: `samples` rays from `-fov/2` to `+fov/2` about the sensor's own yaw."""
+
+    name: str
+    x: float
+    y: float
+    z: float
+    """Height of the rays above the ground; x, y and yaw are in the robot's base frame."""
+    yaw: float
+    fov: float
+    samples: int
+    range_min: float
+    range_max: float
+    noise: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Stage's triple: gaussian variance (m²), proportional, angular (fraction of the increment)."""
+
+    @property
+    def angle_increment(self) -> float:
+        """Radians between rays."""
+        return self.fov / (self.samples - 1) if self.samples > 1 else 0.0
+
+
+class Limits(msgspec.Struct, frozen=True):
+    """Smallest and largest value of a velocity or acceleration along x, y (SI) and about z (radians)."""
+
+    x: Point2 = (-1.0, 1.0)
+    y: Point2 = (-1.0, 1.0)
+    yaw: Point2 = (-np.pi / 2, np.pi / 2)
+
+
+class Robot(msgspec.Struct, frozen=True):
+    """A position model with everything it carries."""
+
+    name: str
+    model: str
+    """The macro it was made from, e.g. `erratic`."""
+    pose: Pose2
+    """Start pose in `map`."""
+    shapes: tuple[Shape, ...]
+    """Its body and its children's bodies, in the base frame (centre of rotation at the origin)."""
+    rangers: tuple[Ranger, ...]
+    """In file order."""
+    drive: str = "diff"
+    wheelbase: float = 1.0
+    velocity: Limits = Limits()
+    acceleration: Limits | None = None
+    localization: str = "odom"
+    odom_error: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    mass: float = 10.0
+    color: str = "red"
+
+
+class Warning_(msgspec.Struct, frozen=True):
+    """Something in the file that does nothing here."""
+
+    file: str
+    line: int
+    column: int
+    text: str
+
+    def __str__(self) -> str:
+        return f"{self.file}:{self.line}:{self.column}: {self.text}"
+
+
+class World(msgspec.Struct, eq=False):
+    """A loaded world."""
+
+    name: str
+    interval: int
+    """Nanoseconds of simulated time a tick (`interval_sim`)."""
+    floorplans: tuple[Floorplan, ...]
+    obstacles: tuple[Obstacle, ...]
+    robots: tuple[Robot, ...]
+    """By id: position models in file order."""
+    warnings: tuple[Warning_, ...] = ()
+    templates: dict[str, Any] = msgspec.field(default_factory=dict)
+    """What `zteam.world.add_robot` makes further robots from: the file's own robot macros, by name."""
