@@ -103,7 +103,7 @@ class Robot(msgspec.Struct, frozen=True):
     color: str = "red"
 
 
-class Warning_(msgspec.Struct, frozen=True):
+class Remark(msgspec.Struct, frozen=True):
     """Something in the file that does nothing here."""
 
     file: str
@@ -125,6 +125,6 @@ class World(msgspec.Struct, eq=False):
     obstacles: tuple[Obstacle, ...]
     robots: tuple[Robot, ...]
     """By id: position models in file order."""
-    warnings: tuple[Warning_, ...] = ()
+    warnings: tuple[Remark, ...] = ()
     templates: dict[str, Any] = msgspec.field(default_factory=dict)
     """What `zteam.world.add_robot` makes further robots from: the file's own robot macros, by name."""
