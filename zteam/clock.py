@@ -22,6 +22,11 @@ def wall_ns() -> int:
     return time.time_ns()
 
 
+def pause(seconds: float) -> None:
+    """Sleep on the host's clock: only between attempts at something outside that tells nobody when it is ready."""
+    time.sleep(seconds)
+
+
 def local_time_text() -> str:
     """The host's local time of day for log lines: HH:MM:SS."""
     return time.strftime("%H:%M:%S")

@@ -1,0 +1,29 @@
+"""Sessions, typed publishers and subscribers, presence and queries. Only this package imports zenoh."""
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from zteam.bus.bus import Bus, NoRequest, Publisher
+    from zteam.bus.connection import connect
+    from zteam.bus.memory import MemoryHub
+    from zteam.bus.options import BusOptions
+
+_HOME = {
+    "Bus": "bus",
+    "BusOptions": "options",
+    "MemoryHub": "memory",
+    "NoRequest": "bus",
+    "Publisher": "bus",
+    "connect": "connection",
+}
+
+__all__ = ["Bus", "BusOptions", "MemoryHub", "NoRequest", "Publisher", "connect"]
+
+
+def __getattr__(name: str) -> Any:
+    # Lazy: the router needs neither messages nor numpy, and starts twice as fast without them.
+    if name not in _HOME:
+        raise AttributeError(f"module 'zteam.bus' has no attribute {name!r}")
+    from importlib import import_module
+
+    return getattr(import_module(f"zteam.bus.{_HOME[name]}"), name)

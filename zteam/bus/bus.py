@@ -1,0 +1,182 @@
+"""The typed bus: messages instead of bytes, and nothing on the wire that can crash a process."""
+
+import logging
+from collections.abc import Callable, Sequence
+from typing import Any, Generic, TypeVar
+
+import msgspec
+
+from zteam.bus.counters import MAX_KEYS, Counters
+from zteam.bus.transport import Closeable, RawPublisher, RawSample, Transport
+from zteam.errors import BusError, DecodeError
+from zteam.messages import Message, decode, encode, encoding_of
+from zteam.names import is_wildcard, stats_key
+
+log = logging.getLogger("zteam.bus")
+
+M = TypeVar("M", bound=Message)
+Request = TypeVar("Request", bound=msgspec.Struct)
+T = TypeVar("T")
+
+_CDR = "application/cdr"
+
+
+class Publisher(Generic[M]):
+    """Puts messages of one type on one key."""
+
+    def __init__(self, raw: RawPublisher) -> None:
+        self._raw = raw
+
+    def put(self, message: M) -> None:
+        """Send without waiting (DROP: nothing on the bus ever blocks its sender)."""
+        self._raw.put(encode(message))
+
+    def close(self) -> None:
+        """Undeclare; late subscribers of a latched key get nothing from here on."""
+        self._raw.close()
+
+
+class NoRequest(msgspec.Struct):
+    """The request of a query that needs none."""
+
+
+class Bus:
+    """One process's place on the bus. Callbacks run on the transport's threads and must be quick."""
+
+    def __init__(self, transport: Transport) -> None:
+        self.transport = transport
+        self.counters = Counters()
+
+    @property
+    def instance(self) -> str:
+        """This session's id."""
+        return self.transport.instance
+
+    def publisher(self, key: str, message_type: type[M], *, latched: bool = False) -> Publisher[M]:
+        """A publisher of `message_type` on `key`; `latched` keeps the last message for late subscribers."""
+        return Publisher(self.transport.declare_publisher(key, encoding_of(message_type), latched))
+
+    def subscribe(
+        self,
+        key_expr: str,
+        message_type: type[M],
+        callback: Callable[[str, M], None],
+        *,
+        latched: bool = False,
+    ) -> Closeable:
+        """Call `callback(key, message)` for every message that decodes; the others are counted and dropped.
+
+        With `latched`, the newest message of each key that was put before counts too, and an older one that
+        arrives after a newer one (two writers) is passed over.
+        """
+        newest: dict[str, int] = {}
+
+        def handle(sample: RawSample) -> None:
+            if latched and sample.timestamp:
+                if sample.timestamp <= newest.get(sample.key, 0):
+                    return
+                if len(newest) < MAX_KEYS:
+                    newest[sample.key] = sample.timestamp
+            message = self.decode(sample, message_type)
+            if message is not None:
+                callback(sample.key, message)
+
+        return self._subscribe(key_expr, handle, latched)
+
+    def subscribe_raw(
+        self, key_expr: str, callback: Callable[[RawSample], None], *, latched: bool = False
+    ) -> Closeable:
+        """Call `callback` with undecoded samples: for tools that learn the type from the encoding."""
+        return self._subscribe(key_expr, callback, latched)
+
+    def decode(self, sample: RawSample, message_type: type[M]) -> M | None:
+        """The sample's message, counted; None if it is refused (the counters say why)."""
+        wanted = encoding_of(message_type)
+        if is_wildcard(sample.key):
+            self.counters.drop(sample.key, "its key is a wildcard, so it is addressed to nobody")
+            return None
+        if sample.encoding.startswith(_CDR + ";") and sample.encoding != wanted:
+            self.counters.drop(sample.key, f"it is {sample.encoding}, not {wanted}")
+            return None
+        try:
+            message = decode(message_type, sample.payload)
+        except DecodeError as error:
+            self.counters.drop(sample.key, str(error))
+            return None
+        self.counters.receive(sample.key)
+        return message
+
+    def _subscribe(self, key_expr: str, callback: Callable[[RawSample], None], latched: bool) -> Closeable:
+        def guarded(sample: RawSample) -> None:
+            try:
+                callback(sample)
+            except Exception:
+                # A fault in one callback must not end the subscription, and the bus is the last to see it.
+                log.exception("error while handling a message on %s", sample.key)
+
+        return self.transport.declare_subscriber(key_expr, guarded, latched)
+
+    def query(
+        self, key_expr: str, reply_type: type[T], request: msgspec.Struct | None = None, *, timeout: float = 2.0
+    ) -> list[tuple[str, T]]:
+        """Ask everyone who serves `key_expr`; (key, reply) pairs sorted by key, empty if nobody serves it.
+
+        Raises BusError with the server's text if the only answers are errors.
+        """
+        payload = msgspec.json.encode(request if request is not None else NoRequest())
+        good: list[tuple[str, T]] = []
+        bad: list[str] = []
+        for key, body, error in self.transport.get(key_expr, payload, timeout):
+            if error:
+                bad.append(f"{key or key_expr}: {body.decode(errors='replace')}")
+                continue
+            try:
+                good.append((key, msgspec.json.decode(body, type=reply_type)))
+            except (msgspec.DecodeError, UnicodeDecodeError) as fault:
+                bad.append(f"{key}: unreadable answer: {fault}")
+        if bad and not good:
+            raise BusError("; ".join(bad))
+        return sorted(good, key=lambda pair: pair[0])
+
+    def ask(self, key: str, reply_type: type[T], request: msgspec.Struct | None = None, *, timeout: float = 2.0) -> T:
+        """The first answer to a query on one key. Raises BusError when nobody answers."""
+        answers = self.query(key, reply_type, request, timeout=timeout)
+        if not answers:
+            raise BusError(f"nobody answers the query {key}: see 'zteam node list' for who is alive")
+        return answers[0][1]
+
+    def serve(self, key: str, request_type: type[Request], handler: Callable[[Request], Any]) -> Closeable:
+        """Answer queries on `key` with what `handler(request)` returns, as JSON.
+
+        A request that does not decode, and any ZteamError of the handler, goes to the asker as its text.
+        """
+
+        def handle(payload: bytes) -> bytes:
+            try:
+                request = msgspec.json.decode(payload or b"{}", type=request_type)
+            except (msgspec.DecodeError, UnicodeDecodeError) as error:
+                self.counters.drop(key, f"bad request: {error}")
+                raise BusError(f"bad request: {error}") from None
+            return msgspec.json.encode(handler(request))
+
+        return self.transport.declare_queryable(key, handle)
+
+    def serve_stats(self, name: str) -> Closeable:
+        """Answer `<name>/stats` with this process's counters."""
+        return self.serve(stats_key(name), NoRequest, lambda _: self.counters.snapshot())
+
+    def declare_token(self, key: str) -> Closeable:
+        """A presence token, gone with this process."""
+        return self.transport.declare_token(key)
+
+    def watch_tokens(self, key_exprs: Sequence[str], callback: Callable[[str, bool], None]) -> list[Closeable]:
+        """Call `callback(key, alive)` for tokens that are there, come or go."""
+        return [self.transport.watch_tokens(key_expr, callback) for key_expr in key_exprs]
+
+    def watch_link(self, callback: Callable[[bool], None]) -> None:
+        """Call `callback(up)` when the router is lost or back."""
+        self.transport.watch_link(callback)
+
+    def close(self) -> None:
+        """End the session; needed on every way out (a session left open hangs the interpreter)."""
+        self.transport.close()

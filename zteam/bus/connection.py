@@ -1,0 +1,220 @@
+"""Opening a session: find the router, start one where nobody has to, and say what is waited for."""
+
+import logging
+import os
+import random
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+import zenoh
+
+from zteam.bus.bus import Bus
+from zteam.bus.options import BusOptions, client_config
+from zteam.bus.session import ZenohTransport
+from zteam.clock import Every, monotonic, pause
+from zteam.errors import BusError
+
+log = logging.getLogger("zteam.bus")
+
+ON_DEMAND_DEADLINE = 20.0
+"""Seconds until a router on demand must be up; an interpreter took 2.2 s to start on a crowded machine."""
+IDLE_EXIT = 10.0
+"""Seconds after its last client that a router on demand ends."""
+
+
+def connect(options: BusOptions, *, patience: float | None = None, stopping: Callable[[], bool] = lambda: False) -> Bus:
+    """A bus on an open session.
+
+    Without `--connect` the local router is started if there is none. With it, this waits for the router, for ever
+    or `patience` seconds, and says so; `stopping()` ends the wait. Raises BusError when there is no session.
+    """
+    if options.connect is None:
+        session = _open_on_demand(options, stopping)
+    else:
+        session = _open_patiently(options, patience, stopping)
+    transport = ZenohTransport(session)
+    if options.connect is None:
+        _keep_router_alive(transport, options)
+    return Bus(transport)
+
+
+def _try_open(options: BusOptions) -> zenoh.Session | None:
+    try:
+        return zenoh.open(client_config(options))
+    except zenoh.ZError as error:
+        log.debug("open: %s", error)
+        return None
+
+
+def _open_patiently(options: BusOptions, patience: float | None, stopping: Callable[[], bool]) -> zenoh.Session:
+    start, say, delay = monotonic(), Every(5.0), 0.05
+    while not stopping():
+        session = _try_open(options)
+        if session is not None:
+            return session
+        waited = monotonic() - start
+        if patience is not None and waited > patience:
+            raise BusError(
+                f"no Zenoh router answers at {options.endpoint}: start one with "
+                f"'zteam-router --listen {options.endpoint}', or leave --connect out"
+            )
+        if waited > 1.0 and say.due():
+            log.warning("waiting for a Zenoh router at %s (Ctrl+C to give up)", options.endpoint)
+        pause(delay)
+        delay = min(0.5, delay * 1.5)
+    raise BusError(f"stopped while waiting for a Zenoh router at {options.endpoint}")
+
+
+def _open_on_demand(options: BusOptions, stopping: Callable[[], bool]) -> zenoh.Session:
+    deadline = monotonic() + ON_DEMAND_DEADLINE
+    respawn = Every(1.0)
+    refused_handshakes = 0
+    while monotonic() < deadline and not stopping():
+        if not port_accepts(options.endpoint):
+            if respawn.due():
+                spawn_router(options.endpoint)
+            pause(0.01)
+            continue
+        session = _try_open(options)
+        if session is not None:
+            _refuse_foreign_router(session, options)
+            return session
+        refused_handshakes += 1
+        if refused_handshakes >= 3:
+            raise BusError(
+                f"{options.endpoint} is held by something that does not speak Zenoh: "
+                "end it, or run a router elsewhere and name it with --connect"
+            )
+    raise BusError(
+        f"no router came up at {options.endpoint} within {ON_DEMAND_DEADLINE:.0f} s: "
+        f"see {router_log_path(options.endpoint)}, or start 'zteam-router' by hand"
+    )
+
+
+def _refuse_foreign_router(session: zenoh.Session, options: BusOptions) -> None:
+    """On a shared machine the default port may be another user's: two users' teams must not mix by accident."""
+    owner = router_metadata(options.endpoint)
+    uid = owner.uid if owner else None
+    if uid is not None and uid != os.getuid():
+        session.close()  # type: ignore[no-untyped-call]
+        raise BusError(
+            f"the router at {options.endpoint} belongs to user id {uid}: to join it on purpose use "
+            f"--connect {options.endpoint}, or run your own with 'zteam-router --listen tcp/127.0.0.1:PORT'"
+        )
+
+
+class RouterMetadata(msgspec.Struct):
+    """What a zteam router says of itself in Zenoh's admin space."""
+
+    name: str | None = None
+    uid: int | None = None
+    pid: int | None = None
+    version: str | None = None
+
+
+class _Admin(msgspec.Struct):
+    locators: list[str] = msgspec.field(default_factory=list)
+    metadata: RouterMetadata | None = None
+    version: str = ""
+
+
+def router_metadata(endpoint: str) -> RouterMetadata | None:
+    """Who runs the router at `endpoint`; None if it does not say (zenohd, or no answer)."""
+    admin = read_admin(endpoint)
+    return admin.metadata if admin else None
+
+
+def read_admin(endpoint: str) -> _Admin | None:
+    """The router's admin record, read through a session without a namespace (one with gets nothing)."""
+    session = _try_open(BusOptions(connect=endpoint))
+    if session is None:
+        return None
+    try:
+        for reply in session.get("@/*/router", timeout=1.0):
+            if reply.ok is not None:
+                try:
+                    return msgspec.json.decode(reply.ok.payload.to_bytes(), type=_Admin)
+                except msgspec.DecodeError as error:
+                    log.debug("admin space: %s", error)
+    finally:
+        session.close()  # type: ignore[no-untyped-call]
+    return None
+
+
+def host_port(endpoint: str) -> tuple[str, int] | None:
+    """Host and port of a tcp or tls endpoint, None for any other kind."""
+    protocol, slash, address = endpoint.partition("/")
+    host, colon, port = address.partition("#")[0].partition("?")[0].rpartition(":")
+    if not slash or not colon or protocol not in {"tcp", "tls"} or not port.isdigit():
+        return None
+    return host.strip("[]"), int(port)
+
+
+def port_accepts(endpoint: str, timeout: float = 1.0) -> bool:
+    """Whether something accepts TCP connections at `endpoint`."""
+    address = host_port(endpoint)
+    if address is None:
+        return True
+    try:
+        socket.create_connection(address, timeout=timeout).close()
+    except OSError:
+        return False
+    return True
+
+
+def router_log_path(endpoint: str) -> Path:
+    """Log file of the router on demand: per user and port, in the user's state folder."""
+    state = Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state") / "zteam"
+    address = host_port(endpoint)
+    return state / f"router-{address[1] if address else 'local'}.log"
+
+
+def spawn_router(endpoint: str) -> None:
+    """Start a detached router that ends by itself. The port decides who wins if several processes do this at once."""
+    log.info("starting a router at %s", endpoint)
+    path = router_log_path(endpoint)
+    command = [sys.executable, "-m", "zteam.cli.router", "--listen", endpoint, "--detached", str(IDLE_EXIT)]
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("ab") as output:
+            # The child forks before it imports zenoh and its first half ends at once: no zombie stays here, and
+            # no folder named zteam or zenoh in the user's directory can shadow the packages (cwd, -P).
+            subprocess.run(
+                [command[0], "-P", *command[1:]],
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=output,
+                cwd="/",
+                start_new_session=True,
+                close_fds=True,
+                timeout=ON_DEMAND_DEADLINE,
+                check=False,
+            )
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise BusError(f"cannot start a router: {error}: start 'zteam-router' by hand") from None
+
+
+def _keep_router_alive(transport: ZenohTransport, options: BusOptions) -> None:
+    """A router on demand that dies is started again by whoever notices first; Zenoh reconnects by itself."""
+
+    def on_link(up: bool) -> None:
+        if not up:
+            # Not in the callback: it holds a Zenoh thread. Spread out, so that few routers race for the port.
+            timer = threading.Timer(random.uniform(0.0, 0.2), revive)
+            timer.daemon = True
+            timer.start()
+
+    def revive() -> None:
+        if transport.up or transport.closed or port_accepts(options.endpoint):
+            return
+        try:
+            spawn_router(options.endpoint)
+        except BusError as error:
+            log.error("%s", error)
+
+    transport.watch_link(on_link)

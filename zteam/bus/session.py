@@ -1,0 +1,168 @@
+"""The Zenoh transport: one session, everything declared on it, and an orderly end."""
+
+import logging
+from collections.abc import Callable
+from typing import Any
+
+import zenoh
+import zenoh.ext
+
+from zteam.bus.transport import Closeable, QueryHandler, RawPublisher, RawSample, Reply, SampleHandler, TokenHandler
+from zteam.errors import ZteamError
+
+log = logging.getLogger("zteam.bus")
+
+_BYTES = "zenoh/bytes"
+_HISTORY = zenoh.ext.HistoryConfig(detect_late_publishers=True)
+
+
+class _Declared:
+    """A Zenoh declaration; undeclaring it twice, or after the session's end, does nothing."""
+
+    def __init__(self, entity: Any, forget: Callable[["_Declared"], None]) -> None:
+        self._entity = entity
+        self._forget = forget
+
+    def close(self) -> None:
+        entity, self._entity = self._entity, None
+        if entity is not None:
+            self._forget(self)
+            try:
+                entity.undeclare()
+            except zenoh.ZError as error:
+                log.debug("undeclare: %s", error)
+
+
+class _Publisher(_Declared):
+    def put(self, payload: bytes) -> None:
+        entity = self._entity
+        if entity is None:
+            return
+        try:
+            entity.put(payload)
+        except zenoh.ZError as error:
+            # The session is closing; a message that can no longer leave is as good as dropped.
+            log.debug("put: %s", error)
+
+
+class ZenohTransport:
+    """An open Zenoh session seen as a Transport."""
+
+    def __init__(self, session: zenoh.Session) -> None:
+        self._session = session
+        self.instance = str(session.zid())
+        self._declared: set[_Declared] = set()
+        self._link_handlers: list[Callable[[bool], None]] = []
+        self._routers: set[str] = {str(zid) for zid in session.info.routers_zid()}
+        self._events = session.info.declare_transport_events_listener(self._on_transport)
+        # Lost between open() and the listener: the listener cannot have seen it.
+        self._routers |= {str(zid) for zid in session.info.routers_zid()}
+        self.up = True
+        self.closed = False
+
+    def _keep(self, declared: _Declared) -> _Declared:
+        self._declared.add(declared)
+        return declared
+
+    def _wrap(self, entity: Any) -> _Declared:
+        return self._keep(_Declared(entity, self._declared.discard))
+
+    def declare_publisher(self, key: str, encoding: str, latched: bool) -> RawPublisher:
+        options: dict[str, Any] = {
+            "encoding": zenoh.Encoding(encoding),
+            "congestion_control": zenoh.CongestionControl.DROP,
+        }
+        if latched:
+            entity: Any = zenoh.ext.declare_advanced_publisher(
+                self._session, key, cache=zenoh.ext.CacheConfig(1), publisher_detection=True, **options
+            )
+        else:
+            entity = self._session.declare_publisher(key, **options)
+        publisher = _Publisher(entity, self._declared.discard)
+        self._keep(publisher)
+        return publisher
+
+    def declare_subscriber(self, key_expr: str, handler: SampleHandler, latched: bool) -> Closeable:
+        def on_sample(sample: zenoh.Sample) -> None:
+            if sample.kind != zenoh.SampleKind.PUT:
+                return
+            encoding = str(sample.encoding)
+            # "<NTP64>/<id>": the only exact form of a timestamp that Python gets.
+            time, _, source = str(sample.timestamp or "").partition("/")
+            handler(
+                RawSample(
+                    str(sample.key_expr),
+                    sample.payload.to_bytes(),
+                    "" if encoding == _BYTES else encoding,
+                    int(time) if time else 0,
+                    source,
+                )
+            )
+
+        if latched:
+            return self._wrap(
+                zenoh.ext.declare_advanced_subscriber(self._session, key_expr, on_sample, history=_HISTORY)
+            )
+        return self._wrap(self._session.declare_subscriber(key_expr, on_sample))
+
+    def declare_queryable(self, key: str, handler: QueryHandler) -> Closeable:
+        def on_query(query: zenoh.Query) -> None:
+            with query:
+                payload = query.payload.to_bytes() if query.payload is not None else b""
+                try:
+                    query.reply(key, handler(payload))
+                except ZteamError as error:
+                    query.reply_err(str(error))
+                except Exception as error:
+                    log.exception("error while answering the query %s", key)
+                    query.reply_err(f"{type(error).__name__}: {error}")
+
+        return self._wrap(self._session.declare_queryable(key, on_query, complete=True))
+
+    def get(self, key_expr: str, payload: bytes, timeout: float) -> list[Reply]:
+        replies = []
+        answers = self._session.get(
+            key_expr,
+            payload=payload,
+            timeout=timeout,
+            target=zenoh.QueryTarget.ALL,
+            # Every answer counts: two processes that claim one name both serve its keys.
+            consolidation=zenoh.ConsolidationMode.NONE,
+        )
+        for reply in answers:
+            if reply.ok is not None:
+                replies.append(Reply(str(reply.ok.key_expr), reply.ok.payload.to_bytes(), False))
+            elif reply.err is not None:
+                replies.append(Reply("", reply.err.payload.to_bytes(), True))
+        return replies
+
+    def declare_token(self, key: str) -> Closeable:
+        return self._wrap(self._session.liveliness().declare_token(key))
+
+    def watch_tokens(self, key_expr: str, handler: TokenHandler) -> Closeable:
+        def on_token(sample: zenoh.Sample) -> None:
+            handler(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
+
+        return self._wrap(self._session.liveliness().declare_subscriber(key_expr, on_token, history=True))
+
+    def watch_link(self, handler: Callable[[bool], None]) -> None:
+        self._link_handlers.append(handler)
+
+    def _on_transport(self, event: zenoh.TransportEvent) -> None:
+        zid = str(event.transport.zid)
+        if event.kind == zenoh.SampleKind.PUT:
+            self._routers.add(zid)
+        else:
+            self._routers.discard(zid)
+        up = bool(self._routers)
+        if up != self.up:
+            self.up = up
+            for handler in list(self._link_handlers):
+                handler(up)
+
+    def close(self) -> None:
+        self.closed = True
+        self._link_handlers.clear()
+        for declared in list(self._declared):
+            declared.close()
+        self._session.close()  # type: ignore[no-untyped-call]

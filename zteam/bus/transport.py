@@ -1,0 +1,88 @@
+"""What the typed bus needs of whatever carries its bytes: Zenoh, or memory in unit tests."""
+
+from collections.abc import Callable
+from typing import NamedTuple, Protocol
+
+
+class RawSample(NamedTuple):
+    """One payload as it came."""
+
+    key: str
+    payload: bytes
+    encoding: str
+    """`application/cdr;sensor_msgs/msg/LaserScan`; empty where the sender named none."""
+    timestamp: int
+    """NTP64 time of whoever stamped it first, normally the sender's session; 0 where there is none."""
+    source: str
+    """Id of the session that stamped it; empty where there is none. A sender without time-stamping shows as the
+    router."""
+
+
+class Reply(NamedTuple):
+    """One answer to a query; `error` tells that `payload` is the error's text."""
+
+    key: str
+    payload: bytes
+    error: bool
+
+
+class Closeable(Protocol):
+    """A declaration on the bus that can be taken back."""
+
+    def close(self) -> None:
+        """Take it back; a second call does nothing."""
+        ...
+
+
+class RawPublisher(Closeable, Protocol):
+    """Puts payloads on one key."""
+
+    def put(self, payload: bytes) -> None:
+        """Send without waiting: a payload that finds no room is dropped."""
+        ...
+
+
+SampleHandler = Callable[[RawSample], None]
+QueryHandler = Callable[[bytes], bytes]
+TokenHandler = Callable[[str, bool], None]
+
+
+class Transport(Protocol):
+    """Sessions, in the words of Zenoh. Handlers are called from foreign threads and must be quick."""
+
+    @property
+    def instance(self) -> str:
+        """This session's id, unique among all sessions."""
+        ...
+
+    def declare_publisher(self, key: str, encoding: str, latched: bool) -> RawPublisher:
+        """A publisher; a latched one keeps its last payload for late subscribers."""
+        ...
+
+    def declare_subscriber(self, key_expr: str, handler: SampleHandler, latched: bool) -> Closeable:
+        """A subscriber; a latched one also gets what was put before it came."""
+        ...
+
+    def declare_queryable(self, key: str, handler: QueryHandler) -> Closeable:
+        """Answer queries on `key`; what `handler` raises goes to the asker as an error text."""
+        ...
+
+    def get(self, key_expr: str, payload: bytes, timeout: float) -> list[Reply]:
+        """Ask and wait for all answers, `timeout` seconds at most."""
+        ...
+
+    def declare_token(self, key: str) -> Closeable:
+        """A token that lives as long as this session."""
+        ...
+
+    def watch_tokens(self, key_expr: str, handler: TokenHandler) -> Closeable:
+        """Call `handler(key, alive)` for tokens that are there, come or go."""
+        ...
+
+    def watch_link(self, handler: Callable[[bool], None]) -> None:
+        """Call `handler(up)` when the link to the router is lost or back."""
+        ...
+
+    def close(self) -> None:
+        """Undeclare everything and end the session."""
+        ...

@@ -1,0 +1,71 @@
+"""Options that all commands share."""
+
+import argparse
+import os
+import sys
+from collections.abc import Callable
+
+from zteam.bus import BusOptions
+from zteam.errors import UsageError, ZteamError
+from zteam.names import strip_slash
+from zteam.nodes.logs import LEVELS, start_logging
+
+
+def add_bus_options(parser: argparse.ArgumentParser) -> None:
+    """Add the connection and logging options; the environment gives their defaults."""
+    group = parser.add_argument_group("connection")
+    group.add_argument(
+        "--connect",
+        metavar="ENDPOINT",
+        default=os.environ.get("ZTEAM_CONNECT") or None,
+        help="router to use, e.g. tcp/10.0.0.1:7447 (default: the local one, started if there is none; $ZTEAM_CONNECT)",
+    )
+    group.add_argument(
+        "--namespace",
+        default=os.environ.get("ZTEAM_NAMESPACE") or None,
+        help="keep this team apart from others on the same router ($ZTEAM_NAMESPACE)",
+    )
+    group.add_argument(
+        "--config",
+        metavar="FILE.json5",
+        default=os.environ.get("ZTEAM_CONFIG") or None,
+        help="Zenoh configuration to start from ($ZTEAM_CONFIG)",
+    )
+    group.add_argument(
+        "--log-level", choices=LEVELS, default=os.environ.get("ZTEAM_LOG_LEVEL", "info"), help="($ZTEAM_LOG_LEVEL)"
+    )
+    group.add_argument(
+        "--log-format",
+        choices=("text", "json"),
+        default=os.environ.get("ZTEAM_LOG_FORMAT", "text"),
+        help="($ZTEAM_LOG_FORMAT)",
+    )
+
+
+def bus_options(args: argparse.Namespace) -> BusOptions:
+    """The connection options of a parsed command line."""
+    namespace = strip_slash(args.namespace) if args.namespace else None
+    if namespace and any(c in "*$?#" or c.isspace() for c in namespace):
+        raise UsageError(f"--namespace {namespace!r}: use letters, digits, '_', '-' and '/'")
+    return BusOptions(connect=args.connect, namespace=namespace, config=args.config)
+
+
+def run(name: str, args: argparse.Namespace, body: Callable[[], int]) -> int:
+    """Run a command's body with logging on; a ZteamError becomes one line and its exit code."""
+    start_logging(name, args.log_level, args.log_format)
+    try:
+        return body()
+    except ZteamError as error:
+        return fail(name, error)
+    except KeyboardInterrupt:
+        return 130
+    except BrokenPipeError:
+        # The reader of our output (head, less) has gone: nothing to tell anybody.
+        sys.stdout = open(os.devnull, "w")  # noqa: SIM115, PTH123
+        return 0
+
+
+def fail(name: str, error: ZteamError) -> int:
+    """Print an error on one line; its exit code."""
+    print(f"{name}: {error}", file=sys.stderr)
+    return error.exit_code

@@ -1,0 +1,1 @@
+"""One file a process, and what every process shares."""

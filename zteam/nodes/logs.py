@@ -1,0 +1,48 @@
+"""Logging of every process: one line an event, as text for people or as JSON for machines, on stderr."""
+
+import logging
+import sys
+
+import msgspec
+
+from zteam.clock import local_time_text, wall_ns
+
+LEVELS = ("debug", "info", "warning", "error")
+
+
+class _Text(logging.Formatter):
+    def __init__(self, name: str) -> None:
+        super().__init__()
+        self._name = name
+
+    def format(self, record: logging.LogRecord) -> str:
+        level = "" if record.levelno == logging.INFO else f"{record.levelname.lower()}: "
+        text = f"{local_time_text()} [{self._name}] {level}{record.getMessage()}"
+        return f"{text}\n{self.formatException(record.exc_info)}" if record.exc_info else text
+
+
+class _Json(logging.Formatter):
+    def __init__(self, name: str) -> None:
+        super().__init__()
+        self._name = name
+
+    def format(self, record: logging.LogRecord) -> str:
+        entry = {
+            "time_ns": wall_ns(),
+            "process": self._name,
+            "level": record.levelname.lower(),
+            "text": record.getMessage(),
+        }
+        if record.exc_info:
+            entry["exception"] = self.formatException(record.exc_info)
+        return msgspec.json.encode(entry).decode()
+
+
+def start_logging(name: str, level: str = "info", form: str = "text") -> None:
+    """Send zteam's log to stderr under the process's name."""
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(_Json(name) if form == "json" else _Text(name))
+    root = logging.getLogger("zteam")
+    root.handlers[:] = [handler]
+    root.setLevel(level.upper())
+    root.propagate = False

@@ -1,0 +1,152 @@
+"""What every process shares: its name on the bus, its clock, one condition to wait on, and an orderly end."""
+
+import logging
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TypeVar
+
+from zteam import names
+from zteam.bus import Bus, BusOptions, connect
+from zteam.bus.presence import Claim, ProcessInfo
+from zteam.bus.transport import Closeable
+from zteam.clock import AutoClock, wait_until
+from zteam.errors import ZteamError
+from zteam.messages import Clock, Message, ns_from_time
+from zteam.nodes.stopping import Stop, exit_hard_later
+
+log = logging.getLogger("zteam")
+
+M = TypeVar("M", bound=Message)
+
+
+class Node:
+    """One named process on the bus.
+
+    Everything that arrives changes state under `changed` and wakes the main loop, which waits with `wait`. Nothing
+    here polls. `on_stop` hooks run before the session closes, in the order they were added.
+    """
+
+    def __init__(self, name: str, bus: Bus, stop: Stop) -> None:
+        self.name = name
+        self.bus = bus
+        self.stop = stop
+        self.clock = AutoClock()
+        self.changed = threading.Condition()
+        self._on_stop: list[Callable[[], None]] = []
+        self.claim = Claim(bus, name)
+        bus.serve_stats(name)
+        stop.on_request(self.wake)
+        bus.watch_link(self._on_link)
+
+    @property
+    def stopping(self) -> bool:
+        """Whether the process was asked to stop."""
+        return self.stop.requested
+
+    def become_present(self) -> None:
+        """Win the name and show the presence token. Raises DuplicateNameError that names the holder."""
+        self.claim.win(self._on_rival)
+
+    def on_stop(self, hook: Callable[[], None]) -> None:
+        """Run `hook()` when the node ends, while the session still works."""
+        self._on_stop.append(hook)
+
+    def follow_clock(self) -> None:
+        """Take simulated time from the bus as soon as there is a simulator."""
+        self.bus.watch_tokens([names.tokens_key(names.SIMULATOR)], self._on_simulator)
+        self.subscribe(names.CLOCK, Clock, self._on_clock)
+
+    def subscribe(
+        self, key_expr: str, message_type: type[M], callback: Callable[[str, M], None], *, latched: bool = False
+    ) -> Closeable:
+        """Call `callback(key, message)` under `changed`, then wake the main loop."""
+
+        def handle(key: str, message: M) -> None:
+            with self.changed:
+                callback(key, message)
+                self.changed.notify_all()
+
+        return self.bus.subscribe(key_expr, message_type, handle, latched=latched)
+
+    def watch_tokens(self, key_expr: str, callback: Callable[[str, bool], None]) -> None:
+        """Call `callback(key, alive)` under `changed` for presence tokens, then wake the main loop."""
+
+        def handle(key: str, alive: bool) -> None:
+            with self.changed:
+                callback(key, alive)
+                self.changed.notify_all()
+
+        self.bus.watch_tokens([key_expr], handle)
+
+    def wait(self, ready: Callable[[], bool], timeout: float) -> bool:
+        """Wait until `ready()`, the stop request, or `timeout` host seconds; the answer is `ready()`'s."""
+        with self.changed:
+            wait_until(self.changed, lambda: self.stop.requested or ready(), timeout)
+            return ready()
+
+    def wake(self) -> None:
+        """Let `wait` look again."""
+        with self.changed:
+            self.changed.notify_all()
+
+    def close(self) -> None:
+        """Run the stop hooks, give the name back and end the session."""
+        for hook in self._on_stop:
+            try:
+                hook()
+            except Exception:
+                # A hook that fails must not keep the next one (a zero velocity) from running.
+                log.exception("error while stopping")
+        self.claim.release()
+        self.bus.close()
+
+    def _on_clock(self, _key: str, message: Clock) -> None:
+        self.clock.use_simulated()
+        self.clock.sim.set(ns_from_time(message.clock))
+
+    def _on_simulator(self, _key: str, alive: bool) -> None:
+        if alive:
+            self.clock.use_simulated()
+
+    def _on_link(self, up: bool) -> None:
+        if up:
+            log.warning("router is back")
+        else:
+            log.warning("router lost: waiting for it to come back")
+        self.wake()
+
+    def _on_rival(self, info: ProcessInfo) -> None:
+        log.error("%s is also held by process %d on %s, which is older: stopping", self.name, info.pid, info.host)
+        self.stop.request("another process holds the name")
+
+
+@contextmanager
+def open_node(name: str, options: BusOptions, stop: Stop) -> Iterator[Node]:
+    """A node on a new session, closed on every way out."""
+    bus = connect(options, stopping=stop)
+    try:
+        node = Node(name, bus, stop)
+    except BaseException:
+        bus.close()
+        raise
+    try:
+        yield node
+    finally:
+        node.close()
+
+
+def run_node(name: str, options: BusOptions, body: Callable[[Node], None]) -> int:
+    """Run `body(node)` as a process: signals, orderly stop, hard exit. The exit code is what a command returns."""
+    stop = Stop()
+    stop.install()
+    exit_hard_later(stop)
+    try:
+        with open_node(name, options, stop) as node:
+            body(node)
+    except ZteamError as error:
+        if stop.requested:
+            return 0
+        log.error("%s", error)
+        return error.exit_code
+    return 0
