@@ -31,3 +31,7 @@ class BusError(ZteamError):
 
 class DuplicateNameError(BusError):
     """Another live process holds this process's name on the bus."""
+
+
+class EncodeError(ZteamError):
+    """A message holds a value that its type on the wire cannot carry."""

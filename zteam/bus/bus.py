@@ -72,14 +72,14 @@ class Bus:
         newest: dict[str, int] = {}
 
         def handle(sample: RawSample) -> None:
-            if latched and sample.timestamp:
-                if sample.timestamp <= newest.get(sample.key, 0):
-                    return
-                if len(newest) < MAX_KEYS:
-                    newest[sample.key] = sample.timestamp
+            if latched and 0 < sample.timestamp <= newest.get(sample.key, 0):
+                return
             message = self.decode(sample, message_type)
-            if message is not None:
-                callback(sample.key, message)
+            if message is None:
+                return
+            if latched and len(newest) < MAX_KEYS:
+                newest[sample.key] = sample.timestamp
+            callback(sample.key, message)
 
         return self._subscribe(key_expr, handle, latched)
 

@@ -1,5 +1,15 @@
 """Messages under their ROS 2 names, their CDR bytes, and their JSON."""
 
+from zteam.messages.cdr import decode, encode
+from zteam.messages.jsonform import from_text, to_json, to_plain
+from zteam.messages.registry import (
+    all_types,
+    encoding_of,
+    message_type,
+    ns_from_time,
+    time_from_ns,
+    type_of_encoding,
+)
 from zteam.messages.types import (
     Bool,
     Clock,
@@ -35,5 +45,6 @@ __all__ = [
     "Bool", "Clock", "Done", "Header", "LaserScan", "MapMetaData", "Message", "OccupancyGrid", "Odometry", "Point",
     "Pose", "PoseStamped", "PoseWithCovariance", "Quaternion", "Range", "RobotState", "RobotStatus", "String",
     "TFMessage", "TeamState", "TeamStatus", "Tick", "Time", "Transform", "TransformStamped", "Twist",
-    "TwistWithCovariance", "Vector3",
+    "TwistWithCovariance", "Vector3", "all_types", "decode", "encode", "encoding_of", "from_text", "message_type",
+    "ns_from_time", "time_from_ns", "to_json", "to_plain", "type_of_encoding",
 ]  # fmt: skip

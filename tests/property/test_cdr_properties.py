@@ -1,0 +1,126 @@
+"""The codec against an independent one, and against arbitrary bytes."""
+
+import tracemalloc
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from strategies import messages
+from zteam.errors import DecodeError
+from zteam.messages import Message, all_types, decode, encode
+
+_ZTEAM_MSGS = {
+    "zteam_msgs/msg/RobotStatus": "std_msgs/Header header\nint32 robot_id\nbool is_ready\nuint8 state\n"
+    "uint32 epoch\nstring text\n",
+    "zteam_msgs/msg/TeamStatus": "std_msgs/Header header\nuint8 state\nuint32 epoch\nbuiltin_interfaces/Time go_stamp\n"
+    "int32 team_size\nint32[] ready\nint32[] missing\nint32[] lost\n",
+    "zteam_msgs/msg/Tick": "builtin_interfaces/Time stamp\nuint32 epoch\nuint64 tick\nint32[] robots\n"
+    "string[] participants\n",
+    "zteam_msgs/msg/Done": "uint32 epoch\nuint64 tick\nbool has_command\ngeometry_msgs/Twist command\n",
+}
+_TYPES = sorted(all_types())
+
+
+@cache
+def _store() -> Any:
+    store = get_typestore(Stores.ROS2_JAZZY)
+    added: dict[str, Any] = {}
+    for name, text in _ZTEAM_MSGS.items():
+        added.update(get_types_from_msg(text, name))
+    store.register(added)
+    return store
+
+
+def _to_rosbags(message: Any) -> Any:
+    if isinstance(message, Message):
+        fields = {name: _to_rosbags(getattr(message, name)) for name in message.__struct_fields__}
+        return _store().types[type(message).ros_type](**fields)
+    if isinstance(message, list):
+        return [_to_rosbags(item) for item in message]
+    return message
+
+
+@pytest.mark.parametrize("ros_type", _TYPES)
+@given(data=st.data())
+@settings(max_examples=40, deadline=None)
+def test_bytes_equal_those_of_rosbags(ros_type: str, data: st.DataObject) -> None:
+    """Every message is encoded to the very bytes that rosbags writes, and those decode to the message again."""
+    message = data.draw(messages(all_types()[ros_type]))
+    theirs = bytes(_store().serialize_cdr(_to_rosbags(message), ros_type))
+    assert encode(message) == theirs
+    assert decode(type(message), theirs) == message
+
+
+@pytest.mark.parametrize("ros_type", _TYPES)
+@given(data=st.data())
+@settings(max_examples=20, deadline=None)
+def test_big_endian_bytes_of_rosbags_decode(ros_type: str, data: st.DataObject) -> None:
+    """A big-endian payload gives the same message as a little-endian one."""
+    message = data.draw(messages(all_types()[ros_type]))
+    theirs = bytes(_store().serialize_cdr(_to_rosbags(message), ros_type, little_endian=False))
+    assert decode(type(message), theirs) == message
+
+
+@pytest.mark.parametrize("ros_type", _TYPES)
+@given(payload=st.binary(max_size=200), header=st.sampled_from([b"", b"\0\1\0\0", b"\0\0\0\0"]))
+@settings(max_examples=60, deadline=None)
+def test_arbitrary_bytes_raise_only_the_codecs_error(ros_type: str, payload: bytes, header: bytes) -> None:
+    """Whatever arrives either decodes or raises DecodeError."""
+    try:
+        decode(all_types()[ros_type], header + payload)
+    except DecodeError:
+        pass
+
+
+@pytest.mark.parametrize("ros_type", _TYPES)
+@given(data=st.data())
+@settings(max_examples=30, deadline=None)
+def test_damaged_messages_raise_only_the_codecs_error(ros_type: str, data: st.DataObject) -> None:
+    """A valid payload with any bytes overwritten or cut off either decodes or raises DecodeError."""
+    kind = all_types()[ros_type]
+    payload = bytearray(encode(data.draw(messages(kind))))
+    for _ in range(data.draw(st.integers(0, 4))):
+        payload[data.draw(st.integers(0, len(payload) - 1))] = data.draw(st.sampled_from([0, 1, 127, 128, 255]))
+    cut = data.draw(st.integers(0, len(payload)))
+    try:
+        decode(kind, bytes(payload[:cut]))
+    except DecodeError:
+        pass
+
+
+@pytest.mark.parametrize("ros_type", _TYPES)
+def test_a_cut_message_is_refused(ros_type: str) -> None:
+    """No proper prefix shorter than the padding allows is taken for a whole message."""
+    kind = all_types()[ros_type]
+    payload = encode(kind())
+    for cut in range(len(payload)):
+        with pytest.raises(DecodeError):
+            decode(kind, payload[:cut])
+
+
+@pytest.mark.parametrize("ros_type", _TYPES)
+def test_absurd_lengths_allocate_nothing(ros_type: str) -> None:
+    """A short payload that claims 2³² − 1 elements is refused without memory for them."""
+    kind = all_types()[ros_type]
+    payload = b"\0\1\0\0" + b"\xff" * 4096
+    tracemalloc.start()
+    try:
+        with pytest.raises(DecodeError):
+            decode(kind, payload)
+        assert tracemalloc.get_traced_memory()[1] < 1_000_000
+    finally:
+        tracemalloc.stop()
+
+
+def test_sequences_are_views_of_the_payload() -> None:
+    """A scan's ranges are read without copying."""
+    from zteam.messages import LaserScan
+
+    payload = encode(LaserScan(ranges=np.arange(1081, dtype=np.float32)))
+    ranges = decode(LaserScan, payload).ranges
+    assert np.shares_memory(ranges, np.frombuffer(payload, np.uint8))

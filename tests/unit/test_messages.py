@@ -1,0 +1,111 @@
+"""Types by name, defaults, equality and JSON."""
+
+import math
+
+import msgspec
+import numpy as np
+import pytest
+
+from zteam import messages
+from zteam.errors import UsageError
+from zteam.messages import (
+    LaserScan,
+    Odometry,
+    TFMessage,
+    Twist,
+    all_types,
+    encoding_of,
+    from_text,
+    message_type,
+    ns_from_time,
+    time_from_ns,
+    to_json,
+    type_of_encoding,
+)
+
+
+@pytest.mark.parametrize("name", ["sensor_msgs/msg/LaserScan", "sensor_msgs/LaserScan", "LaserScan"])
+def test_types_have_three_names(name: str) -> None:
+    """ROS 2's, ROS 1's and the bare name mean the same type."""
+    assert message_type(name) is LaserScan
+
+
+def test_an_unknown_type_names_its_neighbours() -> None:
+    """A mistyped name gets the nearest right ones."""
+    with pytest.raises(UsageError, match="did you mean LaserScan"):
+        message_type("LaserScam")
+
+
+def test_every_type_is_importable_by_its_bare_name() -> None:
+    """zteam.messages exports each type, and its encoding leads back to it."""
+    for ros_type, kind in all_types().items():
+        assert getattr(messages, ros_type.rpartition("/")[2]) is kind
+        assert type_of_encoding(encoding_of(kind)) is kind
+    assert type_of_encoding("text/plain") is None
+
+
+def test_defaults_are_not_shared() -> None:
+    """Changing one message's parts leaves the next one's alone, and default arrays refuse changes."""
+    Twist().linear.x = 5.0
+    TFMessage().transforms.append(messages.TransformStamped())
+    assert Twist().linear.x == 0.0
+    assert TFMessage().transforms == []
+    with pytest.raises(ValueError, match="read-only"):
+        Odometry().pose.covariance[0] = 1.0
+
+
+def test_messages_compare_by_value() -> None:
+    """Equality looks into arrays, and counts NaN as equal to itself."""
+    a = LaserScan(ranges=np.array([1.0, math.nan], np.float32))
+    b = LaserScan(ranges=np.array([1.0, math.nan], np.float32))
+    assert a == b
+    b.ranges = np.array([1.0, 2.0], np.float32)
+    assert a != b
+    assert Twist() != Odometry()
+
+
+def test_stamps_round_trip() -> None:
+    """Nanoseconds to a stamp and back is exact."""
+    for ns in (0, 1, 999_999_999, 1_000_000_000, 1_795_221_285_894_000_001):
+        assert ns_from_time(time_from_ns(ns)) == ns
+
+
+def test_json_has_no_infinity() -> None:
+    """inf and NaN become null, float32 values keep their short form."""
+    scan = LaserScan(ranges=np.array([0.1, math.inf, math.nan], np.float32), range_max=math.inf)
+    plain = msgspec.json.decode(to_json(scan))
+    assert plain["ranges"] == [0.1, None, None]
+    assert plain["range_max"] is None
+
+
+@pytest.mark.parametrize("text", ['{"linear": {"x": 0.2}}', "{linear: {x: 0.2}}", "linear:\n  x: 0.2"])
+def test_messages_are_typed_as_json_or_yaml(text: str) -> None:
+    """What a ROS user types is a message; missing fields keep their defaults."""
+    assert from_text(Twist, text).linear.x == 0.2
+    assert from_text(Twist, text).angular.z == 0.0
+
+
+@pytest.mark.parametrize(
+    ("kind", "text", "place"),
+    [
+        (Twist, "{linear: {q: 1}}", "Twist.linear has no field 'q'"),
+        (Twist, "{linear: {x: fast}}", "Twist.linear.x: expected a number"),
+        (Twist, "[1, 2]", "Twist: expected fields"),
+        (Twist, "{linear: ", "neither JSON nor YAML"),
+        (messages.RobotStatus, "{robot_id: 1.0e+20}", "RobotStatus.robot_id: expected a whole number"),
+        (messages.Bool, "{data: 1}", "Bool.data: expected true or false"),
+        (Odometry, "{pose: {covariance: [1]}}", "covariance: expected 36 numbers"),
+        (TFMessage, "{transforms: [{header: 3}]}", r"transforms\[0\].header: expected fields"),
+    ],
+)
+def test_wrong_input_names_the_field(kind: type[messages.Message], text: str, place: str) -> None:
+    """A mistake in a typed message is answered with the field and what it takes."""
+    with pytest.raises(UsageError, match=place):
+        from_text(kind, text)
+
+
+def test_json_round_trip() -> None:
+    """What `topic echo --json` prints, `topic pub` takes."""
+    scan = LaserScan(ranges=np.array([1.5, 2.5], np.float32), angle_min=-1.0)
+    scan.header.frame_id = "robot_0/base_laser_link"
+    assert from_text(LaserScan, to_json(scan).decode()) == scan

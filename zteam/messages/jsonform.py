@@ -1,0 +1,100 @@
+"""Messages as JSON, for tools and scripts: ROS's field names, arrays as lists, inf and NaN as null."""
+
+import math
+from typing import Any, TypeVar, get_args, get_origin, get_type_hints
+
+import msgspec
+import numpy as np
+
+from zteam.errors import UsageError
+from zteam.messages.types import Message
+
+M = TypeVar("M", bound=Message)
+
+
+def to_plain(value: Any) -> Any:
+    """The message as dicts, lists, numbers and texts; numbers that JSON lacks become None."""
+    if isinstance(value, Message):
+        return {name: to_plain(getattr(value, name)) for name in value.__struct_fields__}
+    if isinstance(value, np.ndarray):
+        # float32 values as the shortest decimal that is the same float32: 0.1, not 0.10000000149.
+        if value.dtype == np.float32:
+            return [float(str(x)) if math.isfinite(x) else None for x in value]
+        return [x if math.isfinite(x) else None for x in value.tolist()]
+    if isinstance(value, list):
+        return [to_plain(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def to_json(message: Message) -> bytes:
+    """The message as one line of JSON."""
+    return msgspec.json.encode(to_plain(message))
+
+
+def from_text(kind: type[M], text: str) -> M:
+    """The message that a user typed as JSON or as YAML (`{linear: {x: 0.2}}`); missing fields keep their defaults.
+
+    Raises UsageError that names the field.
+    """
+    try:
+        plain = msgspec.json.decode(text)
+    except msgspec.DecodeError:
+        import yaml
+
+        try:
+            plain = yaml.safe_load(text)
+        except yaml.YAMLError as error:
+            raise UsageError(f"neither JSON nor YAML: {' '.join(str(error).split())}") from None
+    return from_plain(kind, {} if plain is None else plain)
+
+
+def from_plain(kind: type[M], plain: Any, path: str = "") -> M:
+    """The message of type `kind` from dicts and lists."""
+    where = path or kind.__name__
+    if not isinstance(plain, dict):
+        raise UsageError(f"{where}: expected fields such as {{{', '.join(kind.__struct_fields__)}}}, got {plain!r}")
+    unknown = [str(name) for name in plain if name not in kind.__struct_fields__]
+    if unknown:
+        raise UsageError(f"{where} has no field {unknown[0]!r}: its fields are {', '.join(kind.__struct_fields__)}")
+    hints = get_type_hints(kind, include_extras=True)
+    return kind(**{name: _value(hints[name], item, f"{where}.{name}") for name, item in plain.items()})
+
+
+def _value(hint: Any, item: Any, path: str) -> Any:
+    if isinstance(hint, type) and issubclass(hint, Message):
+        return from_plain(hint, item, path)
+    if get_origin(hint) is list:
+        if not isinstance(item, list):
+            raise UsageError(f"{path}: expected a list, got {item!r}")
+        return [_value(get_args(hint)[0], entry, f"{path}[{i}]") for i, entry in enumerate(item)]
+    if hint is str:
+        if not isinstance(item, str):
+            raise UsageError(f"{path}: expected a text, got {item!r}")
+        return item
+    base, bracket, count = get_args(hint)[1].partition("[")
+    if not bracket:
+        return _number(base, item, path)
+    if not isinstance(item, list):
+        raise UsageError(f"{path}: expected a list of numbers, got {item!r}")
+    if count != "]" and len(item) != int(count[:-1]):
+        raise UsageError(f"{path}: expected {count[:-1]} numbers, got {len(item)}")
+    return np.array([_number(base, entry, f"{path}[{i}]") for i, entry in enumerate(item)], dtype=base)
+
+
+def _number(base: str, item: Any, path: str) -> Any:
+    if base == "bool":
+        if not isinstance(item, bool):
+            raise UsageError(f"{path}: expected true or false, got {item!r}")
+        return item
+    if isinstance(item, bool) or not isinstance(item, int | float):
+        if item is None and base.startswith("float"):
+            return math.nan
+        raise UsageError(f"{path}: expected a number, got {item!r}")
+    if base.startswith("float"):
+        return float(item)
+    limits = np.iinfo(base)
+    if item != int(item) or not limits.min <= item <= limits.max:
+        raise UsageError(f"{path}: expected a whole number from {limits.min} to {limits.max}, got {item!r}")
+    return int(item)
