@@ -109,6 +109,12 @@ def robot_frame(robot_id: int, local: str) -> str:
     return f"robot_{robot_id}/{local}"
 
 
+def is_robot_frame(frame: str, local: str) -> bool:
+    """Whether `frame` is some robot's frame `local`."""
+    owner, _, rest = frame.partition("/")
+    return rest == local and robot_id_of(owner) is not None
+
+
 def resolve_frame(prefix: str, name: str) -> str:
     """tf::resolve for zteam: the tree's name of frame `name` as robot `prefix` wrote it.
 

@@ -1,0 +1,29 @@
+"""The transform buffer and tree: tf2's contract without its faults. No bus."""
+
+from zteam.tf.buffer import Buffer, FrameInfo, Rejection
+from zteam.tf.errors import (
+    BackwardExtrapolationException,
+    ConnectivityException,
+    ExtrapolationException,
+    ForwardExtrapolationException,
+    InvalidArgumentException,
+    LookupException,
+    NoDataForExtrapolationException,
+    TimeoutException,
+    TransformException,
+)
+
+__all__ = [
+    "BackwardExtrapolationException",
+    "Buffer",
+    "ConnectivityException",
+    "ExtrapolationException",
+    "ForwardExtrapolationException",
+    "FrameInfo",
+    "InvalidArgumentException",
+    "LookupException",
+    "NoDataForExtrapolationException",
+    "Rejection",
+    "TimeoutException",
+    "TransformException",
+]

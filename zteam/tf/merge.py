@@ -1,0 +1,178 @@
+"""One tree from many robots: names resolved at the boundary, every frame with its authority, conflicts by name.
+
+What the aggregator process does, without the bus. Robots say their transforms with local names (`odom`), prefixed
+ones (`robot_1/odom`) or a leading slash; all mean the same here. Stamps are never changed.
+"""
+
+import logging
+from collections.abc import Iterable
+from typing import NamedTuple
+
+from zteam import names
+from zteam.messages import Header, TFMessage, TransformStamped
+from zteam.tf.buffer import Buffer
+
+log = logging.getLogger("zteam.tf")
+
+TEAM_FILE = "team file"
+
+_FILE, _LOCALISER, _SIMULATOR, _CALLER = 0, 1, 2, 3
+"""Who says `map -> robot_N/odom`: the lower number wins, the other is shadowed, which is no conflict."""
+
+_MAX_CONFLICTS = 1000
+
+
+class _Static(NamedTuple):
+    rank: int
+    transform: TransformStamped
+    authority: str
+
+
+class Merger:
+    """The tree of a whole team."""
+
+    def __init__(self, configured: Iterable[TransformStamped] = ()) -> None:
+        self.buffer = Buffer()
+        self._statics: dict[str, _Static] = {}
+        self._localised: set[str] = set()
+        """`robot_N/odom` frames that a localiser places."""
+        self._pending: list[TransformStamped] = []
+        self._conflicts: dict[tuple[str, str, str], str] = {}
+        self._unread_conflicts: list[str] = []
+        self.statics_changed = False
+        for transform in configured:
+            self._put_static(_with_names("", transform), _FILE, TEAM_FILE)
+
+    def take(self, robot_id: int, message: TFMessage) -> None:
+        """Moving transforms from `robot_N/tf`."""
+        for transform in self._own(robot_id, message):
+            child, authority = transform.child_frame_id, names.robot_name(robot_id)
+            if _is_start_pose(transform) and not self._give_to_localiser(child):
+                continue
+            refused = self.buffer.set_transform(transform, authority)
+            if refused is None:
+                self._pending.append(transform)
+            elif refused.code != "TF_REPEATED_DATA":
+                self._report(child, authority, refused.code, refused.text)
+
+    def take_static(self, robot_id: int, message: TFMessage) -> None:
+        """The full set of fixed transforms from `robot_N/tf_static`."""
+        authority = names.robot_name(robot_id)
+        kept = set()
+        for transform in self._own(robot_id, message):
+            kept.add(transform.child_frame_id)
+            self._put_static(transform, _SIMULATOR, authority)
+        for child, static in list(self._statics.items()):
+            if static.authority == authority and static.rank == _SIMULATOR and child not in kept:
+                self._drop_static(child)
+
+    def add_static(self, transform: TransformStamped, authority: str) -> str | None:
+        """A fixed transform that somebody asks for; None, or why not."""
+        resolved = _with_names("", transform)
+        before = len(self._unread_conflicts)
+        known = self._statics.get(resolved.child_frame_id)
+        if known is not None and known.authority != authority:
+            return f"{resolved.child_frame_id} is said by {known.authority} already"
+        self._put_static(resolved, _CALLER, authority)
+        return self._unread_conflicts.pop() if len(self._unread_conflicts) > before else None
+
+    def drop_authority(self, authority: str) -> None:
+        """Forget the fixed transforms that `authority` asked for."""
+        for child, static in list(self._statics.items()):
+            if static.authority == authority:
+                self._drop_static(child)
+
+    def take_pending(self) -> list[TransformStamped]:
+        """The moving transforms since the last call, for one bundled message."""
+        pending, self._pending = self._pending, []
+        return pending
+
+    def statics(self) -> TFMessage:
+        """The full set of fixed transforms, sorted by child."""
+        self.statics_changed = False
+        shown = [s.transform for child, s in sorted(self._statics.items()) if not self._is_shadowed(child, s)]
+        return TFMessage(shown)
+
+    def take_conflicts(self) -> list[str]:
+        """Conflicts seen since the last call, each reported once."""
+        found, self._unread_conflicts = self._unread_conflicts, []
+        return found
+
+    def jump_back(self) -> None:
+        """Time went back: moving data is forgotten."""
+        self.buffer.clear()
+        self._pending.clear()
+
+    def _own(self, robot_id: int, message: TFMessage) -> list[TransformStamped]:
+        """The message's transforms with their tree's names; a robot's frames lie under its own prefix."""
+        prefix, found = names.robot_name(robot_id), []
+        for transform in message.transforms:
+            resolved = _with_names(prefix, transform)
+            child, parent = resolved.child_frame_id, resolved.header.frame_id
+            if not child.startswith(prefix + "/"):
+                self._report(child, prefix, "foreign", f"{prefix} may not say where {child or 'nothing'} is")
+            elif not parent.startswith(prefix + "/") and parent not in names.GLOBAL_FRAMES:
+                self._report(child, prefix, "foreign", f"{prefix} may not hang {child} under {parent or 'nothing'}")
+            else:
+                found.append(resolved)
+        return found
+
+    def _put_static(self, transform: TransformStamped, rank: int, authority: str) -> None:
+        child = transform.child_frame_id
+        known = self._statics.get(child)
+        if known is not None and known.authority != authority:
+            if known.rank < rank and _is_start_pose(transform):
+                return
+            if not (rank < known.rank and _is_start_pose(transform)):
+                text = f"{child} is said by {known.authority} and by {authority}: {known.authority} stays"
+                self._report(child, authority, "second authority", text)
+                return
+        static = _Static(rank, transform, authority)
+        if self._is_shadowed(child, static):
+            self._statics[child] = static
+            return
+        if known is not None and known.transform == transform and known.authority == authority:
+            return
+        refused = self.buffer.set_transform_static(transform, authority)
+        if refused is not None:
+            self._report(child, authority, refused.code, refused.text)
+            return
+        self._statics[child] = static
+        self.statics_changed = True
+
+    def _drop_static(self, child: str) -> None:
+        del self._statics[child]
+        if child not in self._localised:
+            self.buffer.forget(child)
+        self.statics_changed = True
+
+    def _is_shadowed(self, child: str, static: _Static) -> bool:
+        return static.rank > _LOCALISER and child in self._localised
+
+    def _give_to_localiser(self, odom: str) -> bool:
+        """Let the robot's own localiser place its odometry frame, unless the team file does."""
+        known = self._statics.get(odom)
+        if known is not None and known.rank == _FILE:
+            return False
+        if odom not in self._localised:
+            self._localised.add(odom)
+            if known is not None:
+                self.buffer.forget(odom)
+                self.statics_changed = True
+        return True
+
+    def _report(self, child: str, authority: str, code: str, text: str) -> None:
+        key = (child, authority, code)
+        if key not in self._conflicts and len(self._conflicts) < _MAX_CONFLICTS:
+            self._conflicts[key] = text
+            self._unread_conflicts.append(text)
+
+
+def _is_start_pose(transform: TransformStamped) -> bool:
+    """Whether this is a `map -> robot_N/odom`, which has several sources by design."""
+    return transform.header.frame_id == names.MAP_FRAME and names.is_robot_frame(transform.child_frame_id, names.ODOM)
+
+
+def _with_names(prefix: str, transform: TransformStamped) -> TransformStamped:
+    header = Header(transform.header.stamp, names.resolve_frame(prefix, transform.header.frame_id))
+    return TransformStamped(header, names.resolve_frame(prefix, transform.child_frame_id), transform.transform)
