@@ -1,0 +1,82 @@
+"""Bitmaps as floors: which cells are occupied, and which part of the image counts."""
+
+import warnings
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zteam.errors import WorldError
+
+if TYPE_CHECKING:
+    from PIL.Image import Image as Picture
+
+MAX_PIXELS = 64_000_000
+DARK = 127
+"""A pixel is occupied if its first channel is not above this: Stage's fixed threshold; map_server's 205 is free."""
+
+_FORMATS = ("PPM", "PNG", "BMP", "JPEG", "GIF")
+_BYTE_MODES = ("L", "LA", "RGB", "RGBA")
+
+Grid = NDArray[np.bool_]
+Box = tuple[int, int, int, int]
+
+
+def read_bitmap(path: Path) -> Grid:
+    """Occupied cells of an image, (rows, columns) with row 0 at the bottom; alpha does not count.
+
+    Raises WorldError, without a place, on what is not a PGM, PNG, BMP, JPEG or GIF, or has too many pixels.
+    """
+    from PIL import Image, UnidentifiedImageError  # only a world with a bitmap pays for it
+
+    too_large = WorldError(f"bitmap {path} has more than {MAX_PIXELS} pixels: it is refused")
+    try:
+        with warnings.catch_warnings():
+            # Pillow warns at a bound of its own, above ours.
+            warnings.simplefilter("error", Image.DecompressionBombWarning)
+            with Image.open(path, formats=_FORMATS) as image:
+                if image.width * image.height > MAX_PIXELS:
+                    raise too_large
+                dark = _first_channel(image) <= DARK
+    except (Image.DecompressionBombError, Image.DecompressionBombWarning):
+        raise too_large from None
+    except UnidentifiedImageError:
+        raise WorldError(f"bitmap {path} is not a PGM, PNG, BMP, JPEG or GIF image") from None
+    except WorldError:
+        raise
+    except Exception as error:  # decoders raise all kinds of exceptions on a broken file
+        raise WorldError(f"cannot read bitmap {path}: {error!s:.200}") from None
+    return np.ascontiguousarray(dark[::-1])
+
+
+def _first_channel(image: "Picture") -> NDArray[Any]:
+    """Gray or red, scaled to 0..255."""
+    if image.mode.startswith("I"):  # 16 bits a sample
+        return np.asarray(image) >> 8
+    values = np.asarray(image if image.mode in _BYTE_MODES else image.convert("RGB"))
+    return values if values.ndim == 2 else values[:, :, 0]
+
+
+def occupied_box(occupied: Grid) -> Box | None:
+    """Smallest box around the occupied cells, half open: (first row, end row, first column, end column)."""
+    rows = np.flatnonzero(occupied.any(axis=1))
+    if rows.size == 0:
+        return None
+    columns = np.flatnonzero(occupied.any(axis=0))
+    return int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1
+
+
+def rectangles(occupied: Grid) -> list[Box]:
+    """Disjoint boxes that cover the occupied cells: each row's runs, joined with equal runs of the rows below."""
+    done: list[Box] = []
+    growing: dict[tuple[int, int], int] = {}
+    for row, cells in enumerate(occupied):
+        steps = np.flatnonzero(np.diff(cells, prepend=False, append=False))
+        runs = set(zip(steps[::2].tolist(), steps[1::2].tolist(), strict=True))
+        for run in [run for run in growing if run not in runs]:
+            done.append((growing.pop(run), row, *run))
+        for run in runs:
+            growing.setdefault(run, row)
+    done.extend((first, len(occupied), *run) for run, first in growing.items())
+    return sorted(done)

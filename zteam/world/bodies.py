@@ -1,0 +1,165 @@
+"""Bodies of models: what `size`, `origin`, blocks, bitmaps and `boundary` make of a model."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+from zteam.errors import WorldError
+from zteam.geometry import Pose2, compose2
+from zteam.world.bitmap import Grid, occupied_box, read_bitmap, rectangles
+from zteam.world.model import Floorplan, Shape
+from zteam.world.parser import Entity
+from zteam.world.properties import Pose3, Reader, Size3, Units
+from zteam.world.shapes import (
+    UNIT_BOX,
+    Block,
+    Surface,
+    boundary_slabs,
+    box_block,
+    convex_hull,
+    fit_blocks,
+    is_simple,
+    place_blocks,
+    signed_area,
+    without_repeats,
+)
+from zteam.world.sources import Remarks, find_file
+from zteam.world.vocabulary import BODILESS
+
+DEFAULT_SIZE = Size3(0.1, 0.1, 0.1)
+RANGER_SIZE = Size3(0.15, 0.15, 0.2)
+MIN_EXTENT = 1e-6
+MAX_POINTS = 256
+MAX_RECTANGLES = 256
+"""Rectangles of a bitmap on a robot; a finer one is taken as its box."""
+
+
+class Settings(NamedTuple):
+    """What holds for a whole file."""
+
+    units: Units
+    folder: Path
+    whole_bitmaps: bool
+    remarks: Remarks
+
+
+class Body(NamedTuple):
+    """A model's geometry. `origin` and `size` are the box that everything of it is fitted to."""
+
+    size: Size3
+    origin: Pose3
+    surface: Surface
+    blocks: tuple[Block, ...]
+    """Fitted to `size`, centred; without the slabs and the bitmap."""
+    slabs: tuple[Block, ...]
+    bitmap: Grid | None
+    """Cells that fill the box of `size`."""
+
+
+def read_body(entity: Entity, settings: Settings) -> Body:
+    """A model's body; raises WorldError."""
+    reader = Reader(entity, settings.units)
+    size = reader.size(RANGER_SIZE if entity.type in ("ranger", "laser") else DEFAULT_SIZE)
+    blocks, bitmap = _read_blocks(entity, settings), None
+    if reader.flag("noblocks", False):
+        blocks = []
+    elif reader.has("bitmap"):
+        if blocks:
+            settings.remarks.add(reader.place("bitmap"), "the blocks of a model with a bitmap are ignored")
+        blocks, bitmap = [], _read_bitmap(reader, settings)
+    elif not blocks and entity.type not in BODILESS:
+        blocks = [UNIT_BOX]
+    slabs = boundary_slabs(size) if reader.flag("boundary", False) else []
+    if (blocks or slabs or bitmap is not None or entity.type == "position") and min(size) < MIN_EXTENT:
+        reader.fail("size", f"a body needs a size above 0 along x, y and z, not [{size.x:g} {size.y:g} {size.z:g}]")
+    try:
+        fitted = tuple(fit_blocks(blocks, size)) if blocks else ()
+    except ValueError as error:
+        raise entity.place.error(str(error)) from None
+    return Body(size, reader.pose("origin"), _read_surface(reader), fitted, tuple(slabs), bitmap)
+
+
+def solid_blocks(body: Body) -> list[Block]:
+    """Everything of a body as prisms, a bitmap as rectangles: for bodies that move."""
+    blocks = [*body.blocks, *body.slabs]
+    if body.bitmap is None:
+        return blocks
+    rows, columns = body.bitmap.shape
+    cell_x, cell_y = body.size.x / columns, body.size.y / rows
+    boxes = rectangles(body.bitmap)
+    if len(boxes) > MAX_RECTANGLES:
+        boxes = [(0, rows, 0, columns)]
+    for bottom, top, left, right in boxes:
+        x, y = left * cell_x - body.size.x / 2, bottom * cell_y - body.size.y / 2
+        blocks.append(box_block(x, y, x + (right - left) * cell_x, y + (top - bottom) * cell_y, body.size.z))
+    return blocks
+
+
+def place_body(body: Body, blocks: list[Block], owner_from_model: Pose2, z: float) -> tuple[Shape, ...]:
+    """A model's blocks as shapes of their owner; the model's foot is `z` above the ground."""
+    owner_from_body = compose2(owner_from_model, body.origin.planar)
+    return place_blocks(blocks, owner_from_body, z + body.origin.z, body.surface)
+
+
+def place_floorplan(body: Body, occupied: Grid, map_from_model: Pose2, z: float, name: str) -> Floorplan:
+    """A bitmap that stands still: its cells fill the box of the model's size."""
+    rows, columns = occupied.shape
+    map_from_body = compose2(map_from_model, body.origin.planar)
+    foot = z + body.origin.z
+    return Floorplan(
+        name=name,
+        occupied=occupied,
+        cell=(body.size.x / columns, body.size.y / rows),
+        pose=compose2(map_from_body, Pose2(-body.size.x / 2, -body.size.y / 2, 0.0)),
+        z_min=foot,
+        z_max=foot + body.size.z,
+        ranger_return=body.surface.ranger_return,
+        obstacle=body.surface.obstacle,
+    )
+
+
+def _read_surface(reader: Reader) -> Surface:
+    old = reader.number("laser_return", 1.0)
+    return Surface(reader.number("ranger_return", old), reader.flag("obstacle_return", True))
+
+
+def _read_bitmap(reader: Reader, settings: Settings) -> Grid:
+    name = reader.text("bitmap", "")
+    path = find_file(name, settings.folder)
+    if path is None:
+        reader.fail("bitmap", f"bitmap {name!r:.200} not found in {settings.folder} or $STAGEPATH")
+    try:
+        occupied = read_bitmap(path)
+    except WorldError as error:
+        reader.fail("bitmap", str(error))
+    default = "whole" if settings.whole_bitmaps else "crop"
+    if reader.choice("bitmap_reading", default, ("crop", "whole")) == "whole":
+        return occupied
+    box = occupied_box(occupied)
+    if box is None:
+        reader.fail("bitmap", f"bitmap {name!r:.200} has no occupied pixel (first channel at most 127)")
+    return occupied[box[0] : box[1], box[2] : box[3]].copy()
+
+
+def _read_blocks(entity: Entity, settings: Settings) -> list[Block]:
+    blocks = (_read_block(child, settings) for child in entity.children if child.type == "block")
+    return [block for block in blocks if block is not None]
+
+
+def _read_block(entity: Entity, settings: Settings) -> Block | None:
+    reader = Reader(entity, settings.units)
+    count = reader.whole("points", 0, 3, MAX_POINTS)
+    corners = []
+    for i in range(count):
+        if not reader.has(f"point[{i}]"):
+            raise entity.place.error(f"a block of {count} points lacks point[{i}]")
+        x, y = reader.numbers(f"point[{i}]", "ll", ())
+        corners.append((x, y))
+    z_min, z_max = reader.bounds("z", "l", (0.0, 1.0))
+    points = without_repeats(corners)
+    if len(points) < 3 or signed_area(convex_hull(points)) == 0:
+        settings.remarks.add(entity.place, "a block without an area is ignored")
+        return None
+    if not is_simple(points):
+        settings.remarks.add(entity.place, "this block's outline crosses itself: its convex hull is taken")
+        points = convex_hull(points)
+    return Block(points, z_min, z_max)

@@ -1,0 +1,209 @@
+"""From a parsed world file to a `World`: poses, heights and bodies worked out as Stage does.
+
+A model's pose is in its parent's frame; its foot stands on its parent's top (`stack_children 1`, the default) or
+bottom, plus its own z. `origin` moves a model's body and sensors, not its children.
+"""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
+
+from zteam import names
+from zteam.geometry import Pose2, compose2
+from zteam.world import vocabulary
+from zteam.world.bodies import Body, Settings, place_body, place_floorplan, read_body, solid_blocks
+from zteam.world.drives import Drive, read_drive
+from zteam.world.model import Floorplan, Obstacle, Ranger, Robot, Shape, World
+from zteam.world.parser import Document, Entity
+from zteam.world.properties import Reader, read_units
+from zteam.world.sensors import read_old_laser, read_sensor
+from zteam.world.sources import Remarks
+
+MAX_INTERVAL_MS = 60_000
+
+
+class Chassis(msgspec.Struct):
+    """A robot while its parts are collected."""
+
+    name: str
+    entity: Entity
+    map_from_base: Pose2
+    drive: Drive
+    shapes: list[Shape] = msgspec.field(default_factory=list)
+    rangers: list[Ranger] = msgspec.field(default_factory=list)
+
+    def finish(self) -> Robot:
+        """The robot."""
+        return Robot(
+            name=self.name,
+            model=self.entity.name,
+            pose=self.map_from_base,
+            shapes=tuple(self.shapes),
+            rangers=tuple(self.rangers),
+            **self.drive._asdict(),
+        )
+
+
+class Mount(NamedTuple):
+    """Where a model's children stand: on the ground, on a model, or on a robot."""
+
+    owner_from_mount: Pose2
+    """The owner is the robot's base if there is one, else the map."""
+    z: float
+    chassis: Chassis | None
+    prefix: str
+    """What the names of unnamed children begin with."""
+
+
+GROUND = Mount(Pose2(0.0, 0.0, 0.0), 0.0, None, "")
+
+
+class Template(msgspec.Struct, frozen=True):
+    """A robot macro, to make further robots from."""
+
+    entity: Entity
+    settings: Settings
+
+
+def build_world(document: Document, folder: Path, whole_bitmaps: bool, remarks: Remarks, default_name: str) -> World:
+    """The world of a document; bitmaps are looked for in `folder`. Raises WorldError."""
+    reader = Reader(document.root, read_units(document.root))
+    settings = Settings(read_units(document.root), folder, whole_bitmaps, remarks)
+    milliseconds = reader.number("interval_sim", 100.0)
+    if not 0 < milliseconds <= MAX_INTERVAL_MS:
+        reader.fail("interval_sim", f"interval_sim must be above 0 and at most {MAX_INTERVAL_MS} ms")
+    builder = Builder(settings)
+    builder.remark_properties(document.root, "world")
+    for entity in document.root.children:
+        if entity.type != "window":  # Stage's own window on the screen
+            builder.add_model(entity, GROUND)
+    if not builder.chassis:
+        raise document.root.place.error("this world has no robot: add a position model, such as an erratic")
+    return World(
+        name=reader.text("name", default_name),
+        interval=max(1, round(milliseconds * 1e6)),
+        floorplans=tuple(builder.floorplans),
+        obstacles=tuple(builder.obstacles),
+        robots=tuple(chassis.finish() for chassis in builder.chassis),
+        warnings=remarks.all(),
+        templates={
+            name: Template(macro, settings) for name, macro in document.macros.items() if macro.type == "position"
+        },
+    )
+
+
+class Builder:
+    """Collects what the entities of a world are; models come in file order, a parent before its children."""
+
+    def __init__(self, settings: Settings) -> None:
+        self._settings = settings
+        self._unnamed: dict[str, int] = {}
+        self.floorplans: list[Floorplan] = []
+        self.obstacles: list[Obstacle] = []
+        self.chassis: list[Chassis] = []
+
+    def remark_properties(self, entity: Entity, kind: str) -> None:
+        """Note the properties that do nothing here."""
+        remarks = self._settings.remarks
+        for found in entity.properties.values():
+            if remarks.is_full:
+                return
+            text = vocabulary.remark_on(kind, found.name, found.values)
+            if text is not None:
+                remarks.add(found.place, text)
+
+    def add_model(self, entity: Entity, mount: Mount) -> None:
+        """A model and everything on it."""
+        self._check_type(entity)
+        reader = Reader(entity, self._settings.units)
+        pose = reader.pose("pose")
+        body = read_body(entity, self._settings)
+        owner_from_model = compose2(mount.owner_from_mount, pose.planar)
+        foot = mount.z + pose.z
+        name = self._name(reader, mount)
+        chassis = mount.chassis
+        if entity.type == "position":
+            map_from_base = compose2(chassis.map_from_base, owner_from_model) if chassis else owner_from_model
+            owner_from_model = Pose2(0.0, 0.0, 0.0)
+            chassis = Chassis(name, entity, map_from_base, read_drive(reader))
+            self.chassis.append(chassis)
+        if chassis is None:
+            self._add_static(body, owner_from_model, foot, name)
+        else:
+            chassis.shapes.extend(place_body(body, solid_blocks(body), owner_from_model, foot))
+        if entity.type in ("ranger", "laser"):
+            self._add_rangers(reader, body, owner_from_model, foot, chassis, name)
+        top = foot + (body.size.z if reader.flag("stack_children", True) else 0.0)
+        self._add_children(entity, Mount(owner_from_model, top, chassis, name + "."))
+
+    def _check_type(self, entity: Entity) -> None:
+        kind = entity.type
+        if kind in ("block", "sensor"):
+            raise entity.place.error(f"a {kind} belongs inside a {'model' if kind == 'block' else 'ranger'}")
+        if kind not in vocabulary.TYPES:
+            hint = vocabulary.did_you_mean(kind[:60], frozenset(vocabulary.TYPES))
+            raise entity.place.error(f"unknown model type {kind!r:.60}{hint}: no type or macro has this name")
+        if kind in vocabulary.UNSUPPORTED:
+            self._settings.remarks.add(entity.place, f"{vocabulary.UNSUPPORTED[kind]} not simulated")
+        else:
+            self.remark_properties(entity, kind)
+
+    def _name(self, reader: Reader, mount: Mount) -> str:
+        """As given, else as Stage would say; an unnamed robot's is its id's."""
+        kind = reader.entity.type
+        if reader.has("name"):
+            return reader.text("name", "")
+        if kind == "position":
+            return names.robot_name(len(self.chassis))
+        stem = mount.prefix + kind
+        number = self._unnamed.get(stem, 0)
+        self._unnamed[stem] = number + 1
+        return f"{stem}:{number}"
+
+    def _add_static(self, body: Body, map_from_model: Pose2, foot: float, name: str) -> None:
+        if body.bitmap is not None:
+            self.floorplans.append(place_floorplan(body, body.bitmap, map_from_model, foot, name))
+            name += ".boundary"
+        blocks = [*body.blocks, *body.slabs]
+        if blocks:
+            shapes = place_body(body, blocks, Pose2(0.0, 0.0, 0.0), foot)
+            self.obstacles.append(Obstacle(name, map_from_model, shapes))
+
+    def _add_rangers(
+        self, reader: Reader, body: Body, base_from_ranger: Pose2, foot: float, chassis: Chassis | None, name: str
+    ) -> None:
+        """Every sensor of a ranger model; unlike children, sensors move with the model's origin."""
+        entity, settings = reader.entity, self._settings
+        if chassis is None:
+            settings.remarks.add(entity.place, "a ranger that no robot carries is not simulated")
+            return
+        base_from_body = compose2(base_from_ranger, body.origin.planar)
+        z = foot + body.origin.z
+        sensors = [child for child in entity.children if child.type == "sensor"]
+        for i, sensor in enumerate(sensors):
+            self.remark_properties(sensor, "sensor")
+            sensor_name = name if len(sensors) == 1 else f"{name}.{i}"
+            chassis.rangers.append(read_sensor(sensor, settings.units, sensor_name, base_from_body, z))
+        if not sensors and entity.type == "laser":
+            chassis.rangers.append(read_old_laser(entity, settings.units, name, base_from_body, z))
+        elif not sensors:
+            settings.remarks.add(entity.place, "this ranger has no sensor( )")
+
+    def _add_children(self, entity: Entity, mount: Mount) -> None:
+        for child in entity.children:
+            if child.type == "sensor" and entity.type in ("ranger", "laser"):
+                continue
+            if child.type == "block":
+                self.remark_properties(child, "block")
+            else:
+                self.add_model(child, mount)
+
+
+def build_robot(entity: Entity, settings: Settings) -> Robot:
+    """The robot of a macro, at the macro's own pose; raises WorldError."""
+    builder = Builder(settings)
+    builder.add_model(entity, GROUND)
+    if len(builder.chassis) != 1:
+        raise entity.place.error(f"macro {entity.name!r} holds {len(builder.chassis)} robots, not one")
+    return builder.chassis[0].finish()

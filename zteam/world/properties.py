@@ -1,0 +1,153 @@
+"""Typed reading of an entity's properties: units, lengths of tuples and bounds, with the property's place in errors."""
+
+import math
+from typing import NamedTuple, NoReturn
+
+from zteam.geometry import Pose2
+from zteam.world.parser import Entity, Property, Value
+from zteam.world.sources import Place
+
+MAX_LENGTH = 1e6
+"""Metres: anything farther is a mistake, and would overflow somewhere."""
+
+_LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+_ANGLES = {"degrees": math.pi / 180, "radians": 1.0}
+
+
+class Units(NamedTuple):
+    """Metres and radians of one unit in the file."""
+
+    length: float = 1.0
+    angle: float = math.pi / 180
+
+
+class Pose3(NamedTuple):
+    """A pose in the plane at a height: Stage's `[x y z yaw]`."""
+
+    x: float
+    y: float
+    z: float
+    yaw: float
+
+    @property
+    def planar(self) -> Pose2:
+        """Without the height."""
+        return Pose2(self.x, self.y, self.yaw)
+
+
+class Size3(NamedTuple):
+    """Extents in metres."""
+
+    x: float
+    y: float
+    z: float
+
+
+class Reader:
+    """An entity's properties. Every method raises WorldError with the place of a value it cannot take."""
+
+    def __init__(self, entity: Entity, units: Units) -> None:
+        self.entity = entity
+        self._units = units
+
+    def has(self, name: str) -> bool:
+        """Whether the property is set."""
+        return name in self.entity.properties
+
+    def place(self, name: str) -> Place:
+        """Where the property stands; the entity's place if it is not set."""
+        found = self.entity.properties.get(name)
+        return found.place if found else self.entity.place
+
+    def fail(self, name: str, text: str) -> NoReturn:
+        """Raise what is wrong with a property."""
+        raise self.place(name).error(text)
+
+    def number(self, name: str, default: float) -> float:
+        """A number without a unit."""
+        return self.numbers(name, "n", (default,))[0]
+
+    def whole(self, name: str, default: int, low: int, high: int) -> int:
+        """A whole number of `low` to `high`."""
+        value = self.number(name, default)
+        if value != round(value) or not low <= value <= high:
+            self.fail(name, f"{name} must be a whole number of {low} to {high}, not {value:g}")
+        return int(value)
+
+    def flag(self, name: str, default: bool) -> bool:
+        """0 or 1; like Stage, any number but 0 is true."""
+        return self.number(name, default) != 0
+
+    def length(self, name: str, default: float) -> float:
+        """A length in metres."""
+        return self.numbers(name, "l", (default,))[0]
+
+    def angle(self, name: str, default: float) -> float:
+        """An angle in radians."""
+        return self.numbers(name, "a", (default,))[0]
+
+    def text(self, name: str, default: str) -> str:
+        """A string."""
+        found = self.entity.properties.get(name)
+        if found is None:
+            return default
+        if len(found.values) != 1 or not isinstance(found.values[0], str):
+            raise found.place.error(f'{name} takes a string in quotes, such as {name} "{default}"')
+        return found.values[0]
+
+    def choice(self, name: str, default: str, choices: tuple[str, ...]) -> str:
+        """One of a few strings."""
+        value = self.text(name, default)
+        if value not in choices:
+            self.fail(name, f"{name} must be one of {', '.join(choices)}, not {value!r:.60}")
+        return value
+
+    def numbers(self, name: str, kinds: str, default: tuple[float, ...]) -> tuple[float, ...]:
+        """A tuple of numbers, one for each letter of `kinds`: l length, a angle, n neither; more are not looked at."""
+        found = self.entity.properties.get(name)
+        if found is None:
+            return default
+        if len(found.values) < len(kinds):
+            count = f"{len(kinds)} numbers" if len(kinds) > 1 else "a number"
+            raise found.place.error(f"{name} takes {count}, not {len(found.values)}")
+        return tuple(self._scaled(found, kind, value) for kind, value in zip(kinds, found.values, strict=False))
+
+    def _scaled(self, found: Property, kind: str, value: Value) -> float:
+        if isinstance(value, str):
+            raise found.place.error(f"{found.name} takes numbers, not the string {value!r:.60}")
+        if kind == "a":
+            value *= self._units.angle
+        elif kind == "l":
+            value *= self._units.length
+            if abs(value) > MAX_LENGTH:
+                raise found.place.error(f"{found.name}: {value:g} m is too large (at most {MAX_LENGTH:g} m)")
+        if not math.isfinite(value):
+            raise found.place.error(f"{found.name} overflows")
+        return value
+
+    def pose(self, name: str) -> Pose3:
+        """`[x y z yaw]`, zero if not set."""
+        return Pose3(*self.numbers(name, "llla", (0.0, 0.0, 0.0, 0.0)))
+
+    def size(self, default: Size3) -> Size3:
+        """`size [x y z]`; zero is no error here, for a model may have no body."""
+        size = Size3(*self.numbers("size", "lll", default))
+        if min(size) < 0:
+            self.fail("size", f"size must not be negative: [{size.x:g} {size.y:g} {size.z:g}]")
+        return size
+
+    def bounds(self, name: str, kind: str, default: tuple[float, float]) -> tuple[float, float]:
+        """`[smallest largest]`."""
+        low, high = self.numbers(name, 2 * kind, default)
+        if low > high:
+            self.fail(name, f"{name}: the smallest value {low:g} is above the largest {high:g}")
+        return low, high
+
+
+def read_units(world: Entity) -> Units:
+    """`unit_length` and `unit_angle` of a world; they hold for the whole file, wherever they stand."""
+    reader = Reader(world, Units())
+    return Units(
+        _LENGTHS[reader.choice("unit_length", "m", tuple(_LENGTHS))],
+        _ANGLES[reader.choice("unit_angle", "degrees", tuple(_ANGLES))],
+    )

@@ -1,0 +1,72 @@
+"""Rangers: what a `ranger` model and its `sensor` entities say about rays."""
+
+import math
+
+from zteam.geometry import Pose2, compose2
+from zteam.world.model import Ranger
+from zteam.world.parser import Entity
+from zteam.world.properties import Pose3, Reader, Size3, Units
+
+MAX_SAMPLES = 100_000
+SENSOR_SIZE = Size3(0.02, 0.02, 0.02)
+"""Stage's default; half its height lies between the sensor's foot and its rays."""
+
+
+def read_sensor(entity: Entity, units: Units, name: str, base_from_ranger: Pose2, z: float) -> Ranger:
+    """A `sensor` of a ranger whose foot is `z` above the ground."""
+    reader = Reader(entity, units)
+    pose = reader.pose("pose")
+    low, high = reader.bounds("range", "l", (0.0, 5.0))
+    if low < 0 or not high > 0:
+        reader.fail("range", f"range [{low:g} {high:g}] must be two distances, the second above 0")
+    size = reader.size(SENSOR_SIZE)
+    return _ranger(
+        reader, name, base_from_ranger, (low, high), Pose3(pose.x, pose.y, z + pose.z + size.z / 2, pose.yaw)
+    )
+
+
+def read_old_laser(entity: Entity, units: Units, name: str, base_from_ranger: Pose2, z: float) -> Ranger:
+    """A `laser` without sensors, as worlds for Stage 3 have it: the properties stand in the model itself.
+
+    Its defaults were those of a SICK LMS: 180 rays over 180°, 8 m; the rays start half-way up the model.
+    """
+    reader = Reader(entity, units)
+    low, high = reader.bounds("range", "l", (reader.length("range_min", 0.0), reader.length("range_max", 8.0)))
+    if low < 0 or not high > low:
+        reader.fail("range_max", f"range_min {low:g} and range_max {high:g} must be two distances, the second larger")
+    height = reader.size(SENSOR_SIZE).z / 2
+    return _ranger(reader, name, base_from_ranger, (low, high), Pose3(0.0, 0.0, z + height, 0.0), math.pi, 180)
+
+
+def _ranger(
+    reader: Reader,
+    name: str,
+    base_from_ranger: Pose2,
+    limits: tuple[float, float],
+    pose: Pose3,
+    fov: float = 0.1,
+    samples: int = 1,
+) -> Ranger:
+    """`pose` is in the ranger's frame, its z above the ground; `fov` and `samples` are defaults."""
+    base_from_sensor = compose2(base_from_ranger, pose.planar)
+    fov = reader.angle("fov", fov)
+    samples = reader.whole("samples", samples, 1, MAX_SAMPLES)
+    if not 0 <= fov <= math.tau + 1e-9:
+        reader.fail("fov", f"fov must be an angle of 0 to 360 degrees, not {math.degrees(fov):g}")
+    if samples > 1 and fov == 0:
+        reader.fail("fov", f"{samples} samples need a fov above 0")
+    variance, proportional, angular = reader.numbers("noise", "nnn", (0.0, 0.0, 0.0))
+    if min(variance, proportional, angular) < 0:
+        reader.fail("noise", "noise must not be negative")
+    return Ranger(
+        name=name,
+        x=base_from_sensor.x,
+        y=base_from_sensor.y,
+        z=pose.z,
+        yaw=base_from_sensor.yaw,
+        fov=fov,
+        samples=samples,
+        range_min=limits[0],
+        range_max=limits[1],
+        noise=(variance, proportional, angular),
+    )

@@ -1,0 +1,96 @@
+"""The names that world files use: types of models, their properties, and what becomes of each.
+
+A property of Stage is read, ignored in silence (it concerns a display, or a device that zteam has not), or ignored
+with a remark (it would change what robots do). Any other property is remarked as unknown.
+"""
+
+import difflib
+import functools
+import re
+from collections.abc import Iterable
+
+ALIASES = {"laser": "ranger"}
+"""Types of older worlds."""
+
+UNSUPPORTED = {
+    "camera": "cameras are",
+    "fiducial": "fiducial finders are",
+    "blobfinder": "blob finders are",
+    "bumper": "bumpers are",
+    "gripper": "grippers are",
+    "actuator": "actuators are",
+    "blinkenlight": "lights are",
+    "lightindicator": "lights are",
+}
+"""Stage's other devices; their bodies, and the models on them, are there all the same."""
+
+BODILESS = {"ranger", "laser", "camera", "fiducial", "blobfinder"}
+"""Types with no body unless they have blocks."""
+
+TYPES = {"model", "position", "ranger", "laser", *UNSUPPORTED}
+
+_MODEL = {
+    *("pose", "size", "origin", "color", "color_rgba", "bitmap", "bitmap_reading", "noblocks", "boundary", "name"),
+    *("mass", "stack_children", "obstacle_return", "ranger_return", "laser_return"),
+}
+READ: dict[str, set[str]] = {
+    "world": {"name", "interval_sim", "unit_length", "unit_angle"},
+    "model": _MODEL,
+    "position": _MODEL | {"drive", "wheelbase", "velocity_bounds", "acceleration_bounds", "localization", "odom_error"},
+    "ranger": _MODEL,
+    "laser": _MODEL | {"range", "range_min", "range_max", "fov", "samples", "noise"},
+    "sensor": {"pose", "size", "range", "fov", "samples", "noise"},
+    "block": {"points", "point[]", "z"},
+}
+
+_DISPLAY = {
+    *("gui_nose", "gui_grid", "gui_outline", "gui_move", "trail_length", "trail_interval", "say", "debug"),
+    *("map_resolution", "event_queue", "alwayson", "friction"),
+    *("blob_return", "fiducial_return", "fiducial_key", "gripper_return"),
+}
+_WORLD_DISPLAY = {
+    *("resolution", "show_clock", "show_clock_interval", "threads", "speedup", "paused", "confirm_on_quit", "test"),
+}
+SILENT: dict[str, set[str]] = {
+    "world": _WORLD_DISPLAY,
+    "sensor": {"color", "color_rgba"},
+    "block": {"color", "color_rgba"},
+}
+
+_ENERGY = "energy is not simulated"
+REMARKED: dict[str, str] = {
+    "ctrl": "controllers of Stage are not run: every robot's process is its controller",
+    "quit_time": "the world does not end by itself: end a run with --for SECONDS",
+    "update_interval": "every sensor is read once a tick",
+    "velocity": "robots start at rest",
+    "localization_origin": "odometry starts at zero where the robot starts",
+    **dict.fromkeys(("joules", "joules_capacity", "kjoules", "kjoules_capacity"), _ENERGY),
+    **dict.fromkeys(("watts", "give_watts", "take_watts"), _ENERGY),
+}
+HARMLESS: dict[str, tuple[float, ...]] = {
+    "velocity": (0.0,),
+    "localization_origin": (0.0,),
+    "quit_time": (0.0,),
+}
+"""Values of remarked properties that change nothing, and so need no remark."""
+
+_INDEX = re.compile(r"\[\d*\]")
+
+
+def remark_on(kind: str, name: str, values: Iterable[float | str]) -> str | None:
+    """What to say about a property of an entity of type `kind` ("world", "sensor", "block", a model's type)."""
+    plain = _INDEX.sub("[]", name)
+    read = READ.get(kind, _MODEL)
+    if plain in read or plain in SILENT.get(kind, _DISPLAY):
+        return None
+    if plain in REMARKED:
+        harmless = plain in HARMLESS and set(values) <= set(HARMLESS[plain])
+        return None if harmless else f"{name} is ignored: {REMARKED[plain]}"
+    return f"unknown property {name!r:.60} is ignored{did_you_mean(plain[:60], frozenset(read))}"
+
+
+@functools.lru_cache(1024)
+def did_you_mean(name: str, known: frozenset[str]) -> str:
+    """The end of an error's text that names the likely word, or nothing."""
+    close = difflib.get_close_matches(name, sorted(known), n=1, cutoff=0.75)
+    return f" (did you mean {close[0]!r}?)" if close else ""
