@@ -104,6 +104,11 @@ def laser_link(index: int) -> str:
     return BASE_LASER_LINK if index == 0 else f"{BASE_LASER_LINK}_{index}"
 
 
+def sonar_link(index: int) -> str:
+    """Local frame of the `index`-th one-ray sensor: `sonar_0`, …"""
+    return f"{SONAR}_{index}"
+
+
 def robot_frame(robot_id: int, local: str) -> str:
     """`robot_N/local`."""
     return f"robot_{robot_id}/{local}"

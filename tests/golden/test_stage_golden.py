@@ -1,0 +1,111 @@
+"""The laser, the heights and the motion against what was recorded from Stage itself (tolerances: its FORMAT.md)."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from zteam.geometry import Pose2
+from zteam.messages import Twist, Vector3
+from zteam.sim import Engine
+from zteam.sim.lasers import Lasers
+from zteam.world import World, load_world
+
+
+def _load(tmp_path: Path, text: str, folder: Path) -> World:
+    """A world from its text, its bitmaps and includes found in `folder`."""
+    for entry in folder.iterdir():
+        link = tmp_path / entry.name
+        if not link.exists():
+            link.symlink_to(entry)
+    path = tmp_path / "recorded.world"
+    path.write_text(text)
+    return load_world(path)
+
+
+def _ranges(world: World, poses: dict[int, list[float]], robot: int, ranger: int) -> np.ndarray:
+    """The readings of one ranger with the robots at x, y, yaw_deg."""
+    lasers = Lasers(world.robots, world.floorplans, world.obstacles)
+    at = np.array([r.pose for r in world.robots], float)
+    for index, (x, y, yaw_deg) in poses.items():
+        at[index] = x, y, math.radians(yaw_deg)
+    return lasers.measure(at)[robot, ranger].ranges
+
+
+@pytest.mark.parametrize("name", ["willow", "cave"])
+def test_scans_are_exact_and_agree_with_stage(name: str, golden: Any, shared: Path, tmp_path: Path) -> None:
+    """99.9 % of the rays lie within 1 mm of the exact caster, and Stage agrees as often as it does with that one."""
+    recorded = next(w for w in golden("stage_scans.json.gz")["worlds"] if w["name"] == name)
+    world = _load(tmp_path, recorded["world"], shared / recorded["bitmap_dir"])
+    for kind in ("urg", "sick"):
+        scans = [s for s in recorded["scans"] if s["ranger"] == kind]
+        robot, ranger = _find_ranger(world, len(scans[0]["ranges"]))
+        ours = np.array([_ranges(world, {robot: s["pose"]}, robot, ranger) for s in scans])
+        exact = np.array([s["exact"] for s in scans])
+        stage = np.array([s["ranges"] for s in scans])
+        agreement = recorded["agreement"][kind]
+        assert np.mean(np.abs(ours - exact) <= 1e-3) >= 0.999
+        assert np.mean(np.abs(ours - stage) <= 0.05) >= agreement["within_0_05"] - 0.01
+        assert np.mean(np.abs(ours - stage) <= 0.1) >= agreement["within_0_1"] - 0.01
+
+
+def _find_ranger(world: World, samples: int) -> tuple[int, int]:
+    for i, robot in enumerate(world.robots):
+        for j, ranger in enumerate(robot.rangers):
+            if ranger.samples == samples:
+                return i, j
+    raise AssertionError(f"no ranger with {samples} samples")
+
+
+def test_heights_decide_what_a_laser_sees(golden: Any, shared: Path, tmp_path: Path) -> None:
+    """In every recorded scene a laser hits other robots and boxes exactly where Stage's does."""
+    scenes = golden("stage_scenes.json.gz")["scenes"]
+    within, rays = 0, 0
+    for number, scene in enumerate(scenes):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        world = _load(folder, scene["world"], shared / "worlds" / "stage_ros")
+        observation = Engine(world).observe()
+        by_name = {robot.name: i for i, robot in enumerate(world.robots)}
+        for scan in scene["scans"]:
+            if "inclusive_boundary" in scene.get("tags", []):
+                continue
+            i = by_name[scan["robot"]]
+            ours = observation.robots[i].readings[0].ranges
+            limit = world.robots[i].rangers[0].range_max
+            stage = np.array(scan["ranges"])
+            assert (ours < limit).any() == (stage < limit).any(), (scene["name"], scan["robot"])
+            within += int(np.sum(np.abs(ours - stage) <= 0.05))
+            rays += len(ours)
+    assert within / rays >= 0.98
+
+
+def test_free_motion_follows_the_exact_arc(golden: Any, shared: Path, tmp_path: Path) -> None:
+    """A robot in free space drives exact arcs, which is as far from Stage's Euler steps as was recorded."""
+    for number, run in enumerate(golden("stage_motion.json.gz")["free"]):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        engine = Engine(_load(folder, run["world"], shared / "worlds" / "stage_ros"))
+        expected = engine.truth(0)
+        for v, vy, w in run["commands"]:
+            engine.step({0: Twist(Vector3(v, vy), Vector3(0.0, 0.0, w))})
+            expected = _arc(expected, v, vy if run["drive"] == "omni" else 0.0, w)
+        assert engine.truth(0)[:2] == pytest.approx(expected[:2], abs=1e-9), run["name"]
+        ours, stage = engine.truth(0), run["trace"][-1]["pose"]
+        assert math.dist(ours[:2], stage[:2]) <= run["compare"]["arc_max_dist"] + 1e-3
+
+
+def _arc(pose: Pose2, v: float, vy: float, w: float) -> Pose2:
+    """0.1 s at constant velocity, within Stage's default limits."""
+    v, vy = max(-1.0, min(1.0, v)), max(-1.0, min(1.0, vy))
+    w = max(-math.pi / 2, min(math.pi / 2, w))
+    turn = 0.1 * w
+    heading = pose.yaw + turn / 2
+    chord = 0.1 * (math.sin(turn / 2) / (turn / 2) if turn else 1.0)
+    return Pose2(
+        pose.x + chord * (math.cos(heading) * v - math.sin(heading) * vy),
+        pose.y + chord * (math.sin(heading) * v + math.cos(heading) * vy),
+        pose.yaw + turn,
+    )

@@ -1,0 +1,78 @@
+"""`zteam-robot --id N`: one robot's brain, a process of its own."""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+from zteam import names
+from zteam.cli.options import add_bus_options, bus_options, fail, run
+from zteam.errors import UsageError
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """The command line."""
+    parser = argparse.ArgumentParser(prog="zteam-robot", description=__doc__)
+    parser.add_argument("--id", required=True, metavar="N", help=f"the robot's number, 0 to {names.MAX_ROBOT_ID}")
+    what = parser.add_mutually_exclusive_group()
+    what.add_argument("--behavior", metavar="NAME", help="forward, avoid, wander, follow or package.module:Class")
+    what.add_argument("--follow", metavar="ID", help="follow that robot")
+    parser.add_argument(
+        "--param",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="a parameter of the behaviour, e.g. speed=0.4 (repeatable)",
+    )
+    parser.add_argument("--no-gate", action="store_true", help="drive at once, without the monitor's GO")
+    parser.add_argument("--seed", type=int, default=1, help="seed of everything random (default: %(default)s)")
+    add_bus_options(parser)
+    return parser
+
+
+def parse_param(text: str) -> tuple[str, Any]:
+    """KEY=VALUE, the value as in a team file (TOML): 0.4, true, "text", [1, 2]; anything else is a text."""
+    import tomllib
+
+    key, equals, value = text.partition("=")
+    if not equals or not key.isidentifier():
+        raise UsageError(f"--param {text!r} is not KEY=VALUE, e.g. speed=0.4")
+    try:
+        return key, tomllib.loads(f"v = {value}")["v"]
+    except tomllib.TOMLDecodeError:
+        return key, value
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point."""
+    args = build_parser().parse_args(argv)
+    try:
+        robot_id = names.parse_robot_id(args.id)
+    except UsageError as error:
+        return fail("zteam-robot", UsageError(f"--id: {error}"))
+    return run(names.robot_name(robot_id), args, lambda: _drive(robot_id, args))
+
+
+def _drive(robot_id: int, args: argparse.Namespace) -> int:
+    from zteam.behaviors import load_behavior
+    from zteam.nodes.node import Node, run_node
+    from zteam.nodes.robot import RobotOptions, run_robot
+
+    params = dict(map(parse_param, args.param))
+    spec = args.behavior or "forward"
+    if args.follow is not None:
+        leader = names.parse_robot_id(args.follow)
+        if leader == robot_id:
+            raise UsageError(f"--follow {leader}: a robot cannot follow itself")
+        spec, params = "follow", {"leader": leader, **params}
+    behavior = load_behavior(spec, params)
+    options = RobotOptions(robot_id=robot_id, gate=not args.no_gate, seed=args.seed)
+
+    def body(node: Node) -> None:
+        run_robot(node, behavior, options)
+
+    return run_node(names.robot_name(robot_id), bus_options(args), body)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

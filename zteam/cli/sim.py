@@ -1,0 +1,109 @@
+"""`zteam-sim WORLD`: the simulator. Stage's world files run as they are; a robot's id is its place in the file."""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from zteam import names
+from zteam.cli.options import add_bus_options, bus_options, run
+from zteam.errors import UsageError
+from zteam.geometry import Pose2
+from zteam.shipped import names as shipped_names
+from zteam.shipped import shipped_world, worlds_folder
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """The command line."""
+    parser = argparse.ArgumentParser(prog="zteam-sim", description=__doc__)
+    parser.add_argument("world", metavar="WORLD", help="a .world file, or the name of a shipped world such as office")
+    parser.add_argument("--seed", type=int, default=1, help="seed of everything random (default: %(default)s)")
+    parser.add_argument(
+        "--map-resolution", type=float, default=0.05, metavar="M", help="metres a cell of the published map (0.05)"
+    )
+    parser.add_argument(
+        "--add",
+        action="append",
+        default=[],
+        metavar="ID:MODEL:X:Y:YAW",
+        help="add a robot that the world lacks, e.g. 7:erratic:2.0:3.5:1.57",
+    )
+    parser.add_argument(
+        "--gap", action="append", default=[], metavar="FOLLOWER:LEADER", help="measure the gap of two robots, e.g. 1:0"
+    )
+    parser.add_argument(
+        "--for",
+        dest="run_for",
+        type=float,
+        metavar="SECONDS",
+        help="stand still this many simulated seconds after GO (and go on answering queries)",
+    )
+    add_bus_options(parser)
+    return parser
+
+
+def find_world(text: str) -> Path:
+    """The world file named on a command line: a path, else a shipped world."""
+    path = Path(text)
+    if path.is_file():
+        return path
+    shipped = shipped_world(text)
+    if shipped is None:
+        known = ", ".join(shipped_names(worlds_folder(), ".world"))
+        raise UsageError(f"world {text!r}: no such file, nor a shipped world ({known})")
+    return shipped
+
+
+def parse_gap(text: str) -> tuple[int, int]:
+    """FOLLOWER:LEADER."""
+    follower, colon, leader = text.partition(":")
+    if not colon:
+        raise UsageError(f"--gap {text!r} is not FOLLOWER:LEADER, e.g. 1:0")
+    return names.parse_robot_id(follower), names.parse_robot_id(leader)
+
+
+def parse_addition(text: str) -> tuple[int, str, Pose2]:
+    """ID:MODEL:X:Y:YAW."""
+    parts = text.split(":")
+    try:
+        robot_id, model, x, y, yaw = parts
+        return names.parse_robot_id(robot_id), model, Pose2(float(x), float(y), float(yaw))
+    except ValueError:
+        raise UsageError(f"--add {text!r} is not ID:MODEL:X:Y:YAW, e.g. 7:erratic:2.0:3.5:1.57") from None
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point."""
+    args = build_parser().parse_args(argv)
+    return run(names.SIMULATOR, args, lambda: _simulate(args))
+
+
+def _simulate(args: argparse.Namespace) -> int:
+    from zteam.nodes.node import Node, run_node
+    from zteam.nodes.simulator import SimOptions, run_simulator
+    from zteam.world import add_robot, load_world
+
+    if not args.map_resolution > 0:
+        raise UsageError(f"--map-resolution {args.map_resolution}: give metres a cell, such as 0.05")
+    world = load_world(find_world(args.world))
+    robots = dict(enumerate(world.robots))
+    for robot_id, model, pose in map(parse_addition, args.add):
+        if robot_id in robots:
+            raise UsageError(f"--add {robot_id}: the world has a robot {robot_id} already")
+        robots[robot_id] = add_robot(world, model, pose, names.robot_name(robot_id))
+    options = SimOptions(
+        world=Path(args.world),
+        seed=args.seed,
+        map_resolution=args.map_resolution,
+        follows=dict(map(parse_gap, args.gap)),
+        run_for=args.run_for,
+    )
+
+    def body(node: Node) -> None:
+        run_simulator(node, world, robots, options)
+
+    return run_node(names.SIMULATOR, bus_options(args), body)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

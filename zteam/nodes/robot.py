@@ -1,0 +1,245 @@
+"""The robot process: one robot's brain. It cannot tell the simulator from a real base.
+
+It acts when a scan arrives, not on a timer of its own, so that a command follows its scan at once; between scans it
+only watches for data that has grown old.
+"""
+
+import logging
+from collections.abc import Callable
+
+import msgspec
+
+from zteam import names
+from zteam.behaviors import Behavior, View, decide, missing
+from zteam.clock import Every, monotonic, to_ns
+from zteam.geometry import Pose2
+from zteam.messages import (
+    Header,
+    LaserScan,
+    Odometry,
+    RobotState,
+    RobotStatus,
+    TeamState,
+    TeamStatus,
+    TFMessage,
+    Twist,
+    ns_from_time,
+    time_from_ns,
+)
+from zteam.nodes.node import Node
+from zteam.tf import Buffer, TransformException
+
+log = logging.getLogger("zteam")
+
+STALE = to_ns(0.5)
+"""A scan older than this (simulated ns) moves nobody."""
+TF_PATIENCE = 0.02
+"""Host seconds to wait for the transforms of a scan's own tick: they come over the aggregator, one hop later."""
+WALL_AFTER = 0.5
+"""Host seconds of data without a sign of a simulator after which this is a real base, in wall time."""
+
+
+class RobotOptions(msgspec.Struct, frozen=True):
+    """What the command line says about the robot."""
+
+    robot_id: int
+    gate: bool = True
+    """Wait for the monitor's GO."""
+    seed: int = 1
+
+
+class RobotNode:
+    """One robot on the bus. Callbacks run under `node.changed`."""
+
+    def __init__(self, node: Node, behavior: Behavior, options: RobotOptions) -> None:
+        self._node = node
+        self._behavior = behavior
+        self._options = options
+        self._id = options.robot_id
+        self._scan: LaserScan | None = None
+        self._odom: Odometry | None = None
+        self._team: TeamStatus | None = None
+        self._buffer = Buffer()
+        self._acted = 0
+        """Stamp of the scan that was acted on last."""
+        self._stepped = 0
+        self._released = not options.gate
+        self._state = RobotState.BOOT
+        self._text = ""
+        self._first_data: float | None = None
+        self._heartbeat = Every(1.0)
+        self._cmd_vel = node.bus.publisher(self._key(names.CMD_VEL), Twist)
+        self._status = node.bus.publisher(self._key(names.STATUS), RobotStatus)
+        self._base = names.robot_frame(self._id, names.BASE_FOOTPRINT)
+        self._subscribe()
+
+    def _key(self, topic: str) -> str:
+        return names.robot_key(self._id, topic)
+
+    def _subscribe(self) -> None:
+        node = self._node
+        node.follow_clock()
+        node.clock.sim.on_jump_back(self._on_jump_back)
+        node.subscribe(self._key(names.BASE_SCAN), LaserScan, self._on_scan)
+        node.subscribe(self._key(names.ODOM), Odometry, self._on_odom)
+        node.subscribe(names.TEAM_STATUS, TeamStatus, self._on_team_status, latched=True)
+        node.subscribe(names.TF, TFMessage, self._on_tf)
+        node.subscribe(names.TF_STATIC, TFMessage, self._on_tf_static, latched=True)
+        node.watch_tokens(names.tokens_key(names.MONITOR), self._on_monitor)
+
+    def _on_scan(self, _key: str, scan: LaserScan) -> None:
+        self._scan = scan
+        self._first_data = self._first_data or monotonic()
+
+    def _on_odom(self, _key: str, odom: Odometry) -> None:
+        self._odom = odom
+
+    def _on_team_status(self, _key: str, status: TeamStatus) -> None:
+        self._team = status
+
+    def _on_tf(self, _key: str, message: TFMessage) -> None:
+        for transform in message.transforms:
+            self._buffer.set_transform(transform, names.TF)
+
+    def _on_tf_static(self, _key: str, message: TFMessage) -> None:
+        for transform in message.transforms:
+            self._buffer.set_transform_static(transform, names.TF)
+
+    def _on_monitor(self, _key: str, alive: bool) -> None:
+        if alive:
+            # A monitor that just came must not wait for the next heartbeat to know this robot.
+            self._publish_status()
+
+    def _on_jump_back(self, _old: int, _new: int) -> None:
+        log.warning("time jumped back (the simulator started anew): old data is forgotten")
+        self._buffer.clear()
+        self._scan = self._odom = None
+        self._acted = self._stepped = 0
+
+    def run(self) -> None:
+        """Drive until the process is asked to stop."""
+        while not self._node.stopping:
+            self._node.wait(self._due, 0.1)
+            if self._node.stopping:
+                return
+            self._decide_clock()
+            scan = self._scan
+            if scan is not None and ns_from_time(scan.header.stamp) != self._acted:
+                self._acted = ns_from_time(scan.header.stamp)
+                self._step(self._acted)
+            elif self._data_stopped():
+                self._step(self._node.clock.now())
+            if self._heartbeat.due():
+                with self._node.changed:
+                    self._publish_status()
+
+    def _due(self) -> bool:
+        scan = self._scan
+        return (scan is not None and ns_from_time(scan.header.stamp) != self._acted) or self._data_stopped()
+
+    def _data_stopped(self) -> bool:
+        """Whether time went on for long without a scan (and a further step's worth since the last look)."""
+        now = self._node.clock.now()
+        return now - self._acted > STALE and now - self._stepped >= STALE // 5
+
+    def _decide_clock(self) -> None:
+        clock = self._node.clock
+        if not clock.decided and self._first_data and monotonic() - self._first_data > WALL_AFTER:
+            clock.use_wall()
+            log.info("data without a simulator: working in wall time")
+
+    def _step(self, now: int) -> None:
+        """Act at time `now` on the newest data."""
+        if self._behavior.uses_tf:
+            self._node.wait(lambda: self._tree_reaches(now), TF_PATIENCE)
+        with self._node.changed:
+            view = self._view(now)
+        self._stepped = now
+        lacking = missing(view, self._behavior)
+        if not self._may_drive(now, lacking):
+            return
+        command, reason = decide(self._behavior, view)
+        self._cmd_vel.put(command)
+        self._change(RobotState.RUNNING, reason)
+
+    def _tree_reaches(self, stamp: int) -> bool:
+        transform = self._buffer.latest_common_time(names.MAP_FRAME, self._base)
+        return transform is not None and transform >= stamp
+
+    def _view(self, now: int) -> View:
+        dt = (now - self._stepped) / 1e9 if 0 < self._stepped < now else 0.0
+        return View(
+            now=now,
+            dt=dt,
+            robot_id=self._id,
+            scan=self._scan,
+            odom=self._odom,
+            lookup=self._lookup,
+            seed=self._options.seed,
+        )
+
+    def _lookup(self, target: str, source: str) -> tuple[Pose2, int] | None:
+        try:
+            return self._buffer.lookup_pose2(target, source, 0)
+        except TransformException:
+            return None
+
+    def _may_drive(self, now: int, lacking: list[str]) -> bool:
+        """The start gate: READY when nothing is lacking, released by GO from its stamp on, and then for good."""
+        if self._released:
+            return True
+        if lacking:
+            self._change(RobotState.BOOT, "waiting for " + ", ".join(lacking))
+            return False
+        team = self._team
+        if team is None or team.state != TeamState.GO:
+            self._change(RobotState.READY, "waiting for the monitor's GO (zteam-monitor; --no-gate drives at once)")
+            return False
+        if now < ns_from_time(team.go_stamp):
+            self._change(RobotState.READY, "GO holds from a later time on")
+            return False
+        self._released = True
+        log.info("GO: driving")
+        return True
+
+    def _change(self, state: int, text: str) -> None:
+        if (state, text) == (self._state, self._text):
+            return
+        if text and text != self._text:
+            log.info("%s: %s", RobotState.TEXT[state], text)
+        self._state, self._text = state, text
+        with self._node.changed:
+            self._publish_status()
+
+    def _publish_status(self) -> None:
+        self._status.put(
+            RobotStatus(
+                header=Header(time_from_ns(self._node.clock.now()), names.robot_name(self._id)),
+                robot_id=self._id,
+                is_ready=self._state in (RobotState.READY, RobotState.RUNNING),
+                state=self._state,
+                epoch=self._team.epoch if self._released and self._team else 0,
+                text=self._text,
+            )
+        )
+
+    def halt(self) -> None:
+        """The last words: wheels to zero, then the status; both leave before the session closes."""
+        self._cmd_vel.put(Twist())
+        self._state, self._text = RobotState.STOPPED, "stopped"
+        self._publish_status()
+        log.info("%s stopped", names.robot_name(self._id))
+
+
+def run_robot(node: Node, behavior: Behavior, options: RobotOptions) -> None:
+    """Be robot `options.robot_id` until asked to stop."""
+    robot = RobotNode(node, behavior, options)
+    node.become_present()
+    # Only the process that holds the name may touch the wheels, so not before this.
+    node.on_stop(robot.halt)
+    if not options.gate:
+        log.info("not waiting for GO (--no-gate)")
+    robot.run()
+
+
+Lookup = Callable[[str, str], tuple[Pose2, int] | None]
