@@ -67,16 +67,23 @@ def occupied_box(occupied: Grid) -> Box | None:
     return int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1
 
 
-def rectangles(occupied: Grid) -> list[Box]:
-    """Disjoint boxes that cover the occupied cells: each row's runs, joined with equal runs of the rows below."""
+def rectangles(occupied: Grid, limit: int) -> list[Box] | None:
+    """Disjoint boxes that cover the occupied cells: each row's runs, joined with equal runs of the rows above.
+
+    None if there are more than `limit`.
+    """
+    steps = np.diff(occupied, axis=1, prepend=False, append=False)
+    rows, columns = np.nonzero(steps)
+    if rows.size > 2 * limit * len(occupied):
+        return None
+    runs_of: list[set[tuple[int, int]]] = [set() for _ in range(len(occupied) + 1)]
+    for row, start, end in zip(rows[::2].tolist(), columns[::2].tolist(), columns[1::2].tolist(), strict=True):
+        runs_of[row].add((start, end))
     done: list[Box] = []
     growing: dict[tuple[int, int], int] = {}
-    for row, cells in enumerate(occupied):
-        steps = np.flatnonzero(np.diff(cells, prepend=False, append=False))
-        runs = set(zip(steps[::2].tolist(), steps[1::2].tolist(), strict=True))
-        for run in [run for run in growing if run not in runs]:
-            done.append((growing.pop(run), row, *run))
-        for run in runs:
-            growing.setdefault(run, row)
-    done.extend((first, len(occupied), *run) for run, first in growing.items())
+    for row, runs in enumerate(runs_of):
+        done.extend((growing.pop(run), row, *run) for run in growing.keys() - runs)
+        growing.update(dict.fromkeys(runs - growing.keys(), row))
+        if len(done) > limit:
+            return None
     return sorted(done)

@@ -3,6 +3,8 @@
 from pathlib import Path
 from typing import NamedTuple
 
+import msgspec
+
 from zteam.errors import WorldError
 from zteam.geometry import Pose2, compose2
 from zteam.world.bitmap import Grid, occupied_box, read_bitmap, rectangles
@@ -22,7 +24,7 @@ from zteam.world.shapes import (
     signed_area,
     without_repeats,
 )
-from zteam.world.sources import Remarks, find_file
+from zteam.world.sources import Place, Remarks, find_file
 from zteam.world.vocabulary import BODILESS
 
 DEFAULT_SIZE = Size3(0.1, 0.1, 0.1)
@@ -33,13 +35,17 @@ MAX_RECTANGLES = 256
 """Rectangles of a bitmap on a robot; a finer one is taken as its box."""
 
 
-class Settings(NamedTuple):
+class Settings(msgspec.Struct, frozen=True):
     """What holds for a whole file."""
 
     units: Units
     folder: Path
-    whole_bitmaps: bool
     remarks: Remarks
+    whole_bitmaps: bool = False
+    macros: frozenset[str] = frozenset()
+    """Names of the file's macros, for error texts."""
+    bitmaps: dict[tuple[Path, str], Grid] = msgspec.field(default_factory=dict)
+    """Bitmaps read so far, by file and reading: many models may share one."""
 
 
 class Body(NamedTuple):
@@ -78,16 +84,17 @@ def read_body(entity: Entity, settings: Settings) -> Body:
     return Body(size, reader.pose("origin"), _read_surface(reader), fitted, tuple(slabs), bitmap)
 
 
-def solid_blocks(body: Body) -> list[Block]:
-    """Everything of a body as prisms, a bitmap as rectangles: for bodies that move."""
+def solid_blocks(body: Body, place: Place, remarks: Remarks) -> list[Block]:
+    """Everything of a body as prisms, a bitmap as rectangles: for bodies that move. `place` is the model's."""
     blocks = [*body.blocks, *body.slabs]
     if body.bitmap is None:
         return blocks
     rows, columns = body.bitmap.shape
-    cell_x, cell_y = body.size.x / columns, body.size.y / rows
-    boxes = rectangles(body.bitmap)
-    if len(boxes) > MAX_RECTANGLES:
+    boxes = rectangles(body.bitmap, MAX_RECTANGLES)
+    if boxes is None:
+        remarks.add(place, f"the bitmap of this robot needs more than {MAX_RECTANGLES} rectangles: its box is taken")
         boxes = [(0, rows, 0, columns)]
+    cell_x, cell_y = body.size.x / columns, body.size.y / rows
     for bottom, top, left, right in boxes:
         x, y = left * cell_x - body.size.x / 2, bottom * cell_y - body.size.y / 2
         blocks.append(box_block(x, y, x + (right - left) * cell_x, y + (top - bottom) * cell_y, body.size.z))
@@ -127,17 +134,19 @@ def _read_bitmap(reader: Reader, settings: Settings) -> Grid:
     path = find_file(name, settings.folder)
     if path is None:
         reader.fail("bitmap", f"bitmap {name!r:.200} not found in {settings.folder} or $STAGEPATH")
-    try:
-        occupied = read_bitmap(path)
-    except WorldError as error:
-        reader.fail("bitmap", str(error))
-    default = "whole" if settings.whole_bitmaps else "crop"
-    if reader.choice("bitmap_reading", default, ("crop", "whole")) == "whole":
-        return occupied
-    box = occupied_box(occupied)
-    if box is None:
-        reader.fail("bitmap", f"bitmap {name!r:.200} has no occupied pixel (first channel at most 127)")
-    return occupied[box[0] : box[1], box[2] : box[3]].copy()
+    reading = reader.choice("bitmap_reading", "whole" if settings.whole_bitmaps else "crop", ("crop", "whole"))
+    if (path, reading) not in settings.bitmaps:
+        try:
+            occupied = read_bitmap(path)
+        except WorldError as error:
+            reader.fail("bitmap", str(error))
+        box = occupied_box(occupied)
+        if reading == "crop" and box is not None:
+            occupied = occupied[box[0] : box[1], box[2] : box[3]].copy()
+        elif reading == "crop":
+            reader.fail("bitmap", f"bitmap {name!r:.200} has no occupied pixel (first channel at most 127)")
+        settings.bitmaps[path, reading] = occupied
+    return settings.bitmaps[path, reading]
 
 
 def _read_blocks(entity: Entity, settings: Settings) -> list[Block]:

@@ -15,7 +15,7 @@ from zteam.world import vocabulary
 from zteam.world.bodies import Body, Settings, place_body, place_floorplan, read_body, solid_blocks
 from zteam.world.drives import Drive, read_drive
 from zteam.world.model import Floorplan, Obstacle, Ranger, Robot, Shape, World
-from zteam.world.parser import Document, Entity
+from zteam.world.parser import Document, Entity, Property
 from zteam.world.properties import Reader, read_units
 from zteam.world.sensors import read_old_laser, read_sensor
 from zteam.world.sources import Remarks
@@ -68,8 +68,8 @@ class Template(msgspec.Struct, frozen=True):
 
 def build_world(document: Document, folder: Path, whole_bitmaps: bool, remarks: Remarks, default_name: str) -> World:
     """The world of a document; bitmaps are looked for in `folder`. Raises WorldError."""
-    reader = Reader(document.root, read_units(document.root))
-    settings = Settings(read_units(document.root), folder, whole_bitmaps, remarks)
+    settings = Settings(read_units(document.root), folder, remarks, whole_bitmaps, frozenset(document.macros))
+    reader = Reader(document.root, settings.units)
     milliseconds = reader.number("interval_sim", 100.0)
     if not 0 < milliseconds <= MAX_INTERVAL_MS:
         reader.fail("interval_sim", f"interval_sim must be above 0 and at most {MAX_INTERVAL_MS} ms")
@@ -131,7 +131,9 @@ class Builder:
         if chassis is None:
             self._add_static(body, owner_from_model, foot, name)
         else:
-            chassis.shapes.extend(place_body(body, solid_blocks(body), owner_from_model, foot))
+            chassis.shapes.extend(
+                place_body(body, solid_blocks(body, entity.place, self._settings.remarks), owner_from_model, foot)
+            )
         if entity.type in ("ranger", "laser"):
             self._add_rangers(reader, body, owner_from_model, foot, chassis, name)
         top = foot + (body.size.z if reader.flag("stack_children", True) else 0.0)
@@ -142,7 +144,7 @@ class Builder:
         if kind in ("block", "sensor"):
             raise entity.place.error(f"a {kind} belongs inside a {'model' if kind == 'block' else 'ranger'}")
         if kind not in vocabulary.TYPES:
-            hint = vocabulary.did_you_mean(kind[:60], frozenset(vocabulary.TYPES))
+            hint = vocabulary.did_you_mean(kind[:60], vocabulary.TYPES | self._settings.macros)
             raise entity.place.error(f"unknown model type {kind!r:.60}{hint}: no type or macro has this name")
         if kind in vocabulary.UNSUPPORTED:
             self._settings.remarks.add(entity.place, f"{vocabulary.UNSUPPORTED[kind]} not simulated")
@@ -200,10 +202,12 @@ class Builder:
                 self.add_model(child, mount)
 
 
-def build_robot(entity: Entity, settings: Settings) -> Robot:
-    """The robot of a macro, at the macro's own pose; raises WorldError."""
+def build_robot(entity: Entity, settings: Settings, name: str, pose: Pose2) -> Robot:
+    """The robot of a macro, under a name and at a start pose of its own; raises WorldError."""
+    named = Property("name", (name,), False, entity.place)
     builder = Builder(settings)
-    builder.add_model(entity, GROUND)
+    builder.add_model(msgspec.structs.replace(entity, properties=entity.properties | {"name": named}), GROUND)
     if len(builder.chassis) != 1:
         raise entity.place.error(f"macro {entity.name!r} holds {len(builder.chassis)} robots, not one")
+    builder.chassis[0].map_from_base = pose
     return builder.chassis[0].finish()

@@ -52,11 +52,11 @@ def add_robot(world: World, model: str, pose: Pose2, name: str) -> Robot:
     template = world.templates.get(model)
     if template is None and model == "erratic":
         document = parse_text(BUILT_IN, Remarks(), file="<built-in>")
-        template = Template(document.macros["erratic"], Settings(Units(), Path(), False, Remarks()))
+        template = Template(document.macros["erratic"], Settings(Units(), Path(), Remarks()))
     if template is None:
         known = ", ".join(sorted({*world.templates, "erratic"}))
         raise WorldError(f"{world.name}: no robot macro {model!r} in this world; there are: {known}")
     remarks = Remarks()
-    robot = build_robot(template.entity, template.settings._replace(remarks=remarks))
+    robot = build_robot(template.entity, msgspec.structs.replace(template.settings, remarks=remarks), name, pose)
     world.warnings += tuple(remark for remark in remarks.all() if remark not in world.warnings)
-    return msgspec.structs.replace(robot, name=name, pose=pose)
+    return robot

@@ -98,6 +98,7 @@ class Robot(msgspec.Struct, frozen=True):
     velocity: Limits = Limits()
     acceleration: Limits | None = None
     localization: str = "odom"
+    """As in the file, "gps" (Stage's default) or "odom"; odometry starts at zero where the robot starts in both."""
     odom_error: tuple[float, float, float] = (0.0, 0.0, 0.0)
     mass: float = 10.0
     color: str = "red"

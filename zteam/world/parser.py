@@ -27,7 +27,7 @@ MAX_INCLUDE_DEPTH = 16
 MAX_NESTING = 64
 MAX_ENTITIES = 100_000
 """Entities of the whole world once macros are expanded."""
-MAX_COPIES = 2_000_000
+MAX_COPIES = 500_000
 """Properties and entities copied by macros."""
 
 Value = float | str
@@ -219,12 +219,12 @@ class _Parser:
         if self._token.kind in (Kind.NUMBER, Kind.STRING):
             return Property(str(name.value), (_value(self._advance()),), False, name.place)
         if self._token.kind is not Kind.OPEN_TUPLE:
-            raise self._token.place.error(f"expected {name}'s value, found {self._token}")
+            raise self._token.place.error(f"expected the value of {name}, found {self._token}")
         self._advance()
         values: list[Value] = []
         while self._token.kind in (Kind.NUMBER, Kind.STRING):
             values.append(_value(self._advance()))
-        self._expect(Kind.CLOSE_TUPLE, f"a number, a string or ']' on {name}'s line")
+        self._expect(Kind.CLOSE_TUPLE, f"a number, a string or ']' on the line of {name}")
         return Property(str(name.value), tuple(values), True, name.place)
 
 

@@ -1,8 +1,11 @@
 """Outlines of bodies: Stage's blocks, fitted to the model's size as Stage fits them."""
 
+import functools
 import math
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
+
+import numpy as np
 
 from zteam.geometry import Pose2
 from zteam.world.model import Point2, Shape
@@ -100,37 +103,25 @@ def without_repeats(points: Sequence[Point2]) -> tuple[Point2, ...]:
     return tuple(point for i, point in enumerate(points) if point != points[i - 1])
 
 
-def is_simple(points: Sequence[Point2]) -> bool:
-    """Whether no two edges of the polygon meet, but neighbours in their common corner. Quadratic."""
-    n = len(points)
-    edges = [(points[i], points[(i + 1) % n]) for i in range(n)]
-    return not any(_folds_back(*edges[i - 1], edges[i][1]) for i in range(n)) and not any(
-        _edges_meet(*edges[i], *edges[j]) for i in range(n) for j in range(i + 2, n) if not (i == 0 and j == n - 1)
-    )
-
-
-def _folds_back(a: Point2, b: Point2, c: Point2) -> bool:
-    """Whether the way a, b, c turns round at b."""
-    return _turn(a, b, c) == 0 and (b[0] - a[0]) * (c[0] - b[0]) + (b[1] - a[1]) * (c[1] - b[1]) < 0
-
-
-def _edges_meet(a: Point2, b: Point2, c: Point2, d: Point2) -> bool:
-    if _turn(a, b, c) * _turn(a, b, d) < 0 and _turn(c, d, a) * _turn(c, d, b) < 0:
-        return True
-    return any(_is_on(*edge, point) for edge, point in (((a, b), c), ((a, b), d), ((c, d), a), ((c, d), b)))
+@functools.lru_cache(256)
+def is_simple(points: tuple[Point2, ...]) -> bool:
+    """Whether no two edges of the polygon meet, but neighbours in their common corner."""
+    corners = np.array(points)
+    ends = np.roll(corners, -1, axis=0)
+    dx, dy = (ends - corners).T[:, :, None]
+    # turn[i, k]: on which side of edge i corner k lies.
+    turn = dx * (corners[:, 1] - corners[:, 1, None]) - dy * (corners[:, 0] - corners[:, 0, None])
+    parted = turn * np.roll(turn, -1, axis=1) < 0
+    low, high = np.minimum(corners, ends)[:, None], np.maximum(corners, ends)[:, None]
+    touches = (turn == 0) & ((low <= corners) & (corners <= high)).all(axis=2)
+    own = np.eye(len(corners), dtype=bool)
+    touches &= ~(own | np.roll(own, 1, axis=1))
+    return not (parted & parted.T).any() and not touches.any()
 
 
 def _turn(a: Point2, b: Point2, c: Point2) -> float:
+    """Above 0 if the way a, b, c turns left."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
-
-
-def _is_on(a: Point2, b: Point2, p: Point2) -> bool:
-    """Whether p lies on the edge from a to b."""
-    return (
-        _turn(a, b, p) == 0
-        and min(a[0], b[0]) <= p[0] <= max(a[0], b[0])
-        and min(a[1], b[1]) <= p[1] <= max(a[1], b[1])
-    )
 
 
 def convex_hull(points: Sequence[Point2]) -> tuple[Point2, ...]:

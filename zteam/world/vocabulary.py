@@ -9,9 +9,6 @@ import functools
 import re
 from collections.abc import Iterable
 
-ALIASES = {"laser": "ranger"}
-"""Types of older worlds."""
-
 UNSUPPORTED = {
     "camera": "cameras are",
     "fiducial": "fiducial finders are",
@@ -25,9 +22,9 @@ UNSUPPORTED = {
 """Stage's other devices; their bodies, and the models on them, are there all the same."""
 
 BODILESS = {"ranger", "laser", "camera", "fiducial", "blobfinder"}
-"""Types with no body unless they have blocks."""
+"""Types with no body unless they have blocks; `laser` is the `ranger` of older worlds."""
 
-TYPES = {"model", "position", "ranger", "laser", *UNSUPPORTED}
+TYPES = frozenset({"model", "position", "ranger", "laser", *UNSUPPORTED})
 
 _MODEL = {
     *("pose", "size", "origin", "color", "color_rgba", "bitmap", "bitmap_reading", "noblocks", "boundary", "name"),
@@ -71,6 +68,7 @@ HARMLESS: dict[str, tuple[float, ...]] = {
     "velocity": (0.0,),
     "localization_origin": (0.0,),
     "quit_time": (0.0,),
+    "update_interval": (100.0,),
 }
 """Values of remarked properties that change nothing, and so need no remark."""
 
