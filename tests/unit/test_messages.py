@@ -59,6 +59,7 @@ def test_messages_compare_by_value() -> None:
     a = LaserScan(ranges=np.array([1.0, math.nan], np.float32))
     b = LaserScan(ranges=np.array([1.0, math.nan], np.float32))
     assert a == b
+    assert not a != b  # noqa: SIM202 - the operator is what is tested
     b.ranges = np.array([1.0, 2.0], np.float32)
     assert a != b
     assert Twist() != Odometry()

@@ -27,12 +27,26 @@ IDLE_EXIT = 10.0
 """Seconds after its last client that a router on demand ends."""
 
 
+FROM_STDIN = "-"
+"""`--connect -`: the launcher writes the endpoint to the process's stdin once its router listens, so that the
+process can start and import meanwhile."""
+
+
+def _read_endpoint() -> str:
+    line = sys.stdin.readline().strip()
+    if not line:
+        raise BusError("--connect - expects an endpoint on standard input, such as tcp/127.0.0.1:7447")
+    return line
+
+
 def connect(options: BusOptions, *, patience: float | None = None, stopping: Callable[[], bool] = lambda: False) -> Bus:
     """A bus on an open session.
 
     Without `--connect` the local router is started if there is none. With it, this waits for the router, for ever
     or `patience` seconds, and says so; `stopping()` ends the wait. Raises BusError when there is no session.
     """
+    if options.connect == FROM_STDIN:
+        options = msgspec.structs.replace(options, connect=_read_endpoint())
     if options.connect is None:
         session = _open_on_demand(options, stopping)
     else:

@@ -46,6 +46,10 @@ class Message(msgspec.Struct, eq=False):
             return NotImplemented
         return all(_same(getattr(self, f), getattr(other, f)) for f in self.__struct_fields__)
 
+    def __ne__(self, other: object) -> bool:
+        # Struct has an identity-based one of its own, which would be found before the negation of __eq__.
+        return not self == other
+
     __hash__ = None  # type: ignore[assignment]
 
 

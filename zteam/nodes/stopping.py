@@ -53,22 +53,29 @@ class Stop:
         for callback in callbacks:
             callback()
 
-    def install(self) -> None:
-        """Take the stop signals and the parent's death as requests. Main thread only."""
+    def install(self, on_repeat: Callable[[], None] = lambda: None) -> None:
+        """Take the stop signals and the parent's death as requests; `on_repeat` hears further signals.
+
+        Main thread only.
+        """
         reader, writer = socket.socketpair()
         writer.setblocking(False)
         for number in SIGNALS:
             signal.signal(number, lambda *_: None)
         signal.set_wakeup_fd(writer.fileno(), warn_on_full_buffer=False)
-        threading.Thread(target=self._watch_signals, args=(reader, writer), name="signals", daemon=True).start()
+        threading.Thread(
+            target=self._watch_signals, args=(reader, writer, on_repeat), name="signals", daemon=True
+        ).start()
         pipe = os.environ.pop(PARENT_PIPE, None)
         if pipe is not None and pipe.isdigit():
             threading.Thread(target=self._watch_parent, args=(int(pipe),), name="parent", daemon=True).start()
 
-    def _watch_signals(self, reader: socket.socket, writer: socket.socket) -> None:
+    def _watch_signals(self, reader: socket.socket, writer: socket.socket, on_repeat: Callable[[], None]) -> None:
         # `writer` is held here so that its descriptor stays open as long as the interpreter writes to it.
-        while data := reader.recv(16):
-            if any(number in SIGNALS for number in data):
+        while data := reader.recv(1):
+            if data[0] in SIGNALS:
+                if self.requested:
+                    on_repeat()
                 self.request(signal.Signals(data[0]).name)
         writer.close()
 

@@ -1,0 +1,44 @@
+"""`zteam-tf [TEAM.toml]`: merges every robot's transforms into one tree on `tf` and `tf_static`."""
+
+import argparse
+import math
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from zteam import names
+from zteam.cli.options import add_bus_options, bus_options, run
+from zteam.errors import UsageError
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """The command line."""
+    parser = argparse.ArgumentParser(prog="zteam-tf", description=__doc__)
+    parser.add_argument("team", nargs="?", metavar="TEAM.toml", help="team file whose static transforms hold")
+    parser.add_argument(
+        "--rate", type=float, metavar="HZ", help="send bundles at this rate instead of one for every tick"
+    )
+    add_bus_options(parser)
+    return parser
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point."""
+    args = build_parser().parse_args(argv)
+    return run(names.AGGREGATOR, args, lambda: _aggregate(args))
+
+
+def _aggregate(args: argparse.Namespace) -> int:
+    from zteam.config import load_team, static_transform
+    from zteam.nodes.aggregator import run_aggregator
+    from zteam.nodes.node import run_node
+
+    if args.rate is not None and not (math.isfinite(args.rate) and args.rate > 0):
+        raise UsageError(f"--rate {args.rate}: give bundles a second, such as 20")
+    entries = load_team(Path(args.team)).static_transforms if args.team else ()
+    configured = [static_transform(entry) for entry in entries]
+    return run_node(names.AGGREGATOR, bus_options(args), lambda node: run_aggregator(node, configured, args.rate))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,49 @@
+"""`zteam`: all commands; only the module of the one that runs is imported."""
+
+import difflib
+import importlib
+import sys
+from collections.abc import Sequence
+
+from zteam import __version__
+
+COMMANDS = {
+    "up": ("up", "start a whole team and watch over it"),
+    "topic": ("topic", "list | echo | hz | info | pub: what goes over the bus"),
+    "tf": ("transforms", "echo | tree | static: transforms between frames"),
+    "node": ("nodes", "list: which processes are alive"),
+    "doctor": ("doctor", "find out what is wrong, with the next step for each problem"),
+    "bench": ("bench", "measure zteam on this machine"),
+}
+"""Command -> (module in zteam.cli, one line)."""
+
+
+def _usage() -> str:
+    rows = "\n".join(f"  {name:8}{text}" for name, (_, text) in COMMANDS.items())
+    return (
+        f"usage: zteam COMMAND ...\n\n{rows}\n\n"
+        "Processes have commands of their own: zteam-sim, zteam-robot, zteam-tf, zteam-monitor, zteam-router.\n"
+        "zteam COMMAND --help tells more."
+    )
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point."""
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    if not arguments or arguments[0] in {"-h", "--help", "help"}:
+        print(_usage())
+        return 0 if arguments else 2
+    if arguments[0] == "--version":
+        print(f"zteam {__version__}")
+        return 0
+    name, *rest = arguments
+    if name not in COMMANDS:
+        near = difflib.get_close_matches(name, COMMANDS, n=2)
+        hint = f"did you mean {' or '.join(near)}?" if near else f"commands: {', '.join(COMMANDS)}"
+        print(f"zteam: no command {name!r}: {hint}", file=sys.stderr)
+        return 2
+    return int(importlib.import_module(f"zteam.cli.{COMMANDS[name][0]}").main(rest))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

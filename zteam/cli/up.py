@@ -1,0 +1,129 @@
+"""`zteam up [TEAM]`: starts a whole team and watches over it; Ctrl+C stops it in order, a second one at once."""
+
+import argparse
+import logging
+import math
+import os
+import sys
+import threading
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from zteam.cli.options import add_bus_options, bus_options, run
+from zteam.errors import UsageError, ZteamError
+from zteam.shipped import names as shipped_names
+from zteam.shipped import shipped_team, teams_folder
+
+if TYPE_CHECKING:
+    from zteam.launch.run import Run
+    from zteam.nodes.stopping import Stop
+
+log = logging.getLogger("zteam")
+
+_COLORS = (36, 32, 33, 35, 34, 96, 92, 93, 95, 94)
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """The command line."""
+    parser = argparse.ArgumentParser(prog="zteam up", description=__doc__)
+    parser.add_argument("team", nargs="?", default="line", help="a team file, or the name of a shipped one (line)")
+    parser.add_argument("--world", metavar="FILE", help="a world file or shipped world, instead of the team file's")
+    parser.add_argument("--seed", type=int, help="instead of the team file's")
+    parser.add_argument(
+        "--for", dest="run_for", type=float, metavar="SECONDS", help="end this many simulated seconds after GO"
+    )
+    parser.add_argument("--report", metavar="FILE", help="with --for: write the run's report as JSON")
+    add_bus_options(parser)
+    return parser
+
+
+def find_team(text: str) -> Path:
+    """The team file named on a command line: a path, else a shipped team."""
+    path = Path(text)
+    if path.is_file():
+        return path
+    shipped = shipped_team(text)
+    if shipped is None:
+        known = ", ".join(shipped_names(teams_folder(), ".toml"))
+        raise UsageError(f"team {text!r}: no such file, nor a shipped team ({known})")
+    return shipped
+
+
+class Printer:
+    """Lines of all processes on one output, each behind its process's name, coloured on a terminal."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._color = sys.stdout.isatty() and "NO_COLOR" not in os.environ
+        self._seen: dict[str, int] = {}
+
+    def line(self, name: str, text: str) -> None:
+        """Print one line of the process `name`."""
+        with self._lock:
+            number = self._seen.setdefault(name, len(self._seen))
+            color = _COLORS[number % len(_COLORS)]
+            prefix = f"\033[{color}m[{name}]\033[0m" if self._color else f"[{name}]"
+            print(f"{prefix} {_without_own_name(name, text)}", flush=True)
+
+
+def _without_own_name(name: str, text: str) -> str:
+    return text.replace(f" [{name}]", "", 1)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point."""
+    args = build_parser().parse_args(argv)
+    return run("up", args, lambda: _up(args))
+
+
+def _up(args: argparse.Namespace) -> int:
+    from zteam.cli.sim import find_world
+    from zteam.config import load_team, team_world
+    from zteam.launch.run import Run, RunOptions
+    from zteam.nodes.stopping import Stop
+
+    if args.run_for is not None and not (math.isfinite(args.run_for) and args.run_for > 0):
+        raise UsageError(f"--for {args.run_for}: give a time in simulated seconds, such as 30")
+    if args.report and args.run_for is None:
+        raise UsageError("--report needs --for SECONDS: a report is of a run with an end")
+    team_file = find_team(args.team)
+    team = load_team(team_file)
+    world = find_world(args.world) if args.world else team_world(team_file, team)
+    if world is None and args.run_for is not None:
+        raise UsageError('--for needs a simulator: this team has none (world = "none")')
+    options = RunOptions(
+        team, team_file, world.resolve() if world else None, bus_options(args), args.seed, args.run_for
+    )
+    stop = Stop()
+    with Run(options, stop, Printer().line) as team_run:
+        stop.install(on_repeat=team_run.hurry)
+        return _run(team_run, stop, args)
+
+
+def _run(team_run: "Run", stop: "Stop", args: argparse.Namespace) -> int:
+    import msgspec
+
+    from zteam.launch.report import format_report
+
+    try:
+        team_run.start()
+        log.info("%d processes, router at %s; Ctrl+C stops them", len(team_run.plan.commands), team_run.endpoint)
+        team_run.watch()
+        report = team_run.finish()
+    except ZteamError as error:
+        if stop.requested:
+            return 0
+        raise error
+    if report is not None and args.run_for is not None:
+        if args.report:
+            Path(args.report).write_bytes(msgspec.json.format(msgspec.json.encode(report), indent=2) + b"\n")
+        print(format_report(report))
+    failed = sorted({process.name for process in team_run.supervisor.failures})
+    if failed:
+        raise ZteamError(f"{', '.join(failed)} failed: see the log above")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

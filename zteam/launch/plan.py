@@ -1,0 +1,71 @@
+"""A team as commands: which processes, with which arguments, stopped in which order."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import msgspec
+
+from zteam import names
+from zteam.config import RobotEntry, Team, robot_arguments
+from zteam.launch.process import zteam_command
+
+ROUTER = "router"
+
+
+class Plan(msgspec.Struct):
+    """Commands by process name, in the order of starting; the router is not among them."""
+
+    commands: dict[str, list[str]]
+
+    @property
+    def robots(self) -> list[str]:
+        """Names of the robots."""
+        return [name for name in self.commands if names.robot_id_of(name) is not None]
+
+    def stop_order(self) -> list[list[str]]:
+        """Groups to stop one after the other: robots first, so that their last command reaches the wheels."""
+        ends = [[names.MONITOR, names.AGGREGATOR], [names.SIMULATOR], [ROUTER]]
+        known = {*self.commands, ROUTER}
+        return [self.robots, *([name for name in group if name in known] for group in ends)]
+
+
+def plan_team(
+    team: Team,
+    world: Path | None,
+    bus: Sequence[str],
+    *,
+    team_file: Path | None = None,
+    seed: int | None = None,
+    run_for: float | None = None,
+) -> Plan:
+    """The processes of a team. `bus` holds the connection options that all get; `world` None = real robots."""
+    chosen_seed = str(team.team.seed if seed is None else seed)
+    commands = {}
+    if world is not None:
+        commands[names.SIMULATOR] = [
+            *zteam_command("sim", str(world), "--seed", chosen_seed),
+            *(() if run_for is None else ("--for", str(run_for))),
+            *_additions(team.robots),
+            *_gaps(team.robots),
+            *bus,
+        ]
+    commands[names.AGGREGATOR] = [*zteam_command("aggregator", *((str(team_file),) if team_file else ())), *bus]
+    ids = [str(robot.id) for robot in team.robots]
+    commands[names.MONITOR] = [*zteam_command("monitor", "--ids", *ids), *bus]
+    for robot in team.robots:
+        arguments = [*robot_arguments(robot), "--seed", chosen_seed]
+        commands[names.robot_name(robot.id)] = [*zteam_command("robot", *arguments), *bus]
+    return Plan(commands)
+
+
+def _additions(robots: Sequence[RobotEntry]) -> list[str]:
+    arguments = []
+    for robot in robots:
+        if robot.pose is not None:
+            x, y, yaw = robot.pose
+            arguments += ["--add", f"{robot.id}:{robot.model or 'erratic'}:{x!r}:{y!r}:{yaw!r}"]
+    return arguments
+
+
+def _gaps(robots: Sequence[RobotEntry]) -> list[str]:
+    return [part for robot in robots if robot.follow is not None for part in ("--gap", f"{robot.id}:{robot.follow}")]

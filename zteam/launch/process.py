@@ -1,0 +1,169 @@
+"""One child process: its own process group, its output line by line, its peak memory, and no way to outlive us."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+from collections import deque
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import msgspec
+
+from zteam.nodes.stopping import PARENT_PIPE
+
+_KEPT_LINES = 200
+
+
+class Usage(msgspec.Struct):
+    """Memory at its peak (MB, 10⁶ bytes) and processor time so far (s)."""
+
+    rss_mb: float = 0.0
+    pss_mb: float = 0.0
+    cpu_seconds: float = 0.0
+
+
+def measure_usage(pid: int, usage: Usage) -> None:
+    """Raise `usage` to what the process takes now; a process that is gone leaves it as it is."""
+    folder = Path("/proc") / str(pid)
+    try:
+        status = (folder / "status").read_text()
+        rollup = (folder / "smaps_rollup").read_text()
+        fields = (folder / "stat").read_text().rpartition(")")[2].split()
+    except OSError:
+        return
+    usage.rss_mb = max(usage.rss_mb, _kilobytes(status, "VmHWM:") * 1024 / 1e6)
+    usage.pss_mb = max(usage.pss_mb, _kilobytes(rollup, "Pss:") * 1024 / 1e6)
+    # Fields 14 and 15 of proc(5) stat; the list begins at field 3.
+    usage.cpu_seconds = (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def _kilobytes(text: str, label: str) -> int:
+    for line in text.splitlines():
+        if line.startswith(label):
+            return int(line.split()[1])
+    return 0
+
+
+def zteam_command(module: str, *arguments: str) -> list[str]:
+    """The command that runs `zteam.cli.<module>` with this interpreter, whatever lies in the current folder."""
+    return [sys.executable, "-P", "-m", f"zteam.cli.{module}", *arguments]
+
+
+class Process:
+    """A running child. `on_line(process, line)` and `on_exit(process)` are called from its reader thread."""
+
+    def __init__(
+        self,
+        name: str,
+        command: Sequence[str],
+        lifeline: int,
+        *,
+        on_line: Callable[["Process", str], None],
+        on_exit: Callable[["Process"], None],
+        environment: dict[str, str] | None = None,
+    ) -> None:
+        self.name = name
+        self.usage = Usage()
+        self.lines: deque[str] = deque(maxlen=_KEPT_LINES)
+        self.stopping = False
+        """Whether its end is wanted."""
+        self._on_line = on_line
+        self._on_exit = on_exit
+        self._popen = subprocess.Popen(
+            list(command),
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            pass_fds=(lifeline,),
+            env={**os.environ, **(environment or {}), PARENT_PIPE: str(lifeline), "PYTHONUNBUFFERED": "1"},
+            # Of its own, so that the terminal's Ctrl+C reaches the launcher alone, which stops in order.
+            process_group=0,
+            text=True,
+            errors="replace",
+        )
+        self._reader = threading.Thread(target=self._read, name=f"read {name}", daemon=True)
+        self._reader.start()
+
+    @property
+    def pid(self) -> int:
+        """Process id."""
+        return self._popen.pid
+
+    @property
+    def exit_code(self) -> int | None:
+        """As in subprocess: negative for a signal, None while it runs."""
+        return self._popen.returncode
+
+    @property
+    def running(self) -> bool:
+        """Whether it has not ended yet."""
+        return self._popen.poll() is None
+
+    def _read(self) -> None:
+        assert self._popen.stdout is not None
+        for line in self._popen.stdout:
+            text = line.rstrip("\n")
+            self.lines.append(text)
+            self._on_line(self, text)
+        self._popen.wait()
+        self._popen.stdout.close()
+        self._on_exit(self)
+
+    def write_line(self, text: str) -> None:
+        """Write a line to its standard input and close that."""
+        assert self._popen.stdin is not None
+        try:
+            self._popen.stdin.write(text + "\n")
+            self._popen.stdin.close()
+        except BrokenPipeError:
+            # It has ended already; its exit is reported by the reader.
+            pass
+
+    def signal(self, number: int) -> None:
+        """Send it a signal, if it still runs."""
+        if self.running:
+            self._popen.send_signal(number)
+
+    def terminate(self) -> None:
+        """Ask it to stop."""
+        self.stopping = True
+        self.signal(signal.SIGTERM)
+
+    def kill(self) -> None:
+        """End it and whatever it started, now."""
+        try:
+            os.killpg(self._popen.pid, signal.SIGKILL)
+        except (ProcessLookupError, PermissionError):
+            # The group is gone; the reader sees the end of the process itself.
+            pass
+
+    def join(self, timeout: float) -> bool:
+        """Wait for its end and its last line; whether that came within `timeout` s."""
+        self._reader.join(timeout)
+        if self._reader.is_alive():
+            return False
+        if self._popen.stdin is not None:
+            try:
+                self._popen.stdin.close()
+            except BrokenPipeError:
+                pass
+        return True
+
+    def measure(self) -> None:
+        """Bring `usage` up to date."""
+        if self.running:
+            measure_usage(self.pid, self.usage)
+
+
+def exit_text(code: int | None) -> str:
+    """An exit code in words."""
+    if code is None:
+        return "still running"
+    if code < 0:
+        try:
+            return f"killed by {signal.Signals(-code).name}"
+        except ValueError:
+            return f"killed by signal {-code}"
+    return f"exit code {code}"

@@ -1,0 +1,93 @@
+"""What `zteam up --report` writes."""
+
+import os
+from pathlib import Path
+
+import msgspec
+
+from zteam import names
+from zteam.bus import Bus
+from zteam.bus.counters import KeyCount
+from zteam.launch.process import Process, Usage, measure_usage
+from zteam.nodes.sim_messages import RobotReport, SimReport
+
+
+class ProcessReport(msgspec.Struct):
+    """One process of the run; memory at its peak."""
+
+    name: str
+    pid: int
+    exit: int | None
+    restarts: int
+    rss_mb: float
+    pss_mb: float
+    cpu_seconds: float
+
+
+class RunReport(msgspec.Struct):
+    """A whole run."""
+
+    sim_seconds: float
+    """Simulated, from GO on."""
+    wall_seconds: float
+    """From the command's start to the last tick."""
+    go_after_seconds: float | None
+    """From the command's start to GO."""
+    seed: int
+    external_commands: int
+    robots: list[RobotReport]
+    processes: list[ProcessReport]
+    dropped: dict[str, int]
+    """Refused payloads by key, over all processes."""
+    latency_ms: dict[str, float | int | None]
+    """Scan sent to command received, in the simulator: p50, p99, count."""
+
+
+def seconds_since_start() -> float:
+    """Host seconds since this process was started, interpreter and imports included."""
+    ticks = int(Path("/proc/self/stat").read_text().rpartition(")")[2].split()[19])
+    uptime = float(Path("/proc/uptime").read_text().split()[0])
+    return uptime - ticks / os.sysconf("SC_CLK_TCK")
+
+
+def read_sim_report(bus: Bus) -> SimReport:
+    """The simulator's own count. Raises BusError when it does not answer."""
+    return bus.ask(names.service_key(names.SIMULATOR, "report"), SimReport)
+
+
+def read_dropped(bus: Bus) -> dict[str, int]:
+    """Refused payloads by key, summed over every process that answers."""
+    dropped: dict[str, int] = {}
+    for _, counts in bus.query(names.stats_key("*"), dict[str, KeyCount]):
+        for key, count in counts.items():
+            if count.dropped:
+                dropped[key] = dropped.get(key, 0) + count.dropped
+    return dict(sorted(dropped.items()))
+
+
+def report_processes(processes: dict[str, Process], launcher: str) -> list[ProcessReport]:
+    """Every child, and this process under the name `launcher`."""
+    own = Usage()
+    measure_usage(os.getpid(), own)
+    found = [_row(p.name, p.pid, p.exit_code, p.usage) for p in processes.values()]
+    return [*found, _row(launcher, os.getpid(), 0, own)]
+
+
+def _row(name: str, pid: int, code: int | None, usage: Usage) -> ProcessReport:
+    memory = round(usage.rss_mb, 1), round(usage.pss_mb, 1)
+    # Nothing is ever started again by itself, so there is nothing to count yet.
+    return ProcessReport(name, pid, code, 0, *memory, round(usage.cpu_seconds, 2))
+
+
+def format_report(report: RunReport) -> str:
+    """A short table for people."""
+    lines = [f"{report.sim_seconds:.1f} simulated seconds after GO, seed {report.seed}"]
+    lines.append(f"{'robot':8}{'follows':>8}{'driven m':>10}{'gap end m':>10}{'stalls':>8}{'late':>6}")
+    for robot in report.robots:
+        follows = "-" if robot.follow is None else str(robot.follow)
+        gap = "-" if robot.gap_m is None else f"{robot.gap_m.end:.2f}"
+        row = f"{robot.id:<8}{follows:>8}{robot.distance_m:>10.2f}{gap:>10}{robot.stalls:>8}{robot.late_steps:>6}"
+        lines.append(row)
+    memory = sum(p.pss_mb for p in report.processes)
+    lines.append(f"{len(report.processes)} processes, {memory:.0f} MB together (PSS)")
+    return "\n".join(lines)

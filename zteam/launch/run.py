@@ -1,0 +1,226 @@
+"""Runs a team from start to end: router, processes, GO, a time limit, the report, an orderly stop."""
+
+import logging
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+
+from zteam import names
+from zteam.bus import Bus, BusOptions, connect
+from zteam.bus.connection import FROM_STDIN, port_accepts
+from zteam.bus.options import DEFAULT_ENDPOINT
+from zteam.clock import to_ns
+from zteam.config import Team
+from zteam.errors import BusError, ZteamError
+from zteam.launch.plan import ROUTER, Plan, plan_team
+from zteam.launch.process import Process, exit_text, zteam_command
+from zteam.launch.report import (
+    RunReport,
+    read_dropped,
+    read_sim_report,
+    report_processes,
+    seconds_since_start,
+)
+from zteam.launch.supervisor import Supervisor
+from zteam.messages import Clock, TeamState, TeamStatus, ns_from_time
+from zteam.nodes.sim_messages import SimReport
+from zteam.nodes.stopping import Stop
+
+log = logging.getLogger("zteam")
+
+ROUTER_DEADLINE = 20.0
+"""Host seconds until the router listens; an interpreter has taken 2.2 s to start on a crowded machine."""
+
+ANY_PORT = "tcp/127.0.0.1:0"
+
+
+class RunOptions(msgspec.Struct, frozen=True):
+    """What to run and for how long."""
+
+    team: Team
+    team_file: Path | None
+    world: Path | None
+    bus: BusOptions
+    seed: int | None = None
+    run_for: float | None = None
+    """Simulated seconds after GO."""
+
+
+class Progress:
+    """GO and the end of the run as the launcher hears them on the bus."""
+
+    def __init__(self, bus: Bus, run_for: float | None) -> None:
+        self.changed = threading.Condition()
+        self.go_after: float | None = None
+        self.wall: float | None = None
+        self._go_stamp: int | None = None
+        self._run_for = run_for
+        bus.subscribe(names.TEAM_STATUS, TeamStatus, self._on_team_status, latched=True)
+        bus.subscribe(names.CLOCK, Clock, self._on_clock)
+
+    def _on_team_status(self, _key: str, status: TeamStatus) -> None:
+        if status.state == TeamState.GO and self.go_after is None:
+            with self.changed:
+                self.go_after = seconds_since_start()
+                self._go_stamp = ns_from_time(status.go_stamp)
+                self.changed.notify_all()
+
+    def _on_clock(self, _key: str, message: Clock) -> None:
+        if self._run_for is None or self._go_stamp is None or self.wall is not None:
+            return
+        if ns_from_time(message.clock) - self._go_stamp >= to_ns(self._run_for):
+            with self.changed:
+                self.wall = seconds_since_start()
+                self.changed.notify_all()
+
+    def wake(self) -> None:
+        """Let whoever waits on `changed` look again."""
+        with self.changed:
+            self.changed.notify_all()
+
+
+def choose_endpoint() -> str:
+    """Where the team's router listens: the default port, so that tools find it; another one if that is taken."""
+    return ANY_PORT if port_accepts(DEFAULT_ENDPOINT, timeout=0.2) else DEFAULT_ENDPOINT
+
+
+class Run:
+    """One run of a team. Use as: `with Run(...) as run: run.start(); run.watch(); report = run.finish()`."""
+
+    def __init__(self, options: RunOptions, stop: Stop, on_line: Callable[[str, str], None]) -> None:
+        self._options = options
+        self._stop = stop
+        self._hurry = False
+        self._report: SimReport | None = None
+        self._dropped: dict[str, int] = {}
+        self._progress: Progress | None = None
+        self._bus: Bus | None = None
+        self.endpoint = options.bus.connect or ""
+        self.plan = self._make_plan()
+        self.supervisor = Supervisor(on_line, self._on_failure)
+        stop.on_request(self._wake)
+
+    def _make_plan(self) -> Plan:
+        options = self._options
+        bus = ["--connect", options.bus.connect or FROM_STDIN]
+        if options.bus.namespace:
+            bus += ["--namespace", options.bus.namespace]
+        if options.bus.config:
+            bus += ["--config", options.bus.config]
+        return plan_team(
+            options.team,
+            options.world,
+            bus,
+            team_file=options.team_file,
+            seed=options.seed,
+            run_for=options.run_for,
+        )
+
+    def __enter__(self) -> "Run":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        try:
+            self._stop_all()
+        finally:
+            if self._bus is not None:
+                self._bus.close()
+            self.supervisor.close()
+
+    def _wake(self) -> None:
+        if self._progress is not None:
+            self._progress.wake()
+        with self.supervisor.changed:
+            self.supervisor.changed.notify_all()
+
+    def hurry(self) -> None:
+        """Stop without grace: the user asked a second time."""
+        self._hurry = True
+        self._wake()
+
+    def _on_failure(self, process: Process) -> None:
+        log.error("%s ended: %s; it is not started again", process.name, exit_text(process.exit_code))
+        self._wake()
+
+    def start(self) -> None:
+        """Start everything at once; the processes import while the router comes up."""
+        supervisor = self.supervisor
+        if self._options.bus.connect is None:
+            self._start_router()
+        for name, command in self.plan.commands.items():
+            supervisor.start(name, command)
+        if self._options.bus.connect is None:
+            self._wait_for_router()
+            for name in self.plan.commands:
+                supervisor.processes[name].write_line(self.endpoint)
+        bus = BusOptions(connect=self.endpoint, namespace=self._options.bus.namespace, config=self._options.bus.config)
+        self._bus = connect(bus, stopping=self._stop, patience=ROUTER_DEADLINE)
+        self._progress = Progress(self._bus, self._options.run_for)
+        if self._stop.requested:
+            self._wake()
+
+    def _start_router(self) -> None:
+        listen = choose_endpoint()
+        self.supervisor.start(ROUTER, zteam_command("router", "--listen", listen, "--announce"))
+
+    def _wait_for_router(self) -> None:
+        router = self.supervisor.processes[ROUTER]
+
+        def settled() -> bool:
+            return self._stop.requested or not router.running or any("/" in line for line in router.lines)
+
+        self.supervisor.wait(settled, ROUTER_DEADLINE)
+        announced = [line for line in router.lines if line.startswith(("tcp/", "tls/"))]
+        if not announced and not self._stop.requested and not router.running:
+            # Another router took the port between the look and the bind: any port will do.
+            router = self.supervisor.start(ROUTER, zteam_command("router", "--listen", ANY_PORT, "--announce"))
+            self.supervisor.failures.clear()
+            self.supervisor.wait(settled, ROUTER_DEADLINE)
+            announced = [line for line in router.lines if line.startswith("tcp/")]
+        if not announced:
+            raise BusError(
+                "stopped" if self._stop.requested else f"the router did not start: {list(router.lines)[-1:]}"
+            )
+        self.endpoint = announced[0]
+
+    def watch(self) -> None:
+        """Wait for the end of the time asked for, or for the stop request. Raises ZteamError if it cannot come."""
+        progress = self._progress
+        assert progress is not None
+        with progress.changed:
+            while not self._stop.requested and progress.wall is None:
+                if self._options.run_for is not None and self.supervisor.failures:
+                    names_ = ", ".join(sorted({p.name for p in self.supervisor.failures}))
+                    raise ZteamError(f"{names_} failed: the run cannot be finished")
+                if not any(p.running for p in self.supervisor.processes.values()):
+                    return
+                progress.changed.wait(1.0)
+
+    def finish(self) -> RunReport | None:
+        """Collect the counts, stop everything in order, and report; None where there is nothing to report."""
+        bus, progress = self._bus, self._progress
+        if bus is not None and self._options.world is not None and not self._stop.requested:
+            self._report = read_sim_report(bus)
+            self._dropped = read_dropped(bus)
+        self._stop_all()
+        if self._report is None or progress is None:
+            return None
+        counted = self._report
+        return RunReport(
+            sim_seconds=counted.sim_seconds,
+            wall_seconds=round(progress.wall or seconds_since_start(), 3),
+            go_after_seconds=None if progress.go_after is None else round(progress.go_after, 3),
+            seed=counted.seed,
+            external_commands=counted.external_commands,
+            robots=counted.robots,
+            processes=report_processes(self.supervisor.processes, "up"),
+            dropped=self._dropped,
+            latency_ms=msgspec.structs.asdict(counted.latency_ms),
+        )
+
+    def _stop_all(self) -> None:
+        self.supervisor.measure()
+        for group in self.plan.stop_order():
+            self.supervisor.stop(group, lambda: self._hurry)

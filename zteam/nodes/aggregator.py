@@ -1,0 +1,158 @@
+"""The TF aggregator process: every robot's transforms in, one tree out, one bundled message a tick.
+
+A bundle leaves as soon as every robot that speaks has spoken for its tick, in the callback of the last one; a robot
+that falls silent delays it by PATIENCE once and then counts as silent until it speaks again.
+"""
+
+import logging
+from collections.abc import Iterable
+
+from zteam import names
+from zteam.bus import NoRequest
+from zteam.clock import monotonic
+from zteam.messages import Header, Quaternion, TFMessage, Transform, TransformStamped, Vector3, ns_from_time
+from zteam.nodes.node import Node
+from zteam.nodes.tf_messages import FrameReply, LookupReply, LookupRequest, StaticReply, StaticRequest
+from zteam.tf import TransformException
+from zteam.tf.merge import Merger
+
+log = logging.getLogger("zteam")
+
+PATIENCE = 0.03
+"""Host seconds that a bundle waits for the last robot of its tick."""
+
+STATIC_CALLER = "static"
+"""Name in the token of a process that added a fixed transform."""
+
+
+class Aggregator:
+    """The merged tree on the bus. Callbacks run under `node.changed`."""
+
+    def __init__(self, node: Node, configured: Iterable[TransformStamped], rate: float | None) -> None:
+        self._node = node
+        self._rate = rate
+        self._merger = Merger(configured)
+        self._speaking: set[int] = set()
+        """Robots that a bundle waits for."""
+        self._spoken: dict[int, int] = {}
+        """Robots in the bundle now, and the stamp they spoke for."""
+        self._opened = 0.0
+        """Host time of the bundle's first transform."""
+        self._tf = node.bus.publisher(names.TF, TFMessage)
+        self._tf_static = node.bus.publisher(names.TF_STATIC, TFMessage, latched=True)
+        node.follow_clock()
+        node.clock.sim.on_jump_back(self._on_jump_back)
+        node.subscribe(names.all_robots_key(names.TF), TFMessage, self._on_tf)
+        node.subscribe(names.all_robots_key(names.TF_STATIC), TFMessage, self._on_tf_static, latched=True)
+        node.watch_tokens(names.tokens_key(STATIC_CALLER), self._on_static_caller)
+        serve, service = node.bus.serve, names.service_key
+        serve(service(names.AGGREGATOR, "static"), StaticRequest, self._add_static)
+        serve(service(names.AGGREGATOR, "lookup"), LookupRequest, self._look_up)
+        serve(service(names.AGGREGATOR, "frames"), NoRequest, lambda _: self._frames())
+        self._publish_statics()
+
+    def _on_tf(self, key: str, message: TFMessage) -> None:
+        target = names.split_robot_key(key)
+        if target is None or not message.transforms:
+            return
+        robot_id = target[0]
+        stamp = max(ns_from_time(t.header.stamp) for t in message.transforms)
+        if self._rate is None and stamp > self._spoken.get(robot_id, stamp):
+            # The robot is a tick ahead of the others: what is here must not wait for them.
+            self._flush()
+        self._merger.take(robot_id, message)
+        if not self._spoken:
+            self._opened = monotonic()
+        self._spoken[robot_id] = stamp
+        self._speaking.add(robot_id)
+        if self._rate is None and self._speaking <= self._spoken.keys():
+            self._flush()
+        if self._merger.statics_changed:
+            self._publish_statics()
+
+    def _on_tf_static(self, key: str, message: TFMessage) -> None:
+        target = names.split_robot_key(key)
+        if target is not None:
+            self._merger.take_static(target[0], message)
+            self._publish_statics()
+
+    def _on_static_caller(self, key: str, alive: bool) -> None:
+        token = names.split_token_key(key)
+        if token is not None and not alive:
+            self._merger.drop_authority(_authority(token[1]))
+            self._publish_statics()
+
+    def _on_jump_back(self, old: int, new: int) -> None:
+        log.warning("time jumped back from %.1f s to %.1f s: moving transforms are forgotten", old / 1e9, new / 1e9)
+        self._merger.jump_back()
+        self._spoken.clear()
+
+    def _flush(self) -> None:
+        pending = self._merger.take_pending()
+        self._spoken.clear()
+        if pending:
+            self._tf.put(TFMessage(pending))
+
+    def _publish_statics(self) -> None:
+        if self._merger.statics_changed:
+            self._tf_static.put(self._merger.statics())
+
+    def _add_static(self, request: StaticRequest) -> StaticReply:
+        rotation = Quaternion(request.qx, request.qy, request.qz, request.qw)
+        transform = TransformStamped(
+            Header(frame_id=names.strip_slash(request.parent)),
+            names.strip_slash(request.child),
+            Transform(Vector3(request.x, request.y, request.z), rotation),
+        )
+        with self._node.changed:
+            refused = self._merger.add_static(transform, _authority(request.instance))
+            self._publish_statics()
+        return StaticReply(refused or "")
+
+    def _look_up(self, request: LookupRequest) -> LookupReply:
+        target, source = names.strip_slash(request.target), names.strip_slash(request.source)
+        try:
+            found = self._merger.buffer.lookup_transform(target, source, request.time)
+        except TransformException as error:
+            return LookupReply(error=type(error).__name__, text=str(error))
+        t, r = found.transform.translation, found.transform.rotation
+        return LookupReply(ns_from_time(found.header.stamp), (t.x, t.y, t.z), (r.x, r.y, r.z, r.w))
+
+    def _frames(self) -> dict[str, FrameReply]:
+        return {child: FrameReply(*info) for child, info in self._merger.buffer.frames().items()}
+
+    def run(self) -> None:
+        """Send late bundles, and say conflicts, until the process is asked to stop."""
+        period = 1.0 / self._rate if self._rate else None
+        due = monotonic()
+        while not self._node.stopping:
+            if period is None:
+                self._node.wait(lambda: bool(self._spoken), 0.5)
+                self._node.wait(self._bundle_is_old, PATIENCE)
+                with self._node.changed:
+                    if self._bundle_is_old():
+                        self._speaking &= self._spoken.keys()
+                        self._flush()
+            else:
+                due = max(due + period, monotonic())
+                self._node.wait(lambda until=due: monotonic() >= until, max(0.0, due - monotonic()))  # type: ignore[misc]
+                with self._node.changed:
+                    self._flush()
+            with self._node.changed:
+                conflicts = self._merger.take_conflicts()
+            for conflict in conflicts:
+                log.warning("%s", conflict)
+
+    def _bundle_is_old(self) -> bool:
+        return bool(self._spoken) and monotonic() - self._opened >= PATIENCE
+
+
+def _authority(instance: str) -> str:
+    return f"{STATIC_CALLER} {instance[:8]}"
+
+
+def run_aggregator(node: Node, configured: Iterable[TransformStamped], rate: float | None) -> None:
+    """Be the aggregator until asked to stop."""
+    aggregator = Aggregator(node, configured, rate)
+    node.become_present()
+    aggregator.run()

@@ -1,0 +1,174 @@
+"""The monitor process: the start gate and the team's health, for people or as JSON lines."""
+
+import logging
+import sys
+from collections.abc import Callable
+
+import msgspec
+
+from zteam import names
+from zteam.clock import Every, monotonic
+from zteam.errors import BusError
+from zteam.messages import RobotStatus, TeamStatus
+from zteam.nodes.gate import Event, Gate
+from zteam.nodes.node import Node
+from zteam.nodes.sim_messages import SimStatus
+
+log = logging.getLogger("zteam")
+
+LINK_GRACE = 0.25
+"""Host seconds that a vanished token is held back: when the router dies, all tokens vanish a moment before the link."""
+LEAVE_AFTER = 5.0
+"""`--exit-on-go` waits this long at most for every robot to obey."""
+
+
+class MonitorOptions(msgspec.Struct, frozen=True):
+    """What the command line asks for."""
+
+    team_size: int
+    ids: tuple[int, ...] | None = None
+    json: bool = False
+    exit_on_go: bool = False
+
+
+class Monitor:
+    """The gate on the bus. Callbacks run under `node.changed`."""
+
+    def __init__(self, node: Node, options: MonitorOptions, show: Callable[[Event], None]) -> None:
+        self._node = node
+        self._options = options
+        self._show = show
+        self.gate = Gate(options.ids, options.team_size)
+        self._vanished: list[tuple[float, int, str]] = []
+        self._link_up = True
+        self._published: TeamStatus | None = None
+        self._odd = Every(1.0)
+        self._sim_seen = False
+        self._publisher = node.bus.publisher(names.TEAM_STATUS, TeamStatus, latched=True)
+        node.follow_clock()
+        node.clock.sim.on_jump_back(lambda _old, new: self.gate.renew(new))
+        node.bus.watch_link(self._on_link)
+        node.subscribe(names.all_robots_key(names.STATUS), RobotStatus, self._on_status)
+        node.watch_tokens(names.tokens_key(), self._on_token)
+
+    def _on_link(self, up: bool) -> None:
+        with self._node.changed:
+            self._link_up = up
+            if not up:
+                # What vanished with the link says nothing about the robots.
+                self._vanished = [v for v in self._vanished if monotonic() - v[0] > LINK_GRACE]
+            self._show(Event("link", None, "router is back" if up else "router lost"))
+
+    def _on_token(self, key: str, alive: bool) -> None:
+        token = names.split_token_key(key)
+        if token is None:
+            return
+        name, instance = token
+        if name == names.SIMULATOR and alive:
+            self._sim_seen = True
+        robot_id = names.robot_id_of(name)
+        if robot_id is None:
+            return
+        self._vanished = [v for v in self._vanished if v[1:] != (robot_id, instance)]
+        if alive:
+            self.gate.take_token(robot_id, instance, True)
+        else:
+            self._vanished.append((monotonic(), robot_id, instance))
+
+    def _on_status(self, key: str, status: RobotStatus) -> None:
+        target = names.split_robot_key(key)
+        if target is None or not self.gate.take_status(target[0], status, monotonic()):
+            self._node.bus.counters.drop(key, f"it speaks for robot {status.robot_id}")
+
+    def run(self) -> None:
+        """Gate and watch until the process is asked to stop."""
+        nag = Every(5.0)
+        nag.due()
+        leave_at: float | None = None
+        while not self._node.stopping:
+            if self._sim_seen and self.gate.expected is None:
+                self._learn_ids()
+            with self._node.changed:
+                self._settle_vanished()
+                self.gate.check_silence(monotonic())
+                if self._link_up:
+                    self.gate.try_go(self._node.clock.now())
+                self._publish()
+                self._tell_events()
+                leaving = self._options.exit_on_go and self.gate.gone
+                running = self.gate.all_running()
+            if leaving:
+                leave_at = leave_at or monotonic() + LEAVE_AFTER
+                if running or monotonic() > leave_at:
+                    return
+            elif not self.gate.gone and nag.due():
+                log.warning(
+                    "waiting for %s (a robot started with --no-gate does not wait for GO)", self.gate.waiting_for()
+                )
+            self._node.wait(self._has_work, 0.2)
+
+    def _has_work(self) -> bool:
+        return bool(self.gate.events) or (not self.gate.gone and len(self.gate.ready) >= self.gate.team_size)
+
+    def _settle_vanished(self) -> None:
+        now = monotonic()
+        due = [v for v in self._vanished if now - v[0] > LINK_GRACE]
+        if due and self._link_up:
+            self._vanished = [v for v in self._vanished if v not in due]
+            for _, robot_id, instance in due:
+                self.gate.take_token(robot_id, instance, False)
+
+    def _learn_ids(self) -> None:
+        """Wait for the simulator's own robots if there are as many as asked for."""
+        self._sim_seen = False
+        try:
+            answer = self._node.bus.ask(names.service_key(names.SIMULATOR, "status"), SimStatus)
+        except BusError as error:
+            log.debug("%s", error)
+            return
+        with self._node.changed:
+            if len(answer.robots) == self.gate.team_size:
+                self.gate.expect(answer.robots)
+
+    def _publish(self) -> None:
+        status = self.gate.status(self._node.clock.now())
+        known = self._published
+        if known is not None:
+            status.header = known.header
+        if status != known:
+            self._published = status
+            self._publisher.put(status)
+
+    def _tell_events(self) -> None:
+        events, self.gate.events = self.gate.events, []
+        for event in events:
+            self._show(event)
+
+
+def print_event(event: Event) -> None:
+    """One line for people."""
+    who = "" if event.robot is None else f"{names.robot_name(event.robot)} "
+    print(f"{who}{event.text}", flush=True)  # noqa: T201
+
+
+def print_json(event: Event) -> None:
+    """One JSON object: {"event", "robot" (or null), "text"}."""
+    line = {"event": event.kind, "robot": event.robot, "text": event.text}
+    print(msgspec.json.encode(line).decode(), flush=True)  # noqa: T201
+
+
+def run_monitor(node: Node, options: MonitorOptions) -> None:
+    """Be the monitor until asked to stop, or until GO with `exit_on_go`."""
+    live = sys.stdout.isatty() and not options.json and not options.exit_on_go
+    if live:
+        from zteam.nodes.table import LiveTable
+
+        with LiveTable() as table:
+            monitor = Monitor(node, options, table.show)
+            table.watch(node, monitor.gate)
+            node.become_present()
+            monitor.run()
+        return
+    monitor = Monitor(node, options, print_json if options.json else print_event)
+    node.become_present()
+    monitor.run()
