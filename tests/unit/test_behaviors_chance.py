@@ -1,0 +1,39 @@
+"""Randomness by counters."""
+
+from itertools import pairwise
+
+from kinematics import make_view
+
+from zteam.behaviors.chance import mix64, uniform
+
+
+def test_the_finaliser_is_splitmix64s() -> None:
+    """From state 0, SplitMix64's published first three outputs come out."""
+    golden = 0x9E3779B97F4A7C15
+    assert [mix64(golden * n) for n in (1, 2, 3)] == [0xE220A8397B1DCDAF, 0x6E789E6AA1B965F4, 0x06C45D188009454F]
+
+
+def test_numbers_depend_on_every_counter_and_their_order() -> None:
+    """Another seed, robot, tick or draw, or the same ones swapped, gives another number; the same gives the same."""
+    draws = [uniform(*c) for c in ((1, 2, 3, 4), (0, 2, 3, 4), (1, 0, 3, 4), (1, 2, 0, 4), (1, 2, 3, 0), (4, 3, 2, 1))]
+    assert len(set(draws)) == len(draws)
+    assert uniform(1, 2, 3, 4) == draws[0]
+
+
+def test_numbers_are_spread_evenly() -> None:
+    """Over consecutive ticks each tenth of [0, 1) gets its share, and neighbours are not alike."""
+    draws = [uniform(1, 0, tick, 0) for tick in range(10_000)]
+    shares = [sum(int(10 * u) == tenth for u in draws) for tenth in range(10)]
+    assert min(shares) > 900
+    assert max(shares) < 1100
+    mean = sum(draws) / len(draws)
+    together = sum((a - mean) * (b - mean) for a, b in pairwise(draws)) / len(draws)
+    assert abs(together) < 0.003  # a twelfth would be perfect correlation
+
+
+def test_a_view_draws_for_its_robot_and_time() -> None:
+    """Two robots, two instants and two draws of one step differ; a repeated look does not."""
+    view = make_view(robot_id=1, seed=7)
+    others = (make_view(robot_id=2, seed=7), make_view(robot_id=1, seed=8), make_view(now=5, robot_id=1, seed=7))
+    assert len({view.random(0), view.random(1), *(v.random(0) for v in others)}) == 5
+    assert view.random(0) == make_view(robot_id=1, seed=7).random(0)

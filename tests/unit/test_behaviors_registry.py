@@ -1,0 +1,106 @@
+"""Behaviours by name, and their parameters."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from zteam.behaviors import load_behavior
+from zteam.errors import UsageError
+
+MINE = """
+import msgspec
+from zteam.behaviors import Behavior
+from zteam.messages import Twist, Vector3
+
+class Params(msgspec.Struct, forbid_unknown_fields=True):
+    rate: float = 0.5
+
+class Spin(Behavior):
+    Params = Params
+    def step(self, view):
+        return Twist(angular=Vector3(z=self.params.rate))
+
+class Bare(Behavior):
+    pass
+
+class Stranger:
+    pass
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A user's package on the path, forgotten afterwards."""
+    package = tmp_path / "my_robots"
+    package.mkdir()
+    (package / "__init__.py").touch()
+    (package / "mine.py").write_text(MINE)
+    (package / "broken.py").write_text("def (:\n")
+    (package / "raising.py").write_text("raise RuntimeError('two\\nlines')\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(sys, "modules", sys.modules.copy())
+    return tmp_path
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_users_class_is_found() -> None:
+    """package.module:Class, its parameters typed like ours."""
+    behavior = load_behavior("my_robots.mine:Spin", {"rate": 2})
+    assert behavior.params.rate == 2.0
+    with pytest.raises(UsageError, match=r"\$\.rate: Expected `float`, got `str`; it takes rate"):
+        load_behavior("my_robots.mine:Spin", {"rate": "fast"})
+
+
+@pytest.mark.usefixtures("folder")
+@pytest.mark.parametrize(
+    ("spec", "text"),
+    [
+        ("turn", "no behaviour 'turn': use forward, avoid, wander, follow or package.module:Class"),
+        ("", "no behaviour ''"),
+        ("my_robots.mine", "package.module:Class"),
+        ("my_robots.mine:", "package.module:Class"),
+        (":Spin", "package.module:Class"),
+        ("my_robots..mine:Spin", "package.module:Class"),
+        ("no_such_package.mine:Spin", "cannot import no_such_package.mine: ModuleNotFoundError"),
+        ("my_robots.broken:Spin", "cannot import my_robots.broken: SyntaxError"),
+        ("my_robots.raising:Spin", "RuntimeError: two lines"),
+        ("my_robots.mine:Swim", "module my_robots.mine has no Swim"),
+        ("my_robots.mine:Stranger", "is not a subclass"),
+        ("my_robots.mine:MINE", "has no MINE"),
+        ("my_robots.mine:Bare", "give it a class Params"),
+    ],
+)
+def test_what_is_no_behaviour_is_refused_on_one_line(spec: str, text: str) -> None:
+    """The error names what is wrong and the way out."""
+    with pytest.raises(UsageError) as caught:
+        load_behavior(spec, {})
+    assert text in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("spec", "params", "text"),
+    [
+        ("forward", {"sped": 0.4}, "unknown field `sped`; it takes speed"),
+        ("forward", {"speed": "fast"}, r"\$.speed: Expected `float`, got `str`"),
+        ("forward", {"speed": 2.0}, r"\$.speed: Expected `float` <= 1.0"),
+        ("forward", {"speed": float("nan")}, r"\$.speed"),
+        ("avoid", {"max_invalid": -1}, r"\$.max_invalid"),
+        ("wander", {"turn_rate": 0.0}, r"\$.turn_rate"),
+        ("follow", {}, "missing required field `leader`"),
+        ("follow", {"leader": "0"}, r"\$.leader: Expected `int`, got `str`"),
+        ("follow", {"leader": -1}, r"\$.leader"),
+        ("follow", {"leader": 10_000}, r"\$.leader: Expected `int` <= 9999"),
+        ("follow", {"leader": True}, r"\$.leader"),
+    ],
+)
+def test_wrong_parameters_name_their_key(spec: str, params: dict[str, object], text: str) -> None:
+    """A parameter's mistake is answered with its key and what it takes."""
+    with pytest.raises(UsageError, match=text):
+        load_behavior(spec, params)
+
+
+def test_whole_numbers_are_speeds_too() -> None:
+    """`speed = 1` in a team file is 1.0 m/s."""
+    assert load_behavior("forward", {"speed": 1}).params.speed == 1.0

@@ -1,0 +1,27 @@
+"""Drive straight on (the lectures' move_robot)."""
+
+from typing import Annotated
+
+import msgspec
+
+from zteam.behaviors.behavior import Behavior
+from zteam.behaviors.view import View
+from zteam.messages import Twist, Vector3
+
+
+class ForwardParams(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Parameters of `forward`."""
+
+    speed: Annotated[float, msgspec.Meta(ge=-1.0, le=1.0)] = 0.2
+    """m/s; below 0 it drives backwards, where no laser looks."""
+
+
+class Forward(Behavior):
+    """The same speed for ever; only the safety layer stops it."""
+
+    Params = ForwardParams
+    params: ForwardParams
+
+    def step(self, view: View) -> Twist:
+        """Straight on."""
+        return Twist(linear=Vector3(x=self.params.speed))

@@ -1,0 +1,84 @@
+"""The layer under every behaviour: nothing moves on old data, into an obstacle, or faster than the limits.
+
+Pure functions. Text that says why is the same from step to step, so that a robot's status changes only with the cause.
+"""
+
+import math
+
+from zteam import names
+from zteam.behaviors.behavior import Behavior
+from zteam.behaviors.scans import look_ahead, look_along
+from zteam.behaviors.view import View
+from zteam.messages import LaserScan, Twist, Vector3, ns_from_time
+
+STALE_AFTER = 0.5
+"""Seconds after which a scan, or the robot's own pose, is too old to move on."""
+MAX_LINEAR = 1.0
+"""m/s, forwards and backwards: Stage's own limit for a position model."""
+MAX_ANGULAR = math.pi
+"""rad/s, both ways."""
+STOP_AHEAD = 0.35
+"""Metres from the laser: 0.25 m ahead of the front of an erratic, whose laser sits 0.1 m behind it."""
+HALF_WIDTH = 0.2
+"""Metres: an erratic's half width of 0.175 m and a margin."""
+BLIND_ANGLE = math.radians(30.0)
+BLIND_SHARE = 0.5
+"""A robot is blind when more than this share of the beams within BLIND_ANGLE of straight ahead says nothing."""
+
+
+def decide(behavior: Behavior, view: View) -> tuple[Twist, str]:
+    """What the wheels shall do, and why they do not do what the behaviour is there for ("" = they do)."""
+    trouble = _old_data(view, behavior.uses_tf)
+    if trouble:
+        return Twist(), trouble
+    command, trouble = make_safe(behavior.step(view), view)
+    return command, trouble or behavior.reason
+
+
+def make_safe(wanted: Twist, view: View) -> tuple[Twist, str]:
+    """`wanted` within the limits, without its forward part where something stands ahead; and why it was cut ("" = not).
+
+    Only x and yaw are passed on: the bases have no other way to move.
+    """
+    trouble = _old_data(view, uses_tf=False)
+    if trouble or view.scan is None:
+        return Twist(), trouble
+    x, turn = wanted.linear.x, wanted.angular.z
+    if not (math.isfinite(x) and math.isfinite(turn)):
+        return Twist(), "the behaviour asks for a velocity that is no number"
+    if x > 0.0:
+        trouble = _ahead(view.scan)
+    x = 0.0 if trouble else max(-MAX_LINEAR, min(MAX_LINEAR, x))
+    return Twist(linear=Vector3(x=x), angular=Vector3(z=max(-MAX_ANGULAR, min(MAX_ANGULAR, turn)))), trouble
+
+
+def missing(view: View, behavior: Behavior) -> list[str]:
+    """What the robot lacks before it is ready, as nouns for its status; empty = ready."""
+    lacking = []
+    if view.scan is None:
+        lacking.append(f"a first scan ({names.scan_key(view.robot_id, 0)})")
+    if view.odom is None:
+        lacking.append(f"odometry ({names.robot_key(view.robot_id, names.ODOM)})")
+    if view.map_from_base() is None:
+        lacking.append(f"its own pose in {names.MAP_FRAME}")
+    return lacking + behavior.missing(view)
+
+
+def _old_data(view: View, uses_tf: bool) -> str:
+    if view.scan is None:
+        return "no scan yet"
+    if not view.is_fresh(ns_from_time(view.scan.header.stamp), STALE_AFTER):
+        return "stale scan"
+    if not uses_tf:
+        return ""
+    own = view.map_from_base()
+    if own is None:
+        return f"its own pose in {names.MAP_FRAME} is not known"
+    return "" if not own[1] or view.is_fresh(own[1], STALE_AFTER) else f"its own pose in {names.MAP_FRAME} is stale"
+
+
+def _ahead(scan: LaserScan) -> str:
+    cone = look_ahead(scan, BLIND_ANGLE)
+    if cone is None or cone.invalid > BLIND_SHARE:
+        return "blind ahead"
+    return "obstacle ahead" if look_along(scan, HALF_WIDTH) < STOP_AHEAD else ""

@@ -1,0 +1,82 @@
+"""Laser scans read with care: which beams say something, and what stands in a cone or a corridor.
+
+What a range means follows REP 117 and the comments of sensor_msgs/LaserScan: +inf, and from simulators `range_max`, is
+a beam that met nothing, -inf one that met something too close to measure, and NaN, values below `range_min` (0 among
+them) and finite values above `range_max` say nothing at all. A beam that says nothing is neither an obstacle nor free.
+"""
+
+import math
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from zteam.messages import LaserScan
+
+_ANGLE_TOLERANCE = 1e-5
+"""Radians: the scan's angles are float32 sums, so a beam on the edge of a cone may come to lie beside it."""
+_ROUNDING = 1e-6
+"""Relative: limits and ranges may have been rounded to float32 or not."""
+
+
+class Cone(msgspec.Struct, frozen=True):
+    """What the beams in a cone say."""
+
+    nearest: float
+    """Metres from the laser to the nearest hit; inf where nothing is hit."""
+    bearing: float
+    """Where that hit is: radians, left positive; 0 where nothing is hit."""
+    invalid: float
+    """Share of the cone's beams that say nothing, 0..1."""
+
+
+def read_beams(scan: LaserScan) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    """Angles in [-pi, pi) from the laser's x axis and distances in metres, both (n,), or None where there are no beams.
+
+    A distance is NaN where the beam says nothing, inf where it met nothing, 0 where something is too close to measure.
+    Beams without usable angles are no beams. A scan may run either way round (`angle_increment` < 0) and beyond pi.
+    """
+    ranges = np.array(scan.ranges, np.float64)
+    step, start = scan.angle_increment, scan.angle_min
+    if ranges.size == 0 or not (math.isfinite(start) and math.isfinite(step)) or (step == 0.0 and ranges.size > 1):
+        return None
+    angles = np.remainder(start + step * np.arange(ranges.size) + math.pi, math.tau) - math.pi
+    too_close = np.isneginf(ranges)
+    # NaN fails both comparisons, and so says nothing either.
+    in_range = (ranges >= scan.range_min * (1.0 - _ROUNDING)) & (ranges <= scan.range_max * (1.0 + _ROUNDING))
+    says_something = (in_range | np.isposinf(ranges)) & (ranges > 0.0)
+    ranges[~says_something] = np.nan
+    # A simulator without infinities writes range_max for "no hit".
+    ranges[ranges >= scan.range_max * (1.0 - _ROUNDING)] = np.inf
+    ranges[too_close] = 0.0
+    return angles, ranges
+
+
+def look_ahead(scan: LaserScan, half_angle: float) -> Cone | None:
+    """What stands within `half_angle` (radians) of straight ahead, or None where no beam looks there."""
+    beams = read_beams(scan)
+    if beams is None:
+        return None
+    angles, ranges = beams
+    inside = np.abs(angles) <= half_angle + _ANGLE_TOLERANCE
+    beams_inside = int(inside.sum())
+    if not beams_inside:
+        return None
+    silent = int(np.isnan(ranges[inside]).sum())
+    # Beams outside and silent ones must not be taken for the nearest.
+    distances = np.where(inside & ~np.isnan(ranges), ranges, math.inf)
+    at = int(distances.argmin())
+    nearest = float(distances[at])
+    return Cone(nearest, float(angles[at]) if nearest < math.inf else 0.0, silent / beams_inside)
+
+
+def look_along(scan: LaserScan, half_width: float) -> float:
+    """Metres straight ahead to the nearest hit in a corridor of 2 * `half_width`, inf where it is clear."""
+    beams = read_beams(scan)
+    if beams is None:
+        return math.inf
+    angles, ranges = beams
+    hit = np.isfinite(ranges)
+    x, y = ranges[hit] * np.cos(angles[hit]), ranges[hit] * np.sin(angles[hit])
+    ahead = x[(np.abs(y) <= half_width) & (np.abs(angles[hit]) < 0.5 * math.pi)]
+    return float(ahead.min()) if ahead.size else math.inf
