@@ -1,6 +1,7 @@
 """What every process shares: its name on the bus, its clock, one condition to wait on, and an orderly end."""
 
 import logging
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -18,6 +19,9 @@ from zteam.nodes.stopping import Stop, exit_hard_later
 log = logging.getLogger("zteam")
 
 M = TypeVar("M", bound=Message)
+
+SWITCH_INTERVAL = 0.0005
+"""Seconds a busy thread keeps the interpreter while a message waits for its callback; 5 ms is Python's default."""
 
 
 class Node:
@@ -55,17 +59,24 @@ class Node:
     def follow_clock(self) -> None:
         """Take simulated time from the bus as soon as there is a simulator."""
         self.bus.watch_tokens([names.tokens_key(names.SIMULATOR)], self._on_simulator)
-        self.subscribe(names.CLOCK, Clock, self._on_clock)
+        self.subscribe(names.CLOCK, Clock, self._on_clock, wake=False)
 
     def subscribe(
-        self, key_expr: str, message_type: type[M], callback: Callable[[str, M], None], *, latched: bool = False
+        self,
+        key_expr: str,
+        message_type: type[M],
+        callback: Callable[[str, M], None],
+        *,
+        latched: bool = False,
+        wake: bool = True,
     ) -> Closeable:
-        """Call `callback(key, message)` under `changed`, then wake the main loop."""
+        """Call `callback(key, message)` under `changed`; then wake the main loop, unless it never waits for this."""
 
         def handle(key: str, message: M) -> None:
             with self.changed:
                 callback(key, message)
-                self.changed.notify_all()
+                if wake:
+                    self.changed.notify_all()
 
         return self.bus.subscribe(key_expr, message_type, handle, latched=latched)
 
@@ -141,6 +152,7 @@ def run_node(name: str, options: BusOptions, body: Callable[[Node], None]) -> in
     stop = Stop()
     stop.install()
     exit_hard_later(stop)
+    sys.setswitchinterval(SWITCH_INTERVAL)
     try:
         with open_node(name, options, stop) as node:
             body(node)

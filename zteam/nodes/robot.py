@@ -81,7 +81,7 @@ class RobotNode:
         node.follow_clock()
         node.clock.sim.on_jump_back(self._on_jump_back)
         node.subscribe(self._key(names.BASE_SCAN), LaserScan, self._on_scan)
-        node.subscribe(self._key(names.ODOM), Odometry, self._on_odom)
+        node.subscribe(self._key(names.ODOM), Odometry, self._on_odom, wake=False)
         node.subscribe(names.TEAM_STATUS, TeamStatus, self._on_team_status, latched=True)
         node.subscribe(names.TF, TFMessage, self._on_tf)
         node.subscribe(names.TF_STATIC, TFMessage, self._on_tf_static, latched=True)

@@ -171,15 +171,17 @@ class Simulator:
             outputs.tf.put(observed.transforms(observation, robot_id))
         for robot_id, outputs in self._outputs.items():
             outputs.odom.put(observed.odometry_message(observation, robot_id))
-            outputs.truth.put(observed.ground_truth_message(observation, robot_id))
-            outputs.stall.put(Bool(observation.robots[robot_id].stall))
-            for i, sonar in enumerate(outputs.sonars):
-                sonar.put(observed.range_message(observation, robot_id, i))
             for i, scan in enumerate(outputs.scans):
                 message = observed.scan_message(observation, robot_id, i)
                 if i == 0:
                     self._commands.scan_sent(robot_id)
                 scan.put(message)
+        for robot_id, outputs in self._outputs.items():
+            # Nobody's next command hangs on these.
+            outputs.truth.put(observed.ground_truth_message(observation, robot_id))
+            outputs.stall.put(Bool(observation.robots[robot_id].stall))
+            for i, sonar in enumerate(outputs.sonars):
+                sonar.put(observed.range_message(observation, robot_id, i))
         self._count()
 
     def _count(self) -> None:
