@@ -1,0 +1,20 @@
+"""Teams of real processes drive."""
+
+import math
+
+import pytest
+
+from zteam.testing.team import TeamFixture
+
+pytestmark = pytest.mark.team
+
+
+def test_a_follower_follows(team: TeamFixture) -> None:
+    """Two processes in the arena get GO, the leader moves, the follower comes after it."""
+    team.start("arena", robots=2, follow={1: 0})
+    team.wait_for_go()
+    start = team.robot(1).pose
+    team.wait_until(lambda: team.robot(1).distance_travelled > 1.0, within=40)
+    end = team.robot(1).pose
+    assert math.dist(start[:2], end[:2]) > 0.3
+    assert team.robot(0).distance_travelled > 0.5

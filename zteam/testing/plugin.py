@@ -1,0 +1,36 @@
+"""The pytest plugin: the `team` fixture. Every pytest run on a machine with zteam loads this module, so it imports
+nothing of zteam until a test asks for a team."""
+
+from collections.abc import Generator, Iterator
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+if TYPE_CHECKING:
+    from zteam.testing.team import TeamFixture
+
+_TEAM = pytest.StashKey["TeamFixture"]()
+
+
+@pytest.fixture
+def team(request: pytest.FixtureRequest) -> Iterator["TeamFixture"]:
+    """A team of real processes with a router and a namespace of its own; ended with the test, however it ends."""
+    from zteam.testing.team import TeamFixture
+
+    fixture = TeamFixture()
+    request.node.stash[_TEAM] = fixture
+    try:
+        fixture.open()
+        yield fixture
+    finally:
+        fixture.close()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item: pytest.Item, call: Any) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """Show the logs of all processes of a team whose test failed."""
+    report = yield
+    fixture = item.stash.get(_TEAM, None)
+    if fixture is not None and report.failed:
+        report.sections.append(("processes of the team", fixture.report_log()))
+    return report

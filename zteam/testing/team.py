@@ -1,0 +1,285 @@
+"""A team of real processes for a test: own router, own namespace, everything in view, nothing left behind.
+
+Time limits named `within` are simulated seconds, so a slow machine makes a test slow and not wrong; what has no
+simulated time (a process coming up) has a generous limit on the host's clock.
+"""
+
+import itertools
+import os
+import signal
+import subprocess
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from zteam import names
+from zteam.bus import Bus, BusOptions, connect
+from zteam.clock import monotonic, wait_until
+from zteam.config import RobotEntry, Team, load_team, team_world
+from zteam.errors import UsageError, ZteamError
+from zteam.launch.plan import ROUTER, Plan, plan_team
+from zteam.launch.process import exit_text, zteam_command
+from zteam.launch.supervisor import Supervisor
+from zteam.shipped import shipped_team, shipped_world
+from zteam.testing.view import RobotView, TeamView
+
+START_LIMIT = 60.0
+"""Host seconds for processes to come up: many times what a crowded machine was seen to need."""
+STALL_LIMIT = 60.0
+"""Host seconds without any news after which a wait gives up: simulated time stands still then."""
+
+_numbers = itertools.count(1)
+
+
+class TeamTimeout(ZteamError, AssertionError):  # noqa: N818 - it is a failed assertion first
+    """A condition did not come true in time."""
+
+
+class TeamFixture:
+    """What the `team` fixture gives a test."""
+
+    def __init__(self) -> None:
+        self.namespace = f"test_{os.getpid()}_{next(_numbers)}"
+        """Key prefix of this team alone."""
+        self.endpoint = ""
+        """Where its router listens."""
+        self.bus: Bus
+        """A session in the team's namespace."""
+        self.log: list[tuple[str, str]] = []
+        """(process, line) as they came, for the report of a failed test."""
+        self._supervisor = Supervisor(self._take_line, lambda _process: None)
+        self._view: TeamView
+        self._plan = Plan({})
+
+    def _take_line(self, name: str, line: str) -> None:
+        self.log.append((name, line))
+
+    def open(self) -> None:
+        """Start the router and open the test's own session."""
+        router = self._supervisor.start(ROUTER, zteam_command("router", "--listen", "tcp/127.0.0.1:0", "--announce"))
+        self._supervisor.wait(
+            lambda: not router.running or any(line.startswith("tcp/") for line in router.lines), START_LIMIT
+        )
+        announced = [line for line in router.lines if line.startswith("tcp/")]
+        if not announced:
+            raise TeamTimeout(f"the router did not start ({exit_text(router.exit_code)}): {list(router.lines)}")
+        self.endpoint = announced[0]
+        self.bus = connect(BusOptions(connect=self.endpoint, namespace=self.namespace), patience=START_LIMIT)
+        self._view = TeamView(self.bus)
+
+    def close(self) -> None:
+        """Stop everything, in order."""
+        try:
+            for group in [*self._plan.stop_order(), sorted(self._supervisor.processes)]:
+                self._supervisor.stop(group)
+        finally:
+            if hasattr(self, "bus"):
+                self.bus.close()
+            self._supervisor.close()
+
+    @property
+    def environment(self) -> dict[str, str]:
+        """Environment that makes any zteam command join this team."""
+        return {"ZTEAM_CONNECT": self.endpoint, "ZTEAM_NAMESPACE": self.namespace}
+
+    def launch(self, team: str | Path, *, world: str | Path | None = None) -> None:
+        """Start a team file (or shipped team), and wait until all its processes are there."""
+        path = Path(team) if Path(team).is_file() else shipped_team(str(team))
+        if path is None:
+            raise UsageError(f"team {str(team)!r}: no such file, nor a shipped team")
+        loaded = load_team(path)
+        chosen = _find_world(world) if world is not None else team_world(path, loaded)
+        self._launch(plan_team(loaded, chosen, self._bus_arguments, team_file=path.resolve()))
+
+    def start(
+        self,
+        world: str | Path = "arena",
+        robots: int | Sequence[int] = 1,
+        *,
+        behavior: str = "wander",
+        follow: Mapping[int, int] | None = None,
+        params: Mapping[int, Mapping[str, Any]] | None = None,
+        seed: int = 1,
+    ) -> None:
+        """Start a team in `world` and wait until all its processes are there.
+
+        `robots` is a number or a list of ids; those in `follow` follow the robot named there, the others run
+        `behavior`; `params` gives behaviour parameters by robot.
+        """
+        ids = range(robots) if isinstance(robots, int) else robots
+        leaders, given = follow or {}, params or {}
+        entries = [
+            RobotEntry(
+                id=i,
+                follow=leaders.get(i),
+                behavior=None if i in leaders else behavior,
+                params=dict(given.get(i, {})),
+            )
+            for i in ids
+        ]
+        self._launch(plan_team(Team(robots=entries), _find_world(world), self._bus_arguments, seed=seed))
+
+    @property
+    def _bus_arguments(self) -> list[str]:
+        return ["--connect", self.endpoint, "--namespace", self.namespace]
+
+    def _launch(self, plan: Plan) -> None:
+        self._plan = Plan({**self._plan.commands, **plan.commands})
+        for name, command in plan.commands.items():
+            self._supervisor.start(name, command)
+        self.wait_for_processes(*plan.commands)
+
+    def spawn(self, module: str, *arguments: str, name: str | None = None) -> str:
+        """Start one zteam process (`sim`, `robot`, `aggregator`, `monitor`) with these arguments; its name.
+
+        Nothing is waited for: see `wait_for_processes`.
+        """
+        chosen = name or f"{module}_{next(_numbers)}"
+        command = [*zteam_command(module, *arguments), *self._bus_arguments]
+        self._plan.commands[chosen] = command
+        self._supervisor.start(chosen, command)
+        return chosen
+
+    def command(self, *arguments: str, timeout: float = START_LIMIT) -> "subprocess.CompletedProcess[str]":
+        """Run `zteam ARGUMENTS` against this team and wait for its end."""
+        return subprocess.run(
+            zteam_command("main", *arguments),
+            env={**os.environ, **self.environment},
+            capture_output=True,
+            text=True,
+            timeout=timeout,
+            check=False,
+            stdin=subprocess.DEVNULL,
+        )
+
+    def robot(self, robot_id: int) -> RobotView:
+        """What the bus says about a robot."""
+        return self._view.robot(robot_id)
+
+    @property
+    def now(self) -> float:
+        """Simulated seconds."""
+        return self._view.now / 1e9
+
+    @property
+    def is_go(self) -> bool:
+        """Whether the monitor has given GO."""
+        return self._view.is_go
+
+    @property
+    def status(self) -> Any:
+        """The newest TeamStatus, or None."""
+        return self._view.team_status
+
+    def alive(self, name: str) -> bool:
+        """Whether a process holds this name on the bus."""
+        return self._view.alive(name)
+
+    def pid(self, name: str) -> int:
+        """Process id of a process of this team."""
+        return self._supervisor.processes[name].pid
+
+    def exit_code(self, name: str) -> int | None:
+        """Exit code of a process, negative for a signal, None while it runs."""
+        return self._supervisor.processes[name].exit_code
+
+    def lines(self, name: str) -> list[str]:
+        """What a process has written so far."""
+        return [line for process, line in self.log if process == name]
+
+    def wait_for_processes(self, *processes: str) -> None:
+        """Wait until these names are present on the bus; one that ends instead fails the test at once."""
+
+        def ended() -> list[str]:
+            known = self._supervisor.processes
+            return [n for n in processes if n in known and not known[n].running]
+
+        self._wait(lambda: bool(ended()) or all(self.alive(n) for n in processes), START_LIMIT)
+        if ended():
+            first = ended()[0]
+            said = "\n".join(self.lines(first)[-5:])
+            raise TeamTimeout(f"{first} ended ({exit_text(self.exit_code(first))}):\n{said}")
+        missing = [n for n in processes if not self.alive(n)]
+        if missing:
+            raise TeamTimeout(f"{', '.join(missing)} did not come up within {START_LIMIT:g} s")
+
+    def wait_for_go(self) -> None:
+        """Wait until the monitor has given GO."""
+        if not self._wait(lambda: self.is_go, START_LIMIT):
+            raise TeamTimeout("no GO: " + "; ".join(self.lines(names.MONITOR)[-3:]))
+
+    def wait_for_exit(self, name: str) -> int:
+        """Wait until a process has ended; its exit code."""
+        process = self._supervisor.processes[name]
+        if not process.join(START_LIMIT):
+            raise TeamTimeout(f"{name} still runs after {START_LIMIT:g} s")
+        assert process.exit_code is not None
+        return process.exit_code
+
+    def wait_until(self, condition: Callable[[], bool], within: float) -> None:
+        """Wait until `condition()`, looked at whenever something arrives; fail after `within` simulated seconds.
+
+        Simulated time that stands still for STALL_LIMIT host seconds fails too.
+        """
+        view, end = self._view, self.now + within
+        last, quiet_since = self.now, monotonic()
+        with view.changed:
+            while not condition():
+                if self.now > end:
+                    raise TeamTimeout(f"not true within {within:g} simulated seconds (now {self.now:.1f} s)")
+                if self.now != last:
+                    last, quiet_since = self.now, monotonic()
+                elif monotonic() - quiet_since > STALL_LIMIT:
+                    raise TeamTimeout(f"simulated time stands still at {self.now:.1f} s")
+                view.changed.wait(1.0)
+
+    def run(self, seconds: float) -> None:
+        """Let `seconds` of simulated time pass."""
+        end = self.now + seconds
+        self.wait_until(lambda: self.now >= end, within=seconds + 1e-6)
+
+    def _wait(self, condition: Callable[[], bool], limit: float) -> bool:
+        with self._view.changed:
+            deadline = monotonic() + limit
+            while not condition() and monotonic() < deadline:
+                # Ends of processes are told elsewhere, so look again now and then.
+                wait_until(self._view.changed, condition, min(0.2, max(0.0, deadline - monotonic())))
+            return condition()
+
+    def kill(self, name: str) -> None:
+        """End a process the hard way (SIGKILL) and wait until it is gone."""
+        process = self._supervisor.processes[name]
+        process.stopping = True
+        process.kill()
+        process.join(START_LIMIT)
+
+    def stop(self, name: str) -> int:
+        """Ask a process to stop (SIGTERM); its exit code."""
+        self._supervisor.processes[name].terminate()
+        return self.wait_for_exit(name)
+
+    def pause_process(self, name: str) -> None:
+        """Freeze a process (SIGSTOP)."""
+        self._supervisor.processes[name].signal(signal.SIGSTOP)
+
+    def resume_process(self, name: str) -> None:
+        """Let a frozen process go on (SIGCONT)."""
+        self._supervisor.processes[name].signal(signal.SIGCONT)
+
+    def restart(self, name: str) -> None:
+        """Start a process that has ended again, with the same command, and wait until it is present."""
+        self._wait(lambda: not self.alive(name), START_LIMIT)
+        self._supervisor.start(name, self._plan.commands[name])
+        self.wait_for_processes(name)
+
+    def report_log(self) -> str:
+        """Everything the processes wrote, for a failed test's report."""
+        return "\n".join(f"[{name}] {line}" for name, line in self.log)
+
+
+def _find_world(world: str | Path) -> Path:
+    path = Path(world)
+    found = path.resolve() if path.is_file() else shipped_world(str(world))
+    if found is None:
+        raise UsageError(f"world {str(world)!r}: no such file, nor a shipped world")
+    return found
