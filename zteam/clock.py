@@ -137,3 +137,16 @@ class Every:
             return False
         self._next = now + self._period
         return True
+
+
+class Ticker:
+    """Waits for the next of evenly spaced moments on the host's clock: for tools that send at a rate."""
+
+    def __init__(self, period: float) -> None:
+        self._period = period
+        self._next = time.monotonic()
+
+    def wait(self) -> None:
+        """Until the next moment; one that was missed is not made up for."""
+        self._next = max(self._next + self._period, time.monotonic())
+        time.sleep(max(0.0, self._next - time.monotonic()))

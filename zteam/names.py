@@ -21,6 +21,9 @@ SIMULATOR = "sim"
 AGGREGATOR = "tf"
 MONITOR = "monitor"
 
+STATIC_CALLER = "static"
+"""Name in the token of a process that asked the aggregator for a fixed transform."""
+
 CMD_VEL = "cmd_vel"
 TELEOP = "teleop"
 BASE_SCAN = "base_scan"

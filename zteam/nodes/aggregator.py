@@ -21,9 +21,6 @@ log = logging.getLogger("zteam")
 PATIENCE = 0.03
 """Host seconds that a bundle waits for the last robot of its tick."""
 
-STATIC_CALLER = "static"
-"""Name in the token of a process that added a fixed transform."""
-
 
 class Aggregator:
     """The merged tree on the bus. Callbacks run under `node.changed`."""
@@ -44,7 +41,7 @@ class Aggregator:
         node.clock.sim.on_jump_back(self._on_jump_back)
         node.subscribe(names.all_robots_key(names.TF), TFMessage, self._on_tf)
         node.subscribe(names.all_robots_key(names.TF_STATIC), TFMessage, self._on_tf_static, latched=True)
-        node.watch_tokens(names.tokens_key(STATIC_CALLER), self._on_static_caller)
+        node.watch_tokens(names.tokens_key(names.STATIC_CALLER), self._on_static_caller)
         serve, service = node.bus.serve, names.service_key
         serve(service(names.AGGREGATOR, "static"), StaticRequest, self._add_static)
         serve(service(names.AGGREGATOR, "lookup"), LookupRequest, self._look_up)
@@ -148,7 +145,7 @@ class Aggregator:
 
 
 def _authority(instance: str) -> str:
-    return f"{STATIC_CALLER} {instance[:8]}"
+    return f"{names.STATIC_CALLER} {instance[:8]}"
 
 
 def run_aggregator(node: Node, configured: Iterable[TransformStamped], rate: float | None) -> None:

@@ -1,0 +1,74 @@
+"""`zteam node list`: which processes are alive, where, and since when."""
+
+import argparse
+import sys
+from collections.abc import Sequence
+
+import msgspec
+
+from zteam import names
+from zteam.bus import Bus
+from zteam.bus.presence import ProcessInfo
+from zteam.cli.listening import Waiter, open_bus
+from zteam.cli.options import add_bus_options, bus_options, run
+from zteam.clock import wall_ns
+
+_SETTLE = 0.3
+"""Seconds to hear all tokens: a look right after opening a session may find none."""
+
+
+def find_nodes(bus: Bus) -> list[ProcessInfo]:
+    """Every process that shows a token; one that does not answer has pid 0."""
+    tokens: dict[str, str] = {}
+
+    def take(key: str, alive: bool) -> None:
+        token = names.split_token_key(key)
+        if token and alive:
+            tokens[token[1]] = token[0]
+        elif token:
+            tokens.pop(token[1], None)
+
+    watch = bus.watch_tokens([names.tokens_key()], take)
+    Waiter().wait(lambda: False, _SETTLE, "")
+    for handle in watch:
+        handle.close()
+    infos = {info.instance: info for _, info in bus.query(names.info_key("*"), ProcessInfo)}
+    found = [infos.get(i, ProcessInfo(name, "does not answer", 0, 0, i)) for i, name in tokens.items()]
+    return sorted(found, key=lambda info: (info.name, info.instance))
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """The command line."""
+    parser = argparse.ArgumentParser(prog="zteam node", description=__doc__)
+    verbs = parser.add_subparsers(dest="verb", required=True, metavar="list")
+    listing = verbs.add_parser("list", help="processes that are alive")
+    listing.add_argument("--json", action="store_true")
+    add_bus_options(listing)
+    return parser
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point."""
+    args = build_parser().parse_args(argv)
+    return run("zteam node", args, lambda: _list(args))
+
+
+def _list(args: argparse.Namespace) -> int:
+    bus = open_bus(bus_options(args))
+    try:
+        found = find_nodes(bus)
+    finally:
+        bus.close()
+    if args.json:
+        print(msgspec.json.encode(found).decode())
+        return 0
+    if not found:
+        print("nobody is there")
+    for info in found:
+        age = "" if not info.pid else f"pid {info.pid}, up {(wall_ns() - info.start) / 1e9:.0f} s, zteam {info.version}"
+        print(f"{info.name:12} {info.host:16} {age}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

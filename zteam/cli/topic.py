@@ -1,0 +1,258 @@
+"""`zteam topic list | echo | hz | info | pub`: what goes over the bus, under ROS's words."""
+
+import argparse
+import statistics
+import sys
+from collections import deque
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any
+
+import msgspec
+
+from zteam import names
+from zteam.bus.counters import KeyCount
+from zteam.bus.transport import RawSample
+from zteam.cli.listening import Waiter, check_key, given_type, kind_of, open_bus, survey
+from zteam.cli.options import add_bus_options, bus_options, run
+from zteam.clock import Ticker, monotonic
+from zteam.errors import DecodeError, UsageError, ZteamError
+from zteam.messages import Message, decode, from_text, message_type, to_json, to_plain
+
+_SHORT = 12
+"""Elements of an array that text output shows without --full."""
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """The command line."""
+    parser = argparse.ArgumentParser(prog="zteam topic", description=__doc__)
+    verbs = parser.add_subparsers(dest="verb", required=True, metavar="list|echo|hz|info|pub")
+
+    def verb(name: str, text: str, *, key: bool = True) -> argparse.ArgumentParser:
+        sub = verbs.add_parser(name, help=text, description=text)
+        if key:
+            sub.add_argument("key", metavar="KEY")
+        return sub
+
+    listing = verb("list", "keys that carry data, with type and rate", key=False)
+    listing.add_argument("--json", action="store_true")
+    echo = verb("echo", "print messages")
+    echo.add_argument("--once", action="store_true", help="end after one message")
+    echo.add_argument("--json", action="store_true", help="one JSON object a line")
+    echo.add_argument("--type", help="ROS type, where neither encoding nor key tells")
+    echo.add_argument("--full", action="store_true", help="print whole arrays")
+    echo.add_argument("--timeout", type=float, metavar="S", help="fail after S seconds without a message")
+    rate = verb("hz", "measure the rate of messages")
+    rate.add_argument("--window", type=int, default=100, help="messages to look back (default: %(default)s)")
+    rate.add_argument("--once", action="store_true", help="end after the first line")
+    rate.add_argument("--json", action="store_true")
+    info = verb("info", "type, rate, size, sender, refusals")
+    info.add_argument("--json", action="store_true")
+    pub = verb("pub", "publish messages, at 1 Hz until Ctrl+C unless told otherwise")
+    pub.add_argument("type", metavar="TYPE")
+    pub.add_argument("values", nargs="?", default="{}", metavar="'{…}'", help="fields as JSON or YAML")
+    pub.add_argument("--rate", type=float, default=1.0, metavar="HZ")
+    pub.add_argument("--times", type=int, metavar="N", help="end after N messages")
+    pub.add_argument("--once", action="store_true", help="the same as --times 1")
+    for sub in (listing, echo, rate, info, pub):
+        add_bus_options(sub)
+    return parser
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point."""
+    args = build_parser().parse_args(argv)
+    verbs = {"list": _list, "echo": _echo, "hz": _hz, "info": _info, "pub": _pub}
+    return run("zteam topic", args, lambda: verbs[args.verb](args))
+
+
+def _list(args: argparse.Namespace) -> int:
+    bus = open_bus(bus_options(args))
+    try:
+        found = survey(bus, "**")
+    finally:
+        bus.close()
+    if args.json:
+        print(msgspec.json.encode(found).decode())
+        return 0
+    if not found:
+        print("no key carries data (is a simulator running? see 'zteam doctor')")
+    width = max((len(entry.key) for entry in found), default=0)
+    for entry in found:
+        rate = "latched" if entry.latched else f"{entry.rate:.1f} Hz"
+        print(f"{entry.key:{width}}  {rate:>9}  {entry.type or '?'}")
+    return 0
+
+
+def format_message(message: Message, full: bool) -> str:
+    """The message as ROS's echo prints it: one field a line, nested ones indented, long arrays cut."""
+    return "\n".join(_lines(to_plain(message), "", full))
+
+
+def _lines(plain: Any, indent: str, full: bool) -> list[str]:
+    lines = []
+    for name, value in plain.items():
+        if isinstance(value, dict):
+            lines += [f"{indent}{name}:", *_lines(value, indent + "  ", full)]
+        elif isinstance(value, list) and value and isinstance(value[0], dict):
+            lines.append(f"{indent}{name}:")
+            for item in value:
+                first, *rest = _lines(item, indent + "  ", full)
+                lines += [f"{indent}- {first.lstrip()}", *rest]
+        elif isinstance(value, list) and len(value) > _SHORT and not full:
+            shown = ", ".join(map(_word, value[:_SHORT]))
+            lines.append(f"{indent}{name}: [{shown}, … ({len(value)} in all)]")
+        elif isinstance(value, list):
+            lines.append(f"{indent}{name}: [{', '.join(map(_word, value))}]")
+        else:
+            lines.append(f"{indent}{name}: {_word(value)}")
+    return lines
+
+
+def _word(value: Any) -> str:
+    if value is None:
+        return "inf"
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"'{value}'" if isinstance(value, str) else str(value)
+
+
+def _echo(args: argparse.Namespace) -> int:
+    key, given = check_key(args.key), given_type(args.type)
+    bus, waiter = open_bus(bus_options(args)), Waiter()
+    queue: deque[RawSample] = deque(maxlen=1000)
+
+    def take(sample: RawSample) -> None:
+        queue.append(sample)
+        waiter.notify()
+
+    try:
+        bus.subscribe_raw(key, take, latched=True)
+        while True:
+            if not waiter.wait(lambda: bool(queue), args.timeout, f"a message on {key}"):
+                raise ZteamError(f"no message on {key} within {args.timeout:g} s: see 'zteam topic list'")
+            if _print_sample(queue.popleft(), given, args) and args.once:
+                return 0
+    finally:
+        bus.close()
+
+
+def _print_sample(sample: RawSample, given: type[Message] | None, args: argparse.Namespace) -> bool:
+    """Print one message; False if it could not be read."""
+    kind = kind_of(sample, given)
+    if kind is None:
+        raise UsageError(f"the type of {sample.key} is not known: name it with --type")
+    try:
+        message = decode(kind, sample.payload)
+    except DecodeError as error:
+        print(f"{sample.key}: undecodable: {error}", file=sys.stderr)
+        return False
+    if args.json:
+        print(to_json(message).decode(), flush=True)
+    else:
+        print(format_message(message, args.full) + "\n---", flush=True)
+    return True
+
+
+def _hz(args: argparse.Namespace) -> int:
+    key = check_key(args.key)
+    bus, waiter = open_bus(bus_options(args)), Waiter()
+    times: deque[float] = deque(maxlen=max(2, args.window))
+    total = 0
+
+    def take(_sample: RawSample) -> None:
+        nonlocal total
+        times.append(monotonic())
+        total += 1
+        waiter.notify()
+
+    try:
+        bus.subscribe_raw(key, take)
+        while True:
+            enough = total + 2
+            waiter.wait(lambda least=enough: total >= least, None, f"messages on {key}")  # type: ignore[misc]
+            waiter.wait(lambda: False, 1.0, "")
+            print(_format_rate(list(times), args.json), flush=True)
+            if args.once:
+                return 0
+    finally:
+        bus.close()
+
+
+def _format_rate(times: list[float], as_json: bool) -> str:
+    gaps = [b - a for a, b in pairwise(times)]
+    rate = len(gaps) / sum(gaps) if sum(gaps) > 0 else 0.0
+    spread = statistics.pstdev(gaps)
+    if as_json:
+        values = {"rate": rate, "min": min(gaps), "max": max(gaps), "std": spread, "window": len(times)}
+        return msgspec.json.encode(values).decode()
+    return (
+        f"average rate: {rate:.3f}\n        min: {min(gaps):.3f}s max: {max(gaps):.3f}s "
+        f"std dev: {spread:.5f}s window: {len(times)}"
+    )
+
+
+def _info(args: argparse.Namespace) -> int:
+    from zteam.cli.nodes import find_nodes
+
+    key = check_key(args.key)
+    bus = open_bus(bus_options(args))
+    try:
+        found = survey(bus, key)
+        senders = {node.instance: node.name for node in find_nodes(bus)}
+        counts = bus.query(names.stats_key("*"), dict[str, KeyCount])
+    finally:
+        bus.close()
+    if not found:
+        raise ZteamError(f"nothing on {key}: see 'zteam topic list'")
+    for entry in found:
+        stats = {who.removesuffix("/stats"): per_key[entry.key] for who, per_key in counts if entry.key in per_key}
+        row = {
+            "key": entry.key,
+            "type": entry.type,
+            "rate": round(entry.rate, 2),
+            "latched": entry.latched,
+            "bytes": entry.bytes,
+            "sender": senders.get(entry.source, entry.source),
+            "receivers": {who: msgspec.structs.asdict(count) for who, count in stats.items()},
+        }
+        if args.json:
+            print(msgspec.json.encode(row).decode())
+        else:
+            _print_info(row)
+    return 0
+
+
+def _print_info(row: dict[str, Any]) -> None:
+    print(row["key"])
+    print(f"  type      {row['type'] or '?'}")
+    print(f"  rate      {'latched' if row['latched'] else str(row['rate']) + ' Hz'}, {row['bytes']} bytes")
+    print(f"  sender    {row['sender'] or 'unknown (it stamps no time)'}")
+    for who, count in row["receivers"].items():
+        print(f"  receiver  {who}: {count['received']} received, {count['dropped']} refused")
+
+
+def _pub(args: argparse.Namespace) -> int:
+    key = check_key(args.key)
+    if names.is_wildcard(key):
+        raise UsageError(f"{args.key!r} is a wildcard: a message is for one key")
+    message = from_text(message_type(args.type), args.values)
+    times = 1 if args.once else args.times
+    if not args.rate > 0 or (times is not None and times < 1):
+        raise UsageError("--rate takes messages a second, --times a number from 1 on")
+    bus = open_bus(bus_options(args))
+    try:
+        publisher = bus.publisher(key, type(message))
+        ticker, sent = Ticker(1.0 / args.rate), 0
+        while times is None or sent < times:
+            if sent:
+                ticker.wait()
+            publisher.put(message)
+            sent += 1
+    finally:
+        bus.close()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

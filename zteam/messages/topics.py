@@ -1,0 +1,51 @@
+"""Which message goes over which key, for tools that meet a payload without an encoding."""
+
+from zteam import names
+from zteam.messages.types import (
+    Bool,
+    Clock,
+    LaserScan,
+    Message,
+    OccupancyGrid,
+    Odometry,
+    Range,
+    RobotStatus,
+    TeamStatus,
+    TFMessage,
+    Twist,
+)
+
+_TEAM: dict[str, type[Message]] = {
+    names.CLOCK: Clock,
+    names.MAP: OccupancyGrid,
+    names.TEAM_STATUS: TeamStatus,
+    names.TF: TFMessage,
+    names.TF_STATIC: TFMessage,
+}
+
+_ROBOT: dict[str, type[Message]] = {
+    names.BASE_SCAN: LaserScan,
+    names.CMD_VEL: Twist,
+    names.GROUND_TRUTH: Odometry,
+    names.ODOM: Odometry,
+    names.SONAR: Range,
+    names.STALL: Bool,
+    names.STATUS: RobotStatus,
+    names.TELEOP: Twist,
+    names.TF: TFMessage,
+    names.TF_STATIC: TFMessage,
+}
+
+LATCHED = frozenset({names.MAP, names.TEAM_STATUS, names.TF_STATIC})
+"""Keys (or, below a robot, topics) whose last message late subscribers get."""
+
+
+def type_of_key(key: str) -> type[Message] | None:
+    """The type that DESIGN's table gives a key, or None."""
+    target = names.split_robot_key(key)
+    if target is None:
+        return _TEAM.get(key)
+    topic = target[1]
+    stem, _, number = topic.rpartition("_")
+    # base_scan_1, sonar_3: numbered kinds.
+    return _ROBOT.get(topic) or (_ROBOT.get(stem) if number.isdigit() else None)
