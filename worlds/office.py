@@ -51,8 +51,6 @@ class Plan:
         pixels = round(SIDE * PIXELS_PER_METRE)
         self.pixels: NDArray[np.uint8] = np.zeros((pixels, pixels, 3), np.uint8)
         """Row 0 at the bottom, until `image` turns it over."""
-        centres = (np.arange(pixels) + 0.5) / PIXELS_PER_METRE
-        self._x, self._y = centres[None, :], centres[:, None]
 
     def image(self) -> Image.Image:
         """The picture, its upper row first."""
@@ -70,13 +68,20 @@ class Plan:
 
     def disc(self, x: float, y: float, radius: float, color: Color) -> None:
         """A circle."""
-        self.pixels[np.hypot(self._x - x, self._y - y) <= radius] = color
+        self.arc(x, y, (0.0, radius), 0, 0, color)
 
     def arc(self, x: float, y: float, radii: tuple[float, float], x_side: int, y_side: int, color: Color) -> None:
-        """The quarter (or with a side of 0 the half) of a ring that lies on the given sides of its centre."""
-        distance = np.hypot(self._x - x, self._y - y)
-        inside = (radii[0] <= distance) & (distance <= radii[1])
-        self.pixels[inside & ((self._x - x) * x_side >= 0) & ((self._y - y) * y_side >= 0)] = color
+        """The part of a ring on the given sides (-1, 1; 0 both) of its centre: a quarter, a half or all of it."""
+        left, right, bottom, top = (
+            max(0, round(edge * PIXELS_PER_METRE)) for edge in (x - radii[1], x + radii[1], y - radii[1], y + radii[1])
+        )
+        dx = (np.arange(left, right) + 0.5)[None, :] / PIXELS_PER_METRE - x
+        dy = (np.arange(bottom, top) + 0.5)[:, None] / PIXELS_PER_METRE - y  # of the pixels' centres
+        distance = np.hypot(dx, dy)
+        # The margin keeps rounding, which differs between machines, from deciding about a pixel.
+        ring = (radii[0] - 1e-9 <= distance) & (distance <= radii[1] + 1e-9)
+        inside = ring & (dx * x_side >= -1e-9) & (dy * y_side >= -1e-9)
+        self.pixels[bottom:top, left:right][inside] = color
 
     def door_x(self, x: float, y: float, opens: int, width: float = 1.1) -> None:
         """A doorway in a wall along x whose lower face is at y; the leaf opens up (1) or down (-1)."""
