@@ -1,6 +1,7 @@
 """`zteam-sim WORLD`: the simulator. Stage's world files run as they are; a robot's id is its place in the file."""
 
 import argparse
+import logging
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,6 +12,8 @@ from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.shipped import names as shipped_names
 from zteam.shipped import shipped_world, worlds_folder
+
+log = logging.getLogger("zteam")
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -37,6 +40,9 @@ def build_parser() -> argparse.ArgumentParser:
         type=float,
         metavar="SECONDS",
         help="stand still this many simulated seconds after GO (and go on answering queries)",
+    )
+    parser.add_argument(
+        "--compile-only", action="store_true", help="compile the laser kernels into the cache, then end"
     )
     add_bus_options(parser)
     return parser
@@ -72,6 +78,13 @@ def parse_addition(text: str) -> tuple[int, str, Pose2]:
         raise UsageError(f"--add {text!r} is not ID:MODEL:X:Y:YAW, e.g. 7:erratic:2.0:3.5:1.57") from None
 
 
+def _announce_compiling() -> None:
+    from zteam.sim.compiling import is_cached
+
+    if not is_cached("kernels"):
+        log.info("compiling the laser kernels, once on this machine (some seconds)")
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point."""
     args = build_parser().parse_args(argv)
@@ -81,6 +94,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _simulate(args: argparse.Namespace) -> int:
     from zteam.nodes.node import Node, run_node
     from zteam.nodes.simulator import SimOptions, run_simulator
+    from zteam.sim import Engine
     from zteam.world import add_robot, load_world
 
     if not args.map_resolution > 0:
@@ -91,6 +105,10 @@ def _simulate(args: argparse.Namespace) -> int:
         if robot_id in robots:
             raise UsageError(f"--add {robot_id}: the world has a robot {robot_id} already")
         robots[robot_id] = add_robot(world, model, pose, names.robot_name(robot_id))
+    _announce_compiling()
+    if args.compile_only:
+        Engine(world, robots=robots).observe()
+        return 0
     options = SimOptions(
         world=Path(args.world),
         seed=args.seed,
