@@ -89,7 +89,7 @@ class TeamFixture:
             raise UsageError(f"team {str(team)!r}: no such file, nor a shipped team")
         loaded = load_team(path)
         chosen = _find_world(world) if world is not None else team_world(path, loaded)
-        self._launch(plan_team(loaded, chosen, self._bus_arguments, team_file=path.resolve()))
+        self._launch(plan_team(loaded, chosen, (), team_file=path.resolve()))
 
     def start(
         self,
@@ -117,27 +117,22 @@ class TeamFixture:
             )
             for i in ids
         ]
-        self._launch(plan_team(Team(robots=entries), _find_world(world), self._bus_arguments, seed=seed))
-
-    @property
-    def _bus_arguments(self) -> list[str]:
-        return ["--connect", self.endpoint, "--namespace", self.namespace]
+        self._launch(plan_team(Team(robots=entries), _find_world(world), (), seed=seed))
 
     def _launch(self, plan: Plan) -> None:
         self._plan = Plan({**self._plan.commands, **plan.commands})
         for name, command in plan.commands.items():
-            self._supervisor.start(name, command)
+            self._supervisor.start(name, command, self.environment)
         self.wait_for_processes(*plan.commands)
 
     def spawn(self, module: str, *arguments: str, name: str | None = None) -> str:
-        """Start one zteam process (`sim`, `robot`, `aggregator`, `monitor`) with these arguments; its name.
+        """Start one process of `zteam.cli` (`sim`, `robot`, `aggregator`, `monitor`, …) in this team; its name.
 
         Nothing is waited for: see `wait_for_processes`.
         """
         chosen = name or f"{module}_{next(_numbers)}"
-        command = [*zteam_command(module, *arguments), *self._bus_arguments]
-        self._plan.commands[chosen] = command
-        self._supervisor.start(chosen, command)
+        self._plan.commands[chosen] = zteam_command(module, *arguments)
+        self._supervisor.start(chosen, self._plan.commands[chosen], self.environment)
         return chosen
 
     def command(self, *arguments: str, timeout: float = START_LIMIT) -> "subprocess.CompletedProcess[str]":
@@ -208,6 +203,11 @@ class TeamFixture:
         if not self._wait(lambda: self.is_go, START_LIMIT):
             raise TeamTimeout("no GO: " + "; ".join(self.lines(names.MONITOR)[-3:]))
 
+    def wait_for_line(self, name: str, text: str) -> None:
+        """Wait until a process has written a line that holds `text`."""
+        if not self._supervisor.wait(lambda: any(text in line for line in self.lines(name)), START_LIMIT):
+            raise TeamTimeout(f"{name} never said {text!r}; its last lines: {self.lines(name)[-3:]}")
+
     def wait_for_exit(self, name: str) -> int:
         """Wait until a process has ended; its exit code."""
         process = self._supervisor.processes[name]
@@ -269,7 +269,7 @@ class TeamFixture:
     def restart(self, name: str) -> None:
         """Start a process that has ended again, with the same command, and wait until it is present."""
         self._wait(lambda: not self.alive(name), START_LIMIT)
-        self._supervisor.start(name, self._plan.commands[name])
+        self._supervisor.start(name, self._plan.commands[name], self.environment)
         self.wait_for_processes(name)
 
     def report_log(self) -> str:

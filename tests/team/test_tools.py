@@ -1,0 +1,97 @@
+"""The tools against a running team."""
+
+import json
+import math
+
+import pytest
+
+from zteam.testing.team import TeamFixture
+
+pytestmark = pytest.mark.team
+
+
+def test_the_tools_see_a_running_team(team: TeamFixture) -> None:
+    """topic, tf, node and doctor say what is there, as JSON."""
+    team.start("arena", robots=2, behavior="forward", params={0: {"speed": 0.05}, 1: {"speed": 0.05}})
+    team.wait_for_go()
+
+    scan = team.command("topic", "echo", "/robot_0/base_scan", "--once", "--json")
+    assert scan.returncode == 0
+    message = json.loads(scan.stdout)
+    assert message["header"]["frame_id"] == "robot_0/base_laser_link"
+    assert len(message["ranges"]) == 1081
+
+    grid = json.loads(team.command("topic", "echo", "map", "--once", "--json").stdout)
+    assert len(grid["data"]) == grid["info"]["width"] * grid["info"]["height"]
+
+    listed = {row["key"]: row["type"] for row in json.loads(team.command("topic", "list", "--json").stdout)}
+    assert listed["robot_1/cmd_vel"] == "geometry_msgs/msg/Twist"
+    assert listed["tf_static"] == "tf2_msgs/msg/TFMessage"
+
+    info = json.loads(team.command("topic", "info", "robot_1/cmd_vel", "--json").stdout)
+    assert info["sender"] == "robot_1"
+    assert info["receivers"]["sim"]["received"] > 0
+
+    pose = json.loads(team.command("tf", "echo", "/map", "robot_0/base_footprint", "--once", "--json").stdout)
+    truth = team.robot(0).pose
+    where = pose["transform"]["translation"]
+    assert math.dist((where["x"], where["y"]), truth[:2]) < 0.5
+
+    tree = json.loads(team.command("tf", "tree", "--json").stdout)
+    assert tree["robot_1/base_footprint"]["parent"] == "robot_1/odom"
+    assert tree["robot_1/odom"]["authority"] == "robot_1"
+
+    nodes = {row["name"]: row["pid"] for row in json.loads(team.command("node", "list", "--json").stdout)}
+    assert nodes["robot_1"] == team.pid("robot_1")
+    assert set(nodes) == {"sim", "tf", "monitor", "robot_0", "robot_1"}
+
+    doctor = team.command("doctor", "--json")
+    assert doctor.returncode == 0, doctor.stdout
+    assert all(finding["good"] for finding in json.loads(doctor.stdout))
+
+
+def test_a_published_message_arrives(team: TeamFixture) -> None:
+    """topic pub moves a robot that has no process, and its last message leaves before it ends."""
+    team.spawn("sim", "arena", name="sim")
+    team.wait_for_processes("sim")
+    start = team.robot(0).commands
+    done = team.command(
+        "topic", "pub", "robot_0/cmd_vel", "Twist", "{angular: {z: 0.5}}", "--rate", "10", "--times", "5"
+    )
+    assert done.returncode == 0
+    team.wait_until(lambda: team.robot(0).commands >= start + 5, within=5)
+    assert team.robot(0).commands == start + 5
+    assert team.robot(0).pose.yaw > 0.1
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (("topic", "echo", "robot_*/odom"), "write 'robot_$*/odom'"),
+        (("topic", "pub", "a", "Twitst"), "did you mean Twist"),
+        (("topic", "pub", "robot_0/cmd_vel", "Twist", "{linear: {q: 1}}"), "no field 'q'"),
+        (("tf", "static", "1", "2"), "give X Y Z"),
+        (("topics",), "did you mean topic"),
+    ],
+)
+def test_mistakes_are_answered_on_one_line(team: TeamFixture, words: tuple[str, ...], text: str) -> None:
+    """A wrong command line ends with 2 and one line that names the way out."""
+    done = team.command(*words)
+    assert done.returncode == 2
+    assert text in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+
+
+def test_a_static_transform_lives_as_long_as_its_caller(team: TeamFixture) -> None:
+    """zteam tf static adds a frame that goes when the command goes."""
+    team.spawn("aggregator", name="tf")
+    team.wait_for_processes("tf")
+    arguments = ("static", "-0.1", "0", "0.2", "0", "0", "0", "map", "table")
+    team.spawn("transforms", *arguments, name="static")
+    team.wait_for_line("static", "holds until")
+    seen = json.loads(team.command("tf", "echo", "map", "table", "--once", "--json", "--timeout", "20").stdout)
+    assert seen["transform"]["translation"]["x"] == -0.1
+    team.stop("static")
+    gone = team.command("tf", "echo", "map", "table", "--once", "--timeout", "1")
+    assert gone.returncode == 1
+    assert "does not exist" in gone.stderr
