@@ -100,7 +100,6 @@ def test_random_trees_answer_as_tf2(ros: dict[str, Any]) -> None:
     assert wrong == []
 
 
-@pytest.mark.xfail(reason="the path by the newest parents is used at an older common time", strict=True)
 def test_random_trees_with_changing_parents_answer_as_tf2(ros: dict[str, Any]) -> None:
     """The same where frames change their parents."""
     wrong = [w for seed in range(CASES) for w in _run(_Twins(ros, 10.0), seed, reparenting=True)]

@@ -4,7 +4,6 @@ import itertools
 import math
 from typing import NamedTuple
 
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -176,7 +175,6 @@ def test_latest_is_the_answer_at_its_own_stamp(history: list[Said], static: froz
     _latest_is_consistent(_buffer(history, static), a, b)
 
 
-@pytest.mark.xfail(reason="the path by the newest parents is used at an older common time", strict=False)
 @given(_histories(moves=True), _static, _frame, _frame)
 def test_latest_is_consistent_across_changes_of_parent(
     history: list[Said], static: frozenset[int], a: str, b: str

@@ -204,7 +204,6 @@ def test_several_roots_and_branches_in_a_terminal() -> None:
     assert format_tree({}, 0) == ""
 
 
-@pytest.mark.xfail(reason="an empty name becomes the frame `robot_0/`", strict=True)
 @pytest.mark.parametrize(("parent", "child"), [("", "base"), ("odom", "")])
 def test_a_robots_nameless_frames_are_refused(parent: str, child: str) -> None:
     """An empty name is no frame, whatever the prefix."""
@@ -215,7 +214,6 @@ def test_a_robots_nameless_frames_are_refused(parent: str, child: str) -> None:
     assert merger.take_conflicts()
 
 
-@pytest.mark.xfail(reason="the start pose goes before the localiser's transform is looked at", strict=True)
 def test_a_bad_localiser_does_not_take_a_robots_place_away() -> None:
     """A transform that is refused (here: an empty rotation) leaves the simulator's start pose where it is."""
     merger = Merger()
@@ -226,7 +224,6 @@ def test_a_bad_localiser_does_not_take_a_robots_place_away() -> None:
     assert _names(merger.statics().transforms) == [("map", "robot_0/odom")]
 
 
-@pytest.mark.xfail(reason="a robot stays localised for good", strict=True)
 def test_after_a_jump_back_the_start_pose_holds_until_a_localiser_speaks() -> None:
     """A run that begins anew without its localiser does not lose its robots."""
     merger = Merger()
@@ -240,7 +237,6 @@ def test_after_a_jump_back_the_start_pose_holds_until_a_localiser_speaks() -> No
     assert merger.buffer.lookup_pose2("map", "robot_0/odom", 0)[0].x == 4.0
 
 
-@pytest.mark.xfail(reason="only fixed frames are looked at", strict=True)
 def test_a_tool_may_not_take_over_a_moving_frame() -> None:
     """The robot that moves the frame is its authority; the tool is told so."""
     merger = Merger()
@@ -250,7 +246,6 @@ def test_a_tool_may_not_take_over_a_moving_frame() -> None:
     assert merger.buffer.frames()["robot_1/base_footprint"].parent == "robot_1/odom"
 
 
-@pytest.mark.xfail(reason="the second refusal of a kind is not reported, and is taken for success", strict=True)
 def test_a_tool_is_refused_as_often_as_it_asks() -> None:
     """The log has a conflict once, the caller each time."""
     merger = Merger()
@@ -259,7 +254,6 @@ def test_a_tool_is_refused_as_often_as_it_asks() -> None:
         assert "loop" in (merger.add_static(stamped("table", "map", 0), "tool") or "")
 
 
-@pytest.mark.xfail(reason="the new set is put in before the old one is out", strict=True)
 def test_a_robots_fixed_set_may_turn_round() -> None:
     """What counts is the new set: an edge of the old one is no loop in it."""
     merger = Merger()
@@ -269,7 +263,6 @@ def test_a_robots_fixed_set_may_turn_round() -> None:
     assert _names(merger.statics().transforms) == [("robot_0/camera", "robot_0/base_link")]
 
 
-@pytest.mark.xfail(reason="other values for a known time are dropped without a word", strict=True)
 def test_two_publishers_of_one_edge_are_reported() -> None:
     """Two values for one frame at one time can only come from two sources."""
     merger = Merger()
@@ -279,7 +272,6 @@ def test_two_publishers_of_one_edge_are_reported() -> None:
     assert "robot_0/base_footprint" in conflict
 
 
-@pytest.mark.xfail(reason="an exact duplicate is bundled again", strict=True)
 def test_an_exact_duplicate_is_not_sent_again() -> None:
     """What the tree has already need not travel again."""
     merger = Merger()
@@ -288,7 +280,6 @@ def test_an_exact_duplicate_is_not_sent_again() -> None:
     assert len(merger.take_pending()) == 1
 
 
-@pytest.mark.xfail(reason="one call a level", strict=True, raises=RecursionError)
 def test_a_tree_of_any_depth_is_drawn() -> None:
     """A chain deeper than Python's stack is still text."""
     buffer = Buffer()

@@ -7,14 +7,26 @@ import msgspec
 
 from zteam import names
 from zteam.behaviors.behavior import Behavior
+from zteam.behaviors.scans import look_along
 from zteam.behaviors.view import View
 from zteam.geometry import Pose2
-from zteam.messages import Twist, Vector3
+from zteam.messages import LaserScan, Twist, Vector3
 
 LINEAR_GAIN = 0.5
 """1/s: the lectures' v = 0.5 d."""
 ANGULAR_GAIN = 4.0
 """1/s: the lectures' w = 4 atan2(y, x)."""
+
+
+REACH = 0.6
+"""Metres ahead of the laser that have to be clear."""
+LEADER_ROOM = 0.3
+"""Metres before the leader's base where its own body begins to be seen."""
+HALF_WIDTH = 0.25
+"""Metres: an erratic's half width of 0.175 m and a margin."""
+DETOUR_STEP = math.radians(10.0)
+DETOUR_STEPS = 12
+"""It looks for a way round up to so far from the leader's bearing."""
 
 
 class FollowParams(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -42,6 +54,8 @@ class Follow(Behavior):
     def __init__(self, params: FollowParams) -> None:
         super().__init__(params)
         self.leader: int = params.leader
+        self._side = 0.0
+        """1 while going round something on its left, -1 on its right, 0 with a clear way."""
 
     def step(self, view: View) -> Twist:
         """Towards the leader, or zero where it stands near or its place is not known for certain."""
@@ -52,11 +66,33 @@ class Follow(Behavior):
         if distance <= self.params.min_dist:
             return Twist()
         angle = math.atan2(leader.y, leader.x)
+        if view.scan is not None:
+            angle = self._way_round(view.scan, angle, distance)
         # A leader behind is turned to on the spot: driving would lead away from it.
         speed = 0.0 if abs(angle) > 0.5 * math.pi else min(LINEAR_GAIN * distance, self.params.max_linear)
         limit = self.params.max_angular
         turn = max(-limit, min(limit, ANGULAR_GAIN * angle))
         return Twist(linear=Vector3(x=speed), angular=Vector3(z=turn))
+
+    def _way_round(self, scan: LaserScan, bearing: float, distance: float) -> float:
+        """The heading to take: the leader's bearing, or the nearest to it that is clear where something stands between.
+
+        It goes round on the side it chose until the leader's bearing is clear again, so it does not swing in front of
+        a post; without any clear heading it keeps to the bearing.
+        """
+        reach = min(REACH, distance - LEADER_ROOM)
+        clear = [
+            (side, bearing + side * step * DETOUR_STEP)
+            for step in range(DETOUR_STEPS + 1)
+            for side in (1.0, -1.0)
+            if look_along(scan, HALF_WIDTH, bearing + side * step * DETOUR_STEP) >= reach
+        ]
+        if not clear or clear[0][1] == bearing:
+            self._side = 0.0
+            return bearing
+        kept = [choice for choice in clear if choice[0] == self._side]
+        self._side, heading = (kept or clear)[0]
+        return heading
 
     def missing(self, view: View) -> list[str]:
         """The leader's pose, as long as it is not there or old."""

@@ -70,13 +70,14 @@ def look_ahead(scan: LaserScan, half_angle: float) -> Cone | None:
     return Cone(nearest, float(angles[at]) if nearest < math.inf else 0.0, silent / beams_inside)
 
 
-def look_along(scan: LaserScan, half_width: float) -> float:
-    """Metres straight ahead to the nearest hit in a corridor of 2 * `half_width`, inf where it is clear."""
+def look_along(scan: LaserScan, half_width: float, heading: float = 0.0) -> float:
+    """Metres to the nearest hit in a corridor of 2 * `half_width` towards `heading` (radians), inf where it is clear."""
     beams = read_beams(scan)
     if beams is None:
         return math.inf
     angles, ranges = beams
     hit = np.isfinite(ranges)
-    x, y = ranges[hit] * np.cos(angles[hit]), ranges[hit] * np.sin(angles[hit])
-    ahead = x[(np.abs(y) <= half_width) & (np.abs(angles[hit]) < 0.5 * math.pi)]
+    off = angles[hit] - heading
+    x, y = ranges[hit] * np.cos(off), ranges[hit] * np.sin(off)
+    ahead = x[(np.abs(y) <= half_width) & (np.cos(off) > 0.0)]
     return float(ahead.min()) if ahead.size else math.inf

@@ -94,5 +94,5 @@ class Wander(Behavior):
             return False
         if self._side and self._turned >= math.tau:
             self._squeezing = True
-        clear = cone.nearest >= reach or (self._squeezing and look_along(scan, HALF_WIDTH) >= reach)
+        clear = look_along(scan, HALF_WIDTH) >= reach and (self._squeezing or cone.nearest >= reach)
         return clear and (not self._side or self._turned >= self._wanted)

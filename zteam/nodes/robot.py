@@ -102,8 +102,8 @@ class RobotNode:
             self._buffer.set_transform(transform, names.TF)
 
     def _on_tf_static(self, _key: str, message: TFMessage) -> None:
-        for transform in message.transforms:
-            self._buffer.set_transform_static(transform, names.TF)
+        # The full set: a start pose that a localiser took over is no longer in it.
+        self._buffer.set_all_static(message.transforms, names.TF)
 
     def _on_monitor(self, _key: str, alive: bool) -> None:
         if alive:

@@ -27,6 +27,7 @@ from zteam.names import strip_slash
 from zteam.tf.errors import (
     BackwardExtrapolationException,
     ConnectivityException,
+    ExtrapolationException,
     ForwardExtrapolationException,
     InvalidArgumentException,
     LookupException,
@@ -78,7 +79,7 @@ class Buffer:
         self._frames: set[str] = set()
         """Every frame that was ever a child or a parent."""
         self._irregular: set[str] = set()
-        """Children whose parent changes within their history, or whose history was cleared."""
+        """Children whose parent changes within their history."""
         self._version = 0
         self._paths: dict[tuple[str, str], _Path] = {}
         self.changed = threading.Condition(threading.RLock())
@@ -170,7 +171,8 @@ class Buffer:
         with self.changed:
             kept = {strip_slash(t.child_frame_id): t for t in transforms}
             for child, edge in list(self._edges.items()):
-                if edge.static and edge.authority == authority and child not in kept:
+                # An edge that hangs elsewhere from now on must not make a loop of the new set.
+                if edge.static and edge.authority == authority and _parent_in(kept.get(child)) != edge.parent:
                     self.forget(child)
             refused = [self.set_transform_static(t, authority) for t in kept.values()]
         return [r for r in refused if r]
@@ -185,10 +187,10 @@ class Buffer:
     def clear(self) -> None:
         """Forget all moving data; static transforms and the names of frames stay (as in tf2)."""
         with self.changed:
-            for child, edge in self._edges.items():
+            for edge in self._edges.values():
                 if not edge.static:
                     edge.stamps, edge.samples, edge.parents = [], [], 0
-                    self._irregular.add(child)
+            self._irregular.clear()
             self._version += 1
 
     def lookup_transform(self, target_frame: str, source_frame: str, time: int) -> TransformStamped:
@@ -208,8 +210,7 @@ class Buffer:
     ) -> TransformStamped:
         """target(target_time)_from_source(source_time), both tied together by `fixed_frame`, which does not move."""
         with self.changed:
-            for name in (target_frame, source_frame, fixed_frame):
-                self._check_frame(name)
+            self._check_frames(target_frame=target_frame, source_frame=source_frame, fixed_frame=fixed_frame)
             fixed_from_source, _ = self._lookup(fixed_frame, source_frame, source_time)
             target_from_fixed, stamp = self._lookup(target_frame, fixed_frame, target_time)
         return _message_of(compose(target_from_fixed, fixed_from_source), stamp, target_frame, source_frame)
@@ -243,8 +244,9 @@ class Buffer:
         """Stamp (ns) up to which the two frames are connected; 0 if all is static, None if they are not."""
         with self.changed:
             try:
-                self._check_frame(target_frame)
-                self._check_frame(source_frame)
+                self._check_frames(target_frame=target_frame, source_frame=source_frame)
+                if target_frame == source_frame:
+                    return self._newest(target_frame)
                 path = self._path(target_frame, source_frame)
             except TransformException:
                 return None
@@ -255,32 +257,37 @@ class Buffer:
         with self.changed:
             return {child: _info(edge) for child, edge in sorted(self._edges.items()) if edge.samples}
 
-    def _check_frame(self, name: str) -> None:
-        if not name or name.startswith("/"):
-            shown = "empty" if not name else f"{name!r}: frame names have no leading slash"
-            raise InvalidArgumentException(f"Invalid frame name: {shown}")
-        if name not in self._frames:
-            raise LookupException(f'"{name}" passed to lookupTransform does not exist. ')
+    def _check_frames(self, **arguments: str) -> None:
+        for argument, name in arguments.items():
+            what = f"passed to lookupTransform argument {argument}"
+            if not name:
+                raise InvalidArgumentException(f"Invalid argument {what} in tf2 frame_ids cannot be empty")
+            if name.startswith("/"):
+                raise InvalidArgumentException(
+                    f"Invalid argument \"{name}\" {what} in tf2 frame_ids cannot start with a '/' like: "
+                )
+        for argument, name in arguments.items():
+            if name not in self._frames:
+                raise LookupException(f'"{name}" passed to lookupTransform argument {argument} does not exist. ')
 
     def _lookup(self, target: str, source: str, time: int) -> tuple[Floats, int]:
         if target == source:
             return IDENTITY, time or self._newest(target)
-        self._check_frame(target)
-        self._check_frame(source)
+        self._check_frames(target_frame=target, source_frame=source)
         if time == 0:
             path = self._path(target, source)
             time = _latest(path.source + path.target)
+            if self._irregular:
+                # At that time other parents may have held than now.
+                path = self._walk(target, source, time)
         else:
             path = self._path_at(target, source, time)
-        what = (source, target)
-        source_side, target_side = IDENTITY, IDENTITY
-        for edge in path.source:
-            source_side = compose(_at(edge, time, what), source_side)
-        for edge in path.target:
-            target_side = compose(_at(edge, time, what), target_side)
-        if not path.target:
-            return source_side, time
-        return compose(invert(target_side), source_side), time
+        try:
+            return _evaluate(path, time, (source, target)), time
+        except ExtrapolationException:
+            # Of several edges without data, tf2 names the one that a walk through the tree comes upon.
+            self._walk(target, source, time)
+            raise
 
     def _newest(self, frame: str) -> int:
         edge = self._edges.get(frame)
@@ -346,7 +353,7 @@ class Buffer:
 
 def _parent(edge: Edge | None, time: int | None, what: tuple[str, str]) -> tuple[str, TransformException | None]:
     """The edge's parent at `time` (None = newest), or empty with the reason."""
-    if edge is None or not edge.samples:
+    if edge is None or (time is None and not edge.samples):
         return "", None
     if time is None or edge.static:
         return edge.parent, None
@@ -379,20 +386,35 @@ def _index(edge: Edge, time: int, what: tuple[str, str]) -> int:
         return newest
     if newest == 0:
         raise NoDataForExtrapolationException(
-            f"Lookup would require extrapolation at time {time / 1e9:.6f}, but only time {stamps[0] / 1e9:.6f} "
+            f"Lookup would require extrapolation at time {_seconds(time)}, but only time {_seconds(stamps[0])} "
             f"is in the buffer{looking}"
         )
     if time > stamps[newest]:
         raise ForwardExtrapolationException(
-            f"Lookup would require extrapolation {(time - stamps[newest]) / 1e9:.9f}s into the future.  "
-            f"Requested time {time / 1e9:.6f} but the latest data is at time {stamps[newest] / 1e9:.6f}{looking}"
+            f"Lookup would require extrapolation {_seconds(time - stamps[newest])}s into the future.  "
+            f"Requested time {_seconds(time)} but the latest data is at time {_seconds(stamps[newest])}{looking}"
         )
     if time < stamps[0]:
         raise BackwardExtrapolationException(
-            f"Lookup would require extrapolation {(stamps[0] - time) / 1e9:.9f}s into the past.  "
-            f"Requested time {time / 1e9:.6f} but the earliest data is at time {stamps[0] / 1e9:.6f}{looking}"
+            f"Lookup would require extrapolation {_seconds(stamps[0] - time)}s into the past.  "
+            f"Requested time {_seconds(time)} but the earliest data is at time {_seconds(stamps[0])}{looking}"
         )
     return bisect_right(stamps, time) - 1
+
+
+def _seconds(nanoseconds: int) -> str:
+    """To the nanosecond: a double's digits do not reach that far."""
+    whole, rest = divmod(nanoseconds, 10**9)
+    return f"{whole}.{rest:09d}"
+
+
+def _evaluate(path: _Path, time: int, what: tuple[str, str]) -> Floats:
+    source_side, target_side = IDENTITY, IDENTITY
+    for edge in path.source:
+        source_side = compose(_at(edge, time, what), source_side)
+    for edge in path.target:
+        target_side = compose(_at(edge, time, what), target_side)
+    return compose(invert(target_side), source_side) if path.target else source_side
 
 
 def _at(edge: Edge, time: int, what: tuple[str, str]) -> Floats:
@@ -408,6 +430,10 @@ def _at(edge: Edge, time: int, what: tuple[str, str]) -> Floats:
         # Nothing lies between two parents: the older sample holds until the change.
         return older.floats
     return interpolate(older.floats, newer.floats, (time - stamp) / (edge.stamps[at + 1] - stamp))
+
+
+def _parent_in(transform: TransformStamped | None) -> str | None:
+    return None if transform is None else strip_slash(transform.header.frame_id)
 
 
 def _info(edge: Edge) -> FrameInfo:

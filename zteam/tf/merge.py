@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from zteam import names
 from zteam.messages import Header, TFMessage, TransformStamped
-from zteam.tf.buffer import Buffer
+from zteam.tf.buffer import Buffer, Rejection
 
 log = logging.getLogger("zteam.tf")
 
@@ -41,40 +41,62 @@ class Merger:
         self._unread_conflicts: list[str] = []
         self.statics_changed = False
         for transform in configured:
-            self._put_static(_with_names("", transform), _FILE, TEAM_FILE)
+            self._say_static(_with_names("", transform), _FILE, TEAM_FILE)
 
     def take(self, robot_id: int, message: TFMessage) -> None:
         """Moving transforms from `robot_N/tf`."""
         for transform in self._own(robot_id, message):
             child, authority = transform.child_frame_id, names.robot_name(robot_id)
-            if _is_start_pose(transform) and not self._give_to_localiser(child):
-                continue
-            refused = self.buffer.set_transform(transform, authority)
-            if refused is None:
-                self._pending.append(transform)
-            elif refused.code != "TF_REPEATED_DATA":
+            refused = self._take_moving(transform, authority)
+            if refused is not None:
                 self._report(child, authority, refused.code, refused.text)
+
+    def _take_moving(self, transform: TransformStamped, authority: str) -> Rejection | None:
+        child = transform.child_frame_id
+        shadowed = None
+        if _is_start_pose(transform) and child not in self._localised:
+            shadowed = self._statics.get(child)
+            if shadowed is not None and shadowed.rank == _FILE:
+                return None
+        with self.buffer.changed:
+            duplicates = self.buffer.duplicates
+            if shadowed is not None:
+                self.buffer.forget(child)
+            refused = self.buffer.set_transform(transform, authority)
+            if refused is not None:
+                if shadowed is not None:
+                    # What is refused takes nobody's place away.
+                    self.buffer.set_transform_static(shadowed.transform, shadowed.authority)
+                return refused
+            if self.buffer.duplicates == duplicates:
+                self._pending.append(transform)
+        if _is_start_pose(transform):
+            self._localised.add(child)
+            self.statics_changed |= shadowed is not None
+        return None
 
     def take_static(self, robot_id: int, message: TFMessage) -> None:
         """The full set of fixed transforms from `robot_N/tf_static`."""
         authority = names.robot_name(robot_id)
-        kept = set()
-        for transform in self._own(robot_id, message):
-            kept.add(transform.child_frame_id)
-            self._put_static(transform, _SIMULATOR, authority)
+        own = {t.child_frame_id: t for t in self._own(robot_id, message)}
         for child, static in list(self._statics.items()):
-            if static.authority == authority and static.rank == _SIMULATOR and child not in kept:
-                self._drop_static(child)
+            if static.authority == authority and static.rank == _SIMULATOR:
+                # An edge that hangs elsewhere from now on must not make a loop of the new set.
+                new = own.get(child)
+                if new is None or new.header.frame_id != static.transform.header.frame_id:
+                    self._drop_static(child)
+        for transform in own.values():
+            self._say_static(transform, _SIMULATOR, authority)
 
     def add_static(self, transform: TransformStamped, authority: str) -> str | None:
         """A fixed transform that somebody asks for; None, or why not."""
         resolved = _with_names("", transform)
-        before = len(self._unread_conflicts)
-        known = self._statics.get(resolved.child_frame_id)
+        child = resolved.child_frame_id
+        known = self._statics.get(child) or self.buffer.frames().get(child)
         if known is not None and known.authority != authority:
-            return f"{resolved.child_frame_id} is said by {known.authority} already"
-        self._put_static(resolved, _CALLER, authority)
-        return self._unread_conflicts.pop() if len(self._unread_conflicts) > before else None
+            return f"{child} is said by {known.authority} already"
+        refused = self._put_static(resolved, _CALLER, authority)
+        return refused.text if refused else None
 
     def drop_authority(self, authority: str) -> None:
         """Forget the fixed transforms that `authority` asked for."""
@@ -102,6 +124,14 @@ class Merger:
         """Time went back: moving data is forgotten."""
         self.buffer.clear()
         self._pending.clear()
+        for child in self._localised:
+            # The start pose holds again until the localiser speaks.
+            self.buffer.forget(child)
+            shadowed = self._statics.get(child)
+            if shadowed is not None:
+                self.buffer.set_transform_static(shadowed.transform, shadowed.authority)
+                self.statics_changed = True
+        self._localised.clear()
 
     def _own(self, robot_id: int, message: TFMessage) -> list[TransformStamped]:
         """The message's transforms with their tree's names; a robot's frames lie under its own prefix."""
@@ -109,36 +139,39 @@ class Merger:
         for transform in message.transforms:
             resolved = _with_names(prefix, transform)
             child, parent = resolved.child_frame_id, resolved.header.frame_id
-            if not child.startswith(prefix + "/"):
+            if not _is_below(prefix, child):
                 self._report(child, prefix, "foreign", f"{prefix} may not say where {child or 'nothing'} is")
-            elif not parent.startswith(prefix + "/") and parent not in names.GLOBAL_FRAMES:
+            elif not _is_below(prefix, parent) and parent not in names.GLOBAL_FRAMES:
                 self._report(child, prefix, "foreign", f"{prefix} may not hang {child} under {parent or 'nothing'}")
             else:
                 found.append(resolved)
         return found
 
-    def _put_static(self, transform: TransformStamped, rank: int, authority: str) -> None:
+    def _say_static(self, transform: TransformStamped, rank: int, authority: str) -> None:
+        refused = self._put_static(transform, rank, authority)
+        if refused is not None:
+            self._report(transform.child_frame_id, authority, refused.code, refused.text)
+
+    def _put_static(self, transform: TransformStamped, rank: int, authority: str) -> Rejection | None:
         child = transform.child_frame_id
         known = self._statics.get(child)
         if known is not None and known.authority != authority:
             if known.rank < rank and _is_start_pose(transform):
-                return
+                return None
             if not (rank < known.rank and _is_start_pose(transform)):
                 text = f"{child} is said by {known.authority} and by {authority}: {known.authority} stays"
-                self._report(child, authority, "second authority", text)
-                return
+                return Rejection("second authority", text)
         static = _Static(rank, transform, authority)
         if self._is_shadowed(child, static):
             self._statics[child] = static
-            return
+            return None
         if known is not None and known.transform == transform and known.authority == authority:
-            return
+            return None
         refused = self.buffer.set_transform_static(transform, authority)
-        if refused is not None:
-            self._report(child, authority, refused.code, refused.text)
-            return
-        self._statics[child] = static
-        self.statics_changed = True
+        if refused is None:
+            self._statics[child] = static
+            self.statics_changed = True
+        return refused
 
     def _drop_static(self, child: str) -> None:
         del self._statics[child]
@@ -149,23 +182,16 @@ class Merger:
     def _is_shadowed(self, child: str, static: _Static) -> bool:
         return static.rank > _LOCALISER and child in self._localised
 
-    def _give_to_localiser(self, odom: str) -> bool:
-        """Let the robot's own localiser place its odometry frame, unless the team file does."""
-        known = self._statics.get(odom)
-        if known is not None and known.rank == _FILE:
-            return False
-        if odom not in self._localised:
-            self._localised.add(odom)
-            if known is not None:
-                self.buffer.forget(odom)
-                self.statics_changed = True
-        return True
-
     def _report(self, child: str, authority: str, code: str, text: str) -> None:
         key = (child, authority, code)
         if key not in self._conflicts and len(self._conflicts) < _MAX_CONFLICTS:
             self._conflicts[key] = text
             self._unread_conflicts.append(text)
+
+
+def _is_below(prefix: str, frame: str) -> bool:
+    """Whether `frame` is a frame, and the robot's own."""
+    return frame.startswith(prefix + "/") and len(frame) > len(prefix) + 1
 
 
 def _is_start_pose(transform: TransformStamped) -> bool:

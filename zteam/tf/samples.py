@@ -2,6 +2,7 @@
 
 import math
 from bisect import bisect_left
+from itertools import pairwise
 from typing import NamedTuple
 
 Floats = tuple[float, float, float, float, float, float, float]
@@ -116,7 +117,9 @@ class Edge:
             at = bisect_left(stamps, stamp)
             stamps.insert(at, stamp)
             self.samples.insert(at, sample)
-            self._count_parents()
+            self.parents += self._changes(at - 1, at + 1) - (
+                0 < at < len(stamps) - 1 and self.samples[at - 1].parent != self.samples[at + 1].parent
+            )
 
     def prune(self, oldest: int) -> None:
         """Forget what is older than `oldest`."""
@@ -124,16 +127,17 @@ class Edge:
         if stamps[0] >= oldest:
             return
         cut = bisect_left(stamps, oldest)
+        if self.parents:
+            self.parents -= self._changes(0, cut)
         del stamps[:cut]
         del self.samples[:cut]
-        if self.parents:
-            self._count_parents()
 
     def find(self, stamp: int) -> int:
         """Index of the sample with exactly this stamp, or -1."""
         at = bisect_left(self.stamps, stamp)
         return at if at < len(self.stamps) and self.stamps[at] == stamp else -1
 
-    def _count_parents(self) -> None:
-        samples = self.samples
-        self.parents = sum(samples[i].parent != samples[i - 1].parent for i in range(1, len(samples)))
+    def _changes(self, first: int, last: int) -> int:
+        """How often the parent changes among the samples `first` to `last`, both included, as far as they exist."""
+        parents = [sample.parent for sample in self.samples[max(first, 0) : last + 1]]
+        return sum(a != b for a, b in pairwise(parents))

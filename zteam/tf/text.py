@@ -35,16 +35,15 @@ def format_tree(frames: Mapping[str, FrameInfo], now: int) -> str:
     for child, info in sorted(frames.items()):
         children.setdefault(info.parent, []).append(child)
     lines: list[str] = []
-
-    def add(frame: str, lead: str, own: str) -> None:
+    # A stack of (frame, what its line begins with, what its children's lines begin with), the next one on top.
+    todo = [(root, "", "") for root in sorted(set(children) - set(frames), reverse=True)]
+    while todo:
+        frame, own, lead = todo.pop()
         lines.append(own + frame + (_describe(frames[frame], now) if frame in frames else ""))
         below = children.get(frame, [])
-        for i, child in enumerate(below):
-            last = i == len(below) - 1
-            add(child, lead + ("    " if last else "│   "), lead + ("└── " if last else "├── "))
-
-    for root in sorted(set(children) - set(frames)):
-        add(root, "", "")
+        for child in reversed(below):
+            last = child == below[-1]
+            todo.append((child, lead + ("└── " if last else "├── "), lead + ("    " if last else "│   ")))
     return "\n".join(lines)
 
 
