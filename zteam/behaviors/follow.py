@@ -81,13 +81,16 @@ class Follow(Behavior):
         a post; without any clear heading it keeps to the bearing.
         """
         reach = min(REACH, distance - LEADER_ROOM)
+        if look_along(scan, HALF_WIDTH, bearing) >= reach:
+            self._side = 0.0
+            return bearing
         clear = [
             (side, bearing + side * step * DETOUR_STEP)
-            for step in range(DETOUR_STEPS + 1)
+            for step in range(1, DETOUR_STEPS + 1)
             for side in (1.0, -1.0)
             if look_along(scan, HALF_WIDTH, bearing + side * step * DETOUR_STEP) >= reach
         ]
-        if not clear or clear[0][1] == bearing:
+        if not clear:
             self._side = 0.0
             return bearing
         kept = [choice for choice in clear if choice[0] == self._side]

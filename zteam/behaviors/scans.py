@@ -6,12 +6,15 @@ them) and finite values above `range_max` say nothing at all. A beam that says n
 """
 
 import math
+from functools import lru_cache
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from zteam.messages import LaserScan
+
+Floats = NDArray[np.float64]
 
 _ANGLE_TOLERANCE = 1e-5
 """Radians: the scan's angles are float32 sums, so a beam on the edge of a cone may come to lie beside it."""
@@ -30,17 +33,29 @@ class Cone(msgspec.Struct, frozen=True):
     """Share of the cone's beams that say nothing, 0..1."""
 
 
-def read_beams(scan: LaserScan) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-    """Angles in [-pi, pi) from the laser's x axis and distances in metres, both (n,), or None where there are no beams.
+class _Beams(msgspec.Struct, frozen=True, eq=False):
+    """A scan read once."""
 
-    A distance is NaN where the beam says nothing, inf where it met nothing, 0 where something is too close to measure.
-    Beams without usable angles are no beams. A scan may run either way round (`angle_increment` < 0) and beyond pi.
-    """
+    angles: Floats
+    ranges: Floats
+    hit_x: Floats
+    """Where the beams that hit something ended, in the laser's frame."""
+    hit_y: Floats
+
+
+@lru_cache(maxsize=8)
+def _directions(start: float, step: float, count: int) -> tuple[Floats, Floats, Floats]:
+    """Angles in [-pi, pi) of a scan's beams, their cosines and sines: the same in every scan of a laser."""
+    angles = np.remainder(start + step * np.arange(count) + math.pi, math.tau) - math.pi
+    return angles, np.cos(angles), np.sin(angles)
+
+
+def _read(scan: LaserScan) -> _Beams | None:
     ranges = np.array(scan.ranges, np.float64)
     step, start = scan.angle_increment, scan.angle_min
     if ranges.size == 0 or not (math.isfinite(start) and math.isfinite(step)) or (step == 0.0 and ranges.size > 1):
         return None
-    angles = np.remainder(start + step * np.arange(ranges.size) + math.pi, math.tau) - math.pi
+    angles, cos, sin = _directions(start, step, ranges.size)
     too_close = np.isneginf(ranges)
     # NaN fails both comparisons, and so says nothing either.
     in_range = (ranges >= scan.range_min * (1.0 - _ROUNDING)) & (ranges <= scan.range_max * (1.0 + _ROUNDING))
@@ -49,7 +64,35 @@ def read_beams(scan: LaserScan) -> tuple[NDArray[np.float64], NDArray[np.float64
     # A simulator without infinities writes range_max for "no hit".
     ranges[ranges >= scan.range_max * (1.0 - _ROUNDING)] = np.inf
     ranges[too_close] = 0.0
-    return angles, ranges
+    hit = np.isfinite(ranges)
+    return _Beams(angles, ranges, ranges[hit] * cos[hit], ranges[hit] * sin[hit])
+
+
+class _Newest:
+    """The scan that was read last: a behaviour and the safety layer look at the same one several times."""
+
+    scan: LaserScan | None = None
+    beams: _Beams | None = None
+
+
+def _beams_of(scan: LaserScan) -> _Beams | None:
+    ranges = scan.ranges
+    if not isinstance(ranges, np.ndarray) or ranges.flags.writeable:
+        # Somebody may still change it.
+        return _read(scan)
+    if _Newest.scan is not scan:
+        _Newest.scan, _Newest.beams = scan, _read(scan)
+    return _Newest.beams
+
+
+def read_beams(scan: LaserScan) -> tuple[Floats, Floats] | None:
+    """Angles in [-pi, pi) from the laser's x axis and distances in metres, both (n,), or None where there are no beams.
+
+    A distance is NaN where the beam says nothing, inf where it met nothing, 0 where something is too close to measure.
+    Beams without usable angles are no beams. A scan may run either way round (`angle_increment` < 0) and beyond pi.
+    """
+    beams = _beams_of(scan)
+    return None if beams is None else (beams.angles, beams.ranges)
 
 
 def look_ahead(scan: LaserScan, half_angle: float) -> Cone | None:
@@ -71,13 +114,12 @@ def look_ahead(scan: LaserScan, half_angle: float) -> Cone | None:
 
 
 def look_along(scan: LaserScan, half_width: float, heading: float = 0.0) -> float:
-    """Metres to the nearest hit in a corridor of 2 * `half_width` towards `heading` (radians), inf where it is clear."""
-    beams = read_beams(scan)
+    """Metres to the nearest hit in a corridor of 2 * `half_width` towards `heading` (rad), inf where it is clear."""
+    beams = _beams_of(scan)
     if beams is None:
         return math.inf
-    angles, ranges = beams
-    hit = np.isfinite(ranges)
-    off = angles[hit] - heading
-    x, y = ranges[hit] * np.cos(off), ranges[hit] * np.sin(off)
-    ahead = x[(np.abs(y) <= half_width) & (np.cos(off) > 0.0)]
-    return float(ahead.min()) if ahead.size else math.inf
+    cos, sin = math.cos(heading), math.sin(heading)
+    x = cos * beams.hit_x + sin * beams.hit_y
+    # A hit at distance 0 has no direction; it counts as ahead.
+    ahead = (x >= 0.0) & (np.abs(cos * beams.hit_y - sin * beams.hit_x) <= half_width)
+    return float(np.min(x, where=ahead, initial=math.inf))

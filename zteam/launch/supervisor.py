@@ -10,7 +10,8 @@ from zteam.launch.process import Process
 
 GRACE = 2.0
 """Seconds from SIGTERM until SIGKILL; the processes end themselves after 1.5."""
-_SAMPLE_PERIOD = 0.5
+_SAMPLE_PERIOD = 5.0
+"""Seconds between looks at memory: reading a process's PSS walks its page tables and holds it up for milliseconds."""
 
 
 class Supervisor:
