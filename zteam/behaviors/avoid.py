@@ -29,6 +29,7 @@ class Avoid(Behavior):
 
     Params = AvoidParams
     params: AvoidParams
+    uses_odom = False
 
     def step(self, view: View) -> Twist:
         """Straight on, or zero."""

@@ -20,6 +20,8 @@ class Behavior:
     """Its parameters, a `Params`."""
     uses_tf: ClassVar[bool] = False
     """Whether it looks anything up; if so, it is stopped while the robot's own pose is unknown or old."""
+    uses_odom: ClassVar[bool] = True
+    """Whether it looks at `view.odom`; without it the robot listens to its odometry only until it is ready."""
     leader: int | None = None
     """The robot it follows."""
     reason: str = ""

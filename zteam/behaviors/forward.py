@@ -21,6 +21,7 @@ class Forward(Behavior):
 
     Params = ForwardParams
     params: ForwardParams
+    uses_odom = False
 
     def step(self, view: View) -> Twist:
         """Straight on."""

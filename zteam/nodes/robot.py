@@ -81,9 +81,9 @@ class RobotNode:
         node.follow_clock()
         node.clock.sim.on_jump_back(self._on_jump_back)
         node.subscribe(self._key(names.BASE_SCAN), LaserScan, self._on_scan)
-        node.subscribe(self._key(names.ODOM), Odometry, self._on_odom, wake=False)
         node.subscribe(names.TEAM_STATUS, TeamStatus, self._on_team_status, latched=True)
-        node.subscribe(names.TF, TFMessage, self._on_tf)
+        self._odom_input = node.subscribe(self._key(names.ODOM), Odometry, self._on_odom, wake=False)
+        self._tf_input = node.subscribe(names.TF, TFMessage, self._on_tf)
         node.subscribe(names.TF_STATIC, TFMessage, self._on_tf_static, latched=True)
         node.watch_tokens(names.tokens_key(names.MONITOR), self._on_monitor)
 
@@ -199,8 +199,16 @@ class RobotNode:
             self._change(RobotState.READY, "GO holds from a later time on")
             return False
         self._released = True
+        self._drop_idle_inputs()
         log.info("GO: driving")
         return True
+
+    def _drop_idle_inputs(self) -> None:
+        """Stop listening to what only the gate needed: every message wakes the process."""
+        if not self._behavior.uses_odom:
+            self._odom_input.close()
+        if not self._behavior.uses_tf:
+            self._tf_input.close()
 
     def _change(self, state: int, text: str) -> None:
         if (state, text) == (self._state, self._text):

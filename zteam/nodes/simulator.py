@@ -164,11 +164,13 @@ class Simulator:
                 log.warning("real-time factor %.2f: a tick takes %.0f ms", factor, self._pacer.busy * 1e3)
 
     def _tick(self, commands: dict[int, Twist]) -> None:
-        observation = self._engine.step(commands)
-        # Transforms leave before the scans that robots wait for, so that the tree is whole when a robot looks.
-        self._clock.put(Clock(time_from_ns(observation.stamp)))
+        engine = self._engine
+        engine.move(commands)
+        # Transforms leave before the lasers are even computed: they go over the aggregator, so this way the tree is
+        # whole when a robot has its scan and looks. The clock wakes every process, so it leaves when the scans have.
         for robot_id, outputs in self._outputs.items():
-            outputs.tf.put(observed.transforms(observation, robot_id))
+            outputs.tf.put(observed.transforms(engine.now, robot_id, engine.odom(robot_id)))
+        observation = engine.observe()
         for robot_id, outputs in self._outputs.items():
             outputs.odom.put(observed.odometry_message(observation, robot_id))
             for i, scan in enumerate(outputs.scans):
@@ -176,6 +178,7 @@ class Simulator:
                 if i == 0:
                     self._commands.scan_sent(robot_id)
                 scan.put(message)
+        self._clock.put(Clock(time_from_ns(engine.now)))
         for robot_id, outputs in self._outputs.items():
             # Nobody's next command hangs on these.
             outputs.truth.put(observed.ground_truth_message(observation, robot_id))

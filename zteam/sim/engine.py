@@ -75,6 +75,11 @@ class Engine:
         return self.tick * self._interval
 
     def step(self, commands: Mapping[int, Twist]) -> Observation:
+        """One tick with these new commands, and what the robots sense then: `move` and `observe`."""
+        self.move(commands)
+        return self.observe()
+
+    def move(self, commands: Mapping[int, Twist]) -> None:
         """One tick with these new commands; a robot without one keeps its last for WATCHDOG.
 
         Raises UsageError for a command to a robot that is not there.
@@ -91,7 +96,6 @@ class Engine:
         self._physics.step(self._interval / NS_PER_S, velocities)
         self._measure_velocity(before, velocities)
         self.tick += 1
-        return self.observe()
 
     def _measure_velocity(self, before: np.ndarray, told: np.ndarray) -> None:
         seconds = self._interval / NS_PER_S
@@ -121,7 +125,7 @@ class Engine:
             robot,
             tuple(readings[i, place] for place in range(len(robot.rangers))),
             truth,
-            compose2(inverse2(self._start[i]), truth),
+            self._odom(i),
             (vx, vy, w),
             bool(self._physics.stalled[i]),
         )
@@ -129,6 +133,13 @@ class Engine:
     def _pose(self, i: int) -> Pose2:
         x, y, yaw = self._physics.poses[i].tolist()
         return Pose2(x, y, yaw)
+
+    def _odom(self, i: int) -> Pose2:
+        return compose2(inverse2(self._start[i]), self._pose(i))
+
+    def odom(self, robot_id: int) -> Pose2:
+        """A robot's pose since its start."""
+        return self._odom(self._index[robot_id])
 
     def truth(self, robot_id: int) -> Pose2:
         """A robot's pose in `map`."""

@@ -95,11 +95,10 @@ def _odometry(stamp: int, frame: str, robot_id: int, pose: Pose2, robot: RobotOb
     )
 
 
-def transforms(observation: Observation, robot_id: int) -> TFMessage:
-    """odom -> base_footprint."""
-    pose = observation.robots[robot_id].odom
+def transforms(stamp: int, robot_id: int, odom: Pose2) -> TFMessage:
+    """odom -> base_footprint at `stamp` (ns)."""
     parent, child = (names.robot_frame(robot_id, f) for f in (names.ODOM, names.BASE_FOOTPRINT))
-    return TFMessage([_transform(observation.stamp, parent, child, pose, 0.0)])
+    return TFMessage([_transform(stamp, parent, child, odom, 0.0)])
 
 
 def static_transforms(robot_id: int, robot: Robot) -> TFMessage:
