@@ -77,7 +77,7 @@ def test_what_a_scan_says_survives_the_wire(scan: LaserScan, half_angle: float) 
     assert look_ahead(received, half_angle) == look_ahead(scan, half_angle)
     cone = look_ahead(received, half_angle)
     assert cone is None or (cone.nearest >= 0.0 and 0.0 <= cone.invalid <= 1.0 and abs(cone.bearing) <= math.pi)
-    assert look_along(received, 0.2) >= 0.0
+    assert look_along(received, 0.2, half_angle) >= 0.0
 
 
 @given(st.integers(1, 300), st.floats(-math.pi, math.pi), st.floats(0.1, 9.0), st.floats(0.05, 1.5))

@@ -120,9 +120,9 @@ def test_wander_gets_about_and_touches_nothing(seed: int, speed: float) -> None:
 
 @pytest.mark.parametrize("seed", range(1, 6))
 def test_wander_finds_out_of_a_dead_end(seed: int) -> None:
-    """From the closed end of a corridor one metre wide it comes out within a minute, and touches nothing."""
-    walls: list[Segment] = [(0.0, 0.0, 3.0, 0.0), (0.0, 1.0, 3.0, 1.0), (0.0, 0.0, 0.0, 1.0)]
-    floor, behavior = Floor([Pose2(0.6, 0.5, math.pi)], walls, seed), load_behavior("wander", {})
+    """From the closed end of a corridor too narrow for its cone it comes out within a minute, and touches nothing."""
+    walls: list[Segment] = [(0.0, 0.0, 3.0, 0.0), (0.0, 0.9, 3.0, 0.9), (0.0, 0.0, 0.0, 0.9)]
+    floor, behavior = Floor([Pose2(0.6, 0.45, math.pi)], walls, seed), load_behavior("wander", {})
     for _ in range(600):
         floor.step([behavior])
         assert clearance(floor.poses[0], walls) > BODY

@@ -4,7 +4,7 @@ import math
 from itertools import pairwise
 
 import pytest
-from kinematics import TICK, Floor, Segment, make_scan, make_view
+from kinematics import TICK, Floor, Segment, clearance, make_scan, make_view
 
 from zteam.behaviors import Behavior, View, decide, load_behavior
 from zteam.errors import UsageError
@@ -81,7 +81,8 @@ def test_a_stale_leader_is_not_followed(age: float, moves: bool) -> None:
 
 def test_a_transform_of_fixed_frames_has_no_age() -> None:
     """Stamp 0 means that nothing on the way ever moves."""
-    assert follower().step(seeing(Pose2(2.0, 0.0, 0.0), age=NOW / 1e9)).linear.x > 0.0
+    command, reason = decide(follower(), seeing(Pose2(2.0, 0.0, 0.0), age=NOW / 1e9, own_age=NOW / 1e9))
+    assert (command.linear.x, reason) == (0.7, "")
 
 
 def test_a_pose_that_is_no_number_moves_nobody() -> None:
@@ -138,12 +139,75 @@ def test_a_line_of_four_holds(delay: int) -> None:
     assert floor.poses[0].x == pytest.approx(11.26, abs=0.05)  # the leader stands half a metre from the wall
 
 
-def test_a_follower_stops_for_whoever_comes_between() -> None:
-    """A robot that stands across the way is not run over."""
-    starts = [Pose2(4.0, 0.0, 0.0), Pose2(0.0, 0.0, 0.0), Pose2(1.5, 0.0, 0.0)]
-    floor = Floor(starts, [])
-    still = load_behavior("forward", {"speed": 0.0})
-    for _ in range(100):
-        floor.step([still, follower(), still])
-    assert 0.3 < floor.poses[2].x - floor.poses[1].x < 0.5
-    assert floor.commands[1] == (floor.commands[1][0], "obstacle ahead")
+def follow_still_leader(leader: Pose2, walls: list[Segment], *others: Pose2) -> tuple[Floor, float]:
+    """30 s after robot 1 began at the origin to follow a leader that stands: the floor, and the least room it had."""
+    floor = Floor([leader, Pose2(0.0, 0.0, 0.0), *others], walls)
+    still, behavior = load_behavior("forward", {"speed": 0.0}), follower()
+    room = math.inf
+    for _ in range(300):
+        floor.step([still, behavior, *(still for _ in others)])
+        x, y, _yaw = floor.poses[1]
+        room = min(room, *(math.hypot(x - o.x, y - o.y) for o in others), clearance(floor.poses[1], walls))
+    return floor, room
+
+
+def distance(floor: Floor) -> float:
+    """Between robots 0 and 1."""
+    return math.hypot(floor.poses[0].x - floor.poses[1].x, floor.poses[0].y - floor.poses[1].y)
+
+
+FAR: Segment = (50.0, 50.0, 51.0, 50.0)
+
+
+def test_a_follower_goes_round_whoever_stands_between() -> None:
+    """A robot that stands in the straight way is not run over, and does not end the following."""
+    floor, room = follow_still_leader(Pose2(4.0, 0.0, 0.0), [FAR], Pose2(1.5, 0.0, 0.0))
+    assert distance(floor) < 0.85
+    assert room > 0.2
+
+
+def test_a_follower_goes_round_the_corner_that_its_leader_went_round() -> None:
+    """The straight way leads through a wall: it drives along the wall to its end and touches nothing."""
+    floor, room = follow_still_leader(Pose2(3.0, 0.4, 0.0), [(1.5, -1.0, 1.5, 4.0)])
+    assert distance(floor) < 0.85
+    assert room > 0.17
+
+
+def test_a_follower_that_is_shut_in_touches_nothing() -> None:
+    """Without any way to its leader it looks for one, stays inside and keeps off the walls."""
+    walls: list[Segment] = [
+        (1.5, -1.0, 1.5, 1.0),
+        (-1.5, -1.0, -1.5, 1.0),
+        (-1.5, 1.0, 1.5, 1.0),
+        (-1.5, -1.0, 1.5, -1.0),
+    ]
+    floor, room = follow_still_leader(Pose2(4.0, 0.0, 0.0), walls)
+    assert abs(floor.poses[1].x) < 1.5
+    assert abs(floor.poses[1].y) < 1.0
+    assert room > 0.2
+
+
+def test_a_wall_in_front_of_its_nose_is_not_pushed() -> None:
+    """Where no heading is clear it keeps to the leader's bearing, and the safety layer stops it there and says so."""
+    scan = make_scan([0.3] * 271, NOW)
+    view = seeing(Pose2(3.0, 0.0, 0.0))
+    view = make_view(scan, now=NOW, robot_id=1, lookup=view.lookup)
+    command, reason = decide(follower(), view)
+    assert (command.linear.x, command.angular.z, reason) == (0.0, 0.0, "obstacle ahead")
+
+
+def test_it_does_not_swing_in_front_of_a_post() -> None:
+    """The side it goes round on is kept although the other has become the shorter."""
+    behavior = follower()
+
+    def turn(hit_deg: int) -> float:
+        ranges = [30.0] * 271
+        ranges[135 + hit_deg] = 0.5
+        view = seeing(Pose2(3.0, 0.0, 0.0))
+        scan = make_scan(ranges, NOW, math.radians(270.0))
+        return behavior.step(make_view(scan, now=NOW, robot_id=1, lookup=view.lookup)).angular.z
+
+    assert turn(-5) > 0.0
+    assert turn(5) > 0.0
+    assert turn(90) == 0.0
+    assert turn(5) < 0.0

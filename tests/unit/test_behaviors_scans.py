@@ -136,6 +136,15 @@ def test_a_corridor_is_as_wide_ahead_as_here() -> None:
     assert along(*behind) == math.inf
 
 
+def test_a_corridor_may_lead_aside() -> None:
+    """Towards a heading the same things are ahead, beside and behind as if the laser were turned there."""
+    scan = full_turn(math.radians(90.0), start=-math.pi, step=math.radians(1.0))
+    assert look_along(scan, 0.2, math.radians(90.0)) == pytest.approx(1.0, abs=1e-3)
+    assert look_along(scan, 0.2, math.radians(80.0)) == pytest.approx(math.cos(math.radians(10.0)), abs=0.02)
+    assert look_along(scan, 0.2, math.radians(60.0)) > 4.0
+    assert look_along(scan, 0.2, math.radians(-90.0)) > 4.0
+
+
 def test_the_message_is_left_alone() -> None:
     """Reading a scan does not write into it."""
     scan = make_scan([math.nan, -math.inf, 30.0])

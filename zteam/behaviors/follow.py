@@ -9,7 +9,7 @@ from zteam import names
 from zteam.behaviors.behavior import Behavior
 from zteam.behaviors.scans import look_along
 from zteam.behaviors.view import View
-from zteam.geometry import Pose2
+from zteam.geometry import Pose2, normalize_angle
 from zteam.messages import LaserScan, Twist, Vector3
 
 LINEAR_GAIN = 0.5
@@ -45,10 +45,11 @@ class FollowParams(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Follow(Behavior):
-    """Turn to the leader and drive up to it; turn on the spot while it is behind."""
+    """Turn to the leader and drive up to it, round what stands between; turn on the spot while it is behind."""
 
     Params = FollowParams
     params: FollowParams
+    uses_odom = False
     uses_tf = True
 
     def __init__(self, params: FollowParams) -> None:
@@ -84,18 +85,14 @@ class Follow(Behavior):
         if look_along(scan, HALF_WIDTH, bearing) >= reach:
             self._side = 0.0
             return bearing
-        clear = [
-            (side, bearing + side * step * DETOUR_STEP)
-            for step in range(1, DETOUR_STEPS + 1)
-            for side in (1.0, -1.0)
-            if look_along(scan, HALF_WIDTH, bearing + side * step * DETOUR_STEP) >= reach
-        ]
-        if not clear:
+        heading = _first_clear(scan, bearing, (self._side,), reach) if self._side else None
+        if heading is None:
+            heading = _first_clear(scan, bearing, (1.0, -1.0), reach)
+        if heading is None:
             self._side = 0.0
             return bearing
-        kept = [choice for choice in clear if choice[0] == self._side]
-        self._side, heading = (kept or clear)[0]
-        return heading
+        self._side = math.copysign(1.0, heading - bearing)
+        return normalize_angle(heading)
 
     def missing(self, view: View) -> list[str]:
         """The leader's pose, as long as it is not there or old."""
@@ -115,3 +112,13 @@ class Follow(Behavior):
         if stamp and not view.is_fresh(stamp, self.params.stale_after):
             return None, f"leader {name} not seen for {self.params.stale_after:g} s"
         return (pose, "") if all(map(math.isfinite, pose)) else (None, f"the pose of leader {name} is no number")
+
+
+def _first_clear(scan: LaserScan, bearing: float, sides: tuple[float, ...], reach: float) -> float | None:
+    """The heading nearest to `bearing`, to one of the sides of it, along which the way is clear for `reach` metres."""
+    for step in range(1, DETOUR_STEPS + 1):
+        for side in sides:
+            heading = bearing + side * step * DETOUR_STEP
+            if look_along(scan, HALF_WIDTH, heading) >= reach:
+                return heading
+    return None

@@ -48,6 +48,7 @@ class Wander(Behavior):
 
     Params = WanderParams
     params: WanderParams
+    uses_odom = False
 
     def __init__(self, params: WanderParams) -> None:
         super().__init__(params)
