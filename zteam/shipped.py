@@ -35,7 +35,11 @@ def _find(folder: Path, name: str, suffix: str) -> Path | None:
     if Path(name).name != name:
         return None
     path = folder / (name if name.endswith(suffix) else name + suffix)
-    return path if path.is_file() else None
+    try:
+        return path if path.is_file() else None
+    except (OSError, ValueError):
+        # No name of a file at all: too long, or with a NUL in it.
+        return None
 
 
 def names(folder: Path, suffix: str) -> list[str]:

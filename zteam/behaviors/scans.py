@@ -18,6 +18,8 @@ Floats = NDArray[np.float64]
 
 _ANGLE_TOLERANCE = 1e-5
 """Radians: the scan's angles are float32 sums, so a beam on the edge of a cone may come to lie beside it."""
+_TOUCHING = 1e-6
+"""Metres: where a hit that is too close to measure is taken to be."""
 _ROUNDING = 1e-6
 """Relative: limits and ranges may have been rounded to float32 or not."""
 
@@ -65,7 +67,9 @@ def _read(scan: LaserScan) -> _Beams | None:
     ranges[ranges >= scan.range_max * (1.0 - _ROUNDING)] = np.inf
     ranges[too_close] = 0.0
     hit = np.isfinite(ranges)
-    return _Beams(angles, ranges, ranges[hit] * cos[hit], ranges[hit] * sin[hit])
+    # A hit too close to measure still has the direction of its beam.
+    distance = np.maximum(ranges[hit], _TOUCHING)
+    return _Beams(angles, ranges, distance * cos[hit], distance * sin[hit])
 
 
 class _Newest:
@@ -120,6 +124,5 @@ def look_along(scan: LaserScan, half_width: float, heading: float = 0.0) -> floa
         return math.inf
     cos, sin = math.cos(heading), math.sin(heading)
     x = cos * beams.hit_x + sin * beams.hit_y
-    # A hit at distance 0 has no direction; it counts as ahead.
-    ahead = (x >= 0.0) & (np.abs(cos * beams.hit_y - sin * beams.hit_x) <= half_width)
+    ahead = (x > 0.0) & (np.abs(cos * beams.hit_y - sin * beams.hit_x) <= half_width)
     return float(np.min(x, where=ahead, initial=math.inf))

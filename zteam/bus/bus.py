@@ -27,6 +27,11 @@ class Publisher(Generic[M]):
     def __init__(self, raw: RawPublisher) -> None:
         self._raw = raw
 
+    @property
+    def wanted(self) -> bool:
+        """Whether anybody takes what is put now: lets a sender spare itself the making of a message."""
+        return self._raw.wanted
+
     def put(self, message: M) -> None:
         """Send without waiting (DROP: nothing on the bus ever blocks its sender)."""
         self._raw.put(encode(message))

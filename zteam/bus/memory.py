@@ -29,6 +29,8 @@ class _Handle:
 
 
 class _Publisher(_Handle):
+    wanted = True
+
     def __init__(self, close: Callable[[], None], put: Callable[[bytes], None]) -> None:
         super().__init__(close)
         self.put = put

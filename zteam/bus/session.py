@@ -34,6 +34,13 @@ class _Declared:
 
 
 class _Publisher(_Declared):
+    latched = False
+
+    @property
+    def wanted(self) -> bool:
+        entity = self._entity
+        return entity is not None and (self.latched or entity.matching_status.matching)
+
     def put(self, payload: bytes) -> None:
         entity = self._entity
         if entity is None:
@@ -79,6 +86,7 @@ class ZenohTransport:
         else:
             entity = self._session.declare_publisher(key, **options)
         publisher = _Publisher(entity, self._declared.discard)
+        publisher.latched = latched
         self._keep(publisher)
         return publisher
 

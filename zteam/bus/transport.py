@@ -37,6 +37,11 @@ class Closeable(Protocol):
 class RawPublisher(Closeable, Protocol):
     """Puts payloads on one key."""
 
+    @property
+    def wanted(self) -> bool:
+        """Whether a payload put now has a taker: a subscriber, or the memory of a latched key."""
+        ...
+
     def put(self, payload: bytes) -> None:
         """Send without waiting: a payload that finds no room is dropped."""
         ...

@@ -7,11 +7,11 @@ from collections.abc import Callable
 import msgspec
 
 from zteam.bus import Bus, BusOptions, connect
+from zteam.bus.topics import type_of_key
 from zteam.bus.transport import RawSample
 from zteam.clock import monotonic, wait_until
 from zteam.errors import UsageError
 from zteam.messages import Message, message_type, type_of_encoding
-from zteam.messages.topics import type_of_key
 from zteam.names import strip_slash
 
 PATIENCE = 5.0

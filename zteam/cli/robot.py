@@ -64,8 +64,10 @@ def _drive(robot_id: int, args: argparse.Namespace) -> int:
         leader = names.parse_robot_id(args.follow)
         if leader == robot_id:
             raise UsageError(f"--follow {leader}: a robot cannot follow itself")
+        if "leader" in params:
+            raise UsageError("--follow names the leader already: leave --param leader out")
         spec, params = "follow", {"leader": leader, **params}
-    behavior = load_behavior(spec, params)
+    behavior = load_behavior(spec, params, robot_id)
     options = RobotOptions(robot_id=robot_id, gate=not args.no_gate, seed=args.seed)
 
     def body(node: Node) -> None:

@@ -29,8 +29,9 @@ _CODES = {
 _SIZES = {"B": 1, "b": 1, "i": 4, "I": 4, "Q": 8, "f": 4, "d": 8}
 _DTYPES = {"int8": "i1", "int32": "i4", "float32": "f4", "float64": "f8"}
 
-_MAY_BE_INFINITE = {"Range.min_range", "Range.max_range", "Range.range"}
-"""Scalars that ROS allows to be inf or NaN (fixed-distance rangers); NaN anywhere else is no message."""
+_MAY_BE_INFINITE = {"LaserScan.range_max", "Range.min_range", "Range.max_range", "Range.range"}
+"""Scalars that ROS allows to be inf or NaN (fixed-distance rangers, lasers without a limit); in any other a NaN makes
+no message."""
 
 Field = tuple[str, str, Any]
 """(kind, expression, detail); kinds: number, str, sequence, array, list."""

@@ -5,7 +5,6 @@ only watches for data that has grown old.
 """
 
 import logging
-from collections.abc import Callable
 
 import msgspec
 
@@ -126,7 +125,8 @@ class RobotNode:
             scan = self._scan
             if scan is not None and ns_from_time(scan.header.stamp) != self._acted:
                 self._acted = ns_from_time(scan.header.stamp)
-                self._step(self._acted)
+                # A scan that was held up on its way is as old as the clock says.
+                self._step(max(self._acted, self._node.clock.now()))
             elif self._data_stopped():
                 self._step(self._node.clock.now())
             if self._heartbeat.due():
@@ -248,6 +248,3 @@ def run_robot(node: Node, behavior: Behavior, options: RobotOptions) -> None:
     if not options.gate:
         log.info("not waiting for GO (--no-gate)")
     robot.run()
-
-
-Lookup = Callable[[str, str], tuple[Pose2, int] | None]

@@ -172,19 +172,24 @@ class Simulator:
             outputs.tf.put(observed.transforms(engine.now, robot_id, engine.odom(robot_id)))
         observation = engine.observe()
         for robot_id, outputs in self._outputs.items():
-            outputs.odom.put(observed.odometry_message(observation, robot_id))
+            if outputs.odom.wanted:
+                outputs.odom.put(observed.odometry_message(observation, robot_id))
             for i, scan in enumerate(outputs.scans):
-                message = observed.scan_message(observation, robot_id, i)
-                if i == 0:
-                    self._commands.scan_sent(robot_id)
-                scan.put(message)
+                if scan.wanted:
+                    message = observed.scan_message(observation, robot_id, i)
+                    if i == 0:
+                        self._commands.scan_sent(robot_id)
+                    scan.put(message)
         self._clock.put(Clock(time_from_ns(engine.now)))
         for robot_id, outputs in self._outputs.items():
             # Nobody's next command hangs on these.
-            outputs.truth.put(observed.ground_truth_message(observation, robot_id))
-            outputs.stall.put(Bool(observation.robots[robot_id].stall))
+            if outputs.truth.wanted:
+                outputs.truth.put(observed.ground_truth_message(observation, robot_id))
+            if outputs.stall.wanted:
+                outputs.stall.put(Bool(observation.robots[robot_id].stall))
             for i, sonar in enumerate(outputs.sonars):
-                sonar.put(observed.range_message(observation, robot_id, i))
+                if sonar.wanted:
+                    sonar.put(observed.range_message(observation, robot_id, i))
         self._count()
 
     def _count(self) -> None:

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pymunk
+import pymunk.autogeometry
 from numpy.typing import NDArray
 
 from zteam.geometry import Pose2, compose2
@@ -56,7 +57,8 @@ class Physics:
         for shape in obstacle.shapes:
             if shape.obstacle and shape.z_min <= high and shape.z_max >= low:
                 points = [compose2(obstacle.pose, Pose2(x, y, 0.0))[:2] for x, y in shape.points]
-                self._add_static(pymunk.Poly(self._space.static_body, points))
+                for part in convex_parts(points):
+                    self._add_static(pymunk.Poly(self._space.static_body, part))
 
     def _add_static(self, shape: pymunk.Shape) -> None:
         shape.friction = 0.0
@@ -66,12 +68,10 @@ class Physics:
         # No contact turns a robot: its wheels hold it, and only the drive decides its yaw rate.
         body = pymunk.Body(robot.mass, math.inf)
         body.position, body.angle = (robot.pose.x, robot.pose.y), robot.pose.yaw
-        shapes = [pymunk.Poly(body, list(shape.points)) for shape in robot.shapes if shape.obstacle]
-        for number, shape in enumerate(shapes):
+        parts = [part for shape in robot.shapes if shape.obstacle for part in convex_parts(shape.points)]
+        shapes = [pymunk.Poly(body, part) for part in parts]
+        for shape in shapes:
             shape.friction = 0.0
-            # One robot's parts never push each other.
-            shape.filter = pymunk.ShapeFilter(group=len(self._space.bodies) + 1)
-            shape.collision_type = number
         self._space.add(body, *shapes)
         return body
 
@@ -132,6 +132,21 @@ class Physics:
         body.position, body.angle, body.velocity = (pose.x, pose.y), pose.yaw, (0.0, 0.0)
         self._space.reindex_shapes_for_body(body)
         self.poses[index] = pose
+
+
+def convex_parts(points: Sequence[tuple[float, float]]) -> list[list[tuple[float, float]]]:
+    """A simple polygon, counter-clockwise, as convex ones: Chipmunk takes the hull of any other."""
+    count = len(points)
+    turns = (
+        (points[i][0] - points[i - 1][0]) * (points[(i + 1) % count][1] - points[i][1])
+        - (points[i][1] - points[i - 1][1]) * (points[(i + 1) % count][0] - points[i][0])
+        for i in range(count)
+    )
+    if all(turn >= 0.0 for turn in turns):
+        return [list(points)]
+    closed = [*points, points[0]]
+    parts = pymunk.autogeometry.convex_decomposition(closed, 0.0)
+    return [[(float(x), float(y)) for x, y in part] for part in parts]
 
 
 def is_occupied(plan: Floorplan, x: float, y: float) -> bool:

@@ -1,7 +1,7 @@
 """Which message goes over which key, for tools that meet a payload without an encoding."""
 
 from zteam import names
-from zteam.messages.types import (
+from zteam.messages import (
     Bool,
     Clock,
     LaserScan,

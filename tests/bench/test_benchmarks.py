@@ -1,0 +1,52 @@
+"""`zteam bench` measures and prints; what it measures is for people to judge (docs/benchmarks.md)."""
+
+import json
+import subprocess
+from typing import Any
+
+import pytest
+
+from zteam.launch.process import zteam_command
+
+
+def bench(*arguments: str) -> Any:
+    """The JSON that a benchmark prints."""
+    done = subprocess.run(
+        zteam_command("bench", *arguments, "--json"), capture_output=True, text=True, timeout=100, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def test_the_core_is_measured() -> None:
+    """A short run of the core prints its figures, all of them positive."""
+    figures = bench("sim", "arena", "--robots", "3", "--beams", "90", "--seconds", "1")
+    assert {"rtf", "rays_per_s", "step_ms", "rss_mb"} <= set(figures)
+    assert figures["robots"] == 3
+    assert all(figures[name] > 0 for name in ("rtf", "rays_per_s", "step_ms", "rss_mb"))
+
+
+def test_the_codec_is_measured() -> None:
+    """Each message that goes over the bus most has a size and two times."""
+    rows = bench("codec")
+    assert {row["type"] for row in rows} >= {"sensor_msgs/msg/LaserScan", "geometry_msgs/msg/Twist"}
+    assert all(row["encode_us"] > 0 and row["decode_us"] > 0 and row["bytes"] > 0 for row in rows)
+
+
+@pytest.mark.team
+def test_a_team_is_measured() -> None:
+    """A short run of a real team prints GO, latencies and memory."""
+    figures = bench("team", "--team", "arena", "--seconds", "2")
+    assert figures["robots"] == 2
+    assert figures["go_after_seconds"] > 0
+    assert 0 < figures["latency_p50_ms"] <= figures["latency_p99_ms"]
+    assert figures["pss_mb"] > 0
+
+
+def test_a_wrong_size_is_refused() -> None:
+    """One line and exit code 2."""
+    done = subprocess.run(
+        zteam_command("bench", "sim", "arena", "--robots", "0"), capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode == 2
+    assert len(done.stderr.strip().splitlines()) == 1

@@ -1,0 +1,1 @@
+"""What `zteam bench` runs: figures of this machine, never judged by a test."""

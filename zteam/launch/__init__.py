@@ -1,0 +1,1 @@
+"""Teams made into processes: started at once, watched, stopped in order."""
