@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from hypothesis import given, reject
 from hypothesis import strategies as st
-from kinematics import TICK, make_view
 
+from kinematics import TICK, make_view
 from zteam.behaviors import decide, load_behavior, missing
 from zteam.behaviors.scans import look_ahead, look_along
 from zteam.config import Team, load_team, robot_arguments, static_transform, team_world

@@ -3,7 +3,6 @@
 from itertools import pairwise
 
 from kinematics import make_view
-
 from zteam.behaviors.chance import mix64, uniform
 
 

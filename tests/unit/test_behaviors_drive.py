@@ -3,8 +3,8 @@
 import math
 
 import pytest
-from kinematics import Floor, Segment, clearance, make_scan, make_view
 
+from kinematics import Floor, Segment, clearance, make_scan, make_view
 from zteam.behaviors import load_behavior
 from zteam.geometry import Pose2
 from zteam.messages import LaserScan

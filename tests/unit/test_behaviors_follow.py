@@ -4,8 +4,8 @@ import math
 from itertools import pairwise
 
 import pytest
-from kinematics import TICK, Floor, Segment, clearance, make_scan, make_view
 
+from kinematics import TICK, Floor, Segment, clearance, make_scan, make_view
 from zteam.behaviors import Behavior, View, decide, load_behavior
 from zteam.errors import UsageError
 from zteam.geometry import Pose2

@@ -3,8 +3,8 @@
 import math
 
 import pytest
-from kinematics import TICK, make_scan, make_view
 
+from kinematics import TICK, make_scan, make_view
 from zteam.behaviors import Behavior, decide, load_behavior, make_safe, missing
 from zteam.geometry import Pose2
 from zteam.messages import LaserScan, Twist, Vector3

@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from kinematics import make_scan
 
+from kinematics import make_scan
 from zteam.behaviors.scans import look_ahead, look_along, read_beams
 from zteam.messages import LaserScan
 
