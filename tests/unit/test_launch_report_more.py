@@ -1,0 +1,116 @@
+"""What a run's report holds."""
+
+import json
+import os
+
+import msgspec
+import pytest
+
+from zteam.bus.memory import MemoryHub
+from zteam.clock import monotonic
+from zteam.errors import BusError
+from zteam.launch.process import Usage
+from zteam.launch.report import (
+    ProcessReport,
+    RunReport,
+    format_report,
+    read_dropped,
+    read_sim_report,
+    report_processes,
+    seconds_since_start,
+)
+from zteam.nodes.sim_messages import Gap, RobotReport
+
+ROBOTS = [
+    RobotReport(id=0, follow=None, pose=(1.0, 2.0, 0.5), distance_m=6.0, stalls=0, gap_m=None, scans=300, late_steps=1),
+    RobotReport(
+        id=1,
+        follow=0,
+        pose=(0.0, 2.0, 0.5),
+        distance_m=5.0,
+        stalls=2,
+        gap_m=Gap(mean=1.0, max=1.5, end=1.25),
+        scans=300,
+        late_steps=0,
+    ),
+]
+REPORT = RunReport(
+    sim_seconds=30.0,
+    wall_seconds=31.5,
+    go_after_seconds=1.2,
+    seed=4,
+    external_commands=0,
+    robots=ROBOTS,
+    processes=[ProcessReport("sim", 7, 0, 0, 150.0, 90.0, 3.0), ProcessReport("up", 6, 0, 0, 50.0, 20.0, 0.5)],
+    dropped={"robot_0/cmd_vel": 3},
+    latency_ms={"p50": 2.0, "p99": 9.0, "count": 600},
+)
+
+
+def test_every_promised_key_is_written() -> None:
+    """The file's keys are those that other people's scripts read."""
+    written = json.loads(msgspec.json.encode(REPORT))
+    scalars = {"sim_seconds", "wall_seconds", "go_after_seconds", "seed", "external_commands"}
+    assert set(written) >= scalars | {"robots", "processes", "dropped"}
+    promised = {"id", "follow", "pose", "distance_m", "stalls", "gap_m", "scans", "late_steps"}
+    assert all(set(robot) == promised for robot in written["robots"])
+    assert written["robots"][0]["gap_m"] is None
+    assert written["robots"][1]["gap_m"] == {"mean": 1.0, "max": 1.5, "end": 1.25}
+    assert written["robots"][1]["pose"] == [0.0, 2.0, 0.5]
+    process = {"name", "pid", "exit", "restarts", "rss_mb", "pss_mb", "cpu_seconds"}
+    assert all(set(row) == process for row in written["processes"])
+
+
+def test_the_table_is_for_people() -> None:
+    """One row a robot, the gap where there is one, the memory of all processes together."""
+    lines = format_report(REPORT).splitlines()
+    assert lines[0] == "30.0 simulated seconds after GO, seed 4"
+    assert lines[2].split() == ["0", "-", "6.00", "-", "0", "1"]
+    assert lines[3].split() == ["1", "0", "5.00", "1.25", "2", "0"]
+    assert lines[4] == "2 processes, 110 MB together (PSS)"
+
+
+def test_drops_are_summed_over_everybody() -> None:
+    """What two processes refused on one key is one sum; keys without a drop are not listed; keys are sorted."""
+    hub = MemoryHub()
+    first, second, asking = hub.bus(), hub.bus(), hub.bus()
+    first.serve_stats("sim")
+    second.serve_stats("robot_0")
+    first.counters.drop("robot_1/cmd_vel", "test")
+    first.counters.drop("clock", "test")
+    second.counters.drop("clock", "test")
+    second.counters.drop("clock", "test")
+    second.counters.receive("map")
+    dropped = read_dropped(asking)
+    assert dropped == {"clock": 3, "robot_1/cmd_vel": 1}
+    assert list(dropped) == ["clock", "robot_1/cmd_vel"]
+
+
+def test_a_silent_simulator_is_an_error() -> None:
+    """No report is made up when nobody counts."""
+    with pytest.raises(BusError, match="sim/report"):
+        read_sim_report(MemoryHub().bus())
+
+
+def test_the_launcher_is_a_process_too() -> None:
+    """Its own row: this pid, memory and time of its own."""
+    (row,) = report_processes({}, "up")
+    assert (row.name, row.pid, row.exit, row.restarts) == ("up", os.getpid(), 0, 0)
+    assert 1 < row.pss_mb <= row.rss_mb
+    assert row.cpu_seconds > 0
+
+
+def test_the_start_is_the_processs_own() -> None:
+    """Time since the start counts interpreter and imports: more than since this module was loaded, and it goes on."""
+    first = seconds_since_start()
+    since_import = monotonic() - LOADED
+    assert first > since_import - 0.02  # the kernel counts in hundredths
+    assert seconds_since_start() >= first
+
+
+LOADED = monotonic()
+
+
+def test_usage_starts_empty() -> None:
+    """A process that was never measured has no figures."""
+    assert Usage() == Usage(0.0, 0.0, 0.0)
