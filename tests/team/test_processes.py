@@ -138,7 +138,8 @@ def test_garbage_changes_nothing_but_the_counters(team: TeamFixture, outsider: z
     before = team.robot(0).pose
     for key in KEYS:
         for payload in GARBAGE:
-            outsider.put(f"{team.namespace}/{key}", payload)
+            # Blocking, so that the burst is not thinned out on its way.
+            outsider.put(f"{team.namespace}/{key}", payload, congestion_control=zenoh.CongestionControl.BLOCK)
     nan = Twist(Vector3(math.nan))
     outsider.put(f"{team.namespace}/robot_0/cmd_vel", np.frombuffer(encode(nan), np.uint8).tobytes())
     team.run(1.0)

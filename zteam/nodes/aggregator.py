@@ -11,6 +11,7 @@ from zteam import names
 from zteam.bus import NoRequest
 from zteam.clock import monotonic
 from zteam.messages import Header, Quaternion, TFMessage, Transform, TransformStamped, Vector3, ns_from_time
+from zteam.nodes.losses import Losses
 from zteam.nodes.node import Node
 from zteam.nodes.tf_messages import FrameReply, LookupReply, LookupRequest, StaticReply, StaticRequest
 from zteam.tf import TransformException
@@ -29,18 +30,20 @@ class Aggregator:
         self._node = node
         self._rate = rate
         self._merger = Merger(configured)
-        self._speaking: set[int] = set()
-        """Robots that a bundle waits for."""
         self._spoken: dict[int, int] = {}
-        """Robots in the bundle now, and the stamp they spoke for."""
-        self._opened = 0.0
-        """Host time of the bundle's first transform."""
+        """Robots that a bundle waits for, and the stamp each spoke for last."""
+        self._opened: float | None = None
+        """Host time of the bundle's first transform; None while it is empty."""
+        self._stamp = 0
+        """The tick of the bundle: its newest stamp."""
+        self._losses = Losses()
         self._tf = node.bus.publisher(names.TF, TFMessage)
         self._tf_static = node.bus.publisher(names.TF_STATIC, TFMessage, latched=True)
         node.follow_clock()
         node.clock.sim.on_jump_back(self._on_jump_back)
         node.subscribe(names.all_robots_key(names.TF), TFMessage, self._on_tf)
         node.subscribe(names.all_robots_key(names.TF_STATIC), TFMessage, self._on_tf_static, latched=True)
+        node.bus.watch_link(self._on_link)
         node.watch_tokens(names.tokens_key(names.STATIC_CALLER), self._on_static_caller)
         serve, service = node.bus.serve, names.service_key
         serve(service(names.AGGREGATOR, "static"), StaticRequest, self._add_static)
@@ -54,15 +57,15 @@ class Aggregator:
             return
         robot_id = target[0]
         stamp = max(ns_from_time(t.header.stamp) for t in message.transforms)
-        if self._rate is None and stamp > self._spoken.get(robot_id, stamp):
-            # The robot is a tick ahead of the others: what is here must not wait for them.
-            self._flush()
+        if self._rate is None and self._opened is not None and stamp > self._stamp:
+            # The next tick begins: what is here must not wait for anybody any more.
+            self._flush_late()
         self._merger.take(robot_id, message)
-        if not self._spoken:
-            self._opened = monotonic()
+        if self._opened is None:
+            self._opened, self._stamp = monotonic(), stamp
+        self._stamp = max(self._stamp, stamp)
         self._spoken[robot_id] = stamp
-        self._speaking.add(robot_id)
-        if self._rate is None and self._speaking <= self._spoken.keys():
+        if self._rate is None and all(s >= self._stamp for s in self._spoken.values()):
             self._flush()
         if self._merger.statics_changed:
             self._publish_statics()
@@ -74,19 +77,33 @@ class Aggregator:
             self._publish_statics()
 
     def _on_static_caller(self, key: str, alive: bool) -> None:
-        token = names.split_token_key(key)
-        if token is not None and not alive:
-            self._merger.drop_authority(_authority(token[1]))
-            self._publish_statics()
+        self._losses.take_token(key, alive, monotonic())
+
+    def _on_link(self, up: bool) -> None:
+        with self._node.changed:
+            self._losses.take_link(up, monotonic())
+
+    def _drop_lost_callers(self) -> None:
+        for key in self._losses.take_due(monotonic()):
+            token = names.split_token_key(key)
+            if token is not None:
+                self._merger.drop_authority(_authority(token[1]))
+        self._publish_statics()
 
     def _on_jump_back(self, old: int, new: int) -> None:
         log.warning("time jumped back from %.1f s to %.1f s: moving transforms are forgotten", old / 1e9, new / 1e9)
         self._merger.jump_back()
         self._spoken.clear()
+        self._opened = None
+
+    def _flush_late(self) -> None:
+        """Send what is here; who has not spoken for its tick is not waited for until he speaks again."""
+        self._spoken = {robot_id: stamp for robot_id, stamp in self._spoken.items() if stamp >= self._stamp}
+        self._flush()
 
     def _flush(self) -> None:
         pending = self._merger.take_pending()
-        self._spoken.clear()
+        self._opened = None
         if pending:
             self._tf.put(TFMessage(pending))
 
@@ -124,28 +141,28 @@ class Aggregator:
         due = monotonic()
         while not self._node.stopping:
             if period is None:
-                self._node.wait(lambda: bool(self._spoken), 0.5)
+                self._node.wait(lambda: self._opened is not None, 0.5)
                 self._node.wait(self._bundle_is_old, PATIENCE)
                 with self._node.changed:
                     if self._bundle_is_old():
-                        self._speaking &= self._spoken.keys()
-                        self._flush()
+                        self._flush_late()
             else:
                 due = max(due + period, monotonic())
                 self._node.wait(lambda until=due: monotonic() >= until, max(0.0, due - monotonic()))  # type: ignore[misc]
                 with self._node.changed:
                     self._flush()
             with self._node.changed:
+                self._drop_lost_callers()
                 conflicts = self._merger.take_conflicts()
             for conflict in conflicts:
                 log.warning("%s", conflict)
 
     def _bundle_is_old(self) -> bool:
-        return bool(self._spoken) and monotonic() - self._opened >= PATIENCE
+        return self._opened is not None and monotonic() - self._opened >= PATIENCE
 
 
 def _authority(instance: str) -> str:
-    return f"{names.STATIC_CALLER} {instance[:8]}"
+    return f"{names.STATIC_CALLER} {instance}"
 
 
 def run_aggregator(node: Node, configured: Iterable[TransformStamped], rate: float | None) -> None:

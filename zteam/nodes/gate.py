@@ -36,7 +36,11 @@ class Member(msgspec.Struct):
     was_ready: bool = False
     was_lost: bool = False
     told_go: bool = False
+    returned: bool = False
+    """Whether it came back and was not told GO anew yet."""
     silent: bool = False
+    stopped: bool = False
+    """Whether it said farewell before it went."""
 
     @property
     def alive(self) -> bool:
@@ -45,8 +49,8 @@ class Member(msgspec.Struct):
 
     @property
     def ready(self) -> bool:
-        """Whether it lives and says it is ready."""
-        return self.alive and self.status is not None and self.status.is_ready
+        """Whether it lives, answers and says it is ready."""
+        return self.alive and not self.silent and self.status is not None and self.status.is_ready
 
 
 class Gate:
@@ -98,14 +102,20 @@ class Gate:
             member.instances.add(instance)
             if member.was_lost:
                 member.was_lost = member.told_go = False
+                member.returned = True
                 self._tell("back", robot_id, "is back")
         elif instance in member.instances:
             member.instances.discard(instance)
             if not member.alive:
-                member.was_ready, member.was_lost = False, True
-                last = member.status
-                stopped = last is not None and last.state == RobotState.STOPPED
-                self._tell("stopped" if stopped else "lost", robot_id, "stopped" if stopped else "lost")
+                self._lose(robot_id, member)
+
+    def _lose(self, robot_id: int, member: Member) -> None:
+        member.stopped = member.status is not None and member.status.state == RobotState.STOPPED
+        # A process that comes later under this name speaks for itself.
+        member.status = None
+        member.was_ready = member.silent = False
+        member.was_lost = True
+        self._tell("stopped" if member.stopped else "lost", robot_id, "stopped" if member.stopped else "lost")
 
     def take_status(self, robot_id: int, status: RobotStatus, now: float) -> bool:
         """A robot's status, heard at host time `now` on its own key; False if it speaks for another robot."""
@@ -118,8 +128,8 @@ class Gate:
             self._tell("answers", robot_id, "answers again")
         if status.state == RobotState.FAULT and (before is None or before.state != RobotState.FAULT):
             self._tell("fault", robot_id, f"fault: {status.text}")
-        if status.state == RobotState.RUNNING and status.epoch > 0 and not self.gone:
-            self._adopt(status)
+        if status.state == RobotState.RUNNING and member.alive and self._counts(robot_id):
+            self._adopt(status.epoch)
         if self.gone:
             self._tell_late(robot_id, member)
         elif member.ready and not member.was_ready:
@@ -129,24 +139,34 @@ class Gate:
             member.was_ready = False
         return True
 
-    def _adopt(self, status: RobotStatus) -> None:
-        """A robot runs already: the GO it obeys is the team's."""
-        self.epoch = status.epoch
-        self.go_stamp = 0
-        self._tell("adopted", None, f"the team is running already (epoch {status.epoch})")
-        for member in self.members.values():
-            member.told_go = member.ready
+    def _adopt(self, epoch: int) -> None:
+        """A robot of this team runs already: the newest GO that is obeyed is the team's."""
+        if epoch <= self.epoch:
+            return
+        self.epoch = epoch
+        if not self.gone:
+            self.go_stamp = 0
+            self._tell("adopted", None, f"the team is running already (epoch {epoch})")
 
     def _tell_late(self, robot_id: int, member: Member) -> None:
-        if member.ready and not member.told_go:
-            member.told_go = True
+        if not member.ready or member.told_go or member.status is None:
+            return
+        member.told_go = True
+        # A returned robot may obey the latched GO before it says a word.
+        if member.status.epoch < self.epoch or member.returned:
             self._tell("late", robot_id, "is ready late: told GO")
+
+    def forgive_silence(self, now: float) -> None:
+        """Nothing could be heard until `now`: silence counts from here on."""
+        for member in self.members.values():
+            member.heard = now
 
     def check_silence(self, now: float) -> None:
         """Name robots whose process lives but says nothing."""
         for robot_id, member in self.members.items():
             if member.alive and member.status is not None and not member.silent and now - member.heard > SILENT_AFTER:
                 member.silent = True
+                member.was_ready = False
                 self._tell("silent", robot_id, f"does not answer for {now - member.heard:.0f} s")
 
     def try_go(self, stamp: int) -> bool:
@@ -195,4 +215,13 @@ class Gate:
         )
 
     def _tell(self, kind: str, robot: int | None, text: str) -> None:
-        self.events.append(Event(kind, robot, text))
+        self.events.append(Event(kind, robot, printable(text)))
+
+    def tell(self, kind: str, text: str) -> None:
+        """Something about the team as a whole that the gate does not know itself."""
+        self._tell(kind, None, text)
+
+
+def printable(text: str) -> str:
+    """A robot's own words without what would command a terminal or break a line."""
+    return "".join(c if c.isprintable() else "\ufffd" for c in text)

@@ -11,13 +11,12 @@ from zteam.clock import Every, monotonic
 from zteam.errors import BusError
 from zteam.messages import RobotStatus, TeamStatus
 from zteam.nodes.gate import Event, Gate
+from zteam.nodes.losses import Losses
 from zteam.nodes.node import Node
 from zteam.nodes.sim_messages import SimStatus
 
 log = logging.getLogger("zteam")
 
-LINK_GRACE = 0.25
-"""Host seconds that a vanished token is held back: when the router dies, all tokens vanish a moment before the link."""
 LEAVE_AFTER = 5.0
 """`--exit-on-go` waits this long at most for every robot to obey."""
 
@@ -39,7 +38,7 @@ class Monitor:
         self._options = options
         self._show = show
         self.gate = Gate(options.ids, options.team_size)
-        self._vanished: list[tuple[float, int, str]] = []
+        self._losses = Losses()
         self._link_up = True
         self._published: TeamStatus | None = None
         self._odd = Every(1.0)
@@ -54,10 +53,10 @@ class Monitor:
     def _on_link(self, up: bool) -> None:
         with self._node.changed:
             self._link_up = up
-            if not up:
-                # What vanished with the link says nothing about the robots.
-                self._vanished = [v for v in self._vanished if monotonic() - v[0] > LINK_GRACE]
-            self._show(Event("link", None, "router is back" if up else "router lost"))
+            self._losses.take_link(up, monotonic())
+            self.gate.forgive_silence(monotonic())
+            self.gate.tell("link", "router is back" if up else "router lost")
+            self._node.changed.notify_all()
 
     def _on_token(self, key: str, alive: bool) -> None:
         token = names.split_token_key(key)
@@ -69,11 +68,9 @@ class Monitor:
         robot_id = names.robot_id_of(name)
         if robot_id is None:
             return
-        self._vanished = [v for v in self._vanished if v[1:] != (robot_id, instance)]
+        self._losses.take_token(key, alive, monotonic())
         if alive:
             self.gate.take_token(robot_id, instance, True)
-        else:
-            self._vanished.append((monotonic(), robot_id, instance))
 
     def _on_status(self, key: str, status: RobotStatus) -> None:
         target = names.split_robot_key(key)
@@ -89,14 +86,16 @@ class Monitor:
             if self._sim_seen and self.gate.expected is None:
                 self._learn_ids()
             with self._node.changed:
-                self._settle_vanished()
-                self.gate.check_silence(monotonic())
+                self._take_losses()
                 if self._link_up:
-                    self.gate.try_go(self._node.clock.now())
+                    self.gate.try_go(self._go_stamp())
                 self._publish()
-                self._tell_events()
+                events, self.gate.events = self.gate.events, []
                 leaving = self._options.exit_on_go and self.gate.gone
                 running = self.gate.all_running()
+            for event in events:
+                # Without the lock: a terminal can be slow, and the live table takes the lock to draw itself.
+                self._show(event)
             if leaving:
                 leave_at = leave_at or monotonic() + LEAVE_AFTER
                 if running or monotonic() > leave_at:
@@ -108,15 +107,25 @@ class Monitor:
             self._node.wait(self._has_work, 0.2)
 
     def _has_work(self) -> bool:
-        return bool(self.gate.events) or (not self.gate.gone and len(self.gate.ready) >= self.gate.team_size)
+        complete = self._link_up and not self.gate.gone and len(self.gate.ready) >= self.gate.team_size
+        return bool(self.gate.events) or complete
 
-    def _settle_vanished(self) -> None:
+    def _go_stamp(self) -> int:
+        """Now, in simulated time, or in wall time where ready robots have come and no simulator."""
+        clock = self._node.clock
+        if len(self.gate.ready) >= self.gate.team_size and not self.gate.gone:
+            clock.use_wall()
+        return clock.now()
+
+    def _take_losses(self) -> None:
         now = monotonic()
-        due = [v for v in self._vanished if now - v[0] > LINK_GRACE]
-        if due and self._link_up:
-            self._vanished = [v for v in self._vanished if v not in due]
-            for _, robot_id, instance in due:
-                self.gate.take_token(robot_id, instance, False)
+        for key in self._losses.take_due(now):
+            token = names.split_token_key(key)
+            robot_id = names.robot_id_of(token[0]) if token else None
+            if token and robot_id is not None:
+                self.gate.take_token(robot_id, token[1], False)
+        if self._losses.trusted(now):
+            self.gate.check_silence(now)
 
     def _learn_ids(self) -> None:
         """Wait for the simulator's own robots if there are as many as asked for."""
@@ -138,11 +147,6 @@ class Monitor:
         if status != known:
             self._published = status
             self._publisher.put(status)
-
-    def _tell_events(self) -> None:
-        events, self.gate.events = self.gate.events, []
-        for event in events:
-            self._show(event)
 
 
 def print_event(event: Event) -> None:

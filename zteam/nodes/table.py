@@ -6,11 +6,12 @@ from types import TracebackType
 from rich.console import Console
 from rich.live import Live
 from rich.table import Table
+from rich.text import Text
 
 from zteam import names
 from zteam.clock import monotonic
 from zteam.messages import RobotState
-from zteam.nodes.gate import Event, Gate, Member
+from zteam.nodes.gate import Event, Gate, Member, printable
 from zteam.nodes.node import Node
 
 _COLORS = {
@@ -24,9 +25,10 @@ class LiveTable:
 
     def __init__(self) -> None:
         self._console = Console()
-        self._live = Live(console=self._console, refresh_per_second=4, get_renderable=self._render)
         self._gate: Gate | None = None
         self._lock: threading.Condition | None = None
+        # Last: it renders at once.
+        self._live = Live(console=self._console, refresh_per_second=4, get_renderable=self._render)
 
     def __enter__(self) -> "LiveTable":
         self._live.start()
@@ -45,7 +47,8 @@ class LiveTable:
         """Print an event above the table."""
         who = "" if event.robot is None else f"{names.robot_name(event.robot)} "
         style = {"go": "bold green", "lost": "bold red", "fault": "red", "silent": "red", "link": "yellow"}
-        self._console.print(f"{who}{event.text}", style=style.get(event.kind, ""), highlight=False)
+        # As Text: a robot's words are no markup. Its style must not colour the table, which is drawn along.
+        self._console.print(Text(f"{who}{event.text}", style.get(event.kind, "")))
 
     def _render(self) -> Table:
         table = Table(title=None, expand=False)
@@ -57,16 +60,17 @@ class LiveTable:
             rows = [_row(i, member) for i, member in sorted(self._gate.members.items())]
             table.caption = "GO" if self._gate.gone else f"waiting for {self._gate.waiting_for()}"
         for robot, state, age, epoch, text in rows:
-            table.add_row(robot, f"[{_COLORS[state]}]{state}[/]", age, epoch, text)
+            table.add_row(robot, Text(state, _COLORS[state]), age, epoch, Text(text))
         return table
 
 
 def _row(robot_id: int, member: Member) -> tuple[str, str, str, str, str]:
     status = member.status
     state = "absent" if status is None else RobotState.TEXT[min(status.state, RobotState.FAULT)]
-    if status is not None and not member.alive:
-        state = "stopped" if status.state == RobotState.STOPPED else "lost"
+    if member.was_lost:
+        state = "stopped" if member.stopped else "lost"
     elif member.silent:
         state = "silent"
     age = "" if status is None else f"{monotonic() - member.heard:.1f} s"
-    return names.robot_name(robot_id), state, age, str(status.epoch) if status else "", status.text if status else ""
+    says = printable(status.text) if status else ""
+    return names.robot_name(robot_id), state, age, str(status.epoch) if status else "", says
