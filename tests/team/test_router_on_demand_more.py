@@ -1,0 +1,211 @@
+"""The router that nobody starts: on a port of the test's own, never the machine's default one."""
+
+import os
+import random
+import select
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from zteam.bus import Bus, BusOptions, connect, connection
+from zteam.bus.connection import router_log_path, router_metadata, spawn_router
+from zteam.clock import pause
+from zteam.errors import BusError
+from zteam.messages import Bool
+
+pytestmark = pytest.mark.team
+
+LIMIT = 30.0
+
+
+@pytest.fixture
+def endpoint(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    """A free port in place of the default one, and short lives for the routers there; what still runs is ended."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    monkeypatch.setattr(connection, "IDLE_EXIT", 1.0)
+    while True:
+        # Outside the range that connections of this machine take their own ports from.
+        port = random.randint(21000, 31000)
+        with socket.socket() as probe:
+            if probe.connect_ex(("127.0.0.1", port)) != 0:
+                break
+    chosen = f"tcp/127.0.0.1:{port}"
+    monkeypatch.setattr("zteam.bus.options.DEFAULT_ENDPOINT", chosen)
+    yield chosen
+    info = router_metadata(chosen)
+    if info is not None and info.pid is not None:
+        wait_for_end(info.pid)
+
+
+def wait_for_end(pid: int) -> None:
+    """Wait until a process that is not our child has ended."""
+    try:
+        handle = os.pidfd_open(pid)
+    except ProcessLookupError:
+        return
+    readable, _, _ = select.select([handle], [], [], LIMIT)
+    if not readable:
+        signal.pidfd_send_signal(handle, signal.SIGKILL)
+    os.close(handle)
+    assert readable, "the router did not end by itself"
+
+
+def router_pid(endpoint: str) -> int:
+    """Process id of the router at `endpoint`."""
+    info = router_metadata(endpoint)
+    assert info is not None
+    assert info.pid is not None
+    return info.pid
+
+
+class Listener:
+    """Counts what arrives on one key."""
+
+    def __init__(self, bus: Bus, key: str) -> None:
+        self._arrived = threading.Condition()
+        self.count = 0
+        bus.subscribe(key, Bool, self._take)
+
+    def _take(self, _key: str, _message: Bool) -> None:
+        with self._arrived:
+            self.count += 1
+            self._arrived.notify_all()
+
+    def hears(self, send: Callable[[], None]) -> bool:
+        """Whether something arrives while `send` is called again and again."""
+        with self._arrived:
+            start = self.count
+            for _ in range(int(LIMIT / 0.02)):
+                send()
+                if self._arrived.wait_for(lambda: self.count > start, 0.02):
+                    return True
+        return False
+
+
+def test_the_first_one_starts_it_and_the_others_join(endpoint: str) -> None:
+    """One router for all, which is no child of ours, and messages go through it."""
+    first = connect(BusOptions())
+    second = connect(BusOptions())
+    try:
+        pid = router_pid(endpoint)
+        assert os.getsid(pid) != os.getsid(0)
+        listener, publisher = Listener(second, "a"), first.publisher("a", Bool)
+        assert listener.hears(lambda: publisher.put(Bool(True)))
+    finally:
+        first.close()
+        second.close()
+
+
+def test_it_ends_when_its_last_client_has_gone(endpoint: str) -> None:
+    """Nobody has to tidy up: it lives as long as it is used, and its log says why it ended."""
+    bus = connect(BusOptions())
+    pid = router_pid(endpoint)
+    bus.close()
+    wait_for_end(pid)
+    assert "the router ends" in router_log_path(endpoint).read_text()
+    assert router_metadata(endpoint) is None
+
+
+def test_one_that_dies_is_started_again(endpoint: str) -> None:
+    """Both clients come back by themselves, and what they declared still holds."""
+    first, second = connect(BusOptions()), connect(BusOptions())
+    try:
+        listener, publisher = Listener(second, "a"), first.publisher("a", Bool)
+        assert listener.hears(lambda: publisher.put(Bool(True)))
+        pid = router_pid(endpoint)
+        os.kill(pid, signal.SIGKILL)
+        wait_for_end(pid)
+        assert listener.hears(lambda: publisher.put(Bool(True)))
+        assert router_pid(endpoint) != pid
+    finally:
+        first.close()
+        second.close()
+
+
+def test_many_that_start_at_once_share_one(endpoint: str) -> None:
+    """Six processes at the same moment: the port decides, all are connected to the one router that won."""
+    code = (
+        "import zteam.bus.options, sys\n"
+        "from zteam.bus import BusOptions, connect, connection\n"
+        f"zteam.bus.options.DEFAULT_ENDPOINT = {endpoint!r}\n"
+        "connection.IDLE_EXIT = 1.0\n"
+        "bus = connect(BusOptions())\n"
+        "print(*bus.transport._session.info.routers_zid(), flush=True)\n"
+        "sys.stdin.read()\n"
+        "bus.close()"
+    )
+    started = [
+        subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        for _ in range(6)
+    ]
+    try:
+        routers = {each.stdout.readline() for each in started if each.stdout}
+        assert len(routers) == 1
+        assert routers != {""}
+    finally:
+        for each in started:
+            each.communicate(timeout=LIMIT)
+    assert [each.returncode for each in started] == [0] * 6
+
+
+def test_a_router_that_finds_its_port_taken_ends_quietly(endpoint: str) -> None:
+    """The loser of the race leaves no process, and its line is in the log, not on anybody's screen."""
+    bus = connect(BusOptions())
+    try:
+        spawn_router(endpoint)
+        pid = router_pid(endpoint)
+        log = router_log_path(endpoint)
+        for _ in range(1000):
+            if "in use" in log.read_text():
+                break
+            pause(0.01)
+        assert "in use" in log.read_text()
+        assert router_pid(endpoint) == pid
+    finally:
+        bus.close()
+
+
+def test_a_port_of_somebody_elses_is_named(endpoint: str) -> None:
+    """Something that answers no Zenoh holds the port: one line says so and how to go on."""
+    port = int(endpoint.rpartition(":")[2])
+    with socket.create_server(("127.0.0.1", port)) as server:
+
+        def hang_up() -> None:
+            while True:
+                try:
+                    server.accept()[0].close()
+                except OSError:
+                    return
+
+        thread = threading.Thread(target=hang_up, daemon=True)
+        thread.start()
+        with pytest.raises(BusError, match=r"does not speak Zenoh.*--connect"):
+            connect(BusOptions())
+        server.shutdown(socket.SHUT_RDWR)
+        thread.join(LIMIT)
+
+
+def test_another_users_router_is_not_joined(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a shared machine two users' teams must not mix by accident; on purpose they may."""
+    bus, owner = connect(BusOptions()), os.getuid()
+    try:
+        monkeypatch.setattr(connection.os, "getuid", lambda: 12345)
+        with pytest.raises(BusError, match=rf"belongs to user id {owner}:.*--connect"):
+            connect(BusOptions())
+        connect(BusOptions(connect=endpoint)).close()
+    finally:
+        bus.close()
+
+
+def test_with_connect_nothing_is_started(endpoint: str) -> None:
+    """--connect waits as long as it was told to, then says how to go on; no router appears."""
+    with pytest.raises(BusError, match="zteam-router --listen"):
+        connect(BusOptions(connect=endpoint), patience=0.2)
+    assert router_metadata(endpoint) is None
+    assert not router_log_path(endpoint).exists()
