@@ -144,6 +144,8 @@ def open_node(name: str, options: BusOptions, stop: Stop) -> Iterator[Node]:
     try:
         yield node
     finally:
+        # From here on the hard exit watches: whatever ends the node, closing must not hang.
+        stop.request("the process ends")
         node.close()
 
 
@@ -155,7 +157,13 @@ def run_node(name: str, options: BusOptions, body: Callable[[Node], None]) -> in
     sys.setswitchinterval(SWITCH_INTERVAL)
     try:
         with open_node(name, options, stop) as node:
-            body(node)
+            try:
+                body(node)
+            except ZteamError as error:
+                if stop.requested:
+                    return 0
+                log.error("%s", error)
+                return error.exit_code
     except ZteamError as error:
         if stop.requested:
             return 0
