@@ -26,7 +26,7 @@ def test_line(team):
 def test_five_lines_test_a_team(pytester: pytest.Pytester) -> None:
     """A user's project needs five lines, no conftest.py, and no pytest option; a test that passes shows no logs."""
     pytester.makepyfile(FIVE_LINES)
-    result = pytester.runpytest_subprocess("-W", "error")
+    result = pytester.runpytest_subprocess("-W", "error", "-rP")
     result.assert_outcomes(passed=1)
     result.stdout.no_fnmatch_line("*processes of the team*")
 
