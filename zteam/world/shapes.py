@@ -15,6 +15,10 @@ BOUNDARY_THICKNESS = 0.01
 """Metres: Stage's `boundary 1` is four slabs of this thickness."""
 
 
+LEAST_AREA = 1e-12
+"""Square metres: a block below a square micrometre is rounding, not a body."""
+
+
 class Block(NamedTuple):
     """A prism in units of its own: only its proportions to the model's other blocks count."""
 
@@ -70,21 +74,18 @@ def box_block(left: float, bottom: float, right: float, top: float, height: floa
 
 
 def place_blocks(blocks: Iterable[Block], owner_from_body: Pose2, z: float, surface: Surface) -> tuple[Shape, ...]:
-    """Blocks as shapes of their owner, counter-clockwise, raised by `z`."""
+    """Blocks as shapes of their owner, counter-clockwise, raised by `z`; specks below LEAST_AREA are left out."""
     c, s = math.cos(owner_from_body.yaw), math.sin(owner_from_body.yaw)
-    return tuple(
-        Shape(
-            tuple(
-                (owner_from_body.x + c * x - s * y, owner_from_body.y + s * x + c * y)
-                for x, y in counter_clockwise(block.points)
-            ),
-            z + block.z_min,
-            z + block.z_max,
-            surface.ranger_return,
-            surface.obstacle,
+    shapes = []
+    for block in blocks:
+        points = tuple(
+            (owner_from_body.x + c * x - s * y, owner_from_body.y + s * x + c * y)
+            for x, y in counter_clockwise(block.points)
         )
-        for block in blocks
-    )
+        if signed_area(points) > LEAST_AREA:
+            heights = z + block.z_min, z + block.z_max
+            shapes.append(Shape(points, *heights, surface.ranger_return, surface.obstacle))
+    return tuple(shapes)
 
 
 def signed_area(points: Sequence[Point2]) -> float:
