@@ -147,7 +147,6 @@ def test_after():
     result.assert_outcomes(failed=1, passed=1)
 
 
-@pytest.mark.xfail(reason="restart forgets the frozen process that it replaces", strict=True)
 def test_a_restart_leaves_nothing(pytester: pytest.Pytester) -> None:
     """A frozen process that is restarted is ended first, and not left behind when the test is over."""
     pytester.makepyfile(
@@ -164,7 +163,6 @@ def test_after():
     result.assert_outcomes(passed=2)
 
 
-@pytest.mark.xfail(reason="spawn numbers its processes with other robots' names", strict=True)
 def test_an_unnamed_process_takes_nobodys_name(pytester: pytest.Pytester) -> None:
     """A process started without a name does not stand in for another of the team."""
     pytester.makepyfile(

@@ -252,7 +252,6 @@ def test_commands_ignore_what_lies_in_the_folder(tmp_path: Path, monkeypatch: py
     assert done.stdout.startswith("zteam "), done.stderr
 
 
-@pytest.mark.xfail(reason="the end is told only when the last holder of the output is gone", strict=True)
 def test_an_end_is_told_though_a_grandchild_lives(lifeline: int) -> None:
     """A process that started something in the background and died is dead; what it left does not stay."""
     code = (

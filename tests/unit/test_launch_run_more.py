@@ -4,7 +4,9 @@ import itertools
 import socket
 import sys
 import threading
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -14,6 +16,7 @@ from zteam.bus.memory import MemoryHub
 from zteam.config import RobotEntry, Team
 from zteam.errors import BusError, ZteamError
 from zteam.launch import run as running
+from zteam.launch.process import Process
 from zteam.launch.run import ANY_PORT, Progress, Run, RunOptions, choose_endpoint
 from zteam.messages import Clock, TeamState, TeamStatus, time_from_ns
 from zteam.nodes.stopping import Stop
@@ -99,16 +102,18 @@ def python(code: str) -> list[str]:
 
 
 WAIT = "import time; time.sleep(600)"
+ANNOUNCE = f"print('tcp/127.0.0.1:5', flush=True)\n{WAIT}"
 
 
 class Pretend:
-    """A Run whose processes are small Python texts, by module name; the router's is given."""
+    """Runs whose processes are small Python texts: `routers` one after the other, `others` for all the rest."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, router: str, others: str = WAIT) -> None:
-        self.routers = [router]
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.routers = [ANNOUNCE]
+        self.others = WAIT
         self.asked: list[tuple[str, ...]] = []
         self.lines: list[tuple[str, str]] = []
-        self._others = others
+        self._started: list[Process] = []
         monkeypatch.setattr("zteam.launch.run.zteam_command", self._command)
         monkeypatch.setattr("zteam.launch.plan.zteam_command", self._command)
         # The bus needs a real router; what is tested here ends before that, or does not need it.
@@ -117,22 +122,39 @@ class Pretend:
 
     def _command(self, module: str, *arguments: str) -> list[str]:
         if module != "router":
-            return python(self._others)
+            return python(self.others)
         self.asked.append(arguments)
         return python(self.routers.pop(0) if len(self.routers) > 1 else self.routers[0])
 
     def run(self, run_for: float | None = None) -> Run:
         """A run that starts nothing yet."""
         options = RunOptions(TEAM, None, Path("/w/arena.world"), BusOptions(), run_for=run_for)
-        return Run(options, self.stop, lambda name, line: self.lines.append((name, line)))
+        run = Run(options, self.stop, lambda name, line: self.lines.append((name, line)))
+        start = run.supervisor.start
+
+        def keep(*arguments: Any) -> Process:
+            self._started.append(start(*arguments))
+            return self._started[-1]
+
+        run.supervisor.start = keep  # type: ignore[method-assign]
+        return run
+
+    def tidy(self) -> None:
+        """Let go of every process, also of those that another one took the place of."""
+        assert all(process.join(LIMIT) for process in self._started)
 
 
-ANNOUNCE = f"print('tcp/127.0.0.1:5', flush=True)\n{WAIT}"
+@pytest.fixture
+def pretend(monkeypatch: pytest.MonkeyPatch) -> Iterator[Pretend]:
+    """A run whose router answers at once and whose other processes run until they are ended."""
+    chosen = Pretend(monkeypatch)
+    yield chosen
+    chosen.tidy()
 
 
-def test_everyone_hears_where_the_router_is(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_everyone_hears_where_the_router_is(pretend: Pretend) -> None:
     """The endpoint goes to every process's standard input as soon as the router has said it."""
-    pretend = Pretend(monkeypatch, ANNOUNCE, f"print(input(), flush=True)\n{WAIT}")
+    pretend.others = f"print(input(), flush=True)\n{WAIT}"
     with pretend.run() as run:
         run.start()
         assert run.endpoint == "tcp/127.0.0.1:5"
@@ -141,11 +163,9 @@ def test_everyone_hears_where_the_router_is(monkeypatch: pytest.MonkeyPatch) -> 
     assert not any(p.running for p in run.supervisor.processes.values())
 
 
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # see test_launch_supervisor_more.py
-def test_a_router_that_cannot_start_is_tried_on_any_port(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_router_that_cannot_start_is_tried_on_any_port(pretend: Pretend) -> None:
     """Somebody took the port in between: the run goes on elsewhere and nothing counts as failed."""
-    pretend = Pretend(monkeypatch, "raise SystemExit(1)")
-    pretend.routers.append(ANNOUNCE)
+    pretend.routers = ["raise SystemExit(1)", ANNOUNCE]
     with pretend.run() as run:
         run.start()
         assert run.endpoint == "tcp/127.0.0.1:5"
@@ -153,68 +173,57 @@ def test_a_router_that_cannot_start_is_tried_on_any_port(monkeypatch: pytest.Mon
         assert run.supervisor.failures == []
 
 
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # see test_launch_supervisor_more.py
-def test_no_router_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_router_is_an_error(pretend: Pretend) -> None:
     """When no router comes up at all, the launcher says so and leaves no process."""
-    pretend = Pretend(monkeypatch, "raise SystemExit(1)")
+    pretend.routers = ["raise SystemExit(1)"]
     with pytest.raises(BusError, match="router did not start"), pretend.run() as run:
         run.start()
     assert not any(p.running for p in run.supervisor.processes.values())
 
 
-@pytest.mark.xfail(reason="any line with a slash ends the wait for the endpoint", strict=True)
-def test_a_log_line_is_no_endpoint(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_log_line_is_no_endpoint(pretend: Pretend) -> None:
     """The router logs where it is before it announces it: the launcher waits for the announcement."""
     log_first = "import time\nprint('12:00:00 router at tcp/127.0.0.1:5', flush=True)\ntime.sleep(0.5)\n"
-    pretend = Pretend(monkeypatch, log_first + ANNOUNCE)
+    pretend.routers = [log_first + ANNOUNCE]
     with pretend.run() as run:
         run.start()
         assert run.endpoint == "tcp/127.0.0.1:5"
 
 
-@pytest.mark.xfail(reason="the error line ends the wait before the process has ended", strict=True)
-def test_a_router_that_says_why_and_ends_is_tried_again(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_router_that_says_why_and_ends_is_tried_again(pretend: Pretend) -> None:
     """The real router names the port it could not take, and ends a moment later: still any port will do."""
-    pretend = Pretend(
-        monkeypatch,
-        "import time\nprint('router: tcp/127.0.0.1:7447 is in use', flush=True)\ntime.sleep(0.5)\nraise SystemExit(1)",
+    refused = (
+        "import time\nprint('router: tcp/127.0.0.1:7447 is in use', flush=True)\ntime.sleep(0.5)\nraise SystemExit(1)"
     )
-    pretend.routers.append(ANNOUNCE)
+    pretend.routers = [refused, ANNOUNCE]
     with pretend.run() as run:
         run.start()
         assert run.endpoint == "tcp/127.0.0.1:5"
 
 
-@pytest.fixture
-def watched(monkeypatch: pytest.MonkeyPatch) -> Pretend:
-    """A run whose router answers and whose other processes run until they are ended."""
-    return Pretend(monkeypatch, ANNOUNCE)
-
-
-def test_a_failure_ends_a_run_with_a_limit(watched: Pretend) -> None:
+def test_a_failure_ends_a_run_with_a_limit(pretend: Pretend) -> None:
     """What a dead process leaves of a run is no result: the run ends with its name."""
-    with watched.run(run_for=1.0) as run:
+    with pretend.run(run_for=1.0) as run:
         run.start()
         run.supervisor.processes["robot_0"].kill()
         with pytest.raises(ZteamError, match="robot_0"):
             run.watch()
 
 
-def test_a_stop_request_ends_the_wait(watched: Pretend) -> None:
+def test_a_stop_request_ends_the_wait(pretend: Pretend) -> None:
     """Ctrl+C ends a run with or without a limit, and it then reports nothing."""
-    with watched.run(run_for=1000.0) as run:
+    with pretend.run(run_for=1000.0) as run:
         run.start()
-        threading.Timer(0.1, watched.stop.request, ("test",)).start()
+        threading.Timer(0.1, pretend.stop.request, ("test",)).start()
         run.watch()
         assert run.finish() is None
 
 
-@pytest.mark.xfail(reason="a process that ends with 0 unasked is no failure: the run waits for ever", strict=True)
-def test_a_simulator_that_ends_with_0_ends_a_run_with_a_limit(watched: Pretend) -> None:
+def test_a_simulator_that_ends_with_0_ends_a_run_with_a_limit(pretend: Pretend) -> None:
     """Without its simulator the time asked for never comes: the launcher says so instead of waiting for ever."""
-    with watched.run(run_for=1.0) as run:
+    with pretend.run(run_for=1.0) as run:
         run.plan.commands[names.SIMULATOR] = python("raise SystemExit(0)")
         run.start()
-        threading.Timer(2.5, watched.stop.request, ("the test's patience",)).start()
+        threading.Timer(2.5, pretend.stop.request, ("the test's patience",)).start()
         with pytest.raises(ZteamError, match="sim"):
             run.watch()

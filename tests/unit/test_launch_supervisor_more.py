@@ -210,14 +210,12 @@ raise SystemExit(0 if told else 1)
 """
 
 
-@pytest.mark.xfail(reason="a listener that raises ends the reader: the process's end is told to nobody", strict=True)
 def test_a_listener_that_fails_does_not_hide_an_end() -> None:
     """`zteam up | head` takes away the launcher's output; its processes must still be watched and stopped."""
     done = subprocess.run([sys.executable, "-c", DEAF], capture_output=True, timeout=LIMIT, check=False)
     assert done.returncode == 0
 
 
-@pytest.mark.xfail(reason="the process that a new one of its name replaces is forgotten while it runs", strict=True)
 def test_a_running_process_is_not_forgotten() -> None:
     """A second start under a name in use is refused, or ends the first: it never leaves one running unseen."""
     supervisor = Watched()
@@ -234,7 +232,6 @@ def test_a_running_process_is_not_forgotten() -> None:
     assert not left
 
 
-@pytest.mark.xfail(reason="the input of an ended process that is replaced stays open", strict=True)
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_starting_again_leaves_no_descriptor_open() -> None:
     """A process that is restarted a hundred times does not use up the launcher's descriptors."""

@@ -64,7 +64,11 @@ class Printer:
             number = self._seen.setdefault(name, len(self._seen))
             color = _COLORS[number % len(_COLORS)]
             prefix = f"\033[{color}m[{name}]\033[0m" if self._color else f"[{name}]"
-            print(f"{prefix} {_without_own_name(name, text)}", flush=True)
+            try:
+                print(f"{prefix} {_without_own_name(name, text)}", flush=True)
+            except BrokenPipeError:
+                # Nobody reads any more (`zteam up | head`); the team goes on.
+                sys.stdout = open(os.devnull, "w")  # noqa: SIM115, PTH123
 
 
 def _without_own_name(name: str, text: str) -> str:

@@ -1,5 +1,6 @@
 """One child process: its own process group, its output line by line, its peak memory, and no way to outlive us."""
 
+import logging
 import os
 import signal
 import subprocess
@@ -12,6 +13,8 @@ from pathlib import Path
 import msgspec
 
 from zteam.nodes.stopping import PARENT_PIPE
+
+log = logging.getLogger("zteam")
 
 _KEPT_LINES = 200
 
@@ -52,7 +55,7 @@ def zteam_command(module: str, *arguments: str) -> list[str]:
 
 
 class Process:
-    """A running child. `on_line(process, line)` and `on_exit(process)` are called from its reader thread."""
+    """A running child. `on_line(process, line)` and `on_exit(process)` are called from threads of its own."""
 
     def __init__(
         self,
@@ -85,6 +88,8 @@ class Process:
         )
         self._reader = threading.Thread(target=self._read, name=f"read {name}", daemon=True)
         self._reader.start()
+        self._watcher = threading.Thread(target=self._watch, name=f"watch {name}", daemon=True)
+        self._watcher.start()
 
     @property
     def pid(self) -> int:
@@ -106,10 +111,33 @@ class Process:
         for line in self._popen.stdout:
             text = line.rstrip("\n")
             self.lines.append(text)
-            self._on_line(self, text)
-        self._popen.wait()
+            try:
+                self._on_line(self, text)
+            except Exception:
+                # Whoever listens may be gone (`zteam up | head`); the process is to be watched all the same.
+                log.debug("a line of %s could not be passed on", self.name, exc_info=True)
         self._popen.stdout.close()
+
+    def _watch(self) -> None:
+        """Wait for the end of the process itself, end what it left behind in its group, and tell."""
+        try:
+            os.waitid(os.P_PID, self.pid, os.WEXITED | os.WNOWAIT)
+        except ChildProcessError:
+            # Somebody who looked whether it runs was quicker.
+            pass
+        self.kill()
+        self._popen.wait()
+        self._reader.join()
+        self._close_input()
         self._on_exit(self)
+
+    def _close_input(self) -> None:
+        if self._popen.stdin is not None:
+            try:
+                self._popen.stdin.close()
+            except BrokenPipeError:
+                # What was still to be written has no reader any more.
+                pass
 
     def write_line(self, text: str) -> None:
         """Write a line to its standard input and close that."""
@@ -117,8 +145,8 @@ class Process:
         try:
             self._popen.stdin.write(text + "\n")
             self._popen.stdin.close()
-        except BrokenPipeError:
-            # It has ended already; its exit is reported by the reader.
+        except (BrokenPipeError, ValueError):
+            # It has ended already (ValueError: and its input was closed); its exit is told elsewhere.
             pass
 
     def signal(self, number: int) -> None:
@@ -141,15 +169,8 @@ class Process:
 
     def join(self, timeout: float) -> bool:
         """Wait for its end and its last line; whether that came within `timeout` s."""
-        self._reader.join(timeout)
-        if self._reader.is_alive():
-            return False
-        if self._popen.stdin is not None:
-            try:
-                self._popen.stdin.close()
-            except BrokenPipeError:
-                pass
-        return True
+        self._watcher.join(timeout)
+        return not self._watcher.is_alive()
 
     def measure(self) -> None:
         """Bring `usage` up to date."""

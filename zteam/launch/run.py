@@ -86,6 +86,11 @@ def choose_endpoint() -> str:
     return ANY_PORT if port_accepts(DEFAULT_ENDPOINT, timeout=0.2) else DEFAULT_ENDPOINT
 
 
+def _is_endpoint(line: str) -> bool:
+    """Whether a line of the router's output is its announcement, and no line of its log."""
+    return line.startswith(("tcp/", "tls/"))
+
+
 class Run:
     """One run of a team. Use as: `with Run(...) as run: run.start(); run.watch(); report = run.finish()`."""
 
@@ -169,16 +174,16 @@ class Run:
         router = self.supervisor.processes[ROUTER]
 
         def settled() -> bool:
-            return self._stop.requested or not router.running or any("/" in line for line in router.lines)
+            return self._stop.requested or not router.running or any(map(_is_endpoint, router.lines))
 
         self.supervisor.wait(settled, ROUTER_DEADLINE)
-        announced = [line for line in router.lines if line.startswith(("tcp/", "tls/"))]
+        announced = list(filter(_is_endpoint, router.lines))
         if not announced and not self._stop.requested and not router.running:
             # Another router took the port between the look and the bind: any port will do.
             router = self.supervisor.start(ROUTER, zteam_command("router", "--listen", ANY_PORT, "--announce"))
             self.supervisor.failures.clear()
             self.supervisor.wait(settled, ROUTER_DEADLINE)
-            announced = [line for line in router.lines if line.startswith("tcp/")]
+            announced = list(filter(_is_endpoint, router.lines))
         if not announced:
             raise BusError(
                 "stopped" if self._stop.requested else f"the router did not start: {list(router.lines)[-1:]}"
@@ -191,10 +196,10 @@ class Run:
         assert progress is not None
         with progress.changed:
             while not self._stop.requested and progress.wall is None:
-                if self._options.run_for is not None and self.supervisor.failures:
-                    names_ = ", ".join(sorted({p.name for p in self.supervisor.failures}))
-                    raise ZteamError(f"{names_} failed: the run cannot be finished")
-                if not any(p.running for p in self.supervisor.processes.values()):
+                ended = sorted(p.name for p in self.supervisor.processes.values() if not p.running)
+                if ended and self._options.run_for is not None:
+                    raise ZteamError(f"{', '.join(ended)} ended: the run cannot be finished")
+                if len(ended) == len(self.supervisor.processes):
                     return
                 progress.changed.wait(1.0)
 

@@ -43,7 +43,12 @@ class Supervisor:
         self.close()
 
     def start(self, name: str, command: Sequence[str], environment: dict[str, str] | None = None) -> Process:
-        """Start a process; one of the same name that has ended is replaced."""
+        """Start a process; one of the same name is replaced, and ended first if it still runs."""
+        before = self.processes.get(name)
+        if before is not None:
+            before.stopping = True
+            before.kill()
+            before.join(GRACE)
         process = Process(
             name, command, self._read_end, on_line=self._take_line, on_exit=self._take_exit, environment=environment
         )

@@ -130,7 +130,7 @@ class TeamFixture:
 
         Nothing is waited for: see `wait_for_processes`.
         """
-        chosen = name or f"{module}_{next(_numbers)}"
+        chosen = name or f"{module} #{next(_numbers)}"
         self._plan.commands[chosen] = zteam_command(module, *arguments)
         self._supervisor.start(chosen, self._plan.commands[chosen], self.environment)
         return chosen
@@ -267,7 +267,9 @@ class TeamFixture:
         self._supervisor.processes[name].signal(signal.SIGCONT)
 
     def restart(self, name: str) -> None:
-        """Start a process that has ended again, with the same command, and wait until it is present."""
+        """Start a process again with the same command (one that still runs is ended first); wait until it is there."""
+        if self._supervisor.processes[name].running:
+            self.kill(name)
         self._wait(lambda: not self.alive(name), START_LIMIT)
         self._supervisor.start(name, self._plan.commands[name], self.environment)
         self.wait_for_processes(name)
