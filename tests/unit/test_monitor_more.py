@@ -357,7 +357,10 @@ def test_nobody_is_silent_without_a_router(hub: MemoryHub, open_desk: Open) -> N
     desk.pass_by(SILENT_AFTER * 2)
     desk.link.set_link(True)
     desk.look()
+    desk.pass_by(SILENT_AFTER * 0.9)
     assert desk.told("silent") == []
+    desk.pass_by(SILENT_AFTER)
+    assert desk.told("silent") == [("silent", 0)]
 
 
 def test_a_hung_robot_is_named(hub: MemoryHub, open_desk: Open) -> None:

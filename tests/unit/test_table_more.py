@@ -35,11 +35,13 @@ def draw(node: Node, gate: Gate, *events: Event) -> None:
 
 def test_a_row_for_every_robot(node: Node, capsys: pytest.CaptureFixture[str]) -> None:
     """Name, state, epoch and text of each robot, the absent and the lost included, and whom the team waits for."""
-    gate = Gate([0, 1, 2, 3], 4)
+    gate = Gate([0, 1, 2, 3, 4], 5)
     say(gate, 0, RobotState.RUNNING, "clear ahead")
     say(gate, 1, RobotState.BOOT, "waiting for a scan")
     say(gate, 2, RobotState.READY)
-    gate.take_token(2, "a", False)
+    say(gate, 4, RobotState.STOPPED)
+    for robot_id in (2, 4):
+        gate.take_token(robot_id, "a", False)
     draw(node, gate)
     shown = capsys.readouterr().out
     rows = {words[0]: words for line in shown.splitlines() if (words := line.strip("│┃ ").split())}
@@ -48,7 +50,8 @@ def test_a_row_for_every_robot(node: Node, capsys: pytest.CaptureFixture[str]) -
     assert rows["robot_1"][2] == "boot"
     assert rows["robot_2"][2] == "lost"
     assert rows["robot_3"][2] == "absent"
-    assert "waiting for robot_1, robot_2, robot_3" in " ".join(shown.split())
+    assert rows["robot_4"][2] == "stopped"
+    assert "waiting for robot_1, robot_2, robot_3, robot_4" in " ".join(shown.split())
 
 
 def test_events_stand_above(node: Node, capsys: pytest.CaptureFixture[str]) -> None:
