@@ -57,7 +57,6 @@ def test_no_endpoint_is_one_line() -> None:
     assert "--connect -" in output
 
 
-@pytest.mark.xfail(reason="the read is not ended by the stop request: only the hard exit ends it", strict=True)
 def test_a_stop_ends_the_wait() -> None:
     """Ctrl+C before the router is up: every process stops at once and in order, with 0, not by its hard exit."""
     with waiting() as robot:

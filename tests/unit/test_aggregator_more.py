@@ -329,7 +329,6 @@ def test_a_caller_adds_a_frame_while_it_lives(hub: MemoryHub, desk: Desk) -> Non
     assert ask_static(hub, "table", 5.0, "f" * 32).refused == ""
 
 
-@pytest.mark.xfail(reason="the old caller's token is held back for a while although the link is up", strict=True)
 @pytest.mark.usefixtures("desk")
 def test_a_frame_is_free_as_soon_as_its_caller_has_gone(hub: MemoryHub) -> None:
     """Ctrl+C and the same command again: the second caller gets the frame at once."""

@@ -231,12 +231,9 @@ def test_a_late_robot_is_told_once() -> None:
     assert told(gate) == ["robot_1 is ready late: told GO"]
 
 
-obeys_first = pytest.mark.xfail(reason="a newcomer that obeys before it says it is ready is not told of", strict=True)
-
-
 @pytest.mark.parametrize(
     "states",
-    [(BOOT, READY), pytest.param((BOOT, RUNNING), marks=obeys_first), pytest.param((RUNNING,), marks=obeys_first)],
+    [(BOOT, READY), (BOOT, RUNNING), (RUNNING,)],
 )
 def test_a_newcomer_is_told_of(states: tuple[int, ...]) -> None:
     """A robot that starts after GO finds the latched GO, and the monitor says so once."""

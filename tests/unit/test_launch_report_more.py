@@ -11,7 +11,7 @@ import pytest
 from zteam.bus.memory import MemoryHub
 from zteam.clock import monotonic
 from zteam.errors import BusError
-from zteam.launch.process import Usage
+from zteam.launch.process import Usage, measure_usage
 from zteam.launch.report import (
     ProcessReport,
     RunReport,
@@ -95,7 +95,9 @@ def test_a_silent_simulator_is_an_error() -> None:
 
 def test_the_launcher_is_a_process_too() -> None:
     """Its own row: this pid, memory and time of its own."""
-    (row,) = report_processes({}, "up")
+    own = Usage()
+    measure_usage(os.getpid(), own)
+    (row,) = report_processes({}, "up", own)
     assert (row.name, row.pid, row.exit, row.restarts) == ("up", os.getpid(), 0, 0)
     assert 1 < row.pss_mb <= row.rss_mb
     assert row.cpu_seconds > 0

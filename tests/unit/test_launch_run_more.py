@@ -202,11 +202,11 @@ def test_a_router_that_says_why_and_ends_is_tried_again(pretend: Pretend) -> Non
 
 
 def test_a_failure_ends_a_run_with_a_limit(pretend: Pretend) -> None:
-    """What a dead process leaves of a run is no result: the run ends with its name."""
+    """What a dead simulator leaves of a run is no result: the run ends with its name."""
     with pretend.run(run_for=1.0) as run:
         run.start()
-        run.supervisor.processes["robot_0"].kill()
-        with pytest.raises(ZteamError, match="robot_0"):
+        run.supervisor.processes[names.SIMULATOR].kill()
+        with pytest.raises(ZteamError, match=names.SIMULATOR):
             run.watch()
 
 

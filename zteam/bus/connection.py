@@ -3,6 +3,7 @@
 import logging
 import os
 import random
+import select
 import socket
 import subprocess
 import sys
@@ -21,6 +22,8 @@ from zteam.errors import BusError
 
 log = logging.getLogger("zteam.bus")
 
+_LOOK_AGAIN = 0.1
+"""Seconds between looks at the request to stop while waiting for the launcher."""
 ON_DEMAND_DEADLINE = 20.0
 """Seconds until a router on demand must be up; an interpreter took 2.2 s to start on a crowded machine."""
 IDLE_EXIT = 10.0
@@ -32,8 +35,11 @@ FROM_STDIN = "-"
 process can start and import meanwhile."""
 
 
-def _read_endpoint() -> str:
-    line = sys.stdin.readline().strip()
+def _read_endpoint(stopping: Callable[[], bool]) -> str:
+    while not stopping() and not select.select([sys.stdin], [], [], _LOOK_AGAIN)[0]:
+        # Nothing yet; a read would not see the request to stop.
+        continue
+    line = "" if stopping() else sys.stdin.readline().strip()
     if not line:
         raise BusError("--connect - expects an endpoint on standard input, such as tcp/127.0.0.1:7447")
     return line
@@ -46,7 +52,7 @@ def connect(options: BusOptions, *, patience: float | None = None, stopping: Cal
     or `patience` seconds, and says so; `stopping()` ends the wait. Raises BusError when there is no session.
     """
     if options.connect == FROM_STDIN:
-        options = msgspec.structs.replace(options, connect=_read_endpoint())
+        options = msgspec.structs.replace(options, connect=_read_endpoint(stopping))
     if options.connect is None:
         session = _open_on_demand(options, stopping)
     else:

@@ -29,7 +29,7 @@ def parse_team(size: str | None, ids: Sequence[str] | None) -> tuple[int, tuple[
         if chosen is None:
             raise UsageError("say how many robots to wait for (--team-size 4) or which (--ids 0 1 2 3)")
         return len(chosen), chosen
-    if not size.isascii() or not size.isdigit() or not 1 <= int(size[:9]) <= names.MAX_ROBOT_ID + 1:
+    if not size.isascii() or not size.isdigit() or len(size) > 5 or not 1 <= int(size) <= names.MAX_ROBOT_ID + 1:
         raise UsageError(f"--team-size {size}: give a whole number from 1 to {names.MAX_ROBOT_ID + 1}")
     if chosen is not None and len(chosen) != int(size):
         raise UsageError(f"--team-size {size} and --ids with {len(chosen)} robots disagree: leave one out")

@@ -153,18 +153,34 @@ def _is_number(text: str) -> bool:
         return False
 
 
+def _hold(bus: Bus, request: StaticRequest) -> None:
+    """Ask every aggregator that comes: a restarted one knows nothing of what its predecessor was asked for."""
+    waiter, aggregators, told = Waiter(), set[str](), set[str]()
+
+    def on_token(key: str, alive: bool) -> None:
+        (aggregators.add if alive else aggregators.discard)(key)
+        if not alive:
+            told.discard(key)
+        waiter.notify()
+
+    bus.watch_tokens([names.tokens_key(names.AGGREGATOR)], on_token)
+    while True:
+        waiter.wait(lambda: bool(aggregators - told), None, "the aggregator (zteam-tf)" if not told else "")
+        fresh = aggregators - told
+        reply = bus.ask(names.service_key(names.AGGREGATOR, "static"), StaticReply, request)
+        if reply.refused:
+            raise ZteamError(f"refused: {reply.refused}")
+        told.update(fresh)
+        print(f"{request.parent} -> {request.child} holds until Ctrl+C", flush=True)
+
+
 def _static(args: argparse.Namespace, words: Sequence[str]) -> int:
     request = parse_static(words, "")
     bus = open_bus(bus_options(args))
     try:
         request.instance = bus.instance
-        token = bus.declare_token(names.token_key(names.STATIC_CALLER, bus.instance))
-        reply = bus.ask(names.service_key(names.AGGREGATOR, "static"), StaticReply, request)
-        if reply.refused:
-            raise ZteamError(f"refused: {reply.refused}")
-        print(f"{request.parent} -> {request.child} holds until Ctrl+C", flush=True)
-        Waiter().wait(lambda: False, None, "")
-        token.close()
+        bus.declare_token(names.token_key(names.STATIC_CALLER, bus.instance))
+        _hold(bus, request)
     except KeyboardInterrupt:
         return 0
     finally:

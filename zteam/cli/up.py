@@ -50,6 +50,12 @@ def find_team(text: str) -> Path:
     return shipped
 
 
+def _check_writable(path: Path) -> None:
+    """Raise UsageError where a report could not be written, before the run and not after it."""
+    if path.is_dir() or not path.parent.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK):
+        raise UsageError(f"--report {path}: no file can be written there")
+
+
 class Printer:
     """Lines of all processes on one output, each behind its process's name, coloured on a terminal."""
 
@@ -99,6 +105,8 @@ def _up(args: argparse.Namespace) -> int:
     options = RunOptions(
         team, team_file, world.resolve() if world else None, bus_options(args), args.seed, args.run_for
     )
+    if args.report:
+        _check_writable(Path(args.report))
     stop = Stop()
     with Run(options, stop, Printer().line) as team_run:
         stop.install(on_repeat=team_run.hurry)
@@ -119,6 +127,9 @@ def _run(team_run: "Run", stop: "Stop", args: argparse.Namespace) -> int:
         if stop.requested:
             return 0
         raise error
+    if stop.requested and args.run_for is not None:
+        # Interrupted: a script that waits for the report must not take this for success.
+        return 130
     if report is not None and args.run_for is not None:
         if args.report:
             Path(args.report).write_bytes(msgspec.json.format(msgspec.json.encode(report), indent=2) + b"\n")

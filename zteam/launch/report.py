@@ -8,7 +8,7 @@ import msgspec
 from zteam import names
 from zteam.bus import Bus
 from zteam.bus.counters import KeyCount
-from zteam.launch.process import Process, Usage, measure_usage
+from zteam.launch.process import Process, Usage
 from zteam.nodes.sim_messages import RobotReport, SimReport
 
 
@@ -65,10 +65,8 @@ def read_dropped(bus: Bus) -> dict[str, int]:
     return dict(sorted(dropped.items()))
 
 
-def report_processes(processes: dict[str, Process], launcher: str) -> list[ProcessReport]:
-    """Every child, and this process under the name `launcher`."""
-    own = Usage()
-    measure_usage(os.getpid(), own)
+def report_processes(processes: dict[str, Process], launcher: str, own: Usage) -> list[ProcessReport]:
+    """Every child, and this process, which took `own`, under the name `launcher`."""
     found = [_row(p.name, p.pid, p.exit_code, p.usage) for p in processes.values()]
     return [*found, _row(launcher, os.getpid(), 0, own)]
 

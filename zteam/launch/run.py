@@ -1,6 +1,7 @@
 """Runs a team from start to end: router, processes, GO, a time limit, the report, an orderly stop."""
 
 import logging
+import os
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -15,7 +16,7 @@ from zteam.clock import to_ns
 from zteam.config import Team
 from zteam.errors import BusError, ZteamError
 from zteam.launch.plan import ROUTER, Plan, plan_team
-from zteam.launch.process import Process, exit_text, zteam_command
+from zteam.launch.process import Process, Usage, exit_text, measure_usage, zteam_command
 from zteam.launch.report import (
     RunReport,
     read_dropped,
@@ -98,6 +99,7 @@ class Run:
         self._options = options
         self._stop = stop
         self._hurry = False
+        self._own = Usage()
         self._report: SimReport | None = None
         self._dropped: dict[str, int] = {}
         self._progress: Progress | None = None
@@ -180,6 +182,7 @@ class Run:
         announced = list(filter(_is_endpoint, router.lines))
         if not announced and not self._stop.requested and not router.running:
             # Another router took the port between the look and the bind: any port will do.
+            router.join(ROUTER_DEADLINE)
             router = self.supervisor.start(ROUTER, zteam_command("router", "--listen", ANY_PORT, "--announce"))
             self.supervisor.failures.clear()
             self.supervisor.wait(settled, ROUTER_DEADLINE)
@@ -196,9 +199,9 @@ class Run:
         assert progress is not None
         with progress.changed:
             while not self._stop.requested and progress.wall is None:
-                ended = sorted(p.name for p in self.supervisor.processes.values() if not p.running)
-                if ended and self._options.run_for is not None:
-                    raise ZteamError(f"{', '.join(ended)} ended: the run cannot be finished")
+                ended = {p.name for p in self.supervisor.processes.values() if not p.running}
+                if self._options.run_for is not None and ended & {ROUTER, names.SIMULATOR}:
+                    raise ZteamError(f"{', '.join(sorted(ended))} ended: the run cannot be finished")
                 if len(ended) == len(self.supervisor.processes):
                     return
                 progress.changed.wait(1.0)
@@ -220,12 +223,15 @@ class Run:
             seed=counted.seed,
             external_commands=counted.external_commands,
             robots=counted.robots,
-            processes=report_processes(self.supervisor.processes, "up"),
+            processes=report_processes(self.supervisor.processes, "up", self._own),
             dropped=self._dropped,
             latency_ms=msgspec.structs.asdict(counted.latency_ms),
         )
 
     def _stop_all(self) -> None:
         self.supervisor.measure()
+        if any(process.running for process in self.supervisor.processes.values()):
+            # Later the pages that are shared with the others would all count as the launcher's.
+            measure_usage(os.getpid(), self._own)
         for group in self.plan.stop_order():
             self.supervisor.stop(group, lambda: self._hurry)

@@ -62,7 +62,7 @@ class Supervisor:
             self.changed.notify_all()
 
     def _take_exit(self, process: Process) -> None:
-        failed = not process.stopping and process.exit_code != 0
+        failed = not process.stopping
         if failed:
             self._on_failure(process)
         with self.changed:

@@ -11,7 +11,7 @@ from zteam import names
 from zteam.bus import NoRequest
 from zteam.clock import monotonic
 from zteam.messages import Header, Quaternion, TFMessage, Transform, TransformStamped, Vector3, ns_from_time
-from zteam.nodes.losses import Losses
+from zteam.nodes.losses import GRACE, Losses
 from zteam.nodes.node import Node
 from zteam.nodes.tf_messages import FrameReply, LookupReply, LookupRequest, StaticReply, StaticRequest
 from zteam.tf import TransformException
@@ -83,8 +83,8 @@ class Aggregator:
         with self._node.changed:
             self._losses.take_link(up, monotonic())
 
-    def _drop_lost_callers(self) -> None:
-        for key in self._losses.take_due(monotonic()):
+    def _drop_lost_callers(self, grace: float = GRACE) -> None:
+        for key in self._losses.take_due(monotonic(), grace):
             token = names.split_token_key(key)
             if token is not None:
                 self._merger.drop_authority(_authority(token[1]))
@@ -119,6 +119,8 @@ class Aggregator:
             Transform(Vector3(request.x, request.y, request.z), rotation),
         )
         with self._node.changed:
+            # The request came over the router, so tokens that are gone are gone: their frames are free.
+            self._drop_lost_callers(0.0)
             refused = self._merger.add_static(transform, _authority(request.instance))
             self._publish_statics()
         return StaticReply(refused or "")

@@ -36,8 +36,8 @@ class Member(msgspec.Struct):
     was_ready: bool = False
     was_lost: bool = False
     told_go: bool = False
-    returned: bool = False
-    """Whether it came back and was not told GO anew yet."""
+    came_late: bool = False
+    """Whether its process came after GO."""
     silent: bool = False
     stopped: bool = False
     """Whether it said farewell before it went."""
@@ -99,10 +99,11 @@ class Gate:
         """A process took or lost the name `robot_N`."""
         member = self.members.setdefault(robot_id, Member())
         if alive:
+            if not member.alive:
+                member.came_late = self.gone
             member.instances.add(instance)
             if member.was_lost:
                 member.was_lost = member.told_go = False
-                member.returned = True
                 self._tell("back", robot_id, "is back")
         elif instance in member.instances:
             member.instances.discard(instance)
@@ -152,8 +153,8 @@ class Gate:
         if not member.ready or member.told_go or member.status is None:
             return
         member.told_go = True
-        # A returned robot may obey the latched GO before it says a word.
-        if member.status.epoch < self.epoch or member.returned:
+        # A robot that comes late may obey the latched GO before it says a word.
+        if member.status.epoch < self.epoch or member.came_late:
             self._tell("late", robot_id, "is ready late: told GO")
 
     def forgive_silence(self, now: float) -> None:

@@ -38,9 +38,20 @@ class _Json(logging.Formatter):
         return msgspec.json.encode(entry).decode()
 
 
+class _Stderr(logging.Handler):
+    """Writes to whatever is stderr at the time: the live table redirects it, so that lines scroll by above."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        try:
+            sys.stderr.write(self.format(record) + "\n")
+            sys.stderr.flush()
+        except Exception:
+            self.handleError(record)
+
+
 def start_logging(name: str, level: str = "info", form: str = "text") -> None:
     """Send zteam's log to stderr under the process's name."""
-    handler = logging.StreamHandler(sys.stderr)
+    handler = _Stderr()
     handler.setFormatter(_Json(name) if form == "json" else _Text(name))
     root = logging.getLogger("zteam")
     root.handlers[:] = [handler]

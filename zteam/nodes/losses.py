@@ -35,11 +35,14 @@ class Losses:
         """Whether silence and missing tokens mean anything now."""
         return self._up and now >= self._quiet_until
 
-    def take_due(self, now: float) -> list[str]:
-        """Keys of the tokens that are lost for good; each is returned once."""
+    def take_due(self, now: float, grace: float = GRACE) -> list[str]:
+        """Keys of the tokens that are lost for good; each is returned once.
+
+        With `grace` 0 for who knows otherwise that the link holds, such as by a request that came over it.
+        """
         if not self.trusted(now):
             return []
-        due = [key for key, since in self._since.items() if now - since > GRACE]
+        due = [key for key, since in self._since.items() if now - since >= grace]
         for key in due:
             del self._since[key]
         return due

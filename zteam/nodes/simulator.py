@@ -166,6 +166,10 @@ class Simulator:
     def _tick(self, commands: dict[int, Twist]) -> None:
         engine = self._engine
         engine.move(commands)
+        first = engine.tick == 1
+        if first:
+            # Whoever knew a simulator before this one must see time jump back before its data.
+            self._clock.put(Clock(time_from_ns(engine.now)))
         # Transforms leave before the lasers are even computed: they go over the aggregator, so this way the tree is
         # whole when a robot has its scan and looks. The clock wakes every process, so it leaves when the scans have.
         for robot_id, outputs in self._outputs.items():
@@ -180,7 +184,10 @@ class Simulator:
                     if i == 0:
                         self._commands.scan_sent(robot_id)
                     scan.put(message)
-        self._clock.put(Clock(time_from_ns(engine.now)))
+        # Whoever hears the last tick's clock may ask for the report at once.
+        self._count()
+        if not first:
+            self._clock.put(Clock(time_from_ns(engine.now)))
         for robot_id, outputs in self._outputs.items():
             # Nobody's next command hangs on these.
             if outputs.truth.wanted:
@@ -190,7 +197,6 @@ class Simulator:
             for i, sonar in enumerate(outputs.sonars):
                 if sonar.wanted:
                     sonar.put(observed.range_message(observation, robot_id, i))
-        self._count()
 
     def _count(self) -> None:
         engine = self._engine
