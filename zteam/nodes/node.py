@@ -1,5 +1,6 @@
 """What every process shares: its name on the bus, its clock, one condition to wait on, and an orderly end."""
 
+import gc
 import logging
 import sys
 import threading
@@ -51,6 +52,8 @@ class Node:
     def become_present(self) -> None:
         """Win the name and show the presence token. Raises DuplicateNameError that names the holder."""
         self.claim.win(self._on_rival)
+        # What start-up made stays: the collector need not look through it again and again.
+        gc.freeze()
 
     def on_stop(self, hook: Callable[[], None]) -> None:
         """Run `hook()` when the node ends, while the session still works."""

@@ -10,7 +10,7 @@ import msgspec
 from zteam import names
 from zteam.bus import NoRequest, Publisher
 from zteam.bus.transport import RawSample
-from zteam.clock import Every, monotonic
+from zteam.clock import NS_PER_S, Every, monotonic, wait_until
 from zteam.errors import UsageError
 from zteam.messages import (
     Bool,
@@ -35,6 +35,9 @@ from zteam.sim import reports as observed
 from zteam.world import Robot, World
 
 log = logging.getLogger("zteam")
+
+ANSWER_TIME = 0.01
+"""Host seconds that the rest of a tick's messages wait for the robots' commands."""
 
 
 class SimOptions(msgspec.Struct, frozen=True):
@@ -75,7 +78,7 @@ class _Commands:
         self._node = node
         self._robots = robots
         self._tally = tally
-        self._lock = threading.Lock()
+        self._lock = threading.Condition()
         self._fresh: dict[int, Twist] = {}
         self._scan_sent: dict[int, float] = {}
         self._holders: dict[int, set[str]] = {robot_id: set() for robot_id in robots}
@@ -105,6 +108,7 @@ class _Commands:
                 self._tally.external_commands += self._tally.go_stamp is not None
             sent = self._scan_sent.pop(robot_id, None)
             self._fresh[robot_id] = command
+            self._lock.notify_all()
         if sent is not None:
             self._tally.add_latency(arrived - sent)
 
@@ -112,6 +116,11 @@ class _Commands:
         """The robot's scan of this tick leaves now."""
         with self._lock:
             self._scan_sent[robot_id] = monotonic()
+
+    def wait_for_answers(self, timeout: float) -> None:
+        """Let the robots that were sent a scan answer, for `timeout` host seconds at most."""
+        with self._lock:
+            wait_until(self._lock, lambda: not any(self._holders[i] for i in self._scan_sent), timeout)
 
     def take(self) -> tuple[dict[int, Twist], list[int]]:
         """The commands since the last call, and the robots with a living process that sent none."""
@@ -135,6 +144,8 @@ class Simulator:
         self._pacer = Pacer(world.interval)
         self._finished = False
         self._go: int | None = None
+        self._obeyed_from: int | None = None
+        """First tick whose scans every robot can have met with GO in hand: GO may cross the scans of two ticks."""
         self._clock = node.bus.publisher(names.CLOCK, Clock)
         self._outputs = {robot_id: _Outputs(node, robot_id, robot) for robot_id, robot in robots.items()}
         node.subscribe(names.TEAM_STATUS, TeamStatus, self._on_team_status, latched=True)
@@ -156,7 +167,7 @@ class Simulator:
                 self._node.wait(lambda: False, 3600.0)
                 continue
             commands, late = self._commands.take()
-            if self._tally.go_stamp is not None and self._engine.now > self._tally.go_stamp:
+            if self._obeyed_from is not None and self._engine.tick >= self._obeyed_from:
                 self._tally.add_late_steps(late)
             self._tick(commands)
             factor = self._pacer.factor
@@ -184,12 +195,13 @@ class Simulator:
                     if i == 0:
                         self._commands.scan_sent(robot_id)
                     scan.put(message)
+        # What follows wakes every process, and nobody's next command hangs on it: the robots' answers come first.
+        self._commands.wait_for_answers(min(ANSWER_TIME, 0.1 * self._world.interval / NS_PER_S))
         # Whoever hears the last tick's clock may ask for the report at once.
         self._count()
         if not first:
             self._clock.put(Clock(time_from_ns(engine.now)))
         for robot_id, outputs in self._outputs.items():
-            # Nobody's next command hangs on these.
             if outputs.truth.wanted:
                 outputs.truth.put(observed.ground_truth_message(observation, robot_id))
             if outputs.stall.wanted:
@@ -205,6 +217,7 @@ class Simulator:
             if self._go is None:
                 return
             self._tally.start(self._go, poses)
+            self._obeyed_from = engine.tick + 2
         stalled = [robot_id for robot_id in self._robots if engine.stalled(robot_id)]
         self._tally.add_tick(poses, stalled, {i: len(o.scans) for i, o in self._outputs.items()})
         limit = self._options.run_for

@@ -124,6 +124,11 @@ class TeamFixture:
         for name, command in plan.commands.items():
             self._supervisor.start(name, command, self.environment)
         self.wait_for_processes(*plan.commands)
+        if names.SIMULATOR in plan.commands:
+            ids = [i for i in map(names.robot_id_of, plan.robots) if i is not None]
+            # From here on a test may read any robot's pose.
+            if not self._wait(lambda: all(self.robot(i).truth is not None for i in ids), START_LIMIT):
+                raise TeamTimeout(f"the simulator shows no pose of some robot of {ids}: has its world that many?")
 
     def spawn(self, module: str, *arguments: str, name: str | None = None) -> str:
         """Start one process of `zteam.cli` (`sim`, `robot`, `aggregator`, `monitor`, …) in this team; its name.
