@@ -20,6 +20,7 @@ from zteam.errors import UsageError, ZteamError
 from zteam.launch.plan import ROUTER, Plan, plan_team
 from zteam.launch.process import exit_text, zteam_command
 from zteam.launch.supervisor import Supervisor
+from zteam.nodes.sim_messages import SimStatus
 from zteam.shipped import shipped_team, shipped_world
 from zteam.testing.view import RobotView, TeamView
 
@@ -125,10 +126,10 @@ class TeamFixture:
             self._supervisor.start(name, command, self.environment)
         self.wait_for_processes(*plan.commands)
         if names.SIMULATOR in plan.commands:
-            ids = [i for i in map(names.robot_id_of, plan.robots) if i is not None]
+            known = self.bus.ask(names.service_key(names.SIMULATOR, "status"), SimStatus, timeout=START_LIMIT).robots
             # From here on a test may read any robot's pose.
-            if not self._wait(lambda: all(self.robot(i).truth is not None for i in ids), START_LIMIT):
-                raise TeamTimeout(f"the simulator shows no pose of some robot of {ids}: has its world that many?")
+            if not self._wait(lambda: all(self.robot(i).truth is not None for i in known), START_LIMIT):
+                raise TeamTimeout(f"the simulator shows no pose of some robot of {known}")
 
     def spawn(self, module: str, *arguments: str, name: str | None = None) -> str:
         """Start one process of `zteam.cli` (`sim`, `robot`, `aggregator`, `monitor`, …) in this team; its name.
