@@ -177,7 +177,7 @@ signal.pause()
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGHUP])
 @pytest.mark.parametrize("frozen", [False, True])
 def test_children_end_when_their_supervisor_dies(number: signal.Signals, frozen: bool) -> None:
-    """However the supervisor's process ends, its children notice and stop, even one that was frozen, once it goes on."""
+    """However the supervisor ends, its children notice and stop, even one that was frozen, once it goes on."""
     with subprocess.Popen([sys.executable, "-c", SUPERVISED], stdout=subprocess.PIPE, text=True) as supervisor:
         assert supervisor.stdout is not None
         for line in supervisor.stdout:
