@@ -25,6 +25,21 @@ class Shape(msgspec.Struct, frozen=True):
     """Intensity a laser reads; below 0 the shape is invisible and transparent."""
     obstacle: bool = True
     """Whether bodies collide with it."""
+    color: str = "red"
+    """A name of X11's, or #rrggbb."""
+
+
+class Marker(msgspec.Struct, frozen=True):
+    """What fiducial finders look for: a model with a `fiducial_return`."""
+
+    id: int
+    """The `fiducial_return`, never 0."""
+    key: int
+    """Only finders with the same key see it."""
+    x: float
+    """Of the model's origin in the owner's frame; so is y."""
+    y: float
+    yaw: float
 
 
 class Floorplan(msgspec.Struct, frozen=True, eq=False):
@@ -41,6 +56,7 @@ class Floorplan(msgspec.Struct, frozen=True, eq=False):
     z_max: float
     ranger_return: float = 1.0
     obstacle: bool = True
+    color: str = "black"
 
 
 class Obstacle(msgspec.Struct, frozen=True):
@@ -49,6 +65,9 @@ class Obstacle(msgspec.Struct, frozen=True):
     name: str
     pose: Pose2
     shapes: tuple[Shape, ...]
+    mass: float | None = None
+    """Kilograms of one that robots can push; None stands still."""
+    markers: tuple[Marker, ...] = ()
 
 
 class Ranger(msgspec.Struct, frozen=True):
@@ -73,6 +92,51 @@ class Ranger(msgspec.Struct, frozen=True):
         return self.fov / (self.samples - 1) if self.samples > 1 else 0.0
 
 
+class Finder(msgspec.Struct, frozen=True):
+    """A fiducial finder: bearing and range of markers in sight. The pose is in the robot's base frame, z absolute."""
+
+    name: str
+    x: float
+    y: float
+    z: float
+    yaw: float
+    fov: float
+    range_min: float
+    range_max: float
+    range_max_id: float
+    """Beyond this the marker is found, but its id is read as 0."""
+    key: int = 0
+    ignore_zloc: bool = False
+    """Find markers that the ray at `z` would look over."""
+
+
+class Bumper(msgspec.Struct, frozen=True):
+    """A straight piece of bumper: its centre in the base frame, `yaw` facing outward, z absolute."""
+
+    name: str
+    x: float
+    y: float
+    z: float
+    yaw: float
+    length: float
+
+
+class Blobfinder(msgspec.Struct, frozen=True):
+    """A colour camera of one row of pixels. The pose is in the robot's base frame, z absolute."""
+
+    name: str
+    x: float
+    y: float
+    z: float
+    yaw: float
+    fov: float
+    samples: int
+    """Pixels: the image's width."""
+    range_max: float
+    colors: tuple[str, ...] = ()
+    """What it looks for; empty means every colour."""
+
+
 class Limits(msgspec.Struct, frozen=True):
     """Smallest and largest value of a velocity or acceleration along x, y (SI) and about z (radians)."""
 
@@ -92,7 +156,11 @@ class Robot(msgspec.Struct, frozen=True):
     shapes: tuple[Shape, ...]
     """Its body and its children's bodies, in the base frame (centre of rotation at the origin)."""
     rangers: tuple[Ranger, ...]
-    """In file order."""
+    """In file order, as all devices are."""
+    finders: tuple[Finder, ...] = ()
+    bumpers: tuple[Bumper, ...] = ()
+    blobfinders: tuple[Blobfinder, ...] = ()
+    markers: tuple[Marker, ...] = ()
     drive: str = "diff"
     wheelbase: float = 1.0
     velocity: Limits = Limits()
@@ -100,6 +168,12 @@ class Robot(msgspec.Struct, frozen=True):
     localization: str = "odom"
     """As in the file, "gps" (Stage's default) or "odom"; odometry starts at zero where the robot starts in both."""
     odom_error: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Stage's bias: the share of each motion along x, along y and about z that odometry counts too much."""
+    odom_alphas: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    """Thrun's noise of odometry: rotation by rotation, by translation, translation by translation, by rotation."""
+    wheel_radius: float = 0.05
+    wheel_separation: float = 0.3
+    """Metres between the left and the right wheels."""
     mass: float = 10.0
     color: str = "red"
 
@@ -116,6 +190,10 @@ class Remark(msgspec.Struct, frozen=True):
         return f"{self.file}:{self.line}:{self.column}: {self.text}"
 
 
+PHYSICS = ("dynamic", "stage", "kinematic")
+"""Bodies slide and push (pymunk); Stage's own steps, refused where they collide; exact arcs, refused likewise."""
+
+
 class World(msgspec.Struct, eq=False):
     """A loaded world."""
 
@@ -126,6 +204,8 @@ class World(msgspec.Struct, eq=False):
     obstacles: tuple[Obstacle, ...]
     robots: tuple[Robot, ...]
     """By id: position models in file order."""
+    physics: str = "dynamic"
+    """What contacts do, unless told otherwise: one of `PHYSICS`."""
     warnings: tuple[Remark, ...] = ()
     templates: dict[str, Any] = msgspec.field(default_factory=dict)
     """What `zteam.world.add_robot` makes further robots from: the file's own robot macros, by name."""
