@@ -6,7 +6,7 @@ import resource
 import msgspec
 import numpy as np
 
-from zteam.behaviors.chance import uniform
+from zteam.chance import uniform
 from zteam.clock import process_time
 from zteam.geometry import Pose2
 from zteam.messages import Twist, Vector3

@@ -2,8 +2,10 @@
 
 from itertools import pairwise
 
+import numpy as np
+
 from kinematics import make_view
-from zteam.behaviors.chance import mix64, uniform
+from zteam.chance import gaussians, mix64, stream, uniform, uniforms
 
 
 def test_the_finaliser_is_splitmix64s() -> None:
@@ -36,3 +38,21 @@ def test_a_view_draws_for_its_robot_and_time() -> None:
     others = (make_view(robot_id=2, seed=7), make_view(robot_id=1, seed=8), make_view(now=5, robot_id=1, seed=7))
     assert len({view.random(0), view.random(1), *(v.random(0) for v in others)}) == 5
     assert view.random(0) == make_view(robot_id=1, seed=7).random(0)
+
+
+def test_array_draws_are_splitmix64_streams() -> None:
+    """Rows are the published generator's outputs from each stream's state, however many streams are drawn together."""
+    streams = np.array([0, stream(1, 2)], np.uint64)
+    together = uniforms(streams, 3)
+    golden = 0x9E3779B97F4A7C15
+    assert together[0].tolist() == [(mix64(golden * n) >> 11) * 2.0**-53 for n in (1, 2, 3)]
+    assert together[1].tolist() == uniforms(streams[1:], 3)[0].tolist()
+
+
+def test_gaussians_are_standard_normal() -> None:
+    """Mean, variance, kurtosis and the share beyond two standard deviations are a normal distribution's."""
+    draws = gaussians(np.arange(40, dtype=np.uint64), 5000)
+    assert abs(draws.mean()) < 0.01
+    assert abs(draws.var() - 1.0) < 0.02
+    assert abs((draws**4).mean() - 3.0) < 0.1
+    assert abs((abs(draws) > 2.0).mean() - 0.0455) < 0.003

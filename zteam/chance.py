@@ -1,0 +1,55 @@
+"""Counter-based randomness: a number depends on its counters alone, never on what was drawn before or by whom."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+_MASK = (1 << 64) - 1
+_GOLDEN = 0x9E3779B97F4A7C15
+"""2^64 divided by the golden ratio, SplitMix64's increment."""
+_MIX = 0xBF58476D1CE4E5B9, 0x94D049BB133111EB
+
+
+def mix64(z: int) -> int:
+    """SplitMix64's finaliser on 64 bits (Steele, Lea, Flood 2014, with Stafford's constants, variant 13)."""
+    z &= _MASK
+    z = ((z ^ (z >> 30)) * _MIX[0]) & _MASK
+    z = ((z ^ (z >> 27)) * _MIX[1]) & _MASK
+    return z ^ (z >> 31)
+
+
+def stream(*counters: int) -> int:
+    """The 64-bit number that belongs to these whole numbers, in this order."""
+    state = 0
+    for counter in counters:
+        state = mix64((state ^ (counter & _MASK)) + _GOLDEN)
+    return state
+
+
+def uniform(*counters: int) -> float:
+    """A number in [0, 1) that belongs to these whole numbers, in this order."""
+    # The upper 53 bits fill a double's mantissa exactly.
+    return (stream(*counters) >> 11) * 2.0**-53
+
+
+def _hashes(streams: NDArray[np.uint64], count: int) -> NDArray[np.uint64]:
+    """SplitMix64 outputs 1 to `count` of every stream: (streams, count)."""
+    steps = np.arange(1, count + 1, dtype=np.uint64) * np.uint64(_GOLDEN)
+    z = streams[:, None] + steps
+    z = (z ^ (z >> np.uint64(30))) * np.uint64(_MIX[0])
+    z = (z ^ (z >> np.uint64(27))) * np.uint64(_MIX[1])
+    return z ^ (z >> np.uint64(31))
+
+
+def uniforms(streams: NDArray[np.uint64], count: int) -> NDArray[np.float64]:
+    """`count` numbers in [0, 1) of every stream: (streams, count)."""
+    return (_hashes(streams, count) >> np.uint64(11)) * 2.0**-53
+
+
+def gaussians(streams: NDArray[np.uint64], count: int) -> NDArray[np.float64]:
+    """`count` standard normal numbers of every stream, (streams, count): Box and Muller's transform of one hash each.
+
+    The first factor has 32 bits, so the tails end at 6.7 standard deviations.
+    """
+    hashes = _hashes(streams, count)
+    radius = np.sqrt(-2.0 * np.log(((hashes >> np.uint64(32)) + 0.5) * 2.0**-32))
+    return radius * np.cos((2.0 * np.pi * 2.0**-32) * (hashes & np.uint64(0xFFFFFFFF)))
