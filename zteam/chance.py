@@ -31,25 +31,34 @@ def uniform(*counters: int) -> float:
     return (stream(*counters) >> 11) * 2.0**-53
 
 
-def _hashes(streams: NDArray[np.uint64], count: int) -> NDArray[np.uint64]:
-    """SplitMix64 outputs 1 to `count` of every stream: (streams, count)."""
+def _hashes(states: NDArray[np.uint64], count: int) -> NDArray[np.uint64]:
+    """SplitMix64 outputs 1 to `count` from every state: (states, count)."""
     steps = np.arange(1, count + 1, dtype=np.uint64) * np.uint64(_GOLDEN)
-    z = streams[:, None] + steps
-    z = (z ^ (z >> np.uint64(30))) * np.uint64(_MIX[0])
-    z = (z ^ (z >> np.uint64(27))) * np.uint64(_MIX[1])
-    return z ^ (z >> np.uint64(31))
+    return _mix(states[:, None] + steps)
 
 
-def uniforms(streams: NDArray[np.uint64], count: int) -> NDArray[np.float64]:
-    """`count` numbers in [0, 1) of every stream: (streams, count)."""
-    return (_hashes(streams, count) >> np.uint64(11)) * 2.0**-53
+def uniforms(states: NDArray[np.uint64], count: int) -> NDArray[np.float64]:
+    """`count` numbers in [0, 1) from every state (a `stream`): (states, count)."""
+    return np.multiply(_hashes(states, count) >> np.uint64(11), 2.0**-53, dtype=np.float64)
 
 
-def gaussians(streams: NDArray[np.uint64], count: int) -> NDArray[np.float64]:
-    """`count` standard normal numbers of every stream, (streams, count): Box and Muller's transform of one hash each.
+def gaussians(states: NDArray[np.uint64], count: int) -> NDArray[np.float64]:
+    """`count` standard normal numbers from every state, (states, count): Box and Muller's transform of one hash each.
 
     The first factor has 32 bits, so the tails end at 6.7 standard deviations.
     """
-    hashes = _hashes(streams, count)
+    hashes = _hashes(states, count)
     radius = np.sqrt(-2.0 * np.log(((hashes >> np.uint64(32)) + 0.5) * 2.0**-32))
-    return radius * np.cos((2.0 * np.pi * 2.0**-32) * (hashes & np.uint64(0xFFFFFFFF)))
+    turn: NDArray[np.float64] = (2.0 * np.pi * 2.0**-32) * (hashes & np.uint64(0xFFFFFFFF))
+    return np.multiply(radius, np.cos(turn))
+
+
+def streams(states: NDArray[np.uint64], counter: int) -> NDArray[np.uint64]:
+    """`stream(*counters, counter)` of many streams whose states `stream(*counters)` are given."""
+    return _mix((states ^ np.uint64(counter)) + np.uint64(_GOLDEN))
+
+
+def _mix(z: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    z = (z ^ (z >> np.uint64(30))) * np.uint64(_MIX[0])
+    z = (z ^ (z >> np.uint64(27))) * np.uint64(_MIX[1])
+    return z ^ (z >> np.uint64(31))

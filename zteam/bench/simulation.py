@@ -11,7 +11,7 @@ from zteam.clock import process_time
 from zteam.geometry import Pose2
 from zteam.messages import Twist, Vector3
 from zteam.sim import Engine
-from zteam.sim.physics import is_occupied
+from zteam.sim.places import is_occupied
 from zteam.world import Ranger, Robot, World, add_robot
 
 _CLEARANCE = 0.35
@@ -44,8 +44,11 @@ def measure_simulation(
     ticks = max(1, round(seconds * 1e9 / world.interval))
     engine.step({})
     begin = process_time()
+    commands: dict[int, Twist] = {}
     for tick in range(ticks):
-        engine.step({i: _wander(seed, i, tick) for i in team})
+        if tick % _TURN_TICKS == 0:
+            commands = {i: _wander(seed, i, tick) for i in team}
+        engine.step(commands)
     spent = max(process_time() - begin, 1e-9)
     return SimulationFigures(
         robots=robots,

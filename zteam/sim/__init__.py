@@ -3,9 +3,9 @@
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from zteam.sim.engine import Engine, Observation, RobotObservation
+    from zteam.sim.engine import Engine, Observation, Options, Reading, RobotObservation
 
-__all__ = ["Engine", "Observation", "RobotObservation"]
+__all__ = ["Engine", "Observation", "Options", "Reading", "RobotObservation"]
 
 
 def __getattr__(name: str) -> Any:

@@ -50,6 +50,15 @@ def compiled(function: F) -> F:
     return JIT(cache=True, error_model="numpy")(function)  # type: ignore[no-any-return]
 
 
+def vectorized(function: F) -> F:
+    """As `compiled`, for loops that are to become vector code: the compiler may assume that all numbers are finite."""
+    if JIT is None:
+        return function
+    # Not plain fastmath: that would also let it reorder sums and take reciprocals for divisions.
+    free = {"contract", "nnan", "ninf", "nsz"}
+    return JIT(cache=True, error_model="numpy", fastmath=free)(function)  # type: ignore[no-any-return]
+
+
 def is_cached(module_stem: str) -> bool:
     """Whether the kernels of that module were compiled on this machine before."""
     folder = Path(os.environ["NUMBA_CACHE_DIR"])

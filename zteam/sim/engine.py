@@ -1,78 +1,68 @@
-"""The simulator's core: commands in, observations out. No bus, no clock, no randomness of its own.
+"""The simulator's core: commands in, observations out. No bus and no clock.
 
 `Engine(world).step({0: Twist(...)})` advances the world by one tick (`interval_sim`) and returns what all robots
 sense at its end. The same world, seed and commands give the same bytes.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import Protocol
 
-import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from zteam.clock import NS_PER_S, to_ns
 from zteam.errors import UsageError
-from zteam.geometry import Pose2, compose2, inverse2
+from zteam.geometry import Pose2
 from zteam.messages import Twist
+from zteam.sim.casting import Caster
+from zteam.sim.devices import Devices
+from zteam.sim.fields import Fields, build_fields
 from zteam.sim.lasers import Lasers, Reading
-from zteam.sim.physics import Physics
-from zteam.world.model import Robot, World
+from zteam.sim.motion import follow_arcs, follow_tangents, make_drives, measure_velocity, obey
+from zteam.sim.observation import Observation, RobotObservation, Robots, Snapshot, pose_of
+from zteam.sim.odometry import Odometry, make_wheels, roll
+from zteam.sim.options import Options
+from zteam.sim.outlines import group_shapes
+from zteam.sim.refusing import RefusingBodies
+from zteam.world.model import Floorplan, Robot, World
+
+Floats = NDArray[np.float64]
+
+__all__ = ["WATCHDOG", "Engine", "Observation", "Options", "Reading", "RobotObservation"]
 
 WATCHDOG = to_ns(0.2)
 """A command moves its robot for this long (simulated ns); then the wheels stop."""
 
 
-class RobotObservation(msgspec.Struct, frozen=True, eq=False):
-    """What one robot senses at a tick's end."""
-
-    robot: Robot
-    readings: tuple[Reading, ...]
-    """Of its rangers, in file order."""
-    truth: Pose2
-    """In `map`."""
-    odom: Pose2
-    """Since the start, by its own wheels: starts at zero, and follows what the base did."""
-    velocity: tuple[float, float, float]
-    """In its own frame: forward and left in m/s, yaw rate in rad/s; what the base did, not what it was told."""
-    stall: bool
-    """Told to move, but blocked."""
-
-
-class Observation(msgspec.Struct, frozen=True, eq=False):
-    """The world at a tick's end."""
-
-    stamp: int
-    """Nanoseconds of simulated time."""
-    tick: int
-    robots: dict[int, RobotObservation]
-
-
 class Engine:
     """A world in motion. Robots are known by id; by default the world's own, numbered in file order."""
 
-    def __init__(self, world: World, *, seed: int = 1, robots: Mapping[int, Robot] | None = None) -> None:
-        chosen = dict(enumerate(world.robots)) if robots is None else dict(robots)
-        self._ids = sorted(chosen)
-        self._index = {robot_id: i for i, robot_id in enumerate(self._ids)}
-        self._robots = [chosen[robot_id] for robot_id in self._ids]
-        self._interval = world.interval
+    def __init__(
+        self,
+        world: World,
+        *,
+        seed: int = 1,
+        robots: Mapping[int, Robot] | None = None,
+        options: Options | None = None,
+    ) -> None:
+        self.world = world
         self.seed = seed
+        self.options = options or Options()
         self.tick = 0
-        self._physics = Physics(self._robots, world.floorplans, world.obstacles)
-        self._lasers = Lasers(self._robots, world.floorplans, world.obstacles)
-        self._start = [robot.pose for robot in self._robots]
-        self._velocity = np.zeros((len(self._robots), 3))
-        self._commands = np.zeros((len(self._robots), 3))
-        self._commanded = np.full(len(self._robots), -WATCHDOG, np.int64)
-        limits = [robot.velocity for robot in self._robots]
-        self._low = np.array([[v.x[0], v.y[0], v.yaw[0]] for v in limits], float).reshape(-1, 3)
-        self._high = np.array([[v.x[1], v.y[1], v.yaw[1]] for v in limits], float).reshape(-1, 3)
-        sideways = np.array([robot.drive == "omni" for robot in self._robots], bool)
-        self._low[~sideways, 1] = self._high[~sideways, 1] = 0.0
+        self._floorplans = [(plan, build_fields(plan.occupied)) for plan in world.floorplans]
+        self._robots = dict(enumerate(world.robots)) if robots is None else dict(robots)
+        self._team: _Team | None = None
+        self._outdated = True
 
     @property
     def now(self) -> int:
         """Simulated time in ns: 0 before the first tick."""
-        return self.tick * self._interval
+        return self.tick * self.world.interval
+
+    @property
+    def robots(self) -> dict[int, Robot]:
+        """All robots by id, ascending."""
+        return dict(sorted(self._robots.items()))
 
     def step(self, commands: Mapping[int, Twist]) -> Observation:
         """One tick with these new commands, and what the robots sense then: `move` and `observe`."""
@@ -82,69 +72,185 @@ class Engine:
     def move(self, commands: Mapping[int, Twist]) -> None:
         """One tick with these new commands; a robot without one keeps its last for WATCHDOG.
 
-        Raises UsageError for a command to a robot that is not there.
+        Raises UsageError for a command to a robot that is not there, or one that is not finite.
         """
+        team = self._assembled()
         for robot_id, twist in commands.items():
-            i = self._index.get(robot_id)
-            if i is None:
-                raise UsageError(f"no robot {robot_id} in this world: it has {self._ids}")
-            self._commands[i] = twist.linear.x, twist.linear.y, twist.angular.z
-            self._commanded[i] = self.now
-        fresh = self.now - self._commanded < WATCHDOG
-        velocities = np.clip(self._commands, self._low, self._high) * fresh[:, None]
-        before = self._physics.poses.copy()
-        self._physics.step(self._interval / NS_PER_S, velocities)
-        self._measure_velocity(before, velocities)
+            i = self._index(team, robot_id)
+            command = twist.linear.x, twist.linear.y, twist.angular.z
+            if not np.isfinite(sum(command)):
+                raise UsageError(f"the command of robot {robot_id} is not finite: {command}")
+            team.commands[i] = command
+            team.commanded[i] = self.now
+        team.move(self.now, self.tick + 1, self.world.interval / NS_PER_S)
         self.tick += 1
-
-    def _measure_velocity(self, before: np.ndarray, told: np.ndarray) -> None:
-        seconds = self._interval / NS_PER_S
-        after = self._physics.poses
-        turn = after[:, 2] - before[:, 2]
-        # The way made good, seen from half the turn and stretched from the chord to the arc.
-        heading = before[:, 2] + 0.5 * turn
-        dx, dy = (after[:, 0] - before[:, 0]) / seconds, (after[:, 1] - before[:, 1]) / seconds
-        cos, sin = np.cos(heading), np.sin(heading)
-        stretch = 1.0 / np.sinc(0.5 * turn / np.pi)
-        self._velocity[:, 0] = (cos * dx + sin * dy) * stretch
-        self._velocity[:, 1] = (cos * dy - sin * dx) * stretch
-        self._velocity[:, 2] = turn / seconds
 
     def observe(self) -> Observation:
         """What all robots sense now."""
-        readings = self._lasers.measure(self._physics.poses)
-        return Observation(
-            self.now, self.tick, {robot_id: self._observe(i, readings) for i, robot_id in enumerate(self._ids)}
-        )
-
-    def _observe(self, i: int, readings: Mapping[tuple[int, int], Reading]) -> RobotObservation:
-        truth = self._pose(i)
-        vx, vy, w = self._velocity[i].tolist()
-        robot = self._robots[i]
-        return RobotObservation(
-            robot,
-            tuple(readings[i, place] for place in range(len(robot.rangers))),
-            truth,
-            self._odom(i),
-            (vx, vy, w),
-            bool(self._physics.stalled[i]),
-        )
-
-    def _pose(self, i: int) -> Pose2:
-        x, y, yaw = self._physics.poses[i].tolist()
-        return Pose2(x, y, yaw)
-
-    def _odom(self, i: int) -> Pose2:
-        return compose2(inverse2(self._start[i]), self._pose(i))
+        return self._assembled().observe(self.now, self.tick)
 
     def odom(self, robot_id: int) -> Pose2:
-        """A robot's pose since its start."""
-        return self._odom(self._index[robot_id])
+        """A robot's pose since its start, by its own wheels."""
+        team = self._assembled()
+        return pose_of(team.odometry.poses, self._index(team, robot_id))
+
+    def odom_origin(self, robot_id: int) -> Pose2:
+        """Where in `map` a robot's `odom` frame is: its start, until it is placed elsewhere."""
+        team = self._assembled()
+        return team.odometry.start(self._index(team, robot_id))
 
     def truth(self, robot_id: int) -> Pose2:
         """A robot's pose in `map`."""
-        return self._pose(self._index[robot_id])
+        team = self._assembled()
+        return pose_of(team.bodies.poses, self._index(team, robot_id))
 
     def stalled(self, robot_id: int) -> bool:
         """Whether a robot is blocked."""
-        return bool(self._physics.stalled[self._index[robot_id]])
+        team = self._assembled()
+        return bool(team.bodies.stalled[self._index(team, robot_id)])
+
+    def spawn(self, robot_id: int, robot: Robot) -> None:
+        """Put a further robot into the world, at its pose. Raises UsageError if there is one of that id."""
+        if robot_id in self._robots:
+            raise UsageError(f"robot {robot_id} is in this world already: remove it first, or take another id")
+        self._robots[robot_id] = robot
+        self._outdated = True
+
+    def remove(self, robot_id: int) -> None:
+        """Take a robot out of the world. Raises UsageError if it is not there."""
+        if robot_id not in self._robots:
+            raise self._no_robot(robot_id)
+        del self._robots[robot_id]
+        self._outdated = True
+
+    def place(self, robot_id: int, pose: Pose2) -> None:
+        """Lift a robot to a pose in `map`, where it stands still; its odometry goes on as if nothing had happened.
+
+        Raises UsageError if the robot is not there, or the pose is not finite.
+        """
+        if not all(np.isfinite(pose)):
+            raise UsageError(f"the pose for robot {robot_id} is not finite: {tuple(pose)}")
+        team = self._assembled()
+        i = self._index(team, robot_id)
+        team.bodies.place(i, pose)
+        team.odometry.carry(i, pose)
+        team.setpoint[i] = team.velocity[i] = 0.0
+
+    def _assembled(self) -> "_Team":
+        """The team as it is now; put together anew only when robots came or went since the last call."""
+        if self._team is None or self._outdated:
+            self._team = _Team(self.world, self.robots, self._floorplans, self.options, self.seed, self._team)
+            self._outdated = False
+        return self._team
+
+    def _index(self, team: "_Team", robot_id: int) -> int:
+        i = team.ids.get(robot_id)
+        if i is None:
+            raise self._no_robot(robot_id)
+        return i
+
+    def _no_robot(self, robot_id: int) -> UsageError:
+        return UsageError(f"no robot {robot_id} in this world: it has {sorted(self._robots)}")
+
+
+class Bodies(Protocol):
+    """What moves, and what stops it."""
+
+    poses: Floats
+    """(movers, 3): x, y, yaw in `map`; robots first, then what can be pushed."""
+    stalled: NDArray[np.bool_]
+    """(robots)"""
+
+    def step(self, seconds: float, velocity: Floats) -> None:
+        """Advance by `seconds` with body velocities (robots, 3)."""
+
+    def place(self, index: int, pose: Pose2) -> None:
+        """Put a mover somewhere, at rest."""
+
+
+def _make_bodies(
+    physics: str, robots: Sequence[Robot], poses: Floats, world: World, floorplans: Sequence[tuple[Floorplan, Fields]]
+) -> Bodies:
+    if physics == "dynamic":
+        from zteam.sim.physics import DynamicBodies  # pymunk: only who uses it pays for it
+
+        return DynamicBodies(robots, poses, world.floorplans, world.obstacles)
+    follow = follow_tangents if physics == "stage" else follow_arcs
+    return RefusingBodies(len(robots), poses, floorplans, group_shapes(robots, world.obstacles), follow)
+
+
+class _Team:
+    """One set of robots as arrays, in the order of their ids; it takes over the state of the set before it."""
+
+    def __init__(
+        self,
+        world: World,
+        robots: Mapping[int, Robot],
+        floorplans: Sequence[tuple[Floorplan, Fields]],
+        options: Options,
+        seed: int,
+        old: "_Team | None",
+    ) -> None:
+        self.ids = {robot_id: i for i, robot_id in enumerate(robots)}
+        self._robots = list(robots.values())
+        self._pushed = [obstacle for obstacle in world.obstacles if obstacle.mass is not None]
+        count = len(self._robots)
+        self.commands, self.setpoint, self.velocity = np.zeros((3, count, 3))
+        self.commanded = np.full(count, -WATCHDOG, np.int64)
+        self._drives = make_drives(self._robots)
+        self.odometry = Odometry(self._robots, list(self.ids), options.odom_alphas, seed)
+        self._wheels = make_wheels(self._robots)
+        poses = np.array([r.pose for r in self._robots] + [o.pose for o in self._pushed], float).reshape(-1, 3)
+        if old is not None:
+            self._adopt(old, poses)
+        groups = group_shapes(self._robots, world.obstacles)
+        self.bodies: Bodies = _make_bodies(options.physics or world.physics, self._robots, poses, world, floorplans)
+        self._visible = Caster(floorplans, groups, lambda surface: surface.ranger_return >= 0.0)
+        has_bumpers = any(robot.bumpers for robot in self._robots)
+        self._solid = Caster(floorplans, groups, lambda surface: surface.obstacle) if has_bumpers else None
+        self._lasers = Lasers(self._robots, list(self.ids), self._visible, options, seed)
+        self._devices = Devices(self._robots, world.obstacles, self._visible, self._solid)
+
+    def _adopt(self, old: "_Team", poses: np.ndarray) -> None:
+        kept = [(i, old.ids[robot_id]) for robot_id, i in self.ids.items() if robot_id in old.ids]
+        for here, there in kept:
+            poses[here] = old.bodies.poses[there]
+            self.commands[here], self.setpoint[here] = old.commands[there], old.setpoint[there]
+            self.velocity[here], self.commanded[here] = old.velocity[there], old.commanded[there]
+            mine = slice(self._wheels.first[here], self._wheels.first[here + 1])
+            theirs = slice(old._wheels.first[there], old._wheels.first[there + 1])
+            self._wheels.angles[mine] = old._wheels.angles[theirs]
+        poses[len(self._robots) :] = old.bodies.poses[len(old._robots) :]
+        self.odometry.adopt(old.odometry, kept)
+
+    def move(self, now: int, tick: int, seconds: float) -> None:
+        """One tick, from `now` (ns) on."""
+        fresh = now - self.commanded < WATCHDOG
+        obey(self._drives, self.commands, fresh, seconds, self.setpoint)
+        before = self.bodies.poses.copy()
+        self.bodies.step(seconds, self.setpoint)
+        measure_velocity(before, self.bodies.poses, seconds, self.velocity)
+        self.odometry.advance(self.bodies.poses, self.velocity, seconds, tick)
+        wheels = self._wheels
+        roll(wheels.owner, wheels.rows, self.velocity, seconds, wheels.angles, wheels.rates)
+
+    def observe(self, now: int, tick: int) -> Observation:
+        """What all robots sense at `now` (ns)."""
+        poses = self.bodies.poses
+        self._visible.move(poses)
+        if self._solid is not None:
+            self._solid.move(poses)
+        snapshot = Snapshot(
+            ids=self.ids,
+            robots=self._robots,
+            scans=self._lasers.measure(poses, tick),
+            poses=poses.copy(),
+            odom=self.odometry.poses.copy(),
+            velocity=self.velocity.copy(),
+            stalled=self.bodies.stalled.copy(),
+            wheels=self._wheels._replace(angles=self._wheels.angles.copy(), rates=self._wheels.rates.copy()),
+            notices=self._devices.notice(poses),
+        )
+        first = len(self._robots)
+        pushed = {obstacle.name: pose_of(poses, first + i) for i, obstacle in enumerate(self._pushed)}
+        return Observation(now, tick, Robots(snapshot), pushed)

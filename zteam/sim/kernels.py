@@ -1,8 +1,8 @@
 """The two compiled laser kernels: bitmaps by empty squares, and polygons by their edges.
 
-Method and figures: docs/benchmarks. Rays of one scan start at one point; `cos` and `sin` are the beams' directions in
-the sensor's frame. Distances stay metric although the bitmap's cells may be unequal along x and y: the ray is scaled
-into cells, its parameter is not.
+Method and figures: docs/benchmarks.md. Rays of one scan start at one point; `cos` and `sin` (tables, beams) are the
+beams' directions in the sensor's frame, one row for all scans or one for each. Distances stay metric although a
+bitmap's cells may be unequal along x and y: the ray is scaled into cells, its parameter is not.
 """
 
 import math
@@ -10,145 +10,254 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.sim.compiling import compiled
+from zteam.sim.compiling import compiled, vectorized
+from zteam.sim.outlines import NOBODY, Outlines, bin_at
 
 _LANES = 32
-"""Beams that advance together; LLVM turns the inner loop into vector code. 8 and 16 were slower."""
+"""Beams that advance together, so that the loops over them become vector code; 16, 48 and 64 were slower."""
 _TINY = 1e-9
 """Direction components are kept off zero, so that no division gives inf; 30 m away that is 30 nm."""
 _EDGE = 1e-12
 """Edges reach this far beyond their ends, so that no ray slips through a corner."""
+_SECTOR = 32
+"""Beams of a sector, whose farthest range rejects what lies behind it."""
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
+
+# Rows of the table of lanes. All of a lane's state lies in one array: with one base pointer the compiler can prove that
+# the lanes do not touch each other, which it gives up on with a dozen arrays.
+_OX, _OY = 0, 1 * _LANES
+_DX, _DY = 2 * _LANES, 3 * _LANES
+_UX, _UY = 4 * _LANES, 5 * _LANES
+_IX, _IY = 6 * _LANES, 7 * _LANES
+_T, _BASE, _SIDE = 8 * _LANES, 9 * _LANES, 10 * _LANES
+_STATES = 11 * _LANES
+
+
+@vectorized
+def _advance(
+    lanes: Floats, index: Ints, flat: NDArray[np.uint8], rows: float, columns: float, park: float, limit: float
+) -> None:
+    """Leap from empty square to empty square until every lane stands in an occupied cell or is parked."""
+    while True:
+        for i in range(_LANES):
+            index[i] = np.int32(lanes[_BASE + i] + lanes[_IY + i] * columns + lanes[_IX + i])
+        moving = 0
+        for i in range(_LANES):
+            side_of_cell = flat[index[i]]
+            moving |= side_of_cell
+            lanes[_SIDE + i] = side_of_cell
+        if moving == 0:
+            return
+        for i in range(_LANES):
+            side, ix, iy = lanes[_SIDE + i], lanes[_IX + i], lanes[_IY + i]
+            edge_x, edge_y = ix + side, iy + side
+            tx, ty = (edge_x - lanes[_OX + i]) * lanes[_UX + i], (edge_y - lanes[_OY + i]) * lanes[_UY + i]
+            by_x = tx <= ty
+            t = tx if by_x else ty
+            # Where the other coordinate has got to; rounding must not carry it out of the square.
+            along_x = math.floor(lanes[_OX + i] + t * lanes[_DX + i])
+            along_y = math.floor(lanes[_OY + i] + t * lanes[_DY + i])
+            along_x = along_x if along_x > ix else ix
+            along_x = along_x if along_x < edge_x - 1.0 else edge_x - 1.0
+            along_y = along_y if along_y > iy else iy
+            along_y = along_y if along_y < edge_y - 1.0 else edge_y - 1.0
+            next_x = edge_x if by_x else along_x
+            next_y = along_y if by_x else edge_y
+            gone = (next_x >= columns) | (next_y >= rows) | (t >= limit)
+            next_x, next_y, t = park if gone else next_x, 0.0 if gone else next_y, limit if gone else t
+            lanes[_IX + i] = next_x if side > 0.0 else ix
+            lanes[_IY + i] = next_y if side > 0.0 else iy
+            lanes[_T + i] = t if side > 0.0 else lanes[_T + i]
 
 
 @compiled
+def _enter(lanes: Floats, rows: float, columns: float, park: float, limit: float) -> None:
+    """Bring lanes that start outside the bitmap to where they enter it; park those that never do."""
+    for i in range(_LANES):
+        qx, qy, dx, dy = lanes[_OX + i], lanes[_OY + i], lanes[_DX + i], lanes[_DY + i]
+        jx, jy = lanes[_IX + i], lanes[_IY + i]
+        # On the far outer face itself the cell is the outermost one.
+        jx = 0.0 if jx < 0.0 <= qx else jx
+        jy = 0.0 if jy < 0.0 <= qy else jy
+        tx, ty = -qx / dx, -qy / dy
+        t = max(0.0, max(tx, ty))
+        if t > 0.0:
+            jx, jy = (0.0, math.floor(qy + t * dy)) if tx > ty else (math.floor(qx + t * dx), 0.0)
+        if jx < 0.0 or jy < 0.0 or jx >= columns or jy >= rows or t >= limit:
+            jx, jy, t = park, 0.0, limit
+        lanes[_IX + i], lanes[_IY + i], lanes[_T + i] = jx, jy, t
+
+
+@vectorized
 def cast_squares(
     sides: NDArray[np.uint8], rows: int, columns: int, cell_x: float, cell_y: float,
-    x: Floats, y: Floats, yaw: Floats, seen: NDArray[np.bool_], cos: Floats, sin: Floats, limit: float, out: Floats,
+    x: Floats, y: Floats, yaw: Floats, seen: NDArray[np.bool_], cos: Floats, sin: Floats, limit: float, mark: int,
+    ranges: Floats, hit: Ints,
 ) -> None:  # fmt: skip
-    """Ranges from `x, y, yaw` (scans; metres from the bitmap's lower left corner) into `out` (scans, beams).
+    """Shorten `ranges` (scans, beams) to the bitmap's occupied cells, and set `hit` to `mark` where it is nearer.
 
-    No hit is `limit`; a scan that does not see the bitmap (`seen`) is all `limit`. A start inside an occupied cell
-    gives 0.
+    `x, y, yaw` (scans) are metres from the bitmap's lower left corner. Nothing at or beyond `limit` counts. A scan that
+    does not see the bitmap (`seen`) is left alone. A start inside an occupied cell gives 0.
     """
-    beams = cos.shape[0]
-    park = rows * columns
-    ox, oy, ux, uy = np.empty(_LANES), np.empty(_LANES), np.empty(_LANES), np.empty(_LANES)
-    t, vx, vy = np.empty(_LANES), np.empty(_LANES), np.empty(_LANES)
-    ix, iy, base = np.empty(_LANES, np.int64), np.empty(_LANES, np.int64), np.empty(_LANES, np.int64)
+    beams = cos.shape[1]
+    wide, high = float(columns), float(rows)
+    park, stride = wide * high, float(sides.shape[1])
     flat = sides.reshape(-1)
-    stride = sides.shape[1]
+    lanes, index = np.empty(_STATES), np.empty(_LANES, np.int32)
     for scan in range(x.shape[0]):
         if not seen[scan]:
-            out[scan, :] = limit
             continue
+        table = scan if cos.shape[0] > 1 else 0
         px, py = x[scan] / cell_x, y[scan] / cell_y
-        c0, s0 = math.cos(yaw[scan]), math.sin(yaw[scan])
+        jx, jy = math.floor(px), math.floor(py)
+        inside = 0.0 <= px < wide and 0.0 <= py < high
+        cx, sx = math.cos(yaw[scan]) / cell_x, math.sin(yaw[scan]) / cell_x
+        cy, sy = math.cos(yaw[scan]) / cell_y, math.sin(yaw[scan]) / cell_y
         for first in range(0, beams, _LANES):
             count = min(_LANES, beams - first)
-            for lane in range(_LANES):
-                beam = first + min(lane, count - 1)
-                dx = (c0 * cos[beam] - s0 * sin[beam]) / cell_x
-                dy = (s0 * cos[beam] + c0 * sin[beam]) / cell_y
-                quadrant = 0
-                qx, qy = px, py
-                jx, jy = math.floor(px), math.floor(py)
-                if dx < 0.0:
-                    quadrant, dx, qx, jx = 1, -dx, columns - px, columns - 1.0 - jx
-                if dy < 0.0:
-                    quadrant, dy, qy, jy = quadrant + 2, -dy, rows - py, rows - 1.0 - jy
-                dx, dy = max(dx, _TINY), max(dy, _TINY)
-                # A start outside enters through the near faces; one that has the bitmap behind it sees nothing.
-                enter = max(0.0, max(-qx / dx, -qy / dy))
-                base[lane] = quadrant * stride
-                ox[lane], oy[lane], ux[lane], uy[lane] = qx, qy, 1.0 / dx, 1.0 / dy
-                vx[lane], vy[lane] = dx, dy
-                # On the far outer face itself the cell is the outermost one.
-                jx = 0.0 if jx < 0.0 <= qx else jx
-                jy = 0.0 if jy < 0.0 <= qy else jy
-                t[lane] = enter
-                if enter > 0.0:
-                    jx, jy = math.floor(qx + enter * dx), math.floor(qy + enter * dy)
-                    if -qx / dx > -qy / dy:
-                        jx = 0.0
-                    else:
-                        jy = 0.0
-                ix[lane], iy[lane] = int(jx), int(jy)
-                if jx < 0 or jy < 0 or jx >= columns or jy >= rows or enter >= limit:
-                    t[lane] = limit
-                    ix[lane], iy[lane] = park, 0
-            active = True
-            while active:
-                moved = 0
-                for lane in range(_LANES):
-                    side = flat[base[lane] + iy[lane] * columns + ix[lane]]
-                    moving = side > 0
-                    edge_x, edge_y = ix[lane] + side, iy[lane] + side
-                    tx, ty = (edge_x - ox[lane]) * ux[lane], (edge_y - oy[lane]) * uy[lane]
-                    by_x = tx <= ty
-                    step = tx if by_x else ty
-                    along_x = int(ox[lane] + step * vx[lane])
-                    along_y = int(oy[lane] + step * vy[lane])
-                    next_x = edge_x if by_x else min(max(along_x, ix[lane]), edge_x - 1)
-                    next_y = min(max(along_y, iy[lane]), edge_y - 1) if by_x else edge_y
-                    gone = moving and (next_x >= columns or next_y >= rows or step >= limit)
-                    t[lane] = limit if gone else (step if moving else t[lane])
-                    ix[lane] = park if gone else (next_x if moving else ix[lane])
-                    iy[lane] = 0 if gone else (next_y if moving else iy[lane])
-                    moved += 1 if moving else 0
-                active = moved > 0
-            for lane in range(count):
-                out[scan, first + lane] = min(t[lane], limit)
+            for i in range(_LANES):
+                beam = first + min(i, count - 1)
+                dx = cx * cos[table, beam] - sx * sin[table, beam]
+                dy = sy * cos[table, beam] + cy * sin[table, beam]
+                left, down = dx < 0.0, dy < 0.0
+                # The fields are mirrored by quadrant, so that every ray runs towards larger x and y.
+                lanes[_OX + i], lanes[_IX + i] = wide - px if left else px, wide - 1.0 - jx if left else jx
+                lanes[_OY + i], lanes[_IY + i] = high - py if down else py, high - 1.0 - jy if down else jy
+                lanes[_BASE + i] = (stride if left else 0.0) + (2.0 * stride if down else 0.0)
+                dx, dy = abs(dx), abs(dy)
+                dx, dy = dx if dx > _TINY else _TINY, dy if dy > _TINY else _TINY
+                lanes[_DX + i], lanes[_DY + i], lanes[_UX + i], lanes[_UY + i] = dx, dy, 1.0 / dx, 1.0 / dy
+                lanes[_T + i] = 0.0
+            if not inside:
+                _enter(lanes, high, wide, park, limit)
+            _advance(lanes, index, flat, high, wide, park, limit)
+            for i in range(count):
+                nearer = lanes[_T + i] < ranges[scan, first + i]
+                ranges[scan, first + i] = lanes[_T + i] if nearer else ranges[scan, first + i]
+                hit[scan, first + i] = mark if nearer else hit[scan, first + i]
+
+
+@compiled
+def _beams_between(
+    start: float, width: float, increment: float, slack: float, beams: int, turn: int
+) -> tuple[int, int]:
+    """First and end beam from `start` (radians after the first beam, 0 to 2 pi, less 2 pi with `turn` 1) on."""
+    if increment == 0.0:
+        return 0, 1 - turn
+    low = start - turn * 2.0 * math.pi
+    begin = math.ceil(low / increment - slack)
+    end = math.floor((low + width) / increment + slack) + 1
+    return max(0, begin), min(beams, end)
+
+
+@compiled
+def _after(angle: float, start: float) -> float:
+    """The angle from `start` on to `angle`, 0 to 2 pi."""
+    turn = (angle - start) / (2.0 * math.pi)
+    return (turn - math.floor(turn)) * 2.0 * math.pi
+
+
+@compiled
+def _is_hidden(
+    distance: float, bearing: float, radius: float, angle_min: float, increment: float, slack: float, beams: int,
+    tops: Floats,
+) -> bool:  # fmt: skip
+    """Whether a disc lies behind all that the beams towards it have met, or between no beams."""
+    half = math.asin(radius / distance)
+    start = _after(bearing - half, angle_min)
+    for turn in range(2):
+        begin, end = _beams_between(start, 2.0 * half, increment, slack, beams, turn)
+        if begin < end:
+            for sector in range(begin // _SECTOR, (end - 1) // _SECTOR + 1):
+                if tops[sector] > distance - radius:
+                    return False
+    return True
+
+
+@compiled
+def _cast_shape(
+    o: Outlines, shape: int, px: float, py: float, yaw: float, cos: Floats, sin: Floats,
+    angle_min: float, increment: float, slack: float, ranges: Floats, hit: Ints,
+) -> None:  # fmt: skip
+    """Shorten one scan's ranges to one polygon."""
+    beams = cos.shape[0]
+    c0, s0 = math.cos(yaw), math.sin(yaw)
+    last = o.first_vertex[shape + 1] - 1
+    dx, dy = o.x[last] - px, o.y[last] - py
+    ux, uy = c0 * dx + s0 * dy, c0 * dy - s0 * dx
+    u_angle = math.atan2(uy, ux)
+    for vertex in range(o.first_vertex[shape], o.first_vertex[shape + 1]):
+        # The edge from u to w, in the sensor's frame.
+        dx, dy = o.x[vertex] - px, o.y[vertex] - py
+        wx, wy = c0 * dx + s0 * dy, c0 * dy - s0 * dx
+        w_angle = math.atan2(wy, wx)
+        span = _after(w_angle, u_angle)
+        start, width = (u_angle, span) if span <= math.pi else (w_angle, 2.0 * math.pi - span)
+        start = _after(start, angle_min)
+        ex, ey = wx - ux, wy - uy
+        cross = ux * ey - uy * ex
+        for turn in range(2):
+            begin, end = _beams_between(start, width, increment, slack, beams, turn)
+            for beam in range(begin, end):
+                denominator = cos[beam] * ey - sin[beam] * ex
+                if abs(denominator) < 1e-15:
+                    continue
+                along = cross / denominator
+                where = (sin[beam] * ux - cos[beam] * uy) / denominator
+                if 0.0 <= along < ranges[beam] and -_EDGE <= where <= 1.0 + _EDGE:
+                    ranges[beam] = along
+                    hit[beam] = shape
+        ux, uy, u_angle = wx, wy, w_angle
 
 
 @compiled
 def cast_edges(
-    ax: Floats, ay: Floats, bx: Floats, by: Floats, first_edge: NDArray[np.int64], centre_x: Floats, centre_y: Floats,
-    radius: Floats, z_min: Floats, z_max: Floats, owner: NDArray[np.int64],
-    x: Floats, y: Floats, z: Floats, yaw: Floats, sensor_owner: NDArray[np.int64], cos: Floats, sin: Floats,
-    angle_min: float, increment: float, ranges: Floats, hit: NDArray[np.int64],
+    o: Outlines, x: Floats, y: Floats, z: Floats, yaw: Floats, sensor_owner: NDArray[np.int64],
+    cos: Floats, sin: Floats, angle_min: float, increment: float, jitter: float, ranges: Floats, hit: Ints,
 ) -> None:  # fmt: skip
-    """Shorten `ranges` (scans, beams) to polygons: shape k has edges first_edge[k] to first_edge[k + 1].
+    """Shorten `ranges` (scans, beams) to polygons; `hit` becomes the index of the shape where one is nearer.
 
-    `hit` becomes the index of the shape where one is nearer. A sensor does not see shapes of its own `owner`, nor
-    those that its height `z` misses. Shapes that no laser sees are not to be passed in.
+    Poses are in `map`. A sensor does not see shapes of its own `owner`, nor those that its height `z` misses. Beams
+    may be `jitter` increments away from where their number says.
     """
-    beams = cos.shape[0]
+    beams = cos.shape[1]
+    slack = jitter + 1e-6
+    tops = np.zeros((beams + _SECTOR - 1) // _SECTOR)
     for scan in range(x.shape[0]):
+        table = scan if cos.shape[0] > 1 else 0
+        row_cos, row_sin, row_ranges, row_hit = cos[table], sin[table], ranges[scan], hit[scan]
+        px, py, own = x[scan], y[scan], sensor_owner[scan]
         far = 0.0
-        for beam in range(beams):
-            far = max(far, ranges[scan, beam])
-        px, py, c0, s0 = x[scan], y[scan], math.cos(yaw[scan]), math.sin(yaw[scan])
-        for shape in range(centre_x.shape[0]):
-            if owner[shape] == sensor_owner[scan] or z[scan] < z_min[shape] or z[scan] > z_max[shape]:
-                continue
-            if math.hypot(centre_x[shape] - px, centre_y[shape] - py) - radius[shape] > far:
-                continue
-            for edge in range(first_edge[shape], first_edge[shape + 1]):
-                # The edge's ends in the sensor's frame.
-                ux, uy = ax[edge] - px, ay[edge] - py
-                wx, wy = bx[edge] - px, by[edge] - py
-                ux, uy = c0 * ux + s0 * uy, c0 * uy - s0 * ux
-                wx, wy = c0 * wx + s0 * wy, c0 * wy - s0 * wx
-                ex, ey = wx - ux, wy - uy
-                cross = ux * ey - uy * ex
-                start = math.atan2(uy, ux)
-                span = math.atan2(ux * wy - uy * wx, ux * wx + uy * wy)
-                low, width = (start, span) if span >= 0.0 else (start + span, -span)
-                for turn in range(-1, 2):
-                    lowest = low + turn * 2.0 * math.pi - angle_min
-                    if increment > 0.0:
-                        begin = max(0, math.ceil(lowest / increment - 1e-6))
-                        end = min(beams - 1, math.floor((lowest + width) / increment + 1e-6))
-                    else:
-                        begin, end = 0, 0
-                    for beam in range(begin, end + 1):
-                        denominator = cos[beam] * ey - sin[beam] * ex
-                        if abs(denominator) < 1e-15:
-                            continue
-                        along = cross / denominator
-                        where = (sin[beam] * ux - cos[beam] * uy) / denominator
-                        if along >= 0.0 and -_EDGE <= where <= 1.0 + _EDGE and along < ranges[scan, beam]:
-                            ranges[scan, beam] = along
-                            hit[scan, beam] = shape
+        for sector in range(tops.shape[0]):
+            top = 0.0
+            for beam in range(sector * _SECTOR, min(beams, (sector + 1) * _SECTOR)):
+                top = max(top, row_ranges[beam])
+            tops[sector] = top
+            far = max(far, top)
+        # The bins that hold the centres of whatever may be within reach, and at last the bin of what is wide.
+        reach = far + o.reach[0]
+        first_column, last_column = bin_at(o, px - reach, o.bin_x[0], 0), bin_at(o, px + reach, o.bin_x[0], 0)
+        first_row, last_row = bin_at(o, py - reach, o.bin_y[0], 1), bin_at(o, py + reach, o.bin_y[0], 1)
+        for row in range(first_row, last_row + 2):
+            first, last = row * o.bins[0] + first_column, row * o.bins[0] + last_column
+            if row > last_row:
+                first = last = o.bins[0] * o.bins[1]
+            for slot in range(o.bin_start[first], o.bin_start[last + 1]):
+                group = o.in_bin[slot]
+                dx, dy, radius = o.centre_x[group] - px, o.centre_y[group] - py, o.radius[group]
+                square = dx * dx + dy * dy
+                if (o.owner[group] == own and own != NOBODY) or square > (far + radius) * (far + radius):
+                    continue
+                distance = math.sqrt(square)
+                if distance > radius and _is_hidden(
+                    distance, math.atan2(dy, dx) - yaw[scan], radius, angle_min, increment, slack, beams, tops
+                ):
+                    continue
+                for shape in range(o.first_shape[group], o.first_shape[group + 1]):
+                    if o.z_min[shape] <= z[scan] <= o.z_max[shape]:
+                        _cast_shape(
+                            o, shape, px, py, yaw[scan], row_cos, row_sin, angle_min, increment, slack,
+                            row_ranges, row_hit,
+                        )  # fmt: skip

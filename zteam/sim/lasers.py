@@ -1,4 +1,4 @@
-"""All lasers of all robots at once: bitmaps first, then everything that has edges."""
+"""All rangers of all robots at once: where they stand, what they measure, and how wrong they are."""
 
 import math
 from collections.abc import Sequence
@@ -7,20 +7,25 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.geometry import Pose2, compose2
-from zteam.sim.compiling import JIT
-from zteam.sim.fields import Fields, build_fields
-from zteam.world.model import Floorplan, Obstacle, Ranger, Robot, Shape
-
-if JIT is not None:
-    from zteam.sim.kernels import cast_edges, cast_squares
-else:
-    from zteam.sim.numpy_kernels import cast_edges, cast_squares
+from zteam.chance import gaussians, stream, streams, uniforms
+from zteam.geometry import Pose2
+from zteam.sim.casting import Beams, Caster, Rays
+from zteam.sim.compiling import compiled
+from zteam.sim.dazzle import Dazzle, Glare, find_glares
+from zteam.sim.options import Options
+from zteam.world.model import Blobfinder, Finder, Ranger, Robot
 
 Floats = NDArray[np.float64]
 
-NOBODY = -1
-"""Owner of what stands still."""
+_RANGE_NOISE, _SHARE_NOISE, _UNIFORM_NOISE, _ANGLE_NOISE, _DAZZLE = range(5)
+"""Streams of randomness, so that no two kinds of noise draw the same numbers."""
+
+
+class Reading(NamedTuple):
+    """What one ranger measured: metres and intensities (0 = no hit), both float32."""
+
+    ranges: NDArray[np.float32]
+    intensities: NDArray[np.float32]
 
 
 class Mount(NamedTuple):
@@ -31,179 +36,211 @@ class Mount(NamedTuple):
     place: int
     """Index of the ranger in the robot's list."""
     ranger: Ranger
+    states: tuple[int, ...]
+    """States of its streams of randomness, by kind."""
 
 
-class _Batch(NamedTuple):
-    """Rangers of one kind: they share beams and range, so one kernel call serves them."""
+class Mounts(NamedTuple):
+    """Sensors as arrays: poses in their robots' base frames, heights absolute."""
 
-    mounts: list[Mount]
     x: Floats
     y: Floats
     z: Floats
     yaw: Floats
     owner: NDArray[np.int64]
-    cos: Floats
-    sin: Floats
-    angle_min: float
-    increment: float
-    range_max: float
-    ranges: Floats
-    hit: NDArray[np.int64]
 
 
-class _Plan(NamedTuple):
-    fields: Fields
-    plan: Floorplan
-    cos: float
-    sin: float
+class _Noise(NamedTuple):
+    """Of one batch, each (scans, 1)."""
+
+    sigma: Floats
+    """Metres."""
+    proportional: Floats
+    """Standard deviation by range."""
+    uniform: Floats
+    """Half width by range (Stage)."""
+    angular: Floats
+    """Half width in increments (Stage)."""
+    states: NDArray[np.uint64]
+    """(kinds, scans)"""
 
 
-class _Edges:
-    """Polygons as arrays of edges in `map`, and how to move the ones that robots carry."""
+class Batch(NamedTuple):
+    """Rangers of one kind: they share beams and range, so one kernel call serves them."""
 
-    def __init__(self, carried: Sequence[tuple[int, Shape]], standing: Sequence[tuple[Pose2, Shape]]) -> None:
-        shapes = [(owner, shape) for owner, shape in carried if shape.ranger_return >= 0.0]
-        fixed = [(pose, shape) for pose, shape in standing if shape.ranger_return >= 0.0]
-        every = [shape for _, shape in shapes] + [_placed(pose, shape) for pose, shape in fixed]
-        counts = [len(shape.points) for shape in every]
-        self.first_edge = np.concatenate(([0], np.cumsum(counts, dtype=np.int64))).astype(np.int64)
-        starts = [point for shape in every for point in shape.points]
-        ends = [point for shape in every for point in (*shape.points[1:], shape.points[0])]
-        self.local_a = np.array(starts, float).reshape(-1, 2)
-        self.local_b = np.array(ends, float).reshape(-1, 2)
-        centres = [np.mean(np.array(shape.points), axis=0) for shape in every]
-        self.local_centre = np.array(centres, float).reshape(-1, 2)
-        self.radius = np.array(
-            [max(math.dist(p, c) for p in s.points) for s, c in zip(every, centres, strict=True)], float
-        )
-        self.z_min = np.array([shape.z_min for shape in every], float)
-        self.z_max = np.array([shape.z_max for shape in every], float)
-        self.owner = np.array([owner for owner, _ in shapes] + [NOBODY] * len(fixed), np.int64)
-        self.intensity = np.array([shape.ranger_return for shape in every], float)
-        self.edge_owner = np.repeat(self.owner, counts)
-        self.a, self.b, self.centre = self.local_a.copy(), self.local_b.copy(), self.local_centre.copy()
-
-    def move(self, poses: Floats) -> None:
-        """Bring the carried shapes to where their robots (rows x, y, yaw) are."""
-        for local, world, owner in (
-            (self.local_a, self.a, self.edge_owner),
-            (self.local_b, self.b, self.edge_owner),
-            (self.local_centre, self.centre, self.owner),
-        ):
-            moving = owner >= 0
-            pose = poses[owner[moving]]
-            cos, sin = np.cos(pose[:, 2]), np.sin(pose[:, 2])
-            x, y = local[moving, 0], local[moving, 1]
-            world[moving, 0] = pose[:, 0] + cos * x - sin * y
-            world[moving, 1] = pose[:, 1] + sin * x + cos * y
+    mounts: list[Mount]
+    at: Mounts
+    beams: Beams
+    angles: Floats
+    range_min: NDArray[np.float32]
+    """(scans, 1)"""
+    noise: _Noise | None
 
 
-def _placed(pose: Pose2, shape: Shape) -> Shape:
-    points = tuple(compose2(pose, Pose2(x, y, 0.0))[:2] for x, y in shape.points)
-    return Shape(points, shape.z_min, shape.z_max, shape.ranger_return, shape.obstacle)
+class Scans(NamedTuple):
+    """What all rangers measured at one instant."""
+
+    arrays: list[Reading]
+    """By batch: (scans, beams)."""
+    rows: dict[tuple[int, int], tuple[int, int]]
+    """(robot index, ranger index) -> (batch, row)"""
+
+    def reading(self, robot: int, place: int) -> Reading:
+        """Of one ranger."""
+        batch, row = self.rows[robot, place]
+        arrays = self.arrays[batch]
+        return Reading(arrays.ranges[row], arrays.intensities[row])
 
 
-class Reading(NamedTuple):
-    """What one ranger measured: metres and intensities (0 = no hit), both float32."""
+def mount_devices(owned: Sequence[tuple[int, Ranger | Finder | Blobfinder]]) -> Mounts:
+    """Where the robots' devices stand, by the robots' indexes."""
+    x, y, z, yaw = np.array([(d.x, d.y, d.z, d.yaw) for _, d in owned], float).reshape(-1, 4).T.copy()
+    return Mounts(x, y, z, yaw, np.array([owner for owner, _ in owned], np.int64))
 
-    ranges: NDArray[np.float32]
-    intensities: NDArray[np.float32]
+
+@compiled
+def place_mounts(poses: Floats, at: Mounts, x: Floats, y: Floats, yaw: Floats) -> None:
+    """Poses of sensors in `map`, into `x, y, yaw`."""
+    for i in range(at.owner.shape[0]):
+        owner = at.owner[i]
+        heading = poses[owner, 2]
+        cos, sin = math.cos(heading), math.sin(heading)
+        x[i] = poses[owner, 0] + cos * at.x[i] - sin * at.y[i]
+        y[i] = poses[owner, 1] + sin * at.x[i] + cos * at.y[i]
+        yaw[i] = heading + at.yaw[i]
+
+
+def rays_of(poses: Floats, at: Mounts) -> Rays:
+    """The sensors' rays with the robots at `poses` (rows x, y, yaw in `map`)."""
+    x, y, yaw = np.empty((3, len(at.owner)))
+    place_mounts(poses, at, x, y, yaw)
+    return Rays(x, y, at.z, yaw, at.owner)
 
 
 class Lasers:
-    """Every ranger of the world."""
+    """Every ranger of the world. `ids` are the robots' ids, on which their noise depends."""
 
-    def __init__(self, robots: Sequence[Robot], floorplans: Sequence[Floorplan], obstacles: Sequence[Obstacle]) -> None:
-        self._plans = [
-            _Plan(build_fields(plan.occupied), plan, math.cos(plan.pose.yaw), math.sin(plan.pose.yaw))
-            for plan in floorplans
-            if plan.ranger_return >= 0.0
+    def __init__(
+        self, robots: Sequence[Robot], ids: Sequence[int], caster: Caster, options: Options, seed: int
+    ) -> None:
+        self._caster = caster
+        self._options = options
+        self._batches = _make_batches(robots, ids, options, seed)
+        self._rows = {
+            (mount.robot, mount.place): (number, row)
+            for number, batch in enumerate(self._batches)
+            for row, mount in enumerate(batch.mounts)
+        }
+        self._intensity = np.array([s.ranger_return if s else 0.0 for s in caster.surfaces], np.float32)
+        self._dazzle = Dazzle(options.dazzle_angle, options.dazzle_probability)
+
+    def measure(self, poses: Floats, tick: int) -> Scans:
+        """Readings with the robots at `poses` (rows x, y, yaw in `map`); the caster has been moved there."""
+        placed = [rays_of(poses, batch.at) for batch in self._batches]
+        arrays = [self._measure(batch, rays, tick) for batch, rays in zip(self._batches, placed, strict=True)]
+        if self._options.dazzle != "off":
+            self._dazzle_all(placed, arrays, tick)
+        return Scans(arrays, self._rows)
+
+    def _measure(self, batch: Batch, rays: Rays, tick: int) -> Reading:
+        noise = batch.noise
+        beams = batch.beams if noise is None else _jittered(batch, noise, tick)
+        exact, hit = self._caster.cast(rays, beams)
+        missed = hit == self._caster.nothing
+        if noise is not None:
+            exact[:] = np.where(missed, exact, np.clip(_disturbed(exact, noise, tick), 0.0, beams.limit))
+        ranges = exact.astype(np.float32)
+        if self._options.below_min != "measured":
+            ranges[ranges < batch.range_min] = -np.inf if self._options.below_min == "-inf" else 0.0
+        if self._options.no_hit == "inf":
+            ranges[missed] = np.inf
+        return Reading(ranges, self._intensity[hit])
+
+    def _dazzle_all(self, placed: Sequence[Rays], arrays: Sequence[Reading], tick: int) -> None:
+        glares = [
+            Glare(
+                number,
+                row,
+                mount.states[_DAZZLE],
+                mount.robot,
+                Pose2(float(rays.x[row]), float(rays.y[row]), float(rays.yaw[row])),
+                mount.ranger,
+            )
+            for number, (batch, rays) in enumerate(zip(self._batches, placed, strict=True))
+            for row, mount in enumerate(batch.mounts)
+            if mount.ranger.samples > 1
         ]
-        self._edges = _Edges(
-            [(i, shape) for i, robot in enumerate(robots) for shape in robot.shapes],
-            [(obstacle.pose, shape) for obstacle in obstacles for shape in obstacle.shapes],
-        )
-        self._batches = _make_batches(robots)
-        # hit = -1 - k is plan k, hit = k is shape k, and the last entry is nothing.
-        self._intensity = np.concatenate(
-            (self._edges.intensity, [0.0], [p.plan.ranger_return for p in reversed(self._plans)])
-        )
-        self._nothing = len(self._edges.intensity)
-
-    def measure(self, poses: Floats) -> dict[tuple[int, int], Reading]:
-        """Readings by (robot index, ranger index) with the robots at `poses` (rows x, y, yaw in `map`)."""
-        self._edges.move(poses)
-        readings = {}
-        for batch in self._batches:
-            self._cast(batch, poses)
-            ranges = batch.ranges.astype(np.float32)
-            intensities = self._intensity[batch.hit].astype(np.float32)
-            for row, mount in enumerate(batch.mounts):
-                readings[mount.robot, mount.place] = Reading(ranges[row], intensities[row])
-        return readings
-
-    def _cast(self, batch: _Batch, poses: Floats) -> None:
-        pose = poses[batch.owner]
-        cos, sin = np.cos(pose[:, 2]), np.sin(pose[:, 2])
-        x = pose[:, 0] + cos * batch.x - sin * batch.y
-        y = pose[:, 1] + sin * batch.x + cos * batch.y
-        yaw = pose[:, 2] + batch.yaw
-        batch.ranges[:] = batch.range_max
-        batch.hit[:] = self._nothing
-        for number, plan in enumerate(self._plans):
-            self._cast_plan(batch, plan, number, x, y, yaw)
-        edges = self._edges
-        if len(edges.owner):
-            cast_edges(
-                edges.a[:, 0], edges.a[:, 1], edges.b[:, 0], edges.b[:, 1], edges.first_edge,
-                edges.centre[:, 0], edges.centre[:, 1], edges.radius, edges.z_min, edges.z_max, edges.owner,
-                x, y, batch.z, yaw, batch.owner, batch.cos, batch.sin, batch.angle_min, batch.increment,
-                batch.ranges, batch.hit,
-            )  # fmt: skip
-
-    def _cast_plan(self, batch: _Batch, plan: _Plan, number: int, x: Floats, y: Floats, yaw: Floats) -> None:
-        floor = plan.plan
-        seen = (batch.z >= floor.z_min) & (batch.z <= floor.z_max)
-        if not seen.any():
-            return
-        dx, dy = x - floor.pose.x, y - floor.pose.y
-        ranges = np.empty_like(batch.ranges)
-        cast_squares(
-            plan.fields.sides, plan.fields.rows, plan.fields.columns, floor.cell[0], floor.cell[1],
-            plan.cos * dx + plan.sin * dy, plan.cos * dy - plan.sin * dx, yaw - floor.pose.yaw, seen,
-            batch.cos, batch.sin, batch.range_max, ranges,
-        )  # fmt: skip
-        nearer = ranges < batch.ranges
-        batch.ranges[nearer] = ranges[nearer]
-        batch.hit[nearer] = -1 - number
+        for victim, bearing, draw in find_glares(glares, self._caster, self._dazzle, tick):
+            batch, ranges = self._batches[victim.batch], arrays[victim.batch].ranges[victim.row]
+            off = np.abs(np.remainder(batch.angles - bearing + math.pi, math.tau) - math.pi)
+            struck = off <= self._options.dazzle_angle
+            if self._options.dazzle == "scan" and struck.any():
+                struck[:] = True
+            if self._options.dazzle == "max":
+                ranges[struck] = batch.beams.limit
+            elif self._options.dazzle == "short":
+                share = uniforms(np.array([draw], np.uint64), len(struck))[0].astype(np.float32)
+                low = victim.ranger.range_min
+                true = np.minimum(ranges, np.float32(batch.beams.limit))
+                ranges[struck] = (low + share * np.maximum(true - low, 0.0))[struck]
+            else:
+                ranges[struck] = np.nan
 
 
-def _make_batches(robots: Sequence[Robot]) -> list[_Batch]:
+def _jittered(batch: Batch, noise: _Noise, tick: int) -> Beams:
+    """The beams, each turned by its own share of an increment."""
+    beams = batch.beams
+    if not noise.angular.any():
+        return beams
+    draws = uniforms(streams(noise.states[_ANGLE_NOISE], tick), len(batch.angles))
+    angles = batch.angles + (2.0 * draws - 1.0) * noise.angular * beams.increment
+    return beams._replace(cos=np.cos(angles), sin=np.sin(angles), jitter=float(noise.angular.max()))
+
+
+def _disturbed(ranges: Floats, noise: _Noise, tick: int) -> Floats:
+    """Ranges with their noise; terms that are zero everywhere draw nothing."""
+    count = ranges.shape[1]
+    wrong = ranges.copy()
+    for kind, scale in ((_RANGE_NOISE, noise.sigma), (_SHARE_NOISE, noise.proportional * ranges)):
+        if scale.any():
+            wrong += scale * gaussians(streams(noise.states[kind], tick), count)
+    if noise.uniform.any():
+        draws = uniforms(streams(noise.states[_UNIFORM_NOISE], tick), count)
+        wrong += (2.0 * draws - 1.0) * noise.uniform * ranges
+    return wrong
+
+
+def _make_batches(robots: Sequence[Robot], ids: Sequence[int], options: Options, seed: int) -> list[Batch]:
     kinds: dict[tuple[int, float, float], list[Mount]] = {}
-    for i, robot in enumerate(robots):
+    for i, (robot_id, robot) in enumerate(zip(ids, robots, strict=True)):
         for place, ranger in enumerate(robot.rangers):
-            kinds.setdefault((ranger.samples, ranger.fov, ranger.range_max), []).append(Mount(i, place, ranger))
-    return [_make_batch(mounts) for _, mounts in sorted(kinds.items())]
+            states = tuple(stream(seed, robot_id, place, kind) for kind in range(5))
+            kind = ranger.samples, ranger.fov, ranger.range_max
+            kinds.setdefault(kind, []).append(Mount(i, place, ranger, states))
+    return [_make_batch(mounts, options) for _, mounts in sorted(kinds.items())]
 
 
-def _make_batch(mounts: list[Mount]) -> _Batch:
+def _make_batch(mounts: list[Mount], options: Options) -> Batch:
     ranger = mounts[0].ranger
     # A single ray looks straight ahead; several fill the field of view, its ends included.
     angle_min = -ranger.fov / 2 if ranger.samples > 1 else 0.0
-    angles = angle_min + ranger.angle_increment * np.arange(ranger.samples)
-    shape = (len(mounts), ranger.samples)
-    return _Batch(
-        mounts,
-        np.array([m.ranger.x for m in mounts]),
-        np.array([m.ranger.y for m in mounts]),
-        np.array([m.ranger.z for m in mounts]),
-        np.array([m.ranger.yaw for m in mounts]),
-        np.array([m.robot for m in mounts], np.int64),
-        np.cos(angles),
-        np.sin(angles),
-        angle_min,
-        ranger.angle_increment,
-        ranger.range_max,
-        np.empty(shape),
-        np.empty(shape, np.int64),
+    angles: Floats = angle_min + ranger.angle_increment * np.arange(ranger.samples, dtype=np.float64)
+    beams = Beams(np.cos(angles)[None, :], np.sin(angles)[None, :], angle_min, ranger.angle_increment, ranger.range_max)
+    at = mount_devices([(m.robot, m.ranger) for m in mounts])
+    range_min = np.array([[m.ranger.range_min] for m in mounts], np.float32)
+    return Batch(mounts, at, beams, angles, range_min, _make_noise(mounts, options))
+
+
+def _make_noise(mounts: Sequence[Mount], options: Options) -> _Noise | None:
+    """Stage's triple is a variance, a share of the range and a share of the increment, the latter two half widths."""
+    triples = np.array([m.ranger.noise for m in mounts], float)
+    common = options.gaussian_noise, options.proportional_noise
+    if not triples.any() and not any(common):
+        return None
+    return _Noise(
+        sigma=np.sqrt(triples[:, :1] + common[0] ** 2),
+        proportional=np.full((len(mounts), 1), common[1]),
+        uniform=triples[:, 1:2],
+        angular=0.5 * triples[:, 2:3],
+        states=np.array([m.states for m in mounts], np.uint64).T,
     )

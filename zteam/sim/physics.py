@@ -1,10 +1,11 @@
 """Bodies and contacts, on pymunk (Chipmunk). The only module that imports it.
 
-In free space a robot follows the exact arc of its commanded velocity. Chipmunk moves bodies by the velocity that the
-solver left at the end of the step before, so a robot that touches something is driven by a force (which the solver
-may overrule), and one that touches nothing gets its velocity set outright.
+In free space a robot follows the exact arc of its velocity. Chipmunk moves bodies by the velocity that the solver left
+at the end of the step before, so a robot that touches something is driven by a force (which the solver may overrule),
+and one that touches nothing gets its velocity set outright.
 """
 
+import itertools
 import math
 from collections.abc import Sequence
 
@@ -14,124 +15,201 @@ import pymunk.autogeometry
 from numpy.typing import NDArray
 
 from zteam.geometry import Pose2, compose2
-from zteam.world.model import Floorplan, Obstacle, Robot
+from zteam.sim.motion import follow_arcs
+from zteam.sim.places import is_occupied, outline
+from zteam.world.model import Floorplan, Obstacle, Robot, Shape
 
 Floats = NDArray[np.float64]
 
 SUBSTEP = 0.02
 """Longest physics step in seconds; a single step a tick costs as much and sinks deeper into walls."""
+_STRIDE = 0.1
+"""Metres that no body may go in one physics step, lest it leap over a wall."""
+_MAX_SUBSTEPS = 1000
 _SLOP = 0.001
 """Metres that bodies may overlap at rest."""
 _BLOCKED = 0.5
 """A robot stalls when it touches something and makes less than this share of the speed it was told."""
 _STILL = 1e-3
 """Speeds below this (m/s) are standing."""
+_GRIP = 0.5 * 9.81
+"""Deceleration in m/s² of something pushed that slides over the floor: a friction of 0.5."""
+_MAX_SLABS = 31
+"""Layers of height that collisions tell apart: bits of Chipmunk's categories."""
 
 
-class Physics:
-    """All bodies. `poses` is (robots, 3): x, y, yaw in `map`."""
+class DynamicBodies:
+    """Robots and what they push. `poses` is (movers, 3): x, y, yaw in `map`, robots first."""
 
-    def __init__(self, robots: Sequence[Robot], floorplans: Sequence[Floorplan], obstacles: Sequence[Obstacle]) -> None:
+    def __init__(
+        self, robots: Sequence[Robot], poses: Floats, floorplans: Sequence[Floorplan], obstacles: Sequence[Obstacle]
+    ) -> None:
         self._space = pymunk.Space()
         self._space.collision_slop = _SLOP
         self._space.collision_bias = 1e-6
         self._floorplans = [plan for plan in floorplans if plan.obstacle]
-        low = min((s.z_min for r in robots for s in r.shapes if s.obstacle), default=0.0)
-        high = max((s.z_max for r in robots for s in r.shapes if s.obstacle), default=0.0)
+        pushed = [obstacle for obstacle in obstacles if obstacle.mass is not None]
+        self._slabs = _find_slabs([s for r in robots for s in r.shapes] + [s for o in obstacles for s in o.shapes])
         for plan in self._floorplans:
-            if plan.z_min <= high and plan.z_max >= low:
-                self._add_plan(plan)
+            self._add_plan(plan)
         for obstacle in obstacles:
-            self._add_obstacle(obstacle, low, high)
-        self.poses = np.array([robot.pose for robot in robots], float).reshape(-1, 3)
-        self._bodies = [self._add_robot(robot) for robot in robots]
+            if obstacle.mass is None:
+                self._add_shapes(self._space.static_body, [_at(obstacle.pose, shape) for shape in obstacle.shapes])
+        self.poses = poses.copy()
+        # No contact turns a robot: its wheels hold it, and only the drive decides its yaw rate.
+        self._robots = [self._add_body(r.mass, math.inf, r.shapes, p) for r, p in zip(robots, poses, strict=False)]
+        self._pushed = [
+            self._add_body(o.mass or 1.0, _moment(o), o.shapes, p)
+            for o, p in zip(pushed, poses[len(robots) :], strict=True)
+        ]
         self.stalled = np.zeros(len(robots), bool)
-        self._touching = np.zeros(len(robots), bool)
+        self._touching = [False] * len(robots)
+        self._index = {body: i for i, body in enumerate(self._robots)}
+        self._space.on_collision(begin=self._on_begin)
+        self._ends = np.empty((len(robots), 3))
 
     def _add_plan(self, plan: Floorplan) -> None:
-        for a, b in outline(plan.occupied):
-            ends = [compose2(plan.pose, Pose2(x * plan.cell[0], y * plan.cell[1], 0.0))[:2] for x, y in (a, b)]
-            self._add_static(pymunk.Segment(self._space.static_body, ends[0], ends[1], 0.0))
+        cos, sin = math.cos(plan.pose.yaw), math.sin(plan.pose.yaw)
+        (u, v), (x, y) = plan.cell, plan.pose[:2]
+        category = self._filter(plan.z_min, plan.z_max)
+        walls = []
+        for ends in outline(plan.occupied):
+            a, b = ((x + cos * i * u - sin * j * v, y + sin * i * u + cos * j * v) for i, j in ends)
+            wall = pymunk.Segment(self._space.static_body, a, b, 0.0)
+            wall.filter, wall.friction = category, 0.0
+            walls.append(wall)
+        self._space.add(*walls)
 
-    def _add_obstacle(self, obstacle: Obstacle, low: float, high: float) -> None:
-        for shape in obstacle.shapes:
-            if shape.obstacle and shape.z_min <= high and shape.z_max >= low:
-                points = [compose2(obstacle.pose, Pose2(x, y, 0.0))[:2] for x, y in shape.points]
-                for part in convex_parts(points):
-                    self._add_static(pymunk.Poly(self._space.static_body, part))
-
-    def _add_static(self, shape: pymunk.Shape) -> None:
-        shape.friction = 0.0
-        self._space.add(shape)
-
-    def _add_robot(self, robot: Robot) -> pymunk.Body:
-        # No contact turns a robot: its wheels hold it, and only the drive decides its yaw rate.
-        body = pymunk.Body(robot.mass, math.inf)
-        body.position, body.angle = (robot.pose.x, robot.pose.y), robot.pose.yaw
-        parts = [part for shape in robot.shapes if shape.obstacle for part in convex_parts(shape.points)]
-        shapes = [pymunk.Poly(body, part) for part in parts]
+    def _add_shapes(self, body: pymunk.Body, shapes: Sequence[Shape]) -> None:
         for shape in shapes:
-            shape.friction = 0.0
-        self._space.add(body, *shapes)
+            if shape.obstacle:
+                for part in convex_parts(shape.points):
+                    poly = pymunk.Poly(body, part)
+                    poly.filter, poly.friction = self._filter(shape.z_min, shape.z_max), 0.0
+                    self._space.add(poly)
+
+    def _add_body(self, mass: float, moment: float, shapes: Sequence[Shape], pose: Floats) -> pymunk.Body:
+        body = pymunk.Body(mass, moment)
+        x, y, yaw = pose.tolist()
+        body.position, body.angle = (x, y), yaw
+        self._space.add(body)
+        self._add_shapes(body, shapes)
         return body
 
-    def step(self, seconds: float, velocities: Floats) -> None:
-        """Advance by `seconds` with body velocities `velocities` (robots, 3): vx, vy in m/s, yaw rate in rad/s."""
-        before = self.poses.copy()
-        count = max(1, math.ceil(seconds / SUBSTEP - 1e-9))
-        dt = seconds / count
-        for _ in range(count):
-            self._substep(dt, velocities)
-        self._refuse_tunnels(before)
-        moved = np.hypot(*(self.poses - before)[:, :2].T) / seconds
-        told = np.hypot(velocities[:, 0], velocities[:, 1])
-        self.stalled = self._touching & (told > _STILL) & (moved < _BLOCKED * told)
+    def _filter(self, z_min: float, z_max: float) -> pymunk.ShapeFilter:
+        """Collides with what shares a layer of height."""
+        bits = sum(1 << i for i, (low, high) in enumerate(self._slabs) if z_min < high and z_max > low)
+        return pymunk.ShapeFilter(categories=bits, mask=bits)
 
-    def _substep(self, dt: float, velocities: Floats) -> None:
-        bodies, poses = self._bodies, self.poses
-        # The chord of the arc that the robot drives in dt: sin(wdt/2)/(wdt/2) long, half the turn to the side.
-        half = 0.5 * dt * velocities[:, 2]
-        heading = poses[:, 2] + half
-        chord = np.sinc(half / math.pi)
-        cos, sin = np.cos(heading) * chord, np.sin(heading) * chord
-        vx = cos * velocities[:, 0] - sin * velocities[:, 1]
-        vy = sin * velocities[:, 0] + cos * velocities[:, 1]
-        for i, body in enumerate(bodies):
-            body.angular_velocity = velocities[i, 2]
+    def _on_begin(self, arbiter: pymunk.Arbiter, _space: pymunk.Space, _data: object) -> None:
+        for body in arbiter.bodies:
+            i = self._index.get(body)
+            if i is not None:
+                self._touching[i] = True
+
+    def _look_again(self, i: int) -> None:
+        """Whether robot `i` still touches something. Chipmunk's call-back for the end of a contact will not do: it
+        comes also while a space is taken down."""
+        self._touching[i] = False
+
+        def note(_arbiter: pymunk.Arbiter) -> None:
+            self._touching[i] = True
+
+        self._robots[i].each_arbiter(note)
+
+    def step(self, seconds: float, velocity: Floats) -> None:
+        """Advance by `seconds` with body velocities `velocity` (robots, 3): vx, vy in m/s, yaw rate in rad/s."""
+        count = len(self._robots)
+        before = self.poses[:count].copy()
+        follow_arcs(before, velocity, seconds, self._ends)
+        way = self._ends - before
+        length = float(np.abs(way[:, :2]).max(initial=0.0))
+        steps = min(max(1, math.ceil(seconds / SUBSTEP - 1e-9), math.ceil(length / _STRIDE)), _MAX_SUBSTEPS)
+        if length > _STRIDE * steps:
+            way *= _STRIDE * steps / length
+        targets = (way / seconds).tolist()
+        dt = seconds / steps
+        for i, (body, (vx, vy, w)) in enumerate(zip(self._robots, targets, strict=True)):
+            body.angular_velocity = w
             if self._touching[i]:
-                v = body.velocity
-                body.force = (body.mass * (vx[i] - v[0]) / dt, body.mass * (vy[i] - v[1]) / dt)
+                _drive(body, vx, vy, dt)
             else:
-                body.velocity = (vx[i], vy[i])
-        self._space.step(dt)
-        for i, body in enumerate(bodies):
-            x, y = body.position
-            poses[i] = x, y, body.angle
-            touching = False
+                body.velocity = vx, vy
+        for step in range(steps):
+            if self._pushed:
+                self._push(targets, dt, step > 0)
+            self._space.step(dt)
+        for i, body in enumerate((*self._robots, *self._pushed)):
+            self.poses[i] = (*body.position, body.angle)
+        for i, touching in enumerate(self._touching):
+            if touching:
+                self._look_again(i)
+                self._refuse_tunnel(i, before[i])
+        self._note_stalls(before, way)
 
-            def note(_arbiter: pymunk.Arbiter) -> None:
-                nonlocal touching
-                touching = True
+    def _push(self, targets: Sequence[Sequence[float]], dt: float, again: bool) -> None:
+        """Robots press on throughout a tick, and what they push slides to rest."""
+        if again:
+            for body, touching, (vx, vy, _) in zip(self._robots, self._touching, targets, strict=True):
+                if touching:
+                    _drive(body, vx, vy, dt)
+        for body in self._pushed:
+            speed = body.velocity.length
+            keep = max(0.0, 1.0 - _GRIP * dt / speed) if speed > 0.0 else 0.0
+            body.velocity = body.velocity * keep
+            body.angular_velocity *= max(0.0, 1.0 - 10.0 * dt)
 
-            body.each_arbiter(note)
-            self._touching[i] = touching
+    def _note_stalls(self, before: Floats, way: Floats) -> None:
+        touching = np.array(self._touching, bool)
+        if not touching.any():
+            self.stalled[:] = False
+            return
+        told = np.hypot(way[:, 0], way[:, 1])
+        moved = np.hypot(*(self.poses[: len(before)] - before)[:, :2].T)
+        self.stalled = touching & (told > _STILL * SUBSTEP) & (moved < _BLOCKED * told)
 
-    def _refuse_tunnels(self, before: Floats) -> None:
+    def _refuse_tunnel(self, i: int, before: Floats) -> None:
         """A centre that came to lie inside a wall goes back to where it was: walls are lines, and lines leak."""
-        for i in np.flatnonzero(self._touching):
-            x, y, yaw = self.poses[i]
-            if not (math.isfinite(x) and math.isfinite(y)) or self._in_wall(x, y):
-                self.place(int(i), Pose2(before[i, 0], before[i, 1], yaw if math.isfinite(yaw) else before[i, 2]))
+        x, y, yaw = self.poses[i].tolist()
+        if not (math.isfinite(x) and math.isfinite(y)) or self._in_wall(x, y):
+            self.place(i, Pose2(before[0], before[1], yaw if math.isfinite(yaw) else before[2]))
 
     def _in_wall(self, x: float, y: float) -> bool:
         return any(is_occupied(plan, x, y) for plan in self._floorplans)
 
     def place(self, index: int, pose: Pose2) -> None:
-        """Put a robot somewhere, at rest."""
-        body = self._bodies[index]
-        body.position, body.angle, body.velocity = (pose.x, pose.y), pose.yaw, (0.0, 0.0)
+        """Put a mover somewhere, at rest."""
+        body = (*self._robots, *self._pushed)[index]
+        body.position, body.angle, body.velocity, body.angular_velocity = (pose.x, pose.y), pose.yaw, (0.0, 0.0), 0.0
         self._space.reindex_shapes_for_body(body)
         self.poses[index] = pose
+
+
+def _drive(body: pymunk.Body, vx: float, vy: float, dt: float) -> None:
+    """The force that gives a body a velocity by the end of the next step, unless a contact objects."""
+    now = body.velocity
+    body.force = (body.mass * (vx - now[0]) / dt, body.mass * (vy - now[1]) / dt)
+
+
+def _find_slabs(shapes: Sequence[Shape]) -> list[tuple[float, float]]:
+    """Layers between the heights at which shapes begin or end; the topmost ones are one where there are too many."""
+    heights = sorted({z for shape in shapes if shape.obstacle for z in (shape.z_min, shape.z_max)})
+    heights = [-math.inf, *heights[: _MAX_SLABS - 1], math.inf]
+    return list(itertools.pairwise(heights))
+
+
+def _moment(obstacle: Obstacle) -> float:
+    """Moment of inertia of something pushed: its mass spread evenly over its shapes' areas."""
+    polygons = [shape.points for shape in obstacle.shapes if shape.obstacle]
+    areas = [abs(pymunk.Poly(None, points).area) for points in polygons]
+    shares = [(obstacle.mass or 1.0) * area / sum(areas) for area in areas]
+    moments = [pymunk.moment_for_poly(mass, points) for mass, points in zip(shares, polygons, strict=True)]
+    return float(sum(moments)) or 1.0
+
+
+def _at(pose: Pose2, shape: Shape) -> Shape:
+    points = tuple(compose2(pose, Pose2(x, y, 0.0))[:2] for x, y in shape.points)
+    return Shape(points, shape.z_min, shape.z_max, obstacle=shape.obstacle)
 
 
 def convex_parts(points: Sequence[tuple[float, float]]) -> list[list[tuple[float, float]]]:
@@ -147,32 +225,3 @@ def convex_parts(points: Sequence[tuple[float, float]]) -> list[list[tuple[float
     closed = [*points, points[0]]
     parts = pymunk.autogeometry.convex_decomposition(closed, 0.0)
     return [[(float(x), float(y)) for x, y in part] for part in parts]
-
-
-def is_occupied(plan: Floorplan, x: float, y: float) -> bool:
-    """Whether the point (metres in `map`) lies in an occupied cell."""
-    cos, sin = math.cos(plan.pose.yaw), math.sin(plan.pose.yaw)
-    dx, dy = x - plan.pose.x, y - plan.pose.y
-    column = math.floor((cos * dx + sin * dy) / plan.cell[0])
-    row = math.floor((cos * dy - sin * dx) / plan.cell[1])
-    rows, columns = plan.occupied.shape
-    return 0 <= row < rows and 0 <= column < columns and bool(plan.occupied[row, column])
-
-
-def outline(occupied: NDArray[np.bool_]) -> list[tuple[tuple[int, int], tuple[int, int]]]:
-    """The border of the occupied cells as maximal straight runs: ((x, y), (x, y)) in cells."""
-    runs = [((x, a), (x, b)) for x, a, b in _runs(occupied.T)]
-    return runs + [((a, y), (b, y)) for y, a, b in _runs(occupied)]
-
-
-def _runs(occupied: NDArray[np.bool_]) -> list[tuple[int, int, int]]:
-    """Runs (line, begin, end) along axis 1 where occupied and free meet across axis 0."""
-    rows, columns = occupied.shape
-    padded = np.zeros((rows + 2, columns), bool)
-    padded[1:-1] = occupied
-    border = np.zeros((rows + 1, columns + 2), np.int8)
-    border[:, 1:-1] = padded[1:] != padded[:-1]
-    change = np.diff(border, axis=1)
-    lines, begins = np.nonzero(change == 1)
-    _, ends = np.nonzero(change == -1)
-    return list(zip(lines.tolist(), begins.tolist(), ends.tolist(), strict=True))

@@ -25,7 +25,7 @@ from zteam.messages import (
     Vector3,
     time_from_ns,
 )
-from zteam.sim.engine import Observation, RobotObservation
+from zteam.sim.observation import Observation, RobotObservation
 from zteam.world.model import Ranger, Robot, Shape, World
 
 _INFRARED = 1

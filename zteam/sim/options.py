@@ -1,0 +1,50 @@
+"""How a world is simulated: what contacts do, and how bad the sensors are."""
+
+import math
+from typing import Literal
+
+import msgspec
+
+from zteam.errors import UsageError
+
+
+class Options(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Defaults are Stage's: exact lasers, exact odometry unless the world file says otherwise.
+
+    Raises UsageError for a value that makes no sense.
+    """
+
+    physics: Literal["dynamic", "stage", "kinematic"] | None = None
+    """`dynamic`: bodies slide and push (pymunk). `stage`: Stage's own steps, and a step that would collide is refused.
+    `kinematic`: exact arcs, refused likewise; the cheapest, for crowds. None: what the world file says."""
+    no_hit: Literal["range_max", "inf"] = "range_max"
+    """What a beam reads that hits nothing: Stage's range_max, or inf as REP 117 has it."""
+    below_min: Literal["measured", "-inf", "zero"] = "measured"
+    """What a beam reads that hits something nearer than range_min: the truth as in Stage, or REP 117's -inf, or 0."""
+    gaussian_noise: float = 0.0
+    """Standard deviation in metres, of every laser, besides what the world file gives it."""
+    proportional_noise: float = 0.0
+    """Standard deviation as a share of the range."""
+    odom_alphas: tuple[float, float, float, float] | None = None
+    """Thrun's four, for every robot (`Robot.odom_alphas`); None: what the world file says."""
+    dazzle: Literal["off", "drop", "max", "short", "scan"] = "off"
+    """What lasers at one height do to each other that are in mutual sight: beams towards the other read NaN, range_max,
+    or something short; or the whole scan reads NaN."""
+    dazzle_angle: float = math.radians(2.0)
+    """Radians to either side of the other laser."""
+    dazzle_probability: float = 1.0
+    """Share of the scans in which two lasers meet."""
+
+    def __post_init__(self) -> None:
+        _check_at_least_0("gaussian_noise", self.gaussian_noise)
+        _check_at_least_0("proportional_noise", self.proportional_noise)
+        _check_at_least_0("dazzle_angle", self.dazzle_angle)
+        for alpha in self.odom_alphas or ():
+            _check_at_least_0("odom_alphas", alpha)
+        if not 0.0 <= self.dazzle_probability <= 1.0:
+            raise UsageError(f"dazzle_probability must be from 0 to 1, not {self.dazzle_probability:g}")
+
+
+def _check_at_least_0(name: str, value: float) -> None:
+    if not 0.0 <= value < math.inf:
+        raise UsageError(f"{name} must be a number of at least 0, not {value:g}")
