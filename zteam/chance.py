@@ -49,8 +49,8 @@ def gaussians(states: NDArray[np.uint64], count: int) -> NDArray[np.float64]:
     """
     hashes = _hashes(states, count)
     radius = np.sqrt(-2.0 * np.log(((hashes >> np.uint64(32)) + 0.5) * 2.0**-32))
-    turn: NDArray[np.float64] = (2.0 * np.pi * 2.0**-32) * (hashes & np.uint64(0xFFFFFFFF))
-    return np.multiply(radius, np.cos(turn))
+    turn = np.multiply(hashes & np.uint64(0xFFFFFFFF), 2.0 * np.pi * 2.0**-32, dtype=np.float64)
+    return np.multiply(radius, np.cos(turn), dtype=np.float64)
 
 
 def streams(states: NDArray[np.uint64], counter: int) -> NDArray[np.uint64]:

@@ -4,13 +4,13 @@ import math
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 
 from zteam.geometry import Pose2
 from zteam.messages import Twist, Vector3
 from zteam.sim import Engine
-from zteam.sim.lasers import Lasers
 from zteam.world import World, load_world
 
 
@@ -27,11 +27,10 @@ def _load(tmp_path: Path, text: str, folder: Path) -> World:
 
 def _ranges(world: World, poses: dict[int, list[float]], robot: int, ranger: int) -> np.ndarray:
     """The readings of one ranger with the robots at x, y, yaw_deg."""
-    lasers = Lasers(world.robots, world.floorplans, world.obstacles)
-    at = np.array([r.pose for r in world.robots], float)
+    robots = dict(enumerate(world.robots))
     for index, (x, y, yaw_deg) in poses.items():
-        at[index] = x, y, math.radians(yaw_deg)
-    return lasers.measure(at)[robot, ranger].ranges
+        robots[index] = msgspec.structs.replace(robots[index], pose=Pose2(x, y, math.radians(yaw_deg)))
+    return Engine(world, robots=robots).observe().robots[robot].readings[ranger].ranges
 
 
 @pytest.mark.parametrize("name", ["willow", "cave"])

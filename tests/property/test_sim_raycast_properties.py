@@ -45,12 +45,12 @@ def test_rays_are_exact(occupied: np.ndarray, x: float, y: float, yaw: float, ce
     fields = build_fields(occupied)
     beams = np.array([0.0, 0.3, -1.1, math.pi / 2])
     place = np.array([x]), np.array([y]), np.array([yaw]), np.array([True])
+    table = np.cos(beams)[None, :], np.sin(beams)[None, :]
     results = []
     for module in (kernels, numpy_kernels):
-        out = np.empty((1, 4))
-        module.cast_squares(
-            fields.sides, fields.rows, fields.columns, *cell, *place, np.cos(beams), np.sin(beams), LIMIT, out
-        )
+        out, hit = np.full((1, 4), LIMIT), np.zeros((1, 4), np.int32)
+        module.cast_squares(fields.sides, fields.rows, fields.columns, *cell, *place, *table, LIMIT, 7, out, hit)
+        assert ((hit == 7) == (out < LIMIT)).all()
         results.append(out[0])
     assert np.abs(results[0] - results[1]).max() <= 1e-9
     for beam, ours in zip(beams, results[0], strict=True):

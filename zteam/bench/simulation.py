@@ -11,7 +11,7 @@ from zteam.clock import process_time
 from zteam.geometry import Pose2
 from zteam.messages import Twist, Vector3
 from zteam.sim import Engine
-from zteam.sim.places import is_occupied
+from zteam.sim.grids import is_occupied
 from zteam.world import Ranger, Robot, World, add_robot
 
 _CLEARANCE = 0.35

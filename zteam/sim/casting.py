@@ -13,11 +13,13 @@ from zteam.sim.outlines import Group, make_outlines, move_outlines
 from zteam.world.model import Floorplan, Shape
 
 if JIT is not None:
-    from zteam.sim.kernels import cast_edges, cast_squares
+    from zteam.sim.kernels import cast_edges, cast_squares, finish
 else:
-    from zteam.sim.numpy_kernels import cast_edges, cast_squares
+    from zteam.sim.numpy_kernels import cast_edges, cast_squares, finish
 
 Floats = NDArray[np.float64]
+
+__all__ = ["Beams", "Caster", "Rays", "finish"]
 
 
 class Beams(NamedTuple):
@@ -43,6 +45,21 @@ class Rays(NamedTuple):
     yaw: Floats
     owner: NDArray[np.int64]
     """The mover that carries the sensor and that the sensor does not see, or NOBODY."""
+
+
+class Room(NamedTuple):
+    """Where results go; a caller that casts every tick keeps its own, for fresh memory is not free."""
+
+    ranges: Floats
+    """(scans, beams), metres."""
+    hit: NDArray[np.int32]
+    """(scans, beams): indexes of surfaces."""
+
+
+def make_room(scans: int, beams: Beams) -> Room:
+    """For so many scans of these beams."""
+    shape = (scans, beams.cos.shape[1])
+    return Room(np.empty(shape), np.empty(shape, np.int32))
 
 
 class _Plan(NamedTuple):
@@ -82,10 +99,10 @@ class Caster:
         if len(self._outlines.owner):
             move_outlines(self._outlines, poses)
 
-    def cast(self, rays: Rays, beams: Beams) -> tuple[Floats, NDArray[np.int32]]:
-        """Ranges in metres and hits, both (scans, beams); a ray that hits nothing is `limit` long."""
-        shape = (len(rays.x), beams.cos.shape[1])
-        ranges, hit = np.full(shape, beams.limit), np.full(shape, self.nothing, np.int32)
+    def cast(self, rays: Rays, beams: Beams, room: Room | None = None) -> Room:
+        """Ranges in metres and hits, (scans, beams), in `room` if given; a ray that hits nothing is `limit` long."""
+        ranges, hit = room or make_room(len(rays.x), beams)
+        ranges[:], hit[:] = beams.limit, self.nothing
         for number, (fields, plan, cos, sin) in enumerate(self._plans):
             seen = (rays.z >= plan.z_min) & (rays.z <= plan.z_max)
             dx, dy = rays.x - plan.pose.x, rays.y - plan.pose.y
@@ -99,4 +116,4 @@ class Caster:
                 self._outlines, rays.x, rays.y, rays.z, rays.yaw, rays.owner,
                 beams.cos, beams.sin, beams.angle_min, beams.increment, beams.jitter, ranges, hit,
             )  # fmt: skip
-        return ranges, hit
+        return Room(ranges, hit)

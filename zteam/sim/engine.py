@@ -4,6 +4,7 @@
 sense at its end. The same world, seed and commands give the same bytes.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Protocol
 
@@ -78,7 +79,7 @@ class Engine:
         for robot_id, twist in commands.items():
             i = self._index(team, robot_id)
             command = twist.linear.x, twist.linear.y, twist.angular.z
-            if not np.isfinite(sum(command)):
+            if not math.isfinite(sum(command)):
                 raise UsageError(f"the command of robot {robot_id} is not finite: {command}")
             team.commands[i] = command
             team.commanded[i] = self.now
@@ -174,7 +175,7 @@ def _make_bodies(
     if physics == "dynamic":
         from zteam.sim.physics import DynamicBodies  # pymunk: only who uses it pays for it
 
-        return DynamicBodies(robots, poses, world.floorplans, world.obstacles)
+        return DynamicBodies(robots, poses, floorplans, world.obstacles)
     follow = follow_tangents if physics == "stage" else follow_arcs
     return RefusingBodies(len(robots), poses, floorplans, group_shapes(robots, world.obstacles), follow)
 

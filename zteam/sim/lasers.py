@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from zteam.chance import gaussians, stream, streams, uniforms
 from zteam.geometry import Pose2
-from zteam.sim.casting import Beams, Caster, Rays
+from zteam.sim.casting import Beams, Caster, Rays, Room, finish, make_room
 from zteam.sim.compiling import compiled
 from zteam.sim.dazzle import Dazzle, Glare, find_glares
 from zteam.sim.options import Options
@@ -75,6 +75,7 @@ class Batch(NamedTuple):
     range_min: NDArray[np.float32]
     """(scans, 1)"""
     noise: _Noise | None
+    room: Room
 
 
 class Scans(NamedTuple):
@@ -145,16 +146,18 @@ class Lasers:
     def _measure(self, batch: Batch, rays: Rays, tick: int) -> Reading:
         noise = batch.noise
         beams = batch.beams if noise is None else _jittered(batch, noise, tick)
-        exact, hit = self._caster.cast(rays, beams)
-        missed = hit == self._caster.nothing
+        exact, hit = self._caster.cast(rays, beams, batch.room)
         if noise is not None:
-            exact[:] = np.where(missed, exact, np.clip(_disturbed(exact, noise, tick), 0.0, beams.limit))
-        ranges = exact.astype(np.float32)
+            hits = hit != self._caster.nothing
+            exact[hits] = np.clip(_disturbed(exact, noise, tick), 0.0, beams.limit)[hits]
+        reading = Reading(np.empty(exact.shape, np.float32), np.empty(exact.shape, np.float32))
+        finish(exact, hit, self._intensity, *reading)
         if self._options.below_min != "measured":
-            ranges[ranges < batch.range_min] = -np.inf if self._options.below_min == "-inf" else 0.0
+            below = reading.ranges < batch.range_min
+            reading.ranges[below] = -np.inf if self._options.below_min == "-inf" else 0.0
         if self._options.no_hit == "inf":
-            ranges[missed] = np.inf
-        return Reading(ranges, self._intensity[hit])
+            reading.ranges[hit == self._caster.nothing] = np.inf
+        return reading
 
     def _dazzle_all(self, placed: Sequence[Rays], arrays: Sequence[Reading], tick: int) -> None:
         glares = [
@@ -228,7 +231,7 @@ def _make_batch(mounts: list[Mount], options: Options) -> Batch:
     beams = Beams(np.cos(angles)[None, :], np.sin(angles)[None, :], angle_min, ranger.angle_increment, ranger.range_max)
     at = mount_devices([(m.robot, m.ranger) for m in mounts])
     range_min = np.array([[m.ranger.range_min] for m in mounts], np.float32)
-    return Batch(mounts, at, beams, angles, range_min, _make_noise(mounts, options))
+    return Batch(mounts, at, beams, angles, range_min, _make_noise(mounts, options), make_room(len(mounts), beams))
 
 
 def _make_noise(mounts: Sequence[Mount], options: Options) -> _Noise | None:

@@ -87,3 +87,11 @@ def cast_edges(
             shorter = nearest < ranges[scan]
             ranges[scan, shorter] = nearest[shorter]
             hit[scan, shorter] = shape
+
+
+def finish(
+    ranges: Floats, hit: Ints, intensity: NDArray[np.float32], out: NDArray[np.float32], bright: NDArray[np.float32]
+) -> None:
+    """See `zteam.sim.kernels.finish`."""
+    out[:] = ranges
+    bright[:] = intensity[hit]

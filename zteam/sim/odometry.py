@@ -86,7 +86,7 @@ class Odometry:
         bias = [robot.odom_error if robot.localization == "odom" else (0.0, 0.0, 0.0) for robot in robots]
         chosen = [alphas or robot.odom_alphas for robot in robots]
         self._errors = Errors(np.array(bias, float).reshape(-1, 3), np.array(chosen, float).reshape(-1, 4))
-        self._wrong: NDArray[np.bool_] = np.hstack((self._errors.bias, self._errors.alphas)).any(axis=1)
+        self._wrong = np.array([any(row) for row in np.hstack(self._errors).tolist()], bool)
         self._noisy = bool(self._errors.alphas.any())
         self._states = np.array([stream(seed, robot_id, _STREAM) for robot_id in ids], np.uint64)
         self._start = np.array([robot.pose for robot in robots], float).reshape(-1, 3)

@@ -8,6 +8,7 @@ and one that touches nothing gets its velocity set outright.
 import itertools
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pymunk
@@ -15,8 +16,9 @@ import pymunk.autogeometry
 from numpy.typing import NDArray
 
 from zteam.geometry import Pose2, compose2
+from zteam.sim.fields import Fields
+from zteam.sim.grids import find_inside, make_grids, outline
 from zteam.sim.motion import follow_arcs
-from zteam.sim.places import is_occupied, outline
 from zteam.world.model import Floorplan, Obstacle, Robot, Shape
 
 Floats = NDArray[np.float64]
@@ -38,20 +40,32 @@ _MAX_SLABS = 31
 """Layers of height that collisions tell apart: bits of Chipmunk's categories."""
 
 
+# Properties called as functions: Body's own __setattr__ costs more than all that they do.
+_body: Any = pymunk.Body
+_set_velocity, _get_velocity = _body.velocity.fset, _body.velocity.fget
+_set_angular_velocity, _set_force = _body.angular_velocity.fset, _body.force.fset
+_get_position, _get_angle = _body.position.fget, _body.angle.fget
+
+
 class DynamicBodies:
     """Robots and what they push. `poses` is (movers, 3): x, y, yaw in `map`, robots first."""
 
     def __init__(
-        self, robots: Sequence[Robot], poses: Floats, floorplans: Sequence[Floorplan], obstacles: Sequence[Obstacle]
+        self,
+        robots: Sequence[Robot],
+        poses: Floats,
+        floorplans: Sequence[tuple[Floorplan, Fields]],
+        obstacles: Sequence[Obstacle],
     ) -> None:
         self._space = pymunk.Space()
         self._space.collision_slop = _SLOP
         self._space.collision_bias = 1e-6
-        self._floorplans = [plan for plan in floorplans if plan.obstacle]
+        self._grids = make_grids(floorplans)
         pushed = [obstacle for obstacle in obstacles if obstacle.mass is not None]
         self._slabs = _find_slabs([s for r in robots for s in r.shapes] + [s for o in obstacles for s in o.shapes])
-        for plan in self._floorplans:
-            self._add_plan(plan)
+        for plan, _ in floorplans:
+            if plan.obstacle:
+                self._add_plan(plan)
         for obstacle in obstacles:
             if obstacle.mass is None:
                 self._add_shapes(self._space.static_body, [_at(obstacle.pose, shape) for shape in obstacle.shapes])
@@ -129,22 +143,25 @@ class DynamicBodies:
             way *= _STRIDE * steps / length
         targets = (way / seconds).tolist()
         dt = seconds / steps
-        for i, (body, (vx, vy, w)) in enumerate(zip(self._robots, targets, strict=True)):
-            body.angular_velocity = w
-            if self._touching[i]:
+        for body, touching, (vx, vy, w) in zip(self._robots, self._touching, targets, strict=True):
+            _set_angular_velocity(body, w)
+            if touching:
                 _drive(body, vx, vy, dt)
             else:
-                body.velocity = vx, vy
+                _set_velocity(body, (vx, vy))
         for step in range(steps):
             if self._pushed:
                 self._push(targets, dt, step > 0)
             self._space.step(dt)
         for i, body in enumerate((*self._robots, *self._pushed)):
-            self.poses[i] = (*body.position, body.angle)
+            self.poses[i] = (*_get_position(body), _get_angle(body))
+        inside = find_inside(self._grids, self.poses[:count])
         for i, touching in enumerate(self._touching):
             if touching:
                 self._look_again(i)
-                self._refuse_tunnel(i, before[i])
+            if inside[i] or not np.isfinite(self.poses[i, 0] + self.poses[i, 1]):
+                # Walls are lines, and lines leak: a centre that came to lie inside one goes back to where it was.
+                self.place(i, Pose2(before[i, 0], before[i, 1], self.poses[i, 2]))
         self._note_stalls(before, way)
 
     def _push(self, targets: Sequence[Sequence[float]], dt: float, again: bool) -> None:
@@ -168,15 +185,6 @@ class DynamicBodies:
         moved = np.hypot(*(self.poses[: len(before)] - before)[:, :2].T)
         self.stalled = touching & (told > _STILL * SUBSTEP) & (moved < _BLOCKED * told)
 
-    def _refuse_tunnel(self, i: int, before: Floats) -> None:
-        """A centre that came to lie inside a wall goes back to where it was: walls are lines, and lines leak."""
-        x, y, yaw = self.poses[i].tolist()
-        if not (math.isfinite(x) and math.isfinite(y)) or self._in_wall(x, y):
-            self.place(i, Pose2(before[0], before[1], yaw if math.isfinite(yaw) else before[2]))
-
-    def _in_wall(self, x: float, y: float) -> bool:
-        return any(is_occupied(plan, x, y) for plan in self._floorplans)
-
     def place(self, index: int, pose: Pose2) -> None:
         """Put a mover somewhere, at rest."""
         body = (*self._robots, *self._pushed)[index]
@@ -187,8 +195,9 @@ class DynamicBodies:
 
 def _drive(body: pymunk.Body, vx: float, vy: float, dt: float) -> None:
     """The force that gives a body a velocity by the end of the next step, unless a contact objects."""
-    now = body.velocity
-    body.force = (body.mass * (vx - now[0]) / dt, body.mass * (vy - now[1]) / dt)
+    x, y = _get_velocity(body)
+    push = body.mass / dt
+    _set_force(body, (push * (vx - x), push * (vy - y)))
 
 
 def _find_slabs(shapes: Sequence[Shape]) -> list[tuple[float, float]]:

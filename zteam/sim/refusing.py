@@ -6,7 +6,6 @@ Outlines are exact: bitmaps are tested cell by cell, polygons edge by edge. Robo
 
 import math
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 from zteam.geometry import Pose2
 from zteam.sim.compiling import compiled
 from zteam.sim.fields import Fields
+from zteam.sim.grids import Grids, make_grids
 from zteam.sim.outlines import Group, Outlines, bin_at, make_outlines, move_outlines
 from zteam.world.model import Floorplan
 
@@ -22,28 +22,6 @@ Floats = NDArray[np.float64]
 _STRIDE = 0.1
 """Metres, and radians, between the places along a move that are tested."""
 _MAX_PLACES = 1000
-
-
-class Grids(NamedTuple):
-    """All bitmaps that collide, as numba takes them."""
-
-    sides: NDArray[np.uint8]
-    """Fields of quadrant 0, one after the other: a cell is occupied where its largest empty square is 0."""
-    table: Floats
-    """(bitmaps, 11): offset in `sides`, rows, columns, cell x, cell y, cos, sin, x, y, z_min, z_max."""
-
-
-def make_grids(floorplans: Sequence[tuple[Floorplan, Fields]]) -> Grids:
-    """Grids of the floor plans that are obstacles."""
-    solid = [(plan, fields) for plan, fields in floorplans if plan.obstacle]
-    offset, rows = 0, []
-    for plan, fields in solid:
-        turn = math.cos(plan.pose.yaw), math.sin(plan.pose.yaw)
-        place = plan.pose.x, plan.pose.y, plan.z_min, plan.z_max
-        rows.append([offset, fields.rows, fields.columns, *plan.cell, *turn, *place])
-        offset += fields.rows * fields.columns
-    sides = [fields.sides[0, :-1] for _, fields in solid]
-    return Grids(np.concatenate(sides) if sides else np.zeros(1, np.uint8), np.array(rows, float).reshape(-1, 11))
 
 
 @compiled
