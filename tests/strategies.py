@@ -32,6 +32,8 @@ def _field(hint: Any) -> st.SearchStrategy[Any]:
     base, bracket, count = wire.partition("[")
     if not bracket:
         return _scalar(base)
+    if base == "bool":
+        return st.lists(st.booleans(), max_size=40).map(lambda flags: np.array(flags, bool))
     size = st.integers(0, 40) if count == "]" else st.just(int(count[:-1]))
     return size.flatmap(
         lambda n: st.binary(min_size=n * np.dtype(base).itemsize, max_size=n * np.dtype(base).itemsize).map(

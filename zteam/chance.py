@@ -39,7 +39,8 @@ def _hashes(states: NDArray[np.uint64], count: int) -> NDArray[np.uint64]:
 
 def uniforms(states: NDArray[np.uint64], count: int) -> NDArray[np.float64]:
     """`count` numbers in [0, 1) from every state (a `stream`): (states, count)."""
-    return np.multiply(_hashes(states, count) >> np.uint64(11), 2.0**-53, dtype=np.float64)
+    shares: NDArray[np.float64] = np.multiply(_hashes(states, count) >> np.uint64(11), 2.0**-53, dtype=np.float64)
+    return shares
 
 
 def gaussians(states: NDArray[np.uint64], count: int) -> NDArray[np.float64]:
@@ -50,7 +51,8 @@ def gaussians(states: NDArray[np.uint64], count: int) -> NDArray[np.float64]:
     hashes = _hashes(states, count)
     radius = np.sqrt(-2.0 * np.log(((hashes >> np.uint64(32)) + 0.5) * 2.0**-32))
     turn = np.multiply(hashes & np.uint64(0xFFFFFFFF), 2.0 * np.pi * 2.0**-32, dtype=np.float64)
-    return np.multiply(radius, np.cos(turn), dtype=np.float64)
+    normal: NDArray[np.float64] = np.multiply(radius, np.cos(turn), dtype=np.float64)
+    return normal
 
 
 def streams(states: NDArray[np.uint64], counter: int) -> NDArray[np.uint64]:

@@ -16,6 +16,7 @@ from zteam import names, shipped
 from zteam.errors import ConfigError
 from zteam.geometry import Pose2, quaternion_from_rpy
 from zteam.messages import Header, Quaternion, Transform, TransformStamped, Vector3
+from zteam.simulation import Options
 
 NO_WORLD = "none"
 """`world = "none"`: real robots, no simulator."""
@@ -70,6 +71,7 @@ class Team(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     robots: list[RobotEntry]
     team: TeamSection = TeamSection()
     static_transforms: list[StaticTransform] = []
+    simulation: Options = Options()
 
 
 def load_team(path: Path) -> Team:

@@ -31,6 +31,10 @@ SONAR = "sonar"
 ODOM = "odom"
 GROUND_TRUTH = "base_pose_ground_truth"
 STALL = "stall"
+FIDUCIALS = "fiducials"
+BUMPER = "bumper"
+BLOBS = "blobs"
+JOINT_STATES = "joint_states"
 STATUS = "status"
 
 BASE_FOOTPRINT = "base_footprint"
@@ -94,7 +98,16 @@ def strip_slash(name: str) -> str:
 
 def scan_key(robot_id: int, index: int) -> str:
     """Key of the robot's `index`-th laser: `base_scan`, `base_scan_1`, …"""
-    return robot_key(robot_id, BASE_SCAN if index == 0 else f"{BASE_SCAN}_{index}")
+    return numbered_key(robot_id, BASE_SCAN, index)
+
+
+def numbered_key(robot_id: int, topic: str, index: int) -> str:
+    """Key of the robot's `index`-th device of a kind: `fiducials`, `fiducials_1`, …"""
+    return robot_key(robot_id, _numbered(topic, index))
+
+
+def _numbered(stem: str, index: int) -> str:
+    return stem if index == 0 else f"{stem}_{index}"
 
 
 def sonar_key(robot_id: int, index: int) -> str:
@@ -104,7 +117,17 @@ def sonar_key(robot_id: int, index: int) -> str:
 
 def laser_link(index: int) -> str:
     """Local frame of the `index`-th laser: `base_laser_link`, `base_laser_link_1`, …"""
-    return BASE_LASER_LINK if index == 0 else f"{BASE_LASER_LINK}_{index}"
+    return _numbered(BASE_LASER_LINK, index)
+
+
+def finder_link(index: int) -> str:
+    """Local frame of the `index`-th fiducial finder: `fiducial_link`, `fiducial_link_1`, …"""
+    return _numbered("fiducial_link", index)
+
+
+def blobfinder_link(index: int) -> str:
+    """Local frame of the `index`-th blob finder: `blobfinder_link`, …"""
+    return _numbered("blobfinder_link", index)
 
 
 def sonar_link(index: int) -> str:

@@ -59,7 +59,7 @@ def test_worlds_load_as_they_are(name: str, robots: int, rangers: int, cells: tu
     [
         ("camera", "camera.world:53:3: cameras are not simulated"),
         ("everything", "everything.world:86:3: cameras are not simulated"),
-        ("everything", "everything.world:57:3: fiducial finders are not simulated"),
+        ("everything", "everything.world:72:3: grippers are not simulated"),
         ("simple", "simple.world:53:3: ctrl is ignored"),
         ("pioneer_walle", "walle.inc:16:3: unknown property 'blobfinder_return' is ignored"),
     ],

@@ -19,6 +19,11 @@ _ZTEAM_MSGS = {
     "uint32 epoch\nstring text\n",
     "zteam_msgs/msg/TeamStatus": "std_msgs/Header header\nuint8 state\nuint32 epoch\nbuiltin_interfaces/Time go_stamp\n"
     "int32 team_size\nint32[] ready\nint32[] missing\nint32[] lost\n",
+    "zteam_msgs/msg/Fiducial": "int32 id\nfloat32 range\nfloat32 bearing\nfloat32 orientation\n",
+    "zteam_msgs/msg/Fiducials": "std_msgs/Header header\nzteam_msgs/Fiducial[] fiducials\n",
+    "zteam_msgs/msg/Bumper": "std_msgs/Header header\nbool[] pressed\n",
+    "zteam_msgs/msg/Blob": "std_msgs/ColorRGBA color\nstring name\nfloat32 bearing\nfloat32 width\nfloat32 range\n",
+    "zteam_msgs/msg/Blobs": "std_msgs/Header header\nzteam_msgs/Blob[] blobs\n",
     "zteam_msgs/msg/Tick": "builtin_interfaces/Time stamp\nuint32 epoch\nuint64 tick\nint32[] robots\n"
     "string[] participants\n",
     "zteam_msgs/msg/Done": "uint32 epoch\nuint64 tick\nbool has_command\ngeometry_msgs/Twist command\n",

@@ -2,8 +2,12 @@
 
 from zteam import names
 from zteam.messages import (
+    Blobs,
     Bool,
+    Bumper,
     Clock,
+    Fiducials,
+    JointState,
     LaserScan,
     Message,
     OccupancyGrid,
@@ -25,8 +29,12 @@ _TEAM: dict[str, type[Message]] = {
 
 _ROBOT: dict[str, type[Message]] = {
     names.BASE_SCAN: LaserScan,
+    names.BLOBS: Blobs,
+    names.BUMPER: Bumper,
     names.CMD_VEL: Twist,
+    names.FIDUCIALS: Fiducials,
     names.GROUND_TRUTH: Odometry,
+    names.JOINT_STATES: JointState,
     names.ODOM: Odometry,
     names.SONAR: Range,
     names.STALL: Bool,

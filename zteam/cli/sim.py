@@ -12,6 +12,7 @@ from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.shipped import names as shipped_names
 from zteam.shipped import shipped_world, worlds_folder
+from zteam.simulation import PHYSICS, Options
 
 log = logging.getLogger("zteam")
 
@@ -44,8 +45,46 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--compile-only", action="store_true", help="compile the laser kernels into the cache, then end"
     )
+    _add_simulation_options(parser)
     add_bus_options(parser)
     return parser
+
+
+def _add_simulation_options(parser: argparse.ArgumentParser) -> None:
+    """One flag for every field of `zteam.simulation.Options`."""
+    group = parser.add_argument_group("contacts and sensors")
+    group.add_argument(
+        "--physics", choices=PHYSICS, help="what contacts do (default: what the world says, else dynamic)"
+    )
+    group.add_argument("--no-hit", choices=("range_max", "inf"), help="what a beam reads that hits nothing (range_max)")
+    group.add_argument(
+        "--below-min", choices=("measured", "-inf", "zero"), help="what a beam reads below range_min (measured)"
+    )
+    group.add_argument("--gaussian-noise", type=float, metavar="M", help="standard deviation of all lasers in metres")
+    group.add_argument("--proportional-noise", type=float, metavar="SHARE", help="standard deviation by range")
+    group.add_argument(
+        "--odom-alphas", metavar="A1,A2,A3,A4", help="noise of all odometry (Thrun), such as 0.05,0.01,0.02,0.01"
+    )
+    group.add_argument(
+        "--dazzle",
+        choices=("off", "drop", "max", "short", "scan"),
+        help="what lasers in mutual sight do to each other (off)",
+    )
+    group.add_argument("--dazzle-angle", type=float, metavar="RAD", help="to either side of the other laser (0.035)")
+    group.add_argument("--dazzle-probability", type=float, metavar="P", help="share of the scans (1)")
+
+
+def simulation_options(args: argparse.Namespace) -> Options:
+    """What a parsed command line says about contacts and sensors."""
+    given = {name: getattr(args, name) for name in Options.__struct_fields__ if getattr(args, name) is not None}
+    try:
+        if "odom_alphas" in given:
+            given["odom_alphas"] = tuple(map(float, given["odom_alphas"].split(",")))
+            if len(given["odom_alphas"]) != 4:
+                raise ValueError("--odom-alphas takes four numbers, such as 0.05,0.01,0.02,0.01")
+        return Options(**given)
+    except ValueError as error:
+        raise UsageError(str(error)) from None
 
 
 def find_world(text: str) -> Path:
@@ -115,6 +154,7 @@ def _simulate(args: argparse.Namespace) -> int:
         map_resolution=args.map_resolution,
         follows=dict(map(parse_gap, args.gap)),
         run_for=args.run_for,
+        engine=simulation_options(args),
     )
 
     def body(node: Node) -> None:

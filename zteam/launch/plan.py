@@ -8,6 +8,7 @@ import msgspec
 from zteam import names
 from zteam.config import RobotEntry, Team, robot_arguments
 from zteam.launch.process import zteam_command
+from zteam.simulation import simulation_arguments
 
 ROUTER = "router"
 
@@ -47,6 +48,7 @@ def plan_team(
             *(() if run_for is None else ("--for", str(run_for))),
             *_additions(team.robots),
             *_gaps(team.robots),
+            *simulation_arguments(team.simulation),
             *bus,
         ]
     commands[names.AGGREGATOR] = [*zteam_command("aggregator", *((str(team_file),) if team_file else ())), *bus]

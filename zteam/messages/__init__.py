@@ -11,10 +11,17 @@ from zteam.messages.registry import (
     type_of_encoding,
 )
 from zteam.messages.types import (
+    Blob,
+    Blobs,
     Bool,
+    Bumper,
     Clock,
+    ColorRGBA,
     Done,
+    Fiducial,
+    Fiducials,
     Header,
+    JointState,
     LaserScan,
     MapMetaData,
     Message,
@@ -42,7 +49,8 @@ from zteam.messages.types import (
 )
 
 __all__ = [
-    "Bool", "Clock", "Done", "Header", "LaserScan", "MapMetaData", "Message", "OccupancyGrid", "Odometry", "Point",
+    "Blob", "Blobs", "Bool", "Bumper", "Clock", "ColorRGBA", "Done", "Fiducial", "Fiducials", "Header", "JointState",
+    "LaserScan", "MapMetaData", "Message", "OccupancyGrid", "Odometry", "Point",
     "Pose", "PoseStamped", "PoseWithCovariance", "Quaternion", "Range", "RobotState", "RobotStatus", "String",
     "TFMessage", "TeamState", "TeamStatus", "Tick", "Time", "Transform", "TransformStamped", "Twist",
     "TwistWithCovariance", "Vector3", "all_types", "decode", "encode", "encoding_of", "from_text", "message_type",

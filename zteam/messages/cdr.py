@@ -27,7 +27,7 @@ _CODES = {
     "bool": "B", "int8": "b", "uint8": "B", "int32": "i", "uint32": "I", "uint64": "Q", "float32": "f", "float64": "d",
 }  # fmt: skip
 _SIZES = {"B": 1, "b": 1, "i": 4, "I": 4, "Q": 8, "f": 4, "d": 8}
-_DTYPES = {"int8": "i1", "int32": "i4", "float32": "f4", "float64": "f8"}
+_DTYPES = {"bool": "b1", "int8": "i1", "int32": "i4", "float32": "f4", "float64": "f8"}
 
 _MAY_BE_INFINITE = {"LaserScan.range_max", "Range.min_range", "Range.max_range", "Range.range"}
 """Scalars that ROS allows to be inf or NaN (fixed-distance rangers, lasers without a limit); in any other a NaN makes
@@ -146,6 +146,10 @@ def _write(source: _Source, fields: list[Field]) -> None:
             source.add(f"if a{number}.ndim != 1: raise ValueError('a sequence has one dimension')")
             run.append(("I", f"len(a{number})"))
             flush()
+            if int(detail[1]) > 4:
+                # The length left the position at a multiple of 4; an empty sequence is not aligned.
+                gap = f"({len(_HEADER)} - p) % {int(detail[1])} if len(a{number}) else 0"
+                source.add(f"n = {gap}; parts.append(bytes(n)); p += n")
             source.add(f"b = a{number}.tobytes(); parts.append(b); p += len(b)")
         elif kind == "array":
             flush()
@@ -213,6 +217,8 @@ def _read(source: _Source, fields: list[Field], order: str) -> dict[str, str]:
             run.append(("I", "n"))
             flush()
             size = int(detail[1])
+            if size > 4:
+                source.add(f"if n: p += ({len(_HEADER)} - p) % {size}")
             source.add(f"if n * {size} > end - p: raise DecodeError('a length of %d, more than it holds' % n)")
             _read_numbers(source, value, detail, "n", order)
         elif kind == "array":

@@ -20,6 +20,8 @@ float32 = Annotated[float, "float32"]
 float64 = Annotated[float, "float64"]
 Int8Seq = Annotated[NDArray[np.int8], "int8[]"]
 Int32Seq = Annotated[NDArray[np.int32], "int32[]"]
+BoolSeq = Annotated[NDArray[np.bool_], "bool[]"]
+Float64Seq = Annotated[NDArray[np.float64], "float64[]"]
 Float32Seq = Annotated[NDArray[np.float32], "float32[]"]
 Covariance = Annotated[NDArray[np.float64], "float64[36]"]
 
@@ -33,6 +35,8 @@ def _frozen(array: NDArray[Any]) -> NDArray[Any]:
 _NO_INT8: NDArray[np.int8] = _frozen(np.zeros(0, np.int8))
 _NO_INT32: NDArray[np.int32] = _frozen(np.zeros(0, np.int32))
 _NO_FLOAT32: NDArray[np.float32] = _frozen(np.zeros(0, np.float32))
+_NO_FLOAT64: NDArray[np.float64] = _frozen(np.zeros(0, np.float64))
+_NO_BOOL: NDArray[np.bool_] = _frozen(np.zeros(0, np.bool_))
 _NO_COVARIANCE: NDArray[np.float64] = _frozen(np.zeros(36, np.float64))
 
 
@@ -92,6 +96,16 @@ class Clock(Message):
 
     ros_type: ClassVar[str] = "rosgraph_msgs/msg/Clock"
     clock: Time = msgspec.field(default_factory=Time)
+
+
+class ColorRGBA(Message):
+    """A colour; channels 0 to 1."""
+
+    ros_type: ClassVar[str] = "std_msgs/msg/ColorRGBA"
+    r: float32 = 0.0
+    g: float32 = 0.0
+    b: float32 = 0.0
+    a: float32 = 1.0
 
 
 class Vector3(Message):
@@ -243,6 +257,62 @@ class Range(Message):
     max_range: float32 = 0.0
     range: float32 = 0.0
     variance: float32 = 0.0
+
+
+class JointState(Message):
+    """Angles of joints in radians, their rates in rad/s, and efforts; a sequence may be empty."""
+
+    ros_type: ClassVar[str] = "sensor_msgs/msg/JointState"
+    header: Header = msgspec.field(default_factory=Header)
+    name: list[str] = msgspec.field(default_factory=list)
+    position: Float64Seq = msgspec.field(default_factory=lambda: _NO_FLOAT64)
+    velocity: Float64Seq = msgspec.field(default_factory=lambda: _NO_FLOAT64)
+    effort: Float64Seq = msgspec.field(default_factory=lambda: _NO_FLOAT64)
+
+
+class Fiducial(Message):
+    """A marked model in sight: metres and radians in the frame of the finder; id 0 is too far to be read."""
+
+    ros_type: ClassVar[str] = "zteam_msgs/msg/Fiducial"
+    id: int32 = 0
+    range: float32 = 0.0
+    bearing: float32 = 0.0
+    orientation: float32 = 0.0
+
+
+class Fiducials(Message):
+    """All that a fiducial finder sees."""
+
+    ros_type: ClassVar[str] = "zteam_msgs/msg/Fiducials"
+    header: Header = msgspec.field(default_factory=Header)
+    fiducials: list[Fiducial] = msgspec.field(default_factory=list)
+
+
+class Bumper(Message):
+    """Which pieces of a robot's bumpers are pressed, in file order."""
+
+    ros_type: ClassVar[str] = "zteam_msgs/msg/Bumper"
+    header: Header = msgspec.field(default_factory=Header)
+    pressed: BoolSeq = msgspec.field(default_factory=lambda: _NO_BOOL)
+
+
+class Blob(Message):
+    """Neighbouring pixels of one colour: middle and width in radians, range of the nearest in metres."""
+
+    ros_type: ClassVar[str] = "zteam_msgs/msg/Blob"
+    color: ColorRGBA = msgspec.field(default_factory=ColorRGBA)
+    name: str = ""
+    bearing: float32 = 0.0
+    width: float32 = 0.0
+    range: float32 = 0.0
+
+
+class Blobs(Message):
+    """All that a blob finder sees, from right to left."""
+
+    ros_type: ClassVar[str] = "zteam_msgs/msg/Blobs"
+    header: Header = msgspec.field(default_factory=Header)
+    blobs: list[Blob] = msgspec.field(default_factory=list)
 
 
 class RobotStatus(Message):

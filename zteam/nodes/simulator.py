@@ -13,8 +13,12 @@ from zteam.bus.transport import RawSample
 from zteam.clock import NS_PER_S, Every, monotonic, wait_until
 from zteam.errors import UsageError
 from zteam.messages import (
+    Blobs,
     Bool,
+    Bumper,
     Clock,
+    Fiducials,
+    JointState,
     LaserScan,
     OccupancyGrid,
     Odometry,
@@ -30,8 +34,9 @@ from zteam.nodes.node import Node
 from zteam.nodes.pacing import Pacer
 from zteam.nodes.sim_messages import SimReport, SimStatus
 from zteam.nodes.tally import Tally
-from zteam.sim import Engine
+from zteam.sim import Engine, Observation, Options
 from zteam.sim import reports as observed
+from zteam.sim.mapping import map_message
 from zteam.world import Robot, World
 
 log = logging.getLogger("zteam")
@@ -49,6 +54,7 @@ class SimOptions(msgspec.Struct, frozen=True):
     """Metres a cell of the published map."""
     follows: Mapping[int, int] = msgspec.field(default_factory=dict)
     """Pairs whose gap is measured: follower -> leader."""
+    engine: Options = Options()
     run_for: float | None = None
     """Stand still this many simulated seconds after GO."""
 
@@ -69,6 +75,36 @@ class _Outputs:
         self.stall = bus.publisher(key(names.STALL), Bool)
         self.scans = [bus.publisher(names.scan_key(robot_id, i), LaserScan) for i in range(lasers)]
         self.sonars = [bus.publisher(names.sonar_key(robot_id, i), Range) for i in range(len(robot.rangers) - lasers)]
+        self.joints = bus.publisher(key(names.JOINT_STATES), JointState)
+        self.bumpers = [bus.publisher(key(names.BUMPER), Bumper)] if robot.bumpers else []
+        self.fiducials = [
+            bus.publisher(names.numbered_key(robot_id, names.FIDUCIALS, i), Fiducials)
+            for i in range(len(robot.finders))
+        ]
+        self.blobs = [
+            bus.publisher(names.numbered_key(robot_id, names.BLOBS, i), Blobs) for i in range(len(robot.blobfinders))
+        ]
+
+    def put_rest(self, observation: Observation, robot_id: int) -> None:
+        """What no robot's next command hangs on; a message without a taker is not even made."""
+        if self.truth.wanted:
+            self.truth.put(observed.ground_truth_message(observation, robot_id))
+        if self.stall.wanted:
+            self.stall.put(Bool(observation.robots[robot_id].stall))
+        if self.joints.wanted:
+            self.joints.put(observed.joint_message(observation, robot_id))
+        for i, sonar in enumerate(self.sonars):
+            if sonar.wanted:
+                sonar.put(observed.range_message(observation, robot_id, i))
+        for bumper in self.bumpers:
+            if bumper.wanted:
+                bumper.put(observed.bumper_message(observation, robot_id))
+        for i, fiducials in enumerate(self.fiducials):
+            if fiducials.wanted:
+                fiducials.put(observed.fiducials_message(observation, robot_id, i))
+        for i, blobs in enumerate(self.blobs):
+            if blobs.wanted:
+                blobs.put(observed.blobs_message(observation, robot_id, i))
 
 
 class _Commands:
@@ -138,7 +174,7 @@ class Simulator:
         self._options = options
         self._world = world
         self._robots = robots
-        self._engine = Engine(world, seed=options.seed, robots=robots)
+        self._engine = Engine(world, seed=options.seed, robots=robots, options=options.engine)
         self._tally = Tally(options.follows, options.seed)
         self._commands = _Commands(node, robots, self._tally)
         self._pacer = Pacer(world.interval)
@@ -155,9 +191,10 @@ class Simulator:
     def publish_statics(self) -> None:
         """Send the latched messages: every robot's fixed frames, and the map."""
         for robot_id, outputs in self._outputs.items():
-            outputs.tf_static.put(observed.static_transforms(robot_id, self._robots[robot_id]))
+            origin = self._engine.odom_origin(robot_id)
+            outputs.tf_static.put(observed.static_transforms(robot_id, self._robots[robot_id], origin))
         self._map = self._node.bus.publisher(names.MAP, OccupancyGrid, latched=True)
-        self._map.put(observed.map_message(self._world, self._options.map_resolution))
+        self._map.put(map_message(self._world, self._options.map_resolution))
 
     def run(self) -> None:
         """Tick until the process is asked to stop."""
@@ -202,13 +239,7 @@ class Simulator:
         if not first:
             self._clock.put(Clock(time_from_ns(engine.now)))
         for robot_id, outputs in self._outputs.items():
-            if outputs.truth.wanted:
-                outputs.truth.put(observed.ground_truth_message(observation, robot_id))
-            if outputs.stall.wanted:
-                outputs.stall.put(Bool(observation.robots[robot_id].stall))
-            for i, sonar in enumerate(outputs.sonars):
-                if sonar.wanted:
-                    sonar.put(observed.range_message(observation, robot_id, i))
+            outputs.put_rest(observation, robot_id)
 
     def _count(self) -> None:
         engine = self._engine

@@ -22,9 +22,9 @@ from zteam.sim.lasers import Lasers, Reading
 from zteam.sim.motion import follow_arcs, follow_tangents, make_drives, measure_velocity, obey
 from zteam.sim.observation import Observation, RobotObservation, Robots, Snapshot, pose_of
 from zteam.sim.odometry import Odometry, make_wheels, roll
-from zteam.sim.options import Options
 from zteam.sim.outlines import group_shapes
 from zteam.sim.refusing import RefusingBodies
+from zteam.simulation import Options
 from zteam.world.model import Floorplan, Robot, World
 
 Floats = NDArray[np.float64]

@@ -12,7 +12,7 @@ from zteam.geometry import Pose2
 from zteam.sim.casting import Beams, Caster, Rays, Room, finish, make_room
 from zteam.sim.compiling import compiled
 from zteam.sim.dazzle import Dazzle, Glare, find_glares
-from zteam.sim.options import Options
+from zteam.simulation import Options
 from zteam.world.model import Blobfinder, Finder, Ranger, Robot
 
 Floats = NDArray[np.float64]

@@ -192,5 +192,5 @@ def _bin_of(o: Outlines, group: int) -> int:
 @compiled
 def bin_at(o: Outlines, value: float, origin: float, axis: int) -> int:
     """Row (axis 1) or column (axis 0) of the bin nearest to a coordinate."""
-    place = math.floor((value - origin) / o.bin_size[0])
+    place: int = math.floor((value - origin) / o.bin_size[0])
     return min(max(place, 0), int(o.bins[axis]) - 1)

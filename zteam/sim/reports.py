@@ -1,16 +1,21 @@
 """Observations as ROS messages."""
 
-import math
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from zteam import names
 from zteam.geometry import Pose2, normalize_angle, quaternion_from_yaw
 from zteam.messages import (
+    Blob,
+    Blobs,
+    Bumper,
+    ColorRGBA,
+    Fiducial,
+    Fiducials,
     Header,
+    JointState,
     LaserScan,
-    MapMetaData,
-    OccupancyGrid,
     Odometry,
     Point,
     Pose,
@@ -26,7 +31,8 @@ from zteam.messages import (
     time_from_ns,
 )
 from zteam.sim.observation import Observation, RobotObservation
-from zteam.world.model import Ranger, Robot, Shape, World
+from zteam.world.colors import find_color
+from zteam.world.model import Blobfinder, Finder, Ranger, Robot
 
 _INFRARED = 1
 
@@ -95,97 +101,70 @@ def _odometry(stamp: int, frame: str, robot_id: int, pose: Pose2, robot: RobotOb
     )
 
 
+def joint_message(observation: Observation, robot_id: int) -> JointState:
+    """The wheels; joint names are the robot's own, without its prefix."""
+    joints = observation.robots[robot_id].joints
+    return JointState(
+        Header(time_from_ns(observation.stamp), ""), list(joints.names), np.array(joints.positions),
+        np.array(joints.velocities),
+    )  # fmt: skip
+
+
+def fiducials_message(observation: Observation, robot_id: int, index: int) -> Fiducials:
+    """What the robot's `index`-th fiducial finder sees, in `robot_N/fiducial_link[_i]`."""
+    seen = observation.robots[robot_id].fiducials[index]
+    frame = names.robot_frame(robot_id, names.finder_link(index))
+    return Fiducials(Header(time_from_ns(observation.stamp), frame), [Fiducial(*sighting) for sighting in seen])
+
+
+def bumper_message(observation: Observation, robot_id: int) -> Bumper:
+    """All pieces of all of a robot's bumpers."""
+    frame = names.robot_frame(robot_id, names.BASE_LINK)
+    pressed = np.array(observation.robots[robot_id].bumpers, bool)
+    return Bumper(Header(time_from_ns(observation.stamp), frame), pressed)
+
+
+def blobs_message(observation: Observation, robot_id: int, index: int) -> Blobs:
+    """What the robot's `index`-th blob finder sees, in `robot_N/blobfinder_link[_i]`; an unknown colour is black."""
+    frame = names.robot_frame(robot_id, names.blobfinder_link(index))
+    blobs = [
+        Blob(ColorRGBA(*(find_color(name) or (0.0, 0.0, 0.0))), name, bearing, width, far)
+        for name, bearing, width, far in observation.robots[robot_id].blobs[index]
+    ]
+    return Blobs(Header(time_from_ns(observation.stamp), frame), blobs)
+
+
 def transforms(stamp: int, robot_id: int, odom: Pose2) -> TFMessage:
     """odom -> base_footprint at `stamp` (ns)."""
     parent, child = (names.robot_frame(robot_id, f) for f in (names.ODOM, names.BASE_FOOTPRINT))
     return TFMessage([_transform(stamp, parent, child, odom, 0.0)])
 
 
-def static_transforms(robot_id: int, robot: Robot) -> TFMessage:
-    """map -> odom (the start pose), base_footprint -> base_link -> every laser and sonar."""
+def static_transforms(robot_id: int, robot: Robot, odom_origin: Pose2) -> TFMessage:
+    """map -> odom (the start pose), base_footprint -> base_link -> every device."""
 
     def own(local: str) -> str:
         return names.robot_frame(robot_id, local)
 
     base = own(names.BASE_LINK)
     found = [
-        _transform(0, names.MAP_FRAME, own(names.ODOM), robot.pose, 0.0),
+        _transform(0, names.MAP_FRAME, own(names.ODOM), odom_origin, 0.0),
         _transform(0, own(names.BASE_FOOTPRINT), base, Pose2(0.0, 0.0, 0.0), 0.0),
     ]
-    for lasers in (True, False):
-        for index, place in enumerate(_places(robot, lasers)):
-            ranger = robot.rangers[place]
-            link = names.laser_link(index) if lasers else names.sonar_link(index)
-            pose = Pose2(ranger.x, ranger.y, ranger.yaw)
-            found.append(_transform(0, base, own(link), pose, ranger.z))
+    lasers, sonars = ([robot.rangers[place] for place in _places(robot, kind)] for kind in (True, False))
+    kinds: list[tuple[Sequence[Ranger | Finder | Blobfinder], Callable[[int], str]]] = [
+        (lasers, names.laser_link),
+        (sonars, names.sonar_link),
+        (robot.finders, names.finder_link),
+        (robot.blobfinders, names.blobfinder_link),
+    ]
+    for devices, link in kinds:
+        for index, device in enumerate(devices):
+            pose = Pose2(device.x, device.y, device.yaw)
+            found.append(_transform(0, base, own(link(index)), pose, device.z))
     return TFMessage(found)
 
 
 def _transform(stamp: int, parent: str, child: str, pose: Pose2, z: float) -> TransformStamped:
     rotation = Quaternion(*quaternion_from_yaw(normalize_angle(pose.yaw)))
     return TransformStamped(Header(time_from_ns(stamp), parent), child, Transform(Vector3(pose.x, pose.y, z), rotation))
-
-
-def map_message(world: World, resolution: float) -> OccupancyGrid:
-    """Everything that stands still, on one axis-aligned grid of square cells of `resolution` metres.
-
-    A cell is 100 where its centre lies in an occupied cell of a bitmap or in an obstacle's outline, else 0.
-    """
-    corners = [corner for plan in world.floorplans for corner in _plan_corners(plan.pose, plan.occupied, plan.cell)]
-    outlines = [(shape, _polygon(obstacle.pose, shape)) for obstacle in world.obstacles for shape in obstacle.shapes]
-    corners += [(float(px), float(py)) for _, polygon in outlines for px, py in polygon]
-    corners += [robot.pose[:2] for robot in world.robots] if not corners else []
-    low, high = np.min(corners, axis=0), np.max(corners, axis=0)
-    columns, rows = (max(1, math.ceil(n)) for n in (high - low) / resolution - 1e-9)
-    x = low[0] + (np.arange(columns) + 0.5) * resolution
-    y = low[1] + (np.arange(rows) + 0.5) * resolution
-    grid = np.zeros((rows, columns), np.int8)
-    for plan in world.floorplans:
-        _draw_plan(grid, x, y, plan.pose, plan.occupied, plan.cell)
-    for _, polygon in outlines:
-        _draw_polygon(grid, x, y, polygon)
-    info = MapMetaData(
-        resolution=resolution, width=columns, height=rows, origin=Pose(Point(float(low[0]), float(low[1]), 0.0))
-    )
-    return OccupancyGrid(Header(time_from_ns(0), names.MAP_FRAME), info, grid.ravel())
-
-
-def _plan_corners(pose: Pose2, occupied: np.ndarray, cell: tuple[float, float]) -> list[tuple[float, float]]:
-    rows, columns = occupied.shape
-    cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
-    ends = [(u * columns * cell[0], v * rows * cell[1]) for u in (0, 1) for v in (0, 1)]
-    return [(pose.x + cos * u - sin * v, pose.y + sin * u + cos * v) for u, v in ends]
-
-
-def _draw_plan(
-    grid: np.ndarray, x: np.ndarray, y: np.ndarray, pose: Pose2, occupied: np.ndarray, cell: tuple[float, float]
-) -> None:
-    cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
-    dx, dy = x[None, :] - pose.x, y[:, None] - pose.y
-    column = np.floor((cos * dx + sin * dy) / cell[0]).astype(np.int32)
-    row = np.floor((cos * dy - sin * dx) / cell[1]).astype(np.int32)
-    rows, columns = occupied.shape
-    inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
-    grid[inside] |= np.where(occupied[row[inside], column[inside]], 100, 0).astype(np.int8)
-
-
-def _polygon(pose: Pose2, shape: Shape) -> np.ndarray:
-    cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
-    points = np.array(shape.points, float)
-    return np.stack(
-        (pose.x + cos * points[:, 0] - sin * points[:, 1], pose.y + sin * points[:, 0] + cos * points[:, 1]), axis=1
-    )
-
-
-def _draw_polygon(grid: np.ndarray, x: np.ndarray, y: np.ndarray, polygon: np.ndarray) -> None:
-    """Even-odd rule over the cells in the polygon's box."""
-    (left, bottom), (right, top) = polygon.min(axis=0), polygon.max(axis=0)
-    columns = slice(np.searchsorted(x, left), np.searchsorted(x, right))
-    rows = slice(np.searchsorted(y, bottom), np.searchsorted(y, top))
-    px, py = x[columns][None, :], y[rows][:, None]
-    inside = np.zeros((py.shape[0], px.shape[1]), bool)
-    for (ax, ay), (bx, by) in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
-        if ay != by:
-            crosses = (ay > py) != (by > py)
-            inside ^= crosses & (px < ax + (py - ay) * (bx - ax) / (by - ay))
-    grid[rows, columns][inside] = 100

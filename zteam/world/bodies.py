@@ -8,6 +8,7 @@ import msgspec
 from zteam.errors import WorldError
 from zteam.geometry import Pose2, compose2
 from zteam.world.bitmap import Grid, occupied_box, read_bitmap, rectangles
+from zteam.world.colors import random_color
 from zteam.world.model import Floorplan, Shape
 from zteam.world.parser import Entity
 from zteam.world.properties import Pose3, Reader, Size3, Units
@@ -121,12 +122,23 @@ def place_floorplan(body: Body, occupied: Grid, map_from_model: Pose2, z: float,
         z_max=foot + body.size.z,
         ranger_return=body.surface.ranger_return,
         obstacle=body.surface.obstacle,
+        color=body.surface.color,
     )
 
 
 def _read_surface(reader: Reader) -> Surface:
     old = reader.number("laser_return", 1.0)
-    return Surface(reader.number("ranger_return", old), reader.flag("obstacle_return", True))
+    return Surface(reader.number("ranger_return", old), reader.flag("obstacle_return", True), _read_color(reader))
+
+
+def _read_color(reader: Reader) -> str:
+    """A name of X11's, or #rrggbb from `color_rgba` (whose transparency does not count)."""
+    if reader.has("color_rgba") and not reader.has("color"):
+        channels = reader.numbers("color_rgba", "nnn", ())
+        return "#" + "".join(f"{round(255 * min(max(channel, 0.0), 1.0)):02x}" for channel in channels)
+    name = reader.text("color", "red")
+    # Stage draws "random" anew in every run; here it belongs to the model.
+    return random_color(f"{reader.entity.place}{reader.text('name', '')}") if name == "random" else name
 
 
 def _read_bitmap(reader: Reader, settings: Settings) -> Grid:

@@ -11,10 +11,23 @@ import msgspec
 
 from zteam import names
 from zteam.geometry import Pose2, compose2
+from zteam.simulation import PHYSICS
 from zteam.world import vocabulary
 from zteam.world.bodies import Body, Settings, place_body, place_floorplan, read_body, solid_blocks
-from zteam.world.drives import Drive, read_drive
-from zteam.world.model import Floorplan, Obstacle, Ranger, Robot, Shape, World
+from zteam.world.devices import Seat, read_blobfinder, read_bumpers, read_finder
+from zteam.world.drives import Drive, read_drive, read_mass
+from zteam.world.model import (
+    Blobfinder,
+    Bumper,
+    Finder,
+    Floorplan,
+    Marker,
+    Obstacle,
+    Ranger,
+    Robot,
+    Shape,
+    World,
+)
 from zteam.world.parser import Document, Entity, Property
 from zteam.world.properties import Reader, read_units
 from zteam.world.sensors import read_old_laser, read_sensor
@@ -24,32 +37,47 @@ MAX_INTERVAL_MS = 60_000
 
 
 class Chassis(msgspec.Struct):
-    """A robot while its parts are collected."""
+    """What moves as one, while its parts are collected: a robot, or something that can be pushed."""
 
     name: str
     entity: Entity
     map_from_base: Pose2
-    drive: Drive
+    drive: Drive | None
+    """None of what is pushed."""
+    mass: float
     shapes: list[Shape] = msgspec.field(default_factory=list)
     rangers: list[Ranger] = msgspec.field(default_factory=list)
+    finders: list[Finder] = msgspec.field(default_factory=list)
+    bumpers: list[Bumper] = msgspec.field(default_factory=list)
+    blobfinders: list[Blobfinder] = msgspec.field(default_factory=list)
+    markers: list[Marker] = msgspec.field(default_factory=list)
 
-    def finish(self) -> Robot:
-        """The robot."""
+    def robot(self) -> Robot:
+        """As a robot."""
+        assert self.drive is not None
         return Robot(
             name=self.name,
             model=self.entity.name,
             pose=self.map_from_base,
             shapes=tuple(self.shapes),
             rangers=tuple(self.rangers),
+            finders=tuple(self.finders),
+            bumpers=tuple(self.bumpers),
+            blobfinders=tuple(self.blobfinders),
+            markers=tuple(self.markers),
             **self.drive._asdict(),
         )
 
+    def obstacle(self) -> Obstacle:
+        """As something that can be pushed."""
+        return Obstacle(self.name, self.map_from_base, tuple(self.shapes), self.mass, tuple(self.markers))
+
 
 class Mount(NamedTuple):
-    """Where a model's children stand: on the ground, on a model, or on a robot."""
+    """Where a model's children stand: on the ground, on a model, or on what moves."""
 
     owner_from_mount: Pose2
-    """The owner is the robot's base if there is one, else the map."""
+    """The owner is the chassis's base if there is one, else the map."""
     z: float
     chassis: Chassis | None
     prefix: str
@@ -78,14 +106,15 @@ def build_world(document: Document, folder: Path, whole_bitmaps: bool, remarks: 
     for entity in document.root.children:
         if entity.type != "window":  # Stage's own window on the screen
             builder.add_model(entity, GROUND)
-    if not builder.chassis:
+    if not builder.robots:
         raise document.root.place.error("this world has no robot: add a position model, such as an erratic")
     return World(
         name=reader.text("name", default_name),
         interval=max(1, round(milliseconds * 1e6)),
         floorplans=tuple(builder.floorplans),
-        obstacles=tuple(builder.obstacles),
-        robots=tuple(chassis.finish() for chassis in builder.chassis),
+        obstacles=(*builder.obstacles, *(thing.obstacle() for thing in builder.pushed)),
+        robots=tuple(chassis.robot() for chassis in builder.robots),
+        physics=reader.choice("physics", "dynamic", PHYSICS),
         warnings=remarks.all(),
         templates={
             name: Template(macro, settings) for name, macro in document.macros.items() if macro.type == "position"
@@ -101,7 +130,8 @@ class Builder:
         self._unnamed: dict[str, int] = {}
         self.floorplans: list[Floorplan] = []
         self.obstacles: list[Obstacle] = []
-        self.chassis: list[Chassis] = []
+        self.robots: list[Chassis] = []
+        self.pushed: list[Chassis] = []
 
     def remark_properties(self, entity: Entity, kind: str) -> None:
         """Note the properties that do nothing here."""
@@ -123,21 +153,44 @@ class Builder:
         foot = mount.z + pose.z
         name = self._name(reader, mount)
         chassis = mount.chassis
-        if entity.type == "position":
+        if entity.type == "position" or (reader.flag("pushable", False) and chassis is None):
             map_from_base = compose2(chassis.map_from_base, owner_from_model) if chassis else owner_from_model
+            chassis = self._add_chassis(reader, body, map_from_base, name)
             owner_from_model = Pose2(0.0, 0.0, 0.0)
-            chassis = Chassis(name, entity, map_from_base, read_drive(reader))
-            self.chassis.append(chassis)
+        markers = self._read_markers(reader, body, owner_from_model if chassis else Pose2(0.0, 0.0, 0.0), chassis)
         if chassis is None:
-            self._add_static(body, owner_from_model, foot, name)
+            self._add_static(body, owner_from_model, foot, name, markers)
         else:
-            chassis.shapes.extend(
-                place_body(body, solid_blocks(body, entity.place, self._settings.remarks), owner_from_model, foot)
-            )
-        if entity.type in ("ranger", "laser"):
-            self._add_rangers(reader, body, owner_from_model, foot, chassis, name)
+            blocks = solid_blocks(body, entity.place, self._settings.remarks)
+            chassis.shapes.extend(place_body(body, blocks, owner_from_model, foot))
+            chassis.markers.extend(markers)
+        if entity.type in vocabulary.DEVICES:
+            self._add_device(reader, body, owner_from_model, foot, chassis, name)
         top = foot + (body.size.z if reader.flag("stack_children", True) else 0.0)
         self._add_children(entity, Mount(owner_from_model, top, chassis, name + "."))
+
+    def _add_chassis(self, reader: Reader, body: Body, map_from_base: Pose2, name: str) -> Chassis:
+        entity = reader.entity
+        if entity.type != "position":
+            if body.bitmap is not None:
+                reader.fail("pushable", "a bitmap cannot be pushed: draw the thing with block( )")
+            self.pushed.append(Chassis(name, entity, map_from_base, None, read_mass(reader)))
+            return self.pushed[-1]
+        if reader.flag("pushable", False):
+            reader.fail("pushable", "a robot is moved by its drive: pushable is for other models")
+        drive = read_drive(reader, body.size.y, body.surface.color)
+        self.robots.append(Chassis(name, entity, map_from_base, drive, drive.mass))
+        return self.robots[-1]
+
+    def _read_markers(
+        self, reader: Reader, body: Body, owner_from_model: Pose2, chassis: Chassis | None
+    ) -> tuple[Marker, ...]:
+        number = reader.whole("fiducial_return", 0, -(2**31), 2**31 - 1)
+        if number == 0:
+            return ()
+        if body.bitmap is not None and chassis is None:
+            self._settings.remarks.add(reader.place("fiducial_return"), "a bitmap's fiducial_return is not seen")
+        return (Marker(number, reader.whole("fiducial_key", 0, -(2**31), 2**31 - 1), *owner_from_model),)
 
     def _check_type(self, entity: Entity) -> None:
         kind = entity.type
@@ -157,38 +210,51 @@ class Builder:
         if reader.has("name"):
             return reader.text("name", "")
         if kind == "position":
-            return names.robot_name(len(self.chassis))
+            return names.robot_name(len(self.robots))
         stem = mount.prefix + kind
         number = self._unnamed.get(stem, 0)
         self._unnamed[stem] = number + 1
         return f"{stem}:{number}"
 
-    def _add_static(self, body: Body, map_from_model: Pose2, foot: float, name: str) -> None:
+    def _add_static(
+        self, body: Body, map_from_model: Pose2, foot: float, name: str, markers: tuple[Marker, ...]
+    ) -> None:
         if body.bitmap is not None:
             self.floorplans.append(place_floorplan(body, body.bitmap, map_from_model, foot, name))
             name += ".boundary"
         blocks = [*body.blocks, *body.slabs]
         if blocks:
             shapes = place_body(body, blocks, Pose2(0.0, 0.0, 0.0), foot)
-            self.obstacles.append(Obstacle(name, map_from_model, shapes))
+            self.obstacles.append(Obstacle(name, map_from_model, shapes, markers=markers))
 
-    def _add_rangers(
-        self, reader: Reader, body: Body, base_from_ranger: Pose2, foot: float, chassis: Chassis | None, name: str
+    def _add_device(
+        self, reader: Reader, body: Body, base_from_model: Pose2, foot: float, chassis: Chassis | None, name: str
     ) -> None:
-        """Every sensor of a ranger model; unlike children, sensors move with the model's origin."""
-        entity, settings = reader.entity, self._settings
-        if chassis is None:
-            settings.remarks.add(entity.place, "a ranger that no robot carries is not simulated")
+        """A sensing model; unlike children, what senses moves with the model's origin."""
+        kind = reader.entity.type
+        if chassis is None or chassis.drive is None:
+            self._settings.remarks.add(reader.entity.place, f"a {kind} that no robot carries is not simulated")
             return
-        base_from_body = compose2(base_from_ranger, body.origin.planar)
-        z = foot + body.origin.z
+        seat = Seat(compose2(base_from_model, body.origin.planar), foot + body.origin.z)
+        if kind == "fiducial":
+            chassis.finders.append(read_finder(reader, name, seat))
+        elif kind == "bumper":
+            chassis.bumpers.extend(read_bumpers(reader, name, seat))
+        elif kind == "blobfinder":
+            chassis.blobfinders.append(read_blobfinder(reader, name, seat))
+        else:
+            self._add_rangers(reader, seat, chassis, name)
+
+    def _add_rangers(self, reader: Reader, seat: Seat, chassis: Chassis, name: str) -> None:
+        """Every sensor of a ranger model."""
+        entity, settings = reader.entity, self._settings
         sensors = [child for child in entity.children if child.type == "sensor"]
         for i, sensor in enumerate(sensors):
             self.remark_properties(sensor, "sensor")
             sensor_name = name if len(sensors) == 1 else f"{name}.{i}"
-            chassis.rangers.append(read_sensor(sensor, settings.units, sensor_name, base_from_body, z))
+            chassis.rangers.append(read_sensor(sensor, settings.units, sensor_name, *seat))
         if not sensors and entity.type == "laser":
-            chassis.rangers.append(read_old_laser(entity, settings.units, name, base_from_body, z))
+            chassis.rangers.append(read_old_laser(entity, settings.units, name, *seat))
         elif not sensors:
             settings.remarks.add(entity.place, "this ranger has no sensor( )")
 
@@ -207,7 +273,7 @@ def build_robot(entity: Entity, settings: Settings, name: str, pose: Pose2) -> R
     named = Property("name", (name,), False, entity.place)
     builder = Builder(settings)
     builder.add_model(msgspec.structs.replace(entity, properties=entity.properties | {"name": named}), GROUND)
-    if len(builder.chassis) != 1:
-        raise entity.place.error(f"macro {entity.name!r} holds {len(builder.chassis)} robots, not one")
-    builder.chassis[0].map_from_base = pose
-    return builder.chassis[0].finish()
+    if len(builder.robots) != 1:
+        raise entity.place.error(f"macro {entity.name!r} holds {len(builder.robots)} robots, not one")
+    builder.robots[0].map_from_base = pose
+    return builder.robots[0].robot()

@@ -17,18 +17,21 @@ class Drive(NamedTuple):
     acceleration: Limits | None
     localization: str
     odom_error: tuple[float, float, float]
+    odom_alphas: tuple[float, float, float, float]
+    wheel_radius: float
+    wheel_separation: float
     mass: float
     color: str
 
 
-def read_drive(reader: Reader) -> Drive:
-    """Drive, limits, odometry, mass and colour of a position model; raises WorldError."""
+def read_drive(reader: Reader, width: float, color: str) -> Drive:
+    """Drive, limits, odometry and mass of a position model of a width and a colour; raises WorldError."""
     wheelbase = reader.length("wheelbase", 1.0)
     if not wheelbase > 0:
         reader.fail("wheelbase", f"wheelbase must be above 0, not {wheelbase:g}")
-    mass = reader.number("mass", 10.0)
-    if not 0 < mass <= MAX_MASS:
-        reader.fail("mass", f"mass must be above 0 and at most {MAX_MASS:g} kg, not {mass:g}")
+    radius, separation = reader.length("wheel_radius", 0.05), reader.length("wheel_separation", width)
+    if not (radius > 0 and separation > 0):
+        reader.fail("wheel_radius", "wheel_radius and wheel_separation must be above 0")
     return Drive(
         drive=reader.choice("drive", "diff", ("diff", "omni", "car")),
         wheelbase=wheelbase,
@@ -36,9 +39,27 @@ def read_drive(reader: Reader) -> Drive:
         acceleration=_read_limits(reader, "acceleration_bounds"),
         localization=reader.choice("localization", "gps", ("gps", "odom")),
         odom_error=_read_odom_error(reader),
-        mass=mass,
-        color=_read_color(reader),
+        odom_alphas=_read_odom_alphas(reader),
+        wheel_radius=radius,
+        wheel_separation=separation,
+        mass=read_mass(reader),
+        color=color,
     )
+
+
+def read_mass(reader: Reader) -> float:
+    """Kilograms of a robot, or of something pushed."""
+    mass = reader.number("mass", 10.0)
+    if not 0 < mass <= MAX_MASS:
+        reader.fail("mass", f"mass must be above 0 and at most {MAX_MASS:g} kg, not {mass:g}")
+    return mass
+
+
+def _read_odom_alphas(reader: Reader) -> tuple[float, float, float, float]:
+    a, b, c, d = reader.numbers("odom_alphas", "nnnn", (0.0, 0.0, 0.0, 0.0))
+    if min(a, b, c, d) < 0:
+        reader.fail("odom_alphas", "odom_alphas must not be negative")
+    return a, b, c, d
 
 
 def _read_limits(reader: Reader, name: str) -> Limits | None:
@@ -65,11 +86,3 @@ def _read_odom_error(reader: Reader) -> tuple[float, float, float]:
     if min(x, y, yaw) < 0:
         reader.fail("odom_error", "odom_error must not be negative")
     return (x, y, yaw)
-
-
-def _read_color(reader: Reader) -> str:
-    """A name of X11's, `random`, or #rrggbb from `color_rgba` (whose transparency does not count)."""
-    if reader.has("color_rgba") and not reader.has("color"):
-        channels = reader.numbers("color_rgba", "nnn", ())
-        return "#" + "".join(f"{round(255 * min(max(channel, 0.0), 1.0)):02x}" for channel in channels)
-    return reader.text("color", "red")

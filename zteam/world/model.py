@@ -190,10 +190,6 @@ class Remark(msgspec.Struct, frozen=True):
         return f"{self.file}:{self.line}:{self.column}: {self.text}"
 
 
-PHYSICS = ("dynamic", "stage", "kinematic")
-"""Bodies slide and push (pymunk); Stage's own steps, refused where they collide; exact arcs, refused likewise."""
-
-
 class World(msgspec.Struct, eq=False):
     """A loaded world."""
 
@@ -205,7 +201,7 @@ class World(msgspec.Struct, eq=False):
     robots: tuple[Robot, ...]
     """By id: position models in file order."""
     physics: str = "dynamic"
-    """What contacts do, unless told otherwise: one of `PHYSICS`."""
+    """What contacts do, unless told otherwise: one of `zteam.simulation.PHYSICS`."""
     warnings: tuple[Remark, ...] = ()
     templates: dict[str, Any] = msgspec.field(default_factory=dict)
     """What `zteam.world.add_robot` makes further robots from: the file's own robot macros, by name."""

@@ -95,6 +95,14 @@ class Reader:
             raise found.place.error(f'{name} takes a string in quotes, such as {name} "{default}"')
         return found.values[0]
 
+    def texts(self, name: str) -> tuple[str, ...]:
+        """A tuple of strings, empty if not set."""
+        found = self.entity.properties.get(name)
+        values = found.values if found else ()
+        if not all(isinstance(value, str) for value in values):
+            self.fail(name, f'{name} takes strings in quotes, such as {name} ["red" "blue"]')
+        return tuple(str(value) for value in values)
+
     def choice(self, name: str, default: str, choices: tuple[str, ...]) -> str:
         """One of a few strings."""
         value = self.text(name, default)

@@ -35,6 +35,7 @@ class Surface(NamedTuple):
 
     ranger_return: float
     obstacle: bool
+    color: str
 
 
 def fit_blocks(blocks: Sequence[Block], size: Size3) -> list[Block]:
@@ -84,7 +85,7 @@ def place_blocks(blocks: Iterable[Block], owner_from_body: Pose2, z: float, surf
         )
         if signed_area(points) > LEAST_AREA:
             heights = z + block.z_min, z + block.z_max
-            shapes.append(Shape(points, *heights, surface.ranger_return, surface.obstacle))
+            shapes.append(Shape(points, *heights, surface.ranger_return, surface.obstacle, surface.color))
     return tuple(shapes)
 
 

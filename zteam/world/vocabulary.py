@@ -11,9 +11,6 @@ from collections.abc import Iterable
 
 UNSUPPORTED = {
     "camera": "cameras are",
-    "fiducial": "fiducial finders are",
-    "blobfinder": "blob finders are",
-    "bumper": "bumpers are",
     "gripper": "grippers are",
     "actuator": "actuators are",
     "blinkenlight": "lights are",
@@ -24,18 +21,27 @@ UNSUPPORTED = {
 BODILESS = {"ranger", "laser", "camera", "fiducial", "blobfinder"}
 """Types with no body unless they have blocks; `laser` is the `ranger` of older worlds."""
 
-TYPES = frozenset({"model", "position", "ranger", "laser", *UNSUPPORTED})
+DEVICES = frozenset({"ranger", "laser", "fiducial", "bumper", "blobfinder"})
+"""Types that sense."""
+
+TYPES = frozenset({"model", "position", *DEVICES, *UNSUPPORTED})
 
 _MODEL = {
     *("pose", "size", "origin", "color", "color_rgba", "bitmap", "bitmap_reading", "noblocks", "boundary", "name"),
     *("mass", "stack_children", "obstacle_return", "ranger_return", "laser_return"),
+    *("fiducial_return", "fiducial_key", "pushable"),
 }
 READ: dict[str, set[str]] = {
-    "world": {"name", "interval_sim", "unit_length", "unit_angle"},
+    "world": {"name", "interval_sim", "unit_length", "unit_angle", "physics"},
     "model": _MODEL,
-    "position": _MODEL | {"drive", "wheelbase", "velocity_bounds", "acceleration_bounds", "localization", "odom_error"},
+    "position": _MODEL
+    | {"drive", "wheelbase", "velocity_bounds", "acceleration_bounds", "localization", "odom_error"}
+    | {"odom_alphas", "wheel_radius", "wheel_separation"},
     "ranger": _MODEL,
     "laser": _MODEL | {"range", "range_min", "range_max", "fov", "samples", "noise"},
+    "fiducial": _MODEL | {"range_min", "range_max", "range_max_id", "fov", "ignore_zloc"},
+    "bumper": _MODEL | {"bcount", "bpose[]", "blength", "blength[]"},
+    "blobfinder": _MODEL | {"colors_count", "colors", "colors[]", "image", "range", "fov", "pan"},
     "sensor": {"pose", "size", "range", "fov", "samples", "noise"},
     "block": {"points", "point[]", "z"},
 }
@@ -43,7 +49,7 @@ READ: dict[str, set[str]] = {
 _DISPLAY = {
     *("gui_nose", "gui_grid", "gui_outline", "gui_move", "trail_length", "trail_interval", "say", "debug"),
     *("map_resolution", "event_queue", "alwayson", "friction"),
-    *("blob_return", "fiducial_return", "fiducial_key", "gripper_return"),
+    *("blob_return", "gripper_return"),
 }
 _WORLD_DISPLAY = {
     *("resolution", "show_clock", "show_clock_interval", "threads", "speedup", "paused", "confirm_on_quit", "test"),

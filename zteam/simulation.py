@@ -1,17 +1,18 @@
-"""How a world is simulated: what contacts do, and how bad the sensors are."""
+"""How a world is simulated: what contacts do, and how bad the sensors are. A team file's `[simulation]` table."""
 
 import math
 from typing import Literal
 
 import msgspec
 
-from zteam.errors import UsageError
+PHYSICS = ("dynamic", "stage", "kinematic")
+"""Bodies slide and push (pymunk); Stage's own steps, refused where they collide; exact arcs, refused likewise."""
 
 
 class Options(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Defaults are Stage's: exact lasers, exact odometry unless the world file says otherwise.
 
-    Raises UsageError for a value that makes no sense.
+    Raises ValueError for a value that makes no sense.
     """
 
     physics: Literal["dynamic", "stage", "kinematic"] | None = None
@@ -42,9 +43,21 @@ class Options(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
         for alpha in self.odom_alphas or ():
             _check_at_least_0("odom_alphas", alpha)
         if not 0.0 <= self.dazzle_probability <= 1.0:
-            raise UsageError(f"dazzle_probability must be from 0 to 1, not {self.dazzle_probability:g}")
+            raise ValueError(f"dazzle_probability must be from 0 to 1, not {self.dazzle_probability:g}")
 
 
 def _check_at_least_0(name: str, value: float) -> None:
     if not 0.0 <= value < math.inf:
-        raise UsageError(f"{name} must be a number of at least 0, not {value:g}")
+        raise ValueError(f"{name} must be a number of at least 0, not {value:g}")
+
+
+def simulation_arguments(options: Options) -> list[str]:
+    """The arguments of `zteam-sim` that ask for these options; none for what is the default anyway."""
+    arguments: list[str] = []
+    for field in msgspec.structs.fields(options):
+        value = getattr(options, field.name)
+        if value != field.default:
+            values = value if isinstance(value, tuple) else (value,)
+            # One word each, so that "-inf" is not taken for an option of its own.
+            arguments.append(f"--{field.name.replace('_', '-')}={','.join(map(str, values))}")
+    return arguments

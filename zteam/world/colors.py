@@ -1,0 +1,50 @@
+"""Colours of models: X11's names as red, green and blue."""
+
+import re
+import zlib
+
+_HEX = re.compile(r"#[0-9a-fA-F]{6}")
+_SHADE = re.compile(r"(.*?)([0-9]+)")
+# X11's numbered shades of a colour: "red1" is red itself, "red4" a dark one.
+_SHADES = {"1": 1.0, "2": 0.932, "3": 0.804, "4": 0.545}
+_ONLY_X11 = {"lightgoldenrod": "#eedd82", "lightslateblue": "#8470ff", "navyblue": "#000080", "violetred": "#d02090"}
+
+Rgb = tuple[float, float, float]
+
+
+def find_color(name: str) -> Rgb | None:
+    """Channels 0 to 1 of an X11 name or #rrggbb; None for a name that is none.
+
+    The numbered shades are X11's rule of thumb, within two steps of 255 of its table.
+    """
+    if _HEX.fullmatch(name):
+        red, green, blue = (int(name[i : i + 2], 16) / 255 for i in (1, 3, 5))
+        return red, green, blue
+    from PIL import ImageColor  # only who needs the channels pays for it
+
+    plain = name.replace(" ", "").lower()
+    if plain in _ONLY_X11:
+        return find_color(_ONLY_X11[plain])
+    if plain in ImageColor.colormap:
+        red, green, blue = ImageColor.getrgb(plain)[:3]
+        return red / 255, green / 255, blue / 255
+    shade = _SHADE.fullmatch(plain)
+    if shade is None:
+        return None
+    stem, number = shade[1], shade[2]
+    if stem in ("gray", "grey") and len(number) <= 3 and int(number) <= 100:
+        level = int(number) / 100
+        return level, level, level
+    base = find_color(stem) if stem and number in _SHADES else None
+    if base is None:
+        return None
+    red, green, blue = (channel * _SHADES[number] for channel in base)
+    return red, green, blue
+
+
+def random_color(name: str) -> str:
+    """Stage's "random", but the same in every run: a bright colour that belongs to the model's name."""
+    from colorsys import hsv_to_rgb
+
+    channels = hsv_to_rgb(zlib.crc32(name.encode()) / 2**32, 0.8, 0.9)
+    return "#" + "".join(f"{round(255 * channel):02x}" for channel in channels)
