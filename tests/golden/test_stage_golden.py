@@ -10,7 +10,7 @@ import pytest
 
 from zteam.geometry import Pose2
 from zteam.messages import Twist, Vector3
-from zteam.sim import Engine
+from zteam.sim import Engine, Options
 from zteam.world import World, load_world
 
 
@@ -108,3 +108,63 @@ def _arc(pose: Pose2, v: float, vy: float, w: float) -> Pose2:
         pose.y + chord * (math.sin(heading) * v + math.cos(heading) * vy),
         pose.yaw + turn,
     )
+
+
+def test_stages_own_steps_are_reproduced(golden: Any, shared: Path, tmp_path: Path) -> None:
+    """With `physics="stage"` every pose of every recorded free run is Stage's to 1e-8, at every tick."""
+    for number, run in enumerate(golden("stage_motion.json.gz")["free"]):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        world = _load(folder, run["world"], shared / "worlds" / "stage_ros")
+        engine = Engine(world, options=Options(physics="stage"))
+        for command, recorded in zip(run["commands"], run["trace"][1:], strict=True):
+            truth = engine.step({0: _twist(command)}).robots[0].truth
+            x, y, yaw = recorded["pose"]
+            assert truth[:2] == pytest.approx((x, y), abs=1e-8), run["name"]
+            assert abs(math.remainder(truth.yaw - yaw, math.tau)) < 1e-8, run["name"]
+
+
+@pytest.mark.parametrize("physics", ["stage", "kinematic"])
+def test_collisions_refuse_the_move_as_stage_does(physics: str, golden: Any, shared: Path, tmp_path: Path) -> None:
+    """Stalls come at Stage's tick and place, within its raster; nobody slides along a wall, and reversing frees."""
+    for number, run in enumerate(golden("stage_motion.json.gz")["collisions"]):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        world = _load(folder, run["world"], shared / "worlds" / "stage_ros")
+        ids = {robot.name: i for i, robot in enumerate(world.robots)}
+        engine = Engine(world, options=Options(physics=physics))  # type: ignore[arg-type]
+        traces: dict[str, list[Any]] = {name: [] for name in ids}
+        for commands in run["commands"]:
+            seen = engine.step({ids[name]: _twist(command) for name, command in commands.items()})
+            for name, i in ids.items():
+                traces[name].append(seen.robots[i])
+        if "first_stall_tick" in run:
+            _check_stall(run, traces["a"])
+        else:
+            _check_meeting(run, traces)
+
+
+def _check_stall(run: Any, trace: list[Any]) -> None:
+    stalls = [k + 1 for k, seen in enumerate(trace) if seen.stall]
+    recorded = [k for k, seen in enumerate(run["trace"]["a"]) if seen["stall"]]
+    slack = 1 if "spin" in run["name"] else 2
+    assert abs(stalls[0] - run["first_stall_tick"]) <= slack, run["name"]
+    assert (stalls[-1] == len(trace)) == (recorded[-1] == len(trace)), run["name"]
+    ours, theirs = trace[stalls[0] - 1].truth, run["stall_pose"]
+    along = run["commands"][0]["a"][0] * 0.1
+    dx, dy = ours.x - theirs[0], ours.y - theirs[1]
+    heading = theirs[2]
+    assert abs(math.cos(heading) * dx + math.sin(heading) * dy) <= along + 0.02, run["name"]
+    assert abs(math.cos(heading) * dy - math.sin(heading) * dx) <= 1e-6, run["name"]
+
+
+def _check_meeting(run: Any, traces: dict[str, list[Any]]) -> None:
+    a, b = traces["a"][-1], traces["b"][-1]
+    assert {"a": int(a.stall), "b": int(b.stall)} == run["stall"], run["name"]
+    gap = abs(b.truth.x - a.truth.x) - 0.25
+    assert -1e-9 <= gap <= run["step_sum_m"] + 0.04, run["name"]
+    assert abs(a.truth.y) <= 1e-6, run["name"]
+
+
+def _twist(command: list[float]) -> Twist:
+    return Twist(Vector3(command[0], command[1]), Vector3(0.0, 0.0, command[2]))

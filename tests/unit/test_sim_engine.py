@@ -5,42 +5,23 @@ import math
 import numpy as np
 import pytest
 
+from scenes import BODY, drive, make_robot, make_world
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
-from zteam.messages import Twist, Vector3
 from zteam.sim import Engine
-from zteam.world.model import Floorplan, Obstacle, Ranger, Robot, Shape, World
-
-BODY = ((-0.2, -0.2), (0.2, -0.2), (0.2, 0.2), (-0.2, 0.2))
-
-
-def robot(x: float = 0.0, y: float = 0.0, yaw: float = 0.0, drive: str = "diff") -> Robot:
-    """A square robot of 0.4 m with a laser of 91 rays at its centre, 0.1 m above the ground."""
-    laser = Ranger("laser", 0.0, 0.0, 0.1, 0.0, math.pi, 91, 0.0, 8.0)
-    return Robot("r", "square", Pose2(x, y, yaw), (Shape(BODY, 0.0, 0.3),), (laser,), drive=drive)
-
-
-def world(*robots: Robot, wall_at: float = 3.0) -> World:
-    """Robots and a wall 0.2 m thick whose near face is at x = `wall_at`."""
-    wall = Shape(((0.0, -5.0), (0.2, -5.0), (0.2, 5.0), (0.0, 5.0)), 0.0, 1.0, ranger_return=0.7)
-    return World("test", 100_000_000, (), (Obstacle("wall", Pose2(wall_at, 0.0, 0.0), (wall,)),), robots)
-
-
-def drive(v: float, w: float = 0.0, vy: float = 0.0) -> Twist:
-    """A command."""
-    return Twist(Vector3(v, vy), Vector3(0.0, 0.0, w))
+from zteam.world.model import Floorplan, Robot, Shape, World
 
 
 def test_the_first_stamp_is_one_interval() -> None:
     """Time is 0 before the first tick and never 0 in an observation."""
-    engine = Engine(world(robot()))
+    engine = Engine(make_world(make_robot()))
     assert engine.now == 0
     assert engine.step({}).stamp == 100_000_000
 
 
 def test_a_turn_is_an_exact_arc() -> None:
     """Constant v and w for 2 s end on the circle of radius v/w, for the truth and for the odometry alike."""
-    engine = Engine(world(robot(1.0, -1.0, 0.5), wall_at=50.0))
+    engine = Engine(make_world(make_robot(1.0, -1.0, 0.5), wall_at=50.0))
     for _ in range(20):
         seen = engine.step({0: drive(0.5, 0.8)}).robots[0]
     radius, turn = 0.5 / 0.8, 1.6
@@ -51,7 +32,7 @@ def test_a_turn_is_an_exact_arc() -> None:
 
 def test_velocities_are_limited_and_diff_drives_do_not_slide() -> None:
     """Stage's default bounds hold, and only an omni drive takes a sideways command."""
-    engine = Engine(world(robot(0.0, 2.0), robot(0.0, -2.0, drive="omni"), wall_at=50.0))
+    engine = Engine(make_world(make_robot(0.0, 2.0), make_robot(0.0, -2.0, drive="omni"), wall_at=50.0))
     seen = engine.step({0: drive(9.0, 9.0, 0.5), 1: drive(0.0, 0.0, 0.5)}).robots
     assert seen[0].velocity == pytest.approx((1.0, 0.0, math.pi / 2))
     assert seen[1].velocity == pytest.approx((0.0, 0.5, 0.0))
@@ -59,14 +40,14 @@ def test_velocities_are_limited_and_diff_drives_do_not_slide() -> None:
 
 def test_a_command_lasts_for_the_watchdogs_time() -> None:
     """A robot drives on for 0.2 s of simulated time without a command, and stands from then on."""
-    engine = Engine(world(robot(), wall_at=50.0))
+    engine = Engine(make_world(make_robot(), wall_at=50.0))
     speeds = [engine.step({0: drive(0.5)} if tick == 0 else {}).robots[0].velocity[0] for tick in range(4)]
     assert speeds == pytest.approx([0.5, 0.5, 0.0, 0.0])
 
 
 def test_a_wall_stalls_a_robot_and_its_odometry() -> None:
     """Blocked robots say so and stand before the wall; the odometry tells what the base did; reversing frees them."""
-    engine = Engine(world(robot()))
+    engine = Engine(make_world(make_robot()))
     for _ in range(60):
         seen = engine.step({0: drive(0.8)}).robots[0]
     assert seen.stall
@@ -81,7 +62,7 @@ def test_a_wall_stalls_a_robot_and_its_odometry() -> None:
 
 def test_a_wall_does_not_turn_a_robot() -> None:
     """At an oblique wall a robot slides along it, with the heading that its wheels hold."""
-    engine = Engine(world(robot(yaw=0.6)))
+    engine = Engine(make_world(make_robot(yaw=0.6)))
     for _ in range(80):
         seen = engine.step({0: drive(0.6)}).robots[0]
     assert seen.truth.yaw == pytest.approx(0.6)
@@ -91,7 +72,7 @@ def test_a_wall_does_not_turn_a_robot() -> None:
 
 def test_robots_do_not_drive_through_each_other() -> None:
     """Head on they stop each other where their bodies touch."""
-    engine = Engine(world(robot(-1.5), robot(1.5, yaw=math.pi)))
+    engine = Engine(make_world(make_robot(-1.5), make_robot(1.5, yaw=math.pi)))
     for _ in range(60):
         seen = engine.step({0: drive(0.5), 1: drive(0.5)}).robots
     assert seen[1].truth.x - seen[0].truth.x == pytest.approx(0.4, abs=0.03)
@@ -101,7 +82,7 @@ def test_robots_do_not_drive_through_each_other() -> None:
 
 def test_lasers_see_walls_and_other_robots() -> None:
     """Straight ahead stands the wall with its intensity; to the left the other robot; behind it nothing."""
-    seen = Engine(world(robot(), robot(0.0, 2.0))).observe().robots[0].readings[0]
+    seen = Engine(make_world(make_robot(), make_robot(0.0, 2.0))).observe().robots[0].readings[0]
     assert seen.ranges[45] == pytest.approx(3.0, abs=1e-6)
     assert seen.intensities[45] == np.float32(0.7)
     assert seen.ranges[90] == pytest.approx(1.8, abs=1e-6)
@@ -113,14 +94,14 @@ def test_lasers_see_walls_and_other_robots() -> None:
 def test_a_laser_looks_over_what_is_lower() -> None:
     """A robot 0.05 m high is not seen at 0.1 m."""
     low = Robot("low", "flat", Pose2(0.0, 2.0, 0.0), (Shape(BODY, 0.0, 0.05),), ())
-    assert Engine(world(robot(), low)).observe().robots[0].readings[0].ranges[90] == 8.0
+    assert Engine(make_world(make_robot(), low)).observe().robots[0].readings[0].ranges[90] == 8.0
 
 
 def test_the_same_commands_give_the_same_bytes() -> None:
     """Two engines agree in every bit, whatever the order in which robots were given."""
-    poses = {i: robot(-1.5 + 0.6 * i, 0.3 * i, 0.7 * i) for i in range(5)}
-    first = Engine(world(), robots=poses)
-    second = Engine(world(), robots=dict(reversed(poses.items())))
+    poses = {i: make_robot(-1.5 + 0.6 * i, 0.3 * i, 0.7 * i) for i in range(5)}
+    first = Engine(make_world(), robots=poses)
+    second = Engine(make_world(), robots=dict(reversed(poses.items())))
     for tick in range(200):
         commands = {i: drive(0.8, math.sin(tick + i)) for i in range(5)}
         a, b = first.step(commands), second.step(dict(reversed(commands.items())))
@@ -136,7 +117,7 @@ def test_no_robot_ends_inside_a_bitmaps_wall() -> None:
     occupied[:, 0] = occupied[:, -1] = True
     occupied[18:22, 18:22] = True
     room = Floorplan("room", occupied, (0.1, 0.1), Pose2(-2.0, -2.0, 0.0), 0.0, 1.0)
-    robots = tuple(robot(1.2 * math.cos(a), 1.2 * math.sin(a), 2.3 * a) for a in (0.0, 1.5, 3.0, 4.5))
+    robots = tuple(make_robot(1.2 * math.cos(a), 1.2 * math.sin(a), 2.3 * a) for a in (0.0, 1.5, 3.0, 4.5))
     engine = Engine(World("room", 100_000_000, (room,), (), robots))
     for tick in range(300):
         seen = engine.step({i: drive(1.0, 1.5 * math.sin(0.05 * tick + i)) for i in range(4)}).robots
@@ -149,4 +130,4 @@ def test_no_robot_ends_inside_a_bitmaps_wall() -> None:
 def test_a_command_for_nobody_is_named() -> None:
     """An unknown id is an error that names the robots there are."""
     with pytest.raises(UsageError, match=r"no robot 3 .*\[0\]"):
-        Engine(world(robot())).step({3: drive(1.0)})
+        Engine(make_world(make_robot())).step({3: drive(1.0)})

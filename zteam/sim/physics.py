@@ -36,6 +36,8 @@ _STILL = 1e-3
 """Speeds below this (m/s) are standing."""
 _GRIP = 0.5 * 9.81
 """Deceleration in m/s² of something pushed that slides over the floor: a friction of 0.5."""
+_GRIP_TURNING = 3.0 * _GRIP
+"""Likewise in rad/s²: dry friction under a body about a metre wide acts at about a third of that from its middle."""
 _MAX_SLABS = 31
 """Layers of height that collisions tell apart: bits of Chipmunk's categories."""
 
@@ -171,10 +173,9 @@ class DynamicBodies:
                 if touching:
                     _drive(body, vx, vy, dt)
         for body in self._pushed:
-            speed = body.velocity.length
-            keep = max(0.0, 1.0 - _GRIP * dt / speed) if speed > 0.0 else 0.0
-            body.velocity = body.velocity * keep
-            body.angular_velocity *= max(0.0, 1.0 - 10.0 * dt)
+            speed, turn = body.velocity.length, abs(body.angular_velocity)
+            body.velocity = body.velocity * (max(0.0, 1.0 - _GRIP * dt / speed) if speed > 0.0 else 0.0)
+            body.angular_velocity *= max(0.0, 1.0 - _GRIP_TURNING * dt / turn) if turn > 0.0 else 0.0
 
     def _note_stalls(self, before: Floats, way: Floats) -> None:
         touching = np.array(self._touching, bool)
