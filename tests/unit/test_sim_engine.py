@@ -131,3 +131,28 @@ def test_a_command_for_nobody_is_named() -> None:
     """An unknown id is an error that names the robots there are."""
     with pytest.raises(UsageError, match=r"no robot 3 .*\[0\]"):
         Engine(make_world(make_robot())).step({3: drive(1.0)})
+
+
+@pytest.mark.parametrize("physics", ["dynamic", "stage", "kinematic"])
+def test_what_hangs_overhead_stops_nobody(physics: str) -> None:
+    """A beam from 0.5 m on, and one that ends under the body, let a robot pass that a step at its height stops."""
+    high, low, step = (
+        Obstacle(name, Pose2(1.0, 0.0, 0.0), (Shape(BODY, *heights),))
+        for name, heights in (("high", (0.5, 1.0)), ("low", (0.0, 0.05)), ("step", (0.2, 1.0)))
+    )
+    raised = make_robot(shapes=(Shape(BODY, 0.05, 0.3),))
+    for obstacle, free in ((high, True), (low, True), (step, False)):
+        engine = Engine(make_world(raised, wall_at=9.0, others=(obstacle,), physics=physics))
+        for _ in range(50):
+            engine.move({0: drive(0.5)})
+        assert (engine.truth(0).x > 2.0) is free
+
+
+def test_a_robot_drives_along_a_wall_under_a_beam() -> None:
+    """Touching a wall, a robot still passes under what hangs above it: only walls at its height hold it back."""
+    beam = Obstacle("beam", Pose2(2.8, 1.0, 0.0), (Shape(BODY, 0.5, 1.0),))
+    engine = Engine(make_world(make_robot(2.5, yaw=math.pi / 2, drive="omni"), others=(beam,)))
+    for _ in range(40):
+        engine.move({0: drive(0.5, 0.0, -0.5)})
+    assert engine.truth(0).y > 1.8
+    assert engine.truth(0).x == pytest.approx(2.8, abs=0.01)

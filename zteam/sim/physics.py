@@ -15,10 +15,11 @@ import pymunk
 import pymunk.autogeometry
 from numpy.typing import NDArray
 
-from zteam.geometry import Pose2, compose2
+from zteam.geometry import Pose2
 from zteam.sim.fields import Fields
-from zteam.sim.grids import find_inside, make_grids, outline
+from zteam.sim.grids import find_leaks, make_grids, outline
 from zteam.sim.motion import follow_arcs
+from zteam.sim.outlines import NOBODY, Group, make_outlines, place_shape
 from zteam.world.model import Floorplan, Obstacle, Robot, Shape
 
 Floats = NDArray[np.float64]
@@ -63,14 +64,14 @@ class DynamicBodies:
         self._space.collision_slop = _SLOP
         self._space.collision_bias = 1e-6
         self._grids = make_grids(floorplans)
+        standing = [place_shape(o.pose, shape) for o in obstacles if o.mass is None for shape in o.shapes]
+        self._fixed = make_outlines([Group(NOBODY, -1, [shape]) for shape in standing if shape.obstacle])
         pushed = [obstacle for obstacle in obstacles if obstacle.mass is not None]
         self._slabs = _find_slabs([s for r in robots for s in r.shapes] + [s for o in obstacles for s in o.shapes])
         for plan, _ in floorplans:
             if plan.obstacle:
                 self._add_plan(plan)
-        for obstacle in obstacles:
-            if obstacle.mass is None:
-                self._add_shapes(self._space.static_body, [_at(obstacle.pose, shape) for shape in obstacle.shapes])
+        self._add_shapes(self._space.static_body, standing)
         self.poses = poses.copy()
         # No contact turns a robot: its wheels hold it, and only the drive decides its yaw rate.
         self._robots = [self._add_body(r.mass, math.inf, r.shapes, p) for r, p in zip(robots, poses, strict=False)]
@@ -78,6 +79,7 @@ class DynamicBodies:
             self._add_body(o.mass or 1.0, _moment(o), o.shapes, p)
             for o, p in zip(pushed, poses[len(robots) :], strict=True)
         ]
+        self._heights = np.array([_heights(robot.shapes) for robot in robots], float).reshape(-1, 2)
         self.stalled = np.zeros(len(robots), bool)
         self._touching = [False] * len(robots)
         self._index = {body: i for i, body in enumerate(self._robots)}
@@ -157,13 +159,10 @@ class DynamicBodies:
             self._space.step(dt)
         for i, body in enumerate((*self._robots, *self._pushed)):
             self.poses[i] = (*_get_position(body), _get_angle(body))
-        inside = find_inside(self._grids, self.poses[:count])
+        self._mend_leaks(before)
         for i, touching in enumerate(self._touching):
             if touching:
                 self._look_again(i)
-            if inside[i] or not np.isfinite(self.poses[i, 0] + self.poses[i, 1]):
-                # Walls are lines, and lines leak: a centre that came to lie inside one goes back to where it was.
-                self.place(i, Pose2(before[i, 0], before[i, 1], self.poses[i, 2]))
         self._note_stalls(before, way)
 
     def _push(self, targets: Sequence[Sequence[float]], dt: float, again: bool) -> None:
@@ -176,6 +175,14 @@ class DynamicBodies:
             speed, turn = body.velocity.length, abs(body.angular_velocity)
             body.velocity = body.velocity * (max(0.0, 1.0 - _GRIP * dt / speed) if speed > 0.0 else 0.0)
             body.angular_velocity *= max(0.0, 1.0 - _GRIP_TURNING * dt / turn) if turn > 0.0 else 0.0
+
+    def _mend_leaks(self, before: Floats) -> None:
+        """Walls are lines, and lines leak: a centre that has been pushed through one goes back to where it was."""
+        leaks = np.array(self._touching, bool)
+        if leaks.any():
+            find_leaks(self._grids, self._fixed, before, self.poses, self._heights, leaks)
+            for i in np.flatnonzero(leaks):
+                self.place(int(i), Pose2(before[i, 0], before[i, 1], self.poses[i, 2]))
 
     def _note_stalls(self, before: Floats, way: Floats) -> None:
         touching = np.array(self._touching, bool)
@@ -208,6 +215,12 @@ def _find_slabs(shapes: Sequence[Shape]) -> list[tuple[float, float]]:
     return list(itertools.pairwise(heights))
 
 
+def _heights(shapes: Sequence[Shape]) -> tuple[float, float]:
+    """Foot and top of what collides."""
+    solid = [shape for shape in shapes if shape.obstacle]
+    return min((s.z_min for s in solid), default=0.0), max((s.z_max for s in solid), default=0.0)
+
+
 def _moment(obstacle: Obstacle) -> float:
     """Moment of inertia of something pushed: its mass spread evenly over its shapes' areas."""
     polygons = [shape.points for shape in obstacle.shapes if shape.obstacle]
@@ -215,11 +228,6 @@ def _moment(obstacle: Obstacle) -> float:
     shares = [(obstacle.mass or 1.0) * area / sum(areas) for area in areas]
     moments = [pymunk.moment_for_poly(mass, points) for mass, points in zip(shares, polygons, strict=True)]
     return float(sum(moments)) or 1.0
-
-
-def _at(pose: Pose2, shape: Shape) -> Shape:
-    points = tuple(compose2(pose, Pose2(x, y, 0.0))[:2] for x, y in shape.points)
-    return Shape(points, shape.z_min, shape.z_max, obstacle=shape.obstacle)
 
 
 def convex_parts(points: Sequence[tuple[float, float]]) -> list[list[tuple[float, float]]]:
