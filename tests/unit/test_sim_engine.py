@@ -9,7 +9,7 @@ from scenes import BODY, drive, make_robot, make_world
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.sim import Engine
-from zteam.world.model import Floorplan, Robot, Shape, World
+from zteam.world.model import Floorplan, Obstacle, Robot, Shape, World
 
 
 def test_the_first_stamp_is_one_interval() -> None:

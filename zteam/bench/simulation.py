@@ -8,9 +8,10 @@ import numpy as np
 
 from zteam.chance import uniform
 from zteam.clock import process_time
+from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.messages import Twist, Vector3
-from zteam.sim import Engine
+from zteam.sim import Engine, Options
 from zteam.sim.grids import is_occupied
 from zteam.world import Ranger, Robot, World, add_robot
 
@@ -35,12 +36,19 @@ class SimulationFigures(msgspec.Struct):
 
 
 def measure_simulation(
-    world: World, robots: int, beams: int, fov_deg: float, range_max: float, seconds: float, seed: int = 1
+    world: World,
+    robots: int,
+    beams: int,
+    fov_deg: float,
+    range_max: float,
+    seconds: float,
+    options: Options,
+    seed: int = 1,
 ) -> SimulationFigures:
     """Run `robots` erratics with a laser of `beams` rays for `seconds` of simulated time."""
     laser = Ranger("laser", 0.05, 0.0, 0.16, 0.0, math.radians(fov_deg), beams, 0.0, range_max)
-    team = {i: _robot(world, i, pose, laser) for i, pose in enumerate(_free_poses(world, robots, seed))}
-    engine = Engine(world, seed=seed, robots=team)
+    team = {i: _robot(world, i, pose, laser) for i, pose in enumerate(free_poses(world, robots, seed))}
+    engine = Engine(world, seed=seed, robots=team, options=options)
     ticks = max(1, round(seconds * 1e9 / world.interval))
     engine.step({})
     begin = process_time()
@@ -71,7 +79,7 @@ def _wander(seed: int, robot: int, tick: int) -> Twist:
     return Twist(Vector3(0.4), Vector3(0.0, 0.0, turn))
 
 
-def _free_poses(world: World, count: int, seed: int) -> list[Pose2]:
+def free_poses(world: World, count: int, seed: int) -> list[Pose2]:
     """Places in the world's box with nothing near, chosen by the seed alone."""
     corners = [corner for plan in world.floorplans for corner in _corners(plan.pose, plan.occupied.shape, plan.cell)]
     corners += [(o.pose.x, o.pose.y) for o in world.obstacles] + [r.pose[:2] for r in world.robots]
@@ -83,8 +91,8 @@ def _free_poses(world: World, count: int, seed: int) -> list[Pose2]:
         if _is_free(world, x, y) and all(math.hypot(p.x - x, p.y - y) > 2 * _CLEARANCE for p in found):
             found.append(Pose2(float(x), float(y), math.tau * uniform(seed, draw, 0, 3)))
             if len(found) == count:
-                break
-    return found
+                return found
+    raise UsageError(f"world {world.name} has no room for {count} robots: only {len(found)} free places were found")
 
 
 def _corners(pose: Pose2, shape: tuple[int, ...], cell: tuple[float, float]) -> list[tuple[float, float]]:

@@ -1,4 +1,4 @@
-"""`zteam bench sim | team | codec`: figures of this machine."""
+"""`zteam bench sim | kernel | team | codec`: figures of this machine."""
 
 import argparse
 import sys
@@ -10,12 +10,13 @@ import msgspec
 from zteam.cli.options import run
 from zteam.errors import UsageError
 from zteam.nodes.logs import LEVELS
+from zteam.simulation import PHYSICS, Options
 
 
 def build_parser() -> argparse.ArgumentParser:
     """The command line."""
     parser = argparse.ArgumentParser(prog="zteam bench", description=__doc__)
-    verbs = parser.add_subparsers(dest="verb", required=True, metavar="sim|team|codec")
+    verbs = parser.add_subparsers(dest="verb", required=True, metavar="sim|kernel|team|codec")
     sim = verbs.add_parser("sim", help="the simulator's core alone, as fast as it goes")
     sim.add_argument("world", metavar="WORLD")
     sim.add_argument("--robots", type=int, default=20)
@@ -23,12 +24,15 @@ def build_parser() -> argparse.ArgumentParser:
     sim.add_argument("--fov-deg", type=float, default=270.0)
     sim.add_argument("--range", type=float, default=30.0)
     sim.add_argument("--seconds", type=float, default=20.0, help="simulated (default: %(default)s)")
+    sim.add_argument("--physics", choices=PHYSICS, help="default: what the world says, else dynamic")
+    kernel = verbs.add_parser("kernel", help="rays against a bitmap alone, beside a plain scalar traversal")
+    kernel.add_argument("world", nargs="?", default="office", metavar="WORLD")
     team = verbs.add_parser("team", help="a whole team in real time: GO, latency, memory")
     team.add_argument("world", nargs="?", metavar="WORLD", help="instead of the team file's")
     team.add_argument("--team", default="line", help="team file or shipped team (default: %(default)s)")
     team.add_argument("--seconds", type=float, default=20.0, help="simulated (default: %(default)s)")
     codec = verbs.add_parser("codec", help="encoding and decoding")
-    for sub in (sim, team, codec):
+    for sub in (sim, kernel, team, codec):
         sub.add_argument("--json", action="store_true")
         sub.add_argument("--log-level", choices=LEVELS, default="warning")
         sub.add_argument("--log-format", choices=("text", "json"), default="text")
@@ -44,7 +48,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _bench(args: argparse.Namespace) -> int:
     rows = _measure(args)
     if args.json:
-        print(msgspec.json.encode(rows[0] if args.verb != "codec" else rows).decode())
+        print(msgspec.json.encode(rows[0] if args.verb in ("sim", "team") else rows).decode())
         return 0
     for row in rows:
         print("  ".join(f"{name} {_shown(value)}" for name, value in msgspec.to_builtins(row).items()))
@@ -60,6 +64,13 @@ def _measure(args: argparse.Namespace) -> list[Any]:
         from zteam.bench.coding import measure_codec
 
         return list(measure_codec())
+    if args.verb == "kernel":
+        from zteam.bench.casting import measure_kernels
+        from zteam.cli.sim import find_world
+        from zteam.world import load_world
+
+        world = load_world(find_world(args.world))
+        return [measure_kernels(world, 1081, 270.0), measure_kernels(world, 180, 180.0)]
     if not args.seconds > 0:
         raise UsageError(f"--seconds {args.seconds}: give simulated seconds")
     if args.verb == "team":
@@ -73,7 +84,8 @@ def _measure(args: argparse.Namespace) -> list[Any]:
     if args.robots < 1 or args.beams < 2 or not 0 < args.fov_deg <= 360 or not args.range > 0:
         raise UsageError("--robots from 1, --beams from 2, --fov-deg from 0 to 360, --range above 0")
     world = load_world(find_world(args.world))
-    return [measure_simulation(world, args.robots, args.beams, args.fov_deg, args.range, args.seconds)]
+    options = Options(physics=args.physics)
+    return [measure_simulation(world, args.robots, args.beams, args.fov_deg, args.range, args.seconds, options)]
 
 
 if __name__ == "__main__":
