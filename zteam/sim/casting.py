@@ -19,7 +19,7 @@ else:
 
 Floats = NDArray[np.float64]
 
-__all__ = ["Beams", "Caster", "Rays", "finish"]
+__all__ = ["Beams", "Caster", "Rays", "cast_squares", "finish"]
 
 
 class Beams(NamedTuple):

@@ -54,13 +54,13 @@ def _advance(
             return
         for i in range(_LANES):
             side, ix, iy = lanes[_SIDE + i], lanes[_IX + i], lanes[_IY + i]
+            ox, oy, dx, dy = lanes[_OX + i], lanes[_OY + i], lanes[_DX + i], lanes[_DY + i]
             edge_x, edge_y = ix + side, iy + side
-            tx, ty = (edge_x - lanes[_OX + i]) * lanes[_UX + i], (edge_y - lanes[_OY + i]) * lanes[_UY + i]
+            tx, ty = (edge_x - ox) * lanes[_UX + i], (edge_y - oy) * lanes[_UY + i]
             by_x = tx <= ty
             t = tx if by_x else ty
             # Where the other coordinate has got to; rounding must not carry it out of the square.
-            along_x = math.floor(lanes[_OX + i] + t * lanes[_DX + i])
-            along_y = math.floor(lanes[_OY + i] + t * lanes[_DY + i])
+            along_x, along_y = math.floor(ox + t * dx), math.floor(oy + t * dy)
             along_x = along_x if along_x > ix else ix
             along_x = along_x if along_x < edge_x - 1.0 else edge_x - 1.0
             along_y = along_y if along_y > iy else iy
@@ -108,10 +108,15 @@ def cast_squares(
     park, stride = wide * high, float(sides.shape[1])
     flat = sides.reshape(-1)
     lanes, index = np.empty(_STATES), np.empty(_LANES, np.int32)
+    # The beams' directions, padded to whole blocks: plain loads, no choice of a beam within the loop.
+    padded_cos, padded_sin = np.ones(beams + _LANES), np.zeros(beams + _LANES)
+    padded_cos[:beams], padded_sin[:beams] = cos[0], sin[0]
     for scan in range(x.shape[0]):
         if not seen[scan]:
             continue
-        table = scan if cos.shape[0] > 1 else 0
+        if cos.shape[0] > 1:
+            padded_cos[:beams], padded_sin[:beams] = cos[scan], sin[scan]
+        row_ranges, row_hit = ranges[scan], hit[scan]
         px, py = x[scan] / cell_x, y[scan] / cell_y
         jx, jy = math.floor(px), math.floor(py)
         inside = 0.0 <= px < wide and 0.0 <= py < high
@@ -120,9 +125,8 @@ def cast_squares(
         for first in range(0, beams, _LANES):
             count = min(_LANES, beams - first)
             for i in range(_LANES):
-                beam = first + min(i, count - 1)
-                dx = cx * cos[table, beam] - sx * sin[table, beam]
-                dy = sy * cos[table, beam] + cy * sin[table, beam]
+                dx = cx * padded_cos[first + i] - sx * padded_sin[first + i]
+                dy = sy * padded_cos[first + i] + cy * padded_sin[first + i]
                 left, down = dx < 0.0, dy < 0.0
                 # The fields are mirrored by quadrant, so that every ray runs towards larger x and y.
                 lanes[_OX + i], lanes[_IX + i] = wide - px if left else px, wide - 1.0 - jx if left else jx
@@ -132,13 +136,15 @@ def cast_squares(
                 dx, dy = dx if dx > _TINY else _TINY, dy if dy > _TINY else _TINY
                 lanes[_DX + i], lanes[_DY + i], lanes[_UX + i], lanes[_UY + i] = dx, dy, 1.0 / dx, 1.0 / dy
                 lanes[_T + i] = 0.0
+            for i in range(count, _LANES):
+                lanes[_IX + i], lanes[_IY + i] = park, 0.0
             if not inside:
                 _enter(lanes, high, wide, park, limit)
             _advance(lanes, index, flat, high, wide, park, limit)
             for i in range(count):
-                nearer = lanes[_T + i] < ranges[scan, first + i]
-                ranges[scan, first + i] = lanes[_T + i] if nearer else ranges[scan, first + i]
-                hit[scan, first + i] = mark if nearer else hit[scan, first + i]
+                nearer = lanes[_T + i] < row_ranges[first + i]
+                row_ranges[first + i] = lanes[_T + i] if nearer else row_ranges[first + i]
+                row_hit[first + i] = mark if nearer else row_hit[first + i]
 
 
 @compiled
