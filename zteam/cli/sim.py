@@ -117,11 +117,18 @@ def parse_addition(text: str) -> tuple[int, str, Pose2]:
         raise UsageError(f"--add {text!r} is not ID:MODEL:X:Y:YAW, e.g. 7:erratic:2.0:3.5:1.57") from None
 
 
-def _announce_compiling() -> None:
-    from zteam.sim.compiling import is_cached
+def _compile_if_needed() -> None:
+    from zteam.sim import compiling, kernels, refusing
 
-    if not is_cached("kernels"):
-        log.info("compiling the laser kernels, once on this machine (some seconds)")
+    # These hold the last kernels to be compiled.
+    if not all(compiling.is_cached(Path(str(module.__file__))) for module in (kernels, refusing)):
+        from zteam.sim.warming import compile_kernels
+
+        compile_kernels(
+            lambda step, steps: log.info(
+                "compiling the simulator's kernels, once on this machine: %d of %d", step, steps
+            )
+        )
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -133,7 +140,6 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _simulate(args: argparse.Namespace) -> int:
     from zteam.nodes.node import Node, run_node
     from zteam.nodes.simulator import SimOptions, run_simulator
-    from zteam.sim import Engine
     from zteam.world import add_robot, load_world
 
     if not args.map_resolution > 0:
@@ -144,9 +150,8 @@ def _simulate(args: argparse.Namespace) -> int:
         if robot_id in robots:
             raise UsageError(f"--add {robot_id}: the world has a robot {robot_id} already")
         robots[robot_id] = add_robot(world, model, pose, names.robot_name(robot_id))
-    _announce_compiling()
+    _compile_if_needed()
     if args.compile_only:
-        Engine(world, robots=robots).observe()
         return 0
     options = SimOptions(
         world=Path(args.world),

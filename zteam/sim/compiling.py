@@ -59,7 +59,9 @@ def vectorized(function: F) -> F:
     return JIT(cache=True, error_model="numpy", fastmath=free)(function)  # type: ignore[no-any-return]
 
 
-def is_cached(module_stem: str) -> bool:
-    """Whether the kernels of that module were compiled on this machine before."""
-    folder = Path(os.environ["NUMBA_CACHE_DIR"])
-    return JIT is None or any(folder.glob(f"*/{module_stem}.*.nbi"))
+def is_cached(source: Path) -> bool:
+    """Whether kernels of that module have been compiled on this machine since it was last changed."""
+    if JIT is None:
+        return True
+    indexes = Path(os.environ["NUMBA_CACHE_DIR"]).glob(f"*/{source.stem}.*.nbi")
+    return any(index.stat().st_mtime >= source.stat().st_mtime for index in indexes)
