@@ -12,6 +12,7 @@ COMMANDS = {
     "topic": ("topic", "list | echo | hz | info | pub: what goes over the bus"),
     "tf": ("transforms", "echo | tree | static: transforms between frames"),
     "node": ("nodes", "list: which processes are alive"),
+    "world": ("world", "check | show | scan: world files, their pictures, and what lasers see in them"),
     "doctor": ("doctor", "find out what is wrong, with the next step for each problem"),
     "bench": ("bench", "measure zteam on this machine"),
 }

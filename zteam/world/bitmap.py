@@ -28,6 +28,16 @@ def read_bitmap(path: Path) -> Grid:
 
     Raises WorldError, without a place, on what is not a PGM, PNG, BMP, JPEG or GIF, or has too many pixels.
     """
+    return np.ascontiguousarray(_read_channels(path)[::-1, :, 0] <= DARK)
+
+
+def read_levels(path: Path) -> NDArray[np.float32]:
+    """Mean of the colour channels, 0 to 255, as `read_bitmap` has it."""
+    return np.asarray(_read_channels(path)[::-1, :, :3].mean(axis=2, dtype=np.float32))
+
+
+def _read_channels(path: Path) -> NDArray[Any]:
+    """(rows, columns, channels), 0 to 255, the uppermost row first; without alpha."""
     from PIL import Image, UnidentifiedImageError  # only a world with a bitmap pays for it
 
     too_large = WorldError(f"bitmap {path} has more than {MAX_PIXELS} pixels: it is refused")
@@ -38,7 +48,7 @@ def read_bitmap(path: Path) -> Grid:
             with Image.open(path, formats=_FORMATS) as image:
                 if image.width * image.height > MAX_PIXELS:
                     raise too_large
-                dark = _first_channel(image) <= DARK
+                return _channels(image)
     except (Image.DecompressionBombError, Image.DecompressionBombWarning):
         raise too_large from None
     except UnidentifiedImageError:
@@ -47,15 +57,15 @@ def read_bitmap(path: Path) -> Grid:
         raise
     except Exception as error:  # decoders raise all kinds of exceptions on a broken file
         raise WorldError(f"cannot read bitmap {path}: {error!s:.200}") from None
-    return np.ascontiguousarray(dark[::-1])
 
 
-def _first_channel(image: "Picture") -> NDArray[Any]:
-    """Gray or red, scaled to 0..255."""
+def _channels(image: "Picture") -> NDArray[Any]:
     if image.mode.startswith("I"):  # 16 bits a sample
-        return np.asarray(image) >> 8
+        return (np.asarray(image) >> 8)[:, :, None]
     values = np.asarray(image if image.mode in _BYTE_MODES else image.convert("RGB"))
-    return values if values.ndim == 2 else values[:, :, 0]
+    if values.ndim == 2:
+        return values[:, :, None]
+    return values[:, :, : 1 if image.mode == "LA" else 3]
 
 
 def occupied_box(occupied: Grid) -> Box | None:

@@ -9,6 +9,7 @@ from zteam.errors import WorldError
 from zteam.geometry import Pose2, compose2
 from zteam.world.bitmap import Grid, occupied_box, read_bitmap, rectangles
 from zteam.world.colors import random_color
+from zteam.world.floor_maps import FloorMap, is_floor_map, read_floor_map
 from zteam.world.model import Floorplan, Shape
 from zteam.world.parser import Entity
 from zteam.world.properties import Pose3, Reader, Size3, Units
@@ -30,6 +31,8 @@ from zteam.world.vocabulary import BODILESS
 
 DEFAULT_SIZE = Size3(0.1, 0.1, 0.1)
 RANGER_SIZE = Size3(0.15, 0.15, 0.2)
+FLOOR_HEIGHT = 1.0
+"""Metres that the walls of a map_server YAML are high, unless the model has a size."""
 MIN_EXTENT = 1e-6
 MAX_POINTS = 256
 MAX_RECTANGLES = 256
@@ -60,19 +63,28 @@ class Body(NamedTuple):
     slabs: tuple[Block, ...]
     bitmap: Grid | None
     """Cells that fill the box of `size`."""
+    home: Pose2 | None = None
+    """Where a map_server YAML puts the model, unless the model says otherwise."""
 
 
 def read_body(entity: Entity, settings: Settings) -> Body:
     """A model's body; raises WorldError."""
     reader = Reader(entity, settings.units)
     size = reader.size(RANGER_SIZE if entity.type in ("ranger", "laser") else DEFAULT_SIZE)
-    blocks, bitmap = _read_blocks(entity, settings), None
+    blocks = _read_blocks(entity, settings)
+    bitmap: Grid | None = None
+    home: Pose2 | None = None
     if reader.flag("noblocks", False):
         blocks = []
     elif reader.has("bitmap"):
         if blocks:
             settings.remarks.add(reader.place("bitmap"), "the blocks of a model with a bitmap are ignored")
-        blocks, bitmap = [], _read_bitmap(reader, settings)
+        blocks, found = [], _read_bitmap(reader, settings)
+        if isinstance(found, FloorMap):
+            size = size if reader.has("size") else Size3(found.width, found.height, FLOOR_HEIGHT)
+            home, bitmap = found.map_from_middle, found.occupied
+        else:
+            bitmap = found
     elif not blocks and entity.type not in BODILESS:
         blocks = [UNIT_BOX]
     slabs = boundary_slabs(size) if reader.flag("boundary", False) else []
@@ -82,7 +94,7 @@ def read_body(entity: Entity, settings: Settings) -> Body:
         fitted = tuple(fit_blocks(blocks, size)) if blocks else ()
     except ValueError as error:
         raise entity.place.error(str(error)) from None
-    return Body(size, reader.pose("origin"), _read_surface(reader), fitted, tuple(slabs), bitmap)
+    return Body(size, reader.pose("origin"), _read_surface(reader), fitted, tuple(slabs), bitmap, home)
 
 
 def solid_blocks(body: Body, place: Place, remarks: Remarks) -> list[Block]:
@@ -141,11 +153,16 @@ def _read_color(reader: Reader) -> str:
     return random_color(f"{reader.entity.place}{reader.text('name', '')}") if name == "random" else name
 
 
-def _read_bitmap(reader: Reader, settings: Settings) -> Grid:
+def _read_bitmap(reader: Reader, settings: Settings) -> Grid | FloorMap:
     name = reader.text("bitmap", "")
     path = find_file(name, settings.folder)
     if path is None:
         reader.fail("bitmap", f"bitmap {name!r:.200} not found in {settings.folder} or $STAGEPATH")
+    if is_floor_map(path):
+        try:
+            return read_floor_map(path)
+        except WorldError as error:
+            reader.fail("bitmap", str(error))
     reading = reader.choice("bitmap_reading", "whole" if settings.whole_bitmaps else "crop", ("crop", "whole"))
     if (path, reading) not in settings.bitmaps:
         try:

@@ -29,7 +29,7 @@ from zteam.world.model import (
     World,
 )
 from zteam.world.parser import Document, Entity, Property
-from zteam.world.properties import Reader, read_units
+from zteam.world.properties import Pose3, Reader, read_units
 from zteam.world.sensors import read_old_laser, read_sensor
 from zteam.world.sources import Remarks
 
@@ -94,7 +94,14 @@ class Template(msgspec.Struct, frozen=True):
     settings: Settings
 
 
-def build_world(document: Document, folder: Path, whole_bitmaps: bool, remarks: Remarks, default_name: str) -> World:
+def build_world(
+    document: Document,
+    folder: Path,
+    whole_bitmaps: bool,
+    remarks: Remarks,
+    default_name: str,
+    needs_robots: bool = True,
+) -> World:
     """The world of a document; bitmaps are looked for in `folder`. Raises WorldError."""
     settings = Settings(read_units(document.root), folder, remarks, whole_bitmaps, frozenset(document.macros))
     reader = Reader(document.root, settings.units)
@@ -106,7 +113,7 @@ def build_world(document: Document, folder: Path, whole_bitmaps: bool, remarks: 
     for entity in document.root.children:
         if entity.type != "window":  # Stage's own window on the screen
             builder.add_model(entity, GROUND)
-    if not builder.robots:
+    if needs_robots and not builder.robots:
         raise document.root.place.error("this world has no robot: add a position model, such as an erratic")
     return World(
         name=reader.text("name", default_name),
@@ -149,6 +156,8 @@ class Builder:
         reader = Reader(entity, self._settings.units)
         pose = reader.pose("pose")
         body = read_body(entity, self._settings)
+        if body.home is not None and not reader.has("pose"):
+            pose = Pose3(body.home.x, body.home.y, 0.0, body.home.yaw)
         owner_from_model = compose2(mount.owner_from_mount, pose.planar)
         foot = mount.z + pose.z
         name = self._name(reader, mount)

@@ -8,8 +8,9 @@ from zteam.errors import WorldError
 from zteam.geometry import Pose2
 from zteam.world.bodies import Settings
 from zteam.world.builder import Template, build_robot, build_world
+from zteam.world.floor_maps import is_floor_map
 from zteam.world.model import Robot, World
-from zteam.world.parser import parse_text, parse_world
+from zteam.world.parser import Property, parse_text, parse_world
 from zteam.world.properties import Units
 from zteam.world.sources import Remarks
 
@@ -26,8 +27,11 @@ define erratic position
 """
 
 
+FLOOR = 'model ( name "map" color "gray30" )'
+
+
 def load_world(path: str | Path, *, whole_bitmaps: bool = False) -> World:
-    """Load a .world file with everything it includes.
+    """Load a .world file with everything it includes, or a map_server YAML as a floor without robots.
 
     Bitmaps are read as Stage reads them, cropped to the box of their occupied pixels which is then stretched to the
     model's `size`; with `whole_bitmaps` the whole image is. A model's own `bitmap_reading "crop"` or `"whole"` wins.
@@ -39,6 +43,11 @@ def load_world(path: str | Path, *, whole_bitmaps: bool = False) -> World:
     """
     path = Path(path)
     remarks = Remarks()
+    if is_floor_map(path):
+        document = parse_text(FLOOR, remarks, str(path))
+        model = document.root.children[0]
+        model.properties["bitmap"] = Property("bitmap", (path.name,), False, model.place)
+        return build_world(document, path.parent, True, remarks, default_name=path.stem, needs_robots=False)
     document = parse_world(path, remarks)
     return build_world(document, path.parent, whole_bitmaps, remarks, default_name=path.stem)
 

@@ -1,0 +1,226 @@
+"""`zteam world check | show | scan FILE`: what a world file says, how it looks, and what a robot's lasers see in it."""
+
+import argparse
+import math
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+
+from zteam.cli.options import run
+from zteam.cli.sim import find_world
+from zteam.errors import UsageError
+from zteam.geometry import Pose2
+from zteam.nodes.logs import LEVELS
+
+if TYPE_CHECKING:
+    from zteam.sim import RobotObservation
+    from zteam.world import Ranger, Robot, World
+    from zteam.world.drawing import Fan
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """The command line."""
+    parser = argparse.ArgumentParser(prog="zteam world", description=__doc__)
+    verbs = parser.add_subparsers(dest="verb", required=True, metavar="check|show|scan")
+    check = verbs.add_parser("check", help="load a world; list its models, and what of it is ignored")
+    show = verbs.add_parser("show", help="draw a world and its robots")
+    show.add_argument("-o", "--output", required=True, metavar="FILE.svg|png")
+    show.add_argument("--scan", action="store_true", help="with what the lasers see")
+    show.add_argument("--width", type=int, default=1200, metavar="PIXELS", help="(default: %(default)s)")
+    scan = verbs.add_parser("scan", help="what the lasers of one robot read")
+    scan.add_argument("--robot", type=int, required=True, metavar="N", help="its id: the place in the file")
+    scan.add_argument(
+        "--pose",
+        type=float,
+        nargs=3,
+        metavar=("X", "Y", "YAW_DEG"),
+        help="metres and degrees in map (default: where the world puts it)",
+    )
+    scan.add_argument("--beams", type=int, help="one laser of so many beams, in the place of the robot's own")
+    scan.add_argument("--fov-deg", type=float, help="its field of view")
+    scan.add_argument("--range", type=float, metavar="M", help="its largest range")
+    for sub in (check, show, scan):
+        sub.add_argument("world", metavar="FILE", help="a .world file, a map_server .yaml, or a shipped world")
+        sub.add_argument("--whole-bitmaps", action="store_true", help="read bitmaps with their margins, not cropped")
+        sub.add_argument("--log-level", choices=LEVELS, default="warning")
+        sub.add_argument("--log-format", choices=("text", "json"), default="text")
+    for sub in (check, scan):
+        sub.add_argument("--json", action="store_true")
+    return parser
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point."""
+    args = build_parser().parse_args(argv)
+    return run("zteam world", args, lambda: _run(args))
+
+
+def _run(args: argparse.Namespace) -> int:
+    from zteam.world import load_world
+
+    world = load_world(find_world(args.world), whole_bitmaps=args.whole_bitmaps)
+    return {"check": _check, "show": _show, "scan": _scan}[args.verb](args, world)
+
+
+def _check(args: argparse.Namespace, world: "World") -> int:
+    summary = _summary(world)
+    if args.json:
+        print(msgspec.json.encode(summary).decode())
+        return 0
+    print(f"{world.name}: a tick every {world.interval / 1e6:g} ms, {world.physics} physics")
+    for plan in summary["floorplans"]:
+        (w, h), (columns, rows) = plan["extent"], plan["cells"]
+        print(f"  floor plan {plan['name']:18} {columns} x {rows} cells, {w:g} x {h:g} m")
+    for obstacle in summary["obstacles"]:
+        x, y, yaw = obstacle["pose"]
+        kind = "pushable  " if obstacle["mass"] is not None else "obstacle  "
+        print(f"  {kind} {obstacle['name']:18} at {x:.3f} {y:.3f}, {yaw:.1f}°, {obstacle['shapes']} shapes")
+    for robot in summary["robots"]:
+        x, y, yaw = robot["pose"]
+        lasers = ", ".join(robot["sensors"]) or "no sensors"
+        print(f"  robot {robot['id']:<4} {robot['name']:18} at {x:.3f} {y:.3f}, {yaw:.1f}°: "
+              f"{robot['model']}, {robot['drive']}, {lasers}")  # fmt: skip
+    for warning in summary["warnings"]:
+        print(warning)
+    count = len(summary["warnings"])
+    print(f"{len(world.robots)} robots, {len(world.obstacles)} obstacles, {len(world.floorplans)} floor plans; "
+          + (f"{count} warnings" if count else "no warnings"))  # fmt: skip
+    return 0
+
+
+def _summary(world: "World") -> dict[str, Any]:
+    return {
+        "name": world.name,
+        "interval_ms": world.interval / 1e6,
+        "physics": world.physics,
+        "floorplans": [
+            {
+                "name": plan.name,
+                "cells": list(plan.occupied.shape[::-1]),
+                "cell": list(plan.cell),
+                "extent": [n * c for n, c in zip(plan.occupied.shape[::-1], plan.cell, strict=True)],
+            }
+            for plan in world.floorplans
+        ],
+        "obstacles": [
+            {"name": o.name, "pose": _degrees(o.pose), "mass": o.mass, "shapes": len(o.shapes)} for o in world.obstacles
+        ],
+        "robots": [
+            {
+                "id": robot_id,
+                "name": robot.name,
+                "model": robot.model,
+                "pose": _degrees(robot.pose),
+                "drive": robot.drive,
+                "sensors": _sensors(robot),
+            }
+            for robot_id, robot in enumerate(world.robots)
+        ],
+        "warnings": list(map(str, world.warnings)),
+    }
+
+
+def _sensors(robot: "Robot") -> list[str]:
+    lasers = [
+        f"laser {r.samples} x {math.degrees(r.fov):.0f}° to {r.range_max:g} m" for r in robot.rangers if r.samples > 1
+    ]
+    sonars = sum(r.samples == 1 for r in robot.rangers)
+    others = ((sonars, "sonars"), (len(robot.finders), "fiducial finders"), (len(robot.bumpers), "bumpers"),
+              (len(robot.blobfinders), "blob finders"))  # fmt: skip
+    return lasers + [f"{count} {name}" for count, name in others if count]
+
+
+def _degrees(pose: Pose2) -> list[float]:
+    return [pose.x, pose.y, math.degrees(pose.yaw)]
+
+
+def _show(args: argparse.Namespace, world: "World") -> int:
+    from zteam.world.drawing import draw_world
+
+    robots = dict(enumerate(world.robots))
+    fans: dict[int, list[Fan]] = {}
+    if args.scan:
+        from zteam.sim import Engine
+
+        fans = {robot_id: _fans(seen) for robot_id, seen in Engine(world).observe().robots.items()}
+    draw_world(world, robots, Path(args.output), width=args.width, fans=fans)
+    print(f"{args.output}: {world.name}, {len(robots)} robots")
+    return 0
+
+
+def _fans(seen: "RobotObservation") -> "list[Fan]":
+    from zteam.geometry import compose2
+    from zteam.world.drawing import Fan
+
+    found = []
+    for ranger, reading in zip(seen.robot.rangers, seen.readings, strict=True):
+        at = compose2(seen.truth, Pose2(ranger.x, ranger.y, ranger.yaw))
+        first = -ranger.fov / 2 if ranger.samples > 1 else 0.0
+        angles = [at.yaw + first + i * ranger.angle_increment for i in range(ranger.samples)]
+        ranges = reading.ranges.tolist()
+        ends = [(at.x + r * math.cos(a), at.y + r * math.sin(a)) for r, a in zip(ranges, angles, strict=True)]
+        found.append(Fan((at.x, at.y), ends, [r < ranger.range_max for r in ranges]))
+    return found
+
+
+def _scan(args: argparse.Namespace, world: "World") -> int:
+    from zteam.sim import Engine
+
+    if not 0 <= args.robot < len(world.robots):
+        known = ", ".join(map(str, range(len(world.robots)))) or "none"
+        raise UsageError(f"--robot {args.robot}: {world.name} has these robots: {known}")
+    robots = dict(enumerate(world.robots))
+    robot = robots[args.robot]
+    if args.pose is not None:
+        if not all(map(math.isfinite, args.pose)):
+            raise UsageError("--pose takes finite numbers: X Y YAW_DEG")
+        x, y, yaw_deg = args.pose
+        robot = msgspec.structs.replace(robot, pose=Pose2(x, y, math.radians(yaw_deg)))
+    robots[args.robot] = msgspec.structs.replace(robot, rangers=_rangers(args, robot))
+    seen = Engine(world, robots=robots).observe().robots[args.robot]
+    pairs = zip(seen.robot.rangers, seen.readings, strict=True)
+    lasers = [{**_laser(r), "ranges": s.ranges.tolist(), "intensities": s.intensities.tolist()} for r, s in pairs]
+    if args.json:
+        print(msgspec.json.encode({"robot": args.robot, "pose": _degrees(seen.truth), "lasers": lasers}).decode())
+        return 0
+    for laser in lasers:
+        ranges = laser["ranges"]
+        hits = sum(r < laser["range_max"] for r in ranges)
+        print(f"{laser['name']:24} {len(ranges):5} beams  min {min(ranges):7.3f}  mean {sum(ranges) / len(ranges):7.3f}"
+              f"  max {max(ranges):7.3f} m  {hits} hits")  # fmt: skip
+    return 0
+
+
+def _rangers(args: argparse.Namespace, robot: "Robot") -> "tuple[Ranger, ...]":
+    """The robot's own, or the one that the command line gives: where its first one is, else on top of its base."""
+    from zteam.world import Ranger
+
+    given = args.beams, args.fov_deg, args.range
+    if given == (None, None, None):
+        return robot.rangers
+    if None in given:
+        raise UsageError("--beams, --fov-deg and --range belong together")
+    if not (1 <= args.beams <= 100_000 and 0 < args.fov_deg <= 360 and 0 < args.range < math.inf):
+        raise UsageError("--beams from 1 to 100000, --fov-deg above 0 to 360, --range above 0")
+    top = max((shape.z_max for shape in robot.shapes), default=0.0)
+    place = robot.rangers[0] if robot.rangers else Ranger("laser", 0.0, 0.0, top, 0.0, 0.0, 1, 0.0, 1.0)
+    return (
+        Ranger("laser", place.x, place.y, place.z, place.yaw, math.radians(args.fov_deg), args.beams, 0.0, args.range),
+    )
+
+
+def _laser(ranger: "Ranger") -> dict[str, Any]:
+    return {
+        "name": ranger.name,
+        "angle_min": -ranger.fov / 2 if ranger.samples > 1 else 0.0,
+        "angle_increment": ranger.angle_increment,
+        "range_min": ranger.range_min,
+        "range_max": ranger.range_max,
+    }
+
+
+if __name__ == "__main__":
+    sys.exit(main())
