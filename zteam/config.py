@@ -8,7 +8,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, get_args
 
 import msgspec
 
@@ -182,12 +182,17 @@ def _hint(error: msgspec.ValidationError) -> str:
     text = str(error)
     if text.startswith("Expected `array`, got `object`"):
         return "; a table of a list is written with two brackets, as in [[robots]]"
+    if "enum value" in text:
+        field = Options.__annotations__.get(text.partition("`$.simulation.")[2].rstrip("`"))
+        choices = [choice for part in get_args(field) for choice in (get_args(part) or (part,))]
+        return f"; one of {', '.join(c for c in choices if isinstance(c, str))}" if choices else ""
     if "field" not in text:
         return ""
     kinds: tuple[tuple[str, type[msgspec.Struct]], ...] = (
         ("$.team", TeamSection),
         ("$.robots", RobotEntry),
         ("$.static_transforms", StaticTransform),
+        ("$.simulation", Options),
     )
     kind = next((kind for start, kind in kinds if f"`{start}" in text), Team)
     return f"; known: {', '.join(f for f in kind.__struct_fields__ if f != 'params')}"

@@ -103,6 +103,18 @@ def test_static_transforms_become_messages(tmp_path: Path) -> None:
         ("[[robots]]\nid = 1\n[[robots]]\nid = 1", "$.robots[1].id: robot 1 is $.robots[0] already"),
         ("[team]\nwrld = 'x'\n[[robots]]\nid = 0", "$.team: Object contains unknown field `wrld`; known: world, seed"),
         ("[team]\nseed = -1\n[[robots]]\nid = 0", "$.team.seed: Expected `int` >= 0"),
+        (
+            "[simulation]\nno_hti = 1\n[[robots]]\nid = 0",
+            "$.simulation: Object contains unknown field `no_hti`; known: phys",
+        ),
+        (
+            "[simulation]\ndazzle = 'x'\n[[robots]]\nid = 0",
+            "$.simulation.dazzle: Invalid enum value 'x'; one of off, drop",
+        ),
+        (
+            "[simulation]\ngaussian_noise = -1\n[[robots]]\nid = 0",
+            "$.simulation: gaussian_noise must be a number of at",
+        ),
         ("[Team]\nseed = 1\n[[robots]]\nid = 0", "$: Object contains unknown field `Team`; known: robots, team"),
         ("[[robots]]\nid = 0\nfollow = 0", "$.robots[0].follow: robot 0 cannot follow itself"),
         ("[[robots]]\nid = 0\nfollow = 4", "$.robots[0].follow: no robot 4 in this file (it has 0)"),

@@ -148,10 +148,10 @@ def _scale_bar(view: _View) -> tuple[float, str]:
 
 def _as_svg(drawing: _Drawing) -> str:
     view = drawing.view
+    size = f'width="{view.width}" height="{view.height}"'
     lines = [
-        '<svg xmlns="http://www.w3.org/2000/svg" font-family="sans-serif" '
-        f'width="{view.width}" height="{view.height}" viewBox="0 0 {view.width} {view.height}">',
-        f'<rect width="100%" height="100%" fill="{_css(_GROUND)}"/>',
+        f'<svg xmlns="http://www.w3.org/2000/svg" font-family="sans-serif" {size}>',
+        f'<rect {size} fill="{_css(_GROUND)}"/>',
     ]
     lines += [_svg_plan(plan, view) for plan in drawing.plans]
     for area in drawing.areas:
