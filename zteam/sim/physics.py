@@ -80,6 +80,7 @@ class DynamicBodies:
             for o, p in zip(pushed, poses[len(robots) :], strict=True)
         ]
         self._heights = np.array([_heights(robot.shapes) for robot in robots], float).reshape(-1, 2)
+        self._bodies = [*self._robots, *self._pushed]
         self.stalled = np.zeros(len(robots), bool)
         self._touching = [False] * len(robots)
         self._index = {body: i for i, body in enumerate(self._robots)}
@@ -157,8 +158,8 @@ class DynamicBodies:
             if self._pushed:
                 self._push(targets, dt, step > 0)
             self._space.step(dt)
-        for i, body in enumerate((*self._robots, *self._pushed)):
-            self.poses[i] = (*_get_position(body), _get_angle(body))
+        if self._bodies:
+            self.poses[:] = [(*_get_position(body), _get_angle(body)) for body in self._bodies]
         self._mend_leaks(before)
         for i, touching in enumerate(self._touching):
             if touching:
@@ -195,7 +196,7 @@ class DynamicBodies:
 
     def place(self, index: int, pose: Pose2) -> None:
         """Put a mover somewhere, at rest."""
-        body = (*self._robots, *self._pushed)[index]
+        body = self._bodies[index]
         body.position, body.angle, body.velocity, body.angular_velocity = (pose.x, pose.y), pose.yaw, (0.0, 0.0), 0.0
         self._space.reindex_shapes_for_body(body)
         self.poses[index] = pose
