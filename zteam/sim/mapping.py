@@ -10,6 +10,10 @@ from zteam.messages import Header, MapMetaData, OccupancyGrid, Point, Pose, time
 from zteam.world.model import Shape, World
 
 
+_STRIP = 64
+"""Rows of a map that are drawn at once."""
+
+
 def map_message(world: World, resolution: float) -> OccupancyGrid:
     """Everything that stands still, on one axis-aligned grid of square cells of `resolution` metres.
 
@@ -26,7 +30,10 @@ def map_message(world: World, resolution: float) -> OccupancyGrid:
     y = low[1] + (np.arange(rows) + 0.5) * resolution
     grid = np.zeros((rows, columns), np.int8)
     for plan in world.floorplans:
-        _draw_plan(grid, x, y, plan.pose, plan.occupied, plan.cell)
+        # In strips: whole arrays of coordinates would be the largest thing that a simulator ever holds.
+        for first in range(0, rows, _STRIP):
+            strip = slice(first, first + _STRIP)
+            _draw_plan(grid[strip], x, y[strip], plan.pose, plan.occupied, plan.cell)
     for _, polygon in outlines:
         _draw_polygon(grid, x, y, polygon)
     info = MapMetaData(
