@@ -9,7 +9,6 @@ from zteam.geometry import Pose2
 from zteam.messages import Header, MapMetaData, OccupancyGrid, Point, Pose, time_from_ns
 from zteam.world.model import Shape, World
 
-
 _STRIP = 64
 """Rows of a map that are drawn at once."""
 
