@@ -58,7 +58,7 @@ class Merger:
             shadowed = self._statics.get(child)
             if shadowed is not None and shadowed.rank == _FILE:
                 return None
-        with self.buffer.changed:
+        with self.buffer.lock:
             duplicates = self.buffer.duplicates
             if shadowed is not None:
                 self.buffer.forget(child)

@@ -1,0 +1,165 @@
+"""The transform buffer, beside Debian's tf2_py where that can be imported: messages in, messages out, one process."""
+
+import importlib
+import math
+import random
+import sys
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import msgspec
+
+from zteam.clock import process_time
+from zteam.messages import Header, Quaternion, Transform, TransformStamped, Vector3, time_from_ns
+from zteam.tf import Buffer
+
+_STEP = 20_000_000
+_SECONDS = 10
+_LOOKUPS, _ROUNDS = 5000, 7
+_START = 1_000_000_000
+
+Row = tuple[str, str, int, tuple[float, float, float]]
+"""parent, child, stamp in ns (0 = static), x, y, half the yaw's sine and cosine in the third's place."""
+
+
+class BufferFigures(msgspec.Struct):
+    """One tree: calls a second of one core; ratios are tf2_py's time by ours, medians of rounds that take turns."""
+
+    robots: int
+    set_per_s: float
+    latest_per_s: float
+    past_per_s: float
+    set_ratio: float | None
+    """None where tf2_py is not here."""
+    latest_ratio: float | None
+    past_ratio: float | None
+
+
+class _Maker:
+    """Messages of one implementation, and its buffer."""
+
+    def __init__(self, stamped: Callable[[str, str, int, tuple[float, ...]], Any], buffer: Callable[[], Any]) -> None:
+        self.stamped, self.buffer = stamped, buffer
+
+
+def _tree(robots: int) -> list[tuple[str, str, int, tuple[float, ...]]]:
+    """Ten seconds of a team: odom -> base_footprint at 50 Hz, every robot at its own instants; all else static."""
+    pick, rows = random.Random(1), []
+    for i in range(robots):
+        own = f"robot_{i}"
+        rows.append(("map", f"{own}/odom", 0, (float(i), -2.0, 0.5)))
+        rows.append((f"{own}/base_footprint", f"{own}/base_link", 0, (0.0, 0.0, 0.0)))
+        rows.append((f"{own}/base_link", f"{own}/base_laser_link", 0, (0.05, 0.0, 0.0)))
+        late = pick.randrange(1, _STEP)
+        rows += [
+            (
+                f"{own}/odom",
+                f"{own}/base_footprint",
+                _START + k * _STEP + late,
+                (0.01 * k, 0.0, 0.3 * math.sin(k)),
+            )
+            for k in range(_SECONDS * 10**9 // _STEP)
+        ]
+    return sorted(rows, key=lambda row: row[2])
+
+
+def measure_buffers(robots: int, tf2_path: Path | None) -> BufferFigures:
+    """Figures for a team of that size."""
+    rows = _tree(robots)
+    pick = random.Random(2)
+    first, last = _START + 200_000_000, _START + _SECONDS * 10**9 - _STEP
+    times = [pick.randrange(first, last) for _ in range(_LOOKUPS)]
+    pairs = [
+        (f"robot_{pick.randrange(robots)}/base_footprint", f"robot_{pick.randrange(robots)}/base_laser_link")
+        for _ in range(_LOOKUPS)
+    ]
+    ours = _prepare_ours(rows, pairs, times)
+    theirs = _prepare_tf2(rows, pairs, times, tf2_path)
+    spent: list[list[tuple[float, float]]] = [[], [], []]
+    for _ in range(_ROUNDS):
+        for kind in range(3):
+            mine = _time(ours[kind])
+            spent[kind].append((mine, _time(theirs[kind]) if theirs else 0.0))
+    counts = len(rows), _LOOKUPS, _LOOKUPS
+    rates = [count / median(mine for mine, _ in s) for count, s in zip(counts, spent, strict=True)]
+    ratios = [median(other / mine for mine, other in s) if theirs else None for s in spent]
+    return BufferFigures(robots, *rates, *ratios)
+
+
+def _time(action: Callable[[], None]) -> float:
+    begin = process_time()
+    action()
+    return process_time() - begin
+
+
+def _yaw(yaw: float) -> tuple[float, float]:
+    return math.sin(0.5 * yaw), math.cos(0.5 * yaw)
+
+
+Actions = tuple[Callable[[], None], Callable[[], None], Callable[[], None]]
+
+
+def _prepare_ours(rows: list[Any], pairs: list[tuple[str, str]], times: list[int]) -> Actions:
+    messages = []
+    for parent, child, stamp, (x, y, yaw) in rows:
+        z, w = _yaw(yaw)
+        transform = Transform(Vector3(x, y, 0.0), Quaternion(0.0, 0.0, z, w))
+        messages.append((TransformStamped(Header(time_from_ns(stamp), parent), child, transform), stamp == 0))
+    filled = Buffer()
+
+    def fill(buffer: Buffer) -> None:
+        for message, static in messages:
+            (buffer.set_transform_static if static else buffer.set_transform)(message, "bench")
+
+    def latest() -> None:
+        for target, source in pairs:
+            filled.lookup_transform(target, source, 0)
+
+    def past() -> None:
+        for (target, source), time in zip(pairs, times, strict=True):
+            filled.lookup_transform(target, source, time)
+
+    fill(filled)
+    return lambda: fill(Buffer()), latest, past
+
+
+def _prepare_tf2(
+    rows: list[Any], pairs: list[tuple[str, str]], times: list[int], tf2_path: Path | None
+) -> Actions | None:
+    if tf2_path is not None:
+        sys.path.append(str(tf2_path))
+    try:
+        with warnings.catch_warnings():
+            # What ROS 1's own modules warn about on new Pythons is not ours.
+            warnings.simplefilter("ignore")
+            tf2, genpy, ros = (importlib.import_module(name) for name in ("tf2_py", "genpy", "geometry_msgs.msg"))
+    except ImportError:
+        return None
+    messages = []
+    for parent, child, stamp, (x, y, yaw) in rows:
+        message = ros.TransformStamped()
+        message.header.frame_id, message.child_frame_id = parent, child
+        message.header.stamp = genpy.Time(*divmod(stamp, 10**9))
+        message.transform.translation.x, message.transform.translation.y = x, y
+        message.transform.rotation.z, message.transform.rotation.w = _yaw(yaw)
+        messages.append((message, stamp == 0))
+    filled, now = tf2.BufferCore(genpy.Duration(_SECONDS)), genpy.Time()
+    asked = [genpy.Time(*divmod(time, 10**9)) for time in times]
+
+    def fill(buffer: Any) -> None:
+        for message, static in messages:
+            (buffer.set_transform_static if static else buffer.set_transform)(message, "bench")
+
+    def latest() -> None:
+        for target, source in pairs:
+            filled.lookup_transform_core(target, source, now)
+
+    def past() -> None:
+        for (target, source), time in zip(pairs, asked, strict=True):
+            filled.lookup_transform_core(target, source, time)
+
+    fill(filled)
+    return lambda: fill(tf2.BufferCore(genpy.Duration(_SECONDS))), latest, past

@@ -1,0 +1,250 @@
+"""The way from one frame to another, and the transform along it.
+
+A path is kept until the tree changes its shape. Its static legs are multiplied out once; what is left is one step for
+each moving edge. Where everything turns about z only, as on a floor, the steps are products of complex numbers.
+"""
+
+import math
+from bisect import bisect_right
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from zteam.tf.edges import Edge, Planar, as_floats
+from zteam.tf.errors import (
+    BackwardExtrapolationException,
+    ConnectivityException,
+    ForwardExtrapolationException,
+    LookupException,
+    NoDataForExtrapolationException,
+    TransformException,
+)
+from zteam.tf.rigid import IDENTITY, Floats, compose, interpolate, invert
+
+Names = tuple[str, str]
+"""(source, target), for error texts."""
+
+
+class Step(NamedTuple):
+    """A moving edge, and the static legs behind it."""
+
+    edge: Edge
+    inverse: bool
+    """Whether the path goes down this edge, from parent to child."""
+    fixed: Planar | None
+    """The product of the static legs that follow; None if there are none."""
+
+
+class Path(NamedTuple):
+    """Edges from two frames up to their common ancestor."""
+
+    source: tuple[Edge, ...]
+    target: tuple[Edge, ...]
+    first: Planar
+    """The product of the static legs before the first step."""
+    steps: tuple[Step, ...]
+    is_quick: bool
+    """Whether every leg is planar, as far as it is static, and no edge of the path ever had another parent."""
+
+
+_START: Planar = (0j, 1 + 0j, 0.0)
+
+
+def make_path(source: tuple[Edge, ...], target: tuple[Edge, ...]) -> Path:
+    """The path whose edges these are, from either end upward."""
+    legs = [(edge, False) for edge in source] + [(edge, True) for edge in reversed(target)]
+    if any(edge.parents is not None or (edge.static and edge.spatial) for edge, _ in legs):
+        return Path(source, target, _START, (), False)
+    products: list[Planar | None] = [None]
+    moving: list[tuple[Edge, bool]] = []
+    for edge, inverse in legs:
+        if not edge.static:
+            moving.append((edge, inverse))
+            products.append(None)
+        else:
+            value = edge.values[0]
+            assert len(value) == 3
+            products[-1] = _follow(products[-1] or _START, value, inverse)
+    steps = tuple(Step(edge, inverse, fixed) for (edge, inverse), fixed in zip(moving, products[1:], strict=True))
+    return Path(source, target, products[0] or _START, steps, True)
+
+
+def _follow(passed: Planar, value: Planar, inverse: bool) -> Planar:
+    """One leg more."""
+    (at, turn, z), (offset, own, height) = passed, value
+    if inverse:
+        back = own.conjugate()
+        return (at - offset) * (back * back), back * turn, z - height
+    return offset + own * own * at, own * turn, z + height
+
+
+def evaluate_quickly(path: Path, time: int) -> tuple[complex, complex, float, int] | None:
+    """(x + iy, half-angle rotor, z, stamp) of a quick path at `time`, 0 = latest; None where it takes the long way.
+
+    The long way says what is missing, and serves what is not planar.
+    """
+    steps = path.steps
+    if time == 0 and steps:
+        time = min([step[0].stamps[-1] for step in steps])
+        if time == 0:
+            return None
+    at, turn, z = path.first
+    for edge, inverse, fixed in steps:
+        if edge.spatial:
+            return None
+        stamps = edge.stamps
+        if stamps[-1] == time:
+            offset, own, height = edge.values[-1]  # type: ignore[misc]
+        elif stamps[0] <= time < stamps[-1]:
+            index = bisect_right(stamps, time)
+            offset, own, height = edge.values[index - 1]  # type: ignore[misc]
+            since = time - stamps[index - 1]
+            if since:
+                share = since / (stamps[index] - stamps[index - 1])
+                next_offset, next_own, next_height = edge.values[index]  # type: ignore[misc]
+                offset += share * (next_offset - offset)
+                height += share * (next_height - height)
+                between = next_own * own.conjugate()
+                if between.imag:
+                    # The short way round; atan2 of a rotor and of its negative differ by half a turn.
+                    angle = share * (
+                        math.atan2(between.imag, between.real)
+                        if between.real >= 0.0
+                        else math.atan2(-between.imag, -between.real)
+                    )
+                    own *= complex(math.cos(angle), math.sin(angle))
+        else:
+            return None
+        if inverse:
+            own = own.conjugate()
+            at = (at - offset) * (own * own)
+            z -= height
+        else:
+            at = offset + own * own * at
+            z += height
+        turn = own * turn
+        if fixed is not None:
+            offset, own, height = fixed
+            at, turn, z = offset + own * own * at, own * turn, z + height
+    return at, turn, z, time
+
+
+def evaluate(path: Path, time: int, what: Names) -> Floats:
+    """target_from_source at `time`, leg by leg. Raises the three kinds of extrapolation."""
+    source_side, target_side = IDENTITY, IDENTITY
+    for edge in path.source:
+        source_side = compose(_at(edge, time, what), source_side)
+    for edge in path.target:
+        target_side = compose(_at(edge, time, what), target_side)
+    return compose(invert(target_side), source_side) if path.target else source_side
+
+
+def latest(edges: tuple[Edge, ...]) -> int:
+    """The newest time that all moving edges have; edges stamped 0 count as static, as in tf2."""
+    return min((e.stamps[-1] for e in edges if not e.static and e.stamps and e.stamps[-1]), default=0)
+
+
+def walk(edges: Mapping[str, Edge], target: str, source: str, time: int | None) -> Path:
+    """The path by the parents at `time` (None = newest). Raises LookupException or whatever is missing."""
+    what = source, target
+    up = _ancestors(edges, source, time)
+    down: list[Edge] = []
+    frame = target
+    depth = {name: i for i, (name, _) in enumerate(up)}
+    failure: TransformException | None = None
+    while frame not in depth:
+        if len(down) > len(edges):
+            raise LookupException("The tf tree is invalid because it contains a loop.")
+        edge = edges.get(frame)
+        parent, problem = _parent(edge, time, what)
+        failure = problem or failure
+        if edge is None or not parent:
+            raise failure or _first_failure(edges, source, time, what) or _unconnected(target, source)
+        down.append(edge)
+        frame = parent
+    return make_path(tuple(e for _, e in up[: depth[frame]] if e is not None), tuple(down))
+
+
+def _ancestors(edges: Mapping[str, Edge], frame: str, time: int | None) -> list[tuple[str, Edge | None]]:
+    """`frame` and everything above it, each with the edge that leads further up (None at the top)."""
+    found: list[tuple[str, Edge | None]] = []
+    while True:
+        if len(found) > len(edges) + 1:
+            raise LookupException("The tf tree is invalid because it contains a loop.")
+        edge = edges.get(frame)
+        parent, _ = _parent(edge, time, ("", ""))
+        found.append((frame, edge if parent else None))
+        if not parent:
+            return found
+        frame = parent
+
+
+def _first_failure(edges: Mapping[str, Edge], frame: str, time: int | None, what: Names) -> TransformException | None:
+    """The extrapolation that ended the walk up from `frame`, if one did."""
+    while True:
+        parent, problem = _parent(edges.get(frame), time, what)
+        if not parent:
+            return problem
+        frame = parent
+
+
+def _parent(edge: Edge | None, time: int | None, what: Names) -> tuple[str, TransformException | None]:
+    """The edge's parent at `time` (None = newest), or empty with the reason."""
+    if edge is None or (time is None and not edge.stamps):
+        return "", None
+    if time is None or edge.static:
+        return edge.parent, None
+    try:
+        return edge.parent_at(_index(edge, time, what)), None
+    except TransformException as error:
+        return "", error
+
+
+def _unconnected(target: str, source: str) -> ConnectivityException:
+    return ConnectivityException(
+        f"Could not find a connection between '{target}' and '{source}' because they are not part of the same tree."
+        "Tf has two or more unconnected trees."
+    )
+
+
+def _index(edge: Edge, time: int, what: Names) -> int:
+    """Index of the newest sample that is not newer than `time`. Raises the three kinds of extrapolation."""
+    stamps = edge.stamps
+    looking = f", when looking up transform from frame [{what[0]}] to frame [{what[1]}]"
+    if not stamps:
+        raise NoDataForExtrapolationException(f"Lookup would require data, but the buffer was cleared{looking}")
+    newest = len(stamps) - 1
+    if time == stamps[newest]:
+        return newest
+    if newest == 0:
+        raise NoDataForExtrapolationException(
+            f"Lookup would require extrapolation at time {_seconds(time)}, but only time {_seconds(stamps[0])} "
+            f"is in the buffer{looking}"
+        )
+    if time > stamps[newest]:
+        raise ForwardExtrapolationException(
+            f"Lookup would require extrapolation {_seconds(time - stamps[newest])}s into the future.  "
+            f"Requested time {_seconds(time)} but the latest data is at time {_seconds(stamps[newest])}{looking}"
+        )
+    if time < stamps[0]:
+        raise BackwardExtrapolationException(
+            f"Lookup would require extrapolation {_seconds(stamps[0] - time)}s into the past.  "
+            f"Requested time {_seconds(time)} but the earliest data is at time {_seconds(stamps[0])}{looking}"
+        )
+    return bisect_right(stamps, time) - 1
+
+
+def _seconds(nanoseconds: int) -> str:
+    """To the nanosecond: a double's digits do not reach that far."""
+    whole, rest = divmod(nanoseconds, 10**9)
+    return f"{whole}.{rest:09d}"
+
+
+def _at(edge: Edge, time: int, what: Names) -> Floats:
+    if edge.static:
+        return as_floats(edge.values[0])
+    at = _index(edge, time, what)
+    older, stamp = as_floats(edge.values[at]), edge.stamps[at]
+    # Nothing lies between two parents: the older sample holds until the change.
+    if stamp == time or edge.parent_at(at + 1) != edge.parent_at(at):
+        return older
+    return interpolate(older, as_floats(edge.values[at + 1]), (time - stamp) / (edge.stamps[at + 1] - stamp))
