@@ -72,9 +72,9 @@ def measure_buffers(robots: int, tf2_path: Path | None) -> BufferFigures:
     pick = random.Random(2)
     first, last = _START + 200_000_000, _START + _SECONDS * 10**9 - _STEP
     times = [pick.randrange(first, last) for _ in range(_LOOKUPS)]
+    # As in a line: every robot looks for the laser of the one before it.
     pairs = [
-        (f"robot_{pick.randrange(robots)}/base_footprint", f"robot_{pick.randrange(robots)}/base_laser_link")
-        for _ in range(_LOOKUPS)
+        (f"robot_{k % robots}/base_footprint", f"robot_{(k - 1) % robots}/base_laser_link") for k in range(_LOOKUPS)
     ]
     ours = _prepare_ours(rows, pairs, times)
     theirs = _prepare_tf2(rows, pairs, times, tf2_path)

@@ -5,8 +5,8 @@ from itertools import pairwise
 
 from zteam.tf.rigid import Floats
 
-Planar = tuple[complex, complex, float]
-"""A transform that only turns about z: x + iy, cos(yaw/2) + i sin(yaw/2), z. Two numbers do what seven do."""
+Planar = tuple[float, float, float, float, float]
+"""A transform that only turns about z: x, y, z, qz, qw. (Complex numbers were tried: Python is quicker with floats.)"""
 
 Value = Planar | Floats
 
@@ -15,14 +15,14 @@ def as_floats(value: Value) -> Floats:
     """A value as seven floats."""
     if len(value) == 7:
         return value
-    offset, turn, z = value
-    return (offset.real, offset.imag, z, 0.0, 0.0, turn.imag, turn.real)
+    x, y, z, k, w = value
+    return (x, y, z, 0.0, 0.0, k, w)
 
 
 class Edge:
     """What is known of one child frame: a static transform, or samples in order of time."""
 
-    __slots__ = ("authority", "parent", "parents", "spatial", "stamps", "static", "values")
+    __slots__ = ("authority", "parent", "parents", "plain_parent", "spatial", "stamps", "static", "values")
 
     def __init__(self, static: bool) -> None:
         self.static = static
@@ -32,6 +32,8 @@ class Edge:
         """By the newest sample; empty if there is none."""
         self.parents: list[str] | None = None
         """By sample, where they differ; None where all samples have the same."""
+        self.plain_parent: str | None = None
+        """The parent, if all samples have it and the edge moves: what the usual sample is compared with."""
         self.spatial = 0
         """How many values are not planar."""
         self.authority = ""
@@ -44,6 +46,7 @@ class Edge:
     def forget(self) -> None:
         """Drop all samples."""
         self.stamps, self.values, self.parent, self.parents, self.spatial = [], [], "", None, 0
+        self.plain_parent = None
 
     def parent_at(self, index: int) -> str:
         """Parent of the sample at an index."""
@@ -63,6 +66,7 @@ class Edge:
         else:
             self.parent = parent
         self.spatial += len(value) == 7
+        self.plain_parent = self.parent if self.parents is None else None
 
     def prune(self, oldest: int) -> None:
         """Forget what is older than `oldest`."""
@@ -76,7 +80,7 @@ class Edge:
         if self.parents is not None:
             del self.parents[:cut]
             if all(a == b for a, b in pairwise(self.parents)):
-                self.parents = None
+                self.parents, self.plain_parent = None, self.parent
 
     def find(self, stamp: int) -> int:
         """Index of the sample with exactly this stamp, or -1."""

@@ -4,9 +4,9 @@ A path is kept until the tree changes its shape. Its static legs are multiplied 
 each moving edge. Where everything turns about z only, as on a floor, the steps are products of complex numbers.
 """
 
-import math
 from bisect import bisect_right
 from collections.abc import Mapping
+from math import atan2, cos, sin
 from typing import NamedTuple
 
 from zteam.tf.edges import Edge, Planar, as_floats
@@ -46,7 +46,7 @@ class Path(NamedTuple):
     """Whether every leg is planar, as far as it is static, and no edge of the path ever had another parent."""
 
 
-_START: Planar = (0j, 1 + 0j, 0.0)
+_START: Planar = (0.0, 0.0, 0.0, 0.0, 1.0)
 
 
 def make_path(source: tuple[Edge, ...], target: tuple[Edge, ...]) -> Path:
@@ -62,7 +62,7 @@ def make_path(source: tuple[Edge, ...], target: tuple[Edge, ...]) -> Path:
             products.append(None)
         else:
             value = edge.values[0]
-            assert len(value) == 3
+            assert len(value) == 5
             products[-1] = _follow(products[-1] or _START, value, inverse)
     steps = tuple(Step(edge, inverse, fixed) for (edge, inverse), fixed in zip(moving, products[1:], strict=True))
     return Path(source, target, products[0] or _START, steps, True)
@@ -70,62 +70,58 @@ def make_path(source: tuple[Edge, ...], target: tuple[Edge, ...]) -> Path:
 
 def _follow(passed: Planar, value: Planar, inverse: bool) -> Planar:
     """One leg more."""
-    (at, turn, z), (offset, own, height) = passed, value
+    (x, y, z, k, w), (px, py, pz, qk, qw) = passed, value
+    cos = qw * qw - qk * qk
     if inverse:
-        back = own.conjugate()
-        return (at - offset) * (back * back), back * turn, z - height
-    return offset + own * own * at, own * turn, z + height
+        sin = -2.0 * qw * qk
+        dx, dy = x - px, y - py
+        return cos * dx - sin * dy, sin * dx + cos * dy, z - pz, qw * k - qk * w, qw * w + qk * k
+    sin = 2.0 * qw * qk
+    return px + cos * x - sin * y, py + sin * x + cos * y, z + pz, qw * k + qk * w, qw * w - qk * k
 
 
-def evaluate_quickly(path: Path, time: int) -> tuple[complex, complex, float, int] | None:
-    """(x + iy, half-angle rotor, z, stamp) of a quick path at `time`, 0 = latest; None where it takes the long way.
+def _between(older: Planar, newer: Planar, share: float) -> Planar:
+    """Straight ahead, and the short way round: in the plane slerp is a share of the angle."""
+    x, y, z, k, w = older
+    nx, ny, nz, nk, nw = newer
+    cross, dot = nk * w - nw * k, nw * w + nk * k
+    # A quaternion and its negative are one rotation.
+    angle = share * (atan2(cross, dot) if dot >= 0.0 else atan2(-cross, -dot))
+    c, s = cos(angle), sin(angle)
+    return x + share * (nx - x), y + share * (ny - y), z + share * (nz - z), k * c + w * s, w * c - k * s
+
+
+def evaluate_quickly(path: Path, time: int) -> tuple[Planar, int] | None:
+    """The transform along a quick path at `time`, 0 = latest, and its stamp; None where it takes the long way.
 
     The long way says what is missing, and serves what is not planar.
     """
     steps = path.steps
     if time == 0 and steps:
-        time = min([step[0].stamps[-1] for step in steps])
+        time = steps[0][0].stamps[-1]
+        for edge, _, _ in steps:
+            if edge.stamps[-1] < time:
+                time = edge.stamps[-1]
         if time == 0:
             return None
-    at, turn, z = path.first
+    passed = path.first
     for edge, inverse, fixed in steps:
         if edge.spatial:
             return None
         stamps = edge.stamps
         if stamps[-1] == time:
-            offset, own, height = edge.values[-1]  # type: ignore[misc]
+            value = edge.values[-1]
         elif stamps[0] <= time < stamps[-1]:
-            index = bisect_right(stamps, time)
-            offset, own, height = edge.values[index - 1]  # type: ignore[misc]
-            since = time - stamps[index - 1]
+            after = bisect_right(stamps, time)
+            value, since = edge.values[after - 1], time - stamps[after - 1]
             if since:
-                share = since / (stamps[index] - stamps[index - 1])
-                next_offset, next_own, next_height = edge.values[index]  # type: ignore[misc]
-                offset += share * (next_offset - offset)
-                height += share * (next_height - height)
-                between = next_own * own.conjugate()
-                if between.imag:
-                    # The short way round; atan2 of a rotor and of its negative differ by half a turn.
-                    angle = share * (
-                        math.atan2(between.imag, between.real)
-                        if between.real >= 0.0
-                        else math.atan2(-between.imag, -between.real)
-                    )
-                    own *= complex(math.cos(angle), math.sin(angle))
+                value = _between(value, edge.values[after], since / (stamps[after] - stamps[after - 1]))  # type: ignore[arg-type]
         else:
             return None
-        if inverse:
-            own = own.conjugate()
-            at = (at - offset) * (own * own)
-            z -= height
-        else:
-            at = offset + own * own * at
-            z += height
-        turn = own * turn
+        passed = _follow(passed, value, inverse)  # type: ignore[arg-type]
         if fixed is not None:
-            offset, own, height = fixed
-            at, turn, z = offset + own * own * at, own * turn, z + height
-    return at, turn, z, time
+            passed = _follow(passed, fixed, False)
+    return passed, time
 
 
 def evaluate(path: Path, time: int, what: Names) -> Floats:
