@@ -72,10 +72,8 @@ def measure_buffers(robots: int, tf2_path: Path | None) -> BufferFigures:
     pick = random.Random(2)
     first, last = _START + 200_000_000, _START + _SECONDS * 10**9 - _STEP
     times = [pick.randrange(first, last) for _ in range(_LOOKUPS)]
-    # As in a line: every robot looks for the laser of the one before it.
-    pairs = [
-        (f"robot_{k % robots}/base_footprint", f"robot_{(k - 1) % robots}/base_laser_link") for k in range(_LOOKUPS)
-    ]
+    # A follower asks the same question all the time: where its leader is.
+    pairs = [("robot_0/base_footprint", f"robot_{min(3, robots - 1)}/base_laser_link")] * _LOOKUPS
     ours = _prepare_ours(rows, pairs, times)
     theirs = _prepare_tf2(rows, pairs, times, tf2_path)
     spent: list[list[tuple[float, float]]] = [[], [], []]
@@ -111,19 +109,33 @@ def _prepare_ours(rows: list[Any], pairs: list[tuple[str, str]], times: list[int
     filled = Buffer()
 
     def fill(buffer: Buffer) -> None:
-        for message, static in messages:
-            (buffer.set_transform_static if static else buffer.set_transform)(message, "bench")
+        _fill(messages, buffer.set_transform, buffer.set_transform_static)
 
+    fill(filled)
+    latest, past = _askers(filled.lookup_transform, pairs, 0, times)
+    return lambda: fill(Buffer()), latest, past
+
+
+def _fill(messages: list[tuple[Any, bool]], put: Callable[..., Any], put_static: Callable[..., Any]) -> None:
+    for message, static in messages:
+        if static:
+            put_static(message, "bench")
+        else:
+            put(message, "bench")
+
+
+def _askers(
+    look_up: Callable[..., Any], pairs: list[tuple[str, str]], now: Any, times: list[Any]
+) -> tuple[Callable[[], None], Callable[[], None]]:
     def latest() -> None:
         for target, source in pairs:
-            filled.lookup_transform(target, source, 0)
+            look_up(target, source, now)
 
     def past() -> None:
         for (target, source), time in zip(pairs, times, strict=True):
-            filled.lookup_transform(target, source, time)
+            look_up(target, source, time)
 
-    fill(filled)
-    return lambda: fill(Buffer()), latest, past
+    return latest, past
 
 
 def _prepare_tf2(
@@ -150,16 +162,8 @@ def _prepare_tf2(
     asked = [genpy.Time(*divmod(time, 10**9)) for time in times]
 
     def fill(buffer: Any) -> None:
-        for message, static in messages:
-            (buffer.set_transform_static if static else buffer.set_transform)(message, "bench")
-
-    def latest() -> None:
-        for target, source in pairs:
-            filled.lookup_transform_core(target, source, now)
-
-    def past() -> None:
-        for (target, source), time in zip(pairs, asked, strict=True):
-            filled.lookup_transform_core(target, source, time)
+        _fill(messages, buffer.set_transform, buffer.set_transform_static)
 
     fill(filled)
+    latest, past = _askers(filled.lookup_transform_core, pairs, now, asked)
     return lambda: fill(tf2.BufferCore(genpy.Duration(_SECONDS))), latest, past

@@ -1,8 +1,9 @@
-"""`zteam bench sim | kernel | team | codec`: figures of this machine."""
+"""`zteam bench sim | kernel | tf | team | codec`: figures of this machine."""
 
 import argparse
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -16,7 +17,7 @@ from zteam.simulation import PHYSICS, Options
 def build_parser() -> argparse.ArgumentParser:
     """The command line."""
     parser = argparse.ArgumentParser(prog="zteam bench", description=__doc__)
-    verbs = parser.add_subparsers(dest="verb", required=True, metavar="sim|kernel|team|codec")
+    verbs = parser.add_subparsers(dest="verb", required=True, metavar="sim|kernel|tf|team|codec")
     sim = verbs.add_parser("sim", help="the simulator's core alone, as fast as it goes")
     sim.add_argument("world", metavar="WORLD")
     sim.add_argument("--robots", type=int, default=20)
@@ -27,12 +28,16 @@ def build_parser() -> argparse.ArgumentParser:
     sim.add_argument("--physics", choices=PHYSICS, help="default: what the world says, else dynamic")
     kernel = verbs.add_parser("kernel", help="rays against a bitmap alone, beside a plain scalar traversal")
     kernel.add_argument("world", nargs="?", default="office", metavar="WORLD")
+    transforms = verbs.add_parser("tf", help="the transform buffer, beside tf2_py where it is installed")
+    transforms.add_argument(
+        "--tf2-path", type=Path, metavar="DIR", help="folder of tf2_py, if Python does not find it by itself"
+    )
     team = verbs.add_parser("team", help="a whole team in real time: GO, latency, memory")
     team.add_argument("world", nargs="?", metavar="WORLD", help="instead of the team file's")
     team.add_argument("--team", default="line", help="team file or shipped team (default: %(default)s)")
     team.add_argument("--seconds", type=float, default=20.0, help="simulated (default: %(default)s)")
     codec = verbs.add_parser("codec", help="encoding and decoding")
-    for sub in (sim, kernel, team, codec):
+    for sub in (sim, kernel, transforms, team, codec):
         sub.add_argument("--json", action="store_true")
         sub.add_argument("--log-level", choices=LEVELS, default="warning")
         sub.add_argument("--log-format", choices=("text", "json"), default="text")
@@ -64,6 +69,10 @@ def _measure(args: argparse.Namespace) -> list[Any]:
         from zteam.bench.coding import measure_codec
 
         return list(measure_codec())
+    if args.verb == "tf":
+        from zteam.bench.transforms import measure_buffers
+
+        return [measure_buffers(robots, args.tf2_path) for robots in (4, 100)]
     if args.verb == "kernel":
         from zteam.bench.casting import measure_kernels
         from zteam.cli.sim import find_world

@@ -40,8 +40,11 @@ _NO_BOOL: NDArray[np.bool_] = _frozen(np.zeros(0, np.bool_))
 _NO_COVARIANCE: NDArray[np.float64] = _frozen(np.zeros(36, np.float64))
 
 
-class Message(msgspec.Struct, eq=False):
-    """Base of all messages. `ros_type` is the type's full ROS name, such as `geometry_msgs/msg/Twist`."""
+class Message(msgspec.Struct, eq=False, gc=False):
+    """Base of all messages. `ros_type` is the type's full ROS name, such as `geometry_msgs/msg/Twist`.
+
+    The garbage collector leaves messages alone: their types admit no cycles, and a team makes a great many of them.
+    """
 
     ros_type: ClassVar[str] = ""
 

@@ -87,25 +87,28 @@ class Buffer:
         try:
             # The usual case first, and in one piece: a planar sample, newer than all others, of an edge as it is. It
             # comes a thousand times for every other, and calls cost more here than arithmetic.
-            edge, pose, header = self._edges.get(transform.child_frame_id), transform.transform, transform.header
+            edge, header, pose = self._edges[transform.child_frame_id], transform.header, transform.transform
             rotation = pose.rotation
-            if edge is not None and edge.plain_parent == header.frame_id and rotation.x == 0.0 and rotation.y == 0.0:
+            if edge.plain_parent == header.frame_id and rotation.x == 0.0 and rotation.y == 0.0:
                 stamp, offset, stamps = header.stamp, pose.translation, edge.stamps
                 time = stamp.sec * 1_000_000_000 + stamp.nanosec
                 x, y, z, k, w = value = offset.x, offset.y, offset.z, rotation.z, rotation.w
-                # 0 times a number is 0 unless that number is inf or NaN.
-                if time > stamps[-1] and abs(k * k + w * w - 1.0) < _ROUNDING and 0.0 * (x + y + z) == 0.0:
+                # 0 for a unit quaternion and finite numbers: 0 times inf or NaN is NaN.
+                off = k * k + w * w - 1.0 + 0.0 * (x + y + z)
+                if time > stamps[-1] and off * off < 1e-24:
                     stamps.append(time)
                     edge.values.append(value)
                     edge.authority = authority
-                    if stamps[0] < time - self._cache:
-                        edge.prune(time - self._cache)
+                    if time > edge.expiry:
+                        edge.prune(self._cache)
                     if self._waiting:
                         self._changed.notify_all()
                     return None
-            return self._set(transform, authority, static=False)
+        except KeyError:
+            pass  # a new frame, which is not the usual case
         finally:
             self._release()
+        return self._set(transform, authority, static=False)
 
     def set_transform_static(self, transform: TransformStamped, authority: str) -> Rejection | None:
         """Store an edge that holds at all times; None, or why not."""
@@ -170,15 +173,13 @@ class Buffer:
         edge = self._edges.get(child)
         if edge is None or edge.static != static:
             edge = self._edges[child] = Edge(static)
-        before = edge.parent, edge.parents is None, edge.values[0] if static and edge.values else None
+        before = edge.shape()
         if static:
             edge.replace(value, parent)
         else:
-            edge.insert(stamp, value, parent)
-            edge.prune(edge.stamps[-1] - self._cache)
+            edge.insert(stamp, value, parent, self._cache)
         edge.authority = authority
-        # Paths hold which edges there are, whether their parents change, and what static ones are.
-        if before != (edge.parent, edge.parents is None, value if static else None):
+        if before != edge.shape():
             self._paths.clear()
         self._frames.update((child, parent))
 

@@ -22,7 +22,7 @@ def as_floats(value: Value) -> Floats:
 class Edge:
     """What is known of one child frame: a static transform, or samples in order of time."""
 
-    __slots__ = ("authority", "parent", "parents", "plain_parent", "spatial", "stamps", "static", "values")
+    __slots__ = ("authority", "expiry", "parent", "parents", "plain_parent", "spatial", "stamps", "static", "values")
 
     def __init__(self, static: bool) -> None:
         self.static = static
@@ -36,6 +36,8 @@ class Edge:
         """The parent, if all samples have it and the edge moves: what the usual sample is compared with."""
         self.spatial = 0
         """How many values are not planar."""
+        self.expiry = 0
+        """A sample of a later time than this ends the oldest one's life."""
         self.authority = ""
 
     def replace(self, value: Value, parent: str) -> None:
@@ -48,12 +50,24 @@ class Edge:
         self.stamps, self.values, self.parent, self.parents, self.spatial = [], [], "", None, 0
         self.plain_parent = None
 
+    def shape(self) -> tuple[str, bool, bool, Value | None]:
+        """All that paths rely on: while it is the same, they hold."""
+        return (
+            self.parent,
+            self.parents is None,
+            self.spatial == 0,
+            self.values[0] if self.static and self.values else None,
+        )
+
     def parent_at(self, index: int) -> str:
         """Parent of the sample at an index."""
         return self.parent if self.parents is None else self.parents[index]
 
-    def insert(self, stamp: int, value: Value, parent: str) -> None:
-        """Put a sample in its place; the stamp is not there yet."""
+    def insert(self, stamp: int, value: Value, parent: str, cache: int) -> None:
+        """Put a sample in its place, and forget what is older than the newest by more than `cache` (ns).
+
+        The stamp is not there yet.
+        """
         stamps = self.stamps
         if self.parents is None and stamps and parent != self.parent:
             self.parents = [self.parent] * len(stamps)
@@ -67,12 +81,12 @@ class Edge:
             self.parent = parent
         self.spatial += len(value) == 7
         self.plain_parent = self.parent if self.parents is None else None
+        self.prune(cache)
 
-    def prune(self, oldest: int) -> None:
-        """Forget what is older than `oldest`."""
-        cut = bisect_left(self.stamps, oldest)
-        if not cut:
-            return
+    def prune(self, cache: int) -> None:
+        """Forget what is older than the newest sample by more than `cache` (ns)."""
+        cut = bisect_left(self.stamps, self.stamps[-1] - cache)
+        self.expiry = self.stamps[cut] + cache
         if self.spatial:
             self.spatial -= sum(len(value) == 7 for value in self.values[:cut])
         del self.stamps[:cut]

@@ -25,13 +25,13 @@ Names = tuple[str, str]
 
 
 class Step(NamedTuple):
-    """A moving edge, and the static legs behind it."""
+    """A moving edge, and the product of the static legs behind it."""
 
     edge: Edge
     inverse: bool
     """Whether the path goes down this edge, from parent to child."""
-    fixed: Planar | None
-    """The product of the static legs that follow; None if there are none."""
+    fixed: tuple[float, float, float, float, float, float, float] | None
+    """x, y, z, qz, qw, cos and sin of the yaw; None if there are no static legs."""
 
 
 class Path(NamedTuple):
@@ -43,7 +43,7 @@ class Path(NamedTuple):
     """The product of the static legs before the first step."""
     steps: tuple[Step, ...]
     is_quick: bool
-    """Whether every leg is planar, as far as it is static, and no edge of the path ever had another parent."""
+    """Whether every leg is planar, and no edge of the path has more than one parent in its history."""
 
 
 _START: Planar = (0.0, 0.0, 0.0, 0.0, 1.0)
@@ -52,7 +52,7 @@ _START: Planar = (0.0, 0.0, 0.0, 0.0, 1.0)
 def make_path(source: tuple[Edge, ...], target: tuple[Edge, ...]) -> Path:
     """The path whose edges these are, from either end upward."""
     legs = [(edge, False) for edge in source] + [(edge, True) for edge in reversed(target)]
-    if any(edge.parents is not None or (edge.static and edge.spatial) for edge, _ in legs):
+    if any(edge.parents is not None or edge.spatial for edge, _ in legs):
         return Path(source, target, _START, (), False)
     products: list[Planar | None] = [None]
     moving: list[tuple[Edge, bool]] = []
@@ -64,8 +64,16 @@ def make_path(source: tuple[Edge, ...], target: tuple[Edge, ...]) -> Path:
             value = edge.values[0]
             assert len(value) == 5
             products[-1] = _follow(products[-1] or _START, value, inverse)
-    steps = tuple(Step(edge, inverse, fixed) for (edge, inverse), fixed in zip(moving, products[1:], strict=True))
+    steps = tuple(
+        Step(edge, inverse, fixed and _with_cos_sin(fixed))
+        for (edge, inverse), fixed in zip(moving, products[1:], strict=True)
+    )
     return Path(source, target, products[0] or _START, steps, True)
+
+
+def _with_cos_sin(value: Planar) -> tuple[float, float, float, float, float, float, float]:
+    x, y, z, k, w = value
+    return x, y, z, k, w, w * w - k * k, 2.0 * w * k
 
 
 def _follow(passed: Planar, value: Planar, inverse: bool) -> Planar:
@@ -80,48 +88,65 @@ def _follow(passed: Planar, value: Planar, inverse: bool) -> Planar:
     return px + cos * x - sin * y, py + sin * x + cos * y, z + pz, qw * k + qk * w, qw * w - qk * k
 
 
-def _between(older: Planar, newer: Planar, share: float) -> Planar:
-    """Straight ahead, and the short way round: in the plane slerp is a share of the angle."""
-    x, y, z, k, w = older
-    nx, ny, nz, nk, nw = newer
-    cross, dot = nk * w - nw * k, nw * w + nk * k
-    # A quaternion and its negative are one rotation.
-    angle = share * (atan2(cross, dot) if dot >= 0.0 else atan2(-cross, -dot))
-    c, s = cos(angle), sin(angle)
-    return x + share * (nx - x), y + share * (ny - y), z + share * (nz - z), k * c + w * s, w * c - k * s
-
-
 def evaluate_quickly(path: Path, time: int) -> tuple[Planar, int] | None:
     """The transform along a quick path at `time`, 0 = latest, and its stamp; None where it takes the long way.
 
-    The long way says what is missing, and serves what is not planar.
+    The long way says what is missing, and serves what is not planar. All arithmetic is written out here (`_follow` and
+    the long way's `interpolate` say the same in calls): this is the hot path, and a call costs as much as ten products.
     """
     steps = path.steps
     if time == 0 and steps:
         time = steps[0][0].stamps[-1]
         for edge, _, _ in steps:
-            if edge.stamps[-1] < time:
-                time = edge.stamps[-1]
+            newest = edge.stamps[-1]
+            if newest < time:
+                time = newest
         if time == 0:
             return None
-    passed = path.first
+    x, y, z, k, w = path.first
     for edge, inverse, fixed in steps:
-        if edge.spatial:
-            return None
         stamps = edge.stamps
-        if stamps[-1] == time:
-            value = edge.values[-1]
-        elif stamps[0] <= time < stamps[-1]:
-            after = bisect_right(stamps, time)
-            value, since = edge.values[after - 1], time - stamps[after - 1]
-            if since:
-                value = _between(value, edge.values[after], since / (stamps[after] - stamps[after - 1]))  # type: ignore[arg-type]
+        newest = stamps[-1]
+        if newest == time:
+            px, py, pz, qk, qw = edge.values[-1]  # type: ignore[misc]
+        elif stamps[0] <= time < newest:
+            at, before = -2, stamps[-2]
+            if time < before:
+                # Where it would be if samples came evenly, which they mostly do; bisection touches far more memory.
+                first = stamps[0]
+                at = (time - first) * (len(stamps) - 1) // (newest - first)
+                if not stamps[at] <= time < stamps[at + 1]:
+                    at = bisect_right(stamps, time) - 1
+                before = stamps[at]
+            px, py, pz, qk, qw = edge.values[at]  # type: ignore[misc]
+            if before != time:
+                at += 1
+                share = (time - before) / (stamps[at] - before)
+                nx, ny, nz, nk, nw = edge.values[at]  # type: ignore[misc]
+                px += share * (nx - px)
+                py += share * (ny - py)
+                pz += share * (nz - pz)
+                cross, dot = nk * qw - nw * qk, nw * qw + nk * qk
+                if cross:
+                    # The short way round, for a quaternion and its negative are one rotation.
+                    angle = share * (atan2(cross, dot) if dot >= 0.0 else atan2(-cross, -dot))
+                    c, s = cos(angle), sin(angle)
+                    qk, qw = qk * c + qw * s, qw * c - qk * s
         else:
             return None
-        passed = _follow(passed, value, inverse)  # type: ignore[arg-type]
+        c, s = qw * qw - qk * qk, (qw + qw) * qk
+        if inverse:
+            x, y, z = x - px, y - py, z - pz
+            x, y = c * x + s * y, c * y - s * x
+            k, w = qw * k - qk * w, qw * w + qk * k
+        else:
+            x, y, z = px + c * x - s * y, py + s * x + c * y, z + pz
+            k, w = qw * k + qk * w, qw * w - qk * k
         if fixed is not None:
-            passed = _follow(passed, fixed, False)
-    return passed, time
+            px, py, pz, qk, qw, c, s = fixed
+            x, y, z = px + c * x - s * y, py + s * x + c * y, z + pz
+            k, w = qw * k + qk * w, qw * w - qk * k
+    return (x, y, z, k, w), time
 
 
 def evaluate(path: Path, time: int, what: Names) -> Floats:
