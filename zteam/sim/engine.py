@@ -6,7 +6,7 @@ sense at its end. The same world, seed and commands give the same bytes.
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Protocol
+from typing import Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,7 +79,7 @@ class Engine:
         for robot_id, twist in commands.items():
             i = self._index(team, robot_id)
             command = twist.linear.x, twist.linear.y, twist.angular.z
-            if not math.isfinite(sum(command)):
+            if not all(map(math.isfinite, command)):
                 raise UsageError(f"the command of robot {robot_id} is not finite: {command}")
             team.commands[i] = command
             team.commanded[i] = self.now
@@ -122,6 +122,9 @@ class Engine:
         if robot_id not in self._robots:
             raise self._no_robot(robot_id)
         del self._robots[robot_id]
+        if self._team is not None:
+            # Another robot of this id starts anew. Observations keep the old table.
+            self._team.ids = {kept: i for kept, i in self._team.ids.items() if kept != robot_id}
         self._outdated = True
 
     def place(self, robot_id: int, pose: Pose2) -> None:
@@ -168,6 +171,9 @@ class Bodies(Protocol):
     def place(self, index: int, pose: Pose2) -> None:
         """Put a mover somewhere, at rest."""
 
+    def adopt(self, old: Self, kept: Sequence[tuple[int, int]]) -> None:
+        """Go on from another's motion, for pairs of movers (index here, index there); poses are there already."""
+
 
 def _make_bodies(
     physics: str, robots: Sequence[Robot], poses: Floats, world: World, floorplans: Sequence[tuple[Floorplan, Fields]]
@@ -202,17 +208,19 @@ class _Team:
         self.odometry = Odometry(self._robots, list(self.ids), options.odom_alphas, seed)
         self._wheels = make_wheels(self._robots)
         poses = np.array([r.pose for r in self._robots] + [o.pose for o in self._pushed], float).reshape(-1, 3)
-        if old is not None:
-            self._adopt(old, poses)
+        kept = self._adopt(old, poses) if old is not None else []
         groups = group_shapes(self._robots, world.obstacles)
         self.bodies: Bodies = _make_bodies(options.physics or world.physics, self._robots, poses, world, floorplans)
+        if old is not None:
+            self.bodies.adopt(old.bodies, kept)
         self._visible = Caster(floorplans, groups, lambda surface: surface.ranger_return >= 0.0)
         has_bumpers = any(robot.bumpers for robot in self._robots)
         self._solid = Caster(floorplans, groups, lambda surface: surface.obstacle) if has_bumpers else None
         self._lasers = Lasers(self._robots, list(self.ids), self._visible, options, seed)
         self._devices = Devices(self._robots, world.obstacles, self._visible, self._solid)
 
-    def _adopt(self, old: "_Team", poses: np.ndarray) -> None:
+    def _adopt(self, old: "_Team", poses: np.ndarray) -> list[tuple[int, int]]:
+        """Take over what is known of the robots that stay; the pairs of movers (index here, index there) that do."""
         kept = [(i, old.ids[robot_id]) for robot_id, i in self.ids.items() if robot_id in old.ids]
         for here, there in kept:
             poses[here] = old.bodies.poses[there]
@@ -223,6 +231,7 @@ class _Team:
             self._wheels.angles[mine] = old._wheels.angles[theirs]
         poses[len(self._robots) :] = old.bodies.poses[len(old._robots) :]
         self.odometry.adopt(old.odometry, kept)
+        return kept + [(len(self._robots) + i, len(old._robots) + i) for i in range(len(self._pushed))]
 
     def move(self, now: int, tick: int, seconds: float) -> None:
         """One tick, from `now` (ns) on."""

@@ -201,6 +201,14 @@ class DynamicBodies:
         self._space.reindex_shapes_for_body(body)
         self.poses[index] = pose
 
+    def adopt(self, old: "DynamicBodies", kept: Sequence[tuple[int, int]]) -> None:
+        """Go on from another's motion, for pairs of movers (index here, index there); contacts are found anew."""
+        for here, there in kept:
+            body, other = self._bodies[here], old._bodies[there]
+            body.velocity, body.angular_velocity = other.velocity, other.angular_velocity
+            if here < len(self._robots):
+                self.stalled[here], self._touching[here] = old.stalled[there], old._touching[there]
+
 
 def _drive(body: pymunk.Body, vx: float, vy: float, dt: float) -> None:
     """The force that gives a body a velocity by the end of the next step, unless a contact objects."""

@@ -229,3 +229,9 @@ class RefusingBodies:
         self.poses[index] = pose
         if index < self._robots:
             self.stalled[index] = False
+
+    def adopt(self, old: "RefusingBodies", kept: Sequence[tuple[int, int]]) -> None:
+        """Go on from another's motion, for pairs of movers (index here, index there)."""
+        for here, there in kept:
+            if here < self._robots:
+                self.stalled[here] = old.stalled[there]
