@@ -21,6 +21,7 @@ from zteam.sim.grids import find_leaks, make_grids, outline
 from zteam.sim.motion import follow_arcs
 from zteam.sim.outlines import NOBODY, Group, make_outlines, place_shape
 from zteam.world.model import Floorplan, Obstacle, Robot, Shape
+from zteam.world.shapes import is_convex
 
 Floats = NDArray[np.float64]
 
@@ -241,14 +242,9 @@ def _moment(obstacle: Obstacle) -> float:
 
 def convex_parts(points: Sequence[tuple[float, float]]) -> list[list[tuple[float, float]]]:
     """A simple polygon, counter-clockwise, as convex ones: Chipmunk takes the hull of any other."""
-    count = len(points)
-    turns = (
-        (points[i][0] - points[i - 1][0]) * (points[(i + 1) % count][1] - points[i][1])
-        - (points[i][1] - points[i - 1][1]) * (points[(i + 1) % count][0] - points[i][0])
-        for i in range(count)
-    )
-    if all(turn >= 0.0 for turn in turns):
+    if is_convex(points):
         return [list(points)]
     closed = [*points, points[0]]
     parts = pymunk.autogeometry.convex_decomposition(closed, 0.0)
-    return [[(float(x), float(y)) for x, y in part] for part in parts]
+    # Chipmunk closes its polygons with their first corner.
+    return [[(float(x), float(y)) for x, y in part[:-1]] for part in parts]

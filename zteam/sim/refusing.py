@@ -1,12 +1,13 @@
 """Bodies that never touch: a move that would end in a collision is refused whole, and the robot stalls.
 
 This is what Stage does (`stage`, with its own way of stepping), and the cheap way to move a crowd (`kinematic`).
-Outlines are exact: bitmaps are tested cell by cell, polygons edge by edge. Robots move in the order of their ids.
+Outlines are exact: bitmaps are tested cell by cell, polygons in convex parts. Robots move in the order of their ids.
 """
 
 import math
 from collections.abc import Callable, Sequence
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,13 +16,16 @@ from zteam.sim.compiling import compiled
 from zteam.sim.fields import Fields
 from zteam.sim.grids import Grids, make_grids
 from zteam.sim.outlines import Group, Outlines, bin_at, make_outlines, move_outlines
-from zteam.world.model import Floorplan
+from zteam.world.model import Floorplan, Shape
+from zteam.world.shapes import is_convex
 
 Floats = NDArray[np.float64]
 
 _STRIDE = 0.1
 """Metres, and radians, between the places along a move that are tested."""
 _MAX_PLACES = 1000
+_TOUCH = 1e-9
+"""Metres that polygons may overlap and still only touch."""
 
 
 @compiled
@@ -47,27 +51,28 @@ def _contains(px: Floats, py: Floats, begin: int, end: int, x: float, y: float) 
 
 
 @compiled
-def _side(ax: float, ay: float, bx: float, by: float, x: float, y: float) -> float:
-    return (bx - ax) * (y - ay) - (by - ay) * (x - ax)
+def _is_beside(o: Outlines, a: int, b: int, c: int, d: int) -> bool:
+    """Whether an edge of the convex polygon of vertices a to b has all vertices c to d on its outer side."""
+    j = b - 1
+    for i in range(a, b):
+        ex, ey = o.x[i] - o.x[j], o.y[i] - o.y[j]
+        inner = _TOUCH * math.hypot(ex, ey)
+        beside = inner > 0.0
+        for k in range(c, d):
+            if ex * (o.y[k] - o.y[j]) - ey * (o.x[k] - o.x[j]) > inner:
+                beside = False
+                break
+        if beside:
+            return True
+        j = i
+    return False
 
 
 @compiled
 def _shapes_overlap(o: Outlines, one: int, other: int) -> bool:
-    """Whether edges of two polygons cross, or one lies in the other; touching is not overlapping."""
+    """Whether two convex polygons overlap, for no edge parts them; touching is not overlapping."""
     a, b, c, d = o.first_vertex[one], o.first_vertex[one + 1], o.first_vertex[other], o.first_vertex[other + 1]
-    i0 = b - 1
-    for i in range(a, b):
-        j0 = d - 1
-        for j in range(c, d):
-            s = _side(o.x[i0], o.y[i0], o.x[i], o.y[i], o.x[j0], o.y[j0])
-            t = _side(o.x[i0], o.y[i0], o.x[i], o.y[i], o.x[j], o.y[j])
-            u = _side(o.x[j0], o.y[j0], o.x[j], o.y[j], o.x[i0], o.y[i0])
-            v = _side(o.x[j0], o.y[j0], o.x[j], o.y[j], o.x[i], o.y[i])
-            if s * t < 0.0 and u * v < 0.0:
-                return True
-            j0 = j
-        i0 = i
-    return _contains(o.x, o.y, c, d, o.x[a], o.y[a]) or _contains(o.x, o.y, a, b, o.x[c], o.y[c])
+    return not _is_beside(o, a, b, c, d) and not _is_beside(o, c, d, a, b)
 
 
 @compiled
@@ -190,6 +195,19 @@ def move_all(o: Outlines, grids: Grids, robots: int, poses: Floats, ends: Floats
             poses[i, 0], poses[i, 1], poses[i, 2] = ends[i, 0], ends[i, 1], ends[i, 2]
 
 
+def _convex_solids(shapes: Sequence[Shape]) -> list[Shape]:
+    """What collides of these shapes, in convex parts."""
+    parts = []
+    for shape in shapes:
+        if shape.obstacle and is_convex(shape.points):
+            parts.append(shape)
+        elif shape.obstacle:
+            from zteam.sim.physics import convex_parts  # pymunk's: only who has such a shape pays for it
+
+            parts += [msgspec.structs.replace(shape, points=tuple(points)) for points in convex_parts(shape.points)]
+    return parts
+
+
 class RefusingBodies:
     """Robots that stall instead of touching; whatever else could be pushed stands still.
 
@@ -207,7 +225,7 @@ class RefusingBodies:
         self._robots = robots
         self._follow = follow
         self._grids = make_grids(floorplans)
-        solid = [group._replace(shapes=[shape for shape in group.shapes if shape.obstacle]) for group in groups]
+        solid = [group._replace(shapes=_convex_solids(group.shapes)) for group in groups]
         self._outlines = make_outlines(solid)
         self._bodiless = np.setdiff1d(np.arange(robots), self._outlines.owner)
         self.poses = poses.copy()

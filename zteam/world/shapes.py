@@ -126,6 +126,11 @@ def _turn(a: Point2, b: Point2, c: Point2) -> float:
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
+def is_convex(points: Sequence[Point2]) -> bool:
+    """Whether a simple, counter-clockwise polygon turns right nowhere."""
+    return all(_turn(points[i - 2], points[i - 1], point) >= 0 for i, point in enumerate(points))
+
+
 def convex_hull(points: Sequence[Point2]) -> tuple[Point2, ...]:
     """Smallest convex polygon around the points, counter-clockwise (Andrew's monotone chain)."""
     ordered = sorted(set(points))
