@@ -91,6 +91,16 @@ def test_thruns_noise_spreads_with_the_way() -> None:
     assert yaws.std() == pytest.approx(0.1 * way * math.sqrt(2 * ticks), rel=0.15)
 
 
+def test_turning_on_the_spot_moves_noisy_odometry() -> None:
+    """Thrun's fourth alpha: rotation alone makes the translation err, finitely, however small the way is."""
+    for speed in (0.0, 1e-160):
+        engine = Engine(make_world(make_robot(odom_alphas=(0.0, 0.0, 0.0, 0.1)), wall_at=FAR))
+        for _ in range(20):
+            engine.step({0: drive(speed, 1.0)})
+        assert 1e-3 < math.hypot(*engine.odom(0)[:2]) < 1.0
+        assert engine.odom(0).yaw == pytest.approx(2.0)
+
+
 def test_a_standing_robot_does_not_drift() -> None:
     """Without motion even noisy odometry stays where it is."""
     engine = Engine(make_world(make_robot(odom_alphas=(0.1, 0.1, 0.1, 0.1)), wall_at=FAR))

@@ -28,6 +28,7 @@ from zteam.messages.types import (
     OccupancyGrid,
     Odometry,
     Point,
+    PointStamped,
     Pose,
     PoseStamped,
     PoseWithCovariance,
@@ -46,13 +47,14 @@ from zteam.messages.types import (
     Twist,
     TwistWithCovariance,
     Vector3,
+    Vector3Stamped,
 )
 
 __all__ = [
-    "Blob", "Blobs", "Bool", "Bumper", "Clock", "ColorRGBA", "Done", "Fiducial", "Fiducials", "Header", "JointState",
-    "LaserScan", "MapMetaData", "Message", "OccupancyGrid", "Odometry", "Point",
+    "Blob", "Blobs", "Bool", "Bumper", "Clock", "ColorRGBA", "Done", "Fiducial", "Fiducials", "Header",
+    "JointState", "LaserScan", "MapMetaData", "Message", "OccupancyGrid", "Odometry", "Point", "PointStamped",
     "Pose", "PoseStamped", "PoseWithCovariance", "Quaternion", "Range", "RobotState", "RobotStatus", "String",
     "TFMessage", "TeamState", "TeamStatus", "Tick", "Time", "Transform", "TransformStamped", "Twist",
-    "TwistWithCovariance", "Vector3", "all_types", "decode", "encode", "encoding_of", "from_text", "message_type",
-    "ns_from_time", "time_from_ns", "to_json", "to_plain", "type_of_encoding",
+    "TwistWithCovariance", "Vector3", "Vector3Stamped", "all_types", "decode", "encode", "encoding_of", "from_text",
+    "message_type", "ns_from_time", "time_from_ns", "to_json", "to_plain", "type_of_encoding",
 ]  # fmt: skip

@@ -163,6 +163,22 @@ class PoseStamped(Message):
     pose: Pose = msgspec.field(default_factory=Pose)
 
 
+class PointStamped(Message):
+    """A point in a frame at a time."""
+
+    ros_type: ClassVar[str] = "geometry_msgs/msg/PointStamped"
+    header: Header = msgspec.field(default_factory=Header)
+    point: Point = msgspec.field(default_factory=Point)
+
+
+class Vector3Stamped(Message):
+    """A direction or a difference in a frame at a time: turned by transforms, not moved."""
+
+    ros_type: ClassVar[str] = "geometry_msgs/msg/Vector3Stamped"
+    header: Header = msgspec.field(default_factory=Header)
+    vector: Vector3 = msgspec.field(default_factory=Vector3)
+
+
 class Twist(Message):
     """Velocity: linear in m/s, angular in rad/s."""
 

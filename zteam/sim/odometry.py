@@ -49,12 +49,14 @@ def integrate(
         first = second = half
         a1, a2, a3, a4 = errors.alphas[i, 0], errors.alphas[i, 1], errors.alphas[i, 2], errors.alphas[i, 3]
         if a1 + a2 + a3 + a4 > 0.0:
-            way = forward * forward + left * left
+            length = math.hypot(forward, left)
+            way = length * length
             first += math.sqrt(a1 * half * half + a2 * way) * draws[i, 0]
             second += math.sqrt(a1 * half * half + a2 * way) * draws[i, 1]
-            if way > 0.0:
-                stretch = 1.0 + math.sqrt((a3 * way + a4 * 2.0 * half * half) / way) * draws[i, 2]
-                forward, left = forward * stretch, left * stretch
+            # Along the way made; a turn on the spot has none, and errs ahead.
+            ahead, aside = (forward / length, left / length) if length > 1e-9 else (1.0, 0.0)
+            wrong_by = math.sqrt(a3 * way + a4 * 2.0 * half * half) * draws[i, 2]
+            forward, left = forward + ahead * wrong_by, left + aside * wrong_by
         heading = odom[i, 2] + first
         cos, sin = math.cos(heading), math.sin(heading)
         odom[i, 0] += cos * forward - sin * left

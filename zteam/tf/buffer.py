@@ -6,24 +6,42 @@ has the table: quaternions are normalised, inf, NaN and loops are refused when t
 trace, exact duplicates are counted silently, dynamic data on a static frame is refused, no error text is empty.
 """
 
+import logging
 import math
 import threading
 from collections.abc import Iterable
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from zteam.clock import wait_until
 from zteam.geometry import Pose2, yaw_from_quaternion
 from zteam.messages import (
     Header,
+    LaserScan,
+    PointStamped,
+    PoseStamped,
     Quaternion,
     Time,
     Transform,
     TransformStamped,
+    Twist,
     Vector3,
+    Vector3Stamped,
     ns_from_time,
     time_from_ns,
 )
 from zteam.names import strip_slash
+from zteam.tf.applying import (
+    apply_to_point,
+    apply_to_points,
+    apply_to_pose,
+    apply_to_poses,
+    apply_to_vector,
+    scan_points,
+    twist_between,
+)
 from zteam.tf.edges import Edge, Value
 from zteam.tf.errors import (
     ConnectivityException,
@@ -34,6 +52,8 @@ from zteam.tf.errors import (
 )
 from zteam.tf.paths import Path, evaluate, evaluate_quickly, latest, walk
 from zteam.tf.rigid import IDENTITY, Floats, compose
+
+log = logging.getLogger("zteam.tf")
 
 DEFAULT_CACHE = 10.0
 """Seconds of history, as tf2's default."""
@@ -79,6 +99,7 @@ class Buffer:
         self._acquire, self._release = self.lock.acquire, self.lock.release
         self._changed = threading.Condition(self.lock)
         self._waiting = 0
+        self._now = 0
         self.duplicates = 0
 
     def set_transform(self, transform: TransformStamped, authority: str) -> Rejection | None:
@@ -261,6 +282,61 @@ class Buffer:
         except TransformException as error:
             return False, str(error)
         return True, ""
+
+    def transform_pose(self, pose: PoseStamped, target_frame: str) -> PoseStamped:
+        """A stamped pose in another frame, at its own stamp (0 = latest). Raises tf2's exceptions."""
+        found = self._found_for(pose.header, target_frame)
+        return PoseStamped(Header(found.header.stamp, target_frame), apply_to_pose(found.transform, pose.pose))
+
+    def transform_point(self, point: PointStamped, target_frame: str) -> PointStamped:
+        """A stamped point in another frame."""
+        found = self._found_for(point.header, target_frame)
+        return PointStamped(Header(found.header.stamp, target_frame), apply_to_point(found.transform, point.point))
+
+    def transform_vector(self, vector: Vector3Stamped, target_frame: str) -> Vector3Stamped:
+        """A stamped direction in another frame: turned, not moved."""
+        found = self._found_for(vector.header, target_frame)
+        return Vector3Stamped(Header(found.header.stamp, target_frame), apply_to_vector(found.transform, vector.vector))
+
+    def transform_scan(self, scan: LaserScan, target_frame: str) -> NDArray[np.float64]:
+        """Where a scan's beams end, (beams, 3) metres in another frame; beams without a hit are NaN."""
+        return apply_to_points(self._found_for(scan.header, target_frame).transform, scan_points(scan))
+
+    def transform_poses(
+        self, poses: NDArray[np.float64], target_frame: str, source_frame: str, time: int
+    ) -> NDArray[np.float64]:
+        """(N, 3) planar poses (x, y, yaw) of `source_frame` in `target_frame`."""
+        return apply_to_poses(self.lookup_transform(target_frame, source_frame, time).transform, poses)
+
+    def _found_for(self, header: Header, target_frame: str) -> TransformStamped:
+        return self.lookup_transform(target_frame, header.frame_id, ns_from_time(header.stamp))
+
+    def lookup_twist(
+        self, tracking_frame: str, observation_frame: str, time: int, averaging_interval: float = 0.1
+    ) -> Twist:
+        """The mean velocity of one frame seen from another, in the latter's axes, over an interval about `time`.
+
+        The interval (seconds) ends at the latest common time if it would lie beyond it, as in tf. Raises tf2's
+        exceptions, and InvalidArgumentException for an interval that is not above 0.
+        """
+        if not averaging_interval > 0.0:
+            raise InvalidArgumentException(f"an averaging interval of {averaging_interval:g} s is not above 0")
+        interval = round(averaging_interval * 1e9)
+        with self.lock:
+            _, newest = self._lookup(observation_frame, tracking_frame, 0)
+            end = min(newest, time + interval // 2) if time else newest
+            after, _ = self._lookup(observation_frame, tracking_frame, end)
+            before, _ = self._lookup(observation_frame, tracking_frame, end - interval)
+        return twist_between(before, after, averaging_interval)
+
+    def note_time(self, now: int) -> bool:
+        """Hear the clock (ns). Where it jumped back, moving data is forgotten, which is said; True if so."""
+        with self.lock:
+            jumped, self._now = now < self._now, now
+            if jumped:
+                log.warning("Detected jump back in time. Clearing TF buffer.")
+                self.clear()
+        return jumped
 
     def wait_for_transform(self, target_frame: str, source_frame: str, time: int, timeout: float) -> TransformStamped:
         """The look-up's answer as soon as it has one; after `timeout` host seconds, its exception."""
