@@ -27,7 +27,7 @@ from zteam.nodes import aggregator as aggregator_module
 from zteam.nodes.aggregator import Aggregator
 from zteam.nodes.node import Node
 from zteam.nodes.stopping import Stop
-from zteam.nodes.tf_messages import FrameReply, LookupReply, LookupRequest, StaticReply, StaticRequest
+from zteam.nodes.tf_messages import FrameReply, Lookup, LookupReply, LookupRequest, StaticReply, StaticRequest
 
 S = 1_000_000_000
 LIMIT = 20.0
@@ -173,9 +173,9 @@ def ask_static(hub: MemoryHub, child: str, x: float, instance: str) -> StaticRep
 
 def look_up(hub: MemoryHub, target: str, source: str, time: int = 0) -> LookupReply:
     """Ask the aggregator."""
-    return hub.bus().ask(
-        names.service_key(names.AGGREGATOR, "lookup"), LookupReply, LookupRequest(target, source, time)
-    )
+    request = LookupRequest([Lookup(target, source, time)])
+    (reply,) = hub.bus().ask(names.service_key(names.AGGREGATOR, "lookup"), list[LookupReply], request)
+    return reply
 
 
 @pytest.mark.usefixtures("desk")

@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from zteam.bus.bus import Bus, NoRequest, Publisher
+    from zteam.bus.bus import Bus, Later, NoRequest, Publisher
     from zteam.bus.connection import connect
     from zteam.bus.memory import MemoryHub
     from zteam.bus.options import BusOptions
@@ -11,13 +11,14 @@ if TYPE_CHECKING:
 _HOME = {
     "Bus": "bus",
     "BusOptions": "options",
+    "Later": "bus",
     "MemoryHub": "memory",
     "NoRequest": "bus",
     "Publisher": "bus",
     "connect": "connection",
 }
 
-__all__ = ["Bus", "BusOptions", "MemoryHub", "NoRequest", "Publisher", "connect"]
+__all__ = ["Bus", "BusOptions", "Later", "MemoryHub", "NoRequest", "Publisher", "connect"]
 
 
 def __getattr__(name: str) -> Any:

@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Callable, Sequence
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import msgspec
 
@@ -43,6 +43,12 @@ class Publisher(Generic[M]):
 
 class NoRequest(msgspec.Struct):
     """The request of a query that needs none."""
+
+
+class Later(NamedTuple):
+    """An answer that takes its time: what `finish()` returns, called on a thread of its own."""
+
+    finish: Callable[[], Any]
 
 
 class Bus:
@@ -153,16 +159,20 @@ class Bus:
     def serve(self, key: str, request_type: type[Request], handler: Callable[[Request], Any]) -> Closeable:
         """Answer queries on `key` with what `handler(request)` returns, as JSON.
 
-        A request that does not decode, and any ZteamError of the handler, goes to the asker as its text.
+        A request that does not decode, and any ZteamError of the handler, goes to the asker as its text. A handler that
+        has to wait returns a `Later`.
         """
 
-        def handle(payload: bytes) -> bytes:
+        def handle(payload: bytes) -> bytes | Callable[[], bytes]:
             try:
                 request = msgspec.json.decode(payload or b"{}", type=request_type)
             except (msgspec.DecodeError, UnicodeDecodeError) as error:
                 self.counters.drop(key, f"bad request: {error}")
                 raise BusError(f"bad request: {error}") from None
-            return msgspec.json.encode(handler(request))
+            answer = handler(request)
+            if isinstance(answer, Later):
+                return lambda: msgspec.json.encode(answer.finish())
+            return msgspec.json.encode(answer)
 
         return self.transport.declare_queryable(key, handle)
 

@@ -101,7 +101,8 @@ class MemoryTransport:
         for key, handler in list(self._hub.queryables.values()):
             if _matches(key_expr, key):
                 try:
-                    replies.append(Reply(key, handler(payload), False))
+                    answer = handler(payload)
+                    replies.append(Reply(key, answer() if callable(answer) else answer, False))
                 except Exception as error:
                     replies.append(Reply(key, str(error).encode(), True))
         return replies

@@ -1,6 +1,7 @@
 """The Zenoh transport: one session, everything declared on it, and an orderly end."""
 
 import logging
+import threading
 from collections.abc import Callable
 from typing import Any
 
@@ -12,6 +13,8 @@ from zteam.errors import ZteamError
 
 log = logging.getLogger("zteam.bus")
 
+_MAX_WAITING = 64
+"""Queries whose answers take their time, at once; each has a thread."""
 _BYTES = "zenoh/bytes"
 _HISTORY = zenoh.ext.HistoryConfig(detect_late_publishers=True)
 
@@ -64,6 +67,7 @@ class ZenohTransport:
         self._events = session.info.declare_transport_events_listener(self._on_transport)
         # Lost between open() and the listener: the listener cannot have seen it.
         self._routers |= {str(zid) for zid in session.info.routers_zid()}
+        self._waiting = threading.BoundedSemaphore(_MAX_WAITING)
         self.up = True
         self.closed = False
 
@@ -114,16 +118,44 @@ class ZenohTransport:
         return self._wrap(self._session.declare_subscriber(key_expr, on_sample))
 
     def declare_queryable(self, key: str, handler: QueryHandler) -> Closeable:
+        def answer(query: zenoh.Query, make: Callable[[], bytes | Callable[[], bytes]]) -> Callable[[], bytes] | None:
+            """Answer a query, or give back the call whose answer takes its time."""
+            try:
+                answered = make()
+                if callable(answered):
+                    return answered
+                query.reply(key, answered)
+            except ZteamError as error:
+                query.reply_err(str(error))
+            except Exception as error:
+                log.exception("error while answering the query %s", key)
+                query.reply_err(f"{type(error).__name__}: {error}")
+            return None
+
+        def answer_later(query: zenoh.Query, finish: Callable[[], bytes]) -> None:
+            try:
+                with query:
+                    answer(query, finish)
+            except zenoh.ZError:
+                pass  # the session was closed meanwhile: nobody is there to be answered
+            finally:
+                self._waiting.release()
+
         def on_query(query: zenoh.Query) -> None:
-            with query:
-                payload = query.payload.to_bytes() if query.payload is not None else b""
-                try:
-                    query.reply(key, handler(payload))
-                except ZteamError as error:
-                    query.reply_err(str(error))
-                except Exception as error:
-                    log.exception("error while answering the query %s", key)
-                    query.reply_err(f"{type(error).__name__}: {error}")
+            payload = query.payload.to_bytes() if query.payload is not None else b""
+            later: Callable[[], bytes] | None = None
+            try:
+                later = answer(query, lambda: handler(payload))
+            finally:
+                if later is None:
+                    query.drop()  # type: ignore[no-untyped-call]
+            if later is None:
+                return
+            if self._waiting.acquire(blocking=False):
+                threading.Thread(target=answer_later, args=(query, later), daemon=True).start()
+            else:
+                with query:
+                    query.reply_err(f"more than {_MAX_WAITING} queries are waiting: ask again later")
 
         return self._wrap(self._session.declare_queryable(key, on_query, complete=True))
 

@@ -48,7 +48,8 @@ class RawPublisher(Closeable, Protocol):
 
 
 SampleHandler = Callable[[RawSample], None]
-QueryHandler = Callable[[bytes], bytes]
+QueryHandler = Callable[[bytes], bytes | Callable[[], bytes]]
+"""Answers a query's payload at once, or with a call that may take its time."""
 TokenHandler = Callable[[str, bool], None]
 
 
@@ -69,7 +70,10 @@ class Transport(Protocol):
         ...
 
     def declare_queryable(self, key: str, handler: QueryHandler) -> Closeable:
-        """Answer queries on `key`; what `handler` raises goes to the asker as an error text."""
+        """Answer queries on `key`; what `handler` raises goes to the asker as an error text.
+
+        An answer that takes its time is made on a thread of its own.
+        """
         ...
 
     def get(self, key_expr: str, payload: bytes, timeout: float) -> list[Reply]:

@@ -11,10 +11,10 @@ from zteam import names
 from zteam.bus import NoRequest
 from zteam.clock import monotonic
 from zteam.messages import Header, Quaternion, TFMessage, Transform, TransformStamped, Vector3, ns_from_time
+from zteam.nodes.answers import answer_frames, answer_history, answer_lookups
 from zteam.nodes.losses import GRACE, Losses
 from zteam.nodes.node import Node
-from zteam.nodes.tf_messages import FrameReply, LookupReply, LookupRequest, StaticReply, StaticRequest
-from zteam.tf import TransformException
+from zteam.nodes.tf_messages import HistoryRequest, LookupRequest, StaticReply, StaticRequest
 from zteam.tf.merge import Merger
 
 log = logging.getLogger("zteam")
@@ -47,8 +47,10 @@ class Aggregator:
         node.watch_tokens(names.tokens_key(names.STATIC_CALLER), self._on_static_caller)
         serve, service = node.bus.serve, names.service_key
         serve(service(names.AGGREGATOR, "static"), StaticRequest, self._add_static)
-        serve(service(names.AGGREGATOR, "lookup"), LookupRequest, self._look_up)
-        serve(service(names.AGGREGATOR, "frames"), NoRequest, lambda _: self._frames())
+        buffer = self._merger.buffer
+        serve(service(names.AGGREGATOR, "lookup"), LookupRequest, lambda request: answer_lookups(buffer, request))
+        serve(service(names.AGGREGATOR, "history"), HistoryRequest, lambda request: answer_history(buffer, request))
+        serve(service(names.AGGREGATOR, "frames"), NoRequest, lambda _: answer_frames(buffer))
         self._publish_statics()
 
     def _on_tf(self, key: str, message: TFMessage) -> None:
@@ -124,18 +126,6 @@ class Aggregator:
             refused = self._merger.add_static(transform, _authority(request.instance))
             self._publish_statics()
         return StaticReply(refused or "")
-
-    def _look_up(self, request: LookupRequest) -> LookupReply:
-        target, source = names.strip_slash(request.target), names.strip_slash(request.source)
-        try:
-            found = self._merger.buffer.lookup_transform(target, source, request.time)
-        except TransformException as error:
-            return LookupReply(error=type(error).__name__, text=str(error))
-        t, r = found.transform.translation, found.transform.rotation
-        return LookupReply(ns_from_time(found.header.stamp), (t.x, t.y, t.z), (r.x, r.y, r.z, r.w))
-
-    def _frames(self) -> dict[str, FrameReply]:
-        return {child: FrameReply(*info) for child, info in self._merger.buffer.frames().items()}
 
     def run(self) -> None:
         """Send late bundles, and say conflicts, until the process is asked to stop."""

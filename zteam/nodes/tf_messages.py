@@ -1,6 +1,13 @@
-"""Requests and replies of the aggregator's queries: `tf/static`, `tf/lookup`, `tf/frames`."""
+"""Requests and replies of the aggregator's queries: `tf/static`, `tf/lookup`, `tf/history`, `tf/frames`."""
+
+from typing import Annotated
 
 import msgspec
+
+MAX_LOOKUPS = 10_000
+"""Of one request; rows of one history."""
+MAX_WAIT = 60.0
+"""Seconds that a look-up may be waited for."""
 
 
 class StaticRequest(msgspec.Struct):
@@ -25,12 +32,24 @@ class StaticReply(msgspec.Struct):
     refused: str = ""
 
 
-class LookupRequest(msgspec.Struct):
-    """The pose of `source` in `target` at `time` (ns; 0 = latest common)."""
+class Lookup(msgspec.Struct):
+    """The pose of `source` in `target` at `time` (ns; 0 = latest common).
+
+    With `fixed`, a frame that does not move: of `source` as it was at `source_time`, in `target` as it was at `time`.
+    """
 
     target: str
     source: str
     time: int = 0
+    fixed: str = ""
+    source_time: int = 0
+
+
+class LookupRequest(msgspec.Struct):
+    """One or many look-ups, answered in this order; those that cannot be yet are waited for, `timeout` s in all."""
+
+    lookups: Annotated[list[Lookup], msgspec.Meta(max_length=MAX_LOOKUPS)]
+    timeout: Annotated[float, msgspec.Meta(ge=0.0, le=MAX_WAIT)] = 0.0
 
 
 class LookupReply(msgspec.Struct):
@@ -41,6 +60,25 @@ class LookupReply(msgspec.Struct):
     rotation: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)
     error: str = ""
     text: str = ""
+
+
+class HistoryRequest(msgspec.Struct):
+    """The poses of `source` in `target` every `step` ns from `start` to `end` (ns).
+
+    `end` 0 is the latest common time; a `start` of 0 or below is counted from the end.
+    """
+
+    target: str
+    source: str
+    step: Annotated[int, msgspec.Meta(ge=1)]
+    start: int = 0
+    end: int = 0
+
+
+class HistoryReply(msgspec.Struct):
+    """Rows of stamp (ns), x, y, z, qx, qy, qz, qw, oldest first; instants without data are left out."""
+
+    rows: list[tuple[int, float, float, float, float, float, float, float]]
 
 
 class FrameReply(msgspec.Struct):

@@ -1,0 +1,37 @@
+"""Look-ups over the bus, answered by the aggregator of a running team."""
+
+import math
+
+import pytest
+
+from zteam.errors import BusError
+from zteam.nodes.tf_client import TransformClient
+from zteam.nodes.tf_messages import HistoryRequest, Lookup
+from zteam.testing.team import TeamFixture
+from zteam.tf import LookupException
+
+pytestmark = pytest.mark.team
+
+
+def test_a_client_looks_up_without_listening(team: TeamFixture) -> None:
+    """Single, batched and past look-ups, histories, errors by name, and a wait that ends when the frame comes."""
+    team.start("arena", robots=2, behavior="forward", params={0: {"speed": 0.1}, 1: {"speed": 0.1}})
+    team.wait_for_go()
+    client = TransformClient(team.bus)
+    found = client.lookup_transform("/map", "robot_0/base_footprint", timeout=5.0)
+    where = found.transform.translation
+    assert math.dist((where.x, where.y), team.robot(0).pose[:2]) < 0.5
+    many = client.lookup_many([Lookup("robot_0/base_link", "robot_1/base_link"), Lookup("map", "nobody")])
+    assert not isinstance(many[0], Exception)
+    assert isinstance(many[1], LookupException)
+    with pytest.raises(LookupException, match="nobody"):
+        client.lookup_transform("map", "nobody")
+    team.run(1.0)
+    rows = client.history(HistoryRequest("map", "robot_0/base_footprint", step=100_000_000, start=-500_000_000)).rows
+    assert len(rows) == 6
+    assert rows == sorted(rows)
+    with pytest.raises(BusError, match="larger step"):
+        client.history(HistoryRequest("map", "robot_0/base_footprint", step=1, start=-500_000_000))
+    team.spawn("transforms", "static", "0", "0", "1", "0", "0", "0", "robot_0/base_link", "robot_0/mast")
+    mast = client.lookup_transform("robot_0/base_link", "robot_0/mast", timeout=20.0)
+    assert mast.transform.translation.z == 1.0
