@@ -50,7 +50,12 @@ class Engine:
         self.seed = seed
         self.options = options or Options()
         self.tick = 0
-        self._floorplans = [(plan, build_fields(plan.occupied)) for plan in world.floorplans]
+        # Floor plans of one bitmap share its fields.
+        fields = {
+            id(plan.occupied): build_fields(plan.occupied)
+            for plan in {id(p.occupied): p for p in world.floorplans}.values()
+        }
+        self._floorplans = [(plan, fields[id(plan.occupied)]) for plan in world.floorplans]
         self._robots = dict(enumerate(world.robots)) if robots is None else dict(robots)
         self._team: _Team | None = None
         self._outdated = True

@@ -27,13 +27,18 @@ class Grids(NamedTuple):
 def make_grids(floorplans: Sequence[tuple[Floorplan, Fields]]) -> Grids:
     """Grids of the floor plans that are obstacles."""
     solid = [(plan, fields) for plan, fields in floorplans if plan.obstacle]
-    offset, rows = 0, []
+    sides: list[NDArray[np.uint8]] = []
+    offsets: dict[int, int] = {}
+    end, rows = 0, []
     for plan, fields in solid:
+        # Floor plans of one bitmap share their cells.
+        if id(fields.sides) not in offsets:
+            offsets[id(fields.sides)] = end
+            sides.append(fields.sides[0, :-1])
+            end += fields.rows * fields.columns
         turn = math.cos(plan.pose.yaw), math.sin(plan.pose.yaw)
         place = plan.pose.x, plan.pose.y, plan.z_min, plan.z_max
-        rows.append([offset, fields.rows, fields.columns, *plan.cell, *turn, *place])
-        offset += fields.rows * fields.columns
-    sides = [fields.sides[0, :-1] for _, fields in solid]
+        rows.append([offsets[id(fields.sides)], fields.rows, fields.columns, *plan.cell, *turn, *place])
     return Grids(np.concatenate(sides) if sides else np.zeros(1, np.uint8), np.array(rows, float).reshape(-1, 11))
 
 
@@ -114,13 +119,16 @@ def is_occupied(plan: Floorplan, x: float, y: float) -> bool:
     return 0 <= row < rows and 0 <= column < columns and bool(plan.occupied[row, column])
 
 
-def outline(occupied: NDArray[np.bool_]) -> list[tuple[tuple[int, int], tuple[int, int]]]:
-    """The border of the occupied cells as maximal straight runs: ((x, y), (x, y)) in cells."""
-    runs = [((x, a), (x, b)) for x, a, b in _runs(occupied.T)]
-    return runs + [((a, y), (b, y)) for y, a, b in _runs(occupied)]
+def outline(occupied: NDArray[np.bool_], limit: int) -> list[tuple[tuple[int, int], tuple[int, int]]] | None:
+    """The border of the occupied cells as maximal straight runs: ((x, y), (x, y)) in cells. None if above `limit`."""
+    across, along = _runs(occupied), _runs(occupied.T)
+    if len(across[0]) + len(along[0]) > limit:
+        return None
+    runs = [((x, a), (x, b)) for x, a, b in zip(*(values.tolist() for values in along), strict=True)]
+    return runs + [((a, y), (b, y)) for y, a, b in zip(*(values.tolist() for values in across), strict=True)]
 
 
-def _runs(occupied: NDArray[np.bool_]) -> list[tuple[int, int, int]]:
+def _runs(occupied: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
     """Runs (line, begin, end) along axis 1 where occupied and free meet across axis 0."""
     rows, columns = occupied.shape
     padded = np.zeros((rows + 2, columns), bool)
@@ -130,4 +138,4 @@ def _runs(occupied: NDArray[np.bool_]) -> list[tuple[int, int, int]]:
     change = np.diff(border, axis=1)
     lines, begins = np.nonzero(change == 1)
     _, ends = np.nonzero(change == -1)
-    return list(zip(lines.tolist(), begins.tolist(), ends.tolist(), strict=True))
+    return lines, begins, ends

@@ -15,6 +15,7 @@ import pymunk
 import pymunk.autogeometry
 from numpy.typing import NDArray
 
+from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.sim.fields import Fields
 from zteam.sim.grids import find_leaks, make_grids, outline
@@ -40,6 +41,8 @@ _GRIP = 0.5 * 9.81
 """Deceleration in m/s² of something pushed that slides over the floor: a friction of 0.5."""
 _GRIP_TURNING = 3.0 * _GRIP
 """Likewise in rad/s²: dry friction under a body about a metre wide acts at about a third of that from its middle."""
+_MAX_WALLS = 400_000
+"""Straight pieces of wall of one bitmap: noise has more, and Chipmunk takes a kilobyte and 20 us for each."""
 _MAX_SLABS = 31
 """Layers of height that collisions tell apart: bits of Chipmunk's categories."""
 
@@ -93,7 +96,13 @@ class DynamicBodies:
         (u, v), (x, y) = plan.cell, plan.pose[:2]
         category = self._filter(plan.z_min, plan.z_max)
         walls = []
-        for ends in outline(plan.occupied):
+        runs = outline(plan.occupied, _MAX_WALLS)
+        if runs is None:
+            raise UsageError(
+                f"the bitmap of {plan.name!r} has more than {_MAX_WALLS} straight pieces of wall: smooth it, or "
+                "take the physics stage or kinematic"
+            )
+        for ends in runs:
             a, b = ((x + cos * i * u - sin * j * v, y + sin * i * u + cos * j * v) for i, j in ends)
             wall = pymunk.Segment(self._space.static_body, a, b, 0.0)
             wall.filter, wall.friction = category, 0.0

@@ -7,7 +7,7 @@ import msgspec
 
 from zteam.errors import WorldError
 from zteam.geometry import Pose2, compose2
-from zteam.world.bitmap import Grid, occupied_box, read_bitmap, rectangles
+from zteam.world.bitmap import MAX_PIXELS, Box, Grid, occupied_box, read_bitmap, rectangles
 from zteam.world.colors import random_color
 from zteam.world.floor_maps import FloorMap, is_floor_map, read_floor_map
 from zteam.world.model import Floorplan, Shape
@@ -35,8 +35,29 @@ FLOOR_HEIGHT = 1.0
 """Metres that the walls of a map_server YAML are high, unless the model has a size."""
 MIN_EXTENT = 1e-6
 MAX_POINTS = 256
+MAX_ALL_POINTS = 500_000
+"""Corners of all blocks of a world, once macros are expanded."""
 MAX_RECTANGLES = 256
 """Rectangles of a bitmap on a robot; a finer one is taken as its box."""
+
+
+class Bounds:
+    """What all models of a world may have together, so that no small file takes long or fills the memory."""
+
+    def __init__(self) -> None:
+        self._points = self._pixels = 0
+
+    def add_points(self, count: int, place: Place) -> None:
+        """Count corners of blocks; raises WorldError when they are too many."""
+        self._points += count
+        if self._points > MAX_ALL_POINTS:
+            raise place.error(f"the blocks of this world have more than {MAX_ALL_POINTS} points: it is refused")
+
+    def add_pixels(self, count: int, place: Place) -> None:
+        """Count cells of bitmaps, each bitmap once; raises WorldError when they are too many."""
+        self._pixels += count
+        if self._pixels > MAX_PIXELS:
+            raise place.error(f"the bitmaps of this world have more than {MAX_PIXELS} pixels together: it is refused")
 
 
 class Settings(msgspec.Struct, frozen=True):
@@ -48,8 +69,11 @@ class Settings(msgspec.Struct, frozen=True):
     whole_bitmaps: bool = False
     macros: frozenset[str] = frozenset()
     """Names of the file's macros, for error texts."""
-    bitmaps: dict[tuple[Path, str], Grid] = msgspec.field(default_factory=dict)
+    bitmaps: dict[tuple[Path, str], Grid | FloorMap] = msgspec.field(default_factory=dict)
     """Bitmaps read so far, by file and reading: many models may share one."""
+    boxes: dict[int, list[Box]] = msgspec.field(default_factory=dict)
+    """Rectangles of bitmaps on robots, by the bitmap's identity."""
+    bounds: Bounds = msgspec.field(default_factory=Bounds)
 
 
 class Body(NamedTuple):
@@ -97,16 +121,20 @@ def read_body(entity: Entity, settings: Settings) -> Body:
     return Body(size, reader.pose("origin"), _read_surface(reader), fitted, tuple(slabs), bitmap, home)
 
 
-def solid_blocks(body: Body, place: Place, remarks: Remarks) -> list[Block]:
+def solid_blocks(body: Body, place: Place, settings: Settings) -> list[Block]:
     """Everything of a body as prisms, a bitmap as rectangles: for bodies that move. `place` is the model's."""
     blocks = [*body.blocks, *body.slabs]
     if body.bitmap is None:
         return blocks
     rows, columns = body.bitmap.shape
-    boxes = rectangles(body.bitmap, MAX_RECTANGLES)
-    if boxes is None:
-        remarks.add(place, f"the bitmap of this robot needs more than {MAX_RECTANGLES} rectangles: its box is taken")
+    if id(body.bitmap) not in settings.boxes:
+        settings.boxes[id(body.bitmap)] = rectangles(body.bitmap, MAX_RECTANGLES) or []
+    boxes = settings.boxes[id(body.bitmap)]
+    if not boxes:
+        text = f"the bitmap of this robot needs more than {MAX_RECTANGLES} rectangles: its box is taken"
+        settings.remarks.add(place, text)
         boxes = [(0, rows, 0, columns)]
+    settings.bounds.add_points(4 * len(boxes), place)
     cell_x, cell_y = body.size.x / columns, body.size.y / rows
     for bottom, top, left, right in boxes:
         x, y = left * cell_x - body.size.x / 2, bottom * cell_y - body.size.y / 2
@@ -158,24 +186,27 @@ def _read_bitmap(reader: Reader, settings: Settings) -> Grid | FloorMap:
     path = find_file(name, settings.folder)
     if path is None:
         reader.fail("bitmap", f"bitmap {name!r:.200} not found in {settings.folder} or $STAGEPATH")
-    if is_floor_map(path):
-        try:
-            return read_floor_map(path)
-        except WorldError as error:
-            reader.fail("bitmap", str(error))
     reading = reader.choice("bitmap_reading", "whole" if settings.whole_bitmaps else "crop", ("crop", "whole"))
-    if (path, reading) not in settings.bitmaps:
+    key = path.resolve(), reading
+    if key not in settings.bitmaps:
         try:
-            occupied = read_bitmap(path)
+            found = read_floor_map(path) if is_floor_map(path) else _cells(path, name, reading)
         except WorldError as error:
             reader.fail("bitmap", str(error))
-        box = occupied_box(occupied)
-        if reading == "crop" and box is not None:
-            occupied = occupied[box[0] : box[1], box[2] : box[3]].copy()
-        elif reading == "crop":
-            reader.fail("bitmap", f"bitmap {name!r:.200} has no occupied pixel (first channel at most 127)")
-        settings.bitmaps[path, reading] = occupied
-    return settings.bitmaps[path, reading]
+        grid = found.occupied if isinstance(found, FloorMap) else found
+        settings.bounds.add_pixels(grid.size, reader.place("bitmap"))
+        settings.bitmaps[key] = found
+    return settings.bitmaps[key]
+
+
+def _cells(path: Path, name: str, reading: str) -> Grid:
+    occupied = read_bitmap(path)
+    box = occupied_box(occupied)
+    if reading == "whole":
+        return occupied
+    if box is None:
+        raise WorldError(f"bitmap {name!r:.200} has no occupied pixel (first channel at most 127)")
+    return occupied[box[0] : box[1], box[2] : box[3]].copy()
 
 
 def _read_blocks(entity: Entity, settings: Settings) -> list[Block]:
@@ -192,6 +223,7 @@ def _read_block(entity: Entity, settings: Settings) -> Block | None:
             raise entity.place.error(f"a block of {count} points lacks point[{i}]")
         x, y = reader.numbers(f"point[{i}]", "ll", ())
         corners.append((x, y))
+    settings.bounds.add_points(count, entity.place)
     z_min, z_max = reader.bounds("z", "l", (0.0, 1.0))
     points = without_repeats(corners)
     if len(points) < 3 or signed_area(convex_hull(points)) == 0:

@@ -170,7 +170,7 @@ class Builder:
         if chassis is None:
             self._add_static(body, owner_from_model, foot, name, markers)
         else:
-            blocks = solid_blocks(body, entity.place, self._settings.remarks)
+            blocks = solid_blocks(body, entity.place, self._settings)
             chassis.shapes.extend(place_body(body, blocks, owner_from_model, foot))
             chassis.markers.extend(markers)
         if entity.type in vocabulary.DEVICES:

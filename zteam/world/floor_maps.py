@@ -1,13 +1,13 @@
 """ROS map_server's YAML files as floor plans: image, resolution, origin and thresholds."""
 
+import reprlib
 from pathlib import Path
 from typing import Any, NamedTuple
-
-import numpy as np
 
 from zteam.errors import WorldError
 from zteam.geometry import Pose2, compose2
 from zteam.world.bitmap import Grid, read_levels
+from zteam.world.properties import MAX_LENGTH
 
 SUFFIXES = (".yaml", ".yml")
 MAX_BYTES = 65_536
@@ -62,14 +62,17 @@ def read_floor_map(path: Path) -> FloorMap:
     threshold = _number(path, fields, "occupied_thresh", 0.65)
     mode = fields.get("mode", "trinary")
     if mode not in _MODES:
-        raise WorldError(f"{path}: mode: must be one of {', '.join(_MODES)}, not {mode!r:.60}")
+        raise WorldError(f"{path}: mode: must be one of {', '.join(_MODES)}, not {_shown(mode)}")
     levels = read_levels(path.parent / image)
     if mode == "raw":
         occupied = levels > 100.0 * threshold
     else:
         dark = levels if _number(path, fields, "negate", 0) else 255.0 - levels
         occupied = dark > 255.0 * threshold
-    return FloorMap(occupied, resolution, _origin(path, fields))
+    found = FloorMap(occupied, resolution, _origin(path, fields))
+    if max(found.width, found.height) > MAX_LENGTH:
+        raise WorldError(f"{path}: resolution: {resolution:g} m makes a map larger than {MAX_LENGTH:g} m")
+    return found
 
 
 def _read_fields(path: Path) -> dict[str, Any]:
@@ -94,14 +97,20 @@ def _read_fields(path: Path) -> dict[str, Any]:
 
 def _number(path: Path, fields: dict[str, Any], key: str, default: float | None) -> float:
     value = fields.get(key, default)
-    if isinstance(value, (int, float)) and np.isfinite(value):
+    # Not above what any length may be: that also keeps whole numbers of a thousand digits out.
+    if isinstance(value, (int, float)) and abs(value) <= MAX_LENGTH:
         return float(value)
-    raise WorldError(f"{path}: {key}: {'is missing' if value is None else f'{value!r:.60} is not a number'}")
+    raise WorldError(f"{path}: {key}: {'is missing' if value is None else f'{_shown(value)} is not a number here'}")
+
+
+def _shown(value: object) -> str:
+    """A value in an error text. Aliases make short files whose full text would fill the memory."""
+    return reprlib.repr(value)[:60]
 
 
 def _origin(path: Path, fields: dict[str, Any]) -> Pose2:
     values = fields.get("origin", [0.0, 0.0, 0.0])
     if not isinstance(values, list) or len(values) != 3:
-        raise WorldError(f"{path}: origin: must be [x, y, yaw], not {values!r:.60}")
+        raise WorldError(f"{path}: origin: must be [x, y, yaw], not {_shown(values)}")
     x, y, yaw = (_number(path, {"origin": value}, "origin", None) for value in values)
     return Pose2(x, y, yaw)

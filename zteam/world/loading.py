@@ -6,7 +6,7 @@ import msgspec
 
 from zteam.errors import WorldError
 from zteam.geometry import Pose2
-from zteam.world.bodies import Settings
+from zteam.world.bodies import Bounds, Settings
 from zteam.world.builder import Template, build_robot, build_world
 from zteam.world.floor_maps import is_floor_map
 from zteam.world.model import Robot, World
@@ -66,6 +66,8 @@ def add_robot(world: World, model: str, pose: Pose2, name: str) -> Robot:
         known = ", ".join(sorted({*world.templates, "erratic"}))
         raise WorldError(f"{world.name}: no robot macro {model!r} in this world; there are: {known}")
     remarks = Remarks()
-    robot = build_robot(template.entity, msgspec.structs.replace(template.settings, remarks=remarks), name, pose)
+    robot = build_robot(
+        template.entity, msgspec.structs.replace(template.settings, remarks=remarks, bounds=Bounds()), name, pose
+    )
     world.warnings += tuple(remark for remark in remarks.all() if remark not in world.warnings)
     return robot

@@ -23,6 +23,8 @@ from zteam.world.sources import Place, Remarks, find_file, read_text
 
 MAX_TOKENS = 500_000
 MAX_FILES = 256
+MAX_CHARACTERS = 32 * 2**20
+"""Of all included files."""
 MAX_INCLUDE_DEPTH = 16
 MAX_NESTING = 64
 MAX_ENTITIES = 100_000
@@ -82,7 +84,7 @@ class _Parser:
         self._remarks = remarks
         self._macros: dict[str, Entity] = {}
         self._open_files: list[Path] = []
-        self._files = self._tokens = self._copies = 0
+        self._files = self._tokens = self._copies = self._characters = 0
         self._stream: Iterator[Token] = iter(())
         self._token = Token(Kind.EOF, None, Place("", 0, 0))
 
@@ -141,7 +143,7 @@ class _Parser:
             raise self._token.place.error(f"an include ends its line, found {self._token}")
         path = find_file(str(name.value), self._folder)
         if path is None:
-            raise name.place.error(f"included file {str(name.value)!r} not found in {self._folder} or $STAGEPATH")
+            raise name.place.error(f"included file {name} not found in {self._folder} or $STAGEPATH")
         if path.resolve() in self._open_files:
             raise name.place.error(f"{str(name.value)!r} includes itself")
         if len(self._open_files) > MAX_INCLUDE_DEPTH:
@@ -152,6 +154,9 @@ class _Parser:
             text = read_text(path)
         except WorldError as error:
             raise place.error(str(error)) from None
+        self._characters += len(text)
+        if self._characters > MAX_CHARACTERS:
+            raise place.error(f"more than {MAX_CHARACTERS} characters in included files: this world is refused")
         self._parse_file(text, str(path), path, root)
 
     # Entities.
