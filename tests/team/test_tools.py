@@ -2,6 +2,7 @@
 
 import json
 import math
+from pathlib import Path
 
 import pytest
 
@@ -10,7 +11,7 @@ from zteam.testing.team import TeamFixture
 pytestmark = pytest.mark.team
 
 
-def test_the_tools_see_a_running_team(team: TeamFixture) -> None:
+def test_the_tools_see_a_running_team(team: TeamFixture, tmp_path: Path) -> None:
     """topic, tf, node and doctor say what is there, as JSON."""
     team.start("arena", robots=2, behavior="forward", params={0: {"speed": 0.05}, 1: {"speed": 0.05}})
     team.wait_for_go()
@@ -40,6 +41,22 @@ def test_the_tools_see_a_running_team(team: TeamFixture) -> None:
     tree = json.loads(team.command("tf", "tree", "--json").stdout)
     assert tree["robot_1/base_footprint"]["parent"] == "robot_1/odom"
     assert tree["robot_1/odom"]["authority"] == "robot_1"
+
+    places = {row["robot"]: row for row in json.loads(team.command("tf", "positions", "--json").stdout)}
+    assert set(places) == {"robot_0", "robot_1"}
+    assert math.dist((places["robot_1"]["x"], places["robot_1"]["y"]), team.robot(1).pose[:2]) < 0.5
+
+    watched = json.loads(team.command("tf", "monitor", "--for", "1", "--json").stdout)
+    moving = {row["child"]: row for row in watched["frames"]}
+    assert moving["robot_0/base_footprint"]["authority"] == "robot_0"
+    assert moving["robot_0/base_footprint"]["rate"] == pytest.approx(10.0)
+    assert watched["conflicts"] == []
+
+    past = team.command("tf", "echo", "map", "robot_0/base_footprint", "--at", f"{team.now - 1.0:.1f}", "--json")
+    assert json.loads(past.stdout)["header"]["stamp"]["sec"] >= 1
+    drawn = tmp_path / "frames.svg"
+    assert team.command("tf", "tree", "-o", str(drawn)).returncode == 0
+    assert "robot_1/base_laser_link" in drawn.read_text()
 
     nodes = {row["name"]: row["pid"] for row in json.loads(team.command("node", "list", "--json").stdout)}
     assert nodes["robot_1"] == team.pid("robot_1")

@@ -113,9 +113,9 @@ def test_a_jump_back_clears_and_says_so(caplog: pytest.LogCaptureFixture) -> Non
     """Moving data of a time that is yet to come is forgotten; static data stays."""
     buffer = turned_buffer()
     buffer.set_transform_static(stamped("robot", "laser", 0, 0.1), "t")
-    assert not buffer.note_time(5 * S)
+    assert not buffer.take_time(5 * S)
     with caplog.at_level(logging.WARNING):
-        assert buffer.note_time(S)
+        assert buffer.take_time(S)
     assert "jump back in time" in caplog.text
     assert not buffer.can_transform("map", "robot", 0)[0]
     assert buffer.can_transform("robot", "laser", 0)[0]

@@ -1,23 +1,22 @@
-"""`zteam tf echo A B | tree | static`: transforms between frames, under tf's words."""
+"""`zteam tf echo A B | tree | monitor | positions | static`: transforms between frames, under tf's words."""
 
 import argparse
 import math
 import sys
 from collections.abc import Sequence
 
-import msgspec
-
 from zteam import names
 from zteam.bus import Bus
-from zteam.cli.listening import SURVEY, Waiter, open_bus
+from zteam.cli.frames import TreeListener, show_figures, show_positions, show_tree
+from zteam.cli.listening import Waiter, open_bus
 from zteam.cli.options import add_bus_options, bus_options, run
 from zteam.clock import Ticker
-from zteam.errors import BusError, UsageError, ZteamError
+from zteam.errors import UsageError, ZteamError
 from zteam.geometry import quaternion_from_rpy
-from zteam.messages import Clock, TFMessage, ns_from_time, to_json
-from zteam.nodes.tf_messages import FrameReply, StaticReply, StaticRequest
-from zteam.tf import Buffer, FrameInfo
-from zteam.tf.text import format_transform, format_tree
+from zteam.messages import to_json
+from zteam.nodes.tf_client import TransformClient
+from zteam.nodes.tf_messages import StaticReply, StaticRequest
+from zteam.tf.text import format_transform
 
 _COUNTS = {8: "yaw pitch roll", 9: "qx qy qz qw"}
 
@@ -25,22 +24,30 @@ _COUNTS = {8: "yaw pitch roll", 9: "qx qy qz qw"}
 def build_parser() -> argparse.ArgumentParser:
     """The command line."""
     parser = argparse.ArgumentParser(prog="zteam tf", description=__doc__)
-    verbs = parser.add_subparsers(dest="verb", required=True, metavar="echo|tree|static")
+    verbs = parser.add_subparsers(dest="verb", required=True, metavar="echo|tree|monitor|positions|static")
     echo = verbs.add_parser("echo", help="print the pose of frame B in frame A")
     echo.add_argument("target", metavar="A")
     echo.add_argument("source", metavar="B")
     echo.add_argument("--once", action="store_true", help="end after one")
     echo.add_argument("--json", action="store_true")
     echo.add_argument("--rate", type=float, default=1.0, metavar="HZ", help="(default: %(default)s)")
+    echo.add_argument("--at", type=float, metavar="S", help="as it was at this time of the team's clock, once")
     echo.add_argument("--timeout", type=float, metavar="S", help="fail after S seconds without the transform")
     tree = verbs.add_parser("tree", help="print the tree with rates, ages and who says so")
     tree.add_argument("--json", action="store_true")
+    tree.add_argument("-o", "--output", metavar="FILE.svg|dot", help="draw it; edges without news for 1 s are red")
+    monitor = verbs.add_parser("monitor", help="rates, delays and jitter of every frame, and conflicts")
+    monitor.add_argument("--for", dest="seconds", type=float, default=5.0, metavar="S", help="(default: %(default)s)")
+    monitor.add_argument("--json", action="store_true")
+    positions = verbs.add_parser("positions", help="every robot's pose in map")
+    positions.add_argument("--rate", type=float, metavar="HZ", help="again and again, until Ctrl+C")
+    positions.add_argument("--json", action="store_true", help="a line of JSON each time")
     static = verbs.add_parser(
         "static",
         help="hold a fixed transform until Ctrl+C",
         usage="zteam tf static X Y Z YAW PITCH ROLL PARENT CHILD  (or QX QY QZ QW for the angles)",
     )
-    for sub in (echo, tree, static):
+    for sub in (echo, tree, monitor, positions, static):
         add_bus_options(sub)
     return parser
 
@@ -53,32 +60,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         return run("zteam tf", args, lambda: _static(args, rest))
     if rest:
         build_parser().error(f"unrecognized arguments: {' '.join(rest)}")
-    verb = _echo if args.verb == "echo" else _tree
+    verb = {"echo": _echo, "tree": show_tree, "monitor": show_figures, "positions": show_positions}[args.verb]
     return run("zteam tf", args, lambda: verb(args))
-
-
-class _Listener:
-    """A buffer fed from the aggregator's tree."""
-
-    def __init__(self, bus: Bus) -> None:
-        self.buffer = Buffer()
-        self.waiter = Waiter()
-        self.now = 0
-        bus.subscribe(names.CLOCK, Clock, self._on_clock)
-        bus.subscribe(names.TF, TFMessage, self._on_tf)
-        bus.subscribe(names.TF_STATIC, TFMessage, self._on_tf_static, latched=True)
-
-    def _on_clock(self, _key: str, message: Clock) -> None:
-        self.now = ns_from_time(message.clock)
-
-    def _on_tf(self, _key: str, message: TFMessage) -> None:
-        for transform in message.transforms:
-            self.buffer.set_transform(transform, names.TF)
-        self.waiter.notify()
-
-    def _on_tf_static(self, _key: str, message: TFMessage) -> None:
-        self.buffer.set_all_static(message.transforms, names.TF)
-        self.waiter.notify()
 
 
 def _echo(args: argparse.Namespace) -> int:
@@ -87,7 +70,12 @@ def _echo(args: argparse.Namespace) -> int:
         raise UsageError(f"--rate {args.rate}: give transforms a second")
     bus = open_bus(bus_options(args))
     try:
-        listener = _Listener(bus)
+        if args.at is not None:
+            # The past lies with the aggregator: whoever just came has heard nothing of it.
+            at = TransformClient(bus).lookup_transform(target, source, round(args.at * 1e9), args.timeout or 0.0)
+            print(to_json(at).decode() if args.json else format_transform(at))
+            return 0
+        listener = TreeListener(bus)
 
         def there() -> bool:
             return listener.buffer.can_transform(target, source, 0)[0]
@@ -104,28 +92,6 @@ def _echo(args: argparse.Namespace) -> int:
             ticker.wait()
     finally:
         bus.close()
-
-
-def _tree(args: argparse.Namespace) -> int:
-    bus = open_bus(bus_options(args))
-    try:
-        listener = _Listener(bus)
-        listener.waiter.wait(lambda: False, SURVEY, "")
-        try:
-            told = bus.ask(names.service_key(names.AGGREGATOR, "frames"), dict[str, FrameReply])
-            frames = {child: FrameInfo(*msgspec.structs.astuple(frame)) for child, frame in told.items()}
-        except BusError:
-            # Without an aggregator's own word, what was heard has to do.
-            frames = listener.buffer.frames()
-    finally:
-        bus.close()
-    if args.json:
-        print(msgspec.json.encode({child: info._asdict() for child, info in frames.items()}).decode())
-    elif not frames:
-        print("no frames (is zteam-tf running? see 'zteam doctor')")
-    else:
-        print(format_tree(frames, listener.now))
-    return 0
 
 
 def parse_static(words: Sequence[str], instance: str) -> StaticRequest:

@@ -50,6 +50,7 @@ class Aggregator:
         buffer = self._merger.buffer
         serve(service(names.AGGREGATOR, "lookup"), LookupRequest, lambda request: answer_lookups(buffer, request))
         serve(service(names.AGGREGATOR, "history"), HistoryRequest, lambda request: answer_history(buffer, request))
+        serve(service(names.AGGREGATOR, "conflicts"), NoRequest, lambda _: self._merger.conflicts())
         serve(service(names.AGGREGATOR, "frames"), NoRequest, lambda _: answer_frames(buffer))
         self._publish_statics()
 

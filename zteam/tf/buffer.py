@@ -329,7 +329,7 @@ class Buffer:
             before, _ = self._lookup(observation_frame, tracking_frame, end - interval)
         return twist_between(before, after, averaging_interval)
 
-    def note_time(self, now: int) -> bool:
+    def take_time(self, now: int) -> bool:
         """Hear the clock (ns). Where it jumped back, moving data is forgotten, which is said; True if so."""
         with self.lock:
             jumped, self._now = now < self._now, now

@@ -115,6 +115,10 @@ class Merger:
         shown = [s.transform for child, s in sorted(self._statics.items()) if not self._is_shadowed(child, s)]
         return TFMessage(shown)
 
+    def conflicts(self) -> list[str]:
+        """All conflicts seen so far."""
+        return list(self._conflicts.values())
+
     def take_conflicts(self) -> list[str]:
         """Conflicts seen since the last call, each reported once."""
         found, self._unread_conflicts = self._unread_conflicts, []
