@@ -125,3 +125,17 @@ def test_the_tree_in_a_terminal() -> None:
         "└── robot_0/odom  (static, by robot_0)",
         "    └── robot_0/base_footprint  (10.0 Hz, 0.10 s old, by robot_0)",
     ]
+
+
+def test_a_clock_that_runs_apart_is_refused_and_named() -> None:
+    """A stamp from another time is reported once and taken from nobody; the robot's true samples still count."""
+    merger = Merger()
+    for wrong in (100 * S, 100 * S + 1, 20 * S):
+        merger.take(1, TFMessage([stamped("odom", "base_footprint", wrong)]), now=50 * S)
+    merger.take(1, TFMessage([stamped("odom", "base_footprint", 50 * S)]), now=50 * S)
+    ahead, behind = merger.take_conflicts()
+    assert "robot_1 is 50.0 s ahead of the team's clock" in ahead
+    assert "30.0 s behind" in behind
+    assert merger.conflicts() == [ahead, behind]
+    assert merger.buffer.frames()["robot_1/base_footprint"].newest == 50 * S
+    assert len(merger.take_pending()) == 1

@@ -63,7 +63,7 @@ class Aggregator:
         if self._rate is None and self._opened is not None and stamp > self._stamp:
             # The next tick begins: what is here must not wait for anybody any more.
             self._flush_late()
-        self._merger.take(robot_id, message)
+        self._merger.take(robot_id, message, self._node.clock.now())
         if self._opened is None:
             self._opened, self._stamp = monotonic(), stamp
         self._stamp = max(self._stamp, stamp)

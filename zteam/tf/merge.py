@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 from zteam import names
-from zteam.messages import Header, TFMessage, TransformStamped
+from zteam.messages import Header, TFMessage, TransformStamped, ns_from_time
 from zteam.tf.buffer import Buffer, Rejection
 
 log = logging.getLogger("zteam.tf")
@@ -20,6 +20,9 @@ _FILE, _LOCALISER, _SIMULATOR, _CALLER = 0, 1, 2, 3
 """Who says `map -> robot_N/odom`: the lower number wins, the other is shadowed, which is no conflict."""
 
 _MAX_CONFLICTS = 1000
+
+MAX_APART = 10_000_000_000
+"""Nanoseconds that a stamp may differ from the team's clock: as much as a buffer remembers."""
 
 
 class _Static(NamedTuple):
@@ -43,10 +46,17 @@ class Merger:
         for transform in configured:
             self._say_static(_with_names("", transform), _FILE, TEAM_FILE)
 
-    def take(self, robot_id: int, message: TFMessage) -> None:
-        """Moving transforms from `robot_N/tf`."""
+    def take(self, robot_id: int, message: TFMessage, now: int = 0) -> None:
+        """Moving transforms from `robot_N/tf`; `now` (ns) is the team's clock, 0 = not known."""
         for transform in self._own(robot_id, message):
             child, authority = transform.child_frame_id, names.robot_name(robot_id)
+            apart = ns_from_time(transform.header.stamp) - now
+            if now and abs(apart) > MAX_APART:
+                # One such sample would make all that follow too old, or never be the latest of anything.
+                side = "ahead of" if apart > 0 else "behind"
+                text = f"{child} from {authority} is {abs(apart) / 1e9:.1f} s {side} the team's clock: set its clock"
+                self._report(child, authority, f"clock {side}", text)
+                continue
             refused = self._take_moving(transform, authority)
             if refused is not None:
                 self._report(child, authority, refused.code, refused.text)
