@@ -1,6 +1,7 @@
 """The transform buffer and tree: tf2's contract without its faults. No bus."""
 
-from zteam.tf.buffer import Buffer, FrameInfo, Rejection
+from zteam.tf.buffer import Buffer, FrameInfo
+from zteam.tf.checks import Rejection
 from zteam.tf.errors import (
     BackwardExtrapolationException,
     ConnectivityException,

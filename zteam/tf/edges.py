@@ -1,102 +1,140 @@
-"""The history of one edge of the tree."""
+"""What is known of one frame: a static transform, or the samples of one that moves, in order of time.
+
+Nearly all robots move in a plane, so an edge keeps its samples in one of two forms: as long as it turns about z alone
+and z stays what it is, two complex numbers each (see `pack`), else seven floats. Readers need no lock: an edge that is
+in use only grows at its end, the stamp last. What changes the middle of a history puts new lists in its place, and what
+changes an edge's parent or form makes another edge.
+"""
 
 from bisect import bisect_left
-from itertools import pairwise
+from cmath import sqrt
+from typing import Any
 
 from zteam.tf.rigid import Floats
 
-Planar = tuple[float, float, float, float, float]
-"""A transform that only turns about z: x, y, z, qz, qw. (Complex numbers were tried: Python is quicker with floats.)"""
-
-Value = Planar | Floats
+History = tuple[list[int], list[Any], list[complex]]
+"""Stamps in ns, ascending; the places and turns of planar samples, or seven floats each and an empty list."""
 
 
-def as_floats(value: Value) -> Floats:
-    """A value as seven floats."""
-    if len(value) == 7:
-        return value
-    x, y, z, k, w = value
-    return (x, y, z, 0.0, 0.0, k, w)
+def is_planar(floats: Floats) -> bool:
+    """Whether a transform turns about z alone."""
+    return floats[3] == 0.0 == floats[4]
+
+
+def pack(floats: Floats) -> tuple[complex, complex]:
+    """Place x + iy and turn of a planar transform: it takes a point p to place + turn * p."""
+    x, y, _, _, _, k, w = floats
+    half = complex(w, k)
+    return complex(x, y), half * half
+
+
+def unpack(place: complex, turn: complex, z: float) -> Floats:
+    """Seven floats again; the quaternion has w >= 0."""
+    half = sqrt(turn)
+    return place.real, place.imag, z, 0.0, 0.0, half.imag, half.real
 
 
 class Edge:
-    """What is known of one child frame: a static transform, or samples in order of time."""
+    """One child frame under its parent."""
 
-    __slots__ = ("authority", "expiry", "parent", "parents", "plain_parent", "spatial", "stamps", "static", "values")
+    __slots__ = ("authority", "due", "history", "newest", "parent", "parents", "plain", "planar", "static", "z")
 
-    def __init__(self, static: bool) -> None:
+    def __init__(self, static: bool, planar: bool, z: float = 0.0) -> None:
         self.static = static
-        self.stamps: list[int] = []
-        self.values: list[Value] = []
+        self.planar = planar
+        """In which form the samples are."""
+        self.z = z
+        """Of all samples, if they are planar."""
         self.parent = ""
         """By the newest sample; empty if there is none."""
         self.parents: list[str] | None = None
-        """By sample, where they differ; None where all samples have the same."""
-        self.plain_parent: str | None = None
-        """The parent, if all samples have it and the edge moves: what the usual sample is compared with."""
-        self.spatial = 0
-        """How many values are not planar."""
-        self.expiry = 0
-        """A sample of a later time than this ends the oldest one's life."""
+        """The parent of every sample, if they differ."""
         self.authority = ""
+        self.history: History = ([], [], [])
+        self.newest = 0
+        self.due = 0
+        """A sample after this time makes it worth while to forget old ones; until then some may be too old."""
+        self.plain = False
+        """Whether the next planar sample can simply be appended."""
 
-    def replace(self, value: Value, parent: str) -> None:
+    def fix(self, floats: Floats, parent: str) -> None:
         """Hold one static transform."""
-        self.stamps, self.values, self.parent, self.parents = [0], [value], parent, None
-        self.spatial = len(value) == 7
+        self.history = ([0], [floats], [])
+        self.parent = parent
 
-    def forget(self) -> None:
-        """Drop all samples."""
-        self.stamps, self.values, self.parent, self.parents, self.spatial = [], [], "", None, 0
-        self.plain_parent = None
-
-    def shape(self) -> tuple[str, bool, bool, Value | None]:
-        """All that paths rely on: while it is the same, they hold."""
-        return (
-            self.parent,
-            self.parents is None,
-            self.spatial == 0,
-            self.values[0] if self.static and self.values else None,
-        )
-
-    def parent_at(self, index: int) -> str:
-        """Parent of the sample at an index."""
-        return self.parent if self.parents is None else self.parents[index]
-
-    def insert(self, stamp: int, value: Value, parent: str, cache: int) -> None:
-        """Put a sample in its place, and forget what is older than the newest by more than `cache` (ns).
-
-        The stamp is not there yet.
-        """
-        stamps = self.stamps
-        if self.parents is None and stamps and parent != self.parent:
-            self.parents = [self.parent] * len(stamps)
-        at = bisect_left(stamps, stamp)
+    def insert(self, stamp: int, floats: Floats, parent: str, cache: int) -> None:
+        """Put a sample in its place; its stamp is not there yet, and it fits the edge's form."""
+        stamps, places, turns = self.history
+        place, turn = pack(floats) if self.planar else (floats, None)
+        at = len(stamps) if not stamps or stamp > self.newest else bisect_left(stamps, stamp)
+        if at < len(stamps):
+            stamps, places, turns = self.history = (list(stamps), list(places), list(turns))
+        else:
+            self.newest, self.parent = stamp, parent
+        places.insert(at, place)
+        if turn is not None:
+            turns.insert(at, turn)
         stamps.insert(at, stamp)
-        self.values.insert(at, value)
         if self.parents is not None:
             self.parents.insert(at, parent)
-            self.parent = self.parents[-1]
-        else:
-            self.parent = parent
-        self.spatial += len(value) == 7
-        self.plain_parent = self.parent if self.parents is None else None
-        self.prune(cache)
+        if at == 0 or stamp > self.due or self.parents is not None:
+            self.prune(cache)
+        self.plain = self.planar and self.parents is None
 
     def prune(self, cache: int) -> None:
-        """Forget what is older than the newest sample by more than `cache` (ns)."""
-        cut = bisect_left(self.stamps, self.stamps[-1] - cache)
-        self.expiry = self.stamps[cut] + cache
-        if self.spatial:
-            self.spatial -= sum(len(value) == 7 for value in self.values[:cut])
-        del self.stamps[:cut]
-        del self.values[:cut]
+        """Forget what is older than the cache, counted from the newest sample."""
+        stamps, places, turns = self.history
+        if self.static or not stamps:
+            return
+        cut = bisect_left(stamps, self.newest - cache)
+        if cut:
+            self.history = (stamps[cut:], places[cut:], turns[cut:])
         if self.parents is not None:
             del self.parents[:cut]
-            if all(a == b for a, b in pairwise(self.parents)):
-                self.parents, self.plain_parent = None, self.parent
+            if self.parents.count(self.parent) == len(self.parents):
+                self.parents = None
+                self.plain = self.planar
+        first, slack = self.history[0][0], cache // 8
+        # No slack for a short history: the last two samples are never further apart than the cache.
+        self.due = first + cache + (slack if self.newest >= first + slack else 0)
+
+    def takes(self, floats: Floats) -> bool:
+        """Whether a sample fits the edge's form."""
+        return not self.planar or (is_planar(floats) and floats[2] == self.z)
 
     def find(self, stamp: int) -> int:
         """Index of the sample with exactly this stamp, or -1."""
-        at = bisect_left(self.stamps, stamp)
-        return at if at < len(self.stamps) and self.stamps[at] == stamp else -1
+        stamps = self.history[0]
+        at = bisect_left(stamps, stamp)
+        return at if at < len(stamps) and stamps[at] == stamp else -1
+
+    def has(self, at: int, floats: Floats, parent: str) -> bool:
+        """Whether the sample `at` says just this."""
+        _, places, turns = self.history
+        same = (places[at], turns[at]) == pack(floats) if self.planar else places[at] == floats
+        return same and self.takes(floats) and self.parent_of(at) == parent
+
+    def floats_of(self, history: History, at: int) -> Floats:
+        """A sample as seven floats; `history` is the edge's own, read once by who holds no lock."""
+        if self.planar:
+            return unpack(history[1][at], history[2][at], self.z)
+        floats: Floats = history[1][at]
+        return floats
+
+    def parent_of(self, at: int) -> str:
+        """The parent by a sample."""
+        return self.parents[at] if self.parents is not None else self.parent
+
+    def replaced(self, planar: bool, mixed: bool) -> "Edge":
+        """The same history in another form (`planar`), or ready for samples of several parents (`mixed`)."""
+        edge = Edge(self.static, planar, self.z)
+        stamps, places, turns = self.history
+        if planar == self.planar:
+            edge.history = (list(stamps), list(places), list(turns))
+        else:
+            edge.history = (list(stamps), [self.floats_of(self.history, at) for at in range(len(stamps))], [])
+        edge.parent, edge.authority, edge.newest, edge.due = self.parent, self.authority, self.newest, self.due
+        edge.parents = list(self.parents) if self.parents is not None else None
+        if mixed and edge.parents is None:
+            edge.parents = [self.parent] * len(stamps)
+        return edge

@@ -1,4 +1,4 @@
-"""Rigid transforms as seven floats: no numpy, no objects, which cost more than the arithmetic."""
+"""Rigid transforms as seven plain floats: no numpy, no objects."""
 
 import math
 

@@ -1,0 +1,167 @@
+"""The frames and how they hang together: what may be stored where, and the walk from one frame to another."""
+
+from zteam.tf.checks import Rejection
+from zteam.tf.edges import Edge, is_planar
+from zteam.tf.errors import (
+    ConnectivityException,
+    ExtrapolationException,
+    InvalidArgumentException,
+    LookupException,
+)
+from zteam.tf.paths import Answer, Path, prepare_path
+from zteam.tf.rigid import IDENTITY, Floats
+from zteam.tf.walk import Walk, latest_common
+
+DUPLICATE = Rejection("DUPLICATE", "")
+"""The very sample is there already."""
+
+
+class Tree:
+    """All edges. Only `edges` and `paths` may be read without the buffer's lock, and those only looked into."""
+
+    def __init__(self, cache: int) -> None:
+        self.cache = cache
+        self.edges: dict[str, Edge] = {}
+        self.paths: dict[tuple[str, str], Path] = {}
+        """By target and source, as long as the tree keeps its shape and its static transforms."""
+        self._frames: set[str] = set()
+        """Every frame that was ever a child or a parent."""
+
+    def put(
+        self, child: str, parent: str, stamp: int, floats: Floats, authority: str, static: bool
+    ) -> Rejection | None:
+        """Store a sample whose names and numbers are in order; None, or why not."""
+        edge = self.edges.get(child)
+        refused = self._check(edge, child, parent, stamp, floats, authority, static)
+        if refused is not None:
+            return refused
+        if static:
+            if edge is None or not edge.static or edge.parent != parent or edge.history[1][0] != floats:
+                edge = Edge(static=True, planar=False)
+                edge.fix(floats, parent)
+                self._replace(child, edge)
+        else:
+            edge = self._ready(edge, child, parent, floats)
+            edge.insert(stamp, floats, parent, self.cache)
+        edge.authority = authority
+        self._frames.update((child, parent))
+        return None
+
+    def _ready(self, edge: Edge | None, child: str, parent: str, floats: Floats) -> Edge:
+        """The edge that a moving sample of this parent and form goes into."""
+        if edge is None or edge.static or not edge.parent:
+            ready = Edge(False, is_planar(floats), floats[2])
+        else:
+            mixed = edge.parents is None and edge.parent != parent
+            if not mixed and edge.takes(floats):
+                return edge
+            ready = edge.replaced(edge.planar and edge.takes(floats), mixed)
+        self._replace(child, ready)
+        return ready
+
+    def _replace(self, child: str, edge: Edge) -> None:
+        self.edges[child] = edge
+        self.paths.clear()
+
+    def _check(
+        self, edge: Edge | None, child: str, parent: str, stamp: int, floats: Floats, authority: str, static: bool
+    ) -> Rejection | None:
+        if edge is not None and edge.parent:
+            if edge.static and not static:
+                return Rejection(
+                    "TF_STATIC_FRAME", f"{child} is static by {edge.authority}: {authority}'s sample is refused"
+                )
+            if not static:
+                if edge.newest > stamp + self.cache:
+                    return Rejection(
+                        "TF_OLD_DATA", f"{child} from {authority} is older than the cache of {self.cache / 1e9} s"
+                    )
+                at = edge.find(stamp)
+                if at >= 0:
+                    if edge.has(at, floats, parent):
+                        return DUPLICATE
+                    return Rejection("TF_REPEATED_DATA", f"{child} has a sample of {stamp / 1e9:.9f} s already")
+            if edge.parent == parent:
+                return None
+        return self._check_loop(child, parent, authority)
+
+    def _check_loop(self, child: str, parent: str, authority: str) -> Rejection | None:
+        frame: str = parent
+        while frame:
+            edge = self.edges.get(frame)
+            if frame == child or edge is None:
+                break
+            frame = edge.parent
+        if frame != child:
+            return None
+        other = self.edges[parent].authority if parent in self.edges else authority
+        return Rejection("TF_LOOP", f"{parent} -> {child} by {authority} closes a loop with {other}'s transforms")
+
+    def forget(self, child: str) -> None:
+        """Forget an edge and its history."""
+        if self.edges.pop(child, None) is not None:
+            self.paths.clear()
+
+    def clear(self) -> None:
+        """Forget all moving data."""
+        for child, edge in self.edges.items():
+            if not edge.static:
+                self.edges[child] = Edge(static=False, planar=True)
+        self.paths.clear()
+
+    def newest(self, frame: str) -> int:
+        """Stamp of a frame's own newest sample; 0 if it has none or does not move."""
+        edge = self.edges.get(frame)
+        return edge.newest if edge is not None else 0
+
+    def check_frames(self, **arguments: str) -> None:
+        """Raise InvalidArgumentException or LookupException for names that no frame has."""
+        for argument, name in arguments.items():
+            what = f"passed to lookupTransform argument {argument}"
+            if not name:
+                raise InvalidArgumentException(f"Invalid argument {what} in tf2 frame_ids cannot be empty")
+            if name.startswith("/"):
+                raise InvalidArgumentException(
+                    f"Invalid argument \"{name}\" {what} in tf2 frame_ids cannot start with a '/' like: "
+                )
+        for argument, name in arguments.items():
+            if name not in self._frames:
+                raise LookupException(f'"{name}" passed to lookupTransform argument {argument} does not exist. ')
+
+    def latest(self, target: str, source: str) -> int:
+        """The newest time that all moving edges between two frames have; raises where they are not connected."""
+        self.check_frames(target_frame=target, source_frame=source)
+        if target == source:
+            return self.newest(target)
+        return latest_common(Walk(self.edges, self.cache, target, source, None).find_legs())
+
+    def solve(self, target: str, source: str, time: int) -> Answer:
+        """target_from_source at `time`, whatever the shape of the tree; raises tf2's exceptions."""
+        if target == source:
+            return (time or self.newest(target), *IDENTITY)
+        self.check_frames(target_frame=target, source_frame=source)
+        try:
+            legs = Walk(self.edges, self.cache, target, source, None).find_legs()
+        except ConnectivityException:
+            if not time:
+                raise
+            # What is not connected now may have been so then.
+            legs = Walk(self.edges, self.cache, target, source, time).find_legs()
+        if all(edge.parents is None for edge in (*legs.source, *legs.target)):
+            path = self.paths[target, source] = prepare_path(legs, self.cache)
+            answer = path.solve(time)
+            if answer is not None:
+                return answer
+            time = time or latest_common(legs)
+            walk = Walk(self.edges, self.cache, target, source, time)
+        else:
+            # At that time other parents may have held than now.
+            time = time or latest_common(legs)
+            walk = Walk(self.edges, self.cache, target, source, time)
+            legs = walk.find_legs()
+        try:
+            return (time, *walk.evaluate(legs, time))
+        except ExtrapolationException:
+            # Of several edges without data, tf2 names the one that a walk through the tree comes upon.
+            walk.find_legs()
+            raise

@@ -1,0 +1,148 @@
+"""The walk from one frame to another, edge by edge, at any time and with tf2's errors: right for every tree, not fast.
+
+Callers hold the buffer's lock.
+"""
+
+from bisect import bisect_right
+from collections.abc import Mapping
+
+from zteam.tf.edges import Edge
+from zteam.tf.errors import (
+    BackwardExtrapolationException,
+    ConnectivityException,
+    ForwardExtrapolationException,
+    LookupException,
+    NoDataForExtrapolationException,
+    TransformException,
+)
+from zteam.tf.paths import Legs
+from zteam.tf.rigid import IDENTITY, Floats, compose, interpolate, invert
+
+
+class Walk:
+    """One question: `source` in `target` at `time` (None = by the newest parents)."""
+
+    def __init__(self, edges: Mapping[str, Edge], cache: int, target: str, source: str, time: int | None) -> None:
+        self._edges = edges
+        self._cache = cache
+        self._target = target
+        self._source = source
+        self._time = time
+
+    def find_legs(self) -> Legs:
+        """The edges on the way. Raises tf2's exceptions where there is no way."""
+        up = self._ancestors()
+        depth = {name: i for i, (name, _) in enumerate(up)}
+        down: list[Edge] = []
+        frame = self._target
+        failure: TransformException | None = None
+        while frame not in depth:
+            self._refuse_loop(len(down))
+            edge = self._edges.get(frame)
+            parent, problem = self._parent(edge)
+            failure = problem or failure
+            if edge is None or not parent:
+                raise failure or self._first_failure() or self._unconnected()
+            down.append(edge)
+            frame = parent
+        return Legs(tuple(edge for _, edge in up[: depth[frame]] if edge is not None), tuple(down))
+
+    def _ancestors(self) -> list[tuple[str, Edge | None]]:
+        """The source and everything above it, each with the edge that leads further up (None at the top)."""
+        found: list[tuple[str, Edge | None]] = []
+        frame = self._source
+        while True:
+            self._refuse_loop(len(found))
+            edge = self._edges.get(frame)
+            parent, _ = self._parent(edge)
+            found.append((frame, edge if parent else None))
+            if not parent:
+                return found
+            frame = parent
+
+    def _refuse_loop(self, steps: int) -> None:
+        # No sample closes a loop with the newest parents, but parents of different times can.
+        if steps > len(self._edges) + 1:
+            raise LookupException("The tf tree is invalid because it contains a loop.")
+
+    def _first_failure(self) -> TransformException | None:
+        """The extrapolation that ended the walk up from the source, if one did."""
+        frame = self._source
+        while True:
+            parent, problem = self._parent(self._edges.get(frame))
+            if not parent:
+                return problem
+            frame = parent
+
+    def _parent(self, edge: Edge | None) -> tuple[str, TransformException | None]:
+        """The edge's parent at the time, or empty with the reason."""
+        if edge is None:
+            return "", None
+        if self._time is None or edge.static:
+            return edge.parent, None
+        try:
+            return edge.parent_of(self._index(edge, self._time)), None
+        except TransformException as error:
+            return "", error
+
+    def evaluate(self, legs: Legs, time: int) -> Floats:
+        """The transform along the legs. Raises the three kinds of extrapolation."""
+        source_side, target_side = IDENTITY, IDENTITY
+        for edge in legs.source:
+            source_side = compose(self._at(edge, time), source_side)
+        for edge in legs.target:
+            target_side = compose(self._at(edge, time), target_side)
+        return compose(invert(target_side), source_side)
+
+    def _at(self, edge: Edge, time: int) -> Floats:
+        if edge.static:
+            return edge.floats_of(edge.history, 0)
+        at = self._index(edge, time)
+        stamps = edge.history[0]
+        older, stamp = edge.floats_of(edge.history, at), stamps[at]
+        if stamp == time or edge.parent_of(at) != edge.parent_of(at + 1):
+            # Nothing lies between two parents: the older sample holds until the change.
+            return older
+        return interpolate(older, edge.floats_of(edge.history, at + 1), (time - stamp) / (stamps[at + 1] - stamp))
+
+    def _index(self, edge: Edge, time: int) -> int:
+        """Index of the newest sample that is not newer than `time`. Raises the three kinds of extrapolation."""
+        edge.prune(self._cache)
+        stamps = edge.history[0]
+        looking = f", when looking up transform from frame [{self._source}] to frame [{self._target}]"
+        if not stamps:
+            raise NoDataForExtrapolationException(f"Lookup would require data, but the buffer was cleared{looking}")
+        first, last = stamps[0], stamps[-1]
+        if first == last != time:
+            raise NoDataForExtrapolationException(
+                f"Lookup would require extrapolation at time {_seconds(time)}, but only time {_seconds(first)} "
+                f"is in the buffer{looking}"
+            )
+        if time > last:
+            raise ForwardExtrapolationException(
+                f"Lookup would require extrapolation {_seconds(time - last)}s into the future.  "
+                f"Requested time {_seconds(time)} but the latest data is at time {_seconds(last)}{looking}"
+            )
+        if time < first:
+            raise BackwardExtrapolationException(
+                f"Lookup would require extrapolation {_seconds(first - time)}s into the past.  "
+                f"Requested time {_seconds(time)} but the earliest data is at time {_seconds(first)}{looking}"
+            )
+        return bisect_right(stamps, time) - 1
+
+    def _unconnected(self) -> ConnectivityException:
+        return ConnectivityException(
+            f"Could not find a connection between '{self._target}' and '{self._source}' because they are not part of "
+            "the same tree.Tf has two or more unconnected trees."
+        )
+
+
+def latest_common(legs: Legs) -> int:
+    """The newest time that all moving edges have; edges stamped 0 count as static, as in tf2."""
+    return min((edge.newest for edge in (*legs.source, *legs.target) if edge.newest), default=0)
+
+
+def _seconds(nanoseconds: int) -> str:
+    """To the nanosecond: a double's digits do not reach that far."""
+    whole, rest = divmod(nanoseconds, 10**9)
+    return f"{whole}.{rest:09d}"
