@@ -79,6 +79,7 @@ class Buffer:
         self._edges = self._tree.edges
         self._paths = self._tree.paths
         self.lock = threading.RLock()
+        self._acquire, self._release = self.lock.acquire, self.lock.release
         self._changed = threading.Condition(self.lock)
         self._waiting = 0
         self._now = 0
@@ -89,21 +90,19 @@ class Buffer:
         header, pose = transform.header, transform.transform
         p, q, stamp = pose.translation, pose.rotation, header.stamp
         x, y, k, w = p.x, p.y, q.z, q.w
-        time = stamp.sec * _NS + stamp.nanosec
-        lock = self.lock
+        time = stamp.sec * 1_000_000_000 + stamp.nanosec
         # `with` costs as much as half of the rest.
-        lock.acquire()
+        self._acquire()
         try:
             edge = self._edges[transform.child_frame_id]
             if (
                 edge.newest < time <= edge.due
-                and edge.parent == header.frame_id
+                and edge.plain_parent == header.frame_id
                 and edge.z == p.z
                 and not q.x
                 and not q.y
                 # A unit quaternion, and x and y finite: the product is NaN else.
                 and 0.999999999999999 < k * k + w * w + (x + y) * 0.0 < 1.000000000000001
-                and edge.plain
             ):
                 stamps, places, turns = edge.history
                 half = w + k * 1j
@@ -118,7 +117,7 @@ class Buffer:
         except KeyError:
             pass
         finally:
-            lock.release()
+            self._release()
         return self._set(transform, time, authority, static=False)
 
     def set_transform_static(self, transform: TransformStamped, authority: str) -> Rejection | None:

@@ -37,7 +37,7 @@ def unpack(place: complex, turn: complex, z: float) -> Floats:
 class Edge:
     """One child frame under its parent."""
 
-    __slots__ = ("authority", "due", "history", "newest", "parent", "parents", "plain", "planar", "static", "z")
+    __slots__ = ("authority", "due", "history", "newest", "parent", "parents", "plain_parent", "planar", "static", "z")
 
     def __init__(self, static: bool, planar: bool, z: float = 0.0) -> None:
         self.static = static
@@ -54,8 +54,8 @@ class Edge:
         self.newest = 0
         self.due = 0
         """A sample after this time makes it worth while to forget old ones; until then some may be too old."""
-        self.plain = False
-        """Whether the next planar sample can simply be appended."""
+        self.plain_parent: str | None = None
+        """The parent with which the next planar sample can simply be appended."""
 
     def fix(self, floats: Floats, parent: str) -> None:
         """Hold one static transform."""
@@ -79,7 +79,7 @@ class Edge:
             self.parents.insert(at, parent)
         if at == 0 or stamp > self.due or self.parents is not None:
             self.prune(cache)
-        self.plain = self.planar and self.parents is None
+        self.plain_parent = self.parent if self.planar and self.parents is None else None
 
     def prune(self, cache: int) -> None:
         """Forget what is older than the cache, counted from the newest sample."""
@@ -93,7 +93,7 @@ class Edge:
             del self.parents[:cut]
             if self.parents.count(self.parent) == len(self.parents):
                 self.parents = None
-                self.plain = self.planar
+                self.plain_parent = self.parent if self.planar else None
         first, slack = self.history[0][0], cache // 8
         # No slack for a short history: the last two samples are never further apart than the cache.
         self.due = first + cache + (slack if self.newest >= first + slack else 0)
