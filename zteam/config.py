@@ -44,6 +44,8 @@ class RobotEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     model: Text | None = None
     """With `pose`: add such a robot, which the world lacks."""
     pose: Pose2 | None = None
+    description: Text | None = None
+    """A URDF file, beside the team file: the aggregator says its joints."""
     params: dict[str, Any] = {}
     """Every other key of the table: the behaviour's parameters, raw; the behaviour checks them."""
 

@@ -1,6 +1,7 @@
 """Look-ups over the bus, answered by the aggregator of a running team."""
 
 import math
+from pathlib import Path
 
 import pytest
 
@@ -35,3 +36,30 @@ def test_a_client_looks_up_without_listening(team: TeamFixture) -> None:
     team.spawn("transforms", "static", "0", "0", "1", "0", "0", "0", "robot_0/base_link", "robot_0/mast")
     mast = client.lookup_transform("robot_0/base_link", "robot_0/mast", timeout=20.0)
     assert mast.transform.translation.z == 1.0
+
+
+URDF = """<robot name="bot">
+  <joint name="mast_joint" type="fixed">
+    <parent link="base_link"/><child link="mast"/><origin xyz="0 0 1"/>
+  </joint>
+  <joint name="wheel_left_joint" type="continuous">
+    <parent link="base_link"/><child link="wheel_left"/><origin xyz="0 0.2 0.05"/><axis xyz="0 1 0"/>
+  </joint>
+</robot>"""
+
+
+def test_a_described_robot_has_its_joints_in_the_tree(team: TeamFixture, tmp_path: Path) -> None:
+    """Fixed joints stand in the tree with the robot's prefix, and a wheel turns in it as the robot drives."""
+    (tmp_path / "bot.urdf").write_text(URDF)
+    (tmp_path / "team.toml").write_text(
+        '[team]\nworld = "arena"\n[[robots]]\nid = 0\nbehavior = "forward"\nspeed = 0.2\ndescription = "bot.urdf"\n'
+    )
+    team.launch(tmp_path / "team.toml")
+    team.wait_for_go()
+    client = TransformClient(team.bus)
+    mast = client.lookup_transform("robot_0/base_link", "robot_0/mast", timeout=10.0)
+    assert mast.transform.translation.z == 1.0
+    before = client.lookup_transform("robot_0/base_link", "robot_0/wheel_left", timeout=10.0).transform.rotation
+    team.wait_until(lambda: team.robot(0).distance_travelled > 0.2, within=20)
+    after = client.lookup_transform("robot_0/base_link", "robot_0/wheel_left").transform.rotation
+    assert abs(before.y * after.y + before.w * after.w) < 0.99

@@ -107,7 +107,7 @@ class Desk:
         bus, self.link = cut_bus(hub)
         self.stop = Stop()
         self.node = Node(names.AGGREGATOR, bus, self.stop)
-        self.aggregator = Aggregator(self.node, configured, rate)
+        self.aggregator = Aggregator(self.node, configured, {}, rate)
         self.thread = threading.Thread(target=self.aggregator.run)
 
     def start(self) -> None:

@@ -14,7 +14,7 @@ from zteam.errors import UsageError
 def build_parser() -> argparse.ArgumentParser:
     """The command line."""
     parser = argparse.ArgumentParser(prog="zteam-tf", description=__doc__)
-    parser.add_argument("team", nargs="?", metavar="TEAM.toml", help="team file whose static transforms hold")
+    parser.add_argument("team", nargs="?", metavar="TEAM.toml", help="team file: static transforms, robot descriptions")
     parser.add_argument(
         "--rate", type=float, metavar="HZ", help="send bundles at this rate instead of one for every tick"
     )
@@ -32,12 +32,17 @@ def _aggregate(args: argparse.Namespace) -> int:
     from zteam.config import load_team, static_transform
     from zteam.nodes.aggregator import run_aggregator
     from zteam.nodes.node import run_node
+    from zteam.tf.description import read_description
 
     if args.rate is not None and not (math.isfinite(args.rate) and args.rate > 0):
         raise UsageError(f"--rate {args.rate}: give bundles a second, such as 20")
-    entries = load_team(Path(args.team)).static_transforms if args.team else ()
-    configured = [static_transform(entry) for entry in entries]
-    return run_node(names.AGGREGATOR, bus_options(args), lambda node: run_aggregator(node, configured, args.rate))
+    team = load_team(Path(args.team)) if args.team else None
+    configured = [static_transform(entry) for entry in team.static_transforms] if team else []
+    described = {robot.id: robot.description for robot in team.robots if robot.description} if team else {}
+    descriptions = {robot_id: read_description(Path(args.team).parent / name) for robot_id, name in described.items()}
+    return run_node(
+        names.AGGREGATOR, bus_options(args), lambda node: run_aggregator(node, configured, descriptions, args.rate)
+    )
 
 
 if __name__ == "__main__":

@@ -5,16 +5,17 @@ that falls silent delays it by PATIENCE once and then counts as silent until it 
 """
 
 import logging
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 from zteam import names
 from zteam.bus import NoRequest
 from zteam.clock import monotonic
-from zteam.messages import Header, Quaternion, TFMessage, Transform, TransformStamped, Vector3, ns_from_time
+from zteam.messages import Header, JointState, Quaternion, TFMessage, Transform, TransformStamped, Vector3, ns_from_time
 from zteam.nodes.answers import answer_frames, answer_history, answer_lookups
 from zteam.nodes.losses import GRACE, Losses
 from zteam.nodes.node import Node
 from zteam.nodes.tf_messages import HistoryRequest, LookupRequest, StaticReply, StaticRequest
+from zteam.tf.description import Description
 from zteam.tf.merge import Merger
 
 log = logging.getLogger("zteam")
@@ -26,9 +27,16 @@ PATIENCE = 0.03
 class Aggregator:
     """The merged tree on the bus. Callbacks run under `node.changed`."""
 
-    def __init__(self, node: Node, configured: Iterable[TransformStamped], rate: float | None) -> None:
+    def __init__(
+        self,
+        node: Node,
+        configured: Iterable[TransformStamped],
+        descriptions: Mapping[int, Description],
+        rate: float | None,
+    ) -> None:
         self._node = node
         self._rate = rate
+        self._descriptions = descriptions
         self._merger = Merger(configured)
         self._spoken: dict[int, int] = {}
         """Robots that a bundle waits for, and the stamp each spoke for last."""
@@ -52,7 +60,21 @@ class Aggregator:
         serve(service(names.AGGREGATOR, "history"), HistoryRequest, lambda request: answer_history(buffer, request))
         serve(service(names.AGGREGATOR, "conflicts"), NoRequest, lambda _: self._merger.conflicts())
         serve(service(names.AGGREGATOR, "frames"), NoRequest, lambda _: answer_frames(buffer))
+        for robot_id, description in descriptions.items():
+            self._merger.describe(robot_id, description.static_transforms())
+        if descriptions:
+            node.subscribe(names.all_robots_key(names.JOINT_STATES), JointState, self._on_joint_states)
         self._publish_statics()
+
+    def _on_joint_states(self, key: str, message: JointState) -> None:
+        target = names.split_robot_key(key)
+        description = self._descriptions.get(target[0]) if target is not None else None
+        if target is None or description is None:
+            return
+        self._merger.take(target[0], TFMessage(description.moving_transforms(message)), self._node.clock.now())
+        if self._rate is None and self._opened is None:
+            # No bundle is being filled that they could travel with.
+            self._flush()
 
     def _on_tf(self, key: str, message: TFMessage) -> None:
         target = names.split_robot_key(key)
@@ -158,8 +180,13 @@ def _authority(instance: str) -> str:
     return f"{names.STATIC_CALLER} {instance}"
 
 
-def run_aggregator(node: Node, configured: Iterable[TransformStamped], rate: float | None) -> None:
+def run_aggregator(
+    node: Node,
+    configured: Iterable[TransformStamped],
+    descriptions: Mapping[int, Description],
+    rate: float | None,
+) -> None:
     """Be the aggregator until asked to stop."""
-    aggregator = Aggregator(node, configured, rate)
+    aggregator = Aggregator(node, configured, descriptions, rate)
     node.become_present()
     aggregator.run()

@@ -17,8 +17,11 @@ log = logging.getLogger("zteam.tf")
 
 TEAM_FILE = "team file"
 
-_FILE, _LOCALISER, _SIMULATOR, _CALLER = 0, 1, 2, 3
-"""Who says `map -> robot_N/odom`: the lower number wins, the other is shadowed, which is no conflict."""
+_FILE, _LOCALISER, _SIMULATOR, _CALLER, _DESCRIPTION = 0, 1, 2, 3, 4
+"""Who says `map -> robot_N/odom`: the lower number wins, the other is shadowed, which is no conflict.
+
+What a robot description says gives way to anybody: the base itself knows best where its laser is.
+"""
 
 _MAX_CONFLICTS = 1000
 
@@ -85,6 +88,12 @@ class Merger:
             self._localised.add(child)
             self.statics_changed |= shadowed is not None
         return None
+
+    def describe(self, robot_id: int, transforms: Iterable[TransformStamped]) -> None:
+        """The fixed joints of a robot's description, with the description's own names."""
+        prefix = names.robot_name(robot_id)
+        for transform in self._own(robot_id, TFMessage(list(transforms))):
+            self._say_static(transform, _DESCRIPTION, f"{prefix}'s description")
 
     def take_static(self, robot_id: int, message: TFMessage) -> None:
         """The full set of fixed transforms from `robot_N/tf_static`."""
@@ -170,7 +179,12 @@ class Merger:
     def _put_static(self, transform: TransformStamped, rank: int, authority: str) -> Rejection | None:
         child = transform.child_frame_id
         known = self._statics.get(child)
-        if known is not None and known.authority != authority:
+        if known is not None and known.authority != authority and _DESCRIPTION in (known.rank, rank):
+            if rank > known.rank:
+                return None
+            # It may hang elsewhere now, which must not make a loop with what the description said.
+            self._drop_static(child)
+        elif known is not None and known.authority != authority:
             if known.rank < rank and _is_start_pose(transform):
                 return None
             if not (rank < known.rank and _is_start_pose(transform)):

@@ -1,0 +1,189 @@
+"""Robot descriptions: URDF files as transforms, what robot_state_publisher did.
+
+Fixed joints are static transforms; revolute, continuous and prismatic ones follow `robot_N/joint_states`, mimics
+included. Frames have the file's own names; a robot's prefix is put before them where its transforms are merged.
+"""
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+from xml.etree import ElementTree
+
+from zteam.errors import ConfigError
+from zteam.geometry import quaternion_from_rpy
+from zteam.messages import Header, JointState, Quaternion, Time, Transform, TransformStamped, Vector3
+from zteam.tf.rigid import Floats, compose
+
+MAX_BYTES = 8 * 2**20
+_TURNING, _SLIDING, _FIXED = ("revolute", "continuous"), ("prismatic",), ("fixed",)
+_SKIPPED = ("floating", "planar")
+"""Joints that no single number describes: somebody else has to say where their children are, as for ROS."""
+
+
+class Mimic(NamedTuple):
+    """A joint that follows another one: multiplier times its position, and an offset."""
+
+    joint: str
+    multiplier: float
+    offset: float
+
+
+class Joint(NamedTuple):
+    """How a link hangs on another."""
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    parent_from_joint: Floats
+    axis: tuple[float, float, float]
+    """Of length 1, in the joint's frame."""
+    mimic: Mimic | None
+
+
+class Description(NamedTuple):
+    """A robot's joints."""
+
+    name: str
+    joints: tuple[Joint, ...]
+
+    def static_transforms(self) -> list[TransformStamped]:
+        """What never moves."""
+        return [_stamped(joint, Time(), joint.parent_from_joint) for joint in self.joints if joint.kind in _FIXED]
+
+    def moving_transforms(self, state: JointState) -> list[TransformStamped]:
+        """What moves, as far as the message says; names and positions that do not match are not looked at."""
+        known = dict(zip(state.name, state.position.tolist(), strict=False))
+        found = []
+        for joint in self.joints:
+            if joint.kind in _TURNING + _SLIDING:
+                position = _position_of(joint, known)
+                if position is not None:
+                    moved = compose(joint.parent_from_joint, _moved(joint, position))
+                    found.append(_stamped(joint, state.header.stamp, moved))
+        return found
+
+
+def _position_of(joint: Joint, known: Mapping[str, float]) -> float | None:
+    """Radians or metres; None if nobody says it or it is not finite."""
+    position = known.get(joint.name)
+    if joint.mimic is not None and joint.mimic.joint in known:
+        position = joint.mimic.multiplier * known[joint.mimic.joint] + joint.mimic.offset
+    return position if position is not None and math.isfinite(position) else None
+
+
+def _moved(joint: Joint, position: float) -> Floats:
+    x, y, z = joint.axis
+    if joint.kind in _SLIDING:
+        return (x * position, y * position, z * position, 0.0, 0.0, 0.0, 1.0)
+    sine = math.sin(0.5 * position)
+    return (0.0, 0.0, 0.0, x * sine, y * sine, z * sine, math.cos(0.5 * position))
+
+
+def _stamped(joint: Joint, stamp: Time, floats: Floats) -> TransformStamped:
+    x, y, z, i, j, k, w = floats
+    transform = Transform(Vector3(x, y, z), Quaternion(i, j, k, w))
+    return TransformStamped(Header(stamp, joint.parent), joint.child, transform)
+
+
+def read_description(path: Path) -> Description:
+    """The joints of a URDF file. Raises ConfigError that names the file and the joint."""
+    try:
+        data = path.read_bytes() if path.stat().st_size <= MAX_BYTES else None
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot read this robot description: {error.strerror or error}") from None
+    if data is None:
+        raise ConfigError(f"{path}: a robot description of more than {MAX_BYTES // 2**20} MB is refused")
+    if b"<!DOCTYPE" in data or b"<!ENTITY" in data:
+        raise ConfigError(f"{path}: a robot description defines no document type and no entities")
+    try:
+        root = ElementTree.fromstring(data)
+    except (ElementTree.ParseError, ValueError) as error:
+        raise ConfigError(f"{path}: not XML: {error}") from None
+    if root.tag != "robot":
+        raise ConfigError(f"{path}: not a URDF file: it begins with <{root.tag:.40}>, not <robot>")
+    if any(element.tag.startswith("{http://www.ros.org/wiki/xacro}") for element in root.iter()):
+        raise ConfigError(f"{path}: this is a xacro file: make a URDF of it first (xacro FILE > robot.urdf)")
+    joints = tuple(joint for element in root.findall("joint") if (joint := _read_joint(path, element)))
+    _check_tree(path, joints)
+    return Description(root.get("name", path.stem), joints)
+
+
+def _read_joint(path: Path, element: ElementTree.Element) -> Joint | None:
+    name = element.get("name") or ""
+    place = f"{path}: joint {name or '(without a name)'!r:.60}"
+    kind = element.get("type", "")
+    if kind in _SKIPPED:
+        return None
+    if not name or kind not in _TURNING + _SLIDING + _FIXED:
+        raise ConfigError(
+            f"{place}: needs a name, and a type of fixed, revolute, continuous, prismatic (not {kind!r:.40})"
+        )
+    parent, child = (_attribute(element, tag, "link") for tag in ("parent", "child"))
+    if not parent or not child:
+        raise ConfigError(f"{place}: needs <parent link=…/> and <child link=…/>")
+    x, y, z = _numbers(place, element, "origin", "xyz", (0.0, 0.0, 0.0))
+    rpy = _numbers(place, element, "origin", "rpy", (0.0, 0.0, 0.0))
+    axis = _numbers(place, element, "axis", "xyz", (1.0, 0.0, 0.0))
+    length = math.sqrt(sum(a * a for a in axis))
+    if length < 1e-9:
+        raise ConfigError(f"{place}: its axis has no direction")
+    return Joint(
+        name,
+        kind,
+        parent,
+        child,
+        (x, y, z, *quaternion_from_rpy(*rpy)),
+        (axis[0] / length, axis[1] / length, axis[2] / length),
+        _read_mimic(place, element),
+    )
+
+
+def _attribute(element: ElementTree.Element, tag: str, name: str) -> str:
+    found = element.find(tag)
+    return found.get(name, "") if found is not None else ""
+
+
+def _read_mimic(place: str, element: ElementTree.Element) -> Mimic | None:
+    found = element.find("mimic")
+    if found is None:
+        return None
+    (multiplier,) = _parse(place, "mimic multiplier", found.get("multiplier", "1"), 1)
+    (offset,) = _parse(place, "mimic offset", found.get("offset", "0"), 1)
+    return Mimic(found.get("joint", ""), multiplier, offset)
+
+
+def _numbers(
+    place: str, element: ElementTree.Element, tag: str, name: str, default: tuple[float, float, float]
+) -> tuple[float, float, float]:
+    text = _attribute(element, tag, name)
+    if not text:
+        return default
+    a, b, c = _parse(place, f"{tag} {name}", text, 3)
+    return a, b, c
+
+
+def _parse(place: str, what: str, text: str, count: int) -> list[float]:
+    try:
+        values = [float(word) for word in text.split()]
+    except ValueError:
+        values = []
+    if len(values) != count or not all(map(math.isfinite, values)):
+        raise ConfigError(f"{place}: {what} must be {count} finite number{'s' * (count > 1)}, not {text!r:.60}")
+    return values
+
+
+def _check_tree(path: Path, joints: tuple[Joint, ...]) -> None:
+    """Every link hangs on one joint at most, and no joints go round in a circle."""
+    parents: dict[str, str] = {}
+    for joint in joints:
+        if joint.child in parents:
+            raise ConfigError(f"{path}: link {joint.child!r:.60} hangs on two joints")
+        parents[joint.child] = joint.parent
+    for start in parents:
+        link, steps = start, 0
+        while link in parents:
+            link, steps = parents[link], steps + 1
+            if steps > len(parents):
+                raise ConfigError(f"{path}: the joints above link {start!r:.60} go round in a circle")
