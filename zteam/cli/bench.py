@@ -70,9 +70,9 @@ def _measure(args: argparse.Namespace) -> list[Any]:
 
         return list(measure_codec())
     if args.verb == "tf":
-        from zteam.bench.transforms import measure_buffers
+        from zteam.bench.transforms import measure_buffers, measure_listener
 
-        return [measure_buffers(robots, args.tf2_path) for robots in (4, 100)]
+        return [*(measure_buffers(robots, args.tf2_path) for robots in (4, 100)), measure_listener(seconds=60)]
     if args.verb == "kernel":
         from zteam.bench.casting import measure_kernels
         from zteam.cli.sim import find_world
