@@ -86,7 +86,7 @@ def test_noise_is_no_wall_for_the_dynamic_physics() -> None:
     noise = np.random.default_rng(0).random((1100, 1100)) < 0.5
     plan = Floorplan("noise", noise, (0.1, 0.1), Pose2(1.0, 0.0, 0.0), 0.0, 1.0)
     world = World("w", 100_000_000, (plan,), (), (make_robot(),))
-    with pytest.raises(UsageError, match=r"'noise' has more than 400000 .* kinematic"):
+    with pytest.raises(UsageError, match=r"'noise' this world has more than 400000 .* kinematic"):
         Engine(world).step({})
     Engine(world, options=Options(physics="kinematic")).step({})
 

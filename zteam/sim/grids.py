@@ -13,6 +13,8 @@ from zteam.sim.outlines import Outlines
 from zteam.world.model import Floorplan
 
 Floats = NDArray[np.float64]
+Line = tuple[tuple[int, int], tuple[int, int]]
+"""From x, y to x, y in cells."""
 
 
 class Grids(NamedTuple):
@@ -119,8 +121,8 @@ def is_occupied(plan: Floorplan, x: float, y: float) -> bool:
     return 0 <= row < rows and 0 <= column < columns and bool(plan.occupied[row, column])
 
 
-def outline(occupied: NDArray[np.bool_], limit: int) -> list[tuple[tuple[int, int], tuple[int, int]]] | None:
-    """The border of the occupied cells as maximal straight runs: ((x, y), (x, y)) in cells. None if above `limit`."""
+def outline(occupied: NDArray[np.bool_], limit: int) -> list[Line] | None:
+    """The border of the occupied cells as maximal straight runs; None if there are more than `limit`."""
     across, along = _runs(occupied), _runs(occupied.T)
     if len(across[0]) + len(along[0]) > limit:
         return None

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.sim.fields import Fields
-from zteam.sim.grids import find_leaks, make_grids, outline
+from zteam.sim.grids import Line, find_leaks, make_grids, outline
 from zteam.sim.motion import follow_arcs
 from zteam.sim.outlines import NOBODY, Group, make_outlines, place_shape
 from zteam.world.model import Floorplan, Obstacle, Robot, Shape
@@ -42,7 +42,7 @@ _GRIP = 0.5 * 9.81
 _GRIP_TURNING = 3.0 * _GRIP
 """Likewise in rad/s²: dry friction under a body about a metre wide acts at about a third of that from its middle."""
 _MAX_WALLS = 400_000
-"""Straight pieces of wall of one bitmap: noise has more, and Chipmunk takes a kilobyte and 20 us for each."""
+"""Straight pieces of wall of all bitmaps: noise has more, and Chipmunk takes a kilobyte and 20 us for each."""
 _MAX_SLABS = 31
 """Layers of height that collisions tell apart: bits of Chipmunk's categories."""
 
@@ -72,9 +72,7 @@ class DynamicBodies:
         self._fixed = make_outlines([Group(NOBODY, -1, [shape]) for shape in standing if shape.obstacle])
         pushed = [obstacle for obstacle in obstacles if obstacle.mass is not None]
         self._slabs = _find_slabs([s for r in robots for s in r.shapes] + [s for o in obstacles for s in o.shapes])
-        for plan, _ in floorplans:
-            if plan.obstacle:
-                self._add_plan(plan)
+        self._add_plans([plan for plan, _ in floorplans if plan.obstacle])
         self._add_shapes(self._space.static_body, standing)
         self.poses = poses.copy()
         # No contact turns a robot: its wheels hold it, and only the drive decides its yaw rate.
@@ -91,18 +89,26 @@ class DynamicBodies:
         self._space.on_collision(begin=self._on_begin)
         self._ends = np.empty((len(robots), 3))
 
-    def _add_plan(self, plan: Floorplan) -> None:
+    def _add_plans(self, plans: Sequence[Floorplan]) -> None:
+        outlines: dict[int, list[Line]] = {}
+        left = _MAX_WALLS
+        for plan in plans:
+            lines = outlines.get(id(plan.occupied)) or outline(plan.occupied, _MAX_WALLS)
+            left -= len(lines or ())
+            if lines is None or left < 0:
+                raise UsageError(
+                    f"with the bitmap of {plan.name!r} this world has more than {_MAX_WALLS} straight pieces of wall: "
+                    "smooth it, or take the physics stage or kinematic"
+                )
+            outlines[id(plan.occupied)] = lines
+            self._add_plan(plan, lines)
+
+    def _add_plan(self, plan: Floorplan, lines: Sequence[Line]) -> None:
         cos, sin = math.cos(plan.pose.yaw), math.sin(plan.pose.yaw)
         (u, v), (x, y) = plan.cell, plan.pose[:2]
         category = self._filter(plan.z_min, plan.z_max)
         walls = []
-        runs = outline(plan.occupied, _MAX_WALLS)
-        if runs is None:
-            raise UsageError(
-                f"the bitmap of {plan.name!r} has more than {_MAX_WALLS} straight pieces of wall: smooth it, or "
-                "take the physics stage or kinematic"
-            )
-        for ends in runs:
+        for ends in lines:
             a, b = ((x + cos * i * u - sin * j * v, y + sin * i * u + cos * j * v) for i, j in ends)
             wall = pymunk.Segment(self._space.static_body, a, b, 0.0)
             wall.filter, wall.friction = category, 0.0
