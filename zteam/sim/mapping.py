@@ -5,10 +5,12 @@ import math
 import numpy as np
 
 from zteam import names
+from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.messages import Header, MapMetaData, OccupancyGrid, Point, Pose, time_from_ns
-from zteam.world.model import Shape, World
+from zteam.world.model import Floorplan, Shape, World
 
+MAX_CELLS = 100_000_000
 _STRIP = 64
 """Rows of a map that are drawn at once."""
 
@@ -16,7 +18,8 @@ _STRIP = 64
 def map_message(world: World, resolution: float) -> OccupancyGrid:
     """Everything that stands still, on one axis-aligned grid of square cells of `resolution` metres.
 
-    A cell is 100 where its centre lies in an occupied cell of a bitmap or in an obstacle's outline, else 0.
+    A cell is 100 where its centre lies in an occupied cell of a bitmap or in an obstacle's outline, or where something
+    thinner than a cell stands, else 0. Raises UsageError for a map of more than MAX_CELLS.
     """
     corners = [corner for plan in world.floorplans for corner in _plan_corners(plan.pose, plan.occupied, plan.cell)]
     fixed = [obstacle for obstacle in world.obstacles if obstacle.mass is None]
@@ -25,6 +28,12 @@ def map_message(world: World, resolution: float) -> OccupancyGrid:
     corners += [robot.pose[:2] for robot in world.robots] if not corners else []
     low, high = np.min(corners, axis=0), np.max(corners, axis=0)
     columns, rows = (max(1, math.ceil(n)) for n in (high - low) / resolution - 1e-9)
+    if columns * rows > MAX_CELLS:
+        coarser = resolution * math.sqrt(columns * rows / MAX_CELLS)
+        raise UsageError(
+            f"the map of a world of {high[0] - low[0]:g} x {high[1] - low[1]:g} m is too large at {resolution:g} m a "
+            f"cell: give --map-resolution {coarser:.2g} or more"
+        )
     x = low[0] + (np.arange(columns) + 0.5) * resolution
     y = low[1] + (np.arange(rows) + 0.5) * resolution
     grid = np.zeros((rows, columns), np.int8)
@@ -33,8 +42,12 @@ def map_message(world: World, resolution: float) -> OccupancyGrid:
         for first in range(0, rows, _STRIP):
             strip = slice(first, first + _STRIP)
             _draw_plan(grid[strip], x, y[strip], plan.pose, plan.occupied, plan.cell)
+        if min(plan.cell) < resolution:
+            _mark(grid, low, resolution, *_middles(plan))
     for _, polygon in outlines:
         _draw_polygon(grid, x, y, polygon)
+        if _thickness(polygon) < resolution:
+            _mark(grid, low, resolution, *_along(polygon, resolution))
     info = MapMetaData(
         resolution=resolution, width=columns, height=rows, origin=Pose(Point(float(low[0]), float(low[1]), 0.0))
     )
@@ -58,6 +71,39 @@ def _draw_plan(
     rows, columns = occupied.shape
     inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
     grid[inside] |= np.where(occupied[row[inside], column[inside]], 100, 0).astype(np.int8)
+
+
+def _mark(grid: np.ndarray, low: np.ndarray, resolution: float, x: np.ndarray, y: np.ndarray) -> None:
+    """Occupy the cells that hold these points."""
+    rows, columns = grid.shape
+    column = np.clip(((x - low[0]) / resolution).astype(np.int32), 0, columns - 1)
+    row = np.clip(((y - low[1]) / resolution).astype(np.int32), 0, rows - 1)
+    grid[row, column] = 100
+
+
+def _middles(plan: Floorplan) -> tuple[np.ndarray, np.ndarray]:
+    """Centres of a bitmap's occupied cells."""
+    rows, columns = np.nonzero(plan.occupied)
+    u, v = (columns + 0.5) * plan.cell[0], (rows + 0.5) * plan.cell[1]
+    cos, sin = math.cos(plan.pose.yaw), math.sin(plan.pose.yaw)
+    return plan.pose.x + cos * u - sin * v, plan.pose.y + sin * u + cos * v
+
+
+def _thickness(polygon: np.ndarray) -> float:
+    """About the width of something long."""
+    following = np.roll(polygon, -1, axis=0)
+    area = 0.5 * abs(float(np.sum(polygon[:, 0] * following[:, 1] - polygon[:, 1] * following[:, 0])))
+    return 2.0 * area / float(np.hypot(*(following - polygon).T).sum())
+
+
+def _along(polygon: np.ndarray, resolution: float) -> tuple[np.ndarray, np.ndarray]:
+    """Points along the edges, less than a cell apart, but for the corners, which belong to two cells or more."""
+    points = []
+    for start, end in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+        count = 1 + math.ceil(2.0 * math.dist(start, end) / resolution)
+        points.append(start + (end - start) * ((np.arange(count) + 0.5) / count)[:, None])
+    x, y = np.concatenate(points).T
+    return x, y
 
 
 def _polygon(pose: Pose2, shape: Shape) -> np.ndarray:
