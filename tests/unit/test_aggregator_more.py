@@ -274,6 +274,21 @@ def test_a_rate_bundles_by_time(hub: MemoryHub) -> None:
     assert listener.bundles == [[(f"robot_{i}/base_footprint", t * S) for t in (1, 2, 3) for i in (0, 1)]]
 
 
+def test_without_a_simulator_bundles_leave_at_a_rate(hub: MemoryHub) -> None:
+    """Real robots have no common tick: in wall time their transforms are gathered, not sent on one by one."""
+    desk, listener, bases = Desk(hub), Listener(hub), [Base(hub, 0), Base(hub, 1)]
+    desk.node.clock.use_wall()
+    now = desk.node.clock.now()
+    for step in range(3):
+        for i, base in enumerate(bases):
+            base.drive(now + step * S // 50 + i)
+    assert listener.bundles == []
+    desk.start()
+    listener.wait_for_bundles(1)
+    desk.end()
+    assert len(listener.bundles[0]) == 6
+
+
 def test_the_fixed_set_is_latched_and_whole(hub: MemoryHub) -> None:
     """The team file's and every robot's fixed transforms, in one message that late listeners get too."""
     Base(hub, 0).stand(1.0)

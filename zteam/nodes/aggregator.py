@@ -20,6 +20,8 @@ from zteam.tf.merge import Merger
 
 log = logging.getLogger("zteam")
 
+WALL_RATE = 20.0
+"""Bundles a second where there is no simulator and no other rate was asked for."""
 PATIENCE = 0.03
 """Host seconds that a bundle waits for the last robot of its tick."""
 
@@ -35,7 +37,9 @@ class Aggregator:
         rate: float | None,
     ) -> None:
         self._node = node
-        self._rate = rate
+        self._given_rate = rate
+        self._first_data = 0.0
+        """Host time of the first moving transform; 0 before."""
         self._descriptions = descriptions
         self._merger = Merger(configured)
         self._spoken: dict[int, int] = {}
@@ -66,6 +70,13 @@ class Aggregator:
             node.subscribe(names.all_robots_key(names.JOINT_STATES), JointState, self._on_joint_states)
         self._publish_statics()
 
+    @property
+    def _rate(self) -> float | None:
+        """Bundles a second; None for one a tick, which only a simulator has."""
+        if self._given_rate is None and self._node.clock.decided and not self._node.clock.simulated:
+            return WALL_RATE
+        return self._given_rate
+
     def _on_joint_states(self, key: str, message: JointState) -> None:
         target = names.split_robot_key(key)
         description = self._descriptions.get(target[0]) if target is not None else None
@@ -81,6 +92,7 @@ class Aggregator:
         if target is None or not message.transforms:
             return
         robot_id = target[0]
+        self._first_data = self._first_data or monotonic()
         stamp = max(ns_from_time(t.header.stamp) for t in message.transforms)
         if self._rate is None and self._opened is not None and stamp > self._stamp:
             # The next tick begins: what is here must not wait for anybody any more.
@@ -152,17 +164,18 @@ class Aggregator:
 
     def run(self) -> None:
         """Send late bundles, and say conflicts, until the process is asked to stop."""
-        period = 1.0 / self._rate if self._rate else None
         due = monotonic()
         while not self._node.stopping:
-            if period is None:
+            self._node.decide_clock(self._first_data)
+            rate = self._rate
+            if rate is None:
                 self._node.wait(lambda: self._opened is not None, 0.5)
                 self._node.wait(self._bundle_is_old, PATIENCE)
                 with self._node.changed:
                     if self._bundle_is_old():
                         self._flush_late()
             else:
-                due = max(due + period, monotonic())
+                due = max(due + 1.0 / rate, monotonic())
                 self._node.wait(lambda until=due: monotonic() >= until, max(0.0, due - monotonic()))  # type: ignore[misc]
                 with self._node.changed:
                     self._flush()

@@ -12,7 +12,7 @@ from zteam import names
 from zteam.bus import Bus, BusOptions, connect
 from zteam.bus.presence import Claim, ProcessInfo
 from zteam.bus.transport import Closeable
-from zteam.clock import AutoClock, wait_until
+from zteam.clock import AutoClock, monotonic, wait_until
 from zteam.errors import ZteamError
 from zteam.messages import Clock, Message, ns_from_time
 from zteam.nodes.stopping import Stop, exit_hard_later
@@ -21,6 +21,8 @@ log = logging.getLogger("zteam")
 
 M = TypeVar("M", bound=Message)
 
+WALL_AFTER = 0.5
+"""Host seconds of data without a sign of a simulator after which this is a real base, in wall time."""
 SWITCH_INTERVAL = 0.0005
 """Seconds a busy thread keeps the interpreter while a message waits for its callback; 5 ms is Python's default."""
 
@@ -114,6 +116,15 @@ class Node:
                 log.exception("error while stopping")
         self.claim.release()
         self.bus.close()
+
+    def decide_clock(self, first_data: float) -> None:
+        """Work in wall time if data (since host time `first_data`; 0 = none) came for WALL_AFTER without a simulator.
+
+        A base cannot be told from a simulator by its data: the simulator's token or clock may come a little later.
+        """
+        if not self.clock.decided and first_data and monotonic() - first_data > WALL_AFTER:
+            self.clock.use_wall()
+            log.info("data without a simulator: working in wall time")
 
     def _on_clock(self, _key: str, message: Clock) -> None:
         self.clock.use_simulated()

@@ -34,8 +34,6 @@ STALE = to_ns(0.5)
 """A scan older than this (simulated ns) moves nobody."""
 TF_PATIENCE = 0.02
 """Host seconds to wait for the transforms of a scan's own tick: they come over the aggregator, one hop later."""
-WALL_AFTER = 0.5
-"""Host seconds of data without a sign of a simulator after which this is a real base, in wall time."""
 
 
 class RobotOptions(msgspec.Struct, frozen=True):
@@ -65,7 +63,7 @@ class RobotNode:
         self._released = not options.gate
         self._state = RobotState.BOOT
         self._text = ""
-        self._first_data: float | None = None
+        self._first_data = 0.0
         self._heartbeat = Every(1.0)
         self._cmd_vel = node.bus.publisher(self._key(names.CMD_VEL), Twist)
         self._status = node.bus.publisher(self._key(names.STATUS), RobotStatus)
@@ -121,7 +119,7 @@ class RobotNode:
             self._node.wait(self._due, 0.1)
             if self._node.stopping:
                 return
-            self._decide_clock()
+            self._node.decide_clock(self._first_data)
             scan = self._scan
             if scan is not None and ns_from_time(scan.header.stamp) != self._acted:
                 self._acted = ns_from_time(scan.header.stamp)
@@ -141,12 +139,6 @@ class RobotNode:
         """Whether time went on for long without a scan (and a further step's worth since the last look)."""
         now = self._node.clock.now()
         return now - self._acted > STALE and now - self._stepped >= STALE // 5
-
-    def _decide_clock(self) -> None:
-        clock = self._node.clock
-        if not clock.decided and self._first_data and monotonic() - self._first_data > WALL_AFTER:
-            clock.use_wall()
-            log.info("data without a simulator: working in wall time")
 
     def _step(self, now: int) -> None:
         """Act at time `now` on the newest data."""
