@@ -21,6 +21,8 @@ _EDGE = 1e-12
 """Edges reach this far beyond their ends, so that no ray slips through a corner."""
 _ROUGH = 4e-5
 """Radians that the difference of two rough bearings may be off."""
+_WIDE = 1e-6
+"""Metres by which a lone ray has to pass a disc that is not looked at."""
 _SECTORS = 64
 """A scan's beams in groups, whose farthest ranges reject what lies behind them."""
 
@@ -269,6 +271,9 @@ def cast_edges(
         row_cos, row_sin, row_ranges, row_hit = cos[table], sin[table], ranges[scan], hit[scan]
         px, py, own = x[scan], y[scan], sensor_owner[scan]
         far = _find_tops(row_ranges, tops, size)
+        # Where a lone ray goes.
+        c0, s0 = math.cos(yaw[scan]), math.sin(yaw[scan])
+        ux, uy = c0 * row_cos[0] - s0 * row_sin[0], s0 * row_cos[0] + c0 * row_sin[0]
         # The bins that hold the centres of whatever may be within reach, and at last the bin of what is wide.
         reach = far + o.reach[0]
         first_column, last_column = bin_at(o, px - reach, o.bin_x[0], 0), bin_at(o, px + reach, o.bin_x[0], 0)
@@ -282,6 +287,8 @@ def cast_edges(
                 dx, dy, radius = o.centre_x[group] - px, o.centre_y[group] - py, o.radius[group]
                 square = dx * dx + dy * dy
                 if (o.owner[group] == own and own != NOBODY) or square > (far + radius) * (far + radius):
+                    continue
+                if beams == 1 and (abs(ux * dy - uy * dx) > radius + _WIDE or ux * dx + uy * dy < -radius - _WIDE):
                     continue
                 distance = math.sqrt(square)
                 outside = distance > radius
