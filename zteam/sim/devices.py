@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.geometry import Pose2, compose2, inverse2
+from zteam.geometry import Pose2, compose2, normalize_angle
 from zteam.sim.casting import Beams, Caster, Rays
 from zteam.sim.lasers import Mounts, mount_devices, rays_of
 from zteam.sim.outlines import NOBODY
@@ -116,6 +116,8 @@ class Devices:
         self._bumpers = [(i, bumper) for i, robot in enumerate(robots) for bumper in robot.bumpers]
         self._blobfinders = [(i, finder) for i, robot in enumerate(robots) for finder in robot.blobfinders]
         self._targets = _targets(robots, obstacles)
+        self._target_sources = np.array([target.source for target in self._targets], np.int64)
+        self._target_keys = np.array([target.marker.key for target in self._targets], np.int64)
         self._finders_at = mount_devices(self._finders)
         self._rays = [_bumper_rays(i, bumper) for i, bumper in self._bumpers]
         if self._rays:
@@ -142,35 +144,43 @@ class Devices:
         if not self._finders:
             return []
         at = rays_of(poses, self._finders_at)
+        places = np.array([target.place(poses) for target in self._targets], float).reshape(-1, 3)
         found = []
         for row, (i, finder) in enumerate(self._finders):
             here = Pose2(float(at.x[row]), float(at.y[row]), float(at.yaw[row]))
-            found.append((i, self._sightings(i, here, finder, poses)))
+            found.append((i, self._sightings(i, here, finder, places)))
         return found
 
-    def _sightings(self, i: int, here: Pose2, finder: Finder, poses: Floats) -> tuple[Sighting, ...]:
-        """Markers within range and sight: the ray towards the marked model's origin has to meet that model first."""
-        there_from_here = inverse2(here)
-        near = []
-        for target in self._targets:
-            if target.source != i and target.marker.key == finder.key:
-                seen = compose2(there_from_here, target.place(poses))
-                far, bearing = math.hypot(seen.x, seen.y), math.atan2(seen.y, seen.x)
-                if finder.range_min <= far <= finder.range_max and abs(bearing) <= finder.fov / 2 + 1e-12:
-                    near.append((target, Sighting(target.marker.id, far, bearing, seen.yaw)))
-        if not near:
+    def _sightings(self, i: int, here: Pose2, finder: Finder, places: Floats) -> tuple[Sighting, ...]:
+        """Markers within range and sight: the ray towards the marked model's origin has to meet that model first.
+
+        `places` are the targets' poses in `map`.
+        """
+        dx, dy = places[:, 0] - here.x, places[:, 1] - here.y
+        far = np.hypot(dx, dy)
+        bearing = np.remainder(np.arctan2(dy, dx) - here.yaw + math.pi, math.tau) - math.pi
+        near = (self._target_sources != i) & (self._target_keys == finder.key)
+        near &= (far >= finder.range_min) & (far <= finder.range_max) & (np.abs(bearing) <= finder.fov / 2 + 1e-12)
+        chosen = np.flatnonzero(near)
+        if not len(chosen):
             return ()
-        count = len(near)
+        count = len(chosen)
         rays = Rays(
             np.full(count, here.x), np.full(count, here.y), np.full(count, finder.z),
-            here.yaw + np.array([sighting.bearing for _, sighting in near]), np.full(count, i, np.int64),
+            here.yaw + bearing[chosen], np.full(count, i, np.int64),
         )  # fmt: skip
         ranges, hit = self._visible.cast(rays, _ahead(finder.range_max))
-        sources = self._visible.source_of[hit[:, 0]]
+        seen = self._visible.source_of[hit[:, 0]] == self._target_sources[chosen]
+        if finder.ignore_zloc:
+            seen |= ranges[:, 0] >= far[chosen]
         return tuple(
-            sighting if sighting.range <= finder.range_max_id else sighting._replace(id=0)
-            for k, (target, sighting) in enumerate(near)
-            if sources[k] == target.source or (finder.ignore_zloc and ranges[k, 0] >= sighting.range)
+            Sighting(
+                self._targets[k].marker.id if far[k] <= finder.range_max_id else 0,
+                float(far[k]),
+                float(bearing[k]),
+                normalize_angle(float(places[k, 2]) - here.yaw),
+            )
+            for k in chosen[seen].tolist()
         )
 
     def _press(self, poses: Floats) -> list[tuple[int, bool]]:
@@ -182,7 +192,9 @@ class Devices:
         return [(i, bool(part.any())) for (i, _), part in zip(self._bumpers, np.split(hit, ends[:-1]), strict=True)]
 
     def _look(self, i: int, finder: Blobfinder, poses: Floats) -> tuple[Blob, ...]:
-        angle_min, step = -finder.fov / 2, finder.fov / max(1, finder.samples - 1)
+        # A single pixel looks straight ahead.
+        angle_min = -finder.fov / 2 if finder.samples > 1 else 0.0
+        step = finder.fov / max(1, finder.samples - 1)
         angles = angle_min + step * np.arange(finder.samples)
         beams = Beams(np.cos(angles)[None, :], np.sin(angles)[None, :], angle_min, step, finder.range_max)
         ranges, hit = self._visible.cast(rays_of(poses, mount_devices([(i, finder)])), beams)
