@@ -19,7 +19,7 @@ from zteam.sim.casting import Caster
 from zteam.sim.devices import Devices
 from zteam.sim.fields import Fields, build_fields
 from zteam.sim.lasers import Lasers, Reading
-from zteam.sim.motion import follow_arcs, follow_tangents, make_drives, measure_velocity, obey
+from zteam.sim.motion import follow_arcs, follow_tangents, make_drives, measure_tangents, measure_velocity, obey
 from zteam.sim.observation import Observation, RobotObservation, Robots, Snapshot, pose_of
 from zteam.sim.odometry import Odometry, make_wheels, roll
 from zteam.sim.outlines import group_shapes
@@ -206,6 +206,7 @@ class _Team:
         self.ids = {robot_id: i for i, robot_id in enumerate(robots)}
         self._robots = list(robots.values())
         self._pushed = [obstacle for obstacle in world.obstacles if obstacle.mass is not None]
+        self._physics = options.physics or world.physics
         count = len(self._robots)
         self.commands, self.setpoint, self.velocity = np.zeros((3, count, 3))
         self.commanded = np.full(count, -WATCHDOG, np.int64)
@@ -215,7 +216,7 @@ class _Team:
         poses = np.array([r.pose for r in self._robots] + [o.pose for o in self._pushed], float).reshape(-1, 3)
         kept = self._adopt(old, poses) if old is not None else []
         groups = group_shapes(self._robots, world.obstacles)
-        self.bodies: Bodies = _make_bodies(options.physics or world.physics, self._robots, poses, world, floorplans)
+        self.bodies: Bodies = _make_bodies(self._physics, self._robots, poses, world, floorplans)
         if old is not None:
             self.bodies.adopt(old.bodies, kept)
         self._visible = Caster(floorplans, groups, lambda surface: surface.ranger_return >= 0.0)
@@ -246,6 +247,8 @@ class _Team:
         self.bodies.step(seconds, self.setpoint)
         measure_velocity(before, self.bodies.poses, seconds, self.velocity)
         self.odometry.advance(self.bodies.poses, self.velocity, seconds, tick)
+        if self._physics == "stage":
+            measure_tangents(before, self.bodies.poses, seconds, self.velocity)
         wheels = self._wheels
         roll(wheels.owner, wheels.rows, self.velocity, seconds, wheels.angles, wheels.rates)
 

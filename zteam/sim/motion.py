@@ -46,9 +46,13 @@ def make_drives(robots: Sequence[Robot]) -> Drives:
 def obey(drives: Drives, commands: Floats, fresh: NDArray[np.bool_], seconds: float, velocity: Floats) -> None:
     """Change `velocity` (robots, 3) towards `commands` as far as the limits allow in `seconds`; a stale one is 0.
 
-    A car's angular command is Stage's: the angle of the steered wheels, v sin(angle) / wheelbase the yaw rate.
+    A car's angular command is Stage's: the angle of the steered wheels, v sin(angle) / wheelbase the yaw rate. While a
+    car gathers or loses speed it turns no more sharply than its wheels are steered.
     """
     for i in range(velocity.shape[0]):
+        # Yaw rate over speed, as commanded; while a car comes to a stand, as it was.
+        bend = abs(velocity[i, 2] / velocity[i, 0]) if velocity[i, 0] != 0.0 else 0.0
+        speed = 0.0
         for axis in range(3):
             goal = commands[i, axis]
             if drives.is_car[i]:
@@ -61,6 +65,12 @@ def obey(drives: Drives, commands: Floats, fresh: NDArray[np.bool_], seconds: fl
             least = velocity[i, axis] + drives.slow[i, axis] * seconds
             most = velocity[i, axis] + drives.fast[i, axis] * seconds
             velocity[i, axis] = min(max(goal, least), most)
+            if axis == 0:
+                speed = goal
+        if drives.is_car[i]:
+            bend = abs(goal / speed) if speed != 0.0 else bend
+            most = bend * abs(velocity[i, 0]) * (1.0 + 1e-12)
+            velocity[i, 2] = min(max(velocity[i, 2], -most), most)
 
 
 @compiled
@@ -100,3 +110,13 @@ def measure_velocity(before: Floats, after: Floats, seconds: float, velocity: Fl
         dx, dy = after[i, 0] - before[i, 0], after[i, 1] - before[i, 1]
         velocity[i, 0], velocity[i, 1] = cos * dx + sin * dy, cos * dy - sin * dx
         velocity[i, 2] = turn / seconds
+
+
+@compiled
+def measure_tangents(before: Floats, after: Floats, seconds: float, velocity: Floats) -> None:
+    """The body velocity (robots, 3) of Stage's steps from `before` to `after`, by the heading before."""
+    for i in range(velocity.shape[0]):
+        cos, sin = math.cos(before[i, 2]) / seconds, math.sin(before[i, 2]) / seconds
+        dx, dy = after[i, 0] - before[i, 0], after[i, 1] - before[i, 1]
+        velocity[i, 0], velocity[i, 1] = cos * dx + sin * dy, cos * dy - sin * dx
+        velocity[i, 2] = (after[i, 2] - before[i, 2]) / seconds
