@@ -1,11 +1,26 @@
-"""Merging the robots' transforms: names, sources of the start pose, conflicts."""
+"""Merging the robots' transforms: names, who may say what, conflicts by name."""
+
+import math
 
 import pytest
 from test_tf_buffer import S, stamped
 
-from zteam.messages import TFMessage
+from zteam.messages import (
+    Quaternion,
+    TFMessage,
+    TransformStamped,
+    ns_from_time,
+)
 from zteam.tf.merge import Merger
-from zteam.tf.text import format_transform, format_tree
+
+
+def _names(transforms: list[TransformStamped]) -> list[tuple[str, str]]:
+    return [(t.header.frame_id, t.child_frame_id) for t in transforms]
+
+
+def _without_rotation(transform: TransformStamped) -> TransformStamped:
+    transform.transform.rotation = Quaternion(0.0, 0.0, 0.0, 0.0)
+    return transform
 
 
 @pytest.mark.parametrize(
@@ -21,41 +36,6 @@ def test_all_spellings_mean_the_same_frame(parent: str, child: str) -> None:
     assert (sent.header.frame_id, sent.child_frame_id) == ("robot_1/odom", "robot_1/base_footprint")
     assert sent.header.stamp.sec == 1
     assert merger.take_pending() == []
-
-
-def test_map_is_never_prefixed() -> None:
-    """The start pose hangs under the team's own map."""
-    merger = Merger()
-    merger.take_static(2, TFMessage([stamped("map", "odom", 0, 6.5, 16.5)]))
-    assert merger.buffer.lookup_pose2("map", "robot_2/odom", 0)[0][:2] == (6.5, 16.5)
-
-
-def test_the_team_file_wins_over_everyone() -> None:
-    """Its start pose shadows the simulator's and a localiser's, and neither is a conflict."""
-    merger = Merger([stamped("map", "robot_0/odom", 0, 1.0)])
-    merger.take_static(0, TFMessage([stamped("map", "robot_0/odom", 0, 2.0)]))
-    merger.take(0, TFMessage([stamped("map", "robot_0/odom", S, 3.0)]))
-    assert merger.buffer.lookup_pose2("map", "robot_0/odom", 0)[0].x == 1.0
-    assert [t.transform.translation.x for t in merger.statics().transforms] == [1.0]
-    assert merger.take_conflicts() == []
-
-
-def test_a_localiser_wins_over_the_simulator() -> None:
-    """From its first transform on the start pose leaves the static set, whichever came first."""
-    for localiser_first in (False, True):
-        merger = Merger()
-        start = TFMessage([stamped("map", "odom", 0, 2.0), stamped("base_footprint", "base_link", 0)])
-        moving = TFMessage([stamped("map", "odom", S, 3.0)])
-        if localiser_first:
-            merger.take(0, moving)
-            merger.take_static(0, start)
-        else:
-            merger.take_static(0, start)
-            merger.take(0, moving)
-        assert merger.statics_changed
-        assert [t.child_frame_id for t in merger.statics().transforms] == ["robot_0/base_link"]
-        assert merger.buffer.lookup_pose2("map", "robot_0/odom", 0)[0].x == 3.0
-        assert merger.take_conflicts() == []
 
 
 @pytest.mark.parametrize(
@@ -82,49 +62,106 @@ def test_a_second_authority_is_refused_and_named() -> None:
     assert merger.statics().transforms[0].transform.translation.x == 0.1
 
 
-def test_a_callers_frames_live_as_long_as_the_caller() -> None:
-    """A fixed transform that a tool adds goes when the tool goes."""
+def test_a_robot_is_seen_from_another() -> None:
+    """The tree of a team: start poses, odometry and fixed legs of two robots make one path."""
     merger = Merger()
-    assert merger.add_static(stamped("map", "table", 0, 4.0), "tool") is None
-    assert "tool already" in (merger.add_static(stamped("map", "table", 0, 5.0), "other") or "")
-    merger.drop_authority("tool")
+    for robot, y in ((0, 1.0), (3, 4.0)):
+        start = [stamped("map", "odom", 0, 0.0, y), stamped("base_footprint", "base_link", 0, 0.1)]
+        merger.take_static(robot, TFMessage(start))
+        for stamp in (S // 2, (robot + 1) * S):
+            merger.take(robot, TFMessage([stamped("odom", "base_footprint", stamp, float(robot))]))
+    pose, stamp = merger.buffer.lookup_pose2("robot_0/base_link", "robot_3/base_link", 0)
+    assert pose == pytest.approx((3.0, 3.0, 0.0))
+    assert stamp == S
+
+
+def test_stamps_and_numbers_are_passed_on_as_they_came() -> None:
+    """The bundle holds every robot's transforms in the order in which they came, never restamped."""
+    merger = Merger()
+    for robot, stamp in ((2, 7 * S + 1), (0, 5 * S), (2, 7 * S + 2)):
+        merger.take(robot, TFMessage([stamped("odom", "base_footprint", stamp, 0.25, 0.5, 1.0)]))
+    pending = merger.take_pending()
+    assert [ns_from_time(t.header.stamp) for t in pending] == [7 * S + 1, 5 * S, 7 * S + 2]
+    assert [t.child_frame_id for t in pending] == [f"robot_{i}/base_footprint" for i in (2, 0, 2)]
+    assert pending[1].transform == stamped("", "", 0, 0.25, 0.5, 1.0).transform
+
+
+def test_what_is_refused_is_not_passed_on() -> None:
+    """Old samples, other values for a known time, and numbers that are none stay out of the bundle."""
+    merger = Merger()
+    merger.take(0, TFMessage([stamped("odom", "base", 50 * S, 1.0)]))
+    merger.take_pending()
+    for bad in (
+        stamped("odom", "base", S),
+        stamped("odom", "base", 50 * S, 2.0),
+        stamped("odom", "base", 51 * S, math.nan),
+        _without_rotation(stamped("odom", "base", 51 * S)),
+    ):
+        merger.take(0, TFMessage([bad]))
+    assert merger.take_pending() == []
+    conflicts = merger.take_conflicts()
+    assert conflicts
+    assert all("robot_0" in text for text in conflicts)
+
+
+def test_one_bad_transform_does_not_spoil_a_message() -> None:
+    """Its neighbours in the message are taken."""
+    merger = Merger()
+    good, bad = stamped("odom", "base_footprint", S), stamped("map", "/robot_1/odom", S)
+    merger.take(0, TFMessage([bad, good]))
+    assert _names(merger.take_pending()) == [("robot_0/odom", "robot_0/base_footprint")]
+    merger.take_static(0, TFMessage([bad, stamped("base_footprint", "base_link", 0)]))
+    assert _names(merger.statics().transforms) == [("robot_0/base_footprint", "robot_0/base_link")]
+
+
+def test_a_robot_may_not_bend_the_map() -> None:
+    """The global frames themselves are nobody's to move, nor is a robot whose name only begins alike."""
+    merger = Merger()
+    for parent, child in (("earth", "map"), ("robot_1/base", "/map"), ("map", "/robot_10/odom"), ("/robot_10/x", "y")):
+        merger.take(1, TFMessage([stamped(parent, child, S)]))
+        merger.take_static(1, TFMessage([stamped(parent, child, 0)]))
+    assert merger.buffer.frames() == {}
+    assert merger.take_pending() == []
     assert merger.statics().transforms == []
-    assert merger.add_static(stamped("map", "table", 0, 5.0), "other") is None
+    assert len(merger.take_conflicts()) == 3
 
 
-def test_a_moved_start_pose_replaces_the_old_one() -> None:
-    """The simulator may say a new start pose (after a move), and the set follows it."""
+def test_a_robots_loop_is_refused_and_reported_once() -> None:
+    """A loop never reaches the tree, and the text names the robot."""
     merger = Merger()
-    merger.take_static(0, TFMessage([stamped("map", "odom", 0, 1.0)]))
-    merger.statics()
-    merger.take_static(0, TFMessage([stamped("map", "odom", 0, 9.0)]))
-    assert merger.statics_changed
-    assert merger.statics().transforms[0].transform.translation.x == 9.0
+    for _ in range(3):
+        merger.take(4, TFMessage([stamped("odom", "a", S), stamped("a", "b", S), stamped("b", "odom", S)]))
+    (conflict,) = merger.take_conflicts()
+    assert "loop" in conflict
+    assert "robot_4" in conflict
+    assert _names(merger.take_pending())[:2] == [("robot_4/odom", "robot_4/a"), ("robot_4/a", "robot_4/b")]
 
 
-def test_tf_echos_block() -> None:
-    """The format of the lectures' tf_echo, with no -0.000."""
-    text = format_transform(stamped("map", "robot_0/base_footprint", 3 * S // 2, 6.5, -0.0001))
-    assert text.splitlines() == [
-        "At time 1.500",
-        "- Translation: [6.500, 0.000, 0.000]",
-        "- Rotation: in Quaternion [0.000, 0.000, 0.000, 1.000]",
-        "            in RPY (radian) [0.000, 0.000, 0.000]",
-        "            in RPY (degree) [0.000, 0.000, 0.000]",
-    ]
-
-
-def test_the_tree_in_a_terminal() -> None:
-    """Every frame on a line under its parent, with rate, age and authority."""
+@pytest.mark.parametrize(("parent", "child"), [("", "base"), ("odom", "")])
+def test_a_robots_nameless_frames_are_refused(parent: str, child: str) -> None:
+    """An empty name is no frame, whatever the prefix."""
     merger = Merger()
-    merger.take_static(0, TFMessage([stamped("map", "odom", 0)]))
-    for tick in range(1, 12):
-        merger.take(0, TFMessage([stamped("odom", "base_footprint", tick * S // 10)]))
-    assert format_tree(merger.buffer.frames(), 12 * S // 10).splitlines() == [
-        "map",
-        "└── robot_0/odom  (static, by robot_0)",
-        "    └── robot_0/base_footprint  (10.0 Hz, 0.10 s old, by robot_0)",
-    ]
+    merger.take(0, TFMessage([stamped(parent, child, S)]))
+    merger.take_static(0, TFMessage([stamped(parent, child, 0)]))
+    assert merger.buffer.frames() == {}
+    assert merger.take_conflicts()
+
+
+def test_two_publishers_of_one_edge_are_reported() -> None:
+    """Two values for one frame at one time can only come from two sources."""
+    merger = Merger()
+    merger.take(0, TFMessage([stamped("odom", "base_footprint", S, 1.0)]))
+    merger.take(0, TFMessage([stamped("odom", "base_footprint", S, 2.0)]))
+    (conflict,) = merger.take_conflicts()
+    assert "robot_0/base_footprint" in conflict
+
+
+def test_an_exact_duplicate_is_not_sent_again() -> None:
+    """What the tree has already need not travel again."""
+    merger = Merger()
+    for _ in range(2):
+        merger.take(0, TFMessage([stamped("odom", "base_footprint", S, 1.0)]))
+    assert len(merger.take_pending()) == 1
 
 
 def test_a_clock_that_runs_apart_is_refused_and_named() -> None:

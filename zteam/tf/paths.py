@@ -88,9 +88,14 @@ class PlanarPath:
                     return None
                 p, h = places[at - 1], turns[at - 1]
                 if stamp != time:
-                    part = (time - stamp) / (stamps[at] - stamp)
-                    p += (places[at] - p) * part
-                    h *= (turns[at] / h) ** part
+                    q, g = places[at], turns[at]
+                    # Whoever drives straight ahead, stands, or repeats himself saves the dear part.
+                    if g != h:
+                        part = (time - stamp) / (stamps[at] - stamp)
+                        p += (q - p) * part
+                        h *= (g / h) ** part
+                    elif q != p:
+                        p += (q - p) * ((time - stamp) / (stamps[at] - stamp))
             if down:
                 place = (place - p) / h
                 turn /= h

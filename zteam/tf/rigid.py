@@ -12,6 +12,9 @@ def compose(a_from_b: Floats, b_from_c: Floats) -> Floats:
     """a_from_c."""
     x, y, z, i, j, k, w = a_from_b
     px, py, pz, qi, qj, qk, qw = b_from_c
+    if i == j == qi == qj == 0.0:
+        c, s = w * w - k * k, 2.0 * w * k
+        return x + c * px - s * py, y + s * px + c * py, z + pz, 0.0, 0.0, w * qk + k * qw, w * qw - k * qk
     # v + 2 q × (q × v + w v): the rotation of a vector by a unit quaternion in 18 products.
     cx = j * pz - k * py + w * px
     cy = k * px - i * pz + w * py

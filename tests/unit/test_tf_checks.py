@@ -1,0 +1,95 @@
+"""What is refused for its names and numbers, without a trace."""
+
+import math
+
+import pytest
+from test_tf_buffer import S, stamped
+
+from zteam.messages import (
+    Quaternion,
+)
+from zteam.tf import (
+    Buffer,
+    LookupException,
+)
+
+
+def test_a_quaternion_is_normalised() -> None:
+    """A rotation that is slightly too long does not stretch what it rotates (tf2 lets it)."""
+    buffer = Buffer()
+    long = stamped("map", "a", 0, 0.0, 0.0, 0.3)
+    rotation = long.transform.rotation
+    rotation.z, rotation.w = rotation.z * 1.004, rotation.w * 1.004
+    assert buffer.set_transform_static(long, "test") is None
+    buffer.set_transform_static(stamped("a", "b", 0, 10.0), "test")
+    pose, _ = buffer.lookup_pose2("map", "b", 0)
+    assert math.hypot(pose.x, pose.y) == pytest.approx(10.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("value", [math.inf, math.nan])
+def test_numbers_that_are_not_finite_are_refused(value: float) -> None:
+    """inf and NaN are refused when they come, and leave no frame behind."""
+    buffer = Buffer()
+    refused = buffer.set_transform(stamped("map", "base", S, value), "robot_1")
+    assert refused is not None
+    assert refused.code == "TF_NAN_INPUT"
+    assert "robot_1" in refused.text
+    assert buffer.frames() == {}
+    with pytest.raises(LookupException):
+        buffer.lookup_transform("map", "base", 0)
+
+
+@pytest.mark.parametrize(
+    ("parent", "child", "code"),
+    [
+        ("map", "", "TF_NO_CHILD_FRAME_ID"),
+        ("map", "/", "TF_NO_CHILD_FRAME_ID"),
+        ("", "base", "TF_NO_FRAME_ID"),
+        ("/", "base", "TF_NO_FRAME_ID"),
+        ("base", "base", "TF_SELF_TRANSFORM"),
+        ("/base", "base", "TF_SELF_TRANSFORM"),
+    ],
+)
+@pytest.mark.parametrize("static", [False, True], ids=["moving", "static"])
+def test_bad_names_are_refused_without_a_trace(parent: str, child: str, code: str, static: bool) -> None:
+    """tf2's code, a text that names who sent it, and neither frame is known afterwards."""
+    buffer = Buffer()
+    put = buffer.set_transform_static if static else buffer.set_transform
+    refused = put(stamped(parent, child, S), "robot_1")
+    assert refused is not None
+    assert refused.code == code
+    assert "robot_1" in refused.text
+    for name in ("map", "base"):
+        with pytest.raises(LookupException):
+            buffer.lookup_transform(name, "other", 0)
+
+
+@pytest.mark.parametrize(("square", "accepted"), [(0.985, False), (0.9901, True), (1.0099, True), (1.011, False)])
+def test_how_far_from_a_unit_quaternion_is_accepted(square: float, accepted: bool) -> None:
+    """tf2's tolerance on the squared length; what is accepted comes out as a unit quaternion."""
+    buffer = Buffer()
+    transform = stamped("map", "base", S)
+    transform.transform.rotation = Quaternion(0.0, 0.0, 0.0, math.sqrt(square))
+    refused = buffer.set_transform(transform, "test")
+    if accepted:
+        assert refused is None
+        assert buffer.lookup_transform("map", "base", S).transform.rotation.w == pytest.approx(1.0, abs=1e-15)
+    else:
+        assert refused is not None
+        assert refused.code == "TF_DENORMALIZED_QUATERNION"
+
+
+def test_a_refused_sample_changes_nothing() -> None:
+    """What is refused registers no frame, no authority, no parent."""
+    buffer = Buffer()
+    buffer.set_transform(stamped("map", "base", 20 * S, 1.0), "first")
+    before = buffer.frames()
+    for transform in (
+        stamped("other", "base", 20 * S, 5.0),
+        stamped("other", "base", 9 * S),
+        stamped("base", "map", S),
+    ):
+        assert buffer.set_transform(transform, "second") is not None
+    assert buffer.frames() == before
+    with pytest.raises(LookupException, match="other"):
+        buffer.lookup_transform("other", "base", 0)
