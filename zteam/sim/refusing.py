@@ -165,15 +165,18 @@ def _collides(o: Outlines, group: int, grids: Grids, slack: float, px: Floats, p
 @compiled
 def move_all(o: Outlines, grids: Grids, robots: int, poses: Floats, ends: Floats, refused: NDArray[np.bool_]) -> None:
     """Move the first `robots` movers from `poses` to `ends` where nothing is in the way, in order."""
-    most = 0.0
-    for i in range(robots):
-        most = max(most, math.hypot(ends[i, 0] - poses[i, 0], ends[i, 1] - poses[i, 1]))
+    slack = 0.0
+    for group in range(o.owner.shape[0]):
+        i = o.owner[group]
+        if 0 <= i < robots:
+            way = math.hypot(ends[i, 0] - poses[i, 0], ends[i, 1] - poses[i, 1])
+            # A turn about the base's origin swings the centre of the outline.
+            swing = math.hypot(o.local_centre[group, 0], o.local_centre[group, 1]) * abs(ends[i, 2] - poses[i, 2])
+            slack = max(slack, way + swing)
     size = 0
     for shape in range(o.z_min.shape[0]):
         size = max(size, o.first_vertex[shape + 1] - o.first_vertex[shape])
     px, py = np.empty(size), np.empty(size)
-    # A turn about the base's origin swings the centre of the outline.
-    slack = most + 2.0 * o.reach[0]
     for group in range(o.owner.shape[0]):
         i = o.owner[group]
         if i < 0 or i >= robots:
@@ -182,7 +185,8 @@ def move_all(o: Outlines, grids: Grids, robots: int, poses: Floats, ends: Floats
         refused[i] = False
         if dx == 0.0 and dy == 0.0 and turn == 0.0:
             continue
-        places = min(_MAX_PLACES, 1 + int(max(math.hypot(dx, dy), abs(turn)) / _STRIDE))
+        arm = max(1.0, math.hypot(o.local_centre[group, 0], o.local_centre[group, 1]))
+        places = min(_MAX_PLACES, 1 + int(max(math.hypot(dx, dy), arm * abs(turn)) / _STRIDE))
         for k in range(1, places + 1):
             share = k / places
             _place_group(o, group, poses[i, 0] + share * dx, poses[i, 1] + share * dy, poses[i, 2] + share * turn)
