@@ -198,3 +198,19 @@ def test_error_texts_are_tf2s() -> None:
     with pytest.raises(LookupException) as missing:
         buffer.lookup_transform("map", "nowhere", 0)
     assert str(missing.value) == '"nowhere" passed to lookupTransform argument source_frame does not exist. '
+
+
+def test_time_that_goes_back_clears_the_buffer(caplog: pytest.LogCaptureFixture) -> None:
+    """time_backwards: moving data is forgotten, fixed data stays, the log says by how much; new data is taken."""
+    buffer = Buffer()
+    buffer.set_transform_static(stamped("map", "odom", 0, 1.0), "test")
+    buffer.set_transform(stamped("odom", "base", 100 * S, 1.0), "test")
+    assert [buffer.take_time(now * S) for now in (99, 100, 100)] == [False, False, False]
+    assert buffer.lookup_pose2("map", "base", 0)[0].x == 2.0
+    assert caplog.text == ""
+    assert buffer.take_time(90 * S) is True
+    assert "jump back in time of 10.000 s" in caplog.text
+    assert list(buffer.frames()) == ["odom"]
+    assert buffer.set_transform(stamped("odom", "base", 90 * S, 5.0), "test") is None
+    assert buffer.lookup_pose2("map", "base", 0)[0].x == 6.0
+    assert buffer.take_time(91 * S) is False

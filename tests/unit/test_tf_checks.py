@@ -5,13 +5,8 @@ import math
 import pytest
 from test_tf_buffer import S, stamped
 
-from zteam.messages import (
-    Quaternion,
-)
-from zteam.tf import (
-    Buffer,
-    LookupException,
-)
+from zteam.messages import Quaternion, TransformStamped
+from zteam.tf import Buffer, LookupException
 
 
 def test_a_quaternion_is_normalised() -> None:
@@ -93,3 +88,60 @@ def test_a_refused_sample_changes_nothing() -> None:
     assert buffer.frames() == before
     with pytest.raises(LookupException, match="other"):
         buffer.lookup_transform("other", "base", 0)
+
+
+def _second(**changes: float) -> TransformStamped:
+    """What follows a planar sample of 1 s, with one thing changed."""
+    message = stamped("map", "base", 2 * S, 2.0, 0.0, 0.3)
+    for name, value in changes.items():
+        part, field = name.split("_")
+        pose = message.transform
+        setattr(pose.translation if part == "t" else pose.rotation, field, value)
+    return message
+
+
+@pytest.mark.parametrize("field", ["t_x", "t_y", "t_z", "r_x", "r_y", "r_z", "r_w"])
+@pytest.mark.parametrize("value", [math.inf, -math.inf, math.nan])
+def test_a_stream_is_checked_as_its_first_sample_was(field: str, value: float) -> None:
+    """Every number of every sample counts: the short cut for samples in order lets nothing through."""
+    buffer = Buffer()
+    assert buffer.set_transform(stamped("map", "base", S, 1.0), "test") is None
+    refused = buffer.set_transform(_second(**{field: value}), "robot_1")
+    assert refused is not None
+    assert refused.code == "TF_NAN_INPUT"
+    assert buffer.frames()["base"].newest == S
+    assert buffer.set_transform(_second(), "test") is None
+    assert buffer.lookup_pose2("map", "base", 0)[0].x == 2.0
+
+
+def test_numbers_of_any_size_are_kept() -> None:
+    """Two coordinates whose sum is more than a double holds are finite all the same."""
+    buffer = Buffer()
+    buffer.set_transform(stamped("map", "base", S), "test")
+    assert buffer.set_transform(_second(t_x=1.5e308, t_y=1.5e308), "test") is None
+    assert buffer.lookup_pose2("map", "base", 2 * S)[0][:2] == (1.5e308, 1.5e308)
+
+
+def test_a_quaternion_is_normalised_in_a_stream_too() -> None:
+    """A slightly long one turns and does not stretch; one that is too long is refused, whatever came before."""
+    buffer = Buffer()
+    buffer.set_transform(stamped("map", "base", S), "test")
+    buffer.set_transform_static(stamped("base", "tip", 0, 10.0), "test")
+    assert buffer.set_transform(_second(r_z=0.6 * 1.004, r_w=0.8 * 1.004), "test") is None
+    pose, _ = buffer.lookup_pose2("map", "tip", 2 * S)
+    assert math.hypot(pose.x - 2.0, pose.y) == pytest.approx(10.0, abs=1e-12)
+    for scale in (0.0, 0.99, 1.01):
+        message = stamped("map", "base", 3 * S)
+        message.transform.rotation = Quaternion(0.0, 0.0, 0.6 * scale, 0.8 * scale)
+        refused = buffer.set_transform(message, "test")
+        assert refused is not None
+        assert refused.code == "TF_DENORMALIZED_QUATERNION"
+
+
+def test_a_slash_is_stripped_from_every_sample() -> None:
+    """A stream may spell its frames either way, also in turns."""
+    buffer = Buffer()
+    for second, (parent, child) in enumerate([("map", "base"), ("/map", "base"), ("map", "/base"), ("/map", "/base")]):
+        assert buffer.set_transform(stamped(parent, child, second * S + S, float(second)), "test") is None
+    assert list(buffer.frames()) == ["base"]
+    assert buffer.frames()["base"].samples == 4

@@ -6,9 +6,7 @@ import pytest
 from test_tf_buffer import S, stamped
 
 from zteam.geometry import Pose2
-from zteam.tf import (
-    Buffer,
-)
+from zteam.tf import Buffer
 
 
 def test_exact_duplicates_are_counted_silently() -> None:

@@ -4,12 +4,8 @@ import math
 
 from test_tf_buffer import S, stamped
 
-from zteam.messages import (
-    TFMessage,
-)
-from zteam.tf import (
-    Buffer,
-)
+from zteam.messages import TFMessage
+from zteam.tf import Buffer
 from zteam.tf.merge import Merger
 from zteam.tf.text import format_transform, format_tree
 

@@ -9,12 +9,7 @@ from test_tf_buffer import S, stamped
 
 from zteam.clock import wait_until
 from zteam.messages import ns_from_time
-from zteam.tf import (
-    Buffer,
-    ExtrapolationException,
-    LookupException,
-    NoDataForExtrapolationException,
-)
+from zteam.tf import Buffer, ExtrapolationException, LookupException, NoDataForExtrapolationException
 
 
 def test_a_look_up_can_wait() -> None:

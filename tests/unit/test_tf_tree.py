@@ -3,9 +3,7 @@
 from test_tf_buffer import S, stamped
 
 from zteam.geometry import Pose2
-from zteam.tf import (
-    Buffer,
-)
+from zteam.tf import Buffer
 
 
 def test_a_loop_names_both_authorities() -> None:

@@ -7,12 +7,7 @@ import pytest
 from test_tf_buffer import S, chain, stamped
 
 from zteam.geometry import Pose2, compose2, inverse2
-from zteam.tf import (
-    BackwardExtrapolationException,
-    Buffer,
-    ExtrapolationException,
-    NoDataForExtrapolationException,
-)
+from zteam.tf import BackwardExtrapolationException, Buffer, ExtrapolationException, NoDataForExtrapolationException
 
 
 def test_a_ring_of_frames_seen_from_everywhere() -> None:
