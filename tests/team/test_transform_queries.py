@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from zteam import names
 from zteam.errors import BusError
 from zteam.nodes.tf_client import TransformClient
 from zteam.nodes.tf_messages import HistoryRequest, Lookup
@@ -63,3 +64,21 @@ def test_a_described_robot_has_its_joints_in_the_tree(team: TeamFixture, tmp_pat
     team.wait_until(lambda: team.robot(0).distance_travelled > 0.2, within=20)
     after = client.lookup_transform("robot_0/base_link", "robot_0/wheel_left").transform.rotation
     assert abs(before.y * after.y + before.w * after.w) < 0.99
+
+
+def test_a_restarted_aggregator_has_the_whole_tree_again(team: TeamFixture) -> None:
+    """Statics, moving frames and the team file's own come back, and a follower that stood still goes on."""
+    team.start("arena", robots=2, behavior="forward", follow={1: 0}, params={0: {"speed": 0.05}})
+    team.wait_for_go()
+    team.wait_until(lambda: team.robot(1).speed > 0.01, within=20)
+    team.kill(names.AGGREGATOR)
+    team.wait_until(lambda: team.robot(1).speed == 0.0, within=5)
+    team.restart(names.AGGREGATOR)
+    client = TransformClient(team.bus)
+    found = client.lookup_many(
+        [Lookup("map", f"robot_{i}/base_laser_link") for i in (0, 1)]
+        + [Lookup("robot_1/base_link", "robot_0/base_link")],
+        timeout=5.0,
+    )
+    assert [reply for reply in found if isinstance(reply, Exception)] == []
+    team.wait_until(lambda: team.robot(1).speed > 0.01, within=10)
