@@ -75,10 +75,10 @@ class Buffer:
     """Transforms over time. Thread-safe; `lock` makes several calls one."""
 
     def __init__(self, cache_time: float = DEFAULT_CACHE) -> None:
-        self._tree = Tree(round(cache_time * 1e9))
+        self.lock = threading.RLock()
+        self._tree = Tree(round(cache_time * 1e9), self.lock)
         self._edges = self._tree.edges
         self._paths = self._tree.paths
-        self.lock = threading.RLock()
         self._acquire, self._release = self.lock.acquire, self.lock.release
         self._changed = threading.Condition(self.lock)
         self._waiting = 0
@@ -104,11 +104,8 @@ class Buffer:
                 # A unit quaternion, and x and y finite: the product is NaN else.
                 and 0.999999999999999 < k * k + w * w + (x + y) * 0.0 < 1.000000000000001
             ):
-                stamps, places, turns = edge.history
-                half = w + k * 1j
-                places.append(x + y * 1j)
-                turns.append(half * half)
-                stamps.append(time)
+                # One flat list: tuples to keep would be work for the garbage collector.
+                edge.fresh.extend((time, x, y, k, w))
                 edge.newest = time
                 edge.authority = authority
                 if self._waiting:

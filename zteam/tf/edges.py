@@ -4,10 +4,13 @@ Nearly all robots move in a plane, so an edge keeps its samples in one of two fo
 and z stays what it is, two complex numbers each (see `pack`), else seven floats. Readers need no lock: an edge that is
 in use only grows at its end, the stamp last. What changes the middle of a history puts new lists in its place, and what
 changes an edge's parent or form makes another edge.
+
+What just came is kept raw until somebody looks it up: of a large team most frames are never asked for.
 """
 
 from bisect import bisect_left
 from cmath import sqrt
+from threading import RLock
 from typing import Any
 
 from zteam.tf.rigid import Floats
@@ -37,9 +40,14 @@ def unpack(place: complex, turn: complex, z: float) -> Floats:
 class Edge:
     """One child frame under its parent."""
 
-    __slots__ = ("authority", "due", "history", "newest", "parent", "parents", "plain_parent", "planar", "static", "z")
+    __slots__ = (
+        *("_lock", "authority", "due", "fresh", "newest", "parent", "parents", "plain_parent"),
+        *("planar", "settled", "static", "z"),
+    )
 
-    def __init__(self, static: bool, planar: bool, z: float = 0.0) -> None:
+    def __init__(self, lock: "RLock", static: bool, planar: bool, z: float = 0.0) -> None:
+        self._lock = lock
+        """The buffer's."""
         self.static = static
         self.planar = planar
         """In which form the samples are."""
@@ -50,16 +58,38 @@ class Edge:
         self.parents: list[str] | None = None
         """The parent of every sample, if they differ."""
         self.authority = ""
-        self.history: History = ([], [], [])
+        self.settled: History = ([], [], [])
+        """All samples, but for those that are still `fresh`."""
+        self.fresh: list[Any] = []
+        """Stamp, x, y, qz, qw, stamp, … of planar samples since, each newer than the last; written under the lock."""
         self.newest = 0
         self.due = 0
         """A sample after this time makes it worth while to forget old ones; until then some may be too old."""
         self.plain_parent: str | None = None
         """The parent with which the next planar sample can simply be appended."""
 
+    def settle(self) -> None:
+        """Take the fresh samples into the history."""
+        with self._lock:
+            stamps, places, turns = self.settled
+            for stamp, x, y, k, w in zip(*[iter(self.fresh)] * 5, strict=True):
+                half = complex(w, k)
+                places.append(complex(x, y))
+                turns.append(half * half)
+                stamps.append(stamp)
+            # Only now: who reads without the lock waits for it as long as there is something fresh.
+            self.fresh.clear()
+
+    @property
+    def history(self) -> History:
+        """All samples."""
+        if self.fresh:
+            self.settle()
+        return self.settled
+
     def fix(self, floats: Floats, parent: str) -> None:
         """Hold one static transform."""
-        self.history = ([0], [floats], [])
+        self.settled = ([0], [floats], [])
         self.parent = parent
 
     def insert(self, stamp: int, floats: Floats, parent: str, cache: int) -> None:
@@ -68,7 +98,7 @@ class Edge:
         place, turn = pack(floats) if self.planar else (floats, None)
         at = len(stamps) if not stamps or stamp > self.newest else bisect_left(stamps, stamp)
         if at < len(stamps):
-            stamps, places, turns = self.history = (list(stamps), list(places), list(turns))
+            stamps, places, turns = self.settled = (list(stamps), list(places), list(turns))
         else:
             self.newest, self.parent = stamp, parent
         places.insert(at, place)
@@ -88,7 +118,7 @@ class Edge:
             return
         cut = bisect_left(stamps, self.newest - cache)
         if cut:
-            self.history = (stamps[cut:], places[cut:], turns[cut:])
+            self.settled = (stamps[cut:], places[cut:], turns[cut:])
         if self.parents is not None:
             del self.parents[:cut]
             if self.parents.count(self.parent) == len(self.parents):
@@ -127,12 +157,12 @@ class Edge:
 
     def replaced(self, planar: bool, mixed: bool) -> "Edge":
         """The same history in another form (`planar`), or ready for samples of several parents (`mixed`)."""
-        edge = Edge(self.static, planar, self.z)
+        edge = Edge(self._lock, self.static, planar, self.z)
         stamps, places, turns = self.history
         if planar == self.planar:
-            edge.history = (list(stamps), list(places), list(turns))
+            edge.settled = (list(stamps), list(places), list(turns))
         else:
-            edge.history = (list(stamps), [self.floats_of(self.history, at) for at in range(len(stamps))], [])
+            edge.settled = (list(stamps), [self.floats_of(self.history, at) for at in range(len(stamps))], [])
         edge.parent, edge.authority, edge.newest, edge.due = self.parent, self.authority, self.newest, self.due
         edge.parents = list(self.parents) if self.parents is not None else None
         if mixed and edge.parents is None:

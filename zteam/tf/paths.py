@@ -72,7 +72,9 @@ class PlanarPath:
                 return None
         place, turn = self._place, self._turn
         for edge, down, shift, after in self._steps:
-            stamps, places, turns = edge.history
+            if edge.fresh:
+                edge.settle()
+            stamps, places, turns = edge.settled
             at = len(stamps) - 1
             until = stamps[at]
             if until == time:

@@ -1,5 +1,7 @@
 """The frames and how they hang together: what may be stored where, and the walk from one frame to another."""
 
+from threading import RLock
+
 from zteam.tf.checks import Rejection
 from zteam.tf.edges import Edge, is_planar
 from zteam.tf.errors import (
@@ -19,7 +21,8 @@ DUPLICATE = Rejection("DUPLICATE", "")
 class Tree:
     """All edges. Only `edges` and `paths` may be read without the buffer's lock, and those only looked into."""
 
-    def __init__(self, cache: int) -> None:
+    def __init__(self, cache: int, lock: RLock) -> None:
+        self._lock = lock
         self.cache = cache
         self.edges: dict[str, Edge] = {}
         self.paths: dict[tuple[str, str], Path] = {}
@@ -37,7 +40,7 @@ class Tree:
             return refused
         if static:
             if edge is None or not edge.static or edge.parent != parent or edge.history[1][0] != floats:
-                edge = Edge(static=True, planar=False)
+                edge = Edge(self._lock, static=True, planar=False)
                 edge.fix(floats, parent)
                 self._replace(child, edge)
         else:
@@ -50,7 +53,7 @@ class Tree:
     def _ready(self, edge: Edge | None, child: str, parent: str, floats: Floats) -> Edge:
         """The edge that a moving sample of this parent and form goes into."""
         if edge is None or edge.static or not edge.parent:
-            ready = Edge(False, is_planar(floats), floats[2])
+            ready = Edge(self._lock, False, is_planar(floats), floats[2])
         else:
             mixed = edge.parents is None and edge.parent != parent
             if not mixed and edge.takes(floats):
@@ -106,7 +109,7 @@ class Tree:
         """Forget all moving data."""
         for child, edge in self.edges.items():
             if not edge.static:
-                self.edges[child] = Edge(static=False, planar=True)
+                self.edges[child] = Edge(self._lock, static=False, planar=True)
         self.paths.clear()
 
     def newest(self, frame: str) -> int:
