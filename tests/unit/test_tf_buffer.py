@@ -110,6 +110,7 @@ def test_clear_keeps_static_transforms() -> None:
     buffer = Buffer()
     buffer.set_transform_static(stamped("map", "odom", 0, 1.0), "test")
     buffer.set_transform(stamped("odom", "base", 5 * S, 1.0), "test")
+    assert buffer.lookup_pose2("map", "base", 0)[0].x == 2.0
     buffer.clear()
     assert buffer.lookup_pose2("map", "odom", 0)[0].x == 1.0
     able, why = buffer.can_transform("map", "base", 0)

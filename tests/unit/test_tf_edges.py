@@ -85,3 +85,11 @@ def test_a_helix_is_followed_between_its_samples() -> None:
         assert (found.translation.x, found.translation.y) == pytest.approx((x, y), abs=2.0 * (1 - math.cos(0.005)))
         assert found.translation.z == pytest.approx(i / 1000, abs=1e-9)
         assert 2.0 * math.atan2(found.rotation.z, found.rotation.w) == pytest.approx(yaw, abs=1e-9)
+
+
+def test_the_authority_is_the_newest_samples() -> None:
+    """Who took a frame over is seen, though the samples go on as before."""
+    buffer = Buffer()
+    for second, authority in enumerate(["first", "first", "second", "third"], start=1):
+        buffer.set_transform(stamped("map", "base", second * S), authority)
+        assert buffer.frames()["base"].authority == authority

@@ -10,16 +10,20 @@ from zteam.messages import Quaternion
 from zteam.tf import BackwardExtrapolationException, Buffer, NoDataForExtrapolationException
 
 
-def test_what_is_older_than_the_cache_is_not_used() -> None:
+@pytest.mark.parametrize("roll", [0.0, 0.1], ids=["planar", "spatial"])
+def test_what_is_older_than_the_cache_is_not_used(roll: float) -> None:
     """Old samples are forgotten in blocks; until then nothing of them shows, to the nanosecond."""
     buffer = Buffer(cache_time=1.0)
     step = S // 50
     for tick in range(50, 400):
-        buffer.set_transform(stamped("map", "base", tick * step, float(tick)), "test")
+        message = stamped("map", "base", tick * step, float(tick))
+        message.transform.rotation = Quaternion(*quaternion_from_rpy(roll, 0.0, 0.0))
+        buffer.set_transform(message, "test")
         newest = tick * step
         oldest = max(newest - S, S)
         if newest > oldest:
             assert buffer.lookup_pose2("map", "base", oldest)[0].x == oldest // step
+            assert buffer.lookup_pose2("map", "base", newest)[0].x == tick
             with pytest.raises(BackwardExtrapolationException):
                 buffer.lookup_transform("map", "base", oldest - 1)
     assert buffer.frames()["base"].samples == 51

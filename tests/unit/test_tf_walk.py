@@ -69,8 +69,11 @@ def test_a_moving_frame_stamped_0_does_not_hold_back_the_others() -> None:
     assert buffer.lookup_pose2("map", "odom", 0) == (Pose2(1.0, 0.0, 0.0), 0)
     buffer.set_transform(stamped("odom", "base", 3 * S), "test")
     assert buffer.latest_common_time("map", "base") == 3 * S
-    with pytest.raises(NoDataForExtrapolationException):
-        buffer.lookup_transform("map", "base", 0)
+    # Not even where the others have data of time 0 as well.
+    buffer.set_transform(stamped("odom", "base", 0, 1.0), "test")
+    for _ in range(2):
+        with pytest.raises(NoDataForExtrapolationException):
+            buffer.lookup_transform("map", "base", 0)
 
 
 def test_the_latest_common_time_may_lie_before_an_edges_history() -> None:
