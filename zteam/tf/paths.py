@@ -6,7 +6,7 @@ what to say then, the tree knows.
 """
 
 from bisect import bisect_right
-from cmath import sqrt
+from cmath import phase, rect, sqrt
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -95,7 +95,7 @@ class PlanarPath:
                     if g != h:
                         part = (time - stamp) / (stamps[at] - stamp)
                         p += (q - p) * part
-                        h *= (g / h) ** part
+                        h *= rect(1.0, part * phase(g / h))
                     elif q != p:
                         p += (q - p) * ((time - stamp) / (stamps[at] - stamp))
             if down:
