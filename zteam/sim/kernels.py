@@ -109,7 +109,10 @@ def cast_squares(
     wide, high = float(columns), float(rows)
     park, stride = wide * high, float(sides.shape[1])
     flat = sides.reshape(-1)
-    lanes, index = np.empty(_STATES), np.empty(_LANES, np.int32)
+    # On a cache line's border: a vector that lies across two costs twice, and where numpy puts an array is chance.
+    room = np.empty(_STATES + 8)
+    skip = -(room.ctypes.data // 8) % 8
+    lanes, index = room[skip : skip + _STATES], np.empty(_LANES, np.int32)
     # The beams' directions, padded to whole blocks: plain loads, no choice of a beam within the loop.
     padded_cos, padded_sin = np.ones(beams + _LANES), np.zeros(beams + _LANES)
     padded_cos[:beams], padded_sin[:beams] = cos[0], sin[0]
