@@ -1,5 +1,6 @@
 """The same seed and commands give the same bytes: in other processes, over a long time, and without numba."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -66,3 +67,18 @@ for physics in ("dynamic", "stage", "kinematic"):
     with_numba, (warning, *without_numba) = outputs
     assert "numba is not installed" in warning
     assert without_numba == with_numba
+
+
+def test_kernels_are_kept_apart_from_the_package(tmp_path: Path) -> None:
+    """Also where numba was imported first, compiled code goes to the chosen folder, not beside the source."""
+    code = "import numba; from zteam.sim import compiling; print(numba.config.CACHE_DIR)"
+    environment = {key: value for key, value in os.environ.items() if key != "NUMBA_CACHE_DIR"}
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env=environment | {"XDG_CACHE_HOME": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert done.stdout.strip() == str(tmp_path / "zteam" / "numba"), done.stderr

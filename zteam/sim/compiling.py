@@ -31,10 +31,13 @@ def _writable_folder() -> Path:
 def _find_jit() -> Callable[..., Any] | None:
     os.environ.setdefault("NUMBA_CACHE_DIR", str(_writable_folder()))
     try:
-        from numba import njit
+        from numba import config, njit
     except ImportError:
         log.warning("numba is not installed: lasers run on numpy, 10 to 100 times slower (pip install numba)")
         return None
+    # Whoever imported numba before has fixed its settings; without this the code would lie in the package's folder.
+    settings: Any = config  # it fills its names from the environment, which a type checker does not see
+    settings.CACHE_DIR = settings.CACHE_DIR or os.environ["NUMBA_CACHE_DIR"]
     return njit
 
 

@@ -41,10 +41,11 @@ from zteam.tf.applying import (
     apply_to_pose,
     apply_to_poses,
     apply_to_vector,
+    floats_of,
     scan_points,
     twist_between,
 )
-from zteam.tf.checks import Rejection, check_names, check_numbers, floats_of, normalise
+from zteam.tf.checks import Rejection, check_names, check_numbers, normalise
 from zteam.tf.edges import Edge
 from zteam.tf.errors import InvalidArgumentException, TransformException
 from zteam.tf.paths import Answer
@@ -124,7 +125,7 @@ class Buffer:
     def _set(self, transform: TransformStamped, stamp: int, authority: str, static: bool) -> Rejection | None:
         parent = strip_slash(transform.header.frame_id)
         child = strip_slash(transform.child_frame_id)
-        floats = floats_of(transform)
+        floats = floats_of(transform.transform)
         refused = check_names(parent, child, authority) or check_numbers(floats, child, authority)
         if refused:
             return refused

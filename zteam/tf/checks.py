@@ -3,7 +3,6 @@
 import math
 from typing import NamedTuple
 
-from zteam.messages import TransformStamped
 from zteam.tf.rigid import Floats
 
 UNIT_TOLERANCE = 0.01
@@ -51,9 +50,3 @@ def normalise(floats: Floats) -> Floats:
         return floats
     scale = square**-0.5
     return (x, y, z, i * scale, j * scale, k * scale, w * scale)
-
-
-def floats_of(message: TransformStamped) -> Floats:
-    """A message's numbers."""
-    t, r = message.transform.translation, message.transform.rotation
-    return (t.x, t.y, t.z, r.x, r.y, r.z, r.w)
