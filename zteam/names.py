@@ -21,6 +21,10 @@ SIMULATOR = "sim"
 AGGREGATOR = "tf"
 MONITOR = "monitor"
 
+TICK = "sim/tick"
+"""Lock-step: the simulator's numbered ticks."""
+DONE = "done"
+
 STATIC_CALLER = "static"
 """Name in the token of a process that asked the aggregator for a fixed transform."""
 
@@ -184,6 +188,17 @@ def split_token_key(key: str) -> tuple[str, str] | None:
     if len(parts) != 3 or parts[1] != "alive" or is_wildcard(key):
         return None
     return parts[0], parts[2]
+
+
+def done_key(name: str = "*") -> str:
+    """Lock-step: the answers of the participant `name`, by default of all."""
+    return f"{name}/{DONE}"
+
+
+def split_done_key(key: str) -> str | None:
+    """The participant's name in `<name>/done`, or None."""
+    name, _, rest = key.rpartition("/")
+    return name if rest == DONE and name and "/" not in name and not is_wildcard(name) else None
 
 
 def info_key(name: str) -> str:

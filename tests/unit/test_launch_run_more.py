@@ -18,7 +18,8 @@ from zteam.errors import BusError, ZteamError
 from zteam.launch import run as running
 from zteam.launch.process import Process
 from zteam.launch.run import ANY_PORT, Progress, Run, RunOptions, choose_endpoint
-from zteam.messages import Clock, TeamState, TeamStatus, time_from_ns
+from zteam.messages import TeamState, TeamStatus, time_from_ns
+from zteam.nodes.sim_messages import FinishReply, FinishRequest
 from zteam.nodes.stopping import Stop
 
 LIMIT = 30.0
@@ -26,19 +27,14 @@ TEAM = Team(robots=[RobotEntry(id=0, behavior="forward")])
 
 
 class Voices:
-    """Says on the bus what a monitor and a simulator say."""
+    """Says on the bus what a monitor says."""
 
     def __init__(self, bus: Bus) -> None:
         self._status = bus.publisher(names.TEAM_STATUS, TeamStatus, latched=True)
-        self._clock = bus.publisher(names.CLOCK, Clock)
 
     def status(self, state: int, go_ns: int = 0) -> None:
         """The monitor's word."""
         self._status.put(TeamStatus(state=state, epoch=1, go_stamp=time_from_ns(go_ns)))
-
-    def tick(self, now_ns: int) -> None:
-        """The simulator's word."""
-        self._clock.put(Clock(time_from_ns(now_ns)))
 
 
 @pytest.fixture
@@ -51,7 +47,7 @@ def test_go_is_noted_once(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> No
     """Waiting is not GO; the first GO's time stays, whatever is said later."""
     moments = itertools.count(1.5)
     monkeypatch.setattr("zteam.launch.run.seconds_since_start", lambda: next(moments))
-    progress, team = Progress(hub.bus(), 1.0), Voices(hub.bus())
+    progress, team = Progress(hub.bus(), False), Voices(hub.bus())
     team.status(TeamState.WAITING)
     assert progress.go_after is None
     team.status(TeamState.GO, 100)
@@ -63,28 +59,44 @@ def test_go_is_noted_once(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> No
 def test_a_go_from_before_counts(hub: MemoryHub) -> None:
     """GO is latched: a launcher that joins late hears it."""
     Voices(hub.bus()).status(TeamState.GO)
-    assert Progress(hub.bus(), 1.0).go_after is not None
+    assert Progress(hub.bus(), False).go_after is not None
 
 
-def test_the_time_runs_from_gos_own_stamp(hub: MemoryHub) -> None:
-    """2 s after GO's stamp, to the nanosecond, and not before GO."""
-    progress, team = Progress(hub.bus(), 2.0), Voices(hub.bus())
-    team.tick(60_000_000_000)
-    team.status(TeamState.GO, 700_000_000)
-    team.tick(2_699_999_999)
+def test_the_end_is_the_simulators_word(hub: MemoryHub) -> None:
+    """The run is over when the simulator says so, and not while it answers that it is not."""
+    asked, over = threading.Semaphore(0), threading.Event()
+
+    def finish(request: FinishRequest) -> FinishReply:
+        asked.release()
+        over.wait(min(request.timeout, 0.01))
+        return FinishReply(over.is_set())
+
+    hub.bus().serve(names.service_key(names.SIMULATOR, "finish"), FinishRequest, finish)
+    progress = Progress(hub.bus(), True)
+    Voices(hub.bus()).status(TeamState.GO)
+    for _ in range(3):
+        assert asked.acquire(timeout=LIMIT)
     assert progress.wall is None
-    team.tick(2_700_000_000)
-    assert progress.wall is not None
-    assert progress.go_after is not None
+    over.set()
+    with progress.changed:
+        assert progress.changed.wait_for(lambda: progress.wall is not None, LIMIT)
+    assert progress.wall is not None and progress.go_after is not None
     assert progress.wall >= progress.go_after
 
 
-def test_without_a_limit_there_is_no_end(hub: MemoryHub) -> None:
-    """Time alone ends nothing."""
-    progress, team = Progress(hub.bus(), None), Voices(hub.bus())
-    team.status(TeamState.GO)
-    team.tick(10**15)
+def test_without_a_limit_nobody_is_asked(hub: MemoryHub) -> None:
+    """A run without an end does not wait for one."""
+    asked = threading.Event()
+
+    def finish(_: FinishRequest) -> FinishReply:
+        asked.set()
+        return FinishReply(True)
+
+    hub.bus().serve(names.service_key(names.SIMULATOR, "finish"), FinishRequest, finish)
+    progress = Progress(hub.bus(), False)
+    Voices(hub.bus()).status(TeamState.GO)
     assert progress.wall is None
+    assert not asked.is_set()
 
 
 def test_a_taken_port_means_another_one(monkeypatch: pytest.MonkeyPatch) -> None:

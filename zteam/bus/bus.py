@@ -63,9 +63,14 @@ class Bus:
         """This session's id."""
         return self.transport.instance
 
-    def publisher(self, key: str, message_type: type[M], *, latched: bool = False) -> Publisher[M]:
-        """A publisher of `message_type` on `key`; `latched` keeps the last message for late subscribers."""
-        return Publisher(self.transport.declare_publisher(key, encoding_of(message_type), latched))
+    def publisher(
+        self, key: str, message_type: type[M], *, latched: bool = False, to_others: bool = False
+    ) -> Publisher[M]:
+        """A publisher of `message_type` on `key`; `latched` keeps the last message for late subscribers.
+
+        With `to_others`, subscribers of this very session neither get it nor make it wanted.
+        """
+        return Publisher(self.transport.declare_publisher(key, encoding_of(message_type), latched, to_others))
 
     def subscribe(
         self,

@@ -6,6 +6,7 @@ Delivery is synchronous: `put` returns when every subscriber's callback has. Ses
 import itertools
 import threading
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any
 
 import zenoh
@@ -36,6 +37,14 @@ class _Publisher(_Handle):
         self.put = put
 
 
+class _Subscriber:
+    def __init__(self, session: str, key_expr: str, handler: SampleHandler) -> None:
+        self.session = session
+        self.handler = handler
+        # A key expression is compared with every key that is put, so each pair is compared once.
+        self.matches = lru_cache(maxsize=1024)(lambda key: _matches(key_expr, key))
+
+
 class MemoryHub:
     """What the router is to processes: everything that was declared, and the latched payloads."""
 
@@ -43,7 +52,7 @@ class MemoryHub:
         self.lock = threading.RLock()
         self._ids = itertools.count(1)
         self.timestamps = itertools.count(1)
-        self.subscribers: dict[int, tuple[str, SampleHandler]] = {}
+        self.subscribers: dict[int, _Subscriber] = {}
         self.queryables: dict[int, tuple[str, QueryHandler]] = {}
         self.tokens: dict[int, str] = {}
         self.watchers: dict[int, tuple[str, TokenHandler]] = {}
@@ -66,7 +75,7 @@ class MemoryTransport:
         self.instance = f"{hub.new_id():032x}"
         self._open: list[Closeable] = []
 
-    def declare_publisher(self, key: str, encoding: str, latched: bool) -> RawPublisher:
+    def declare_publisher(self, key: str, encoding: str, latched: bool, to_others: bool = False) -> RawPublisher:
         hub, number = self._hub, self._hub.new_id()
 
         def put(payload: bytes) -> None:
@@ -74,7 +83,11 @@ class MemoryTransport:
             with hub.lock:
                 if latched:
                     hub.latched[number] = sample
-                handlers = [h for expr, h in hub.subscribers.values() if _matches(expr, key)]
+                handlers = [
+                    s.handler
+                    for s in hub.subscribers.values()
+                    if not (to_others and s.session == self.instance) and s.matches(key)
+                ]
             for handler in handlers:
                 handler(sample)
 
@@ -85,7 +98,7 @@ class MemoryTransport:
     def declare_subscriber(self, key_expr: str, handler: SampleHandler, latched: bool) -> Closeable:
         hub, number = self._hub, self._hub.new_id()
         with hub.lock:
-            hub.subscribers[number] = (key_expr, handler)
+            hub.subscribers[number] = _Subscriber(self.instance, key_expr, handler)
             history = [s for s in hub.latched.values() if latched and _matches(key_expr, s.key)]
         for sample in history:
             handler(sample)

@@ -12,8 +12,15 @@ from zteam.errors import UsageError
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 
-LEASE_MS = 2000
-"""A process that is cut off or frozen counts as gone after this long."""
+LEASE = 2.0
+"""Host seconds after which a process that is cut off or frozen counts as gone."""
+
+_RUNTIME = (
+    "(app: (worker_threads: 1), rx: (handover: app), tx: (handover: app), acc: (handover: app), net: (handover: app))"
+)
+"""One thread for all of Zenoh's own work in a process, instead of one for each kind: with many small processes on few
+cores most of a message's cost is waking threads. Figures: docs/benchmarks.md."""
+os.environ.setdefault("ZENOH_RUNTIME", _RUNTIME)
 
 
 class BusOptions(msgspec.Struct, frozen=True):
@@ -25,6 +32,9 @@ class BusOptions(msgspec.Struct, frozen=True):
     """Prefix that isolates a team from others on the same router."""
     config: str | None = None
     """A Zenoh JSON5 file whose settings are taken first."""
+    lease: float = LEASE
+    """Host seconds of silence after which this process counts as gone; longer than a lock-step's patience, if it shall
+    be named as hung before."""
 
     @property
     def endpoint(self) -> str:
@@ -60,7 +70,6 @@ _COMMON: dict[str, Any] = {
     "transport/shared_memory/enabled": False,
     # The default of 2 batches loses messages in bursts; 16 lost none in 76,000 ticks of 20 robots.
     "transport/link/tx/queue/size/data": 16,
-    "transport/link/tx/lease": LEASE_MS,
     # Latched topics need timestamps on clients.
     "timestamping/enabled": True,
 }
@@ -70,6 +79,7 @@ def client_config(options: BusOptions) -> zenoh.Config:
     """Configuration of a process: a client of one router that retries for ever once it is open."""
     settings: dict[str, Any] = {
         **_COMMON,
+        "transport/link/tx/lease": round(options.lease * 1e3),
         "mode": "client",
         "connect/endpoints": [options.endpoint],
         # The first attempt fails at once, so that the caller can start a router or say what it waits for.
@@ -91,6 +101,7 @@ def router_config(listen: str, config: str | None = None) -> zenoh.Config:
         config,
         {
             **_COMMON,
+            "transport/link/tx/lease": round(LEASE * 1e3),
             "mode": "router",
             "listen/endpoints": [listen],
             "adminspace/enabled": True,

@@ -70,10 +70,11 @@ class Claim:
         if known is self._alive and alive and self._token is not None:
             threading.Thread(target=self._meet_rival, args=(instance,), daemon=True).start()
 
-    def win(self, on_rival: Callable[[ProcessInfo], None]) -> None:
+    def win(self, on_rival: Callable[[ProcessInfo], None], on_win: Callable[[], None] = lambda: None) -> None:
         """Take the name. Raises DuplicateNameError that says who holds it.
 
-        `on_rival(info)` is called later if a healed network shows an older holder: this process must then stop.
+        `on_win()` is called before anybody can see it. `on_rival(info)` is called later if a healed network shows an
+        older holder: this process must then stop.
         """
         self._on_rival = on_rival
         with self._changed:
@@ -85,6 +86,7 @@ class Claim:
             self._claim.close()
             self._server.close()
             raise DuplicateNameError(self._refusal(rivals))
+        on_win()
         self._token = self._bus.declare_token(names.token_key(self.name, self._bus.instance))
         self._claim.close()
 

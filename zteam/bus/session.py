@@ -78,11 +78,13 @@ class ZenohTransport:
     def _wrap(self, entity: Any) -> _Declared:
         return self._keep(_Declared(entity, self._declared.discard))
 
-    def declare_publisher(self, key: str, encoding: str, latched: bool) -> RawPublisher:
+    def declare_publisher(self, key: str, encoding: str, latched: bool, to_others: bool = False) -> RawPublisher:
         options: dict[str, Any] = {
             "encoding": zenoh.Encoding(encoding),
             "congestion_control": zenoh.CongestionControl.DROP,
         }
+        if to_others:
+            options["allowed_destination"] = zenoh.Locality.REMOTE
         if latched:
             entity: Any = zenoh.ext.declare_advanced_publisher(
                 self._session, key, cache=zenoh.ext.CacheConfig(1), publisher_detection=True, **options
@@ -112,9 +114,10 @@ class ZenohTransport:
             )
 
         if latched:
-            return self._wrap(
-                zenoh.ext.declare_advanced_subscriber(self._session, key_expr, on_sample, history=_HISTORY)
-            )
+            # On Zenoh's own thread, so that what came before other messages is taken before them: a frame's fixed
+            # transform before what moves in it. Latched keys are few and seldom, and their handlers never wait.
+            direct = zenoh.handlers.Callback(on_sample, indirect=False)
+            return self._wrap(zenoh.ext.declare_advanced_subscriber(self._session, key_expr, direct, history=_HISTORY))
         return self._wrap(self._session.declare_subscriber(key_expr, on_sample))
 
     def declare_queryable(self, key: str, handler: QueryHandler) -> Closeable:

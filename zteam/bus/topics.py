@@ -6,6 +6,7 @@ from zteam.messages import (
     Bool,
     Bumper,
     Clock,
+    Done,
     Fiducials,
     JointState,
     LaserScan,
@@ -16,6 +17,7 @@ from zteam.messages import (
     RobotStatus,
     TeamStatus,
     TFMessage,
+    Tick,
     Twist,
 )
 
@@ -25,6 +27,7 @@ _TEAM: dict[str, type[Message]] = {
     names.TEAM_STATUS: TeamStatus,
     names.TF: TFMessage,
     names.TF_STATIC: TFMessage,
+    names.TICK: Tick,
 }
 
 _ROBOT: dict[str, type[Message]] = {
@@ -50,6 +53,8 @@ LATCHED = frozenset({names.MAP, names.TEAM_STATUS, names.TF_STATIC})
 
 def type_of_key(key: str) -> type[Message] | None:
     """The type that DESIGN's table gives a key, or None."""
+    if names.split_done_key(key) is not None:
+        return Done
     target = names.split_robot_key(key)
     if target is None:
         return _TEAM.get(key)

@@ -61,8 +61,11 @@ class Transport(Protocol):
         """This session's id, unique among all sessions."""
         ...
 
-    def declare_publisher(self, key: str, encoding: str, latched: bool) -> RawPublisher:
-        """A publisher; a latched one keeps its last payload for late subscribers."""
+    def declare_publisher(self, key: str, encoding: str, latched: bool, to_others: bool = False) -> RawPublisher:
+        """A publisher; a latched one keeps its last payload for late subscribers.
+
+        With `to_others` it does not speak to subscribers of its own session.
+        """
         ...
 
     def declare_subscriber(self, key_expr: str, handler: SampleHandler, latched: bool) -> Closeable:

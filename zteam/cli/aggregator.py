@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from zteam import names
-from zteam.cli.options import add_bus_options, bus_options, run
+from zteam.cli.options import add_bus_options, add_clock_option, bus_options, run
 from zteam.errors import UsageError
 
 
@@ -18,6 +18,7 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--rate", type=float, metavar="HZ", help="send bundles at this rate instead of one for every tick"
     )
+    add_clock_option(parser)
     add_bus_options(parser)
     return parser
 
@@ -31,7 +32,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _aggregate(args: argparse.Namespace) -> int:
     from zteam.config import load_team, static_transform
     from zteam.nodes.aggregator import run_aggregator
-    from zteam.nodes.node import run_node
+    from zteam.nodes.node import Node, run_node
     from zteam.tf.description import read_description
 
     if args.rate is not None and not (math.isfinite(args.rate) and args.rate > 0):
@@ -40,9 +41,11 @@ def _aggregate(args: argparse.Namespace) -> int:
     configured = [static_transform(entry) for entry in team.static_transforms] if team else []
     described = {robot.id: robot.description for robot in team.robots if robot.description} if team else {}
     descriptions = {robot_id: read_description(Path(args.team).parent / name) for robot_id, name in described.items()}
-    return run_node(
-        names.AGGREGATOR, bus_options(args), lambda node: run_aggregator(node, configured, descriptions, args.rate)
-    )
+
+    def body(node: Node) -> None:
+        run_aggregator(node, configured, descriptions, args.rate)
+
+    return run_node(names.AGGREGATOR, bus_options(args), body, args.clock)
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ import sys
 from collections.abc import Sequence
 
 from zteam import names
-from zteam.cli.options import add_bus_options, bus_options, run
+from zteam.cli.options import add_bus_options, add_clock_option, bus_options, run
 from zteam.errors import UsageError
 
 
@@ -16,6 +16,7 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument("--ids", nargs="+", metavar="ID", help="which robots to wait for, e.g. --ids 0 1 2 3")
     parser.add_argument("--json", action="store_true", help="print events as JSON lines: event, robot, text")
     parser.add_argument("--exit-on-go", action="store_true", help="end with 0 once GO is out and obeyed")
+    add_clock_option(parser)
     add_bus_options(parser)
     return parser
 
@@ -48,7 +49,7 @@ def _monitor(args: argparse.Namespace) -> int:
 
     team_size, ids = parse_team(args.team_size, args.ids)
     options = MonitorOptions(team_size, ids, args.json, args.exit_on_go)
-    return run_node(names.MONITOR, bus_options(args), lambda node: run_monitor(node, options))
+    return run_node(names.MONITOR, bus_options(args), lambda node: run_monitor(node, options), args.clock)
 
 
 if __name__ == "__main__":

@@ -32,6 +32,14 @@ def add_bus_options(parser: argparse.ArgumentParser) -> None:
         help="Zenoh configuration to start from ($ZTEAM_CONFIG)",
     )
     group.add_argument(
+        "--lease",
+        type=float,
+        metavar="SECONDS",
+        default=os.environ.get("ZTEAM_LEASE", "2"),
+        help="silence after which this process counts as gone (2; longer than a lock-step's time-out, if it shall be "
+        "named as hung before; $ZTEAM_LEASE)",
+    )
+    group.add_argument(
         "--log-level", choices=LEVELS, default=os.environ.get("ZTEAM_LOG_LEVEL", "info"), help="($ZTEAM_LOG_LEVEL)"
     )
     group.add_argument(
@@ -42,12 +50,25 @@ def add_bus_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_clock_option(parser: argparse.ArgumentParser) -> None:
+    """Add `--clock`."""
+    parser.add_argument(
+        "--clock",
+        choices=("auto", "sim", "wall"),
+        default="auto",
+        help="whose time to work in: the simulator's if there is one (auto, the default), the simulator's in any case "
+        "(sim), or the host's (wall)",
+    )
+
+
 def bus_options(args: argparse.Namespace) -> BusOptions:
     """The connection options of a parsed command line."""
     namespace = strip_slash(args.namespace) if args.namespace else None
     if namespace and any(c in "*$?#" or c.isspace() for c in namespace):
         raise UsageError(f"--namespace {namespace!r}: use letters, digits, '_', '-' and '/'")
-    return BusOptions(connect=args.connect, namespace=namespace, config=args.config)
+    if not 0.1 <= args.lease <= 3600.0:
+        raise UsageError(f"--lease {args.lease:g}: give seconds from 0.1 to 3600")
+    return BusOptions(connect=args.connect, namespace=namespace, config=args.config, lease=args.lease)
 
 
 def run(name: str, args: argparse.Namespace, body: Callable[[], int]) -> int:

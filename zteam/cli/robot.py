@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from zteam import names
-from zteam.cli.options import add_bus_options, bus_options, fail, run
+from zteam.cli.options import add_bus_options, add_clock_option, bus_options, fail, run
 from zteam.errors import UsageError
 
 
@@ -26,6 +26,7 @@ def build_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--no-gate", action="store_true", help="drive at once, without the monitor's GO")
     parser.add_argument("--seed", type=int, default=1, help="seed of everything random (default: %(default)s)")
+    add_clock_option(parser)
     add_bus_options(parser)
     return parser
 
@@ -54,6 +55,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _drive(robot_id: int, args: argparse.Namespace) -> int:
+    from functools import partial
+
     from zteam.behaviors import load_behavior
     from zteam.nodes.node import Node, run_node
     from zteam.nodes.robot import RobotOptions, run_robot
@@ -67,13 +70,15 @@ def _drive(robot_id: int, args: argparse.Namespace) -> int:
         if "leader" in params:
             raise UsageError("--follow names the leader already: leave --param leader out")
         spec, params = "follow", {"leader": leader, **params}
-    behavior = load_behavior(spec, params, robot_id)
+    make_behavior = partial(load_behavior, spec, params, robot_id)
+    # A mistake is told at once, before anything is waited for.
+    make_behavior()
     options = RobotOptions(robot_id=robot_id, gate=not args.no_gate, seed=args.seed)
 
     def body(node: Node) -> None:
-        run_robot(node, behavior, options)
+        run_robot(node, make_behavior, options)
 
-    return run_node(names.robot_name(robot_id), bus_options(args), body)
+    return run_node(names.robot_name(robot_id), bus_options(args), body, args.clock)
 
 
 if __name__ == "__main__":

@@ -2,9 +2,11 @@
 
 import argparse
 import logging
+import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from zteam import names
 from zteam.cli.options import add_bus_options, bus_options, run
@@ -14,7 +16,12 @@ from zteam.shipped import names as shipped_names
 from zteam.shipped import shipped_world, worlds_folder
 from zteam.simulation import PHYSICS, Options
 
+if TYPE_CHECKING:
+    from zteam.nodes.lockstep import LockStepOptions
+
 log = logging.getLogger("zteam")
+
+MAX_SPEED = 1e6
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -42,12 +49,48 @@ def build_parser() -> argparse.ArgumentParser:
         metavar="SECONDS",
         help="stand still this many simulated seconds after GO (and go on answering queries)",
     )
+    _add_time_options(parser)
     parser.add_argument(
         "--compile-only", action="store_true", help="compile the laser kernels into the cache, then end"
     )
     _add_simulation_options(parser)
     add_bus_options(parser)
     return parser
+
+
+def parse_speed(text: str) -> float | None:
+    """Simulated seconds a second: a number, or None for `max`. Raises UsageError."""
+    if text == "max":
+        return None
+    try:
+        speed = float(text)
+    except ValueError:
+        speed = math.nan
+    if not 0.0 < speed <= MAX_SPEED:
+        raise UsageError(f"speed {text!r}: give simulated seconds a second, such as 1, 10 or 0.5, or max")
+    return speed
+
+
+def _add_time_options(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("time (docs/time.md)")
+    group.add_argument("--speed", metavar="X", help="simulated seconds a second, or max (default: 1; max in lock-step)")
+    group.add_argument("--paused", action="store_true", help="stand still at the first tick ('zteam sim resume')")
+    group.add_argument("--lockstep", action="store_true", help="a tick begins when every participant has answered")
+    group.add_argument(
+        "--lockstep-timeout",
+        type=float,
+        default=10.0,
+        metavar="SECONDS",
+        help="leave a living participant behind that does not answer for so long (10)",
+    )
+    group.add_argument(
+        "--expect",
+        nargs="+",
+        default=[],
+        metavar="NAME",
+        help="hold the first tick until these take part, e.g. tf robot_0 planner",
+    )
+    group.add_argument("--no-gate", action="store_true", help="in lock-step, do not wait for the monitor's GO")
 
 
 def _add_simulation_options(parser: argparse.ArgumentParser) -> None:
@@ -85,6 +128,20 @@ def simulation_options(args: argparse.Namespace) -> Options:
         return Options(**given)
     except ValueError as error:
         raise UsageError(str(error)) from None
+
+
+def lockstep_options(args: argparse.Namespace) -> "LockStepOptions | None":
+    """What a parsed command line says about lock-step."""
+    from zteam.nodes.lockstep import LockStepOptions
+
+    if not args.lockstep:
+        for flag, given in (("--expect", args.expect), ("--no-gate", args.no_gate)):
+            if given:
+                raise UsageError(f"{flag} needs --lockstep")
+        return None
+    if not 0.0 < args.lockstep_timeout < math.inf:
+        raise UsageError(f"--lockstep-timeout {args.lockstep_timeout:g}: give seconds above 0")
+    return LockStepOptions(tuple(args.expect), args.lockstep_timeout, not args.no_gate)
 
 
 def find_world(text: str) -> Path:
@@ -144,6 +201,8 @@ def _simulate(args: argparse.Namespace) -> int:
 
     if not args.map_resolution > 0:
         raise UsageError(f"--map-resolution {args.map_resolution}: give metres a cell, such as 0.05")
+    lockstep = lockstep_options(args)
+    speed = parse_speed(args.speed or ("max" if lockstep else "1"))
     world = load_world(find_world(args.world))
     robots = dict(enumerate(world.robots))
     for robot_id, model, pose in map(parse_addition, args.add):
@@ -160,6 +219,9 @@ def _simulate(args: argparse.Namespace) -> int:
         follows=dict(map(parse_gap, args.gap)),
         run_for=args.run_for,
         engine=simulation_options(args),
+        speed=speed,
+        paused=args.paused,
+        lockstep=lockstep,
     )
 
     def body(node: Node) -> None:

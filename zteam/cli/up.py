@@ -16,6 +16,7 @@ from zteam.shipped import names as shipped_names
 from zteam.shipped import shipped_team, teams_folder
 
 if TYPE_CHECKING:
+    from zteam.launch.plan import Pace
     from zteam.launch.run import Run
     from zteam.nodes.stopping import Stop
 
@@ -34,8 +35,37 @@ def build_parser() -> argparse.ArgumentParser:
         "--for", dest="run_for", type=float, metavar="SECONDS", help="end this many simulated seconds after GO"
     )
     parser.add_argument("--report", metavar="FILE", help="with --for: write the run's report as JSON")
+    parser.add_argument("--speed", metavar="X", help="simulated seconds a second, or max (1; max in lock-step)")
+    parser.add_argument(
+        "--lockstep", action="store_true", help="tick by tick: the same seed gives the same run, as fast as it can"
+    )
+    parser.add_argument(
+        "--lockstep-timeout",
+        type=float,
+        default=10.0,
+        metavar="SECONDS",
+        help="leave a living process behind that does not answer for so long (10)",
+    )
+    parser.add_argument(
+        "--expect", nargs="+", default=[], metavar="NAME", help="own nodes that lock-step waits for at the start"
+    )
     add_bus_options(parser)
     return parser
+
+
+def _pace(args: argparse.Namespace, world: Path | None) -> "Pace":
+    from zteam.cli.sim import parse_speed
+    from zteam.launch.plan import Pace
+
+    if args.speed is not None:
+        parse_speed(args.speed)
+    if not 0.0 < args.lockstep_timeout < math.inf:
+        raise UsageError(f"--lockstep-timeout {args.lockstep_timeout:g}: give seconds above 0")
+    if args.expect and not args.lockstep:
+        raise UsageError("--expect needs --lockstep")
+    if world is None and (args.lockstep or args.speed is not None):
+        raise UsageError('--lockstep and --speed need a simulator: this team has none (world = "none")')
+    return Pace(args.speed, args.lockstep, args.lockstep_timeout, tuple(args.expect))
 
 
 def find_team(text: str) -> Path:
@@ -103,7 +133,13 @@ def _up(args: argparse.Namespace) -> int:
     if world is None and args.run_for is not None:
         raise UsageError('--for needs a simulator: this team has none (world = "none")')
     options = RunOptions(
-        team, team_file, world.resolve() if world else None, bus_options(args), args.seed, args.run_for
+        team,
+        team_file,
+        world.resolve() if world else None,
+        bus_options(args),
+        args.seed,
+        args.run_for,
+        _pace(args, world),
     )
     if args.report:
         _check_writable(Path(args.report))

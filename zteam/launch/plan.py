@@ -13,6 +13,19 @@ from zteam.simulation import simulation_arguments
 ROUTER = "router"
 
 
+class Pace(msgspec.Struct, frozen=True):
+    """How a simulated team's time goes."""
+
+    speed: str | None = None
+    """As on the command line: a number or `max`; None = the simulator's default."""
+    lockstep: bool = False
+    timeout: float = 10.0
+    """Host seconds until lock-step leaves a silent participant behind."""
+    expect: tuple[str, ...] = ()
+    """Participants besides the team's own without which lock-step does not begin."""
+    paused: bool = False
+
+
 class Plan(msgspec.Struct):
     """Commands by process name, in the order of starting; the router is not among them."""
 
@@ -38,6 +51,7 @@ def plan_team(
     team_file: Path | None = None,
     seed: int | None = None,
     run_for: float | None = None,
+    pace: Pace | None = None,
 ) -> Plan:
     """The processes of a team. `bus` holds the connection options that all get; `world` None = real robots."""
     chosen_seed = str(team.team.seed if seed is None else seed)
@@ -49,6 +63,7 @@ def plan_team(
             *_additions(team.robots),
             *_gaps(team.robots),
             *simulation_arguments(team.simulation),
+            *_pace(pace or Pace(), team.robots),
             *bus,
         ]
     commands[names.AGGREGATOR] = [*zteam_command("aggregator", *((str(team_file),) if team_file else ())), *bus]
@@ -58,6 +73,16 @@ def plan_team(
         arguments = [*robot_arguments(robot), "--seed", chosen_seed]
         commands[names.robot_name(robot.id)] = [*zteam_command("robot", *arguments), *bus]
     return Plan(commands)
+
+
+def _pace(pace: Pace, robots: Sequence[RobotEntry]) -> list[str]:
+    arguments = [] if pace.speed is None else ["--speed", pace.speed]
+    if pace.paused:
+        arguments.append("--paused")
+    if pace.lockstep:
+        members = [names.AGGREGATOR, *(names.robot_name(robot.id) for robot in robots), *pace.expect]
+        arguments += ["--lockstep", "--lockstep-timeout", str(pace.timeout), "--expect", *members]
+    return arguments
 
 
 def _additions(robots: Sequence[RobotEntry]) -> list[str]:

@@ -9,7 +9,7 @@ from zteam import names
 from zteam.bus import Bus
 from zteam.bus.counters import KeyCount
 from zteam.launch.process import Process, Usage
-from zteam.nodes.sim_messages import RobotReport, SimReport
+from zteam.nodes.sim_messages import RobotReport, SimReport, Timing
 
 
 class ProcessReport(msgspec.Struct):
@@ -41,6 +41,21 @@ class RunReport(msgspec.Struct):
     """Refused payloads by key, over all processes."""
     latency_ms: dict[str, float | int | None]
     """Scan sent to command received, in the simulator: p50, p99, count."""
+    ticks: int = 0
+    """From GO on."""
+    rtf: float | None = None
+    """Real-time factor: simulated seconds a second of the host, from GO to the last tick."""
+    trajectory_sha256: str = ""
+    """Of x, y, yaw of every robot in every tick from GO on; the same for the same seed in lock-step."""
+    lockstep: bool = False
+    resends: int = 0
+    """Ticks that had to be sent again in lock-step."""
+    hung: list[str] = []
+    """Participants that lock-step left behind."""
+    timing_ms: Timing | None = None
+    """Where a tick's time went, on average."""
+    lateness_p99_ms: float | None = None
+    """Ticks that began after they were due."""
 
 
 def seconds_since_start() -> float:
@@ -79,13 +94,16 @@ def _row(name: str, pid: int, code: int | None, usage: Usage) -> ProcessReport:
 
 def format_report(report: RunReport) -> str:
     """A short table for people."""
-    lines = [f"{report.sim_seconds:.1f} simulated seconds after GO, seed {report.seed}"]
+    pace = "" if report.rtf is None else f", {report.rtf:.3g} x real time"
+    lines = [f"{report.sim_seconds:.1f} simulated seconds after GO, seed {report.seed}{pace}"]
     lines.append(f"{'robot':8}{'follows':>8}{'driven m':>10}{'gap end m':>10}{'stalls':>8}{'late':>6}")
     for robot in report.robots:
         follows = "-" if robot.follow is None else str(robot.follow)
         gap = "-" if robot.gap_m is None else f"{robot.gap_m.end:.2f}"
         row = f"{robot.id:<8}{follows:>8}{robot.distance_m:>10.2f}{gap:>10}{robot.stalls:>8}{robot.late_steps:>6}"
         lines.append(row)
+    if report.lockstep:
+        lines.append(f"lock-step: trajectory {report.trajectory_sha256}")
     memory = sum(p.pss_mb for p in report.processes)
     lines.append(f"{len(report.processes)} processes, {memory:.0f} MB together (PSS)")
     return "\n".join(lines)

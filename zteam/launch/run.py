@@ -12,10 +12,10 @@ from zteam import names
 from zteam.bus import Bus, BusOptions, connect
 from zteam.bus.connection import FROM_STDIN, port_accepts
 from zteam.bus.options import DEFAULT_ENDPOINT
-from zteam.clock import to_ns
+from zteam.clock import pause
 from zteam.config import Team
 from zteam.errors import BusError, ZteamError
-from zteam.launch.plan import ROUTER, Plan, plan_team
+from zteam.launch.plan import ROUTER, Pace, Plan, plan_team
 from zteam.launch.process import Process, Usage, exit_text, measure_usage, zteam_command
 from zteam.launch.report import (
     RunReport,
@@ -25,8 +25,8 @@ from zteam.launch.report import (
     seconds_since_start,
 )
 from zteam.launch.supervisor import Supervisor
-from zteam.messages import Clock, TeamState, TeamStatus, ns_from_time
-from zteam.nodes.sim_messages import SimReport
+from zteam.messages import TeamState, TeamStatus
+from zteam.nodes.sim_messages import FinishReply, FinishRequest, SimReport
 from zteam.nodes.stopping import Stop
 
 log = logging.getLogger("zteam")
@@ -47,34 +47,60 @@ class RunOptions(msgspec.Struct, frozen=True):
     seed: int | None = None
     run_for: float | None = None
     """Simulated seconds after GO."""
+    pace: Pace = Pace()
+
+
+_FINISH_WAIT = 5.0
+"""Host seconds that one question for the end of the run waits."""
+LEASE_MARGIN = 5.0
+"""Host seconds by which links in lock-step outlive its patience: a hung participant must not look dead before."""
+
+
+def lease_for(pace: Pace, given: float) -> float:
+    """The lease of all sessions of a team."""
+    return max(given, pace.timeout + LEASE_MARGIN) if pace.lockstep else given
 
 
 class Progress:
     """GO and the end of the run as the launcher hears them on the bus."""
 
-    def __init__(self, bus: Bus, run_for: float | None) -> None:
+    def __init__(self, bus: Bus, has_end: bool) -> None:
         self.changed = threading.Condition()
         self.go_after: float | None = None
         self.wall: float | None = None
-        self._go_stamp: int | None = None
-        self._run_for = run_for
+        self._bus = bus
+        self._closed = False
         bus.subscribe(names.TEAM_STATUS, TeamStatus, self._on_team_status, latched=True)
-        bus.subscribe(names.CLOCK, Clock, self._on_clock)
+        if has_end:
+            # The simulator says when the time is over: to listen to its clock would slow a fast run down.
+            threading.Thread(target=self._watch_end, name="end of the run", daemon=True).start()
 
     def _on_team_status(self, _key: str, status: TeamStatus) -> None:
         if status.state == TeamState.GO and self.go_after is None:
             with self.changed:
                 self.go_after = seconds_since_start()
-                self._go_stamp = ns_from_time(status.go_stamp)
                 self.changed.notify_all()
 
-    def _on_clock(self, _key: str, message: Clock) -> None:
-        if self._run_for is None or self._go_stamp is None or self.wall is not None:
-            return
-        if ns_from_time(message.clock) - self._go_stamp >= to_ns(self._run_for):
-            with self.changed:
-                self.wall = seconds_since_start()
-                self.changed.notify_all()
+    def _watch_end(self) -> None:
+        key, request = names.service_key(names.SIMULATOR, "finish"), FinishRequest(timeout=_FINISH_WAIT)
+        while not self._closed:
+            try:
+                answers = self._bus.query(key, FinishReply, request, timeout=_FINISH_WAIT + 2.0)
+            except ZteamError as error:
+                log.debug("%s", error)
+                answers = []
+            if any(answer.finished for _, answer in answers):
+                with self.changed:
+                    self.wall = seconds_since_start()
+                    self.changed.notify_all()
+                return
+            if not answers:
+                # No simulator yet; nothing tells when its query is there.
+                pause(0.1)
+
+    def close(self) -> None:
+        """Ask no more."""
+        self._closed = True
 
     def wake(self) -> None:
         """Let whoever waits on `changed` look again."""
@@ -116,6 +142,7 @@ class Run:
             bus += ["--namespace", options.bus.namespace]
         if options.bus.config:
             bus += ["--config", options.bus.config]
+        bus += ["--lease", str(lease_for(options.pace, options.bus.lease))]
         return plan_team(
             options.team,
             options.world,
@@ -123,6 +150,7 @@ class Run:
             team_file=options.team_file,
             seed=options.seed,
             run_for=options.run_for,
+            pace=options.pace,
         )
 
     def __enter__(self) -> "Run":
@@ -132,6 +160,8 @@ class Run:
         try:
             self._stop_all()
         finally:
+            if self._progress is not None:
+                self._progress.close()
             if self._bus is not None:
                 self._bus.close()
             self.supervisor.close()
@@ -164,7 +194,7 @@ class Run:
                 supervisor.processes[name].write_line(self.endpoint)
         bus = BusOptions(connect=self.endpoint, namespace=self._options.bus.namespace, config=self._options.bus.config)
         self._bus = connect(bus, stopping=self._stop, patience=ROUTER_DEADLINE)
-        self._progress = Progress(self._bus, self._options.run_for)
+        self._progress = Progress(self._bus, self._options.run_for is not None)
         if self._stop.requested:
             self._wake()
 
@@ -226,6 +256,14 @@ class Run:
             processes=report_processes(self.supervisor.processes, "up", self._own),
             dropped=self._dropped,
             latency_ms=msgspec.structs.asdict(counted.latency_ms),
+            ticks=counted.ticks,
+            rtf=counted.real_time_factor,
+            trajectory_sha256=counted.trajectory_sha256,
+            lockstep=counted.lockstep,
+            resends=counted.resends,
+            hung=counted.hung,
+            timing_ms=counted.timing_ms,
+            lateness_p99_ms=counted.lateness_p99_ms,
         )
 
     def _stop_all(self) -> None:

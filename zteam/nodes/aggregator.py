@@ -1,7 +1,8 @@
 """The TF aggregator process: every robot's transforms in, one tree out, one bundled message a tick.
 
 A bundle leaves as soon as every robot that speaks has spoken for its tick, in the callback of the last one; a robot
-that falls silent delays it by PATIENCE once and then counts as silent until it speaks again.
+that falls silent delays it by PATIENCE once and then counts as silent until it speaks again. In lock-step it leaves
+when every robot of the tick has spoken, however long that takes.
 """
 
 import logging
@@ -10,10 +11,21 @@ from collections.abc import Iterable, Mapping
 from zteam import names
 from zteam.bus import NoRequest
 from zteam.clock import monotonic
-from zteam.messages import Header, JointState, Quaternion, TFMessage, Transform, TransformStamped, Vector3, ns_from_time
+from zteam.messages import (
+    Header,
+    JointState,
+    Quaternion,
+    TFMessage,
+    Tick,
+    Transform,
+    TransformStamped,
+    Vector3,
+    ns_from_time,
+)
 from zteam.nodes.answers import answer_frames, answer_history, answer_lookups
 from zteam.nodes.losses import GRACE, Losses
 from zteam.nodes.node import Node
+from zteam.nodes.participant import Participant
 from zteam.nodes.tf_messages import HistoryRequest, LookupRequest, StaticReply, StaticRequest
 from zteam.tf.description import Description
 from zteam.tf.merge import Merger
@@ -23,7 +35,8 @@ log = logging.getLogger("zteam")
 WALL_RATE = 20.0
 """Bundles a second where there is no simulator and no other rate was asked for."""
 PATIENCE = 0.03
-"""Host seconds that a bundle waits for the last robot of its tick."""
+"""Host seconds that a bundle waits for the last robot of its tick; by the host's clock, because simulated time stands
+still within a tick."""
 
 
 class Aggregator:
@@ -48,12 +61,16 @@ class Aggregator:
         """Host time of the bundle's first transform; None while it is empty."""
         self._stamp = 0
         """The tick of the bundle: its newest stamp."""
+        self._placed: set[int] = set()
+        """Robots whose fixed transforms have come."""
+        self._last = TFMessage([])
+        """The bundle that was sent last."""
         self._losses = Losses()
         self._tf = node.bus.publisher(names.TF, TFMessage)
         self._tf_static = node.bus.publisher(names.TF_STATIC, TFMessage, latched=True)
-        node.follow_clock()
+        self._part = Participant(node, self._has_inputs, self._act, self._repeat)
         node.clock.sim.on_jump_back(self._on_jump_back)
-        node.subscribe(names.all_robots_key(names.TF), TFMessage, self._on_tf)
+        node.subscribe(names.all_robots_key(names.TF), TFMessage, self._on_tf, wake=False)
         node.subscribe(names.all_robots_key(names.TF_STATIC), TFMessage, self._on_tf_static, latched=True)
         node.bus.watch_link(self._on_link)
         node.watch_tokens(names.tokens_key(names.STATIC_CALLER), self._on_static_caller)
@@ -83,7 +100,7 @@ class Aggregator:
         if target is None or description is None:
             return
         self._merger.take(target[0], TFMessage(description.moving_transforms(message)), self._node.clock.now())
-        if self._rate is None and self._opened is None:
+        if self._rate is None and self._opened is None and not self._part.active:
             # No bundle is being filled that they could travel with.
             self._flush()
 
@@ -92,8 +109,20 @@ class Aggregator:
         if target is None or not message.transforms:
             return
         robot_id = target[0]
-        self._first_data = self._first_data or monotonic()
         stamp = max(ns_from_time(t.header.stamp) for t in message.transforms)
+        if self._part.active:
+            self._merger.take(robot_id, message, self._node.clock.now())
+            self._spoken[robot_id] = stamp
+            self._part.advance()
+        else:
+            self._bundle(robot_id, message, stamp)
+            self._node.changed.notify_all()
+        if self._merger.statics_changed:
+            self._publish_statics()
+
+    def _bundle(self, robot_id: int, message: TFMessage, stamp: int) -> None:
+        """Take a robot's transforms into the bundle of their tick."""
+        self._first_data = self._first_data or monotonic()
         if self._rate is None and self._opened is not None and stamp > self._stamp:
             # The next tick begins: what is here must not wait for anybody any more.
             self._flush_late()
@@ -104,14 +133,26 @@ class Aggregator:
         self._spoken[robot_id] = stamp
         if self._rate is None and all(s >= self._stamp for s in self._spoken.values()):
             self._flush()
-        if self._merger.statics_changed:
-            self._publish_statics()
+
+    def _has_inputs(self, tick: Tick) -> bool:
+        """Lock-step: whether every robot of the tick has said where it is, and how it is made."""
+        stamp = ns_from_time(tick.stamp)
+        return all(i in self._placed and self._spoken.get(i, -1) >= stamp for i in tick.robots.tolist())
+
+    def _act(self, _tick: Tick) -> None:
+        self._flush()
+
+    def _repeat(self) -> None:
+        if self._last.transforms:
+            self._tf.put(self._last)
 
     def _on_tf_static(self, key: str, message: TFMessage) -> None:
         target = names.split_robot_key(key)
         if target is not None:
             self._merger.take_static(target[0], message)
             self._publish_statics()
+            self._placed.add(target[0])
+            self._part.advance()
 
     def _on_static_caller(self, key: str, alive: bool) -> None:
         self._losses.take_token(key, alive, monotonic())
@@ -142,7 +183,8 @@ class Aggregator:
         pending = self._merger.take_pending()
         self._opened = None
         if pending:
-            self._tf.put(TFMessage(pending))
+            self._last = TFMessage(pending)
+            self._tf.put(self._last)
 
     def _publish_statics(self) -> None:
         if self._merger.statics_changed:
@@ -167,7 +209,7 @@ class Aggregator:
         due = monotonic()
         while not self._node.stopping:
             self._node.decide_clock(self._first_data)
-            rate = self._rate
+            rate = None if self._part.active else self._rate
             if rate is None:
                 self._node.wait(lambda: self._opened is not None, 0.5)
                 self._node.wait(self._bundle_is_old, PATIENCE)

@@ -6,7 +6,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TypeVar
+from typing import Literal, TypeVar
 
 from zteam import names
 from zteam.bus import Bus, BusOptions, connect
@@ -23,6 +23,9 @@ M = TypeVar("M", bound=Message)
 
 WALL_AFTER = 0.5
 """Host seconds of data without a sign of a simulator after which this is a real base, in wall time."""
+ClockMode = Literal["auto", "sim", "wall"]
+CLOCK_MODES: tuple[ClockMode, ...] = ("auto", "sim", "wall")
+"""Which time a process works in: the simulator's if there is one, else the host's; or one of the two in any case."""
 SWITCH_INTERVAL = 0.0005
 """Seconds a busy thread keeps the interpreter while a message waits for its callback; 5 ms is Python's default."""
 
@@ -34,12 +37,23 @@ class Node:
     here polls. `on_stop` hooks run before the session closes, in the order they were added.
     """
 
-    def __init__(self, name: str, bus: Bus, stop: Stop) -> None:
+    def __init__(self, name: str, bus: Bus, stop: Stop, clock: ClockMode = "auto") -> None:
         self.name = name
         self.bus = bus
         self.stop = stop
         self.clock = AutoClock()
+        if clock == "sim":
+            self.clock.use_simulated()
+        elif clock == "wall":
+            self.clock.use_wall()
         self.changed = threading.Condition()
+        self.present = False
+        """Whether this process holds its name."""
+        self._failure: BaseException | None = None
+        self._simulators: set[str] = set()
+        self._on_simulator_lost: list[Callable[[], None]] = []
+        self._clock_input: Closeable | None = None
+        self._follows_clock = False
         self._on_stop: list[Callable[[], None]] = []
         self.claim = Claim(bus, name)
         bus.serve_stats(name)
@@ -53,18 +67,35 @@ class Node:
 
     def become_present(self) -> None:
         """Win the name and show the presence token. Raises DuplicateNameError that names the holder."""
-        self.claim.win(self._on_rival)
+        self.claim.win(self._on_rival, self._win)
         # What start-up made stays: the collector need not look through it again and again.
         gc.freeze()
+
+    def _win(self) -> None:
+        # Before the token: whoever sees that may speak to this process at once.
+        self.present = True
 
     def on_stop(self, hook: Callable[[], None]) -> None:
         """Run `hook()` when the node ends, while the session still works."""
         self._on_stop.append(hook)
 
     def follow_clock(self) -> None:
-        """Take simulated time from the bus as soon as there is a simulator."""
-        self.bus.watch_tokens([names.tokens_key(names.SIMULATOR)], self._on_simulator)
-        self.subscribe(names.CLOCK, Clock, self._on_clock, wake=False)
+        """Take simulated time from the bus as soon as there is a simulator. A second call does nothing."""
+        if not self._follows_clock:
+            self._follows_clock = True
+            self._clock_input = self.subscribe(names.CLOCK, Clock, self._on_clock, wake=False)
+            self.watch_tokens(names.tokens_key(names.SIMULATOR), self._on_simulator)
+
+    def take_time_from_ticks(self) -> None:
+        """In lock-step the ticks tell the time: the clock would only wake this process once more for each."""
+        self.clock.use_simulated()
+        if self._clock_input is not None:
+            self._clock_input.close()
+            self._clock_input = None
+
+    def on_simulator_lost(self, callback: Callable[[], None]) -> None:
+        """Call `callback()` under `changed` when the last simulator is gone."""
+        self._on_simulator_lost.append(callback)
 
     def subscribe(
         self,
@@ -98,8 +129,19 @@ class Node:
     def wait(self, ready: Callable[[], bool], timeout: float) -> bool:
         """Wait until `ready()`, the stop request, or `timeout` host seconds; the answer is `ready()`'s."""
         with self.changed:
-            wait_until(self.changed, lambda: self.stop.requested or ready(), timeout)
+            wait_until(self.changed, lambda: self.stop.requested or self._failure is not None or ready(), timeout)
+            if self._failure is not None:
+                raise self._failure
             return ready()
+
+    @contextmanager
+    def failing(self) -> Iterator[None]:
+        """What goes wrong within, on a thread of the bus, ends the process: `wait` raises it in the main loop."""
+        try:
+            yield
+        except Exception as error:
+            self._failure = error
+            self.wake()
 
     def wake(self) -> None:
         """Let `wait` look again."""
@@ -130,9 +172,16 @@ class Node:
         self.clock.use_simulated()
         self.clock.sim.set(ns_from_time(message.clock))
 
-    def _on_simulator(self, _key: str, alive: bool) -> None:
+    def _on_simulator(self, key: str, alive: bool) -> None:
+        (self._simulators.add if alive else self._simulators.discard)(key)
         if alive:
             self.clock.use_simulated()
+        elif not self._simulators:
+            # The next one may not work in lock-step.
+            if self._clock_input is None:
+                self._clock_input = self.subscribe(names.CLOCK, Clock, self._on_clock, wake=False)
+            for callback in self._on_simulator_lost:
+                callback()
 
     def _on_link(self, up: bool) -> None:
         if up:
@@ -147,11 +196,11 @@ class Node:
 
 
 @contextmanager
-def open_node(name: str, options: BusOptions, stop: Stop) -> Iterator[Node]:
+def open_node(name: str, options: BusOptions, stop: Stop, clock: ClockMode = "auto") -> Iterator[Node]:
     """A node on a new session, closed on every way out."""
     bus = connect(options, stopping=stop)
     try:
-        node = Node(name, bus, stop)
+        node = Node(name, bus, stop, clock)
     except BaseException:
         bus.close()
         raise
@@ -163,14 +212,14 @@ def open_node(name: str, options: BusOptions, stop: Stop) -> Iterator[Node]:
         node.close()
 
 
-def run_node(name: str, options: BusOptions, body: Callable[[Node], None]) -> int:
+def run_node(name: str, options: BusOptions, body: Callable[[Node], None], clock: ClockMode = "auto") -> int:
     """Run `body(node)` as a process: signals, orderly stop, hard exit. The exit code is what a command returns."""
     stop = Stop()
     stop.install()
     exit_hard_later(stop)
     sys.setswitchinterval(SWITCH_INTERVAL)
     try:
-        with open_node(name, options, stop) as node:
+        with open_node(name, options, stop, clock) as node:
             try:
                 body(node)
             except ZteamError as error:

@@ -1,37 +1,72 @@
-"""Real-time pacing of the simulator's ticks: never skips one, measures how far it falls behind."""
+"""When the next tick is due: real time, a factor of it, as fast as possible, paused, or so many single steps.
+
+No tick is ever skipped. A simulator that falls behind its schedule says so, and starts the schedule anew when it is
+more than MAX_LAG late, instead of rushing to catch up.
+"""
 
 from collections import deque
 
-from zteam.clock import monotonic
-from zteam.nodes.node import Node
-
 _WINDOW = 50
 """Ticks over which the real-time factor is measured."""
-_MAX_LAG = 1.0
-"""Seconds behind schedule after which the schedule starts anew instead of rushing to catch up."""
+MAX_LAG = 1.0
+"""Host seconds."""
 
 
 class Pacer:
-    """Says when the next tick is due."""
+    """Pure: told the host's time, in seconds."""
 
-    def __init__(self, interval: int) -> None:
+    def __init__(self, interval: int, speed: float | None = 1.0, *, paused: bool = False) -> None:
         self._interval = interval / 1e9
+        self.speed = speed
+        """Simulated seconds a second of the host; None = as fast as possible."""
+        self.paused = paused
+        self.steps = 0
+        """Ticks still to go while paused."""
         self._due: float | None = None
         self._starts: deque[float] = deque(maxlen=_WINDOW)
-        self.busy = 0.0
-        """Seconds that the last tick took."""
+        self._lateness: deque[float] = deque(maxlen=10_000)
+        """Host seconds that ticks began after they were due, the newest ones."""
 
-    def wait(self, node: Node) -> bool:
-        """Wait for the next tick; False when the process is asked to stop."""
-        now = monotonic()
-        if self._starts:
-            self.busy = now - self._starts[-1]
-        due = now if self._due is None or now - self._due > _MAX_LAG else self._due
-        # Anything that wakes the node would end a bare wait early, so the condition is the time itself.
-        node.wait(lambda: monotonic() >= due, max(0.0, due - now))
-        self._due = due + self._interval
-        self._starts.append(monotonic())
-        return not node.stopping
+    def set_speed(self, speed: float | None) -> None:
+        """Change the speed from now on."""
+        self.speed, self._due = speed, None
+        self._starts.clear()
+
+    def pause(self) -> None:
+        """Stand still after the tick at hand."""
+        self.paused, self.steps = True, 0
+
+    def resume(self) -> None:
+        """Go on."""
+        self.paused, self.steps, self._due = False, 0, None
+        self._starts.clear()
+
+    def step(self, ticks: int) -> None:
+        """Go on for so many ticks, as fast as possible, and stand still then."""
+        self.paused = True
+        self.steps += ticks
+
+    def remaining(self, now: float) -> float | None:
+        """Seconds until the next tick is due; None while the world stands still."""
+        if self.paused:
+            return 0.0 if self.steps else None
+        if self.speed is None or self._due is None:
+            return 0.0
+        return max(0.0, self._due - now)
+
+    def start(self, now: float) -> None:
+        """A tick begins."""
+        self._starts.append(now)
+        if self.paused:
+            self.steps = max(0, self.steps - 1)
+            self._due = None
+        elif self.speed is not None:
+            due = self._due
+            if due is None or now - due > MAX_LAG:
+                due = now
+            else:
+                self._lateness.append(now - due)
+            self._due = due + self._interval / self.speed
 
     @property
     def factor(self) -> float:
@@ -40,3 +75,14 @@ class Pacer:
             return 1.0
         elapsed = self._starts[-1] - self._starts[0]
         return self._interval * (len(self._starts) - 1) / elapsed if elapsed > 0 else 1.0
+
+    @property
+    def lateness_p99_ms(self) -> float | None:
+        """Milliseconds that ticks began after they were due, 99th percentile; None without a schedule."""
+        ordered = sorted(self._lateness)
+        return 1e3 * ordered[int(0.99 * len(ordered))] if ordered else None
+
+    @property
+    def behind(self) -> bool:
+        """Whether the world is slower than it was asked to be."""
+        return not self.paused and self.speed is not None and self.factor < 0.95 * self.speed

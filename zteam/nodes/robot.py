@@ -1,10 +1,11 @@
 """The robot process: one robot's brain. It cannot tell the simulator from a real base.
 
 It acts when a scan arrives, not on a timer of its own, so that a command follows its scan at once; between scans it
-only watches for data that has grown old.
+only watches for data that has grown old. In lock-step it acts once a tick, when all its inputs of that tick are there.
 """
 
 import logging
+from collections.abc import Callable
 
 import msgspec
 
@@ -21,11 +22,13 @@ from zteam.messages import (
     TeamState,
     TeamStatus,
     TFMessage,
+    Tick,
     Twist,
     ns_from_time,
     time_from_ns,
 )
 from zteam.nodes.node import Node
+from zteam.nodes.participant import Participant
 from zteam.tf import Buffer, TransformException
 
 log = logging.getLogger("zteam")
@@ -33,7 +36,8 @@ log = logging.getLogger("zteam")
 STALE = to_ns(0.5)
 """A scan older than this (simulated ns) moves nobody."""
 TF_PATIENCE = 0.02
-"""Host seconds to wait for the transforms of a scan's own tick: they come over the aggregator, one hop later."""
+"""Host seconds to wait for the transforms of a scan's own tick: they come over the aggregator, one hop later. By the
+host's clock, because simulated time stands still within a tick; a next scan ends the wait as well."""
 
 
 class RobotOptions(msgspec.Struct, frozen=True):
@@ -48,9 +52,11 @@ class RobotOptions(msgspec.Struct, frozen=True):
 class RobotNode:
     """One robot on the bus. Callbacks run under `node.changed`."""
 
-    def __init__(self, node: Node, behavior: Behavior, options: RobotOptions) -> None:
+    def __init__(self, node: Node, make_behavior: Callable[[], Behavior], options: RobotOptions) -> None:
+        """`make_behavior()` makes the behaviour, and makes it anew when time starts anew."""
         self._node = node
-        self._behavior = behavior
+        self._make_behavior = make_behavior
+        self._behavior = make_behavior()
         self._options = options
         self._id = options.robot_id
         self._scan: LaserScan | None = None
@@ -60,7 +66,10 @@ class RobotNode:
         self._acted = 0
         """Stamp of the scan that was acted on last."""
         self._stepped = 0
+        self._hears_odom = self._hears_tf = True
         self._released = not options.gate
+        self._epoch = 0
+        """The GO that it obeys."""
         self._state = RobotState.BOOT
         self._text = ""
         self._first_data = 0.0
@@ -69,27 +78,38 @@ class RobotNode:
         self._status = node.bus.publisher(self._key(names.STATUS), RobotStatus)
         self._base = names.robot_frame(self._id, names.BASE_FOOTPRINT)
         self._subscribe()
+        self._part = Participant(node, self._has_inputs, self._act)
 
     def _key(self, topic: str) -> str:
         return names.robot_key(self._id, topic)
 
     def _subscribe(self) -> None:
         node = self._node
-        node.follow_clock()
         node.clock.sim.on_jump_back(self._on_jump_back)
-        node.subscribe(self._key(names.BASE_SCAN), LaserScan, self._on_scan)
+        node.subscribe(self._key(names.BASE_SCAN), LaserScan, self._on_scan, wake=False)
         node.subscribe(names.TEAM_STATUS, TeamStatus, self._on_team_status, latched=True)
         self._odom_input = node.subscribe(self._key(names.ODOM), Odometry, self._on_odom, wake=False)
-        self._tf_input = node.subscribe(names.TF, TFMessage, self._on_tf)
+        self._tf_input = node.subscribe(names.TF, TFMessage, self._on_tf, wake=False)
         node.subscribe(names.TF_STATIC, TFMessage, self._on_tf_static, latched=True)
         node.watch_tokens(names.tokens_key(names.MONITOR), self._on_monitor)
 
     def _on_scan(self, _key: str, scan: LaserScan) -> None:
         self._scan = scan
         self._first_data = self._first_data or monotonic()
+        self._arrived()
 
     def _on_odom(self, _key: str, odom: Odometry) -> None:
         self._odom = odom
+        if self._part.active:
+            self._arrived()
+
+    def _arrived(self) -> None:
+        """An input has come: lock-step goes on in this very thread, else the main loop does."""
+        if not self._part.active:
+            self._node.changed.notify_all()
+        elif not self._part.advance() and not self._released:
+            # The first tick is held until all are ready, and what that takes may come after this robot's answer.
+            self._may_drive(0, missing(self._view(self._acted), self._behavior))
 
     def _on_team_status(self, _key: str, status: TeamStatus) -> None:
         self._team = status
@@ -97,10 +117,12 @@ class RobotNode:
     def _on_tf(self, _key: str, message: TFMessage) -> None:
         for transform in message.transforms:
             self._buffer.set_transform(transform, names.TF)
+        self._arrived()
 
     def _on_tf_static(self, _key: str, message: TFMessage) -> None:
         # The full set: a start pose that a localiser took over is no longer in it.
         self._buffer.set_all_static(message.transforms, names.TF)
+        self._arrived()
 
     def _on_monitor(self, _key: str, alive: bool) -> None:
         if alive:
@@ -112,6 +134,7 @@ class RobotNode:
         self._buffer.clear()
         self._scan = self._odom = None
         self._acted = self._stepped = 0
+        self._behavior = self._make_behavior()
 
     def run(self) -> None:
         """Drive until the process is asked to stop."""
@@ -121,17 +144,21 @@ class RobotNode:
                 return
             self._node.decide_clock(self._first_data)
             scan = self._scan
-            if scan is not None and ns_from_time(scan.header.stamp) != self._acted:
+            if self._part.active:
+                pass  # the bus's threads drive
+            elif scan is not None and ns_from_time(scan.header.stamp) != self._acted:
                 self._acted = ns_from_time(scan.header.stamp)
                 # A scan that was held up on its way is as old as the clock says.
-                self._step(max(self._acted, self._node.clock.now()))
+                self._drive(max(self._acted, self._node.clock.now()))
             elif self._data_stopped():
-                self._step(self._node.clock.now())
+                self._drive(self._node.clock.now())
             if self._heartbeat.due():
                 with self._node.changed:
                     self._publish_status()
 
     def _due(self) -> bool:
+        if self._part.active:
+            return False
         scan = self._scan
         return (scan is not None and ns_from_time(scan.header.stamp) != self._acted) or self._data_stopped()
 
@@ -140,19 +167,44 @@ class RobotNode:
         now = self._node.clock.now()
         return now - self._acted > STALE and now - self._stepped >= STALE // 5
 
-    def _step(self, now: int) -> None:
-        """Act at time `now` on the newest data."""
+    def _drive(self, now: int) -> None:
+        """Act at time `now` on the newest data, and say the command."""
         if self._behavior.uses_tf:
-            self._node.wait(lambda: self._tree_reaches(now), TF_PATIENCE)
+            scan = self._scan
+            self._node.wait(lambda: self._tree_reaches(now) or self._scan is not scan, TF_PATIENCE)
         with self._node.changed:
             view = self._view(now)
-        self._stepped = now
+        command = self._step(view, self._team_epoch(now))
+        if command is not None:
+            self._cmd_vel.put(command)
+
+    def _has_inputs(self, tick: Tick) -> bool:
+        """Lock-step: whether everything has come that the tick brings to this robot."""
+        if self._id not in tick.robots:
+            return True
+        stamp = ns_from_time(tick.stamp)
+        scan, odom = self._scan, self._odom
+        if scan is None or ns_from_time(scan.header.stamp) < stamp:
+            return False
+        if self._hears_odom and (odom is None or ns_from_time(odom.header.stamp) < stamp):
+            return False
+        # Without an aggregator in the round nobody has promised transforms.
+        return not (self._hears_tf and names.AGGREGATOR in tick.participants) or self._tree_reaches(stamp)
+
+    def _act(self, tick: Tick) -> Twist | None:
+        """Lock-step: this tick's command."""
+        self._acted = ns_from_time(tick.stamp)
+        return self._step(self._view(self._acted), tick.epoch)
+
+    def _step(self, view: View, epoch: int) -> Twist | None:
+        """The command at `view.now`, or None while the gate is shut; `epoch` is the GO that holds, 0 = none."""
+        self._stepped = view.now
         lacking = missing(view, self._behavior)
-        if not self._may_drive(now, lacking):
-            return
+        if not self._may_drive(epoch, lacking):
+            return None
         command, reason = decide(self._behavior, view)
-        self._cmd_vel.put(command)
         self._change(RobotState.RUNNING, reason)
+        return command
 
     def _tree_reaches(self, stamp: int) -> bool:
         transform = self._buffer.latest_common_time(names.MAP_FRAME, self._base)
@@ -176,21 +228,25 @@ class RobotNode:
         except TransformException:
             return None
 
-    def _may_drive(self, now: int, lacking: list[str]) -> bool:
-        """The start gate: READY when nothing is lacking, released by GO from its stamp on, and then for good."""
+    def _team_epoch(self, now: int) -> int:
+        """The monitor's GO that holds at `now`; 0 = none yet."""
+        team = self._team
+        if team is None or team.state != TeamState.GO or now < ns_from_time(team.go_stamp):
+            return 0
+        return team.epoch
+
+    def _may_drive(self, epoch: int, lacking: list[str]) -> bool:
+        """The start gate: READY when nothing is lacking, released by GO, and then for good."""
         if self._released:
+            self._epoch = max(epoch, self._epoch)
             return True
         if lacking:
             self._change(RobotState.BOOT, "waiting for " + ", ".join(lacking))
             return False
-        team = self._team
-        if team is None or team.state != TeamState.GO:
+        if not epoch:
             self._change(RobotState.READY, "waiting for the monitor's GO (zteam-monitor; --no-gate drives at once)")
             return False
-        if now < ns_from_time(team.go_stamp):
-            self._change(RobotState.READY, "GO holds from a later time on")
-            return False
-        self._released = True
+        self._released, self._epoch = True, epoch
         self._drop_idle_inputs()
         log.info("GO: driving")
         return True
@@ -198,8 +254,10 @@ class RobotNode:
     def _drop_idle_inputs(self) -> None:
         """Stop listening to what only the gate needed: every message wakes the process."""
         if not self._behavior.uses_odom:
+            self._hears_odom = False
             self._odom_input.close()
         if not self._behavior.uses_tf:
+            self._hears_tf = False
             self._tf_input.close()
 
     def _change(self, state: int, text: str) -> None:
@@ -218,7 +276,7 @@ class RobotNode:
                 robot_id=self._id,
                 is_ready=self._state in (RobotState.READY, RobotState.RUNNING),
                 state=self._state,
-                epoch=self._team.epoch if self._released and self._team else 0,
+                epoch=self._epoch,
                 text=self._text,
             )
         )
@@ -231,9 +289,9 @@ class RobotNode:
         log.info("%s stopped", names.robot_name(self._id))
 
 
-def run_robot(node: Node, behavior: Behavior, options: RobotOptions) -> None:
+def run_robot(node: Node, make_behavior: Callable[[], Behavior], options: RobotOptions) -> None:
     """Be robot `options.robot_id` until asked to stop."""
-    robot = RobotNode(node, behavior, options)
+    robot = RobotNode(node, make_behavior, options)
     node.become_present()
     # Only the process that holds the name may touch the wheels, so not before this.
     node.on_stop(robot.halt)

@@ -1,6 +1,86 @@
-"""Requests and replies of the simulator's queries, shared with everyone who asks (`sim/status`, `sim/report`)."""
+"""Requests and replies of the simulator's queries, shared with everyone who asks (`sim/status`, `sim/step`, …).
+
+What cannot be done comes back as an error whose text says why.
+"""
+
+from typing import Annotated
 
 import msgspec
+
+from zteam.names import MAX_ROBOT_ID
+
+RobotId = Annotated[int, msgspec.Meta(ge=0, le=MAX_ROBOT_ID)]
+MAX_TICKS = 10_000_000
+MAX_WAIT = 60.0
+"""Host seconds that `sim/finish` waits at most."""
+
+
+class StepRequest(msgspec.Struct):
+    """`sim/step`: so many ticks, then stand still. The answer comes when the world does."""
+
+    ticks: Annotated[int, msgspec.Meta(ge=1, le=MAX_TICKS)] = 1
+
+
+class SpeedRequest(msgspec.Struct):
+    """`sim/speed`: simulated seconds a second of the host; None = as fast as possible."""
+
+    speed: Annotated[float, msgspec.Meta(gt=0.0, le=1e6)] | None = None
+
+
+class SpawnRequest(msgspec.Struct):
+    """`sim/spawn`: a further robot of a macro of the world's file, at x, y (m), yaw (rad) in `map`."""
+
+    x: float
+    y: float
+    yaw: float = 0.0
+    model: str = "erratic"
+    id: RobotId | None = None
+    """None: the lowest that is free."""
+
+
+class SpawnReply(msgspec.Struct):
+    """The new robot's id."""
+
+    id: int
+
+
+class RemoveRequest(msgspec.Struct):
+    """`sim/remove`: take a robot out of the world."""
+
+    id: RobotId
+
+
+class MoveRequest(msgspec.Struct):
+    """`sim/move`: lift a robot to x, y (m), yaw (rad) in `map`."""
+
+    id: RobotId
+    x: float
+    y: float
+    yaw: float = 0.0
+
+
+class FinishRequest(msgspec.Struct):
+    """`sim/finish`: wait until the time of `--for` is over, `timeout` host seconds at most."""
+
+    timeout: Annotated[float, msgspec.Meta(ge=0.0, le=MAX_WAIT)] = 0.0
+
+
+class FinishReply(msgspec.Struct):
+    """Whether it is."""
+
+    finished: bool
+
+
+class Timing(msgspec.Struct):
+    """Milliseconds of the host a tick, on average since GO."""
+
+    wait: float
+    """For the participants' answers (lock-step)."""
+    physics: float
+    sensors: float
+    publish: float
+    idle: float
+    """Until the next tick was due."""
 
 
 class SimStatus(msgspec.Struct):
@@ -16,6 +96,18 @@ class SimStatus(msgspec.Struct):
     tick: int
     real_time_factor: float
     """Simulated seconds a second of the host over the last few seconds."""
+    speed: float | None = 1.0
+    """What was asked for; None = as fast as possible."""
+    paused: bool = False
+    lockstep: bool = False
+    participants: list[str] = []
+    """Lock-step: who takes part in the tick at hand."""
+    joining: list[str] = []
+    """Lock-step: who will take part from the next tick on."""
+    waiting_for: str = ""
+    """Lock-step: what holds the world."""
+    hung: list[str] = []
+    """Lock-step: who was left behind so far."""
 
 
 class Gap(msgspec.Struct):
@@ -64,3 +156,19 @@ class SimReport(msgspec.Struct):
     """Whether the time asked for with `--for` is over and the world stands still."""
     robots: list[RobotReport]
     latency_ms: Latency
+    ticks: int = 0
+    """Counted, that of GO included."""
+    wall_seconds: float = 0.0
+    """Host time from the first of them to the last."""
+    real_time_factor: float | None = None
+    """Simulated seconds a second of the host meanwhile."""
+    trajectory_sha256: str = ""
+    """Of x, y, yaw as little-endian 64-bit floats, by robot id, for every tick from GO on."""
+    lockstep: bool = False
+    resends: int = 0
+    """Lock-step: how often a tick had to be sent again."""
+    hung: list[str] = []
+    """Lock-step: who was left behind."""
+    timing_ms: Timing | None = None
+    lateness_p99_ms: float | None = None
+    """Ticks begun after they were due, with a speed."""

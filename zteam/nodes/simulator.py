@@ -1,43 +1,33 @@
-"""The simulator process: steps the engine in real time, publishes what robots sense, takes their commands."""
+"""The simulator process: steps the engine, publishes what robots sense, takes their commands.
+
+A tick: commands in, `Engine.move`, transforms out, `Engine.observe`, everything else out. In lock-step the next one
+begins when every participant has answered, else when it is due.
+"""
 
 import logging
-import threading
 from collections.abc import Mapping
 from pathlib import Path
 
 import msgspec
 
 from zteam import names
-from zteam.bus import NoRequest, Publisher
-from zteam.bus.transport import RawSample
-from zteam.clock import NS_PER_S, Every, monotonic, wait_until
+from zteam.clock import NS_PER_S, Every, monotonic
 from zteam.errors import UsageError
-from zteam.messages import (
-    Blobs,
-    Bool,
-    Bumper,
-    Clock,
-    Fiducials,
-    JointState,
-    LaserScan,
-    OccupancyGrid,
-    Odometry,
-    Range,
-    TeamState,
-    TeamStatus,
-    TFMessage,
-    Twist,
-    ns_from_time,
-    time_from_ns,
-)
+from zteam.geometry import Pose2
+from zteam.messages import Clock, OccupancyGrid, TeamState, TeamStatus, Twist, ns_from_time, time_from_ns
+from zteam.nodes import phases
+from zteam.nodes.commands import Commands
+from zteam.nodes.control import Control
+from zteam.nodes.lockstep import LockStep, LockStepOptions
 from zteam.nodes.node import Node
 from zteam.nodes.pacing import Pacer
-from zteam.nodes.sim_messages import SimReport, SimStatus
+from zteam.nodes.phases import Phases
+from zteam.nodes.sim_messages import MoveRequest, SimReport, SimStatus, SpawnRequest, Timing
+from zteam.nodes.sim_outputs import RobotOutputs
 from zteam.nodes.tally import Tally
 from zteam.sim import Engine, Observation, Options
-from zteam.sim import reports as observed
 from zteam.sim.mapping import map_message
-from zteam.world import Robot, World
+from zteam.world import Robot, World, add_robot
 
 log = logging.getLogger("zteam")
 
@@ -57,223 +47,231 @@ class SimOptions(msgspec.Struct, frozen=True):
     engine: Options = Options()
     run_for: float | None = None
     """Stand still this many simulated seconds after GO."""
-
-
-class _Outputs:
-    """One robot's publishers."""
-
-    def __init__(self, node: Node, robot_id: int, robot: Robot) -> None:
-        def key(topic: str) -> str:
-            return names.robot_key(robot_id, topic)
-
-        bus = node.bus
-        lasers = sum(1 for ranger in robot.rangers if ranger.samples > 1)
-        self.tf: Publisher[TFMessage] = bus.publisher(key(names.TF), TFMessage)
-        self.tf_static = bus.publisher(key(names.TF_STATIC), TFMessage, latched=True)
-        self.odom = bus.publisher(key(names.ODOM), Odometry)
-        self.truth = bus.publisher(key(names.GROUND_TRUTH), Odometry)
-        self.stall = bus.publisher(key(names.STALL), Bool)
-        self.scans = [bus.publisher(names.scan_key(robot_id, i), LaserScan) for i in range(lasers)]
-        self.sonars = [bus.publisher(names.sonar_key(robot_id, i), Range) for i in range(len(robot.rangers) - lasers)]
-        self.joints = bus.publisher(key(names.JOINT_STATES), JointState)
-        self.bumpers = [bus.publisher(key(names.BUMPER), Bumper)] if robot.bumpers else []
-        self.fiducials = [
-            bus.publisher(names.numbered_key(robot_id, names.FIDUCIALS, i), Fiducials)
-            for i in range(len(robot.finders))
-        ]
-        self.blobs = [
-            bus.publisher(names.numbered_key(robot_id, names.BLOBS, i), Blobs) for i in range(len(robot.blobfinders))
-        ]
-
-    def put_rest(self, observation: Observation, robot_id: int) -> None:
-        """What no robot's next command hangs on; a message without a taker is not even made."""
-        if self.truth.wanted:
-            self.truth.put(observed.ground_truth_message(observation, robot_id))
-        if self.stall.wanted:
-            self.stall.put(Bool(observation.robots[robot_id].stall))
-        if self.joints.wanted:
-            self.joints.put(observed.joint_message(observation, robot_id))
-        for i, sonar in enumerate(self.sonars):
-            if sonar.wanted:
-                sonar.put(observed.range_message(observation, robot_id, i))
-        for bumper in self.bumpers:
-            if bumper.wanted:
-                bumper.put(observed.bumper_message(observation, robot_id))
-        for i, fiducials in enumerate(self.fiducials):
-            if fiducials.wanted:
-                fiducials.put(observed.fiducials_message(observation, robot_id, i))
-        for i, blobs in enumerate(self.blobs):
-            if blobs.wanted:
-                blobs.put(observed.blobs_message(observation, robot_id, i))
-
-
-class _Commands:
-    """What arrived on `robot_N/cmd_vel` since the last tick. Filled by the bus's threads."""
-
-    def __init__(self, node: Node, robots: Mapping[int, Robot], tally: Tally) -> None:
-        self._node = node
-        self._robots = robots
-        self._tally = tally
-        self._lock = threading.Condition()
-        self._fresh: dict[int, Twist] = {}
-        self._scan_sent: dict[int, float] = {}
-        self._holders: dict[int, set[str]] = {robot_id: set() for robot_id in robots}
-        node.bus.watch_tokens([names.tokens_key()], self._on_token)
-        node.bus.subscribe_raw(names.all_robots_key(names.CMD_VEL), self._on_sample)
-
-    def _on_token(self, key: str, alive: bool) -> None:
-        token = names.split_token_key(key)
-        robot_id = names.robot_id_of(token[0]) if token else None
-        if token and robot_id in self._holders:
-            with self._lock:
-                holders = self._holders[robot_id]
-                (holders.add if alive else holders.discard)(token[1])
-
-    def _on_sample(self, sample: RawSample) -> None:
-        arrived = monotonic()
-        target = names.split_robot_key(sample.key)
-        if target is None or target[0] not in self._robots:
-            self._node.bus.counters.drop(sample.key, "the world has no such robot")
-            return
-        command = self._node.bus.decode(sample, Twist)
-        if command is None:
-            return
-        robot_id = target[0]
-        with self._lock:
-            if sample.source not in self._holders[robot_id]:
-                self._tally.external_commands += self._tally.go_stamp is not None
-            sent = self._scan_sent.pop(robot_id, None)
-            self._fresh[robot_id] = command
-            self._lock.notify_all()
-        if sent is not None:
-            self._tally.add_latency(arrived - sent)
-
-    def scan_sent(self, robot_id: int) -> None:
-        """The robot's scan of this tick leaves now."""
-        with self._lock:
-            self._scan_sent[robot_id] = monotonic()
-
-    def wait_for_answers(self, timeout: float) -> None:
-        """Let the robots that were sent a scan answer, for `timeout` host seconds at most."""
-        with self._lock:
-            wait_until(self._lock, lambda: not any(self._holders[i] for i in self._scan_sent), timeout)
-
-    def take(self) -> tuple[dict[int, Twist], list[int]]:
-        """The commands since the last call, and the robots with a living process that sent none."""
-        with self._lock:
-            fresh, self._fresh = self._fresh, {}
-            late = [robot_id for robot_id, holders in self._holders.items() if holders and robot_id not in fresh]
-        return fresh, late
+    speed: float | None = 1.0
+    """Simulated seconds a second of the host; None = as fast as possible."""
+    paused: bool = False
+    """Stand still at the first tick."""
+    lockstep: LockStepOptions | None = None
 
 
 class Simulator:
-    """A world on the bus."""
+    """A world on the bus. `run` and what it calls is the main loop's; queries and messages come from bus threads."""
 
     def __init__(self, node: Node, world: World, robots: dict[int, Robot], options: SimOptions) -> None:
         self._node = node
         self._options = options
         self._world = world
-        self._robots = robots
         self._engine = Engine(world, seed=options.seed, robots=robots, options=options.engine)
+        self._outputs: dict[int, RobotOutputs] = {}
+        self._phases = Phases()
+        self._pacer = Pacer(world.interval, options.speed, paused=options.paused)
         self._tally = Tally(options.follows, options.seed)
-        self._commands = _Commands(node, robots, self._tally)
-        self._pacer = Pacer(world.interval)
-        self._finished = False
+        self._commands = Commands(node, self._outputs.__contains__, self._tally)
+        self._lockstep = LockStep(node, options.lockstep, self._commands.answered) if options.lockstep else None
+        self._observation: Observation | None = None
+        self._first = True
+        """Whether no tick was sent yet."""
         self._go: int | None = None
         self._obeyed_from: int | None = None
         """First tick whose scans every robot can have met with GO in hand: GO may cross the scans of two ticks."""
         self._clock = node.bus.publisher(names.CLOCK, Clock)
-        self._outputs = {robot_id: _Outputs(node, robot_id, robot) for robot_id, robot in robots.items()}
+        self._slow = Every(5.0)
         node.subscribe(names.TEAM_STATUS, TeamStatus, self._on_team_status, latched=True)
-        node.bus.serve(names.service_key(names.SIMULATOR, "status"), NoRequest, lambda _: self._status())
-        node.bus.serve(names.service_key(names.SIMULATOR, "report"), NoRequest, lambda _: self._report())
+        self._control = Control(node, self, self._pacer)
 
     def publish_statics(self) -> None:
         """Send the latched messages: every robot's fixed frames, and the map."""
-        for robot_id, outputs in self._outputs.items():
-            origin = self._engine.odom_origin(robot_id)
-            outputs.tf_static.put(observed.static_transforms(robot_id, self._robots[robot_id], origin))
+        self._meet_robots()
         self._map = self._node.bus.publisher(names.MAP, OccupancyGrid, latched=True)
         self._map.put(map_message(self._world, self._options.map_resolution))
 
+    def _meet_robots(self) -> None:
+        """Publishers for those that are there, none for those that are gone."""
+        robots = self._engine.robots
+        for robot_id in [known for known in self._outputs if known not in robots]:
+            self._outputs.pop(robot_id).close()
+        for robot_id, robot in robots.items():
+            if robot_id not in self._outputs:
+                self._outputs[robot_id] = RobotOutputs(self._node, robot_id, robot)
+                self._outputs[robot_id].put_statics(self._engine.odom_origin(robot_id))
+
     def run(self) -> None:
         """Tick until the process is asked to stop."""
-        slow = Every(5.0)
-        while self._pacer.wait(self._node):
-            if self._finished:
-                self._node.wait(lambda: False, 3600.0)
-                continue
-            commands, late = self._commands.take()
-            if self._obeyed_from is not None and self._engine.tick >= self._obeyed_from:
-                self._tally.add_late_steps(late)
+        commands: dict[int, Twist] = {}
+        while True:
             self._tick(commands)
-            factor = self._pacer.factor
-            if factor < 0.95 and slow.due():
-                log.warning("real-time factor %.2f: a tick takes %.0f ms", factor, self._pacer.busy * 1e3)
+            if self._lockstep is not None and not self._lockstep.wait(self._resend):
+                return
+            self._phases.end(phases.WAIT)
+            if self._tally.go_stamp is None:
+                self._count()
+            if not self._control.wait_for_turn():
+                return
+            self._phases.end(phases.IDLE)
+            commands = self._take_commands()
+            self._phases.end_tick()
+            if self._pacer.behind and self._slow.due():
+                log.warning("real-time factor %.2g: %s", self._pacer.factor, self._phases.last_text())
+
+    def _take_commands(self) -> dict[int, Twist]:
+        commands, late = self._commands.take()
+        if self._lockstep is not None:
+            answers = self._lockstep.take_commands(self._outputs)
+            for robot_id, command in answers.items():
+                self._outputs[robot_id].put_command(command)
+            return commands | answers
+        if self._obeyed_from is not None and self._engine.tick >= self._obeyed_from:
+            self._tally.add_late_steps(late)
+        return commands
 
     def _tick(self, commands: dict[int, Twist]) -> None:
         engine = self._engine
+        self._pacer.start(monotonic())
         engine.move(commands)
-        first = engine.tick == 1
-        if first:
+        self._phases.end(phases.PHYSICS)
+        if self._first:
             # Whoever knew a simulator before this one must see time jump back before its data.
             self._clock.put(Clock(time_from_ns(engine.now)))
+        if self._lockstep is not None:
+            self._lockstep.open(engine.now, engine.tick, list(self._outputs))
+            if self._go is None and self._lockstep.is_go:
+                self._go = engine.now
         # Transforms leave before the lasers are even computed: they go over the aggregator, so this way the tree is
         # whole when a robot has its scan and looks. The clock wakes every process, so it leaves when the scans have.
-        for robot_id, outputs in self._outputs.items():
-            outputs.tf.put(observed.transforms(engine.now, robot_id, engine.odom(robot_id)))
-        observation = engine.observe()
-        for robot_id, outputs in self._outputs.items():
-            if outputs.odom.wanted:
-                outputs.odom.put(observed.odometry_message(observation, robot_id))
-            for i, scan in enumerate(outputs.scans):
-                if scan.wanted:
-                    message = observed.scan_message(observation, robot_id, i)
-                    if i == 0:
-                        self._commands.scan_sent(robot_id)
-                    scan.put(message)
-        # What follows wakes every process, and nobody's next command hangs on it: the robots' answers come first.
-        self._commands.wait_for_answers(min(ANSWER_TIME, 0.1 * self._world.interval / NS_PER_S))
+        self._put_transforms(self._outputs)
+        self._phases.end(phases.PUBLISH)
+        self._observation = engine.observe()
+        self._phases.end(phases.SENSORS)
+        self._put_sensors(self._observation, self._outputs)
+        if self._lockstep is None:
+            # What follows wakes every process, and nobody's next command hangs on it: the robots' answers come first.
+            self._commands.wait_for_answers(min(ANSWER_TIME, 0.1 * self._world.interval / NS_PER_S))
         # Whoever hears the last tick's clock may ask for the report at once.
         self._count()
-        if not first:
+        if not self._first and self._clock.wanted:
             self._clock.put(Clock(time_from_ns(engine.now)))
-        for robot_id, outputs in self._outputs.items():
-            outputs.put_rest(observation, robot_id)
+        for outputs in self._outputs.values():
+            outputs.put_rest(self._observation)
+        self._first = False
+        self._phases.end(phases.PUBLISH)
+
+    def _put_transforms(self, outputs: Mapping[int, RobotOutputs]) -> None:
+        engine = self._engine
+        for robot_id, output in outputs.items():
+            output.put_transforms(engine.now, engine.odom(robot_id))
+
+    def _put_sensors(self, observation: Observation, outputs: Mapping[int, RobotOutputs]) -> None:
+        for robot_id, output in outputs.items():
+            output.put_odometry(observation)
+            if output.scans:
+                self._commands.scan_sent(robot_id)
+                output.put_scans(observation)
+
+    def _resend(self, missing: list[str]) -> None:
+        """Lock-step: the tick's inputs once more, for those who owe an answer."""
+        assert self._observation is not None
+        robots = {names.robot_id_of(name) for name in missing}
+        # What others than robots need is not known, so it is everything.
+        everything = None in robots
+        chosen = {i: output for i, output in self._outputs.items() if everything or i in robots}
+        self._put_transforms(chosen)
+        self._put_sensors(self._observation, chosen)
+        if everything:
+            for output in chosen.values():
+                output.put_rest(self._observation)
 
     def _count(self) -> None:
         engine = self._engine
-        poses = {robot_id: engine.truth(robot_id) for robot_id in self._robots}
+        if self._lockstep is not None and self._go is None and self._lockstep.is_go:
+            self._go = engine.now
         if self._tally.go_stamp is None:
             if self._go is None:
                 return
-            self._tally.start(self._go, poses)
+            self._tally.start(self._go, self._poses())
+            self._phases.start()
             self._obeyed_from = engine.tick + 2
-        stalled = [robot_id for robot_id in self._robots if engine.stalled(robot_id)]
-        self._tally.add_tick(poses, stalled, {i: len(o.scans) for i, o in self._outputs.items()})
+        stalled = [robot_id for robot_id in self._outputs if engine.stalled(robot_id)]
+        self._tally.add_tick(self._poses(), stalled, {i: len(o.scans) for i, o in self._outputs.items()})
         limit = self._options.run_for
-        if limit is not None and self._go is not None and engine.now - self._go >= limit * 1e9:
-            self._finished = True
+        if limit is not None and self._go is not None and engine.now - self._go >= limit * NS_PER_S:
+            self._control.finish()
             log.info("%g simulated seconds after GO: the world stands still", limit)
 
+    def _poses(self) -> dict[int, Pose2]:
+        return {robot_id: self._engine.truth(robot_id) for robot_id in self._outputs}
+
     def _on_team_status(self, _key: str, status: TeamStatus) -> None:
-        if status.state == TeamState.GO and self._go is None:
+        if self._lockstep is None and status.state == TeamState.GO and self._go is None:
             # A GO older than this simulator's own time was given to a team before it: it holds from now on.
             self._go = min(ns_from_time(status.go_stamp), self._engine.now)
 
-    def _status(self) -> SimStatus:
+    # What the queries ask for; all of it between two ticks, in the main loop.
+
+    def reset(self) -> None:
+        """Everything as at the start; GO stands."""
+        self._engine.reset()
+        self._meet_robots()
+        for robot_id, output in self._outputs.items():
+            output.put_statics(self._engine.odom_origin(robot_id))
+        self._tally = Tally(self._options.follows, self._options.seed)
+        self._commands.start_anew(self._tally)
+        if self._lockstep is not None:
+            self._lockstep.start_anew()
+        if self._go is not None:
+            self._go = self._world.interval
+        self._first = True
+
+    def spawn(self, request: SpawnRequest) -> int:
+        """A further robot; its id. Raises UsageError."""
+        robots = self._engine.robots
+        free = next(i for i in range(names.MAX_ROBOT_ID + 1) if i not in robots)
+        robot_id = free if request.id is None else request.id
+        pose = Pose2(request.x, request.y, request.yaw)
+        self._engine.spawn(robot_id, add_robot(self._world, request.model, pose, names.robot_name(robot_id)))
+        self._meet_robots()
+        return robot_id
+
+    def remove(self, robot_id: int) -> None:
+        """Take a robot out of the world. Raises UsageError."""
+        self._engine.remove(robot_id)
+        self._meet_robots()
+
+    def move(self, request: MoveRequest) -> None:
+        """Lift a robot to another place. Raises UsageError."""
+        self._engine.place(request.id, Pose2(request.x, request.y, request.yaw))
+        self._outputs[request.id].put_statics(self._engine.odom_origin(request.id))
+
+    def status(self) -> SimStatus:
+        """The answer to `sim/status`."""
+        lockstep = self._lockstep
         return SimStatus(
             world=self._world.name,
-            robots=sorted(self._robots),
+            robots=sorted(self._outputs),
             interval=self._world.interval,
             seed=self._options.seed,
             now=self._engine.now,
             tick=self._engine.tick,
             real_time_factor=self._pacer.factor,
+            speed=self._pacer.speed,
+            paused=self._pacer.paused,
+            lockstep=lockstep is not None,
+            participants=lockstep.participants if lockstep else [],
+            joining=lockstep.joining if lockstep else [],
+            waiting_for=lockstep.waiting_for() if lockstep else "",
+            hung=list(lockstep.hung) if lockstep else [],
         )
 
-    def _report(self) -> SimReport:
-        return self._tally.report(self._engine.now, self._finished)
+    def report(self) -> SimReport:
+        """The answer to `sim/report`."""
+        report = self._tally.report(self._engine.now, self._control.finished)
+        report.timing_ms = Timing(**self._phases.mean_ms())
+        if report.wall_seconds > 0.0:
+            elapsed = (report.ticks - 1) * self._world.interval / NS_PER_S
+            report.real_time_factor = elapsed / report.wall_seconds
+        report.lateness_p99_ms = self._pacer.lateness_p99_ms
+        if self._lockstep is not None:
+            report.lockstep, report.resends, report.hung = True, self._lockstep.resends, list(self._lockstep.hung)
+        return report
 
 
 def check_follows(follows: Mapping[int, int], robots: Mapping[int, Robot]) -> None:

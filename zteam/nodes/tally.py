@@ -1,12 +1,16 @@
 """The simulator's own count of a run: distances, gaps, stalls, late steps and latencies since GO. No bus."""
 
+import hashlib
 import math
+import struct
 from collections import deque
 from collections.abc import Iterable, Mapping
 
+from zteam.clock import monotonic
 from zteam.geometry import Pose2
 from zteam.nodes.sim_messages import Gap, Latency, RobotReport, SimReport
 
+_POSE = struct.Struct("<3d")
 _MAX_LATENCIES = 100_000
 """The newest that many commands are measured, so that a run of days does not grow."""
 
@@ -35,6 +39,11 @@ class Tally:
         self._seed = seed
         self._tracks: dict[int, _Track] = {}
         self._latencies: deque[float] = deque(maxlen=_MAX_LATENCIES)
+        self._trajectory = hashlib.sha256()
+        self._started = 0.0
+        self._counted = 0.0
+        """Host times of the first and the last tick that was counted."""
+        self._ticks = 0
         self.go_stamp: int | None = None
         self.external_commands = 0
 
@@ -42,9 +51,14 @@ class Tally:
         """GO is out, holding from simulated time `go_stamp` (ns); the robots stand at `poses`."""
         self.go_stamp = go_stamp
         self._tracks = {robot_id: _Track(pose) for robot_id, pose in poses.items()}
+        self._started = monotonic()
 
     def add_tick(self, poses: Mapping[int, Pose2], stalled: Iterable[int], scans: Mapping[int, int]) -> None:
         """The world stands at `poses` after a tick; `stalled` robots are blocked; `scans` were sent."""
+        self._counted = monotonic()
+        self._ticks += 1
+        for _, pose in sorted(poses.items()):
+            self._trajectory.update(_POSE.pack(*pose))
         blocked = set(stalled)
         for robot_id, pose in poses.items():
             track = self._tracks.setdefault(robot_id, _Track(pose))
@@ -80,6 +94,7 @@ class Tally:
     def report(self, now: int, finished: bool) -> SimReport:
         """The counts at simulated time `now` (ns)."""
         since_go = 0.0 if self.go_stamp is None else max(0, now - self.go_stamp) / 1e9
+        wall = self._counted - self._started if self._ticks > 1 else 0.0
         return SimReport(
             sim_seconds=since_go,
             seed=self._seed,
@@ -87,6 +102,9 @@ class Tally:
             finished=finished,
             robots=[self._robot(robot_id) for robot_id in sorted(self._tracks)],
             latency_ms=self._latency(),
+            ticks=self._ticks,
+            wall_seconds=wall,
+            trajectory_sha256=self._trajectory.hexdigest(),
         )
 
     def _robot(self, robot_id: int) -> RobotReport:

@@ -56,7 +56,8 @@ class Engine:
             for plan in {id(p.occupied): p for p in world.floorplans}.values()
         }
         self._floorplans = [(plan, fields[id(plan.occupied)]) for plan in world.floorplans]
-        self._robots = dict(enumerate(world.robots)) if robots is None else dict(robots)
+        self._at_first = dict(enumerate(world.robots)) if robots is None else dict(robots)
+        self._robots = dict(self._at_first)
         self._team: _Team | None = None
         self._outdated = True
 
@@ -114,6 +115,12 @@ class Engine:
         """Whether a robot is blocked."""
         team = self._assembled()
         return bool(team.bodies.stalled[self._index(team, robot_id)])
+
+    def reset(self) -> None:
+        """Everything as at the start: time, robots (those that came or went too), things that were pushed."""
+        self.tick = 0
+        self._robots = dict(self._at_first)
+        self._team, self._outdated = None, True
 
     def spawn(self, robot_id: int, robot: Robot) -> None:
         """Put a further robot into the world, at its pose. Raises UsageError if there is one of that id."""

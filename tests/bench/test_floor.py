@@ -1,0 +1,15 @@
+"""The floor under a team in lock-step is measured with real processes."""
+
+import pytest
+
+from zteam.bench.floor import measure_floor
+
+
+@pytest.mark.team
+def test_the_floor_is_measured() -> None:
+    """A short run of two robots exchanges ticks, loses none, and its figures agree with each other."""
+    figures = measure_floor(robots=2, beams=16, seconds=0.3, interval=0.05)
+    assert (figures.robots, figures.beams, figures.lost) == (2, 16, 0)
+    assert figures.ticks_per_s > 0
+    assert figures.tick_ms * figures.ticks_per_s == pytest.approx(1e3)
+    assert figures.rtf == pytest.approx(0.05 * figures.ticks_per_s)

@@ -1,0 +1,102 @@
+"""The floor under a team in lock-step: what exchanging a tick's messages through the router takes, and nothing else."""
+
+import sys
+
+import msgspec
+
+from zteam import names
+from zteam.bus.exchange import START_LIMIT, TICK_LIMIT, Exchanged
+from zteam.errors import UsageError, ZteamError
+from zteam.launch.plan import ROUTER
+from zteam.launch.process import Process, exit_text, zteam_command
+from zteam.launch.supervisor import Supervisor
+
+
+class FloorFigures(msgspec.Struct):
+    """One run, by the host's clock."""
+
+    robots: int
+    beams: int
+    ticks_per_s: float
+    tick_ms: float
+    rtf: float
+    """Simulated seconds a second, were there nothing to do but to exchange messages."""
+    lost: int
+    """Ticks that somebody did not answer in time."""
+
+
+def measure_floor(robots: int, beams: int, seconds: float, interval: float = 0.1) -> FloorFigures:
+    """Exchange ticks of `interval` simulated seconds between real processes for `seconds` host seconds.
+
+    Raises ZteamError that says which process failed.
+    """
+    if robots < 1 or beams < 1 or not seconds > 0 or not interval > 0:
+        raise UsageError("the floor needs robots and beams from 1, and seconds and an interval above 0")
+    exchanged = _run(robots, beams, seconds)
+    if exchanged.ticks == 0:
+        raise ZteamError(f"not one tick was answered in {exchanged.seconds:.1f} s")
+    ticks_per_s = exchanged.ticks / exchanged.seconds
+    return FloorFigures(
+        robots=robots,
+        beams=beams,
+        ticks_per_s=ticks_per_s,
+        tick_ms=1e3 / ticks_per_s,
+        rtf=ticks_per_s * interval,
+        lost=exchanged.lost,
+    )
+
+
+def _run(robots: int, beams: int, seconds: float) -> Exchanged:
+    count = ["--robots", str(robots)]
+    # START_LIMIT: the simulator's waits for everybody and for the warm-up, and its own start.
+    limit = 3 * START_LIMIT + seconds + TICK_LIMIT
+    with Supervisor(lambda _name, _line: None, lambda _process: None) as supervisor:
+        try:
+            endpoint = _start_router(supervisor)
+            supervisor.start(names.AGGREGATOR, _command("aggregator", endpoint, *count))
+            for i in range(robots):
+                supervisor.start(names.robot_name(i), _command("robot", endpoint, "--id", str(i)))
+            rest = ["--beams", str(beams), "--seconds", str(seconds)]
+            simulator = supervisor.start(names.SIMULATOR, _command("simulator", endpoint, *count, *rest))
+            return _wait_for_result(supervisor, simulator, limit)
+        except OSError as error:
+            raise ZteamError(f"cannot start the processes of the exchange: {error}") from None
+        finally:
+            # The router last: a session without it would only try to reach it again.
+            supervisor.stop(sorted(supervisor.processes.keys() - {ROUTER}))
+            supervisor.stop([ROUTER])
+
+
+def _command(role: str, endpoint: str, *arguments: str) -> list[str]:
+    return [sys.executable, "-P", "-m", "zteam.bus.exchange", role, "--connect", endpoint, *arguments]
+
+
+def _start_router(supervisor: Supervisor) -> str:
+    """The endpoint of a router of our own."""
+    router = supervisor.start(ROUTER, zteam_command("router", "--listen", "tcp/127.0.0.1:0", "--announce"))
+
+    def announced() -> list[str]:
+        return [line for line in list(router.lines) if line.startswith("tcp/")]
+
+    supervisor.wait(lambda: bool(announced() or supervisor.failures), START_LIMIT)
+    if not announced():
+        raise ZteamError(_epitaph(router))
+    return announced()[0]
+
+
+def _wait_for_result(supervisor: Supervisor, simulator: Process, limit: float) -> Exchanged:
+    # Nobody was asked to end, so whoever does is among the failures: it should be the simulator, and with success.
+    if not supervisor.wait(lambda: bool(supervisor.failures), limit):
+        raise ZteamError(f"the exchange was not over within {limit:g} s")
+    first = supervisor.failures[0]
+    if first is not simulator or first.exit_code != 0:
+        raise ZteamError(_epitaph(first))
+    try:
+        return msgspec.json.decode(first.lines[-1], type=Exchanged)
+    except (IndexError, msgspec.DecodeError):
+        raise ZteamError(_epitaph(first)) from None
+
+
+def _epitaph(process: Process) -> str:
+    said = process.lines[-1] if process.lines else "it said nothing"
+    return f"{process.name} of the exchange failed ({exit_text(process.exit_code)}): {said}"

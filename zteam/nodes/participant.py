@@ -1,0 +1,79 @@
+"""A process's part in lock-step: it answers every tick it is listed in, once its inputs of that tick are there.
+
+The same for every process: the robot, the aggregator, a user's own node. Without a simulator in lock-step it does
+nothing. The protocol in words: docs/time.md.
+"""
+
+from collections.abc import Callable
+
+from zteam import names
+from zteam.messages import Done, Tick, Twist, ns_from_time
+from zteam.nodes.node import Node
+
+
+class Participant:
+    """Answers ticks for `node`. Callbacks run under `node.changed`, on the bus's threads: nobody is woken to act."""
+
+    def __init__(
+        self,
+        node: Node,
+        ready: Callable[[Tick], bool],
+        act: Callable[[Tick], Twist | None],
+        repeat: Callable[[], None] = lambda: None,
+    ) -> None:
+        """`ready(tick)`: whether the inputs of that tick are there. `act(tick)`: do the tick's work; a robot's command
+        comes back. `repeat()`: send what was sent for the last tick once more, because somebody may not have it.
+        """
+        self._node = node
+        self._ready = ready
+        self._act = act
+        self._repeat = repeat
+        self.tick: Tick | None = None
+        """The newest tick; None without a simulator in lock-step."""
+        self._open: Tick | None = None
+        """To be answered."""
+        self._answer = Done()
+        self._done = node.bus.publisher(names.done_key(node.name), Done)
+        node.follow_clock()
+        node.on_simulator_lost(self._forget)
+        node.subscribe(names.TICK, Tick, self._on_tick, wake=False)
+
+    @property
+    def active(self) -> bool:
+        """Whether this is lock-step."""
+        return self.tick is not None
+
+    def advance(self) -> bool:
+        """An input has come (call it under `node.changed`): answer the open tick if that was the last one; if so."""
+        tick = self._open
+        if tick is None or not self._ready(tick):
+            return False
+        self._open = None
+        with self._node.failing():
+            command = self._act(tick)
+            self._answer = Done(tick.epoch, tick.tick, command is not None, command or Twist())
+            self._done.put(self._answer)
+        return True
+
+    def _on_tick(self, _key: str, tick: Tick) -> None:
+        if not self._node.present:
+            # Another process may hold the name: it is heard again as soon as the name is won.
+            return
+        if self.tick is None:
+            self._node.take_time_from_ticks()
+        self.tick = tick
+        self._node.clock.sim.set(ns_from_time(tick.stamp))
+        if self._node.name not in tick.participants:
+            # Asks to be let in. It is no answer: once it is listed, this tick may come again.
+            self._open = None
+            self._done.put(Done(tick.epoch, tick.tick))
+        elif (tick.epoch, tick.tick) == (self._answer.epoch, self._answer.tick) and self._open is None:
+            self._repeat()
+            self._done.put(self._answer)
+        else:
+            self._open = tick
+            self.advance()
+
+    def _forget(self) -> None:
+        self.tick = self._open = None
+        self._answer = Done()
