@@ -33,6 +33,8 @@ class TeamSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     world: Text | None = None
     """A path relative to the file, the name of a shipped world, or "none"; without it the user has to say --world."""
     seed: Seed = 1
+    world_robots: bool = True
+    """Whether the world's own robots are in it, or only those that the team adds with a `pose`."""
 
 
 class RobotEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

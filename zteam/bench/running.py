@@ -1,54 +1,144 @@
-"""A whole team in real time: what `zteam up` reports, boiled down to the figures that matter."""
+"""A whole team of real processes through a router: in lock-step as fast as it goes, or in real time."""
 
+import math
+import os
 import subprocess
 import tempfile
 from pathlib import Path
 
 import msgspec
 
+from zteam.bench.floor import measure_floor
+from zteam.bench.simulation import free_poses
 from zteam.errors import ZteamError
+from zteam.geometry import Pose2
 from zteam.launch.process import zteam_command
 from zteam.launch.report import RunReport
+from zteam.nodes.participant import RoundTiming
+from zteam.nodes.sim_messages import Timing
+from zteam.world import World, load_world
+
+FLOOR_SECONDS = 4.0
+_ROBOT = """
+include {world}
+define bench_robot position
+(
+  size [0.35 0.35 0.25]
+  origin [-0.05 0 0 0]
+  drive "diff"
+  ranger ( pose [0.05 0 -0.1 0] size [0.05 0.05 0.1] sensor ( range [0 30] fov 270.25 samples {beams} ) )
+)
+"""
 
 
 class TeamFigures(msgspec.Struct):
     """One run."""
 
+    world: str
     robots: int
+    beams: int
+    lockstep: bool
+    rtf: float | None
+    """Simulated seconds a second of the host, from GO on."""
+    ticks_per_s: float | None
+    timing_ms: Timing | None
+    """Where the simulator's time of a tick went."""
+    rounds: dict[str, RoundTiming]
+    """Where the participants' time went (lock-step)."""
     go_after_seconds: float | None
     latency_p50_ms: float | None
     """Scan sent to command received, in the simulator."""
     latency_p99_ms: float | None
+    lateness_p99_ms: float | None
+    """Ticks that began after they were due (real time)."""
     late_steps: int
+    resends: int
+    trajectory_sha256: str
     pss_mb: float
     """Of all processes together, each at its peak."""
     cpu_seconds: dict[str, float]
     dropped: int
+    floor_rtf: float | None = None
+    """The same exchange of messages on bare Zenoh, without decoding and without physics, in the same run."""
+    floor_ratio: float | None = None
+    """floor_rtf / rtf: 1 would be as fast as the transport alone."""
 
 
-def measure_team(team: str, world: str | None, seconds: float) -> TeamFigures:
-    """Run a team for `seconds` after GO. Raises ZteamError with its last lines if it fails."""
+def measure_team(world: Path, robots: int, beams: int, seconds: float, *, realtime: bool = False) -> TeamFigures:
+    """A line of `robots` with lasers of `beams` rays, for `seconds` of simulated time after GO.
+
+    Robots of the world itself, if it has so many with such a laser; else others at free places near each other, each
+    following the one before. Raises ZteamError with the last lines of a run that fails.
+    """
+    loaded = load_world(world)
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "report.json"
-        arguments = [team, "--for", str(seconds), "--report", str(path), *(["--world", world] if world else [])]
-        done = subprocess.run(
-            zteam_command("up", *arguments),
-            stdin=subprocess.DEVNULL,
-            capture_output=True,
-            text=True,
-            timeout=seconds * 10 + 120,
-            check=False,
-        )
-        if done.returncode != 0:
-            raise ZteamError(f"the run failed: {' | '.join((done.stdout + done.stderr).splitlines()[-3:])}")
-        report = msgspec.json.decode(path.read_bytes(), type=RunReport)
-    return TeamFigures(
-        robots=len(report.robots),
-        go_after_seconds=report.go_after_seconds,
-        latency_p50_ms=report.latency_ms["p50"],
-        latency_p99_ms=report.latency_ms["p99"],
-        late_steps=sum(robot.late_steps for robot in report.robots),
+        team = Path(folder) / "bench.toml"
+        own = _own_robots(loaded, robots, beams)
+        chosen = world.resolve() if own else Path(folder) / "bench.world"
+        if not own:
+            chosen.write_text(_ROBOT.format(world=msgspec.json.encode(str(world.resolve())).decode(), beams=beams))
+        team.write_text(_team(chosen, robots, None if own else chain(free_poses(loaded, robots, seed=1))))
+        search = os.pathsep.join([str(world.resolve().parent), os.environ.get("STAGEPATH", "")])
+        pace = [] if realtime else ["--lockstep"]
+        report = _run([str(team), "--for", str(seconds), *pace], Path(folder), {"STAGEPATH": search}, seconds)
+    ticks_per_s = None if report.rtf is None else report.rtf * 1e9 / loaded.interval
+    figures = TeamFigures(
+        world=loaded.name, robots=robots, beams=beams, lockstep=report.lockstep, rtf=report.rtf,
+        ticks_per_s=ticks_per_s, timing_ms=report.timing_ms, rounds=report.rounds,
+        go_after_seconds=report.go_after_seconds, latency_p50_ms=report.latency_ms["p50"],
+        latency_p99_ms=report.latency_ms["p99"], lateness_p99_ms=report.lateness_p99_ms,
+        late_steps=sum(robot.late_steps for robot in report.robots), resends=report.resends,
+        trajectory_sha256=report.trajectory_sha256,
         pss_mb=round(sum(process.pss_mb for process in report.processes), 1),
         cpu_seconds={process.name: process.cpu_seconds for process in report.processes},
         dropped=sum(report.dropped.values()),
+    )  # fmt: skip
+    if not realtime and report.rtf:
+        figures.floor_rtf = measure_floor(robots, beams, FLOOR_SECONDS, loaded.interval / 1e9).rtf
+        figures.floor_ratio = figures.floor_rtf / report.rtf
+    return figures
+
+
+def _own_robots(world: World, robots: int, beams: int) -> bool:
+    own = world.robots[:robots]
+    return len(own) == robots and all(any(r.samples == beams for r in robot.rangers[:1]) for robot in own)
+
+
+def chain(poses: list[Pose2]) -> list[Pose2]:
+    """The same places in an order in which each is the nearest to the one before."""
+    rest, ordered = list(poses[1:]), [poses[0]]
+    while rest:
+        last = ordered[-1]
+        nearest = min(rest, key=lambda pose: math.hypot(pose.x - last.x, pose.y - last.y))
+        rest.remove(nearest)
+        ordered.append(nearest)
+    return ordered
+
+
+def _team(world: Path, robots: int, poses: list[Pose2] | None) -> str:
+    lines = [
+        "[team]",
+        f"world = {msgspec.json.encode(str(world)).decode()}",
+        f"world_robots = {str(not poses).lower()}",
+    ]
+    for i in range(robots):
+        lines += ["[[robots]]", f"id = {i}", f"follow = {i - 1}" if i else 'behavior = "avoid"']
+        if poses:
+            lines += ['model = "bench_robot"', f"pose = [{poses[i].x!r}, {poses[i].y!r}, {poses[i].yaw!r}]"]
+    return "\n".join(lines) + "\n"
+
+
+def _run(arguments: list[str], folder: Path, environment: dict[str, str], seconds: float) -> RunReport:
+    path = folder / "report.json"
+    done = subprocess.run(
+        zteam_command("up", *arguments, "--report", str(path)),
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        timeout=seconds * 10 + 180,
+        env={**os.environ, **environment},
+        check=False,
     )
+    if done.returncode != 0:
+        raise ZteamError(f"the run failed: {' | '.join((done.stdout + done.stderr).splitlines()[-3:])}")
+    return msgspec.json.decode(path.read_bytes(), type=RunReport)

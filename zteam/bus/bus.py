@@ -88,22 +88,27 @@ class Bus:
         newest: dict[str, int] = {}
 
         def handle(sample: RawSample) -> None:
-            if latched and 0 < sample.timestamp <= newest.get(sample.key, 0):
+            message = self.decode(sample, message_type)
+            if message is not None:
+                callback(sample.key, message)
+
+        def handle_latched(sample: RawSample) -> None:
+            if 0 < sample.timestamp <= newest.get(sample.key, 0):
                 return
             message = self.decode(sample, message_type)
             if message is None:
                 return
-            if latched and len(newest) < MAX_KEYS:
+            if len(newest) < MAX_KEYS:
                 newest[sample.key] = sample.timestamp
             callback(sample.key, message)
 
-        return self._subscribe(key_expr, handle, latched)
+        return self._subscribe(key_expr, handle_latched if latched else handle, latched, stamped=latched)
 
     def subscribe_raw(
         self, key_expr: str, callback: Callable[[RawSample], None], *, latched: bool = False
     ) -> Closeable:
         """Call `callback` with undecoded samples: for tools that learn the type from the encoding."""
-        return self._subscribe(key_expr, callback, latched)
+        return self._subscribe(key_expr, callback, latched, stamped=True)
 
     def decode(self, sample: RawSample, message_type: type[M]) -> M | None:
         """The sample's message, counted; None if it is refused (the counters say why)."""
@@ -122,7 +127,9 @@ class Bus:
         self.counters.receive(sample.key)
         return message
 
-    def _subscribe(self, key_expr: str, callback: Callable[[RawSample], None], latched: bool) -> Closeable:
+    def _subscribe(
+        self, key_expr: str, callback: Callable[[RawSample], None], latched: bool, stamped: bool
+    ) -> Closeable:
         def guarded(sample: RawSample) -> None:
             try:
                 callback(sample)
@@ -130,7 +137,7 @@ class Bus:
                 # A fault in one callback must not end the subscription, and the bus is the last to see it.
                 log.exception("error while handling a message on %s", sample.key)
 
-        return self.transport.declare_subscriber(key_expr, guarded, latched)
+        return self.transport.declare_subscriber(key_expr, guarded, latched, stamped)
 
     def query(
         self, key_expr: str, reply_type: type[T], request: msgspec.Struct | None = None, *, timeout: float = 2.0

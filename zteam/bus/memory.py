@@ -95,7 +95,9 @@ class MemoryTransport:
         self._open.append(publisher)
         return publisher
 
-    def declare_subscriber(self, key_expr: str, handler: SampleHandler, latched: bool) -> Closeable:
+    def declare_subscriber(
+        self, key_expr: str, handler: SampleHandler, latched: bool, stamped: bool = True
+    ) -> Closeable:
         hub, number = self._hub, self._hub.new_id()
         with hub.lock:
             hub.subscribers[number] = _Subscriber(self.instance, key_expr, handler)

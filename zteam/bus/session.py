@@ -37,12 +37,19 @@ class _Declared:
 
 
 class _Publisher(_Declared):
-    latched = False
+    def __init__(self, entity: Any, forget: Callable[[_Declared], None], latched: bool) -> None:
+        super().__init__(entity, forget)
+        self.wanted = True
+        if not latched:
+            # Told instead of asked: a question to Zenoh gives the interpreter away each time.
+            told: Any = zenoh.handlers.Callback(lambda _: self._look(entity), indirect=False)
+            self._matching = entity.declare_matching_listener(told)
+            self._look(entity)
 
-    @property
-    def wanted(self) -> bool:
-        entity = self._entity
-        return entity is not None and (self.latched or entity.matching_status.matching)
+    def _look(self, entity: Any) -> None:
+        # Two threads may look at once, and the one with the older answer be the last to store it: look until it stands.
+        while self.wanted != (now := entity.matching_status.matching):
+            self.wanted = now
 
     def put(self, payload: bytes) -> None:
         entity = self._entity
@@ -91,34 +98,33 @@ class ZenohTransport:
             )
         else:
             entity = self._session.declare_publisher(key, **options)
-        publisher = _Publisher(entity, self._declared.discard)
-        publisher.latched = latched
+        publisher = _Publisher(entity, self._declared.discard, latched)
         self._keep(publisher)
         return publisher
 
-    def declare_subscriber(self, key_expr: str, handler: SampleHandler, latched: bool) -> Closeable:
+    def declare_subscriber(
+        self, key_expr: str, handler: SampleHandler, latched: bool, stamped: bool = True
+    ) -> Closeable:
         def on_sample(sample: zenoh.Sample) -> None:
             if sample.kind != zenoh.SampleKind.PUT:
                 return
             encoding = str(sample.encoding)
+            if encoding == _BYTES:
+                encoding = ""
+            key, payload = str(sample.key_expr), sample.payload.to_bytes()
+            if not stamped:
+                handler(RawSample(key, payload, encoding))
+                return
             # "<NTP64>/<id>": the only exact form of a timestamp that Python gets.
             time, _, source = str(sample.timestamp or "").partition("/")
-            handler(
-                RawSample(
-                    str(sample.key_expr),
-                    sample.payload.to_bytes(),
-                    "" if encoding == _BYTES else encoding,
-                    int(time) if time else 0,
-                    source,
-                )
-            )
+            handler(RawSample(key, payload, encoding, int(time) if time else 0, source))
 
+        # On Zenoh's own thread: no other has to be woken, and messages of different keys are taken in the order in
+        # which they came, such as a frame's fixed transform before what moves in it. Handlers must not wait.
+        direct = zenoh.handlers.Callback(on_sample, indirect=False)
         if latched:
-            # On Zenoh's own thread, so that what came before other messages is taken before them: a frame's fixed
-            # transform before what moves in it. Latched keys are few and seldom, and their handlers never wait.
-            direct = zenoh.handlers.Callback(on_sample, indirect=False)
             return self._wrap(zenoh.ext.declare_advanced_subscriber(self._session, key_expr, direct, history=_HISTORY))
-        return self._wrap(self._session.declare_subscriber(key_expr, on_sample))
+        return self._wrap(self._session.declare_subscriber(key_expr, direct))
 
     def declare_queryable(self, key: str, handler: QueryHandler) -> Closeable:
         def answer(query: zenoh.Query, make: Callable[[], bytes | Callable[[], bytes]]) -> Callable[[], bytes] | None:

@@ -11,9 +11,9 @@ class RawSample(NamedTuple):
     payload: bytes
     encoding: str
     """`application/cdr;sensor_msgs/msg/LaserScan`; empty where the sender named none."""
-    timestamp: int
+    timestamp: int = 0
     """NTP64 time of whoever stamped it first, normally the sender's session; 0 where there is none."""
-    source: str
+    source: str = ""
     """Id of the session that stamped it; empty where there is none. A sender without time-stamping shows as the
     router."""
 
@@ -68,8 +68,13 @@ class Transport(Protocol):
         """
         ...
 
-    def declare_subscriber(self, key_expr: str, handler: SampleHandler, latched: bool) -> Closeable:
-        """A subscriber; a latched one also gets what was put before it came."""
+    def declare_subscriber(
+        self, key_expr: str, handler: SampleHandler, latched: bool, stamped: bool = True
+    ) -> Closeable:
+        """A subscriber; a latched one also gets what was put before it came.
+
+        Who needs neither time nor source of a sample says so with `stamped`: reading them takes as long as the rest.
+        """
         ...
 
     def declare_queryable(self, key: str, handler: QueryHandler) -> Closeable:

@@ -32,10 +32,14 @@ def build_parser() -> argparse.ArgumentParser:
     transforms.add_argument(
         "--tf2-path", type=Path, metavar="DIR", help="folder of tf2_py, if Python does not find it by itself"
     )
-    team = verbs.add_parser("team", help="a whole team in real time: GO, latency, memory")
-    team.add_argument("world", nargs="?", metavar="WORLD", help="instead of the team file's")
-    team.add_argument("--team", default="line", help="team file or shipped team (default: %(default)s)")
-    team.add_argument("--seconds", type=float, default=20.0, help="simulated (default: %(default)s)")
+    team = verbs.add_parser(
+        "team", help="a line of robots, all processes, in lock-step beside bare Zenoh, or in real time"
+    )
+    team.add_argument("world", nargs="?", default="office", metavar="WORLD")
+    team.add_argument("--robots", type=int, default=4)
+    team.add_argument("--beams", type=int, default=1081)
+    team.add_argument("--seconds", type=float, default=60.0, help="simulated (default: %(default)s)")
+    team.add_argument("--realtime", action="store_true", help="in real time: latency, lateness, CPU, memory")
     codec = verbs.add_parser("codec", help="encoding and decoding")
     for sub in (sim, kernel, transforms, team, codec):
         sub.add_argument("--json", action="store_true")
@@ -84,8 +88,11 @@ def _measure(args: argparse.Namespace) -> list[Any]:
         raise UsageError(f"--seconds {args.seconds}: give simulated seconds")
     if args.verb == "team":
         from zteam.bench.running import measure_team
+        from zteam.cli.sim import find_world
 
-        return [measure_team(args.team, args.world, args.seconds)]
+        if args.robots < 1 or args.beams < 2:
+            raise UsageError("--robots from 1, --beams from 2")
+        return [measure_team(find_world(args.world), args.robots, args.beams, args.seconds, realtime=args.realtime)]
     from zteam.bench.simulation import measure_simulation
     from zteam.cli.sim import find_world
     from zteam.world import load_world

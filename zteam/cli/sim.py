@@ -39,6 +39,7 @@ def build_parser() -> argparse.ArgumentParser:
         metavar="ID:MODEL:X:Y:YAW",
         help="add a robot that the world lacks, e.g. 7:erratic:2.0:3.5:1.57",
     )
+    parser.add_argument("--only-added", action="store_true", help="leave the world's own robots out")
     parser.add_argument(
         "--gap", action="append", default=[], metavar="FOLLOWER:LEADER", help="measure the gap of two robots, e.g. 1:0"
     )
@@ -204,7 +205,7 @@ def _simulate(args: argparse.Namespace) -> int:
     lockstep = lockstep_options(args)
     speed = parse_speed(args.speed or ("max" if lockstep else "1"))
     world = load_world(find_world(args.world))
-    robots = dict(enumerate(world.robots))
+    robots = {} if args.only_added else dict(enumerate(world.robots))
     for robot_id, model, pose in map(parse_addition, args.add):
         if robot_id in robots:
             raise UsageError(f"--add {robot_id}: the world has a robot {robot_id} already")

@@ -61,6 +61,7 @@ def plan_team(
             *zteam_command("sim", str(world), "--seed", chosen_seed),
             *(() if run_for is None else ("--for", str(run_for))),
             *_additions(team.robots),
+            *(() if team.team.world_robots else ("--only-added",)),
             *_gaps(team.robots),
             *simulation_arguments(team.simulation),
             *_pace(pace or Pace(), team.robots),

@@ -9,6 +9,7 @@ from zteam import names
 from zteam.bus import Bus
 from zteam.bus.counters import KeyCount
 from zteam.launch.process import Process, Usage
+from zteam.nodes.participant import RoundTiming
 from zteam.nodes.sim_messages import RobotReport, SimReport, Timing
 
 
@@ -56,6 +57,8 @@ class RunReport(msgspec.Struct):
     """Where a tick's time went, on average."""
     lateness_p99_ms: float | None = None
     """Ticks that began after they were due."""
+    rounds: dict[str, RoundTiming] = {}
+    """Where the participants' time of a tick went, by name (lock-step)."""
 
 
 def seconds_since_start() -> float:
@@ -68,6 +71,12 @@ def seconds_since_start() -> float:
 def read_sim_report(bus: Bus) -> SimReport:
     """The simulator's own count. Raises BusError when it does not answer."""
     return bus.ask(names.service_key(names.SIMULATOR, "report"), SimReport)
+
+
+def read_rounds(bus: Bus) -> dict[str, RoundTiming]:
+    """Every participant's own timing."""
+    answers = bus.query(names.service_key("*", "timing"), RoundTiming)
+    return {key.partition("/")[0]: timing for key, timing in answers}
 
 
 def read_dropped(bus: Bus) -> dict[str, int]:

@@ -20,12 +20,14 @@ from zteam.launch.process import Process, Usage, exit_text, measure_usage, zteam
 from zteam.launch.report import (
     RunReport,
     read_dropped,
+    read_rounds,
     read_sim_report,
     report_processes,
     seconds_since_start,
 )
 from zteam.launch.supervisor import Supervisor
 from zteam.messages import TeamState, TeamStatus
+from zteam.nodes.participant import RoundTiming
 from zteam.nodes.sim_messages import FinishReply, FinishRequest, SimReport
 from zteam.nodes.stopping import Stop
 
@@ -128,6 +130,7 @@ class Run:
         self._own = Usage()
         self._report: SimReport | None = None
         self._dropped: dict[str, int] = {}
+        self._rounds: dict[str, RoundTiming] = {}
         self._progress: Progress | None = None
         self._bus: Bus | None = None
         self.endpoint = options.bus.connect or ""
@@ -242,6 +245,7 @@ class Run:
         if bus is not None and self._options.world is not None and not self._stop.requested:
             self._report = read_sim_report(bus)
             self._dropped = read_dropped(bus)
+            self._rounds = read_rounds(bus) if self._report.lockstep else {}
         self._stop_all()
         if self._report is None or progress is None:
             return None
@@ -264,6 +268,7 @@ class Run:
             hung=counted.hung,
             timing_ms=counted.timing_ms,
             lateness_p99_ms=counted.lateness_p99_ms,
+            rounds=self._rounds,
         )
 
     def _stop_all(self) -> None:

@@ -61,6 +61,8 @@ class Aggregator:
         """Host time of the bundle's first transform; None while it is empty."""
         self._stamp = 0
         """The tick of the bundle: its newest stamp."""
+        self._fresh: set[int] = set()
+        """Lock-step: robots that have spoken for `_stamp`."""
         self._placed: set[int] = set()
         """Robots whose fixed transforms have come."""
         self._last = TFMessage([])
@@ -112,8 +114,7 @@ class Aggregator:
         stamp = max(ns_from_time(t.header.stamp) for t in message.transforms)
         if self._part.active:
             self._merger.take(robot_id, message, self._node.clock.now())
-            self._spoken[robot_id] = stamp
-            self._part.advance()
+            self._hear(robot_id, stamp)
         else:
             self._bundle(robot_id, message, stamp)
             self._node.changed.notify_all()
@@ -134,10 +135,23 @@ class Aggregator:
         if self._rate is None and all(s >= self._stamp for s in self._spoken.values()):
             self._flush()
 
+    def _hear(self, robot_id: int, stamp: int) -> None:
+        """Lock-step: a robot has spoken for the tick of `stamp`, which itself may be told after it."""
+        if stamp > self._stamp:
+            self._stamp = stamp
+            self._fresh.clear()
+        if stamp == self._stamp:
+            self._fresh.add(robot_id)
+        if not self._part.advance() and self._is_complete():
+            self._flush()
+
+    def _is_complete(self) -> bool:
+        """Lock-step: whether every robot has said where it is at the newest stamp, and how it is made."""
+        robots = self._part.robots
+        return len(self._fresh) >= len(robots) and robots <= self._fresh and robots <= self._placed
+
     def _has_inputs(self, tick: Tick) -> bool:
-        """Lock-step: whether every robot of the tick has said where it is, and how it is made."""
-        stamp = ns_from_time(tick.stamp)
-        return all(i in self._placed and self._spoken.get(i, -1) >= stamp for i in tick.robots.tolist())
+        return self._stamp >= ns_from_time(tick.stamp) and self._is_complete()
 
     def _act(self, _tick: Tick) -> None:
         self._flush()
@@ -172,7 +186,8 @@ class Aggregator:
         log.warning("time jumped back from %.1f s to %.1f s: moving transforms are forgotten", old / 1e9, new / 1e9)
         self._merger.jump_back()
         self._spoken.clear()
-        self._opened = None
+        self._fresh.clear()
+        self._opened, self._stamp = None, 0
 
     def _flush_late(self) -> None:
         """Send what is here; who has not spoken for its tick is not waited for until he speaks again."""

@@ -4,11 +4,29 @@ The same for every process: the robot, the aggregator, a user's own node. Withou
 nothing. The protocol in words: docs/time.md.
 """
 
+from collections import deque
 from collections.abc import Callable
 
+import msgspec
+
 from zteam import names
+from zteam.bus import NoRequest
+from zteam.clock import monotonic
 from zteam.messages import Done, Tick, Twist, ns_from_time
 from zteam.nodes.node import Node
+
+_WINDOW = 1000
+"""Ticks that timing looks back."""
+
+
+class RoundTiming(msgspec.Struct):
+    """Answer to `<name>/timing`: milliseconds of the host a tick, on average over the newest ticks."""
+
+    ticks: int
+    inputs: float
+    """From the tick's arrival until all its inputs were there."""
+    act: float
+    """The tick's work and the sending of the answer."""
 
 
 class Participant:
@@ -28,11 +46,18 @@ class Participant:
         self._ready = ready
         self._act = act
         self._repeat = repeat
+        self.robots: frozenset[int] = frozenset()
+        """In the world at the newest tick."""
+        self._robots_seen = b""
         self.tick: Tick | None = None
         """The newest tick; None without a simulator in lock-step."""
         self._open: Tick | None = None
         """To be answered."""
         self._answer = Done()
+        self._heard = 0.0
+        self._inputs: deque[float] = deque(maxlen=_WINDOW)
+        self._acts: deque[float] = deque(maxlen=_WINDOW)
+        node.bus.serve(names.service_key(node.name, "timing"), NoRequest, lambda _: self._timing())
         self._done = node.bus.publisher(names.done_key(node.name), Done)
         node.follow_clock()
         node.on_simulator_lost(self._forget)
@@ -49,11 +74,18 @@ class Participant:
         if tick is None or not self._ready(tick):
             return False
         self._open = None
+        begin = monotonic()
         with self._node.failing():
             command = self._act(tick)
             self._answer = Done(tick.epoch, tick.tick, command is not None, command or Twist())
             self._done.put(self._answer)
+        self._inputs.append(begin - self._heard)
+        self._acts.append(monotonic() - begin)
         return True
+
+    def _timing(self) -> RoundTiming:
+        count = max(1, len(self._acts))
+        return RoundTiming(len(self._acts), 1e3 * sum(self._inputs) / count, 1e3 * sum(self._acts) / count)
 
     def _on_tick(self, _key: str, tick: Tick) -> None:
         if not self._node.present:
@@ -62,6 +94,9 @@ class Participant:
         if self.tick is None:
             self._node.take_time_from_ticks()
         self.tick = tick
+        seen = tick.robots.tobytes()
+        if seen != self._robots_seen:
+            self._robots_seen, self.robots = seen, frozenset(tick.robots.tolist())
         self._node.clock.sim.set(ns_from_time(tick.stamp))
         if self._node.name not in tick.participants:
             # Asks to be let in. It is no answer: once it is listed, this tick may come again.
@@ -72,6 +107,7 @@ class Participant:
             self._done.put(self._answer)
         else:
             self._open = tick
+            self._heard = monotonic()
             self.advance()
 
     def _forget(self) -> None:

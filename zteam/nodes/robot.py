@@ -67,6 +67,8 @@ class RobotNode:
         """Stamp of the scan that was acted on last."""
         self._stepped = 0
         self._hears_odom = self._hears_tf = True
+        self._heard_tf = 0
+        """Stamp of the newest bundle."""
         self._released = not options.gate
         self._epoch = 0
         """The GO that it obeys."""
@@ -109,7 +111,7 @@ class RobotNode:
             self._node.changed.notify_all()
         elif not self._part.advance() and not self._released:
             # The first tick is held until all are ready, and what that takes may come after this robot's answer.
-            self._may_drive(0, missing(self._view(self._acted), self._behavior))
+            self._may_drive(0, self._view(self._acted))
 
     def _on_team_status(self, _key: str, status: TeamStatus) -> None:
         self._team = status
@@ -117,6 +119,8 @@ class RobotNode:
     def _on_tf(self, _key: str, message: TFMessage) -> None:
         for transform in message.transforms:
             self._buffer.set_transform(transform, names.TF)
+        if message.transforms:
+            self._heard_tf = ns_from_time(message.transforms[-1].header.stamp)
         self._arrived()
 
     def _on_tf_static(self, _key: str, message: TFMessage) -> None:
@@ -133,7 +137,7 @@ class RobotNode:
         log.warning("time jumped back (the simulator started anew): old data is forgotten")
         self._buffer.clear()
         self._scan = self._odom = None
-        self._acted = self._stepped = 0
+        self._acted = self._stepped = self._heard_tf = 0
         self._behavior = self._make_behavior()
 
     def run(self) -> None:
@@ -180,7 +184,7 @@ class RobotNode:
 
     def _has_inputs(self, tick: Tick) -> bool:
         """Lock-step: whether everything has come that the tick brings to this robot."""
-        if self._id not in tick.robots:
+        if self._id not in self._part.robots:
             return True
         stamp = ns_from_time(tick.stamp)
         scan, odom = self._scan, self._odom
@@ -188,8 +192,11 @@ class RobotNode:
             return False
         if self._hears_odom and (odom is None or ns_from_time(odom.header.stamp) < stamp):
             return False
-        # Without an aggregator in the round nobody has promised transforms.
-        return not (self._hears_tf and names.AGGREGATOR in tick.participants) or self._tree_reaches(stamp)
+        if not self._hears_tf or names.AGGREGATOR not in tick.participants:
+            # Without an aggregator in the round nobody has promised transforms.
+            return True
+        # A bundle of lock-step is whole; only at first the fixed transforms may still be on their way.
+        return self._heard_tf >= stamp and (self._released or self._tree_reaches(stamp))
 
     def _act(self, tick: Tick) -> Twist | None:
         """Lock-step: this tick's command."""
@@ -199,8 +206,7 @@ class RobotNode:
     def _step(self, view: View, epoch: int) -> Twist | None:
         """The command at `view.now`, or None while the gate is shut; `epoch` is the GO that holds, 0 = none."""
         self._stepped = view.now
-        lacking = missing(view, self._behavior)
-        if not self._may_drive(epoch, lacking):
+        if not self._may_drive(epoch, view):
             return None
         command, reason = decide(self._behavior, view)
         self._change(RobotState.RUNNING, reason)
@@ -235,11 +241,12 @@ class RobotNode:
             return 0
         return team.epoch
 
-    def _may_drive(self, epoch: int, lacking: list[str]) -> bool:
+    def _may_drive(self, epoch: int, view: View) -> bool:
         """The start gate: READY when nothing is lacking, released by GO, and then for good."""
         if self._released:
             self._epoch = max(epoch, self._epoch)
             return True
+        lacking = missing(view, self._behavior)
         if lacking:
             self._change(RobotState.BOOT, "waiting for " + ", ".join(lacking))
             return False

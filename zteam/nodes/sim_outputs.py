@@ -63,19 +63,16 @@ class RobotOutputs:
         """odom -> base_footprint at `stamp` (ns)."""
         self._tf.put(observed.transforms(stamp, self._id, odom))
 
-    def put_odometry(self, observation: Observation) -> None:
-        """Odometry."""
-        if self._odom.wanted:
+    def put_odometry(self, observation: Observation, *, again: bool = False) -> None:
+        """Odometry; `again` whether it seems wanted or not, because somebody waits for it."""
+        if self._odom.wanted or again:
             self._odom.put(observed.odometry_message(observation, self._id))
 
-    def put_scans(self, observation: Observation) -> bool:
-        """Every laser's scan; whether the first one has a taker."""
-        taken = False
+    def put_scans(self, observation: Observation, *, again: bool = False) -> None:
+        """Every laser's scan; `again` as with `put_odometry`."""
         for i, scan in enumerate(self.scans):
-            if scan.wanted:
+            if scan.wanted or again:
                 scan.put(observed.scan_message(observation, self._id, i))
-                taken |= i == 0
-        return taken
 
     def put_command(self, command: Twist) -> None:
         """What the wheels are told in lock-step, where commands do not come over `cmd_vel`."""

@@ -71,6 +71,8 @@ class Simulator:
         self._observation: Observation | None = None
         self._first = True
         """Whether no tick was sent yet."""
+        self._announced: list[int] = []
+        """The robots that the last tick told of (lock-step)."""
         self._go: int | None = None
         self._obeyed_from: int | None = None
         """First tick whose scans every robot can have met with GO in hand: GO may cross the scans of two ticks."""
@@ -132,10 +134,11 @@ class Simulator:
         if self._first:
             # Whoever knew a simulator before this one must see time jump back before its data.
             self._clock.put(Clock(time_from_ns(engine.now)))
-        if self._lockstep is not None:
-            self._lockstep.open(engine.now, engine.tick, list(self._outputs))
-            if self._go is None and self._lockstep.is_go:
-                self._go = engine.now
+        # The aggregator has to know of whom it waits for transforms, and everybody that time starts anew, before the
+        # data. Else the tick is told last: with the scans, it wakes the robots once less.
+        early = engine.tick == 1 or self._announced != list(self._outputs)
+        if early:
+            self._announce()
         # Transforms leave before the lasers are even computed: they go over the aggregator, so this way the tree is
         # whole when a robot has its scan and looks. The clock wakes every process, so it leaves when the scans have.
         self._put_transforms(self._outputs)
@@ -143,6 +146,8 @@ class Simulator:
         self._observation = engine.observe()
         self._phases.end(phases.SENSORS)
         self._put_sensors(self._observation, self._outputs)
+        if not early:
+            self._announce()
         if self._lockstep is None:
             # What follows wakes every process, and nobody's next command hangs on it: the robots' answers come first.
             self._commands.wait_for_answers(min(ANSWER_TIME, 0.1 * self._world.interval / NS_PER_S))
@@ -155,17 +160,28 @@ class Simulator:
         self._first = False
         self._phases.end(phases.PUBLISH)
 
+    def _announce(self) -> None:
+        """Lock-step: tell the tick."""
+        if self._lockstep is None:
+            return
+        self._announced = list(self._outputs)
+        self._lockstep.open(self._engine.now, self._engine.tick, self._announced)
+        if self._go is None and self._lockstep.is_go:
+            self._go = self._engine.now
+
     def _put_transforms(self, outputs: Mapping[int, RobotOutputs]) -> None:
         engine = self._engine
         for robot_id, output in outputs.items():
             output.put_transforms(engine.now, engine.odom(robot_id))
 
-    def _put_sensors(self, observation: Observation, outputs: Mapping[int, RobotOutputs]) -> None:
+    def _put_sensors(
+        self, observation: Observation, outputs: Mapping[int, RobotOutputs], *, again: bool = False
+    ) -> None:
         for robot_id, output in outputs.items():
-            output.put_odometry(observation)
+            output.put_odometry(observation, again=again)
             if output.scans:
                 self._commands.scan_sent(robot_id)
-                output.put_scans(observation)
+                output.put_scans(observation, again=again)
 
     def _resend(self, missing: list[str]) -> None:
         """Lock-step: the tick's inputs once more, for those who owe an answer."""
@@ -175,7 +191,7 @@ class Simulator:
         everything = None in robots
         chosen = {i: output for i, output in self._outputs.items() if everything or i in robots}
         self._put_transforms(chosen)
-        self._put_sensors(self._observation, chosen)
+        self._put_sensors(self._observation, chosen, again=True)
         if everything:
             for output in chosen.values():
                 output.put_rest(self._observation)
