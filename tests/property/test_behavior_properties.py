@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from kinematics import TICK, make_view
 from zteam.behaviors import decide, load_behavior, missing
-from zteam.behaviors.scans import look_ahead, look_along
+from zteam.behaviors.scans import first_clear, look_ahead, look_along
 from zteam.config import Team, load_team, robot_arguments, static_transform, team_world
 from zteam.errors import ConfigError, DecodeError
 from zteam.geometry import Pose2
@@ -78,6 +78,10 @@ def test_what_a_scan_says_survives_the_wire(scan: LaserScan, half_angle: float) 
     cone = look_ahead(received, half_angle)
     assert cone is None or (cone.nearest >= 0.0 and 0.0 <= cone.invalid <= 1.0 and abs(cone.bearing) <= math.pi)
     assert look_along(received, 0.2, half_angle) >= 0.0
+    headings = [half_angle * share for share in (0.0, 0.5, -0.5, 1.0, -1.0)]
+    for reach in (-1.0, 0.1, 0.6, 5.0):
+        clear = [heading for heading in headings if look_along(received, 0.2, heading) >= reach]
+        assert first_clear(received, 0.2, headings, reach) == (clear[0] if clear else None)
 
 
 @given(st.integers(1, 300), st.floats(-math.pi, math.pi), st.floats(0.1, 9.0), st.floats(0.05, 1.5))

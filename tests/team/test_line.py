@@ -14,7 +14,7 @@ def test_a_follower_follows(team: TeamFixture) -> None:
     team.start("arena", robots=2, follow={1: 0})
     team.wait_for_go()
     start = team.robot(1).pose
-    team.wait_until(lambda: team.robot(1).distance_travelled > 1.0, within=40)
+    team.until(lambda: team.robot(1).distance_travelled > 1.0, within=40)
     end = team.robot(1).pose
     assert math.dist(start[:2], end[:2]) > 0.3
     assert team.robot(0).distance_travelled > 0.5

@@ -19,7 +19,7 @@ FIVE_LINES = """
 def test_line(team):
     team.start("arena", robots=2, follow={1: 0})
     team.wait_for_go()
-    team.wait_until(lambda: team.robot(1).distance_travelled > 0.3, within=30)
+    team.until(lambda: team.robot(1).distance_travelled > 0.3, within=30)
 """
 
 
@@ -79,7 +79,7 @@ def test_workers_do_not_meet(pytester: pytest.Pytester) -> None:
         def test_alone(team, speed):
             team.start("arena", robots=1, behavior="forward", params={0: {"speed": speed}})
             team.wait_for_go()
-            team.wait_until(lambda: team.robot(0).speed > 0.01, within=10)
+            team.until(lambda: team.robot(0).speed > 0.01, within=10)
             team.run(1.0)
             assert abs(team.robot(0).speed - speed) < 0.01
             print("WHERE", team.endpoint, team.namespace)

@@ -53,7 +53,7 @@ def test_every_device_is_on_the_bus(team: TeamFixture, tmp_path: Path) -> None:
         ("robot_0/joint_states", JointState),
     ):
         bus.subscribe(key, kind, lambda key, message: seen.__setitem__(key, message))
-    team.wait_until(lambda: len(seen) == 4, within=10)
+    team.until(lambda: len(seen) == 4, within=10)
     (fiducial,) = seen["robot_0/fiducials"].fiducials
     assert (fiducial.id, fiducial.range) == (2, pytest.approx(math.hypot(1, 0.5), abs=1e-5))
     assert fiducial.bearing == pytest.approx(math.atan2(0.5, 1), abs=1e-5)
@@ -68,7 +68,7 @@ def test_every_device_is_on_the_bus(team: TeamFixture, tmp_path: Path) -> None:
         commands.put(Twist(Vector3(0.9)))
         return bool(seen["robot_0/bumper"].pressed.any())
 
-    team.wait_until(touches, within=20)
+    team.until(touches, within=20)
     assert seen["robot_0/joint_states"].position[0] > 20.0
     tree = json.loads(team.command("topic", "echo", "robot_0/tf_static", "--once", "--json").stdout)
     children = {t["child_frame_id"] for t in tree["transforms"]}
@@ -82,7 +82,7 @@ def test_a_team_file_says_how_its_world_is_simulated(team: TeamFixture, tmp_path
     team.launch(tmp_path / "team.toml")
     scans: list[LaserScan] = []
     team.bus.subscribe("robot_1/base_scan", LaserScan, lambda _key, scan: scans.append(scan))
-    team.wait_until(lambda: len(scans) >= 15, within=10)
+    team.until(lambda: len(scans) >= 15, within=10)
     side = [float(scan.ranges[30]) for scan in scans]
     assert side[0] == math.inf
     ahead = [float(scan.ranges[5]) for scan in scans if math.isfinite(scan.ranges[5])]

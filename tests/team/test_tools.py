@@ -13,7 +13,8 @@ pytestmark = pytest.mark.team
 
 def test_the_tools_see_a_running_team(team: TeamFixture, tmp_path: Path) -> None:
     """topic, tf, node and doctor say what is there, as JSON."""
-    team.start("arena", robots=2, behavior="forward", params={0: {"speed": 0.05}, 1: {"speed": 0.05}})
+    slow = {0: {"speed": 0.05}, 1: {"speed": 0.05}}
+    team.start("arena", robots=2, behavior="forward", params=slow, lockstep=False)
     team.wait_for_go()
 
     scan = team.command("topic", "echo", "/robot_0/base_scan", "--once", "--json")
@@ -76,7 +77,7 @@ def test_a_published_message_arrives(team: TeamFixture) -> None:
         "topic", "pub", "robot_0/cmd_vel", "Twist", "{angular: {z: 0.5}}", "--rate", "10", "--times", "5"
     )
     assert done.returncode == 0
-    team.wait_until(lambda: team.robot(0).commands >= start + 5, within=5)
+    team.until(lambda: team.robot(0).commands >= start + 5, within=5)
     assert team.robot(0).commands == start + 5
     assert team.robot(0).pose.yaw > 0.1
 

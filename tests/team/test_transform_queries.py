@@ -61,7 +61,7 @@ def test_a_described_robot_has_its_joints_in_the_tree(team: TeamFixture, tmp_pat
     mast = client.lookup_transform("robot_0/base_link", "robot_0/mast", timeout=10.0)
     assert mast.transform.translation.z == 1.0
     before = client.lookup_transform("robot_0/base_link", "robot_0/wheel_left", timeout=10.0).transform.rotation
-    team.wait_until(lambda: team.robot(0).distance_travelled > 0.2, within=20)
+    team.until(lambda: team.robot(0).distance_travelled > 0.2, within=20)
     after = client.lookup_transform("robot_0/base_link", "robot_0/wheel_left").transform.rotation
     assert abs(before.y * after.y + before.w * after.w) < 0.99
 
@@ -70,10 +70,11 @@ def test_a_restarted_aggregator_has_the_whole_tree_again(team: TeamFixture) -> N
     """Statics, moving frames and the team file's own come back, and a follower that stood still goes on."""
     team.start("arena", robots=2, behavior="forward", follow={1: 0}, params={0: {"speed": 0.05}})
     team.wait_for_go()
-    team.wait_until(lambda: team.robot(1).speed > 0.01, within=20)
+    team.until(lambda: team.robot(1).speed > 0.01, within=20)
     team.kill(names.AGGREGATOR)
-    team.wait_until(lambda: team.robot(1).speed == 0.0, within=5)
+    team.until(lambda: team.robot(1).speed == 0.0, within=5)
     team.restart(names.AGGREGATOR)
+    team.run(0.1)
     client = TransformClient(team.bus)
     found = client.lookup_many(
         [Lookup("map", f"robot_{i}/base_laser_link") for i in (0, 1)]
@@ -81,4 +82,4 @@ def test_a_restarted_aggregator_has_the_whole_tree_again(team: TeamFixture) -> N
         timeout=5.0,
     )
     assert [reply for reply in found if isinstance(reply, Exception)] == []
-    team.wait_until(lambda: team.robot(1).speed > 0.01, within=10)
+    team.until(lambda: team.robot(1).speed > 0.01, within=10)

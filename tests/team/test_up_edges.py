@@ -76,7 +76,7 @@ def test_a_given_router_is_used(team: TeamFixture, outsider: zenoh.Session, tmp_
     launcher = launch(team, str(team_file), *options)
     team.wait_for_go()
     go = team.now
-    team.wait_until(lambda: team.now > go + 0.5, within=5)
+    team.until(lambda: team.now > go + 0.5, within=5)
     for _ in range(3):
         outsider.put(f"{team.namespace}/robot_0/cmd_vel", b"no Twist")
     outsider.put(f"{team.namespace}/robot_1/cmd_vel", encode(Twist(Vector3(0.0), Vector3(0.0, 0.0, 0.1))))
@@ -100,9 +100,9 @@ def test_a_dead_robot_is_told_and_the_others_go_on(team: TeamFixture) -> None:
         team.wait_for_go()
         victim = pid_of(team, "robot_1")
         os.kill(victim, signal.SIGKILL)
-        team.wait_until(lambda: team.status is not None and 1 in team.status.lost, within=5)
+        team.until(lambda: team.status is not None and 1 in team.status.lost, within=5)
         commands = team.robot(0).commands
-        team.wait_until(lambda: team.robot(0).commands > commands + 5, within=5)
+        team.until(lambda: team.robot(0).commands > commands + 5, within=5)
         assert not team.alive("robot_1")
     finally:
         launcher.send_signal(signal.SIGINT)
@@ -130,7 +130,7 @@ def test_ctrl_c_on_a_terminal_stops_in_order(team: TeamFixture) -> None:
     os.close(slave)
     try:
         team.wait_for_go()
-        team.wait_until(lambda: team.robot(0).speed > 0.05 and team.robot(1).commands > 5, within=20)
+        team.until(lambda: team.robot(0).speed > 0.05 and all(team.robot(i).commands > 5 for i in (0, 1)), within=20)
         os.write(master, b"\x03")
         output = read_all(master)
         code = launcher.wait(LIMIT)
@@ -139,7 +139,7 @@ def test_ctrl_c_on_a_terminal_stops_in_order(team: TeamFixture) -> None:
         launcher.wait()
         os.close(master)
     assert code == 0, output
-    team.wait_until(lambda: all(team.robot(i).command == Twist() for i in (0, 1)), within=1)
+    team.wait_for(lambda: all(team.robot(i).command == Twist() for i in (0, 1)))
     assert "did not stop" not in output
     lines = output.splitlines()
     stopped = [i for i, line in enumerate(lines) if "stopped" in line]
@@ -171,7 +171,7 @@ def test_a_second_ctrl_c_does_not_wait(team: TeamFixture) -> None:
         os.kill(frozen, signal.SIGSTOP)
         launcher.send_signal(signal.SIGINT)
         # The other robot's end shows that the stop is under way and waits for the frozen one.
-        team.wait_until(lambda: not team.alive("robot_1"), within=10)
+        team.until(lambda: not team.alive("robot_1"), within=10)
         launcher.send_signal(signal.SIGINT)
     finally:
         code, output = finish(launcher)

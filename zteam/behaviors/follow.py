@@ -7,7 +7,7 @@ import msgspec
 
 from zteam import names
 from zteam.behaviors.behavior import Behavior
-from zteam.behaviors.scans import look_along
+from zteam.behaviors.scans import first_clear
 from zteam.behaviors.view import View
 from zteam.geometry import Pose2, normalize_angle
 from zteam.messages import LaserScan, Twist, Vector3
@@ -82,12 +82,12 @@ class Follow(Behavior):
         a post; without any clear heading it keeps to the bearing.
         """
         reach = min(REACH, distance - LEADER_ROOM)
-        if look_along(scan, HALF_WIDTH, bearing) >= reach:
+        if first_clear(scan, HALF_WIDTH, (bearing,), reach) is not None:
             self._side = 0.0
             return bearing
-        heading = _first_clear(scan, bearing, (self._side,), reach) if self._side else None
+        heading = first_clear(scan, HALF_WIDTH, _detours(bearing, (self._side,)), reach) if self._side else None
         if heading is None:
-            heading = _first_clear(scan, bearing, (1.0, -1.0), reach)
+            heading = first_clear(scan, HALF_WIDTH, _detours(bearing, (1.0, -1.0)), reach)
         if heading is None:
             self._side = 0.0
             return bearing
@@ -114,11 +114,6 @@ class Follow(Behavior):
         return (pose, "") if all(map(math.isfinite, pose)) else (None, f"the pose of leader {name} is no number")
 
 
-def _first_clear(scan: LaserScan, bearing: float, sides: tuple[float, ...], reach: float) -> float | None:
-    """The heading nearest to `bearing`, to one of the sides of it, along which the way is clear for `reach` metres."""
-    for step in range(1, DETOUR_STEPS + 1):
-        for side in sides:
-            heading = bearing + side * step * DETOUR_STEP
-            if look_along(scan, HALF_WIDTH, heading) >= reach:
-                return heading
-    return None
+def _detours(bearing: float, sides: tuple[float, ...]) -> list[float]:
+    """Headings to one of the sides of `bearing`, the nearest to it first."""
+    return [bearing + side * step * DETOUR_STEP for step in range(1, DETOUR_STEPS + 1) for side in sides]

@@ -7,7 +7,7 @@ import math
 
 from zteam import names
 from zteam.behaviors.behavior import Behavior
-from zteam.behaviors.scans import look_ahead, look_along
+from zteam.behaviors.scans import first_clear, look_ahead
 from zteam.behaviors.view import View
 from zteam.messages import LaserScan, Twist, Vector3, ns_from_time
 
@@ -81,4 +81,4 @@ def _ahead(scan: LaserScan) -> str:
     cone = look_ahead(scan, BLIND_ANGLE)
     if cone is None or cone.invalid > BLIND_SHARE:
         return "blind ahead"
-    return "obstacle ahead" if look_along(scan, HALF_WIDTH) < STOP_AHEAD else ""
+    return "obstacle ahead" if first_clear(scan, HALF_WIDTH, (0.0,), STOP_AHEAD) is None else ""

@@ -6,6 +6,7 @@ them) and finite values above `range_max` say nothing at all. A beam that says n
 """
 
 import math
+from collections.abc import Sequence
 from functools import lru_cache
 
 import msgspec
@@ -43,6 +44,7 @@ class _Beams(msgspec.Struct, frozen=True, eq=False):
     hit_x: Floats
     """Where the beams that hit something ended, in the laser's frame."""
     hit_y: Floats
+    hit_distance: Floats
 
 
 @lru_cache(maxsize=8)
@@ -69,7 +71,7 @@ def _read(scan: LaserScan) -> _Beams | None:
     hit = np.isfinite(ranges)
     # A hit too close to measure still has the direction of its beam.
     distance = np.maximum(ranges[hit], _TOUCHING)
-    return _Beams(angles, ranges, distance * cos[hit], distance * sin[hit])
+    return _Beams(angles, ranges, distance * cos[hit], distance * sin[hit], distance)
 
 
 class _Newest:
@@ -126,3 +128,25 @@ def look_along(scan: LaserScan, half_width: float, heading: float = 0.0) -> floa
     x = cos * beams.hit_x + sin * beams.hit_y
     ahead = (x > 0.0) & (np.abs(cos * beams.hit_y - sin * beams.hit_x) <= half_width)
     return float(np.min(x, where=ahead, initial=math.inf))
+
+
+def first_clear(scan: LaserScan, half_width: float, headings: Sequence[float], reach: float) -> float | None:
+    """The first of the `headings` (rad) along which a corridor of 2 * `half_width` is clear for `reach` metres.
+
+    None if there is no such heading. The same as asking `look_along` for each, at the cost of one.
+    """
+    beams = _beams_of(scan)
+    if beams is None or reach <= 0.0:
+        return headings[0]
+    # Only what is near can stand in any of the corridors, and mostly that is little.
+    near = (beams.hit_distance < math.hypot(reach, half_width) * (1.0 + _ROUNDING)).nonzero()[0]
+    if not near.size:
+        return headings[0]
+    hit_x, hit_y = beams.hit_x[near], beams.hit_y[near]
+    for heading in headings:
+        cos, sin = math.cos(heading), math.sin(heading)
+        x = cos * hit_x + sin * hit_y
+        blocked = (x > 0.0) & (x < reach) & (np.abs(cos * hit_y - sin * hit_x) <= half_width)
+        if not blocked.any():
+            return heading
+    return None

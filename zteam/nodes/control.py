@@ -39,6 +39,9 @@ class World(Protocol):
     def report(self) -> SimReport:
         """The counts of the run."""
 
+    def repeat(self) -> None:
+        """Send the last tick's data once more."""
+
     def reset(self) -> None:
         """Back to the start."""
 
@@ -100,6 +103,7 @@ class Control:
         now("speed", SpeedRequest, lambda request: self._pace(lambda: pacer.set_speed(request.speed)))
         now("step", StepRequest, self._step)
         now("finish", FinishRequest, lambda request: Later(lambda: self._wait_for_finish(request)))
+        later("repeat", NoRequest, lambda _: self._status_after(world.repeat))
         later("reset", NoRequest, self._reset)
         later("spawn", SpawnRequest, lambda request: SpawnReply(world.spawn(request)))
         later("remove", RemoveRequest, lambda request: self._status_after(lambda: world.remove(request.id)))

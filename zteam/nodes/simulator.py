@@ -187,14 +187,13 @@ class Simulator:
         """Lock-step: the tick's inputs once more, for those who owe an answer."""
         assert self._observation is not None
         robots = {names.robot_id_of(name) for name in missing}
-        # What others than robots need is not known, so it is everything.
-        everything = None in robots
-        chosen = {i: output for i, output in self._outputs.items() if everything or i in robots}
+        if None in robots:
+            # What others than robots need is not known, so it is everything.
+            self.repeat()
+            return
+        chosen = {i: output for i, output in self._outputs.items() if i in robots}
         self._put_transforms(chosen)
         self._put_sensors(self._observation, chosen, again=True)
-        if everything:
-            for output in chosen.values():
-                output.put_rest(self._observation)
 
     def _count(self) -> None:
         engine = self._engine
@@ -222,6 +221,15 @@ class Simulator:
             self._go = min(ns_from_time(status.go_stamp), self._engine.now)
 
     # What the queries ask for; all of it between two ticks, in the main loop.
+
+    def repeat(self) -> None:
+        """The last tick's data once more, for who has not heard it."""
+        assert self._observation is not None
+        present = {i: output for i, output in self._outputs.items() if i in self._observation.robots}
+        self._put_transforms(present)
+        self._put_sensors(self._observation, present, again=True)
+        for output in present.values():
+            output.put_rest(self._observation)
 
     def reset(self) -> None:
         """Everything as at the start; GO stands."""

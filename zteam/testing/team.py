@@ -1,7 +1,8 @@
 """A team of real processes for a test: own router, own namespace, everything in view, nothing left behind.
 
-Time limits named `within` are simulated seconds, so a slow machine makes a test slow and not wrong; what has no
-simulated time (a process coming up) has a generous limit on the host's clock.
+The team works in lock-step, and its world stands still but for what the test asks it to run: what a test sees depends
+on nothing but the seed. Time limits named `within` are simulated seconds, so a slow machine makes a test slow and not
+wrong; what has no simulated time (a process coming up) has a generous limit on the host's clock.
 """
 
 import itertools
@@ -14,13 +15,17 @@ from typing import Any
 
 from zteam import names
 from zteam.bus import Bus, BusOptions, connect
-from zteam.clock import monotonic, wait_until
+from zteam.bus.options import LEASE
+from zteam.clock import monotonic
 from zteam.config import RobotEntry, Team, load_team, team_world
-from zteam.errors import UsageError, ZteamError
-from zteam.launch.plan import ROUTER, Plan, plan_team
+from zteam.errors import BusError, UsageError, ZteamError
+from zteam.launch.plan import ROUTER, Pace, Plan, plan_team
 from zteam.launch.process import exit_text, zteam_command
+from zteam.launch.run import lease_for
 from zteam.launch.supervisor import Supervisor
-from zteam.nodes.sim_messages import SimStatus
+from zteam.messages import Message
+from zteam.nodes.lockstep import TIMEOUT
+from zteam.nodes.sim_messages import SimReport, SimStatus, StepRequest
 from zteam.shipped import shipped_team, shipped_world
 from zteam.testing.view import RobotView, TeamView
 
@@ -28,6 +33,9 @@ START_LIMIT = 60.0
 """Host seconds for processes to come up: many times what a crowded machine was seen to need."""
 STALL_LIMIT = 60.0
 """Host seconds without any news after which a wait gives up: simulated time stands still then."""
+
+_SLICE = 50
+"""Ticks that one question runs."""
 
 _numbers = itertools.count(1)
 
@@ -51,6 +59,9 @@ class TeamFixture:
         self._supervisor = Supervisor(self._take_line, lambda _process: None)
         self._view: TeamView
         self._plan = Plan({})
+        self._interval = 0
+        """Simulated ns of a tick in lock-step; 0 while the team is not."""
+        self._lease: float | None = None
 
     def _take_line(self, name: str, line: str) -> None:
         self.log.append((name, line))
@@ -66,7 +77,7 @@ class TeamFixture:
             raise TeamTimeout(f"the router did not start ({exit_text(router.exit_code)}): {list(router.lines)}")
         self.endpoint = announced[0]
         self.bus = connect(BusOptions(connect=self.endpoint, namespace=self.namespace), patience=START_LIMIT)
-        self._view = TeamView(self.bus)
+        self._view = TeamView(self.bus, self._listen)
 
     def close(self) -> None:
         """Stop everything, in order."""
@@ -81,16 +92,25 @@ class TeamFixture:
     @property
     def environment(self) -> dict[str, str]:
         """Environment that makes any zteam command join this team."""
-        return {"ZTEAM_CONNECT": self.endpoint, "ZTEAM_NAMESPACE": self.namespace}
+        given = {} if self._lease is None else {"ZTEAM_LEASE": str(self._lease)}
+        return {"ZTEAM_CONNECT": self.endpoint, "ZTEAM_NAMESPACE": self.namespace, **given}
 
-    def launch(self, team: str | Path, *, world: str | Path | None = None) -> None:
-        """Start a team file (or shipped team), and wait until all its processes are there."""
+    def launch(
+        self,
+        team: str | Path,
+        *,
+        world: str | Path | None = None,
+        lockstep: bool = True,
+        lockstep_timeout: float = TIMEOUT,
+    ) -> None:
+        """Start a team file (or shipped team), and wait until all its processes are there; `lockstep` as in `start`."""
         path = Path(team) if Path(team).is_file() else shipped_team(str(team))
         if path is None:
             raise UsageError(f"team {str(team)!r}: no such file, nor a shipped team")
         loaded = load_team(path)
         chosen = _find_world(world) if world is not None else team_world(path, loaded)
-        self._launch(plan_team(loaded, chosen, (), team_file=path.resolve()))
+        pace = Pace(lockstep=lockstep and chosen is not None, timeout=lockstep_timeout, paused=lockstep)
+        self._launch(plan_team(loaded, chosen, (), team_file=path.resolve(), pace=pace), pace)
 
     def start(
         self,
@@ -101,11 +121,17 @@ class TeamFixture:
         follow: Mapping[int, int] | None = None,
         params: Mapping[int, Mapping[str, Any]] | None = None,
         seed: int = 1,
+        lockstep: bool = True,
+        lockstep_timeout: float = TIMEOUT,
+        expect: Sequence[str] = (),
     ) -> None:
         """Start a team in `world` and wait until all its processes are there.
 
         `robots` is a number or a list of ids; those in `follow` follow the robot named there, the others run
-        `behavior`; `params` gives behaviour parameters by robot.
+        `behavior`; `params` gives behaviour parameters by robot. With `lockstep` the world stands until `run`, `until`
+        or `at` let it go on, as fast as the processes can; own nodes in `expect` take part from the first tick on; a
+        process that lives and does not answer is left behind after `lockstep_timeout` host seconds. Without, it runs in
+        real time.
         """
         ids = range(robots) if isinstance(robots, int) else robots
         leaders, given = follow or {}, params or {}
@@ -118,15 +144,19 @@ class TeamFixture:
             )
             for i in ids
         ]
-        self._launch(plan_team(Team(robots=entries), _find_world(world), (), seed=seed))
+        pace = Pace(lockstep=lockstep, timeout=lockstep_timeout, expect=tuple(expect), paused=lockstep)
+        self._launch(plan_team(Team(robots=entries), _find_world(world), (), seed=seed, pace=pace), pace)
 
-    def _launch(self, plan: Plan) -> None:
+    def _launch(self, plan: Plan, pace: Pace) -> None:
         self._plan = Plan({**self._plan.commands, **plan.commands})
+        self._lease = lease_for(pace, LEASE) if pace.lockstep else None
         for name, command in plan.commands.items():
             self._supervisor.start(name, command, self.environment)
         self.wait_for_processes(*plan.commands)
         if names.SIMULATOR in plan.commands:
-            known = self.bus.ask(names.service_key(names.SIMULATOR, "status"), SimStatus, timeout=START_LIMIT).robots
+            status = self.sim_status
+            known = status.robots
+            self._interval = status.interval if status.lockstep else 0
             # From here on a test may read any robot's pose.
             if not self._wait(lambda: all(self.robot(i).truth is not None for i in known), START_LIMIT):
                 raise TeamTimeout(f"the simulator shows no pose of some robot of {known}")
@@ -156,6 +186,13 @@ class TeamFixture:
     def robot(self, robot_id: int) -> RobotView:
         """What the bus says about a robot."""
         return self._view.robot(robot_id)
+
+    def _listen(self, key: str, kind: type[Message], arrived: Callable[[], bool]) -> None:
+        """Listen to what a test asks for from now on; a world that stands still sends it again."""
+        self._view.listen(key, kind)
+        if self._interval and self.alive(names.SIMULATOR):
+            self._ask_again()
+            self._wait(arrived, START_LIMIT)
 
     @property
     def now(self) -> float:
@@ -222,35 +259,102 @@ class TeamFixture:
         assert process.exit_code is not None
         return process.exit_code
 
-    def wait_until(self, condition: Callable[[], bool], within: float) -> None:
-        """Wait until `condition()`, looked at whenever something arrives; fail after `within` simulated seconds.
+    def wait_for(self, condition: Callable[[], bool]) -> None:
+        """Wait until `condition()` by the host's clock: for what processes say or do while the world stands still."""
+        if not self._wait(condition, START_LIMIT):
+            raise TeamTimeout(f"not true within {START_LIMIT:g} s")
 
-        Simulated time that stands still for STALL_LIMIT host seconds fails too.
+    def until(self, condition: Callable[[], bool], within: float) -> None:
+        """Let the world go on until `condition()`, looked at after every tick; fail after `within` simulated seconds.
+
+        In real time it is looked at whenever something arrives. Simulated time that stands still for STALL_LIMIT host
+        seconds fails too.
         """
-        view, end = self._view, self.now + within
+        end = self.now + within
+        if not self._interval:
+            self._watch(condition, end, within)
+            return
+        while not condition():
+            if self.now >= end:
+                raise TeamTimeout(f"not true within {within:g} simulated seconds (now {self.now:.1f} s)")
+            self._step(1)
+
+    def _watch(self, condition: Callable[[], bool], end: float, within: float) -> None:
         last, quiet_since = self.now, monotonic()
-        with view.changed:
-            while not condition():
-                if self.now > end:
-                    raise TeamTimeout(f"not true within {within:g} simulated seconds (now {self.now:.1f} s)")
-                if self.now != last:
-                    last, quiet_since = self.now, monotonic()
-                elif monotonic() - quiet_since > STALL_LIMIT:
-                    raise TeamTimeout(f"simulated time stands still at {self.now:.1f} s")
-                view.changed.wait(1.0)
+        while True:
+            # Not under the view's lock: a condition may ask the bus, whose thread may need the lock to go on.
+            seen = self._view.version
+            if condition():
+                return
+            if self.now > end:
+                raise TeamTimeout(f"not true within {within:g} simulated seconds (now {self.now:.1f} s)")
+            if self.now != last:
+                last, quiet_since = self.now, monotonic()
+            elif monotonic() - quiet_since > STALL_LIMIT:
+                raise TeamTimeout(f"simulated time stands still at {self.now:.1f} s")
+            self._view.wait_for_news(seen, 1.0)
 
     def run(self, seconds: float) -> None:
-        """Let `seconds` of simulated time pass."""
+        """Let `seconds` of simulated time pass: in lock-step to the tick."""
+        if self._interval:
+            self._step(round(seconds * 1e9 / self._interval))
+            return
         end = self.now + seconds
-        self.wait_until(lambda: self.now >= end, within=seconds + 1e-6)
+        self._watch(lambda: self.now >= end, end, seconds)
+
+    def at(self, tick: int) -> "TeamFixture":
+        """Let the world go on until it stands at `tick` (lock-step), for what is to happen exactly there."""
+        ahead = tick - self.tick
+        if ahead < 0:
+            raise UsageError(f"the world is at tick {self.tick} already, beyond {tick}")
+        self._step(ahead)
+        return self
+
+    @property
+    def tick(self) -> int:
+        """The tick at which the world stands."""
+        return self.sim_status.tick
+
+    @property
+    def sim_status(self) -> SimStatus:
+        """What the simulator says of itself: pace, participants, who holds it."""
+        return self.bus.ask(names.service_key(names.SIMULATOR, "status"), SimStatus, timeout=START_LIMIT)
+
+    @property
+    def report(self) -> SimReport:
+        """The simulator's own count of the run from GO on, with `trajectory_sha256`."""
+        return self.bus.ask(names.service_key(names.SIMULATOR, "report"), SimReport, timeout=START_LIMIT)
+
+    def _step(self, ticks: int) -> None:
+        """Let so many ticks pass, and wait until what was sent at the last one is in view."""
+        while ticks > 0:
+            slice_ = min(ticks, _SLICE)
+            ticks -= slice_
+            try:
+                key = names.service_key(names.SIMULATOR, "step")
+                status = self.bus.ask(key, SimStatus, StepRequest(slice_), timeout=STALL_LIMIT)
+            except BusError as error:
+                raise TeamTimeout(f"simulated time stands still at {self.now:.1f} s: {error}") from error
+            if not self._view.reaches(status.now, status.robots):
+                # Nothing was lost in tens of thousands of ticks, but nothing on the bus promises that.
+                self._ask_again()
+                if not self._wait(lambda now=status.now, ids=status.robots: self._view.reaches(now, ids), START_LIMIT):  # type: ignore[misc]
+                    raise TeamTimeout(f"what the simulator sent at {status.now / 1e9:.1f} s did not arrive")
+
+    def _ask_again(self) -> None:
+        """Have the simulator send the tick at which it stands once more."""
+        self.bus.ask(names.service_key(names.SIMULATOR, "repeat"), SimStatus, timeout=START_LIMIT)
 
     def _wait(self, condition: Callable[[], bool], limit: float) -> bool:
-        with self._view.changed:
-            deadline = monotonic() + limit
-            while not condition() and monotonic() < deadline:
-                # Ends of processes are told elsewhere, so look again now and then.
-                wait_until(self._view.changed, condition, min(0.2, max(0.0, deadline - monotonic())))
-            return condition()
+        deadline = monotonic() + limit
+        while True:
+            seen = self._view.version
+            if condition():
+                return True
+            if monotonic() >= deadline:
+                return False
+            # Ends of processes are told elsewhere, so look again now and then.
+            self._view.wait_for_news(seen, min(0.2, max(0.0, deadline - monotonic())))
 
     def kill(self, name: str) -> None:
         """End a process the hard way (SIGKILL) and wait until it is gone."""
@@ -279,6 +383,18 @@ class TeamFixture:
         self._wait(lambda: not self.alive(name), START_LIMIT)
         self._supervisor.start(name, self._plan.commands[name], self.environment)
         self.wait_for_processes(name)
+        if self._interval and (names.robot_id_of(name) is not None or name == names.AGGREGATOR):
+            self._wait_for_participant(name)
+
+    def _wait_for_participant(self, name: str) -> None:
+        """Wait until a process takes part in lock-step from the next tick on."""
+
+        def takes_part() -> bool:
+            status = self.sim_status
+            return name in status.joining or name in status.participants
+
+        if not self._wait(takes_part, START_LIMIT):
+            raise TeamTimeout(f"{name} does not take part in lock-step within {START_LIMIT:g} s")
 
     def report_log(self) -> str:
         """Everything the processes wrote, for a failed test's report."""

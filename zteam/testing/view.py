@@ -2,14 +2,18 @@
 
 import math
 import threading
+from collections.abc import Callable, Iterable
+from typing import TypeVar
 
 from zteam import names
 from zteam.bus import Bus
+from zteam.clock import wait_until
 from zteam.geometry import Pose2, yaw_from_quaternion
 from zteam.messages import (
     Bool,
     Clock,
     LaserScan,
+    Message,
     Odometry,
     RobotStatus,
     TeamState,
@@ -17,6 +21,8 @@ from zteam.messages import (
     Twist,
     ns_from_time,
 )
+
+M = TypeVar("M", bound=Message)
 
 
 class RobotView:
@@ -26,15 +32,45 @@ class RobotView:
         self.id = robot_id
         self._team = team
         self.truth: Odometry | None = None
-        self.odom: Odometry | None = None
-        self.scan: LaserScan | None = None
         self.status: RobotStatus | None = None
-        self.command: Twist | None = None
-        self.commands = 0
-        """How many commands were heard."""
-        self.stall = False
+        self.newest: dict[str, Message] = {}
+        """By topic, of those that the test has asked for."""
+        self.heard: dict[str, int] = {}
+        """How many messages came."""
         self.distance_travelled = 0.0
         """Metres driven since the test began to listen."""
+
+    def _look(self, topic: str, kind: type[M]) -> M | None:
+        self._team.want(self, topic, kind)
+        found = self.newest.get(topic)
+        return found if isinstance(found, kind) else None
+
+    @property
+    def odom(self) -> Odometry | None:
+        """Newest odometry; heard from the first look on."""
+        return self._look(names.ODOM, Odometry)
+
+    @property
+    def scan(self) -> LaserScan | None:
+        """Newest scan of the first laser; heard from the first look on."""
+        return self._look(names.BASE_SCAN, LaserScan)
+
+    @property
+    def stall(self) -> bool:
+        """Whether it is told to move and blocked; heard from the first look on."""
+        found = self._look(names.STALL, Bool)
+        return found is not None and found.data
+
+    @property
+    def command(self) -> Twist | None:
+        """Newest command; heard from the first look on."""
+        return self._look(names.CMD_VEL, Twist)
+
+    @property
+    def commands(self) -> int:
+        """How many commands were heard since the first look."""
+        self._look(names.CMD_VEL, Twist)
+        return self.heard.get(names.CMD_VEL, 0)
 
     @property
     def pose(self) -> Pose2:
@@ -71,7 +107,13 @@ class RobotView:
 class TeamView:
     """Listens to the whole team; `changed` is notified with every message."""
 
-    def __init__(self, bus: Bus) -> None:
+    def __init__(self, bus: Bus, listen: Callable[[str, type[Message], Callable[[], bool]], None]) -> None:
+        """`listen(key, type, arrived)` begins to listen, and waits for what stands still to be said again."""
+        self._bus = bus
+        self._begin = listen
+        self._wanted: set[str] = set()
+        self.version = 0
+        """Grows with everything that arrives."""
         self.changed = threading.Condition(threading.RLock())
         self.now = 0
         """Simulated ns."""
@@ -80,16 +122,40 @@ class TeamView:
         self._tokens: dict[str, set[str]] = {}
         bus.subscribe(names.CLOCK, Clock, self._on_clock)
         bus.subscribe(names.TEAM_STATUS, TeamStatus, self._on_team_status, latched=True)
-        for topic, kind in (
-            (names.GROUND_TRUTH, Odometry),
-            (names.ODOM, Odometry),
-            (names.BASE_SCAN, LaserScan),
-            (names.STALL, Bool),
-            (names.STATUS, RobotStatus),
-            (names.CMD_VEL, Twist),
-        ):
+        for topic, kind in ((names.GROUND_TRUTH, Odometry), (names.STATUS, RobotStatus)):
             bus.subscribe(names.all_robots_key(topic), kind, self._on_robot)
         bus.watch_tokens([names.tokens_key()], self._on_token)
+
+    def _tell(self) -> None:
+        self.version += 1
+        self.changed.notify_all()
+
+    def wait_for_news(self, seen: int, timeout: float) -> None:
+        """Wait until something arrives that was not there at version `seen`, for `timeout` host seconds."""
+        with self.changed:
+            wait_until(self.changed, lambda: self.version != seen, timeout)
+
+    def want(self, robot: RobotView, topic: str, kind: type[Message]) -> None:
+        """Listen to a robot's topic from now on: what no test looks at would only slow it down."""
+        key = names.robot_key(robot.id, topic)
+        if key not in self._wanted:
+            self._wanted.add(key)
+            self._begin(key, kind, lambda: topic in robot.newest or topic == names.CMD_VEL)
+
+    def listen(self, key: str, kind: type[Message]) -> None:
+        """Subscribe to a robot's topic."""
+        self._bus.subscribe(key, kind, self._on_robot)
+
+    def reaches(self, now: int, robots: Iterable[int]) -> bool:
+        """Whether everybody's true pose of simulated time `now` (ns) is here, and what else the test listens to."""
+        with self.changed:
+            return all(self._reaches(self.robot(i), now) for i in robots)
+
+    @staticmethod
+    def _reaches(robot: RobotView, now: int) -> bool:
+        heard = [robot.truth, *robot.newest.values()]
+        stamps = [ns_from_time(m.header.stamp) for m in heard if isinstance(m, (Odometry, LaserScan))]
+        return robot.truth is not None and set(stamps) == {now}
 
     @property
     def is_go(self) -> bool:
@@ -107,12 +173,12 @@ class TeamView:
     def _on_clock(self, _key: str, message: Clock) -> None:
         with self.changed:
             self.now = ns_from_time(message.clock)
-            self.changed.notify_all()
+            self._tell()
 
     def _on_team_status(self, _key: str, message: TeamStatus) -> None:
         with self.changed:
             self.team_status = message
-            self.changed.notify_all()
+            self._tell()
 
     def _on_robot(self, key: str, message: object) -> None:
         target = names.split_robot_key(key)
@@ -123,17 +189,12 @@ class TeamView:
             robot = self.robot(robot_id)
             if topic == names.GROUND_TRUTH and isinstance(message, Odometry):
                 robot.take_truth(message)
-            elif topic == names.ODOM and isinstance(message, Odometry):
-                robot.odom = message
-            elif isinstance(message, LaserScan):
-                robot.scan = message
-            elif isinstance(message, Bool):
-                robot.stall = message.data
             elif isinstance(message, RobotStatus):
                 robot.status = message
-            elif isinstance(message, Twist):
-                robot.command, robot.commands = message, robot.commands + 1
-            self.changed.notify_all()
+            elif isinstance(message, Message):
+                robot.newest[topic] = message
+                robot.heard[topic] = robot.heard.get(topic, 0) + 1
+            self._tell()
 
     def _on_token(self, key: str, alive: bool) -> None:
         token = names.split_token_key(key)
@@ -142,4 +203,4 @@ class TeamView:
         with self.changed:
             held = self._tokens.setdefault(token[0], set())
             (held.add if alive else held.discard)(token[1])
-            self.changed.notify_all()
+            self._tell()
