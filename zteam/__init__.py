@@ -1,3 +1,19 @@
 """zteam: a team of robots as separate processes linked by Zenoh."""
 
-__version__ = "0.1.0"
+from typing import TYPE_CHECKING, Any
+
+from zteam.version import __version__
+
+if TYPE_CHECKING:
+    from zteam.nodes.user_node import Node, run
+
+__all__ = ["Node", "__version__", "run"]
+
+
+def __getattr__(name: str) -> Any:
+    # Lazy: whoever wants only the simulator or the transforms does not pay for the bus.
+    if name not in ("Node", "run"):
+        raise AttributeError(f"module 'zteam' has no attribute {name!r}")
+    from zteam.nodes import user_node
+
+    return getattr(user_node, name)

@@ -50,7 +50,7 @@ def test_the_report_holds_what_it_promises(tmp_path: Path) -> None:
 def test_the_lectures_line_drives_through_willow(tmp_path: Path) -> None:
     """Four robots in a line: everyone drives more than 2 m in 30 s and no gap ends above 2.5 m."""
     world = SHARED / "worlds" / "stage_ros" / "willow-lesson3.world"
-    done = up("willow", "--world", str(world), "--for", "30", "--report", "r.json", cwd=tmp_path)
+    done = up("willow", "--world", str(world), "--lockstep", "--for", "30", "--report", "r.json", cwd=tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
     robots = json.loads((tmp_path / "r.json").read_text())["robots"]
     assert [r["follow"] for r in robots] == [None, 0, 1, 2]

@@ -9,17 +9,18 @@ import msgspec
 import zenoh
 
 from zteam.errors import UsageError
+from zteam.version import __version__
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 
 LEASE = 2.0
 """Host seconds after which a process that is cut off or frozen counts as gone."""
 
-_RUNTIME = (
-    "(app: (worker_threads: 1), rx: (handover: app), tx: (handover: app), acc: (handover: app), net: (handover: app))"
-)
-"""One thread for all of Zenoh's own work in a process, instead of one for each kind: with many small processes on few
-cores most of a message's cost is waking threads. Figures: docs/benchmarks.md."""
+_RUNTIME = "(app: (worker_threads: 1), rx: (handover: app), acc: (handover: app), net: (handover: app))"
+"""One thread for what Zenoh receives in a process and one for what it sends, instead of seven: with many small processes
+on few cores most of a message's cost is waking threads (docs/benchmarks.md). Not one in all: an answer that waits for
+room in the queue, such as a large map's, would wait for the very thread that makes room.
+"""
 os.environ.setdefault("ZENOH_RUNTIME", _RUNTIME)
 
 
@@ -35,6 +36,12 @@ class BusOptions(msgspec.Struct, frozen=True):
     lease: float = LEASE
     """Host seconds of silence after which this process counts as gone; longer than a lock-step's patience, if it shall
     be named as hung before."""
+
+    @classmethod
+    def from_environment(cls) -> "BusOptions":
+        """What the environment says; every command's options have these as their defaults."""
+        given = {name: os.environ.get(f"ZTEAM_{name.upper()}") or None for name in ("connect", "namespace", "config")}
+        return cls(**given, lease=float(os.environ.get("ZTEAM_LEASE") or LEASE))
 
     @property
     def endpoint(self) -> str:
@@ -95,8 +102,6 @@ def client_config(options: BusOptions) -> zenoh.Config:
 
 def router_config(listen: str, config: str | None = None) -> zenoh.Config:
     """Configuration of the router: listens on one endpoint and says whose it is."""
-    from zteam import __version__
-
     return _build(
         config,
         {

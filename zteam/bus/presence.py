@@ -17,6 +17,7 @@ from zteam.bus.bus import Bus, NoRequest
 from zteam.bus.transport import Closeable
 from zteam.clock import monotonic, wait_until, wall_ns
 from zteam.errors import DuplicateNameError
+from zteam.version import __version__
 
 CLAIM_WAIT = 0.1
 
@@ -35,8 +36,6 @@ class ProcessInfo(msgspec.Struct):
 
 def own_info(name: str, instance: str, start: int) -> ProcessInfo:
     """This process's answer."""
-    from zteam import __version__
-
     return ProcessInfo(name, socket.gethostname(), os.getpid(), start, instance, __version__)
 
 

@@ -42,14 +42,18 @@ class _Publisher(_Declared):
         self.wanted = True
         if not latched:
             # Told instead of asked: a question to Zenoh gives the interpreter away each time.
-            told: Any = zenoh.handlers.Callback(lambda _: self._look(entity), indirect=False)
-            self._matching = entity.declare_matching_listener(told)
-            self._look(entity)
+            self._lock, self._told = threading.Lock(), False
+            listener: Any = zenoh.handlers.Callback(self._on_matching, indirect=False)
+            self._matching = entity.declare_matching_listener(listener)
+            now = entity.matching_status.matching
+            with self._lock:
+                # What was told meanwhile is newer.
+                if not self._told:
+                    self.wanted = now
 
-    def _look(self, entity: Any) -> None:
-        # Two threads may look at once, and the one with the older answer be the last to store it: look until it stands.
-        while self.wanted != (now := entity.matching_status.matching):
-            self.wanted = now
+    def _on_matching(self, status: Any) -> None:
+        with self._lock:
+            self.wanted, self._told = status.matching, True
 
     def put(self, payload: bytes) -> None:
         entity = self._entity

@@ -20,6 +20,7 @@ from zteam.nodes.stopping import Stop, exit_hard_later
 log = logging.getLogger("zteam")
 
 M = TypeVar("M", bound=Message)
+N = TypeVar("N", bound="Node")
 
 WALL_AFTER = 0.5
 """Host seconds of data without a sign of a simulator after which this is a real base, in wall time."""
@@ -52,6 +53,8 @@ class Node:
         self._failure: BaseException | None = None
         self._simulators: set[str] = set()
         self._on_simulator_lost: list[Callable[[], None]] = []
+        self.wakes_with_clock = False
+        """Whether every tick of the simulator's clock wakes the main loop."""
         self._clock_input: Closeable | None = None
         self._follows_clock = False
         self._on_stop: list[Callable[[], None]] = []
@@ -171,6 +174,8 @@ class Node:
     def _on_clock(self, _key: str, message: Clock) -> None:
         self.clock.use_simulated()
         self.clock.sim.set(ns_from_time(message.clock))
+        if self.wakes_with_clock:
+            self.changed.notify_all()
 
     def _on_simulator(self, key: str, alive: bool) -> None:
         (self._simulators.add if alive else self._simulators.discard)(key)
@@ -196,11 +201,13 @@ class Node:
 
 
 @contextmanager
-def open_node(name: str, options: BusOptions, stop: Stop, clock: ClockMode = "auto") -> Iterator[Node]:
-    """A node on a new session, closed on every way out."""
+def open_node(
+    name: str, options: BusOptions, stop: Stop, clock: ClockMode, make: Callable[[str, Bus, Stop, ClockMode], N]
+) -> Iterator[N]:
+    """A node on a new session, made by `make` and closed on every way out."""
     bus = connect(options, stopping=stop)
     try:
-        node = Node(name, bus, stop, clock)
+        node = make(name, bus, stop, clock)
     except BaseException:
         bus.close()
         raise
@@ -212,14 +219,20 @@ def open_node(name: str, options: BusOptions, stop: Stop, clock: ClockMode = "au
         node.close()
 
 
-def run_node(name: str, options: BusOptions, body: Callable[[Node], None], clock: ClockMode = "auto") -> int:
+def run_node(
+    name: str,
+    options: BusOptions,
+    body: Callable[[N], None],
+    clock: ClockMode = "auto",
+    make: Callable[[str, Bus, Stop, ClockMode], N] = Node,  # type: ignore[assignment]
+) -> int:
     """Run `body(node)` as a process: signals, orderly stop, hard exit. The exit code is what a command returns."""
     stop = Stop()
     stop.install()
     exit_hard_later(stop)
     sys.setswitchinterval(SWITCH_INTERVAL)
     try:
-        with open_node(name, options, stop, clock) as node:
+        with open_node(name, options, stop, clock, make) as node:
             try:
                 body(node)
             except ZteamError as error:

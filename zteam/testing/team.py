@@ -154,9 +154,7 @@ class TeamFixture:
             self._supervisor.start(name, command, self.environment)
         self.wait_for_processes(*plan.commands)
         if names.SIMULATOR in plan.commands:
-            status = self.sim_status
-            known = status.robots
-            self._interval = status.interval if status.lockstep else 0
+            known = self.sim_status.robots
             # From here on a test may read any robot's pose.
             if not self._wait(lambda: all(self.robot(i).truth is not None for i in known), START_LIMIT):
                 raise TeamTimeout(f"the simulator shows no pose of some robot of {known}")
@@ -240,11 +238,16 @@ class TeamFixture:
         missing = [n for n in processes if not self.alive(n)]
         if missing:
             raise TeamTimeout(f"{', '.join(missing)} did not come up within {START_LIMIT:g} s")
+        if names.SIMULATOR in processes:
+            status = self.sim_status
+            self._interval = status.interval if status.lockstep else 0
 
     def wait_for_go(self) -> None:
-        """Wait until the monitor has given GO."""
+        """Wait until the monitor has given GO; in lock-step, until it holds for everybody at the first tick."""
         if not self._wait(lambda: self.is_go, START_LIMIT):
             raise TeamTimeout("no GO: " + "; ".join(self.lines(names.MONITOR)[-3:]))
+        if self._interval and not self._wait(lambda: self.report.ticks > 0, START_LIMIT):
+            raise TeamTimeout(f"the first tick is held: waiting for {self.sim_status.waiting_for}")
 
     def wait_for_line(self, name: str, text: str) -> None:
         """Wait until a process has written a line that holds `text`."""

@@ -1,0 +1,292 @@
+"""Lock-step with real processes: it repeats bit for bit, and nobody holds it in silence."""
+
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import zenoh
+
+from zteam import names
+from zteam.bus.options import BusOptions, client_config
+from zteam.messages import Done, Tick, Twist, Vector3, decode, encode
+from zteam.nodes.sim_messages import SimStatus, SpawnReply, SpawnRequest
+from zteam.testing.team import TeamFixture
+
+pytestmark = pytest.mark.team
+
+LIMIT = 60.0
+LINE = {1: 0, 2: 1}
+
+
+@pytest.fixture
+def busy() -> Iterator[None]:
+    """Two processes that take all the time they get."""
+    loops = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(2)]
+    yield
+    for loop in loops:
+        loop.kill()
+        loop.wait()
+
+
+def trajectory(team: TeamFixture, speed: float = 0.4) -> str:
+    """The hash of a line of three that drives through the office."""
+    team.start("office", robots=3, follow=LINE, params={0: {"speed": speed}})
+    team.wait_for_go()
+    team.run(8.0)
+    assert min(team.robot(i).distance_travelled for i in range(3)) > 0.5
+    return team.report.trajectory_sha256
+
+
+@pytest.fixture
+def reference(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """The same run by the launcher, whose processes start all at once, and which never pauses."""
+    folder = tmp_path_factory.mktemp("reference")
+    lines = ['[team]\nworld = "office"\nseed = 1\n[[robots]]\nid = 0\nbehavior = "wander"\nspeed = 0.4\n']
+    lines += [f"[[robots]]\nid = {i}\nfollow = {i - 1}\n" for i in (1, 2)]
+    (folder / "team.toml").write_text("".join(lines))
+    from zteam.launch.process import zteam_command
+
+    done = subprocess.run(
+        zteam_command("up", "team.toml", "--lockstep", "--for", "8", "--report", "r.json"),
+        cwd=folder, capture_output=True, text=True, timeout=120, check=False, stdin=subprocess.DEVNULL,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    import json
+
+    report = json.loads((folder / "r.json").read_text())
+    assert report["ticks"] == 81
+    return str(report["trajectory_sha256"])
+
+
+def test_the_same_seed_gives_the_same_run(team: TeamFixture, reference: str, busy: None) -> None:
+    """In the fixture, in pieces and beside two busy loops, the line drives as it did with the launcher at full speed."""
+    assert trajectory(team) == reference
+
+
+def test_another_command_gives_another_run(team: TeamFixture, reference: str) -> None:
+    """A leader that drives a little faster changes the hash."""
+    assert trajectory(team, speed=0.41) != reference
+
+
+def test_processes_in_any_order_give_the_same_run(team: TeamFixture, reference: str) -> None:
+    """Robots and monitor first, the simulator after them, the aggregator last: the run is the same."""
+    team.spawn("robot", "--id", "2", "--follow", "1", name="robot_2")
+    team.spawn("robot", "--id", "1", "--follow", "0", name="robot_1")
+    team.spawn("robot", "--id", "0", "--behavior", "wander", "--param", "speed=0.4", name="robot_0")
+    team.spawn("monitor", "--ids", "0", "1", "2", name=names.MONITOR)
+    expected = ("tf", "robot_0", "robot_1", "robot_2")
+    team.spawn("sim", "office", "--lockstep", "--paused", "--expect", *expected, name=names.SIMULATOR)
+    team.wait_for_processes("robot_0", "robot_1", "robot_2", names.SIMULATOR)
+    team.spawn("aggregator", name=names.AGGREGATOR)
+    team.wait_for_go()
+    team.run(8.0)
+    assert team.report.trajectory_sha256 == reference
+
+
+def test_a_restart_at_a_tick_repeats(team: TeamFixture) -> None:
+    """A robot that is killed and started again at the same tick: two runs are one, the second after a reset."""
+
+    def run() -> str:
+        team.at(20).kill("robot_1")
+        team.restart("robot_1")
+        team.at(60)
+        return team.report.trajectory_sha256
+
+    team.start("office", robots=3, follow=LINE)
+    team.wait_for_go()
+    first = run()
+    assert team.robot(1).speed > 0.0
+    team.bus.ask(names.service_key(names.SIMULATOR, "reset"), SimStatus, timeout=LIMIT)
+    team.wait_for(lambda: team.tick == 1)
+    assert run() == first
+
+
+def test_a_killed_participant_is_not_waited_for(team: TeamFixture) -> None:
+    """The world goes on at once, long before the time-out, and the follower's wheels stop."""
+    team.start("office", robots=2, follow={1: 0}, lockstep_timeout=600.0)
+    team.wait_for_go()
+    team.until(lambda: team.robot(1).speed > 0.05, within=10)
+    team.kill("robot_1")
+    team.until(lambda: team.robot(1).speed == 0.0, within=0.3)
+    assert "robot_1" not in team.sim_status.participants
+
+
+def test_a_hung_participant_is_named_and_left_behind(team: TeamFixture) -> None:
+    """A frozen robot holds the world, is named, and left behind after the time-out; awake, it takes part again."""
+    team.start("office", robots=2, follow={1: 0}, lockstep_timeout=2.0)
+    team.wait_for_go()
+    team.run(1.0)
+    team.pause_process("robot_1")
+    running = threading.Thread(target=team.run, args=(1.0,))
+    running.start()
+    team.wait_for_line(names.SIMULATOR, "waits for robot_1 for 1 s")
+    assert team.sim_status.waiting_for == "robot_1"
+    team.wait_for_line(names.SIMULATOR, "robot_1 did not answer tick")
+    running.join(LIMIT)
+    assert team.sim_status.participants == ["robot_0", "tf"]
+    assert team.report.hung == ["robot_1"]
+    team.resume_process("robot_1")
+    team.wait_for(lambda: "robot_1" in team.sim_status.joining)
+    team.until(lambda: team.robot(1).speed > 0.05, within=5)
+
+
+def test_the_aggregator_alone_is_to_blame(team: TeamFixture) -> None:
+    """Robots that wait for the transforms of a frozen aggregator are not left behind with it."""
+    team.start("office", robots=2, follow={1: 0}, lockstep_timeout=2.0)
+    team.wait_for_go()
+    team.run(1.0)
+    team.pause_process(names.AGGREGATOR)
+    team.run(1.0)
+    assert team.report.hung == [names.AGGREGATOR]
+    assert team.sim_status.participants == ["robot_0", "robot_1"]
+    team.resume_process(names.AGGREGATOR)
+    team.wait_for(lambda: names.AGGREGATOR in team.sim_status.joining)
+    team.until(lambda: team.robot(1).speed > 0.05, within=5)
+
+
+class Outsider:
+    """A participant in the plain protocol of docs/time.md: bare Zenoh, and this much code."""
+
+    def __init__(self, session: zenoh.Session, namespace: str) -> None:
+        self.ticks: list[int] = []
+        self.silent = False
+        self._done = session.declare_publisher(f"{namespace}/planner/done")
+        self._subscriber = session.declare_subscriber(f"{namespace}/sim/tick", self._on_tick)
+        self.token = session.liveliness().declare_token(f"{namespace}/planner/alive/1")
+
+    def _on_tick(self, sample: zenoh.Sample) -> None:
+        tick = decode(Tick, sample.payload.to_bytes())
+        if not self.silent:
+            self.ticks.append(tick.tick)
+            self._done.put(encode(Done(tick.epoch, tick.tick)))
+
+
+@pytest.fixture
+def session(team: TeamFixture) -> Iterator[zenoh.Session]:
+    """A plain Zenoh client outside the team's namespace."""
+    opened = zenoh.open(client_config(BusOptions(connect=team.endpoint)))
+    yield opened
+    opened.close()  # type: ignore[no-untyped-call]
+
+
+def test_any_language_can_take_part(team: TeamFixture, session: zenoh.Session) -> None:
+    """A plain participant is waited for in every tick, holds the world with its silence, and leaves with its token."""
+    team.start("arena", robots=1, behavior="forward", params={0: {"speed": 0.05}}, lockstep_timeout=600.0)
+    planner = Outsider(session, team.namespace)
+    team.wait_for_go()
+    team.wait_for(lambda: "planner" in {*team.sim_status.participants, *team.sim_status.joining})
+    team.at(11)
+    assert set(range(2, 12)) <= set(planner.ticks)
+    assert "planner" in team.sim_status.participants
+    planner.silent = True
+    running = threading.Thread(target=team.run, args=(1.0,))
+    running.start()
+    team.wait_for_line(names.SIMULATOR, "waits for planner")
+    assert team.tick == 12
+    planner.token.undeclare()
+    running.join(LIMIT)
+    assert team.tick == 21
+
+
+PLANNER = """
+import sys
+import zteam
+from zteam.messages import Odometry
+
+def main(node):
+    odoms = {}
+    node.subscribe("robot_$*/odom", Odometry, lambda key, odom: odoms.__setitem__(key, odom), every_tick=True)
+
+    def step(now):
+        stamps = {key: odom.header.stamp.sec * 10**9 + odom.header.stamp.nanosec for key, odom in odoms.items()}
+        print("STEP", now // 10**8, sorted({stamp // 10**8 for stamp in stamps.values()}), len(stamps), flush=True)
+
+    node.run(step)
+
+sys.exit(zteam.run("planner", main))
+"""
+
+
+def start_planner(team: TeamFixture, tmp_path: Path) -> "subprocess.Popen[str]":
+    """The user's own node, as a process."""
+    import os
+
+    (tmp_path / "planner.py").write_text(PLANNER)
+    command, environment = [sys.executable, "-u", "planner.py"], {**os.environ, **team.environment}
+    return subprocess.Popen(command, cwd=tmp_path, env=environment, stdout=subprocess.PIPE, text=True)
+
+
+def test_a_users_node_sees_every_tick_whole(team: TeamFixture, tmp_path: Path) -> None:
+    """Its step runs once a tick, with every robot's odometry of that very tick."""
+    team.start("arena", robots=2, behavior="forward")
+    team.wait_for_go()
+    with start_planner(team, tmp_path) as planner:
+        team.wait_for(lambda: "planner" in team.sim_status.joining)
+        team.run(3.0)
+        planner.terminate()
+        assert planner.stdout is not None
+        steps = [line.split(maxsplit=2) for line in planner.stdout if line.startswith("STEP")]
+        assert planner.wait(LIMIT) == 0
+    assert [int(now) for _, now, _ in steps] == list(range(2, 32))
+    assert all(rest.strip() == f"[{now}] 2" for _, now, rest in steps)
+
+
+def test_a_users_node_works_in_real_time_too(team: TeamFixture, tmp_path: Path) -> None:
+    """The same node beside a simulator in real time is called with growing simulated times."""
+    team.start("arena", robots=2, behavior="forward", lockstep=False)
+    with start_planner(team, tmp_path) as planner:
+        assert planner.stdout is not None
+        lines = (line for line in planner.stdout if line.startswith("STEP"))
+        times = [int(next(lines).split()[1]) for _ in range(5)]
+        planner.terminate()
+        planner.stdout.read()
+        assert planner.wait(LIMIT) == 0
+    assert times == sorted(set(times))
+
+
+def test_a_frozen_spectator_holds_nobody(team: TeamFixture) -> None:
+    """A process that listens to everything and is frozen does not stall the world."""
+    team.start("office", robots=2, follow={1: 0})
+    team.wait_for_go()
+    team.spawn("topic", "echo", "**", name="spectator")
+    team.until(lambda: len(team.lines("spectator")) > 10, within=60)
+    team.pause_process("spectator")
+    start = team.tick
+    team.run(60.0)
+    team.resume_process("spectator")
+    assert (team.tick - start, team.report.hung) == (600, [])
+
+
+def test_a_foreign_command_is_told_of(team: TeamFixture, session: zenoh.Session) -> None:
+    """A velocity from outside moves a robot that nobody drives, and the report counts it."""
+    team.start("arena", robots=[0], behavior="forward", params={0: {"speed": 0.0}})
+    team.wait_for_go()
+    session.put(f"{team.namespace}/robot_1/cmd_vel", encode(Twist(Vector3(), Vector3(0.0, 0.0, 0.5))))
+    team.wait_for(lambda: team.report.external_commands == 1)
+    start = team.robot(1).pose.yaw
+    team.run(0.2)
+    assert team.robot(1).pose.yaw != start
+
+
+def test_the_pace_can_be_changed_in_lock_step(team: TeamFixture) -> None:
+    """Going on, a speed, a pause, and a robot that comes in the middle all work without losing a tick."""
+    team.start("office", robots=2, follow={1: 0})
+    team.wait_for_go()
+
+    def ask(service: str, request: object = None) -> SimStatus:
+        return team.bus.ask(names.service_key(names.SIMULATOR, service), SimStatus, request, timeout=LIMIT)  # type: ignore[arg-type]
+
+    ask("resume")
+    team.wait_for(lambda: team.tick > 30)
+    ask("pause")
+    spawned = team.bus.ask(
+        names.service_key(names.SIMULATOR, "spawn"), SpawnReply, SpawnRequest(20.0, 25.0), timeout=LIMIT
+    )
+    assert spawned.id == 4
+    team.run(1.0)
+    assert team.robot(4).pose[:2] == (20.0, 25.0)
+    assert 4 in team.sim_status.robots
+    assert team.report.hung == []

@@ -1,0 +1,120 @@
+"""`zteam.Node` and `zteam.run`: a process of one's own that keeps time with the team, in lock-step too."""
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+from zteam import names
+from zteam.bus import Bus, BusOptions
+from zteam.bus.transport import Closeable
+from zteam.clock import monotonic, to_ns
+from zteam.errors import UsageError
+from zteam.messages import Message, Tick, ns_from_time
+from zteam.nodes import node as core
+from zteam.nodes.logs import start_logging
+from zteam.nodes.participant import Participant
+from zteam.nodes.stopping import Stop
+
+M = TypeVar("M", bound=Message)
+
+
+class Node(core.Node):
+    """One process on the bus under a name of its own.
+
+    `subscribe` and `bus.publisher` before `run(step)`; then `step(now)` is called with the time in ns: in lock-step
+    once a tick, when all inputs declared with `every_tick` have come for it, and the world waits until it returns; else
+    every `period` seconds of simulated time, or of the host's where there is no simulator.
+    """
+
+    def __init__(self, name: str, bus: Bus, stop: Stop, clock: core.ClockMode = "auto") -> None:
+        super().__init__(name, bus, stop, clock)
+        self._every_tick: list[str] = []
+        self._stamps: dict[str, int] = {}
+        """Of the newest message, by key."""
+        self._step: Callable[[int], object] = lambda now: None
+        self._due = 0
+        self._first_data = 0.0
+        """Host time of the first message; 0 before."""
+        self._part = Participant(self, self._has_inputs, self._act)
+        self.clock.sim.on_jump_back(self._start_anew)
+
+    def subscribe(
+        self,
+        key_expr: str,
+        message_type: type[M],
+        callback: Callable[[str, M], None],
+        *,
+        latched: bool = False,
+        wake: bool = True,
+        every_tick: bool = False,
+    ) -> Closeable:
+        """Call `callback(key, message)` for what comes, never at the same time as `step`.
+
+        With `every_tick`, a lock-step's `step` waits for the tick's own message: of the key, or of every robot in the
+        world if the key is `robot_$*/topic`. Such a message needs a header, whose stamp says which tick it is of.
+        """
+        if every_tick and "header" not in message_type.__struct_fields__:
+            raise UsageError(f"{key_expr}: {message_type.__name__} has no header, so its tick cannot be told")
+        if every_tick:
+            self._every_tick.append(key_expr)
+
+        def handle(key: str, message: Any) -> None:
+            self._first_data = self._first_data or monotonic()
+            callback(key, message)
+            if every_tick:
+                self._stamps[key] = ns_from_time(message.header.stamp)
+                self._part.advance()
+
+        return super().subscribe(key_expr, message_type, handle, latched=latched, wake=wake)
+
+    def run(self, step: Callable[[int], object], *, period: float = 0.1) -> None:
+        """Call `step(now)` until the process is asked to stop. Raises what `step` raises."""
+        self._step = step
+        self.wakes_with_clock = True
+        self.become_present()
+        while not self.stopping:
+            self.decide_clock(self._first_data)
+            self.wait(self._is_due, min(period, 0.1))
+            with self.changed:
+                if self._is_due():
+                    now = self.clock.now()
+                    # Evenly spaced; what was missed is not made up for.
+                    self._due += to_ns(period)
+                    if self._due <= now:
+                        self._due = now + to_ns(period)
+                    self._step(now)
+
+    def _is_due(self) -> bool:
+        now = self.clock.now()
+        return not self._part.active and self.clock.decided and now > 0 and now >= self._due
+
+    def _has_inputs(self, tick: Tick) -> bool:
+        stamp = ns_from_time(tick.stamp)
+        return all(self._stamps.get(key, -1) >= stamp for key in self._needed())
+
+    def _needed(self) -> list[str]:
+        needed = []
+        for key_expr in self._every_tick:
+            prefix, topic = names.all_robots_key(""), key_expr.partition("/")[2]
+            if key_expr.startswith(prefix):
+                needed += [names.robot_key(robot_id, topic) for robot_id in self._part.robots]
+            else:
+                needed.append(key_expr)
+        return needed
+
+    def _act(self, tick: Tick) -> None:
+        self._step(ns_from_time(tick.stamp))
+
+    def _start_anew(self, _old: int, new: int) -> None:
+        self._due = new
+        self._stamps.clear()
+
+
+def run(name: str, body: Callable[[Node], None], options: BusOptions | None = None) -> int:
+    """Be the process `name`: `body(node)` subscribes and calls `node.run(step)`. Returns the exit code.
+
+    Stops in order on SIGINT and SIGTERM. Without `options` the environment says how to reach the bus, as it does to
+    every command (`ZTEAM_CONNECT`, `ZTEAM_NAMESPACE`, `ZTEAM_CONFIG`, `ZTEAM_LEASE`).
+    """
+    start_logging(name, "info", "text")
+    chosen = BusOptions.from_environment() if options is None else options
+    return core.run_node(name, chosen, body, make=Node)
