@@ -71,6 +71,8 @@ class Player:
         self.awake = True
         self.asks = True
         """Whether it asks to be let in."""
+        self.blocked_by = ""
+        """It does not answer while this one takes part."""
         self.heard: list[Tick] = []
         self.changed = threading.Condition()
         self._bus = bus or hub.bus()
@@ -95,9 +97,10 @@ class Player:
         with self.changed:
             self.heard.append(tick)
             self._busy += 1
-        if self._present and self.name not in tick.participants and self.asks:
+        listed = tick.participants
+        if self._present and self.name not in listed and self.asks:
             self.say(Done(tick.epoch, tick.tick))
-        elif self._present and self.name in tick.participants and self.awake:
+        elif self._present and self.name in listed and self.awake and self.blocked_by not in listed:
             self.answer()
         with self.changed:
             self._busy -= 1
@@ -111,6 +114,11 @@ class Player:
     def say(self, done: Done) -> None:
         """Put an answer, right or wrong."""
         self._done.put(done)
+
+    def wait_until_heard(self) -> None:
+        """Wait until it has heard a tick, and said what it has to say to that."""
+        with self.changed:
+            assert wait_until(self.changed, lambda: self._busy == 0 and self.heard != [], LIMIT)
 
     def wait_for_list(self, *participants: str) -> None:
         """Wait until the newest tick has these participants, and what it has to say to that is said."""

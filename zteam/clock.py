@@ -10,6 +10,8 @@ from collections.abc import Callable
 from typing import Protocol
 
 NS_PER_S = 1_000_000_000
+STILL = 2.0
+"""Host seconds without news of simulated time after which a user may like to hear what is waited for."""
 
 
 def monotonic() -> float:
@@ -73,6 +75,7 @@ class SimClock:
 
     def __init__(self) -> None:
         self._now = 0
+        self._changed = threading.Condition()
         self._jumped: list[Callable[[int, int], None]] = []
 
     def now(self) -> int:
@@ -85,10 +88,17 @@ class SimClock:
 
     def set(self, stamp: int) -> None:
         """Take a new stamp from the `clock` key."""
-        old, self._now = self._now, stamp
+        with self._changed:
+            old, self._now = self._now, stamp
+            self._changed.notify_all()
         if stamp < old:
             for callback in self._jumped:
                 callback(old, stamp)
+
+    def wait_for_change(self, seen: int, timeout: float) -> bool:
+        """Wait until it is another time than `seen`, for `timeout` host seconds; whether it is."""
+        with self._changed:
+            return self._changed.wait_for(lambda: self._now != seen, timeout)
 
 
 class AutoClock:
@@ -144,14 +154,51 @@ class Every:
         return True
 
 
+class Rate:
+    """Evenly spaced moments of any clock that counts nanoseconds, as `rospy.Rate` has them. Pure: it is told the time.
+
+    A moment that was missed is not made up for. When time jumps back, the next moment counts from the new time.
+    """
+
+    def __init__(self, period: int, now: int) -> None:
+        """The first moment comes a `period` (ns) after `now`."""
+        self._period = max(1, period)
+        self._next = now + self._period
+        self._newest = now
+
+    def left(self, now: int) -> int:
+        """Nanoseconds until the next moment; 0 when it has come."""
+        if now < self._newest:
+            self._next = now + self._period
+        self._newest = now
+        return max(0, self._next - now)
+
+    def take(self, now: int) -> None:
+        """Go on to the moment after the one that has come."""
+        self._next += self._period
+        if self._next <= now:
+            self._next = now + self._period
+
+
 class Ticker:
-    """Waits for the next of evenly spaced moments on the host's clock: for tools that send at a rate."""
+    """Waits for evenly spaced moments of simulated time, or of the host's: for tools that do something at a rate."""
 
-    def __init__(self, period: float) -> None:
-        self._period = period
-        self._next = time.monotonic()
+    def __init__(self, period: float, clock: AutoClock) -> None:
+        """The first moment comes `period` seconds from now. `clock` is decided."""
+        self._clock = clock
+        self._rate = Rate(to_ns(period), self._now())
 
-    def wait(self) -> None:
-        """Until the next moment; one that was missed is not made up for."""
-        self._next = max(self._next + self._period, time.monotonic())
-        time.sleep(max(0.0, self._next - time.monotonic()))
+    def _now(self) -> int:
+        # Whoever sets the host's time of day must not disturb a rate.
+        return self._clock.sim.now() if self._clock.simulated else time.monotonic_ns()
+
+    def wait(self, on_still: Callable[[], None] = lambda: None) -> None:
+        """Until the next moment; `on_still()` is called when simulated time has stood still for STILL."""
+        now = self._now()
+        while left := self._rate.left(now):
+            if not self._clock.simulated:
+                time.sleep(to_seconds(left))
+            elif not self._clock.sim.wait_for_change(now, STILL):
+                on_still()
+            now = self._now()
+        self._rate.take(now)

@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 
 import pytest
-from players import INTERVAL, LONG, Player, Worlds, make_team
 
+from players import INTERVAL, LONG, Player, Worlds, make_team
 from zteam import names
 from zteam.bus import MemoryHub
 from zteam.messages import Done, Twist, Vector3, ns_from_time

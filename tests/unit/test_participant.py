@@ -4,8 +4,8 @@ import threading
 from collections.abc import Callable, Iterator
 
 import pytest
-from players import INTERVAL, LIMIT, Script
 
+from players import INTERVAL, LIMIT, Script
 from zteam.bus import Bus, MemoryHub
 from zteam.errors import ZteamError
 from zteam.messages import Bool, Done, Tick, Twist, Vector3, ns_from_time

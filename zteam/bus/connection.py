@@ -15,7 +15,7 @@ import msgspec
 import zenoh
 
 from zteam.bus.bus import Bus
-from zteam.bus.options import BusOptions, client_config
+from zteam.bus.options import BusOptions, client_config, open_session
 from zteam.bus.session import ZenohTransport
 from zteam.clock import Every, monotonic, pause
 from zteam.errors import BusError
@@ -65,7 +65,7 @@ def connect(options: BusOptions, *, patience: float | None = None, stopping: Cal
 
 def _try_open(options: BusOptions) -> zenoh.Session | None:
     try:
-        return zenoh.open(client_config(options))
+        return open_session(client_config(options), "small" if options.small else "usual")
     except zenoh.ZError as error:
         log.debug("open: %s", error)
         return None

@@ -14,7 +14,7 @@ import msgspec
 import zenoh
 
 from zteam import names
-from zteam.bus.options import BusOptions, client_config
+from zteam.bus.options import BusOptions, client_config, open_session
 from zteam.clock import monotonic, wait_until
 from zteam.errors import BusError, ZteamError
 
@@ -81,12 +81,12 @@ def _done_key(name: str) -> str:
     return names.service_key(name, "done")
 
 
-def _open(endpoint: str) -> zenoh.Session:
+def _open(endpoint: str, runtime: str) -> zenoh.Session:
     config = client_config(BusOptions(connect=endpoint))
     # The router is known to listen, but many processes that start at once may keep it from answering at once.
     config.insert_json5("connect/timeout_ms", str(_OPEN_LIMIT_MS))
     try:
-        return zenoh.open(config)
+        return open_session(config, runtime)
     except zenoh.ZError as error:
         reason = str(error).partition(" at /")[0].splitlines()[0]
         raise BusError(f"no session with the router at {endpoint}: {reason}") from None
@@ -135,7 +135,7 @@ def _take_part(
 
 def run_aggregator(endpoint: str, robots: int) -> None:
     """Answer the transforms of all robots with one bundle, until input ends."""
-    with _open(endpoint) as session:
+    with _open(endpoint, "small") as session:
         bundle, done = _publisher(session, names.TF), _publisher(session, _done_key(names.AGGREGATOR))
 
         def answer() -> None:
@@ -148,7 +148,7 @@ def run_aggregator(endpoint: str, robots: int) -> None:
 
 def run_robot(endpoint: str, robot_id: int) -> None:
     """Answer each tick once its scan, its odometry and the transforms are here, until input ends."""
-    with _open(endpoint) as session:
+    with _open(endpoint, "small") as session:
         name = names.robot_name(robot_id)
         done = _publisher(session, _done_key(name))
         own = [names.robot_key(robot_id, topic) for topic in (names.BASE_SCAN, names.ODOM)]
@@ -246,7 +246,7 @@ class _Simulator:
 
 def run_simulator(endpoint: str, robots: int, beams: int, seconds: float) -> Exchanged:
     """Wait for `robots` robots and the aggregator, warm up, and measure for `seconds` host seconds."""
-    with _open(endpoint) as session:
+    with _open(endpoint, "usual") as session:
         simulator = _Simulator(session, robots, beams)
         simulator.wait_for_everybody()
         simulator.warm_up()

@@ -16,12 +16,20 @@ DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 LEASE = 2.0
 """Host seconds after which a process that is cut off or frozen counts as gone."""
 
-_RUNTIME = "(app: (worker_threads: 1), rx: (handover: app), acc: (handover: app), net: (handover: app))"
-"""One thread for what Zenoh receives in a process and one for what it sends, instead of seven: with many small processes
-on few cores most of a message's cost is waking threads (docs/benchmarks.md). Not one in all: an answer that waits for
-room in the queue, such as a large map's, would wait for the very thread that makes room.
+RUNTIME_VARIABLE = "ZENOH_RUNTIME"
+RUNTIMES = {
+    "small": "(app: (worker_threads: 1), rx: (handover: app), tx: (handover: app), acc: (handover: app), "
+    "net: (handover: app))",
+    "usual": "(app: (worker_threads: 1), rx: (handover: app), acc: (handover: app), net: (handover: app))",
+    "router": "(rx: (worker_threads: 2), app: (handover: rx), acc: (handover: rx), net: (handover: rx))",
+}
+"""How many threads Zenoh works on in a process, instead of its seven: with many small processes on few cores most of a
+message's cost is waking threads (docs/benchmarks.md).
+
+`small` is one in all, for processes that send nothing large: an answer that waits for room in the queue, such as a map
+for a late subscriber, would wait for the very thread that makes room. `usual` has one more for sending. The router has
+two for receiving, so that one that waits for a slow client does not hold the others.
 """
-os.environ.setdefault("ZENOH_RUNTIME", _RUNTIME)
 
 
 class BusOptions(msgspec.Struct, frozen=True):
@@ -33,6 +41,8 @@ class BusOptions(msgspec.Struct, frozen=True):
     """Prefix that isolates a team from others on the same router."""
     config: str | None = None
     """A Zenoh JSON5 file whose settings are taken first."""
+    small: bool = False
+    """Whether the process sends small messages only, and works on one thread."""
     lease: float = LEASE
     """Host seconds of silence after which this process counts as gone; longer than a lock-step's patience, if it shall
     be named as hung before."""
@@ -40,13 +50,31 @@ class BusOptions(msgspec.Struct, frozen=True):
     @classmethod
     def from_environment(cls) -> "BusOptions":
         """What the environment says; every command's options have these as their defaults."""
-        given = {name: os.environ.get(f"ZTEAM_{name.upper()}") or None for name in ("connect", "namespace", "config")}
-        return cls(**given, lease=float(os.environ.get("ZTEAM_LEASE") or LEASE))
+
+        def given(name: str) -> str | None:
+            return os.environ.get(f"ZTEAM_{name}") or None
+
+        return cls(given("CONNECT"), given("NAMESPACE"), given("CONFIG"), lease=float(given("LEASE") or LEASE))
 
     @property
     def endpoint(self) -> str:
         """Where the router is, or is to be."""
         return self.connect or DEFAULT_ENDPOINT
+
+
+def open_session(config: zenoh.Config, runtime: str) -> zenoh.Session:
+    """`zenoh.open`, with one of RUNTIMES where this is the process's first session and the user chose none.
+
+    Raises zenoh.ZError.
+    """
+    if RUNTIME_VARIABLE in os.environ:
+        return zenoh.open(config)
+    os.environ[RUNTIME_VARIABLE] = RUNTIMES[runtime]
+    try:
+        return zenoh.open(config)
+    finally:
+        # It is read once; a child process makes its own choice.
+        del os.environ[RUNTIME_VARIABLE]
 
 
 def _base(config: str | None) -> zenoh.Config:

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import msgspec
 import zenoh
 
-from zteam.bus.options import router_config
+from zteam.bus.options import open_session, router_config
 from zteam.clock import monotonic
 from zteam.errors import BusError
 
@@ -24,7 +24,7 @@ class Router:
 
     def __init__(self, listen: str, config: str | None = None) -> None:
         try:
-            self._session = zenoh.open(router_config(listen, config))
+            self._session = open_session(router_config(listen, config), "router")
         except zenoh.ZError as error:
             text = str(error)
             if "Address already in use" in text:

@@ -45,7 +45,7 @@ def _aggregate(args: argparse.Namespace) -> int:
     def body(node: Node) -> None:
         run_aggregator(node, configured, descriptions, args.rate)
 
-    return run_node(names.AGGREGATOR, bus_options(args), body, args.clock)
+    return run_node(names.AGGREGATOR, bus_options(args, small=True), body, args.clock)
 
 
 if __name__ == "__main__":

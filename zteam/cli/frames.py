@@ -8,9 +8,9 @@ import msgspec
 
 from zteam import names
 from zteam.bus import Bus
+from zteam.cli.clocks import check_rate, ticker
 from zteam.cli.listening import SURVEY, Waiter, open_bus
 from zteam.cli.options import bus_options
-from zteam.clock import Ticker
 from zteam.errors import BusError, UsageError
 from zteam.messages import Clock, TFMessage, ns_from_time
 from zteam.nodes.tf_messages import FrameReply
@@ -137,22 +137,21 @@ class _Position(msgspec.Struct):
 
 def show_positions(args: argparse.Namespace) -> int:
     """Every robot's pose in `map`, once or again and again."""
-    if args.rate is not None and not args.rate > 0:
-        raise UsageError(f"--rate {args.rate:g}: give positions a second")
+    period = None if args.rate is None else check_rate(args.rate, "positions")
     bus = open_bus(bus_options(args))
     try:
         listener = TreeListener(bus)
         listener.waiter.wait(lambda: False, SURVEY, "")
-        ticker = Ticker(1.0 / args.rate) if args.rate else None
+        wait = None if period is None else ticker(bus, period, args.clock)
         while True:
             rows = _find_positions(listener.buffer)
             if args.json:
                 print(msgspec.json.encode(rows).decode(), flush=True)
             else:
                 print("\n".join(map(_position_line, rows)) or "no robots (see 'zteam node list')", flush=True)
-            if ticker is None:
+            if wait is None:
                 return 0
-            ticker.wait()
+            wait()
     finally:
         bus.close()
 

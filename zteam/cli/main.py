@@ -11,6 +11,7 @@ COMMANDS = {
     "up": ("up", "start a whole team and watch over it"),
     "topic": ("topic", "list | echo | hz | info | pub: what goes over the bus"),
     "tf": ("transforms", "echo | tree | static: transforms between frames"),
+    "sim": ("simctl", "pause | resume | step | speed | reset | spawn | remove | move | status: the running simulator"),
     "node": ("nodes", "list: which processes are alive"),
     "world": ("world", "check | show | scan: world files, their pictures, and what lasers see in them"),
     "doctor": ("doctor", "find out what is wrong, with the next step for each problem"),

@@ -49,7 +49,7 @@ def _monitor(args: argparse.Namespace) -> int:
 
     team_size, ids = parse_team(args.team_size, args.ids)
     options = MonitorOptions(team_size, ids, args.json, args.exit_on_go)
-    return run_node(names.MONITOR, bus_options(args), lambda node: run_monitor(node, options), args.clock)
+    return run_node(names.MONITOR, bus_options(args, small=True), lambda node: run_monitor(node, options), args.clock)
 
 
 if __name__ == "__main__":

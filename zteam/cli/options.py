@@ -3,7 +3,7 @@
 import argparse
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from zteam.bus import BusOptions
 from zteam.errors import UsageError, ZteamError
@@ -50,25 +50,41 @@ def add_bus_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_clock_option(parser: argparse.ArgumentParser) -> None:
+def add_clock_option(parser: argparse.ArgumentParser, default: str = "auto") -> None:
     """Add `--clock`."""
     parser.add_argument(
         "--clock",
         choices=("auto", "sim", "wall"),
-        default="auto",
-        help="whose time to work in: the simulator's if there is one (auto, the default), the simulator's in any case "
-        "(sim), or the host's (wall)",
+        default=default,
+        help="whose time to work in: the simulator's if there is one (auto), the simulator's in any case (sim), or the "
+        "host's (wall) (default: %(default)s)",
     )
 
 
-def bus_options(args: argparse.Namespace) -> BusOptions:
-    """The connection options of a parsed command line."""
+def negative_numbers(words: Sequence[str]) -> list[str]:
+    """The words of a command line so that argparse takes no negative number for an option, `-1e-3` and `-inf` included.
+
+    They get a space in front, which `float` does not mind.
+    """
+    return [f" {word}" if word.startswith("-") and _is_number(word) else word for word in words]
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def bus_options(args: argparse.Namespace, *, small: bool = False) -> BusOptions:
+    """The connection options of a parsed command line; `small` as in BusOptions."""
     namespace = strip_slash(args.namespace) if args.namespace else None
     if namespace and any(c in "*$?#" or c.isspace() for c in namespace):
         raise UsageError(f"--namespace {namespace!r}: use letters, digits, '_', '-' and '/'")
     if not 0.1 <= args.lease <= 3600.0:
         raise UsageError(f"--lease {args.lease:g}: give seconds from 0.1 to 3600")
-    return BusOptions(connect=args.connect, namespace=namespace, config=args.config, lease=args.lease)
+    return BusOptions(connect=args.connect, namespace=namespace, config=args.config, small=small, lease=args.lease)
 
 
 def run(name: str, args: argparse.Namespace, body: Callable[[], int]) -> int:

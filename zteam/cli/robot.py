@@ -78,7 +78,7 @@ def _drive(robot_id: int, args: argparse.Namespace) -> int:
     def body(node: Node) -> None:
         run_robot(node, make_behavior, options)
 
-    return run_node(names.robot_name(robot_id), bus_options(args), body, args.clock)
+    return run_node(names.robot_name(robot_id), bus_options(args, small=True), body, args.clock)
 
 
 if __name__ == "__main__":

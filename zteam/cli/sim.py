@@ -12,6 +12,7 @@ from zteam import names
 from zteam.cli.options import add_bus_options, bus_options, run
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
+from zteam.nodes.sim_messages import MAX_SPEED
 from zteam.shipped import names as shipped_names
 from zteam.shipped import shipped_world, worlds_folder
 from zteam.simulation import PHYSICS, Options
@@ -20,8 +21,6 @@ if TYPE_CHECKING:
     from zteam.nodes.lockstep import LockStepOptions
 
 log = logging.getLogger("zteam")
-
-MAX_SPEED = 1e6
 
 
 def build_parser() -> argparse.ArgumentParser:

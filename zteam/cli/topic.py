@@ -1,11 +1,11 @@
 """`zteam topic list | echo | hz | info | pub`: what goes over the bus, under ROS's words."""
 
 import argparse
+import itertools
 import statistics
 import sys
 from collections import deque
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import Any
 
 import msgspec
@@ -13,9 +13,10 @@ import msgspec
 from zteam import names
 from zteam.bus.counters import KeyCount
 from zteam.bus.transport import RawSample
+from zteam.cli.clocks import check_rate, open_clock, ticker
 from zteam.cli.listening import Waiter, check_key, given_type, kind_of, open_bus, survey
-from zteam.cli.options import add_bus_options, bus_options, run
-from zteam.clock import Ticker, monotonic
+from zteam.cli.options import add_bus_options, add_clock_option, bus_options, run
+from zteam.clock import monotonic, to_seconds
 from zteam.errors import DecodeError, UsageError, ZteamError
 from zteam.messages import Message, decode, from_text, message_type, to_json, to_plain
 
@@ -41,19 +42,21 @@ def build_parser() -> argparse.ArgumentParser:
     echo.add_argument("--json", action="store_true", help="one JSON object a line")
     echo.add_argument("--type", help="ROS type, where neither encoding nor key tells")
     echo.add_argument("--full", action="store_true", help="print whole arrays")
-    echo.add_argument("--timeout", type=float, metavar="S", help="fail after S seconds without a message")
-    rate = verb("hz", "measure the rate of messages")
+    echo.add_argument("--timeout", type=float, metavar="S", help="fail after S seconds of the host without a message")
+    rate = verb("hz", "measure the rate of messages, by the host's time unless told otherwise")
     rate.add_argument("--window", type=int, default=100, help="messages to look back (default: %(default)s)")
     rate.add_argument("--once", action="store_true", help="end after the first line")
     rate.add_argument("--json", action="store_true")
+    add_clock_option(rate, "wall")
     info = verb("info", "type, rate, size, sender, refusals")
     info.add_argument("--json", action="store_true")
-    pub = verb("pub", "publish messages, at 1 Hz until Ctrl+C unless told otherwise")
+    pub = verb("pub", "publish messages, at 1 Hz (of simulated time, if there is any) until Ctrl+C")
     pub.add_argument("type", metavar="TYPE")
     pub.add_argument("values", nargs="?", default="{}", metavar="'{…}'", help="fields as JSON or YAML")
     pub.add_argument("--rate", type=float, default=1.0, metavar="HZ")
     pub.add_argument("--times", type=int, metavar="N", help="end after N messages")
     pub.add_argument("--once", action="store_true", help="the same as --times 1")
+    add_clock_option(pub)
     for sub in (listing, echo, rate, info, pub):
         add_bus_options(sub)
     return parser
@@ -159,36 +162,44 @@ def _hz(args: argparse.Namespace) -> int:
     bus, waiter = open_bus(bus_options(args)), Waiter()
     times: deque[float] = deque(maxlen=max(2, args.window))
     total = 0
-
-    def take(_sample: RawSample) -> None:
-        nonlocal total
-        times.append(monotonic())
-        total += 1
-        waiter.notify()
-
     try:
+        clock = open_clock(bus, args.clock)
+
+        def take(_sample: RawSample) -> None:
+            nonlocal total
+            now = to_seconds(clock.now()) if clock.simulated else monotonic()
+            if times and now < times[-1]:
+                # The simulator began anew: what was before is no part of this.
+                times.clear()
+            times.append(now)
+            total += 1
+            waiter.notify()
+
         bus.subscribe_raw(key, take)
         while True:
             enough = total + 2
             waiter.wait(lambda least=enough: total >= least, None, f"messages on {key}")  # type: ignore[misc]
             waiter.wait(lambda: False, 1.0, "")
-            print(_format_rate(list(times), args.json), flush=True)
+            heard = list(times)
+            if len(heard) < 2:
+                continue
+            print(_format_rate(heard, clock.simulated, args.json), flush=True)
             if args.once:
                 return 0
     finally:
         bus.close()
 
 
-def _format_rate(times: list[float], as_json: bool) -> str:
-    gaps = [b - a for a, b in pairwise(times)]
+def _format_rate(times: list[float], simulated: bool, as_json: bool) -> str:
+    gaps = [b - a for a, b in itertools.pairwise(times)]
     rate = len(gaps) / sum(gaps) if sum(gaps) > 0 else 0.0
     spread = statistics.pstdev(gaps)
     if as_json:
         values = {"rate": rate, "min": min(gaps), "max": max(gaps), "std": spread, "window": len(times)}
-        return msgspec.json.encode(values).decode()
+        return msgspec.json.encode({**values, "clock": "sim" if simulated else "wall"}).decode()
     return (
-        f"average rate: {rate:.3f}\n        min: {min(gaps):.3f}s max: {max(gaps):.3f}s "
-        f"std dev: {spread:.5f}s window: {len(times)}"
+        f"average rate: {rate:.3f} ({'simulated' if simulated else 'host'} time)\n"
+        f"        min: {min(gaps):.3f}s max: {max(gaps):.3f}s std dev: {spread:.5f}s window: {len(times)}"
     )
 
 
@@ -238,17 +249,20 @@ def _pub(args: argparse.Namespace) -> int:
         raise UsageError(f"{args.key!r} is a wildcard: a message is for one key")
     message = from_text(message_type(args.type), args.values)
     times = 1 if args.once else args.times
-    if not args.rate > 0 or (times is not None and times < 1):
-        raise UsageError("--rate takes messages a second, --times a number from 1 on")
+    period = check_rate(args.rate, "messages")
+    if times is not None and times < 1:
+        raise UsageError(f"--times {times}: give a number from 1 on")
     bus = open_bus(bus_options(args))
     try:
         publisher = bus.publisher(key, type(message))
-        ticker, sent = Ticker(1.0 / args.rate), 0
-        while times is None or sent < times:
-            if sent:
-                ticker.wait()
+        if times == 1:
             publisher.put(message)
-            sent += 1
+            return 0
+        wait = ticker(bus, period, args.clock)
+        publisher.put(message)
+        for _ in itertools.count() if times is None else range(times - 1):
+            wait()
+            publisher.put(message)
     finally:
         bus.close()
     return 0

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 
 from zteam import names
 from zteam.bus import Bus
+from zteam.cli.clocks import check_rate, ticker
 from zteam.cli.frames import TreeListener, show_figures, show_positions, show_tree
 from zteam.cli.listening import Waiter, open_bus
-from zteam.cli.options import add_bus_options, bus_options, run
-from zteam.clock import Ticker
+from zteam.cli.options import add_bus_options, add_clock_option, bus_options, run
 from zteam.errors import UsageError, ZteamError
 from zteam.geometry import quaternion_from_rpy
 from zteam.messages import to_json
@@ -32,12 +32,14 @@ def build_parser() -> argparse.ArgumentParser:
     echo.add_argument("--json", action="store_true")
     echo.add_argument("--rate", type=float, default=1.0, metavar="HZ", help="(default: %(default)s)")
     echo.add_argument("--at", type=float, metavar="S", help="as it was at this time of the team's clock, once")
-    echo.add_argument("--timeout", type=float, metavar="S", help="fail after S seconds without the transform")
+    echo.add_argument("--timeout", type=float, metavar="S", help="fail after S seconds of the host without it")
     tree = verbs.add_parser("tree", help="print the tree with rates, ages and who says so")
     tree.add_argument("--json", action="store_true")
     tree.add_argument("-o", "--output", metavar="FILE.svg|dot", help="draw it; edges without news for 1 s are red")
     monitor = verbs.add_parser("monitor", help="rates, delays and jitter of every frame, and conflicts")
-    monitor.add_argument("--for", dest="seconds", type=float, default=5.0, metavar="S", help="(default: %(default)s)")
+    monitor.add_argument(
+        "--for", dest="seconds", type=float, default=5.0, metavar="S", help="of the host (default: %(default)s)"
+    )
     monitor.add_argument("--json", action="store_true")
     positions = verbs.add_parser("positions", help="every robot's pose in map")
     positions.add_argument("--rate", type=float, metavar="HZ", help="again and again, until Ctrl+C")
@@ -47,6 +49,8 @@ def build_parser() -> argparse.ArgumentParser:
         help="hold a fixed transform until Ctrl+C",
         usage="zteam tf static X Y Z YAW PITCH ROLL PARENT CHILD  (or QX QY QZ QW for the angles)",
     )
+    for sub in (echo, positions):
+        add_clock_option(sub)
     for sub in (echo, tree, monitor, positions, static):
         add_bus_options(sub)
     return parser
@@ -66,8 +70,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _echo(args: argparse.Namespace) -> int:
     target, source = names.strip_slash(args.target), names.strip_slash(args.source)
-    if not args.rate > 0:
-        raise UsageError(f"--rate {args.rate}: give transforms a second")
+    period = check_rate(args.rate, "transforms")
     bus = open_bus(bus_options(args))
     try:
         if args.at is not None:
@@ -83,13 +86,13 @@ def _echo(args: argparse.Namespace) -> int:
         if not listener.waiter.wait(there, args.timeout, f"the transform from {source} to {target}"):
             why = listener.buffer.can_transform(target, source, 0)[1]
             raise ZteamError(f"no transform within {args.timeout:g} s: {why.strip()} (see 'zteam tf tree')")
-        ticker = Ticker(1.0 / args.rate)
+        wait = None if args.once else ticker(bus, period, args.clock)
         while True:
             transform = listener.buffer.lookup_transform(target, source, 0)
             print(to_json(transform).decode() if args.json else format_transform(transform), flush=True)
-            if args.once:
+            if wait is None:
                 return 0
-            ticker.wait()
+            wait()
     finally:
         bus.close()
 

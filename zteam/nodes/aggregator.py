@@ -198,8 +198,11 @@ class Aggregator:
         pending = self._merger.take_pending()
         self._opened = None
         if pending:
-            self._last = TFMessage(pending)
-            self._tf.put(self._last)
+            if self._last.transforms and self._last.transforms[-1].header.stamp == pending[-1].header.stamp:
+                self._last = TFMessage([*self._last.transforms, *pending])
+            else:
+                self._last = TFMessage(pending)
+            self._tf.put(TFMessage(pending))
 
     def _publish_statics(self) -> None:
         if self._merger.statics_changed:

@@ -49,13 +49,14 @@ class Barrier:
             self.answers[name] = done
         return True
 
-    def open(self, epoch: int, tick: int) -> list[str]:
+    def open(self, epoch: int, tick: int, *, admit: bool = True) -> list[str]:
         """Open a tick, with all who joined; opened again, it keeps the answers it has. Its participants."""
         if (epoch, tick) != self._key:
             self._key = (epoch, tick)
             self.answers = {}
-        self.members = sorted({*self.members, *self.joining})
-        self.joining.clear()
+        if admit:
+            self.members = sorted({*self.members, *self.joining})
+            self.joining.clear()
         return self.members
 
     def missing(self) -> list[str]:

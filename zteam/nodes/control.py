@@ -21,6 +21,8 @@ from zteam.nodes.sim_messages import (
     SpawnReply,
     SpawnRequest,
     SpeedRequest,
+    StandReply,
+    StandRequest,
     StepRequest,
 )
 
@@ -96,12 +98,13 @@ class Control:
         self.finished = False
         """Whether the time asked for with `--for` is over."""
         now, later = self._serve_now, self._serve_change
-        now("status", NoRequest, lambda _: world.status())
+        now("status", NoRequest, lambda _: self._status())
         now("report", NoRequest, lambda _: world.report())
         now("pause", NoRequest, lambda _: self._pace(pacer.pause))
         now("resume", NoRequest, lambda _: self._pace(pacer.resume))
         now("speed", SpeedRequest, lambda request: self._pace(lambda: pacer.set_speed(request.speed)))
         now("step", StepRequest, self._step)
+        now("stand", StandRequest, lambda request: Later(lambda: self._wait_for_standing(request)))
         now("finish", FinishRequest, lambda request: Later(lambda: self._wait_for_finish(request)))
         later("repeat", NoRequest, lambda _: self._status_after(world.repeat))
         later("reset", NoRequest, self._reset)
@@ -122,38 +125,55 @@ class Control:
 
         self._serve_now(service, request_type, answer)
 
+    def _status(self) -> SimStatus:
+        status = self._world.status()
+        status.finished = self.finished
+        return status
+
     def _status_after(self, make: Callable[[], None]) -> SimStatus:
         make()
-        return self._world.status()
+        return self._status()
 
     def _reset(self, _request: NoRequest) -> SimStatus:
         self._world.reset()
         with self._over:
             self.finished = False
         self._begins_anew = True
-        return self._world.status()
+        return self._status()
 
     def _pace(self, change: Callable[[], None]) -> SimStatus:
         with self._node.changed:
             change()
             self._node.changed.notify_all()
-        return self._world.status()
+        return self._status()
 
-    def _step(self, request: StepRequest) -> Later:
+    def _step(self, request: StepRequest) -> SimStatus | Later:
         if self.finished:
             raise BusError("the run is over: 'zteam sim reset' starts it again")
         with self._over:
             self._standing = False
             self._pacer.step(request.ticks)
         self._node.wake()
-        return Later(self._wait_until_standing)
+        return Later(self._wait_until_standing) if request.wait else self._status()
 
     def _wait_until_standing(self) -> SimStatus:
         with self._over:
-            # However many steps: somebody who gives up asking has gone, and this thread ends with the process.
-            while not (self._standing or self._node.stopping):
+            # However many steps: somebody who gives up asking has gone, and this thread ends with the process. A world
+            # that somebody else lets go on will not stand.
+            while self._pacer.paused and not (self._standing or self._node.stopping):
                 self._over.wait(1.0)
-        return self._world.status()
+        return self._status()
+
+    def _wait_for_standing(self, request: StandRequest) -> StandReply:
+        with self._over:
+            wait_until(self._over, lambda: self._stands or self._node.stopping, request.timeout)
+            stands = self._stands
+        return StandReply(stands, self._status())
+
+    @property
+    def _stands(self) -> bool:
+        # The main loop may not have seen yet that it is to go on.
+        return self._standing and self._remaining() is None
 
     def _wait_for_finish(self, request: FinishRequest) -> FinishReply:
         with self._over:
@@ -164,6 +184,7 @@ class Control:
         """The time asked for is over: the world stands still."""
         with self._over:
             self.finished = True
+            self._pacer.steps = 0
             self._over.notify_all()
 
     def wait_for_turn(self) -> bool:
@@ -173,8 +194,8 @@ class Control:
                 self._changes.popleft().make()
             with self._over:
                 remaining = self._remaining()
-                if remaining is None:
-                    self._standing = True
+                self._standing = remaining is None
+                if self._standing:
                     self._over.notify_all()
             if remaining == 0.0:
                 self._begins_anew = False
@@ -191,4 +212,6 @@ class Control:
     def _wanted(self, due: float | None) -> bool:
         if self._changes or (due is not None and monotonic() >= due):
             return True
-        return self._remaining() == 0.0
+        remaining = self._remaining()
+        # A world that was paused before its next tick was due, or before it began to step, is to be said to stand.
+        return remaining == 0.0 or (remaining is None) != self._standing

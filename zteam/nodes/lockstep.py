@@ -129,8 +129,12 @@ class LockStep:
     def open(self, stamp: int, tick: int, robots: list[int]) -> None:
         """Send tick `tick` at simulated time `stamp` (ns), with these robots in the world."""
         with self._lock:
-            participants = list(self.barrier.open(self._go_epoch, tick))
-            self._tick = Tick(time_from_ns(stamp), self._go_epoch, tick, np.array(robots, np.int32), participants)
+            # Nobody is let into the held tick, and none hears of GO, before all can: an answer that was given with
+            # half the team there would depend on who came first.
+            whole = not (self._held and self.barrier.absent)
+            epoch = self._go_epoch if whole else 0
+            participants = list(self.barrier.open(epoch, tick, admit=whole))
+            self._tick = Tick(time_from_ns(stamp), epoch, tick, np.array(robots, np.int32), participants)
             self._news = False
             self._publisher.put(self._tick)
         self._opened = monotonic()
@@ -155,7 +159,9 @@ class LockStep:
                 continue
             waited = monotonic() - self._opened
             missing = self.barrier.missing()
-            if missing:
+            if missing or self._held:
+                # Held, it goes to all: who has answered may lack what makes it ready, and who is absent may not have
+                # heard the tick.
                 self._resend(resend, missing)
                 delay = min(MAX_RESEND, 2.0 * delay)
             if self._held:
@@ -184,8 +190,9 @@ class LockStep:
     def _reopen(self, resend: Resend) -> None:
         with self._lock:
             # GO is told when all who are expected are there, so that they all hear it in the same tick.
-            self._tick.epoch = self._tick.epoch if self.barrier.absent else self._go_epoch
-            self.barrier.open(self._tick.epoch, self._tick.tick)
+            whole = not self.barrier.absent
+            self._tick.epoch = self._go_epoch if whole else self._tick.epoch
+            self.barrier.open(self._tick.epoch, self._tick.tick, admit=whole)
             self._news = False
             self._repeat()
             missing = self.barrier.missing()
@@ -193,10 +200,11 @@ class LockStep:
             resend(missing)
 
     def _resend(self, resend: Resend, missing: list[str]) -> None:
-        self.resends += 1
+        self.resends += bool(missing)
         with self._lock:
             self._repeat()
-        resend(missing)
+            everybody = self.participants
+        resend(missing or everybody)
 
     def _leave_behind(self, missing: list[str], waited: float) -> None:
         # Robots wait for the aggregator's transforms, so it alone is to blame when all are silent.

@@ -159,6 +159,9 @@ class Node:
             except Exception:
                 # A hook that fails must not keep the next one (a zero velocity) from running.
                 log.exception("error while stopping")
+        with self.changed:
+            # The others hear of it before the session is closed, and may repeat what is not for this process any more.
+            self.present = False
         self.claim.release()
         self.bus.close()
 

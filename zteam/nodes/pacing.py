@@ -4,6 +4,7 @@ No tick is ever skipped. A simulator that falls behind its schedule says so, and
 more than MAX_LAG late, instead of rushing to catch up.
 """
 
+import threading
 from collections import deque
 
 _WINDOW = 50
@@ -13,13 +14,14 @@ MAX_LAG = 1.0
 
 
 class Pacer:
-    """Pure: told the host's time, in seconds."""
+    """Told the host's time, in seconds, by the main loop; the pace is changed from other threads."""
 
     def __init__(self, interval: int, speed: float | None = 1.0, *, paused: bool = False) -> None:
         self._interval = interval / 1e9
         self.speed = speed
         """Simulated seconds a second of the host; None = as fast as possible."""
         self.paused = paused
+        self._lock = threading.Lock()
         self.steps = 0
         """Ticks still to go while paused."""
         self._due: float | None = None
@@ -29,8 +31,8 @@ class Pacer:
 
     def set_speed(self, speed: float | None) -> None:
         """Change the speed from now on."""
-        self.speed, self._due = speed, None
-        self._starts.clear()
+        self.speed = speed
+        self.start_anew()
 
     def pause(self) -> None:
         """Stand still after the tick at hand."""
@@ -38,13 +40,14 @@ class Pacer:
 
     def resume(self) -> None:
         """Go on."""
-        self.paused, self.steps, self._due = False, 0, None
-        self._starts.clear()
+        self.paused, self.steps = False, 0
+        self.start_anew()
 
     def step(self, ticks: int) -> None:
         """Go on for so many ticks, as fast as possible, and stand still then."""
-        self.paused = True
-        self.steps += ticks
+        with self._lock:
+            self.paused = True
+            self.steps += ticks
 
     def remaining(self, now: float) -> float | None:
         """Seconds until the next tick is due; None while the world stands still."""
@@ -58,14 +61,15 @@ class Pacer:
         """A tick begins."""
         self._starts.append(now)
         if self.paused:
-            self.steps = max(0, self.steps - 1)
+            with self._lock:
+                self.steps = max(0, self.steps - 1)
             self._due = None
         elif self.speed is not None:
             due = self._due
+            if due is not None:
+                self._lateness.append(now - due)
             if due is None or now - due > MAX_LAG:
                 due = now
-            else:
-                self._lateness.append(now - due)
             self._due = due + self._interval / self.speed
 
     @property
@@ -75,6 +79,12 @@ class Pacer:
             return 1.0
         elapsed = self._starts[-1] - self._starts[0]
         return self._interval * (len(self._starts) - 1) / elapsed if elapsed > 0 else 1.0
+
+    def start_anew(self) -> None:
+        """The schedule begins with the next tick, and so does what is measured: the world was held on purpose."""
+        self._due = None
+        self._starts.clear()
+        self._lateness.clear()
 
     @property
     def lateness_p99_ms(self) -> float | None:

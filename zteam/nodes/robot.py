@@ -79,8 +79,9 @@ class RobotNode:
         self._cmd_vel = node.bus.publisher(self._key(names.CMD_VEL), Twist)
         self._status = node.bus.publisher(self._key(names.STATUS), RobotStatus)
         self._base = names.robot_frame(self._id, names.BASE_FOOTPRINT)
-        self._subscribe()
+        # First: latched messages come while it subscribes, and look whether this is lock-step.
         self._part = Participant(node, self._has_inputs, self._act)
+        self._subscribe()
 
     def _key(self, topic: str) -> str:
         return names.robot_key(self._id, topic)

@@ -10,21 +10,25 @@ import msgspec
 from zteam.names import MAX_ROBOT_ID
 
 RobotId = Annotated[int, msgspec.Meta(ge=0, le=MAX_ROBOT_ID)]
-MAX_TICKS = 10_000_000
+MAX_TICKS = 1_000_000_000_000
+MAX_SPEED = 1e6
+"""Simulated seconds a second of the host."""
 MAX_WAIT = 60.0
-"""Host seconds that `sim/finish` waits at most."""
+"""Host seconds that `sim/finish` and `sim/stand` wait at most."""
 
 
 class StepRequest(msgspec.Struct):
     """`sim/step`: so many ticks, then stand still. The answer comes when the world does."""
 
     ticks: Annotated[int, msgspec.Meta(ge=1, le=MAX_TICKS)] = 1
+    wait: bool = True
+    """False: answer at once; `sim/stand` tells when the world stands. For steps that outlast any query."""
 
 
 class SpeedRequest(msgspec.Struct):
     """`sim/speed`: simulated seconds a second of the host; None = as fast as possible."""
 
-    speed: Annotated[float, msgspec.Meta(gt=0.0, le=1e6)] | None = None
+    speed: Annotated[float, msgspec.Meta(gt=0.0, le=MAX_SPEED)] | None = None
 
 
 class SpawnRequest(msgspec.Struct):
@@ -108,6 +112,21 @@ class SimStatus(msgspec.Struct):
     """Lock-step: what holds the world."""
     hung: list[str] = []
     """Lock-step: who was left behind so far."""
+    finished: bool = False
+    """Whether the time asked for with `--for` is over and the world stands still."""
+
+
+class StandRequest(msgspec.Struct):
+    """`sim/stand`: wait until the world stands still, `timeout` host seconds at most."""
+
+    timeout: Annotated[float, msgspec.Meta(ge=0.0, le=MAX_WAIT)] = 0.0
+
+
+class StandReply(msgspec.Struct):
+    """Whether it does: the tick at hand is over, and no further one is due."""
+
+    stands: bool
+    status: SimStatus
 
 
 class Gap(msgspec.Struct):

@@ -204,6 +204,7 @@ class Simulator:
                 return
             self._tally.start(self._go, self._poses())
             self._phases.start()
+            self._pacer.start_anew()
             self._obeyed_from = engine.tick + 2
         stalled = [robot_id for robot_id in self._outputs if engine.stalled(robot_id)]
         self._tally.add_tick(self._poses(), stalled, {i: len(o.scans) for i, o in self._outputs.items()})
@@ -239,6 +240,7 @@ class Simulator:
             output.put_statics(self._engine.odom_origin(robot_id))
         self._tally = Tally(self._options.follows, self._options.seed)
         self._commands.start_anew(self._tally)
+        self._pacer.start_anew()
         if self._lockstep is not None:
             self._lockstep.start_anew()
         if self._go is not None:

@@ -62,7 +62,7 @@ def reference(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 
 def test_the_same_seed_gives_the_same_run(team: TeamFixture, reference: str, busy: None) -> None:
-    """In the fixture, in pieces and beside two busy loops, the line drives as it did with the launcher at full speed."""
+    """In the fixture, beside two busy loops, the line drives as it did with the launcher at full speed."""
     assert trajectory(team) == reference
 
 

@@ -1,0 +1,291 @@
+"""`zteam sim pause | resume | step | speed | reset | spawn | remove | move | status`: asks the running simulator."""
+
+import argparse
+import math
+import sys
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
+
+import msgspec
+
+from zteam import names
+from zteam.cli.listening import Waiter, open_bus
+from zteam.cli.options import add_bus_options, bus_options, negative_numbers, run
+from zteam.cli.sim import parse_speed
+from zteam.clock import Every, monotonic, to_seconds
+from zteam.errors import UsageError
+from zteam.nodes.sim_client import SimClient
+from zteam.nodes.sim_messages import MAX_TICKS, SimStatus, SpawnReply
+
+T = TypeVar("T")
+
+PATIENCE = 2.0
+"""Host seconds after which a step says how it gets on."""
+_SAY_EVERY = 5.0
+"""Host seconds between two such lines where they cannot replace each other."""
+
+Answer = tuple[msgspec.Struct, str]
+"""The reply, and what it says to people."""
+Ask = Callable[[SimClient], Answer]
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """The command line."""
+    parser = argparse.ArgumentParser(prog="zteam sim", description=__doc__)
+    verbs = parser.add_subparsers(dest="verb", required=True, metavar="|".join(_VERBS))
+
+    def verb(name: str, text: str) -> argparse.ArgumentParser:
+        sub = verbs.add_parser(name, help=text, description=text)
+        sub.add_argument("--json", action="store_true", help="print the simulator's reply")
+        add_bus_options(sub)
+        return sub
+
+    verb("pause", "let the world stand still")
+    verb("resume", "let it go on")
+    verb("step", "let N ticks pass, then stand still").add_argument(
+        "ticks", nargs="?", default="1", metavar="N", help="(1)"
+    )
+    verb("speed", "simulated seconds a second of the host, or as fast as possible").add_argument(
+        "speed", metavar="X|max"
+    )
+    verb("reset", "everything as at the start, time too")
+    spawn = verb("spawn", "put a further robot into the world and print its id")
+    spawn.add_argument("--pose", nargs=3, required=True, metavar=("X", "Y", "YAW"), help="in map: metres, radians")
+    spawn.add_argument("--model", default="erratic", help="a macro of the world's file (default: %(default)s)")
+    spawn.add_argument("--id", metavar="N", help="(the lowest that is free)")
+    verb("remove", "take a robot out of the world").add_argument("id", metavar="ID")
+    move = verb("move", "lift a robot to another place")
+    for name in ("id", "x", "y", "yaw"):
+        move.add_argument(name, metavar=name.upper(), help="in map: radians" if name == "yaw" else None)
+    verb("status", "time, pace, lock-step and robots")
+    return parser
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point."""
+    args = build_parser().parse_args(negative_numbers(sys.argv[1:] if argv is None else argv))
+    return run("zteam sim", args, lambda: _answer(args))
+
+
+def _answer(args: argparse.Namespace) -> int:
+    ask = _VERBS[args.verb](args)
+    bus = open_bus(bus_options(args))
+    try:
+        reply, text = ask(SimClient(bus))
+    finally:
+        bus.close()
+    print(msgspec.json.encode(reply).decode() if args.json else text)
+    return 0
+
+
+def _change(make: Callable[[], T]) -> T:
+    """Ask for a change to the world, and tell the user when that takes long: somebody may hold the tick at hand."""
+    waiter = Waiter()
+    pool = ThreadPoolExecutor(max_workers=1)
+    try:
+        reply = pool.submit(make)
+        reply.add_done_callback(lambda _: waiter.notify())
+        waiter.wait(reply.done, None, "the tick at hand to end; 'zteam sim status' says who holds it")
+        return reply.result()
+    finally:
+        pool.shutdown(wait=False)
+
+
+def parse_pose(words: Sequence[str]) -> tuple[float, float, float]:
+    """X Y YAW. Raises UsageError."""
+    try:
+        x, y, yaw = map(float, words)
+    except ValueError:
+        x = y = yaw = math.nan
+    if not all(map(math.isfinite, (x, y, yaw))):
+        raise UsageError(f"pose {' '.join(word.strip() for word in words)!r}: give X Y YAW in metres and radians")
+    return x, y, yaw
+
+
+def parse_ticks(text: str) -> int:
+    """A number of ticks. Raises UsageError."""
+    if not (text.isascii() and text.isdigit() and len(text) <= len(str(MAX_TICKS)) and 1 <= int(text) <= MAX_TICKS):
+        raise UsageError(f"step {text.strip()!r}: give a number of ticks from 1 on")
+    return int(text)
+
+
+def _pause(_args: argparse.Namespace) -> Ask:
+    def ask(client: SimClient) -> Answer:
+        status = client.pause()
+        return status, f"paused {_when(status)}{_held(status)}"
+
+    return ask
+
+
+def _resume(_args: argparse.Namespace) -> Ask:
+    def ask(client: SimClient) -> Answer:
+        status = client.resume()
+        if status.finished:
+            return status, f"the run is over {_when(status)}: 'zteam sim reset' starts it again"
+        return status, f"goes on {_when(status)}, {_pace(status)}"
+
+    return ask
+
+
+def _step(args: argparse.Namespace) -> Ask:
+    ticks = parse_ticks(args.ticks)
+
+    def ask(client: SimClient) -> Answer:
+        progress = _Progress(ticks)
+        try:
+            status = client.step(ticks, told=progress.tell)
+        except KeyboardInterrupt:
+            # What is left of the steps is not wanted any more.
+            print(f"\npaused {_when(client.pause())}", file=sys.stderr)
+            raise
+        finally:
+            progress.end()
+        return status, format_status(status)
+
+    return ask
+
+
+def _speed(args: argparse.Namespace) -> Ask:
+    speed = parse_speed(args.speed)
+
+    def ask(client: SimClient) -> Answer:
+        status = client.set_speed(speed)
+        return status, _pace(status) + (", once the world goes on: it is paused" if status.paused else "")
+
+    return ask
+
+
+def _reset(_args: argparse.Namespace) -> Ask:
+    def ask(client: SimClient) -> Answer:
+        status = _change(client.reset)
+        return status, f"everything as at the start, {'paused ' + _when(status) if status.paused else _pace(status)}"
+
+    return ask
+
+
+def _spawn(args: argparse.Namespace) -> Ask:
+    pose = parse_pose(args.pose)
+    robot_id = None if args.id is None else names.parse_robot_id(args.id.strip())
+
+    def ask(client: SimClient) -> Answer:
+        reply = SpawnReply(_change(lambda: client.spawn(*pose, model=args.model, robot_id=robot_id)))
+        return reply, str(reply.id)
+
+    return ask
+
+
+def _remove(args: argparse.Namespace) -> Ask:
+    robot_id = names.parse_robot_id(args.id.strip())
+
+    def ask(client: SimClient) -> Answer:
+        status = _change(lambda: client.remove(robot_id))
+        return status, f"robot {robot_id} is gone; the world has {_listed(status.robots)}"
+
+    return ask
+
+
+def _move(args: argparse.Namespace) -> Ask:
+    robot_id, pose = names.parse_robot_id(args.id.strip()), parse_pose([args.x, args.y, args.yaw])
+
+    def ask(client: SimClient) -> Answer:
+        x, y, yaw = pose
+        status = _change(lambda: client.move(robot_id, *pose))
+        return status, f"robot {robot_id} stands at x {x:g}, y {y:g}, yaw {yaw:g}"
+
+    return ask
+
+
+def _status(_args: argparse.Namespace) -> Ask:
+    def ask(client: SimClient) -> Answer:
+        status = client.status()
+        return status, format_status(status)
+
+    return ask
+
+
+_VERBS: dict[str, Callable[[argparse.Namespace], Ask]] = {
+    "pause": _pause,
+    "resume": _resume,
+    "step": _step,
+    "speed": _speed,
+    "reset": _reset,
+    "spawn": _spawn,
+    "remove": _remove,
+    "move": _move,
+    "status": _status,
+}
+
+
+def format_status(status: SimStatus) -> str:
+    """How the simulator stands, as a small table."""
+    stands = "run over" if status.finished else "yes" if status.paused else "no"
+    rows = [
+        ("world", f"{status.world}, seed {status.seed}"),
+        ("time", f"{to_seconds(status.now):.3f} s"),
+        ("tick", f"{status.tick}, {status.interval / 1e6:g} ms each"),
+        ("speed", _pace(status)),
+        ("real-time factor", f"{status.real_time_factor:.3g}"),
+        ("paused", stands),
+        ("lock-step", "yes" if status.lockstep else "no"),
+    ]
+    if status.lockstep:
+        rows += [
+            ("  participants", _listed(status.participants)),
+            ("  joining", _listed(status.joining)),
+            ("  waiting for", status.waiting_for or "-"),
+            ("  hung", _listed(status.hung)),
+        ]
+    rows.append(("robots", _listed(status.robots)))
+    return "\n".join(f"{name:18}{value}" for name, value in rows)
+
+
+def _when(status: SimStatus) -> str:
+    return f"at {to_seconds(status.now):.3f} s (tick {status.tick})"
+
+
+def _held(status: SimStatus) -> str:
+    return f", which waits for {status.waiting_for}" if status.waiting_for else ""
+
+
+def _pace(status: SimStatus) -> str:
+    return "as fast as possible" if status.speed is None else f"{status.speed:g} simulated seconds a second"
+
+
+def _listed(items: Sequence[object]) -> str:
+    return ", ".join(map(str, items)) or "-"
+
+
+class _Progress:
+    """Tells on stderr how a long step gets on; on a terminal in one line."""
+
+    def __init__(self, ticks: int) -> None:
+        self._ticks = ticks
+        self._start = monotonic()
+        self._first: int | None = None
+        self._tick: int | None = None
+        self._say = Every(_SAY_EVERY)
+        self._replaces = sys.stderr.isatty()
+        self._open = False
+
+    def tell(self, status: SimStatus) -> None:
+        """How it stands now."""
+        if self._first is None:
+            self._first = status.tick
+        # Between two ticks everybody is waited for: only who holds the world for longer is named.
+        held = _held(status) if status.tick == self._tick else ""
+        self._tick = status.tick
+        if monotonic() - self._start < PATIENCE or not (self._replaces or self._say.due()):
+            return
+        text = (
+            f"{status.tick - self._first} of {self._ticks} ticks, now {_when(status)}{held}, "
+            f"real-time factor {status.real_time_factor:.3g} (Ctrl+C pauses)"
+        )
+        self._open = self._replaces
+        before, after = ("\r\x1b[K", "") if self._replaces else ("", "\n")
+        print(f"{before}{text}", end=after, file=sys.stderr, flush=True)
+
+    def end(self) -> None:
+        """What follows begins on a line of its own."""
+        if self._open:
+            print(file=sys.stderr, flush=True)
