@@ -1,7 +1,6 @@
 """Clocks: simulated time, and which time it is."""
 
 import threading
-from collections.abc import Callable
 
 import pytest
 
@@ -34,38 +33,61 @@ def moments(rate: Rate, times: list[int]) -> list[int]:
 
 
 class Ticking:
-    """Somebody who waits at a rate of simulated time, in a thread."""
+    """Somebody who waits at a rate of simulated time, in a thread of its own until the `with` ends."""
 
-    def __init__(self, period: float, on_still: Callable[[], None] = lambda: None) -> None:
+    def __init__(self, period: float) -> None:
         self._clock = AutoClock()
         self._clock.use_simulated()
         self._ticker = Ticker(period, self._clock)
-        self._on_still = on_still
         self.changed = threading.Condition()
         self.come: list[int] = []
         """Simulated ns of the moments."""
-        self.waits = 0
+        self._waits = 0
         """How often it has begun to wait."""
-        threading.Thread(target=self._run, daemon=True).start()
+        self._still: list[int] = []
+        """Simulated ns at which it was told that time stands still."""
+        self._over = False
+        self._thread = threading.Thread(target=self._run)
+
+    def __enter__(self) -> "Ticking":
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._over = True
+        self.go_to(10**18)
+        self._thread.join(LIMIT)
+        assert not self._thread.is_alive()
 
     def _run(self) -> None:
-        while True:
+        while not self._over:
             with self.changed:
-                self.waits += 1
+                self._waits += 1
                 self.changed.notify_all()
             self._ticker.wait(self._on_still)
             with self.changed:
                 self.come.append(self._clock.now())
 
+    def _on_still(self) -> None:
+        with self.changed:
+            self._still.append(self._clock.now())
+            self.changed.notify_all()
+
     def go_to(self, stamp: int) -> None:
-        """A tick at `stamp`; returns when the thread has done with it if a moment comes with it."""
+        """A tick at `stamp` (ns)."""
         self._clock.sim.set(stamp)
 
     def wait_for(self, count: int) -> list[int]:
         """The moments, once there are so many and the next one is waited for."""
         with self.changed:
-            assert wait_until(self.changed, lambda: len(self.come) == count and self.waits == count + 1, LIMIT)
+            assert wait_until(self.changed, lambda: len(self.come) == count and self._waits == count + 1, LIMIT)
             return list(self.come)
+
+    def stand(self) -> None:
+        """Wait until it has found twice that time stands still where it is now, so that it has seen that time."""
+        now = self._clock.now()
+        with self.changed:
+            assert wait_until(self.changed, lambda: self._still[-2:] == [now, now], LIMIT)
 
 
 def test_seconds_and_nanoseconds() -> None:
@@ -204,40 +226,36 @@ def test_a_period_is_never_nothing() -> None:
 
 def test_a_ticker_goes_by_simulated_time() -> None:
     """Its moments come with the stamps they belong to, however fast or slow those come."""
-    ticking = Ticking(1e-6)
-    ticking.wait_for(0)
-    for n, stamp in enumerate((1000, 2000, 3500, 4000), 1):
-        ticking.go_to(stamp - 1)
-        ticking.go_to(stamp)
-        assert ticking.wait_for(n)[-1] == stamp
+    with Ticking(1e-6) as ticking:
+        for n, stamp in enumerate((1000, 2000, 3500, 4000), 1):
+            ticking.go_to(stamp - 1)
+            ticking.go_to(stamp)
+            assert ticking.wait_for(n)[-1] == stamp
 
 
-def test_a_ticker_stands_still_with_time() -> None:
+def test_a_ticker_stands_still_with_time(monkeypatch: pytest.MonkeyPatch) -> None:
     """While no stamp comes no moment does; whoever waits hears of it, again and again."""
-    still = threading.Semaphore(0)
-    old, clock.STILL = clock.STILL, 0.01
-    try:
-        ticking = Ticking(1e-6, still.release)
-        for _ in range(3):
-            assert still.acquire(timeout=LIMIT)
+    monkeypatch.setattr(clock, "STILL", 0.01)
+    with Ticking(1e-6) as ticking:
+        ticking.go_to(999)
+        ticking.stand()
         assert ticking.come == []
         ticking.go_to(1000)
         assert ticking.wait_for(1) == [1000]
-    finally:
-        clock.STILL = old
 
 
-def test_a_ticker_goes_on_after_a_reset() -> None:
+def test_a_ticker_goes_on_after_a_reset(monkeypatch: pytest.MonkeyPatch) -> None:
     """When time jumps back, the next moment is a period after the new time."""
-    ticking = Ticking(1e-6)
-    ticking.go_to(50_000)
-    ticking.wait_for(1)
-    ticking.go_to(100)
-    while ticking._ticker._rate._newest != 100:
-        assert not ticking._clock.sim.wait_for_change(100, 0.001)
-    ticking.go_to(1099)
-    ticking.go_to(1100)
-    assert ticking.wait_for(2) == [50_000, 1100]
+    monkeypatch.setattr(clock, "STILL", 0.01)
+    with Ticking(1e-6) as ticking:
+        ticking.go_to(50_000)
+        ticking.wait_for(1)
+        ticking.go_to(100)
+        ticking.stand()
+        ticking.go_to(1099)
+        ticking.stand()
+        ticking.go_to(1100)
+        assert ticking.wait_for(2) == [50_000, 1100]
 
 
 def test_a_ticker_of_the_host_sleeps_until_each_moment(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -266,3 +266,19 @@ def test_a_lost_message_does_not_hold_it_for_ever(hub: MemoryHub, make: Worlds, 
     world.open(1)
     Player(hub, "robot_0", bus=bus if lost == names.TICK else None).appear()
     assert world.wait()
+
+
+@pytest.mark.usefixtures("hasty")
+def test_asking_to_be_let_in_again_is_no_news(hub: MemoryHub, make: Worlds) -> None:
+    """While somebody is absent, the held tick comes at its own pace, not with every word of those who are there."""
+    world = make("robot_0", "tf")
+    world.open(1)
+    robot = Player(hub, "robot_0").appear()
+    with listening() as log:
+        world.begin()
+        log.wait_for("the first tick is held")
+        heard = len(robot.heard)
+    # One a SHORT after a few at once, and the first complaint comes after one SHORT.
+    assert heard < 12
+    Player(hub, "tf").appear()
+    assert world.end()

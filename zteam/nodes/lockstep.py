@@ -96,10 +96,11 @@ class LockStep:
         if done.has_command and robot_id is not None:
             self._answered(robot_id)
         with self._lock:
+            joining = len(self.barrier.joining)
             if name is None or not self.barrier.take_done(name, done):
                 self._node.bus.counters.drop(key, "no process holds this name")
                 return
-            if self._held and name in self.barrier.joining:
+            if len(self.barrier.joining) > joining:
                 self._news = True
             if self._news or self.barrier.complete:
                 self._lock.notify_all()

@@ -69,6 +69,8 @@ class RobotNode:
         self._hears_odom = self._hears_tf = True
         self._heard_tf = 0
         """Stamp of the newest bundle."""
+        self._awaits_tf = False
+        """Whether the transforms of the last scan's tick came in time."""
         self._released = not options.gate
         self._epoch = 0
         """The GO that it obeys."""
@@ -109,7 +111,9 @@ class RobotNode:
     def _arrived(self) -> None:
         """An input has come: lock-step goes on in this very thread, else the main loop does."""
         if not self._part.active:
-            self._node.changed.notify_all()
+            # The main loop is woken once a scan and not for each of its parts.
+            if self._is_complete():
+                self._node.changed.notify_all()
         elif not self._part.advance() and not self._released:
             # The first tick is held until all are ready, and what that takes may come after this robot's answer.
             self._may_drive(0, self._view(self._acted))
@@ -162,10 +166,15 @@ class RobotNode:
                     self._publish_status()
 
     def _due(self) -> bool:
-        if self._part.active:
-            return False
+        return not self._part.active and (self._is_complete() or self._data_stopped())
+
+    def _is_complete(self) -> bool:
+        """Whether there is a new scan, and the transforms of its tick if they are to be counted on."""
         scan = self._scan
-        return (scan is not None and ns_from_time(scan.header.stamp) != self._acted) or self._data_stopped()
+        if scan is None:
+            return False
+        stamp = ns_from_time(scan.header.stamp)
+        return stamp != self._acted and (not self._awaits_tf or self._heard_tf >= stamp)
 
     def _data_stopped(self) -> bool:
         """Whether time went on for long without a scan (and a further step's worth since the last look)."""
@@ -176,7 +185,9 @@ class RobotNode:
         """Act at time `now` on the newest data, and say the command."""
         if self._behavior.uses_tf:
             scan = self._scan
-            self._node.wait(lambda: self._tree_reaches(now) or self._scan is not scan, TF_PATIENCE)
+            in_time = self._node.wait(lambda: self._heard_tf >= now or self._scan is not scan, TF_PATIENCE)
+            # Once they stay away, a scan is not kept waiting for them any more.
+            self._awaits_tf = in_time
         with self._node.changed:
             view = self._view(now)
         command = self._step(view, self._team_epoch(now))

@@ -1,0 +1,131 @@
+"""`zteam sim` and rates of simulated time, with a real simulator."""
+
+import json
+import math
+from typing import Any
+
+import pytest
+
+from zteam.nodes.sim_client import SimClient
+from zteam.testing.team import TeamFixture
+
+pytestmark = pytest.mark.team
+
+
+def sim(team: TeamFixture, *words: str) -> Any:
+    """What `zteam sim WORDS --json` prints; it has to end well."""
+    done = team.command("sim", *words, "--json")
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def test_time_stands_still_and_goes_on_by_the_tick(team: TeamFixture) -> None:
+    """A paused world stays where it is; steps are exact, however long; resumed it goes on, and a reset begins anew."""
+    team.spawn("sim", "arena", name="sim")
+    team.wait_for_processes("sim")
+    paused = sim(team, "pause")
+    assert paused["paused"]
+    assert sim(team, "status")["tick"] == paused["tick"]
+    assert sim(team, "step", "3")["tick"] == paused["tick"] + 3
+    assert sim(team, "step")["tick"] == paused["tick"] + 4
+    # Half an hour of simulated time takes longer than a query may.
+    far = sim(team, "step", "20000")
+    assert far["tick"] == paused["tick"] + 20004
+    assert far["now"] == far["tick"] * far["interval"]
+    assert far["paused"]
+
+    assert sim(team, "speed", "max")["speed"] is None
+    assert not sim(team, "resume")["paused"]
+    client = SimClient(team.bus)
+    team.wait_for(lambda: client.status().tick > far["tick"] + 10)
+    assert sim(team, "pause")["tick"] > far["tick"] + 10
+    assert sim(team, "speed", "2.5")["speed"] == 2.5
+
+    again = sim(team, "reset")
+    assert (again["tick"], again["paused"]) == (1, True)
+    assert sim(team, "step", "3")["tick"] == 4
+
+    table = team.command("sim", "status").stdout.splitlines()
+    assert table[:3] == [
+        "world             arena, seed 1",
+        "time              0.400 s",
+        "tick              4, 100 ms each",
+    ]
+
+
+def test_robots_come_move_and_go(team: TeamFixture) -> None:
+    """What a command says is true in the world, from the next tick on."""
+    team.spawn("sim", "arena", "--paused", name="sim")
+    team.wait_for_processes("sim")
+    assert sim(team, "status")["robots"] == [0, 1]
+    assert team.command("sim", "spawn", "--pose", "-1.5", "2", "-1e-1").stdout == "2\n"
+    assert sim(team, "spawn", "--pose", "1.5", "2", "0", "--id", "7") == {"id": 7}
+    moved = team.command("sim", "move", "0", "-1.5", "-2", "-0.3")
+    assert moved.stdout == "robot 0 stands at x -1.5, y -2, yaw -0.3\n"
+    sim(team, "step")
+    team.wait_for(lambda: team.robot(7).truth is not None and team.robot(0).pose.x == pytest.approx(-1.5))
+    assert tuple(team.robot(0).pose) == pytest.approx((-1.5, -2.0, -0.3))
+    assert tuple(team.robot(2).pose) == pytest.approx((-1.5, 2.0, -0.1))
+    assert tuple(team.robot(7).pose) == pytest.approx((1.5, 2.0, 0.0))
+
+    assert sim(team, "remove", "2")["robots"] == [0, 1, 7]
+    gone = team.command("sim", "remove", "2")
+    assert (gone.returncode, gone.stdout) == (1, "")
+    assert gone.stderr == "zteam sim: no robot 2 in this world: it has [0, 1, 7]\n"
+    taken = team.command("sim", "spawn", "--pose", "0", "0", "0", "--id", "7")
+    assert taken.returncode == 1
+    assert "remove it first, or take another id" in taken.stderr
+
+    assert sim(team, "reset")["robots"] == [0, 1]
+    team.wait_for(lambda: math.dist(team.robot(0).pose[:2], (-1.5, -2.0)) > 0.1)
+
+
+def test_the_python_client_does_the_same(team: TeamFixture) -> None:
+    """A test or a notebook needs no command line."""
+    team.spawn("sim", "arena", "--paused", name="sim")
+    team.wait_for_processes("sim")
+    client = SimClient(team.bus)
+    assert client.step(25).tick == client.status().tick
+    assert client.spawn(0.5, 1.0, robot_id=4) == 4
+    assert client.move(4, 1.0, 1.0).robots == [0, 1, 4]
+    assert client.remove(4).robots == [0, 1]
+    assert client.set_speed(None).speed is None
+    assert client.reset().tick == 1
+    assert client.step(10, patience=30.0).tick == 11
+    assert client.report().seed == 1
+
+
+def test_without_a_simulator_the_way_out_is_told(team: TeamFixture) -> None:
+    """One line, and 1."""
+    done = team.command("sim", "status")
+    assert done.returncode == 1
+    assert "start one with 'zteam-sim WORLD'" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_messages_are_published_in_simulated_time(team: TeamFixture) -> None:
+    """`topic pub` sends with the ticks its moments fall into, not at all while the world stands, and ends by itself."""
+    team.spawn("sim", "arena", "--paused", name="sim")
+    team.wait_for_processes("sim")
+    robot, client = team.robot(0), SimClient(team.bus)
+    client.stand(10.0)
+    assert robot.commands == 0
+    team.spawn("topic", "pub", "robot_0/cmd_vel", "Twist", "{}", "--rate", "5", "--times", "4", name="pub")
+    team.wait_for_line("pub", "simulated time stands still at 0.100 s")
+    for count in (1, 2, 2, 3, 3):
+        team.wait_for(lambda least=count: robot.commands == least)  # type: ignore[misc]
+        client.step()
+    assert team.exit_code("pub") is None
+    client.step()
+    assert team.wait_for_exit("pub") == 0
+    team.wait_for(lambda: robot.commands == 4)
+
+
+def test_rates_are_measured_in_simulated_time_if_asked(team: TeamFixture) -> None:
+    """A world that runs as fast as it can still has ten ticks a simulated second."""
+    team.spawn("sim", "arena", "--speed", "5", name="sim")
+    team.wait_for_processes("sim")
+    words = ("topic", "hz", "robot_0/odom", "--once", "--json")
+    simulated = json.loads(team.command(*words, "--clock", "auto").stdout)
+    assert (simulated["clock"], simulated["rate"]) == ("sim", pytest.approx(10.0, rel=0.2))
+    assert json.loads(team.command(*words).stdout)["clock"] == "wall"
