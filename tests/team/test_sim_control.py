@@ -28,9 +28,9 @@ def test_time_stands_still_and_goes_on_by_the_tick(team: TeamFixture) -> None:
     assert sim(team, "status")["tick"] == paused["tick"]
     assert sim(team, "step", "3")["tick"] == paused["tick"] + 3
     assert sim(team, "step")["tick"] == paused["tick"] + 4
-    # Half an hour of simulated time takes longer than a query may.
-    far = sim(team, "step", "20000")
-    assert far["tick"] == paused["tick"] + 20004
+    # A quarter of an hour of simulated time, in one go.
+    far = sim(team, "step", "9000")
+    assert far["tick"] == paused["tick"] + 9004
     assert far["now"] == far["tick"] * far["interval"]
     assert far["paused"]
 
@@ -58,15 +58,15 @@ def test_robots_come_move_and_go(team: TeamFixture) -> None:
     team.spawn("sim", "arena", "--paused", name="sim")
     team.wait_for_processes("sim")
     assert sim(team, "status")["robots"] == [0, 1]
-    assert team.command("sim", "spawn", "--pose", "-1.5", "2", "-1e-1").stdout == "2\n"
-    assert sim(team, "spawn", "--pose", "1.5", "2", "0", "--id", "7") == {"id": 7}
-    moved = team.command("sim", "move", "0", "-1.5", "-2", "-0.3")
-    assert moved.stdout == "robot 0 stands at x -1.5, y -2, yaw -0.3\n"
+    assert team.command("sim", "spawn", "--pose", "1", "-0.5", "-1e-1").stdout == "2\n"
+    assert sim(team, "spawn", "--pose", "3", "0.5", "0", "--id", "7") == {"id": 7}
+    moved = team.command("sim", "move", "0", "-0.5", "-1.5", "-0.3")
+    assert moved.stdout == "robot 0 stands at x -0.5, y -1.5, yaw -0.3\n"
     sim(team, "step")
-    team.wait_for(lambda: team.robot(7).truth is not None and team.robot(0).pose.x == pytest.approx(-1.5))
-    assert tuple(team.robot(0).pose) == pytest.approx((-1.5, -2.0, -0.3))
-    assert tuple(team.robot(2).pose) == pytest.approx((-1.5, 2.0, -0.1))
-    assert tuple(team.robot(7).pose) == pytest.approx((1.5, 2.0, 0.0))
+    team.wait_for(lambda: team.robot(7).truth is not None and team.robot(0).pose.x == pytest.approx(-0.5))
+    assert tuple(team.robot(0).pose) == pytest.approx((-0.5, -1.5, -0.3))
+    assert tuple(team.robot(2).pose) == pytest.approx((1.0, -0.5, -0.1))
+    assert tuple(team.robot(7).pose) == pytest.approx((3.0, 0.5, 0.0))
 
     assert sim(team, "remove", "2")["robots"] == [0, 1, 7]
     gone = team.command("sim", "remove", "2")
@@ -77,7 +77,7 @@ def test_robots_come_move_and_go(team: TeamFixture) -> None:
     assert "remove it first, or take another id" in taken.stderr
 
     assert sim(team, "reset")["robots"] == [0, 1]
-    team.wait_for(lambda: math.dist(team.robot(0).pose[:2], (-1.5, -2.0)) > 0.1)
+    team.wait_for(lambda: math.dist(team.robot(0).pose[:2], (-0.5, -1.5)) > 0.1)
 
 
 def test_the_python_client_does_the_same(team: TeamFixture) -> None:
@@ -112,7 +112,7 @@ def test_messages_are_published_in_simulated_time(team: TeamFixture) -> None:
     assert robot.commands == 0
     team.spawn("topic", "pub", "robot_0/cmd_vel", "Twist", "{}", "--rate", "5", "--times", "4", name="pub")
     team.wait_for_line("pub", "simulated time stands still at 0.100 s")
-    for count in (1, 2, 2, 3, 3):
+    for count in (1, 1, 2, 2, 3, 3):
         team.wait_for(lambda least=count: robot.commands == least)  # type: ignore[misc]
         client.step()
     assert team.exit_code("pub") is None

@@ -110,8 +110,27 @@ class Bus:
         """Call `callback` with undecoded samples: for tools that learn the type from the encoding."""
         return self._subscribe(key_expr, callback, latched, stamped=True)
 
+    def subscribe_payloads(
+        self, key_expr: str, message_type: type[Message], callback: Callable[[str, bytes], None]
+    ) -> Closeable:
+        """Call `callback(key, payload)` for what should be such messages, for who reads them in a way of his own.
+
+        A payload for which `callback` raises DecodeError is counted as dropped.
+        """
+
+        def take(sample: RawSample) -> None:
+            callback(sample.key, sample.payload)
+
+        def handle(sample: RawSample) -> None:
+            self._read(sample, message_type, take)
+
+        return self._subscribe(key_expr, handle, latched=False, stamped=False)
+
     def decode(self, sample: RawSample, message_type: type[M]) -> M | None:
         """The sample's message, counted; None if it is refused (the counters say why)."""
+        return self._read(sample, message_type, lambda raw: decode(message_type, raw.payload))
+
+    def _read(self, sample: RawSample, message_type: type[Message], read: Callable[[RawSample], T]) -> T | None:
         wanted = encoding_of(message_type)
         if is_wildcard(sample.key):
             self.counters.drop(sample.key, "its key is a wildcard, so it is addressed to nobody")
@@ -120,12 +139,12 @@ class Bus:
             self.counters.drop(sample.key, f"it is {sample.encoding}, not {wanted}")
             return None
         try:
-            message = decode(message_type, sample.payload)
+            found = read(sample)
         except DecodeError as error:
             self.counters.drop(sample.key, str(error))
             return None
         self.counters.receive(sample.key)
-        return message
+        return found
 
     def _subscribe(
         self, key_expr: str, callback: Callable[[RawSample], None], latched: bool, stamped: bool

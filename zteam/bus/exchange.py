@@ -70,7 +70,7 @@ class Round:
 
 def scan_bytes(beams: int) -> int:
     """Size of a scan's payload."""
-    return 4 * beams + 76
+    return 8 * beams + 76
 
 
 def _tick_key() -> str:

@@ -119,6 +119,18 @@ class Node:
 
         return self.bus.subscribe(key_expr, message_type, handle, latched=latched)
 
+    def subscribe_payloads(
+        self, key_expr: str, message_type: type[Message], callback: Callable[[str, bytes], None]
+    ) -> Closeable:
+        """Call `callback(key, payload)` under `changed` for messages that it reads in a way of its own; it wakes whom
+        it has to. Raising DecodeError refuses one."""
+
+        def handle(key: str, payload: bytes) -> None:
+            with self.changed:
+                callback(key, payload)
+
+        return self.bus.subscribe_payloads(key_expr, message_type, handle)
+
     def watch_tokens(self, key_expr: str, callback: Callable[[str, bool], None]) -> None:
         """Call `callback(key, alive)` under `changed` for presence tokens, then wake the main loop."""
 

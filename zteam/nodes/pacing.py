@@ -36,11 +36,13 @@ class Pacer:
 
     def pause(self) -> None:
         """Stand still after the tick at hand."""
-        self.paused, self.steps = True, 0
+        with self._lock:
+            self.paused, self.steps = True, 0
 
     def resume(self) -> None:
         """Go on."""
-        self.paused, self.steps = False, 0
+        with self._lock:
+            self.paused, self.steps = False, 0
         self.start_anew()
 
     def step(self, ticks: int) -> None:
@@ -57,12 +59,12 @@ class Pacer:
             return 0.0
         return max(0.0, self._due - now)
 
-    def start(self, now: float) -> None:
-        """A tick begins."""
+    def start(self, now: float, *, counts: bool = True) -> None:
+        """A tick begins; one that does not count is none of the steps, such as the first."""
         self._starts.append(now)
         if self.paused:
             with self._lock:
-                self.steps = max(0, self.steps - 1)
+                self.steps = max(0, self.steps - counts)
             self._due = None
         elif self.speed is not None:
             due = self._due
@@ -95,4 +97,5 @@ class Pacer:
     @property
     def behind(self) -> bool:
         """Whether the world is slower than it was asked to be."""
-        return not self.paused and self.speed is not None and self.factor < 0.95 * self.speed
+        known = len(self._starts) > 1
+        return known and not self.paused and self.speed is not None and self.factor < 0.95 * self.speed

@@ -3,7 +3,7 @@
 from zteam.clock import monotonic
 
 WAIT, IDLE, PHYSICS, SENSORS, PUBLISH = "wait", "idle", "physics", "sensors", "publish"
-"""For answers (lock-step); for the next tick to be due; bodies and odometry; lasers; messages made and sent."""
+"""For answers; for the next tick to be due; bodies and odometry; lasers; messages made and sent."""
 _ORDER = (WAIT, PHYSICS, SENSORS, PUBLISH, IDLE)
 
 
@@ -19,7 +19,8 @@ class Phases:
 
     def start(self) -> None:
         """Sum from here on."""
-        self._total, self._ticks = dict.fromkeys(_ORDER, 0.0), 0
+        self._since = monotonic()
+        self._tick, self._total, self._ticks = dict.fromkeys(_ORDER, 0.0), dict.fromkeys(_ORDER, 0.0), 0
 
     def end(self, phase: str) -> None:
         """What happened since the last call was this."""

@@ -30,6 +30,7 @@ from zteam.messages import (
 from zteam.nodes.node import Node
 from zteam.nodes.participant import Participant
 from zteam.tf import Buffer, TransformException
+from zteam.tf.bundles import Bundles
 
 log = logging.getLogger("zteam")
 
@@ -63,6 +64,7 @@ class RobotNode:
         self._odom: Odometry | None = None
         self._team: TeamStatus | None = None
         self._buffer = Buffer()
+        self._bundles = Bundles(self._buffer, names.TF)
         self._acted = 0
         """Stamp of the scan that was acted on last."""
         self._stepped = 0
@@ -94,7 +96,7 @@ class RobotNode:
         node.subscribe(self._key(names.BASE_SCAN), LaserScan, self._on_scan, wake=False)
         node.subscribe(names.TEAM_STATUS, TeamStatus, self._on_team_status, latched=True)
         self._odom_input = node.subscribe(self._key(names.ODOM), Odometry, self._on_odom, wake=False)
-        self._tf_input = node.subscribe(names.TF, TFMessage, self._on_tf, wake=False)
+        self._tf_input = node.subscribe_payloads(names.TF, TFMessage, self._on_tf)
         node.subscribe(names.TF_STATIC, TFMessage, self._on_tf_static, latched=True)
         node.watch_tokens(names.tokens_key(names.MONITOR), self._on_monitor)
 
@@ -121,16 +123,14 @@ class RobotNode:
     def _on_team_status(self, _key: str, status: TeamStatus) -> None:
         self._team = status
 
-    def _on_tf(self, _key: str, message: TFMessage) -> None:
-        for transform in message.transforms:
-            self._buffer.set_transform(transform, names.TF)
-        if message.transforms:
-            self._heard_tf = ns_from_time(message.transforms[-1].header.stamp)
+    def _on_tf(self, _key: str, payload: bytes) -> None:
+        self._heard_tf = self._bundles.take(payload) or self._heard_tf
         self._arrived()
 
     def _on_tf_static(self, _key: str, message: TFMessage) -> None:
         # The full set: a start pose that a localiser took over is no longer in it.
         self._buffer.set_all_static(message.transforms, names.TF)
+        self._bundles.forget_paths()
         self._arrived()
 
     def _on_monitor(self, _key: str, alive: bool) -> None:
@@ -141,6 +141,7 @@ class RobotNode:
     def _on_jump_back(self, _old: int, _new: int) -> None:
         log.warning("time jumped back (the simulator started anew): old data is forgotten")
         self._buffer.clear()
+        self._bundles.clear()
         self._scan = self._odom = None
         self._acted = self._stepped = self._heard_tf = 0
         self._behavior = self._make_behavior()
@@ -225,6 +226,7 @@ class RobotNode:
         return command
 
     def _tree_reaches(self, stamp: int) -> bool:
+        self._bundles.settle(names.MAP_FRAME, self._base)
         transform = self._buffer.latest_common_time(names.MAP_FRAME, self._base)
         return transform is not None and transform >= stamp
 
@@ -241,6 +243,7 @@ class RobotNode:
         )
 
     def _lookup(self, target: str, source: str) -> tuple[Pose2, int] | None:
+        self._bundles.settle(target, source)
         try:
             return self._buffer.lookup_pose2(target, source, 0)
         except TransformException:

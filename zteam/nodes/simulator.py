@@ -31,8 +31,8 @@ from zteam.world import Robot, World, add_robot
 
 log = logging.getLogger("zteam")
 
-ANSWER_TIME = 0.01
-"""Host seconds that the rest of a tick's messages wait for the robots' commands."""
+ANSWER_SHARE = 0.4
+"""Share of a tick's time that the rest of its messages wait for the robots' commands."""
 
 
 class SimOptions(msgspec.Struct, frozen=True):
@@ -128,7 +128,7 @@ class Simulator:
 
     def _tick(self, commands: dict[int, Twist]) -> None:
         engine = self._engine
-        self._pacer.start(monotonic())
+        self._pacer.start(monotonic(), counts=not self._first)
         engine.move(commands)
         self._phases.end(phases.PHYSICS)
         if self._first:
@@ -150,7 +150,9 @@ class Simulator:
             self._announce()
         if self._lockstep is None:
             # What follows wakes every process, and nobody's next command hangs on it: the robots' answers come first.
-            self._commands.wait_for_answers(min(ANSWER_TIME, 0.1 * self._world.interval / NS_PER_S))
+            self._phases.end(phases.PUBLISH)
+            self._commands.wait_for_answers(ANSWER_SHARE * self._tick_seconds)
+            self._phases.end(phases.WAIT)
         # Whoever hears the last tick's clock may ask for the report at once.
         self._count()
         if not self._first and self._clock.wanted:
@@ -159,6 +161,12 @@ class Simulator:
             outputs.put_rest(self._observation)
         self._first = False
         self._phases.end(phases.PUBLISH)
+
+    @property
+    def _tick_seconds(self) -> float:
+        """Host seconds of a tick at the speed that was asked for; 0 as fast as possible."""
+        speed = None if self._pacer.paused else self._pacer.speed
+        return 0.0 if speed is None else self._world.interval / NS_PER_S / speed
 
     def _announce(self) -> None:
         """Lock-step: tell the tick."""

@@ -4,17 +4,20 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 from zteam import names
-from zteam.bus import Bus, BusOptions
+from zteam.bus import Bus, BusOptions, Publisher
 from zteam.bus.transport import Closeable
 from zteam.clock import monotonic, to_ns
 from zteam.errors import UsageError
-from zteam.messages import Message, Tick, ns_from_time
+from zteam.messages import Message, TFMessage, Tick, Twist, ns_from_time
 from zteam.nodes import node as core
 from zteam.nodes.logs import start_logging
 from zteam.nodes.participant import Participant
 from zteam.nodes.stopping import Stop
 
 M = TypeVar("M", bound=Message)
+
+Step = Callable[[int], Twist | None]
+"""`step(now)`: a robot's own process (`robot_N`) may return its command, which goes to the wheels."""
 
 
 class Node(core.Node):
@@ -30,7 +33,8 @@ class Node(core.Node):
         self._every_tick: list[str] = []
         self._stamps: dict[str, int] = {}
         """Of the newest message, by key."""
-        self._step: Callable[[int], object] = lambda now: None
+        self._step: Step = lambda now: None
+        self._cmd_vel: Publisher[Twist] | None = None
         self._due = 0
         self._first_data = 0.0
         """Host time of the first message; 0 before."""
@@ -50,9 +54,10 @@ class Node(core.Node):
         """Call `callback(key, message)` for what comes, never at the same time as `step`.
 
         With `every_tick`, a lock-step's `step` waits for the tick's own message: of the key, or of every robot in the
-        world if the key is `robot_$*/topic`. Such a message needs a header, whose stamp says which tick it is of.
+        world if the key is `robot_$*/topic`. Such a message needs a header, whose stamp says which tick it is of; `tf`
+        may be waited for as well.
         """
-        if every_tick and "header" not in message_type.__struct_fields__:
+        if every_tick and "header" not in message_type.__struct_fields__ and message_type is not TFMessage:
             raise UsageError(f"{key_expr}: {message_type.__name__} has no header, so its tick cannot be told")
         if every_tick:
             self._every_tick.append(key_expr)
@@ -61,14 +66,21 @@ class Node(core.Node):
             self._first_data = self._first_data or monotonic()
             callback(key, message)
             if every_tick:
-                self._stamps[key] = ns_from_time(message.header.stamp)
+                self._stamps[key] = _stamp_of(message)
                 self._part.advance()
 
         return super().subscribe(key_expr, message_type, handle, latched=latched, wake=wake)
 
-    def run(self, step: Callable[[int], object], *, period: float = 0.1) -> None:
-        """Call `step(now)` until the process is asked to stop. Raises what `step` raises."""
+    def run(self, step: Step, *, period: float = 0.1) -> None:
+        """Call `step(now)` until the process is asked to stop. Raises what `step` raises.
+
+        `step` must not ask the bus (`bus.ask`, a TransformClient): nothing is heard until it returns.
+        """
         self._step = step
+        robot_id = names.robot_id_of(self.name)
+        if robot_id is not None:
+            self._cmd_vel = self.bus.publisher(names.robot_key(robot_id, names.CMD_VEL), Twist)
+            self.on_stop(lambda: self._drive(Twist()))
         self.wakes_with_clock = True
         self.become_present()
         while not self.stopping:
@@ -81,7 +93,11 @@ class Node(core.Node):
                     self._due += to_ns(period)
                     if self._due <= now:
                         self._due = now + to_ns(period)
-                    self._step(now)
+                    self._drive(self._step(now))
+
+    def _drive(self, command: Twist | None) -> None:
+        if command is not None and self._cmd_vel is not None:
+            self._cmd_vel.put(command)
 
     def _is_due(self) -> bool:
         now = self.clock.now()
@@ -101,15 +117,24 @@ class Node(core.Node):
                 needed.append(key_expr)
         return needed
 
-    def _act(self, tick: Tick) -> None:
-        self._step(ns_from_time(tick.stamp))
+    def _act(self, tick: Tick) -> Twist | None:
+        command = self._step(ns_from_time(tick.stamp))
+        return None if self._cmd_vel is None else command
 
     def _start_anew(self, _old: int, new: int) -> None:
         self._due = new
         self._stamps.clear()
 
 
-def run(name: str, body: Callable[[Node], None], options: BusOptions | None = None) -> int:
+def _stamp_of(message: Any) -> int:
+    if isinstance(message, TFMessage):
+        return max((ns_from_time(transform.header.stamp) for transform in message.transforms), default=0)
+    return ns_from_time(message.header.stamp)
+
+
+def run(
+    name: str, body: Callable[[Node], None], options: BusOptions | None = None, *, clock: core.ClockMode = "auto"
+) -> int:
     """Be the process `name`: `body(node)` subscribes and calls `node.run(step)`. Returns the exit code.
 
     Stops in order on SIGINT and SIGTERM. Without `options` the environment says how to reach the bus, as it does to
@@ -117,4 +142,4 @@ def run(name: str, body: Callable[[Node], None], options: BusOptions | None = No
     """
     start_logging(name, "info", "text")
     chosen = BusOptions.from_environment() if options is None else options
-    return core.run_node(name, chosen, body, make=Node)
+    return core.run_node(name, chosen, body, clock, make=Node)

@@ -307,6 +307,8 @@ class TeamFixture:
 
     def at(self, tick: int) -> "TeamFixture":
         """Let the world go on until it stands at `tick` (lock-step), for what is to happen exactly there."""
+        if not self._interval:
+            raise UsageError("at() needs lock-step: in real time no tick is waited for")
         ahead = tick - self.tick
         if ahead < 0:
             raise UsageError(f"the world is at tick {self.tick} already, beyond {tick}")

@@ -86,6 +86,11 @@ class Buffer:
         self._now = 0
         self.duplicates = 0
 
+    @property
+    def cache(self) -> int:
+        """Nanoseconds that moving frames are remembered."""
+        return self._tree.cache
+
     def set_transform(self, transform: TransformStamped, authority: str) -> Rejection | None:
         """Store one sample of a moving edge; None, or why not."""
         header, pose = transform.header, transform.transform
