@@ -35,9 +35,20 @@ def test_the_codec_is_measured() -> None:
 
 @pytest.mark.team
 def test_a_team_is_measured() -> None:
-    """A short run of a real team prints GO, latencies and memory."""
-    figures = bench("team", "--team", "arena", "--seconds", "2")
-    assert figures["robots"] == 2
+    """A short run of robots that the world lacks, in lock-step: its speed beside bare Zenoh's, and where time goes."""
+    figures = bench("team", "office", "--robots", "3", "--beams", "90", "--seconds", "2")
+    assert (figures["robots"], figures["lockstep"], figures["dropped"]) == (3, True, 0)
+    assert figures["rtf"] > 0 and figures["floor_ratio"] > 0
+    assert set(figures["rounds"]) == {"tf", "robot_0", "robot_1", "robot_2"}
+    assert all(cost > 0 for cost in figures["hops_us"].values())
+    assert len(figures["trajectory_sha256"]) == 64
+
+
+@pytest.mark.team
+def test_a_team_is_measured_in_real_time() -> None:
+    """The same with the world's own robots in real time: GO, latencies and memory."""
+    figures = bench("team", "arena", "--robots", "2", "--seconds", "2", "--realtime")
+    assert (figures["robots"], figures["lockstep"]) == (2, False)
     assert figures["go_after_seconds"] > 0
     assert 0 < figures["latency_p50_ms"] <= figures["latency_p99_ms"]
     assert figures["pss_mb"] > 0

@@ -9,6 +9,7 @@ from pathlib import Path
 import msgspec
 
 from zteam.bench.floor import measure_floor
+from zteam.bench.hops import measure_hops
 from zteam.bench.simulation import free_poses
 from zteam.errors import ZteamError
 from zteam.geometry import Pose2
@@ -16,7 +17,7 @@ from zteam.launch.process import zteam_command
 from zteam.launch.report import RunReport
 from zteam.nodes.participant import RoundTiming
 from zteam.nodes.sim_messages import Timing
-from zteam.world import World, load_world
+from zteam.world import World, add_robot, load_world
 
 FLOOR_SECONDS = 4.0
 _ROBOT = """
@@ -58,6 +59,8 @@ class TeamFigures(msgspec.Struct):
     """Of all processes together, each at its peak."""
     cpu_seconds: dict[str, float]
     dropped: int
+    hops_us: dict[str, float] = {}
+    """Microseconds of single hops, each warm and alone (zteam.bench.hops)."""
     floor_rtf: float | None = None
     """The same exchange of messages on bare Zenoh, without decoding and without physics, in the same run."""
     floor_ratio: float | None = None
@@ -93,6 +96,9 @@ def measure_team(world: Path, robots: int, beams: int, seconds: float, *, realti
         cpu_seconds={process.name: process.cpu_seconds for process in report.processes},
         dropped=sum(report.dropped.values()),
     )  # fmt: skip
+    if robots > 1:
+        model = loaded.robots[0] if loaded.robots else add_robot(loaded, "erratic", Pose2(0.0, 0.0, 0.0), "bench")
+        figures.hops_us = measure_hops(model, robots, beams)
     if not realtime and report.rtf:
         figures.floor_rtf = measure_floor(robots, beams, FLOOR_SECONDS, loaded.interval / 1e9).rtf
         figures.floor_ratio = figures.floor_rtf / report.rtf

@@ -219,7 +219,8 @@ class Simulator:
         limit = self._options.run_for
         if limit is not None and self._go is not None and engine.now - self._go >= limit * NS_PER_S:
             self._control.finish()
-            log.info("%g simulated seconds after GO: the world stands still", limit)
+            trajectory = f"; trajectory {self._tally.trajectory_sha256}" if self._lockstep is not None else ""
+            log.info("%g simulated seconds after GO: the world stands still%s", limit, trajectory)
 
     def _poses(self) -> dict[int, Pose2]:
         return {robot_id: self._engine.truth(robot_id) for robot_id in self._outputs}

@@ -104,8 +104,13 @@ class Tally:
             latency_ms=self._latency(),
             ticks=self._ticks,
             wall_seconds=wall,
-            trajectory_sha256=self._trajectory.hexdigest(),
+            trajectory_sha256=self.trajectory_sha256,
         )
+
+    @property
+    def trajectory_sha256(self) -> str:
+        """Of x, y, yaw as little-endian 64-bit floats, by robot id, for every tick counted so far."""
+        return self._trajectory.hexdigest()
 
     def _robot(self, robot_id: int) -> RobotReport:
         track = self._tracks[robot_id]

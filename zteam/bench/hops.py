@@ -1,0 +1,114 @@
+"""What the single hops of a tick cost in Python, warm and alone: the figures beside which a whole tick is to be read."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from zteam import names
+from zteam.behaviors import View, decide, load_behavior
+from zteam.clock import process_time
+from zteam.geometry import Pose2
+from zteam.messages import (
+    Done,
+    Header,
+    LaserScan,
+    Odometry,
+    TFMessage,
+    Tick,
+    TransformStamped,
+    decode,
+    encode,
+    time_from_ns,
+)
+from zteam.sim import reports
+from zteam.tf import Buffer
+from zteam.tf.bundles import Bundles
+from zteam.world import Robot
+
+_ROUNDS, _TIMES = 5, 200
+_TICK = 100_000_000
+
+
+def _cost(call: Callable[[], object]) -> float:
+    """Microseconds of a call: the best of some rounds."""
+    best = float("inf")
+    for _ in range(_ROUNDS):
+        begin = process_time()
+        for _ in range(_TIMES):
+            call()
+        best = min(best, process_time() - begin)
+    return round(1e6 * best / _TIMES, 2)
+
+
+def measure_hops(robot: Robot, robots: int, beams: int) -> dict[str, float]:
+    """Microseconds of every hop, for a team of `robots` like `robot` whose lasers have `beams` rays."""
+    far = np.full(beams, 5.0, np.float32)
+    scan = LaserScan(
+        Header(time_from_ns(_TICK), names.robot_frame(1, names.BASE_LASER_LINK)),
+        angle_min=-2.35, angle_max=2.35, angle_increment=4.7 / beams, range_max=30.0, ranges=far, intensities=far,
+    )  # fmt: skip
+    participants = [names.AGGREGATOR, *map(names.robot_name, range(robots))]
+    tick = Tick(time_from_ns(_TICK), 1, 1, np.arange(robots, dtype=np.int32), participants)
+    done = Done(1, 1, True)
+    payloads = {kind: encode(message) for kind, message in ((LaserScan, scan), (Tick, tick), (Done, done))}
+    bundle = _Bundles(robot, robots)
+    behavior = load_behavior("follow", {"leader": 0}, 1)
+
+    def act() -> object:
+        now = bundle.now
+        fresh = decode(LaserScan, payloads[LaserScan])
+        fresh.header.stamp = time_from_ns(now)
+        return decide(behavior, View(now=now, dt=0.1, robot_id=1, scan=fresh, odom=Odometry(), lookup=bundle.look))
+
+    return {
+        "encode_scan": _cost(lambda: encode(scan)),
+        "decode_scan": _cost(lambda: decode(LaserScan, payloads[LaserScan])),
+        "encode_tick": _cost(lambda: encode(tick)),
+        "decode_tick": _cost(lambda: decode(Tick, payloads[Tick])),
+        "encode_done": _cost(lambda: encode(done)),
+        "decode_done": _cost(lambda: decode(Done, payloads[Done])),
+        "encode_bundle": _cost(bundle.encode),
+        "take_bundle_and_look_up_two": _cost(bundle.take_and_look),
+        "look_up": _cost(lambda: bundle.look(names.MAP_FRAME, names.robot_frame(1, names.BASE_FOOTPRINT))),
+        "behavior_and_safety": round(_cost(act) - _cost(lambda: decode(LaserScan, payloads[LaserScan])), 2),
+    }
+
+
+class _Bundles:
+    """A team's transforms as its robots get them."""
+
+    def __init__(self, robot: Robot, robots: int) -> None:
+        self.now = 0
+        self._robots = range(robots)
+        self._buffer = Buffer()
+        for i in self._robots:
+            for fixed in reports.static_transforms(i, robot, Pose2(float(i), 0.0, 0.0)).transforms:
+                self._buffer.set_transform_static(fixed, names.TF)
+        self._bundles = Bundles(self._buffer, names.TF)
+        self._payloads = [encode(self._bundle(tick)) for tick in range(1, 2 + _ROUNDS * _TIMES)]
+        self._message = self._bundle(1)
+        self._next = 0
+        self.take_and_look()
+
+    def _bundle(self, tick: int) -> TFMessage:
+        found: list[TransformStamped] = []
+        for i in self._robots:
+            found += reports.transforms(tick * _TICK, i, Pose2(0.01 * tick, 0.0, 0.0)).transforms
+        return TFMessage(found)
+
+    def encode(self) -> bytes:
+        """What the aggregator does at the end."""
+        return encode(self._message)
+
+    def take_and_look(self) -> None:
+        """A bundle comes and a follower looks at its leader and at itself."""
+        self.now = self._bundles.take(self._payloads[self._next])
+        self._next += 1
+        own, leader = (names.robot_frame(i, names.BASE_FOOTPRINT) for i in (1, 0))
+        self.look(names.MAP_FRAME, own)
+        self.look(own, leader)
+
+    def look(self, target: str, source: str) -> tuple[Pose2, int] | None:
+        """The newest pose of one frame in another."""
+        self._bundles.settle(target, source)
+        return self._buffer.lookup_pose2(target, source, 0)
