@@ -1,4 +1,4 @@
-"""What the single hops of a tick cost in Python, warm and alone: the figures beside which a whole tick is to be read."""
+"""What the single hops of a tick cost in Python, each warm and alone, to read a whole tick beside."""
 
 from collections.abc import Callable
 

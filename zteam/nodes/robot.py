@@ -71,6 +71,8 @@ class RobotNode:
         self._hears_odom = self._hears_tf = True
         self._heard_tf = 0
         """Stamp of the newest bundle."""
+        self._waiting = False
+        """Whether the main loop waits for the transforms of a scan that it has seen."""
         self._awaits_tf = False
         """Whether the transforms of the last scan's tick came in time."""
         self._released = not options.gate
@@ -114,7 +116,7 @@ class RobotNode:
         """An input has come: lock-step goes on in this very thread, else the main loop does."""
         if not self._part.active:
             # The main loop is woken once a scan and not for each of its parts.
-            if self._is_complete():
+            if self._is_complete() or self._waiting:
                 self._node.changed.notify_all()
         elif not self._part.advance() and not self._released:
             # The first tick is held until all are ready, and what that takes may come after this robot's answer.
@@ -186,9 +188,10 @@ class RobotNode:
         """Act at time `now` on the newest data, and say the command."""
         if self._behavior.uses_tf:
             scan = self._scan
-            in_time = self._node.wait(lambda: self._heard_tf >= now or self._scan is not scan, TF_PATIENCE)
-            # Once they stay away, a scan is not kept waiting for them any more.
-            self._awaits_tf = in_time
+            self._waiting = True
+            # Once they stay away, the next scan wakes the main loop without them.
+            self._awaits_tf = self._node.wait(lambda: self._heard_tf >= now or self._scan is not scan, TF_PATIENCE)
+            self._waiting = False
         with self._node.changed:
             view = self._view(now)
         command = self._step(view, self._team_epoch(now))
