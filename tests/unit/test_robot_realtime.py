@@ -1,7 +1,7 @@
 """The robot's main loop in real time, on a bus in memory: what wakes it, and what it does without."""
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 
 import numpy as np
@@ -109,14 +109,26 @@ def team() -> Iterator[Team]:
 
 
 def test_transforms_wake_a_robot_that_waits_for_them(team: Team, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whether a scan comes before its transforms or after them, the command follows the second of the two at once."""
+    """A scan without its transforms is held for them, and the command follows when they come, not only later."""
+    waits = threading.Event()
+    usual = Node.wait
+
+    def wait(self: Node, ready: Callable[[], bool], timeout: float) -> bool:
+        def watched() -> bool:
+            found = ready()
+            if timeout == NEVER and not found:
+                # Under the node's lock: what is said from here on finds it waiting.
+                waits.set()
+            return found
+
+        return usual(self, watched, timeout)
+
     monkeypatch.setattr(module, "TF_PATIENCE", NEVER)
-    for tick in range(1, 20):
-        team.say_time(tick)
-        first, second = (team.say_scan, team.say_transforms) if tick % 3 else (team.say_transforms, team.say_scan)
-        first(tick)
-        second(tick)
-        team.wait_for_commands(tick)
+    monkeypatch.setattr(Node, "wait", wait)
+    team.say_scan(1)
+    assert waits.wait(LIMIT)
+    team.say_transforms(1)
+    team.wait_for_commands(1)
 
 
 def test_a_robot_does_without_transforms_that_stay_away(team: Team) -> None:
