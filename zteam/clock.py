@@ -127,6 +127,10 @@ class AutoClock:
         """Nanoseconds; 0 while undecided or before the simulator's first tick."""
         return self._wall.now() if self._wall else self.sim.now()
 
+    def steady(self) -> int:
+        """Nanoseconds to space moments by: simulated, or the host's monotonic ones, which nobody sets."""
+        return self.sim.now() if self._simulated else time.monotonic_ns()
+
     def use_simulated(self) -> None:
         """A simulator was seen."""
         if self._wall is None:
@@ -186,19 +190,15 @@ class Ticker:
     def __init__(self, period: float, clock: AutoClock) -> None:
         """The first moment comes `period` seconds from now. `clock` is decided."""
         self._clock = clock
-        self._rate = Rate(to_ns(period), self._now())
-
-    def _now(self) -> int:
-        # Whoever sets the host's time of day must not disturb a rate.
-        return self._clock.sim.now() if self._clock.simulated else time.monotonic_ns()
+        self._rate = Rate(to_ns(period), clock.steady())
 
     def wait(self, on_still: Callable[[], None] = lambda: None) -> None:
         """Until the next moment; `on_still()` is called when simulated time has stood still for STILL."""
-        now = self._now()
+        now = self._clock.steady()
         while left := self._rate.left(now):
             if not self._clock.simulated:
                 time.sleep(to_seconds(left))
             elif not self._clock.sim.wait_for_change(now, STILL):
                 on_still()
-            now = self._now()
+            now = self._clock.steady()
         self._rate.take(now)

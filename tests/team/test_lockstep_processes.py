@@ -12,7 +12,6 @@ import zenoh
 from zteam import names
 from zteam.bus.options import BusOptions, client_config
 from zteam.messages import Done, Tick, Twist, Vector3, decode, encode
-from zteam.nodes.sim_messages import SimStatus, SpawnReply, SpawnRequest
 from zteam.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team
@@ -99,8 +98,7 @@ def test_a_restart_at_a_tick_repeats(team: TeamFixture) -> None:
     team.wait_for_go()
     first = run()
     assert team.robot(1).speed > 0.0
-    team.bus.ask(names.service_key(names.SIMULATOR, "reset"), SimStatus, timeout=LIMIT)
-    team.wait_for(lambda: team.tick == 1)
+    assert team.sim.reset().tick == 1
     assert run() == first
 
 
@@ -276,16 +274,10 @@ def test_the_pace_can_be_changed_in_lock_step(team: TeamFixture) -> None:
     team.start("office", robots=2, follow={1: 0})
     team.wait_for_go()
 
-    def ask(service: str, request: object = None) -> SimStatus:
-        return team.bus.ask(names.service_key(names.SIMULATOR, service), SimStatus, request, timeout=LIMIT)  # type: ignore[arg-type]
-
-    ask("resume")
+    team.sim.resume()
     team.wait_for(lambda: team.tick > 30)
-    ask("pause")
-    spawned = team.bus.ask(
-        names.service_key(names.SIMULATOR, "spawn"), SpawnReply, SpawnRequest(20.0, 25.0), timeout=LIMIT
-    )
-    assert spawned.id == 4
+    team.sim.pause()
+    assert team.sim.spawn(20.0, 25.0) == 4
     team.run(1.0)
     assert team.robot(4).pose[:2] == (20.0, 25.0)
     assert 4 in team.sim_status.robots

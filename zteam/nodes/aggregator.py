@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping
 
 from zteam import names
 from zteam.bus import NoRequest
-from zteam.clock import monotonic
+from zteam.clock import Rate, monotonic, to_ns, to_seconds
 from zteam.messages import (
     Header,
     JointState,
@@ -224,7 +224,8 @@ class Aggregator:
 
     def run(self) -> None:
         """Send late bundles, and say conflicts, until the process is asked to stop."""
-        due = monotonic()
+        pace: Rate | None = None
+        self._node.wakes_with_clock = self._given_rate is not None
         while not self._node.stopping:
             self._node.decide_clock(self._first_data)
             rate = None if self._part.active else self._rate
@@ -235,15 +236,23 @@ class Aggregator:
                     if self._bundle_is_old():
                         self._flush_late()
             else:
-                due = max(due + 1.0 / rate, monotonic())
-                self._node.wait(lambda until=due: monotonic() >= until, max(0.0, due - monotonic()))  # type: ignore[misc]
-                with self._node.changed:
-                    self._flush()
+                pace = pace or Rate(to_ns(1.0 / rate), self._node.clock.steady())
+                self._wait_for_moment(pace)
             with self._node.changed:
                 self._drop_lost_callers()
                 conflicts = self._merger.take_conflicts()
             for conflict in conflicts:
                 log.warning("%s", conflict)
+
+    def _wait_for_moment(self, pace: Rate) -> None:
+        """Send what is here when the next moment of a rate comes, in the team's time."""
+        clock = self._node.clock
+        left = to_seconds(pace.left(clock.steady()))
+        # Simulated time wakes this as it goes on; it may stand still for long.
+        if self._node.wait(lambda: pace.left(clock.steady()) == 0, 0.5 if clock.simulated else left):
+            pace.take(clock.steady())
+            with self._node.changed:
+                self._flush()
 
     def _bundle_is_old(self) -> bool:
         return self._opened is not None and monotonic() - self._opened >= PATIENCE

@@ -6,7 +6,7 @@ from typing import Any, TypeVar
 from zteam import names
 from zteam.bus import Bus, BusOptions, Publisher
 from zteam.bus.transport import Closeable
-from zteam.clock import monotonic, to_ns
+from zteam.clock import Rate, monotonic, to_ns
 from zteam.errors import UsageError
 from zteam.messages import Message, TFMessage, Tick, Twist, ns_from_time
 from zteam.nodes import node as core
@@ -35,7 +35,7 @@ class Node(core.Node):
         """Of the newest message, by key."""
         self._step: Step = lambda now: None
         self._cmd_vel: Publisher[Twist] | None = None
-        self._due = 0
+        self._rate: Rate | None = None
         self._first_data = 0.0
         """Host time of the first message; 0 before."""
         self._part = Participant(self, self._has_inputs, self._act)
@@ -85,23 +85,21 @@ class Node(core.Node):
         self.become_present()
         while not self.stopping:
             self.decide_clock(self._first_data)
+            if self._rate is None and self.clock.decided and self.clock.now() > 0:
+                # The first moment is now.
+                self._rate = Rate(to_ns(period), self.clock.steady() - to_ns(period))
             self.wait(self._is_due, min(period, 0.1))
             with self.changed:
-                if self._is_due():
-                    now = self.clock.now()
-                    # Evenly spaced; what was missed is not made up for.
-                    self._due += to_ns(period)
-                    if self._due <= now:
-                        self._due = now + to_ns(period)
-                    self._drive(self._step(now))
+                if self._rate is not None and self._is_due():
+                    self._rate.take(self.clock.steady())
+                    self._drive(self._step(self.clock.now()))
 
     def _drive(self, command: Twist | None) -> None:
         if command is not None and self._cmd_vel is not None:
             self._cmd_vel.put(command)
 
     def _is_due(self) -> bool:
-        now = self.clock.now()
-        return not self._part.active and self.clock.decided and now > 0 and now >= self._due
+        return not self._part.active and self._rate is not None and self._rate.left(self.clock.steady()) == 0
 
     def _has_inputs(self, tick: Tick) -> bool:
         stamp = ns_from_time(tick.stamp)
@@ -121,8 +119,7 @@ class Node(core.Node):
         command = self._step(ns_from_time(tick.stamp))
         return None if self._cmd_vel is None else command
 
-    def _start_anew(self, _old: int, new: int) -> None:
-        self._due = new
+    def _start_anew(self, _old: int, _new: int) -> None:
         self._stamps.clear()
 
 

@@ -25,6 +25,7 @@ from zteam.launch.run import lease_for
 from zteam.launch.supervisor import Supervisor
 from zteam.messages import Message
 from zteam.nodes.lockstep import TIMEOUT
+from zteam.nodes.sim_client import SimClient
 from zteam.nodes.sim_messages import SimReport, SimStatus, StepRequest
 from zteam.shipped import shipped_team, shipped_world
 from zteam.testing.view import RobotView, TeamView
@@ -314,6 +315,11 @@ class TeamFixture:
             raise UsageError(f"the world is at tick {self.tick} already, beyond {tick}")
         self._step(ahead)
         return self
+
+    @property
+    def sim(self) -> SimClient:
+        """The simulator's queries as calls: pause, resume, speed, reset, spawn, remove, move."""
+        return SimClient(self.bus)
 
     @property
     def tick(self) -> int:
