@@ -274,6 +274,25 @@ def test_a_rate_bundles_by_time(hub: MemoryHub) -> None:
     assert listener.bundles == [[(f"robot_{i}/base_footprint", t * S) for t in (1, 2, 3) for i in (0, 1)]]
 
 
+def test_a_rate_goes_by_simulated_time(hub: MemoryHub) -> None:
+    """While the simulator's time stands still no bundle leaves; the tick that completes the period sends it."""
+    desk, listener, base = Desk(hub, rate=1.0), Listener(hub), Base(hub, 0)
+    clock = hub.bus().publisher(names.CLOCK, Clock)
+    clock.put(Clock(time_from_ns(S)))
+    desk.start()
+    base.drive(S)
+    for tenth in range(11, 20):
+        clock.put(Clock(time_from_ns(tenth * S // 10)))
+        base.drive(tenth * S // 10)
+    assert listener.bundles == []
+    # The main loop has begun to count at 1 s, or at any of these moments.
+    for tenth in range(20, 31):
+        clock.put(Clock(time_from_ns(tenth * S // 10)))
+    listener.wait(lambda: len(listener.bundles) > 0)
+    assert listener.bundles[0][0] == ("robot_0/base_footprint", S)
+    desk.end()
+
+
 def test_without_a_simulator_bundles_leave_at_a_rate(hub: MemoryHub) -> None:
     """Real robots have no common tick: in wall time their transforms are gathered, not sent on one by one."""
     desk, listener, bases = Desk(hub), Listener(hub), [Base(hub, 0), Base(hub, 1)]

@@ -1,0 +1,197 @@
+"""`zteam.Node` on a bus in memory: when its step runs, and what it may answer."""
+
+import threading
+from collections.abc import Callable, Iterator
+
+import pytest
+
+import zteam
+from players import LIMIT, LONG, Worlds
+from zteam import names
+from zteam.bus import MemoryHub
+from zteam.clock import wait_until
+from zteam.errors import UsageError
+from zteam.messages import (
+    Bool,
+    Clock,
+    Header,
+    Odometry,
+    TFMessage,
+    TransformStamped,
+    Twist,
+    Vector3,
+    time_from_ns,
+)
+from zteam.nodes import lockstep
+from zteam.nodes.stopping import Stop
+
+TICK = 100_000_000
+
+
+class Own:
+    """A user's node with its main loop in a thread."""
+
+    def __init__(self, hub: MemoryHub, name: str = "planner", command: Twist | None = None) -> None:
+        self.stop = Stop()
+        self.node = zteam.Node(name, hub.bus(), self.stop)
+        self.steps: list[int] = []
+        self.changed = threading.Condition()
+        self.failure: BaseException | None = None
+        self._command = command
+        self._present = threading.Event()
+        hub.bus().watch_tokens([names.tokens_key(name)], lambda key, alive: self._present.set())
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    def step(self, now: int) -> Twist | None:
+        """The user's step."""
+        with self.changed:
+            self.steps.append(now)
+            self.changed.notify_all()
+        return self._command
+
+    def start(self, step: Callable[[int], Twist | None] | None = None, period: float = 0.1) -> "Own":
+        """Run the main loop."""
+        self._chosen, self._period = step or self.step, period
+        self._thread.start()
+        return self
+
+    def _run(self) -> None:
+        try:
+            self.node.run(self._chosen, period=self._period)
+        except BaseException as error:
+            self.failure = error
+
+    def wait_until_present(self) -> None:
+        """Wait until it holds its name."""
+        assert self._present.wait(LIMIT)
+
+    def wait_for_steps(self, count: int) -> None:
+        """Wait until the step has run so often."""
+        with self.changed:
+            assert wait_until(self.changed, lambda: len(self.steps) >= count, LIMIT), self.steps
+
+    def close(self) -> None:
+        """Stop and wait."""
+        self.stop.request("the test is over")
+        if self._thread.ident is not None:
+            self._thread.join(LIMIT)
+        self.node.close()
+
+
+@pytest.fixture
+def hub() -> MemoryHub:
+    """The bus of the test."""
+    return MemoryHub()
+
+
+@pytest.fixture
+def make(hub: MemoryHub) -> Iterator[Callable[..., Own]]:
+    """Makes nodes that end with the test."""
+    made: list[Own] = []
+
+    def start(*arguments: object) -> Own:
+        made.append(Own(hub, *arguments))  # type: ignore[arg-type]
+        return made[-1]
+
+    yield start
+    for own in made:
+        own.close()
+
+
+def test_its_step_follows_the_simulators_clock(hub: MemoryHub, make: Callable[..., Own]) -> None:
+    """With a simulator in real time the step runs once a period of simulated time, and stands still with it."""
+    own = make().start(period=0.2)
+    clock = hub.bus().publisher(names.CLOCK, Clock)
+    for tick in range(1, 12):
+        clock.put(Clock(time_from_ns(tick * TICK)))
+        own.wait_for_steps((tick + 1) // 2)
+    assert own.steps == [tick * TICK for tick in range(1, 12, 2)]
+
+
+def test_it_counts_anew_when_time_jumps_back(hub: MemoryHub, make: Callable[..., Own]) -> None:
+    """After a reset the step goes on a period later, not when the old time is reached again."""
+    own = make().start(period=0.1)
+    clock = hub.bus().publisher(names.CLOCK, Clock)
+    clock.put(Clock(time_from_ns(500 * TICK)))
+    own.wait_for_steps(1)
+    for tick in range(1, 400):
+        clock.put(Clock(time_from_ns(tick * TICK)))
+        with own.changed:
+            # The main loop has to have seen a tick to count from.
+            if wait_until(own.changed, lambda: len(own.steps) > 1, 0.05):
+                break
+    assert own.steps[0] == 500 * TICK
+    assert own.steps[1] < 400 * TICK
+
+
+@pytest.fixture
+def patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No tick is sent again."""
+    monkeypatch.setattr(lockstep, "RESEND", LONG)
+
+
+@pytest.fixture
+def worlds(hub: MemoryHub) -> Iterator[Worlds]:
+    """Makes worlds that end with the test."""
+    made = Worlds(hub)
+    yield made
+    made.close()
+
+
+@pytest.mark.usefixtures("patient")
+def test_in_lock_step_it_waits_for_its_inputs(hub: MemoryHub, make: Callable[..., Own], worlds: Worlds) -> None:
+    """The world is held until the tick's odometry of every robot, and its transforms, have come; then it steps once."""
+    own = make()
+    bus = hub.bus()
+    odoms = [bus.publisher(names.robot_key(i, names.ODOM), Odometry) for i in (0, 1)]
+    tf = bus.publisher(names.TF, TFMessage)
+    own.node.subscribe(names.all_robots_key(names.ODOM), Odometry, lambda key, odom: None, every_tick=True)
+    own.node.subscribe(names.TF, TFMessage, lambda key, message: None, every_tick=True)
+    own.start()
+    world = worlds("planner")
+    own.wait_until_present()
+    world.open(1, 0, 1)
+    world.begin()
+    header = Header(time_from_ns(TICK))
+    odoms[0].put(Odometry(header))
+    tf.put(TFMessage([TransformStamped(header)]))
+    assert own.steps == []
+    assert world.holds
+    odoms[1].put(Odometry(header))
+    assert world.end()
+    assert own.steps == [TICK]
+
+
+@pytest.mark.usefixtures("patient")
+@pytest.mark.parametrize(("name", "obeyed"), [("robot_3", True), ("planner", False)])
+def test_a_robots_own_process_may_command(
+    hub: MemoryHub, make: Callable[..., Own], worlds: Worlds, name: str, obeyed: bool
+) -> None:
+    """What `step` returns is the command of the robot whose name the process has, and of nobody else."""
+    own = make(name, Twist(Vector3(0.5)))
+    own.start()
+    world = worlds(name)
+    own.wait_until_present()
+    world.open(1, 3)
+    world.begin()
+    assert world.end()
+    commands = world.step.take_commands({3: None})
+    assert commands == ({3: Twist(Vector3(0.5))} if obeyed else {})
+
+
+def test_what_step_raises_ends_it(hub: MemoryHub, make: Callable[..., Own]) -> None:
+    """An error is not swallowed: `run` raises it."""
+
+    def fail(_now: int) -> None:
+        raise ValueError("out of plans")
+
+    own = make().start(fail)
+    hub.bus().publisher(names.CLOCK, Clock).put(Clock(time_from_ns(TICK)))
+    own._thread.join(LIMIT)
+    assert str(own.failure) == "out of plans"
+
+
+def test_an_input_without_a_stamp_is_refused(make: Callable[..., Own]) -> None:
+    """A message that cannot say of which tick it is cannot be waited for."""
+    with pytest.raises(UsageError, match="Bool has no header"):
+        make().node.subscribe("robot_0/stall", Bool, lambda key, message: None, every_tick=True)
