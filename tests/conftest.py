@@ -1,10 +1,20 @@
-"""Makes the tests' own modules importable, in xdist workers too, and keeps compiled kernels in one place."""
+"""Makes the tests' own modules importable, in xdist workers too, and gives all tests the same surroundings."""
 
 import os
+import signal
 import sys
+import threading
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
 
 # pytester gives the runs it starts a home of their own, where the simulator would compile its kernels once more.
 os.environ.setdefault("XDG_CACHE_HOME", str(Path.home() / ".cache"))
+
+# Under nohup, or as a shell's background job, pytest ignores these signals, and so would every process of a test that
+# is about them.
+if threading.current_thread() is threading.main_thread():
+    if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
+        signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
