@@ -171,7 +171,7 @@ class LockStep:
             elif waited > self._options.timeout:
                 self._leave_behind(missing, waited)
             elif waited > NAME_AFTER and say.due():
-                log.warning("%s for %.0f s", f"tick {self._tick.tick} waits for {', '.join(missing)}", waited)
+                log.warning("tick %d waits for %s for %.0f s", self._tick.tick, ", ".join(missing), waited)
         return False
 
     @property

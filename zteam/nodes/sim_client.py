@@ -48,16 +48,19 @@ _TIMED_OUT = "Timeout"
 class SimClient:
     """The simulator's queries as calls. All raise BusError if no simulator is there, or with what it refuses."""
 
-    def __init__(self, bus: Bus) -> None:
+    def __init__(self, bus: Bus, answer_limit: float = ANSWER_LIMIT) -> None:
+        """`answer_limit` is host seconds for an answer that waits for nothing in the world."""
         self._bus = bus
+        self._answer_limit = answer_limit
 
     def _ask(
         self,
         service: str,
         reply_type: type[T],
         request: msgspec.Struct | None = None,
-        timeout: float = ANSWER_LIMIT,
+        timeout: float | None = None,
     ) -> T:
+        timeout = self._answer_limit if timeout is None else timeout
         key = names.service_key(names.SIMULATOR, service)
         try:
             answers = self._bus.query(key, reply_type, request, timeout=timeout)
@@ -77,6 +80,10 @@ class SimClient:
     def report(self) -> SimReport:
         """Its own count of the run from GO on."""
         return self._ask("report", SimReport)
+
+    def repeat(self) -> SimStatus:
+        """Have the last tick's data sent once more, between two ticks."""
+        return self._ask("repeat", SimStatus, timeout=CHANGE_LIMIT)
 
     def pause(self) -> SimStatus:
         """Let the world stand still after the tick at hand. Waits for that, but not beyond SETTLE."""

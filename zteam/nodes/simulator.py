@@ -174,8 +174,6 @@ class Simulator:
             return
         self._announced = list(self._outputs)
         self._lockstep.open(self._engine.now, self._engine.tick, self._announced)
-        if self._go is None and self._lockstep.is_go:
-            self._go = self._engine.now
 
     def _put_transforms(self, outputs: Mapping[int, RobotOutputs]) -> None:
         engine = self._engine

@@ -190,7 +190,7 @@ class TeamFixture:
         """Listen to what a test asks for from now on; a world that stands still sends it again."""
         self._view.listen(key, kind)
         if self._interval and self.alive(names.SIMULATOR):
-            self._ask_again()
+            self.sim.repeat()
             self._wait(arrived, START_LIMIT)
 
     @property
@@ -319,7 +319,7 @@ class TeamFixture:
     @property
     def sim(self) -> SimClient:
         """The simulator's queries as calls: pause, resume, speed, reset, spawn, remove, move."""
-        return SimClient(self.bus)
+        return SimClient(self.bus, START_LIMIT)
 
     @property
     def tick(self) -> int:
@@ -329,12 +329,12 @@ class TeamFixture:
     @property
     def sim_status(self) -> SimStatus:
         """What the simulator says of itself: pace, participants, who holds it."""
-        return self.bus.ask(names.service_key(names.SIMULATOR, "status"), SimStatus, timeout=START_LIMIT)
+        return self.sim.status()
 
     @property
     def report(self) -> SimReport:
         """The simulator's own count of the run from GO on, with `trajectory_sha256`."""
-        return self.bus.ask(names.service_key(names.SIMULATOR, "report"), SimReport, timeout=START_LIMIT)
+        return self.sim.report()
 
     def _step(self, ticks: int) -> None:
         """Let so many ticks pass, and wait until what was sent at the last one is in view."""
@@ -348,13 +348,9 @@ class TeamFixture:
                 raise TeamTimeout(f"simulated time stands still at {self.now:.1f} s: {error}") from error
             if not self._view.reaches(status.now, status.robots):
                 # Nothing was lost in tens of thousands of ticks, but nothing on the bus promises that.
-                self._ask_again()
+                self.sim.repeat()
                 if not self._wait(lambda now=status.now, ids=status.robots: self._view.reaches(now, ids), START_LIMIT):  # type: ignore[misc]
                     raise TeamTimeout(f"what the simulator sent at {status.now / 1e9:.1f} s did not arrive")
-
-    def _ask_again(self) -> None:
-        """Have the simulator send the tick at which it stands once more."""
-        self.bus.ask(names.service_key(names.SIMULATOR, "repeat"), SimStatus, timeout=START_LIMIT)
 
     def _wait(self, condition: Callable[[], bool], limit: float) -> bool:
         deadline = monotonic() + limit
