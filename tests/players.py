@@ -22,6 +22,8 @@ LIMIT = 20.0
 """Host seconds after which a wait has failed."""
 INTERVAL = to_ns(0.1)
 """A tick of the scripts, in simulated ns."""
+SHORT = 0.02
+"""Host seconds of what a test wants to see happen."""
 LONG = 600.0
 """Host seconds that no test lives to see: what ends before was not ended by a time-out."""
 

@@ -1,13 +1,13 @@
 """The aggregator on a bus in memory: bundles, the latched fixed set, its queries, losses of every kind."""
 
 import itertools
-import logging
 import threading
 from collections.abc import Callable, Iterator
 
 import pytest
 
 from links import CutTransport, cut_bus
+from players import Log, listening
 from zteam import names
 from zteam.bus import Bus, MemoryHub
 from zteam.clock import wait_until
@@ -124,12 +124,6 @@ class Desk:
 
 
 @pytest.fixture
-def hub() -> MemoryHub:
-    """The bus of the test."""
-    return MemoryHub()
-
-
-@pytest.fixture
 def desk(hub: MemoryHub) -> Iterator[Desk]:
     """An aggregator whose main loop stands still: what is tested happens in callbacks."""
     desk = Desk(hub)
@@ -137,32 +131,11 @@ def desk(hub: MemoryHub) -> Iterator[Desk]:
     desk.end()
 
 
-class Log(logging.Handler):
-    """Lines that zteam logs, whatever a command has done to its loggers."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.changed = threading.Condition()
-        self.lines: list[str] = []
-
-    def emit(self, record: logging.LogRecord) -> None:
-        with self.changed:
-            self.lines.append(record.getMessage())
-            self.changed.notify_all()
-
-    def wait_for(self, text: str) -> None:
-        """Wait for a line with this in it."""
-        with self.changed:
-            assert wait_until(self.changed, lambda: any(text in line for line in self.lines), LIMIT), self.lines
-
-
 @pytest.fixture
 def log() -> Iterator[Log]:
     """What is logged during the test."""
-    handler, root = Log(), logging.getLogger("zteam")
-    root.addHandler(handler)
-    yield handler
-    root.removeHandler(handler)
+    with listening() as lines:
+        yield lines
 
 
 def ask_static(hub: MemoryHub, child: str, x: float, instance: str) -> StaticReply:

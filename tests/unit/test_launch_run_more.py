@@ -37,12 +37,6 @@ class Voices:
         self._status.put(TeamStatus(state=state, epoch=1, go_stamp=time_from_ns(go_ns)))
 
 
-@pytest.fixture
-def hub() -> MemoryHub:
-    """A bus in memory."""
-    return MemoryHub()
-
-
 def test_go_is_noted_once(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> None:
     """Waiting is not GO; the first GO's time stays, whatever is said later."""
     moments = itertools.count(1.5)

@@ -1,40 +1,17 @@
 """The simulator's half of lock-step, with participants by script: ticks out, answers in, deaths, resets."""
 
-from collections.abc import Iterator
-
 import pytest
 
-from players import INTERVAL, LONG, Player, Worlds, make_team
+from players import INTERVAL, Player, Worlds, make_team
 from zteam import names
 from zteam.bus import MemoryHub
 from zteam.messages import Done, Twist, Vector3, ns_from_time
-from zteam.nodes import lockstep
-
-
-@pytest.fixture
-def hub() -> MemoryHub:
-    """The bus of the test."""
-    return MemoryHub()
-
-
-@pytest.fixture
-def make(hub: MemoryHub) -> Iterator[Worlds]:
-    """Makes worlds that end with the test."""
-    worlds = Worlds(hub)
-    yield worlds
-    worlds.close()
-
-
-@pytest.fixture
-def patient(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nothing is sent again: what ends a wait is an event."""
-    monkeypatch.setattr(lockstep, "RESEND", LONG)
 
 
 @pytest.mark.usefixtures("patient")
-def test_a_world_alone_waits_for_nobody(make: Worlds) -> None:
+def test_a_world_alone_waits_for_nobody(worlds: Worlds) -> None:
     """Without participants, expectations and gate every tick is over at once."""
-    world = make()
+    world = worlds()
     for tick in range(1, 4):
         world.open(tick)
         assert world.wait()
@@ -42,9 +19,9 @@ def test_a_world_alone_waits_for_nobody(make: Worlds) -> None:
 
 
 @pytest.mark.usefixtures("patient")
-def test_a_tick_tells_what_it_is(hub: MemoryHub, make: Worlds) -> None:
+def test_a_tick_tells_what_it_is(hub: MemoryHub, worlds: Worlds) -> None:
     """Number, time, epoch, the robots in the world and who takes part are in the message."""
-    world = make()
+    world = worlds()
     (robot,) = make_team(hub, world, "robot_0")
     world.open(3, 0, 4)
     tick = robot.heard[-1]
@@ -54,9 +31,9 @@ def test_a_tick_tells_what_it_is(hub: MemoryHub, make: Worlds) -> None:
 
 
 @pytest.mark.usefixtures("patient")
-def test_a_tick_ends_with_the_last_answer(hub: MemoryHub, make: Worlds) -> None:
+def test_a_tick_ends_with_the_last_answer(hub: MemoryHub, worlds: Worlds) -> None:
     """The wait is over in the moment the last one answers, and not before."""
-    world = make()
+    world = worlds()
     first, last = make_team(hub, world, "robot_0", "tf")
     assert world.wait()
     first.awake = last.awake = False
@@ -70,9 +47,9 @@ def test_a_tick_ends_with_the_last_answer(hub: MemoryHub, make: Worlds) -> None:
 
 
 @pytest.mark.usefixtures("patient")
-def test_a_newcomer_hears_of_the_tick_at_hand(hub: MemoryHub, make: Worlds) -> None:
+def test_a_newcomer_hears_of_the_tick_at_hand(hub: MemoryHub, worlds: Worlds) -> None:
     """It joins though the world stands, hinders nobody, and is waited for from the next tick on."""
-    world = make()
+    world = worlds()
     make_team(hub, world, "robot_0")
     assert world.wait()
     late = Player(hub, "planner").appear()
@@ -88,9 +65,9 @@ def test_a_newcomer_hears_of_the_tick_at_hand(hub: MemoryHub, make: Worlds) -> N
 
 
 @pytest.mark.usefixtures("patient")
-def test_a_death_ends_the_wait_at_once(hub: MemoryHub, make: Worlds) -> None:
+def test_a_death_ends_the_wait_at_once(hub: MemoryHub, worlds: Worlds) -> None:
     """The dead are not waited for, and the others are told who takes part now."""
-    world = make()
+    world = worlds()
     robot, aggregator = make_team(hub, world, "robot_0", "tf")
     assert world.wait()
     aggregator.awake = False
@@ -108,9 +85,9 @@ def test_a_death_ends_the_wait_at_once(hub: MemoryHub, make: Worlds) -> None:
 
 
 @pytest.mark.usefixtures("patient")
-def test_a_restarted_process_goes_on_where_the_old_one_was(hub: MemoryHub, make: Worlds) -> None:
+def test_a_restarted_process_goes_on_where_the_old_one_was(hub: MemoryHub, worlds: Worlds) -> None:
     """When the new token comes before the old one goes, the name stays in, and its new holder hears the open tick."""
-    world = make()
+    world = worlds()
     (old,) = make_team(hub, world, "robot_0")
     assert world.wait()
     old.awake = False
@@ -125,9 +102,9 @@ def test_a_restarted_process_goes_on_where_the_old_one_was(hub: MemoryHub, make:
 
 
 @pytest.mark.usefixtures("patient")
-def test_a_stop_request_ends_the_wait(hub: MemoryHub, make: Worlds) -> None:
+def test_a_stop_request_ends_the_wait(hub: MemoryHub, worlds: Worlds) -> None:
     """The process may stop while somebody holds the world: `wait` says that the tick did not end."""
-    world = make()
+    world = worlds()
     (robot,) = make_team(hub, world, "robot_0")
     robot.awake = False
     world.open(3)
@@ -138,9 +115,9 @@ def test_a_stop_request_ends_the_wait(hub: MemoryHub, make: Worlds) -> None:
 
 
 @pytest.mark.usefixtures("patient")
-def test_nobodys_answer_is_counted_and_dropped(hub: MemoryHub, make: Worlds) -> None:
+def test_nobodys_answer_is_counted_and_dropped(hub: MemoryHub, worlds: Worlds) -> None:
     """Who holds no name by a token does not take part, whatever it says."""
-    world = make()
+    world = worlds()
     ghost = Player(hub, "robot_9")
     world.open(1)
     ghost.say(Done(0, 1))
@@ -151,9 +128,9 @@ def test_nobodys_answer_is_counted_and_dropped(hub: MemoryHub, make: Worlds) -> 
 
 
 @pytest.mark.usefixtures("patient")
-def test_commands_come_with_the_answers(hub: MemoryHub, make: Worlds) -> None:
+def test_commands_come_with_the_answers(hub: MemoryHub, worlds: Worlds) -> None:
     """They are the robots' that are in the world, by id, and those of the open tick only."""
-    world = make()
+    world = worlds()
     players = [Player(hub, f"robot_{i}", Twist(Vector3(0.1 * i))).appear() for i in (10, 2, 3)]
     Player(hub, "tf").appear()
     Player(hub, "robot_4").appear()
@@ -172,9 +149,9 @@ def test_commands_come_with_the_answers(hub: MemoryHub, make: Worlds) -> None:
 
 
 @pytest.mark.usefixtures("patient")
-def test_after_a_reset_old_answers_count_no_more(hub: MemoryHub, make: Worlds) -> None:
+def test_after_a_reset_old_answers_count_no_more(hub: MemoryHub, worlds: Worlds) -> None:
     """The world that goes back to the tick it is at waits for everybody to answer that tick again."""
-    world = make()
+    world = worlds()
     (robot,) = make_team(hub, world, "robot_0")
     assert world.wait()
     robot.awake = False

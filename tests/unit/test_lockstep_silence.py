@@ -1,51 +1,25 @@
 """Lock-step with messages that are lost and participants that are silent: repeated, named, left behind."""
 
-from collections.abc import Iterator
 from itertools import pairwise
 
 import pytest
 
-from players import LIMIT, Player, Worlds, listening, lose_first, lossy_bus, make_team
+from players import LIMIT, SHORT, Player, Worlds, listening, lose_first, lossy_bus, make_team
 from zteam import names
 from zteam.bus import MemoryHub
 from zteam.clock import monotonic
 from zteam.messages import Done
 from zteam.nodes import lockstep
 
-SHORT = 0.02
-"""Host seconds of what a test wants to see happen."""
-
-
-@pytest.fixture
-def hub() -> MemoryHub:
-    """The bus of the test."""
-    return MemoryHub()
-
-
-@pytest.fixture
-def make(hub: MemoryHub) -> Iterator[Worlds]:
-    """Makes worlds that end with the test."""
-    worlds = Worlds(hub)
-    yield worlds
-    worlds.close()
-
-
-@pytest.fixture
-def hasty(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Repeats and complaints come at once."""
-    monkeypatch.setattr(lockstep, "RESEND", 0.5 * SHORT)
-    monkeypatch.setattr(lockstep, "MAX_RESEND", SHORT)
-    monkeypatch.setattr(lockstep, "NAME_AFTER", SHORT)
-
 
 @pytest.mark.usefixtures("hasty")
 @pytest.mark.parametrize("lost", [names.TICK, names.done_key("robot_0")])
-def test_a_lost_message_costs_a_repeat(hub: MemoryHub, make: Worlds, lost: str) -> None:
+def test_a_lost_message_costs_a_repeat(hub: MemoryHub, worlds: Worlds, lost: str) -> None:
     """Whether the tick or its answer does not arrive, the tick is sent again, and that is counted."""
     losing = [False]
     lose = lose_first(lost)
     bus = lossy_bus(hub, lambda key: losing[0] and lose(key))
-    world = make(bus=bus if lost != names.TICK else None)
+    world = worlds(bus=bus if lost != names.TICK else None)
     robot = Player(hub, "robot_0", bus=bus if lost == names.TICK else None).appear()
     world.open(1)
     assert world.wait()
@@ -58,9 +32,9 @@ def test_a_lost_message_costs_a_repeat(hub: MemoryHub, make: Worlds, lost: str) 
 
 
 @pytest.mark.usefixtures("hasty")
-def test_inputs_are_sent_again_to_those_who_owe_an_answer(hub: MemoryHub, make: Worlds) -> None:
+def test_inputs_are_sent_again_to_those_who_owe_an_answer(hub: MemoryHub, worlds: Worlds) -> None:
     """Who has answered is not named in what is sent again; everybody hears the tick once more."""
-    world = make()
+    world = worlds()
     first, last = make_team(hub, world, "robot_0", "robot_1")
     assert world.wait()
     last.awake = False
@@ -72,11 +46,11 @@ def test_inputs_are_sent_again_to_those_who_owe_an_answer(hub: MemoryHub, make: 
     assert [tick.tick for tick in first.heard[before:]] == [3]
 
 
-def test_repeats_become_seldom(hub: MemoryHub, make: Worlds, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_repeats_become_seldom(hub: MemoryHub, worlds: Worlds, monkeypatch: pytest.MonkeyPatch) -> None:
     """The time between them doubles up to a limit, and begins anew with the next tick."""
     monkeypatch.setattr(lockstep, "RESEND", 0.02)
     monkeypatch.setattr(lockstep, "MAX_RESEND", 0.06)
-    world = make()
+    world = worlds()
     (robot,) = make_team(hub, world, "robot_0")
     assert world.wait()
     robot.awake = False
@@ -96,9 +70,9 @@ def test_repeats_become_seldom(hub: MemoryHub, make: Worlds, monkeypatch: pytest
 
 
 @pytest.mark.usefixtures("hasty")
-def test_who_is_silent_is_named_and_left_behind(hub: MemoryHub, make: Worlds) -> None:
+def test_who_is_silent_is_named_and_left_behind(hub: MemoryHub, worlds: Worlds) -> None:
     """A living participant that does not answer holds the world for the time-out; the others then go on without it."""
-    world = make(timeout=50 * SHORT)
+    world = worlds(timeout=50 * SHORT)
     robot, silent = make_team(hub, world, "robot_0", "robot_1")
     assert world.wait()
     silent.awake = False
@@ -113,9 +87,9 @@ def test_who_is_silent_is_named_and_left_behind(hub: MemoryHub, make: Worlds) ->
 
 
 @pytest.mark.usefixtures("hasty")
-def test_who_was_left_behind_comes_back_at_the_next_tick(hub: MemoryHub, make: Worlds) -> None:
+def test_who_was_left_behind_comes_back_at_the_next_tick(hub: MemoryHub, worlds: Worlds) -> None:
     """Its first word, were it the late answer itself, asks to be let in; it is listed from the next tick on."""
-    world = make(timeout=2 * SHORT)
+    world = worlds(timeout=2 * SHORT)
     robot, silent = make_team(hub, world, "robot_0", "robot_1")
     assert world.wait()
     silent.awake = silent.asks = False
@@ -134,9 +108,9 @@ def test_who_was_left_behind_comes_back_at_the_next_tick(hub: MemoryHub, make: W
 
 
 @pytest.mark.usefixtures("hasty")
-def test_the_aggregator_alone_is_to_blame_when_robots_wait_for_it(hub: MemoryHub, make: Worlds) -> None:
+def test_the_aggregator_alone_is_to_blame_when_robots_wait_for_it(hub: MemoryHub, worlds: Worlds) -> None:
     """Without transforms the robots cannot answer either: they stay, and are told that it is out."""
-    world = make(timeout=5 * SHORT)
+    world = worlds(timeout=5 * SHORT)
     robot, aggregator = make_team(hub, world, "robot_0", "tf")
     assert world.wait()
     aggregator.awake = aggregator.asks = False
@@ -149,10 +123,10 @@ def test_the_aggregator_alone_is_to_blame_when_robots_wait_for_it(hub: MemoryHub
 
 
 @pytest.mark.usefixtures("hasty")
-def test_a_second_one_has_the_whole_time_out_for_itself(hub: MemoryHub, make: Worlds) -> None:
+def test_a_second_one_has_the_whole_time_out_for_itself(hub: MemoryHub, worlds: Worlds) -> None:
     """When the aggregator is left behind the robots' time begins anew."""
     timeout = 10 * SHORT
-    world = make(timeout=timeout)
+    world = worlds(timeout=timeout)
     robot, aggregator = make_team(hub, world, "robot_0", "tf")
     assert world.wait()
     aggregator.awake = aggregator.asks = robot.awake = robot.asks = False

@@ -1,51 +1,18 @@
 """The first tick of lock-step is held: for everybody expected, and for the monitor's GO."""
 
-from collections.abc import Iterator
-
 import pytest
 
-from players import LONG, GateKeeper, Player, Worlds, listening, lose_first, lossy_bus
+from players import SHORT, GateKeeper, Player, Worlds, listening, lose_first, lossy_bus
 from zteam import names
 from zteam.bus import MemoryHub
-from zteam.nodes import lockstep
 
-SHORT = 0.02
-"""Host seconds of what a test wants to see happen."""
 NO_GO = "the monitor's GO"
 
 
-@pytest.fixture
-def hub() -> MemoryHub:
-    """The bus of the test."""
-    return MemoryHub()
-
-
-@pytest.fixture
-def make(hub: MemoryHub) -> Iterator[Worlds]:
-    """Makes worlds that end with the test."""
-    worlds = Worlds(hub)
-    yield worlds
-    worlds.close()
-
-
-@pytest.fixture
-def patient(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nothing is sent again: what ends a wait is an event."""
-    monkeypatch.setattr(lockstep, "RESEND", LONG)
-
-
-@pytest.fixture
-def hasty(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Repeats and complaints come at once."""
-    monkeypatch.setattr(lockstep, "RESEND", 0.5 * SHORT)
-    monkeypatch.setattr(lockstep, "MAX_RESEND", SHORT)
-    monkeypatch.setattr(lockstep, "NAME_AFTER", SHORT)
-
-
 @pytest.mark.usefixtures("patient")
-def test_it_is_held_until_everybody_expected_is_in(hub: MemoryHub, make: Worlds) -> None:
+def test_it_is_held_until_everybody_expected_is_in(hub: MemoryHub, worlds: Worlds) -> None:
     """Each one that comes is let into the held tick, and only with the last one it ends."""
-    world = make("robot_0", "tf")
+    world = worlds("robot_0", "tf")
     world.open(1)
     world.begin()
     robot = Player(hub, "robot_0").appear()
@@ -61,9 +28,9 @@ def test_it_is_held_until_everybody_expected_is_in(hub: MemoryHub, make: Worlds)
 
 
 @pytest.mark.usefixtures("patient")
-def test_who_is_there_before_the_first_tick_is_in_it(hub: MemoryHub, make: Worlds) -> None:
+def test_who_is_there_before_the_first_tick_is_in_it(hub: MemoryHub, worlds: Worlds) -> None:
     """A team that is complete before its world loses no time."""
-    world = make("robot_0", "tf")
+    world = worlds("robot_0", "tf")
     Player(hub, "robot_0").appear()
     Player(hub, "tf").appear()
     world.open(1)
@@ -72,9 +39,9 @@ def test_who_is_there_before_the_first_tick_is_in_it(hub: MemoryHub, make: World
 
 
 @pytest.mark.usefixtures("patient")
-def test_go_is_told_when_everybody_expected_is_in(hub: MemoryHub, make: Worlds) -> None:
+def test_go_is_told_when_everybody_expected_is_in(hub: MemoryHub, worlds: Worlds) -> None:
     """A GO that comes before is withheld, so that all hear it in the same tick."""
-    world = make("robot_0", "tf", gate=True)
+    world = worlds("robot_0", "tf", gate=True)
     world.open(1)
     world.begin()
     robot = Player(hub, "robot_0").appear()
@@ -90,9 +57,9 @@ def test_go_is_told_when_everybody_expected_is_in(hub: MemoryHub, make: Worlds) 
 
 
 @pytest.mark.usefixtures("patient")
-def test_go_ends_the_hold(hub: MemoryHub, make: Worlds) -> None:
+def test_go_ends_the_hold(hub: MemoryHub, worlds: Worlds) -> None:
     """With everybody in, it is GO that is waited for; the tick is then answered anew, under the new epoch."""
-    world = make("robot_0", gate=True)
+    world = worlds("robot_0", gate=True)
     robot = Player(hub, "robot_0").appear()
     world.open(1)
     world.begin()
@@ -110,10 +77,10 @@ def test_go_ends_the_hold(hub: MemoryHub, make: Worlds) -> None:
 
 
 @pytest.mark.usefixtures("patient")
-def test_later_ticks_carry_go(hub: MemoryHub, make: Worlds) -> None:
+def test_later_ticks_carry_go(hub: MemoryHub, worlds: Worlds) -> None:
     """GO stands in every tick from its own on, and the highest epoch wins."""
     keeper = GateKeeper(hub)
-    world = make("robot_0", gate=True)
+    world = worlds("robot_0", gate=True)
     robot = Player(hub, "robot_0").appear()
     world.open(1)
     world.begin()
@@ -130,9 +97,9 @@ def test_later_ticks_carry_go(hub: MemoryHub, make: Worlds) -> None:
 
 
 @pytest.mark.usefixtures("patient")
-def test_without_the_gate_nobody_waits_for_go(hub: MemoryHub, make: Worlds) -> None:
+def test_without_the_gate_nobody_waits_for_go(hub: MemoryHub, worlds: Worlds) -> None:
     """It is enough that everybody expected is in; a GO that comes later is told all the same."""
-    world = make("robot_0")
+    world = worlds("robot_0")
     world.open(1)
     world.begin()
     robot = Player(hub, "robot_0").appear()
@@ -145,9 +112,9 @@ def test_without_the_gate_nobody_waits_for_go(hub: MemoryHub, make: Worlds) -> N
 
 
 @pytest.mark.usefixtures("patient")
-def test_go_alone_begins_where_nobody_is_expected(hub: MemoryHub, make: Worlds) -> None:
+def test_go_alone_begins_where_nobody_is_expected(hub: MemoryHub, worlds: Worlds) -> None:
     """Whoever happens to be in by then hears it."""
-    world = make(gate=True)
+    world = worlds(gate=True)
     world.open(1)
     world.begin()
     robot = Player(hub, "robot_3").appear()
@@ -158,9 +125,9 @@ def test_go_alone_begins_where_nobody_is_expected(hub: MemoryHub, make: Worlds) 
 
 
 @pytest.mark.usefixtures("patient")
-def test_who_is_not_expected_may_be_in_the_held_tick(hub: MemoryHub, make: Worlds) -> None:
+def test_who_is_not_expected_may_be_in_the_held_tick(hub: MemoryHub, worlds: Worlds) -> None:
     """Somebody else's process joins at once, and is waited for like all."""
-    world = make("robot_0", "tf")
+    world = worlds("robot_0", "tf")
     world.open(1)
     world.begin()
     planner = Player(hub, "planner")
@@ -175,9 +142,9 @@ def test_who_is_not_expected_may_be_in_the_held_tick(hub: MemoryHub, make: World
 
 
 @pytest.mark.usefixtures("patient")
-def test_who_dies_while_it_is_held_is_expected_again(hub: MemoryHub, make: Worlds) -> None:
+def test_who_dies_while_it_is_held_is_expected_again(hub: MemoryHub, worlds: Worlds) -> None:
     """GO is withheld until the name is back, and nobody is told of it with half a team."""
-    world = make("robot_0", "tf", gate=True)
+    world = worlds("robot_0", "tf", gate=True)
     world.open(1)
     world.begin()
     robot = Player(hub, "robot_0").appear()
@@ -194,9 +161,9 @@ def test_who_dies_while_it_is_held_is_expected_again(hub: MemoryHub, make: World
 
 
 @pytest.mark.usefixtures("patient")
-def test_only_the_first_tick_is_held(hub: MemoryHub, make: Worlds) -> None:
+def test_only_the_first_tick_is_held(hub: MemoryHub, worlds: Worlds) -> None:
     """Later on the world goes on without an expected process that is gone, after a reset too."""
-    world = make("robot_0", "tf")
+    world = worlds("robot_0", "tf")
     Player(hub, "robot_0").appear()
     aggregator = Player(hub, "tf").appear()
     world.open(1)
@@ -211,9 +178,9 @@ def test_only_the_first_tick_is_held(hub: MemoryHub, make: Worlds) -> None:
 
 
 @pytest.mark.usefixtures("hasty")
-def test_it_says_what_it_is_held_for(make: Worlds) -> None:
+def test_it_says_what_it_is_held_for(worlds: Worlds) -> None:
     """Who has not come and GO are named, once in a while, with how to go on without."""
-    world = make("robot_1", "robot_0", gate=True)
+    world = worlds("robot_1", "robot_0", gate=True)
     with listening() as log:
         world.open(1)
         world.begin()
@@ -225,9 +192,9 @@ def test_it_says_what_it_is_held_for(make: Worlds) -> None:
 
 
 @pytest.mark.usefixtures("hasty")
-def test_nobody_is_left_behind_while_it_is_held(hub: MemoryHub, make: Worlds) -> None:
+def test_nobody_is_left_behind_while_it_is_held(hub: MemoryHub, worlds: Worlds) -> None:
     """What starting takes is not known: the time-out holds for later ticks only."""
-    world = make("robot_0", timeout=0.5 * SHORT)
+    world = worlds("robot_0", timeout=0.5 * SHORT)
     robot = Player(hub, "robot_0").appear()
     robot.awake = False
     repeats: list[int] = []
@@ -243,10 +210,10 @@ def test_nobody_is_left_behind_while_it_is_held(hub: MemoryHub, make: Worlds) ->
 
 
 @pytest.mark.usefixtures("patient")
-def test_a_standing_go_is_withheld_too(hub: MemoryHub, make: Worlds) -> None:
+def test_a_standing_go_is_withheld_too(hub: MemoryHub, worlds: Worlds) -> None:
     """A monitor that outlives the simulator has given GO before the first tick: it is told when all are in."""
     GateKeeper(hub).give_go(3)
-    world = make("robot_0", "tf", gate=True)
+    world = worlds("robot_0", "tf", gate=True)
     world.open(1)
     world.begin()
     robot = Player(hub, "robot_0").appear()
@@ -258,20 +225,20 @@ def test_a_standing_go_is_withheld_too(hub: MemoryHub, make: Worlds) -> None:
 
 @pytest.mark.usefixtures("hasty")
 @pytest.mark.parametrize("lost", [names.TICK, names.done_key("robot_0")])
-def test_a_lost_message_does_not_hold_it_for_ever(hub: MemoryHub, make: Worlds, lost: str) -> None:
+def test_a_lost_message_does_not_hold_it_for_ever(hub: MemoryHub, worlds: Worlds, lost: str) -> None:
     """Whether the newcomer misses the held tick or its word is lost, it hears the tick again until it is in."""
     # The first two come by themselves, with the token and with the news of it.
     bus = lossy_bus(hub, lose_first(lost, 4))
-    world = make("robot_0", bus=None if lost == names.TICK else bus)
+    world = worlds("robot_0", bus=None if lost == names.TICK else bus)
     world.open(1)
     Player(hub, "robot_0", bus=bus if lost == names.TICK else None).appear()
     assert world.wait()
 
 
 @pytest.mark.usefixtures("hasty")
-def test_asking_to_be_let_in_again_is_no_news(hub: MemoryHub, make: Worlds) -> None:
+def test_asking_to_be_let_in_again_is_no_news(hub: MemoryHub, worlds: Worlds) -> None:
     """While somebody is absent, the held tick comes at its own pace, not with every word of those who are there."""
-    world = make("robot_0", "tf")
+    world = worlds("robot_0", "tf")
     world.open(1)
     robot = Player(hub, "robot_0").appear()
     with listening() as log:

@@ -144,12 +144,6 @@ Open = Callable[..., Desk]
 
 
 @pytest.fixture
-def hub() -> MemoryHub:
-    """The bus of the test."""
-    return MemoryHub()
-
-
-@pytest.fixture
 def open_desk(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> Iterator[Open]:
     """Starts monitors that wait for `ids` or `team_size` robots."""
     time, desks = HostTime(), []

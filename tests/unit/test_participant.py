@@ -54,12 +54,6 @@ class Desk:
 
 
 @pytest.fixture
-def hub() -> MemoryHub:
-    """The bus of the test."""
-    return MemoryHub()
-
-
-@pytest.fixture
 def script(hub: MemoryHub) -> Script:
     """A simulator whose token is there."""
     script = Script(hub, NAME)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 import pytest
 
 import zteam
-from players import LIMIT, LONG, Worlds
+from players import LIMIT, Worlds
 from zteam import names
 from zteam.bus import MemoryHub
 from zteam.clock import wait_until
@@ -22,7 +22,6 @@ from zteam.messages import (
     Vector3,
     time_from_ns,
 )
-from zteam.nodes import lockstep
 from zteam.nodes.stopping import Stop
 
 TICK = 100_000_000
@@ -79,12 +78,6 @@ class Own:
 
 
 @pytest.fixture
-def hub() -> MemoryHub:
-    """The bus of the test."""
-    return MemoryHub()
-
-
-@pytest.fixture
 def make(hub: MemoryHub) -> Iterator[Callable[..., Own]]:
     """Makes nodes that end with the test."""
     made: list[Own] = []
@@ -122,20 +115,6 @@ def test_it_counts_anew_when_time_jumps_back(hub: MemoryHub, make: Callable[...,
                 break
     assert own.steps[0] == 500 * TICK
     assert own.steps[1] < 400 * TICK
-
-
-@pytest.fixture
-def patient(monkeypatch: pytest.MonkeyPatch) -> None:
-    """No tick is sent again."""
-    monkeypatch.setattr(lockstep, "RESEND", LONG)
-
-
-@pytest.fixture
-def worlds(hub: MemoryHub) -> Iterator[Worlds]:
-    """Makes worlds that end with the test."""
-    made = Worlds(hub)
-    yield made
-    made.close()
 
 
 @pytest.mark.usefixtures("patient")
