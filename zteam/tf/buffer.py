@@ -15,7 +15,6 @@ one is appended on the spot, and a look-up goes along the path that the first lo
 import logging
 import threading
 from collections.abc import Iterable
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,7 +47,7 @@ from zteam.tf.applying import (
     twist_between,
 )
 from zteam.tf.checks import Rejection, check_names, check_numbers, normalise
-from zteam.tf.edges import Edge
+from zteam.tf.edges import FrameInfo
 from zteam.tf.errors import InvalidArgumentException, TransformException
 from zteam.tf.rigid import compose
 from zteam.tf.tree import DUPLICATE, Tree
@@ -59,18 +58,6 @@ DEFAULT_CACHE = 10.0
 """Seconds of history, as tf2's default."""
 
 _NS = 1_000_000_000
-
-
-class FrameInfo(NamedTuple):
-    """One child frame; times in ns, rate in Hz."""
-
-    parent: str
-    authority: str
-    static: bool
-    rate: float
-    oldest: int
-    newest: int
-    samples: int
 
 
 class Buffer:
@@ -288,20 +275,16 @@ class Buffer:
             except TransformException:
                 return None
 
+    def chain(self, frame: str) -> list[str]:
+        """A frame and all above it, by the newest parents; the frame alone if it is not known."""
+        with self.lock:
+            return self._tree.chain(frame)
+
     def frames(self) -> dict[str, FrameInfo]:
         """Every child frame, sorted by name."""
         with self.lock:
-            for edge in self._edges.values():
-                edge.prune(self._tree.cache)
-            return {child: _info(edge) for child, edge in sorted(self._edges.items()) if edge.parent}
+            return {child: edge.info(self._tree.cache) for child, edge in sorted(self._edges.items()) if edge.parent}
 
 
 def _parent_in(transform: TransformStamped | None) -> str | None:
     return None if transform is None else strip_slash(transform.header.frame_id)
-
-
-def _info(edge: Edge) -> FrameInfo:
-    stamps = edge.history[0]
-    oldest, newest, count = stamps[0], stamps[-1], len(stamps)
-    rate = 0.0 if edge.static or newest == oldest else (count - 1) * 1e9 / (newest - oldest)
-    return FrameInfo(edge.parent, edge.authority, edge.static, rate, oldest, newest, count)

@@ -10,7 +10,7 @@ Callers hold the buffer's lock.
 
 from bisect import bisect_left
 from cmath import sqrt
-from typing import Any
+from typing import Any, NamedTuple
 
 from zteam.tf.rigid import Floats
 
@@ -34,6 +34,18 @@ def unpack(place: complex, turn: complex, z: float) -> Floats:
     """Seven floats again; the quaternion has w >= 0."""
     half = sqrt(turn)
     return place.real, place.imag, z, 0.0, 0.0, half.imag, half.real
+
+
+class FrameInfo(NamedTuple):
+    """One child frame; times in ns, rate in Hz."""
+
+    parent: str
+    authority: str
+    static: bool
+    rate: float
+    oldest: int
+    newest: int
+    samples: int
 
 
 class Edge:
@@ -145,6 +157,14 @@ class Edge:
             return unpack(places[at], turns[at], self.z)
         floats: Floats = places[at]
         return floats
+
+    def info(self, cache: int) -> FrameInfo:
+        """The edge's figures; it has a sample."""
+        self.prune(cache)
+        stamps = self.history[0]
+        oldest, newest, count = stamps[0], stamps[-1], len(stamps)
+        rate = 0.0 if self.static or newest == oldest else (count - 1) * 1e9 / (newest - oldest)
+        return FrameInfo(self.parent, self.authority, self.static, rate, oldest, newest, count)
 
     def parent_of(self, at: int) -> str:
         """The parent by a sample."""

@@ -86,16 +86,18 @@ class Tree:
         return self._check_loop(child, parent, authority)
 
     def _check_loop(self, child: str, parent: str, authority: str) -> Rejection | None:
-        frame: str = parent
-        while frame:
-            edge = self.edges.get(frame)
-            if frame == child or edge is None:
-                break
-            frame = edge.parent
-        if frame != child:
+        if child not in self.chain(parent):
             return None
         other = self.edges[parent].authority if parent in self.edges else authority
         return Rejection("TF_LOOP", f"{parent} -> {child} by {authority} closes a loop with {other}'s transforms")
+
+    def chain(self, frame: str) -> list[str]:
+        """A frame and all above it, by the newest parents."""
+        found = [frame]
+        # No sample is stored that closes a loop with the newest parents.
+        while (edge := self.edges.get(found[-1])) is not None and edge.parent:
+            found.append(edge.parent)
+        return found
 
     def forget(self, child: str) -> None:
         """Forget an edge and its history."""
