@@ -122,6 +122,17 @@ def test_robots_that_miss_some_bundles_are_seen(pair: Pair) -> None:
             assert whole == lazy
 
 
+def test_names_may_have_a_leading_slash(pair: Pair) -> None:
+    """Frames that a bundle names with a leading slash are found under their plain names, in every bundle."""
+    for tick in range(1, 5):
+        transforms = bundle(tick)
+        for one in transforms:
+            one.child_frame_id = "/" + one.child_frame_id
+        pair.take(transforms)
+        whole, lazy = pair.look("map", "robot_2/base")
+        assert whole == lazy
+
+
 def test_what_nobody_looks_at_is_not_read(pair: Pair) -> None:
     """The buffer holds the samples of the two robots that were asked for, and of the others only the first."""
     for tick in range(1, 51):

@@ -11,6 +11,7 @@ from collections.abc import Iterable
 
 from zteam.messages import TFMessage, decode, ns_from_time
 from zteam.messages.tf_layout import Layout
+from zteam.names import strip_slash
 from zteam.tf.buffer import Buffer
 
 _PRUNE = 64
@@ -56,7 +57,7 @@ class Bundles:
         self._forget()
         if not transforms:
             return 0
-        indices = {transform.child_frame_id: index for index, transform in enumerate(transforms)}
+        indices = {strip_slash(transform.child_frame_id): index for index, transform in enumerate(transforms)}
         if len(indices) == len(transforms):
             self._layout, self._indices, self._payloads = Layout(payload), indices, [payload]
             self._read = dict.fromkeys(indices, 1)
