@@ -1,4 +1,4 @@
-"""Bundles read only as far as somebody looks: what is found must be what a buffer that reads everything finds."""
+"""Bundles of which only looked-up frames are read: what is found must be what a buffer that reads everything finds."""
 
 import random
 
@@ -133,7 +133,7 @@ def test_names_may_have_a_leading_slash(pair: Pair) -> None:
         assert whole == lazy
 
 
-def test_what_nobody_looks_at_is_not_read(pair: Pair) -> None:
+def test_frames_that_are_not_looked_up_are_not_read(pair: Pair) -> None:
     """The buffer holds the samples of the two robots that were asked for, and of the others only the first."""
     for tick in range(1, 51):
         pair.take(bundle(tick))
@@ -143,7 +143,7 @@ def test_what_nobody_looks_at_is_not_read(pair: Pair) -> None:
 
 
 def test_old_bundles_go(pair: Pair) -> None:
-    """An hour of bundles that nobody reads is not kept: what is asked for then reaches back as far as a buffer does."""
+    """An hour of bundles that are never read is not kept: what is asked for then reaches back as far as a buffer does."""
     for tick in range(1, 36_000):
         pair.bundles.take(encode(TFMessage(bundle(tick, [0]))))
     pair.bundles.settle("map", "robot_0/base")
@@ -175,7 +175,7 @@ def test_garbage_is_refused(pair: Pair, payload: bytes) -> None:
     assert whole == lazy
 
 
-def test_garbage_of_the_right_length_moves_nobody(pair: Pair) -> None:
+def test_garbage_of_the_right_length_moves_no_robot(pair: Pair) -> None:
     """Bytes as long as a bundle, one that is torn at its beginning, and NaN in one's numbers are passed over."""
     pair.take(bundle(1))
     length = len(encode(TFMessage(bundle(1))))

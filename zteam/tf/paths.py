@@ -93,7 +93,7 @@ class PlanarPath:
                 p, h = places[at - 1], turns[at - 1]
                 if stamp != time:
                     q, g = places[at], turns[at]
-                    # Whoever drives straight ahead, stands, or repeats himself saves the dear part.
+                    # A robot that drives straight ahead, stands or repeats its pose needs no slerp, the slow part.
                     if g != h:
                         part = (time - stamp) / (stamps[at] - stamp)
                         p += (q - p) * part
