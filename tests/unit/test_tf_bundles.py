@@ -143,7 +143,7 @@ def test_frames_that_are_not_looked_up_are_not_read(pair: Pair) -> None:
 
 
 def test_old_bundles_go(pair: Pair) -> None:
-    """An hour of bundles that are never read is not kept: what is asked for then reaches back as far as a buffer does."""
+    """An hour of bundles is not kept: a look-up then reaches back as far as a buffer does."""
     for tick in range(1, 36_000):
         pair.bundles.take(encode(TFMessage(bundle(tick, [0]))))
     pair.bundles.settle("map", "robot_0/base")
