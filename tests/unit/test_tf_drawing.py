@@ -1,13 +1,11 @@
-"""The tree as a picture, and the figures of its stream."""
+"""The tree as a picture."""
 
 import xml.etree.ElementTree as ET
 
-import pytest
-from test_tf_buffer import S, stamped
+from test_tf_buffer import S
 
 from zteam.tf import FrameInfo
 from zteam.tf.drawing import tree_as_dot, tree_as_svg
-from zteam.tf.watching import Watch
 
 FRAMES = {
     "odom": FrameInfo("map", "sim", True, 0.0, 0, 0, 1),
@@ -53,19 +51,3 @@ def test_a_deep_chain_is_drawn() -> None:
     """Two thousand frames in a row need no stack."""
     frames = {f"f{i}": FrameInfo(f"f{i - 1}", "t", True, 0.0, 0, 0, 1) for i in range(1, 2001)}
     assert tree_as_svg(frames, 0).count('rx="6"') == 2001
-
-
-def test_a_watch_measures_rate_jitter_and_delay() -> None:
-    """Stamps 0.1, 0.1 and 0.4 s apart: 5 Hz, their spread, and how late they came by the team's clock."""
-    watch = Watch()
-    for stamp, now in ((S, 0), (S + S // 10, S + S // 5), (S + S // 5, S + S // 5), (S + 3 * S // 5, S)):
-        watch.take([stamped("odom", "base", stamp)], now)
-    (figures,) = watch.figures()
-    assert (figures.parent, figures.child, figures.count) == ("odom", "base", 4)
-    assert figures.rate == pytest.approx(5.0)
-    assert figures.jitter == pytest.approx(0.141421, abs=1e-5)
-    assert figures.mean_delay == pytest.approx(0.1 / 3)
-    assert figures.max_delay == pytest.approx(0.1)
-    watch.take([stamped("odom", "other", S)], 0)
-    lonely = watch.figures()[1]
-    assert (lonely.rate, lonely.jitter, lonely.mean_delay) == (None, None, None)

@@ -1,10 +1,8 @@
 """Waiting look-ups, and several threads on one buffer."""
 
 import random
-import sys
 import threading
-from bisect import bisect_right
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import pytest
 from test_tf_buffer import S, stamped
@@ -16,7 +14,6 @@ from zteam.tf import (
     ExtrapolationException,
     LookupException,
     NoDataForExtrapolationException,
-    TransformException,
 )
 
 
@@ -42,7 +39,7 @@ def test_every_waiter_is_woken(monkeypatch: pytest.MonkeyPatch) -> None:
     asleep = threading.Semaphore(0)
 
     def announce(condition: threading.Condition, ready: Callable[[], bool], timeout: float) -> bool:
-        # The caller holds the lock: whoever gets it after this finds the caller asleep.
+        # The caller holds the lock until it sleeps.
         asleep.release()
         return wait_until(condition, ready, timeout)
 
@@ -152,120 +149,3 @@ def test_many_threads_see_one_tree() -> None:
     assert not any(thread.is_alive() for thread in writers + readers)
     assert failures == []
     assert buffer.frames()["arm"].newest == 2999 * ms
-
-
-@pytest.fixture
-def restless() -> Iterator[None]:
-    """Threads take turns as often as they can."""
-    usual = sys.getswitchinterval()
-    sys.setswitchinterval(1e-6)
-    yield
-    sys.setswitchinterval(usual)
-
-
-@pytest.mark.usefixtures("restless")
-def test_a_look_up_without_the_lock_sees_whole_samples() -> None:
-    """While samples come in order and late, old ones go and a fixed leg changes, every answer is of one moment.
-
-    Both moving edges say their stamp as x, and the fixed leg says 5 more than whole thousands as y.
-    """
-    buffer = Buffer(cache_time=0.2)
-    ms = S // 1000
-    gate, done = threading.Barrier(2), threading.Event()
-    wrong: list[tuple[float, float, float]] = []
-    answered = [0, 0]
-
-    def write(parent: str, child: str, late: bool) -> None:
-        for i in range(1000, 11_000):
-            if i % 50 == 0:
-                # The two stay within each other's cache.
-                gate.wait(60.0)
-            if late and i % 7 == 0:
-                continue
-            buffer.set_transform(stamped(parent, child, i * ms, float(i)), child)
-            if late and i % 7 == 3:
-                buffer.set_transform(stamped(parent, child, (i - 3) * ms, float(i - 3)), child)
-            if i % 1000 == 0:
-                buffer.set_transform_static(stamped("arm", "tip", 0, 0.0, 5.0 + i), child)
-
-    def read(index: int) -> None:
-        pick = random.Random(index)
-        while not done.is_set() or not answered[index]:
-            time = pick.choice([0, 0, 10**18])
-            try:
-                if time:
-                    time = max(1, (buffer.latest_common_time("map", "tip") or 0) - pick.randrange(150 * ms))
-                found = buffer.lookup_transform("map", "tip", time)
-            except TransformException:
-                continue
-            answered[index] += 1
-            t, stamp = found.transform.translation, ns_from_time(found.header.stamp) / ms
-            if abs(t.x - 2.0 * stamp) > 1e-6 or t.y % 1000.0 != 5.0:
-                wrong.append((stamp, t.x, t.y))
-
-    threads = [threading.Thread(target=write, args=leg) for leg in (("map", "base", True), ("base", "arm", False))]
-    readers = [threading.Thread(target=read, args=(index,)) for index in range(len(answered))]
-    for thread in threads + readers:
-        thread.start()
-    for thread in threads:
-        thread.join(60.0)
-    done.set()
-    for thread in readers:
-        thread.join(60.0)
-    assert not any(thread.is_alive() for thread in threads + readers)
-    assert wrong == []
-    assert min(answered) > 0
-
-
-def _say(buffer: Buffer, parent: str, seconds: float, x: float, z: float = 0.0) -> None:
-    message = stamped(parent, "base", round(seconds * S), x)
-    message.transform.translation.z = z
-    assert buffer.set_transform(message, "other") is None
-
-
-@pytest.mark.parametrize(
-    "meanwhile",
-    [
-        lambda buffer: _say(buffer, "map", 4.0, 4.0),
-        lambda buffer: _say(buffer, "map", 1.5, 50.0),
-        lambda buffer: _say(buffer, "map", 12.5, 50.0),
-        lambda buffer: _say(buffer, "map", 99.0, 50.0),
-        lambda buffer: _say(buffer, "room", 4.0, 50.0),
-        lambda buffer: _say(buffer, "map", 4.0, 50.0, z=1.0),
-        lambda buffer: buffer.set_transform_static(stamped("map", "base", 0, 50.0), "other"),
-        lambda buffer: buffer.set_transform_static(stamped("base", "tip", 0, 50.0), "other"),
-        lambda buffer: buffer.clear(),
-        lambda buffer: buffer.forget("base"),
-    ],
-    ids=[
-        "newer",
-        "late",
-        "some too old",
-        "all too old",
-        "moved house",
-        "raised",
-        "fixed",
-        "leg",
-        "cleared",
-        "forgotten",
-    ],
-)
-def test_what_happens_in_the_middle_of_a_look_up(
-    meanwhile: Callable[[Buffer], None], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Another thread's turn between the search for the time and the use of what was found changes nothing of it."""
-    buffer = Buffer()
-    buffer.set_transform_static(stamped("base", "tip", 0, 0.5), "test")
-    buffer.set_transform_static(stamped("map", "room", 0, 100.0), "test")
-    for second in (1.0, 2.0, 3.0):
-        _say(buffer, "map", second, second)
-    assert buffer.lookup_pose2("map", "tip", 5 * S // 4)[0].x == 1.75
-
-    def interrupted(stamps: list[int], time: int) -> int:
-        found = bisect_right(stamps, time)
-        monkeypatch.undo()
-        meanwhile(buffer)
-        return found
-
-    monkeypatch.setattr("zteam.tf.paths.bisect_right", interrupted)
-    assert buffer.lookup_pose2("map", "tip", 5 * S // 4)[0].x == 1.75

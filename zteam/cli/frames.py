@@ -21,11 +21,11 @@ from zteam.tf.watching import Watch
 
 
 class TreeListener:
-    """A buffer, and a watch, fed from the aggregator's tree."""
+    """A buffer fed from the aggregator's tree, and a watch where figures are wanted."""
 
-    def __init__(self, bus: Bus) -> None:
+    def __init__(self, bus: Bus, watch: Watch | None = None) -> None:
         self.buffer = Buffer()
-        self.watch = Watch()
+        self._watch = watch
         self.waiter = Waiter()
         self.now = 0
         bus.subscribe(names.CLOCK, Clock, self._on_clock)
@@ -37,7 +37,8 @@ class TreeListener:
         self.buffer.take_time(self.now)
 
     def _on_tf(self, _key: str, message: TFMessage) -> None:
-        self.watch.take(message.transforms, self.now)
+        if self._watch is not None:
+            self._watch.take(message.transforms, self.now)
         for transform in message.transforms:
             self.buffer.set_transform(transform, names.TF)
         self.waiter.notify()
@@ -91,8 +92,8 @@ def show_figures(args: argparse.Namespace) -> int:
         raise UsageError(f"--for {args.seconds:g}: give seconds")
     bus = open_bus(bus_options(args))
     try:
-        listener = TreeListener(bus)
-        listener.waiter.wait(lambda: False, args.seconds, "")
+        watch = Watch()
+        TreeListener(bus, watch).waiter.wait(lambda: False, args.seconds, "")
         frames = _ask_frames(bus) or {}
         try:
             conflicts = bus.ask(names.service_key(names.AGGREGATOR, "conflicts"), list[str])
@@ -100,7 +101,7 @@ def show_figures(args: argparse.Namespace) -> int:
             conflicts = []
     finally:
         bus.close()
-    figures = listener.watch.figures()
+    figures = watch.figures()
     if args.json:
         rows = [{**msgspec.to_builtins(f), "authority": _authority(frames, f.child)} for f in figures]
         print(msgspec.json.encode({"frames": rows, "conflicts": conflicts}).decode())

@@ -1,7 +1,8 @@
 """The transform buffer and tree: tf2's contract without its faults. No bus."""
 
-from zteam.tf.buffer import Buffer, FrameInfo
+from zteam.tf.buffer import Buffer
 from zteam.tf.checks import Rejection
+from zteam.tf.edges import FrameInfo
 from zteam.tf.errors import (
     BackwardExtrapolationException,
     ConnectivityException,

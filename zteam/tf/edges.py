@@ -1,17 +1,16 @@
 """What is known of one frame: a static transform, or the samples of one that moves, in order of time.
 
 Nearly all robots move in a plane, so an edge keeps its samples in one of two forms: as long as it turns about z alone
-and z stays what it is, two complex numbers each (see `pack`), else seven floats. Readers need no lock: an edge that is
-in use only grows at its end, the stamp last. What changes the middle of a history puts new lists in its place, and what
-changes an edge's parent or form makes another edge.
+and z stays what it is, two complex numbers each (see `pack`), else seven floats.
 
-What just came is kept raw until somebody looks it up: of a large team most frames are never asked for.
+New planar samples are kept raw until a look-up needs them: in a large team most frames are never looked up.
+
+Callers hold the buffer's lock.
 """
 
 from bisect import bisect_left
 from cmath import sqrt
-from threading import RLock
-from typing import Any
+from typing import Any, NamedTuple
 
 from zteam.tf.rigid import Floats
 
@@ -37,17 +36,27 @@ def unpack(place: complex, turn: complex, z: float) -> Floats:
     return place.real, place.imag, z, 0.0, 0.0, half.imag, half.real
 
 
+class FrameInfo(NamedTuple):
+    """One child frame; times in ns, rate in Hz."""
+
+    parent: str
+    authority: str
+    static: bool
+    rate: float
+    oldest: int
+    newest: int
+    samples: int
+
+
 class Edge:
     """One child frame under its parent."""
 
     __slots__ = (
-        *("_lock", "authority", "due", "fresh", "newest", "parent", "parents", "plain_parent"),
+        *("authority", "due", "fresh", "newest", "parent", "parents", "plain_parent"),
         *("planar", "settled", "static", "z"),
     )
 
-    def __init__(self, lock: "RLock", static: bool, planar: bool, z: float = 0.0) -> None:
-        self._lock = lock
-        """The buffer's."""
+    def __init__(self, static: bool, planar: bool, z: float = 0.0) -> None:
         self.static = static
         self.planar = planar
         """In which form the samples are."""
@@ -59,26 +68,24 @@ class Edge:
         """The parent of every sample, if they differ."""
         self.authority = ""
         self.settled: History = ([], [], [])
-        """All samples, but for those that are still `fresh`."""
+        """All samples but the fresh ones; read `history` instead."""
         self.fresh: list[Any] = []
-        """Stamp, x, y, qz, qw, stamp, … of planar samples since, each newer than the last; written under the lock."""
+        """The raw samples: stamp, x, y, qz, qw, stamp, …; each is newer than all before it."""
         self.newest = 0
         self.due = 0
-        """A sample after this time makes it worth while to forget old ones; until then some may be too old."""
+        """The first sample after this time prunes the history; until then it may hold samples that are too old."""
         self.plain_parent: str | None = None
         """The parent with which the next planar sample can simply be appended."""
 
     def settle(self) -> None:
-        """Take the fresh samples into the history."""
-        with self._lock:
-            stamps, places, turns = self.settled
-            for stamp, x, y, k, w in zip(*[iter(self.fresh)] * 5, strict=True):
-                half = complex(w, k)
-                places.append(complex(x, y))
-                turns.append(half * half)
-                stamps.append(stamp)
-            # Only now: who reads without the lock waits for it as long as there is something fresh.
-            self.fresh.clear()
+        """Append the fresh samples to the history."""
+        stamps, places, turns = self.settled
+        for stamp, x, y, k, w in zip(*[iter(self.fresh)] * 5, strict=True):
+            half = complex(w, k)
+            stamps.append(stamp)
+            places.append(complex(x, y))
+            turns.append(half * half)
+        self.fresh.clear()
 
     @property
     def history(self) -> History:
@@ -95,16 +102,16 @@ class Edge:
     def insert(self, stamp: int, floats: Floats, parent: str, cache: int) -> None:
         """Put a sample in its place; its stamp is not there yet, and it fits the edge's form."""
         stamps, places, turns = self.history
-        place, turn = pack(floats) if self.planar else (floats, None)
-        at = len(stamps) if not stamps or stamp > self.newest else bisect_left(stamps, stamp)
-        if at < len(stamps):
-            stamps, places, turns = self.settled = (list(stamps), list(places), list(turns))
-        else:
+        at = bisect_left(stamps, stamp)
+        if at == len(stamps):
             self.newest, self.parent = stamp, parent
-        places.insert(at, place)
-        if turn is not None:
-            turns.insert(at, turn)
         stamps.insert(at, stamp)
+        if self.planar:
+            place, turn = pack(floats)
+            places.insert(at, place)
+            turns.insert(at, turn)
+        else:
+            places.insert(at, floats)
         if self.parents is not None:
             self.parents.insert(at, parent)
         if at == 0 or stamp > self.due or self.parents is not None:
@@ -117,14 +124,13 @@ class Edge:
         if self.static or not stamps:
             return
         cut = bisect_left(stamps, self.newest - cache)
-        if cut:
-            self.settled = (stamps[cut:], places[cut:], turns[cut:])
+        del stamps[:cut], places[:cut], turns[:cut]
         if self.parents is not None:
             del self.parents[:cut]
             if self.parents.count(self.parent) == len(self.parents):
                 self.parents = None
                 self.plain_parent = self.parent if self.planar else None
-        first, slack = self.history[0][0], cache // 8
+        first, slack = stamps[0], cache // 8
         # No slack for a short history: the last two samples are never further apart than the cache.
         self.due = first + cache + (slack if self.newest >= first + slack else 0)
 
@@ -144,27 +150,34 @@ class Edge:
         same = (places[at], turns[at]) == pack(floats) if self.planar else places[at] == floats
         return same and self.takes(floats) and self.parent_of(at) == parent
 
-    def floats_of(self, history: History, at: int) -> Floats:
-        """A sample as seven floats; `history` is the edge's own, read once by who holds no lock."""
+    def floats_of(self, at: int) -> Floats:
+        """A sample as seven floats."""
+        _, places, turns = self.history
         if self.planar:
-            return unpack(history[1][at], history[2][at], self.z)
-        floats: Floats = history[1][at]
+            return unpack(places[at], turns[at], self.z)
+        floats: Floats = places[at]
         return floats
+
+    def info(self, cache: int) -> FrameInfo:
+        """The edge's figures; it has a sample."""
+        self.prune(cache)
+        stamps = self.history[0]
+        oldest, newest, count = stamps[0], stamps[-1], len(stamps)
+        rate = 0.0 if self.static or newest == oldest else (count - 1) * 1e9 / (newest - oldest)
+        return FrameInfo(self.parent, self.authority, self.static, rate, oldest, newest, count)
 
     def parent_of(self, at: int) -> str:
         """The parent by a sample."""
         return self.parents[at] if self.parents is not None else self.parent
 
-    def replaced(self, planar: bool, mixed: bool) -> "Edge":
-        """The same history in another form (`planar`), or ready for samples of several parents (`mixed`)."""
-        edge = Edge(self._lock, self.static, planar, self.z)
-        stamps, places, turns = self.history
-        if planar == self.planar:
-            edge.settled = (list(stamps), list(places), list(turns))
-        else:
-            edge.settled = (list(stamps), [self.floats_of(self.history, at) for at in range(len(stamps))], [])
-        edge.parent, edge.authority, edge.newest, edge.due = self.parent, self.authority, self.newest, self.due
-        edge.parents = list(self.parents) if self.parents is not None else None
-        if mixed and edge.parents is None:
-            edge.parents = [self.parent] * len(stamps)
-        return edge
+    def reshape(self, planar: bool, mixed: bool) -> None:
+        """Change the form of all samples (`planar`), or get ready for samples of several parents (`mixed`).
+
+        A path that was prepared through this edge is no longer valid.
+        """
+        stamps = self.history[0]
+        if planar != self.planar:
+            self.settled = (stamps, [self.floats_of(at) for at in range(len(stamps))], [])
+            self.planar = planar
+        if mixed:
+            self.parents = [self.parent] * len(stamps)

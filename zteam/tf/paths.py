@@ -1,8 +1,10 @@
 """The way between two frames, prepared once: runs of static transforms are one, and planar edges stay planar.
 
-A path holds as long as every edge on it keeps its parent and its form. It reads the edges without a lock (see edges).
-`solve` answers None wherever something is not plain (no data at that time, samples older than the cache, stamps of 0):
-what to say then, the tree knows.
+A path is valid as long as every edge on it keeps its parent and its form; the tree drops its paths when that changes.
+`solve` returns None where an edge has no data at that time, only samples older than the cache, or stamps of 0: then the
+tree searches, and raises the right exception.
+
+Callers hold the buffer's lock.
 """
 
 from bisect import bisect_right
@@ -91,7 +93,7 @@ class PlanarPath:
                 p, h = places[at - 1], turns[at - 1]
                 if stamp != time:
                     q, g = places[at], turns[at]
-                    # Whoever drives straight ahead, stands, or repeats himself saves the dear part.
+                    # A robot that drives straight ahead, stands or repeats its pose needs no slerp, the slow part.
                     if g != h:
                         part = (time - stamp) / (stamps[at] - stamp)
                         p += (q - p) * part
@@ -148,17 +150,16 @@ Path = ConstantPath | PlanarPath | SpatialPath
 
 def find_floats(edge: Edge, time: int, cache: int) -> Floats | None:
     """A moving edge of one parent at `time`; None outside of its history."""
-    history = edge.history
-    stamps = history[0]
+    stamps = edge.history[0]
     last = stamps[-1]
     at = bisect_right(stamps, time)
     if not at or time > last or stamps[at - 1] < last - cache:
         return None
     stamp = stamps[at - 1]
-    older = edge.floats_of(history, at - 1)
+    older = edge.floats_of(at - 1)
     if stamp == time:
         return older
-    return interpolate(older, edge.floats_of(history, at), (time - stamp) / (stamps[at] - stamp))
+    return interpolate(older, edge.floats_of(at), (time - stamp) / (stamps[at] - stamp))
 
 
 def prepare_path(legs: Legs, cache: int) -> Path:
@@ -168,7 +169,7 @@ def prepare_path(legs: Legs, cache: int) -> Path:
         if not edge.static:
             steps.append(_Step(edge, down, IDENTITY))
             continue
-        floats = invert(edge.floats_of(edge.history, 0)) if down else edge.floats_of(edge.history, 0)
+        floats = invert(edge.floats_of(0)) if down else edge.floats_of(0)
         if steps:
             steps[-1] = steps[-1]._replace(after=compose(floats, steps[-1].after))
         else:

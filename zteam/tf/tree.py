@@ -1,7 +1,5 @@
 """The frames and how they hang together: what may be stored where, and the walk from one frame to another."""
 
-from threading import RLock
-
 from zteam.tf.checks import Rejection
 from zteam.tf.edges import Edge, is_planar
 from zteam.tf.errors import (
@@ -19,14 +17,13 @@ DUPLICATE = Rejection("DUPLICATE", "")
 
 
 class Tree:
-    """All edges. Only `edges` and `paths` may be read without the buffer's lock, and those only looked into."""
+    """All edges. Callers hold the buffer's lock."""
 
-    def __init__(self, cache: int, lock: RLock) -> None:
-        self._lock = lock
+    def __init__(self, cache: int) -> None:
         self.cache = cache
         self.edges: dict[str, Edge] = {}
         self.paths: dict[tuple[str, str], Path] = {}
-        """By target and source, as long as the tree keeps its shape and its static transforms."""
+        """By target and source; emptied when a frame, a parent, a static transform or the form of an edge changes."""
         self._frames: set[str] = set()
         """Every frame that was ever a child or a parent."""
 
@@ -40,7 +37,7 @@ class Tree:
             return refused
         if static:
             if edge is None or not edge.static or edge.parent != parent or edge.history[1][0] != floats:
-                edge = Edge(self._lock, static=True, planar=False)
+                edge = Edge(static=True, planar=False)
                 edge.fix(floats, parent)
                 self._replace(child, edge)
         else:
@@ -53,14 +50,14 @@ class Tree:
     def _ready(self, edge: Edge | None, child: str, parent: str, floats: Floats) -> Edge:
         """The edge that a moving sample of this parent and form goes into."""
         if edge is None or edge.static or not edge.parent:
-            ready = Edge(self._lock, False, is_planar(floats), floats[2])
-        else:
-            mixed = edge.parents is None and edge.parent != parent
-            if not mixed and edge.takes(floats):
-                return edge
-            ready = edge.replaced(edge.planar and edge.takes(floats), mixed)
-        self._replace(child, ready)
-        return ready
+            edge = Edge(False, is_planar(floats), floats[2])
+            self._replace(child, edge)
+            return edge
+        mixed = edge.parents is None and edge.parent != parent
+        if mixed or not edge.takes(floats):
+            edge.reshape(edge.planar and edge.takes(floats), mixed)
+            self.paths.clear()
+        return edge
 
     def _replace(self, child: str, edge: Edge) -> None:
         self.edges[child] = edge
@@ -89,16 +86,18 @@ class Tree:
         return self._check_loop(child, parent, authority)
 
     def _check_loop(self, child: str, parent: str, authority: str) -> Rejection | None:
-        frame: str = parent
-        while frame:
-            edge = self.edges.get(frame)
-            if frame == child or edge is None:
-                break
-            frame = edge.parent
-        if frame != child:
+        if child not in self.chain(parent):
             return None
         other = self.edges[parent].authority if parent in self.edges else authority
         return Rejection("TF_LOOP", f"{parent} -> {child} by {authority} closes a loop with {other}'s transforms")
+
+    def chain(self, frame: str) -> list[str]:
+        """A frame and all above it, by the newest parents."""
+        found = [frame]
+        # No sample is stored that closes a loop with the newest parents.
+        while (edge := self.edges.get(found[-1])) is not None and edge.parent:
+            found.append(edge.parent)
+        return found
 
     def forget(self, child: str) -> None:
         """Forget an edge and its history."""
@@ -109,7 +108,7 @@ class Tree:
         """Forget all moving data."""
         for child, edge in self.edges.items():
             if not edge.static:
-                self.edges[child] = Edge(self._lock, static=False, planar=True)
+                self.edges[child] = Edge(static=False, planar=True)
         self.paths.clear()
 
     def newest(self, frame: str) -> int:
@@ -139,7 +138,13 @@ class Tree:
         return latest_common(Walk(self.edges, self.cache, target, source, None).find_legs())
 
     def solve(self, target: str, source: str, time: int) -> Answer:
-        """target_from_source at `time`, whatever the shape of the tree; raises tf2's exceptions."""
+        """target_from_source at `time`; raises tf2's exceptions."""
+        path = self.paths.get((target, source))
+        answer = path.solve(time) if path is not None else None
+        return answer if answer is not None else self._search(target, source, time)
+
+    def _search(self, target: str, source: str, time: int) -> Answer:
+        """The same without a prepared path, which it leaves behind where the tree's shape allows one."""
         if target == source:
             return (time or self.newest(target), *IDENTITY)
         self.check_frames(target_frame=target, source_frame=source)

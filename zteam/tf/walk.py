@@ -96,14 +96,14 @@ class Walk:
 
     def _at(self, edge: Edge, time: int) -> Floats:
         if edge.static:
-            return edge.floats_of(edge.history, 0)
+            return edge.floats_of(0)
         at = self._index(edge, time)
         stamps = edge.history[0]
-        older, stamp = edge.floats_of(edge.history, at), stamps[at]
+        older, stamp = edge.floats_of(at), stamps[at]
         if stamp == time or edge.parent_of(at) != edge.parent_of(at + 1):
             # Nothing lies between two parents: the older sample holds until the change.
             return older
-        return interpolate(older, edge.floats_of(edge.history, at + 1), (time - stamp) / (stamps[at + 1] - stamp))
+        return interpolate(older, edge.floats_of(at + 1), (time - stamp) / (stamps[at + 1] - stamp))
 
     def _index(self, edge: Edge, time: int) -> int:
         """Index of the newest sample that is not newer than `time`. Raises the three kinds of extrapolation."""

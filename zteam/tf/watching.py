@@ -2,11 +2,15 @@
 
 import itertools
 import math
+from collections import defaultdict, deque
 from collections.abc import Iterable
 
 import msgspec
 
 from zteam.messages import TransformStamped, ns_from_time
+
+WINDOW = 1000
+"""Samples of a frame that its jitter is counted from: the newest ones."""
 
 
 class FrameFigures(msgspec.Struct):
@@ -18,45 +22,63 @@ class FrameFigures(msgspec.Struct):
     rate: float | None
     """By the stamps."""
     jitter: float | None
-    """Standard deviation of the time between stamps."""
+    """Standard deviation of the time between stamps, of the last `WINDOW`."""
     mean_delay: float | None
     """Arrival minus stamp, by the team's clock."""
     max_delay: float | None
 
 
-class Watch:
-    """Counts what it is shown."""
+class _Stream:
+    """What is kept of one child frame, however many samples it has."""
 
     def __init__(self) -> None:
-        self._parents: dict[str, str] = {}
-        self._stamps: dict[str, list[int]] = {}
-        self._delays: dict[str, list[float]] = {}
+        self.parent = ""
+        self.count = 0
+        self.recent = deque[int](maxlen=WINDOW)
+        self.oldest = self.newest = 0
+        self.delays = 0
+        self.total_delay = self.max_delay = 0.0
+
+    def take(self, stamp: int, now: int) -> None:
+        self.oldest = min(self.oldest, stamp) if self.count else stamp
+        self.newest = max(self.newest, stamp)
+        self.count += 1
+        self.recent.append(stamp)
+        if now:
+            # A simulator's clock leaves after the transforms of its tick: those are in time, not early.
+            delay = max(0, now - stamp) / 1e9
+            self.delays += 1
+            self.total_delay += delay
+            self.max_delay = max(self.max_delay, delay)
+
+    def figures(self, child: str) -> FrameFigures:
+        span = (self.newest - self.oldest) / 1e9
+        gaps = [(b - a) / 1e9 for a, b in itertools.pairwise(sorted(self.recent))]
+        mean = sum(gaps) / len(gaps) if gaps else 0.0
+        return FrameFigures(
+            self.parent,
+            child,
+            self.count,
+            (self.count - 1) / span if span > 0.0 else None,
+            math.sqrt(sum((gap - mean) ** 2 for gap in gaps) / len(gaps)) if gaps else None,
+            self.total_delay / self.delays if self.delays else None,
+            self.max_delay if self.delays else None,
+        )
+
+
+class Watch:
+    """Counts what it is shown. It takes no more memory the longer it watches."""
+
+    def __init__(self) -> None:
+        self._streams = defaultdict[str, _Stream](_Stream)
 
     def take(self, transforms: Iterable[TransformStamped], now: int) -> None:
         """Transforms that arrived when the team's clock read `now` (ns; 0 = it has not spoken)."""
         for transform in transforms:
-            child, stamp = transform.child_frame_id, ns_from_time(transform.header.stamp)
-            self._parents[child] = transform.header.frame_id
-            self._stamps.setdefault(child, []).append(stamp)
-            if now:
-                # A simulator's clock leaves after the transforms of its tick: those are in time, not early.
-                self._delays.setdefault(child, []).append(max(0, now - stamp) / 1e9)
+            stream = self._streams[transform.child_frame_id]
+            stream.parent = transform.header.frame_id
+            stream.take(ns_from_time(transform.header.stamp), now)
 
     def figures(self) -> list[FrameFigures]:
         """Of every frame seen, by name."""
-        return [self._figures_of(child) for child in sorted(self._stamps)]
-
-    def _figures_of(self, child: str) -> FrameFigures:
-        stamps, delays = sorted(self._stamps[child]), self._delays.get(child, [])
-        gaps = [(b - a) / 1e9 for a, b in itertools.pairwise(stamps)]
-        mean = sum(gaps) / len(gaps) if gaps else 0.0
-        spread = math.sqrt(sum((gap - mean) ** 2 for gap in gaps) / len(gaps)) if gaps else None
-        return FrameFigures(
-            self._parents[child],
-            child,
-            len(stamps),
-            1.0 / mean if mean > 0.0 else None,
-            spread,
-            sum(delays) / len(delays) if delays else None,
-            max(delays, default=None),
-        )
+        return [stream.figures(child) for child, stream in sorted(self._streams.items())]
