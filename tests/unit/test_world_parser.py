@@ -81,7 +81,7 @@ def test_a_later_macro_changes_what_an_earlier_one_means() -> None:
     assert [cart.children[0].type for cart in parse(text).root.children] == ["block", "model"]
 
 
-def test_a_macro_that_nobody_uses_is_not_read() -> None:
+def test_an_unused_macro_is_not_read() -> None:
     """Stage looks only for the end of a definition; a mistake in it counts where it is used, with its own place."""
     text = "define bad model ( size [1 1 )\nmodel ()\n"
     assert len(parse(text).root.children) == 1
