@@ -394,4 +394,7 @@ def test_a_bitmap_without_a_black_pixel(load: Load, tmp_path: Path) -> None:
     world = load('model ( bitmap "white.png" )\nmodel ( bitmap "white.png" boundary 1 )')
     assert (world.floorplans, len(world.obstacles)) == ((), 1)
     assert ["has no occupied pixel" in remark.text for remark in world.warnings] == [True, True]
+    world = load('model ( bitmap "" )')
+    assert (world.floorplans, world.obstacles) == ((), ())
+    assert [str(remark).partition("w.world:")[2] for remark in world.warnings] == ["1:9: no bitmap is named: no body"]
     assert not load('model ( bitmap "white.png" )', whole_bitmaps=True).floorplans[0].occupied.any()

@@ -188,8 +188,11 @@ def _read_color(reader: Reader) -> str:
 
 
 def _read_bitmap(reader: Reader, settings: Settings) -> Grid | FloorMap | None:
-    """What a bitmap says; None if it is white all over and Stage finds no outline in it."""
+    """What a bitmap says; None if none is named, or if it is white all over and Stage finds no outline in it."""
     name = reader.text("bitmap", "")
+    if not name:
+        reader.remark("bitmap", "no bitmap is named: no body")
+        return None
     path = find_file(name, settings.folder)
     if path is None:
         reader.fail("bitmap", f"bitmap {name!r:.200} not found in {settings.folder} or $STAGEPATH")

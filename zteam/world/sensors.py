@@ -25,7 +25,7 @@ def read_old_laser(reader: Reader, name: str, base_from_ranger: Pose2, z: float)
     Its defaults were those of a SICK LMS: 180 rays over 180°, 8 m; the rays start half-way up the model.
     """
     old = reader.length("range_min", 0.0), reader.length("range_max", 8.0)
-    limits = _read_range(reader, "range_max", *reader.numbers("range", "ll", old))
+    limits = _read_range(reader, "range" if reader.has("range") else "range_max", *reader.numbers("range", "ll", old))
     height = reader.size(SENSOR_SIZE).z / 2
     return _ranger(reader, name, base_from_ranger, limits, Pose3(0.0, 0.0, z + height, 0.0), math.pi, 180)
 
