@@ -94,6 +94,14 @@ def test_show_draws_what_lasers_see(world: str, tmp_path: Path, capsys: pytest.C
     assert main(["show", world, "-o", str(tmp_path / "out.gif")]) == 2
 
 
+def test_a_world_without_robots_is_checked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A floor that robots are added to is no mistake."""
+    path = tmp_path / "floor.world"
+    path.write_text("model ( size [1 1 1] )")
+    assert main(["check", str(path)]) == 0
+    assert "0 robots, 1 obstacles, 0 floor plans; no warnings" in capsys.readouterr().out
+
+
 def test_a_broken_world_is_one_line_with_its_place(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Exit code 2, file, line and column."""
     path = tmp_path / "bad.world"

@@ -4,14 +4,15 @@ import pytest
 
 from zteam.errors import WorldError
 from zteam.world.lexer import Kind, read_tokens
+from zteam.world.sources import Remarks
 
 
 def kinds(text: str) -> list[Kind]:
-    return [token.kind for token in read_tokens(text, "w.world")]
+    return [token.kind for token in read_tokens(text, "w.world", Remarks())]
 
 
 def values(text: str) -> list[object]:
-    return [token.value for token in read_tokens(text, "w.world") if token.value is not None]
+    return [token.value for token in read_tokens(text, "w.world", Remarks()) if token.value is not None]
 
 
 def test_every_kind_of_token_is_told_apart() -> None:
@@ -36,18 +37,34 @@ def test_numbers_may_have_signs_points_and_exponents(text: str, value: float) ->
     assert values(text) == [value]
 
 
-@pytest.mark.parametrize("text", ["1.2.3", "5m", "1_000", "--1", "1-1", ".", "1e", "0x10"])
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        *(("3.75.2", 3.75), ("1..2", 1), ("1-1", 1), ("-9-13.2", -9), ("2+", 2), ("5.-", 5), ("-.5.", -0.5)),
+        *((".", 0), ("-", 0), ("+-1", 0), ("--1", 0), ("..5", 0), ("-.", 0)),
+    ],
+)
+def test_of_a_malformed_number_the_beginning_is_taken(text: str, value: float) -> None:
+    """What C's atof, and so Stage, makes of signs, points and digits in any order; a remark says where and what."""
+    remarks = Remarks()
+    (token, _) = read_tokens(text, "w.world", remarks)
+    assert (token.value, token.text) == (value, text)
+    expected = f"w.world:1:1: {text!r} is not a number: {value:g} is taken, as Stage does"
+    assert [str(remark) for remark in remarks.all()] == [expected]
+
+
+@pytest.mark.parametrize("text", ["5m", "1_000", "1e", "0x10", "1.2.3m"])
 def test_what_only_starts_like_a_number_is_an_error(text: str) -> None:
     """A malformed number is refused as a whole instead of being cut where it stops making sense."""
     with pytest.raises(WorldError, match=r"^w\.world:1:3: .* is not a number$"):
-        list(read_tokens(f"a {text}", "w.world"))
+        list(read_tokens(f"a {text}", "w.world", Remarks()))
 
 
 @pytest.mark.parametrize("text", ["1e999", "-1e999", "+inf", "-nan", "1" * 400])
 def test_a_number_must_be_finite(text: str) -> None:
     """Infinities and NaN never leave the lexer."""
     with pytest.raises(WorldError, match="is not a finite number"):
-        list(read_tokens(text, "w.world"))
+        list(read_tokens(text, "w.world", Remarks()))
 
 
 def test_comments_run_to_the_end_of_the_line_but_not_in_strings() -> None:
@@ -62,7 +79,7 @@ def test_a_very_long_comment_is_no_problem() -> None:
 
 def test_places_count_lines_and_columns_from_one() -> None:
     """Every token knows its place, also behind blanks, comments and Windows line ends."""
-    tokens = list(read_tokens("a\r\n\t b # c\n  (", "w.world"))
+    tokens = list(read_tokens("a\r\n\t b # c\n  (", "w.world", Remarks()))
     assert [(token.place.line, token.place.column) for token in tokens if token.kind is not Kind.EOL] == [
         (1, 1),
         (2, 3),
@@ -71,13 +88,19 @@ def test_places_count_lines_and_columns_from_one() -> None:
     ]
 
 
+def test_a_carriage_return_alone_ends_a_line() -> None:
+    """Files of old Macintoshes have lines and comments like any other, in Stage and here."""
+    tokens = list(read_tokens("a # b\rc\r\rd", "w.world", Remarks()))
+    assert [(token.value, token.place.line) for token in tokens if token.value] == [("a", 1), ("c", 2), ("d", 4)]
+
+
 def test_an_open_string_ends_with_its_line() -> None:
     """A missing quote is reported where the string begins, not at the end of the file."""
     with pytest.raises(WorldError, match=r"w\.world:2:6: this string is not closed on its line"):
-        list(read_tokens('\nname "x\n"', "w.world"))
+        list(read_tokens('\nname "x\n"', "w.world", Remarks()))
 
 
 def test_a_foreign_character_is_named() -> None:
     """What no token begins with is an error that shows it."""
     with pytest.raises(WorldError, match=r"w\.world:1:9: unexpected character '\{'"):
-        list(read_tokens("model (){", "w.world"))
+        list(read_tokens("model (){", "w.world", Remarks()))

@@ -10,6 +10,7 @@ import pytest
 
 from zteam.errors import WorldError
 from zteam.geometry import Pose2
+from zteam.sim import Engine
 from zteam.world import World, add_robot, load_world
 
 Load = Callable[[str], World]
@@ -61,6 +62,22 @@ def test_add_robot_refuses_what_is_no_robot(load: Load) -> None:
             add_robot(world, name, Pose2(0, 0, 0), "a")
     with pytest.raises(WorldError, match="macro 'pair' holds 2 robots"):
         add_robot(world, "pair", Pose2(0, 0, 0), "a")
+
+
+def test_a_world_without_robots_takes_robots(tmp_path: Path) -> None:
+    """A floor, macros alone, or nothing at all is a world, of a .world file as of a map's YAML."""
+    path = tmp_path / "w.world"
+    for text, count in (
+        ("", 0),
+        ("define bot position ( size [1 1 1] )", 0),
+        ("model ( pose [2.1 0 0 0] size [0.2 9 1] )", 1),
+    ):
+        path.write_text(text)
+        world = load_world(path)
+        assert (world.robots, len(world.obstacles), world.warnings) == ((), count, ())
+    robot = add_robot(world, "erratic", Pose2(0, 0, 0), "robot_0")
+    ranges = Engine(world, robots={0: robot}).observe().robots[0].readings[0].ranges
+    assert ranges[540] == pytest.approx(1.95)
 
 
 def test_importing_the_package_is_cheap() -> None:

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from zteam.errors import WorldError
-from zteam.world import Limits, Shape, World, load_world
+from zteam.messages import Twist, Vector3
+from zteam.sim import Engine, Options
+from zteam.world import Limits, Robot, Shape, World, load_world
 
 ROBOT = "position ( size [0.35 0.35 0.25] origin [-0.05 0 0 0] "
 
@@ -104,9 +105,104 @@ def test_odd_blocks_are_mended_with_a_remark(load: Load) -> None:
 
 
 def test_noblocks_and_boundary(load: Load) -> None:
-    """`noblocks` takes the body away, `boundary` puts slabs round its box."""
-    (obstacle,) = load("model ( noblocks 1 )\nmodel ( noblocks 1 boundary 1 size [4 2 1] )").obstacles
-    assert len(obstacle.shapes) == 4
+    """`noblocks` takes the box away that a model has without a word, and it alone; `boundary` puts slabs round it."""
+    block = "block ( points 3 point[0] [0 0] point[1] [2 0] point[2] [0 2] )"
+    text = f"model ( noblocks 1 )\nmodel ( noblocks 1 boundary 1 size [4 2 1] )\nmodel ( noblocks 1 {block} )"
+    assert [len(obstacle.shapes) for obstacle in load(text).obstacles] == [4, 1]
+
+
+def test_a_flat_map_is_loaded_and_seen_by_no_laser(load: Load, bitmap: str) -> None:
+    """`size [16 16 0]` is a picture on the ground: lasers pass over it, robots drive over it, and a remark says so."""
+    laser = "ranger ( sensor ( range [0 5] samples 3 fov 90 ) )"
+    world = load(f'model ( bitmap "{bitmap}" size [16 16 0] )', f"\nposition ( {laser} )")
+    (floor,) = world.floorplans
+    assert (floor.z_min, floor.z_max) == (0, 0)
+    assert [str(remark).partition("w.world:")[2] for remark in world.warnings] == [
+        "1:24: this body is flat: lasers pass over it and robots drive over it, as in Stage"
+    ]
+    for physics in ("dynamic", "stage", "kinematic"):
+        engine = Engine(world, options=Options(physics=physics))  # type: ignore[arg-type]
+        assert engine.observe().robots[0].readings[0].ranges.tolist() == [5, 5, 5]
+        for _ in range(20):
+            engine.move({0: Twist(Vector3(1.0))})
+        assert engine.truth(0) == pytest.approx((2, 0, 0))
+
+
+@pytest.mark.parametrize("size", ["[0 1 1]", "[1 0 1]", "[0 0 0]"])
+def test_a_body_without_an_area_is_none(load: Load, bitmap: str, size: str) -> None:
+    """A line is nothing that could be met, of a box, a map and a robot; each is said."""
+    world = load(f'model ( size {size} )\nmodel ( bitmap "{bitmap}" size {size} )', f"\nposition ( size {size} )")
+    assert (world.floorplans, world.obstacles, world.robots[0].shapes) == ((), (), ())
+    assert world.robots[0].wheel_separation > 0
+    assert [remark.text.split(" m ")[1] for remark in world.warnings] == ["is no obstacle, and no laser sees it"] * 3
+    Engine(world).step({0: Twist(Vector3(1.0))})
+
+
+@pytest.mark.parametrize(
+    ("text", "read", "remark"),
+    [
+        ("position ( name 0 )", lambda robot: robot.name == "0", None),
+        ("position ( name 007 )", lambda robot: robot.name == "007", None),
+        ('position ( name ["a" "b"] )', lambda robot: robot.name == "a", None),
+        ('position ( color 5 mass "3.5" )', lambda robot: (robot.color, robot.mass) == ("5", 3.5), None),
+        ("position ( pose [3.75.2 0 0 0] )", lambda robot: robot.pose.x == 3.75, "1:18: '3.75.2' is not a number"),
+        ('position ( drive "tracks" )', lambda robot: robot.drive == "diff", "1:12: drive is one of diff, omni, car"),
+        ('position ( localization "x" )', lambda robot: robot.localization == "gps", "1:12: localization is one of"),
+        ('unit_length "inch"\nposition ( pose [1 0 0 0] )', lambda robot: robot.pose.x == 1, "1:1: unit_length is one"),
+        ("position ( mass 0 )", lambda robot: robot.mass == 10, "1:12: mass must be above 0, not 0: 10 kg is taken"),
+        ("position ( wheelbase 0 )", lambda robot: robot.drive == "diff", None),
+        ('position ( odom_error [-0.1 0 0 0] )', lambda robot: robot.odom_error[0] == -0.1, None),
+        ("position ( obstacle_return 0.9 )", lambda robot: not robot.shapes[0].obstacle, "1:12: obstacle_return is a"),
+        ("position ( window ( size [1 1] ) )", lambda robot: len(robot.shapes) == 1, None),
+    ],
+)  # fmt: skip
+def test_what_stage_loads_is_loaded(load: Load, text: str, read: Callable[[Robot], bool], remark: str | None) -> None:
+    """Numbers as text, words that Stage does not know, values that it does not use: as there, said where it matters."""
+    world = load(text, "")
+    assert read(world.robots[0])
+    found = [str(remark).partition("w.world:")[2] for remark in world.warnings]
+    assert len(found) == (remark is not None) and all(text.startswith(remark or "") for text in found)
+
+
+@pytest.mark.parametrize(
+    ("sensor", "read", "remark"),
+    [
+        ("samples 2.5 fov 90", (2, 0, 5), "samples is a whole number: 2 is taken of 2.5, as Stage does"),
+        ("samples 7 fov 0", (1, 0, 5), "all 7 rays of a fov of 0 are one: one is taken"),
+        ("range [2 1]", (1, 0, 1), "the smallest range 2 is not of 0 to 1: 0 is taken, Stage never applies it"),
+        ("range [-1 1]", (1, 0, 1), "the smallest range -1 is not of 0 to 1: 0 is taken, Stage never applies it"),
+        ("samples 0", None, "a sensor without rays is left out"),
+    ],
+)
+def test_odd_sensors_are_mended_with_a_remark(
+    load: Load, sensor: str, read: tuple[int, float, float] | None, remark: str
+) -> None:
+    """Numbers that Stage cuts or does not apply leave a sensor that works, or none; the file is told."""
+    world = load(f"position ( ranger ( sensor ( {sensor} ) ) )", "")
+    found = [(ranger.samples, ranger.range_min, ranger.range_max) for ranger in world.robots[0].rangers]
+    assert found == ([read] if read else [])
+    assert [remark.text for remark in world.warnings] == [remark]
+
+
+def test_points_that_a_block_lacks_are_at_its_origin(load: Load) -> None:
+    """Stage takes [0 0] for a point that is not given; a block of fewer than three points has no area."""
+    world = load(
+        "model ( size [2 2 1] block ( points 3 point[1] [1 0] point[2] [0 1] ) )\nmodel ( block ( points 2 ) )"
+    )
+    assert world.obstacles[0].shapes[0].points == ((-1, -1), (1, -1), (-1, 1))
+    assert [remark.text for remark in world.warnings] == [
+        "a block of 3 points lacks point[0]: [0 0] is taken, as Stage does",
+        *(f"a block of 2 points lacks point[{i}]: [0 0] is taken, as Stage does" for i in (0, 1)),
+        "a block without an area is ignored",
+    ]
+
+
+def test_blocks_without_a_height_are_flat(load: Load) -> None:
+    """`z [0 0]` is a mark on the ground, as Stage has it."""
+    corners = "points 3 point[0] [0 0] point[1] [1 0] point[2] [0 1]"
+    world = load(f"model ( size [1 1 1] block ( {corners} z [0 0] ) )")
+    assert [(shape.z_min, shape.z_max) for shape in world.obstacles[0].shapes] == [(0, 0)]
+    assert [remark.text[:17] for remark in world.warnings] == ["this body is flat"]
 
 
 def test_a_robot_and_its_rangers(load: Load) -> None:
@@ -293,8 +389,12 @@ def test_a_device_without_a_simulation_keeps_its_body(load: Load) -> None:
 
 
 def test_a_bitmap_without_a_black_pixel(load: Load, tmp_path: Path) -> None:
-    """There is no box to crop to; as a whole image it is an empty floor."""
+    """There is no box to crop to, and so no body, as in Stage; as a whole image it is an empty floor."""
     Image.fromarray(np.full((4, 4), 255, np.uint8)).save(tmp_path / "white.png")
-    with pytest.raises(WorldError, match="has no occupied pixel"):
-        load('model ( bitmap "white.png" )')
+    world = load('model ( bitmap "white.png" )\nmodel ( bitmap "white.png" boundary 1 )')
+    assert (world.floorplans, len(world.obstacles)) == ((), 1)
+    assert ["has no occupied pixel" in remark.text for remark in world.warnings] == [True, True]
+    world = load('model ( bitmap "" )')
+    assert (world.floorplans, world.obstacles) == ((), ())
+    assert [str(remark).partition("w.world:")[2] for remark in world.warnings] == ["1:9: no bitmap is named: no body"]
     assert not load('model ( bitmap "white.png" )', whole_bitmaps=True).floorplans[0].occupied.any()

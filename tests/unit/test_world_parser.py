@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from zteam.errors import WorldError
-from zteam.world import parser
+from zteam.world import includes
 from zteam.world.parser import Document, Entity, parse_text, parse_world
 from zteam.world.sources import MAX_FILE_BYTES, Remarks
 
@@ -67,11 +67,50 @@ def test_a_macro_wins_over_a_type_of_its_name() -> None:
     assert parse("define block model ( size [1 1 1] )\nblock ()").root.children[0].type == "model"
 
 
+def test_a_macro_is_bound_where_it_is_used() -> None:
+    """A macro may use what is defined after it, as its base and in its body; only its use needs the definition."""
+    text = "define cart base ( mount ( x 1 ) )\ndefine base position ( y 1 )\ndefine mount ranger ( z 1 )\ncart ( w 1 )"
+    (cart,) = parse(text).root.children
+    assert (cart.type, values(cart)) == ("position", {"y": (1.0,), "w": (1.0,)})
+    assert [(child.type, values(child)) for child in cart.children] == [("ranger", {"z": (1.0,), "x": (1.0,)})]
+
+
+def test_a_later_macro_changes_what_an_earlier_one_means() -> None:
+    """`define block model` turns the blocks of macros that are used after it into models, as in Stage."""
+    text = "define cart position ( block () )\ncart ()\ndefine block model ()\ncart ()"
+    assert [cart.children[0].type for cart in parse(text).root.children] == ["block", "model"]
+
+
+def test_an_unused_macro_is_not_read() -> None:
+    """Stage looks only for the end of a definition; a mistake in it counts where it is used, with its own place."""
+    text = "define bad model ( size [1 1 )\nmodel ()\n"
+    assert len(parse(text).root.children) == 1
+    with pytest.raises(WorldError, match=r"w\.world:1:30: expected a number, a string or '\]' on the line of 'size'"):
+        parse(text + "bad ()")
+
+
+@pytest.mark.parametrize(
+    "text", ["define a a ()", "define a b ()\ndefine b a ()", "define model model ()\ndefine a model ()"]
+)
+def test_a_macro_of_itself_is_an_error(text: str) -> None:
+    """A chain without an end is refused where it is used (Stage overruns its stack)."""
+    document = parse(text)
+    assert document.type_of("a") == ""
+    with pytest.raises(WorldError, match=r"w\.world:\d+:1: macro '\w+' is made of itself"):
+        parse(text + "\na ()")
+
+
+def test_a_macro_inside_itself_is_an_error() -> None:
+    """A macro whose body uses it would never end."""
+    with pytest.raises(WorldError, match="entities nest deeper than 64"):
+        parse("define a model ( a () a () )\na ()")
+
+
 def test_a_second_definition_is_remarked_and_ignored() -> None:
     """The first definition of a macro stays, and the user is told."""
     remarks = Remarks()
     document = parse_text("define a model ( x 1 )\ndefine a model ( x 2 )\n", remarks, "w.world")
-    assert values(document.macros["a"]) == {"x": (1.0,)}
+    assert values(document.expand("a")) == {"x": (1.0,)}
     assert [str(remark) for remark in remarks.all()] == [
         "w.world:2:8: macro 'a' is defined already: the first definition stays"
     ]
@@ -90,9 +129,9 @@ def test_a_second_definition_is_remarked_and_ignored() -> None:
         ("size small", r"w\.world:1:6: expected the value of 'size', found 'small'"),
         (")", r"w\.world:1:1: expected a property, an entity, 'include' or 'define', found '\)'"),
         ("model ( 1 )", r"w\.world:1:9: expected a property, an entity or '\)', found 1"),
-        ('model ( include "a" )', r"w\.world:1:9: 'include' belongs at the top level"),
         ("model ( define a model () )", r"w\.world:1:9: 'define' belongs at the top level"),
         ("define", r"w\.world:1:7: expected the macro's name"),
+        ("define a model (", r"w\.world:1:16: this '\(' is never closed"),
         ("define a (", r"w\.world:1:10: expected the type or macro that 'a' is made of"),
         ("define a model\nx 1", r"w\.world:2:1: expected '\('"),
         ("include map.inc", r"w\.world:1:9: expected the name of the file to include"),
@@ -107,7 +146,7 @@ def test_errors_name_file_line_and_column(text: str, error: str) -> None:
 
 def test_nesting_is_bounded() -> None:
     """64 levels of entities are read, 65 are an error and not a RecursionError."""
-    assert parse("model(" * 64 + ")" * 64).root.count == 65
+    parse("model(" * 64 + ")" * 64)
     with pytest.raises(WorldError, match="nest deeper than 64"):
         parse("model(" * 65 + ")" * 65)
 
@@ -115,27 +154,32 @@ def test_nesting_is_bounded() -> None:
 def test_nesting_by_macros_is_bounded() -> None:
     """A chain of macros, each around the one before, cannot build a deeper tree than nesting can."""
     text = "define a0 model ()\n" + "".join(f"define a{i} model ( a{i - 1}() )\n" for i in range(1, 100))
-    with pytest.raises(WorldError, match="nest deeper than 64 once macros are expanded"):
-        parse(text)
+    parse(text + "a63 ()")
+    for use in ("a64 ()", "a99 ()"):
+        with pytest.raises(WorldError, match=r"w\.world:\d+:\d+: entities nest deeper than 64"):
+            parse(text + use)
 
 
 def test_doubling_macros_are_bounded() -> None:
     """Macros that use the one before twice would double with every line: they are refused, at once."""
     text = "define a0 model ()\n" + "".join(f"define a{i} model ( a{i - 1}() a{i - 1}() )\n" for i in range(1, 60))
+    text += "a59 ()"
     with pytest.raises(WorldError, match="more than 100000 entities once macros are expanded"):
         parse(text)
 
 
-def test_copies_by_macros_are_bounded() -> None:
-    """A long chain of macros with ever more properties would cost a quadratic number of copies."""
+def test_copies_by_macros_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A long chain of macros, each of which is used, would cost a quadratic number of copies."""
+    monkeypatch.setattr("zteam.world.parser.MAX_STEPS", 100_000)
     text = "define a0 model ( x0 1 )\n" + "".join(f"define a{i} a{i - 1} ( x{i} 1 )\n" for i in range(1, 3000))
+    parse(text + "a2999 ()\n")
     with pytest.raises(WorldError, match="macros of macros"):
-        parse(text)
+        parse(text + "".join(f"a{i} ()\n" for i in range(3000)))
 
 
 def test_the_number_of_tokens_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     """A file with more words than the bound is refused."""
-    monkeypatch.setattr(parser, "MAX_TOKENS", 10)
+    monkeypatch.setattr(includes, "MAX_TOKENS", 10)
     with pytest.raises(WorldError, match=r"w\.world:4:3: more than 10 words and values"):
         parse("a 1\n" * 10)
 
@@ -176,6 +220,16 @@ def test_stagepath_is_searched_by_base_name(tmp_path: Path, monkeypatch: pytest.
     assert values(parse_world(top, Remarks()).root) == {"x": (3.0,)}
 
 
+def test_stagepath_is_searched_by_the_whole_name_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An include of $STAGEPATH may name files beside itself, which Stage finds there."""
+    top = write(tmp_path, "w.world", 'include "a.inc"\n')
+    write(tmp_path, "lib/a.inc", 'include "parts/b.inc"\n')
+    (tmp_path / "lib" / "parts").mkdir()
+    write(tmp_path, "lib/parts/b.inc", "x 4\n")
+    monkeypatch.setenv("STAGEPATH", str(tmp_path / "lib"))
+    assert values(parse_world(top, Remarks()).root) == {"x": (4.0,)}
+
+
 def test_a_file_may_be_included_twice_but_not_by_itself(tmp_path: Path) -> None:
     """Only an include that would never end is refused, however long its way round."""
     top = write(tmp_path, "w.world", 'include "a.inc"\ninclude "a.inc"\n')
@@ -204,11 +258,23 @@ def test_the_number_of_files_is_bounded(tmp_path: Path) -> None:
         parse_world(write(tmp_path, "w.world", 'include "0.inc"\n'), Remarks())
 
 
-def test_nothing_may_follow_an_include_on_its_line(tmp_path: Path) -> None:
-    """`include "a" x 1` is an error at the x, as in Stage."""
-    write(tmp_path, "a.inc", "")
-    with pytest.raises(WorldError, match=r"w\.world:1:17: an include ends its line"):
-        parse_world(write(tmp_path, "w.world", 'include "a.inc" x 1'), Remarks())
+def test_what_follows_an_include_on_its_line_is_ignored(tmp_path: Path) -> None:
+    """Whatever it is, the rest of the line is skipped as in Stage, with a remark unless it is a comment."""
+    write(tmp_path, "a.inc", "x 1")
+    remarks = Remarks()
+    text = 'include "a.inc"; y 1 "\ninclude "a.inc" # y 1\nz 1'
+    assert values(parse_world(write(tmp_path, "w.world", text), remarks).root) == {"x": (1.0,), "z": (1.0,)}
+    assert [str(remark).rpartition("/")[2] for remark in remarks.all()] == [
+        "w.world:1:16: '; y 1 \"' behind an include is ignored, as Stage does"
+    ]
+
+
+def test_an_include_may_stand_in_a_model_and_in_a_macro(tmp_path: Path) -> None:
+    """Its text stands in its place, wherever that is: an entity can be filled from a file."""
+    write(tmp_path, "a.inc", "x 1 ranger ()")
+    text = 'model (\ninclude "a.inc"\n)\ndefine m model (\ninclude "a.inc"\n)\nm ()'
+    for entity in parse_world(write(tmp_path, "w.world", text), Remarks()).root.children:
+        assert (values(entity), [child.type for child in entity.children]) == ({"x": (1.0,)}, ["ranger"])
 
 
 @pytest.mark.parametrize("name", ["gone.inc", "x" * 5000, "a\0b", "."])

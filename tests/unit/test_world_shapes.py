@@ -40,9 +40,11 @@ def test_blocks_of_a_model_are_fitted_together() -> None:
 
 
 def test_blocks_without_an_extent_cannot_be_fitted() -> None:
-    """A flat model cannot be stretched to a size."""
+    """A line cannot be stretched to a size; blocks without a height are flat."""
     with pytest.raises(ValueError, match="extent"):
-        fit_blocks([UNIT_BOX._replace(z_max=0)], Size3(1, 1, 1))
+        fit_blocks([Block(((0, 0), (1, 0), (2, 0)), 0, 1)], Size3(1, 1, 1))
+    (flat,) = fit_blocks([UNIT_BOX._replace(z_max=0)], Size3(1, 1, 1))
+    assert (flat.z_min, flat.z_max) == (0, 0)
 
 
 def test_placed_shapes_are_rotated_moved_raised_and_counter_clockwise() -> None:

@@ -75,6 +75,10 @@ class Settings(msgspec.Struct, frozen=True):
     """Rectangles of bitmaps on robots, by the bitmap's identity."""
     bounds: Bounds = msgspec.field(default_factory=Bounds)
 
+    def reader(self, entity: Entity) -> Reader:
+        """Reads an entity's properties."""
+        return Reader(entity, self.units, self.remarks)
+
 
 class Body(NamedTuple):
     """A model's geometry. `origin` and `size` are the box that everything of it is fitted to."""
@@ -93,27 +97,29 @@ class Body(NamedTuple):
 
 def read_body(entity: Entity, settings: Settings) -> Body:
     """A model's body; raises WorldError."""
-    reader = Reader(entity, settings.units)
+    reader = settings.reader(entity)
     size = reader.size(RANGER_SIZE if entity.type in ("ranger", "laser") else DEFAULT_SIZE)
     blocks = _read_blocks(entity, settings)
     bitmap: Grid | None = None
     home: Pose2 | None = None
-    if reader.flag("noblocks", False):
-        blocks = []
-    elif reader.has("bitmap"):
+    if reader.has("bitmap"):
         if blocks:
-            settings.remarks.add(reader.place("bitmap"), "the blocks of a model with a bitmap are ignored")
+            reader.remark("bitmap", "the blocks of a model with a bitmap are ignored")
         blocks, found = [], _read_bitmap(reader, settings)
         if isinstance(found, FloorMap):
             size = size if reader.has("size") else Size3(found.width, found.height, FLOOR_HEIGHT)
             home, bitmap = found.map_from_middle, found.occupied
         else:
             bitmap = found
-    elif not blocks and entity.type not in BODILESS:
+    elif not blocks and entity.type not in BODILESS and not reader.flag("noblocks", False):
         blocks = [UNIT_BOX]
     slabs = boundary_slabs(size) if reader.flag("boundary", False) else []
-    if (blocks or slabs or bitmap is not None or entity.type == "position") and min(size) < MIN_EXTENT:
-        reader.fail("size", f"a body needs a size above 0 along x, y and z, not [{size.x:g} {size.y:g} {size.z:g}]")
+    if blocks or slabs or bitmap is not None:
+        if min(size.x, size.y) < MIN_EXTENT:
+            reader.remark("size", f"a body of {size.x:g} x {size.y:g} m is no obstacle, and no laser sees it")
+            blocks, slabs, bitmap = [], [], None
+        elif size.z < MIN_EXTENT or (blocks and max(block.z_max for block in blocks) <= 0):
+            reader.remark("size", "this body is flat: lasers pass over it and robots drive over it, as in Stage")
     try:
         fitted = tuple(fit_blocks(blocks, size)) if blocks else ()
     except ValueError as error:
@@ -181,8 +187,12 @@ def _read_color(reader: Reader) -> str:
     return random_color(f"{reader.entity.place}{reader.text('name', '')}") if name == "random" else name
 
 
-def _read_bitmap(reader: Reader, settings: Settings) -> Grid | FloorMap:
+def _read_bitmap(reader: Reader, settings: Settings) -> Grid | FloorMap | None:
+    """What a bitmap says; None if none is named, or if it is white all over and Stage finds no outline in it."""
     name = reader.text("bitmap", "")
+    if not name:
+        reader.remark("bitmap", "no bitmap is named: no body")
+        return None
     path = find_file(name, settings.folder)
     if path is None:
         reader.fail("bitmap", f"bitmap {name!r:.200} not found in {settings.folder} or $STAGEPATH")
@@ -190,22 +200,25 @@ def _read_bitmap(reader: Reader, settings: Settings) -> Grid | FloorMap:
     key = path.resolve(), reading
     if key not in settings.bitmaps:
         try:
-            found = read_floor_map(path) if is_floor_map(path) else _cells(path, name, reading)
+            found = read_floor_map(path) if is_floor_map(path) else _cells(path, reading)
         except WorldError as error:
             reader.fail("bitmap", str(error))
         grid = found.occupied if isinstance(found, FloorMap) else found
         settings.bounds.add_pixels(grid.size, reader.place("bitmap"))
         settings.bitmaps[key] = found
-    return settings.bitmaps[key]
+    found = settings.bitmaps[key]
+    if isinstance(found, FloorMap) or found.size:
+        return found
+    reader.remark("bitmap", f"bitmap {name!r:.200} has no occupied pixel (first channel at most 127): no body")
+    return None
 
 
-def _cells(path: Path, name: str, reading: str) -> Grid:
+def _cells(path: Path, reading: str) -> Grid:
+    """A bitmap's cells; none if there is no box to crop to."""
     occupied = read_bitmap(path)
-    box = occupied_box(occupied)
     if reading == "whole":
         return occupied
-    if box is None:
-        raise WorldError(f"bitmap {name!r:.200} has no occupied pixel (first channel at most 127)")
+    box = occupied_box(occupied) or (0, 0, 0, 0)
     return occupied[box[0] : box[1], box[2] : box[3]].copy()
 
 
@@ -215,19 +228,19 @@ def _read_blocks(entity: Entity, settings: Settings) -> list[Block]:
 
 
 def _read_block(entity: Entity, settings: Settings) -> Block | None:
-    reader = Reader(entity, settings.units)
-    count = reader.whole("points", 0, 3, MAX_POINTS)
+    reader = settings.reader(entity)
+    count = reader.whole("points", 0, 0, MAX_POINTS)
     corners = []
     for i in range(count):
         if not reader.has(f"point[{i}]"):
-            raise entity.place.error(f"a block of {count} points lacks point[{i}]")
-        x, y = reader.numbers(f"point[{i}]", "ll", ())
+            reader.remark("points", f"a block of {count} points lacks point[{i}]: [0 0] is taken, as Stage does")
+        x, y = reader.numbers(f"point[{i}]", "ll", (0.0, 0.0))
         corners.append((x, y))
     settings.bounds.add_points(count, entity.place)
     z_min, z_max = reader.bounds("z", "l", (0.0, 1.0))
     points = without_repeats(corners)
     if len(points) < 3 or signed_area(convex_hull(points)) == 0:
-        settings.remarks.add(entity.place, "a block without an area is ignored")
+        reader.remark("points", "a block without an area is ignored")
         return None
     if not is_simple(points):
         settings.remarks.add(entity.place, "this block's outline crosses itself: its convex hull is taken")

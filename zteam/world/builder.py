@@ -90,31 +90,23 @@ GROUND = Mount(Pose2(0.0, 0.0, 0.0), 0.0, None, "")
 class Template(msgspec.Struct, frozen=True):
     """A robot macro, to make further robots from."""
 
-    entity: Entity
+    document: Document
+    macro: str
     settings: Settings
 
 
-def build_world(
-    document: Document,
-    folder: Path,
-    whole_bitmaps: bool,
-    remarks: Remarks,
-    default_name: str,
-    needs_robots: bool = True,
-) -> World:
+def build_world(document: Document, folder: Path, whole_bitmaps: bool, remarks: Remarks, default_name: str) -> World:
     """The world of a document; bitmaps are looked for in `folder`. Raises WorldError."""
-    settings = Settings(read_units(document.root), folder, remarks, whole_bitmaps, frozenset(document.macros))
-    reader = Reader(document.root, settings.units)
+    units = read_units(document.root, remarks)
+    settings = Settings(units, folder, remarks, whole_bitmaps, frozenset(document.macros))
+    reader = settings.reader(document.root)
     milliseconds = reader.number("interval_sim", 100.0)
     if not 0 < milliseconds <= MAX_INTERVAL_MS:
         reader.fail("interval_sim", f"interval_sim must be above 0 and at most {MAX_INTERVAL_MS} ms")
     builder = Builder(settings)
     builder.remark_properties(document.root, "world")
     for entity in document.root.children:
-        if entity.type != "window":  # Stage's own window on the screen
-            builder.add_model(entity, GROUND)
-    if needs_robots and not builder.robots:
-        raise document.root.place.error("this world has no robot: add a position model, such as an erratic")
+        builder.add_model(entity, GROUND)
     return World(
         name=reader.text("name", default_name),
         interval=max(1, round(milliseconds * 1e6)),
@@ -124,7 +116,7 @@ def build_world(
         physics=reader.choice("physics", "dynamic", PHYSICS),
         warnings=remarks.all(),
         templates={
-            name: Template(macro, settings) for name, macro in document.macros.items() if macro.type == "position"
+            name: Template(document, name, settings) for name in document.macros if document.type_of(name) == "position"
         },
     )
 
@@ -152,8 +144,10 @@ class Builder:
 
     def add_model(self, entity: Entity, mount: Mount) -> None:
         """A model and everything on it."""
+        if entity.type == "window":  # Stage's own window on the screen
+            return
         self._check_type(entity)
-        reader = Reader(entity, self._settings.units)
+        reader = self._settings.reader(entity)
         pose = reader.pose("pose")
         body = read_body(entity, self._settings)
         if body.home is not None and not reader.has("pose"):
@@ -261,11 +255,15 @@ class Builder:
         for i, sensor in enumerate(sensors):
             self.remark_properties(sensor, "sensor")
             sensor_name = name if len(sensors) == 1 else f"{name}.{i}"
-            chassis.rangers.append(read_sensor(sensor, settings.units, sensor_name, *seat))
+            self._add_ranger(chassis, read_sensor(settings.reader(sensor), sensor_name, *seat))
         if not sensors and entity.type == "laser":
-            chassis.rangers.append(read_old_laser(entity, settings.units, name, *seat))
+            self._add_ranger(chassis, read_old_laser(reader, name, *seat))
         elif not sensors:
             settings.remarks.add(entity.place, "this ranger has no sensor( )")
+
+    def _add_ranger(self, chassis: Chassis, ranger: Ranger | None) -> None:
+        if ranger is not None:
+            chassis.rangers.append(ranger)
 
     def _add_children(self, entity: Entity, mount: Mount) -> None:
         for child in entity.children:
@@ -279,7 +277,7 @@ class Builder:
 
 def build_robot(entity: Entity, settings: Settings, name: str, pose: Pose2) -> Robot:
     """The robot of a macro, under a name and at a start pose of its own; raises WorldError."""
-    named = Property("name", (name,), False, entity.place)
+    named = Property("name", (name,), False, entity.place, (name,))
     builder = Builder(settings)
     builder.add_model(msgspec.structs.replace(entity, properties=entity.properties | {"name": named}), GROUND)
     if len(builder.robots) != 1:

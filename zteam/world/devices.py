@@ -46,11 +46,13 @@ def read_bumpers(reader: Reader, name: str, seat: Seat) -> list[Bumper]:
     found = []
     for i in range(reader.whole("bcount", 0, 0, MAX_BUMPERS)):
         if not reader.has(f"bpose[{i}]"):
-            raise reader.entity.place.error(f"a bumper of bcount {reader.number('bcount', 0):g} lacks bpose[{i}]")
+            reader.remark("bcount", f"this bumper lacks bpose[{i}]: [0 0 0 0] is taken, as Stage does")
         pose = reader.pose(f"bpose[{i}]")
         length = reader.length(f"blength[{i}]", common)
         if not length > 0:
-            reader.fail(f"blength[{i}]" if reader.has(f"blength[{i}]") else "blength", "blength must be above 0")
+            name_of_length = f"blength[{i}]" if reader.has(f"blength[{i}]") else "blength"
+            reader.remark(name_of_length, f"piece {i} of this bumper has no length: it is left out")
+            continue
         x, y, yaw = compose2(seat.base_from_device, pose.planar)
         found.append(Bumper(f"{name}.{i}", x, y, seat.z + pose.z, yaw, length))
     return found

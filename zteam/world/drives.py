@@ -5,6 +5,9 @@ from typing import NamedTuple
 from zteam.world.model import Limits, Point2
 from zteam.world.properties import Reader
 
+WHEEL_SEPARATION = 0.3
+"""Metres, of a robot without a width."""
+DEFAULT_MASS = 10.0
 MAX_MASS = 1e6
 
 
@@ -27,17 +30,19 @@ class Drive(NamedTuple):
 def read_drive(reader: Reader, width: float, color: str) -> Drive:
     """Drive, limits, odometry and mass of a position model of a width and a colour; raises WorldError."""
     wheelbase = reader.length("wheelbase", 1.0)
-    if not wheelbase > 0:
+    drive = reader.stages_choice("drive", "diff", ("diff", "omni", "car"))
+    if not wheelbase > 0 and drive == "car":
         reader.fail("wheelbase", f"wheelbase must be above 0, not {wheelbase:g}")
-    radius, separation = reader.length("wheel_radius", 0.05), reader.length("wheel_separation", width)
+    radius = reader.length("wheel_radius", 0.05)
+    separation = reader.length("wheel_separation", width if width > 0 else WHEEL_SEPARATION)
     if not (radius > 0 and separation > 0):
         reader.fail("wheel_radius", "wheel_radius and wheel_separation must be above 0")
     return Drive(
-        drive=reader.choice("drive", "diff", ("diff", "omni", "car")),
+        drive=drive,
         wheelbase=wheelbase,
         velocity=_read_limits(reader, "velocity_bounds") or Limits(),
         acceleration=_read_limits(reader, "acceleration_bounds"),
-        localization=reader.choice("localization", "gps", ("gps", "odom")),
+        localization=reader.stages_choice("localization", "gps", ("gps", "odom")),
         odom_error=_read_odom_error(reader),
         odom_alphas=_read_odom_alphas(reader),
         wheel_radius=radius,
@@ -49,9 +54,14 @@ def read_drive(reader: Reader, width: float, color: str) -> Drive:
 
 def read_mass(reader: Reader) -> float:
     """Kilograms of a robot, or of something pushed."""
-    mass = reader.number("mass", 10.0)
-    if not 0 < mass <= MAX_MASS:
-        reader.fail("mass", f"mass must be above 0 and at most {MAX_MASS:g} kg, not {mass:g}")
+    mass = reader.number("mass", DEFAULT_MASS)
+    if mass > MAX_MASS:
+        reader.fail("mass", f"mass must be at most {MAX_MASS:g} kg, not {mass:g}")
+    if mass <= 0:
+        reader.remark(
+            "mass", f"mass must be above 0, not {mass:g}: {DEFAULT_MASS:g} kg is taken; Stage does not use it"
+        )
+        return DEFAULT_MASS
     return mass
 
 
@@ -83,6 +93,4 @@ def _read_odom_error(reader: Reader) -> tuple[float, float, float]:
         x, y, yaw = reader.numbers("odom_error", "nna", ())
     else:
         x, y, _, yaw = reader.numbers("odom_error", "nnna", ())
-    if min(x, y, yaw) < 0:
-        reader.fail("odom_error", "odom_error must not be negative")
     return (x, y, yaw)

@@ -31,7 +31,7 @@ FLOOR = 'model ( name "map" color "gray30" )'
 
 
 def load_world(path: str | Path, *, whole_bitmaps: bool = False) -> World:
-    """Load a .world file with everything it includes, or a map_server YAML as a floor without robots.
+    """Load a .world file with everything it includes, or a map_server YAML as a floor; either may have no robot.
 
     Bitmaps are read as Stage reads them, cropped to the box of their occupied pixels which is then stretched to the
     model's `size`; with `whole_bitmaps` the whole image is. A model's own `bitmap_reading "crop"` or `"whole"` wins.
@@ -46,8 +46,8 @@ def load_world(path: str | Path, *, whole_bitmaps: bool = False) -> World:
     if is_floor_map(path):
         document = parse_text(FLOOR, remarks, str(path))
         model = document.root.children[0]
-        model.properties["bitmap"] = Property("bitmap", (path.name,), False, model.place)
-        return build_world(document, path.parent, True, remarks, default_name=path.stem, needs_robots=False)
+        model.properties["bitmap"] = Property("bitmap", (path.name,), False, model.place, (path.name,))
+        return build_world(document, path.parent, True, remarks, default_name=path.stem)
     document = parse_world(path, remarks)
     return build_world(document, path.parent, whole_bitmaps, remarks, default_name=path.stem)
 
@@ -61,13 +61,12 @@ def add_robot(world: World, model: str, pose: Pose2, name: str) -> Robot:
     template = world.templates.get(model)
     if template is None and model == "erratic":
         document = parse_text(BUILT_IN, Remarks(), file="<built-in>")
-        template = Template(document.macros["erratic"], Settings(Units(), Path(), Remarks()))
+        template = Template(document, "erratic", Settings(Units(), Path(), Remarks()))
     if template is None:
         known = ", ".join(sorted({*world.templates, "erratic"}))
         raise WorldError(f"{world.name}: no robot macro {model!r} in this world; there are: {known}")
     remarks = Remarks()
-    robot = build_robot(
-        template.entity, msgspec.structs.replace(template.settings, remarks=remarks, bounds=Bounds()), name, pose
-    )
+    settings = msgspec.structs.replace(template.settings, remarks=remarks, bounds=Bounds())
+    robot = build_robot(template.document.expand(template.macro), settings, name, pose)
     world.warnings += tuple(remark for remark in remarks.all() if remark not in world.warnings)
     return robot

@@ -1,11 +1,16 @@
-"""Typed reading of an entity's properties: units, lengths of tuples and bounds, with the property's place in errors."""
+"""Typed reading of an entity's properties: units, lengths of tuples and bounds, with the property's place in errors.
+
+To Stage every value is text, of which it reads what it expects at that place. So numbers pass for text here, and text
+that is a number for a number. What Stage loads with something else in its stead (a fraction where it reads a whole
+number, a word that it does not know) is loaded so, with a remark; what ends Stage is an error.
+"""
 
 import math
 from typing import NamedTuple, NoReturn
 
 from zteam.geometry import Pose2
 from zteam.world.parser import Entity, Property, Value
-from zteam.world.sources import Place
+from zteam.world.sources import Place, Remarks
 
 MAX_LENGTH = 1e6
 """Metres: anything farther is a mistake, and would overflow somewhere."""
@@ -46,9 +51,10 @@ class Size3(NamedTuple):
 class Reader:
     """An entity's properties. Every method raises WorldError with the place of a value it cannot take."""
 
-    def __init__(self, entity: Entity, units: Units) -> None:
+    def __init__(self, entity: Entity, units: Units, remarks: Remarks) -> None:
         self.entity = entity
         self._units = units
+        self._remarks = remarks
 
     def has(self, name: str) -> bool:
         """Whether the property is set."""
@@ -63,20 +69,27 @@ class Reader:
         """Raise what is wrong with a property."""
         raise self.place(name).error(text)
 
+    def remark(self, name: str, text: str) -> None:
+        """Note what is done about a property."""
+        self._remarks.add(self.place(name), text)
+
     def number(self, name: str, default: float) -> float:
         """A number without a unit."""
         return self.numbers(name, "n", (default,))[0]
 
     def whole(self, name: str, default: int, low: int, high: int) -> int:
-        """A whole number of `low` to `high`."""
+        """A whole number of `low` to `high`; of a fraction the part before the point."""
         value = self.number(name, default)
-        if value != round(value) or not low <= value <= high:
+        whole = math.trunc(value)
+        if not low <= whole <= high:
             self.fail(name, f"{name} must be a whole number of {low} to {high}, not {value:g}")
-        return int(value)
+        if whole != value:
+            self.remark(name, f"{name} is a whole number: {whole} is taken of {value:g}, as Stage does")
+        return whole
 
     def flag(self, name: str, default: bool) -> bool:
-        """0 or 1; like Stage, any number but 0 is true."""
-        return self.number(name, default) != 0
+        """0 or 1; like Stage, any whole number but 0 is true."""
+        return self.whole(name, default, -(2**31), 2**31 - 1) != 0
 
     def length(self, name: str, default: float) -> float:
         """A length in metres."""
@@ -87,21 +100,18 @@ class Reader:
         return self.numbers(name, "a", (default,))[0]
 
     def text(self, name: str, default: str) -> str:
-        """A string."""
+        """A string, or a number as it is written; of a tuple the first value."""
         found = self.entity.properties.get(name)
         if found is None:
             return default
-        if len(found.values) != 1 or not isinstance(found.values[0], str):
-            raise found.place.error(f'{name} takes a string in quotes, such as {name} "{default}"')
-        return found.values[0]
+        if not found.written:
+            raise found.place.error(f'{name} takes a string, such as {name} "{default}"')
+        return found.written[0]
 
     def texts(self, name: str) -> tuple[str, ...]:
         """A tuple of strings, empty if not set."""
         found = self.entity.properties.get(name)
-        values = found.values if found else ()
-        if not all(isinstance(value, str) for value in values):
-            self.fail(name, f'{name} takes strings in quotes, such as {name} ["red" "blue"]')
-        return tuple(str(value) for value in values)
+        return found.written if found else ()
 
     def choice(self, name: str, default: str, choices: tuple[str, ...]) -> str:
         """One of a few strings."""
@@ -109,6 +119,15 @@ class Reader:
         if value not in choices:
             self.fail(name, f"{name} must be one of {', '.join(choices)}, not {value!r:.60}")
         return value
+
+    def stages_choice(self, name: str, default: str, choices: tuple[str, ...]) -> str:
+        """One of a few strings; of any other Stage takes the default."""
+        value = self.text(name, default)
+        if value in choices:
+            return value
+        known = ", ".join(choices)
+        self.remark(name, f"{name} is one of {known}, not {value!r:.60}: {default} is taken, as Stage does")
+        return default
 
     def numbers(self, name: str, kinds: str, default: tuple[float, ...]) -> tuple[float, ...]:
         """A tuple of numbers, one for each letter of `kinds`: l length, a angle, n neither; more are not looked at."""
@@ -122,7 +141,7 @@ class Reader:
 
     def _scaled(self, found: Property, kind: str, value: Value) -> float:
         if isinstance(value, str):
-            raise found.place.error(f"{found.name} takes numbers, not the string {value!r:.60}")
+            value = _number_of(found, value)
         if kind == "a":
             value *= self._units.angle
         elif kind == "l":
@@ -152,10 +171,18 @@ class Reader:
         return low, high
 
 
-def read_units(world: Entity) -> Units:
+def _number_of(found: Property, text: str) -> float:
+    """A number in quotes."""
+    try:
+        return float(text)
+    except ValueError:
+        raise found.place.error(f"{found.name} takes numbers, not the string {text!r:.60}") from None
+
+
+def read_units(world: Entity, remarks: Remarks) -> Units:
     """`unit_length` and `unit_angle` of a world; they hold for the whole file, wherever they stand."""
-    reader = Reader(world, Units())
+    reader = Reader(world, Units(), remarks)
     return Units(
-        _LENGTHS[reader.choice("unit_length", "m", tuple(_LENGTHS))],
-        _ANGLES[reader.choice("unit_angle", "degrees", tuple(_ANGLES))],
+        _LENGTHS[reader.stages_choice("unit_length", "m", tuple(_LENGTHS))],
+        _ANGLES[reader.stages_choice("unit_angle", "degrees", tuple(_ANGLES))],
     )

@@ -4,38 +4,39 @@ import math
 
 from zteam.geometry import Pose2, compose2
 from zteam.world.model import Ranger
-from zteam.world.parser import Entity
-from zteam.world.properties import Pose3, Reader, Size3, Units
+from zteam.world.properties import Pose3, Reader, Size3
 
 MAX_SAMPLES = 100_000
 SENSOR_SIZE = Size3(0.02, 0.02, 0.02)
 """Stage's default; half its height lies between the sensor's foot and its rays."""
 
 
-def read_sensor(entity: Entity, units: Units, name: str, base_from_ranger: Pose2, z: float) -> Ranger:
-    """A `sensor` of a ranger whose foot is `z` above the ground."""
-    reader = Reader(entity, units)
+def read_sensor(reader: Reader, name: str, base_from_ranger: Pose2, z: float) -> Ranger | None:
+    """A `sensor` of a ranger whose foot is `z` above the ground; None if it has no rays."""
     pose = reader.pose("pose")
-    low, high = reader.bounds("range", "l", (0.0, 5.0))
-    if low < 0 or not high > 0:
-        reader.fail("range", f"range [{low:g} {high:g}] must be two distances, the second above 0")
+    limits = _read_range(reader, "range", *reader.numbers("range", "ll", (0.0, 5.0)))
     size = reader.size(SENSOR_SIZE)
-    return _ranger(
-        reader, name, base_from_ranger, (low, high), Pose3(pose.x, pose.y, z + pose.z + size.z / 2, pose.yaw)
-    )
+    return _ranger(reader, name, base_from_ranger, limits, Pose3(pose.x, pose.y, z + pose.z + size.z / 2, pose.yaw))
 
 
-def read_old_laser(entity: Entity, units: Units, name: str, base_from_ranger: Pose2, z: float) -> Ranger:
+def read_old_laser(reader: Reader, name: str, base_from_ranger: Pose2, z: float) -> Ranger | None:
     """A `laser` without sensors, as worlds for Stage 3 have it: the properties stand in the model itself.
 
     Its defaults were those of a SICK LMS: 180 rays over 180°, 8 m; the rays start half-way up the model.
     """
-    reader = Reader(entity, units)
-    low, high = reader.bounds("range", "l", (reader.length("range_min", 0.0), reader.length("range_max", 8.0)))
-    if low < 0 or not high > low:
-        reader.fail("range_max", f"range_min {low:g} and range_max {high:g} must be two distances, the second larger")
+    old = reader.length("range_min", 0.0), reader.length("range_max", 8.0)
+    limits = _read_range(reader, "range" if reader.has("range") else "range_max", *reader.numbers("range", "ll", old))
     height = reader.size(SENSOR_SIZE).z / 2
-    return _ranger(reader, name, base_from_ranger, (low, high), Pose3(0.0, 0.0, z + height, 0.0), math.pi, 180)
+    return _ranger(reader, name, base_from_ranger, limits, Pose3(0.0, 0.0, z + height, 0.0), math.pi, 180)
+
+
+def _read_range(reader: Reader, name: str, low: float, high: float) -> tuple[float, float]:
+    if not high > 0:
+        reader.fail(name, f"the largest range must be above 0, not {high:g}")
+    if not 0 <= low <= high:
+        reader.remark(name, f"the smallest range {low:g} is not of 0 to {high:g}: 0 is taken, Stage never applies it")
+        low = 0.0
+    return low, high
 
 
 def _ranger(
@@ -46,15 +47,19 @@ def _ranger(
     pose: Pose3,
     fov: float = 0.1,
     samples: int = 1,
-) -> Ranger:
+) -> Ranger | None:
     """`pose` is in the ranger's frame, its z above the ground; `fov` and `samples` are defaults."""
     base_from_sensor = compose2(base_from_ranger, pose.planar)
     fov = reader.angle("fov", fov)
-    samples = reader.whole("samples", samples, 1, MAX_SAMPLES)
+    samples = reader.whole("samples", samples, 0, MAX_SAMPLES)
+    if samples == 0:
+        reader.remark("samples", "a sensor without rays is left out")
+        return None
     if not 0 <= fov <= math.tau + 1e-9:
         reader.fail("fov", f"fov must be an angle of 0 to 360 degrees, not {math.degrees(fov):g}")
     if samples > 1 and fov == 0:
-        reader.fail("fov", f"{samples} samples need a fov above 0")
+        reader.remark("fov", f"all {samples} rays of a fov of 0 are one: one is taken")
+        samples = 1
     variance, proportional, angular = reader.numbers("noise", "nnn", (0.0, 0.0, 0.0))
     if min(variance, proportional, angular) < 0:
         reader.fail("noise", "noise must not be negative")

@@ -41,22 +41,22 @@ class Surface(NamedTuple):
 def fit_blocks(blocks: Sequence[Block], size: Size3) -> list[Block]:
     """All blocks of a model scaled together: their bounding box becomes `size`, centred; heights rise from 0.
 
-    The rule is Stage's: x and y are stretched from the box of all points, z from 0 to the highest block. Raises
-    ValueError if the blocks have no extent along an axis.
+    The rule is Stage's: x and y are stretched from the box of all points, z from 0 to the highest block; blocks that
+    do not rise above 0 are flat. Raises ValueError if the blocks have no extent along x or y.
     """
     xs = [x for block in blocks for x, _ in block.points]
     ys = [y for block in blocks for _, y in block.points]
     left, bottom, top = min(xs), min(ys), max(block.z_max for block in blocks)
     width, depth = max(xs) - left, max(ys) - bottom
-    if not (width > 0 and depth > 0 and top > 0):
-        raise ValueError("the blocks of a model must have an extent along x, y and z")
+    if not (width > 0 and depth > 0):
+        raise ValueError("the blocks of a model must have an extent along x and y")
     return [
         Block(
             tuple(
                 (((x - left) / width - 0.5) * size.x, ((y - bottom) / depth - 0.5) * size.y) for x, y in block.points
             ),
-            block.z_min / top * size.z,
-            block.z_max / top * size.z,
+            block.z_min / top * size.z if top > 0 else 0.0,
+            block.z_max / top * size.z if top > 0 else 0.0,
         )
         for block in blocks
     ]

@@ -49,15 +49,19 @@ class Remarks:
 
 
 def find_file(name: str, folder: Path) -> Path | None:
-    """A file that a world names: absolute, else in the world's `folder`, else by base name in $STAGEPATH's folders."""
+    """A file that a world names: absolute, else in the world's `folder`, else in $STAGEPATH's folders.
+
+    There it is looked for by base name, as Stage does, and by its whole name: an include that Stage finds there may
+    name its own bitmaps, which Stage then finds beside it.
+    """
     try:
         beside = folder / name  # an absolute name wins over the folder
         if beside.is_file():
             return beside
         for other in filter(None, os.environ.get("STAGEPATH", "").split(os.pathsep)):
-            candidate = Path(other) / Path(name).name
-            if candidate.is_file():
-                return candidate
+            for candidate in (Path(other) / Path(name).name, Path(other) / name):
+                if candidate.is_file():
+                    return candidate
     except (OSError, ValueError):  # a name no file can have: too long, a NUL in it
         pass
     return None
