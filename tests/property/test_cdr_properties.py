@@ -55,7 +55,7 @@ def _to_rosbags(message: Any) -> Any:
 
 @pytest.mark.parametrize("ros_type", _TYPES)
 @given(data=st.data())
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_bytes_equal_those_of_rosbags(ros_type: str, data: st.DataObject) -> None:
     """Every message is encoded to the very bytes that rosbags writes, and those decode to the message again."""
     message = data.draw(messages(all_types()[ros_type]))
@@ -66,7 +66,7 @@ def test_bytes_equal_those_of_rosbags(ros_type: str, data: st.DataObject) -> Non
 
 @pytest.mark.parametrize("ros_type", _TYPES)
 @given(data=st.data())
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_big_endian_bytes_of_rosbags_decode(ros_type: str, data: st.DataObject) -> None:
     """A big-endian payload gives the same message as a little-endian one."""
     message = data.draw(messages(all_types()[ros_type]))
@@ -76,7 +76,7 @@ def test_big_endian_bytes_of_rosbags_decode(ros_type: str, data: st.DataObject) 
 
 @pytest.mark.parametrize("ros_type", _TYPES)
 @given(payload=st.binary(max_size=200), header=st.sampled_from([b"", b"\0\1\0\0", b"\0\0\0\0"]))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_arbitrary_bytes_raise_only_the_codecs_error(ros_type: str, payload: bytes, header: bytes) -> None:
     """Whatever arrives either decodes or raises DecodeError."""
     try:
@@ -87,7 +87,7 @@ def test_arbitrary_bytes_raise_only_the_codecs_error(ros_type: str, payload: byt
 
 @pytest.mark.parametrize("ros_type", _TYPES)
 @given(data=st.data())
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_damaged_messages_raise_only_the_codecs_error(ros_type: str, data: st.DataObject) -> None:
     """A valid payload with any bytes overwritten or cut off either decodes or raises DecodeError."""
     kind = all_types()[ros_type]
@@ -147,7 +147,6 @@ def _frames(message: TFMessage) -> list[tuple[str, str]]:
 
 
 @given(message=messages(TFMessage), little=st.booleans())
-@settings(deadline=None)
 def test_parts_of_a_tfmessage_are_those_of_the_whole(message: TFMessage, little: bool) -> None:
     """Of any message, in either byte order, each transform read by itself is the one that `decode` finds."""
     payload = bytes(_store().serialize_cdr(_to_rosbags(message), TFMessage.ros_type, little_endian=little))
@@ -158,7 +157,6 @@ def test_parts_of_a_tfmessage_are_those_of_the_whole(message: TFMessage, little:
 
 
 @given(one=messages(TFMessage), other=messages(TFMessage), taken=st.lists(st.booleans(), min_size=3, max_size=3))
-@settings(deadline=None)
 def test_a_layout_fits_messages_with_the_same_frames(one: TFMessage, other: TFMessage, taken: list[bool]) -> None:
     """A payload fits exactly if all its frames are those of the learnt one; then its transforms are read right."""
     for a, b, same in zip(one.transforms, other.transforms, taken, strict=False):
@@ -171,7 +169,6 @@ def test_a_layout_fits_messages_with_the_same_frames(one: TFMessage, other: TFMe
 
 
 @given(data=st.data())
-@settings(deadline=None)
 def test_damaged_payloads_that_fit_differ_in_stamps_and_numbers(data: st.DataObject) -> None:
     """With any bytes overwritten, what fits is read as `decode` reads it, or holds a number that is not finite."""
     whole = encode(data.draw(messages(TFMessage)))

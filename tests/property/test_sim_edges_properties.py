@@ -54,7 +54,7 @@ def brute_force(shapes: list[tuple[int, float, float, np.ndarray]], own: int, ra
     yaw=st.floats(-7.0, 7.0),
     inside=st.booleans(),
 )
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_bodies_are_seen_exactly(
     bodies: list[tuple[tuple[tuple[float, float], ...], float, float, float, float]],
     fov: float,

@@ -22,7 +22,7 @@ SPEEDS = st.one_of(st.floats(-1.0, 1.0), st.sampled_from([30.0, -30.0, 1e300]))
     seed=st.integers(0, 50),
     commands=st.lists(st.tuples(SPEEDS, SPEEDS, SPEEDS, st.integers(1, 12)), min_size=1, max_size=12),
 )
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_no_command_sequence_breaks_a_robot_or_a_wall(
     physics: Any, seed: int, commands: list[tuple[float, float, float, int]]
 ) -> None:
@@ -52,7 +52,7 @@ def test_no_command_sequence_breaks_a_robot_or_a_wall(
     seed=st.integers(0, 50),
     commands=st.lists(st.tuples(st.floats(-1.0, 1.0), st.floats(-1.5, 1.5)), min_size=5, max_size=60),
 )
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_refused_moves_leave_no_overlap(seed: int, commands: list[tuple[float, float]]) -> None:
     """Where moves are refused, no corner or edge of a body is ever in a wall or in another body."""
     robots = tuple(make_robot(0.5 * x, 0.5 * y, 0.1) for x in (-1, 1) for y in (-1, 1))

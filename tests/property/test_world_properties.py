@@ -77,7 +77,6 @@ def parse(text: str) -> Entity:
     return parse_text(text, Remarks()).root
 
 
-@settings(deadline=None)
 @given(entities)
 def test_a_printed_tree_parses_to_itself(tree: Entity) -> None:
     """Whatever tree is printed in the language's grammar, the parser gives it back: names, values, order."""
@@ -85,7 +84,6 @@ def test_a_printed_tree_parses_to_itself(tree: Entity) -> None:
     assert content(parse(print_body(tree))) == content(tree)
 
 
-@settings(deadline=None)
 @given(entities, entities)
 def test_a_macro_is_its_body_written_in_place(macro: Entity, instance: Entity) -> None:
     """Using a macro equals writing its body before the instance's own, whatever the two contain."""
@@ -105,7 +103,6 @@ words = st.sampled_from(
 )
 
 
-@settings(deadline=None)
 @given(st.text() | st.lists(words, max_size=60).map(" ".join))
 @example("position ( ranger ( sensor ( ) ) )")
 @example('include "w.world"')
@@ -155,7 +152,7 @@ models = st.recursive(
 )
 
 
-@settings(deadline=None, max_examples=200)
+@settings(max_examples=200)
 @given(st.lists(models, max_size=4))
 def test_models_with_any_numbers_are_finite_or_a_world_error(trees: list[Entity]) -> None:
     """Well-formed models with odd numbers give a world whose every number is finite and every shape sound."""
@@ -179,7 +176,6 @@ def test_models_with_any_numbers_are_finite_or_a_world_error(trees: list[Entity]
         assert math.isfinite(shape.z_min) and shape.z_min <= shape.z_max
 
 
-@settings(deadline=None)
 @given(st.binary())
 def test_any_bytes_are_a_world_or_a_world_error(data: bytes) -> None:
     """Nor do arbitrary bytes."""
@@ -192,7 +188,6 @@ def test_any_bytes_are_a_world_or_a_world_error(data: bytes) -> None:
             assert str(error).startswith(f"{path}:")
 
 
-@settings(deadline=None)
 @given(
     st.binary(max_size=200),
     st.sampled_from([b"", b"P5 4 4 255\n", b"P2 4 4 255\n", b"\x89PNG\r\n\x1a\n", b"GIF89a", b"BM"]),
@@ -212,7 +207,6 @@ def test_any_bitmap_is_read_or_a_world_error(data: bytes, magic: bytes) -> None:
 points = st.tuples(st.integers(-8, 8), st.integers(-8, 8))
 
 
-@settings(deadline=None)
 @given(st.lists(points, min_size=3, max_size=12))
 def test_a_hull_is_convex_and_holds_every_point(corners: list[tuple[int, int]]) -> None:
     """No point lies outside the hull, every turn is a left turn, and an outline made of it is simple."""
@@ -225,7 +219,6 @@ def test_a_hull_is_convex_and_holds_every_point(corners: list[tuple[int, int]]) 
         assert all((bx - ax) * (y - ay) - (by - ay) * (x - ax) >= 0 for x, y in corners)
 
 
-@settings(deadline=None)
 @given(st.lists(points, min_size=3, max_size=8, unique=True))
 def test_simple_is_what_no_pair_of_edges_denies(corners: list[tuple[int, int]]) -> None:
     """The vectorised test of an outline agrees with exact arithmetic on each pair of its edges."""
@@ -250,7 +243,6 @@ def test_simple_is_what_no_pair_of_edges_denies(corners: list[tuple[int, int]]) 
     assert is_simple(tuple((float(x), float(y)) for x, y in corners)) is expected
 
 
-@settings(deadline=None)
 @given(st.lists(st.lists(points, min_size=3, max_size=6), min_size=1, max_size=4), st.floats(0.01, 100))
 def test_fitted_blocks_fill_the_size(outlines: list[list[tuple[int, int]]], side: float) -> None:
     """Whatever the blocks, their common box is the model's size, centred; heights end at the size's z."""
@@ -266,7 +258,6 @@ def test_fitted_blocks_fill_the_size(outlines: list[list[tuple[int, int]]], side
     assert math.isclose(max(block.z_max for block in fitted), 3 * side)
 
 
-@settings(deadline=None)
 @given(st.integers(0, 2**30), st.integers(1, 12), st.integers(1, 12), st.floats(0, 1))
 def test_rectangles_cover_each_occupied_cell_once(seed: int, rows: int, columns: int, share: float) -> None:
     """The boxes of a bitmap are disjoint, and their union is its occupied cells."""
