@@ -97,7 +97,7 @@ def _echo(args: argparse.Namespace) -> int:
         bus.close()
 
 
-def parse_static(words: Sequence[str], instance: str) -> StaticRequest:
+def parse_static(words: Sequence[str], caller: str) -> StaticRequest:
     """X Y Z YAW PITCH ROLL PARENT CHILD, or with a quaternion; ROS 1's period at the end is taken and ignored."""
     values = list(words)
     if len(values) in {9, 10} and _is_number(values[-1]) and not _is_number(values[-2]):
@@ -112,7 +112,7 @@ def parse_static(words: Sequence[str], instance: str) -> StaticRequest:
         yaw, pitch, roll = angles
         angles = list(quaternion_from_rpy(roll, pitch, yaw))
     parent, child = (names.strip_slash(name) for name in values[-2:])
-    return StaticRequest(parent, child, instance, x, y, z, *angles)
+    return StaticRequest(parent, child, caller, x, y, z, *angles)
 
 
 def _is_number(text: str) -> bool:
@@ -147,7 +147,7 @@ def _static(args: argparse.Namespace, words: Sequence[str]) -> int:
     request = parse_static(words, "")
     bus = open_bus(bus_options(args))
     try:
-        request.instance = bus.instance
+        request.caller = bus.instance
         bus.declare_token(names.token_key(names.STATIC_CALLER, bus.instance))
         _hold(bus, request)
     except KeyboardInterrupt:
