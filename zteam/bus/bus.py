@@ -6,12 +6,12 @@ from typing import Any, Generic, NamedTuple, TypeVar
 
 import msgspec
 
-from zteam.bus.changes import MEANT_FOR_ANOTHER, Addressee, Change, check_instance, owner_of
+from zteam.bus.changes import Addressees, Change, check_instance
 from zteam.bus.counters import MAX_KEYS, Counters
 from zteam.bus.transport import Closeable, RawPublisher, RawSample, Transport
 from zteam.errors import BusError, DecodeError
 from zteam.messages import Message, decode, encode, encoding_of
-from zteam.names import info_key, is_wildcard, stats_key
+from zteam.names import is_wildcard, stats_key
 
 log = logging.getLogger("zteam.bus")
 
@@ -60,8 +60,7 @@ class Bus:
     def __init__(self, transport: Transport) -> None:
         self.transport = transport
         self.counters = Counters()
-        self._instances: dict[str, str] = {}
-        """Session ids of the processes that changes were asked of, by process name."""
+        self._addressees = Addressees(self.query)
 
     @property
     def instance(self) -> str:
@@ -175,7 +174,7 @@ class Bus:
         text if the only answers are errors.
         """
         if isinstance(request, Change) and not request.instance:
-            return self._query_change(key_expr, reply_type, request, timeout)
+            return self._addressees.query(key_expr, reply_type, request, timeout)
         payload = msgspec.json.encode(request if request is not None else NoRequest())
         good: list[tuple[str, T]] = []
         bad: list[str] = []
@@ -190,36 +189,6 @@ class Bus:
         if bad and not good:
             raise BusError("; ".join(bad))
         return sorted(good, key=lambda pair: pair[0])
-
-    def _query_change(
-        self, key: str, reply_type: type[T], request: Change, timeout: float
-    ) -> list[tuple[str, T]]:
-        """Ask the process that served `key` the last time; if it was restarted since, ask its successor."""
-        owner = owner_of(key)
-        for known in (True, False):
-            instance = self._instances.get(owner, "") if known else self._find_instance(key, owner, timeout)
-            if not instance:
-                continue
-            try:
-                addressed = msgspec.structs.replace(request, instance=instance)
-                return self.query(key, reply_type, addressed, timeout=timeout)
-            except BusError as error:
-                if not known or MEANT_FOR_ANOTHER not in str(error):
-                    raise
-        return []
-
-    def _find_instance(self, key: str, owner: str, timeout: float) -> str:
-        """The session id of the process `owner`; empty if there is none."""
-        info = info_key(owner)
-        try:
-            told = [addressee for _, addressee in self.query(info, Addressee, timeout=timeout)]
-        except BusError as error:
-            raise BusError(f"{key}: {str(error).removeprefix(f'{info}: ')}") from None
-        if not told:
-            return ""
-        # Of two that claim one name the older one gets it.
-        self._instances[owner] = min(told, key=lambda addressee: addressee.start).instance
-        return self._instances[owner]
 
     def ask(self, key: str, reply_type: type[T], request: msgspec.Struct | None = None, *, timeout: float = 2.0) -> T:
         """The first answer to a query on one key. Raises BusError when nobody answers."""

@@ -119,8 +119,8 @@ class ZenohTransport:
         self._waiting = threading.BoundedSemaphore(_MAX_WAITING)
         self.up = True
         self.closed = False
-        # A script may end without closing, with an exception for one: the interpreter's end closes for it, because Zenoh
-        # must not call into an interpreter that is going.
+        # A script may end without closing, such as with an exception: then it is done at the interpreter's end, into
+        # which Zenoh must not call.
         atexit.register(self.close)
 
     def _keep(self, declared: _Declared) -> _Declared:

@@ -84,8 +84,8 @@ class KeySurvey(msgspec.Struct):
     bytes: int = 0
     latched: bool = False
     """Whether it was there before the survey began."""
-    source: str = ""
-    """Session that sent the last one."""
+    sources: list[str] = []
+    """Sessions that sent on it, in the order in which they were heard; an empty one stamps no time."""
     rate: float = 0.0
     """Hz over the survey."""
 
@@ -103,7 +103,9 @@ def survey(bus: Bus, key_expr: str, seconds: float = SURVEY) -> list[KeySurvey]:
                 entry.latched = True
             else:
                 entry.count += 1
-            entry.bytes, entry.source = len(sample.payload), sample.source
+            entry.bytes = len(sample.payload)
+            if sample.source not in entry.sources:
+                entry.sources.append(sample.source)
 
     start = monotonic()
     live = bus.subscribe_raw(key_expr, lambda s: take(s, False))
