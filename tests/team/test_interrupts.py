@@ -1,0 +1,87 @@
+"""Ctrl+C at moments that are chosen by what a command does then, not by a clock."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from zteam.testing.team import START_LIMIT, TeamFixture
+
+pytestmark = pytest.mark.team
+
+HARNESS = """
+import os, signal, sys
+start, event, name, *words = sys.argv[1:]
+sys.argv = [start, *words]
+
+def interrupt():
+    sys.setprofile(None)
+    sys.meta_path[:] = [finder for finder in sys.meta_path if not isinstance(finder, Importing)]
+    os.kill(os.getpid(), signal.SIGINT)
+
+class Importing:
+    def find_spec(self, module, path=None, target=None):
+        if event == "import" and module == name:
+            interrupt()
+
+def profile(frame, what, _argument):
+    if what == event and f"{frame.f_globals.get('__name__')}.{frame.f_code.co_name}" == name:
+        interrupt()
+
+sys.meta_path.insert(0, Importing())
+sys.setprofile(profile)
+import zteam.cli.main
+sys.exit(getattr(zteam.cli.main, start)())
+"""
+"""Runs an entry point, and sends the signal when it imports a module, or calls or leaves a function."""
+
+
+@pytest.mark.parametrize(
+    ("start", "event", "name", "words"),
+    [
+        ("start", "import", "zteam.cli.topic", "topic list"),
+        ("start", "import", "msgspec", "topic list"),
+        ("start", "import", "zenoh", "topic list"),
+        ("start", "import", "numpy", "topic list"),
+        ("start", "call", "zteam.cli.topic.build_parser", "topic list"),
+        ("start", "call", "zteam.bus.connection.connect", "topic list"),
+        ("start", "return", "zteam.bus.options.open_session", "topic list"),
+        ("start", "call", "zteam.cli.listening.survey", "topic list"),
+        ("start", "call", "zteam.bus.session.close", "topic list"),
+        ("start", "return", "zteam.bus.session.close", "topic list"),
+        ("start", "return", "zteam.cli.listening.open_bus", "node list"),
+        ("start", "call", "zteam.cli.doctor._team", "doctor"),
+        ("start", "call", "zteam.nodes.sim_client._ask", "sim status"),
+        ("start", "call", "zteam.cli.frames.show_tree", "tf tree"),
+        ("start", "import", "zteam.world", "world check arena"),
+        ("start", "import", "zteam.launch.run", "up"),
+        ("start_simulator", "import", "zteam.simulation", "arena"),
+        ("start_robot", "import", "zteam.behaviors", "--id 0"),
+        ("start_aggregator", "import", "zteam.nodes.aggregator", ""),
+        ("start_monitor", "import", "zteam.nodes.monitor", "--team-size 1"),
+        ("start_router", "import", "zteam.nodes.router", ""),
+    ],
+)
+def test_an_interrupt_ends_a_command_quietly(team: TeamFixture, start: str, event: str, name: str, words: str) -> None:
+    """Exit code 130, no traceback, and nothing hangs."""
+    done = subprocess.run(
+        [sys.executable, "-c", HARNESS, start, event, name, *words.split()],
+        env={**os.environ, **team.environment},
+        capture_output=True,
+        text=True,
+        timeout=START_LIMIT,
+        check=False,
+    )
+    assert done.returncode == 130, done.stderr
+    assert done.stderr == ""
+
+
+def test_an_interrupt_after_the_work_changes_nothing() -> None:
+    """A command that is over keeps its exit code and its output."""
+    words = ["start", "return", "zteam.cli.main._start", "world", "check", "arena"]
+    done = subprocess.run(
+        [sys.executable, "-c", HARNESS, *words], capture_output=True, text=True, timeout=START_LIMIT, check=False
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "2 robots" in done.stdout
