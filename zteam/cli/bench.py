@@ -8,6 +8,7 @@ from typing import Any
 
 import msgspec
 
+from zteam.cli.interrupts import raise_from_now
 from zteam.cli.options import Parser, number, run, whole
 from zteam.nodes.logs import LEVELS
 from zteam.numbers import MAX_SECONDS
@@ -65,6 +66,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _bench(args: argparse.Namespace) -> int:
+    # Processes are started, which have to be ended.
+    raise_from_now()
     rows = _measure(args)
     if args.json:
         print(msgspec.json.encode(rows[0] if args.verb in ("sim", "team") else rows).decode())

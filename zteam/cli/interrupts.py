@@ -15,14 +15,14 @@ def _leave(_number: int, _frame: FrameType | None) -> None:
 def leave_at_once() -> None:
     """From here on Ctrl+C ends the process at once: for the imports, when nothing is open yet.
 
-    An exception may be lost there: within a callback of the import system Python prints it and goes on.
+    An exception may be lost there: where it comes within a callback of the import system, Python prints it and goes on.
     """
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _leave)
 
 
 def raise_from_now() -> None:
-    """From here on Ctrl+C raises KeyboardInterrupt again: for the work of a command, which has something to close."""
+    """From here on Ctrl+C raises KeyboardInterrupt again: for the work of a command that has something to close."""
     if signal.getsignal(signal.SIGINT) is _leave:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 

@@ -9,6 +9,7 @@ import msgspec
 from zteam.bus import Bus, BusOptions, connect
 from zteam.bus.topics import type_of_key
 from zteam.bus.transport import RawSample
+from zteam.cli.interrupts import raise_from_now
 from zteam.clock import monotonic, wait_until
 from zteam.errors import UsageError
 from zteam.messages import Message, message_type, type_of_encoding
@@ -21,7 +22,8 @@ SURVEY = 1.2
 
 
 def open_bus(options: BusOptions) -> Bus:
-    """A session for a tool."""
+    """A session for a tool, which Ctrl+C closes."""
+    raise_from_now()
     return connect(options, patience=PATIENCE)
 
 

@@ -8,7 +8,7 @@ from typing import NoReturn
 
 from zteam.bus import BusOptions
 from zteam.bus.options import FROM_STDIN, LEASE_BOUNDS, check_endpoint
-from zteam.cli.interrupts import INTERRUPTED, raise_from_now
+from zteam.cli.interrupts import INTERRUPTED
 from zteam.errors import UsageError, ZteamError
 from zteam.names import strip_slash
 from zteam.nodes.logs import LEVELS, start_logging
@@ -131,7 +131,6 @@ def run(name: str, args: argparse.Namespace, body: Callable[[], int]) -> int:
     """Run a command's body with logging on; a ZteamError becomes one line and its exit code."""
     start_logging(name, args.log_level, args.log_format)
     try:
-        raise_from_now()
         return body()
     except ZteamError as error:
         return fail(name, error)
