@@ -4,7 +4,7 @@ import argparse
 import os
 import sys
 from collections.abc import Callable, Sequence
-from typing import NoReturn
+from typing import NoReturn, TypeVar
 
 from zteam.bus import BusOptions
 from zteam.bus.options import FROM_STDIN, LEASE_BOUNDS, check_endpoint
@@ -13,6 +13,8 @@ from zteam.errors import UsageError, ZteamError
 from zteam.names import strip_slash
 from zteam.nodes.logs import LEVELS, start_logging
 from zteam.numbers import parse_number, parse_whole
+
+T = TypeVar("T")
 
 MIN_SEED, MAX_SEED = -(2**63), 2**63 - 1
 MAX_RATE = 1e4
@@ -29,26 +31,22 @@ class Parser(argparse.ArgumentParser):
 
 def number(low: float, high: float, what: str) -> Callable[[str], float]:
     """The `type` of an option: a number from `low` to `high`; the error asks for `what`, such as "seconds"."""
-
-    def parse(text: str) -> float:
-        try:
-            return parse_number(text, low, high, what)
-        except UsageError as error:
-            raise argparse.ArgumentTypeError(str(error)) from None
-
-    return parse
+    return _option_type(lambda text: parse_number(text, low, high, what))
 
 
 def whole(low: int, high: int, what: str) -> Callable[[str], int]:
     """The `type` of an option: a whole number from `low` to `high`; the error asks for `what`."""
+    return _option_type(lambda text: parse_whole(text, low, high, what))
 
-    def parse(text: str) -> int:
+
+def _option_type(parse: Callable[[str], T]) -> Callable[[str], T]:
+    def parse_option(text: str) -> T:
         try:
-            return parse_whole(text, low, high, what)
+            return parse(text)
         except UsageError as error:
             raise argparse.ArgumentTypeError(str(error)) from None
 
-    return parse
+    return parse_option
 
 
 def add_bus_options(parser: argparse.ArgumentParser) -> None:
