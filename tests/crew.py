@@ -12,7 +12,7 @@ import msgspec
 from players import LIMIT, GateKeeper
 from zteam import names
 from zteam.behaviors import load_behavior
-from zteam.bus import Bus, MemoryHub, NoRequest
+from zteam.bus import Bus, Change, MemoryHub
 from zteam.geometry import Pose2
 from zteam.messages import Done, RobotStatus, Tick
 from zteam.nodes.aggregator import Aggregator
@@ -152,7 +152,7 @@ class Crew:
 
     def ask(self, service: str, reply: Any = SimStatus, request: msgspec.Struct | None = None) -> Any:
         """Query `sim/<service>`."""
-        return self.bus.ask(names.service_key(names.SIMULATOR, service), reply, request or NoRequest())
+        return self.bus.ask(names.service_key(names.SIMULATOR, service), reply, request or Change())
 
     def step(self, ticks: int) -> SimStatus:
         """So many ticks; how the world stands then."""

@@ -7,7 +7,7 @@ import msgspec
 
 from players import LIMIT
 from zteam import names
-from zteam.bus import MemoryHub, NoRequest
+from zteam.bus import Change, MemoryHub
 from zteam.clock import monotonic, wait_until
 from zteam.errors import UsageError
 from zteam.nodes.control import Control
@@ -107,7 +107,7 @@ class Desk:
 
     def ask(self, service: str, reply: Any = SimStatus, request: msgspec.Struct | None = None) -> Any:
         """Query `sim/<service>`."""
-        return self._bus.ask(names.service_key(names.SIMULATOR, service), reply, request or NoRequest())
+        return self._bus.ask(names.service_key(names.SIMULATOR, service), reply, request or Change())
 
     def ask_aside(self, service: str, reply: Any, request: msgspec.Struct | None = None) -> list[Any]:
         """Query it in a thread: the list has the answer once it came."""

@@ -1,10 +1,14 @@
 """zteam: a team of robots as separate processes linked by Zenoh."""
 
-from typing import TYPE_CHECKING, Any
+from __future__ import annotations
 
 from zteam.version import __version__
 
+# Not typing's own: a command is deaf to Ctrl+C until what stands here is imported.
+TYPE_CHECKING = False
 if TYPE_CHECKING:
+    from typing import Any
+
     from zteam.nodes.user_node import Node, run
 
 __all__ = ["Node", "__version__", "run"]

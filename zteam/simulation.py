@@ -37,18 +37,17 @@ class Options(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     """Share of the scans in which two lasers meet."""
 
     def __post_init__(self) -> None:
-        _check_at_least_0("gaussian_noise", self.gaussian_noise)
-        _check_at_least_0("proportional_noise", self.proportional_noise)
-        _check_at_least_0("dazzle_angle", self.dazzle_angle)
+        _check("gaussian_noise", self.gaussian_noise, 1000.0)
+        _check("proportional_noise", self.proportional_noise, 1000.0)
+        _check("dazzle_angle", self.dazzle_angle, 2.0 * math.pi)
         for alpha in self.odom_alphas or ():
-            _check_at_least_0("odom_alphas", alpha)
-        if not 0.0 <= self.dazzle_probability <= 1.0:
-            raise ValueError(f"dazzle_probability must be from 0 to 1, not {self.dazzle_probability:g}")
+            _check("odom_alphas", alpha, 1000.0)
+        _check("dazzle_probability", self.dazzle_probability, 1.0)
 
 
-def _check_at_least_0(name: str, value: float) -> None:
-    if not 0.0 <= value < math.inf:
-        raise ValueError(f"{name} must be a number of at least 0, not {value:g}")
+def _check(name: str, value: float, high: float) -> None:
+    if not 0.0 <= value <= high:
+        raise ValueError(f"{name} must be from 0 to {high:g}, not {value:g}")
 
 
 def simulation_arguments(options: Options) -> list[str]:

@@ -64,6 +64,25 @@ def router_pid(endpoint: str) -> int:
     return info.pid
 
 
+ENDING = """
+from zteam.bus import connection, options
+options.DEFAULT_ENDPOINT, connection.IDLE_EXIT = {!r}, 1.0
+from zteam.bus import BusOptions, connect
+from zteam.messages import Bool
+bus = connect(BusOptions())
+bus.subscribe("flag", Bool, print)
+{}
+"""
+
+
+@pytest.mark.parametrize(("last", "code"), [("", 0), ("1 / 0", 1)])
+def test_a_script_that_does_not_close_ends(endpoint: str, last: str, code: int) -> None:
+    """And the router that it started ends as it does without any client."""
+    script = ENDING.format(endpoint, last)
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=LIMIT, check=False)
+    assert done.returncode == code, done.stderr
+
+
 class Listener:
     """Counts what arrives on one key."""
 

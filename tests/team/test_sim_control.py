@@ -5,8 +5,12 @@ import math
 from typing import Any
 
 import pytest
+import zenoh
 
+from zteam import names
+from zteam.bus.options import BusOptions, client_config
 from zteam.nodes.sim_client import SimClient
+from zteam.nodes.tf_messages import FrameReply
 from zteam.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team
@@ -93,6 +97,70 @@ def test_the_python_client_does_the_same(team: TeamFixture) -> None:
     assert client.reset().tick == 1
     assert client.step(10, patience=30.0).tick == 11
     assert client.report().seed == 1
+
+
+def test_a_look_at_everything_changes_nothing(team: TeamFixture) -> None:
+    """A plain client's get("**") reaches every query, and none that changes something is carried out, whatever it
+    carries; each says why not."""
+    team.spawn("sim", "arena", name="sim")
+    team.spawn("aggregator", name="tf")
+    team.wait_for_processes("sim", "tf")
+    client = SimClient(team.bus)
+    team.wait_for(lambda: client.status().tick > 3)
+    before = client.status()
+    plain = zenoh.open(client_config(BusOptions(connect=team.endpoint)))
+    refusals = []
+    try:
+        for payload in (
+            None,
+            b"",
+            b"{}",
+            b'{"id": 0}',
+            b'{"speed": 5}',
+            b'{"id": 0, "x": 1, "y": 1, "ticks": 5, "instance": ""}',
+            b'{"parent": "map", "child": "table", "caller": "x"}',
+        ):
+            replies = plain.get("**", payload=payload, target=zenoh.QueryTarget.ALL, timeout=20.0)
+            refusals += [reply.err.payload.to_string() for reply in replies if reply.err is not None]
+    finally:
+        plain.close()  # type: ignore[no-untyped-call]
+    after = client.status()
+    assert (after.robots, after.paused, after.speed) == ([0, 1], False, 1.0)
+    assert after.tick >= before.tick
+    frames = team.bus.ask(names.service_key(names.AGGREGATOR, "frames"), dict[str, FrameReply])
+    assert "table" not in frames
+    for service in ("pause", "resume", "speed", "step", "repeat", "reset", "spawn", "remove", "move"):
+        assert any(text.startswith(f"sim/{service} changes something and has to name") for text in refusals)
+    assert any(text.startswith("tf/static changes something and has to name") for text in refusals)
+
+
+def test_a_client_of_any_language_changes_the_world(team: TeamFixture) -> None:
+    """With the id that `sim/status` tells, until the simulator is another one."""
+    team.spawn("sim", "arena", "--paused", name="sim")
+    team.wait_for_processes("sim")
+    plain = zenoh.open(client_config(BusOptions(connect=team.endpoint, namespace=team.namespace)))
+
+    def ask(service: str, **request: Any) -> tuple[bool, str]:
+        (reply,) = plain.get(f"sim/{service}", payload=json.dumps(request), timeout=20.0)
+        said = reply.ok or reply.err
+        assert said is not None
+        return reply.ok is not None, said.payload.to_string()
+
+    client = SimClient(team.bus)
+    try:
+        instance = json.loads(ask("status")[1])["instance"]
+        good, said = ask("remove", id=1, instance=instance)
+        assert good
+        assert json.loads(said)["robots"] == [0]
+        assert client.reset().robots == [0, 1]
+        team.restart("sim")
+        good, said = ask("remove", id=1, instance=instance)
+        assert not good
+        assert said.startswith("sim/remove is meant for another process")
+        # A client of ours does not notice.
+        assert client.remove(1).robots == [0]
+    finally:
+        plain.close()  # type: ignore[no-untyped-call]
 
 
 def test_without_a_simulator_the_way_out_is_told(team: TeamFixture) -> None:

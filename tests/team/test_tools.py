@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from zteam import names
 from zteam.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team
@@ -31,7 +32,7 @@ def test_the_tools_see_a_running_team(team: TeamFixture, tmp_path: Path) -> None
     assert listed["tf_static"] == "tf2_msgs/msg/TFMessage"
 
     info = json.loads(team.command("topic", "info", "robot_1/cmd_vel", "--json").stdout)
-    assert info["sender"] == "robot_1"
+    assert info["writers"] == ["robot_1"]
     assert info["receivers"]["sim"]["received"] > 0
 
     pose = json.loads(team.command("tf", "echo", "/map", "robot_0/base_footprint", "--once", "--json").stdout)
@@ -66,6 +67,30 @@ def test_the_tools_see_a_running_team(team: TeamFixture, tmp_path: Path) -> None
     doctor = team.command("doctor", "--json")
     assert doctor.returncode == 0, doctor.stdout
     assert all(finding["good"] for finding in json.loads(doctor.stdout))
+
+
+def test_two_writers_of_one_command_are_told(team: TeamFixture) -> None:
+    """topic info names them, doctor and the monitor say it; so they do when one of them is gone again."""
+    team.start("arena", behavior="forward", params={0: {"speed": 0.05}}, lockstep=False)
+    team.wait_for_go()
+    team.spawn("topic", "pub", "robot_0/cmd_vel", "Twist", "{}", "--rate", "20", name="pub")
+    team.wait_for_line(names.MONITOR, "robot_0 is commanded by 2 processes: ")
+    line = next(line for line in team.lines(names.MONITOR) if "is commanded by 2" in line)
+    assert "robot_0, session " in line or ", robot_0 (see" in line
+
+    info = json.loads(team.command("topic", "info", "robot_0/cmd_vel", "--json").stdout)
+    assert len(info["writers"]) == 2
+    assert "robot_0" in info["writers"]
+    shown = team.command("topic", "info", "robot_0/cmd_vel").stdout
+    assert "  writer    robot_0\n" in shown
+    assert "  writer    session " in shown
+
+    doctor = team.command("doctor", "--json")
+    assert doctor.returncode == 1
+    (finding,) = (row for row in json.loads(doctor.stdout) if row["what"] == "commands")
+    assert finding["text"].startswith("robot_0/cmd_vel has 2 writers: ")
+    team.stop("pub")
+    team.wait_for_line(names.MONITOR, "robot_0 is commanded by one process again")
 
 
 def test_a_published_message_arrives(team: TeamFixture) -> None:

@@ -120,12 +120,15 @@ def test_json_of_the_rest(output: Output) -> None:
 @pytest.mark.parametrize(
     ("words", "text"),
     [
-        (("step", "0"), "give a number of ticks from 1 on"),
+        (("step", "0"), "give a number of ticks from 1 to"),
         (("step", "-3"), "step '-3': give a number of ticks"),
         (("step", "1.5"), "give a number of ticks"),
         (("step", "9" * 30), "give a number of ticks"),
         (("speed", "fast"), "give simulated seconds a second"),
         (("speed", "nan"), "give simulated seconds a second"),
+        (("speed", "1e-11"), "speed '1e-11': give simulated seconds a second from 1e-06 to 1e+06, or max"),
+        (("move", "0", "1e308", "2", "0"), "pose '1e308 2 0': give X Y YAW in metres and radians from -1e+06 to 1e+06"),
+        (("spawn", "--pose", "0", "0", "1e7"), "pose '0 0 1e7': give X Y YAW"),
         (("move", "0", "1", "2", "nan"), "pose '1 2 nan': give X Y YAW in metres and radians"),
         (("move", "0", "-inf", "2", "0"), "pose '-inf 2 0': give X Y YAW"),
         (("move", "-1", "1", "2", "3"), "robot id '-1' is not a whole number"),

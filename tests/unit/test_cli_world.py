@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from commands import exit_code
 from zteam.cli.world import main
 
 TEXT = """
@@ -71,16 +72,21 @@ def test_scan_takes_a_pose_and_a_laser(world: str, capsys: pytest.CaptureFixture
     [
         (["--robot", "5"], "yard has these robots: 0, 1"),
         (["--robot", "0", "--beams", "3"], "belong together"),
-        (["--robot", "0", "--pose", "nan", "0", "0"], "finite"),
-        (["--robot", "0", "--beams", "0", "--fov-deg", "90", "--range", "5"], "--beams from 1"),
+        (["--robot", "0", "--pose", "nan", "0", "0"], "give metres and degrees from"),
+        (
+            ["--robot", "0", "--beams", "0", "--fov-deg", "90", "--range", "5"],
+            "--beams: '0': give beams from 1",
+        ),
     ],
 )
 def test_a_wrong_request_is_a_usage_error(
     world: str, arguments: list[str], text: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Exit code 2 and one line that says what is right."""
-    assert main(["scan", world, *arguments]) == 2
-    assert text in capsys.readouterr().err
+    assert exit_code(main, ["scan", world, *arguments]) == 2
+    said = capsys.readouterr().err
+    assert text in said
+    assert len(said.splitlines()) == 1
 
 
 def test_show_draws_what_lasers_see(world: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -113,7 +113,7 @@ def test_static_transforms_become_messages(tmp_path: Path) -> None:
         ),
         (
             "[simulation]\ngaussian_noise = -1\n[[robots]]\nid = 0",
-            "$.simulation: gaussian_noise must be a number of at",
+            "$.simulation: gaussian_noise must be from 0 to 1000",
         ),
         ("[Team]\nseed = 1\n[[robots]]\nid = 0", "$: Object contains unknown field `Team`; known: robots, team"),
         ("[[robots]]\nid = 0\nfollow = 0", "$.robots[0].follow: robot 0 cannot follow itself"),

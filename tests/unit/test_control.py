@@ -6,6 +6,7 @@ import pytest
 
 from players import LIMIT
 from ticking import TICK, Desk
+from zteam.bus import Change
 from zteam.clock import wait_until
 from zteam.errors import BusError
 from zteam.nodes import control as control_module
@@ -20,6 +21,8 @@ from zteam.nodes.sim_messages import (
     SpawnReply,
     SpawnRequest,
     SpeedRequest,
+    StandReply,
+    StandRequest,
     StepRequest,
 )
 
@@ -106,6 +109,40 @@ def test_pause_and_resume(make: Make) -> None:
     assert desk.ask("status").tick == stood
     assert not desk.ask("resume").paused
     desk.wait_for_tick(stood + 5)
+
+
+def test_the_next_tick_may_be_due_in_centuries(make: Make) -> None:
+    """No wait overflows, and another speed ends it."""
+    desk = make(speed=1e-300, paused=False)
+    desk.wait_for_tick(1)
+    assert not desk.ask("stand", StandReply, StandRequest(0.1)).stands
+    desk.ask("speed", SimStatus, SpeedRequest(1000.0))
+    desk.wait_for_tick(5)
+
+
+@pytest.mark.parametrize(
+    ("service", "request_"),
+    [
+        ("speed", SpeedRequest(1e-11)),
+        ("speed", SpeedRequest(1e300)),
+        ("move", MoveRequest(0, 1e308, 0.0)),
+        ("move", MoveRequest(0, 0.0, 0.0, -1e7)),
+        ("spawn", SpawnRequest(0.0, -1e308)),
+    ],
+)
+def test_numbers_without_bounds_are_refused(make: Make, service: str, request_: Change) -> None:
+    """Whoever asks without a client of ours hears of the bound; nothing is changed."""
+    desk = make()
+    with pytest.raises(BusError, match="bad request: Expected `float`"):
+        desk.ask(service, SimStatus, request_)
+    assert desk.world.made == []
+    assert desk.pacer.speed is None
+
+
+def test_a_status_tells_the_instance(make: Make) -> None:
+    """The id that changes have to carry."""
+    desk = make()
+    assert desk.ask("status").instance == desk.node.bus.instance
 
 
 def test_a_new_speed_is_taken_at_once(make: Make) -> None:

@@ -110,3 +110,10 @@ def test_json_round_trip() -> None:
     scan = LaserScan(ranges=np.array([1.5, 2.5], np.float32), angle_min=-1.0)
     scan.header.frame_id = "robot_0/base_laser_link"
     assert from_text(LaserScan, to_json(scan).decode()) == scan
+
+
+@pytest.mark.parametrize("text", ["[" * 5000, '{"linear":' * 5000])
+def test_deeply_nested_text_is_refused(text: str) -> None:
+    """One line, however it is nested."""
+    with pytest.raises(UsageError, match=r"^Twist: it is nested too deeply$"):
+        from_text(Twist, text)

@@ -7,7 +7,7 @@ import pytest
 from players import LIMIT
 from ticking import TICK, Desk
 from zteam import names
-from zteam.bus import Bus, MemoryHub, NoRequest
+from zteam.bus import Bus, Change, MemoryHub, NoRequest
 from zteam.errors import BusError, UsageError
 from zteam.nodes import sim_client
 from zteam.nodes.pacing import Pacer
@@ -73,7 +73,7 @@ def test_a_step_ends_when_somebody_else_sets_the_pace(make: Make) -> None:
     other = SimClient(desk._bus)
 
     def pause(_status: SimStatus) -> None:
-        desk._bus.ask(names.service_key(names.SIMULATOR, "pause"), SimStatus)
+        desk._bus.ask(names.service_key(names.SIMULATOR, "pause"), SimStatus, Change())
         desk.free.set()
 
     def resume(_status: SimStatus) -> None:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from commands import exit_code
 from zteam.cli import up
 from zteam.cli.up import Printer, find_team
 from zteam.errors import UsageError
@@ -57,6 +58,11 @@ def test_the_default_is_the_shipped_line() -> None:
         (["nowhere.toml"], "nowhere.toml"),
         (["willow"], "--world"),
         (["arena", "--world", "nowhere"], "nowhere"),
+        (["arena", "--speed", "1e-300"], "speed"),
+        (["arena", "--lockstep", "--lockstep-timeout", "nan"], "--lockstep-timeout"),
+        (["arena", "--lockstep", "--lockstep-timeout", "inf"], "--lockstep-timeout"),
+        (["arena", "--seed", "9" * 30], "--seed"),
+        (["arena", "--connect", "tcp/127.0.0.1:99999"], "port"),
         (["arena", "--for", "0"], "--for"),
         (["arena", "--for", "-1"], "--for"),
         (["arena", "--for", "nan"], "--for"),
@@ -82,7 +88,7 @@ def test_mistakes_are_one_line(
     circle = robot.format(0, "follow = 2") + robot.format(1, "follow = 0") + robot.format(2, "follow = 1")
     (tmp_path / "circle.toml").write_text('[team]\nworld = "arena"\n' + circle)
     (tmp_path / "extra.toml").write_text('[team]\nworlds = "arena"\n' + robot.format(0, ""))
-    assert up.main(arguments) == 2
+    assert exit_code(up.main, arguments) == 2
     captured = capsys.readouterr()
     assert captured.out == ""
     (line,) = captured.err.splitlines()

@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from zteam.bus.bus import Bus, Later, NoRequest, Publisher
+    from zteam.bus.changes import Change
     from zteam.bus.connection import connect
     from zteam.bus.memory import MemoryHub
     from zteam.bus.options import BusOptions
@@ -11,6 +12,7 @@ if TYPE_CHECKING:
 _HOME = {
     "Bus": "bus",
     "BusOptions": "options",
+    "Change": "changes",
     "Later": "bus",
     "MemoryHub": "memory",
     "NoRequest": "bus",
@@ -18,7 +20,7 @@ _HOME = {
     "connect": "connection",
 }
 
-__all__ = ["Bus", "BusOptions", "Later", "MemoryHub", "NoRequest", "Publisher", "connect"]
+__all__ = ["Bus", "BusOptions", "Change", "Later", "MemoryHub", "NoRequest", "Publisher", "connect"]
 
 
 def __getattr__(name: str) -> Any:

@@ -6,6 +6,7 @@ from typing import Any, Generic, NamedTuple, TypeVar
 
 import msgspec
 
+from zteam.bus.changes import Addressees, Change, check_instance
 from zteam.bus.counters import MAX_KEYS, Counters
 from zteam.bus.transport import Closeable, RawPublisher, RawSample, Transport
 from zteam.errors import BusError, DecodeError
@@ -19,6 +20,8 @@ Request = TypeVar("Request", bound=msgspec.Struct)
 T = TypeVar("T")
 
 _CDR = "application/cdr"
+MAX_PAYLOAD = 64 * 1024 * 1024
+"""Bytes of a message, a request or an answer; a map of 4000 x 4000 cells has 16 MB. What is larger is not decoded."""
 
 
 class Publisher(Generic[M]):
@@ -57,6 +60,7 @@ class Bus:
     def __init__(self, transport: Transport) -> None:
         self.transport = transport
         self.counters = Counters()
+        self._addressees = Addressees(self.query)
 
     @property
     def instance(self) -> str:
@@ -98,7 +102,7 @@ class Bus:
             message = self.decode(sample, message_type)
             if message is None:
                 return
-            if len(newest) < MAX_KEYS:
+            if sample.key in newest or len(newest) < MAX_KEYS:
                 newest[sample.key] = sample.timestamp
             callback(sample.key, message)
 
@@ -150,6 +154,9 @@ class Bus:
         self, key_expr: str, callback: Callable[[RawSample], None], latched: bool, stamped: bool
     ) -> Closeable:
         def guarded(sample: RawSample) -> None:
+            if len(sample.payload) > MAX_PAYLOAD:
+                self.counters.drop(sample.key, _too_large(sample.payload))
+                return
             try:
                 callback(sample)
             except Exception:
@@ -163,8 +170,11 @@ class Bus:
     ) -> list[tuple[str, T]]:
         """Ask everyone who serves `key_expr`; (key, reply) pairs sorted by key, empty if nobody serves it.
 
-        Raises BusError with the server's text if the only answers are errors.
+        A `Change` without an instance gets that of the process that serves the key. Raises BusError with the server's
+        text if the only answers are errors.
         """
+        if isinstance(request, Change) and not request.instance:
+            return self._addressees.query(key_expr, reply_type, request, timeout)
         payload = msgspec.json.encode(request if request is not None else NoRequest())
         good: list[tuple[str, T]] = []
         bad: list[str] = []
@@ -173,8 +183,8 @@ class Bus:
                 bad.append(f"{key or key_expr}: {body.decode(errors='replace')}")
                 continue
             try:
-                good.append((key, msgspec.json.decode(body, type=reply_type)))
-            except (msgspec.DecodeError, UnicodeDecodeError) as fault:
+                good.append((key, _decode_json(body, reply_type)))
+            except DecodeError as fault:
                 bad.append(f"{key}: unreadable answer: {fault}")
         if bad and not good:
             raise BusError("; ".join(bad))
@@ -190,16 +200,18 @@ class Bus:
     def serve(self, key: str, request_type: type[Request], handler: Callable[[Request], Any]) -> Closeable:
         """Answer queries on `key` with what `handler(request)` returns, as JSON.
 
-        A request that does not decode, and any ZteamError of the handler, goes to the asker as its text. A handler that
-        has to wait returns a `Later`.
+        A request that does not decode, a `Change` that names another process or none, and any ZteamError of the handler
+        go to the asker as a text. A handler that has to wait returns a `Later`.
         """
 
         def handle(payload: bytes) -> bytes | Callable[[], bytes]:
             try:
-                request = msgspec.json.decode(payload or b"{}", type=request_type)
-            except (msgspec.DecodeError, UnicodeDecodeError) as error:
+                request = _decode_json(payload or b"{}", request_type)
+            except DecodeError as error:
                 self.counters.drop(key, f"bad request: {error}")
                 raise BusError(f"bad request: {error}") from None
+            if isinstance(request, Change):
+                check_instance(key, request, self.instance)
             answer = handler(request)
             if isinstance(answer, Later):
                 return lambda: msgspec.json.encode(answer.finish())
@@ -224,5 +236,21 @@ class Bus:
         self.transport.watch_link(callback)
 
     def close(self) -> None:
-        """End the session; needed on every way out (a session left open hangs the interpreter)."""
+        """End the session; a second call does nothing. What is still open when the interpreter ends is closed then."""
         self.transport.close()
+
+
+def _too_large(payload: bytes) -> str:
+    return f"its {len(payload)} bytes are more than {MAX_PAYLOAD}"
+
+
+def _decode_json(payload: bytes, kind: type[T]) -> T:
+    """A request or an answer. Raises DecodeError."""
+    if len(payload) > MAX_PAYLOAD:
+        raise DecodeError(_too_large(payload))
+    try:
+        return msgspec.json.decode(payload, type=kind)
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        raise DecodeError(str(error)) from None
+    except RecursionError:
+        raise DecodeError("it is nested too deeply") from None

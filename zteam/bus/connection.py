@@ -15,6 +15,7 @@ import msgspec
 import zenoh
 
 from zteam.bus.bus import Bus
+from zteam.bus.options import FROM_STDIN as FROM_STDIN
 from zteam.bus.options import BusOptions, client_config, open_session
 from zteam.bus.session import ZenohTransport
 from zteam.clock import Every, monotonic, pause
@@ -28,11 +29,6 @@ ON_DEMAND_DEADLINE = 20.0
 """Seconds until a router on demand must be up; an interpreter took 2.2 s to start on a crowded machine."""
 IDLE_EXIT = 10.0
 """Seconds after its last client that a router on demand ends."""
-
-
-FROM_STDIN = "-"
-"""`--connect -`: the launcher writes the endpoint to the process's stdin once its router listens, so that the
-process can start and import meanwhile."""
 
 
 def _read_endpoint(stopping: Callable[[], bool]) -> str:

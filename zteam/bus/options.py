@@ -9,12 +9,20 @@ import msgspec
 import zenoh
 
 from zteam.errors import UsageError
+from zteam.numbers import parse_number, parse_whole
 from zteam.version import __version__
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 
+FROM_STDIN = "-"
+"""`--connect -`: the launcher writes the endpoint to the process's stdin once its router listens, so that the
+process can start and import meanwhile."""
+_WITH_PORT = frozenset({"tcp", "tls", "udp", "quic", "ws"})
+
 LEASE = 2.0
 """Host seconds after which a process that is cut off or frozen counts as gone."""
+LEASE_BOUNDS = (0.1, 7200.0)
+"""Of a lease that a user asks for."""
 
 RUNTIME_VARIABLE = "ZENOH_RUNTIME"
 RUNTIMES = {
@@ -49,17 +57,35 @@ class BusOptions(msgspec.Struct, frozen=True):
 
     @classmethod
     def from_environment(cls) -> "BusOptions":
-        """What the environment says; every command's options have these as their defaults."""
+        """What the environment says; every command's options have these as their defaults. Raises UsageError."""
 
         def given(name: str) -> str | None:
             return os.environ.get(f"ZTEAM_{name}") or None
 
-        return cls(given("CONNECT"), given("NAMESPACE"), given("CONFIG"), lease=float(given("LEASE") or LEASE))
+        try:
+            lease = parse_number(given("LEASE") or str(LEASE), *LEASE_BOUNDS, "seconds")
+        except UsageError as error:
+            raise UsageError(f"ZTEAM_LEASE {error}") from None
+        return cls(given("CONNECT"), given("NAMESPACE"), given("CONFIG"), lease=lease)
 
     @property
     def endpoint(self) -> str:
-        """Where the router is, or is to be."""
-        return self.connect or DEFAULT_ENDPOINT
+        """Where the router is, or is to be. Raises UsageError."""
+        return check_endpoint(self.connect or DEFAULT_ENDPOINT)
+
+
+def check_endpoint(endpoint: str) -> str:
+    """The endpoint itself, if it can be one. Raises UsageError: to Zenoh an impossible one only is not there yet."""
+    protocol, slash, address = endpoint.partition("/")
+    if not (protocol and slash and address):
+        raise UsageError(f"endpoint {endpoint!r}: give PROTOCOL/ADDRESS, such as {DEFAULT_ENDPOINT}")
+    if protocol in _WITH_PORT:
+        _, colon, port = address.partition("#")[0].partition("?")[0].rpartition(":")
+        try:
+            parse_whole(port if colon else "", 0, 65535, "a port")
+        except UsageError as error:
+            raise UsageError(f"endpoint {endpoint!r}: port {error}") from None
+    return endpoint
 
 
 def open_session(config: zenoh.Config, runtime: str) -> zenoh.Session:
@@ -136,7 +162,7 @@ def router_config(listen: str, config: str | None = None) -> zenoh.Config:
             **_COMMON,
             "transport/link/tx/lease": round(LEASE * 1e3),
             "mode": "router",
-            "listen/endpoints": [listen],
+            "listen/endpoints": [check_endpoint(listen)],
             "adminspace/enabled": True,
             "metadata": {"name": "zteam-router", "uid": os.getuid(), "pid": os.getpid(), "version": __version__},
         },

@@ -1,10 +1,12 @@
 """The Zenoh transport: one session, everything declared on it, and an orderly end."""
 
+import atexit
 import ctypes
 import logging
+import queue
 import threading
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
 
 import zenoh
 import zenoh.ext
@@ -13,6 +15,8 @@ from zteam.bus.transport import Closeable, QueryHandler, RawPublisher, RawSample
 from zteam.errors import ZteamError
 
 log = logging.getLogger("zteam.bus")
+
+T = TypeVar("T")
 
 _MAX_WAITING = 64
 """Queries whose answers take their time, at once; each has a thread."""
@@ -31,6 +35,26 @@ def _stay() -> None:
     """
     ctypes.pythonapi.PyGILState_Ensure()
     _THREAD.stays = True
+
+
+def _aside(handler: Callable[[T], None]) -> Any:
+    """A Zenoh callback that calls `handler` on a thread of its own, in order, until its declaration is taken back.
+
+    Zenoh does so by itself, but on a thread that is no daemon: the interpreter would wait for its end at exit, before
+    anything can close the session.
+    """
+    waiting: queue.SimpleQueue[T | None] = queue.SimpleQueue()
+
+    def work() -> None:
+        while (event := waiting.get()) is not None:
+            try:
+                handler(event)
+            except Exception:
+                # A fault in one call must not end those that follow, and nothing else sees it.
+                log.exception("error in a callback of the bus")
+
+    threading.Thread(target=work, name="bus", daemon=True).start()
+    return zenoh.handlers.Callback(waiting.put, lambda: waiting.put(None), indirect=False)
 
 
 class _Declared:
@@ -89,12 +113,15 @@ class ZenohTransport:
         self._declared: set[_Declared] = set()
         self._link_handlers: list[Callable[[bool], None]] = []
         self._routers: set[str] = {str(zid) for zid in session.info.routers_zid()}
-        self._events = session.info.declare_transport_events_listener(self._on_transport)
+        self._events = session.info.declare_transport_events_listener(_aside(self._on_transport))
         # Lost between open() and the listener: the listener cannot have seen it.
         self._routers |= {str(zid) for zid in session.info.routers_zid()}
         self._waiting = threading.BoundedSemaphore(_MAX_WAITING)
         self.up = True
         self.closed = False
+        # A script may end without closing, such as with an exception: then it is done at the interpreter's end, into
+        # which Zenoh must not call.
+        atexit.register(self.close)
 
     def _keep(self, declared: _Declared) -> _Declared:
         self._declared.add(declared)
@@ -186,7 +213,7 @@ class ZenohTransport:
                 with query:
                     query.reply_err(f"more than {_MAX_WAITING} queries are waiting: ask again later")
 
-        return self._wrap(self._session.declare_queryable(key, on_query, complete=True))
+        return self._wrap(self._session.declare_queryable(key, _aside(on_query), complete=True))
 
     def get(self, key_expr: str, payload: bytes, timeout: float) -> list[Reply]:
         replies = []
@@ -212,7 +239,7 @@ class ZenohTransport:
         def on_token(sample: zenoh.Sample) -> None:
             handler(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
 
-        return self._wrap(self._session.liveliness().declare_subscriber(key_expr, on_token, history=True))
+        return self._wrap(self._session.liveliness().declare_subscriber(key_expr, _aside(on_token), history=True))
 
     def watch_link(self, handler: Callable[[bool], None]) -> None:
         self._link_handlers.append(handler)
@@ -235,3 +262,5 @@ class ZenohTransport:
         for declared in list(self._declared):
             declared.close()
         self._session.close()  # type: ignore[no-untyped-call]
+        # Last: what an interrupt cuts short here is done at the interpreter's end.
+        atexit.unregister(self.close)

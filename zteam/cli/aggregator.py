@@ -1,22 +1,23 @@
 """`zteam-tf [TEAM.toml]`: merges every robot's transforms into one tree on `tf` and `tf_static`."""
 
 import argparse
-import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from zteam import names
-from zteam.cli.options import add_bus_options, add_clock_option, bus_options, run
-from zteam.errors import UsageError
+from zteam.cli.options import MAX_RATE, Parser, add_bus_options, add_clock_option, bus_options, number, run
 
 
 def build_parser() -> argparse.ArgumentParser:
     """The command line."""
-    parser = argparse.ArgumentParser(prog="zteam-tf", description=__doc__)
+    parser = Parser(prog="zteam-tf", description=__doc__)
     parser.add_argument("team", nargs="?", metavar="TEAM.toml", help="team file: static transforms, robot descriptions")
     parser.add_argument(
-        "--rate", type=float, metavar="HZ", help="send bundles at this rate instead of one for every tick"
+        "--rate",
+        type=number(1e-3, MAX_RATE, "bundles a second"),
+        metavar="HZ",
+        help="send bundles at this rate instead of one for every tick",
     )
     add_clock_option(parser)
     add_bus_options(parser)
@@ -35,8 +36,6 @@ def _aggregate(args: argparse.Namespace) -> int:
     from zteam.nodes.node import Node, run_node
     from zteam.tf.description import read_description
 
-    if args.rate is not None and not (math.isfinite(args.rate) and args.rate > 0):
-        raise UsageError(f"--rate {args.rate}: give bundles a second, such as 20")
     team = load_team(Path(args.team)) if args.team else None
     configured = [static_transform(entry) for entry in team.static_transforms] if team else []
     described = {robot.id: robot.description for robot in team.robots if robot.description} if team else {}

@@ -8,23 +8,29 @@ from typing import Any
 
 import msgspec
 
-from zteam.cli.options import run
-from zteam.errors import UsageError
+from zteam.cli.interrupts import raise_from_now
+from zteam.cli.options import Parser, number, run, whole
 from zteam.nodes.logs import LEVELS
+from zteam.numbers import MAX_SECONDS
 from zteam.simulation import PHYSICS, Options
 
 
 def build_parser() -> argparse.ArgumentParser:
     """The command line."""
-    parser = argparse.ArgumentParser(prog="zteam bench", description=__doc__)
+    parser = Parser(prog="zteam bench", description=__doc__)
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="sim|kernel|tf|team|codec")
     sim = verbs.add_parser("sim", help="the simulator's core alone, as fast as it goes")
     sim.add_argument("world", metavar="WORLD")
-    sim.add_argument("--robots", type=int, default=20)
-    sim.add_argument("--beams", type=int, default=1081)
-    sim.add_argument("--fov-deg", type=float, default=270.0)
-    sim.add_argument("--range", type=float, default=30.0)
-    sim.add_argument("--seconds", type=float, default=20.0, help="simulated (default: %(default)s)")
+    sim.add_argument("--robots", type=whole(1, 10_000, "robots"), default=20)
+    sim.add_argument("--beams", type=whole(2, 100_000, "beams"), default=1081)
+    sim.add_argument("--fov-deg", type=number(1e-3, 360.0, "degrees"), default=270.0)
+    sim.add_argument("--range", type=number(1e-3, 1e6, "metres"), default=30.0)
+    sim.add_argument(
+        "--seconds",
+        type=number(1e-3, MAX_SECONDS, "simulated seconds"),
+        default=20.0,
+        help="simulated (default: %(default)s)",
+    )
     sim.add_argument("--physics", choices=PHYSICS, help="default: what the world says, else dynamic")
     kernel = verbs.add_parser("kernel", help="rays against a bitmap alone, beside a plain scalar traversal")
     kernel.add_argument("world", nargs="?", default="office", metavar="WORLD")
@@ -36,9 +42,14 @@ def build_parser() -> argparse.ArgumentParser:
         "team", help="a line of robots, all processes, in lock-step beside bare Zenoh, or in real time"
     )
     team.add_argument("world", nargs="?", default="office", metavar="WORLD")
-    team.add_argument("--robots", type=int, default=4)
-    team.add_argument("--beams", type=int, default=1081)
-    team.add_argument("--seconds", type=float, default=60.0, help="simulated (default: %(default)s)")
+    team.add_argument("--robots", type=whole(1, 10_000, "robots"), default=4)
+    team.add_argument("--beams", type=whole(2, 100_000, "beams"), default=1081)
+    team.add_argument(
+        "--seconds",
+        type=number(1e-3, MAX_SECONDS, "simulated seconds"),
+        default=60.0,
+        help="simulated (default: %(default)s)",
+    )
     team.add_argument("--realtime", action="store_true", help="in real time: latency, lateness, CPU, memory")
     codec = verbs.add_parser("codec", help="encoding and decoding")
     for sub in (sim, kernel, transforms, team, codec):
@@ -55,6 +66,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _bench(args: argparse.Namespace) -> int:
+    # Processes are started, which have to be ended.
+    raise_from_now()
     rows = _measure(args)
     if args.json:
         print(msgspec.json.encode(rows[0] if args.verb in ("sim", "team") else rows).decode())
@@ -84,21 +97,15 @@ def _measure(args: argparse.Namespace) -> list[Any]:
 
         world = load_world(find_world(args.world))
         return [measure_kernels(world, 1081, 270.0), measure_kernels(world, 180, 180.0)]
-    if not args.seconds > 0:
-        raise UsageError(f"--seconds {args.seconds}: give simulated seconds")
     if args.verb == "team":
         from zteam.bench.running import measure_team
         from zteam.cli.sim import find_world
 
-        if args.robots < 1 or args.beams < 2:
-            raise UsageError("--robots from 1, --beams from 2")
         return [measure_team(find_world(args.world), args.robots, args.beams, args.seconds, realtime=args.realtime)]
     from zteam.bench.simulation import measure_simulation
     from zteam.cli.sim import find_world
     from zteam.world import load_world
 
-    if args.robots < 1 or args.beams < 2 or not 0 < args.fov_deg <= 360 or not args.range > 0:
-        raise UsageError("--robots from 1, --beams from 2, --fov-deg from 0 to 360, --range above 0")
     world = load_world(find_world(args.world))
     options = Options(physics=args.physics)
     return [measure_simulation(world, args.robots, args.beams, args.fov_deg, args.range, args.seconds, options)]

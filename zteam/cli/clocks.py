@@ -1,6 +1,5 @@
 """Whose time a tool goes by: the simulator's if there is one, else the host's; and doing something at a rate of it."""
 
-import math
 import sys
 from collections.abc import Callable
 
@@ -8,17 +7,10 @@ from zteam import names
 from zteam.bus import Bus
 from zteam.cli.listening import Waiter
 from zteam.clock import AutoClock, Ticker, to_seconds
-from zteam.errors import BusError, UsageError
+from zteam.errors import BusError
 from zteam.messages import Clock, ns_from_time
 from zteam.nodes.node import ClockMode
 from zteam.nodes.sim_messages import SimStatus
-
-
-def check_rate(rate: float, what: str) -> float:
-    """Seconds between two moments of a `--rate`. Raises UsageError."""
-    if not (math.isfinite(rate) and rate > 0):
-        raise UsageError(f"--rate {rate:g}: give {what} a second")
-    return 1.0 / rate
 
 
 def open_clock(bus: Bus, mode: ClockMode) -> AutoClock:

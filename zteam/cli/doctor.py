@@ -16,8 +16,8 @@ from zteam.bus.connection import host_port, port_accepts, read_admin
 from zteam.bus.counters import KeyCount
 from zteam.bus.presence import ProcessInfo
 from zteam.cli.listening import KeySurvey, open_bus, survey
-from zteam.cli.nodes import find_nodes
-from zteam.cli.options import add_bus_options, bus_options, run
+from zteam.cli.nodes import find_nodes, writer_names
+from zteam.cli.options import Parser, add_bus_options, bus_options, run
 from zteam.errors import BusError
 
 _PACKAGES = ("zteam", "eclipse-zenoh", "numpy", "msgspec", "numba", "pymunk", "pillow")
@@ -38,7 +38,7 @@ class Finding(msgspec.Struct):
 
 def build_parser() -> argparse.ArgumentParser:
     """The command line."""
-    parser = argparse.ArgumentParser(prog="zteam doctor", description=__doc__)
+    parser = Parser(prog="zteam doctor", description=__doc__)
     parser.add_argument("--json", action="store_true")
     add_bus_options(parser)
     return parser
@@ -138,7 +138,7 @@ def _team(bus: Bus) -> list[Finding]:
         counts = bus.query(names.stats_key("*"), dict[str, KeyCount])
     except BusError:
         counts = []
-    return [*_processes(nodes), *_data(nodes, keys), _drops(counts)]
+    return [*_processes(nodes), *_data(nodes, keys), *_writers(nodes, keys), _drops(counts)]
 
 
 def _processes(nodes: list[ProcessInfo]) -> list[Finding]:
@@ -173,12 +173,24 @@ def _data(nodes: list[ProcessInfo], keys: list[KeySurvey]) -> list[Finding]:
     return findings
 
 
+def _writers(nodes: list[ProcessInfo], keys: list[KeySurvey]) -> list[Finding]:
+    """Robots that more than one process commands."""
+    findings = []
+    for entry in keys:
+        target = names.split_robot_key(entry.key)
+        if target is not None and target[1] == names.CMD_VEL and len(entry.sources) > 1:
+            writers = ", ".join(writer_names(nodes, entry.sources))
+            text = f"{entry.key} has {len(entry.sources)} writers: {writers}"
+            findings.append(Finding("commands", False, text, "end all but one: their commands take turns"))
+    return findings
+
+
 def _drops(counts: list[tuple[str, dict[str, KeyCount]]]) -> Finding:
     dropped = {key: count.dropped for _, per_key in counts for key, count in sorted(per_key.items()) if count.dropped}
     if not dropped:
         return Finding("refusals", True, "no message was refused")
     shown = ", ".join(f"{key} ({count})" for key, count in list(dropped.items())[:5])
-    return Finding("refusals", False, f"refused messages on {shown}", "'zteam topic info KEY' names the sender")
+    return Finding("refusals", False, f"refused messages on {shown}", "'zteam topic info KEY' names the writers")
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ import msgspec
 
 from zteam import names
 from zteam.bus import Bus
-from zteam.cli.clocks import check_rate, ticker
+from zteam.cli.clocks import ticker
 from zteam.cli.listening import SURVEY, Waiter, open_bus
 from zteam.cli.options import bus_options
 from zteam.errors import BusError, UsageError
@@ -88,8 +88,6 @@ def show_tree(args: argparse.Namespace) -> int:
 
 def show_figures(args: argparse.Namespace) -> int:
     """Rates, delays and jitter of every moving frame, and conflicts."""
-    if not args.seconds > 0:
-        raise UsageError(f"--for {args.seconds:g}: give seconds")
     bus = open_bus(bus_options(args))
     try:
         watch = Watch()
@@ -138,12 +136,11 @@ class _Position(msgspec.Struct):
 
 def show_positions(args: argparse.Namespace) -> int:
     """Every robot's pose in `map`, once or again and again."""
-    period = None if args.rate is None else check_rate(args.rate, "positions")
     bus = open_bus(bus_options(args))
     try:
         listener = TreeListener(bus)
         listener.waiter.wait(lambda: False, SURVEY, "")
-        wait = None if period is None else ticker(bus, period, args.clock)
+        wait = None if args.rate is None else ticker(bus, 1.0 / args.rate, args.clock)
         while True:
             rows = _find_positions(listener.buffer)
             if args.json:

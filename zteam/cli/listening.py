@@ -9,6 +9,7 @@ import msgspec
 from zteam.bus import Bus, BusOptions, connect
 from zteam.bus.topics import type_of_key
 from zteam.bus.transport import RawSample
+from zteam.cli.interrupts import raise_from_now
 from zteam.clock import monotonic, wait_until
 from zteam.errors import UsageError
 from zteam.messages import Message, message_type, type_of_encoding
@@ -21,7 +22,8 @@ SURVEY = 1.2
 
 
 def open_bus(options: BusOptions) -> Bus:
-    """A session for a tool."""
+    """A session for a tool, which Ctrl+C closes."""
+    raise_from_now()
     return connect(options, patience=PATIENCE)
 
 
@@ -84,8 +86,8 @@ class KeySurvey(msgspec.Struct):
     bytes: int = 0
     latched: bool = False
     """Whether it was there before the survey began."""
-    source: str = ""
-    """Session that sent the last one."""
+    sources: list[str] = []
+    """Sessions that sent on it, in the order in which they were heard; an empty one stamps no time."""
     rate: float = 0.0
     """Hz over the survey."""
 
@@ -103,7 +105,9 @@ def survey(bus: Bus, key_expr: str, seconds: float = SURVEY) -> list[KeySurvey]:
                 entry.latched = True
             else:
                 entry.count += 1
-            entry.bytes, entry.source = len(sample.payload), sample.source
+            entry.bytes = len(sample.payload)
+            if sample.source not in entry.sources:
+                entry.sources.append(sample.source)
 
     start = monotonic()
     live = bus.subscribe_raw(key_expr, lambda s: take(s, False))

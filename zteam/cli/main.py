@@ -1,11 +1,10 @@
 """`zteam`: all commands; only the module of the one that runs is imported."""
 
-import difflib
-import importlib
 import sys
 from collections.abc import Sequence
+from functools import partial
 
-from zteam import __version__
+from zteam.cli.interrupts import INTERRUPTED, ignore_from_now, leave_at_once
 
 COMMANDS = {
     "up": ("up", "start a whole team and watch over it"),
@@ -29,23 +28,52 @@ def _usage() -> str:
     )
 
 
+def _start(module: str) -> int:
+    """Be the command of `zteam.cli.<module>`, from its imports to its end."""
+    leave_at_once()
+    try:
+        return _run(module, sys.argv[1:])
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    finally:
+        ignore_from_now()
+
+
+def _run(module: str, arguments: Sequence[str]) -> int:
+    import importlib
+
+    return int(importlib.import_module(f"zteam.cli.{module}").main(arguments))
+
+
+start = partial(_start, "main")
+start_simulator = partial(_start, "sim")
+start_robot = partial(_start, "robot")
+start_aggregator = partial(_start, "aggregator")
+start_monitor = partial(_start, "monitor")
+start_router = partial(_start, "router")
+
+
 def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point."""
+    """What follows `zteam`."""
     arguments = list(sys.argv[1:] if argv is None else argv)
     if not arguments or arguments[0] in {"-h", "--help", "help"}:
         print(_usage())
         return 0 if arguments else 2
     if arguments[0] == "--version":
+        from zteam import __version__
+
         print(f"zteam {__version__}")
         return 0
     name, *rest = arguments
     if name not in COMMANDS:
+        import difflib
+
         near = difflib.get_close_matches(name, COMMANDS, n=2)
         hint = f"did you mean {' or '.join(near)}?" if near else f"commands: {', '.join(COMMANDS)}"
         print(f"zteam: no command {name!r}: {hint}", file=sys.stderr)
         return 2
-    return int(importlib.import_module(f"zteam.cli.{COMMANDS[name][0]}").main(rest))
+    return _run(COMMANDS[name][0], rest)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(start())

@@ -5,13 +5,13 @@ import sys
 from collections.abc import Sequence
 
 from zteam import names
-from zteam.cli.options import add_bus_options, add_clock_option, bus_options, run
+from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, run
 from zteam.errors import UsageError
 
 
 def build_parser() -> argparse.ArgumentParser:
     """The command line."""
-    parser = argparse.ArgumentParser(prog="zteam-monitor", description=__doc__)
+    parser = Parser(prog="zteam-monitor", description=__doc__)
     parser.add_argument("--team-size", metavar="N", help="how many robots to wait for")
     parser.add_argument("--ids", nargs="+", metavar="ID", help="which robots to wait for, e.g. --ids 0 1 2 3")
     parser.add_argument("--json", action="store_true", help="print events as JSON lines: event, robot, text")

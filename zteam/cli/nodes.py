@@ -10,7 +10,7 @@ from zteam import names
 from zteam.bus import Bus
 from zteam.bus.presence import ProcessInfo
 from zteam.cli.listening import Waiter, open_bus
-from zteam.cli.options import add_bus_options, bus_options, run
+from zteam.cli.options import Parser, add_bus_options, bus_options, run
 from zteam.clock import wall_ns
 
 _SETTLE = 0.3
@@ -37,9 +37,17 @@ def find_nodes(bus: Bus) -> list[ProcessInfo]:
     return sorted(found, key=lambda info: (info.name, info.instance))
 
 
+def writer_names(nodes: Sequence[ProcessInfo], sessions: Sequence[str]) -> list[str]:
+    """The processes behind sessions that publish; one without a name on the bus shows its session's id."""
+    known = {node.instance: node.name for node in nodes}
+    return [
+        known.get(session) or (f"session {session}" if session else "unknown (no time stamp)") for session in sessions
+    ]
+
+
 def build_parser() -> argparse.ArgumentParser:
     """The command line."""
-    parser = argparse.ArgumentParser(prog="zteam node", description=__doc__)
+    parser = Parser(prog="zteam node", description=__doc__)
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="list")
     listing = verbs.add_parser("list", help="processes that are alive")
     listing.add_argument("--json", action="store_true")

@@ -4,11 +4,49 @@ import argparse
 import os
 import sys
 from collections.abc import Callable, Sequence
+from typing import NoReturn, TypeVar
 
 from zteam.bus import BusOptions
+from zteam.bus.options import FROM_STDIN, LEASE_BOUNDS, check_endpoint
+from zteam.cli.interrupts import INTERRUPTED
 from zteam.errors import UsageError, ZteamError
 from zteam.names import strip_slash
 from zteam.nodes.logs import LEVELS, start_logging
+from zteam.numbers import parse_number, parse_whole
+
+T = TypeVar("T")
+
+MIN_SEED, MAX_SEED = -(2**63), 2**63 - 1
+MAX_RATE = 1e4
+"""Hz of what a tool does again and again."""
+
+
+class Parser(argparse.ArgumentParser):
+    """A command line whose mistakes are told on one line."""
+
+    def error(self, message: str) -> NoReturn:
+        """End with 2."""
+        self.exit(2, f"{self.prog}: {message} (see '{self.prog} --help')\n")
+
+
+def number(low: float, high: float, what: str) -> Callable[[str], float]:
+    """The `type` of an option: a number from `low` to `high`; the error asks for `what`, such as "seconds"."""
+    return _option_type(lambda text: parse_number(text, low, high, what))
+
+
+def whole(low: int, high: int, what: str) -> Callable[[str], int]:
+    """The `type` of an option: a whole number from `low` to `high`; the error asks for `what`."""
+    return _option_type(lambda text: parse_whole(text, low, high, what))
+
+
+def _option_type(parse: Callable[[str], T]) -> Callable[[str], T]:
+    def parse_option(text: str) -> T:
+        try:
+            return parse(text)
+        except UsageError as error:
+            raise argparse.ArgumentTypeError(str(error)) from None
+
+    return parse_option
 
 
 def add_bus_options(parser: argparse.ArgumentParser) -> None:
@@ -33,7 +71,7 @@ def add_bus_options(parser: argparse.ArgumentParser) -> None:
     )
     group.add_argument(
         "--lease",
-        type=float,
+        type=number(*LEASE_BOUNDS, "seconds"),
         metavar="SECONDS",
         default=os.environ.get("ZTEAM_LEASE", "2"),
         help="silence after which this process counts as gone (2; longer than a lock-step's time-out, if it shall be "
@@ -82,8 +120,8 @@ def bus_options(args: argparse.Namespace, *, small: bool = False) -> BusOptions:
     namespace = strip_slash(args.namespace) if args.namespace else None
     if namespace and any(c in "*$?#" or c.isspace() for c in namespace):
         raise UsageError(f"--namespace {namespace!r}: use letters, digits, '_', '-' and '/'")
-    if not 0.1 <= args.lease <= 3600.0:
-        raise UsageError(f"--lease {args.lease:g}: give seconds from 0.1 to 3600")
+    if args.connect not in (None, FROM_STDIN):
+        check_endpoint(args.connect)
     return BusOptions(connect=args.connect, namespace=namespace, config=args.config, small=small, lease=args.lease)
 
 
@@ -95,7 +133,7 @@ def run(name: str, args: argparse.Namespace, body: Callable[[], int]) -> int:
     except ZteamError as error:
         return fail(name, error)
     except KeyboardInterrupt:
-        return 130
+        return INTERRUPTED
     except BrokenPipeError:
         # The reader of our output (head, less) has gone: nothing to tell anybody.
         sys.stdout = open(os.devnull, "w")  # noqa: SIM115, PTH123

@@ -6,13 +6,23 @@ from collections.abc import Sequence
 from typing import Any
 
 from zteam import names
-from zteam.cli.options import add_bus_options, add_clock_option, bus_options, fail, run
+from zteam.cli.options import (
+    MAX_SEED,
+    MIN_SEED,
+    Parser,
+    add_bus_options,
+    add_clock_option,
+    bus_options,
+    fail,
+    run,
+    whole,
+)
 from zteam.errors import UsageError
 
 
 def build_parser() -> argparse.ArgumentParser:
     """The command line."""
-    parser = argparse.ArgumentParser(prog="zteam-robot", description=__doc__)
+    parser = Parser(prog="zteam-robot", description=__doc__)
     parser.add_argument("--id", required=True, metavar="N", help=f"the robot's number, 0 to {names.MAX_ROBOT_ID}")
     what = parser.add_mutually_exclusive_group()
     what.add_argument("--behavior", metavar="NAME", help="forward, avoid, wander, follow or package.module:Class")
@@ -25,7 +35,12 @@ def build_parser() -> argparse.ArgumentParser:
         help="a parameter of the behaviour, e.g. speed=0.4 (repeatable)",
     )
     parser.add_argument("--no-gate", action="store_true", help="drive at once, without the monitor's GO")
-    parser.add_argument("--seed", type=int, default=1, help="seed of everything random (default: %(default)s)")
+    parser.add_argument(
+        "--seed",
+        type=whole(MIN_SEED, MAX_SEED, "a seed"),
+        default=1,
+        help="seed of everything random (default: %(default)s)",
+    )
     add_clock_option(parser)
     add_bus_options(parser)
     return parser

@@ -2,17 +2,17 @@
 
 import argparse
 import logging
-import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from zteam import names
-from zteam.cli.options import add_bus_options, bus_options, run
+from zteam.cli.options import MAX_SEED, MIN_SEED, Parser, add_bus_options, bus_options, number, run, whole
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
-from zteam.nodes.sim_messages import MAX_SPEED
+from zteam.nodes.sim_messages import MAX_PLACE, MAX_SPEED, MIN_SPEED
+from zteam.numbers import MAX_SECONDS, parse_number
 from zteam.shipped import names as shipped_names
 from zteam.shipped import shipped_world, worlds_folder
 from zteam.simulation import PHYSICS, Options
@@ -22,14 +22,28 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("zteam")
 
+MIN_RUN = 1e-6
+"""Simulated seconds of the shortest `--for`: it ends with the tick of GO."""
+LOCKSTEP_TIMEOUTS = (1e-3, 3600.0)
+"""Host seconds."""
+
 
 def build_parser() -> argparse.ArgumentParser:
     """The command line."""
-    parser = argparse.ArgumentParser(prog="zteam-sim", description=__doc__)
+    parser = Parser(prog="zteam-sim", description=__doc__)
     parser.add_argument("world", metavar="WORLD", help="a .world file, or the name of a shipped world such as office")
-    parser.add_argument("--seed", type=int, default=1, help="seed of everything random (default: %(default)s)")
     parser.add_argument(
-        "--map-resolution", type=float, default=0.05, metavar="M", help="metres a cell of the published map (0.05)"
+        "--seed",
+        type=whole(MIN_SEED, MAX_SEED, "a seed"),
+        default=1,
+        help="seed of everything random (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--map-resolution",
+        type=number(1e-4, 1e4, "metres a cell"),
+        default=0.05,
+        metavar="M",
+        help="metres a cell of the published map (0.05)",
     )
     parser.add_argument(
         "--add",
@@ -45,7 +59,7 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--for",
         dest="run_for",
-        type=float,
+        type=number(MIN_RUN, MAX_SECONDS, "simulated seconds"),
         metavar="SECONDS",
         help="stand still this many simulated seconds after GO (and go on answering queries)",
     )
@@ -63,12 +77,9 @@ def parse_speed(text: str) -> float | None:
     if text == "max":
         return None
     try:
-        speed = float(text)
-    except ValueError:
-        speed = math.nan
-    if not 0.0 < speed <= MAX_SPEED:
-        raise UsageError(f"speed {text!r}: give simulated seconds a second, such as 1, 10 or 0.5, or max")
-    return speed
+        return parse_number(text, MIN_SPEED, MAX_SPEED, "simulated seconds a second")
+    except UsageError as error:
+        raise UsageError(f"speed {error}, or max") from None
 
 
 def _add_time_options(parser: argparse.ArgumentParser) -> None:
@@ -78,7 +89,7 @@ def _add_time_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--lockstep", action="store_true", help="a tick begins when every participant has answered")
     group.add_argument(
         "--lockstep-timeout",
-        type=float,
+        type=number(*LOCKSTEP_TIMEOUTS, "host seconds"),
         default=10.0,
         metavar="SECONDS",
         help="leave a living participant behind that does not answer for so long (10)",
@@ -139,8 +150,6 @@ def lockstep_options(args: argparse.Namespace) -> "LockStepOptions | None":
             if given:
                 raise UsageError(f"{flag} needs --lockstep")
         return None
-    if not 0.0 < args.lockstep_timeout < math.inf:
-        raise UsageError(f"--lockstep-timeout {args.lockstep_timeout:g}: give seconds above 0")
     return LockStepOptions(tuple(args.expect), args.lockstep_timeout, not args.no_gate)
 
 
@@ -169,9 +178,13 @@ def parse_addition(text: str) -> tuple[int, str, Pose2]:
     parts = text.split(":")
     try:
         robot_id, model, x, y, yaw = parts
-        return names.parse_robot_id(robot_id), model, Pose2(float(x), float(y), float(yaw))
     except ValueError:
         raise UsageError(f"--add {text!r} is not ID:MODEL:X:Y:YAW, e.g. 7:erratic:2.0:3.5:1.57") from None
+    try:
+        pose = Pose2(*(parse_number(word, -MAX_PLACE, MAX_PLACE, "metres and radians") for word in (x, y, yaw)))
+        return names.parse_robot_id(robot_id), model, pose
+    except UsageError as error:
+        raise UsageError(f"--add {text!r}: {error}") from None
 
 
 def _compile_if_needed() -> None:
@@ -199,8 +212,6 @@ def _simulate(args: argparse.Namespace) -> int:
     from zteam.nodes.simulator import SimOptions, run_simulator
     from zteam.world import add_robot, load_world
 
-    if not args.map_resolution > 0:
-        raise UsageError(f"--map-resolution {args.map_resolution}: give metres a cell, such as 0.05")
     lockstep = lockstep_options(args)
     speed = parse_speed(args.speed or ("max" if lockstep else "1"))
     world = load_world(find_world(args.world))

@@ -1,7 +1,6 @@
 """`zteam sim pause | resume | step | speed | reset | spawn | remove | move | status`: asks the running simulator."""
 
 import argparse
-import math
 import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -11,12 +10,13 @@ import msgspec
 
 from zteam import names
 from zteam.cli.listening import Waiter, open_bus
-from zteam.cli.options import add_bus_options, bus_options, negative_numbers, run
+from zteam.cli.options import Parser, add_bus_options, bus_options, negative_numbers, run
 from zteam.cli.sim import parse_speed
 from zteam.clock import Every, monotonic, to_seconds
 from zteam.errors import UsageError
 from zteam.nodes.sim_client import SimClient
-from zteam.nodes.sim_messages import MAX_TICKS, SimStatus, SpawnReply
+from zteam.nodes.sim_messages import MAX_PLACE, MAX_TICKS, SimStatus, SpawnReply
+from zteam.numbers import parse_number, parse_whole
 
 T = TypeVar("T")
 
@@ -32,7 +32,7 @@ Ask = Callable[[SimClient], Answer]
 
 def build_parser() -> argparse.ArgumentParser:
     """The command line."""
-    parser = argparse.ArgumentParser(prog="zteam sim", description=__doc__)
+    parser = Parser(prog="zteam sim", description=__doc__)
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="|".join(_VERBS))
 
     def verb(name: str, text: str) -> argparse.ArgumentParser:
@@ -95,19 +95,19 @@ def _change(make: Callable[[], T]) -> T:
 def parse_pose(words: Sequence[str]) -> tuple[float, float, float]:
     """X Y YAW. Raises UsageError."""
     try:
-        x, y, yaw = map(float, words)
-    except ValueError:
-        x = y = yaw = math.nan
-    if not all(map(math.isfinite, (x, y, yaw))):
-        raise UsageError(f"pose {' '.join(word.strip() for word in words)!r}: give X Y YAW in metres and radians")
+        x, y, yaw = (parse_number(word, -MAX_PLACE, MAX_PLACE, "X Y YAW in metres and radians") for word in words)
+    except UsageError as error:
+        pose = " ".join(word.strip() for word in words)
+        raise UsageError(f"pose {pose!r}: {str(error).partition(': ')[2]}") from None
     return x, y, yaw
 
 
 def parse_ticks(text: str) -> int:
     """A number of ticks. Raises UsageError."""
-    if not (text.isascii() and text.isdigit() and len(text) <= len(str(MAX_TICKS)) and 1 <= int(text) <= MAX_TICKS):
-        raise UsageError(f"step {text.strip()!r}: give a number of ticks from 1 on")
-    return int(text)
+    try:
+        return parse_whole(text, 1, MAX_TICKS, "a number of ticks")
+    except UsageError as error:
+        raise UsageError(f"step {error}") from None
 
 
 def _pause(_args: argparse.Namespace) -> Ask:

@@ -13,12 +13,13 @@ import msgspec
 from zteam import names
 from zteam.bus.counters import KeyCount
 from zteam.bus.transport import RawSample
-from zteam.cli.clocks import check_rate, open_clock, ticker
+from zteam.cli.clocks import open_clock, ticker
 from zteam.cli.listening import Waiter, check_key, given_type, kind_of, open_bus, survey
-from zteam.cli.options import add_bus_options, add_clock_option, bus_options, run
+from zteam.cli.options import MAX_RATE, Parser, add_bus_options, add_clock_option, bus_options, number, run, whole
 from zteam.clock import monotonic, to_seconds
 from zteam.errors import DecodeError, UsageError, ZteamError
 from zteam.messages import Message, decode, from_text, message_type, to_json, to_plain
+from zteam.numbers import MAX_SECONDS
 
 _SHORT = 12
 """Elements of an array that text output shows without --full."""
@@ -26,7 +27,7 @@ _SHORT = 12
 
 def build_parser() -> argparse.ArgumentParser:
     """The command line."""
-    parser = argparse.ArgumentParser(prog="zteam topic", description=__doc__)
+    parser = Parser(prog="zteam topic", description=__doc__)
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="list|echo|hz|info|pub")
 
     def verb(name: str, text: str, *, key: bool = True) -> argparse.ArgumentParser:
@@ -42,19 +43,29 @@ def build_parser() -> argparse.ArgumentParser:
     echo.add_argument("--json", action="store_true", help="one JSON object a line")
     echo.add_argument("--type", help="ROS type, where neither encoding nor key tells")
     echo.add_argument("--full", action="store_true", help="print whole arrays")
-    echo.add_argument("--timeout", type=float, metavar="S", help="fail after S seconds of the host without a message")
+    echo.add_argument(
+        "--timeout",
+        type=number(0.0, MAX_SECONDS, "host seconds"),
+        metavar="S",
+        help="fail after S seconds of the host without a message",
+    )
     rate = verb("hz", "measure the rate of messages, by the host's time unless told otherwise")
-    rate.add_argument("--window", type=int, default=100, help="messages to look back (default: %(default)s)")
+    rate.add_argument(
+        "--window",
+        type=whole(2, 1_000_000, "messages"),
+        default=100,
+        help="messages to look back (default: %(default)s)",
+    )
     rate.add_argument("--once", action="store_true", help="end after the first line")
     rate.add_argument("--json", action="store_true")
     add_clock_option(rate, "wall")
-    info = verb("info", "type, rate, size, sender, refusals")
+    info = verb("info", "type, rate, size, writers, refusals")
     info.add_argument("--json", action="store_true")
     pub = verb("pub", "publish messages, at 1 Hz (of simulated time, if there is any) until Ctrl+C")
     pub.add_argument("type", metavar="TYPE")
     pub.add_argument("values", nargs="?", default="{}", metavar="'{…}'", help="fields as JSON or YAML")
-    pub.add_argument("--rate", type=float, default=1.0, metavar="HZ")
-    pub.add_argument("--times", type=int, metavar="N", help="end after N messages")
+    pub.add_argument("--rate", type=number(1e-3, MAX_RATE, "messages a second"), default=1.0, metavar="HZ")
+    pub.add_argument("--times", type=whole(1, 10**12, "messages"), metavar="N", help="end after N messages")
     pub.add_argument("--once", action="store_true", help="the same as --times 1")
     add_clock_option(pub)
     for sub in (listing, echo, rate, info, pub):
@@ -160,7 +171,7 @@ def _print_sample(sample: RawSample, given: type[Message] | None, args: argparse
 def _hz(args: argparse.Namespace) -> int:
     key = check_key(args.key)
     bus, waiter = open_bus(bus_options(args)), Waiter()
-    times: deque[float] = deque(maxlen=max(2, args.window))
+    times: deque[float] = deque(maxlen=args.window)
     total = 0
     try:
         clock = open_clock(bus, args.clock)
@@ -204,13 +215,13 @@ def _format_rate(times: list[float], simulated: bool, as_json: bool) -> str:
 
 
 def _info(args: argparse.Namespace) -> int:
-    from zteam.cli.nodes import find_nodes
+    from zteam.cli.nodes import find_nodes, writer_names
 
     key = check_key(args.key)
     bus = open_bus(bus_options(args))
     try:
         found = survey(bus, key)
-        senders = {node.instance: node.name for node in find_nodes(bus)}
+        nodes = find_nodes(bus)
         counts = bus.query(names.stats_key("*"), dict[str, KeyCount])
     finally:
         bus.close()
@@ -224,7 +235,7 @@ def _info(args: argparse.Namespace) -> int:
             "rate": round(entry.rate, 2),
             "latched": entry.latched,
             "bytes": entry.bytes,
-            "sender": senders.get(entry.source, entry.source),
+            "writers": writer_names(nodes, entry.sources),
             "receivers": {who: msgspec.structs.asdict(count) for who, count in stats.items()},
         }
         if args.json:
@@ -238,7 +249,8 @@ def _print_info(row: dict[str, Any]) -> None:
     print(row["key"])
     print(f"  type      {row['type'] or '?'}")
     print(f"  rate      {'latched' if row['latched'] else str(row['rate']) + ' Hz'}, {row['bytes']} bytes")
-    print(f"  sender    {row['sender'] or 'unknown (it stamps no time)'}")
+    for writer in row["writers"]:
+        print(f"  writer    {writer}")
     for who, count in row["receivers"].items():
         print(f"  receiver  {who}: {count['received']} received, {count['dropped']} refused")
 
@@ -249,16 +261,13 @@ def _pub(args: argparse.Namespace) -> int:
         raise UsageError(f"{args.key!r} is a wildcard: a message is for one key")
     message = from_text(message_type(args.type), args.values)
     times = 1 if args.once else args.times
-    period = check_rate(args.rate, "messages")
-    if times is not None and times < 1:
-        raise UsageError(f"--times {times}: give a number from 1 on")
     bus = open_bus(bus_options(args))
     try:
         publisher = bus.publisher(key, type(message))
         if times == 1:
             publisher.put(message)
             return 0
-        wait = ticker(bus, period, args.clock)
+        wait = ticker(bus, 1.0 / args.rate, args.clock)
         publisher.put(message)
         for _ in itertools.count() if times is None else range(times - 1):
             wait()

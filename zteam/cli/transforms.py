@@ -1,48 +1,76 @@
 """`zteam tf echo A B | tree | monitor | positions | static`: transforms between frames, under tf's words."""
 
 import argparse
-import math
 import sys
 from collections.abc import Sequence
 
 from zteam import names
 from zteam.bus import Bus
-from zteam.cli.clocks import check_rate, ticker
+from zteam.cli.clocks import ticker
 from zteam.cli.frames import TreeListener, show_figures, show_positions, show_tree
 from zteam.cli.listening import Waiter, open_bus
-from zteam.cli.options import add_bus_options, add_clock_option, bus_options, run
+from zteam.cli.options import MAX_RATE, Parser, add_bus_options, add_clock_option, bus_options, number, run
 from zteam.errors import UsageError, ZteamError
 from zteam.geometry import quaternion_from_rpy
 from zteam.messages import to_json
 from zteam.nodes.tf_client import TransformClient
-from zteam.nodes.tf_messages import StaticReply, StaticRequest
+from zteam.nodes.tf_messages import MAX_COORDINATE, StaticReply, StaticRequest
+from zteam.numbers import MAX_SECONDS
 from zteam.tf.text import format_transform
 
+_MAX_STAMP = 4e9
+"""Seconds: the host's own time, of which there are 1.8e9 since 1970, is a stamp too."""
 _COUNTS = {8: "yaw pitch roll", 9: "qx qy qz qw"}
 
 
 def build_parser() -> argparse.ArgumentParser:
     """The command line."""
-    parser = argparse.ArgumentParser(prog="zteam tf", description=__doc__)
+    parser = Parser(prog="zteam tf", description=__doc__)
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="echo|tree|monitor|positions|static")
     echo = verbs.add_parser("echo", help="print the pose of frame B in frame A")
     echo.add_argument("target", metavar="A")
     echo.add_argument("source", metavar="B")
     echo.add_argument("--once", action="store_true", help="end after one")
     echo.add_argument("--json", action="store_true")
-    echo.add_argument("--rate", type=float, default=1.0, metavar="HZ", help="(default: %(default)s)")
-    echo.add_argument("--at", type=float, metavar="S", help="as it was at this time of the team's clock, once")
-    echo.add_argument("--timeout", type=float, metavar="S", help="fail after S seconds of the host without it")
+    echo.add_argument(
+        "--rate",
+        type=number(1e-3, MAX_RATE, "transforms a second"),
+        default=1.0,
+        metavar="HZ",
+        help="(default: %(default)s)",
+    )
+    echo.add_argument(
+        "--at",
+        type=number(0.0, _MAX_STAMP, "seconds"),
+        metavar="S",
+        help="as it was at this time of the team's clock, once",
+    )
+    echo.add_argument(
+        "--timeout",
+        type=number(0.0, MAX_SECONDS, "host seconds"),
+        metavar="S",
+        help="fail after S seconds of the host without it",
+    )
     tree = verbs.add_parser("tree", help="print the tree with rates, ages and who says so")
     tree.add_argument("--json", action="store_true")
     tree.add_argument("-o", "--output", metavar="FILE.svg|dot", help="draw it; edges without news for 1 s are red")
     monitor = verbs.add_parser("monitor", help="rates, delays and jitter of every frame, and conflicts")
     monitor.add_argument(
-        "--for", dest="seconds", type=float, default=5.0, metavar="S", help="of the host (default: %(default)s)"
+        "--for",
+        dest="seconds",
+        type=number(0.01, MAX_SECONDS, "host seconds"),
+        default=5.0,
+        metavar="S",
+        help="of the host (default: %(default)s)",
     )
     monitor.add_argument("--json", action="store_true")
     positions = verbs.add_parser("positions", help="every robot's pose in map")
-    positions.add_argument("--rate", type=float, metavar="HZ", help="again and again, until Ctrl+C")
+    positions.add_argument(
+        "--rate",
+        type=number(1e-3, MAX_RATE, "positions a second"),
+        metavar="HZ",
+        help="again and again, until Ctrl+C",
+    )
     positions.add_argument("--json", action="store_true", help="a line of JSON each time")
     static = verbs.add_parser(
         "static",
@@ -70,7 +98,6 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _echo(args: argparse.Namespace) -> int:
     target, source = names.strip_slash(args.target), names.strip_slash(args.source)
-    period = check_rate(args.rate, "transforms")
     bus = open_bus(bus_options(args))
     try:
         if args.at is not None:
@@ -86,7 +113,7 @@ def _echo(args: argparse.Namespace) -> int:
         if not listener.waiter.wait(there, args.timeout, f"the transform from {source} to {target}"):
             why = listener.buffer.can_transform(target, source, 0)[1]
             raise ZteamError(f"no transform within {args.timeout:g} s: {why.strip()} (see 'zteam tf tree')")
-        wait = None if args.once else ticker(bus, period, args.clock)
+        wait = None if args.once else ticker(bus, 1.0 / args.rate, args.clock)
         while True:
             transform = listener.buffer.lookup_transform(target, source, 0)
             print(to_json(transform).decode() if args.json else format_transform(transform), flush=True)
@@ -97,7 +124,7 @@ def _echo(args: argparse.Namespace) -> int:
         bus.close()
 
 
-def parse_static(words: Sequence[str], instance: str) -> StaticRequest:
+def parse_static(words: Sequence[str], caller: str) -> StaticRequest:
     """X Y Z YAW PITCH ROLL PARENT CHILD, or with a quaternion; ROS 1's period at the end is taken and ignored."""
     values = list(words)
     if len(values) in {9, 10} and _is_number(values[-1]) and not _is_number(values[-2]):
@@ -112,12 +139,12 @@ def parse_static(words: Sequence[str], instance: str) -> StaticRequest:
         yaw, pitch, roll = angles
         angles = list(quaternion_from_rpy(roll, pitch, yaw))
     parent, child = (names.strip_slash(name) for name in values[-2:])
-    return StaticRequest(parent, child, instance, x, y, z, *angles)
+    return StaticRequest(parent, child, caller, x, y, z, *angles)
 
 
 def _is_number(text: str) -> bool:
     try:
-        return math.isfinite(float(text))
+        return abs(float(text)) <= MAX_COORDINATE
     except ValueError:
         return False
 
@@ -147,7 +174,7 @@ def _static(args: argparse.Namespace, words: Sequence[str]) -> int:
     request = parse_static(words, "")
     bus = open_bus(bus_options(args))
     try:
-        request.instance = bus.instance
+        request.caller = bus.instance
         bus.declare_token(names.token_key(names.STATIC_CALLER, bus.instance))
         _hold(bus, request)
     except KeyboardInterrupt:

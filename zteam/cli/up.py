@@ -2,7 +2,6 @@
 
 import argparse
 import logging
-import math
 import os
 import sys
 import threading
@@ -10,8 +9,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from zteam.cli.options import add_bus_options, bus_options, run
+from zteam.cli.options import MAX_SEED, MIN_SEED, Parser, add_bus_options, bus_options, number, run, whole
+from zteam.cli.sim import LOCKSTEP_TIMEOUTS, MIN_RUN
 from zteam.errors import UsageError, ZteamError
+from zteam.numbers import MAX_SECONDS
 from zteam.shipped import names as shipped_names
 from zteam.shipped import shipped_team, teams_folder
 
@@ -27,12 +28,16 @@ _COLORS = (36, 32, 33, 35, 34, 96, 92, 93, 95, 94)
 
 def build_parser() -> argparse.ArgumentParser:
     """The command line."""
-    parser = argparse.ArgumentParser(prog="zteam up", description=__doc__)
+    parser = Parser(prog="zteam up", description=__doc__)
     parser.add_argument("team", nargs="?", default="line", help="a team file, or the name of a shipped one (line)")
     parser.add_argument("--world", metavar="FILE", help="a world file or shipped world, instead of the team file's")
-    parser.add_argument("--seed", type=int, help="instead of the team file's")
+    parser.add_argument("--seed", type=whole(MIN_SEED, MAX_SEED, "a seed"), help="instead of the team file's")
     parser.add_argument(
-        "--for", dest="run_for", type=float, metavar="SECONDS", help="end this many simulated seconds after GO"
+        "--for",
+        dest="run_for",
+        type=number(MIN_RUN, MAX_SECONDS, "simulated seconds"),
+        metavar="SECONDS",
+        help="end this many simulated seconds after GO",
     )
     parser.add_argument("--report", metavar="FILE", help="with --for: write the run's report as JSON")
     parser.add_argument("--speed", metavar="X", help="simulated seconds a second, or max (1; max in lock-step)")
@@ -41,7 +46,7 @@ def build_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--lockstep-timeout",
-        type=float,
+        type=number(*LOCKSTEP_TIMEOUTS, "host seconds"),
         default=10.0,
         metavar="SECONDS",
         help="leave a living process behind that does not answer for so long (10)",
@@ -59,8 +64,6 @@ def _pace(args: argparse.Namespace, world: Path | None) -> "Pace":
 
     if args.speed is not None:
         parse_speed(args.speed)
-    if not 0.0 < args.lockstep_timeout < math.inf:
-        raise UsageError(f"--lockstep-timeout {args.lockstep_timeout:g}: give seconds above 0")
     if args.expect and not args.lockstep:
         raise UsageError("--expect needs --lockstep")
     if world is None and (args.lockstep or args.speed is not None):
@@ -123,8 +126,6 @@ def _up(args: argparse.Namespace) -> int:
     from zteam.launch.run import Run, RunOptions
     from zteam.nodes.stopping import Stop
 
-    if args.run_for is not None and not (math.isfinite(args.run_for) and args.run_for > 0):
-        raise UsageError(f"--for {args.run_for}: give a time in simulated seconds, such as 30")
     if args.report and args.run_for is None:
         raise UsageError("--report needs --for SECONDS: a report is of a run with an end")
     team_file = find_team(args.team)

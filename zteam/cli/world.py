@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from zteam.cli.options import run
+from zteam.cli.options import Parser, number, run, whole
 from zteam.cli.sim import find_world
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
+from zteam.names import MAX_ROBOT_ID
 from zteam.nodes.logs import LEVELS
 
 if TYPE_CHECKING:
@@ -23,25 +24,35 @@ if TYPE_CHECKING:
 
 def build_parser() -> argparse.ArgumentParser:
     """The command line."""
-    parser = argparse.ArgumentParser(prog="zteam world", description=__doc__)
+    parser = Parser(prog="zteam world", description=__doc__)
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="check|show|scan")
     check = verbs.add_parser("check", help="load a world; list its models, and what of it is ignored")
     show = verbs.add_parser("show", help="draw a world and its robots")
     show.add_argument("-o", "--output", required=True, metavar="FILE.svg|png")
     show.add_argument("--scan", action="store_true", help="with what the lasers see")
-    show.add_argument("--width", type=int, default=1200, metavar="PIXELS", help="(default: %(default)s)")
+    show.add_argument(
+        "--width", type=whole(16, 20_000, "pixels"), default=1200, metavar="PIXELS", help="(default: %(default)s)"
+    )
     scan = verbs.add_parser("scan", help="what the lasers of one robot read")
-    scan.add_argument("--robot", type=int, required=True, metavar="N", help="its id: the place in the file")
+    scan.add_argument(
+        "--robot",
+        type=whole(0, MAX_ROBOT_ID, "a robot id"),
+        required=True,
+        metavar="N",
+        help="its id: the place in the file",
+    )
     scan.add_argument(
         "--pose",
-        type=float,
+        type=number(-1e6, 1e6, "metres and degrees"),
         nargs=3,
         metavar=("X", "Y", "YAW_DEG"),
         help="metres and degrees in map (default: where the world puts it)",
     )
-    scan.add_argument("--beams", type=int, help="one laser of so many beams, in the place of the robot's own")
-    scan.add_argument("--fov-deg", type=float, help="its field of view")
-    scan.add_argument("--range", type=float, metavar="M", help="its largest range")
+    scan.add_argument(
+        "--beams", type=whole(1, 100_000, "beams"), help="one laser of so many beams, in the place of the robot's own"
+    )
+    scan.add_argument("--fov-deg", type=number(1e-3, 360.0, "degrees"), help="its field of view")
+    scan.add_argument("--range", type=number(1e-3, 1e6, "metres"), metavar="M", help="its largest range")
     for sub in (check, show, scan):
         sub.add_argument("world", metavar="FILE", help="a .world file, a map_server .yaml, or a shipped world")
         sub.add_argument("--whole-bitmaps", action="store_true", help="read bitmaps with their margins, not cropped")
@@ -175,8 +186,6 @@ def _scan(args: argparse.Namespace, world: "World") -> int:
     robots = dict(enumerate(world.robots))
     robot = robots[args.robot]
     if args.pose is not None:
-        if not all(map(math.isfinite, args.pose)):
-            raise UsageError("--pose takes finite numbers: X Y YAW_DEG")
         x, y, yaw_deg = args.pose
         robot = msgspec.structs.replace(robot, pose=Pose2(x, y, math.radians(yaw_deg)))
     robots[args.robot] = msgspec.structs.replace(robot, rangers=_rangers(args, robot))
@@ -203,8 +212,6 @@ def _rangers(args: argparse.Namespace, robot: "Robot") -> "tuple[Ranger, ...]":
         return robot.rangers
     if None in given:
         raise UsageError("--beams, --fov-deg and --range belong together")
-    if not (1 <= args.beams <= 100_000 and 0 < args.fov_deg <= 360 and 0 < args.range < math.inf):
-        raise UsageError("--beams from 1 to 100000, --fov-deg above 0 to 360, --range above 0")
     top = max((shape.z_max for shape in robot.shapes), default=0.0)
     place = robot.rangers[0] if robot.rangers else Ranger("laser", 0.0, 0.0, top, 0.0, 0.0, 1, 0.0, 1.0)
     return (

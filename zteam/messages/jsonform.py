@@ -39,15 +39,22 @@ def from_text(kind: type[M], text: str) -> M:
     Raises UsageError that names the field.
     """
     try:
-        plain = msgspec.json.decode(text)
+        plain = _read(text)
+    except RecursionError:
+        raise UsageError(f"{kind.__name__}: it is nested too deeply") from None
+    return from_plain(kind, {} if plain is None else plain)
+
+
+def _read(text: str) -> Any:
+    try:
+        return msgspec.json.decode(text)
     except msgspec.DecodeError:
         import yaml
 
         try:
-            plain = yaml.safe_load(text)
+            return yaml.safe_load(text)
         except yaml.YAMLError as error:
             raise UsageError(f"neither JSON nor YAML: {' '.join(str(error).split())}") from None
-    return from_plain(kind, {} if plain is None else plain)
 
 
 def from_plain(kind: type[M], plain: Any, path: str = "") -> M:

@@ -218,7 +218,7 @@ class Aggregator:
         with self._node.changed:
             # The request came over the router, so tokens that are gone are gone: their frames are free.
             self._drop_lost_callers(0.0)
-            refused = self._merger.add_static(transform, _authority(request.instance))
+            refused = self._merger.add_static(transform, _authority(request.caller))
             self._publish_statics()
         return StaticReply(refused or "")
 
@@ -258,8 +258,8 @@ class Aggregator:
         return self._opened is not None and monotonic() - self._opened >= PATIENCE
 
 
-def _authority(instance: str) -> str:
-    return f"{names.STATIC_CALLER} {instance}"
+def _authority(caller: str) -> str:
+    return f"{names.STATIC_CALLER} {caller}"
 
 
 def run_aggregator(

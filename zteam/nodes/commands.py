@@ -9,6 +9,7 @@ from zteam.clock import monotonic, wait_until
 from zteam.messages import Twist
 from zteam.nodes.node import Node
 from zteam.nodes.tally import Tally
+from zteam.nodes.writers import Writers
 
 
 class Commands:
@@ -22,6 +23,8 @@ class Commands:
         self._fresh: dict[int, Twist] = {}
         self._scan_sent: dict[int, float] = {}
         self._holders: dict[int, set[str]] = {}
+        self._others = Writers()
+        """Sessions that command a robot without holding its name."""
         node.bus.watch_tokens([names.tokens_key()], self._on_token)
         node.bus.subscribe_raw(names.all_robots_key(names.CMD_VEL), self._on_sample)
 
@@ -45,9 +48,16 @@ class Commands:
         with self._lock:
             if sample.source not in self._holders.get(robot_id, ()):
                 self._tally.external_commands += self._tally.go_stamp is not None
+                self._others.take(robot_id, sample.source, monotonic())
             self._fresh[robot_id] = command
             self._lock.notify_all()
         self.answered(robot_id)
+
+    def writers(self) -> dict[int, list[str]]:
+        """Robots that more than one process commands, and the session ids of these."""
+        with self._lock:
+            found = {i: others | self._holders.get(i, set()) for i, others in self._others.recent(monotonic()).items()}
+        return {robot_id: sorted(sessions) for robot_id, sessions in found.items() if len(sessions) > 1}
 
     def start_anew(self, tally: Tally) -> None:
         """The world is as at its start: what was commanded before counts no more."""

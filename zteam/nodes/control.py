@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any, Protocol, TypeVar
 
 from zteam import names
-from zteam.bus import Later, NoRequest
+from zteam.bus import Change, Later, NoRequest
 from zteam.clock import monotonic, wait_until
 from zteam.errors import BusError, ZteamError
 from zteam.nodes.node import Node
@@ -30,6 +30,9 @@ T = TypeVar("T")
 
 BOUNDARY_LIMIT = 60.0
 """Host seconds that a change waits for the tick at hand to end, which a hung participant may hold."""
+
+_LONGEST_WAIT = 3600.0
+"""Host seconds of one wait for the next tick; a condition takes no time-out of centuries."""
 
 
 class World(Protocol):
@@ -57,7 +60,7 @@ class World(Protocol):
         """Lift a robot."""
 
 
-class _Change:
+class _Pending:
     """Something to do between two ticks, and what came of it."""
 
     def __init__(self, make: Callable[[], Any]) -> None:
@@ -88,7 +91,7 @@ class Control:
         self._node = node
         self._world = world
         self._pacer = pacer
-        self._changes: deque[_Change] = deque()
+        self._changes: deque[_Pending] = deque()
         self._standing = False
         """Whether the main loop waits here with nothing to do."""
         self._begins_anew = False
@@ -100,14 +103,14 @@ class Control:
         now, later = self._serve_now, self._serve_change
         now("status", NoRequest, lambda _: self._status())
         now("report", NoRequest, lambda _: world.report())
-        now("pause", NoRequest, lambda _: self._pace(pacer.pause))
-        now("resume", NoRequest, lambda _: self._pace(pacer.resume))
+        now("pause", Change, lambda _: self._pace(pacer.pause))
+        now("resume", Change, lambda _: self._pace(pacer.resume))
         now("speed", SpeedRequest, lambda request: self._pace(lambda: pacer.set_speed(request.speed)))
         now("step", StepRequest, self._step)
         now("stand", StandRequest, lambda request: Later(lambda: self._wait_for_standing(request)))
         now("finish", FinishRequest, lambda request: Later(lambda: self._wait_for_finish(request)))
-        later("repeat", NoRequest, lambda _: self._status_after(world.repeat))
-        later("reset", NoRequest, self._reset)
+        later("repeat", Change, lambda _: self._status_after(world.repeat))
+        later("reset", Change, self._reset)
         later("spawn", SpawnRequest, lambda request: SpawnReply(world.spawn(request)))
         later("remove", RemoveRequest, lambda request: self._status_after(lambda: world.remove(request.id)))
         later("move", MoveRequest, lambda request: self._status_after(lambda: world.move(request)))
@@ -117,7 +120,7 @@ class Control:
 
     def _serve_change(self, service: str, request_type: Any, make: Callable[[Any], Any]) -> None:
         def answer(request: Any) -> Later:
-            change = _Change(lambda: make(request))
+            change = _Pending(lambda: make(request))
             with self._node.changed:
                 self._changes.append(change)
                 self._node.changed.notify_all()
@@ -127,14 +130,14 @@ class Control:
 
     def _status(self) -> SimStatus:
         status = self._world.status()
-        status.finished = self.finished
+        status.finished, status.instance = self.finished, self._node.bus.instance
         return status
 
     def _status_after(self, make: Callable[[], None]) -> SimStatus:
         make()
         return self._status()
 
-    def _reset(self, _request: NoRequest) -> SimStatus:
+    def _reset(self, _request: Change) -> SimStatus:
         self._world.reset()
         with self._over:
             self.finished = False
@@ -201,7 +204,8 @@ class Control:
                 self._begins_anew = False
                 return True
             due = None if remaining is None else monotonic() + remaining
-            self._node.wait(lambda until=due: self._wanted(until), 3600.0 if remaining is None else remaining)  # type: ignore[misc]
+            limit = _LONGEST_WAIT if remaining is None else min(remaining, _LONGEST_WAIT)
+            self._node.wait(lambda until=due: self._wanted(until), limit)  # type: ignore[misc]
         return False
 
     def _remaining(self) -> float | None:

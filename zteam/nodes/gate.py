@@ -218,9 +218,9 @@ class Gate:
     def _tell(self, kind: str, robot: int | None, text: str) -> None:
         self.events.append(Event(kind, robot, printable(text)))
 
-    def tell(self, kind: str, text: str) -> None:
-        """Something about the team as a whole that the gate does not know itself."""
-        self._tell(kind, None, text)
+    def tell(self, kind: str, text: str, robot: int | None = None) -> None:
+        """Something about a robot, or the team as a whole, that the gate does not know itself."""
+        self._tell(kind, robot, text)
 
 
 def printable(text: str) -> str:

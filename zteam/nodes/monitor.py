@@ -15,6 +15,7 @@ from zteam.nodes.gate import Event, Gate
 from zteam.nodes.losses import Losses
 from zteam.nodes.node import Node
 from zteam.nodes.sim_messages import SimStatus
+from zteam.nodes.writer_watch import WriterWatch
 
 log = logging.getLogger("zteam")
 
@@ -44,6 +45,7 @@ class Monitor:
         self._published: TeamStatus | None = None
         self._odd = Every(1.0)
         self._sim_seen = False
+        self._writers = WriterWatch(node, self.gate)
         self._ticks: Closeable | None = None
         self._publisher = node.bus.publisher(names.TEAM_STATUS, TeamStatus, latched=True)
         node.follow_clock()
@@ -79,6 +81,7 @@ class Monitor:
         if token is None:
             return
         name, instance = token
+        self._writers.take_token(name, instance, alive)
         if name == names.SIMULATOR and alive:
             self._sim_seen = True
         robot_id = names.robot_id_of(name)
@@ -101,6 +104,7 @@ class Monitor:
         while not self._node.stopping:
             if self._sim_seen and self.gate.expected is None:
                 self._learn_ids()
+            self._writers.look()
             with self._node.changed:
                 self._take_losses()
                 if self._link_up:

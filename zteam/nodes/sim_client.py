@@ -1,19 +1,20 @@
 """Asking the simulator: its pace, its robots, and how it stands. What `zteam sim` and programs of one's own use."""
 
-import math
 from collections.abc import Callable
 from typing import TypeVar
 
 import msgspec
 
 from zteam import names
-from zteam.bus import Bus
+from zteam.bus import Bus, Change
 from zteam.clock import monotonic
 from zteam.errors import BusError, UsageError
 from zteam.nodes.control import BOUNDARY_LIMIT
 from zteam.nodes.sim_messages import (
+    MAX_PLACE,
     MAX_SPEED,
     MAX_TICKS,
+    MIN_SPEED,
     MoveRequest,
     RemoveRequest,
     SimReport,
@@ -83,21 +84,21 @@ class SimClient:
 
     def repeat(self) -> SimStatus:
         """Have the last tick's data sent once more, between two ticks."""
-        return self._ask("repeat", SimStatus, timeout=CHANGE_LIMIT)
+        return self._ask("repeat", SimStatus, Change(), timeout=CHANGE_LIMIT)
 
     def pause(self) -> SimStatus:
         """Let the world stand still after the tick at hand. Waits for that, but not beyond SETTLE."""
-        self._ask("pause", SimStatus)
+        self._ask("pause", SimStatus, Change())
         return self.stand(SETTLE).status
 
     def resume(self) -> SimStatus:
         """Let it go on at the speed that was asked for."""
-        return self._ask("resume", SimStatus)
+        return self._ask("resume", SimStatus, Change())
 
     def set_speed(self, speed: float | None) -> SimStatus:
         """Ask for simulated seconds a second of the host; None = as fast as possible."""
-        if speed is not None and not 0.0 < speed <= MAX_SPEED:
-            raise UsageError(f"speed {speed}: give simulated seconds a second, up to {MAX_SPEED:g}")
+        if speed is not None and not MIN_SPEED <= speed <= MAX_SPEED:
+            raise UsageError(f"speed {speed}: give simulated seconds a second from {MIN_SPEED:g} to {MAX_SPEED:g}")
         return self._ask("speed", SimStatus, SpeedRequest(speed))
 
     def stand(self, timeout: float) -> StandReply:
@@ -135,7 +136,7 @@ class SimClient:
 
     def reset(self) -> SimStatus:
         """Everything as at the start, time too; a world that was paused stands at its first tick."""
-        status = self._ask("reset", SimStatus, timeout=CHANGE_LIMIT)
+        status = self._ask("reset", SimStatus, Change(), timeout=CHANGE_LIMIT)
         return self.stand(SETTLE).status if status.paused else status
 
     def spawn(
@@ -158,5 +159,5 @@ class SimClient:
 
 def _check_pose(x: float, y: float, yaw: float) -> None:
     # JSON has no NaN: it would arrive as something else.
-    if not all(map(math.isfinite, (x, y, yaw))):
-        raise UsageError(f"pose {x:g} {y:g} {yaw:g}: give finite numbers")
+    if not all(-MAX_PLACE <= number <= MAX_PLACE for number in (x, y, yaw)):
+        raise UsageError(f"pose {x:g} {y:g} {yaw:g}: give finite numbers up to {MAX_PLACE:g}")

@@ -1,23 +1,28 @@
-"""Requests and replies of the simulator's queries, shared with everyone who asks (`sim/status`, `sim/step`, …).
+"""Requests and replies of the simulator's queries, shared with all that ask (`sim/status`, `sim/step`, …).
 
-What cannot be done comes back as an error whose text says why.
+What cannot be done comes back as an error whose text says why. A request that is a `Change` names the simulator that it
+is meant for.
 """
 
 from typing import Annotated
 
 import msgspec
 
+from zteam.bus import Change
 from zteam.names import MAX_ROBOT_ID
 
 RobotId = Annotated[int, msgspec.Meta(ge=0, le=MAX_ROBOT_ID)]
 MAX_TICKS = 1_000_000_000_000
-MAX_SPEED = 1e6
+MIN_SPEED, MAX_SPEED = 1e-6, 1e6
 """Simulated seconds a second of the host."""
+MAX_PLACE = 1e6
+"""Metres from the origin of `map`, and radians of a yaw, at most."""
+Place = Annotated[float, msgspec.Meta(ge=-MAX_PLACE, le=MAX_PLACE)]
 MAX_WAIT = 60.0
 """Host seconds that `sim/finish` and `sim/stand` wait at most."""
 
 
-class StepRequest(msgspec.Struct):
+class StepRequest(Change):
     """`sim/step`: so many ticks, then stand still. The answer comes when the world does."""
 
     ticks: Annotated[int, msgspec.Meta(ge=1, le=MAX_TICKS)] = 1
@@ -25,18 +30,18 @@ class StepRequest(msgspec.Struct):
     """False: answer at once; `sim/stand` tells when the world stands. For steps that outlast any query."""
 
 
-class SpeedRequest(msgspec.Struct):
+class SpeedRequest(Change):
     """`sim/speed`: simulated seconds a second of the host; None = as fast as possible."""
 
-    speed: Annotated[float, msgspec.Meta(gt=0.0, le=MAX_SPEED)] | None = None
+    speed: Annotated[float, msgspec.Meta(ge=MIN_SPEED, le=MAX_SPEED)] | None = None
 
 
-class SpawnRequest(msgspec.Struct):
+class SpawnRequest(Change):
     """`sim/spawn`: a further robot of a macro of the world's file, at x, y (m), yaw (rad) in `map`."""
 
-    x: float
-    y: float
-    yaw: float = 0.0
+    x: Place
+    y: Place
+    yaw: Place = 0.0
     model: str = "erratic"
     id: RobotId | None = None
     """None: the lowest that is free."""
@@ -48,19 +53,19 @@ class SpawnReply(msgspec.Struct):
     id: int
 
 
-class RemoveRequest(msgspec.Struct):
+class RemoveRequest(Change):
     """`sim/remove`: take a robot out of the world."""
 
     id: RobotId
 
 
-class MoveRequest(msgspec.Struct):
+class MoveRequest(Change):
     """`sim/move`: lift a robot to x, y (m), yaw (rad) in `map`."""
 
     id: RobotId
-    x: float
-    y: float
-    yaw: float = 0.0
+    x: Place
+    y: Place
+    yaw: Place = 0.0
 
 
 class FinishRequest(msgspec.Struct):
@@ -114,6 +119,10 @@ class SimStatus(msgspec.Struct):
     """Lock-step: who was left behind so far."""
     finished: bool = False
     """Whether the time asked for with `--for` is over and the world stands still."""
+    instance: str = ""
+    """This simulator's session id: a request that changes something carries it."""
+    writers: dict[int, list[str]] = {}
+    """Robots that more than one process commands, and the session ids of these."""
 
 
 class StandRequest(msgspec.Struct):

@@ -292,6 +292,7 @@ class Simulator:
             joining=lockstep.joining if lockstep else [],
             waiting_for=lockstep.waiting_for() if lockstep else "",
             hung=list(lockstep.hung) if lockstep else [],
+            writers=self._commands.writers(),
         )
 
     def report(self) -> SimReport:

@@ -60,9 +60,10 @@ class Stop:
         """
         reader, writer = socket.socketpair()
         writer.setblocking(False)
+        # First of all: between the two a signal would be lost.
+        signal.set_wakeup_fd(writer.fileno(), warn_on_full_buffer=False)
         for number in SIGNALS:
             signal.signal(number, lambda *_: None)
-        signal.set_wakeup_fd(writer.fileno(), warn_on_full_buffer=False)
         threading.Thread(
             target=self._watch_signals, args=(reader, writer, on_repeat), name="signals", daemon=True
         ).start()

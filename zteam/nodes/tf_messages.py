@@ -4,26 +4,34 @@ from typing import Annotated
 
 import msgspec
 
+from zteam.bus import Change
+
 MAX_LOOKUPS = 10_000
 """Of one request; rows of one history."""
 MAX_WAIT = 60.0
 """Seconds that a look-up may be waited for."""
+MAX_COORDINATE = 1e9
+"""Metres of a fixed transform at most, either way."""
+Coordinate = Annotated[float, msgspec.Meta(ge=-MAX_COORDINATE, le=MAX_COORDINATE)]
+MAX_TIME = 2**62
+"""Nanoseconds, either way."""
+Nanoseconds = Annotated[int, msgspec.Meta(ge=-MAX_TIME, le=MAX_TIME)]
 
 
-class StaticRequest(msgspec.Struct):
+class StaticRequest(Change):
     """Hang `child` under `parent` at x, y, z (m) and the quaternion, for as long as the caller's session lives."""
 
     parent: str
     child: str
-    instance: str
-    """The caller's session; it shows it with a token `static/alive/<instance>`."""
-    x: float = 0.0
-    y: float = 0.0
-    z: float = 0.0
-    qx: float = 0.0
-    qy: float = 0.0
-    qz: float = 0.0
-    qw: float = 1.0
+    caller: str
+    """The caller's session id; its token `static/alive/<caller>` shows that it lives."""
+    x: Coordinate = 0.0
+    y: Coordinate = 0.0
+    z: Coordinate = 0.0
+    qx: Coordinate = 0.0
+    qy: Coordinate = 0.0
+    qz: Coordinate = 0.0
+    qw: Coordinate = 1.0
 
 
 class StaticReply(msgspec.Struct):
@@ -40,9 +48,9 @@ class Lookup(msgspec.Struct):
 
     target: str
     source: str
-    time: int = 0
+    time: Nanoseconds = 0
     fixed: str = ""
-    source_time: int = 0
+    source_time: Nanoseconds = 0
 
 
 class LookupRequest(msgspec.Struct):
@@ -70,9 +78,9 @@ class HistoryRequest(msgspec.Struct):
 
     target: str
     source: str
-    step: Annotated[int, msgspec.Meta(ge=1)]
-    start: int = 0
-    end: int = 0
+    step: Annotated[int, msgspec.Meta(ge=1, le=MAX_TIME)]
+    start: Nanoseconds = 0
+    end: Nanoseconds = 0
 
 
 class HistoryReply(msgspec.Struct):

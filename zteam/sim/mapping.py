@@ -10,7 +10,8 @@ from zteam.geometry import Pose2
 from zteam.messages import Header, MapMetaData, OccupancyGrid, Point, Pose, time_from_ns
 from zteam.world.model import Floorplan, Shape, World
 
-MAX_CELLS = 100_000_000
+MAX_CELLS = 64_000_000
+"""A byte each: the message stays below the bus's largest payload."""
 _STRIP = 64
 """Rows of a map that are drawn at once."""
 

@@ -1,0 +1,37 @@
+"""Numbers from outside as text. Each has bounds: what is too large overflows far from the place where it was typed."""
+
+import math
+
+from zteam.errors import UsageError
+
+MAX_SECONDS = 1e9
+"""Thirty years: beyond any run, and within what conditions, stamps and nanoseconds of 64 bits can hold."""
+_SHOWN = 24
+"""Characters of a refused text that its error repeats."""
+
+
+def parse_number(text: str, low: float, high: float, what: str) -> float:
+    """The number from `low` to `high` that a user typed. Raises UsageError that asks for `what`."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not low <= value <= high:
+        raise UsageError(f"{_shown(text)}: give {what} from {low:g} to {high:g}")
+    return value
+
+
+def parse_whole(text: str, low: int, high: int, what: str) -> int:
+    """The whole number from `low` to `high` that a user typed. Raises UsageError that asks for `what`."""
+    word = text.strip()
+    digits = word.removeprefix("-")
+    # Digits beyond the bounds' own length are refused before int(), which takes long for thousands of them.
+    is_whole = digits.isascii() and digits.isdigit() and len(digits.lstrip("0")) <= len(str(max(abs(low), abs(high))))
+    if not is_whole or not low <= int(word) <= high:
+        raise UsageError(f"{_shown(text)}: give {what} from {low} to {high}")
+    return int(word)
+
+
+def _shown(text: str) -> str:
+    word = text.strip()
+    return repr(word if len(word) <= _SHOWN else word[:_SHOWN] + "…")
