@@ -6,6 +6,7 @@ import sys
 from collections.abc import Sequence
 
 from zteam import __version__
+from zteam.cli.output import guarded
 
 COMMANDS = {
     "up": ("up", "start a whole team and watch over it"),
@@ -31,7 +32,10 @@ def _usage() -> str:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point."""
-    arguments = list(sys.argv[1:] if argv is None else argv)
+    return guarded("zteam", lambda: _main(list(sys.argv[1:] if argv is None else argv)))
+
+
+def _main(arguments: list[str]) -> int:
     if not arguments or arguments[0] in {"-h", "--help", "help"}:
         print(_usage())
         return 0 if arguments else 2

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable, Sequence
 
 from zteam.bus import BusOptions
+from zteam.cli.output import OutputError, guarded
 from zteam.errors import UsageError, ZteamError
 from zteam.names import strip_slash
 from zteam.nodes.logs import LEVELS, start_logging
@@ -84,25 +85,33 @@ def bus_options(args: argparse.Namespace, *, small: bool = False) -> BusOptions:
         raise UsageError(f"--namespace {namespace!r}: use letters, digits, '_', '-' and '/'")
     if not 0.1 <= args.lease <= 3600.0:
         raise UsageError(f"--lease {args.lease:g}: give seconds from 0.1 to 3600")
-    return BusOptions(connect=args.connect, namespace=namespace, config=args.config, small=small, lease=args.lease)
+    # Empty ones too are none: they take back what the environment says.
+    connect, config = args.connect or None, args.config or None
+    return BusOptions(connect=connect, namespace=namespace, config=config, small=small, lease=args.lease)
 
 
-def run(name: str, args: argparse.Namespace, body: Callable[[], int]) -> int:
-    """Run a command's body with logging on; a ZteamError becomes one line and its exit code."""
+def run(name: str, args: argparse.Namespace, body: Callable[[], int], *, needs_output: bool = True) -> int:
+    """Run a command's body with logging on; a ZteamError becomes one line and its exit code.
+
+    A command that is of use without what it prints does not need its output.
+    """
     start_logging(name, args.log_level, args.log_format)
-    try:
-        return body()
-    except ZteamError as error:
-        return fail(name, error)
-    except KeyboardInterrupt:
-        return 130
-    except BrokenPipeError:
-        # The reader of our output (head, less) has gone: nothing to tell anybody.
-        sys.stdout = open(os.devnull, "w")  # noqa: SIM115, PTH123
-        return 0
+
+    def told() -> int:
+        try:
+            return body()
+        except OutputError:
+            raise
+        except ZteamError as error:
+            return fail(name, error)
+        except KeyboardInterrupt:
+            return 130
+
+    return guarded(name, told, needs_output=needs_output)
 
 
 def fail(name: str, error: ZteamError) -> int:
-    """Print an error on one line; its exit code."""
-    print(f"{name}: {error}", file=sys.stderr)
+    """Print an error, one line for each mistake that it tells; its exit code."""
+    for line in str(error).splitlines():
+        print(f"{name}: {line}", file=sys.stderr)
     return error.exit_code
