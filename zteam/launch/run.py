@@ -160,9 +160,11 @@ class Run:
             for name in self.plan.commands:
                 supervisor.processes[name].write_line(self.endpoint)
             self._bus = self._connect()
-            self._claim = claim_namespace(self._bus, self._on_rival)
         assert self._bus is not None
         self._progress = Progress(self._bus, self._options.run_for is not None)
+        if self._claim is None:
+            # On a router of its own nothing hurries: GO is listened for first.
+            self._claim = claim_namespace(self._bus, self._on_rival)
         if self._stop.requested:
             self._wake()
 
