@@ -34,9 +34,9 @@ def pause(seconds: float) -> None:
     time.sleep(seconds)
 
 
-def local_time_text() -> str:
-    """The host's local time of day for log lines: HH:MM:SS."""
-    return time.strftime("%H:%M:%S")
+def local_time_text(moment: int | None = None) -> str:
+    """The host's local time of day, now or at `moment` (ns since the Unix epoch), for log lines: HH:MM:SS."""
+    return time.strftime("%H:%M:%S", time.localtime(None if moment is None else moment / NS_PER_S))
 
 
 def to_ns(seconds: float) -> int:

@@ -20,6 +20,7 @@ TEAM_STATUS = "team_status"
 SIMULATOR = "sim"
 AGGREGATOR = "tf"
 MONITOR = "monitor"
+LAUNCHER = "up"
 
 TICK = "sim/tick"
 """Lock-step: the simulator's numbered ticks."""

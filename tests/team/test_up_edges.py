@@ -179,6 +179,66 @@ def test_a_second_ctrl_c_does_not_wait(team: TeamFixture) -> None:
     assert not Path("/proc", str(frozen)).exists()
 
 
+STOPPER = """
+import msgspec
+from zteam.behaviors import Behavior
+from zteam.messages import Twist, Vector3
+
+class Slow(Behavior):
+    class Params(msgspec.Struct, forbid_unknown_fields=True):
+        speed: float
+
+    def step(self, view):
+        return Twist(Vector3(self.params.speed))
+"""
+
+
+def test_a_behaviour_beside_the_team_file_drives(team: TeamFixture, tmp_path: Path) -> None:
+    """Wherever the command is typed, the check and the robot find the module."""
+    (tmp_path / "my_slow_robot.py").write_text(STOPPER)
+    team_file = tmp_path / "team.toml"
+    table = '[[robots]]\nid = 0\nbehavior = "my_slow_robot:Slow"\nspeed = 0.125\n'
+    team_file.write_text('[team]\nworld = "arena"\n' + table)
+    launcher = launch(team, str(team_file), "--for", "1", cwd="/")
+    try:
+        team.wait_for_go()
+        team.until(lambda: team.robot(0).command == Twist(Vector3(0.125)), within=20)
+    finally:
+        code, output = finish(launcher)
+    assert code == 0, output
+
+
+@pytest.mark.parametrize("redirection", [">/dev/full", ">&-"])
+def test_output_that_cannot_be_written_is_told_and_the_team_goes_on(team: TeamFixture, redirection: str) -> None:
+    """A full disk, or no standard output at all: one line about it, and the run ends as it should."""
+    words = " ".join(command(team, "arena", "--for", "0.5"))
+    done = subprocess.run(
+        ["bash", "-c", f"{words} {redirection}"], stderr=subprocess.PIPE, text=True, timeout=LIMIT, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert "Traceback" not in done.stderr
+    told = [line for line in done.stderr.splitlines() if "cannot write to standard output" in line]
+    assert len(told) == 1 and told[0].endswith("; going on without it")
+
+
+def test_a_second_team_is_one_line(team: TeamFixture) -> None:
+    """On the router and in the namespace of a team that runs, a second one says whose place it is, and nothing else."""
+    first = launch(team, "arena")
+    try:
+        team.wait_for_go()
+        second = subprocess.run(command(team, "line"), capture_output=True, text=True, timeout=LIMIT, check=False)
+        assert second.returncode == 1
+        assert second.stdout == ""
+        (line,) = second.stderr.splitlines()
+        assert line.startswith(f"up: a team is already running here (pid {first.pid}, since ")
+        assert line.endswith("); stop it, or use --namespace")
+        assert team.alive("robot_1")
+    finally:
+        first.send_signal(signal.SIGINT)
+        code, output = finish(first)
+    assert code == 0, output
+
+
 def test_output_that_nobody_reads_is_no_disaster(team: TeamFixture) -> None:
     """`zteam up | head -1`: no traceback, and the team ends as it should."""
     launcher = subprocess.Popen(

@@ -1,11 +1,13 @@
 """Behaviours by name, and their parameters."""
 
+import importlib
 import sys
 from pathlib import Path
 
 import pytest
 
 from zteam.behaviors import load_behavior
+from zteam.behaviors.registry import look_in
 from zteam.errors import UsageError
 
 MINE = """
@@ -29,6 +31,15 @@ class Stranger:
 """
 
 
+STOPPERS = """
+import zteam.behaviors as b
+class Helper: pass
+class Stopper(b.Behavior): pass
+class Slower(Stopper):
+    def step(self, view): ...
+"""
+
+
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A user's package on the path, forgotten afterwards."""
@@ -38,6 +49,9 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (package / "mine.py").write_text(MINE)
     (package / "broken.py").write_text("def (:\n")
     (package / "raising.py").write_text("raise RuntimeError('two\\nlines')\n")
+    (tmp_path / "my_stopper.py").write_text(STOPPERS)
+    (tmp_path / "empty.py").touch()
+    (tmp_path / "ends.py").write_text("import sys; sys.exit(3)")
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr(sys, "modules", sys.modules.copy())
     return tmp_path
@@ -48,7 +62,7 @@ def test_a_users_class_is_found() -> None:
     """package.module:Class, its parameters typed like ours."""
     behavior = load_behavior("my_robots.mine:Spin", {"rate": 2})
     assert behavior.params.rate == 2.0
-    with pytest.raises(UsageError, match=r"\$\.rate: Expected `float`, got `str`; it takes rate"):
+    with pytest.raises(UsageError, match=r"Spin: rate: Expected `float`, got `str`"):
         load_behavior("my_robots.mine:Spin", {"rate": "fast"})
 
 
@@ -56,6 +70,12 @@ def test_a_users_class_is_found() -> None:
 @pytest.mark.parametrize(
     ("spec", "text"),
     [
+        ("wandr", "no behaviour 'wandr' (did you mean wander?): use forward, avoid"),
+        ("my_stopper", "no behaviour 'my_stopper' (did you mean my_stopper:Stopper or my_stopper:Slower?): use"),
+        ("empty", "no behaviour 'empty' (did you mean empty:Class?): use"),
+        ("my_stopper:Stoper", "my_stopper.py) has no Stoper (did you mean Stopper?)"),
+        ("ends", "no behaviour 'ends' (did you mean ends:Class?): use"),
+        ("ends:Robot", "cannot import ends: SystemExit: 3"),
         ("turn", "no behaviour 'turn': use forward, avoid, wander, follow or package.module:Class"),
         ("", "no behaviour ''"),
         ("my_robots.mine", "package.module:Class"),
@@ -65,7 +85,7 @@ def test_a_users_class_is_found() -> None:
         ("no_such_package.mine:Spin", "cannot import no_such_package.mine: ModuleNotFoundError"),
         ("my_robots.broken:Spin", "cannot import my_robots.broken: SyntaxError"),
         ("my_robots.raising:Spin", "RuntimeError: two lines"),
-        ("my_robots.mine:Swim", "module my_robots.mine has no Swim"),
+        ("my_robots.mine:Swim", "mine.py) has no Swim; it has Spin, Bare"),
         ("my_robots.mine:Stranger", "is not a subclass"),
         ("my_robots.mine:MINE", "has no MINE"),
         ("my_robots.mine:Bare", "give it a class Params"),
@@ -82,17 +102,17 @@ def test_what_is_no_behaviour_is_refused_on_one_line(spec: str, text: str) -> No
 @pytest.mark.parametrize(
     ("spec", "params", "text"),
     [
-        ("forward", {"sped": 0.4}, "unknown field `sped`; it takes speed"),
-        ("forward", {"speed": "fast"}, r"\$.speed: Expected `float`, got `str`"),
-        ("forward", {"speed": 2.0}, r"\$.speed: Expected `float` <= 1.0"),
-        ("forward", {"speed": float("nan")}, r"\$.speed"),
-        ("avoid", {"max_invalid": -1}, r"\$.max_invalid"),
-        ("wander", {"turn_rate": 0.0}, r"\$.turn_rate"),
-        ("follow", {}, "missing required field `leader`"),
-        ("follow", {"leader": "0"}, r"\$.leader: Expected `int`, got `str`"),
-        ("follow", {"leader": -1}, r"\$.leader"),
-        ("follow", {"leader": 10_000}, r"\$.leader: Expected `int` <= 9999"),
-        ("follow", {"leader": True}, r"\$.leader"),
+        ("forward", {"sped": 0.4}, r"sped: unknown key \(did you mean speed\?\); forward takes speed"),
+        ("forward", {"speed": "fast"}, r": speed: Expected `float`, got `str`"),
+        ("forward", {"speed": 2.0}, r": speed: Expected `float` <= 1.0"),
+        ("forward", {"speed": float("nan")}, r": speed"),
+        ("avoid", {"max_invalid": -1}, r": max_invalid"),
+        ("wander", {"turn_rate": 0.0}, r": turn_rate"),
+        ("follow", {}, "the key leader is missing"),
+        ("follow", {"leader": "0"}, r": leader: Expected `int`, got `str`"),
+        ("follow", {"leader": -1}, r": leader"),
+        ("follow", {"leader": 10_000}, r": leader: Expected `int` <= 9999"),
+        ("follow", {"leader": True}, r": leader"),
     ],
 )
 def test_wrong_parameters_name_their_key(spec: str, params: dict[str, object], text: str) -> None:
@@ -104,3 +124,27 @@ def test_wrong_parameters_name_their_key(spec: str, params: dict[str, object], t
 def test_whole_numbers_are_speeds_too() -> None:
     """`speed = 1` in a team file is 1.0 m/s."""
     assert load_behavior("forward", {"speed": 1}).params.speed == 1.0
+
+
+def test_folders_are_looked_in_after_what_is_installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A module beside the team file is found, and shadows nothing that zteam or Python needs."""
+    monkeypatch.setattr(sys, "path", sys.path.copy())
+    monkeypatch.setattr(sys, "modules", sys.modules.copy())
+    (tmp_path / "my_lonely_module.py").write_text(MINE)
+    (tmp_path / "colorsys.py").write_text("raise RuntimeError('shadowed')")
+    with pytest.raises(UsageError, match="ModuleNotFoundError"):
+        load_behavior("my_lonely_module:Spin", {})
+    look_in([tmp_path, tmp_path])
+    assert load_behavior("my_lonely_module:Spin", {}).params.rate == 0.5
+    assert importlib.import_module("colorsys").__file__ != str(tmp_path / "colorsys.py")
+    assert sys.path.count(str(tmp_path)) == 1
+
+
+def test_the_current_folder_is_looked_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An empty name is wherever the process is."""
+    monkeypatch.setattr(sys, "path", sys.path.copy())
+    monkeypatch.setattr(sys, "modules", sys.modules.copy())
+    (tmp_path / "my_second_module.py").write_text(MINE)
+    look_in([""])
+    monkeypatch.chdir(tmp_path)
+    assert load_behavior("my_second_module:Spin", {"rate": 1}).params.rate == 1.0

@@ -43,6 +43,24 @@ def test_robots_stop_first_and_the_router_last() -> None:
     assert order == [["robot_0", "robot_3", "robot_7", "robot_8"], ["monitor", "tf"], ["sim"], ["router"]]
 
 
+def test_what_has_no_place_in_the_order_stops_first() -> None:
+    """A process that the plan does not know by name may command a robot: its zero velocity must get through too."""
+    plan = plan_team(TEAM, WORLD, BUS)
+    plan.commands["teleop"] = ["teleop"]
+    plan.commands["robot #7"] = ["robot"]
+    order = plan.stop_order()
+    assert set(order[0]) == {"robot_0", "robot_3", "robot_7", "robot_8", "teleop", "robot #7"}
+    assert order[1:] == [["monitor", "tf"], ["sim"], ["router"]]
+
+
+def test_a_users_behaviour_is_looked_for_beside_the_team_file() -> None:
+    """Only the robot that runs one is told the folder."""
+    team = Team(robots=[RobotEntry(id=0, behavior="mine:Spin"), RobotEntry(id=1, behavior="avoid")])
+    plan = plan_team(team, WORLD, BUS, team_file=Path("/t/team.toml"))
+    assert robot.build_parser().parse_args(arguments(plan, "robot_0")).path == ["/t"]
+    assert robot.build_parser().parse_args(arguments(plan, "robot_1")).path == []
+
+
 def test_the_simulator_takes_its_command() -> None:
     """Seed, time limit, additions and gaps arrive as they were given, negative numbers and all."""
     args = sim.build_parser().parse_args(arguments(plan_team(TEAM, WORLD, BUS, run_for=2.5), "sim"))

@@ -2,15 +2,19 @@
 
 import json
 import os
+import resource
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 
 import msgspec
 import pytest
 
 from zteam.bus.memory import MemoryHub
 from zteam.clock import monotonic
-from zteam.errors import BusError
+from zteam.errors import BusError, ZteamError
 from zteam.launch.process import Usage, measure_usage
 from zteam.launch.report import (
     ProcessReport,
@@ -19,6 +23,7 @@ from zteam.launch.report import (
     read_dropped,
     read_sim_report,
     report_processes,
+    write_report,
 )
 from zteam.nodes.sim_messages import Gap, RobotReport
 
@@ -46,6 +51,45 @@ REPORT = RunReport(
     dropped={"robot_0/cmd_vel": 3},
     latency_ms={"p50": 2.0, "p99": 9.0, "count": 600},
 )
+
+
+@contextmanager
+def files_of_at_most(size: int) -> Iterator[None]:
+    """No file of this process grows beyond `size` bytes, as on a disk that is nearly full."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def test_a_report_without_room_leaves_no_file(tmp_path: Path) -> None:
+    """A disk that is full is told, an older report stays whole, and nothing half-written is left."""
+    path = tmp_path / "r.json"
+    with files_of_at_most(10), pytest.raises(ZteamError, match=r"--report .*r\.json: cannot write: File too large"):
+        write_report(path, b"x" * 100)
+    assert list(tmp_path.iterdir()) == []
+    write_report(path, b"old")
+    with files_of_at_most(10), pytest.raises(ZteamError):
+        write_report(path, b"x" * 100)
+    assert path.read_bytes() == b"old"
+    assert list(tmp_path.iterdir()) == [path]
+    write_report(path, b"new")
+    assert path.read_bytes() == b"new"
+
+
+def test_a_report_goes_where_it_is_sent(tmp_path: Path) -> None:
+    """A link keeps pointing at its file; a device is written to and stays a device."""
+    link, target = tmp_path / "link.json", tmp_path / "target.json"
+    target.touch()
+    link.symlink_to(target)
+    write_report(link, b"{}")
+    assert link.is_symlink() and target.read_bytes() == b"{}"
+    write_report(Path(os.devnull), b"{}")
+    assert Path(os.devnull).is_char_device()
+    with pytest.raises(ZteamError, match="No space left on device"):
+        write_report(Path("/dev/full"), b"{}")
 
 
 def test_every_promised_key_is_written() -> None:

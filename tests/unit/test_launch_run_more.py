@@ -1,6 +1,7 @@
 """A run as the launcher sees it: the router's start, GO, the end of the time asked for."""
 
 import itertools
+import os
 import socket
 import sys
 import threading
@@ -13,11 +14,16 @@ import pytest
 from zteam import names
 from zteam.bus import Bus, BusOptions
 from zteam.bus.memory import MemoryHub
+from zteam.bus.presence import Claim
+from zteam.cli import aggregator, monitor, robot, sim
+from zteam.cli.options import bus_options
 from zteam.config import RobotEntry, Team
 from zteam.errors import BusError, ZteamError
 from zteam.launch import run as running
+from zteam.launch.namespace import claim_namespace
 from zteam.launch.process import Process
-from zteam.launch.run import ANY_PORT, Progress, Run, RunOptions, choose_endpoint
+from zteam.launch.progress import Progress
+from zteam.launch.run import ANY_PORT, Run, RunOptions, choose_endpoint
 from zteam.messages import TeamState, TeamStatus, time_from_ns
 from zteam.nodes.sim_messages import FinishReply, FinishRequest
 from zteam.nodes.stopping import Stop
@@ -40,7 +46,7 @@ class Voices:
 def test_go_is_noted_once(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> None:
     """Waiting is not GO; the first GO's time stays, whatever is said later."""
     moments = itertools.count(1.5)
-    monkeypatch.setattr("zteam.launch.run.seconds_since_start", lambda: next(moments))
+    monkeypatch.setattr("zteam.launch.progress.seconds_since_start", lambda: next(moments))
     progress, team = Progress(hub.bus(), False), Voices(hub.bus())
     team.status(TeamState.WAITING)
     assert progress.go_after is None
@@ -116,6 +122,7 @@ class Pretend:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.routers = [ANNOUNCE]
+        self.hub = MemoryHub()
         self.others = WAIT
         self.asked: list[tuple[str, ...]] = []
         self.lines: list[tuple[str, str]] = []
@@ -123,7 +130,7 @@ class Pretend:
         monkeypatch.setattr("zteam.launch.run.zteam_command", self._command)
         monkeypatch.setattr("zteam.launch.plan.zteam_command", self._command)
         # The bus needs a real router; what is tested here ends before that, or does not need it.
-        monkeypatch.setattr("zteam.launch.run.connect", lambda *_, **__: MemoryHub().bus())
+        monkeypatch.setattr("zteam.launch.run.connect", lambda *_, **__: self.hub.bus())
         self.stop = Stop()
 
     def _command(self, module: str, *arguments: str) -> list[str]:
@@ -233,3 +240,86 @@ def test_a_simulator_that_ends_with_0_ends_a_run_with_a_limit(pretend: Pretend) 
         threading.Timer(2.5, pretend.stop.request, ("the test's patience",)).start()
         with pytest.raises(ZteamError, match="sim"):
             run.watch()
+
+
+@pytest.mark.parametrize("name", ["robot_0", names.AGGREGATOR, names.MONITOR])
+@pytest.mark.parametrize("code", [0, 2])
+def test_a_run_with_a_limit_ends_with_whatever_ends_before_go(pretend: Pretend, name: str, code: int) -> None:
+    """GO waits for all of them: the launcher says which one ended, and its last words."""
+    with pretend.run(run_for=1.0) as run:
+        run.plan.commands[name] = python(f"print('no such leader'); raise SystemExit({code})")
+        run.start()
+        expected = rf"{name} ended \(exit code {code}: no such leader\): the run cannot begin"
+        with pytest.raises(ZteamError, match=expected):
+            run.watch()
+
+
+def test_a_robot_that_ends_after_go_does_not_end_the_run(pretend: Pretend) -> None:
+    """The others go on, as they do without a limit."""
+    with pretend.run(run_for=1000.0) as run:
+        run.start()
+        Voices(pretend.hub.bus()).status(TeamState.GO)
+        assert run._progress is not None
+        with run._progress.changed:
+            assert run._progress.changed.wait_for(lambda: run._progress.go_after is not None, LIMIT)  # type: ignore[union-attr]
+        run.supervisor.processes["robot_0"].kill()
+        assert run.supervisor.wait(lambda: bool(run.supervisor.failures), LIMIT)
+        threading.Timer(0.2, pretend.stop.request, ("test",)).start()
+        run.watch()
+
+
+@pytest.mark.parametrize("namespace", [None, "mine"])
+def test_the_launchers_connection_is_said_in_full(monkeypatch: pytest.MonkeyPatch, namespace: str | None) -> None:
+    """Whatever the environment says, every process works where the launcher does, with and without a namespace."""
+    options = RunOptions(TEAM, None, Path("/w/arena.world"), BusOptions(namespace=namespace))
+    with Run(options, Stop(), lambda *_: None) as run:
+        commands = run.plan.commands
+    builders = {"sim": sim, names.AGGREGATOR: aggregator, names.MONITOR: monitor, "robot_0": robot}
+    monkeypatch.setenv("ZTEAM_NAMESPACE", "of_the_environment")
+    monkeypatch.setenv("ZTEAM_CONFIG", "/of/the/environment")
+    for name, module in builders.items():
+        chosen = bus_options(module.build_parser().parse_args(commands[name][4:]))
+        assert (chosen.namespace, chosen.config) == (namespace, None)
+
+
+def test_a_second_team_is_refused_in_one_line(pretend: Pretend) -> None:
+    """The first launcher's process and start are named, no process is started, and afterwards the place is free."""
+    options = RunOptions(TEAM, None, Path("/w/arena.world"), BusOptions(connect="tcp/127.0.0.1:5"), run_for=1.0)
+    told = rf"^a team is already running here \(pid {os.getpid()}, since \d\d:\d\d:\d\d\); stop it, or use --namespace$"
+    with Run(options, pretend.stop, lambda *_: None) as first:
+        first.start()
+        with Run(options, pretend.stop, lambda *_: None) as second, pytest.raises(BusError, match=told):
+            second.start()
+        assert second.supervisor.processes == {}
+        assert all(process.running for process in first.supervisor.processes.values())
+    with Run(options, pretend.stop, lambda *_: None) as third:
+        third.start()
+
+
+def test_processes_started_by_hand_are_a_team_too(pretend: Pretend) -> None:
+    """A robot, simulator or monitor that runs in the namespace stands in the way of a team that brings its own."""
+    claim = Claim(pretend.hub.bus(), names.MONITOR)
+    claim.win(lambda _: None)
+    options = RunOptions(TEAM, None, Path("/w/arena.world"), BusOptions(connect="tcp/127.0.0.1:5"))
+    with Run(options, pretend.stop, lambda *_: None) as run, pytest.raises(BusError, match="already running here"):
+        run.start()
+
+
+def test_of_two_launchers_at_once_one_stays(hub: MemoryHub) -> None:
+    """The name is claimed, so that two that both found the namespace empty do not both go on."""
+    results: list[object] = []
+
+    def claim() -> None:
+        try:
+            results.append(claim_namespace(hub.bus(), lambda _: None))
+        except BusError as error:
+            results.append(str(error))
+
+    threads = [threading.Thread(target=claim) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(LIMIT)
+    assert sorted(isinstance(result, Claim) for result in results) == [False, True]
+    (refused,) = [result for result in results if isinstance(result, str)]
+    assert refused.startswith("a team is already running here")

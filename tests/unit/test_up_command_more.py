@@ -70,7 +70,7 @@ def test_the_default_is_the_shipped_line() -> None:
         (["arena", "--report", "r.json"], "--for"),
         (["real.toml", "--for", "3"], "simulator"),
         (["circle.toml"], "circle"),
-        (["extra.toml"], "field"),
+        (["extra.toml"], "extra.toml:2: team.worlds: unknown key (did you mean world?)"),
         (["arena", "--namespace", "a*"], "--namespace"),
     ],
 )
@@ -86,7 +86,7 @@ def test_mistakes_are_one_line(
     robot = "[[robots]]\nid = {0}\n{1}\n"
     (tmp_path / "real.toml").write_text('[team]\nworld = "none"\n' + robot.format(0, ""))
     circle = robot.format(0, "follow = 2") + robot.format(1, "follow = 0") + robot.format(2, "follow = 1")
-    (tmp_path / "circle.toml").write_text('[team]\nworld = "arena"\n' + circle)
+    (tmp_path / "circle.toml").write_text('[team]\nworld = "office"\n' + circle)
     (tmp_path / "extra.toml").write_text('[team]\nworlds = "arena"\n' + robot.format(0, ""))
     assert exit_code(up.main, arguments) == 2
     captured = capsys.readouterr()

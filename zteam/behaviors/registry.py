@@ -1,7 +1,11 @@
-"""Behaviours by name: our own, and anybody's."""
+"""Behaviours by name: the shipped ones, and the user's own from `package.module:Class`."""
 
 import importlib
 import inspect
+import sys
+from collections.abc import Iterable
+from importlib.machinery import PathFinder
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -11,49 +15,102 @@ from zteam.behaviors.behavior import Behavior
 from zteam.behaviors.follow import Follow
 from zteam.behaviors.forward import Forward
 from zteam.behaviors.wander import Wander
-from zteam.config import explain
 from zteam.errors import UsageError
+from zteam.problems import Problem, did_you_mean, problems_of
 
 BEHAVIORS: dict[str, type[Behavior]] = {"forward": Forward, "avoid": Avoid, "wander": Wander, "follow": Follow}
 
 
 def load_behavior(spec: str, params: dict[str, Any], robot_id: int | None = None) -> Behavior:
-    """The behaviour called `spec`, a name of ours or `package.module:Class`, with its parameters checked.
+    """The behaviour called `spec`, a shipped name or `package.module:Class`, with its parameters checked.
 
     Give `robot_id` to have a robot refused that would follow itself. Raises UsageError.
     """
-    kind = _find(spec)
-    try:
-        typed = msgspec.convert(params, kind.Params)
-    except msgspec.ValidationError as error:
-        raise UsageError(f"behaviour {spec}: {explain(error)}; it takes {_fields(kind.Params)}") from None
-    behavior = kind(typed)
+    kind = find_behavior(spec)
+    problems = parameter_problems(spec, kind, params)
+    if problems:
+        raise UsageError(f"behaviour {spec}: {'; '.join(map(str, problems))}")
+    behavior = kind(msgspec.convert(params, kind.Params))
     if robot_id is not None and behavior.leader == robot_id:
         raise UsageError(f"behaviour {spec}: robot {robot_id} cannot follow itself; name another robot")
     return behavior
 
 
-def _find(spec: str) -> type[Behavior]:
+def parameter_problems(
+    spec: str, kind: type[Behavior], params: dict[str, Any], near: Iterable[str] = ()
+) -> list[Problem]:
+    """Every mistake in the parameters of the behaviour `spec`; `near` are other words that a key may stand for."""
+    return problems_of(params, kind.Params, takes=f"{spec} takes", near=near)
+
+
+def look_in(folders: Iterable[str | Path]) -> None:
+    """Look for the user's modules in these folders too ("" is the current one), after all that is installed."""
+    for folder in map(str, folders):
+        if folder not in sys.path:
+            sys.path.append(folder)
+
+
+def find_behavior(spec: str) -> type[Behavior]:
+    """The class called `spec`. Imports the user's module. Raises UsageError."""
     if spec in BEHAVIORS:
         return BEHAVIORS[spec]
     module, colon, name = spec.partition(":")
     if not (colon and name.isidentifier() and all(part.isidentifier() for part in module.split("."))):
-        raise UsageError(f"no behaviour {spec!r}: use {', '.join(BEHAVIORS)} or package.module:Class")
+        raise UsageError(
+            f"no behaviour {spec!r}{_suggestion(spec)}: use {', '.join(BEHAVIORS)} or package.module:Class"
+        )
     try:
-        found = getattr(importlib.import_module(module), name, None)
-    except Exception as error:
+        imported = importlib.import_module(module)
+    except (Exception, SystemExit) as error:
         # Importing runs the user's own code: whatever it raises is the user's to mend, and one line is enough to know.
         raise UsageError(
             f"behaviour {spec!r}: cannot import {module}: {type(error).__name__}: {_one_line(error)} "
-            "(is it installed, or its folder on PYTHONPATH?)"
+            "(is it beside the team file, in the current folder or on PYTHONPATH?)"
         ) from error
+    found = getattr(imported, name, None)
     if found is None:
-        raise UsageError(f"behaviour {spec!r}: module {module} has no {name}")
-    if not (inspect.isclass(found) and issubclass(found, Behavior)):
+        known = [name for name, value in vars(imported).items() if _is_behavior(value) and value is not Behavior]
+        hint = did_you_mean(name, known) or (f"; it has {', '.join(known)}" if known else "")
+        place = getattr(imported, "__file__", None) or "built in"
+        raise UsageError(f"behaviour {spec!r}: module {module} ({place}) has no {name}{hint}")
+    if not _is_behavior(found):
         raise UsageError(f"behaviour {spec!r} is not a subclass of zteam.behaviors.Behavior")
     if not _takes_parameters(found):
         raise UsageError(f"behaviour {spec!r}: give it a class Params(msgspec.Struct, forbid_unknown_fields=True)")
-    return found
+    return found  # type: ignore[no-any-return]
+
+
+def _suggestion(spec: str) -> str:
+    """What may have been meant: a shipped name, or a class in the module of that name, which is not imported."""
+    near = did_you_mean(spec, BEHAVIORS)
+    if near or not spec.isidentifier():
+        return near
+    place = PathFinder.find_spec(spec)
+    if place is None or place.origin is None or not place.origin.endswith(".py"):
+        return ""
+    return f" (did you mean {' or '.join(f'{spec}:{name}' for name in _classes_in(Path(place.origin)))}?)"
+
+
+def _classes_in(path: Path) -> list[str]:
+    """Names of the classes in a source file that look like behaviours; `Class` where none does."""
+    import ast
+
+    try:
+        tree = ast.parse(path.read_bytes())
+    except (OSError, SyntaxError, ValueError):
+        return ["Class"]
+    found = []
+    for node in tree.body:
+        if isinstance(node, ast.ClassDef):
+            methods = {part.name for part in node.body if isinstance(part, ast.FunctionDef)}
+            bases = {ast.unparse(base).rpartition(".")[2] for base in node.bases}
+            if "step" in methods or "Behavior" in bases:
+                found.append(node.name)
+    return found or ["Class"]
+
+
+def _is_behavior(found: object) -> bool:
+    return inspect.isclass(found) and issubclass(found, Behavior)
 
 
 def _takes_parameters(kind: type[Behavior]) -> bool:
@@ -61,9 +118,5 @@ def _takes_parameters(kind: type[Behavior]) -> bool:
     return inspect.isclass(params) and issubclass(params, msgspec.Struct)
 
 
-def _one_line(error: Exception) -> str:
+def _one_line(error: BaseException) -> str:
     return " ".join(str(error).split())
-
-
-def _fields(params: type[msgspec.Struct]) -> str:
-    return ", ".join(params.__struct_fields__) or "no parameters"

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from functools import partial
 
 from zteam.cli.interrupts import INTERRUPTED, ignore_from_now, leave_at_once
+from zteam.cli.output import guarded
 
 COMMANDS = {
     "up": ("up", "start a whole team and watch over it"),
@@ -55,7 +56,10 @@ start_router = partial(_start, "router")
 
 def main(argv: Sequence[str] | None = None) -> int:
     """What follows `zteam`."""
-    arguments = list(sys.argv[1:] if argv is None else argv)
+    return guarded("zteam", lambda: _main(list(sys.argv[1:] if argv is None else argv)))
+
+
+def _main(arguments: list[str]) -> int:
     if not arguments or arguments[0] in {"-h", "--help", "help"}:
         print(_usage())
         return 0 if arguments else 2

@@ -40,7 +40,7 @@ def parse_team(size: str | None, ids: Sequence[str] | None) -> tuple[int, tuple[
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point."""
     args = build_parser().parse_args(argv)
-    return run(names.MONITOR, args, lambda: _monitor(args))
+    return run(names.MONITOR, args, lambda: _monitor(args), needs_output=False)
 
 
 def _monitor(args: argparse.Namespace) -> int:

@@ -9,6 +9,7 @@ from typing import NoReturn, TypeVar
 from zteam.bus import BusOptions
 from zteam.bus.options import FROM_STDIN, LEASE_BOUNDS, check_endpoint
 from zteam.cli.interrupts import INTERRUPTED
+from zteam.cli.output import OutputError, guarded
 from zteam.errors import UsageError, ZteamError
 from zteam.names import strip_slash
 from zteam.nodes.logs import LEVELS, start_logging
@@ -120,27 +121,35 @@ def bus_options(args: argparse.Namespace, *, small: bool = False) -> BusOptions:
     namespace = strip_slash(args.namespace) if args.namespace else None
     if namespace and any(c in "*$?#" or c.isspace() for c in namespace):
         raise UsageError(f"--namespace {namespace!r}: use letters, digits, '_', '-' and '/'")
-    if args.connect not in (None, FROM_STDIN):
-        check_endpoint(args.connect)
-    return BusOptions(connect=args.connect, namespace=namespace, config=args.config, small=small, lease=args.lease)
+    # An empty value overrides the environment.
+    connect, config = args.connect or None, args.config or None
+    if connect not in (None, FROM_STDIN):
+        check_endpoint(connect)
+    return BusOptions(connect=connect, namespace=namespace, config=config, small=small, lease=args.lease)
 
 
-def run(name: str, args: argparse.Namespace, body: Callable[[], int]) -> int:
-    """Run a command's body with logging on; a ZteamError becomes one line and its exit code."""
+def run(name: str, args: argparse.Namespace, body: Callable[[], int], *, needs_output: bool = True) -> int:
+    """Run a command's body with logging on; a ZteamError becomes one line and its exit code.
+
+    A command that is of use without what it prints does not need its output.
+    """
     start_logging(name, args.log_level, args.log_format)
-    try:
-        return body()
-    except ZteamError as error:
-        return fail(name, error)
-    except KeyboardInterrupt:
-        return INTERRUPTED
-    except BrokenPipeError:
-        # The reader of our output (head, less) has gone: nothing to tell anybody.
-        sys.stdout = open(os.devnull, "w")  # noqa: SIM115, PTH123
-        return 0
+
+    def told() -> int:
+        try:
+            return body()
+        except OutputError:
+            raise
+        except ZteamError as error:
+            return fail(name, error)
+        except KeyboardInterrupt:
+            return INTERRUPTED
+
+    return guarded(name, told, needs_output=needs_output)
 
 
 def fail(name: str, error: ZteamError) -> int:
-    """Print an error on one line; its exit code."""
-    print(f"{name}: {error}", file=sys.stderr)
+    """Print an error, one line for each mistake that it tells; its exit code."""
+    for line in str(error).splitlines():
+        print(f"{name}: {line}", file=sys.stderr)
     return error.exit_code

@@ -34,6 +34,13 @@ def build_parser() -> argparse.ArgumentParser:
         metavar="KEY=VALUE",
         help="a parameter of the behaviour, e.g. speed=0.4 (repeatable)",
     )
+    parser.add_argument(
+        "--path",
+        action="append",
+        default=[],
+        metavar="FOLDER",
+        help="look for package.module here too, besides what is installed and the current folder (repeatable)",
+    )
     parser.add_argument("--no-gate", action="store_true", help="drive at once, without the monitor's GO")
     parser.add_argument(
         "--seed",
@@ -73,6 +80,7 @@ def _drive(robot_id: int, args: argparse.Namespace) -> int:
     from functools import partial
 
     from zteam.behaviors import load_behavior
+    from zteam.behaviors.registry import look_in
     from zteam.nodes.node import Node, run_node
     from zteam.nodes.robot import RobotOptions, run_robot
 
@@ -85,6 +93,7 @@ def _drive(robot_id: int, args: argparse.Namespace) -> int:
         if "leader" in params:
             raise UsageError("--follow names the leader already: leave --param leader out")
         spec, params = "follow", {"leader": leader, **params}
+    look_in([*args.path, ""])
     make_behavior = partial(load_behavior, spec, params, robot_id)
     # A mistake is told at once, before anything is waited for.
     make_behavior()

@@ -103,11 +103,7 @@ class Printer:
             number = self._seen.setdefault(name, len(self._seen))
             color = _COLORS[number % len(_COLORS)]
             prefix = f"\033[{color}m[{name}]\033[0m" if self._color else f"[{name}]"
-            try:
-                print(f"{prefix} {_without_own_name(name, text)}", flush=True)
-            except BrokenPipeError:
-                # Nobody reads any more (`zteam up | head`); the team goes on.
-                sys.stdout = open(os.devnull, "w")  # noqa: SIM115, PTH123
+            print(f"{prefix} {_without_own_name(name, text)}", flush=True)
 
 
 def _without_own_name(name: str, text: str) -> str:
@@ -117,33 +113,28 @@ def _without_own_name(name: str, text: str) -> str:
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point."""
     args = build_parser().parse_args(argv)
-    return run("up", args, lambda: _up(args))
+    return run("up", args, lambda: _up(args), needs_output=False)
 
 
 def _up(args: argparse.Namespace) -> int:
     from zteam.cli.sim import find_world
-    from zteam.config import load_team, team_world
+    from zteam.config import read_team_file
+    from zteam.launch.check import check_team
     from zteam.launch.run import Run, RunOptions
     from zteam.nodes.stopping import Stop
 
     if args.report and args.run_for is None:
         raise UsageError("--report needs --for SECONDS: a report is of a run with an end")
-    team_file = find_team(args.team)
-    team = load_team(team_file)
-    world = find_world(args.world) if args.world else team_world(team_file, team)
+    bus = bus_options(args)
+    if args.report:
+        _check_writable(Path(args.report))
+    file = read_team_file(find_team(args.team))
+    world = check_team(file, find_world(args.world) if args.world else None)
     if world is None and args.run_for is not None:
         raise UsageError('--for needs a simulator: this team has none (world = "none")')
     options = RunOptions(
-        team,
-        team_file,
-        world.resolve() if world else None,
-        bus_options(args),
-        args.seed,
-        args.run_for,
-        _pace(args, world),
+        file.team, file.path, world.resolve() if world else None, bus, args.seed, args.run_for, _pace(args, world)
     )
-    if args.report:
-        _check_writable(Path(args.report))
     stop = Stop()
     with Run(options, stop, Printer().line) as team_run:
         stop.install(on_repeat=team_run.hurry)
@@ -153,7 +144,7 @@ def _up(args: argparse.Namespace) -> int:
 def _run(team_run: "Run", stop: "Stop", args: argparse.Namespace) -> int:
     import msgspec
 
-    from zteam.launch.report import format_report
+    from zteam.launch.report import format_report, write_report
 
     try:
         team_run.start()
@@ -168,9 +159,9 @@ def _run(team_run: "Run", stop: "Stop", args: argparse.Namespace) -> int:
         # Interrupted: a script that waits for the report must not take this for success.
         return 130
     if report is not None and args.run_for is not None:
-        if args.report:
-            Path(args.report).write_bytes(msgspec.json.format(msgspec.json.encode(report), indent=2) + b"\n")
         print(format_report(report))
+        if args.report:
+            write_report(Path(args.report), msgspec.json.format(msgspec.json.encode(report), indent=2) + b"\n")
     failed = sorted({process.name for process in team_run.supervisor.failures})
     if failed:
         raise ZteamError(f"{', '.join(failed)} failed: see the log above")

@@ -37,10 +37,12 @@ class Plan(msgspec.Struct):
         return [name for name in self.commands if names.robot_id_of(name) is not None]
 
     def stop_order(self) -> list[list[str]]:
-        """Groups to stop one after the other: robots first, so that their last command reaches the wheels."""
+        """Groups to stop one after the other: robots and user processes first, so that a zero velocity gets through."""
         ends = [[names.MONITOR, names.AGGREGATOR], [names.SIMULATOR], [ROUTER]]
         known = {*self.commands, ROUTER}
-        return [self.robots, *([name for name in group if name in known] for group in ends)]
+        # What this plan does not know by name may drive a robot too.
+        first = [name for name in self.commands if not any(name in group for group in ends)]
+        return [first, *([name for name in group if name in known] for group in ends)]
 
 
 def plan_team(
@@ -72,6 +74,8 @@ def plan_team(
     commands[names.MONITOR] = [*zteam_command("monitor", "--ids", *ids), *bus]
     for robot in team.robots:
         arguments = [*robot_arguments(robot), "--seed", chosen_seed]
+        if team_file is not None and ":" in (robot.behavior or ""):
+            arguments += ["--path", str(team_file.resolve().parent)]
         commands[names.robot_name(robot.id)] = [*zteam_command("robot", *arguments), *bus]
     return Plan(commands)
 

@@ -8,6 +8,7 @@ import msgspec
 from zteam import names
 from zteam.bus import Bus
 from zteam.bus.counters import KeyCount
+from zteam.errors import ZteamError
 from zteam.launch.process import Process, Usage
 from zteam.nodes.participant import RoundTiming
 from zteam.nodes.sim_messages import RobotReport, SimReport, Timing
@@ -99,6 +100,24 @@ def _row(name: str, pid: int, code: int | None, usage: Usage) -> ProcessReport:
     memory = round(usage.rss_mb, 1), round(usage.pss_mb, 1)
     # Nothing is ever started again by itself, so there is nothing to count yet.
     return ProcessReport(name, pid, code, 0, *memory, round(usage.cpu_seconds, 2))
+
+
+def write_report(path: Path, text: bytes) -> None:
+    """Write the whole of `text`, or nothing: a file that stood there stays. Raises ZteamError where it cannot."""
+    path = path.resolve()
+    try:
+        if path.exists() and not (path.is_file() and os.access(path.parent, os.W_OK)):
+            # A device or a pipe, whose place nothing may take, or a folder that takes no further file.
+            path.write_bytes(text)
+            return
+        part = path.with_name(f".{path.name}.{os.getpid()}")
+        try:
+            part.write_bytes(text)
+            part.replace(path)
+        finally:
+            part.unlink(missing_ok=True)
+    except OSError as error:
+        raise ZteamError(f"--report {path}: cannot write: {error.strerror or error}") from None
 
 
 def format_report(report: RunReport) -> str:

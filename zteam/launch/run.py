@@ -2,8 +2,7 @@
 
 import logging
 import os
-import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import msgspec
@@ -12,11 +11,13 @@ from zteam import names
 from zteam.bus import Bus, BusOptions, connect
 from zteam.bus.connection import FROM_STDIN, port_accepts
 from zteam.bus.options import DEFAULT_ENDPOINT
-from zteam.clock import pause
+from zteam.bus.presence import Claim, ProcessInfo
 from zteam.config import Team
 from zteam.errors import BusError, ZteamError
+from zteam.launch.namespace import claim_namespace, refuse_second_team
 from zteam.launch.plan import ROUTER, Pace, Plan, plan_team
 from zteam.launch.process import Process, Usage, exit_text, measure_usage, zteam_command
+from zteam.launch.progress import Progress
 from zteam.launch.report import (
     RunReport,
     read_dropped,
@@ -26,9 +27,8 @@ from zteam.launch.report import (
     seconds_since_start,
 )
 from zteam.launch.supervisor import Supervisor
-from zteam.messages import TeamState, TeamStatus
 from zteam.nodes.participant import RoundTiming
-from zteam.nodes.sim_messages import FinishReply, FinishRequest, SimReport
+from zteam.nodes.sim_messages import SimReport
 from zteam.nodes.stopping import Stop
 
 log = logging.getLogger("zteam")
@@ -52,8 +52,8 @@ class RunOptions(msgspec.Struct, frozen=True):
     pace: Pace = Pace()
 
 
-_FINISH_WAIT = 5.0
-"""Host seconds that one question for the end of the run waits."""
+_LAST_WORDS = 1.0
+"""Host seconds to wait for the output of a process that has ended."""
 LEASE_MARGIN = 5.0
 """Host seconds by which links in lock-step outlive its patience: a hung participant must not look dead before."""
 
@@ -61,53 +61,6 @@ LEASE_MARGIN = 5.0
 def lease_for(pace: Pace, given: float) -> float:
     """The lease of all sessions of a team."""
     return max(given, pace.timeout + LEASE_MARGIN) if pace.lockstep else given
-
-
-class Progress:
-    """GO and the end of the run as the launcher hears them on the bus."""
-
-    def __init__(self, bus: Bus, has_end: bool) -> None:
-        self.changed = threading.Condition()
-        self.go_after: float | None = None
-        self.wall: float | None = None
-        self._bus = bus
-        self._closed = False
-        bus.subscribe(names.TEAM_STATUS, TeamStatus, self._on_team_status, latched=True)
-        if has_end:
-            # The simulator says when the time is over: to listen to its clock would slow a fast run down.
-            threading.Thread(target=self._watch_end, name="end of the run", daemon=True).start()
-
-    def _on_team_status(self, _key: str, status: TeamStatus) -> None:
-        if status.state == TeamState.GO and self.go_after is None:
-            with self.changed:
-                self.go_after = seconds_since_start()
-                self.changed.notify_all()
-
-    def _watch_end(self) -> None:
-        key, request = names.service_key(names.SIMULATOR, "finish"), FinishRequest(timeout=_FINISH_WAIT)
-        while not self._closed:
-            try:
-                answers = self._bus.query(key, FinishReply, request, timeout=_FINISH_WAIT + 2.0)
-            except ZteamError as error:
-                log.debug("%s", error)
-                answers = []
-            if any(answer.finished for _, answer in answers):
-                with self.changed:
-                    self.wall = seconds_since_start()
-                    self.changed.notify_all()
-                return
-            if not answers:
-                # No simulator yet; nothing tells when its query is there.
-                pause(0.1)
-
-    def close(self) -> None:
-        """Ask no more."""
-        self._closed = True
-
-    def wake(self) -> None:
-        """Let whoever waits on `changed` look again."""
-        with self.changed:
-            self.changed.notify_all()
 
 
 def choose_endpoint() -> str:
@@ -118,6 +71,13 @@ def choose_endpoint() -> str:
 def _is_endpoint(line: str) -> bool:
     """Whether a line of the router's output is its announcement, and no line of its log."""
     return line.startswith(("tcp/", "tls/"))
+
+
+def _last_words(process: Process) -> str:
+    """Why a process ended, as far as it said."""
+    process.join(_LAST_WORDS)
+    said = [line for line in process.lines if line.strip()]
+    return exit_text(process.exit_code) + (f": {said[-1].strip()}" if said else "")
 
 
 class Run:
@@ -133,6 +93,7 @@ class Run:
         self._rounds: dict[str, RoundTiming] = {}
         self._progress: Progress | None = None
         self._bus: Bus | None = None
+        self._claim: Claim | None = None
         self.endpoint = options.bus.connect or ""
         self.plan = self._make_plan()
         self.supervisor = Supervisor(on_line, self._on_failure)
@@ -140,12 +101,9 @@ class Run:
 
     def _make_plan(self) -> Plan:
         options = self._options
-        bus = ["--connect", options.bus.connect or FROM_STDIN]
-        if options.bus.namespace:
-            bus += ["--namespace", options.bus.namespace]
-        if options.bus.config:
-            bus += ["--config", options.bus.config]
-        bus += ["--lease", str(lease_for(options.pace, options.bus.lease))]
+        # Always said, empty or not: a process that is told nothing takes its environment's word for it.
+        bus = ["--connect", options.bus.connect or FROM_STDIN, "--namespace", options.bus.namespace or ""]
+        bus += ["--config", options.bus.config or "", "--lease", str(lease_for(options.pace, options.bus.lease))]
         return plan_team(
             options.team,
             options.world,
@@ -165,6 +123,8 @@ class Run:
         finally:
             if self._progress is not None:
                 self._progress.close()
+            if self._claim is not None:
+                self._claim.release()
             if self._bus is not None:
                 self._bus.close()
             self.supervisor.close()
@@ -189,17 +149,32 @@ class Run:
         supervisor = self.supervisor
         if self._options.bus.connect is None:
             self._start_router()
+        else:
+            self._bus = self._connect()
+            refuse_second_team(self._bus, self.plan.commands)
+            self._claim = claim_namespace(self._bus, self._on_rival)
         for name, command in self.plan.commands.items():
             supervisor.start(name, command)
         if self._options.bus.connect is None:
             self._wait_for_router()
             for name in self.plan.commands:
                 supervisor.processes[name].write_line(self.endpoint)
-        bus = BusOptions(connect=self.endpoint, namespace=self._options.bus.namespace, config=self._options.bus.config)
-        self._bus = connect(bus, stopping=self._stop, patience=ROUTER_DEADLINE)
+            self._bus = self._connect()
+        assert self._bus is not None
         self._progress = Progress(self._bus, self._options.run_for is not None)
+        if self._claim is None:
+            # On a router of its own nothing hurries: GO is listened for first.
+            self._claim = claim_namespace(self._bus, self._on_rival)
         if self._stop.requested:
             self._wake()
+
+    def _connect(self) -> Bus:
+        bus = BusOptions(connect=self.endpoint, namespace=self._options.bus.namespace, config=self._options.bus.config)
+        return connect(bus, stopping=self._stop, patience=ROUTER_DEADLINE)
+
+    def _on_rival(self, info: ProcessInfo) -> None:
+        log.error("process %d on %s runs a team here too, and is older: stopping", info.pid, info.host)
+        self._stop.request("another team holds the namespace")
 
     def _start_router(self) -> None:
         listen = choose_endpoint()
@@ -232,12 +207,21 @@ class Run:
         assert progress is not None
         with progress.changed:
             while not self._stop.requested and progress.wall is None:
-                ended = {p.name for p in self.supervisor.processes.values() if not p.running}
-                if self._options.run_for is not None and ended & {ROUTER, names.SIMULATOR}:
-                    raise ZteamError(f"{', '.join(sorted(ended))} ended: the run cannot be finished")
+                ended = [p for p in self.supervisor.processes.values() if not p.running]
+                if self._options.run_for is not None:
+                    self._check_finishable(ended)
                 if len(ended) == len(self.supervisor.processes):
                     return
                 progress.changed.wait(1.0)
+
+    def _check_finishable(self, ended: Sequence[Process]) -> None:
+        """Raise ZteamError where the end of a limited run cannot come: GO waits for every process of the team."""
+        assert self._progress is not None
+        needed = None if self._progress.go_after is None else {ROUTER, names.SIMULATOR}
+        missing = [process for process in ended if needed is None or process.name in needed]
+        if missing:
+            told = "; ".join(f"{process.name} ended ({_last_words(process)})" for process in missing)
+            raise ZteamError(f"{told}: the run cannot {'begin' if needed is None else 'be finished'}")
 
     def finish(self) -> RunReport | None:
         """Collect the counts, stop everything in order, and report; None where there is nothing to report."""

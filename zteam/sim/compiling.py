@@ -8,6 +8,7 @@ import logging
 import os
 import tempfile
 from collections.abc import Callable
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -18,14 +19,23 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 def _writable_folder() -> Path:
     cache_home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    for folder in (cache_home / "zteam" / "numba", Path(tempfile.gettempdir()) / f"zteam-numba-{os.getuid()}"):
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError:
-            continue
-        if os.access(folder, os.W_OK):
-            return folder
-    return Path(tempfile.mkdtemp(prefix="zteam-numba-"))
+    wanted = cache_home / "zteam" / "numba"
+    try:
+        for folder in (wanted, Path(tempfile.gettempdir()) / f"zteam-numba-{os.getuid()}"):
+            if _is_writable(folder):
+                return folder
+        return Path(tempfile.mkdtemp(prefix="zteam-numba-"))
+    except OSError:
+        # No folder for temporary files either: every disk is full. What cannot be kept is told where it is kept.
+        return wanted
+
+
+def _is_writable(folder: Path) -> bool:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return False
+    return os.access(folder, os.W_OK)
 
 
 def _find_jit() -> Callable[..., Any] | None:
@@ -45,21 +55,44 @@ JIT = _find_jit()
 """numba's njit, or None."""
 
 
-def compiled(function: F) -> F:
-    """The function compiled by numba and kept in the cache; itself where numba is missing."""
+def _compile(function: F, **options: Any) -> F:
+    """The function compiled by numba and, where there is room, kept in the cache; itself where numba is missing."""
     if JIT is None:
         return function
-    # Division by zero must give inf as in numpy, not raise: kernels guard against it by value.
-    return JIT(cache=True, error_model="numpy")(function)  # type: ignore[no-any-return]
+    try:
+        dispatcher = JIT(cache=True, error_model="numpy", **options)(function)
+    except (RuntimeError, OSError) as error:
+        # numba finds no folder that it may write to.
+        _tell_uncached(str(error))
+        return JIT(error_model="numpy", **options)(function)  # type: ignore[no-any-return]
+    # numba has no option for this: a full disk would end the simulator just after it has compiled.
+    dispatcher._cache.save_overload = partial(_save, dispatcher._cache.save_overload)
+    return dispatcher  # type: ignore[no-any-return]
+
+
+def _save(save: Callable[..., None], *arguments: Any) -> None:
+    try:
+        save(*arguments)
+    except OSError as error:
+        _tell_uncached(f"{os.environ['NUMBA_CACHE_DIR']}: {error.strerror or error}")
+
+
+@cache
+def _tell_uncached(reason: str) -> None:
+    """Once for each reason, not for every kernel."""
+    log.warning("%s: going on without a cache: the kernels are compiled anew at each start", reason)
+
+
+def compiled(function: F) -> F:
+    """The function compiled by numba and kept in the cache; itself where numba is missing."""
+    # Division by zero must give inf as in numpy (the error model), not raise: kernels guard against it by value.
+    return _compile(function)
 
 
 def vectorized(function: F) -> F:
     """As `compiled`, for loops that are to become vector code: the compiler may assume that all numbers are finite."""
-    if JIT is None:
-        return function
     # Not plain fastmath: that would also let it reorder sums and take reciprocals for divisions.
-    free = {"contract", "nnan", "ninf", "nsz"}
-    return JIT(cache=True, error_model="numpy", fastmath=free)(function)  # type: ignore[no-any-return]
+    return _compile(function, fastmath={"contract", "nnan", "ninf", "nsz"})
 
 
 def is_cached(source: Path) -> bool:

@@ -17,8 +17,9 @@ from zteam import names
 from zteam.bus import Bus, BusOptions, connect
 from zteam.bus.options import LEASE
 from zteam.clock import monotonic
-from zteam.config import RobotEntry, Team, load_team, team_world
+from zteam.config import RobotEntry, Team, read_team_file
 from zteam.errors import BusError, UsageError, ZteamError
+from zteam.launch.check import check_team
 from zteam.launch.plan import ROUTER, Pace, Plan, plan_team
 from zteam.launch.process import exit_text, zteam_command
 from zteam.launch.run import lease_for
@@ -108,10 +109,10 @@ class TeamFixture:
         path = Path(team) if Path(team).is_file() else shipped_team(str(team))
         if path is None:
             raise UsageError(f"team {str(team)!r}: no such file, nor a shipped team")
-        loaded = load_team(path)
-        chosen = _find_world(world) if world is not None else team_world(path, loaded)
+        file = read_team_file(path)
+        chosen = check_team(file, _find_world(world) if world is not None else None)
         pace = Pace(lockstep=lockstep and chosen is not None, timeout=lockstep_timeout, paused=lockstep)
-        self._launch(plan_team(loaded, chosen, (), team_file=path.resolve(), pace=pace), pace)
+        self._launch(plan_team(file.team, chosen, (), team_file=path.resolve(), pace=pace), pace)
 
     def start(
         self,

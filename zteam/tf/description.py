@@ -91,8 +91,10 @@ def read_description(path: Path) -> Description:
     """The joints of a URDF file. Raises ConfigError that names the file and the joint."""
     try:
         data = path.read_bytes() if path.stat().st_size <= MAX_BYTES else None
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot read this robot description: {error.strerror or error}") from None
+    except (OSError, ValueError) as error:
+        # ValueError: a NUL in the name.
+        reason = getattr(error, "strerror", None) or error
+        raise ConfigError(f"{path}: cannot read this robot description: {reason}") from None
     if data is None:
         raise ConfigError(f"{path}: a robot description of more than {MAX_BYTES // 2**20} MB is refused")
     if b"<!DOCTYPE" in data or b"<!ENTITY" in data:

@@ -1,0 +1,100 @@
+"""A team file held against everything it names, before any of its processes starts: all mistakes at once.
+
+Behaviours and their parameters, robot descriptions, ids and poses against the world. The user's own modules are
+imported in a child process; what comes with zteam is looked at here, because that takes a tenth of a second.
+"""
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+from zteam import names
+from zteam.behaviors.registry import BEHAVIORS
+from zteam.config import RobotEntry, TeamFile, behavior_of, team_world
+from zteam.errors import ConfigError, WorldError
+from zteam.launch.own_behaviors import Answer, Inquiry, Question, answer
+from zteam.problems import Problem
+from zteam.world import add_robot, load_world
+from zteam.world.model import Robot, World
+from zteam.world.placing import find_hindrance
+
+_ROBOT_KEYS = tuple(name for name in RobotEntry.__struct_fields__ if name != "params")
+
+
+def check_team(file: TeamFile, world_file: Path | None = None) -> Path | None:
+    """The world of the team, None for real robots; `world_file` wins over what the file says.
+
+    Raises ConfigError of one line for each mistake, in the team file or in the world's.
+    """
+    problems, told = list(file.problems), []
+    own = {i: entry for i, entry in file.robots.items() if behavior_of(entry)[0] not in BEHAVIORS}
+    with Inquiry([_question(entry) for entry in own.values()], file.path.resolve().parent) as inquiry:
+        for i, entry in file.robots.items():
+            problems += _description_problems(file.path, i, entry)
+            if i not in own:
+                problems += _behavior_problems(i, entry, answer(_question(entry)))
+        try:
+            # A table [team] with mistakes may mean its world by one of them.
+            if world_file is None and (file.team.team.world or not any(p.path[:1] == ("team",) for p in problems)):
+                world_file = team_world(file)
+            if world_file is not None:
+                problems += _world_problems(file, load_world(world_file))
+        except (ConfigError, WorldError) as error:
+            told.append(str(error))
+        for (i, entry), answered in zip(own.items(), inquiry.answers(), strict=True):
+            problems += _behavior_problems(i, entry, answered)
+    if problems:
+        told.insert(0, str(file.error(problems)))
+    if told:
+        raise ConfigError("\n".join(told))
+    return world_file
+
+
+def _question(entry: RobotEntry) -> Question:
+    spec, params = behavior_of(entry)
+    return Question(spec, params, list(_ROBOT_KEYS))
+
+
+def _behavior_problems(i: int, entry: RobotEntry, answered: Answer) -> Iterator[Problem]:
+    if answered.refused:
+        yield Problem(("robots", i, "behavior"), answered.refused)
+    for path, text in answered.mistakes:
+        yield Problem(("robots", i, *path), text)
+
+
+def _description_problems(team_file: Path, i: int, entry: RobotEntry) -> Iterator[Problem]:
+    if entry.description is not None:
+        # Few teams have any, and a parser of XML takes its time to import.
+        from zteam.tf.description import read_description
+
+        try:
+            read_description(team_file.parent / entry.description)
+        except ConfigError as error:
+            yield Problem(("robots", i, "description"), str(error))
+
+
+def _world_problems(file: TeamFile, world: World) -> Iterator[Problem]:
+    """Robots that the world lacks, or has already, or has no room for."""
+    standing = dict(enumerate(world.robots)) if file.team.team.world_robots else {}
+    for i, entry in file.robots.items():
+        if entry.pose is None or entry.model is None:
+            if entry.id not in standing and not (entry.pose or entry.model):
+                yield Problem(("robots", i, "id"), f"{_lack(entry.id, standing)}; model and pose add one")
+        elif entry.id in standing:
+            text = f"the world has a robot {entry.id} already: leave model and pose out, or give another id"
+            yield Problem(("robots", i, "id"), text)
+        else:
+            try:
+                robot = add_robot(world, entry.model, entry.pose, names.robot_name(entry.id))
+            except WorldError as error:
+                yield Problem(("robots", i, "model"), str(error))
+                continue
+            hindrance = find_hindrance(world, robot, standing.values())
+            if hindrance:
+                yield Problem(("robots", i, "pose"), f"{hindrance}; give a free place as x, y, yaw")
+            standing[entry.id] = robot
+
+
+def _lack(robot_id: int, standing: Mapping[int, Robot]) -> str:
+    ids = sorted(standing)
+    known = f"{ids[0]} to {ids[-1]}" if len(ids) > 2 and len(ids) == ids[-1] + 1 else ", ".join(map(str, ids))
+    return f"the world has no robot {robot_id} (it has {known or 'none'})"

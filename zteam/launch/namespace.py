@@ -1,0 +1,32 @@
+"""One team in a namespace: the launcher holds a name on the bus, as every other process does."""
+
+from collections.abc import Callable, Iterable
+
+from zteam import names
+from zteam.bus import Bus
+from zteam.bus.presence import Claim, ProcessInfo
+from zteam.clock import local_time_text
+from zteam.errors import BusError, DuplicateNameError
+
+
+def claim_namespace(bus: Bus, on_rival: Callable[[ProcessInfo], None]) -> Claim:
+    """Hold the launcher's name until the claim is released. Raises BusError if another launcher holds it."""
+    claim = Claim(bus, names.LAUNCHER)
+    try:
+        claim.win(on_rival)
+    except DuplicateNameError:
+        refuse_second_team(bus, ())
+        raise
+    return claim
+
+
+def refuse_second_team(bus: Bus, needed: Iterable[str]) -> None:
+    """Raise BusError if a launcher, or a process of one of the names `needed`, is in the namespace."""
+    found = {info.name: info for _, info in bus.query(names.info_key("*"), ProcessInfo)}
+    for name in (names.LAUNCHER, *needed):
+        if name in found:
+            info = found[name]
+            raise BusError(
+                f"a team is already running here (pid {info.pid}, since {local_time_text(info.start)}); "
+                "stop it, or use --namespace"
+            )

@@ -1,0 +1,113 @@
+"""The user's behaviours imported and their parameters typed, in a process of its own.
+
+Importing runs foreign code: it may hang, end the process, write to standard output, or take a gigabyte. None of this
+may happen to the launcher. `check_own` asks; this module, run as a program, answers a line for each question.
+"""
+
+import base64
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from zteam.behaviors.registry import find_behavior, look_in, parameter_problems
+from zteam.errors import UsageError
+from zteam.launch.process import Process, exit_text
+from zteam.launch.supervisor import Supervisor
+from zteam.nodes.stopping import Stop, exit_hard_later
+
+LIMIT = 60.0
+"""Host seconds for all imports together: large libraries take ten on a slow disk."""
+_MARK = "\x1eanswer "
+"""Begins an answer's line; a module may print lines of its own."""
+
+
+class Question(msgspec.Struct, frozen=True):
+    """A behaviour by name, its parameters as the team file has them, and words that a wrong key may stand for."""
+
+    spec: str
+    params: dict[str, Any]
+    near: list[str] = []
+
+
+class Answer(msgspec.Struct, frozen=True):
+    """Why the behaviour cannot be used, empty if it can; and its parameters' mistakes as (path, text)."""
+
+    refused: str = ""
+    mistakes: list[tuple[list[str | int], str]] = []
+
+
+def answer(question: Question) -> Answer:
+    """Import the behaviour and type its parameters, here and now."""
+    try:
+        kind = find_behavior(question.spec)
+    except UsageError as error:
+        return Answer(str(error))
+    found = parameter_problems(question.spec, kind, question.params, question.near)
+    return Answer(mistakes=[(list(problem.path), problem.text) for problem in found])
+
+
+class Inquiry:
+    """Questions that a child process answers meanwhile. A context manager: its end is the child's end."""
+
+    def __init__(self, questions: Sequence[Question], folder: Path) -> None:
+        """`folder` is looked in for modules besides what is installed and the current folder."""
+        self._questions = questions
+        self._answers: list[Answer] = []
+        self._last_line = ""
+        self._supervisor = Supervisor(self._take_line, lambda _process: None)
+        self._process: Process | None = None
+        if questions:
+            command = [sys.executable, "-P", "-m", "zteam.launch.own_behaviors", str(folder)]
+            self._process = self._supervisor.start("behaviours", command)
+            self._process.write_line(base64.b64encode(msgspec.msgpack.encode(questions)).decode())
+
+    def __enter__(self) -> "Inquiry":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._supervisor.close()
+
+    def _take_line(self, _name: str, line: str) -> None:
+        if line.startswith(_MARK):
+            self._answers.append(msgspec.json.decode(line.removeprefix(_MARK), type=Answer))
+        elif line.strip():
+            self._last_line = line.strip()
+
+    def answers(self, limit: float = LIMIT) -> list[Answer]:
+        """One for each question; they are waited for."""
+        process = self._process
+        if process is None:
+            return []
+        ended = process.join(limit)
+        missing = len(self._questions) - len(self._answers)
+        if missing:
+            spec = self._questions[len(self._answers)].spec
+            why = f"ended the process ({exit_text(process.exit_code)}): {self._last_line}".removesuffix(": ")
+            text = why if ended else f"is not done after {limit:g} s"
+            refusal = Answer(f"behaviour {spec!r}: importing it {text}")
+            # What comes behind it was not looked at.
+            return [*self._answers, refusal, *[Answer()] * (missing - 1)]
+        return self._answers
+
+
+def main() -> None:
+    """Answer the questions on standard input."""
+    stop = Stop()
+    exit_hard_later(stop)
+    stop.install()
+    look_in([*sys.argv[1:], ""])
+    questions = msgspec.msgpack.decode(base64.b64decode(sys.stdin.readline()), type=list[Question])
+    for question in questions:
+        line = msgspec.json.encode(answer(question)).decode()
+        # By itself on a line, whatever the module has printed.
+        os.write(1, f"\n{_MARK}{line}\n".encode())
+    # A thread of a module's own must not keep the process.
+    os._exit(0)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,64 @@
+"""How far a run is, as the launcher hears it on the bus."""
+
+import logging
+import threading
+
+from zteam import names
+from zteam.bus import Bus
+from zteam.clock import pause
+from zteam.errors import ZteamError
+from zteam.launch.report import seconds_since_start
+from zteam.messages import TeamState, TeamStatus
+from zteam.nodes.sim_messages import FinishReply, FinishRequest
+
+log = logging.getLogger("zteam")
+
+_FINISH_WAIT = 5.0
+"""Host seconds that one question for the end of the run waits."""
+
+
+class Progress:
+    """GO and the end of the run as the launcher hears them on the bus."""
+
+    def __init__(self, bus: Bus, has_end: bool) -> None:
+        self.changed = threading.Condition()
+        self.go_after: float | None = None
+        self.wall: float | None = None
+        self._bus = bus
+        self._closed = False
+        bus.subscribe(names.TEAM_STATUS, TeamStatus, self._on_team_status, latched=True)
+        if has_end:
+            # The simulator says when the time is over: to listen to its clock would slow a fast run down.
+            threading.Thread(target=self._watch_end, name="end of the run", daemon=True).start()
+
+    def _on_team_status(self, _key: str, status: TeamStatus) -> None:
+        if status.state == TeamState.GO and self.go_after is None:
+            with self.changed:
+                self.go_after = seconds_since_start()
+                self.changed.notify_all()
+
+    def _watch_end(self) -> None:
+        key, request = names.service_key(names.SIMULATOR, "finish"), FinishRequest(timeout=_FINISH_WAIT)
+        while not self._closed:
+            try:
+                answers = self._bus.query(key, FinishReply, request, timeout=_FINISH_WAIT + 2.0)
+            except ZteamError as error:
+                log.debug("%s", error)
+                answers = []
+            if any(answer.finished for _, answer in answers):
+                with self.changed:
+                    self.wall = seconds_since_start()
+                    self.changed.notify_all()
+                return
+            if not answers:
+                # No simulator yet; nothing tells when its query is there.
+                pause(0.1)
+
+    def close(self) -> None:
+        """Ask no more."""
+        self._closed = True
+
+    def wake(self) -> None:
+        """Let what waits on `changed` look again."""
+        with self.changed:
+            self.changed.notify_all()

@@ -1,0 +1,87 @@
+"""What is wrong with a table that a user wrote, held against the struct that it is to become: everything at once."""
+
+import json
+import re
+from collections.abc import Iterable, Mapping
+from typing import Any, NamedTuple, get_args
+
+import msgspec
+
+from zteam.toml_lines import Path
+
+_BARE = re.compile(r"[A-Za-z0-9_-]+")
+_STEP = re.compile(r"\.([^.\[]+)|\[(\d+)\]")
+
+
+class Problem(NamedTuple):
+    """One mistake: the way to the key, and what is wrong and allowed there."""
+
+    path: Path
+    text: str
+
+    def __str__(self) -> str:
+        return f"{path_text(self.path)}: {self.text}" if self.path else self.text
+
+
+def path_text(path: Path) -> str:
+    """`robots[1].speed`, a key in quotes where it needs them."""
+    parts = [f"[{part}]" if isinstance(part, int) else f".{_key_text(part)}" for part in path]
+    return "".join(parts).removeprefix(".")
+
+
+def _key_text(key: str) -> str:
+    return key if _BARE.fullmatch(key) else json.dumps(key)
+
+
+def problems_of(
+    table: Any, kind: type[msgspec.Struct], path: Path = (), *, takes: str = "known:", near: Iterable[str] = ()
+) -> list[Problem]:
+    """Every mistake in the keys of `table`, which stands at `path` of its file.
+
+    `takes` introduces the list of keys; `near` are further words that an unknown key may have been meant for.
+    """
+    if not isinstance(table, Mapping):
+        return [Problem(path, f"a table is expected, not {table!r}")]
+    fields = {field.encode_name: field for field in msgspec.structs.fields(kind)}
+    found = []
+    for key, value in table.items():
+        if key in fields:
+            found += _problem(value, fields[key].type, (*path, key))
+        elif kind.__struct_config__.forbid_unknown_fields:
+            listed = f"{takes} {', '.join(fields) or 'no parameters'}"
+            found.append(Problem((*path, key), f"unknown key{did_you_mean(key, [*near, *fields])}; {listed}"))
+    for name, field in fields.items():
+        if field.required and name not in table:
+            found.append(Problem(path, f"the key {name} is missing"))
+    return found or [_at_its_key(problem, fields) for problem in _problem(table, kind, path)]
+
+
+def _at_its_key(problem: Problem, keys: Iterable[str]) -> Problem:
+    """What a struct's own check says, at the key that its sentence begins with."""
+    first, _, rest = problem.text.partition(" ")
+    return Problem((*problem.path, first), rest) if first in keys else problem
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """` (did you mean speed?)`, or nothing where no known word is near."""
+    import difflib
+
+    near = difflib.get_close_matches(word.lower(), known, n=1, cutoff=0.75)
+    return f" (did you mean {near[0]}?)" if near else ""
+
+
+def _problem(value: Any, kind: Any, path: Path) -> list[Problem]:
+    try:
+        msgspec.convert(value, kind)
+    except msgspec.ValidationError as error:
+        text, at, place = " ".join(str(error).split()).rpartition(" - at `")
+        inner = [int(index) if index else name for name, index in _STEP.findall(place)] if at else []
+        return [Problem((*path, *inner), (text if at else place) + _choices(place, kind))]
+    return []
+
+
+def _choices(text: str, kind: Any) -> str:
+    if "enum value" not in text:
+        return ""
+    choices = [choice for part in get_args(kind) for choice in (get_args(part) or (part,))]
+    return f"; one of {', '.join(c for c in choices if isinstance(c, str))}"
