@@ -87,7 +87,7 @@ TOLD = [
     "35: robots[5].id: robot 1 is robots[1] already; give each robot its own id",
     "35: robots[5].id: the world has a robot 1 already: leave model and pose out, or give another id",
     "38: robots[5].behavior: no behaviour 'my_stopper' (did you mean my_stopper:Stopper?): use forward, …",
-    "41: simulation.gaussian_noise: must be a number of at least 0, not -1",
+    "41: simulation.gaussian_noise: must be from 0 to 1000, not -1",
 ]
 
 
