@@ -7,7 +7,7 @@ from typing import Any
 
 from zteam import names
 from zteam.cli.options import add_bus_options, add_clock_option, bus_options, fail, run
-from zteam.errors import UsageError
+from zteam.errors import UsageError, ZteamError
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -58,6 +58,7 @@ def _drive(robot_id: int, args: argparse.Namespace) -> int:
     from functools import partial
 
     from zteam.behaviors import load_behavior
+    from zteam.nodes.faults import log_fault
     from zteam.nodes.node import Node, run_node
     from zteam.nodes.robot import RobotOptions, run_robot
 
@@ -72,7 +73,12 @@ def _drive(robot_id: int, args: argparse.Namespace) -> int:
         spec, params = "follow", {"leader": leader, **params}
     make_behavior = partial(load_behavior, spec, params, robot_id)
     # A mistake is told at once, before anything is waited for.
-    make_behavior()
+    try:
+        make_behavior()
+    except ZteamError:
+        raise
+    except Exception as error:
+        return log_fault(error)
     options = RobotOptions(robot_id=robot_id, gate=not args.no_gate, seed=args.seed)
 
     def body(node: Node) -> None:
