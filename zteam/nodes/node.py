@@ -111,8 +111,10 @@ class Node:
 
     def set_time(self, stamp: int) -> None:
         """Take simulated time `stamp` (ns); an error of a callback for jumps ends the process."""
-        with self.failing():
+        try:
             self.clock.sim.set(stamp)
+        except BaseException as error:
+            self._fail(error)
 
     def on_simulator_lost(self, callback: Callable[[], None]) -> None:
         """Call `callback()` under `changed` when the last simulator is gone."""
@@ -173,9 +175,12 @@ class Node:
         try:
             yield
         except BaseException as error:
-            # What follows from the first error says less.
-            self._failure = self._failure or error
-            self.wake()
+            self._fail(error)
+
+    def _fail(self, error: BaseException) -> None:
+        # What follows from the first error says less.
+        self._failure = self._failure or error
+        self.wake()
 
     def wait_for_moment(self, pace: Rate) -> bool:
         """Wait until the next moment of `pace` in the team's time, and take it; False if something else comes first."""
