@@ -61,13 +61,14 @@ class Stop:
         """
         reader, writer = socket.socketpair()
         writer.setblocking(False)
-        before = {number: signal.signal(number, lambda *_: None) for number in SIGNALS}
+        # First of all: between the two a signal would be lost.
         descriptor = signal.set_wakeup_fd(writer.fileno(), warn_on_full_buffer=False)
+        before = {number: signal.signal(number, lambda *_: None) for number in SIGNALS}
 
         def give_back() -> None:
-            signal.set_wakeup_fd(descriptor)
             for number, handler in before.items():
                 signal.signal(number, signal.SIG_DFL if handler is None else handler)
+            signal.set_wakeup_fd(descriptor)
             # The thread that reads hears the end.
             writer.close()
 
