@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 
 from zteam import names
-from zteam.bus import Bus, MemoryHub
+from zteam.bus import Bus, MemoryHub, NoRequest
 from zteam.bus.memory import MemoryTransport
 from zteam.bus.transport import Closeable, RawSample, SampleHandler
 from zteam.clock import to_ns, wait_until
 from zteam.messages import Clock, Done, TeamState, TeamStatus, Tick, Twist, time_from_ns
 from zteam.nodes.lockstep import LockStep, LockStepOptions
 from zteam.nodes.node import Node
+from zteam.nodes.sim_messages import SimStatus
 from zteam.nodes.stopping import Stop
 
 LIMIT = 20.0
@@ -142,6 +143,13 @@ class Player:
         return [tick.participants for tick in self.heard]
 
 
+def show_simulator(bus: Bus, lockstep: bool = True) -> Closeable:
+    """Have a session hold the simulator's token, and answer whether it works in lock-step; the token."""
+    status = SimStatus("scripted", [], INTERVAL, 1, 0, 0, 1.0, lockstep=lockstep)
+    bus.serve(names.service_key(names.SIMULATOR, "status"), NoRequest, lambda _: status)
+    return bus.declare_token(names.token_key(names.SIMULATOR, bus.instance))
+
+
 class World:
     """Opens ticks and waits for the answers; it has no robots and no time of its own."""
 
@@ -155,6 +163,7 @@ class World:
         self.on_resend: Callable[[], None] = lambda: None
         """What happens the next time inputs are sent again."""
         self.step = LockStep(self.node, options, self.answered.append)
+        show_simulator(bus)
         self._thread = threading.Thread(target=self._wait)
         self._results: list[bool] = []
 
@@ -237,8 +246,8 @@ class Script:
         self.bus.subscribe(names.done_key(name), Done, lambda _key, done: self.answers.append(done))
 
     def appear(self) -> None:
-        """Show the token."""
-        self._token = self.bus.declare_token(names.token_key(names.SIMULATOR, self.bus.instance))
+        """Show the token of a simulator in lock-step."""
+        self._token = show_simulator(self.bus)
 
     def vanish(self) -> None:
         """Lose it."""

@@ -25,6 +25,10 @@ class DecodeError(ZteamError):
     """A payload is not the message it should be."""
 
 
+class BehaviorError(ZteamError):
+    """A behaviour, or a robot's own process, does not do what it has to."""
+
+
 class BusError(ZteamError):
     """The bus cannot do what was asked: no router, a foreign program on its port, a query without an answer."""
 

@@ -11,7 +11,7 @@ import zenoh
 
 from zteam import names
 from zteam.bus.options import BusOptions, client_config
-from zteam.messages import Done, Tick, Twist, Vector3, decode, encode
+from zteam.messages import Done, Tick, Twist, Vector3, decode, encode, time_from_ns
 from zteam.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team
@@ -267,6 +267,20 @@ def test_a_foreign_command_is_told_of(team: TeamFixture, session: zenoh.Session)
     start = team.robot(1).pose.yaw
     team.run(0.2)
     assert team.robot(1).pose.yaw != start
+
+
+@pytest.mark.parametrize("lockstep", [False, True])
+def test_a_forged_tick_stops_no_team(team: TeamFixture, session: zenoh.Session, lockstep: bool) -> None:
+    """One message on the key of ticks is refused by every process that hears it, and the robot drives on."""
+    team.start("arena", robots=1, behavior="forward", params={0: {"speed": 0.05}}, lockstep=lockstep)
+    team.wait_for_go()
+    forged = Tick(time_from_ns(0), 1, 10**6, participants=["robot_0", names.AGGREGATOR])
+    session.put(f"{team.namespace}/{names.TICK}", encode(forged))
+    # In lock-step the monitor hears the first tick alone.
+    for name in ("robot_0", names.AGGREGATOR) if lockstep else ("robot_0", names.AGGREGATOR, names.MONITOR):
+        team.wait_for_line(name, f"dropped a message on {names.TICK}")
+    start = team.robot(0).distance_travelled
+    team.until(lambda: team.robot(0).distance_travelled > start + 0.05, within=10.0)
 
 
 def test_the_pace_can_be_changed_in_lock_step(team: TeamFixture) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from zteam.behaviors import load_behavior
+from zteam.behaviors.behavior import NoParams
 from zteam.behaviors.registry import look_in
 from zteam.errors import UsageError
 
@@ -25,6 +26,9 @@ class Spin(Behavior):
 
 class Bare(Behavior):
     pass
+
+class Odd(Behavior):
+    Params = 7
 
 class Stranger:
     pass
@@ -88,7 +92,7 @@ def test_a_users_class_is_found() -> None:
         ("my_robots.mine:Swim", "mine.py) has no Swim; it has Spin, Bare"),
         ("my_robots.mine:Stranger", "is not a subclass"),
         ("my_robots.mine:MINE", "has no MINE"),
-        ("my_robots.mine:Bare", "give it a class Params"),
+        ("my_robots.mine:Odd", "give it a class Params"),
     ],
 )
 def test_what_is_no_behaviour_is_refused_on_one_line(spec: str, text: str) -> None:
@@ -119,6 +123,14 @@ def test_wrong_parameters_name_their_key(spec: str, params: dict[str, object], t
     """A parameter's mistake is answered with its key and what it takes."""
     with pytest.raises(UsageError, match=text):
         load_behavior(spec, params)
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_behaviour_without_parameters_needs_no_params() -> None:
+    """A class that names no type of parameters loads, and refuses any parameter."""
+    assert load_behavior("my_robots.mine:Bare", {}).params == NoParams()
+    with pytest.raises(UsageError, match="unknown field `speed`; it takes no parameters"):
+        load_behavior("my_robots.mine:Bare", {"speed": 1.0})
 
 
 def test_whole_numbers_are_speeds_too() -> None:

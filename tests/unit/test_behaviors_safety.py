@@ -1,11 +1,13 @@
 """The layer under every behaviour, and what a robot needs to be ready."""
 
 import math
+from typing import Any
 
 import pytest
 
 from kinematics import TICK, make_scan, make_view
-from zteam.behaviors import Behavior, decide, load_behavior, make_safe, missing
+from zteam.behaviors import Behavior, View, decide, load_behavior, make_safe, missing
+from zteam.errors import ZteamError
 from zteam.geometry import Pose2
 from zteam.messages import LaserScan, Twist, Vector3
 
@@ -135,3 +137,26 @@ def test_lookups_that_fail_stop_only_those_that_need_them() -> None:
     view = make_view(make_scan(FREE), robot_id=1)
     assert decide(load_behavior("follow", {"leader": 0}), view) == (Twist(), "its own pose in map is not known")
     assert decide(load_behavior("avoid", {}), view)[0].linear.x == 0.2
+
+
+@pytest.mark.parametrize(
+    ("returned", "text"),
+    [(None, "Circle.step returned None; return a Twist"), (0.4, "Circle.step returned a float; return a Twist")],
+)
+def test_a_step_that_returns_no_twist_is_told_on_one_line(returned: object, text: str) -> None:
+    """The error names the behaviour, what it returned and what it has to return."""
+
+    class Circle(Behavior):
+        def step(self, view: View) -> Any:
+            return returned
+
+    with pytest.raises(ZteamError) as caught:
+        decide(Circle(None), make_view(make_scan([9.0] * 31)))
+    assert str(caught.value) == text
+    assert caught.value.exit_code == 1
+
+
+def test_a_behaviour_without_a_step_is_told_so() -> None:
+    """A class that defines no `step` is named."""
+    with pytest.raises(ZteamError, match="Behavior has no step"):
+        decide(Behavior(None), make_view(make_scan([9.0] * 31)))

@@ -12,7 +12,7 @@ from zteam.bus import MemoryHub, NoRequest
 from zteam.cli.monitor import parse_team
 from zteam.clock import wait_until, wall_ns
 from zteam.errors import UsageError
-from zteam.messages import Clock, RobotState, RobotStatus, TeamState, TeamStatus, ns_from_time, time_from_ns
+from zteam.messages import Clock, RobotState, RobotStatus, TeamState, TeamStatus, Tick, ns_from_time, time_from_ns
 from zteam.nodes import monitor as monitor_module
 from zteam.nodes.gate import SILENT_AFTER, Event
 from zteam.nodes.monitor import LEAVE_AFTER, Monitor, MonitorOptions, print_event, print_json
@@ -391,6 +391,19 @@ def test_a_jump_back_renews_the_stamp(hub: MemoryHub, open_desk: Open) -> None:
     clock.put(Clock(time_from_ns(100_000_000)))
     desk.wait(lambda: ns_from_time(desk.published[-1].go_stamp) == 100_000_000)
     assert desk.published[-1].epoch == 1
+
+
+def test_a_tick_that_no_simulator_sent_does_not_stop_its_time(hub: MemoryHub, open_desk: Open) -> None:
+    """The clock of a simulator in real time goes on to be heard, and GO has its stamp."""
+    serve_simulator(hub, [0])
+    desk = open_desk(0)
+    clock = hub.bus().publisher(names.CLOCK, Clock)
+    clock.put(Clock(time_from_ns(1_000_000_000)))
+    hub.bus().publisher(names.TICK, Tick).put(Tick())
+    clock.put(Clock(time_from_ns(2_000_000_000)))
+    Robot(hub, 0).say()
+    desk.wait_for("go")
+    assert ns_from_time(desk.published[-1].go_stamp) == 2_000_000_000
 
 
 def test_real_robots_go_in_wall_time(hub: MemoryHub, open_desk: Open) -> None:

@@ -5,12 +5,16 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from players import INTERVAL, LIMIT, Script
-from zteam.bus import Bus, MemoryHub
+from players import INTERVAL, LIMIT, Log, Script, listening, show_simulator
+from zteam import names
+from zteam.bus import Bus, MemoryHub, NoRequest
+from zteam.clock import wait_until
 from zteam.errors import ZteamError
-from zteam.messages import Bool, Done, Tick, Twist, Vector3, ns_from_time
+from zteam.messages import Bool, Done, Tick, Twist, Vector3, ns_from_time, time_from_ns
+from zteam.nodes import participant as module
 from zteam.nodes.node import Node
 from zteam.nodes.participant import Participant
+from zteam.nodes.sim_messages import SimStatus
 from zteam.nodes.stopping import Stop
 
 NAME = "planner"
@@ -47,6 +51,11 @@ class Desk:
     def feed(self) -> None:
         """Send it its input."""
         self._input.put(Bool(True))
+
+    def hear(self, tick: int) -> None:
+        """Data of that tick comes."""
+        with self.node.changed:
+            self.part.take_stamp(tick * INTERVAL)
 
     def _on_input(self, _key: str, _message: Bool) -> None:
         self.fed += 1
@@ -288,3 +297,123 @@ def test_a_repeated_tick_is_no_jump(desk: Desk, script: Script) -> None:
     for tick in (2, 2, 3, 3, 3):
         script.tick(tick, NAME)
     assert jumps == []
+
+
+REFUSED = "dropped a message on sim/tick"
+
+
+@pytest.fixture
+def log() -> Iterator[Log]:
+    """What is logged during the test."""
+    with listening() as lines:
+        yield lines
+
+
+def forge(hub: MemoryHub, tick: int, *participants: str) -> None:
+    """A tick from a session that is no simulator."""
+    publisher = hub.bus().publisher(names.TICK, Tick)
+    publisher.put(Tick(time_from_ns(tick * INTERVAL), 1, tick, participants=list(participants)))
+
+
+def test_a_tick_that_no_simulator_sent_stops_no_team_in_real_time(hub: MemoryHub, log: Log) -> None:
+    """It is neither answered nor taken for the time, and the log and the counters say that it came."""
+    script, desk = Script(hub, NAME), Desk(hub.bus())
+    show_simulator(script.bus, lockstep=False)
+    desk.node.become_present()
+    script.tell(5 * INTERVAL)
+    forge(hub, 0, NAME)
+    forge(hub, 0)
+    log.wait_for(REFUSED)
+    assert (script.answers, desk.acted, desk.part.active) == ([], [], False)
+    script.tell(6 * INTERVAL)
+    assert desk.node.clock.now() == 6 * INTERVAL
+    assert desk.node.bus.counters.snapshot()[names.TICK].dropped == 1
+    desk.node.close()
+
+
+def test_a_tick_that_no_simulator_sent_does_not_count_in_lock_step(
+    hub: MemoryHub, desk: Desk, script: Script, log: Log
+) -> None:
+    """Beside a simulator in lock-step, only that one's ticks are answered."""
+    script.tick(2, NAME)
+    forge(hub, 900, NAME)
+    log.wait_for(REFUSED)
+    script.tick(3, NAME)
+    assert (script.take(), desk.acted) == ([Done(1, 2), Done(1, 3)], [2, 3])
+    assert desk.node.clock.now() == 3 * INTERVAL
+
+
+def test_a_tick_may_come_before_the_simulators_token(hub: MemoryHub) -> None:
+    """Nothing orders the two: the tick is kept, and answered when its simulator has said that this is lock-step."""
+    script, desk = Script(hub, NAME), Desk(hub.bus())
+    desk.node.become_present()
+    script.tick(1)
+    assert script.take() == []
+    script.appear()
+    assert script.take() == [Done(1, 1)]
+    desk.node.close()
+
+
+def test_a_simulator_that_did_not_answer_is_asked_again(hub: MemoryHub) -> None:
+    """Its next tick brings the question anew, and is answered when that is."""
+    script, desk = Script(hub, NAME), Desk(hub.bus())
+    desk.node.become_present()
+    script.bus.declare_token(names.token_key(names.SIMULATOR, script.bus.instance))
+    status = SimStatus("scripted", [], INTERVAL, 1, 0, 0, 1.0, lockstep=True)
+    script.bus.serve(names.service_key(names.SIMULATOR, "status"), NoRequest, lambda _: status)
+    assert script.take() == []
+    script.tick(1)
+    with desk.node.changed:
+        assert wait_until(desk.node.changed, lambda: script.answers == [Done(1, 1)], LIMIT)
+    desk.node.close()
+
+
+def test_data_that_goes_on_without_ticks_is_of_real_time(
+    desk: Desk, script: Script, log: Log, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The participant is idle again, and the clock counts; a tick takes it back into lock-step."""
+    monkeypatch.setattr(module, "TICKLESS", 0.0, raising=False)
+    script.tick(2, NAME)
+    # Of the tick itself, and of the next one, which may come before it.
+    for stamp in (2, 2, 3, 3, 3):
+        desk.hear(stamp)
+        assert desk.part.active
+    desk.hear(4)
+    assert not desk.part.active
+    assert log.count("not in lock-step any more") == 1
+    script.tell(9 * INTERVAL)
+    assert desk.node.clock.now() == 9 * INTERVAL
+    script.take()
+    script.tick(10, NAME)
+    with desk.node.changed:
+        assert wait_until(desk.node.changed, lambda: script.answers == [Done(1, 10)], LIMIT)
+    assert desk.part.active
+
+
+def test_data_before_its_tick_does_not_end_lock_step(desk: Desk, script: Script) -> None:
+    """Scans come a moment before their tick, for as long as there are ticks."""
+    for tick in range(2, 50):
+        desk.hear(tick)
+        desk.hear(tick)
+        script.tick(tick, NAME)
+    assert desk.acted == [*range(2, 50)]
+
+
+@pytest.mark.parametrize("late", ["tick", "input"])
+def test_nothing_is_answered_behind_the_stop_hooks(desk: Desk, script: Script, late: str) -> None:
+    """A hook has the last word, such as a zero velocity: a tick or an input that comes after it does nothing."""
+    desk.needs_food = late == "input"
+    script.tick(2, NAME, "cook")
+    script.take()
+    acted = [*desk.acted]
+
+    def go_on() -> None:
+        if late == "input":
+            desk.feed()
+            desk.feed()
+        else:
+            script.tick(3, NAME)
+
+    desk.node.on_stop(go_on)
+    desk.node.close()
+    assert (script.take(), desk.acted) == ([], acted)

@@ -1,7 +1,10 @@
 """`zteam.Node` on a bus in memory: when its step runs, and what it may answer."""
 
+import re
+import signal
 import threading
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import pytest
 
@@ -20,8 +23,11 @@ from zteam.messages import (
     TransformStamped,
     Twist,
     Vector3,
+    ns_from_time,
     time_from_ns,
 )
+from zteam.nodes import node as core
+from zteam.nodes import stopping
 from zteam.nodes.stopping import Stop
 
 TICK = 100_000_000
@@ -117,6 +123,42 @@ def test_it_counts_anew_when_time_jumps_back(hub: MemoryHub, make: Callable[...,
     assert own.steps[1] < 400 * TICK
 
 
+class Host:
+    """The host's time, which goes on as somebody waits; `late` is what every wait takes too long."""
+
+    def __init__(self, late: float = 0.0) -> None:
+        self.ns = 1_000_000_000
+        self._late = late
+
+    def wait(self, ready: Callable[[], bool], timeout: float) -> bool:
+        """Instead of `Node.wait`: nothing happens until the time is over."""
+        if not ready():
+            self.ns += round((timeout + self._late) * 1e9)
+        return ready()
+
+
+@pytest.mark.parametrize("period", [0.03, 0.15, 0.25, 1.7])
+def test_in_wall_time_its_steps_are_a_period_apart(
+    make: Callable[..., Own], monkeypatch: pytest.MonkeyPatch, period: float
+) -> None:
+    """It waits for the very moment, and one that came late does not move the next."""
+    own, host = make(), Host(late=0.001)
+    own.node.clock.use_wall()
+    monkeypatch.setattr(own.node.clock, "steady", lambda: host.ns)
+    monkeypatch.setattr(own.node, "wait", host.wait)
+    steps: list[int] = []
+
+    def step(_now: int) -> None:
+        steps.append(host.ns)
+        if len(steps) == 40:
+            own.stop.request("enough")
+
+    own.node.run(step, period=period)
+    begin = steps[0]
+    for count, moment in enumerate(steps):
+        assert 0 <= moment - begin - count * round(period * 1e9) <= 1_000_000
+
+
 @pytest.mark.usefixtures("patient")
 def test_in_lock_step_it_waits_for_its_inputs(hub: MemoryHub, make: Callable[..., Own], worlds: Worlds) -> None:
     """The world is held until the tick's odometry of every robot, and its transforms, have come; then it steps once."""
@@ -168,6 +210,119 @@ def test_what_step_raises_ends_it(hub: MemoryHub, make: Callable[..., Own]) -> N
     hub.bus().publisher(names.CLOCK, Clock).put(Clock(time_from_ns(TICK)))
     own._thread.join(LIMIT)
     assert str(own.failure) == "out of plans"
+
+
+@pytest.mark.usefixtures("patient")
+@pytest.mark.parametrize("every_tick", [True, False])
+def test_what_a_callback_raises_ends_it(
+    hub: MemoryHub, make: Callable[..., Own], worlds: Worlds, every_tick: bool
+) -> None:
+    """`run` raises it, no tick is answered any more, and the world goes on without a time-out once it is closed."""
+
+    def fail(_key: str, odom: Odometry) -> None:
+        if ns_from_time(odom.header.stamp) == 2 * TICK:
+            raise ValueError("out of plans")
+
+    own = make()
+    key = names.robot_key(0, names.ODOM)
+    odoms = hub.bus().publisher(key, Odometry)
+    own.node.subscribe(key, Odometry, fail, every_tick=every_tick)
+    own.start()
+    world = worlds("planner")
+    own.wait_until_present()
+    world.open(1, 0)
+    world.begin()
+    odoms.put(Odometry(Header(time_from_ns(TICK))))
+    assert world.end()
+    odoms.put(Odometry(Header(time_from_ns(2 * TICK))))
+    own._thread.join(LIMIT)
+    assert str(own.failure) == "out of plans"
+    world.open(2, 0)
+    world.begin()
+    assert world.step.waiting_for() == "planner"
+    own.node.close()
+    assert world.end()
+    assert own.steps == [TICK]
+
+
+@pytest.mark.parametrize("source", ["token", "jump"])
+def test_what_other_callbacks_raise_ends_it(hub: MemoryHub, make: Callable[..., Own], source: str) -> None:
+    """Those for tokens and for jumps in time too."""
+
+    def fail(*_: object) -> None:
+        raise ValueError(source)
+
+    own = make()
+    own.node.watch_tokens(names.tokens_key("camera"), fail)
+    own.node.clock.sim.on_jump_back(fail)
+    own.start()
+    bus = hub.bus()
+    if source == "token":
+        bus.declare_token(names.token_key("camera", bus.instance))
+    else:
+        clock = bus.publisher(names.CLOCK, Clock)
+        clock.put(Clock(time_from_ns(2 * TICK)))
+        clock.put(Clock(time_from_ns(TICK)))
+    own._thread.join(LIMIT)
+    assert str(own.failure) == source
+
+
+def test_a_robots_step_returns_a_twist(hub: MemoryHub, make: Callable[..., Own]) -> None:
+    """What is neither that nor None is told, with what to do."""
+    own = make("robot_3").start(lambda _now: 0.4)
+    hub.bus().publisher(names.CLOCK, Clock).put(Clock(time_from_ns(TICK)))
+    own._thread.join(LIMIT)
+    assert str(own.failure) == "robot_3: step returned a float; return a Twist"
+
+
+@pytest.fixture
+def offline(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> None:
+    """`zteam.run` opens its sessions in memory."""
+    monkeypatch.setattr(core, "connect", lambda options, stopping: hub.bus())
+
+
+@pytest.mark.usefixtures("offline")
+def test_after_run_the_process_is_the_users_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The code behind `zteam.run` is not ended by force, and signals go to whom they went before."""
+    ends: list[int] = []
+    monkeypatch.setattr(stopping, "HARD_EXIT", 0.1)
+    monkeypatch.setattr(stopping.os, "_exit", ends.append)
+    before = {number: signal.getsignal(number) for number in stopping.SIGNALS}
+    threads = set(threading.enumerate())
+    assert zteam.run("planner", lambda node: node.stop.request("over")) == 0
+    for thread in set(threading.enumerate()) - threads:
+        thread.join(LIMIT)
+        assert not thread.is_alive(), thread.name
+    assert ends == []
+    assert {number: signal.getsignal(number) for number in stopping.SIGNALS} == before
+
+
+@pytest.mark.usefixtures("offline")
+@pytest.mark.parametrize("where", ["callback", "step", "hook"])
+def test_an_error_of_the_users_code_is_shown_and_makes_exit_code_1(
+    hub: MemoryHub, capsys: pytest.CaptureFixture[str], where: str
+) -> None:
+    """The log has the traceback with the user's frames alone."""
+
+    def fail(*_: object) -> None:
+        raise ValueError("out of plans")
+
+    def main(node: zteam.Node) -> None:
+        node.subscribe("plan", Bool, fail)
+        if where == "hook":
+            node.on_stop(fail)
+            return
+        if where == "callback":
+            hub.bus().publisher("plan", Bool).put(Bool(True))
+        node.clock.use_wall()
+        node.run(fail if where == "step" else lambda _now: None)
+
+    assert zteam.run("planner", main) == 1
+    text = capsys.readouterr().err.strip()
+    assert "error: ended by an error:\nTraceback" in text
+    assert text.endswith("ValueError: out of plans")
+    assert "in fail" in text
+    assert {Path(name).name for name in re.findall('File "(.*)"', text)} == {Path(__file__).name}
 
 
 def test_an_input_without_a_stamp_is_refused(make: Callable[..., Own]) -> None:

@@ -5,17 +5,31 @@ from typing import Any, ClassVar
 import msgspec
 
 from zteam.behaviors.view import View
+from zteam.errors import BehaviorError
 from zteam.messages import Twist
+
+
+class NoParams(msgspec.Struct, forbid_unknown_fields=True):
+    """The parameters of a behaviour that has none."""
+
+
+def checked_command(command: Any, what: str) -> Twist:
+    """`command`, returned by `what`. Raises BehaviorError if it is no velocity."""
+    if isinstance(command, Twist):
+        return command
+    shown = "None" if command is None else f"a {type(command).__name__}"
+    raise BehaviorError(f"{what} returned {shown}; return a Twist")
 
 
 class Behavior:
     """Observations in, a velocity out: no bus, no sleeping, no clock but the view's, nothing random but the view's.
 
-    A subclass writes `step` and names its parameters' type in `Params`, a msgspec.Struct that forbids unknown fields.
+    A subclass writes `step`. If it takes parameters, it names their type in `Params`, a msgspec.Struct that forbids
+    unknown fields.
     The safety layer (`decide`) lies under every behaviour and stops it on old data and in front of obstacles.
     """
 
-    Params: ClassVar[type[msgspec.Struct]]
+    Params: ClassVar[type[msgspec.Struct]] = NoParams
     params: Any
     """Its parameters, a `Params`."""
     uses_tf: ClassVar[bool] = False
@@ -32,7 +46,7 @@ class Behavior:
 
     def step(self, view: View) -> Twist:
         """The velocity from now on, in the base frame: m/s and rad/s."""
-        raise NotImplementedError
+        raise BehaviorError(f"{type(self).__name__} has no step(view)")
 
     def missing(self, view: View) -> list[str]:
         """What the behaviour itself still needs before the robot may call itself ready."""

@@ -6,7 +6,7 @@ Pure functions. Text that says why is the same from step to step, so that a robo
 import math
 
 from zteam import names
-from zteam.behaviors.behavior import Behavior
+from zteam.behaviors.behavior import Behavior, checked_command
 from zteam.behaviors.scans import first_clear, look_ahead
 from zteam.behaviors.view import View
 from zteam.messages import LaserScan, Twist, Vector3, ns_from_time
@@ -31,7 +31,7 @@ def decide(behavior: Behavior, view: View) -> tuple[Twist, str]:
     trouble = _old_data(view, behavior.uses_tf)
     if trouble:
         return Twist(), trouble
-    command, trouble = make_safe(behavior.step(view), view)
+    command, trouble = make_safe(checked_command(behavior.step(view), f"{type(behavior).__name__}.step"), view)
     return command, trouble or behavior.reason
 
 

@@ -5,6 +5,7 @@ watch both kinds of token, declare a claim, wait, and give way to a living holde
 Without the wait two contenders both won in 31 of 40 tries, from 20 ms on in none; CLAIM_WAIT is five times that.
 """
 
+import logging
 import os
 import socket
 import threading
@@ -16,10 +17,14 @@ from zteam import names
 from zteam.bus.bus import Bus, NoRequest
 from zteam.bus.transport import Closeable
 from zteam.clock import monotonic, wait_until, wall_ns
-from zteam.errors import DuplicateNameError
+from zteam.errors import BusError, DuplicateNameError
 from zteam.version import __version__
 
+log = logging.getLogger("zteam.bus")
+
 CLAIM_WAIT = 0.1
+ASK_AGAIN = 1.0
+"""Host seconds until another holder of the name that did not answer is asked again."""
 
 
 class ProcessInfo(msgspec.Struct):
@@ -52,6 +57,7 @@ class Claim:
         self._claims: set[str] = set()
         self._on_rival: Callable[[ProcessInfo], None] | None = None
         self._token: Closeable | None = None
+        self._released = False
         self._info = own_info(name, bus.instance, self.start)
         self._server = bus.serve(names.info_key(name), NoRequest, lambda _: self._info)
         bus.watch_tokens([names.tokens_key(name), names.claims_key(name)], self._on_token)
@@ -67,7 +73,7 @@ class Claim:
             (known.add if alive else known.discard)(instance)
             self._changed.notify_all()
         if known is self._alive and alive and self._token is not None:
-            threading.Thread(target=self._meet_rival, args=(instance,), daemon=True).start()
+            self._meet_aside(instance)
 
     def win(self, on_rival: Callable[[ProcessInfo], None], on_win: Callable[[], None] = lambda: None) -> None:
         """Take the name. Raises DuplicateNameError that says who holds it.
@@ -88,6 +94,11 @@ class Claim:
         on_win()
         self._token = self._bus.declare_token(names.token_key(self.name, self._bus.instance))
         self._claim.close()
+        with self._changed:
+            # Those whose token came since the look above met no token of this process.
+            rivals = sorted(self._alive)
+        for instance in rivals:
+            self._meet_aside(instance)
 
     def _refusal(self, rivals: list[str]) -> str:
         what = f"{self.name} is taken"
@@ -99,19 +110,37 @@ class Claim:
         return f"{what}: stop that one first, or use another id or --namespace"
 
     def _others(self) -> list[tuple[str, ProcessInfo]]:
-        found = self._bus.query(names.info_key(self.name), ProcessInfo, timeout=1.0)
+        """Who else answers under this name."""
+        try:
+            found = self._bus.query(names.info_key(self.name), ProcessInfo, timeout=1.0)
+        except BusError as error:
+            log.debug("%s", error)
+            return []
         return [(key, info) for key, info in found if info.instance != self._bus.instance]
 
+    def _meet_aside(self, instance: str) -> None:
+        threading.Thread(target=self._meet_rival, args=(instance,), name="rival", daemon=True).start()
+
     def _meet_rival(self, instance: str) -> None:
-        """Two holders after a healed network: the one that started later gives way."""
-        for _, info in self._others():
-            if info.instance == instance and (info.start, info.instance) < (self.start, self._bus.instance):
-                if self._on_rival:
-                    self._on_rival(info)
+        """Two holders, such as after a healed network: the one that started later gives way.
+
+        A rival that does not answer is asked again as long as both hold the name.
+        """
+        while True:
+            rival = next((info for _, info in self._others() if info.instance == instance), None)
+            if rival is not None:
+                if (rival.start, rival.instance) < (self.start, self._bus.instance) and self._on_rival:
+                    self._on_rival(rival)
                 return
+            with self._changed:
+                if wait_until(self._changed, lambda: self._released or instance not in self._alive, ASK_AGAIN):
+                    return
 
     def release(self) -> None:
         """Give the name back before the session closes."""
+        with self._changed:
+            self._released = True
+            self._changed.notify_all()
         for handle in (self._token, self._claim, self._server):
             if handle:
                 handle.close()

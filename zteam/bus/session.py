@@ -12,7 +12,7 @@ import zenoh
 import zenoh.ext
 
 from zteam.bus.transport import Closeable, QueryHandler, RawPublisher, RawSample, Reply, SampleHandler, TokenHandler
-from zteam.errors import ZteamError
+from zteam.errors import BusError, ZteamError
 
 log = logging.getLogger("zteam.bus")
 
@@ -216,15 +216,19 @@ class ZenohTransport:
         return self._wrap(self._session.declare_queryable(key, _aside(on_query), complete=True))
 
     def get(self, key_expr: str, payload: bytes, timeout: float) -> list[Reply]:
+        try:
+            answers = self._session.get(
+                key_expr,
+                payload=payload,
+                timeout=timeout,
+                target=zenoh.QueryTarget.ALL,
+                # Every answer counts: two processes that claim one name both serve its keys.
+                consolidation=zenoh.ConsolidationMode.NONE,
+            )
+        except zenoh.ZError as error:
+            # Threads that ask may outlive the session.
+            raise BusError(f"cannot ask {key_expr}: {error}") from None
         replies = []
-        answers = self._session.get(
-            key_expr,
-            payload=payload,
-            timeout=timeout,
-            target=zenoh.QueryTarget.ALL,
-            # Every answer counts: two processes that claim one name both serve its keys.
-            consolidation=zenoh.ConsolidationMode.NONE,
-        )
         for reply in answers:
             if reply.ok is not None:
                 replies.append(Reply(str(reply.ok.key_expr), reply.ok.payload.to_bytes(), False))

@@ -17,7 +17,7 @@ from zteam.cli.options import (
     run,
     whole,
 )
-from zteam.errors import UsageError
+from zteam.errors import UsageError, ZteamError
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -81,6 +81,7 @@ def _drive(robot_id: int, args: argparse.Namespace) -> int:
 
     from zteam.behaviors import load_behavior
     from zteam.behaviors.registry import look_in
+    from zteam.nodes.faults import log_fault
     from zteam.nodes.node import Node, run_node
     from zteam.nodes.robot import RobotOptions, run_robot
 
@@ -96,7 +97,12 @@ def _drive(robot_id: int, args: argparse.Namespace) -> int:
     look_in([*args.path, ""])
     make_behavior = partial(load_behavior, spec, params, robot_id)
     # A mistake is told at once, before anything is waited for.
-    make_behavior()
+    try:
+        make_behavior()
+    except ZteamError:
+        raise
+    except Exception as error:
+        return log_fault(error)
     options = RobotOptions(robot_id=robot_id, gate=not args.no_gate, seed=args.seed)
 
     def body(node: Node) -> None:

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping
 
 from zteam import names
 from zteam.bus import NoRequest
-from zteam.clock import Rate, monotonic, to_ns, to_seconds
+from zteam.clock import Rate, monotonic, to_ns
 from zteam.messages import (
     Header,
     JointState,
@@ -112,6 +112,7 @@ class Aggregator:
             return
         robot_id = target[0]
         stamp = max(ns_from_time(t.header.stamp) for t in message.transforms)
+        self._part.take_stamp(stamp)
         if self._part.active:
             self._merger.take(robot_id, message, self._node.clock.now())
             self._hear(robot_id, stamp)
@@ -237,22 +238,14 @@ class Aggregator:
                         self._flush_late()
             else:
                 pace = pace or Rate(to_ns(1.0 / rate), self._node.clock.steady())
-                self._wait_for_moment(pace)
+                if self._node.wait_for_moment(pace):
+                    with self._node.changed:
+                        self._flush()
             with self._node.changed:
                 self._drop_lost_callers()
                 conflicts = self._merger.take_conflicts()
             for conflict in conflicts:
                 log.warning("%s", conflict)
-
-    def _wait_for_moment(self, pace: Rate) -> None:
-        """Send what is here when the next moment of a rate comes, in the team's time."""
-        clock = self._node.clock
-        left = to_seconds(pace.left(clock.steady()))
-        # Simulated time wakes this as it goes on; it may stand still for long.
-        if self._node.wait(lambda: pace.left(clock.steady()) == 0, 0.5 if clock.simulated else left):
-            pace.take(clock.steady())
-            with self._node.changed:
-                self._flush()
 
     def _bundle_is_old(self) -> bool:
         return self._opened is not None and monotonic() - self._opened >= PATIENCE

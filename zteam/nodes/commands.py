@@ -81,6 +81,8 @@ class Commands:
     def wait_for_answers(self, timeout: float) -> None:
         """Let the robots that were sent a scan answer, for `timeout` host seconds at most."""
         with self._lock:
+            # One that was taken out of the world does not answer its last scan.
+            self._scan_sent = {i: sent for i, sent in self._scan_sent.items() if self._has_robot(i)}
             wait_until(self._lock, lambda: not any(self._holders.get(i) for i in self._scan_sent), timeout)
 
     def take(self) -> tuple[dict[int, Twist], list[int]]:

@@ -7,7 +7,6 @@ from collections.abc import Callable
 import msgspec
 
 from zteam import names
-from zteam.bus.transport import Closeable
 from zteam.clock import Every, monotonic
 from zteam.errors import BusError
 from zteam.messages import RobotStatus, TeamStatus, Tick, ns_from_time
@@ -15,6 +14,7 @@ from zteam.nodes.gate import Event, Gate
 from zteam.nodes.losses import Losses
 from zteam.nodes.node import Node
 from zteam.nodes.sim_messages import SimStatus
+from zteam.nodes.ticks import Ticks
 from zteam.nodes.writer_watch import WriterWatch
 
 log = logging.getLogger("zteam")
@@ -46,27 +46,20 @@ class Monitor:
         self._odd = Every(1.0)
         self._sim_seen = False
         self._writers = WriterWatch(node, self.gate)
-        self._ticks: Closeable | None = None
         self._publisher = node.bus.publisher(names.TEAM_STATUS, TeamStatus, latched=True)
         node.follow_clock()
-        self._follow_ticks()
-        node.on_simulator_lost(self._follow_ticks)
+        self._ticks = Ticks(node, self._on_tick)
+        node.on_simulator_lost(self._ticks.listen)
         node.clock.sim.on_jump_back(lambda _old, new: self.gate.renew(new))
         node.bus.watch_link(self._on_link)
         node.subscribe(names.all_robots_key(names.STATUS), RobotStatus, self._on_status)
         node.watch_tokens(names.tokens_key(), self._on_token)
 
-    def _follow_ticks(self) -> None:
-        if self._ticks is None:
-            self._ticks = self._node.subscribe(names.TICK, Tick, self._on_tick, wake=False)
-
-    def _on_tick(self, _key: str, tick: Tick) -> None:
+    def _on_tick(self, tick: Tick) -> None:
         """Lock-step, where GO holds from the tick that carries it: the time does not matter, and is not listened to."""
         self._node.take_time_from_ticks()
-        self._node.clock.sim.set(ns_from_time(tick.stamp))
-        if self._ticks is not None:
-            self._ticks.close()
-            self._ticks = None
+        self._node.set_time(ns_from_time(tick.stamp))
+        self._ticks.deafen()
 
     def _on_link(self, up: bool) -> None:
         with self._node.changed:

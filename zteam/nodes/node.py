@@ -12,9 +12,10 @@ from zteam import names
 from zteam.bus import Bus, BusOptions, connect
 from zteam.bus.presence import Claim, ProcessInfo
 from zteam.bus.transport import Closeable
-from zteam.clock import AutoClock, monotonic, wait_until
+from zteam.clock import AutoClock, Rate, monotonic, to_seconds, wait_until
 from zteam.errors import ZteamError
 from zteam.messages import Clock, Message, ns_from_time
+from zteam.nodes.faults import log_fault
 from zteam.nodes.stopping import Stop, exit_hard_later
 
 log = logging.getLogger("zteam")
@@ -49,7 +50,9 @@ class Node:
             self.clock.use_wall()
         self.changed = threading.Condition()
         self.present = False
-        """Whether this process holds its name."""
+        """Whether this process holds its name and has not begun to give it back."""
+        self.exit_code = 0
+        """Of a process whose body ended without an error."""
         self._failure: BaseException | None = None
         self._simulators: set[str] = set()
         self._on_simulator_lost: list[Callable[[], None]] = []
@@ -67,6 +70,11 @@ class Node:
     def stopping(self) -> bool:
         """Whether the process was asked to stop."""
         return self.stop.requested
+
+    @property
+    def speaks(self) -> bool:
+        """Whether it may act and answer under its name: it holds that, is not being closed and has not failed."""
+        return self.present and self._failure is None
 
     def become_present(self) -> None:
         """Win the name and show the presence token. Raises DuplicateNameError that names the holder."""
@@ -86,7 +94,7 @@ class Node:
         """Take simulated time from the bus as soon as there is a simulator. A second call does nothing."""
         if not self._follows_clock:
             self._follows_clock = True
-            self._clock_input = self.subscribe(names.CLOCK, Clock, self._on_clock, wake=False)
+            self.take_time_from_clock()
             self.watch_tokens(names.tokens_key(names.SIMULATOR), self._on_simulator)
 
     def take_time_from_ticks(self) -> None:
@@ -95,6 +103,18 @@ class Node:
         if self._clock_input is not None:
             self._clock_input.close()
             self._clock_input = None
+
+    def take_time_from_clock(self) -> None:
+        """Out of lock-step the clock tells the time."""
+        if self._clock_input is None:
+            self._clock_input = self.subscribe(names.CLOCK, Clock, self._on_clock, wake=False)
+
+    def set_time(self, stamp: int) -> None:
+        """Take simulated time `stamp` (ns); an error of a callback for jumps ends the process."""
+        try:
+            self.clock.sim.set(stamp)
+        except BaseException as error:
+            self._fail(error)
 
     def on_simulator_lost(self, callback: Callable[[], None]) -> None:
         """Call `callback()` under `changed` when the last simulator is gone."""
@@ -154,9 +174,23 @@ class Node:
         """What goes wrong within, on a thread of the bus, ends the process: `wait` raises it in the main loop."""
         try:
             yield
-        except Exception as error:
-            self._failure = error
-            self.wake()
+        except BaseException as error:
+            self._fail(error)
+
+    def _fail(self, error: BaseException) -> None:
+        # What follows from the first error says less.
+        self._failure = self._failure or error
+        self.wake()
+
+    def wait_for_moment(self, pace: Rate) -> bool:
+        """Wait until the next moment of `pace` in the team's time, and take it; False if something else comes first."""
+        clock = self.clock
+        left = to_seconds(pace.left(clock.steady()))
+        # Simulated time wakes this as it goes on (see `wakes_with_clock`); it may stand still for long.
+        if not self.wait(lambda: pace.left(clock.steady()) == 0, 0.5 if clock.simulated else left):
+            return False
+        pace.take(clock.steady())
+        return True
 
     def wake(self) -> None:
         """Let `wait` look again."""
@@ -165,15 +199,15 @@ class Node:
 
     def close(self) -> None:
         """Run the stop hooks, give the name back and end the session."""
+        with self.changed:
+            # The hooks have the last word. Until the token is gone ticks still come, and must not be answered.
+            self.present = False
         for hook in self._on_stop:
             try:
                 hook()
-            except Exception:
+            except Exception as error:
                 # A hook that fails must not keep the next one (a zero velocity) from running.
-                log.exception("error while stopping")
-        with self.changed:
-            # The others hear of it before the session is closed, and may repeat what is not for this process any more.
-            self.present = False
+                self.exit_code = log_fault(error)
         self.claim.release()
         self.bus.close()
 
@@ -188,7 +222,7 @@ class Node:
 
     def _on_clock(self, _key: str, message: Clock) -> None:
         self.clock.use_simulated()
-        self.clock.sim.set(ns_from_time(message.clock))
+        self.set_time(ns_from_time(message.clock))
         if self.wakes_with_clock:
             self.changed.notify_all()
 
@@ -198,8 +232,7 @@ class Node:
             self.clock.use_simulated()
         elif not self._simulators:
             # The next one may not work in lock-step.
-            if self._clock_input is None:
-                self._clock_input = self.subscribe(names.CLOCK, Clock, self._on_clock, wake=False)
+            self.take_time_from_clock()
             for callback in self._on_simulator_lost:
                 callback()
 
@@ -245,19 +278,33 @@ def run_node(
     stop = Stop()
     stop.install()
     exit_hard_later(stop)
+    return run_body(name, options, body, stop, clock, make)
+
+
+def run_body(
+    name: str,
+    options: BusOptions,
+    body: Callable[[N], None],
+    stop: Stop,
+    clock: ClockMode,
+    make: Callable[[str, Bus, Stop, ClockMode], N],
+) -> int:
+    """Open the node, run `body(node)` and close; the exit code. An error is logged, a ZteamError as one line."""
     sys.setswitchinterval(SWITCH_INTERVAL)
     try:
         with open_node(name, options, stop, clock, make) as node:
             try:
                 body(node)
             except ZteamError as error:
-                if stop.requested:
-                    return 0
-                log.error("%s", error)
-                return error.exit_code
+                return 0 if stop.requested else _say(error)
+            except Exception as error:
+                # Before the end, of which there may be more to say.
+                return log_fault(error)
     except ZteamError as error:
-        if stop.requested:
-            return 0
-        log.error("%s", error)
-        return error.exit_code
-    return 0
+        return 0 if stop.requested else _say(error)
+    return node.exit_code
+
+
+def _say(error: ZteamError) -> int:
+    log.error("%s", error)
+    return error.exit_code

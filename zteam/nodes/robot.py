@@ -68,6 +68,8 @@ class RobotNode:
         self._acted = 0
         """Stamp of the scan that was acted on last."""
         self._stepped = 0
+        self._jumps = 0
+        """How often time has jumped back."""
         self._hears_odom = self._hears_tf = True
         self._heard_tf = 0
         """Stamp of the newest bundle."""
@@ -104,6 +106,7 @@ class RobotNode:
 
     def _on_scan(self, _key: str, scan: LaserScan) -> None:
         self._scan = scan
+        self._part.take_stamp(ns_from_time(scan.header.stamp))
         self._first_data = self._first_data or monotonic()
         self._arrived()
 
@@ -118,9 +121,10 @@ class RobotNode:
             # The main loop is woken once a scan and not for each of its parts.
             if self._is_complete() or self._waiting:
                 self._node.changed.notify_all()
-        elif not self._part.advance() and not self._released:
+        elif not self._part.advance() and not self._released and self._node.speaks:
             # The first tick is held until all are ready, and what that takes may come after this robot's answer.
-            self._may_drive(0, self._view(self._acted))
+            with self._node.failing():
+                self._may_drive(0, self._view(self._acted))
 
     def _on_team_status(self, _key: str, status: TeamStatus) -> None:
         self._team = status
@@ -146,6 +150,7 @@ class RobotNode:
         self._bundles.clear()
         self._scan = self._odom = None
         self._acted = self._stepped = self._heard_tf = 0
+        self._jumps += 1
         self._behavior = self._make_behavior()
 
     def run(self) -> None:
@@ -155,18 +160,23 @@ class RobotNode:
             if self._node.stopping:
                 return
             self._node.decide_clock(self._first_data)
-            scan = self._scan
-            if self._part.active:
-                pass  # the bus's threads drive
-            elif scan is not None and ns_from_time(scan.header.stamp) != self._acted:
-                self._acted = ns_from_time(scan.header.stamp)
-                # A scan that was held up on its way is as old as the clock says.
-                self._drive(max(self._acted, self._node.clock.now()))
-            elif self._data_stopped():
-                self._drive(self._node.clock.now())
-            if self._heartbeat.due():
-                with self._node.changed:
+            # One lock for all that makes the behaviour or asks it: handlers make it anew when time jumps back.
+            with self._node.changed:
+                self._take_turn()
+                if self._heartbeat.due():
                     self._publish_status()
+
+    def _take_turn(self) -> None:
+        """Real time: act if there is a reason to."""
+        scan = self._scan
+        if self._part.active:
+            return  # the bus's threads drive
+        if scan is not None and ns_from_time(scan.header.stamp) != self._acted:
+            self._acted = ns_from_time(scan.header.stamp)
+            # A scan that was held up on its way is as old as the clock says.
+            self._drive(max(self._acted, self._node.clock.now()))
+        elif self._data_stopped():
+            self._drive(self._node.clock.now())
 
     def _due(self) -> bool:
         return not self._part.active and (self._is_complete() or self._data_stopped())
@@ -186,17 +196,20 @@ class RobotNode:
 
     def _drive(self, now: int) -> None:
         """Act at time `now` on the newest data, and say the command."""
-        if self._behavior.uses_tf:
-            scan = self._scan
-            self._waiting = True
-            # Once they stay away, the next scan wakes the main loop without them.
-            self._awaits_tf = self._node.wait(lambda: self._heard_tf >= now or self._scan is not scan, TF_PATIENCE)
-            self._waiting = False
-        with self._node.changed:
-            view = self._view(now)
-        command = self._step(view, self._team_epoch(now))
+        if self._behavior.uses_tf and not self._wait_for_transforms(now):
+            return
+        command = self._step(self._view(now), self._team_epoch(now))
         if command is not None:
             self._cmd_vel.put(command)
+
+    def _wait_for_transforms(self, now: int) -> bool:
+        """Let go of the lock until the transforms of `now` come; False if that time is over when it is taken again."""
+        scan, jumps = self._scan, self._jumps
+        self._waiting = True
+        # Once they stay away, the next scan wakes the main loop without them.
+        self._awaits_tf = self._node.wait(lambda: self._heard_tf >= now or self._scan is not scan, TF_PATIENCE)
+        self._waiting = False
+        return self._jumps == jumps and not self._part.active and not self._node.stopping
 
     def _has_inputs(self, tick: Tick) -> bool:
         """Lock-step: whether everything has come that the tick brings to this robot."""
@@ -291,8 +304,7 @@ class RobotNode:
         if text and text != self._text:
             log.info("%s: %s", RobotState.TEXT[state], text)
         self._state, self._text = state, text
-        with self._node.changed:
-            self._publish_status()
+        self._publish_status()
 
     def _publish_status(self) -> None:
         self._status.put(
@@ -308,9 +320,10 @@ class RobotNode:
 
     def halt(self) -> None:
         """The last words: wheels to zero, then the status; both leave before the session closes."""
-        self._cmd_vel.put(Twist())
-        self._state, self._text = RobotState.STOPPED, "stopped"
-        self._publish_status()
+        with self._node.changed:
+            self._cmd_vel.put(Twist())
+            self._state, self._text = RobotState.STOPPED, "stopped"
+            self._publish_status()
         log.info("%s stopped", names.robot_name(self._id))
 
 

@@ -9,7 +9,8 @@ import os
 import signal
 import socket
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 log = logging.getLogger("zteam")
 
@@ -53,32 +54,40 @@ class Stop:
         for callback in callbacks:
             callback()
 
-    def install(self, on_repeat: Callable[[], None] = lambda: None) -> None:
+    def install(self, on_repeat: Callable[[], None] = lambda: None) -> Callable[[], None]:
         """Take the stop signals and the parent's death as requests; `on_repeat` hears further signals.
 
-        Main thread only.
+        Main thread only. The call that comes back gives the signals to whom they went before.
         """
         reader, writer = socket.socketpair()
         writer.setblocking(False)
         # First of all: between the two a signal would be lost.
-        signal.set_wakeup_fd(writer.fileno(), warn_on_full_buffer=False)
-        for number in SIGNALS:
-            signal.signal(number, lambda *_: None)
+        descriptor = signal.set_wakeup_fd(writer.fileno(), warn_on_full_buffer=False)
+        before = {number: signal.signal(number, lambda *_: None) for number in SIGNALS}
+
+        def give_back() -> None:
+            for number, handler in before.items():
+                signal.signal(number, signal.SIG_DFL if handler is None else handler)
+            signal.set_wakeup_fd(descriptor)
+            # The thread that reads hears the end.
+            writer.close()
+
         threading.Thread(
             target=self._watch_signals, args=(reader, writer, on_repeat), name="signals", daemon=True
         ).start()
         pipe = os.environ.pop(PARENT_PIPE, None)
         if pipe is not None and pipe.isdigit():
             threading.Thread(target=self._watch_parent, args=(int(pipe),), name="parent", daemon=True).start()
+        return give_back
 
     def _watch_signals(self, reader: socket.socket, writer: socket.socket, on_repeat: Callable[[], None]) -> None:
         # `writer` is held here so that its descriptor stays open as long as the interpreter writes to it.
-        while data := reader.recv(1):
-            if data[0] in SIGNALS:
-                if self.requested:
-                    on_repeat()
-                self.request(signal.Signals(data[0]).name)
-        writer.close()
+        with reader, writer:
+            while data := reader.recv(1):
+                if data[0] in SIGNALS:
+                    if self.requested:
+                        on_repeat()
+                    self.request(signal.Signals(data[0]).name)
 
     def _watch_parent(self, descriptor: int) -> None:
         try:
@@ -90,17 +99,30 @@ class Stop:
         self.request("the launcher is gone")
 
 
-def exit_hard_later(stop: Stop) -> None:
-    """From the stop request on, give the process HARD_EXIT seconds to end by itself."""
+def exit_hard_later(stop: Stop) -> Callable[[], None]:
+    """From the stop request on, give the process HARD_EXIT seconds to end by itself; the call that comes back takes
+    this back."""
 
     def end() -> None:
         log.error("did not stop within %g s: ending now", HARD_EXIT)
         logging.shutdown()
         os._exit(1)
 
-    def start() -> None:
-        timer = threading.Timer(HARD_EXIT, end)
-        timer.daemon = True
-        timer.start()
+    timer = threading.Timer(HARD_EXIT, end)
+    timer.daemon = True
+    stop.on_request(timer.start)
+    return timer.cancel
 
-    stop.on_request(start)
+
+@contextmanager
+def stopping_in_order(stop: Stop) -> Iterator[None]:
+    """Within, signals request a stop and the process must end soon after; afterwards it is the caller's again.
+
+    Main thread only.
+    """
+    give_back, cancel = stop.install(), exit_hard_later(stop)
+    try:
+        yield
+    finally:
+        cancel()
+        give_back()

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 from zteam import names
+from zteam.behaviors.behavior import checked_command
 from zteam.bus import Bus, BusOptions, Publisher
 from zteam.bus.transport import Closeable
 from zteam.clock import Rate, monotonic, to_ns
@@ -12,7 +13,7 @@ from zteam.messages import Message, TFMessage, Tick, Twist, ns_from_time
 from zteam.nodes import node as core
 from zteam.nodes.logs import start_logging
 from zteam.nodes.participant import Participant
-from zteam.nodes.stopping import Stop
+from zteam.nodes.stopping import Stop, stopping_in_order
 
 M = TypeVar("M", bound=Message)
 
@@ -35,7 +36,6 @@ class Node(core.Node):
         """Of the newest message, by key."""
         self._step: Step = lambda now: None
         self._cmd_vel: Publisher[Twist] | None = None
-        self._rate: Rate | None = None
         self._first_data = 0.0
         """Host time of the first message; 0 before."""
         self._part = Participant(self, self._has_inputs, self._act)
@@ -64,12 +64,23 @@ class Node(core.Node):
 
         def handle(key: str, message: Any) -> None:
             self._first_data = self._first_data or monotonic()
-            callback(key, message)
+            with self.failing():
+                callback(key, message)
             if every_tick:
                 self._stamps[key] = _stamp_of(message)
+                self._part.take_stamp(self._stamps[key])
                 self._part.advance()
 
         return super().subscribe(key_expr, message_type, handle, latched=latched, wake=wake)
+
+    def watch_tokens(self, key_expr: str, callback: Callable[[str, bool], None]) -> None:
+        """Call `callback(key, alive)` for presence tokens, never at the same time as `step`."""
+
+        def handle(key: str, alive: bool) -> None:
+            with self.failing():
+                callback(key, alive)
+
+        super().watch_tokens(key_expr, handle)
 
     def run(self, step: Step, *, period: float = 0.1) -> None:
         """Call `step(now)` until the process is asked to stop. Raises what `step` raises.
@@ -83,23 +94,31 @@ class Node(core.Node):
             self.on_stop(lambda: self._drive(Twist()))
         self.wakes_with_clock = True
         self.become_present()
+        pace: Rate | None = None
         while not self.stopping:
             self.decide_clock(self._first_data)
-            if self._rate is None and self.clock.decided and self.clock.now() > 0:
+            if pace is None and self.clock.decided and self.clock.now() > 0:
                 # The first moment is now.
-                self._rate = Rate(to_ns(period), self.clock.steady() - to_ns(period))
-            self.wait(self._is_due, min(period, 0.1))
-            with self.changed:
-                if self._rate is not None and self._is_due():
-                    self._rate.take(self.clock.steady())
-                    self._drive(self._step(self.clock.now()))
+                pace = Rate(to_ns(period), self.clock.steady() - to_ns(period))
+            if pace is None:
+                self.wait(lambda: self.clock.now() > 0, 0.1)
+            elif self._part.active:
+                self.wait(lambda: not self._part.active, 0.5)
+            elif self.wait_for_moment(pace):
+                with self.changed:
+                    if self._part.active or self.stopping:
+                        continue
+                    self._drive(self._ask_step(self.clock.now()))
+
+    def _ask_step(self, now: int) -> Twist | None:
+        command = self._step(now)
+        if self._cmd_vel is None:
+            return None
+        return None if command is None else checked_command(command, f"{self.name}: step")
 
     def _drive(self, command: Twist | None) -> None:
         if command is not None and self._cmd_vel is not None:
             self._cmd_vel.put(command)
-
-    def _is_due(self) -> bool:
-        return not self._part.active and self._rate is not None and self._rate.left(self.clock.steady()) == 0
 
     def _has_inputs(self, tick: Tick) -> bool:
         stamp = ns_from_time(tick.stamp)
@@ -116,8 +135,7 @@ class Node(core.Node):
         return needed
 
     def _act(self, tick: Tick) -> Twist | None:
-        command = self._step(ns_from_time(tick.stamp))
-        return None if self._cmd_vel is None else command
+        return self._ask_step(ns_from_time(tick.stamp))
 
     def _start_anew(self, _old: int, _new: int) -> None:
         self._stamps.clear()
@@ -139,4 +157,6 @@ def run(
     """
     start_logging(name, "info", "text")
     chosen = BusOptions.from_environment() if options is None else options
-    return core.run_node(name, chosen, body, clock, make=Node)
+    stop = Stop()
+    with stopping_in_order(stop):
+        return core.run_body(name, chosen, body, stop, clock, make=Node)
