@@ -40,6 +40,8 @@ class SpawnRequest(msgspec.Struct):
     model: str = "erratic"
     id: RobotId | None = None
     """None: the lowest that is free."""
+    force: bool = False
+    """Also where it has no room: in a wall or in another robot, or outside of the world."""
 
 
 class SpawnReply(msgspec.Struct):
@@ -61,6 +63,8 @@ class MoveRequest(msgspec.Struct):
     x: float
     y: float
     yaw: float = 0.0
+    force: bool = False
+    """As in `sim/spawn`."""
 
 
 class FinishRequest(msgspec.Struct):
