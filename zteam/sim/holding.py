@@ -79,30 +79,18 @@ def _advance(
 
 
 @compiled
-def hold(
-    o: Outlines, grids: Grids, half: Floats, poses: Floats, ends: Floats, suspects: Flags, tangled: Flags, apart: bool,
-    shares: Floats,
-) -> None:  # fmt: skip
-    """Cut the ways of the `suspects` from `poses` to `ends` (movers; x, y, yaw) to what is free; `shares` is how much.
+def _measure_ways(
+    o: Outlines, half: Floats, poses: Floats, ends: Floats, suspects: Flags, places: Floats, shares: Floats
+) -> float:
+    """Number the `places` to test along each suspect's way; the longest way of any point of a body in metres.
 
-    `half` (groups) is half the width of a core: no two places that are tested are farther apart. With `apart` cores
-    stay out of each other too, unless both were `tangled`, which is brought up to date. A way to a place that is not
-    finite is not free.
+    `shares` is 0 for a way to be tested, 1 for any other. A way to a place that is not finite is none.
     """
-    move_outlines(o, poses)
-    movers = poses.shape[0]
-    nobody, everybody = np.zeros(movers, np.bool_), np.ones(movers, np.bool_)
-    size = corner_room(o)
-    px, py, out = np.empty(size), np.empty(size), np.empty(3)
-    places = np.zeros(movers)
-    slack = 0.0
-    shares[:] = 1.0
+    longest = 0.0
     for group in range(o.owner.shape[0]):
         i = o.owner[group]
         if i < 0:
             continue
-        if tangled[i] and apart:
-            tangled[i] = find_overlap(o, group, grids, 0.0, nobody, px, py) != NOTHING
         dx, dy, turn = ends[i, 0] - poses[i, 0], ends[i, 1] - poses[i, 1], ends[i, 2] - poses[i, 2]
         if not math.isfinite(dx + dy + turn):
             shares[i] = 0.0
@@ -110,11 +98,34 @@ def hold(
         elif suspects[i] and (dx != 0.0 or dy != 0.0 or turn != 0.0):
             arm = math.hypot(o.local_centre[group, 0], o.local_centre[group, 1])
             way = math.hypot(dx, dy) + (arm + o.radius[group]) * abs(turn)
-            slack = max(slack, way)
+            longest = max(longest, way)
             places[i] = 1.0 + min(float(_MAX_PLACES), way / half[group])
             shares[i] = 0.0
-        elif apart:
-            _go(o, group, poses[i], ends[i], 1.0, out)
+    return longest
+
+
+@compiled
+def hold(
+    o: Outlines, grids: Grids, half: Floats, poses: Floats, ends: Floats, suspects: Flags, tangled: Flags, apart: bool,
+    shares: Floats,
+) -> None:  # fmt: skip
+    """Cut the ways of the `suspects` from `poses` to `ends` (movers; x, y, yaw) to what is free; `shares` is how much.
+
+    `half` (groups) is half the width of a core: no two places that are tested are farther apart. With `apart` cores
+    stay out of each other too, unless both were `tangled`, which is brought up to date.
+    """
+    move_outlines(o, poses)
+    movers = poses.shape[0]
+    nobody, everybody = np.zeros(movers, np.bool_), np.ones(movers, np.bool_)
+    size = corner_room(o)
+    px, py, out = np.empty(size), np.empty(size), np.empty(3)
+    for group in range(o.owner.shape[0]):
+        i = o.owner[group]
+        if apart and i >= 0 and tangled[i]:
+            tangled[i] = find_overlap(o, group, grids, 0.0, nobody, px, py) != NOTHING
+    shares[:] = 1.0
+    places = np.zeros(movers)
+    slack = _measure_ways(o, half, poses, ends, suspects, places, shares)
     for _ in range(_ROUNDS):
         went = False
         # What is pushed goes before what pushes it: robots come first in the order of movers.
@@ -123,11 +134,9 @@ def hold(
             if i < 0 or shares[i] >= 1.0 or places[i] == 0.0:
                 continue
             ignored = everybody if not apart else tangled if tangled[i] else nobody
-            share = _advance(
-                o, group, grids, slack, ignored, poses[i], ends[i], shares[i], int(places[i]), out, px, py
-            )  # fmt: skip
-            went |= share > shares[i]
-            shares[i] = share
+            way, share = int(places[i]), shares[i]
+            shares[i] = _advance(o, group, grids, slack, ignored, poses[i], ends[i], share, way, out, px, py)
+            went |= shares[i] > share
         if not went:
             break
     for i in range(movers):
@@ -178,9 +187,8 @@ class Cores:
         """Cut the ways of `suspects` from `poses` to `ends` (movers, 3) short; the shares (movers) that are left."""
         shares = np.ones(len(poses))
         if len(self._core_half):
-            hold(
-                self._outlines, self._grids, self._core_half, poses, ends, suspects, self._tangled, self._apart, shares
-            )  # fmt: skip
+            state = self._tangled, self._apart, shares
+            hold(self._outlines, self._grids, self._core_half, poses, ends, suspects, *state)
         return shares
 
 
