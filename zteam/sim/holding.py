@@ -32,20 +32,6 @@ _ROUNDS = 4
 
 
 @compiled
-def survey(o: Outlines, grids: Grids, poses: Floats, in_wall: Flags, tangled: Flags) -> None:
-    """Which movers' cores overlap, at `poses`, what stands still (`in_wall`), or anything (`tangled`)."""
-    move_outlines(o, poses)
-    nobody, everybody = np.zeros(poses.shape[0], np.bool_), np.ones(poses.shape[0], np.bool_)
-    size = corner_room(o)
-    px, py = np.empty(size), np.empty(size)
-    for group in range(o.owner.shape[0]):
-        i = o.owner[group]
-        if i >= 0:
-            in_wall[i] = find_overlap(o, group, grids, 0.0, everybody, px, py) != NOTHING
-            tangled[i] = find_overlap(o, group, grids, 0.0, nobody, px, py) != NOTHING
-
-
-@compiled
 def _go(o: Outlines, group: int, pose: Floats, end: Floats, share: float, out: Floats) -> None:
     """Place a group at this share of its way, and write the pose into `out`."""
     for axis in range(3):
@@ -59,36 +45,39 @@ def _advance(
     share: float, places: int, out: Floats, px: Floats, py: Floats,
 ) -> float:  # fmt: skip
     """How far, from `share` on, a group's way is free; the group is placed there, its pose is `out`."""
-    free, blocked = share, share
-    for k in range(1, places + 1):
-        blocked = 1.0 if k == places else share + (1.0 - share) * k / places
-        _go(o, group, pose, end, blocked, out)
-        if find_overlap(o, group, grids, slack, ignored, px, py) != NOTHING:
-            break
-        free = blocked
+    free, blocked = share, 2.0
+    tested = halvings = 0
+    # One call for both purposes: each is compiled once more into this function.
+    while free < 1.0 and halvings < _HALVINGS:
+        if blocked > 1.0:
+            tested += 1
+            at = 1.0 if tested == places else share + (1.0 - share) * tested / places
+        else:
+            halvings += 1
+            at = 0.5 * (free + blocked)
+        _go(o, group, pose, end, at, out)
+        if find_overlap(o, group, grids, slack, ignored, px, py) == NOTHING:
+            free = at
+        else:
+            blocked = at
     if free < 1.0:
-        for _ in range(_HALVINGS):
-            middle = 0.5 * (free + blocked)
-            _go(o, group, pose, end, middle, out)
-            if find_overlap(o, group, grids, slack, ignored, px, py) == NOTHING:
-                free = middle
-            else:
-                blocked = middle
         _go(o, group, pose, end, free, out)
     return free
 
 
 @compiled
 def _measure_ways(
-    o: Outlines, half: Floats, poses: Floats, ends: Floats, suspects: Flags, places: Floats, shares: Floats
-) -> float:
+    owner: NDArray[np.int64], centre: Floats, radius: Floats, half: Floats, poses: Floats, ends: Floats,
+    suspects: Flags, places: Floats, shares: Floats,
+) -> float:  # fmt: skip
     """Number the `places` to test along each suspect's way; the longest way of any point of a body in metres.
 
-    `shares` is 0 for a way to be tested, 1 for any other. A way to a place that is not finite is none.
+    `owner`, `centre` and `radius` are the groups'. `shares` is 0 for a way to be tested, 1 for any other. A way to a
+    place that is not finite is none.
     """
     longest = 0.0
-    for group in range(o.owner.shape[0]):
-        i = o.owner[group]
+    for group in range(owner.shape[0]):
+        i = owner[group]
         if i < 0:
             continue
         dx, dy, turn = ends[i, 0] - poses[i, 0], ends[i, 1] - poses[i, 1], ends[i, 2] - poses[i, 2]
@@ -96,8 +85,8 @@ def _measure_ways(
             shares[i] = 0.0
             ends[i] = poses[i]
         elif suspects[i] and (dx != 0.0 or dy != 0.0 or turn != 0.0):
-            arm = math.hypot(o.local_centre[group, 0], o.local_centre[group, 1])
-            way = math.hypot(dx, dy) + (arm + o.radius[group]) * abs(turn)
+            arm = math.hypot(centre[group, 0], centre[group, 1])
+            way = math.hypot(dx, dy) + (arm + radius[group]) * abs(turn)
             longest = max(longest, way)
             places[i] = 1.0 + min(float(_MAX_PLACES), way / half[group])
             shares[i] = 0.0
@@ -112,20 +101,15 @@ def hold(
     """Cut the ways of the `suspects` from `poses` to `ends` (movers; x, y, yaw) to what is free; `shares` is how much.
 
     `half` (groups) is half the width of a core: no two places that are tested are farther apart. With `apart` cores
-    stay out of each other too, unless both were `tangled`, which is brought up to date.
+    stay out of each other too, unless both are `tangled`. All groups have been placed at `poses`.
     """
-    move_outlines(o, poses)
     movers = poses.shape[0]
     nobody, everybody = np.zeros(movers, np.bool_), np.ones(movers, np.bool_)
     size = corner_room(o)
     px, py, out = np.empty(size), np.empty(size), np.empty(3)
-    for group in range(o.owner.shape[0]):
-        i = o.owner[group]
-        if apart and i >= 0 and tangled[i]:
-            tangled[i] = find_overlap(o, group, grids, 0.0, nobody, px, py) != NOTHING
     shares[:] = 1.0
     places = np.zeros(movers)
-    slack = _measure_ways(o, half, poses, ends, suspects, places, shares)
+    slack = _measure_ways(o.owner, o.local_centre, o.radius, half, poses, ends, suspects, places, shares)
     for _ in range(_ROUNDS):
         went = False
         # What is pushed goes before what pushes it: robots come first in the order of movers.
@@ -179,14 +163,24 @@ class Cores:
         self.look(poses)
 
     def look(self, poses: Floats) -> None:
-        """See where everything is, after something has been put elsewhere."""
-        if len(self._core_half):
-            survey(self._outlines, self._grids, poses, self.in_wall, self._tangled)
+        """See which cores overlap what, after something has been put elsewhere."""
+        o = self._outlines
+        if not len(self._core_half):
+            return
+        move_outlines(o, poses)
+        px, py = np.empty((2, corner_room(o)))
+        for found, ignored in ((self.in_wall, True), (self._tangled, not self._apart)):
+            uncounted = np.full(len(poses), ignored)
+            for group in np.flatnonzero(o.owner != NOBODY).tolist():
+                found[o.owner[group]] = find_overlap(o, group, self._grids, 0.0, uncounted, px, py) != NOTHING
 
     def hold(self, poses: Floats, ends: Floats, suspects: Flags) -> Floats:
         """Cut the ways of `suspects` from `poses` to `ends` (movers, 3) short; the shares (movers) that are left."""
         shares = np.ones(len(poses))
         if len(self._core_half):
+            if self._apart and self._tangled.any():
+                self.look(poses)
+            move_outlines(self._outlines, poses)
             state = self._tangled, self._apart, shares
             hold(self._outlines, self._grids, self._core_half, poses, ends, suspects, *state)
         return shares
