@@ -53,7 +53,7 @@ class World:
         self.tick = 0
 
     def spawn(self, request: SpawnRequest) -> int:
-        self.note(f"spawn {request.x:g}")
+        self.note(f"spawn {request.x:g}" + " by force" * request.force)
         return 7
 
     def remove(self, robot_id: int) -> None:
@@ -62,7 +62,7 @@ class World:
         self.note(f"remove {robot_id}")
 
     def move(self, request: MoveRequest) -> None:
-        self.note(f"move {request.id}")
+        self.note(f"move {request.id}" + " by force" * request.force)
 
 
 class Desk:

@@ -26,13 +26,20 @@ def polygons(draw: st.DrawFn) -> tuple[tuple[float, float], ...]:
 
 
 def brute_force(shapes: list[tuple[int, float, float, np.ndarray]], own: int, ray: tuple[float, ...]) -> float:
-    """The nearest hit of one ray with every edge of every shape (owner, z_min, z_max, corners); LIMIT if none."""
+    """The nearest hit of one ray with every edge of every shape (owner, z_min, z_max, corners); LIMIT if none.
+
+    A shape that goes round the ray's start is hit at once.
+    """
     x, y, z, angle = ray
     best = LIMIT
     dx, dy = math.cos(angle), math.sin(angle)
     for owner, z_min, z_max, corners in shapes:
         if (owner == own and own != NOBODY) or not z_min <= z <= z_max:
             continue
+        bearings = np.arctan2(corners[:, 1] - y, corners[:, 0] - x)
+        turns = np.remainder(np.roll(bearings, -1) - bearings + math.pi, math.tau) - math.pi
+        if turns.sum() > math.pi:
+            return 0.0
         for (ax, ay), (bx, by) in zip(corners, np.roll(corners, -1, axis=0), strict=True):
             ex, ey = bx - ax, by - ay
             cross = dx * ey - dy * ex

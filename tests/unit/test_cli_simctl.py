@@ -62,6 +62,14 @@ def test_negative_numbers_arrive(desk: Desk, output: Output) -> None:
     assert [what for what, _ in desk.world.made] == ["move 0", "spawn -1.5"]
 
 
+def test_force_is_asked_for_by_flag(desk: Desk, output: Output) -> None:
+    """Without the flag the simulator may refuse a place."""
+    for force in ([], ["--force"]):
+        output("move", "0", "1", "2", "0", *force)
+        output("spawn", "--pose", "1", "2", "0", *force)
+    assert [what for what, _ in desk.world.made] == ["move 0", "spawn 1", "move 0 by force", "spawn 1 by force"]
+
+
 @pytest.mark.usefixtures("desk")
 def test_status_is_a_table(output: Output) -> None:
     """One line for each thing to know; a step ends with it."""

@@ -222,3 +222,21 @@ def test_who_gives_its_name_back_says_nothing_more() -> None:
         crew.end("robot_2")
         crew.step(1)
         assert log.count("no process holds this name") == 0
+
+
+def test_a_place_without_room_is_refused_unless_forced() -> None:
+    """A wall, another robot, outside: an error with the reason; by force the robot stands there, and stalls."""
+    with Crew(CrewOptions(paused=True)) as crew:
+        crew.step(10)
+        x, y = position(crew.report(), 1)
+        for pose, why in (((-4.95, 0.0), "'west'"), ((x, y), "in robot 1"), ((40.0, 0.0), "outside of the world")):
+            with pytest.raises(BusError, match=f"no room.*{why}.*--force"):
+                crew.ask("move", SimStatus, MoveRequest(0, *pose))
+            with pytest.raises(BusError, match=f"no room.*{why}.*--force"):
+                crew.ask("spawn", SpawnReply, SpawnRequest(*pose))
+        assert crew.ask("status").robots == [0, 1, 2]
+        assert crew.ask("spawn", SpawnReply, SpawnRequest(-4.95, 3.0, force=True)) == SpawnReply(3)
+        crew.ask("move", SimStatus, MoveRequest(0, 0.0, -4.95, force=True))
+        crew.step(30)
+        assert position(crew.report(), 0) == pytest.approx((0.0, -4.95))
+        assert position(crew.report(), 3) == pytest.approx((-4.95, 3.0))

@@ -9,8 +9,8 @@ import pytest
 
 from scenes import LASER, make_box, make_robot, make_world
 from zteam.geometry import Pose2
-from zteam.sim import Engine, Options
-from zteam.world.model import Robot
+from zteam.sim import Engine, Options, casting, kernels, numpy_kernels
+from zteam.world.model import Floorplan, Obstacle, Robot, Shape, World
 
 
 def laser_robot(x: float = 0.0, y: float = 0.0, yaw: float = 0.0, **changes: Any) -> Robot:
@@ -87,6 +87,29 @@ def test_below_the_least_range_reads_as_told(policy: Any, expected: float) -> No
     world = make_world(laser_robot(range_min=1.0), wall_at=0.6)
     front = scans(Engine(world, options=Options(below_min=policy)), 1)[0, 45]
     assert front == pytest.approx(expected, abs=1e-6)
+
+
+def test_a_laser_in_a_block_or_a_bitmaps_wall_reads_zero(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Interiors are solid in both kernels: each beam reads 0 and the intensity of what surrounds the laser."""
+    block = Shape(((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)), 0.0, 1.0, ranger_return=0.4)
+    model = make_world(make_robot(), others=(Obstacle("block", Pose2(0.3, 0.2, 0.5), (block,)),))
+    plan = Floorplan("solid", np.ones((20, 20), bool), (0.1, 0.1), Pose2(-1.0, -1.0, 0.0), 0.0, 1.0, ranger_return=0.4)
+    bitmap = World("solid", 100_000_000, (plan,), (), (make_robot(),))
+    for kernel in (kernels, numpy_kernels):
+        monkeypatch.setattr(casting, "cast_edges", kernel.cast_edges)
+        monkeypatch.setattr(casting, "cast_squares", kernel.cast_squares)
+        for world in (model, bitmap):
+            (reading,) = Engine(world).observe().robots[0].readings
+            assert (reading.ranges == 0.0).all()
+            assert reading.intensities == pytest.approx(0.4)
+
+
+def test_a_laser_sees_through_its_own_body_but_not_through_anothers() -> None:
+    """A robot's own body around its laser is never seen; another robot's is solid."""
+    small = make_robot(0.05, 0.0, shapes=(Shape(((0.0, 0.0), (0.1, 0.0), (0.1, 0.1), (0.0, 0.1)), 0.0, 0.05),))
+    seen = Engine(make_world(make_robot(), small)).observe().robots
+    assert seen[0].readings[0].ranges[45] == pytest.approx(3.0)
+    assert (seen[1].readings[0].ranges == 0.0).all()
 
 
 def facing(distance: float = 2.0, **changes: Any) -> dict[int, Robot]:

@@ -268,6 +268,13 @@ def test_how_a_robot_drives(load: Load) -> None:
     assert robot.odom_error == pytest.approx((0.1, 0.2, math.radians(0.3)))
 
 
+def test_the_yaw_share_of_odom_error_is_scaled_by_the_angle_unit(load: Load) -> None:
+    """As in Stage: in degrees 5.73 is a share of 0.1, in radians 0.1 is; the shares of x and y are what they say."""
+    for head, yaw in (("", "5.7296"), ('unit_angle "radians" unit_length "cm"', "0.1")):
+        (robot,) = load(f"{head}\nposition ( odom_error [0.2 0.3 0 {yaw}] )", "").robots
+        assert robot.odom_error == pytest.approx((0.2, 0.3, 0.1), abs=1e-5)
+
+
 def test_the_defaults_of_a_robot_are_stages(load: Load) -> None:
     """Without a word in the file a robot is a diff drive of at most 1 m/s and 90 °/s, localised by "gps"."""
     (robot,) = load("position ( color_rgba [1 0.5 0 0.3] odom_error [0 0 90] )", "").robots

@@ -58,6 +58,8 @@ def build_parser() -> argparse.ArgumentParser:
     move = verb("move", "lift a robot to another place")
     for name in ("id", "x", "y", "yaw"):
         move.add_argument(name, metavar=name.upper(), help="in map: radians" if name == "yaw" else None)
+    for sub in (spawn, move):
+        sub.add_argument("--force", action="store_true", help="also into a wall or a robot, or outside of the world")
     verb("status", "time, pace, lock-step and robots")
     return parser
 
@@ -169,7 +171,7 @@ def _spawn(args: argparse.Namespace) -> Ask:
     robot_id = None if args.id is None else names.parse_robot_id(args.id.strip())
 
     def ask(client: SimClient) -> Answer:
-        reply = SpawnReply(_change(lambda: client.spawn(*pose, model=args.model, robot_id=robot_id)))
+        reply = SpawnReply(_change(lambda: client.spawn(*pose, model=args.model, robot_id=robot_id, force=args.force)))
         return reply, str(reply.id)
 
     return ask
@@ -190,7 +192,7 @@ def _move(args: argparse.Namespace) -> Ask:
 
     def ask(client: SimClient) -> Answer:
         x, y, yaw = pose
-        status = _change(lambda: client.move(robot_id, *pose))
+        status = _change(lambda: client.move(robot_id, *pose, force=args.force))
         return status, f"robot {robot_id} stands at x {x:g}, y {y:g}, yaw {yaw:g}"
 
     return ask

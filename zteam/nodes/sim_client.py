@@ -140,21 +140,31 @@ class SimClient:
         return self.stand(SETTLE).status if status.paused else status
 
     def spawn(
-        self, x: float, y: float, yaw: float = 0.0, *, model: str = "erratic", robot_id: int | None = None
+        self,
+        x: float,
+        y: float,
+        yaw: float = 0.0,
+        *,
+        model: str = "erratic",
+        robot_id: int | None = None,
+        force: bool = False,
     ) -> int:
-        """Put a further robot at x, y (m), yaw (rad) in `map`; its id, the lowest that is free unless given."""
+        """Put a further robot at x, y (m), yaw (rad) in `map`; its id, the lowest that is free unless given.
+
+        Raises BusError if it has no room there, in a wall or a robot or outside of the world, unless `force` is set.
+        """
         _check_pose(x, y, yaw)
-        request = SpawnRequest(x, y, yaw, model, robot_id)
+        request = SpawnRequest(x, y, yaw, model, robot_id, force=force)
         return self._ask("spawn", SpawnReply, request, timeout=CHANGE_LIMIT).id
 
     def remove(self, robot_id: int) -> SimStatus:
         """Take a robot out of the world."""
         return self._ask("remove", SimStatus, RemoveRequest(robot_id), timeout=CHANGE_LIMIT)
 
-    def move(self, robot_id: int, x: float, y: float, yaw: float = 0.0) -> SimStatus:
-        """Lift a robot to x, y (m), yaw (rad) in `map`."""
+    def move(self, robot_id: int, x: float, y: float, yaw: float = 0.0, *, force: bool = False) -> SimStatus:
+        """Lift a robot to x, y (m), yaw (rad) in `map`. Raises BusError if it has no room there, as `spawn` does."""
         _check_pose(x, y, yaw)
-        return self._ask("move", SimStatus, MoveRequest(robot_id, x, y, yaw), timeout=CHANGE_LIMIT)
+        return self._ask("move", SimStatus, MoveRequest(robot_id, x, y, yaw, force=force), timeout=CHANGE_LIMIT)
 
 
 def _check_pose(x: float, y: float, yaw: float) -> None:

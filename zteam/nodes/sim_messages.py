@@ -45,6 +45,8 @@ class SpawnRequest(Change):
     model: str = "erratic"
     id: RobotId | None = None
     """None: the lowest that is free."""
+    force: bool = False
+    """Also where it has no room: in a wall or in another robot, or outside of the world."""
 
 
 class SpawnReply(msgspec.Struct):
@@ -66,6 +68,8 @@ class MoveRequest(Change):
     x: Place
     y: Place
     yaw: Place = 0.0
+    force: bool = False
+    """As in `sim/spawn`."""
 
 
 class FinishRequest(msgspec.Struct):

@@ -260,7 +260,8 @@ class Simulator:
         free = next(i for i in range(names.MAX_ROBOT_ID + 1) if i not in robots)
         robot_id = free if request.id is None else request.id
         pose = Pose2(request.x, request.y, request.yaw)
-        self._engine.spawn(robot_id, add_robot(self._world, request.model, pose, names.robot_name(robot_id)))
+        robot = add_robot(self._world, request.model, pose, names.robot_name(robot_id))
+        self._engine.spawn(robot_id, robot, checked=not request.force)
         self._meet_robots()
         return robot_id
 
@@ -271,7 +272,7 @@ class Simulator:
 
     def move(self, request: MoveRequest) -> None:
         """Lift a robot to another place. Raises UsageError."""
-        self._engine.place(request.id, Pose2(request.x, request.y, request.yaw))
+        self._engine.place(request.id, Pose2(request.x, request.y, request.yaw), checked=not request.force)
         self._outputs[request.id].put_statics(self._engine.odom_origin(request.id))
 
     def status(self) -> SimStatus:

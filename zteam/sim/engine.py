@@ -24,6 +24,7 @@ from zteam.sim.observation import Observation, RobotObservation, Robots, Snapsho
 from zteam.sim.odometry import Odometry, make_wheels, roll
 from zteam.sim.outlines import group_shapes
 from zteam.sim.refusing import RefusingBodies
+from zteam.sim.room import find_refusal
 from zteam.simulation import Options
 from zteam.world.model import Floorplan, Robot, World
 
@@ -122,10 +123,15 @@ class Engine:
         self._robots = dict(self._at_first)
         self._team, self._outdated = None, True
 
-    def spawn(self, robot_id: int, robot: Robot) -> None:
-        """Put a further robot into the world, at its pose. Raises UsageError if there is one of that id."""
+    def spawn(self, robot_id: int, robot: Robot, *, checked: bool = False) -> None:
+        """Put a further robot into the world, at its pose. Raises UsageError if there is one of that id.
+
+        With `checked`, also if it has no room there: it would stand in a wall, a robot or a thing, or outside.
+        """
         if robot_id in self._robots:
             raise UsageError(f"robot {robot_id} is in this world already: remove it first, or take another id")
+        if checked:
+            self._check_room(robot_id, robot, robot.pose)
         self._robots[robot_id] = robot
         self._outdated = True
 
@@ -139,18 +145,28 @@ class Engine:
             self._team.ids = {kept: i for kept, i in self._team.ids.items() if kept != robot_id}
         self._outdated = True
 
-    def place(self, robot_id: int, pose: Pose2) -> None:
+    def place(self, robot_id: int, pose: Pose2, *, checked: bool = False) -> None:
         """Lift a robot to a pose in `map`, where it stands still; its odometry goes on as if nothing had happened.
 
-        Raises UsageError if the robot is not there, or the pose is not finite.
+        Raises UsageError if the robot is not there, or the pose is not finite; with `checked`, also if it has no room.
         """
         if not all(np.isfinite(pose)):
             raise UsageError(f"the pose for robot {robot_id} is not finite: {tuple(pose)}")
         team = self._assembled()
         i = self._index(team, robot_id)
+        if checked:
+            self._check_room(robot_id, self._robots[robot_id], pose)
         team.bodies.place(i, pose)
         team.odometry.carry(i, pose)
         team.setpoint[i] = team.velocity[i] = 0.0
+
+    def _check_room(self, robot_id: int, robot: Robot, pose: Pose2) -> None:
+        poses = self._assembled().bodies.poses
+        why = find_refusal(self.world, self._floorplans, self.robots, poses, robot_id, robot, pose)
+        if why is not None:
+            raise UsageError(
+                f"robot {robot_id} has no room at x {pose.x:g}, y {pose.y:g}: {why} (--force puts it there)"
+            )
 
     def _assembled(self) -> "_Team":
         """The team as it is now; put together anew only when robots came or went since the last call."""

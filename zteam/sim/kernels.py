@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zteam.sim.compiling import compiled, vectorized
-from zteam.sim.outlines import NOBODY, Outlines, bin_at
+from zteam.sim.outlines import NOBODY, Outlines, bin_at, contains
 
 _LANES = 32
 """Beams that advance together, so that the loops over them become vector code; 16, 48 and 64 were slower."""
@@ -223,8 +223,15 @@ def _cast_shape(
     o: Outlines, shape: int, px: float, py: float, yaw: float, cos: Floats, sin: Floats,
     angle_min: float, increment: float, slack: float, outside: bool, ranges: Floats, hit: Ints,
 ) -> None:  # fmt: skip
-    """Shorten one scan's ranges to one polygon; from `outside`, only edges that face the sensor are met first."""
+    """Shorten one scan's ranges to one polygon, to 0 in its interior; if the sensor is certainly `outside`, only edges
+    that face it are met first."""
     beams = cos.shape[0]
+    if not outside and contains(o.x, o.y, o.first_vertex[shape], o.first_vertex[shape + 1], px, py):
+        for beam in range(beams):
+            if ranges[beam] > 0.0:
+                ranges[beam] = 0.0
+                hit[beam] = shape
+        return
     c0, s0 = math.cos(yaw), math.sin(yaw)
     last = o.first_vertex[shape + 1] - 1
     dx, dy = o.x[last] - px, o.y[last] - py

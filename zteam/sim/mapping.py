@@ -22,12 +22,9 @@ def map_message(world: World, resolution: float) -> OccupancyGrid:
     A cell is 100 where its centre lies in an occupied cell of a bitmap or in an obstacle's outline, or where something
     thinner than a cell stands, else 0. Raises UsageError for a map of more than MAX_CELLS.
     """
-    corners = [corner for plan in world.floorplans for corner in _plan_corners(plan.pose, plan.occupied, plan.cell)]
-    fixed = [obstacle for obstacle in world.obstacles if obstacle.mass is None]
-    outlines = [(shape, _polygon(obstacle.pose, shape)) for obstacle in fixed for shape in obstacle.shapes]
-    corners += [(float(px), float(py)) for _, polygon in outlines for px, py in polygon]
-    corners += [robot.pose[:2] for robot in world.robots] if not corners else []
-    low, high = np.min(corners, axis=0), np.max(corners, axis=0)
+    outlines = _standing(world)
+    corners = [robot.pose[:2] for robot in world.robots]
+    low, high = find_bounds(world) or (np.min(corners, axis=0), np.max(corners, axis=0))
     columns, rows = (max(1, math.ceil(n)) for n in (high - low) / resolution - 1e-9)
     if columns * rows > MAX_CELLS:
         coarser = resolution * math.sqrt(columns * rows / MAX_CELLS)
@@ -53,6 +50,18 @@ def map_message(world: World, resolution: float) -> OccupancyGrid:
         resolution=resolution, width=columns, height=rows, origin=Pose(Point(float(low[0]), float(low[1]), 0.0))
     )
     return OccupancyGrid(Header(time_from_ns(0), names.MAP_FRAME), info, grid.ravel())
+
+
+def find_bounds(world: World) -> tuple[np.ndarray, np.ndarray] | None:
+    """Least and greatest x, y (m, in `map`) of everything that stands still; None if nothing does."""
+    corners = [corner for plan in world.floorplans for corner in _plan_corners(plan.pose, plan.occupied, plan.cell)]
+    corners += [(float(px), float(py)) for _, polygon in _standing(world) for px, py in polygon]
+    return (np.min(corners, axis=0), np.max(corners, axis=0)) if corners else None
+
+
+def _standing(world: World) -> list[tuple[Shape, np.ndarray]]:
+    fixed = [obstacle for obstacle in world.obstacles if obstacle.mass is None]
+    return [(shape, _polygon(obstacle.pose, shape)) for obstacle in fixed for shape in obstacle.shapes]
 
 
 def _plan_corners(pose: Pose2, occupied: np.ndarray, cell: tuple[float, float]) -> list[tuple[float, float]]:

@@ -6,7 +6,7 @@ Also the second implementation that the tests hold against the first.
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.sim.outlines import NOBODY, Outlines
+from zteam.sim.outlines import NOBODY, Outlines, contains
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -70,10 +70,16 @@ def cast_edges(
     for scan in range(len(x)):
         row_cos, row_sin = (t[scan] if len(t) > 1 else t[0] for t in (cos, sin))
         c0, s0 = np.cos(yaw[scan]), np.sin(yaw[scan])
-        near = np.hypot(centre_x - x[scan], centre_y - y[scan]) - radius <= ranges[scan].max()
+        distance = np.sqrt((centre_x - x[scan]) ** 2 + (centre_y - y[scan]) ** 2)
+        near = distance - radius <= ranges[scan].max()
         foreign = (shape_owner != sensor_owner[scan]) | (sensor_owner[scan] == NOBODY)
         for shape in np.flatnonzero(near & foreign & (z[scan] >= o.z_min) & (z[scan] <= o.z_max)):
-            vertices = slice(o.first_vertex[shape], o.first_vertex[shape + 1])
+            begin, end = o.first_vertex[shape], o.first_vertex[shape + 1]
+            if distance[shape] <= radius[shape] and contains(o.x, o.y, begin, end, x[scan], y[scan]):
+                hit[scan, ranges[scan] > 0.0] = shape
+                ranges[scan] = np.minimum(ranges[scan], 0.0)
+                continue
+            vertices = slice(begin, end)
             wx, wy = o.x[vertices] - x[scan], o.y[vertices] - y[scan]
             wx, wy = c0 * wx + s0 * wy, c0 * wy - s0 * wx
             ux, uy = np.roll(wx, 1), np.roll(wy, 1)

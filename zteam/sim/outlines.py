@@ -1,5 +1,6 @@
 """Everything that has edges, as arrays: polygons in groups that move together, sorted into bins by place."""
 
+import itertools
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -88,6 +89,12 @@ def place_shape(pose: Pose2, shape: Shape) -> Shape:
     """A shape in `map` whose owner stands at `pose`."""
     points = tuple(compose2(pose, Pose2(x, y, 0.0))[:2] for x, y in shape.points)
     return Shape(points, shape.z_min, shape.z_max, shape.ranger_return, shape.obstacle, shape.color)
+
+
+def find_slabs(shapes: Sequence[Shape], most: int) -> list[tuple[float, float]]:
+    """Layers between the heights at which what collides begins or ends; the topmost are one if there are too many."""
+    heights = sorted({z for shape in shapes if shape.obstacle for z in (shape.z_min, shape.z_max)})
+    return list(itertools.pairwise([-math.inf, *heights[: most - 1], math.inf]))
 
 
 def make_outlines(groups: Sequence[Group]) -> Outlines:
@@ -194,3 +201,15 @@ def bin_at(o: Outlines, value: float, origin: float, axis: int) -> int:
     """Row (axis 1) or column (axis 0) of the bin nearest to a coordinate."""
     place: int = math.floor((value - origin) / o.bin_size[0])
     return min(max(place, 0), int(o.bins[axis]) - 1)
+
+
+@compiled
+def contains(px: Floats, py: Floats, begin: int, end: int, x: float, y: float) -> bool:
+    """Whether a point lies in the polygon of vertices `begin` to `end`, by the even-odd rule."""
+    inside = False
+    j = end - 1
+    for i in range(begin, end):
+        if (py[i] > y) != (py[j] > y) and x < px[i] + (y - py[i]) * (px[j] - px[i]) / (py[j] - py[i]):
+            inside = not inside
+        j = i
+    return inside

@@ -5,7 +5,6 @@ at the end of the step before, so a robot that touches something is driven by a 
 and one that touches nothing gets its velocity set outright.
 """
 
-import itertools
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -18,9 +17,10 @@ from numpy.typing import NDArray
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.sim.fields import Fields
-from zteam.sim.grids import Line, find_leaks, make_grids, outline
+from zteam.sim.grids import Line, outline
+from zteam.sim.holding import Cores
 from zteam.sim.motion import follow_arcs
-from zteam.sim.outlines import NOBODY, Group, make_outlines, place_shape
+from zteam.sim.outlines import find_slabs, group_shapes, place_shape
 from zteam.world.model import Floorplan, Obstacle, Robot, Shape
 from zteam.world.shapes import is_convex
 
@@ -29,10 +29,14 @@ Floats = NDArray[np.float64]
 SUBSTEP = 0.02
 """Longest physics step in seconds; a single step a tick costs as much and sinks deeper into walls."""
 _STRIDE = 0.1
-"""Metres that no body may go in one physics step, lest it leap over a wall."""
+"""Metres that no robot may go in one physics step; half the width of the smallest thing that can be pushed, if less."""
 _MAX_SUBSTEPS = 1000
 _SLOP = 0.001
 """Metres that bodies may overlap at rest."""
+_RIM = 0.01
+"""Metres that a body may sink into another at most, where there is something to push."""
+_WIDE_RIM = 0.05
+"""Likewise where nothing can be pushed: there the solver alone keeps robots out of walls but for rare leaps."""
 _BLOCKED = 0.5
 """A robot stalls when it touches something and makes less than this share of the speed it was told."""
 _STILL = 1e-3
@@ -54,42 +58,14 @@ _set_angular_velocity, _set_force = _body.angular_velocity.fset, _body.force.fse
 _get_position, _get_angle = _body.position.fget, _body.angle.fget
 
 
-class DynamicBodies:
-    """Robots and what they push. `poses` is (movers, 3): x, y, yaw in `map`, robots first."""
+class _Builder:
+    """Puts what collides into a space; bodies meet where they share one of `slabs`, layers of height."""
 
-    def __init__(
-        self,
-        robots: Sequence[Robot],
-        poses: Floats,
-        floorplans: Sequence[tuple[Floorplan, Fields]],
-        obstacles: Sequence[Obstacle],
-    ) -> None:
-        self._space = pymunk.Space()
-        self._space.collision_slop = _SLOP
-        self._space.collision_bias = 1e-6
-        self._grids = make_grids(floorplans)
-        standing = [place_shape(o.pose, shape) for o in obstacles if o.mass is None for shape in o.shapes]
-        self._fixed = make_outlines([Group(NOBODY, -1, [shape]) for shape in standing if shape.obstacle])
-        pushed = [obstacle for obstacle in obstacles if obstacle.mass is not None]
-        self._slabs = _find_slabs([s for r in robots for s in r.shapes] + [s for o in obstacles for s in o.shapes])
-        self._add_plans([plan for plan, _ in floorplans if plan.obstacle])
-        self._add_shapes(self._space.static_body, standing)
-        self.poses = poses.copy()
-        # No contact turns a robot: its wheels hold it, and only the drive decides its yaw rate.
-        self._robots = [self._add_body(r.mass, math.inf, r.shapes, p) for r, p in zip(robots, poses, strict=False)]
-        self._pushed = [
-            self._add_body(o.mass or 1.0, _moment(o), o.shapes, p)
-            for o, p in zip(pushed, poses[len(robots) :], strict=True)
-        ]
-        self._heights = np.array([_heights(robot.shapes) for robot in robots], float).reshape(-1, 2)
-        self._bodies = [*self._robots, *self._pushed]
-        self.stalled = np.zeros(len(robots), bool)
-        self._touching = [False] * len(robots)
-        self._index = {body: i for i, body in enumerate(self._robots)}
-        self._space.on_collision(begin=self._on_begin)
-        self._ends = np.empty((len(robots), 3))
+    def __init__(self, space: pymunk.Space, slabs: Sequence[tuple[float, float]]) -> None:
+        self._space = space
+        self._slabs = slabs
 
-    def _add_plans(self, plans: Sequence[Floorplan]) -> None:
+    def add_plans(self, plans: Sequence[Floorplan]) -> None:
         outlines: dict[int, list[Line]] = {}
         left = _MAX_WALLS
         for plan in plans:
@@ -115,7 +91,7 @@ class DynamicBodies:
             walls.append(wall)
         self._space.add(*walls)
 
-    def _add_shapes(self, body: pymunk.Body, shapes: Sequence[Shape]) -> None:
+    def add_shapes(self, body: pymunk.Body, shapes: Sequence[Shape]) -> None:
         for shape in shapes:
             if shape.obstacle:
                 for part in convex_parts(shape.points):
@@ -123,18 +99,59 @@ class DynamicBodies:
                     poly.filter, poly.friction = self._filter(shape.z_min, shape.z_max), 0.0
                     self._space.add(poly)
 
-    def _add_body(self, mass: float, moment: float, shapes: Sequence[Shape], pose: Floats) -> pymunk.Body:
+    def add_body(self, mass: float, moment: float, shapes: Sequence[Shape], pose: Floats) -> pymunk.Body:
         body = pymunk.Body(mass, moment)
         x, y, yaw = pose.tolist()
         body.position, body.angle = (x, y), yaw
         self._space.add(body)
-        self._add_shapes(body, shapes)
+        self.add_shapes(body, shapes)
         return body
 
     def _filter(self, z_min: float, z_max: float) -> pymunk.ShapeFilter:
         """Collides with what shares a layer of height."""
         bits = sum(1 << i for i, (low, high) in enumerate(self._slabs) if z_min < high and z_max > low)
         return pymunk.ShapeFilter(categories=bits, mask=bits)
+
+
+class DynamicBodies:
+    """Robots and what they push. `poses` is (movers, 3): x, y, yaw in `map`, robots first."""
+
+    def __init__(
+        self,
+        robots: Sequence[Robot],
+        poses: Floats,
+        floorplans: Sequence[tuple[Floorplan, Fields]],
+        obstacles: Sequence[Obstacle],
+    ) -> None:
+        self._space = pymunk.Space()
+        self._space.collision_slop = _SLOP
+        self._space.collision_bias = 1e-6
+        standing = [place_shape(o.pose, shape) for o in obstacles if o.mass is None for shape in o.shapes]
+        pushed = [obstacle for obstacle in obstacles if obstacle.mass is not None]
+        groups = group_shapes(robots, obstacles)
+        builder = _Builder(self._space, find_slabs([shape for group in groups for shape in group.shapes], _MAX_SLABS))
+        builder.add_plans([plan for plan, _ in floorplans if plan.obstacle])
+        builder.add_shapes(self._space.static_body, standing)
+        self.poses = poses.copy()
+        # No contact turns a robot: its wheels hold it, and only the drive decides its yaw rate.
+        self._robots = [builder.add_body(r.mass, math.inf, r.shapes, p) for r, p in zip(robots, poses, strict=False)]
+        self._pushed = [
+            builder.add_body(o.mass or 1.0, _moment(o), o.shapes, p)
+            for o, p in zip(pushed, poses[len(robots) :], strict=True)
+        ]
+        self._bodies = [*self._robots, *self._pushed]
+        self._inertia = [(body.mass, body.moment) for body in self._bodies]
+        self.stalled = np.zeros(len(robots), bool)
+        self._touching = [False] * len(robots)
+        self._held = np.zeros(len(robots), bool)
+        self._cores = Cores(groups, floorplans, self.poses, _RIM if pushed else _WIDE_RIM, apart=bool(pushed))
+        self._least = float(self._cores.half[: len(robots)].min(initial=math.inf))
+        self._stride = max(_RIM, float(self._cores.half[len(robots) :].min(initial=_STRIDE)))
+        self._index = {body: i for i, body in enumerate(self._robots)}
+        self._anchored = np.zeros(len(self._bodies), bool)
+        self._anchor()
+        self._space.on_collision(begin=self._on_begin)
+        self._ends = np.empty((len(robots), 3))
 
     def _on_begin(self, arbiter: pymunk.Arbiter, _space: pymunk.Space, _data: object) -> None:
         for body in arbiter.bodies:
@@ -159,24 +176,24 @@ class DynamicBodies:
         follow_arcs(before, velocity, seconds, self._ends)
         way = self._ends - before
         length = float(np.abs(way[:, :2]).max(initial=0.0))
-        steps = min(max(1, math.ceil(seconds / SUBSTEP - 1e-9), math.ceil(length / _STRIDE)), _MAX_SUBSTEPS)
-        if length > _STRIDE * steps:
-            way *= _STRIDE * steps / length
-        targets = (way / seconds).tolist()
+        steps = min(max(1, math.ceil(seconds / SUBSTEP - 1e-9), math.ceil(length / self._stride)), _MAX_SUBSTEPS)
+        if length > self._stride * steps:
+            way *= self._stride * steps / length
+        targets = (np.where(self._cores.in_wall[:count, None], 0.0, way) / seconds).tolist()
         dt = seconds / steps
+        self._held[:] = False
         for body, touching, (vx, vy, w) in zip(self._robots, self._touching, targets, strict=True):
             _set_angular_velocity(body, w)
             if touching:
                 _drive(body, vx, vy, dt)
             else:
                 _set_velocity(body, (vx, vy))
-        for step in range(steps):
+        for step in range(1, steps + 1):
             if self._pushed:
-                self._push(targets, dt, step > 0)
+                self._push(targets, dt, step > 1)
             self._space.step(dt)
-        if self._bodies:
-            self.poses[:] = [(*_get_position(body), _get_angle(body)) for body in self._bodies]
-        self._mend_leaks(before)
+            if self._pushed or step == steps:
+                self._hold(length > self._least)
         for i, touching in enumerate(self._touching):
             if touching:
                 self._look_again(i)
@@ -193,22 +210,50 @@ class DynamicBodies:
             body.velocity = body.velocity * (max(0.0, 1.0 - _GRIP * dt / speed) if speed > 0.0 else 0.0)
             body.angular_velocity *= max(0.0, 1.0 - _GRIP_TURNING * dt / turn) if turn > 0.0 else 0.0
 
-    def _mend_leaks(self, before: Floats) -> None:
-        """Walls are lines, and lines leak: a centre that has been pushed through one goes back to where it was."""
-        leaks = np.array(self._touching, bool)
-        if leaks.any():
-            find_leaks(self._grids, self._fixed, before, self.poses, self._heights, leaks)
-            for i in np.flatnonzero(leaks):
-                self.place(int(i), Pose2(before[i, 0], before[i, 1], self.poses[i, 2]))
+    def _hold(self, leaps: bool) -> None:
+        """Take over where the bodies have got to, as far as they may: see `zteam.sim.holding`.
+
+        Where nothing can be pushed, a robot that touches nothing is tested only if a robot `leaps`: it goes farther
+        than half its width, and may have passed a wall without a contact.
+        """
+        if not self._bodies:
+            return
+        start = self.poses.copy()
+        self.poses[:] = [(*_get_position(body), _get_angle(body)) for body in self._bodies]
+        count = len(self._robots)
+        suspects = np.full(len(self._bodies), leaps or bool(self._pushed))
+        if not suspects.all():
+            suspects[:count] = self._touching
+            if not suspects.any():
+                return
+        shares = self._cores.hold(start, self.poses, suspects)
+        self._held |= shares[:count] < 1.0
+        for i in np.flatnonzero(shares < 1.0).tolist():
+            body = self._bodies[i]
+            x, y, yaw = self.poses[i].tolist()
+            body.position, body.angle = (x, y), yaw
+            body.velocity, body.angular_velocity = body.velocity * shares[i], body.angular_velocity * shares[i]
+            self._space.reindex_shapes_for_body(body)
 
     def _note_stalls(self, before: Floats, way: Floats) -> None:
-        touching = np.array(self._touching, bool)
-        if not touching.any():
+        stopped = np.array(self._touching, bool) | self._held | self._cores.in_wall[: len(before)]
+        if not stopped.any():
             self.stalled[:] = False
             return
         told = np.hypot(way[:, 0], way[:, 1])
         moved = np.hypot(*(self.poses[: len(before)] - before)[:, :2].T)
-        self.stalled = touching & (told > _STILL * SUBSTEP) & (moved < _BLOCKED * told)
+        self.stalled = stopped & (told > _STILL * SUBSTEP) & (moved < _BLOCKED * told)
+
+    def _anchor(self) -> None:
+        """Let a body that stands in a wall stand there: others are stopped by it, and nothing moves it."""
+        for i in np.flatnonzero(self._cores.in_wall != self._anchored).tolist():
+            body = self._bodies[i]
+            if self._anchored[i]:
+                body.body_type = pymunk.Body.DYNAMIC
+                body.mass, body.moment = self._inertia[i]
+            else:
+                body.body_type = pymunk.Body.KINEMATIC
+        self._anchored[:] = self._cores.in_wall
 
     def place(self, index: int, pose: Pose2) -> None:
         """Put a mover somewhere, at rest."""
@@ -216,6 +261,8 @@ class DynamicBodies:
         body.position, body.angle, body.velocity, body.angular_velocity = (pose.x, pose.y), pose.yaw, (0.0, 0.0), 0.0
         self._space.reindex_shapes_for_body(body)
         self.poses[index] = pose
+        self._cores.look(self.poses)
+        self._anchor()
 
     def adopt(self, old: "DynamicBodies", kept: Sequence[tuple[int, int]]) -> None:
         """Go on from another's motion, for pairs of movers (index here, index there); contacts are found anew."""
@@ -231,19 +278,6 @@ def _drive(body: pymunk.Body, vx: float, vy: float, dt: float) -> None:
     x, y = _get_velocity(body)
     push = body.mass / dt
     _set_force(body, (push * (vx - x), push * (vy - y)))
-
-
-def _find_slabs(shapes: Sequence[Shape]) -> list[tuple[float, float]]:
-    """Layers between the heights at which shapes begin or end; the topmost ones are one where there are too many."""
-    heights = sorted({z for shape in shapes if shape.obstacle for z in (shape.z_min, shape.z_max)})
-    heights = [-math.inf, *heights[: _MAX_SLABS - 1], math.inf]
-    return list(itertools.pairwise(heights))
-
-
-def _heights(shapes: Sequence[Shape]) -> tuple[float, float]:
-    """Foot and top of what collides."""
-    solid = [shape for shape in shapes if shape.obstacle]
-    return min((s.z_min for s in solid), default=0.0), max((s.z_max for s in solid), default=0.0)
 
 
 def _moment(obstacle: Obstacle) -> float:
