@@ -174,20 +174,6 @@ def parse_addition(text: str) -> tuple[int, str, Pose2]:
         raise UsageError(f"--add {text!r} is not ID:MODEL:X:Y:YAW, e.g. 7:erratic:2.0:3.5:1.57") from None
 
 
-def _compile_if_needed() -> None:
-    from zteam.sim import compiling, kernels, refusing
-
-    # These hold the last kernels to be compiled.
-    if not all(compiling.is_cached(Path(str(module.__file__))) for module in (kernels, refusing)):
-        from zteam.sim.warming import compile_kernels
-
-        compile_kernels(
-            lambda step, steps: log.info(
-                "compiling the simulator's kernels, once on this machine: %d of %d", step, steps
-            )
-        )
-
-
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point."""
     args = build_parser().parse_args(argv)
@@ -197,6 +183,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _simulate(args: argparse.Namespace) -> int:
     from zteam.nodes.node import Node, run_node
     from zteam.nodes.simulator import SimOptions, run_simulator
+    from zteam.sim.takeover import begin, prepare
     from zteam.world import add_robot, load_world
 
     if not args.map_resolution > 0:
@@ -209,7 +196,10 @@ def _simulate(args: argparse.Namespace) -> int:
         if robot_id in robots:
             raise UsageError(f"--add {robot_id}: the world has a robot {robot_id} already")
         robots[robot_id] = add_robot(world, model, pose, names.robot_name(robot_id))
-    _compile_if_needed()
+    # A run in lock-step keeps the kernels it begins with: what it does must not depend on when they are ready.
+    later = None if lockstep or args.compile_only else begin()
+    if later is None:
+        prepare()
     if args.compile_only:
         return 0
     options = SimOptions(
@@ -225,7 +215,7 @@ def _simulate(args: argparse.Namespace) -> int:
     )
 
     def body(node: Node) -> None:
-        run_simulator(node, world, robots, options)
+        run_simulator(node, world, robots, options, later)
 
     return run_node(names.SIMULATOR, bus_options(args), body)
 

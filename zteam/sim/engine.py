@@ -24,6 +24,7 @@ from zteam.sim.observation import Observation, RobotObservation, Robots, Snapsho
 from zteam.sim.odometry import Odometry, make_wheels, roll
 from zteam.sim.outlines import group_shapes
 from zteam.sim.refusing import RefusingBodies
+from zteam.sim.takeover import prepare
 from zteam.simulation import Options
 from zteam.world.model import Floorplan, Robot, World
 
@@ -46,6 +47,7 @@ class Engine:
         robots: Mapping[int, Robot] | None = None,
         options: Options | None = None,
     ) -> None:
+        prepare()
         self.world = world
         self.seed = seed
         self.options = options or Options()

@@ -1,0 +1,91 @@
+"""Where compiled kernels are kept, and whether all of them are there.
+
+The folder is the user's cache folder, never the package's own: that may be read-only, and an uninstalled package should
+leave nothing in it. Nothing here imports numba, which takes a third of a second: a simulator that finds an empty cache
+starts without it.
+"""
+
+import hashlib
+import os
+import platform
+import sys
+import tempfile
+from collections.abc import Iterable
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+
+def _choose_folder() -> Path | None:
+    """NUMBA_CACHE_DIR whatever it is; else the first of the user's own folders that can be written, if any."""
+    if given := os.environ.get("NUMBA_CACHE_DIR"):
+        return Path(given)
+    cache_home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    temporary = Path(tempfile.gettempdir()) / f"zteam-numba-{os.getuid()}"
+    for folder in (cache_home / "zteam" / "numba", temporary):
+        # What lies there is run: in a folder for all users it must be this user's.
+        if not _obstacle(folder) and (folder != temporary or folder.stat().st_uid == os.getuid()):
+            return folder
+    return None
+
+
+def _obstacle(folder: Path) -> str:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError as error:
+        return f"{folder}: {error.strerror}"
+    return ""
+
+
+FOLDER = _choose_folder()
+"""None if there is no folder to write to."""
+
+
+def find_obstacle() -> str:
+    """Why files cannot be made in the folder; empty if they can."""
+    return _obstacle(FOLDER) if FOLDER is not None else "neither the cache folder nor the temporary one can be written"
+
+
+def _processor() -> str:
+    """What numba compiles for: the processor at hand."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().partition("\n\n")[0].splitlines()
+    except OSError:
+        return platform.processor() or platform.machine()
+    return "\n".join(line for line in lines if line.startswith(("model name", "flags", "Features", "CPU ")))
+
+
+def _marker(sources: Iterable[Path]) -> Path | None:
+    """The file that says that all kernels of these modules, for this interpreter, compiler and processor, are kept."""
+    if FOLDER is None:
+        return None
+    digest = hashlib.sha256()
+    for source in sources:
+        digest.update(f"{source}\n".encode() + source.read_bytes())
+    try:
+        compiler = f"{version('numba')} {version('llvmlite')}"
+    except PackageNotFoundError:
+        compiler = ""
+    chosen = "".join(f"{name}={value}\n" for name, value in sorted(os.environ.items()) if name.startswith("NUMBA_CPU"))
+    digest.update(f"{sys.version}\n{compiler}\n{chosen}{_processor()}".encode())
+    return FOLDER / f"complete-{digest.hexdigest()[:16]}"
+
+
+def is_complete(sources: Iterable[Path]) -> bool:
+    """Whether all kernels of these modules are kept: nothing will have to be compiled."""
+    marker = _marker(sources)
+    try:
+        return marker is not None and all((marker.parent / name).exists() for name in marker.read_text().splitlines())
+    except OSError:
+        return False
+
+
+def mark_complete(sources: Iterable[Path], folder: Path) -> None:
+    """Note that all kernels of these modules are kept, in this subfolder. Raises OSError."""
+    marker = _marker(sources)
+    assert marker is not None
+    names = [f"{path.relative_to(marker.parent)}\n" for path in sorted(folder.glob("*.nb[ci]"))]
+    # Simulators may start at this moment: they must not see half of it.
+    unfinished = marker.with_suffix(f".{os.getpid()}")
+    unfinished.write_text("".join(names))
+    unfinished.replace(marker)
