@@ -33,7 +33,8 @@ def cast_squares(
     jx, jy = np.where((jx < 0) & (qx >= 0), 0, jx), np.where((jy < 0) & (qy >= 0), 0, jy)
     dx, dy = np.maximum(np.abs(dx), _TINY), np.maximum(np.abs(dy), _TINY)
     ux, uy = 1.0 / dx, 1.0 / dy
-    enter = np.maximum(0.0, np.maximum(-qx / dx, -qy / dy))
+    # Plus 0: a start on the border would enter after -0 metres.
+    enter = np.maximum(0.0, np.maximum(-qx / dx, -qy / dy)) + 0.0
     outside, first_x = enter > 0.0, -qx / dx > -qy / dy
     jx = np.where(outside, np.where(first_x, 0, np.floor(qx + enter * dx)), jx).astype(np.int64)
     jy = np.where(outside, np.where(first_x, np.floor(qy + enter * dy), 0), jy).astype(np.int64)

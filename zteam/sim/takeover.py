@@ -68,6 +68,7 @@ class Takeover:
 
     def __init__(self) -> None:
         self._children: _Children | None = None
+        self._thread: threading.Thread | None = None
         self._closing = False
         self._loaded = False
 
@@ -75,7 +76,14 @@ class Takeover:
         """Begin to compile."""
         log.info("lasers run on numpy while their kernels are compiled, once on this machine")
         self._children = _Children([["--nice"]])
-        threading.Thread(target=self._work, args=(self._children,), name="kernels", daemon=True).start()
+        self._thread = threading.Thread(target=self._work, args=(self._children,), name="kernels", daemon=True)
+        self._thread.start()
+
+    def wait(self, timeout: float) -> bool:
+        """Until kernels are loaded, or will not be, for `timeout` s at most; whether that is so."""
+        assert self._thread is not None
+        self._thread.join(timeout)
+        return not self._thread.is_alive()
 
     def poll(self) -> None:
         """Between two ticks: let kernels run compiled once they are loaded."""
