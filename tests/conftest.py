@@ -1,10 +1,13 @@
 """Makes the tests' own modules importable, in xdist workers too, and gives all tests the same surroundings."""
 
 import os
+import shutil
 import signal
 import sys
 import threading
 from pathlib import Path
+
+import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -18,3 +21,16 @@ if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGHUP, signal.SIG_DFL)
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.fixture
+def kept_kernels(tmp_path: Path) -> Path:
+    """A cache that holds all kernels but does not say so, as one whose compiling ended just before its end."""
+    from zteam.sim import compiling, kernel_cache, takeover
+
+    # What ran before in this process may have made its choice without a look at the cache.
+    takeover.fill_cache()
+    assert kernel_cache.FOLDER is not None
+    assert kernel_cache.is_complete(compiling.sources()), "this machine's cache cannot be filled"
+    shutil.copytree(kernel_cache.FOLDER, tmp_path / "cache", ignore=shutil.ignore_patterns("complete-*"))
+    return tmp_path / "cache"

@@ -1,23 +1,22 @@
 """A simulator that finds no compiled kernels: it starts without, and changes over while it runs, or says why not."""
 
 import os
-import shutil
+import select
 import signal
 import subprocess
 import sys
 import textwrap
-import time
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from zteam.sim import compiling, kernel_cache, takeover
+from zteam.clock import monotonic, pause
 
 LIMIT = 100.0
 TESTS = Path(__file__).resolve().parents[1]
 RUN = """
-import hashlib, logging, os, resource, sys, time
+import hashlib, logging, resource, sys
 sys.path.insert(0, sys.argv[1])
 logging.basicConfig(level=logging.INFO, stream=sys.stdout, format="%(message)s")
 from scenes import drive, make_maze, make_robot
@@ -55,24 +54,13 @@ def run(code: str, folder: Path) -> list[str]:
 
 def wait_for(condition: Callable[[], object]) -> None:
     """Until it holds."""
-    end = time.monotonic() + LIMIT  # noqa: TID251
+    end = monotonic() + LIMIT
     while not condition():
-        assert time.monotonic() < end  # noqa: TID251
-        time.sleep(0.02)  # noqa: TID251
+        assert monotonic() < end
+        pause(0.02)
 
 
-@pytest.fixture
-def kept(tmp_path: Path) -> Path:
-    """A cache that holds all kernels but does not say so, as one whose compiling ended just before its end."""
-    takeover.prepare()
-    if not kernel_cache.is_complete(compiling.sources()):
-        pytest.fail("this machine's cache could not be filled")
-    assert kernel_cache.FOLDER is not None
-    shutil.copytree(kernel_cache.FOLDER, tmp_path / "cache", ignore=shutil.ignore_patterns("complete-*"))
-    return tmp_path / "cache"
-
-
-def test_a_run_that_changes_over_gives_the_same_bytes(kept: Path) -> None:
+def test_a_run_that_changes_over_gives_the_same_bytes(kept_kernels: Path) -> None:
     """Begun without compiled kernels, ended with them: poses, odometry and ranges are those of a compiled run."""
     code = """
         later = takeover.begin()
@@ -94,27 +82,29 @@ def test_a_run_that_changes_over_gives_the_same_bytes(kept: Path) -> None:
             advance(other, expected)
         print(digest.hexdigest() == expected.hexdigest())
         """
-    assert run(code, kept) == [
+    assert run(code, kept_kernels) == [
         "lasers run on numpy while their kernels are compiled, once on this machine",
         "compiled kernels take over",
         "True",
     ]
-    assert run("print(takeover.begin(), 'numba' in sys.modules)", kept) == ["None True"]
+    assert run("print(takeover.begin(), 'numba' in sys.modules)", kept_kernels) == ["None True"]
 
 
 def test_what_compiles_ends_with_its_simulator_and_keeps_what_it_finished(tmp_path: Path) -> None:
     """A simulator killed by SIGKILL leaves no process, but the first kernel is in the cache."""
-    process = start("later = takeover.begin(); later.start(); time.sleep(1000)", tmp_path)
+    process = start("later = takeover.begin(); later.start(); later.wait(1000.0)", tmp_path)
     try:
         children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
         wait_for(children.read_text)
         child = int(children.read_text())
+        handle = os.pidfd_open(child)
         wait_for(lambda: list(tmp_path.glob("*/fields._fill_squares*.nbc")))
         assert os.getpriority(os.PRIO_PROCESS, child) == os.getpriority(os.PRIO_PROCESS, 0) + 10
     finally:
         process.send_signal(signal.SIGKILL)
         process.communicate()
-    wait_for(lambda: not Path(f"/proc/{child}").exists())
+    assert select.select([handle], [], [], LIMIT)[0]
+    os.close(handle)
     assert list(tmp_path.glob("*/fields._fill_squares*.nbi"))
     assert not list(tmp_path.glob("complete-*"))
 

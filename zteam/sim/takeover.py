@@ -28,16 +28,22 @@ def prepare() -> None:
     """
     if compiling.is_chosen():
         return
-    if compiling.has_numba() and not kernel_cache.find_obstacle() and not _is_complete():
-        arguments: list[list[str]] = [[], ["--backwards"]]
-        reason = _Children(arguments[: min(_AT_ONCE, os.cpu_count() or 1)]).wait(
-            lambda done, steps: log.info(
-                "compiling the simulator's kernels, once on this machine: %d of %d", done, steps
-            )
-        )
+    if compiling.has_numba():
+        reason = fill_cache()
         if reason:
             compiling.give_up_cache(reason)
     compiling.use_compiled()
+
+
+def fill_cache() -> str:
+    """Compile what the cache lacks, with as many processes as help; why that failed, empty if it did not."""
+    reason = kernel_cache.find_obstacle()
+    if reason or _is_complete():
+        return reason
+    log.info("compiling the simulator's kernels, once on this machine")
+    arguments: list[list[str]] = [[], ["--backwards"]]
+    children = _Children(arguments[: min(_AT_ONCE, os.cpu_count() or 1)])
+    return children.wait(lambda ready, kernels: log.info("compiled %d of %d kernels", ready, kernels))
 
 
 def begin() -> "Takeover | None":
