@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import signal
 import subprocess
 from pathlib import Path
 from typing import Any
@@ -37,6 +38,27 @@ def test_a_team_drives_before_anything_is_compiled(tmp_path: Path) -> None:
     assert output.index("on numpy while their kernels are compiled") < output.index("All robots GO!")
     assert not list((tmp_path / "cache").glob("complete-*"))
     assert [p["exit"] for p in report["processes"]] == [0] * 9
+
+
+def test_compiled_kernels_take_over_while_a_team_runs(tmp_path: Path, kept_kernels: Path) -> None:
+    """The simulator changes over between two ticks and runs on; Ctrl+C ends the team in order."""
+    with subprocess.Popen(
+        zteam_command("up", "line"),
+        cwd=tmp_path,
+        env={**os.environ, "NUMBA_CACHE_DIR": str(kept_kernels)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    ) as launcher:
+        assert launcher.stdout is not None
+        try:
+            assert any("compiled kernels take over" in line for line in launcher.stdout)
+        finally:
+            launcher.send_signal(signal.SIGINT)
+        rest = launcher.stdout.read()
+    assert launcher.returncode == 0, rest
+    assert "robot_3 stopped" in rest
+    assert "rror" not in rest
 
 
 def test_lockstep_compiles_first_and_repeats(tmp_path: Path, kept_kernels: Path) -> None:

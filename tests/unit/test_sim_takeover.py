@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from zteam.clock import monotonic, pause
+from zteam.launch.process import zteam_command
 
 LIMIT = 100.0
 TESTS = Path(__file__).resolve().parents[1]
@@ -139,6 +140,22 @@ def test_a_simulator_goes_on_without_a_cache_that_is_full(tmp_path: Path) -> Non
     _, warning, rest = run(code, tmp_path)
     assert f"{tmp_path}: File too large; lasers run on numpy" in warning
     assert rest == "False"
+
+
+def test_compile_only_fails_where_nothing_can_be_kept(tmp_path: Path) -> None:
+    """An image whose cache cannot be made must not be built: exit code 1 and one line that names the folder."""
+    (tmp_path / "file").touch()
+    done = subprocess.run(
+        zteam_command("sim", "office", "--compile-only"),
+        env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "file" / "cache")},
+        capture_output=True,
+        text=True,
+        timeout=LIMIT,
+        check=False,
+    )
+    assert done.returncode == 1
+    (line,) = done.stderr.splitlines()
+    assert str(tmp_path / "file" / "cache") in line
 
 
 @pytest.mark.parametrize("folder", ["full", "file/missing"])

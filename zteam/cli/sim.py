@@ -1,7 +1,6 @@
 """`zteam-sim WORLD`: the simulator. Stage's world files run as they are; a robot's id is its place in the file."""
 
 import argparse
-import logging
 import math
 import sys
 from collections.abc import Sequence
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from zteam import names
 from zteam.cli.options import add_bus_options, bus_options, run
-from zteam.errors import UsageError
+from zteam.errors import UsageError, ZteamError
 from zteam.geometry import Pose2
 from zteam.nodes.sim_messages import MAX_SPEED
 from zteam.shipped import names as shipped_names
@@ -19,8 +18,6 @@ from zteam.simulation import PHYSICS, Options
 
 if TYPE_CHECKING:
     from zteam.nodes.lockstep import LockStepOptions
-
-log = logging.getLogger("zteam")
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -51,7 +48,7 @@ def build_parser() -> argparse.ArgumentParser:
     )
     _add_time_options(parser)
     parser.add_argument(
-        "--compile-only", action="store_true", help="compile the laser kernels into the cache, then end"
+        "--compile-only", action="store_true", help="compile the simulator's kernels into the cache, then end"
     )
     _add_simulation_options(parser)
     add_bus_options(parser)
@@ -183,7 +180,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _simulate(args: argparse.Namespace) -> int:
     from zteam.nodes.node import Node, run_node
     from zteam.nodes.simulator import SimOptions, run_simulator
-    from zteam.sim.takeover import begin, prepare
+    from zteam.sim.takeover import begin, fill_cache, prepare
     from zteam.world import add_robot, load_world
 
     if not args.map_resolution > 0:
@@ -196,12 +193,14 @@ def _simulate(args: argparse.Namespace) -> int:
         if robot_id in robots:
             raise UsageError(f"--add {robot_id}: the world has a robot {robot_id} already")
         robots[robot_id] = add_robot(world, model, pose, names.robot_name(robot_id))
-    # A run in lock-step keeps the kernels it begins with: what it does must not depend on when they are ready.
-    later = None if lockstep or args.compile_only else begin()
-    if later is None:
-        prepare()
     if args.compile_only:
+        if reason := fill_cache():
+            raise ZteamError(f"the kernels are not in the cache: {reason}")
         return 0
+    # A run in lock-step keeps the kernels it begins with: what it does must not depend on when they are ready.
+    later = None if lockstep else begin()
+    if lockstep:
+        prepare()
     options = SimOptions(
         world=Path(args.world),
         seed=args.seed,

@@ -161,8 +161,11 @@ def use_plain() -> None:
 
 def use_compiled() -> None:
     """Run all kernels compiled from now on; without numba plain, with a warning."""
-    if not has_numba():
-        log.warning("numba is not installed: lasers run on numpy, 10 to 100 times slower (pip install numba)")
+    try:
+        _njit()
+    except ImportError as error:
+        reason = f"numba cannot be imported ({error})" if has_numba() else "numba is not installed"
+        log.warning("%s: lasers run on numpy, 10 to 100 times slower (pip install numba)", reason)
         use_plain()
         return
     reason = kernel_cache.find_obstacle()

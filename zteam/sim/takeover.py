@@ -42,7 +42,10 @@ def fill_cache() -> str:
         return reason
     log.info("compiling the simulator's kernels, once on this machine")
     arguments: list[list[str]] = [[], ["--backwards"]]
-    children = _Children(arguments[: min(_AT_ONCE, os.cpu_count() or 1)])
+    try:
+        children = _Children(arguments[: min(_AT_ONCE, os.cpu_count() or 1)])
+    except OSError as error:
+        return f"no process can be started to compile ({error})"
     return children.wait(lambda ready, kernels: log.info("compiled %d of %d kernels", ready, kernels))
 
 
@@ -81,15 +84,19 @@ class Takeover:
     def start(self) -> None:
         """Begin to compile."""
         log.info("lasers run on numpy while their kernels are compiled, once on this machine")
-        self._children = _Children([["--nice"]])
+        try:
+            self._children = _Children([["--nice"]])
+        except OSError as error:
+            compiling.warn_of_cache(f"no process can be started to compile ({error})", _ON_NUMPY)
+            return
         self._thread = threading.Thread(target=self._work, args=(self._children,), name="kernels", daemon=True)
         self._thread.start()
 
     def wait(self, timeout: float) -> bool:
         """Until kernels are loaded, or will not be, for `timeout` s at most; whether that is so."""
-        assert self._thread is not None
-        self._thread.join(timeout)
-        return not self._thread.is_alive()
+        if self._thread is not None:
+            self._thread.join(timeout)
+        return self._thread is None or not self._thread.is_alive()
 
     def poll(self) -> None:
         """Between two ticks: let kernels run compiled once they are loaded."""
@@ -103,34 +110,32 @@ class Takeover:
         self._closing = True
         if self._children is not None:
             self._children.end()
+        # The interpreter must not end while the compiler is at work in it.
+        self.wait(1.0)
 
     def _work(self, children: "_Children") -> None:
-        reason = children.wait(lambda done, steps: log.debug("kernels: %d of %d", done, steps))
-        if self._closing:
-            return
+        reason = children.wait(lambda ready, kernels: log.debug("compiled %d of %d kernels", ready, kernels))
         if not reason:
             try:
-                _load()
+                self._load()
             except Exception as error:
                 # Whatever a compiler may say: the run goes on as it is.
                 reason = f"{type(error).__name__}: {error}"
-        if reason:
+        if reason and not self._closing:
             compiling.warn_of_cache(reason, _ON_NUMPY)
-        else:
-            self._loaded = True
+        self._loaded = not reason
 
-
-def _load() -> None:
-    """Load what has run so far; the first call of a kernel that has not loads it then."""
-    # A collection would look through all that a running simulator holds, and hold the interpreter for as long.
-    gc.disable()
-    try:
-        for kernel in compiling.KERNELS:
-            if kernel.sample is not None:
-                kernel.compile()
-    finally:
-        gc.freeze()
-        gc.enable()
+    def _load(self) -> None:
+        """Load the kernels that have run so far; another is loaded when it is called first."""
+        # A collection would look through all that a running simulator holds, and hold the interpreter for as long.
+        gc.disable()
+        try:
+            for kernel in compiling.KERNELS:
+                if kernel.sample is not None and not self._closing:
+                    kernel.compile()
+        finally:
+            gc.freeze()
+            gc.enable()
 
 
 class _Children:
