@@ -23,8 +23,8 @@ _ON_NUMPY = "lasers run on numpy, 10 to 100 times slower"
 def prepare() -> None:
     """Let all kernels run compiled, unless that was decided before. What the cache lacks is compiled first.
 
-    On two cores an empty cache takes about 10 s, with progress in the log. Where that fails the log says why, and
-    kernels are compiled in memory.
+    An empty cache takes 20 s of processor time, shared by two processes, with progress in the log. Where that fails the
+    log says why, and kernels are compiled in memory.
     """
     if compiling.is_chosen():
         return
