@@ -125,6 +125,25 @@ def test_a_simulator_goes_on_without_a_cache_that_cannot_be_written(tmp_path: Pa
     assert rest == "None False"
 
 
+def test_a_simulator_starts_where_no_disk_takes_a_byte(tmp_path: Path) -> None:
+    """Neither a cache folder nor a temporary one: one warning that says so, and the run begins on numpy."""
+    (tmp_path / "file").touch()
+    code = f"""
+        import os
+        os.environ.pop("NUMBA_CACHE_DIR")
+        os.environ["XDG_CACHE_HOME"] = {str(tmp_path / "file")!r}
+        os.environ["TMPDIR"] = {str(tmp_path / "file")!r}
+        resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
+        for name in [name for name in sys.modules if name.startswith(("zteam", "scenes"))]:
+            del sys.modules[name]
+        from zteam.sim import takeover
+        print(takeover.begin())
+        """
+    warning, rest = run(code, tmp_path)
+    assert "neither the cache folder nor the temporary one can be written" in warning
+    assert rest == "None"
+
+
 def test_a_simulator_goes_on_without_a_cache_that_is_full(tmp_path: Path) -> None:
     """What compiles cannot keep the first kernel: one warning, and the run stays on numpy."""
     code = """

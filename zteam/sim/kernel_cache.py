@@ -20,12 +20,16 @@ def _choose_folder() -> Path | None:
     if given := os.environ.get("NUMBA_CACHE_DIR"):
         return Path(given)
     cache_home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    temporary = Path(tempfile.gettempdir()) / f"zteam-numba-{os.getuid()}"
-    for folder in (cache_home / "zteam" / "numba", temporary):
-        # What lies there is run: in a folder for all users it must be this user's.
-        if not _obstacle(folder) and (folder != temporary or folder.stat().st_uid == os.getuid()):
-            return folder
-    return None
+    kept = cache_home / "zteam" / "numba"
+    if not _obstacle(kept):
+        return kept
+    try:
+        temporary = Path(tempfile.gettempdir()) / f"zteam-numba-{os.getuid()}"
+    except OSError:
+        # Python finds no folder that takes a few bytes: every disk is full.
+        return None
+    # What lies in the cache is run: in a folder for all users it must be this user's.
+    return temporary if not _obstacle(temporary) and temporary.stat().st_uid == os.getuid() else None
 
 
 def _obstacle(folder: Path) -> str:
