@@ -187,7 +187,11 @@ def give_up_cache(reason: str) -> None:
 
 def warn_of_cache(reason: str, what_follows: str) -> None:
     """Say once what it is that keeps kernels from being kept."""
-    log.warning("no cache for compiled kernels: %s; %s (free some space, or set NUMBA_CACHE_DIR)", reason, what_follows)
+    log.warning(
+        "going on without a cache for compiled kernels: %s; %s (free some space, or set NUMBA_CACHE_DIR)",
+        reason,
+        what_follows,
+    )
 
 
 def _use(compiled: bool) -> None:
