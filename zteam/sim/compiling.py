@@ -11,7 +11,6 @@ import os
 from collections.abc import Callable
 from functools import cached_property, update_wrapper
 from importlib.util import find_spec
-from pathlib import Path
 from typing import Any, TypeVar, cast
 
 from zteam.sim import kernel_cache
@@ -44,7 +43,6 @@ class Kernel:
     def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
         update_wrapper(self, function)
         self.name = f"{function.__module__.rpartition('.')[2]}.{function.__qualname__}"
-        self.source = function.__code__.co_filename
         self.plain = function
         """What runs where nothing is compiled."""
         self.sample: tuple[Any, ...] | None = None
@@ -141,12 +139,6 @@ def plainly(substitute: F) -> Callable[[F], F]:
 def has_numba() -> bool:
     """Whether there is a compiler."""
     return find_spec("numba") is not None
-
-
-def sources() -> list[Path]:
-    """The modules of this package that hold kernels; the engine imports them all."""
-    files = {Path(kernel.source) for kernel in KERNELS}
-    return sorted(file for file in files if file.parent == Path(__file__).parent)
 
 
 def is_chosen() -> bool:

@@ -10,7 +10,6 @@ import os
 import platform
 import sys
 import tempfile
-from collections.abc import Iterable
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -59,13 +58,16 @@ def _processor() -> str:
     return "\n".join(line for line in lines if line.startswith(("model name", "flags", "Features", "CPU ")))
 
 
-def _marker(sources: Iterable[Path]) -> Path | None:
-    """The file that says that all kernels of these modules, for this interpreter, compiler and processor, are kept."""
+def _marker() -> Path | None:
+    """The file that says that all kernels of this code, for this interpreter, compiler and processor, are kept."""
     if FOLDER is None:
         return None
     digest = hashlib.sha256()
-    for source in sources:
-        digest.update(f"{source}\n".encode() + source.read_bytes())
+    for source in sorted(Path(__file__).parent.glob("*.py")):
+        text = source.read_bytes()
+        # The modules that hold kernels, whether they have been imported yet or not.
+        if b"from zteam.sim.compiling import" in text:
+            digest.update(f"{source}\n".encode() + text)
     try:
         compiler = f"{version('numba')} {version('llvmlite')}"
     except PackageNotFoundError:
@@ -75,18 +77,18 @@ def _marker(sources: Iterable[Path]) -> Path | None:
     return FOLDER / f"complete-{digest.hexdigest()[:16]}"
 
 
-def is_complete(sources: Iterable[Path]) -> bool:
-    """Whether all kernels of these modules are kept: nothing will have to be compiled."""
-    marker = _marker(sources)
+def is_complete() -> bool:
+    """Whether all kernels are kept: nothing will have to be compiled."""
+    marker = _marker()
     try:
         return marker is not None and all((marker.parent / name).exists() for name in marker.read_text().splitlines())
     except OSError:
         return False
 
 
-def mark_complete(sources: Iterable[Path], folder: Path) -> None:
-    """Note that all kernels of these modules are kept, in this subfolder. Raises OSError."""
-    marker = _marker(sources)
+def mark_complete(folder: Path) -> None:
+    """Note that all kernels are kept, in this subfolder. Raises OSError."""
+    marker = _marker()
     assert marker is not None
     names = [f"{path.relative_to(marker.parent)}\n" for path in sorted(folder.glob("*.nb[ci]"))]
     # Simulators may start at this moment: they must not see half of it.

@@ -38,7 +38,7 @@ def prepare() -> None:
 def fill_cache() -> str:
     """Compile what the cache lacks, with as many processes as help; why that failed, empty if it did not."""
     reason = kernel_cache.find_obstacle()
-    if reason or _is_complete():
+    if reason or kernel_cache.is_complete():
         return reason
     log.info("compiling the simulator's kernels, once on this machine")
     arguments: list[list[str]] = [[], ["--backwards"]]
@@ -59,17 +59,11 @@ def begin() -> "Takeover | None":
         compiling.use_plain()
         compiling.warn_of_cache(reason, _ON_NUMPY)
         return None
-    if _is_complete():
+    if kernel_cache.is_complete():
         compiling.use_compiled()
         return None
     compiling.use_plain()
     return Takeover()
-
-
-def _is_complete() -> bool:
-    from zteam.sim import engine  # noqa: F401 it imports all kernels
-
-    return kernel_cache.is_complete(compiling.sources())
 
 
 class Takeover:
@@ -170,7 +164,7 @@ class _Children:
                         report(len(ready), int(steps))
                     # Another may still be at work on a kernel that is ready: it is not waited for.
                     if len(ready) == int(steps):
-                        kernel_cache.mark_complete(compiling.sources(), Path(folder))
+                        kernel_cache.mark_complete(Path(folder))
                         return ""
         except OSError as error:
             return f"{kernel_cache.FOLDER}: {error.strerror}"
