@@ -1,11 +1,13 @@
 """Makes the tests' own modules importable, in xdist workers too, and gives all tests the same surroundings."""
 
 import os
+import shutil
 import signal
 import sys
 import threading
 from pathlib import Path
 
+import pytest
 from hypothesis import HealthCheck, settings
 
 # Speed is the machine's business, not a test's: a slow example is no failure.
@@ -24,3 +26,16 @@ if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGHUP, signal.SIG_DFL)
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.fixture
+def kept_kernels(tmp_path: Path) -> Path:
+    """A cache that holds all kernels but does not say so, as one whose compiling ended just before its end."""
+    from zteam.sim import kernel_cache, takeover
+
+    # What ran before in this process may have made its choice without a look at the cache.
+    takeover.fill_cache()
+    assert kernel_cache.FOLDER is not None
+    assert kernel_cache.is_complete(), "this machine's cache cannot be filled"
+    shutil.copytree(kernel_cache.FOLDER, tmp_path / "cache", ignore=shutil.ignore_patterns("complete-*"))
+    return tmp_path / "cache"

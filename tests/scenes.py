@@ -1,12 +1,15 @@
 """Small worlds for the simulator's core: square robots, a wall, bitmaps."""
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 
 from zteam.geometry import Pose2
 from zteam.messages import Twist, Vector3
+from zteam.sim import compiling
 from zteam.world.model import Floorplan, Obstacle, Ranger, Robot, Shape, World
 
 BODY = ((-0.2, -0.2), (0.2, -0.2), (0.2, 0.2), (-0.2, 0.2))
@@ -54,3 +57,13 @@ def make_maze(*robots: Robot, seed: int = 0) -> World:
 def drive(v: float, w: float = 0.0, vy: float = 0.0) -> Twist:
     """A command."""
     return Twist(Vector3(v, vy), Vector3(0.0, 0.0, w))
+
+
+@contextmanager
+def plain_kernels() -> Iterator[None]:
+    """All kernels run without numba in here."""
+    compiling.use_plain()
+    try:
+        yield
+    finally:
+        compiling.use_compiled()

@@ -129,7 +129,7 @@ def test_wrong_parameters_name_their_key(spec: str, params: dict[str, object], t
 def test_a_behaviour_without_parameters_needs_no_params() -> None:
     """A class that names no type of parameters loads, and refuses any parameter."""
     assert load_behavior("my_robots.mine:Bare", {}).params == NoParams()
-    with pytest.raises(UsageError, match="speed: unknown key; my_robots.mine:Bare takes no parameters"):
+    with pytest.raises(UsageError, match=r"speed: unknown key; my_robots\.mine:Bare takes no parameters"):
         load_behavior("my_robots.mine:Bare", {"speed": 1.0})
 
 

@@ -71,7 +71,7 @@ for physics in ("dynamic", "stage", "kinematic"):
 
 def test_kernels_are_kept_apart_from_the_package(tmp_path: Path) -> None:
     """Also where numba was imported first, compiled code goes to the chosen folder, not beside the source."""
-    code = "import numba; from zteam.sim import compiling; print(numba.config.CACHE_DIR)"
+    code = "import numba; from zteam.sim import compiling; compiling.use_compiled(); print(numba.config.CACHE_DIR)"
     environment = {key: value for key, value in os.environ.items() if key != "NUMBA_CACHE_DIR"}
     done = subprocess.run(
         [sys.executable, "-c", code],

@@ -1,7 +1,6 @@
 """`zteam-sim WORLD`: the simulator. Stage's world files run as they are; a robot's id is its place in the file."""
 
 import argparse
-import logging
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from zteam import names
 from zteam.cli.options import MAX_SEED, MIN_SEED, Parser, add_bus_options, bus_options, number, run, whole
-from zteam.errors import UsageError
+from zteam.errors import UsageError, ZteamError
 from zteam.geometry import Pose2
 from zteam.nodes.sim_messages import MAX_PLACE, MAX_SPEED, MIN_SPEED
 from zteam.numbers import MAX_SECONDS, parse_number
@@ -19,8 +18,6 @@ from zteam.simulation import PHYSICS, Options
 
 if TYPE_CHECKING:
     from zteam.nodes.lockstep import LockStepOptions
-
-log = logging.getLogger("zteam")
 
 MIN_RUN = 1e-6
 """Simulated seconds of the shortest `--for`: it ends with the tick of GO."""
@@ -65,7 +62,7 @@ def build_parser() -> argparse.ArgumentParser:
     )
     _add_time_options(parser)
     parser.add_argument(
-        "--compile-only", action="store_true", help="compile the laser kernels into the cache, then end"
+        "--compile-only", action="store_true", help="compile the simulator's kernels into the cache, then end"
     )
     _add_simulation_options(parser)
     add_bus_options(parser)
@@ -187,20 +184,6 @@ def parse_addition(text: str) -> tuple[int, str, Pose2]:
         raise UsageError(f"--add {text!r}: {error}") from None
 
 
-def _compile_if_needed() -> None:
-    from zteam.sim import compiling, kernels, refusing
-
-    # These hold the last kernels to be compiled.
-    if not all(compiling.is_cached(Path(str(module.__file__))) for module in (kernels, refusing)):
-        from zteam.sim.warming import compile_kernels
-
-        compile_kernels(
-            lambda step, steps: log.info(
-                "compiling the simulator's kernels, once on this machine: %d of %d", step, steps
-            )
-        )
-
-
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point."""
     args = build_parser().parse_args(argv)
@@ -210,6 +193,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _simulate(args: argparse.Namespace) -> int:
     from zteam.nodes.node import Node, run_node
     from zteam.nodes.simulator import SimOptions, run_simulator
+    from zteam.sim.takeover import begin, fill_cache, prepare
     from zteam.world import add_robot, load_world
 
     lockstep = lockstep_options(args)
@@ -220,9 +204,14 @@ def _simulate(args: argparse.Namespace) -> int:
         if robot_id in robots:
             raise UsageError(f"--add {robot_id}: the world has a robot {robot_id} already")
         robots[robot_id] = add_robot(world, model, pose, names.robot_name(robot_id))
-    _compile_if_needed()
     if args.compile_only:
+        if reason := fill_cache():
+            raise ZteamError(f"the kernels are not in the cache: {reason}")
         return 0
+    # A run in lock-step keeps the kernels it begins with: what it does must not depend on when they are ready.
+    later = None if lockstep else begin()
+    if lockstep:
+        prepare()
     options = SimOptions(
         world=Path(args.world),
         seed=args.seed,
@@ -236,7 +225,7 @@ def _simulate(args: argparse.Namespace) -> int:
     )
 
     def body(node: Node) -> None:
-        run_simulator(node, world, robots, options)
+        run_simulator(node, world, robots, options, later)
 
     return run_node(names.SIMULATOR, bus_options(args), body)
 

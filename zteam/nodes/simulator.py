@@ -27,6 +27,7 @@ from zteam.nodes.sim_outputs import RobotOutputs
 from zteam.nodes.tally import Tally
 from zteam.sim import Engine, Observation, Options
 from zteam.sim.mapping import map_message
+from zteam.sim.takeover import Takeover
 from zteam.world import Robot, World, add_robot
 
 log = logging.getLogger("zteam")
@@ -57,8 +58,11 @@ class SimOptions(msgspec.Struct, frozen=True):
 class Simulator:
     """A world on the bus. `run` and what it calls is the main loop's; queries and messages come from bus threads."""
 
-    def __init__(self, node: Node, world: World, robots: dict[int, Robot], options: SimOptions) -> None:
+    def __init__(
+        self, node: Node, world: World, robots: dict[int, Robot], options: SimOptions, kernels: Takeover | None = None
+    ) -> None:
         self._node = node
+        self._kernels = kernels
         self._options = options
         self._world = world
         self._engine = Engine(world, seed=options.seed, robots=robots, options=options.engine)
@@ -111,6 +115,8 @@ class Simulator:
                 return
             self._phases.end(phases.IDLE)
             commands = self._take_commands()
+            if self._kernels is not None:
+                self._kernels.poll()
             self._phases.end_tick()
             if self._pacer.behind and self._slow.due():
                 log.warning("real-time factor %.2g: %s", self._pacer.factor, self._phases.last_text())
@@ -316,11 +322,17 @@ def check_follows(follows: Mapping[int, int], robots: Mapping[int, Robot]) -> No
             raise UsageError(f"--gap names robot {robot_id}, but the world has {sorted(robots)}")
 
 
-def run_simulator(node: Node, world: World, robots: dict[int, Robot], options: SimOptions) -> None:
-    """Be the simulator until asked to stop."""
+def run_simulator(
+    node: Node, world: World, robots: dict[int, Robot], options: SimOptions, kernels: Takeover | None = None
+) -> None:
+    """Be the simulator until asked to stop; `kernels` take over from those that it begins with."""
     check_follows(options.follows, robots)
-    simulator = Simulator(node, world, robots, options)
+    simulator = Simulator(node, world, robots, options, kernels)
     simulator.publish_statics()
     node.become_present()
     log.info("%s: %d robots, a tick every %g ms", world.name, len(robots), world.interval / 1e6)
+    if kernels is not None:
+        # Not before: who starts along with this process needs the processors now.
+        kernels.start()
+        node.on_stop(kernels.close)
     simulator.run()

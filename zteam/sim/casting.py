@@ -7,15 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.sim.compiling import JIT
 from zteam.sim.fields import Fields
+from zteam.sim.kernels import cast_edges, cast_squares, finish
 from zteam.sim.outlines import Group, make_outlines, move_outlines
 from zteam.world.model import Floorplan, Shape
-
-if JIT is not None:
-    from zteam.sim.kernels import cast_edges, cast_squares, finish
-else:
-    from zteam.sim.numpy_kernels import cast_edges, cast_squares, finish
 
 Floats = NDArray[np.float64]
 

@@ -1,103 +1,192 @@
-"""numba, where it is installed: a cache place that is chosen on purpose, and whether compiling lies ahead.
+"""Kernels: functions that numba compiles. Until they are compiled, or where numba is missing, they run without it.
 
-Kernels are compiled once per machine. The cache lies in the user's cache folder, never in the package's own folder:
-that may be read-only, and an uninstalled package should leave nothing in it.
+A kernel is compiled once per machine; `zteam.sim.kernel_cache` says where the code is kept. Which way kernels run is
+one choice for the whole process: `use_plain` or `use_compiled`. Without a choice the first call of a kernel compiles.
+
+Both ways compute the same numbers to the last bit: the same expressions in the same order, and no fused operations.
 """
 
 import logging
 import os
-import tempfile
 from collections.abc import Callable
-from functools import cache, partial
-from pathlib import Path
-from typing import Any, TypeVar
+from functools import cached_property, update_wrapper
+from importlib.util import find_spec
+from typing import Any, TypeVar, cast
+
+from zteam.sim import kernel_cache
 
 log = logging.getLogger("zteam.sim")
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-
-def _writable_folder() -> Path:
-    cache_home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    wanted = cache_home / "zteam" / "numba"
-    try:
-        for folder in (wanted, Path(tempfile.gettempdir()) / f"zteam-numba-{os.getuid()}"):
-            if _is_writable(folder):
-                return folder
-        return Path(tempfile.mkdtemp(prefix="zteam-numba-"))
-    except OSError:
-        # No folder for temporary files either: every disk is full. What cannot be kept is told where it is kept.
-        return wanted
+KERNELS: list["Kernel"] = []
+"""All kernels of the modules imported so far."""
 
 
-def _is_writable(folder: Path) -> bool:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError:
-        return False
-    return os.access(folder, os.W_OK)
+class _Choice:
+    """How the kernels of this process run."""
+
+    compiled: bool | None = None
+    """None until it is chosen."""
+    caches = True
+    """Whether compiled code is read from the cache and kept in it."""
+    running = False
+    """Whether a kernel runs uncompiled: the kernels that it calls are compiled as parts of it."""
 
 
-def _find_jit() -> Callable[..., Any] | None:
-    os.environ.setdefault("NUMBA_CACHE_DIR", str(_writable_folder()))
-    try:
-        from numba import config, njit
-    except ImportError:
-        log.warning("numba is not installed: lasers run on numpy, 10 to 100 times slower (pip install numba)")
-        return None
-    # Whoever imported numba before has fixed its settings; without this the code would lie in the package's folder.
+_choice = _Choice()
+
+
+class Kernel:
+    """A function of arrays and numbers that runs compiled or plain; the change takes effect with its next call."""
+
+    def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
+        update_wrapper(self, function)
+        self.name = f"{function.__module__.rpartition('.')[2]}.{function.__qualname__}"
+        self.plain = function
+        """What runs where nothing is compiled."""
+        self.sample: tuple[Any, ...] | None = None
+        """Arguments of the last call from outside of kernels that ran plain: their types are what to compile for."""
+        self._function = function
+        self._options = options
+        self._run: Callable[..., Any] = self._run_first
+        if _choice.compiled is not None:
+            self.use(_choice.compiled)
+        KERNELS.append(self)
+
+    def __call__(self, *args: Any) -> Any:
+        try:
+            return self._run(*args)
+        except OSError as error:
+            # Only numba's cache touches files, and it does so before anything is computed.
+            give_up_cache(str(error))
+            return self._run(*args)
+
+    def use(self, compiled: bool) -> None:
+        """Run compiled, or plain, from the next call on."""
+        self._run = self.dispatcher if compiled else self._run_plain
+
+    @cached_property
+    def dispatcher(self) -> Any:
+        """The function as numba's, which compiles it, or loads it from the cache, at the first call."""
+        # Division by zero must give inf as in numpy, not raise: kernels guard against it by value.
+        return _njit()(cache=_choice.caches, error_model="numpy", **self._options)(self._function)
+
+    @property
+    def _numba_type_(self) -> Any:
+        """For numba, which meets this object where one kernel calls another."""
+        return self.dispatcher._numba_type_
+
+    def compile(self) -> None:
+        """Compile for the types of `sample`, or load that from the cache. Raises OSError if it cannot be kept."""
+        from numba import typeof
+
+        assert self.sample is not None
+        self.dispatcher.compile(tuple(typeof(arg) for arg in self.sample))  # type: ignore[no-untyped-call]
+
+    def forget(self) -> None:
+        """Drop what was compiled."""
+        self.__dict__.pop("dispatcher", None)
+
+    def _run_first(self, *args: Any) -> Any:
+        use_compiled()
+        return self._run(*args)
+
+    def _run_plain(self, *args: Any) -> Any:
+        if _choice.running:
+            return self.plain(*args)
+        self.sample = args
+        _choice.running = True
+        try:
+            return self.plain(*args)
+        finally:
+            _choice.running = False
+
+
+def _njit() -> Callable[..., Any]:
+    if kernel_cache.FOLDER is not None:
+        os.environ.setdefault("NUMBA_CACHE_DIR", str(kernel_cache.FOLDER))
+    from numba import config, njit
+
+    # If numba was imported before, its settings are fixed; without this the code would lie in the package's folder.
     settings: Any = config  # it fills its names from the environment, which a type checker does not see
-    settings.CACHE_DIR = settings.CACHE_DIR or os.environ["NUMBA_CACHE_DIR"]
+    settings.CACHE_DIR = settings.CACHE_DIR or str(kernel_cache.FOLDER or "")
     return njit
 
 
-JIT = _find_jit()
-"""numba's njit, or None."""
-
-
-def _compile(function: F, **options: Any) -> F:
-    """The function compiled by numba and, where there is room, kept in the cache; itself where numba is missing."""
-    if JIT is None:
-        return function
-    try:
-        dispatcher = JIT(cache=True, error_model="numpy", **options)(function)
-    except (RuntimeError, OSError) as error:
-        # numba finds no folder that it may write to.
-        _tell_uncached(str(error))
-        return JIT(error_model="numpy", **options)(function)  # type: ignore[no-any-return]
-    # numba has no option for this: a full disk would end the simulator just after it has compiled.
-    dispatcher._cache.save_overload = partial(_save, dispatcher._cache.save_overload)
-    return dispatcher  # type: ignore[no-any-return]
-
-
-def _save(save: Callable[..., None], *arguments: Any) -> None:
-    try:
-        save(*arguments)
-    except OSError as error:
-        _tell_uncached(f"{os.environ['NUMBA_CACHE_DIR']}: {error.strerror or error}")
-
-
-@cache
-def _tell_uncached(reason: str) -> None:
-    """Once for each reason, not for every kernel."""
-    log.warning("%s: going on without a cache: the kernels are compiled anew at each start", reason)
-
-
 def compiled(function: F) -> F:
-    """The function compiled by numba and kept in the cache; itself where numba is missing."""
-    # Division by zero must give inf as in numpy (the error model), not raise: kernels guard against it by value.
-    return _compile(function)
+    """A kernel."""
+    return cast(F, Kernel(function, {}))
 
 
 def vectorized(function: F) -> F:
     """As `compiled`, for loops that are to become vector code: the compiler may assume that all numbers are finite."""
-    # Not plain fastmath: that would also let it reorder sums and take reciprocals for divisions.
-    return _compile(function, fastmath={"contract", "nnan", "ninf", "nsz"})
+    # Not plain fastmath: that would also let it reorder sums, take reciprocals for divisions, and fuse products with
+    # sums, which is no faster here and rounds differently from numpy.
+    return cast(F, Kernel(function, {"fastmath": {"nnan", "ninf", "nsz"}}))
 
 
-def is_cached(source: Path) -> bool:
-    """Whether kernels of that module have been compiled on this machine since it was last changed."""
-    if JIT is None:
-        return True
-    indexes = Path(os.environ["NUMBA_CACHE_DIR"]).glob(f"*/{source.stem}.*.nbi")
-    return any(index.stat().st_mtime >= source.stat().st_mtime for index in indexes)
+def plainly(substitute: F) -> Callable[[F], F]:
+    """Decorates a kernel: `substitute` (on numpy) runs where nothing is compiled, instead of the kernel's own loops."""
+
+    def decorate(kernel: F) -> F:
+        cast(Kernel, kernel).plain = substitute
+        return kernel
+
+    return decorate
+
+
+def has_numba() -> bool:
+    """Whether there is a compiler."""
+    return find_spec("numba") is not None
+
+
+def is_chosen() -> bool:
+    """Whether `use_plain` or `use_compiled` was called, if only by a kernel's first call."""
+    return _choice.compiled is not None
+
+
+def use_plain() -> None:
+    """Run all kernels without numba from now on."""
+    _use(False)
+
+
+def use_compiled() -> None:
+    """Run all kernels compiled from now on; without numba plain, with a warning."""
+    try:
+        _njit()
+    except ImportError as error:
+        reason = f"numba cannot be imported ({error})" if has_numba() else "numba is not installed"
+        log.warning("%s: lasers run on numpy, 10 to 100 times slower (pip install numba)", reason)
+        use_plain()
+        return
+    reason = kernel_cache.find_obstacle()
+    if reason and _choice.caches:
+        give_up_cache(reason)
+    _use(True)
+
+
+def give_up_cache(reason: str) -> None:
+    """Compile in memory from now on, with a warning the first time."""
+    if _choice.caches:
+        warn_of_cache(reason, "compiling anew in memory")
+    _choice.caches = False
+    for kernel in KERNELS:
+        kernel.forget()
+    if _choice.compiled:
+        _use(True)
+
+
+def warn_of_cache(reason: str, what_follows: str) -> None:
+    """Say once what it is that keeps kernels from being kept."""
+    log.warning(
+        "going on without a cache for compiled kernels: %s; %s (free some space, or set NUMBA_CACHE_DIR)",
+        reason,
+        what_follows,
+    )
+
+
+def _use(compiled: bool) -> None:
+    _choice.compiled = compiled
+    for kernel in KERNELS:
+        kernel.use(compiled)

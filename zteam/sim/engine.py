@@ -25,6 +25,7 @@ from zteam.sim.odometry import Odometry, make_wheels, roll
 from zteam.sim.outlines import group_shapes
 from zteam.sim.refusing import RefusingBodies
 from zteam.sim.room import find_refusal
+from zteam.sim.takeover import prepare
 from zteam.simulation import Options
 from zteam.world.model import Floorplan, Robot, World
 
@@ -47,6 +48,7 @@ class Engine:
         robots: Mapping[int, Robot] | None = None,
         options: Options | None = None,
     ) -> None:
+        prepare()
         self.world = world
         self.seed = seed
         self.options = options or Options()

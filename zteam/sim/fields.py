@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.sim.compiling import compiled
+from zteam.sim.compiling import compiled, plainly
 
 _CAP = 254
 """Sides are bytes; a larger square is left in several leaps."""
@@ -23,6 +23,19 @@ class Fields(NamedTuple):
     columns: int
 
 
+def _fill_squares_numpy(free: NDArray[np.bool_], out: NDArray[np.uint8]) -> None:
+    """The same without numba: anti-diagonals are independent, so each is one vector operation."""
+    rows, columns = free.shape
+    sides = np.full((rows + 1, columns + 1), _CAP, np.int16)
+    for diagonal in range(rows + columns - 2, -1, -1):
+        y = np.arange(max(0, diagonal - columns + 1), min(rows, diagonal + 1))
+        x = diagonal - y
+        side = np.minimum(np.minimum(sides[y, x + 1], sides[y + 1, x]), sides[y + 1, x + 1]) + 1
+        sides[y, x] = np.where(free[y, x], np.minimum(side, _CAP), 0)
+    out[:] = sides[:rows, :columns].ravel().astype(np.uint8)
+
+
+@plainly(_fill_squares_numpy)
 @compiled
 def _fill_squares(free: NDArray[np.bool_], out: NDArray[np.uint8]) -> None:
     # One pass from the far corner: a square is one larger than the smallest of its three neighbours'. Beyond the
@@ -42,27 +55,12 @@ def _fill_squares(free: NDArray[np.bool_], out: NDArray[np.uint8]) -> None:
             out[y * columns + x] = side
 
 
-def _fill_squares_numpy(free: NDArray[np.bool_], out: NDArray[np.uint8]) -> None:
-    """The same without numba: anti-diagonals are independent, so each is one vector operation."""
-    rows, columns = free.shape
-    sides = np.full((rows + 1, columns + 1), _CAP, np.int16)
-    for diagonal in range(rows + columns - 2, -1, -1):
-        y = np.arange(max(0, diagonal - columns + 1), min(rows, diagonal + 1))
-        x = diagonal - y
-        side = np.minimum(np.minimum(sides[y, x + 1], sides[y + 1, x]), sides[y + 1, x + 1]) + 1
-        sides[y, x] = np.where(free[y, x], np.minimum(side, _CAP), 0)
-    out[:] = sides[:rows, :columns].ravel().astype(np.uint8)
-
-
 def build_fields(occupied: NDArray[np.bool_]) -> Fields:
     """Fields of a bitmap (rows, columns), row 0 at the bottom."""
-    from zteam.sim.compiling import JIT
-
     rows, columns = occupied.shape
     sides = np.zeros((4, rows * columns + 1), np.uint8)
-    fill = _fill_squares if JIT is not None else _fill_squares_numpy
     for quadrant in range(4):
         view = occupied[:, ::-1] if quadrant & 1 else occupied
         view = view[::-1] if quadrant & 2 else view
-        fill(np.ascontiguousarray(~view), sides[quadrant, :-1])
+        _fill_squares(np.ascontiguousarray(~view), sides[quadrant, :-1])
     return Fields(sides, rows, columns)

@@ -10,7 +10,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.sim.compiling import compiled, vectorized
+from zteam.sim import numpy_kernels
+from zteam.sim.compiling import compiled, plainly, vectorized
 from zteam.sim.outlines import NOBODY, Outlines, bin_at, contains
 
 _LANES = 32
@@ -94,6 +95,7 @@ def _enter(lanes: Floats, rows: float, columns: float, park: float, limit: float
         lanes[_IX + i], lanes[_IY + i], lanes[_T + i] = jx, jy, t
 
 
+@plainly(numpy_kernels.cast_squares)
 @vectorized
 def cast_squares(
     sides: NDArray[np.uint8], rows: int, columns: int, cell_x: float, cell_y: float,
@@ -205,8 +207,9 @@ def _is_hidden(
     return True
 
 
+@plainly(numpy_kernels.find_tops)
 @vectorized
-def _find_tops(ranges: Floats, tops: Floats, size: int) -> float:
+def find_tops(ranges: Floats, tops: Floats, size: int) -> float:
     """The longest range of every sector of `size` beams, and of all."""
     farthest = 0.0
     for sector in range(tops.shape[0]):
@@ -216,6 +219,25 @@ def _find_tops(ranges: Floats, tops: Floats, size: int) -> float:
         tops[sector] = top
         farthest = max(farthest, top)
     return farthest
+
+
+@plainly(numpy_kernels.cast_edge)
+@compiled
+def cast_edge(
+    ux: float, uy: float, ex: float, ey: float, cos: Floats, sin: Floats, begin: int, end: int, shape: int,
+    ranges: Floats, hit: Ints,
+) -> None:  # fmt: skip
+    """Shorten the ranges of the beams from `begin` to `end` to the edge from u by e, in the sensor's frame."""
+    cross = ux * ey - uy * ex
+    for beam in range(begin, end):
+        denominator = cos[beam] * ey - sin[beam] * ex
+        if abs(denominator) < 1e-15:
+            continue
+        along = cross / denominator
+        where = (sin[beam] * ux - cos[beam] * uy) / denominator
+        if 0.0 <= along < ranges[beam] and -_EDGE <= where <= 1.0 + _EDGE:
+            ranges[beam] = along
+            hit[beam] = shape
 
 
 @compiled
@@ -250,15 +272,7 @@ def _cast_shape(
             width = 0.0 if width > 1.5 * math.pi else width
             for turn in range(2):
                 begin, end = _beams_between(start, width, increment, slack, beams, turn)
-                for beam in range(begin, end):
-                    denominator = cos[beam] * ey - sin[beam] * ex
-                    if abs(denominator) < 1e-15:
-                        continue
-                    along = cross / denominator
-                    where = (sin[beam] * ux - cos[beam] * uy) / denominator
-                    if 0.0 <= along < ranges[beam] and -_EDGE <= where <= 1.0 + _EDGE:
-                        ranges[beam] = along
-                        hit[beam] = shape
+                cast_edge(ux, uy, ex, ey, cos, sin, begin, end, shape, ranges, hit)
         ux, uy = wx, wy
 
 
@@ -280,7 +294,7 @@ def cast_edges(
         table = scan if cos.shape[0] > 1 else 0
         row_cos, row_sin, row_ranges, row_hit = cos[table], sin[table], ranges[scan], hit[scan]
         px, py, own = x[scan], y[scan], sensor_owner[scan]
-        far = _find_tops(row_ranges, tops, size)
+        far = find_tops(row_ranges, tops, size)
         # Where a lone ray goes.
         c0, s0 = math.cos(yaw[scan]), math.sin(yaw[scan])
         ux, uy = c0 * row_cos[0] - s0 * row_sin[0], s0 * row_cos[0] + c0 * row_sin[0]
@@ -314,6 +328,7 @@ def cast_edges(
                         )  # fmt: skip
 
 
+@plainly(numpy_kernels.finish)
 @compiled
 def finish(
     ranges: Floats, hit: Ints, intensity: NDArray[np.float32], out: NDArray[np.float32], bright: NDArray[np.float32]

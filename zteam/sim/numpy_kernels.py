@@ -1,12 +1,12 @@
-"""The laser kernels on numpy, where numba is missing: the same method and results, slower.
+"""The inner loops of the laser kernels on numpy, for where nothing is compiled: slower, and the same to the last bit.
 
-Also the second implementation that the tests hold against the first.
+So every expression here is the one of `zteam.sim.kernels`, in the same order.
 """
+
+import math
 
 import numpy as np
 from numpy.typing import NDArray
-
-from zteam.sim.outlines import NOBODY, Outlines, contains
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -21,9 +21,10 @@ def cast_squares(
     ranges: Floats, hit: Ints,
 ) -> None:  # fmt: skip
     """See `zteam.sim.kernels.cast_squares`."""
-    c0, s0 = np.cos(yaw)[:, None], np.sin(yaw)[:, None]
-    dx = ((c0 * cos - s0 * sin) / cell_x).ravel()
-    dy = ((s0 * cos + c0 * sin) / cell_y).ravel()
+    # numpy's own sine and cosine of arrays may differ from the C library's in the last digit.
+    c0, s0 = (np.array([[f(angle)] for angle in yaw.tolist()]).reshape(-1, 1) for f in (math.cos, math.sin))
+    dx = (c0 / cell_x * cos - s0 / cell_x * sin).ravel()
+    dy = (s0 / cell_y * cos + c0 / cell_y * sin).ravel()
     px, py = (np.repeat(v, cos.shape[1]) for v in (x / cell_x, y / cell_y))
     left, down = dx < 0.0, dy < 0.0
     qx, qy = np.where(left, columns - px, px), np.where(down, rows - py, py)
@@ -31,7 +32,9 @@ def cast_squares(
     jy = np.where(down, rows - 1 - np.floor(py), np.floor(py))
     jx, jy = np.where((jx < 0) & (qx >= 0), 0, jx), np.where((jy < 0) & (qy >= 0), 0, jy)
     dx, dy = np.maximum(np.abs(dx), _TINY), np.maximum(np.abs(dy), _TINY)
-    enter = np.maximum(0.0, np.maximum(-qx / dx, -qy / dy))
+    ux, uy = 1.0 / dx, 1.0 / dy
+    # Plus 0: a start on the border would enter after -0 metres.
+    enter = np.maximum(0.0, np.maximum(-qx / dx, -qy / dy)) + 0.0
     outside, first_x = enter > 0.0, -qx / dx > -qy / dy
     jx = np.where(outside, np.where(first_x, 0, np.floor(qx + enter * dx)), jx).astype(np.int64)
     jy = np.where(outside, np.where(first_x, np.floor(qy + enter * dy), 0), jy).astype(np.int64)
@@ -45,7 +48,7 @@ def cast_squares(
         side = flat[base[going] + jy[going] * columns + jx[going]].astype(np.int64)
         going, side = going[side > 0], side[side > 0]
         edge_x, edge_y = jx[going] + side, jy[going] + side
-        tx, ty = (edge_x - qx[going]) / dx[going], (edge_y - qy[going]) / dy[going]
+        tx, ty = (edge_x - qx[going]) * ux[going], (edge_y - qy[going]) * uy[going]
         by_x = tx <= ty
         step = np.where(by_x, tx, ty)
         along_x = np.clip((qx[going] + step * dx[going]).astype(np.int64), jx[going], edge_x - 1)
@@ -60,39 +63,28 @@ def cast_squares(
     hit[nearer] = mark
 
 
-def cast_edges(
-    o: Outlines, x: Floats, y: Floats, z: Floats, yaw: Floats, sensor_owner: NDArray[np.int64],
-    cos: Floats, sin: Floats, angle_min: float, increment: float, jitter: float, ranges: Floats, hit: Ints,
+def cast_edge(
+    ux: float, uy: float, ex: float, ey: float, cos: Floats, sin: Floats, begin: int, end: int, shape: int,
+    ranges: Floats, hit: Ints,
 ) -> None:  # fmt: skip
-    """See `zteam.sim.kernels.cast_edges`; here every beam meets every edge that the sensor may see."""
-    shape_owner = np.repeat(o.owner, np.diff(o.first_shape))
-    centre_x, centre_y, radius = (np.repeat(v, np.diff(o.first_shape)) for v in (o.centre_x, o.centre_y, o.radius))
-    for scan in range(len(x)):
-        row_cos, row_sin = (t[scan] if len(t) > 1 else t[0] for t in (cos, sin))
-        c0, s0 = np.cos(yaw[scan]), np.sin(yaw[scan])
-        distance = np.sqrt((centre_x - x[scan]) ** 2 + (centre_y - y[scan]) ** 2)
-        near = distance - radius <= ranges[scan].max()
-        foreign = (shape_owner != sensor_owner[scan]) | (sensor_owner[scan] == NOBODY)
-        for shape in np.flatnonzero(near & foreign & (z[scan] >= o.z_min) & (z[scan] <= o.z_max)):
-            begin, end = o.first_vertex[shape], o.first_vertex[shape + 1]
-            if distance[shape] <= radius[shape] and contains(o.x, o.y, begin, end, x[scan], y[scan]):
-                hit[scan, ranges[scan] > 0.0] = shape
-                ranges[scan] = np.minimum(ranges[scan], 0.0)
-                continue
-            vertices = slice(begin, end)
-            wx, wy = o.x[vertices] - x[scan], o.y[vertices] - y[scan]
-            wx, wy = c0 * wx + s0 * wy, c0 * wy - s0 * wx
-            ux, uy = np.roll(wx, 1), np.roll(wy, 1)
-            ex, ey = wx - ux, wy - uy
-            denominator = np.outer(row_cos, ey) - np.outer(row_sin, ex)
-            safe = np.where(np.abs(denominator) < 1e-15, np.inf, denominator)
-            along = (ux * ey - uy * ex) / safe
-            where = (np.outer(row_sin, ux) - np.outer(row_cos, uy)) / safe
-            valid = np.isfinite(safe) & (along >= 0.0) & (where >= -_EDGE) & (where <= 1.0 + _EDGE)
-            nearest = np.where(valid, along, np.inf).min(axis=1)
-            shorter = nearest < ranges[scan]
-            ranges[scan, shorter] = nearest[shorter]
-            hit[scan, shorter] = shape
+    """See `zteam.sim.kernels.cast_edge`."""
+    if begin >= end:
+        return
+    c, s, found = cos[begin:end], sin[begin:end], ranges[begin:end]
+    denominator = c * ey - s * ex
+    # Comparisons with nan are false.
+    denominator[np.abs(denominator) < 1e-15] = np.nan
+    along = (ux * ey - uy * ex) / denominator
+    where = (s * ux - c * uy) / denominator
+    nearer = (along >= 0.0) & (along < found) & (where >= -_EDGE) & (where <= 1.0 + _EDGE)
+    found[nearer] = along[nearer]
+    hit[begin:end][nearer] = shape
+
+
+def find_tops(ranges: Floats, tops: Floats, size: int) -> float:
+    """See `zteam.sim.kernels.find_tops`."""
+    tops[:] = np.maximum(np.maximum.reduceat(ranges, np.arange(0, len(ranges), size)), 0.0)
+    return float(tops.max())
 
 
 def finish(

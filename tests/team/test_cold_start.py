@@ -1,0 +1,75 @@
+"""A team on a machine that has not compiled the simulator's kernels yet."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from zteam.launch.process import zteam_command
+
+pytestmark = pytest.mark.team
+
+
+def up(folder: Path, *arguments: str) -> tuple[str, dict[str, Any]]:
+    """Run the shipped line with the cache in `folder`; its output and its report."""
+    done = subprocess.run(
+        zteam_command("up", "line", "--for", "1", "--report", "r.json", *arguments),
+        cwd=folder,
+        env={**os.environ, "NUMBA_CACHE_DIR": str(folder / "cache")},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        timeout=110,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout
+    return done.stdout, json.loads((folder / "r.json").read_text())
+
+
+def test_a_team_drives_before_anything_is_compiled(tmp_path: Path) -> None:
+    """In real time the first robot drives without waiting for a compiler, and no process stays behind."""
+    output, report = up(tmp_path)
+    assert all(robot["distance_m"] > 0.05 for robot in report["robots"])
+    assert output.index("on numpy while their kernels are compiled") < output.index("All robots GO!")
+    assert not list((tmp_path / "cache").glob("complete-*"))
+    assert [p["exit"] for p in report["processes"]] == [0] * 9
+
+
+def test_compiled_kernels_take_over_while_a_team_runs(tmp_path: Path, kept_kernels: Path) -> None:
+    """The simulator changes over between two ticks and runs on; Ctrl+C ends the team in order."""
+    with subprocess.Popen(
+        zteam_command("up", "line"),
+        cwd=tmp_path,
+        env={**os.environ, "NUMBA_CACHE_DIR": str(kept_kernels)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    ) as launcher:
+        assert launcher.stdout is not None
+        try:
+            assert any("compiled kernels take over" in line for line in launcher.stdout)
+        finally:
+            launcher.send_signal(signal.SIGINT)
+        rest = launcher.stdout.read()
+    assert launcher.returncode == 0, rest
+    assert "robot_3 stopped" in rest
+    assert "rror" not in rest
+
+
+def test_lockstep_compiles_first_and_repeats(tmp_path: Path, kept_kernels: Path) -> None:
+    """What the cache lacks is compiled before the first tick, with progress, and only once; the trajectory stays."""
+    for lacking in ("kernels.finish", "lasers.place_mounts", "motion"):
+        for path in kept_kernels.glob(f"*/{lacking}*"):
+            path.unlink()
+    cold, first = up(tmp_path, "--lockstep")
+    assert re.search(r"compiled (\d+) of \1 kernels\n(.*\n)*.*All robots GO!", cold)
+    assert list(kept_kernels.glob("complete-*"))
+    warm, second = up(tmp_path, "--lockstep")
+    assert "compil" not in warm
+    assert "numpy" not in cold + warm
+    assert first["trajectory_sha256"] == second["trajectory_sha256"]

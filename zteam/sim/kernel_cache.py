@@ -1,0 +1,97 @@
+"""Where compiled kernels are kept, and whether all of them are there.
+
+The folder is the user's cache folder, never the package's own: that may be read-only, and an uninstalled package should
+leave nothing in it. Nothing here imports numba, which takes a third of a second: a simulator that finds an empty cache
+starts without it.
+"""
+
+import hashlib
+import os
+import platform
+import sys
+import tempfile
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+
+def _choose_folder() -> Path | None:
+    """NUMBA_CACHE_DIR whatever it is; else the first of the user's own folders that can be written, if any."""
+    if given := os.environ.get("NUMBA_CACHE_DIR"):
+        return Path(given)
+    cache_home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    kept = cache_home / "zteam" / "numba"
+    if not _obstacle(kept):
+        return kept
+    try:
+        temporary = Path(tempfile.gettempdir()) / f"zteam-numba-{os.getuid()}"
+    except OSError:
+        # Python finds no folder that takes a few bytes: every disk is full.
+        return None
+    # What lies in the cache is run: in a folder for all users it must be this user's.
+    return temporary if not _obstacle(temporary) and temporary.stat().st_uid == os.getuid() else None
+
+
+def _obstacle(folder: Path) -> str:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError as error:
+        return f"{folder}: {error.strerror}"
+    return ""
+
+
+FOLDER = _choose_folder()
+"""None if there is no folder to write to."""
+
+
+def find_obstacle() -> str:
+    """Why files cannot be made in the folder; empty if they can."""
+    return _obstacle(FOLDER) if FOLDER is not None else "neither the cache folder nor the temporary one can be written"
+
+
+def _processor() -> str:
+    """What numba compiles for: the processor at hand."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().partition("\n\n")[0].splitlines()
+    except OSError:
+        return platform.processor() or platform.machine()
+    return "\n".join(line for line in lines if line.startswith(("model name", "flags", "Features", "CPU ")))
+
+
+def _marker() -> Path | None:
+    """The file that says that all kernels of this code, for this interpreter, compiler and processor, are kept."""
+    if FOLDER is None:
+        return None
+    digest = hashlib.sha256()
+    for source in sorted(Path(__file__).parent.glob("*.py")):
+        text = source.read_bytes()
+        # The modules that hold kernels, whether they have been imported yet or not.
+        if b"from zteam.sim.compiling import" in text:
+            digest.update(f"{source}\n".encode() + text)
+    try:
+        compiler = f"{version('numba')} {version('llvmlite')}"
+    except PackageNotFoundError:
+        compiler = ""
+    chosen = "".join(f"{name}={value}\n" for name, value in sorted(os.environ.items()) if name.startswith("NUMBA_CPU"))
+    digest.update(f"{sys.version}\n{compiler}\n{chosen}{_processor()}".encode())
+    return FOLDER / f"complete-{digest.hexdigest()[:16]}"
+
+
+def is_complete() -> bool:
+    """Whether all kernels are kept: nothing will have to be compiled."""
+    marker = _marker()
+    try:
+        return marker is not None and all((marker.parent / name).exists() for name in marker.read_text().splitlines())
+    except OSError:
+        return False
+
+
+def mark_complete(folder: Path) -> None:
+    """Note that all kernels are kept, in this subfolder. Raises OSError."""
+    marker = _marker()
+    assert marker is not None
+    names = [f"{path.relative_to(marker.parent)}\n" for path in sorted(folder.glob("*.nb[ci]"))]
+    # Simulators may start at this moment: they must not see half of it.
+    unfinished = marker.with_suffix(f".{os.getpid()}")
+    unfinished.write_text("".join(names))
+    unfinished.replace(marker)

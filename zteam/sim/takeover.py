@@ -1,0 +1,181 @@
+"""Compiled kernels for a simulator: from the cache, compiled before the run, or taking over while it runs."""
+
+import gc
+import logging
+import os
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from zteam.sim import compiling, kernel_cache
+
+log = logging.getLogger("zteam.sim")
+
+FAILED = "failed: "
+"""Begins the line of a child that says why kernels could not be compiled or kept."""
+_AT_ONCE = 2
+"""Processes that compile before a run; a third would end no sooner."""
+_ON_NUMPY = "lasers run on numpy, 10 to 100 times slower"
+
+
+def prepare() -> None:
+    """Let all kernels run compiled, unless that was decided before. What the cache lacks is compiled first.
+
+    An empty cache takes 20 s of processor time, shared by two processes, with progress in the log. Where that fails the
+    log says why, and kernels are compiled in memory.
+    """
+    if compiling.is_chosen():
+        return
+    if compiling.has_numba():
+        reason = fill_cache()
+        if reason:
+            compiling.give_up_cache(reason)
+    compiling.use_compiled()
+
+
+def fill_cache() -> str:
+    """Compile what the cache lacks, with as many processes as help; why that failed, empty if it did not."""
+    reason = kernel_cache.find_obstacle()
+    if reason or kernel_cache.is_complete():
+        return reason
+    log.info("compiling the simulator's kernels, once on this machine")
+    arguments: list[list[str]] = [[], ["--backwards"]]
+    try:
+        children = _Children(arguments[: min(_AT_ONCE, os.cpu_count() or 1)])
+    except OSError as error:
+        return f"no process can be started to compile ({error})"
+    return children.wait(lambda ready, kernels: log.info("compiled %d of %d kernels", ready, kernels))
+
+
+def begin() -> "Takeover | None":
+    """Decide how kernels run in a simulator that must not wait; what can be taken over to later, if anything."""
+    if not compiling.has_numba():
+        compiling.use_compiled()
+        return None
+    reason = kernel_cache.find_obstacle()
+    if reason:
+        compiling.use_plain()
+        compiling.warn_of_cache(reason, _ON_NUMPY)
+        return None
+    if kernel_cache.is_complete():
+        compiling.use_compiled()
+        return None
+    compiling.use_plain()
+    return Takeover()
+
+
+class Takeover:
+    """For a run that began on plain kernels: a child compiles, a thread loads, and `poll` changes over."""
+
+    def __init__(self) -> None:
+        self._children: _Children | None = None
+        self._thread: threading.Thread | None = None
+        self._closing = False
+        self._loaded = False
+
+    def start(self) -> None:
+        """Begin to compile."""
+        log.info("lasers run on numpy while their kernels are compiled, once on this machine")
+        try:
+            self._children = _Children([["--nice"]])
+        except OSError as error:
+            compiling.warn_of_cache(f"no process can be started to compile ({error})", _ON_NUMPY)
+            return
+        self._thread = threading.Thread(target=self._work, args=(self._children,), name="kernels", daemon=True)
+        self._thread.start()
+
+    def wait(self, timeout: float) -> bool:
+        """Until kernels are loaded, or will not be, for `timeout` s at most; whether that is so."""
+        if self._thread is not None:
+            self._thread.join(timeout)
+        return self._thread is None or not self._thread.is_alive()
+
+    def poll(self) -> None:
+        """Between two ticks: let kernels run compiled once they are loaded."""
+        if self._loaded:
+            self._loaded = False
+            compiling.use_compiled()
+            log.info("compiled kernels take over")
+
+    def close(self) -> None:
+        """End the child; the kernels that it finished are kept."""
+        self._closing = True
+        if self._children is not None:
+            self._children.end()
+        # The interpreter must not end while the compiler is at work in it.
+        self.wait(1.0)
+
+    def _work(self, children: "_Children") -> None:
+        reason = children.wait(lambda ready, kernels: log.debug("compiled %d of %d kernels", ready, kernels))
+        if not reason:
+            try:
+                self._load()
+            except Exception as error:
+                # Whatever a compiler may say: the run goes on as it is.
+                reason = f"{type(error).__name__}: {error}"
+        if reason and not self._closing:
+            compiling.warn_of_cache(reason, _ON_NUMPY)
+        self._loaded = not reason
+
+    def _load(self) -> None:
+        """Load the kernels that have run so far; another is loaded when it is called first."""
+        # A collection would look through all that a running simulator holds, and hold the interpreter for as long.
+        gc.disable()
+        try:
+            for kernel in compiling.KERNELS:
+                if kernel.sample is not None and not self._closing:
+                    kernel.compile()
+        finally:
+            gc.freeze()
+            gc.enable()
+
+
+class _Children:
+    """Processes that compile, one for each list of arguments. They end when this process does, however it ends."""
+
+    def __init__(self, arguments: Sequence[Sequence[str]]) -> None:
+        reader, writer = os.pipe()
+        self._lines = os.fdopen(reader)
+        self._processes = [
+            subprocess.Popen(
+                [sys.executable, "-P", "-m", "zteam.sim.warming", *given],
+                stdin=subprocess.PIPE,
+                stdout=writer,
+                stderr=subprocess.DEVNULL,
+                env={**os.environ, "NUMBA_CACHE_DIR": str(kernel_cache.FOLDER)},
+            )
+            for given in arguments
+        ]
+        os.close(writer)
+
+    def wait(self, report: Callable[[int, int], None]) -> str:
+        """Until all kernels are kept, telling `report` (kernels ready, of how many); why not, empty if they are."""
+        ready: set[str] = set()
+        try:
+            with self._lines:
+                for line in self._lines:
+                    if line.startswith(FAILED):
+                        return line.removeprefix(FAILED).strip()
+                    steps, name, folder = line.rstrip("\n").split(" ", 2)
+                    if name not in ready:
+                        ready.add(name)
+                        report(len(ready), int(steps))
+                    # Another may still be at work on a kernel that is ready: it is not waited for.
+                    if len(ready) == int(steps):
+                        kernel_cache.mark_complete(Path(folder))
+                        return ""
+        except OSError as error:
+            return f"{kernel_cache.FOLDER}: {error.strerror}"
+        finally:
+            self.end()
+        return "the process that compiles ended early"
+
+    def end(self) -> None:
+        """Let them end now."""
+        for process in self._processes:
+            process.kill()
+            process.wait()
+            if process.stdin is not None:
+                process.stdin.close()
