@@ -9,7 +9,7 @@ import pytest
 
 from scenes import LASER, make_box, make_robot, make_world
 from zteam.geometry import Pose2
-from zteam.sim import Engine, Options, casting, kernels, numpy_kernels
+from zteam.sim import Engine, Options, compiling
 from zteam.world.model import Floorplan, Obstacle, Robot, Shape, World
 
 
@@ -89,15 +89,14 @@ def test_below_the_least_range_reads_as_told(policy: Any, expected: float) -> No
     assert front == pytest.approx(expected, abs=1e-6)
 
 
-def test_a_laser_in_a_block_or_a_bitmaps_wall_reads_zero(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_laser_in_a_block_or_a_bitmaps_wall_reads_zero() -> None:
     """Interiors are solid in both kernels: each beam reads 0 and the intensity of what surrounds the laser."""
     block = Shape(((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)), 0.0, 1.0, ranger_return=0.4)
     model = make_world(make_robot(), others=(Obstacle("block", Pose2(0.3, 0.2, 0.5), (block,)),))
     plan = Floorplan("solid", np.ones((20, 20), bool), (0.1, 0.1), Pose2(-1.0, -1.0, 0.0), 0.0, 1.0, ranger_return=0.4)
     bitmap = World("solid", 100_000_000, (plan,), (), (make_robot(),))
-    for kernel in (kernels, numpy_kernels):
-        monkeypatch.setattr(casting, "cast_edges", kernel.cast_edges)
-        monkeypatch.setattr(casting, "cast_squares", kernel.cast_squares)
+    for mode in (compiling.use_plain, compiling.use_compiled):
+        mode()
         for world in (model, bitmap):
             (reading,) = Engine(world).observe().robots[0].readings
             assert (reading.ranges == 0.0).all()
