@@ -45,7 +45,7 @@ threading.Thread(target=work).start()
     ("script", "code", "text"),
     [
         (OPEN, 0, ""),
-        (OPEN + DECLARE, 0, "flag Bool(data=True)"),
+        (OPEN + DECLARE, 0, ""),
         (OPEN + DECLARE + "1 / 0", 1, "ZeroDivisionError: division by zero"),
         (OPEN + DECLARE + "raise SystemExit(3)", 3, ""),
         (OPEN + DECLARE + "raise KeyboardInterrupt", 130, "KeyboardInterrupt"),

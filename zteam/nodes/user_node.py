@@ -150,7 +150,10 @@ def _stamp_of(message: Any) -> int:
 def run(
     name: str, body: Callable[[Node], None], options: BusOptions | None = None, *, clock: core.ClockMode = "auto"
 ) -> int:
-    """Be the process `name`: `body(node)` subscribes and calls `node.run(step)`. Returns the exit code.
+    """Be the process `name`: `body(node)` subscribes and calls `node.run(step)`. Returns 0 after an orderly stop.
+
+    Raises SystemExit(1) after an error, which the log has: a script ends with that code, whether it looks at what `run`
+    returns or not.
 
     Stops in order on SIGINT and SIGTERM. Without `options` the environment says how to reach the bus, as it does to
     every command (`ZTEAM_CONNECT`, `ZTEAM_NAMESPACE`, `ZTEAM_CONFIG`, `ZTEAM_LEASE`).
@@ -159,4 +162,7 @@ def run(
     chosen = BusOptions.from_environment() if options is None else options
     stop = Stop()
     with stopping_in_order(stop):
-        return core.run_body(name, chosen, body, stop, clock, make=Node)
+        code = core.run_body(name, chosen, body, stop, clock, make=Node)
+    if code:
+        raise SystemExit(code)
+    return code
