@@ -3,7 +3,6 @@
 import os
 import shutil
 import signal
-import sys
 import threading
 from pathlib import Path
 
@@ -13,8 +12,6 @@ from hypothesis import HealthCheck, settings
 # Speed is the machine's business, not a test's: a slow example is no failure.
 settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("any machine")
-
-sys.path.insert(0, str(Path(__file__).parent))
 
 # pytester gives the runs it starts a home of their own, where the simulator would compile its kernels once more.
 os.environ.setdefault("XDG_CACHE_HOME", str(Path.home() / ".cache"))

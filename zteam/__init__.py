@@ -9,7 +9,7 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import Any
 
-    from zteam.nodes.user_node import Node, run
+    from zteam.runtime.step_node import Node, run
 
 __all__ = ["Node", "__version__", "run"]
 
@@ -18,6 +18,6 @@ def __getattr__(name: str) -> Any:
     # Lazy: whoever wants only the simulator or the transforms does not pay for the bus.
     if name not in ("Node", "run"):
         raise AttributeError(f"module 'zteam' has no attribute {name!r}")
-    from zteam.nodes import user_node
+    from zteam.runtime import step_node
 
-    return getattr(user_node, name)
+    return getattr(step_node, name)

@@ -12,7 +12,7 @@ from zteam.launch.process import zteam_command
 def bench(*arguments: str) -> Any:
     """The JSON that a benchmark prints."""
     done = subprocess.run(
-        zteam_command("bench", *arguments, "--json"), capture_output=True, text=True, timeout=100, check=False
+        zteam_command("zteam", "bench", *arguments, "--json"), capture_output=True, text=True, timeout=100, check=False
     )
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
@@ -57,7 +57,11 @@ def test_a_team_is_measured_in_real_time() -> None:
 def test_a_wrong_size_is_refused() -> None:
     """One line and exit code 2."""
     done = subprocess.run(
-        zteam_command("bench", "sim", "arena", "--robots", "0"), capture_output=True, text=True, timeout=60, check=False
+        zteam_command("zteam", "bench", "sim", "arena", "--robots", "0"),
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
     )
     assert done.returncode == 2
     assert len(done.stderr.strip().splitlines()) == 1

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from recordings import SHARED, WORLDS
+from support.recordings import SHARED, WORLDS
 from zteam.messages import Twist, Vector3
 from zteam.sim import Engine
 from zteam.world import load_world

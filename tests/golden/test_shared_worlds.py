@@ -3,9 +3,9 @@
 import math
 
 import pytest
-from test_world_files import is_occupied
 
-from recordings import SHARED, stage
+from support.recordings import SHARED, stage
+from support.small_worlds import is_occupied
 from zteam.errors import WorldError
 from zteam.geometry import Pose2, compose2
 from zteam.world import Ranger, Robot, add_robot, load_world

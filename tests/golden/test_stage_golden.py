@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from recordings import SETS, bitmaps, stage
+from support.recordings import SETS, bitmaps, stage
 from zteam.geometry import Pose2, compose2
 from zteam.messages import Twist, Vector3
 from zteam.sim import Engine, Options

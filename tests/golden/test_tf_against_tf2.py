@@ -7,8 +7,8 @@ import warnings
 from typing import Any
 
 import pytest
-from test_tf2_golden import _agrees, _stamped
 
+from support.tf2_records import agrees, stamped
 from zteam.tf import Buffer, LookupException, TransformException
 
 CASES = 400
@@ -46,10 +46,10 @@ class _Twins:
         t.x, t.y, t.z, r.x, r.y, r.z, r.w = xf
         if static:
             self.theirs.set_transform_static(message, "test")
-            self.ours.set_transform_static(_stamped(parent, child, stamp, xf), "test")
+            self.ours.set_transform_static(stamped(parent, child, stamp, xf), "test")
         else:
             self.theirs.set_transform(message, "test")
-            self.ours.set_transform(_stamped(parent, child, stamp, xf), "test")
+            self.ours.set_transform(stamped(parent, child, stamp, xf), "test")
 
     def agree(self, target: str, source: str, stamp: int) -> bool:
         """Whether both answer, or refuse to, alike; a frame that only a refused sample named may be unknown to us."""
@@ -61,11 +61,11 @@ class _Twins:
         except self._failure as failure:
             recorded = [type(failure).__name__, str(failure)]
         try:
-            return _agrees(recorded, self.ours.lookup_transform(target, source, stamp))
+            return agrees(recorded, self.ours.lookup_transform(target, source, stamp))
         except LookupException:
             return isinstance(recorded[0], str)
         except TransformException as error:
-            return _agrees(recorded, error)
+            return agrees(recorded, error)
 
 
 def _run(twins: _Twins, seed: int, reparenting: bool) -> list[str]:

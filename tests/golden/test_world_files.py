@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from recordings import WORLDS
+from support.recordings import WORLDS
+from support.small_worlds import is_occupied
 from zteam.errors import WorldError
 from zteam.geometry import Pose2, compose2
-from zteam.shipped import worlds_folder
-from zteam.world import Floorplan, World, add_robot, load_world
+from zteam.resources import worlds_folder
+from zteam.world import World, add_robot, load_world
 
 
 def load(name: str) -> World:
@@ -101,15 +102,6 @@ def test_macros_of_an_included_file_make_further_robots() -> None:
     assert (robot.localization, len(robot.rangers), robot.rangers[0].x) == ("odom", 1, 0.1)
     with pytest.raises(WorldError, match=r"no robot macro 'house' .* there are: base, cart, erratic"):
         add_robot(load("crop"), "house", Pose2(0, 0, 0), "robot_6")
-
-
-def is_occupied(floor: Floorplan, x: float, y: float) -> bool:
-    """Whether a point of the map lies in an occupied cell of a floor."""
-    dx, dy = x - floor.pose.x, y - floor.pose.y
-    c, s = math.cos(floor.pose.yaw), math.sin(floor.pose.yaw)
-    column, row = int((c * dx + s * dy) // floor.cell[0]), int((c * dy - s * dx) // floor.cell[1])
-    rows, columns = floor.occupied.shape
-    return 0 <= row < rows and 0 <= column < columns and bool(floor.occupied[row, column])
 
 
 @pytest.mark.parametrize(("name", "robots"), [("office", 4), ("arena", 2)])

@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given, reject
 from hypothesis import strategies as st
 
-from kinematics import TICK, make_view
+from support.flat_floor import TICK, make_view
 from zteam.behaviors import decide, load_behavior, missing
 from zteam.behaviors.scans import first_clear, look_ahead, look_along
-from zteam.config import Team, load_team, read_team_file, robot_arguments, static_transform, team_world
 from zteam.errors import ConfigError, DecodeError
 from zteam.geometry import Pose2
 from zteam.messages import Header, LaserScan, Odometry, decode, encode, time_from_ns
+from zteam.team_file import Team, load_team, read_team_file, robot_arguments, static_transform, team_world
 
 NOW = 100 * TICK
 any_float32 = st.floats(width=32)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from msgspec.structs import astuple
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from strategies import messages
+from support.strategies import messages
 from zteam.errors import DecodeError
 from zteam.messages import Message, TFMessage, TransformStamped, all_types, decode, encode, ns_from_time
 from zteam.messages.tf_layout import Layout

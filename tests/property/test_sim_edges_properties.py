@@ -7,10 +7,10 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenes import plain_kernels
+from support.small_worlds import plain_kernels
 from zteam.geometry import Pose2
 from zteam.sim import kernels
-from zteam.sim.outlines import NOBODY, group_shapes, make_outlines, move_outlines
+from zteam.sim.polygons import NOBODY, group_shapes, make_outlines, move_outlines
 from zteam.world.model import Obstacle, Robot, Shape
 
 LIMIT = 9.0

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenes import drive, make_maze, make_robot
+from support.small_worlds import drive, make_maze, make_robot
 from zteam.sim import Engine, Options
 from zteam.sim.grids import is_occupied
 from zteam.world.model import Limits

@@ -7,7 +7,7 @@ import os
 
 import msgspec
 
-from pushing import Scene, deepest, entangled, make_room, make_setup, run
+from support.pushing import Scene, deepest, entangled, make_room, make_setup, run
 
 SETUPS = int(os.environ.get("ZTEAM_WALL_SETUPS", "25"))
 ROOMS = int(os.environ.get("ZTEAM_WALL_ROOMS", "1"))

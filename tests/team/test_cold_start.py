@@ -18,7 +18,7 @@ pytestmark = pytest.mark.team
 def up(folder: Path, *arguments: str) -> tuple[str, dict[str, Any]]:
     """Run the shipped line with the cache in `folder`; its output and its report."""
     done = subprocess.run(
-        zteam_command("up", "line", "--for", "1", "--report", "r.json", *arguments),
+        zteam_command("zteam", "up", "line", "--for", "1", "--report", "r.json", *arguments),
         cwd=folder,
         env={**os.environ, "NUMBA_CACHE_DIR": str(folder / "cache")},
         stdout=subprocess.PIPE,
@@ -43,7 +43,7 @@ def test_a_team_drives_before_anything_is_compiled(tmp_path: Path) -> None:
 def test_compiled_kernels_take_over_while_a_team_runs(tmp_path: Path, kept_kernels: Path) -> None:
     """The simulator changes over between two ticks and runs on; Ctrl+C ends the team in order."""
     with subprocess.Popen(
-        zteam_command("up", "line"),
+        zteam_command("zteam", "up", "line"),
         cwd=tmp_path,
         env={**os.environ, "NUMBA_CACHE_DIR": str(kept_kernels)},
         stdout=subprocess.PIPE,

@@ -72,17 +72,17 @@ def run(team: TeamFixture, start: str, event: str, name: str, words: str) -> "su
         ("start", "return", "zteam.bus.session.close", "topic list"),
         ("start", "return", "zteam.cli.listening.open_bus", "node list"),
         ("start", "call", "zteam.cli.doctor._team", "doctor"),
-        ("start", "call", "zteam.nodes.sim_client._ask", "sim status"),
+        ("start", "call", "zteam.services.simulator_client._ask", "sim status"),
         ("start", "call", "zteam.cli.frames.show_tree", "tf tree"),
         ("start", "import", "zteam.world", "world check arena"),
         ("start", "import", "zteam.launch.run", "up"),
-        ("start_simulator", "import", "zteam.simulation", "arena"),
+        ("start_simulator", "import", "zteam.simulation_options", "arena"),
         ("start_robot", "import", "zteam.behaviors", "--id 0"),
-        ("start_aggregator", "import", "zteam.nodes.aggregator", ""),
-        ("start_robot", "call", f"zteam.cli.robot._drive>{_LOCK_GONE}", "--id 0"),
-        ("start_simulator", "call", f"zteam.cli.sim._simulate>{_LOCK_GONE}", "arena"),
-        ("start_monitor", "import", "zteam.nodes.monitor", "--team-size 1"),
-        ("start_router", "import", "zteam.nodes.router", ""),
+        ("start_aggregator", "import", "zteam.nodes.transforms.node", ""),
+        ("start_robot", "call", f"zteam.cli.zteam_robot._drive>{_LOCK_GONE}", "--id 0"),
+        ("start_simulator", "call", f"zteam.cli.zteam_sim._simulate>{_LOCK_GONE}", "arena"),
+        ("start_monitor", "import", "zteam.nodes.monitor.node", "--team-size 1"),
+        ("start_router", "import", "zteam.nodes.router.node", ""),
     ],
 )
 def test_an_interrupt_ends_a_command_quietly(team: TeamFixture, start: str, event: str, name: str, words: str) -> None:
@@ -94,7 +94,7 @@ def test_an_interrupt_ends_a_command_quietly(team: TeamFixture, start: str, even
 
 def test_an_interrupt_while_handlers_are_installed_is_not_lost(team: TeamFixture) -> None:
     """Whichever handler takes it, the process ends in order."""
-    done = run(team, "start_robot", "return", "zteam.nodes.stopping.install>signal.signal", "--id 0")
+    done = run(team, "start_robot", "return", "zteam.runtime.shutdown.install>signal.signal", "--id 0")
     assert done.returncode == 0
     assert done.stderr.endswith("robot_0 stopped\n")
     assert len(done.stderr.splitlines()) == 1

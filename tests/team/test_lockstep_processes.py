@@ -49,7 +49,7 @@ def reference(tmp_path_factory: pytest.TempPathFactory) -> str:
     from zteam.launch.process import zteam_command
 
     done = subprocess.run(
-        zteam_command("up", "team.toml", "--lockstep", "--for", "8", "--report", "r.json"),
+        zteam_command("zteam", "up", "team.toml", "--lockstep", "--for", "8", "--report", "r.json"),
         cwd=folder, capture_output=True, text=True, timeout=120, check=False, stdin=subprocess.DEVNULL,
     )  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr
@@ -72,14 +72,14 @@ def test_another_command_gives_another_run(team: TeamFixture, reference: str) ->
 
 def test_processes_in_any_order_give_the_same_run(team: TeamFixture, reference: str) -> None:
     """Robots and monitor first, the simulator after them, the aggregator last: the run is the same."""
-    team.spawn("robot", "--id", "2", "--follow", "1", name="robot_2")
-    team.spawn("robot", "--id", "1", "--follow", "0", name="robot_1")
-    team.spawn("robot", "--id", "0", "--behavior", "wander", "--param", "speed=0.4", name="robot_0")
-    team.spawn("monitor", "--ids", "0", "1", "2", name=names.MONITOR)
+    team.spawn("zteam-robot", "--id", "2", "--follow", "1", name="robot_2")
+    team.spawn("zteam-robot", "--id", "1", "--follow", "0", name="robot_1")
+    team.spawn("zteam-robot", "--id", "0", "--behavior", "wander", "--param", "speed=0.4", name="robot_0")
+    team.spawn("zteam-monitor", "--ids", "0", "1", "2", name=names.MONITOR)
     expected = ("tf", "robot_0", "robot_1", "robot_2")
-    team.spawn("sim", "office", "--lockstep", "--paused", "--expect", *expected, name=names.SIMULATOR)
+    team.spawn("zteam-sim", "office", "--lockstep", "--paused", "--expect", *expected, name=names.SIMULATOR)
     team.wait_for_processes("robot_0", "robot_1", "robot_2", names.SIMULATOR)
-    team.spawn("aggregator", name=names.AGGREGATOR)
+    team.spawn("zteam-tf", name=names.AGGREGATOR)
     team.wait_for_go()
     team.run(8.0)
     assert team.report.trajectory_sha256 == reference
@@ -249,7 +249,7 @@ def test_a_frozen_spectator_holds_nobody(team: TeamFixture) -> None:
     """A process that listens to everything and is frozen does not stall the world."""
     team.start("office", robots=2, follow={1: 0})
     team.wait_for_go()
-    team.spawn("topic", "echo", "**", name="spectator")
+    team.spawn("zteam", "topic", "echo", "**", name="spectator")
     team.until(lambda: len(team.lines("spectator")) > 10, within=60)
     team.pause_process("spectator")
     start = team.tick

@@ -87,7 +87,7 @@ def test_an_id_is_held_by_one_process(team: TeamFixture) -> None:
     """A second robot with the same id refuses to start and says who holds it; the first one stays."""
     team.start("arena", robots=1, behavior="forward", params={0: {"speed": 0.05}})
     team.wait_for_go()
-    second = team.spawn("robot", "--id", "0", name="second")
+    second = team.spawn("zteam-robot", "--id", "0", name="second")
     assert team.wait_for_exit(second) == 1
     said = "\n".join(team.lines(second))
     assert f"robot_0 is taken by process {team.pid('robot_0')}" in said
@@ -108,7 +108,7 @@ def test_a_stopped_robot_leaves_a_zero_velocity(team: TeamFixture) -> None:
 
 def test_a_bare_twist_moves_its_robot(team: TeamFixture, outsider: zenoh.Session) -> None:
     """CDR bytes from a plain Zenoh client, without encoding or attachment, drive robot 1 and only robot 1."""
-    team.spawn("sim", "arena", name=names.SIMULATOR)
+    team.spawn("zteam-sim", "arena", name=names.SIMULATOR)
     team.wait_for_processes(names.SIMULATOR)
     team.until(lambda: math.isfinite(team.robot(1).speed), within=5)
     here = team.robot(0).pose
@@ -157,7 +157,12 @@ def test_bad_ids_are_refused(text: str) -> None:
     from zteam.launch.process import zteam_command
 
     done = subprocess.run(
-        zteam_command("robot", f"--id={text}"), capture_output=True, text=True, timeout=60, check=False, env=os.environ
+        zteam_command("zteam-robot", f"--id={text}"),
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+        env=os.environ,
     )
     assert done.returncode == 2
     assert len(done.stderr.strip().splitlines()) == 1
@@ -166,20 +171,20 @@ def test_bad_ids_are_refused(text: str) -> None:
 
 def test_processes_start_in_any_order(team: TeamFixture) -> None:
     """Robots and monitor before the simulator and the aggregator: the team goes all the same."""
-    team.spawn("robot", "--id", "1", "--follow", "0", name="robot_1")
-    team.spawn("monitor", "--team-size", "2", name=names.MONITOR)
-    team.spawn("robot", "--id", "0", "--behavior", "forward", "--param", "speed=0.1", name="robot_0")
+    team.spawn("zteam-robot", "--id", "1", "--follow", "0", name="robot_1")
+    team.spawn("zteam-monitor", "--team-size", "2", name=names.MONITOR)
+    team.spawn("zteam-robot", "--id", "0", "--behavior", "forward", "--param", "speed=0.1", name="robot_0")
     team.wait_for_processes("robot_0", "robot_1", names.MONITOR)
-    team.spawn("aggregator", name=names.AGGREGATOR)
-    team.spawn("sim", "arena", name=names.SIMULATOR)
+    team.spawn("zteam-tf", name=names.AGGREGATOR)
+    team.spawn("zteam-sim", "arena", name=names.SIMULATOR)
     team.wait_for_go()
     team.until(lambda: team.robot(1).distance_travelled > 0.05, within=30)
 
 
 def test_a_robot_without_gate_drives_at_once(team: TeamFixture) -> None:
     """--no-gate needs neither monitor nor aggregator for a behaviour that looks nothing up."""
-    team.spawn("sim", "arena", name=names.SIMULATOR)
-    team.spawn("robot", "--id", "0", "--behavior", "forward", "--param", "speed=0.1", "--no-gate", name="robot_0")
+    team.spawn("zteam-sim", "arena", name=names.SIMULATOR)
+    team.spawn("zteam-robot", "--id", "0", "--behavior", "forward", "--param", "speed=0.1", "--no-gate", name="robot_0")
     team.wait_for_processes(names.SIMULATOR, "robot_0")
     team.until(lambda: team.robot(0).speed > 0.05, within=20)
 

@@ -9,8 +9,8 @@ import zenoh
 
 from zteam import names
 from zteam.bus.options import BusOptions, client_config
-from zteam.nodes.sim_client import SimClient
-from zteam.nodes.tf_messages import FrameReply
+from zteam.services.simulator_client import SimulatorClient
+from zteam.services.transforms import FrameReply
 from zteam.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team
@@ -25,7 +25,7 @@ def sim(team: TeamFixture, *words: str) -> Any:
 
 def test_time_stands_still_and_goes_on_by_the_tick(team: TeamFixture) -> None:
     """A paused world stays where it is; steps are exact, however long; resumed it goes on, and a reset begins anew."""
-    team.spawn("sim", "arena", name="sim")
+    team.spawn("zteam-sim", "arena", name="sim")
     team.wait_for_processes("sim")
     paused = sim(team, "pause")
     assert paused["paused"]
@@ -40,7 +40,7 @@ def test_time_stands_still_and_goes_on_by_the_tick(team: TeamFixture) -> None:
 
     assert sim(team, "speed", "max")["speed"] is None
     assert not sim(team, "resume")["paused"]
-    client = SimClient(team.bus)
+    client = SimulatorClient(team.bus)
     team.wait_for(lambda: client.status().tick > far["tick"] + 10)
     assert sim(team, "pause")["tick"] > far["tick"] + 10
     assert sim(team, "speed", "2.5")["speed"] == 2.5
@@ -59,7 +59,7 @@ def test_time_stands_still_and_goes_on_by_the_tick(team: TeamFixture) -> None:
 
 def test_robots_come_move_and_go(team: TeamFixture) -> None:
     """What a command says is true in the world, from the next tick on."""
-    team.spawn("sim", "arena", "--paused", name="sim")
+    team.spawn("zteam-sim", "arena", "--paused", name="sim")
     team.wait_for_processes("sim")
     assert sim(team, "status")["robots"] == [0, 1]
     assert team.command("sim", "spawn", "--pose", "1", "-0.5", "-1e-1").stdout == "2\n"
@@ -86,9 +86,9 @@ def test_robots_come_move_and_go(team: TeamFixture) -> None:
 
 def test_the_python_client_does_the_same(team: TeamFixture) -> None:
     """A test or a notebook needs no command line."""
-    team.spawn("sim", "arena", "--paused", name="sim")
+    team.spawn("zteam-sim", "arena", "--paused", name="sim")
     team.wait_for_processes("sim")
-    client = SimClient(team.bus)
+    client = SimulatorClient(team.bus)
     assert client.step(25).tick == client.status().tick
     assert client.spawn(0.5, 1.0, robot_id=4) == 4
     assert client.move(4, 1.0, 1.0).robots == [0, 1, 4]
@@ -102,10 +102,10 @@ def test_the_python_client_does_the_same(team: TeamFixture) -> None:
 def test_a_look_at_everything_changes_nothing(team: TeamFixture) -> None:
     """A plain client's get("**") reaches every query, and none that changes something is carried out, whatever it
     carries; each says why not."""
-    team.spawn("sim", "arena", name="sim")
-    team.spawn("aggregator", name="tf")
+    team.spawn("zteam-sim", "arena", name="sim")
+    team.spawn("zteam-tf", name="tf")
     team.wait_for_processes("sim", "tf")
-    client = SimClient(team.bus)
+    client = SimulatorClient(team.bus)
     team.wait_for(lambda: client.status().tick > 3)
     before = client.status()
     plain = zenoh.open(client_config(BusOptions(connect=team.endpoint)))
@@ -136,7 +136,7 @@ def test_a_look_at_everything_changes_nothing(team: TeamFixture) -> None:
 
 def test_a_client_of_any_language_changes_the_world(team: TeamFixture) -> None:
     """With the id that `sim/status` tells, until the simulator is another one."""
-    team.spawn("sim", "arena", "--paused", name="sim")
+    team.spawn("zteam-sim", "arena", "--paused", name="sim")
     team.wait_for_processes("sim")
     plain = zenoh.open(client_config(BusOptions(connect=team.endpoint, namespace=team.namespace)))
 
@@ -146,7 +146,7 @@ def test_a_client_of_any_language_changes_the_world(team: TeamFixture) -> None:
         assert said is not None
         return reply.ok is not None, said.payload.to_string()
 
-    client = SimClient(team.bus)
+    client = SimulatorClient(team.bus)
     try:
         instance = json.loads(ask("status")[1])["instance"]
         good, said = ask("remove", id=1, instance=instance)
@@ -173,12 +173,12 @@ def test_without_a_simulator_the_way_out_is_told(team: TeamFixture) -> None:
 
 def test_messages_are_published_in_simulated_time(team: TeamFixture) -> None:
     """`topic pub` sends with the ticks its moments fall into, not at all while the world stands, and ends by itself."""
-    team.spawn("sim", "arena", "--paused", name="sim")
+    team.spawn("zteam-sim", "arena", "--paused", name="sim")
     team.wait_for_processes("sim")
-    robot, client = team.robot(0), SimClient(team.bus)
+    robot, client = team.robot(0), SimulatorClient(team.bus)
     client.stand(10.0)
     assert robot.commands == 0
-    team.spawn("topic", "pub", "robot_0/cmd_vel", "Twist", "{}", "--rate", "5", "--times", "4", name="pub")
+    team.spawn("zteam", "topic", "pub", "robot_0/cmd_vel", "Twist", "{}", "--rate", "5", "--times", "4", name="pub")
     team.wait_for_line("pub", "simulated time stands still at 0.100 s")
     for count in (1, 1, 2, 2, 3, 3):
         team.wait_for(lambda least=count: robot.commands == least)  # type: ignore[misc]
@@ -191,7 +191,7 @@ def test_messages_are_published_in_simulated_time(team: TeamFixture) -> None:
 
 def test_rates_are_measured_in_simulated_time_if_asked(team: TeamFixture) -> None:
     """A world that runs as fast as it can still has ten ticks a simulated second."""
-    team.spawn("sim", "arena", "--speed", "5", name="sim")
+    team.spawn("zteam-sim", "arena", "--speed", "5", name="sim")
     team.wait_for_processes("sim")
     words = ("topic", "hz", "robot_0/odom", "--once", "--json")
     simulated = json.loads(team.command(*words, "--clock", "auto").stdout)

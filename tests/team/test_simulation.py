@@ -43,7 +43,7 @@ id = 0
 def test_every_device_is_on_the_bus(team: TeamFixture, tmp_path: Path) -> None:
     """Fiducials, blobs, bumper and joint states arrive with frames and values; driving turns the wheels."""
     (tmp_path / "yard.world").write_text(WORLD)
-    team.spawn("sim", str(tmp_path / "yard.world"), name="sim")
+    team.spawn("zteam-sim", str(tmp_path / "yard.world"), name="sim")
     team.wait_for_processes("sim")
     bus, seen = team.bus, {}
     for key, kind in (

@@ -73,7 +73,7 @@ def test_two_writers_of_one_command_are_told(team: TeamFixture) -> None:
     """topic info names them, doctor and the monitor say it; so they do when one of them is gone again."""
     team.start("arena", behavior="forward", params={0: {"speed": 0.05}}, lockstep=False)
     team.wait_for_go()
-    team.spawn("topic", "pub", "robot_0/cmd_vel", "Twist", "{}", "--rate", "20", name="pub")
+    team.spawn("zteam", "topic", "pub", "robot_0/cmd_vel", "Twist", "{}", "--rate", "20", name="pub")
     team.wait_for_line(names.MONITOR, "robot_0 is commanded by 2 processes: ")
     line = next(line for line in team.lines(names.MONITOR) if "is commanded by 2" in line)
     assert "robot_0, session " in line or ", robot_0 (see" in line
@@ -95,7 +95,7 @@ def test_two_writers_of_one_command_are_told(team: TeamFixture) -> None:
 
 def test_a_published_message_arrives(team: TeamFixture) -> None:
     """topic pub moves a robot that has no process, and its last message leaves before it ends."""
-    team.spawn("sim", "arena", name="sim")
+    team.spawn("zteam-sim", "arena", name="sim")
     team.wait_for_processes("sim")
     start = team.robot(0).commands
     done = team.command(
@@ -127,10 +127,10 @@ def test_mistakes_are_answered_on_one_line(team: TeamFixture, words: tuple[str, 
 
 def test_a_static_transform_lives_as_long_as_its_caller(team: TeamFixture) -> None:
     """zteam tf static adds a frame that goes when the command goes."""
-    team.spawn("aggregator", name="tf")
+    team.spawn("zteam-tf", name="tf")
     team.wait_for_processes("tf")
     arguments = ("static", "-0.1", "0", "0.2", "0", "0", "0", "map", "table")
-    team.spawn("transforms", *arguments, name="static")
+    team.spawn("zteam", "tf", *arguments, name="static")
     team.wait_for_line("static", "holds until")
     seen = json.loads(team.command("tf", "echo", "map", "table", "--once", "--json", "--timeout", "20").stdout)
     assert seen["transform"]["translation"]["x"] == -0.1

@@ -7,8 +7,8 @@ import pytest
 
 from zteam import names
 from zteam.errors import BusError
-from zteam.nodes.tf_client import TransformClient
-from zteam.nodes.tf_messages import HistoryRequest, Lookup
+from zteam.services.transforms import HistoryRequest, Lookup
+from zteam.services.transforms_client import TransformClient
 from zteam.testing.team import TeamFixture
 from zteam.tf import LookupException
 
@@ -34,7 +34,7 @@ def test_a_client_looks_up_without_listening(team: TeamFixture) -> None:
     assert rows == sorted(rows)
     with pytest.raises(BusError, match="larger step"):
         client.history(HistoryRequest("map", "robot_0/base_footprint", step=1, start=-500_000_000))
-    team.spawn("transforms", "static", "0", "0", "1", "0", "0", "0", "robot_0/base_link", "robot_0/mast")
+    team.spawn("zteam", "tf", "static", "0", "0", "1", "0", "0", "0", "robot_0/base_link", "robot_0/mast")
     mast = client.lookup_transform("robot_0/base_link", "robot_0/mast", timeout=20.0)
     assert mast.transform.translation.z == 1.0
 

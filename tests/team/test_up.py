@@ -18,7 +18,7 @@ SHARED = Path(__file__).resolve().parents[3] / "shared"
 def up(*arguments: str, cwd: Path) -> "subprocess.CompletedProcess[str]":
     """Run `zteam up` to its end."""
     return subprocess.run(
-        zteam_command("up", *arguments), cwd=cwd, capture_output=True, text=True, timeout=110, check=False
+        zteam_command("zteam", "up", *arguments), cwd=cwd, capture_output=True, text=True, timeout=110, check=False
     )
 
 
@@ -96,7 +96,7 @@ def children_of(pid: int) -> list[int]:
 def test_no_process_outlives_the_launcher(tmp_path: Path, number: signal.Signals) -> None:
     """However the launcher is ended, all its processes end too; asked nicely it ends with 0."""
     launcher = subprocess.Popen(
-        zteam_command("up", "arena"), cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+        zteam_command("zteam", "up", "arena"), cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
     )
     try:
         assert launcher.stdout is not None

@@ -30,7 +30,7 @@ LIMIT = 60.0
 
 def command(team: TeamFixture, *arguments: str) -> list[str]:
     """`zteam up` on the fixture's router."""
-    return zteam_command("up", *arguments, "--connect", team.endpoint, "--namespace", team.namespace)
+    return zteam_command("zteam", "up", *arguments, "--connect", team.endpoint, "--namespace", team.namespace)
 
 
 def launch(team: TeamFixture, *arguments: str, **options: Any) -> "subprocess.Popen[str]":

@@ -4,9 +4,9 @@ from collections.abc import Iterator
 
 import pytest
 
-from players import LONG, SHORT, Worlds
+from support.lockstep_doubles import LONG, SHORT, Worlds
 from zteam.bus import MemoryHub
-from zteam.nodes import lockstep
+from zteam.nodes.simulator import lockstep
 
 
 @pytest.fixture

@@ -2,8 +2,8 @@
 
 import pytest
 
-from commands import exit_code
-from zteam.cli import aggregator, bench, robot, router, sim, simctl, topic, transforms, up, world
+from support.commands import exit_code
+from zteam.cli import bench, sim, tf, topic, up, world, zteam_robot, zteam_router, zteam_sim, zteam_tf
 from zteam.errors import UsageError
 from zteam.numbers import parse_number, parse_whole
 
@@ -11,21 +11,21 @@ BAD = ("nan", "inf", "-inf", "1e308", "-1e308", "word", "", "1e-300x", "9" * 500
 """What no option takes for a number."""
 
 REAL = [
-    (sim, ["arena"], "--map-resolution"),
-    (sim, ["arena"], "--for"),
-    (sim, ["arena"], "--lockstep-timeout"),
-    (sim, ["arena"], "--lease"),
+    (zteam_sim, ["arena"], "--map-resolution"),
+    (zteam_sim, ["arena"], "--for"),
+    (zteam_sim, ["arena"], "--lockstep-timeout"),
+    (zteam_sim, ["arena"], "--lease"),
     (up, ["line"], "--for"),
     (up, ["line"], "--lockstep-timeout"),
-    (aggregator, [], "--rate"),
-    (router, [], "--detached"),
+    (zteam_tf, [], "--rate"),
+    (zteam_router, [], "--detached"),
     (topic, ["echo", "clock"], "--timeout"),
     (topic, ["pub", "flag", "Bool"], "--rate"),
-    (transforms, ["echo", "a", "b"], "--rate"),
-    (transforms, ["echo", "a", "b"], "--at"),
-    (transforms, ["echo", "a", "b"], "--timeout"),
-    (transforms, ["monitor"], "--for"),
-    (transforms, ["positions"], "--rate"),
+    (tf, ["echo", "a", "b"], "--rate"),
+    (tf, ["echo", "a", "b"], "--at"),
+    (tf, ["echo", "a", "b"], "--timeout"),
+    (tf, ["monitor"], "--for"),
+    (tf, ["positions"], "--rate"),
     (world, ["scan", "arena", "--robot", "0"], "--fov-deg"),
     (world, ["scan", "arena", "--robot", "0"], "--range"),
     (bench, ["sim", "arena"], "--fov-deg"),
@@ -35,9 +35,9 @@ REAL = [
 ]
 """(command, the words it needs, its option)"""
 WHOLE = [
-    (sim, ["arena"], "--seed"),
+    (zteam_sim, ["arena"], "--seed"),
     (up, ["line"], "--seed"),
-    (robot, ["--id", "0"], "--seed"),
+    (zteam_robot, ["--id", "0"], "--seed"),
     (topic, ["hz", "clock"], "--window"),
     (topic, ["pub", "flag", "Bool"], "--times"),
     (world, ["scan", "arena"], "--robot"),
@@ -66,15 +66,19 @@ def test_an_option_refuses_what_is_no_number_of_its_range(
 @pytest.mark.parametrize(
     ("command", "words", "text"),
     [
-        (sim, ["arena", "--speed", "1e-300"], "speed '1e-300': give simulated seconds a second from 1e-06 to 1e+06"),
+        (
+            zteam_sim,
+            ["arena", "--speed", "1e-300"],
+            "speed '1e-300': give simulated seconds a second from 1e-06 to 1e+06",
+        ),
         (up, ["line", "--speed", "inf"], "speed 'inf': give simulated seconds a second"),
-        (sim, ["arena", "--add", "7:erratic:1e308:0:0"], "'1e308': give metres and radians from"),
-        (sim, ["arena", "--add", "7:erratic:nan:0:0"], "'nan': give metres and radians from"),
-        (sim, ["arena", "--gaussian-noise", "1e308"], "gaussian_noise must be from 0 to 1000"),
-        (sim, ["arena", "--odom-alphas", "0,0,0,nan"], "odom_alphas must be from 0 to 1000"),
-        (sim, ["arena", "--dazzle-angle", "inf"], "dazzle_angle must be from 0 to"),
-        (simctl, ["speed", "1e-11"], "speed '1e-11': give simulated seconds a second"),
-        (simctl, ["move", "0", "1e308", "0", "0"], "pose '1e308 0 0': give X Y YAW"),
+        (zteam_sim, ["arena", "--add", "7:erratic:1e308:0:0"], "'1e308': give metres and radians from"),
+        (zteam_sim, ["arena", "--add", "7:erratic:nan:0:0"], "'nan': give metres and radians from"),
+        (zteam_sim, ["arena", "--gaussian-noise", "1e308"], "gaussian_noise must be from 0 to 1000"),
+        (zteam_sim, ["arena", "--odom-alphas", "0,0,0,nan"], "odom_alphas must be from 0 to 1000"),
+        (zteam_sim, ["arena", "--dazzle-angle", "inf"], "dazzle_angle must be from 0 to"),
+        (sim, ["speed", "1e-11"], "speed '1e-11': give simulated seconds a second"),
+        (sim, ["move", "0", "1e308", "0", "0"], "pose '1e308 0 0': give X Y YAW"),
         (
             topic,
             ["list", "--connect", "tcp/127.0.0.1:99999"],
@@ -82,8 +86,8 @@ def test_an_option_refuses_what_is_no_number_of_its_range(
         ),
         (topic, ["list", "--connect", "tcp/127.0.0.1:²"], "port '²': give a port from 0 to 65535"),
         (topic, ["list", "--connect", "7447"], "give PROTOCOL/ADDRESS, such as tcp/127.0.0.1:"),
-        (router, ["--listen", "tcp/127.0.0.1:99999"], "port '99999': give a port from 0 to 65535"),
-        (transforms, ["static", "1e308", "0", "0", "0", "0", "0", "map", "table"], "give X Y Z YAW PITCH ROLL"),
+        (zteam_router, ["--listen", "tcp/127.0.0.1:99999"], "port '99999': give a port from 0 to 65535"),
+        (tf, ["static", "1e308", "0", "0", "0", "0", "0", "map", "table"], "give X Y Z YAW PITCH ROLL"),
     ],
 )
 def test_other_numbers_have_bounds_too(

@@ -28,7 +28,7 @@ NAMES = {
 
 ALLOWED = {
     ("clock.py", "time"): "this is the place",
-    ("nodes/stopping.py", "threading.Timer"): "the hard exit: the process may hang, so nobody is there to wait",
+    ("runtime/shutdown.py", "threading.Timer"): "the hard exit: the process may hang, so nobody is there to wait",
     (
         "bus/connection.py",
         "threading.Timer",

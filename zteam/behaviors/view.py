@@ -5,7 +5,7 @@ from collections.abc import Callable
 import msgspec
 
 from zteam import names
-from zteam.chance import uniform
+from zteam.counter_random import uniform
 from zteam.geometry import Pose2
 from zteam.messages import LaserScan, Odometry
 

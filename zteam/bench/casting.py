@@ -11,8 +11,8 @@ from zteam.bench.simulation import free_poses
 from zteam.clock import process_time
 from zteam.errors import UsageError
 from zteam.sim.casting import cast_squares
-from zteam.sim.compiling import compiled
 from zteam.sim.fields import build_fields
+from zteam.sim.jit import compiled
 from zteam.world import World
 
 Floats = NDArray[np.float64]

@@ -5,7 +5,7 @@ import sys
 import msgspec
 
 from zteam import names
-from zteam.bus.exchange import START_LIMIT, TICK_LIMIT, Exchanged
+from zteam.bench.bare_zenoh import START_LIMIT, TICK_LIMIT, Exchanged
 from zteam.errors import UsageError, ZteamError
 from zteam.launch.plan import ROUTER
 from zteam.launch.process import Process, exit_text, zteam_command
@@ -68,12 +68,12 @@ def _run(robots: int, beams: int, seconds: float) -> Exchanged:
 
 
 def _command(role: str, endpoint: str, *arguments: str) -> list[str]:
-    return [sys.executable, "-P", "-m", "zteam.bus.exchange", role, "--connect", endpoint, *arguments]
+    return [sys.executable, "-P", "-m", "zteam.bench.bare_zenoh", role, "--connect", endpoint, *arguments]
 
 
 def _start_router(supervisor: Supervisor) -> str:
     """The endpoint of a router of our own."""
-    router = supervisor.start(ROUTER, zteam_command("router", "--listen", "tcp/127.0.0.1:0", "--announce"))
+    router = supervisor.start(ROUTER, zteam_command("zteam-router", "--listen", "tcp/127.0.0.1:0", "--announce"))
 
     def announced() -> list[str]:
         return [line for line in list(router.lines) if line.startswith("tcp/")]

@@ -20,9 +20,9 @@ from zteam.messages import (
     encode,
     time_from_ns,
 )
-from zteam.sim import reports
+from zteam.sim import to_messages
 from zteam.tf import Buffer
-from zteam.tf.bundles import Bundles
+from zteam.tf.lazy_bundles import Bundles
 from zteam.world import Robot
 
 _ROUNDS, _TIMES = 5, 200
@@ -82,7 +82,7 @@ class _Bundles:
         self._robots = range(robots)
         self._buffer = Buffer()
         for i in self._robots:
-            for fixed in reports.static_transforms(i, robot, Pose2(float(i), 0.0, 0.0)).transforms:
+            for fixed in to_messages.static_transforms(i, robot, Pose2(float(i), 0.0, 0.0)).transforms:
                 self._buffer.set_transform_static(fixed, names.TF)
         self._bundles = Bundles(self._buffer, names.TF)
         self._payloads = [encode(self._bundle(tick)) for tick in range(1, 2 + _ROUNDS * _TIMES)]
@@ -93,7 +93,7 @@ class _Bundles:
     def _bundle(self, tick: int) -> TFMessage:
         found: list[TransformStamped] = []
         for i in self._robots:
-            found += reports.transforms(tick * _TICK, i, Pose2(0.01 * tick, 0.0, 0.0)).transforms
+            found += to_messages.transforms(tick * _TICK, i, Pose2(0.01 * tick, 0.0, 0.0)).transforms
         return TFMessage(found)
 
     def encode(self) -> bytes:

@@ -15,8 +15,8 @@ from zteam.errors import ZteamError
 from zteam.geometry import Pose2
 from zteam.launch.process import zteam_command
 from zteam.launch.report import RunReport
-from zteam.nodes.participant import RoundTiming
-from zteam.nodes.sim_messages import Timing
+from zteam.runtime.participant import RoundTiming
+from zteam.services.simulator import Timing
 from zteam.world import World, add_robot, load_world
 
 FLOOR_SECONDS = 4.0
@@ -137,7 +137,7 @@ def _team(world: Path, robots: int, poses: list[Pose2] | None) -> str:
 def _run(arguments: list[str], folder: Path, environment: dict[str, str], seconds: float) -> RunReport:
     path = folder / "report.json"
     done = subprocess.run(
-        zteam_command("up", *arguments, "--report", str(path)),
+        zteam_command("zteam", "up", *arguments, "--report", str(path)),
         stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,

@@ -6,8 +6,8 @@ import resource
 import msgspec
 import numpy as np
 
-from zteam.chance import uniform
 from zteam.clock import process_time
+from zteam.counter_random import uniform
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.messages import Twist, Vector3

@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from zteam.bus.bus import Bus, Later, NoRequest, Publisher
+    from zteam.bus.bus import Bus, Deferred, NoRequest, Publisher
     from zteam.bus.changes import Change
     from zteam.bus.connection import connect
     from zteam.bus.memory import MemoryHub
@@ -13,14 +13,14 @@ _HOME = {
     "Bus": "bus",
     "BusOptions": "options",
     "Change": "changes",
-    "Later": "bus",
+    "Deferred": "bus",
     "MemoryHub": "memory",
     "NoRequest": "bus",
     "Publisher": "bus",
     "connect": "connection",
 }
 
-__all__ = ["Bus", "BusOptions", "Change", "Later", "MemoryHub", "NoRequest", "Publisher", "connect"]
+__all__ = ["Bus", "BusOptions", "Change", "Deferred", "MemoryHub", "NoRequest", "Publisher", "connect"]
 
 
 def __getattr__(name: str) -> Any:

@@ -31,9 +31,9 @@ class Publisher(Generic[M]):
         self._raw = raw
 
     @property
-    def wanted(self) -> bool:
+    def has_subscribers(self) -> bool:
         """Whether anybody takes what is put now: lets a sender spare itself the making of a message."""
-        return self._raw.wanted
+        return self._raw.has_subscribers
 
     def put(self, message: M) -> None:
         """Send without waiting (DROP: nothing on the bus ever blocks its sender)."""
@@ -48,7 +48,7 @@ class NoRequest(msgspec.Struct):
     """The request of a query that needs none."""
 
 
-class Later(NamedTuple):
+class Deferred(NamedTuple):
     """An answer that takes its time: what `finish()` returns, called on a thread of its own."""
 
     finish: Callable[[], Any]
@@ -213,7 +213,7 @@ class Bus:
             if isinstance(request, Change):
                 check_instance(key, request, self.instance)
             answer = handler(request)
-            if isinstance(answer, Later):
+            if isinstance(answer, Deferred):
                 return lambda: msgspec.json.encode(answer.finish())
             return msgspec.json.encode(answer)
 

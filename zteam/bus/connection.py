@@ -194,7 +194,7 @@ def spawn_router(endpoint: str) -> None:
     """Start a detached router that ends by itself. The port decides who wins if several processes do this at once."""
     log.info("starting a router at %s", endpoint)
     path = router_log_path(endpoint)
-    command = [sys.executable, "-m", "zteam.cli.router", "--listen", endpoint, "--detached", str(IDLE_EXIT)]
+    command = [sys.executable, "-m", "zteam.cli.zteam_router", "--listen", endpoint, "--detached", str(IDLE_EXIT)]
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("ab") as output:

@@ -30,7 +30,7 @@ class _Handle:
 
 
 class _Publisher(_Handle):
-    wanted = True
+    has_subscribers = True
 
     def __init__(self, close: Callable[[], None], put: Callable[[bytes], None]) -> None:
         super().__init__(close)

@@ -77,7 +77,7 @@ class _Declared:
 class _Publisher(_Declared):
     def __init__(self, entity: Any, forget: Callable[[_Declared], None], latched: bool) -> None:
         super().__init__(entity, forget)
-        self.wanted = True
+        self.has_subscribers = True
         if not latched:
             # Told instead of asked: a question to Zenoh gives the interpreter away each time.
             self._lock, self._told = threading.Lock(), False
@@ -87,11 +87,11 @@ class _Publisher(_Declared):
             with self._lock:
                 # What was told meanwhile is newer.
                 if not self._told:
-                    self.wanted = now
+                    self.has_subscribers = now
 
     def _on_matching(self, status: Any) -> None:
         with self._lock:
-            self.wanted, self._told = status.matching, True
+            self.has_subscribers, self._told = status.matching, True
 
     def put(self, payload: bytes) -> None:
         entity = self._entity

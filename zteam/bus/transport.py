@@ -38,7 +38,7 @@ class RawPublisher(Closeable, Protocol):
     """Puts payloads on one key."""
 
     @property
-    def wanted(self) -> bool:
+    def has_subscribers(self) -> bool:
         """Whether a payload put now has a taker: a subscriber, or the memory of a latched key."""
         ...
 

@@ -9,8 +9,8 @@ from zteam.cli.listening import Waiter
 from zteam.clock import AutoClock, Ticker, to_seconds
 from zteam.errors import BusError
 from zteam.messages import Clock, ns_from_time
-from zteam.nodes.node import ClockMode
-from zteam.nodes.sim_messages import SimStatus
+from zteam.runtime.node import ClockMode
+from zteam.services.simulator import SimStatus
 
 
 def open_clock(bus: Bus, mode: ClockMode) -> AutoClock:

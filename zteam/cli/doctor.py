@@ -16,7 +16,7 @@ from zteam.bus.connection import host_port, port_accepts, read_admin
 from zteam.bus.counters import KeyCount
 from zteam.bus.presence import ProcessInfo
 from zteam.cli.listening import KeySurvey, open_bus, survey
-from zteam.cli.nodes import find_nodes, writer_names
+from zteam.cli.node import find_nodes, writer_names
 from zteam.cli.options import Parser, add_bus_options, bus_options, run
 from zteam.errors import BusError
 

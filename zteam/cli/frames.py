@@ -13,11 +13,11 @@ from zteam.cli.listening import SURVEY, Waiter, open_bus
 from zteam.cli.options import bus_options
 from zteam.errors import BusError, UsageError
 from zteam.messages import Clock, TFMessage, ns_from_time
-from zteam.nodes.tf_messages import FrameReply
+from zteam.services.transforms import FrameReply
 from zteam.tf import Buffer, FrameInfo, TransformException
 from zteam.tf.drawing import tree_as_dot, tree_as_svg
+from zteam.tf.statistics import Watch
 from zteam.tf.text import format_tree
-from zteam.tf.watching import Watch
 
 
 class TreeListener:

@@ -10,9 +10,9 @@ from zteam.cli.output import guarded
 COMMANDS = {
     "up": ("up", "start a whole team and watch over it"),
     "topic": ("topic", "list | echo | hz | info | pub: what goes over the bus"),
-    "tf": ("transforms", "echo | tree | static: transforms between frames"),
-    "sim": ("simctl", "pause | resume | step | speed | reset | spawn | remove | move | status: the running simulator"),
-    "node": ("nodes", "list: which processes are alive"),
+    "tf": ("tf", "echo | tree | static: transforms between frames"),
+    "sim": ("sim", "pause | resume | step | speed | reset | spawn | remove | move | status: the running simulator"),
+    "node": ("node", "list: which processes are alive"),
     "world": ("world", "check | show | scan: world files, their pictures, and what lasers see in them"),
     "doctor": ("doctor", "find out what is wrong, with the next step for each problem"),
     "bench": ("bench", "measure zteam on this machine"),
@@ -47,11 +47,11 @@ def _run(module: str, arguments: Sequence[str]) -> int:
 
 
 start = partial(_start, "main")
-start_simulator = partial(_start, "sim")
-start_robot = partial(_start, "robot")
-start_aggregator = partial(_start, "aggregator")
-start_monitor = partial(_start, "monitor")
-start_router = partial(_start, "router")
+start_simulator = partial(_start, "zteam_sim")
+start_robot = partial(_start, "zteam_robot")
+start_aggregator = partial(_start, "zteam_tf")
+start_monitor = partial(_start, "zteam_monitor")
+start_router = partial(_start, "zteam_router")
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -12,8 +12,8 @@ from zteam.cli.interrupts import INTERRUPTED
 from zteam.cli.output import OutputError, guarded
 from zteam.errors import UsageError, ZteamError
 from zteam.names import strip_slash
-from zteam.nodes.logs import LEVELS, start_logging
 from zteam.numbers import parse_number, parse_whole
+from zteam.runtime.logs import LEVELS, start_logging
 
 T = TypeVar("T")
 

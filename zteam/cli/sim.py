@@ -1,234 +1,293 @@
-"""`zteam-sim WORLD`: the simulator. Stage's world files run as they are; a robot's id is its place in the file."""
+"""`zteam sim pause | resume | step | speed | reset | spawn | remove | move | status`: asks the running simulator."""
 
 import argparse
 import sys
-from collections.abc import Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
+
+import msgspec
 
 from zteam import names
-from zteam.cli.options import MAX_SEED, MIN_SEED, Parser, add_bus_options, bus_options, number, run, whole
-from zteam.errors import UsageError, ZteamError
-from zteam.geometry import Pose2
-from zteam.nodes.sim_messages import MAX_PLACE, MAX_SPEED, MIN_SPEED
-from zteam.numbers import MAX_SECONDS, parse_number
-from zteam.shipped import names as shipped_names
-from zteam.shipped import shipped_world, worlds_folder
-from zteam.simulation import PHYSICS, Options
+from zteam.cli.listening import Waiter, open_bus
+from zteam.cli.options import Parser, add_bus_options, bus_options, negative_numbers, run
+from zteam.cli.zteam_sim import parse_speed
+from zteam.clock import Every, monotonic, to_seconds
+from zteam.errors import UsageError
+from zteam.numbers import parse_number, parse_whole
+from zteam.services.simulator import MAX_PLACE, MAX_TICKS, SimStatus, SpawnReply
+from zteam.services.simulator_client import SimulatorClient
 
-if TYPE_CHECKING:
-    from zteam.nodes.lockstep import LockStepOptions
+T = TypeVar("T")
 
-MIN_RUN = 1e-6
-"""Simulated seconds of the shortest `--for`: it ends with the tick of GO."""
-LOCKSTEP_TIMEOUTS = (1e-3, 3600.0)
-"""Host seconds."""
+PATIENCE = 2.0
+"""Host seconds after which a step says how it gets on."""
+_SAY_EVERY = 5.0
+"""Host seconds between two such lines where they cannot replace each other."""
+
+Answer = tuple[msgspec.Struct, str]
+"""The reply, and what it says to people."""
+Ask = Callable[[SimulatorClient], Answer]
 
 
 def build_parser() -> argparse.ArgumentParser:
     """The command line."""
-    parser = Parser(prog="zteam-sim", description=__doc__)
-    parser.add_argument("world", metavar="WORLD", help="a .world file, or the name of a shipped world such as office")
-    parser.add_argument(
-        "--seed",
-        type=whole(MIN_SEED, MAX_SEED, "a seed"),
-        default=1,
-        help="seed of everything random (default: %(default)s)",
+    parser = Parser(prog="zteam sim", description=__doc__)
+    verbs = parser.add_subparsers(dest="verb", required=True, metavar="|".join(_VERBS))
+
+    def verb(name: str, text: str) -> argparse.ArgumentParser:
+        sub = verbs.add_parser(name, help=text, description=text)
+        sub.add_argument("--json", action="store_true", help="print the simulator's reply")
+        add_bus_options(sub)
+        return sub
+
+    verb("pause", "let the world stand still")
+    verb("resume", "let it go on")
+    verb("step", "let N ticks pass, then stand still").add_argument(
+        "ticks", nargs="?", default="1", metavar="N", help="(1)"
     )
-    parser.add_argument(
-        "--map-resolution",
-        type=number(1e-4, 1e4, "metres a cell"),
-        default=0.05,
-        metavar="M",
-        help="metres a cell of the published map (0.05)",
+    verb("speed", "simulated seconds a second of the host, or as fast as possible").add_argument(
+        "speed", metavar="X|max"
     )
-    parser.add_argument(
-        "--add",
-        action="append",
-        default=[],
-        metavar="ID:MODEL:X:Y:YAW",
-        help="add a robot that the world lacks, e.g. 7:erratic:2.0:3.5:1.57",
-    )
-    parser.add_argument("--only-added", action="store_true", help="leave the world's own robots out")
-    parser.add_argument(
-        "--gap", action="append", default=[], metavar="FOLLOWER:LEADER", help="measure the gap of two robots, e.g. 1:0"
-    )
-    parser.add_argument(
-        "--for",
-        dest="run_for",
-        type=number(MIN_RUN, MAX_SECONDS, "simulated seconds"),
-        metavar="SECONDS",
-        help="stand still this many simulated seconds after GO (and go on answering queries)",
-    )
-    _add_time_options(parser)
-    parser.add_argument(
-        "--compile-only", action="store_true", help="compile the simulator's kernels into the cache, then end"
-    )
-    _add_simulation_options(parser)
-    add_bus_options(parser)
+    verb("reset", "everything as at the start, time too")
+    spawn = verb("spawn", "put a further robot into the world and print its id")
+    spawn.add_argument("--pose", nargs=3, required=True, metavar=("X", "Y", "YAW"), help="in map: metres, radians")
+    spawn.add_argument("--model", default="erratic", help="a macro of the world's file (default: %(default)s)")
+    spawn.add_argument("--id", metavar="N", help="(the lowest that is free)")
+    verb("remove", "take a robot out of the world").add_argument("id", metavar="ID")
+    move = verb("move", "lift a robot to another place")
+    for name in ("id", "x", "y", "yaw"):
+        move.add_argument(name, metavar=name.upper(), help="in map: radians" if name == "yaw" else None)
+    for sub in (spawn, move):
+        sub.add_argument("--force", action="store_true", help="also into a wall or a robot, or outside of the world")
+    verb("status", "time, pace, lock-step and robots")
     return parser
-
-
-def parse_speed(text: str) -> float | None:
-    """Simulated seconds a second: a number, or None for `max`. Raises UsageError."""
-    if text == "max":
-        return None
-    try:
-        return parse_number(text, MIN_SPEED, MAX_SPEED, "simulated seconds a second")
-    except UsageError as error:
-        raise UsageError(f"speed {error}, or max") from None
-
-
-def _add_time_options(parser: argparse.ArgumentParser) -> None:
-    group = parser.add_argument_group("time (docs/time.md)")
-    group.add_argument("--speed", metavar="X", help="simulated seconds a second, or max (default: 1; max in lock-step)")
-    group.add_argument("--paused", action="store_true", help="stand still at the first tick ('zteam sim resume')")
-    group.add_argument("--lockstep", action="store_true", help="a tick begins when every participant has answered")
-    group.add_argument(
-        "--lockstep-timeout",
-        type=number(*LOCKSTEP_TIMEOUTS, "host seconds"),
-        default=10.0,
-        metavar="SECONDS",
-        help="leave a living participant behind that does not answer for so long (10)",
-    )
-    group.add_argument(
-        "--expect",
-        nargs="+",
-        default=[],
-        metavar="NAME",
-        help="hold the first tick until these take part, e.g. tf robot_0 planner",
-    )
-    group.add_argument("--no-gate", action="store_true", help="in lock-step, do not wait for the monitor's GO")
-
-
-def _add_simulation_options(parser: argparse.ArgumentParser) -> None:
-    """One flag for every field of `zteam.simulation.Options`."""
-    group = parser.add_argument_group("contacts and sensors")
-    group.add_argument(
-        "--physics", choices=PHYSICS, help="what contacts do (default: what the world says, else dynamic)"
-    )
-    group.add_argument("--no-hit", choices=("range_max", "inf"), help="what a beam reads that hits nothing (range_max)")
-    group.add_argument(
-        "--below-min", choices=("measured", "-inf", "zero"), help="what a beam reads below range_min (measured)"
-    )
-    group.add_argument("--gaussian-noise", type=float, metavar="M", help="standard deviation of all lasers in metres")
-    group.add_argument("--proportional-noise", type=float, metavar="SHARE", help="standard deviation by range")
-    group.add_argument(
-        "--odom-alphas", metavar="A1,A2,A3,A4", help="noise of all odometry (Thrun), such as 0.05,0.01,0.02,0.01"
-    )
-    group.add_argument(
-        "--dazzle",
-        choices=("off", "drop", "max", "short", "scan"),
-        help="what lasers in mutual sight do to each other (off)",
-    )
-    group.add_argument("--dazzle-angle", type=float, metavar="RAD", help="to either side of the other laser (0.035)")
-    group.add_argument("--dazzle-probability", type=float, metavar="P", help="share of the scans (1)")
-
-
-def simulation_options(args: argparse.Namespace) -> Options:
-    """What a parsed command line says about contacts and sensors."""
-    given = {name: getattr(args, name) for name in Options.__struct_fields__ if getattr(args, name) is not None}
-    try:
-        if "odom_alphas" in given:
-            given["odom_alphas"] = tuple(map(float, given["odom_alphas"].split(",")))
-            if len(given["odom_alphas"]) != 4:
-                raise ValueError("--odom-alphas takes four numbers, such as 0.05,0.01,0.02,0.01")
-        return Options(**given)
-    except ValueError as error:
-        raise UsageError(str(error)) from None
-
-
-def lockstep_options(args: argparse.Namespace) -> "LockStepOptions | None":
-    """What a parsed command line says about lock-step."""
-    from zteam.nodes.lockstep import LockStepOptions
-
-    if not args.lockstep:
-        for flag, given in (("--expect", args.expect), ("--no-gate", args.no_gate)):
-            if given:
-                raise UsageError(f"{flag} needs --lockstep")
-        return None
-    return LockStepOptions(tuple(args.expect), args.lockstep_timeout, not args.no_gate)
-
-
-def find_world(text: str) -> Path:
-    """The world file named on a command line: a path, else a shipped world."""
-    path = Path(text)
-    if path.is_file():
-        return path
-    shipped = shipped_world(text)
-    if shipped is None:
-        known = ", ".join(shipped_names(worlds_folder(), ".world"))
-        raise UsageError(f"world {text!r}: no such file, nor a shipped world ({known})")
-    return shipped
-
-
-def parse_gap(text: str) -> tuple[int, int]:
-    """FOLLOWER:LEADER."""
-    follower, colon, leader = text.partition(":")
-    if not colon:
-        raise UsageError(f"--gap {text!r} is not FOLLOWER:LEADER, e.g. 1:0")
-    return names.parse_robot_id(follower), names.parse_robot_id(leader)
-
-
-def parse_addition(text: str) -> tuple[int, str, Pose2]:
-    """ID:MODEL:X:Y:YAW."""
-    parts = text.split(":")
-    try:
-        robot_id, model, x, y, yaw = parts
-    except ValueError:
-        raise UsageError(f"--add {text!r} is not ID:MODEL:X:Y:YAW, e.g. 7:erratic:2.0:3.5:1.57") from None
-    try:
-        pose = Pose2(*(parse_number(word, -MAX_PLACE, MAX_PLACE, "metres and radians") for word in (x, y, yaw)))
-        return names.parse_robot_id(robot_id), model, pose
-    except UsageError as error:
-        raise UsageError(f"--add {text!r}: {error}") from None
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point."""
-    args = build_parser().parse_args(argv)
-    return run(names.SIMULATOR, args, lambda: _simulate(args))
+    args = build_parser().parse_args(negative_numbers(sys.argv[1:] if argv is None else argv))
+    return run("zteam sim", args, lambda: _answer(args))
 
 
-def _simulate(args: argparse.Namespace) -> int:
-    from zteam.nodes.node import Node, run_node
-    from zteam.nodes.simulator import SimOptions, run_simulator
-    from zteam.sim.takeover import begin, fill_cache, prepare
-    from zteam.world import add_robot, load_world
-
-    lockstep = lockstep_options(args)
-    speed = parse_speed(args.speed or ("max" if lockstep else "1"))
-    world = load_world(find_world(args.world))
-    robots = {} if args.only_added else dict(enumerate(world.robots))
-    for robot_id, model, pose in map(parse_addition, args.add):
-        if robot_id in robots:
-            raise UsageError(f"--add {robot_id}: the world has a robot {robot_id} already")
-        robots[robot_id] = add_robot(world, model, pose, names.robot_name(robot_id))
-    if args.compile_only:
-        if reason := fill_cache():
-            raise ZteamError(f"the kernels are not in the cache: {reason}")
-        return 0
-    # A run in lock-step keeps the kernels it begins with: what it does must not depend on when they are ready.
-    later = None if lockstep else begin()
-    if lockstep:
-        prepare()
-    options = SimOptions(
-        world=Path(args.world),
-        seed=args.seed,
-        map_resolution=args.map_resolution,
-        follows=dict(map(parse_gap, args.gap)),
-        run_for=args.run_for,
-        engine=simulation_options(args),
-        speed=speed,
-        paused=args.paused,
-        lockstep=lockstep,
-    )
-
-    def body(node: Node) -> None:
-        run_simulator(node, world, robots, options, later)
-
-    return run_node(names.SIMULATOR, bus_options(args), body)
+def _answer(args: argparse.Namespace) -> int:
+    ask = _VERBS[args.verb](args)
+    bus = open_bus(bus_options(args))
+    try:
+        reply, text = ask(SimulatorClient(bus))
+    finally:
+        bus.close()
+    print(msgspec.json.encode(reply).decode() if args.json else text)
+    return 0
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+def _change(make: Callable[[], T]) -> T:
+    """Ask for a change to the world, and tell the user when that takes long: somebody may hold the tick at hand."""
+    waiter = Waiter()
+    pool = ThreadPoolExecutor(max_workers=1)
+    try:
+        reply = pool.submit(make)
+        reply.add_done_callback(lambda _: waiter.notify())
+        waiter.wait(reply.done, None, "the tick at hand to end; 'zteam sim status' says who holds it")
+        return reply.result()
+    finally:
+        pool.shutdown(wait=False)
+
+
+def parse_pose(words: Sequence[str]) -> tuple[float, float, float]:
+    """X Y YAW. Raises UsageError."""
+    try:
+        x, y, yaw = (parse_number(word, -MAX_PLACE, MAX_PLACE, "X Y YAW in metres and radians") for word in words)
+    except UsageError as error:
+        pose = " ".join(word.strip() for word in words)
+        raise UsageError(f"pose {pose!r}: {str(error).partition(': ')[2]}") from None
+    return x, y, yaw
+
+
+def parse_ticks(text: str) -> int:
+    """A number of ticks. Raises UsageError."""
+    try:
+        return parse_whole(text, 1, MAX_TICKS, "a number of ticks")
+    except UsageError as error:
+        raise UsageError(f"step {error}") from None
+
+
+def _pause(_args: argparse.Namespace) -> Ask:
+    def ask(client: SimulatorClient) -> Answer:
+        status = client.pause()
+        return status, f"paused {_when(status)}{_held(status)}"
+
+    return ask
+
+
+def _resume(_args: argparse.Namespace) -> Ask:
+    def ask(client: SimulatorClient) -> Answer:
+        status = client.resume()
+        if status.finished:
+            return status, f"the run is over {_when(status)}: 'zteam sim reset' starts it again"
+        return status, f"goes on {_when(status)}, {_pace(status)}"
+
+    return ask
+
+
+def _step(args: argparse.Namespace) -> Ask:
+    ticks = parse_ticks(args.ticks)
+
+    def ask(client: SimulatorClient) -> Answer:
+        progress = _Progress(ticks)
+        try:
+            status = client.step(ticks, on_progress=progress.tell)
+        except KeyboardInterrupt:
+            # What is left of the steps is not wanted any more.
+            print(f"\npaused {_when(client.pause())}", file=sys.stderr)
+            raise
+        finally:
+            progress.end()
+        return status, format_status(status)
+
+    return ask
+
+
+def _speed(args: argparse.Namespace) -> Ask:
+    speed = parse_speed(args.speed)
+
+    def ask(client: SimulatorClient) -> Answer:
+        status = client.set_speed(speed)
+        return status, _pace(status) + (", once the world goes on: it is paused" if status.paused else "")
+
+    return ask
+
+
+def _reset(_args: argparse.Namespace) -> Ask:
+    def ask(client: SimulatorClient) -> Answer:
+        status = _change(client.reset)
+        return status, f"everything as at the start, {'paused ' + _when(status) if status.paused else _pace(status)}"
+
+    return ask
+
+
+def _spawn(args: argparse.Namespace) -> Ask:
+    pose = parse_pose(args.pose)
+    robot_id = None if args.id is None else names.parse_robot_id(args.id.strip())
+
+    def ask(client: SimulatorClient) -> Answer:
+        reply = SpawnReply(_change(lambda: client.spawn(*pose, model=args.model, robot_id=robot_id, force=args.force)))
+        return reply, str(reply.id)
+
+    return ask
+
+
+def _remove(args: argparse.Namespace) -> Ask:
+    robot_id = names.parse_robot_id(args.id.strip())
+
+    def ask(client: SimulatorClient) -> Answer:
+        status = _change(lambda: client.remove(robot_id))
+        return status, f"robot {robot_id} is gone; the world has {_listed(status.robots)}"
+
+    return ask
+
+
+def _move(args: argparse.Namespace) -> Ask:
+    robot_id, pose = names.parse_robot_id(args.id.strip()), parse_pose([args.x, args.y, args.yaw])
+
+    def ask(client: SimulatorClient) -> Answer:
+        x, y, yaw = pose
+        status = _change(lambda: client.move(robot_id, *pose, force=args.force))
+        return status, f"robot {robot_id} stands at x {x:g}, y {y:g}, yaw {yaw:g}"
+
+    return ask
+
+
+def _status(_args: argparse.Namespace) -> Ask:
+    def ask(client: SimulatorClient) -> Answer:
+        status = client.status()
+        return status, format_status(status)
+
+    return ask
+
+
+_VERBS: dict[str, Callable[[argparse.Namespace], Ask]] = {
+    "pause": _pause,
+    "resume": _resume,
+    "step": _step,
+    "speed": _speed,
+    "reset": _reset,
+    "spawn": _spawn,
+    "remove": _remove,
+    "move": _move,
+    "status": _status,
+}
+
+
+def format_status(status: SimStatus) -> str:
+    """How the simulator stands, as a small table."""
+    stands = "run over" if status.finished else "yes" if status.paused else "no"
+    rows = [
+        ("world", f"{status.world}, seed {status.seed}"),
+        ("time", f"{to_seconds(status.now):.3f} s"),
+        ("tick", f"{status.tick}, {status.interval / 1e6:g} ms each"),
+        ("speed", _pace(status)),
+        ("real-time factor", f"{status.real_time_factor:.3g}"),
+        ("paused", stands),
+        ("lock-step", "yes" if status.lockstep else "no"),
+    ]
+    if status.lockstep:
+        rows += [
+            ("  participants", _listed(status.participants)),
+            ("  joining", _listed(status.joining)),
+            ("  waiting for", status.waiting_for or "-"),
+            ("  hung", _listed(status.hung)),
+        ]
+    rows.append(("robots", _listed(status.robots)))
+    return "\n".join(f"{name:18}{value}" for name, value in rows)
+
+
+def _when(status: SimStatus) -> str:
+    return f"at {to_seconds(status.now):.3f} s (tick {status.tick})"
+
+
+def _held(status: SimStatus) -> str:
+    return f", which waits for {status.waiting_for}" if status.waiting_for else ""
+
+
+def _pace(status: SimStatus) -> str:
+    return "as fast as possible" if status.speed is None else f"{status.speed:g} simulated seconds a second"
+
+
+def _listed(items: Sequence[object]) -> str:
+    return ", ".join(map(str, items)) or "-"
+
+
+class _Progress:
+    """Tells on stderr how a long step gets on; on a terminal in one line."""
+
+    def __init__(self, ticks: int) -> None:
+        self._ticks = ticks
+        self._start = monotonic()
+        self._first: int | None = None
+        self._tick: int | None = None
+        self._say = Every(_SAY_EVERY)
+        self._replaces = sys.stderr.isatty()
+        self._open = False
+
+    def tell(self, status: SimStatus) -> None:
+        """How it stands now."""
+        if self._first is None:
+            self._first = status.tick
+        # Between two ticks everybody is waited for: only who holds the world for longer is named.
+        held = _held(status) if status.tick == self._tick else ""
+        self._tick = status.tick
+        if monotonic() - self._start < PATIENCE or not (self._replaces or self._say.due()):
+            return
+        text = (
+            f"{status.tick - self._first} of {self._ticks} ticks, now {_when(status)}{held}, "
+            f"real-time factor {status.real_time_factor:.3g} (Ctrl+C pauses)"
+        )
+        self._open = self._replaces
+        before, after = ("\r\x1b[K", "") if self._replaces else ("", "\n")
+        print(f"{before}{text}", end=after, file=sys.stderr, flush=True)
+
+    def end(self) -> None:
+        """What follows begins on a line of its own."""
+        if self._open:
+            print(file=sys.stderr, flush=True)

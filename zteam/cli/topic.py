@@ -215,7 +215,7 @@ def _format_rate(times: list[float], simulated: bool, as_json: bool) -> str:
 
 
 def _info(args: argparse.Namespace) -> int:
-    from zteam.cli.nodes import find_nodes, writer_names
+    from zteam.cli.node import find_nodes, writer_names
 
     key = check_key(args.key)
     bus = open_bus(bus_options(args))

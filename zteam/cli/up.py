@@ -10,16 +10,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from zteam.cli.options import MAX_SEED, MIN_SEED, Parser, add_bus_options, bus_options, number, run, whole
-from zteam.cli.sim import LOCKSTEP_TIMEOUTS, MIN_RUN
+from zteam.cli.zteam_sim import LOCKSTEP_TIMEOUTS, MIN_RUN
 from zteam.errors import UsageError, ZteamError
 from zteam.numbers import MAX_SECONDS
-from zteam.shipped import names as shipped_names
-from zteam.shipped import shipped_team, teams_folder
+from zteam.resources import names as shipped_names
+from zteam.resources import shipped_team, teams_folder
 
 if TYPE_CHECKING:
     from zteam.launch.plan import Pace
     from zteam.launch.run import Run
-    from zteam.nodes.stopping import Stop
+    from zteam.runtime.shutdown import Stop
 
 log = logging.getLogger("zteam")
 
@@ -59,7 +59,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def _pace(args: argparse.Namespace, world: Path | None) -> "Pace":
-    from zteam.cli.sim import parse_speed
+    from zteam.cli.zteam_sim import parse_speed
     from zteam.launch.plan import Pace
 
     if args.speed is not None:
@@ -117,11 +117,11 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _up(args: argparse.Namespace) -> int:
-    from zteam.cli.sim import find_world
-    from zteam.config import read_team_file
+    from zteam.cli.zteam_sim import find_world
     from zteam.launch.check import check_team
     from zteam.launch.run import Run, RunOptions
-    from zteam.nodes.stopping import Stop
+    from zteam.runtime.shutdown import Stop
+    from zteam.team_file import read_team_file
 
     if args.report and args.run_for is None:
         raise UsageError("--report needs --for SECONDS: a report is of a run with an end")

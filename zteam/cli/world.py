@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from zteam.cli.options import Parser, number, run, whole
-from zteam.cli.sim import find_world
+from zteam.cli.zteam_sim import find_world
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.names import MAX_ROBOT_ID
-from zteam.nodes.logs import LEVELS
+from zteam.runtime.logs import LEVELS
 
 if TYPE_CHECKING:
     from zteam.sim import RobotObservation

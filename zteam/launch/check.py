@@ -9,10 +9,10 @@ from pathlib import Path
 
 from zteam import names
 from zteam.behaviors.registry import BEHAVIORS
-from zteam.config import RobotEntry, TeamFile, behavior_of, team_world
 from zteam.errors import ConfigError, WorldError
 from zteam.launch.own_behaviors import Answer, Inquiry, Question, answer
 from zteam.problems import Problem
+from zteam.team_file import RobotEntry, TeamFile, behavior_of, team_world
 from zteam.world import add_robot, load_world
 from zteam.world.model import Robot, World
 from zteam.world.placing import find_hindrance
@@ -64,7 +64,7 @@ def _behavior_problems(i: int, entry: RobotEntry, answered: Answer) -> Iterator[
 def _description_problems(team_file: Path, i: int, entry: RobotEntry) -> Iterator[Problem]:
     if entry.description is not None:
         # Few teams have any, and a parser of XML takes its time to import.
-        from zteam.tf.description import read_description
+        from zteam.tf.urdf import read_description
 
         try:
             read_description(team_file.parent / entry.description)

@@ -17,7 +17,7 @@ from zteam.behaviors.registry import find_behavior, look_in, parameter_problems
 from zteam.errors import UsageError
 from zteam.launch.process import Process, exit_text
 from zteam.launch.supervisor import Supervisor
-from zteam.nodes.stopping import Stop, exit_hard_later
+from zteam.runtime.shutdown import Stop, exit_hard_later
 
 LIMIT = 60.0
 """Host seconds for all imports together: large libraries take ten on a slow disk."""

@@ -6,11 +6,13 @@ from pathlib import Path
 import msgspec
 
 from zteam import names
-from zteam.config import RobotEntry, Team, robot_arguments
 from zteam.launch.process import zteam_command
-from zteam.simulation import simulation_arguments
+from zteam.simulation_options import simulation_arguments
+from zteam.team_file import RobotEntry, Team, robot_arguments
 
 ROUTER = "router"
+LOCKSTEP_TIMEOUT = 10.0
+"""Host seconds until lock-step leaves a living participant behind that does not answer."""
 
 
 class Pace(msgspec.Struct, frozen=True):
@@ -19,7 +21,7 @@ class Pace(msgspec.Struct, frozen=True):
     speed: str | None = None
     """As on the command line: a number or `max`; None = the simulator's default."""
     lockstep: bool = False
-    timeout: float = 10.0
+    timeout: float = LOCKSTEP_TIMEOUT
     """Host seconds until lock-step leaves a silent participant behind."""
     expect: tuple[str, ...] = ()
     """Participants besides the team's own without which lock-step does not begin."""
@@ -60,7 +62,7 @@ def plan_team(
     commands = {}
     if world is not None:
         commands[names.SIMULATOR] = [
-            *zteam_command("sim", str(world), "--seed", chosen_seed),
+            *zteam_command("zteam-sim", str(world), "--seed", chosen_seed),
             *(() if run_for is None else ("--for", str(run_for))),
             *_additions(team.robots),
             *(() if team.team.world_robots else ("--only-added",)),
@@ -69,14 +71,14 @@ def plan_team(
             *_pace(pace or Pace(), team.robots),
             *bus,
         ]
-    commands[names.AGGREGATOR] = [*zteam_command("aggregator", *((str(team_file),) if team_file else ())), *bus]
+    commands[names.AGGREGATOR] = [*zteam_command("zteam-tf", *((str(team_file),) if team_file else ())), *bus]
     ids = [str(robot.id) for robot in team.robots]
-    commands[names.MONITOR] = [*zteam_command("monitor", "--ids", *ids), *bus]
+    commands[names.MONITOR] = [*zteam_command("zteam-monitor", "--ids", *ids), *bus]
     for robot in team.robots:
         arguments = [*robot_arguments(robot), "--seed", chosen_seed]
         if team_file is not None and ":" in (robot.behavior or ""):
             arguments += ["--path", str(team_file.resolve().parent)]
-        commands[names.robot_name(robot.id)] = [*zteam_command("robot", *arguments), *bus]
+        commands[names.robot_name(robot.id)] = [*zteam_command("zteam-robot", *arguments), *bus]
     return Plan(commands)
 
 

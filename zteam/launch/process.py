@@ -12,7 +12,7 @@ from pathlib import Path
 
 import msgspec
 
-from zteam.nodes.stopping import PARENT_PIPE
+from zteam.runtime.shutdown import PARENT_PIPE
 
 log = logging.getLogger("zteam")
 
@@ -49,8 +49,9 @@ def _kilobytes(text: str, label: str) -> int:
     return 0
 
 
-def zteam_command(module: str, *arguments: str) -> list[str]:
-    """The command that runs `zteam.cli.<module>` with this interpreter, whatever lies in the current folder."""
+def zteam_command(command: str, *arguments: str) -> list[str]:
+    """`zteam-robot --id 0`, say, run by this interpreter, whatever lies in the current folder."""
+    module = "main" if command == "zteam" else command.replace("-", "_")
     return [sys.executable, "-P", "-m", f"zteam.cli.{module}", *arguments]
 
 

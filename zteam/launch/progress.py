@@ -9,7 +9,7 @@ from zteam.clock import pause
 from zteam.errors import ZteamError
 from zteam.launch.report import seconds_since_start
 from zteam.messages import TeamState, TeamStatus
-from zteam.nodes.sim_messages import FinishReply, FinishRequest
+from zteam.services.simulator import FinishReply, FinishRequest
 
 log = logging.getLogger("zteam")
 

@@ -10,8 +10,8 @@ from zteam.bus import Bus
 from zteam.bus.counters import KeyCount
 from zteam.errors import ZteamError
 from zteam.launch.process import Process, Usage
-from zteam.nodes.participant import RoundTiming
-from zteam.nodes.sim_messages import RobotReport, SimReport, Timing
+from zteam.runtime.participant import RoundTiming
+from zteam.services.simulator import RobotReport, SimReport, Timing
 
 
 class ProcessReport(msgspec.Struct):

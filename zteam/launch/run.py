@@ -12,7 +12,6 @@ from zteam.bus import Bus, BusOptions, connect
 from zteam.bus.connection import FROM_STDIN, port_accepts
 from zteam.bus.options import DEFAULT_ENDPOINT
 from zteam.bus.presence import Claim, ProcessInfo
-from zteam.config import Team
 from zteam.errors import BusError, ZteamError
 from zteam.launch.namespace import claim_namespace, refuse_second_team
 from zteam.launch.plan import ROUTER, Pace, Plan, plan_team
@@ -27,9 +26,10 @@ from zteam.launch.report import (
     seconds_since_start,
 )
 from zteam.launch.supervisor import Supervisor
-from zteam.nodes.participant import RoundTiming
-from zteam.nodes.sim_messages import SimReport
-from zteam.nodes.stopping import Stop
+from zteam.runtime.participant import RoundTiming
+from zteam.runtime.shutdown import Stop
+from zteam.services.simulator import SimReport
+from zteam.team_file import Team
 
 log = logging.getLogger("zteam")
 
@@ -178,7 +178,7 @@ class Run:
 
     def _start_router(self) -> None:
         listen = choose_endpoint()
-        self.supervisor.start(ROUTER, zteam_command("router", "--listen", listen, "--announce"))
+        self.supervisor.start(ROUTER, zteam_command("zteam-router", "--listen", listen, "--announce"))
 
     def _wait_for_router(self) -> None:
         router = self.supervisor.processes[ROUTER]
@@ -191,7 +191,7 @@ class Run:
         if not announced and not self._stop.requested and not router.running:
             # Another router took the port between the look and the bind: any port will do.
             router.join(ROUTER_DEADLINE)
-            router = self.supervisor.start(ROUTER, zteam_command("router", "--listen", ANY_PORT, "--announce"))
+            router = self.supervisor.start(ROUTER, zteam_command("zteam-router", "--listen", ANY_PORT, "--announce"))
             self.supervisor.failures.clear()
             self.supervisor.wait(settled, ROUTER_DEADLINE)
             announced = list(filter(_is_endpoint, router.lines))

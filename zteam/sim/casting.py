@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from zteam.sim.fields import Fields
 from zteam.sim.kernels import cast_edges, cast_squares, finish
-from zteam.sim.outlines import Group, make_outlines, move_outlines
+from zteam.sim.polygons import Group, make_outlines, move_outlines
 from zteam.world.model import Floorplan, Shape
 
 Floats = NDArray[np.float64]
@@ -42,7 +42,7 @@ class Rays(NamedTuple):
     """The mover that carries the sensor and that the sensor does not see, or NOBODY."""
 
 
-class Room(NamedTuple):
+class ScanBuffers(NamedTuple):
     """Where results go; a caller that casts every tick keeps its own, for fresh memory is not free."""
 
     ranges: Floats
@@ -51,10 +51,10 @@ class Room(NamedTuple):
     """(scans, beams): indexes of surfaces."""
 
 
-def make_room(scans: int, beams: Beams) -> Room:
+def make_room(scans: int, beams: Beams) -> ScanBuffers:
     """For so many scans of these beams."""
     shape = (scans, beams.cos.shape[1])
-    return Room(np.empty(shape), np.empty(shape, np.int32))
+    return ScanBuffers(np.empty(shape), np.empty(shape, np.int32))
 
 
 class _Plan(NamedTuple):
@@ -94,7 +94,7 @@ class Caster:
         if len(self._outlines.owner):
             move_outlines(self._outlines, poses)
 
-    def cast(self, rays: Rays, beams: Beams, room: Room | None = None) -> Room:
+    def cast(self, rays: Rays, beams: Beams, room: ScanBuffers | None = None) -> ScanBuffers:
         """Ranges in metres and hits, (scans, beams), in `room` if given; a ray that hits nothing is `limit` long."""
         ranges, hit = room or make_room(len(rays.x), beams)
         ranges[:], hit[:] = beams.limit, self.nothing
@@ -111,4 +111,4 @@ class Caster:
                 self._outlines, rays.x, rays.y, rays.z, rays.yaw, rays.owner,
                 beams.cos, beams.sin, beams.angle_min, beams.increment, beams.jitter, ranges, hit,
             )  # fmt: skip
-        return Room(ranges, hit)
+        return ScanBuffers(ranges, hit)

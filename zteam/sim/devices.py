@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from zteam.geometry import Pose2, compose2, normalize_angle
 from zteam.sim.casting import Beams, Caster, Rays
 from zteam.sim.lasers import Mounts, mount_devices, rays_of
-from zteam.sim.outlines import NOBODY
+from zteam.sim.polygons import NOBODY
 from zteam.world.model import Blobfinder, Bumper, Finder, Marker, Obstacle, Robot
 
 Floats = NDArray[np.float64]
@@ -49,7 +49,7 @@ class Blob(NamedTuple):
     """Metres to its nearest point."""
 
 
-class Notices(NamedTuple):
+class Detections(NamedTuple):
     """What the devices of one robot notice, each in file order."""
 
     sightings: tuple[tuple[Sighting, ...], ...] = ()
@@ -62,7 +62,7 @@ class _Target(NamedTuple):
 
     marker: Marker
     source: int
-    """As in `zteam.sim.outlines.Group`; so is the mover."""
+    """As in `zteam.sim.polygons.Group`; so is the mover."""
     mover: int
     fixed: Pose2
     """Where the model stands if nobody moves it."""
@@ -123,7 +123,7 @@ class Devices:
         if self._rays:
             self._bumpers_at = Mounts._make(np.concatenate(parts) for parts in zip(*self._rays, strict=True))
 
-    def notice(self, poses: Floats) -> dict[int, Notices]:
+    def notice(self, poses: Floats) -> dict[int, Detections]:
         """What every robot with devices notices with the movers at `poses`; the casters have been moved there."""
         if not (self._finders or self._bumpers or self._blobfinders):
             return {}
@@ -131,7 +131,7 @@ class Devices:
         pressed = self._press(poses)
         blobs = [(i, self._look(i, finder, poses)) for i, finder in self._blobfinders]
         return {
-            i: Notices(
+            i: Detections(
                 tuple(s for owner, s in sightings if owner == i),
                 tuple(p for owner, p in pressed if owner == i),
                 tuple(b for owner, b in blobs if owner == i),

@@ -18,15 +18,15 @@ from zteam.messages import Twist
 from zteam.sim.casting import Caster
 from zteam.sim.devices import Devices
 from zteam.sim.fields import Fields, build_fields
+from zteam.sim.kinematic import RefusingBodies
 from zteam.sim.lasers import Lasers, Reading
 from zteam.sim.motion import follow_arcs, follow_tangents, make_drives, measure_tangents, measure_velocity, obey
 from zteam.sim.observation import Observation, RobotObservation, Robots, Snapshot, pose_of
 from zteam.sim.odometry import Odometry, make_wheels, roll
-from zteam.sim.outlines import group_shapes
-from zteam.sim.refusing import RefusingBodies
+from zteam.sim.polygons import group_shapes
 from zteam.sim.room import find_refusal
 from zteam.sim.takeover import prepare
-from zteam.simulation import Options
+from zteam.simulation_options import Options
 from zteam.world.model import Floorplan, Robot, World
 
 Floats = NDArray[np.float64]
@@ -209,7 +209,7 @@ def _make_bodies(
     physics: str, robots: Sequence[Robot], poses: Floats, world: World, floorplans: Sequence[tuple[Floorplan, Fields]]
 ) -> Bodies:
     if physics == "dynamic":
-        from zteam.sim.physics import DynamicBodies  # pymunk: only who uses it pays for it
+        from zteam.sim.dynamic import DynamicBodies  # pymunk: only who uses it pays for it
 
         return DynamicBodies(robots, poses, floorplans, world.obstacles)
     follow = follow_tangents if physics == "stage" else follow_arcs

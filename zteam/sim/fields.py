@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.sim.compiling import compiled, plainly
+from zteam.sim.jit import compiled, plainly
 
 _CAP = 254
 """Sides are bytes; a larger square is left in several leaps."""

@@ -13,11 +13,11 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.sim.compiling import compiled
 from zteam.sim.fields import Fields
 from zteam.sim.grids import Grids, make_grids
-from zteam.sim.outlines import NOBODY, Group, Outlines, make_outlines, move_outlines
+from zteam.sim.jit import compiled
 from zteam.sim.overlaps import NOTHING, convex_solids, corner_room, find_overlap, place_group
+from zteam.sim.polygons import NOBODY, Group, Outlines, make_outlines, move_outlines
 from zteam.world.model import Floorplan, Point2, Shape
 
 Floats = NDArray[np.float64]

@@ -8,10 +8,42 @@ starts without it.
 import hashlib
 import os
 import platform
+import shutil
 import sys
 import tempfile
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+
+
+def _processor() -> str:
+    """What numba compiles for: the processor at hand."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().partition("\n\n")[0].splitlines()
+    except OSError:
+        return platform.processor() or platform.machine()
+    return "\n".join(line for line in lines if line.startswith(("model name", "flags", "Features", "CPU ")))
+
+
+def _make_digest() -> str:
+    """Of everything that compiled kernels depend on: the code of all of them, interpreter, compiler, processor."""
+    digest = hashlib.sha256()
+    for source in sorted(Path(__file__).parent.glob("*.py")):
+        text = source.read_bytes()
+        # The modules that hold kernels, whether they have been imported yet or not.
+        if b"from zteam.sim.jit import" in text:
+            digest.update(f"{source}\n".encode() + text)
+    try:
+        compiler = f"{version('numba')} {version('llvmlite')}"
+    except PackageNotFoundError:
+        compiler = ""
+    chosen = "".join(f"{name}={value}\n" for name, value in sorted(os.environ.items()) if name.startswith("NUMBA_CPU"))
+    digest.update(f"{sys.version}\n{compiler}\n{chosen}{_processor()}".encode())
+    return digest.hexdigest()[:16]
+
+
+DIGEST = _make_digest()
+_KEPT = 4
+"""Versions of the code whose kernels stay in the user's cache folder."""
 
 
 def _choose_folder() -> Path | None:
@@ -19,7 +51,8 @@ def _choose_folder() -> Path | None:
     if given := os.environ.get("NUMBA_CACHE_DIR"):
         return Path(given)
     cache_home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    kept = cache_home / "zteam" / "numba"
+    # A folder for each version of the code: numba looks at the module of a kernel alone, not at what that kernel calls.
+    kept = cache_home / "zteam" / "numba" / DIGEST
     if not _obstacle(kept):
         return kept
     try:
@@ -49,32 +82,9 @@ def find_obstacle() -> str:
     return _obstacle(FOLDER) if FOLDER is not None else "neither the cache folder nor the temporary one can be written"
 
 
-def _processor() -> str:
-    """What numba compiles for: the processor at hand."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text().partition("\n\n")[0].splitlines()
-    except OSError:
-        return platform.processor() or platform.machine()
-    return "\n".join(line for line in lines if line.startswith(("model name", "flags", "Features", "CPU ")))
-
-
 def _marker() -> Path | None:
     """The file that says that all kernels of this code, for this interpreter, compiler and processor, are kept."""
-    if FOLDER is None:
-        return None
-    digest = hashlib.sha256()
-    for source in sorted(Path(__file__).parent.glob("*.py")):
-        text = source.read_bytes()
-        # The modules that hold kernels, whether they have been imported yet or not.
-        if b"from zteam.sim.compiling import" in text:
-            digest.update(f"{source}\n".encode() + text)
-    try:
-        compiler = f"{version('numba')} {version('llvmlite')}"
-    except PackageNotFoundError:
-        compiler = ""
-    chosen = "".join(f"{name}={value}\n" for name, value in sorted(os.environ.items()) if name.startswith("NUMBA_CPU"))
-    digest.update(f"{sys.version}\n{compiler}\n{chosen}{_processor()}".encode())
-    return FOLDER / f"complete-{digest.hexdigest()[:16]}"
+    return None if FOLDER is None else FOLDER / f"complete-{DIGEST}"
 
 
 def is_complete() -> bool:
@@ -95,3 +105,12 @@ def mark_complete(folder: Path) -> None:
     unfinished = marker.with_suffix(f".{os.getpid()}")
     unfinished.write_text("".join(names))
     unfinished.replace(marker)
+    if marker.parent.name == DIGEST:
+        _forget_old_versions(marker.parent.parent)
+
+
+def _forget_old_versions(cache: Path) -> None:
+    """Keep the folders of the newest _KEPT versions of the code."""
+    versions = sorted((path for path in cache.iterdir() if path.is_dir()), key=lambda path: path.stat().st_mtime)
+    for old in versions[:-_KEPT]:
+        shutil.rmtree(old, ignore_errors=True)

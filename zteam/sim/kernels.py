@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zteam.sim import numpy_kernels
-from zteam.sim.compiling import compiled, plainly, vectorized
-from zteam.sim.outlines import NOBODY, Outlines, bin_at, contains
+from zteam.sim.jit import compiled, plainly, vectorized
+from zteam.sim.polygons import NOBODY, Outlines, bin_at, contains
 
 _LANES = 32
 """Beams that advance together, so that the loops over them become vector code; 16, 48 and 64 were slower."""

@@ -7,12 +7,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.chance import gaussians, stream, streams, uniforms
+from zteam.counter_random import gaussians, stream, streams, uniforms
 from zteam.geometry import Pose2
-from zteam.sim.casting import Beams, Caster, Rays, Room, finish, make_room
-from zteam.sim.compiling import compiled
-from zteam.sim.dazzle import Dazzle, Glare, find_glares
-from zteam.simulation import Options
+from zteam.sim.casting import Beams, Caster, Rays, ScanBuffers, finish, make_room
+from zteam.sim.interference import Dazzle, Glare, find_glares
+from zteam.sim.jit import compiled
+from zteam.simulation_options import Options
 from zteam.world.model import Blobfinder, Finder, Ranger, Robot
 
 Floats = NDArray[np.float64]
@@ -75,7 +75,7 @@ class Batch(NamedTuple):
     range_min: NDArray[np.float32]
     """(scans, 1)"""
     noise: _Noise | None
-    room: Room
+    room: ScanBuffers
 
 
 class Scans(NamedTuple):

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.sim.compiling import compiled
+from zteam.sim.jit import compiled
 from zteam.world.model import Robot
 
 Floats = NDArray[np.float64]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zteam.geometry import Pose2, normalize_angle
-from zteam.sim.devices import Blob, Notices, Sighting
+from zteam.sim.devices import Blob, Detections, Sighting
 from zteam.sim.lasers import Reading, Scans
 from zteam.sim.odometry import Wheels
 from zteam.world.model import Robot
@@ -59,7 +59,7 @@ class Snapshot(NamedTuple):
     velocity: Floats
     stalled: NDArray[np.bool_]
     wheels: Wheels
-    notices: Mapping[int, Notices]
+    notices: Mapping[int, Detections]
 
 
 class Robots(Mapping[int, RobotObservation]):
@@ -84,7 +84,7 @@ class Robots(Mapping[int, RobotObservation]):
         s = self._snapshot
         robot = s.robots[i]
         vx, vy, w = s.velocity[i].tolist()
-        notices = s.notices.get(i, Notices())
+        notices = s.notices.get(i, Detections())
         return RobotObservation(
             robot,
             tuple(s.scans.reading(i, place) for place in range(len(robot.rangers))),

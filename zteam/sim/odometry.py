@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.chance import gaussians, stream, streams
+from zteam.counter_random import gaussians, stream, streams
 from zteam.geometry import Pose2, compose2, inverse2
-from zteam.sim.compiling import compiled
+from zteam.sim.jit import compiled
 from zteam.world.model import Robot
 
 Floats = NDArray[np.float64]
@@ -18,7 +18,7 @@ _STREAM = 100
 """Apart from the streams of the lasers' noise."""
 
 
-class Errors(NamedTuple):
+class OdometryNoise(NamedTuple):
     """Of all robots; rows of zeros are exact."""
 
     bias: Floats
@@ -29,7 +29,7 @@ class Errors(NamedTuple):
 
 @compiled
 def integrate(
-    velocity: Floats, seconds: float, wrong: NDArray[np.bool_], errors: Errors, draws: Floats, odom: Floats
+    velocity: Floats, seconds: float, wrong: NDArray[np.bool_], errors: OdometryNoise, draws: Floats, odom: Floats
 ) -> None:
     """Carry the `odom` (robots; x, y, yaw) that is `wrong` on by what `velocity` (body frame) did in `seconds`.
 
@@ -87,7 +87,7 @@ class Odometry:
         # Stage's errors belong to its localization "odom"; its "gps" has none.
         bias = [robot.odom_error if robot.localization == "odom" else (0.0, 0.0, 0.0) for robot in robots]
         chosen = [alphas or robot.odom_alphas for robot in robots]
-        self._errors = Errors(np.array(bias, float).reshape(-1, 3), np.array(chosen, float).reshape(-1, 4))
+        self._errors = OdometryNoise(np.array(bias, float).reshape(-1, 3), np.array(chosen, float).reshape(-1, 4))
         self._wrong = np.array([any(row) for row in np.hstack(self._errors).tolist()], bool)
         self._noisy = bool(self._errors.alphas.any())
         self._states = np.array([stream(seed, robot_id, _STREAM) for robot_id in ids], np.uint64)

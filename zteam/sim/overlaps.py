@@ -7,9 +7,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.sim.compiling import compiled
 from zteam.sim.grids import Grids
-from zteam.sim.outlines import NOBODY, Outlines, bin_at, contains
+from zteam.sim.jit import compiled
+from zteam.sim.polygons import NOBODY, Outlines, bin_at, contains
 from zteam.world.model import Shape
 from zteam.world.shapes import is_convex
 
@@ -165,7 +165,7 @@ def convex_solids(shapes: Sequence[Shape]) -> list[Shape]:
         if shape.obstacle and is_convex(shape.points):
             parts.append(shape)
         elif shape.obstacle:
-            from zteam.sim.physics import convex_parts  # pymunk's: only who has such a shape pays for it
+            from zteam.sim.dynamic import convex_parts  # pymunk's: only who has such a shape pays for it
 
             parts += [msgspec.structs.replace(shape, points=tuple(points)) for points in convex_parts(shape.points)]
     return parts

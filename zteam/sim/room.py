@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from zteam.geometry import Pose2
 from zteam.sim.fields import Fields
 from zteam.sim.grids import make_grids
-from zteam.sim.mapping import find_bounds
-from zteam.sim.outlines import group_shapes, make_outlines, move_outlines
+from zteam.sim.occupancy_grid import find_bounds
 from zteam.sim.overlaps import NOTHING, convex_solids, corner_room, find_overlap
+from zteam.sim.polygons import group_shapes, make_outlines, move_outlines
 from zteam.world.model import Floorplan, Robot, World
 
 

@@ -9,7 +9,7 @@ import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from zteam.sim import compiling, kernel_cache
+from zteam.sim import jit, kernel_cache
 
 log = logging.getLogger("zteam.sim")
 
@@ -26,13 +26,13 @@ def prepare() -> None:
     An empty cache takes 20 s of processor time, shared by two processes, with progress in the log. Where that fails the
     log says why, and kernels are compiled in memory.
     """
-    if compiling.is_chosen():
+    if jit.is_chosen():
         return
-    if compiling.has_numba():
+    if jit.has_numba():
         reason = fill_cache()
         if reason:
-            compiling.give_up_cache(reason)
-    compiling.use_compiled()
+            jit.give_up_cache(reason)
+    jit.use_compiled()
 
 
 def fill_cache() -> str:
@@ -51,18 +51,18 @@ def fill_cache() -> str:
 
 def begin() -> "Takeover | None":
     """Decide how kernels run in a simulator that must not wait; what can be taken over to later, if anything."""
-    if not compiling.has_numba():
-        compiling.use_compiled()
+    if not jit.has_numba():
+        jit.use_compiled()
         return None
     reason = kernel_cache.find_obstacle()
     if reason:
-        compiling.use_plain()
-        compiling.warn_of_cache(reason, _ON_NUMPY)
+        jit.use_plain()
+        jit.warn_of_cache(reason, _ON_NUMPY)
         return None
     if kernel_cache.is_complete():
-        compiling.use_compiled()
+        jit.use_compiled()
         return None
-    compiling.use_plain()
+    jit.use_plain()
     return Takeover()
 
 
@@ -81,7 +81,7 @@ class Takeover:
         try:
             self._children = _Children([["--nice"]])
         except OSError as error:
-            compiling.warn_of_cache(f"no process can be started to compile ({error})", _ON_NUMPY)
+            jit.warn_of_cache(f"no process can be started to compile ({error})", _ON_NUMPY)
             return
         self._thread = threading.Thread(target=self._work, args=(self._children,), name="kernels", daemon=True)
         self._thread.start()
@@ -96,7 +96,7 @@ class Takeover:
         """Between two ticks: let kernels run compiled once they are loaded."""
         if self._loaded:
             self._loaded = False
-            compiling.use_compiled()
+            jit.use_compiled()
             log.info("compiled kernels take over")
 
     def close(self) -> None:
@@ -116,7 +116,7 @@ class Takeover:
                 # Whatever a compiler may say: the run goes on as it is.
                 reason = f"{type(error).__name__}: {error}"
         if reason and not self._closing:
-            compiling.warn_of_cache(reason, _ON_NUMPY)
+            jit.warn_of_cache(reason, _ON_NUMPY)
         self._loaded = not reason
 
     def _load(self) -> None:
@@ -124,7 +124,7 @@ class Takeover:
         # A collection would look through all that a running simulator holds, and hold the interpreter for as long.
         gc.disable()
         try:
-            for kernel in compiling.KERNELS:
+            for kernel in jit.KERNELS:
                 if kernel.sample is not None and not self._closing:
                     kernel.compile()
         finally:
@@ -140,7 +140,7 @@ class _Children:
         self._lines = os.fdopen(reader)
         self._processes = [
             subprocess.Popen(
-                [sys.executable, "-P", "-m", "zteam.sim.warming", *given],
+                [sys.executable, "-P", "-m", "zteam.sim.jit_warmup", *given],
                 stdin=subprocess.PIPE,
                 stdout=writer,
                 stderr=subprocess.DEVNULL,

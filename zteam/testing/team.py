@@ -17,18 +17,17 @@ from zteam import names
 from zteam.bus import Bus, BusOptions, connect
 from zteam.bus.options import LEASE
 from zteam.clock import monotonic
-from zteam.config import RobotEntry, Team, read_team_file
 from zteam.errors import BusError, UsageError, ZteamError
 from zteam.launch.check import check_team
-from zteam.launch.plan import ROUTER, Pace, Plan, plan_team
+from zteam.launch.plan import LOCKSTEP_TIMEOUT, ROUTER, Pace, Plan, plan_team
 from zteam.launch.process import exit_text, zteam_command
 from zteam.launch.run import lease_for
 from zteam.launch.supervisor import Supervisor
 from zteam.messages import Message
-from zteam.nodes.lockstep import TIMEOUT
-from zteam.nodes.sim_client import SimClient
-from zteam.nodes.sim_messages import SimReport, SimStatus, StepRequest
-from zteam.shipped import shipped_team, shipped_world
+from zteam.resources import shipped_team, shipped_world
+from zteam.services.simulator import SimReport, SimStatus, StepRequest
+from zteam.services.simulator_client import SimulatorClient
+from zteam.team_file import RobotEntry, Team, read_team_file
 from zteam.testing.view import RobotView, TeamView
 
 START_LIMIT = 60.0
@@ -70,7 +69,9 @@ class TeamFixture:
 
     def open(self) -> None:
         """Start the router and open the test's own session."""
-        router = self._supervisor.start(ROUTER, zteam_command("router", "--listen", "tcp/127.0.0.1:0", "--announce"))
+        router = self._supervisor.start(
+            ROUTER, zteam_command("zteam-router", "--listen", "tcp/127.0.0.1:0", "--announce")
+        )
         self._supervisor.wait(
             lambda: not router.running or any(line.startswith("tcp/") for line in router.lines), START_LIMIT
         )
@@ -103,7 +104,7 @@ class TeamFixture:
         *,
         world: str | Path | None = None,
         lockstep: bool = True,
-        lockstep_timeout: float = TIMEOUT,
+        lockstep_timeout: float = LOCKSTEP_TIMEOUT,
     ) -> None:
         """Start a team file (or shipped team), and wait until all its processes are there; `lockstep` as in `start`."""
         path = Path(team) if Path(team).is_file() else shipped_team(str(team))
@@ -124,7 +125,7 @@ class TeamFixture:
         params: Mapping[int, Mapping[str, Any]] | None = None,
         seed: int = 1,
         lockstep: bool = True,
-        lockstep_timeout: float = TIMEOUT,
+        lockstep_timeout: float = LOCKSTEP_TIMEOUT,
         expect: Sequence[str] = (),
     ) -> None:
         """Start a team in `world` and wait until all its processes are there.
@@ -161,20 +162,20 @@ class TeamFixture:
             if not self._wait(lambda: all(self.robot(i).truth is not None for i in known), START_LIMIT):
                 raise TeamTimeout(f"the simulator shows no pose of some robot of {known}")
 
-    def spawn(self, module: str, *arguments: str, name: str | None = None) -> str:
-        """Start one process of `zteam.cli` (`sim`, `robot`, `aggregator`, `monitor`, …) in this team; its name.
+    def spawn(self, command: str, *arguments: str, name: str | None = None) -> str:
+        """Start one command (`zteam-robot`, `zteam-sim`, `zteam`, …) in this team; the process's name.
 
         Nothing is waited for: see `wait_for_processes`.
         """
-        chosen = name or f"{module} #{next(_numbers)}"
-        self._plan.commands[chosen] = zteam_command(module, *arguments)
+        chosen = name or f"{command} #{next(_numbers)}"
+        self._plan.commands[chosen] = zteam_command(command, *arguments)
         self._supervisor.start(chosen, self._plan.commands[chosen], self.environment)
         return chosen
 
     def command(self, *arguments: str, timeout: float = START_LIMIT) -> "subprocess.CompletedProcess[str]":
         """Run `zteam ARGUMENTS` against this team and wait for its end."""
         return subprocess.run(
-            zteam_command("main", *arguments),
+            zteam_command("zteam", *arguments),
             env={**os.environ, **self.environment},
             capture_output=True,
             text=True,
@@ -318,9 +319,9 @@ class TeamFixture:
         return self
 
     @property
-    def sim(self) -> SimClient:
+    def sim(self) -> SimulatorClient:
         """The simulator's queries as calls: pause, resume, speed, reset, spawn, remove, move."""
-        return SimClient(self.bus, START_LIMIT)
+        return SimulatorClient(self.bus, START_LIMIT)
 
     @property
     def tick(self) -> int:

@@ -1,8 +1,6 @@
 """The transform buffer and tree: tf2's contract without its faults. No bus."""
 
 from zteam.tf.buffer import Buffer
-from zteam.tf.checks import Rejection
-from zteam.tf.edges import FrameInfo
 from zteam.tf.errors import (
     BackwardExtrapolationException,
     ConnectivityException,
@@ -14,6 +12,8 @@ from zteam.tf.errors import (
     TimeoutException,
     TransformException,
 )
+from zteam.tf.time_cache import FrameInfo
+from zteam.tf.validation import Rejection
 
 __all__ = [
     "BackwardExtrapolationException",

@@ -36,7 +36,7 @@ from zteam.messages import (
     ns_from_time,
 )
 from zteam.names import strip_slash
-from zteam.tf.applying import (
+from zteam.tf.do_transform import (
     apply_to_point,
     apply_to_points,
     apply_to_pose,
@@ -46,11 +46,11 @@ from zteam.tf.applying import (
     scan_points,
     twist_between,
 )
-from zteam.tf.checks import Rejection, check_names, check_numbers, normalise
-from zteam.tf.edges import FrameInfo
 from zteam.tf.errors import InvalidArgumentException, TransformException
 from zteam.tf.rigid import compose
+from zteam.tf.time_cache import FrameInfo
 from zteam.tf.tree import DUPLICATE, Tree
+from zteam.tf.validation import Rejection, check_names, check_numbers, normalise
 
 log = logging.getLogger("zteam.tf")
 

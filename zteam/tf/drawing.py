@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from xml.sax.saxutils import escape
 
-from zteam.tf.edges import FrameInfo
+from zteam.tf.time_cache import FrameInfo
 
 STALE = 1.0
 """Seconds without news after which a moving edge is drawn as broken."""

@@ -11,7 +11,7 @@ from typing import NamedTuple
 from zteam import names
 from zteam.messages import Header, TFMessage, TransformStamped, ns_from_time
 from zteam.tf.buffer import Buffer
-from zteam.tf.checks import Rejection
+from zteam.tf.validation import Rejection
 
 log = logging.getLogger("zteam.tf")
 

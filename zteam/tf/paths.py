@@ -12,8 +12,8 @@ from cmath import phase, rect, sqrt
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from zteam.tf.edges import Edge, is_planar, pack
 from zteam.tf.rigid import IDENTITY, Floats, compose, interpolate, invert
+from zteam.tf.time_cache import TimeCache, is_planar, pack
 
 Answer = tuple[int, float, float, float, float, float, float, float]
 """Stamp in ns and x, y, z, qx, qy, qz, qw of target_from_source."""
@@ -22,12 +22,12 @@ Answer = tuple[int, float, float, float, float, float, float, float]
 class Legs(NamedTuple):
     """Edges from two frames up to their common ancestor."""
 
-    source: tuple[Edge, ...]
-    target: tuple[Edge, ...]
+    source: tuple[TimeCache, ...]
+    target: tuple[TimeCache, ...]
 
 
 class _Step(NamedTuple):
-    edge: Edge
+    edge: TimeCache
     down: bool
     """Whether the edge is passed from parent to child."""
     after: Floats
@@ -57,7 +57,7 @@ class PlanarPath:
         self._first = steps[0].edge
         self._edges = [step.edge for step in steps[1:]]
         self._place, self._turn, self._z = _planar(first)
-        self._steps: list[tuple[Edge, bool, complex | None, complex]] = []
+        self._steps: list[tuple[TimeCache, bool, complex | None, complex]] = []
         for edge, down, after in steps:
             place, turn, z = _planar(after)
             self._z += z - edge.z if down else z + edge.z
@@ -148,7 +148,7 @@ class SpatialPath:
 Path = ConstantPath | PlanarPath | SpatialPath
 
 
-def find_floats(edge: Edge, time: int, cache: int) -> Floats | None:
+def find_floats(edge: TimeCache, time: int, cache: int) -> Floats | None:
     """A moving edge of one parent at `time`; None outside of its history."""
     stamps = edge.history[0]
     last = stamps[-1]

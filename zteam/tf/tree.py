@@ -1,7 +1,5 @@
 """The frames and how they hang together: what may be stored where, and the walk from one frame to another."""
 
-from zteam.tf.checks import Rejection
-from zteam.tf.edges import Edge, is_planar
 from zteam.tf.errors import (
     ConnectivityException,
     ExtrapolationException,
@@ -10,6 +8,8 @@ from zteam.tf.errors import (
 )
 from zteam.tf.paths import Answer, Path, prepare_path
 from zteam.tf.rigid import IDENTITY, Floats
+from zteam.tf.time_cache import TimeCache, is_planar
+from zteam.tf.validation import Rejection
 from zteam.tf.walk import Walk, latest_common
 
 DUPLICATE = Rejection("DUPLICATE", "")
@@ -21,7 +21,7 @@ class Tree:
 
     def __init__(self, cache: int) -> None:
         self.cache = cache
-        self.edges: dict[str, Edge] = {}
+        self.edges: dict[str, TimeCache] = {}
         self.paths: dict[tuple[str, str], Path] = {}
         """By target and source; emptied when a frame, a parent, a static transform or the form of an edge changes."""
         self._frames: set[str] = set()
@@ -37,7 +37,7 @@ class Tree:
             return refused
         if static:
             if edge is None or not edge.static or edge.parent != parent or edge.history[1][0] != floats:
-                edge = Edge(static=True, planar=False)
+                edge = TimeCache(static=True, planar=False)
                 edge.fix(floats, parent)
                 self._replace(child, edge)
         else:
@@ -47,10 +47,10 @@ class Tree:
         self._frames.update((child, parent))
         return None
 
-    def _ready(self, edge: Edge | None, child: str, parent: str, floats: Floats) -> Edge:
+    def _ready(self, edge: TimeCache | None, child: str, parent: str, floats: Floats) -> TimeCache:
         """The edge that a moving sample of this parent and form goes into."""
         if edge is None or edge.static or not edge.parent:
-            edge = Edge(False, is_planar(floats), floats[2])
+            edge = TimeCache(False, is_planar(floats), floats[2])
             self._replace(child, edge)
             return edge
         mixed = edge.parents is None and edge.parent != parent
@@ -59,12 +59,12 @@ class Tree:
             self.paths.clear()
         return edge
 
-    def _replace(self, child: str, edge: Edge) -> None:
+    def _replace(self, child: str, edge: TimeCache) -> None:
         self.edges[child] = edge
         self.paths.clear()
 
     def _check(
-        self, edge: Edge | None, child: str, parent: str, stamp: int, floats: Floats, authority: str, static: bool
+        self, edge: TimeCache | None, child: str, parent: str, stamp: int, floats: Floats, authority: str, static: bool
     ) -> Rejection | None:
         if edge is not None and edge.parent:
             if edge.static and not static:
@@ -108,7 +108,7 @@ class Tree:
         """Forget all moving data."""
         for child, edge in self.edges.items():
             if not edge.static:
-                self.edges[child] = Edge(static=False, planar=True)
+                self.edges[child] = TimeCache(static=False, planar=True)
         self.paths.clear()
 
     def newest(self, frame: str) -> int:

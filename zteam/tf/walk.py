@@ -6,7 +6,6 @@ Callers hold the buffer's lock.
 from bisect import bisect_right
 from collections.abc import Mapping
 
-from zteam.tf.edges import Edge
 from zteam.tf.errors import (
     BackwardExtrapolationException,
     ConnectivityException,
@@ -17,12 +16,13 @@ from zteam.tf.errors import (
 )
 from zteam.tf.paths import Legs
 from zteam.tf.rigid import IDENTITY, Floats, compose, interpolate, invert
+from zteam.tf.time_cache import TimeCache
 
 
 class Walk:
     """One question: `source` in `target` at `time` (None = by the newest parents)."""
 
-    def __init__(self, edges: Mapping[str, Edge], cache: int, target: str, source: str, time: int | None) -> None:
+    def __init__(self, edges: Mapping[str, TimeCache], cache: int, target: str, source: str, time: int | None) -> None:
         self._edges = edges
         self._cache = cache
         self._target = target
@@ -33,7 +33,7 @@ class Walk:
         """The edges on the way. Raises tf2's exceptions where there is no way."""
         up = self._ancestors()
         depth = {name: i for i, (name, _) in enumerate(up)}
-        down: list[Edge] = []
+        down: list[TimeCache] = []
         frame = self._target
         failure: TransformException | None = None
         while frame not in depth:
@@ -47,9 +47,9 @@ class Walk:
             frame = parent
         return Legs(tuple(edge for _, edge in up[: depth[frame]] if edge is not None), tuple(down))
 
-    def _ancestors(self) -> list[tuple[str, Edge | None]]:
+    def _ancestors(self) -> list[tuple[str, TimeCache | None]]:
         """The source and everything above it, each with the edge that leads further up (None at the top)."""
-        found: list[tuple[str, Edge | None]] = []
+        found: list[tuple[str, TimeCache | None]] = []
         frame = self._source
         while True:
             self._refuse_loop(len(found))
@@ -74,7 +74,7 @@ class Walk:
                 return problem
             frame = parent
 
-    def _parent(self, edge: Edge | None) -> tuple[str, TransformException | None]:
+    def _parent(self, edge: TimeCache | None) -> tuple[str, TransformException | None]:
         """The edge's parent at the time, or empty with the reason."""
         if edge is None:
             return "", None
@@ -94,7 +94,7 @@ class Walk:
             target_side = compose(self._at(edge, time), target_side)
         return compose(invert(target_side), source_side)
 
-    def _at(self, edge: Edge, time: int) -> Floats:
+    def _at(self, edge: TimeCache, time: int) -> Floats:
         if edge.static:
             return edge.floats_of(0)
         at = self._index(edge, time)
@@ -105,7 +105,7 @@ class Walk:
             return older
         return interpolate(older, edge.floats_of(at + 1), (time - stamp) / (stamps[at + 1] - stamp))
 
-    def _index(self, edge: Edge, time: int) -> int:
+    def _index(self, edge: TimeCache, time: int) -> int:
         """Index of the newest sample that is not newer than `time`. Raises the three kinds of extrapolation."""
         edge.prune(self._cache)
         stamps = edge.history[0]

@@ -11,7 +11,7 @@ import msgspec
 
 from zteam import names
 from zteam.geometry import Pose2, compose2
-from zteam.simulation import PHYSICS
+from zteam.simulation_options import PHYSICS
 from zteam.world import vocabulary
 from zteam.world.bodies import Body, Settings, place_body, place_floorplan, read_body, solid_blocks
 from zteam.world.devices import Seat, read_blobfinder, read_bumpers, read_finder

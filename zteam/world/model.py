@@ -201,7 +201,7 @@ class World(msgspec.Struct, eq=False):
     robots: tuple[Robot, ...]
     """By id: position models in file order."""
     physics: str = "dynamic"
-    """What contacts do, unless told otherwise: one of `zteam.simulation.PHYSICS`."""
+    """What contacts do, unless told otherwise: one of `zteam.simulation_options.PHYSICS`."""
     warnings: tuple[Remark, ...] = ()
     templates: dict[str, Any] = msgspec.field(default_factory=dict)
     """What `zteam.world.add_robot` makes further robots from: the file's own robot macros, by name."""

@@ -1,0 +1,1 @@
+"""What tests share: doubles, harnesses and scenes."""

@@ -1,0 +1,190 @@
+"""A whole team in one process, in lock-step on a bus in memory: simulator, aggregator, a chain of three robots, GO.
+
+Only the simulator has a thread: in lock-step the others act in the bus's callbacks, which here are the simulator's.
+"""
+
+import threading
+from collections.abc import Callable, Sequence
+from typing import Any, Self
+
+import msgspec
+
+from support.lockstep_doubles import LIMIT, GateKeeper
+from zteam import names
+from zteam.behaviors import load_behavior
+from zteam.bus import Bus, Change, MemoryHub
+from zteam.geometry import Pose2
+from zteam.messages import Done, RobotStatus, Tick
+from zteam.nodes.robot.node import RobotNode, RobotOptions
+from zteam.nodes.simulator.lockstep import LockStepOptions
+from zteam.nodes.simulator.node import SimOptions, Simulator
+from zteam.nodes.transforms.node import Aggregator
+from zteam.resources import shipped_world
+from zteam.runtime.node import Node
+from zteam.runtime.shutdown import Stop
+from zteam.services.simulator import FinishReply, FinishRequest, SimReport, SimStatus, StepRequest
+from zteam.world import Robot, World, add_robot, load_world
+
+NAMES = ("tf", "robot_0", "robot_1", "robot_2")
+ROBOTS = 3
+
+
+def load_scene(name: str = "arena") -> tuple[World, dict[int, Robot]]:
+    """A shipped world with three robots."""
+    path = shipped_world(name)
+    assert path is not None
+    world = load_world(path)
+    robots = dict(enumerate(world.robots[:ROBOTS]))
+    if len(robots) < ROBOTS:
+        robots[2] = add_robot(world, "erratic", Pose2(-3.5, 1.5, 0.0), "robot_2")
+    return world, robots
+
+
+class CrewOptions(msgspec.Struct, frozen=True, kw_only=True):
+    """What tests vary."""
+
+    scene: str = "arena"
+    order: tuple[str, ...] = NAMES
+    """In which the processes come up."""
+    staggered: bool = False
+    """Whether one comes up when the one before it has answered the held first tick; else all come before the world."""
+    seed: int = 1
+    speed: float = 0.8
+    """The first robot's, m/s."""
+    run_for: float | None = 10.0
+    gate: bool = True
+    """Whether robots and simulator wait for GO."""
+    standing_go: bool = False
+    """Whether GO was given before."""
+    pace: float | None = None
+    paused: bool = False
+
+
+class Crew:
+    """The team; its simulator runs from `with` on."""
+
+    def __init__(self, options: CrewOptions | None = None, open_bus: Callable[[MemoryHub, str], Bus] | None = None):
+        """`open_bus(hub, name)` opens the session of a process."""
+        self.options = options = options or CrewOptions()
+        self.hub = MemoryHub()
+        self.bus = self.hub.bus()
+        self._open_bus = open_bus or (lambda hub, _: hub.bus())
+        self.dones: list[tuple[str, Done]] = []
+        self.ticks: list[Tick] = []
+        self.nodes: dict[str, Node] = {}
+        self.texts: dict[str, str] = {}
+        """What each robot says of itself."""
+        self._ready: set[int] = set()
+        self._keeper = GateKeeper(self.hub)
+        if options.standing_go:
+            self._keeper.give_go()
+        self.bus.subscribe(names.done_key(), Done, lambda key, done: self.dones.append((key.split("/")[0], done)))
+        self.bus.subscribe(names.all_robots_key(names.STATUS), RobotStatus, self._on_status)
+        world, self.robots = load_scene(options.scene)
+        self.world = world
+        self._simulator_node = Node(names.SIMULATOR, self._open_bus(self.hub, names.SIMULATOR), Stop())
+        self._simulator = Simulator(self._simulator_node, world, self.robots, self._sim_options())
+        self._simulator.publish_statics()
+        self._simulator_node.become_present()
+        self._to_come = [*options.order]
+        self.bus.subscribe(names.TICK, Tick, self._on_tick)
+        if not options.staggered:
+            self.bring(self._to_come)
+        self._thread = threading.Thread(target=self._simulator.run)
+
+    def _sim_options(self) -> SimOptions:
+        options = self.options
+        path = shipped_world(options.scene)
+        assert path is not None
+        return SimOptions(
+            path,
+            seed=options.seed,
+            follows={1: 0, 2: 1},
+            run_for=options.run_for,
+            speed=options.pace,
+            paused=options.paused,
+            lockstep=LockStepOptions(tuple(sorted(options.order)), gate=options.gate),
+        )
+
+    def _on_status(self, _key: str, status: RobotStatus) -> None:
+        self.texts[names.robot_name(status.robot_id)] = status.text
+        (self._ready.add if status.is_ready else self._ready.discard)(status.robot_id)
+        if len(self._ready) == ROBOTS and not self.options.standing_go:
+            self._keeper.give_go()
+
+    def _on_tick(self, _key: str, tick: Tick) -> None:
+        self.ticks.append(tick)
+        if self._to_come and self.nodes.keys() <= {name for name, _ in self.dones}:
+            # In the simulator's own thread: there is no other that could wait for one of its locks.
+            self.bring([self._to_come[0]])
+
+    def bring(self, process_names: Sequence[str]) -> None:
+        """Start processes: first all of them, then their names are taken in that order."""
+        process_names = [*process_names]
+        for name in process_names:
+            self.prepare(name)
+        for name in process_names:
+            self.nodes[name].become_present()
+
+    def prepare(self, name: str) -> None:
+        """Start a process that does not take its name yet."""
+        self._to_come = [other for other in self._to_come if other != name]
+        self.nodes[name] = self._make(name)
+
+    def _make(self, name: str) -> Node:
+        options = self.options
+        node = Node(name, self._open_bus(self.hub, name), Stop())
+        robot_id = names.robot_id_of(name)
+        if robot_id is None:
+            Aggregator(node, (), {}, None)
+            return node
+        behavior, params = ("follow", {"leader": robot_id - 1}) if robot_id else ("wander", {"speed": options.speed})
+        RobotNode(
+            node,
+            lambda: load_behavior(behavior, params, robot_id),
+            RobotOptions(robot_id, options.gate, options.seed),
+        )
+        return node
+
+    def end(self, name: str) -> None:
+        """A process ends."""
+        self.nodes.pop(name).close()
+
+    def ask(self, service: str, reply: Any = SimStatus, request: msgspec.Struct | None = None) -> Any:
+        """Query `sim/<service>`."""
+        return self.bus.ask(names.service_key(names.SIMULATOR, service), reply, request or Change())
+
+    def step(self, ticks: int) -> SimStatus:
+        """So many ticks; how the world stands then."""
+        status = self.ask("step", SimStatus, StepRequest(ticks))
+        assert isinstance(status, SimStatus)
+        return status
+
+    def finish(self, limit: float = LIMIT) -> SimReport:
+        """The report at the end of the time asked for."""
+        finished = self.ask("finish", FinishReply, FinishRequest(limit)).finished
+        assert finished, (self.ask("status").waiting_for, self.texts)
+        return self.report()
+
+    def report(self) -> SimReport:
+        """The report as it is now."""
+        report = self.ask("report", SimReport)
+        assert isinstance(report, SimReport)
+        return report
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._simulator_node.stop.request("test over")
+        self._thread.join(LIMIT)
+        assert not self._thread.is_alive()
+        for node in [*self.nodes.values(), self._simulator_node]:
+            node.close()
+
+
+def run(**options: Any) -> SimReport:
+    """A whole run; its report."""
+    with Crew(CrewOptions(**options)) as crew:
+        return crew.finish()

@@ -1,0 +1,68 @@
+"""A process that waits for its launcher to say where the router is (`--connect -`)."""
+
+import signal
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from zteam.clock import monotonic
+from zteam.launch.process import zteam_command
+from zteam.testing.team import TeamFixture
+
+pytestmark = pytest.mark.team
+
+LIMIT = 30.0
+
+
+def waiting(*arguments: str) -> "subprocess.Popen[str]":
+    """A robot that waits for the endpoint on its standard input."""
+    return subprocess.Popen(
+        zteam_command("zteam-robot", "--id", "0", *arguments, "--connect", "-"),
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+
+
+def takes_signals(pid: int) -> bool:
+    """Whether a process has come so far that it handles SIGTERM itself."""
+    deadline = monotonic() + LIMIT
+    while monotonic() < deadline:
+        for line in (Path("/proc") / str(pid) / "status").read_text().splitlines():
+            if line.startswith("SigCgt:") and int(line.split()[1], 16) & 1 << (signal.SIGTERM - 1):
+                return True
+    return False
+
+
+def test_the_endpoint_comes_by_line(team: TeamFixture) -> None:
+    """One line is enough: the process is then present at that router."""
+    with waiting("--namespace", team.namespace) as robot:
+        assert robot.stdin is not None
+        robot.stdin.write(team.endpoint + "\n")
+        robot.stdin.flush()
+        team.wait_for_processes("robot_0")
+        robot.terminate()
+        robot.communicate(timeout=LIMIT)
+        assert robot.returncode == 0
+
+
+def test_no_endpoint_is_one_line() -> None:
+    """A launcher that ends before it knows: the process says what it expected and ends."""
+    with waiting() as robot:
+        output, _ = robot.communicate(timeout=LIMIT)
+    assert robot.returncode == 1
+    assert len(output.splitlines()) == 1
+    assert "--connect -" in output
+
+
+def test_a_stop_ends_the_wait() -> None:
+    """Ctrl+C before the router is up: every process stops at once and in order, with 0, not by its hard exit."""
+    with waiting() as robot:
+        assert takes_signals(robot.pid)
+        robot.terminate()
+        # communicate() would close the input, which ends the wait as well.
+        robot.wait(LIMIT)
+        output, _ = robot.communicate(timeout=LIMIT)
+    assert (robot.returncode, output) == (0, "")

@@ -1,0 +1,191 @@
+"""The `team` fixture in a project that is not ours."""
+
+import os
+import re
+import select
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest_plugins = "pytester"
+pytestmark = pytest.mark.team
+
+LIMIT = 60.0
+
+FIVE_LINES = """
+def test_line(team):
+    team.start("arena", robots=2, follow={1: 0})
+    team.wait_for_go()
+    team.until(lambda: team.robot(1).distance_travelled > 0.3, within=30)
+"""
+
+
+def test_five_lines_test_a_team(pytester: pytest.Pytester) -> None:
+    """A user's project needs five lines, no conftest.py, and no pytest option; a test that passes shows no logs."""
+    pytester.makepyfile(FIVE_LINES)
+    result = pytester.runpytest_subprocess("-W", "error", "-rP")
+    result.assert_outcomes(passed=1)
+    result.stdout.no_fnmatch_line("*processes of the team*")
+
+
+def test_a_failure_shows_what_the_processes_said(pytester: pytest.Pytester) -> None:
+    """The report of a failed test has every process's lines, each behind its name; other tests' reports have not."""
+    pytester.makepyfile(
+        """
+        def test_fails(team):
+            team.spawn("zteam-sim", "arena", name="sim")
+            team.wait_for_line("sim", "2 robots")
+            assert team.robot(7).commands == 1
+
+        def test_fails_alone():
+            assert 1 == 2
+        """
+    )
+    result = pytester.runpytest_subprocess()
+    result.assert_outcomes(failed=2)
+    lines = result.stdout.str()
+    first, _, second = lines.partition("_ test_fails_alone _")
+    assert "processes of the team" in first
+    assert re.search(r"^\[router\] .*tcp/127\.0\.0\.1:\d+", first, re.MULTILINE)
+    assert re.search(r"^\[sim\] .*arena: 2 robots", first, re.MULTILINE)
+    assert "processes of the team" not in second
+
+
+def test_a_process_that_dies_fails_the_test_at_once(pytester: pytest.Pytester) -> None:
+    """Waiting for a process that has ended says so, with its exit code and last words, instead of waiting on."""
+    pytester.makepyfile(
+        """
+        def test_fails(team):
+            team.spawn("zteam-robot", "--id", "0", "--behavior", "dance", name="robot_0")
+            team.wait_for_processes("robot_0")
+        """
+    )
+    result = pytester.runpytest_subprocess()
+    result.assert_outcomes(failed=1)
+    result.stdout.re_match_lines([r"E .*robot_0 ended \(exit code 2\)"])
+    result.stdout.re_match_lines([r".*dance"])
+
+
+def test_workers_do_not_meet(pytester: pytest.Pytester) -> None:
+    """Under pytest-xdist two teams with the same names run at once, each alone with its own robots."""
+    pytester.makepyfile(
+        """
+        import pytest
+
+        @pytest.mark.parametrize("speed", [0.05, 0.1])
+        def test_alone(team, speed):
+            team.start("arena", robots=1, behavior="forward", params={0: {"speed": speed}})
+            team.wait_for_go()
+            team.until(lambda: team.robot(0).speed > 0.01, within=10)
+            team.run(1.0)
+            assert abs(team.robot(0).speed - speed) < 0.01
+            print("WHERE", team.endpoint, team.namespace)
+        """
+    )
+    result = pytester.runpytest_subprocess("-n", "2", "-rP")
+    result.assert_outcomes(passed=2)
+    where = [line.split()[1:] for line in result.outlines if line.startswith("WHERE")]
+    assert len({endpoint for endpoint, _ in where}) == 2
+    assert len({namespace for _, namespace in where}) == 2
+
+
+HANGING = """
+from pathlib import Path
+
+def test_hangs(team):
+    team.spawn("zteam-sim", "arena", name="sim")
+    team.spawn("zteam-robot", "--id", "0", name="robot_0")
+    team.wait_for_processes("sim", "robot_0")
+    team.pause_process("robot_0")
+    Path("pids").write_text(" ".join(str(team.pid(name)) for name in ("router", "sim", "robot_0")))
+    END
+"""
+
+
+def ended(handles: list[int]) -> bool:
+    """Whether the processes behind these pidfds end before long; those that do not are ended."""
+    done = []
+    for handle in handles:
+        readable, _, _ = select.select([handle], [], [], LIMIT)
+        if not readable:
+            signal.pidfd_send_signal(handle, signal.SIGKILL)
+        os.close(handle)
+        done.append(bool(readable))
+    return all(done)
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
+def test_no_process_outlives_pytest(pytester: pytest.Pytester, number: signal.Signals) -> None:
+    """However pytest itself is ended in the middle of a test, the team's processes end too, a frozen one included."""
+    end = "print('READY', flush=True)\n    __import__('signal').pause()"
+    path = pytester.makepyfile(HANGING.replace("END", end))
+    command = [sys.executable, "-m", "pytest", "-s", "-q", "-p", "no:cacheprovider", str(path)]
+    with subprocess.Popen(command, cwd=pytester.path, stdout=subprocess.PIPE, text=True) as run:
+        assert run.stdout is not None
+        assert any("READY" in line for line in run.stdout)
+        handles = [os.pidfd_open(int(pid)) for pid in Path(pytester.path, "pids").read_text().split()]
+        run.send_signal(number)
+        run.stdout.read()
+        run.wait(LIMIT)
+        assert ended(handles), "a process outlives pytest"
+
+
+def test_a_test_that_raises_leaves_nothing(pytester: pytest.Pytester) -> None:
+    """An exception in the test ends the team within the same session: the next test finds no process of it."""
+    pytester.makepyfile(
+        HANGING.replace("END", "raise ValueError")
+        + """
+def test_after():
+    for pid in Path("pids").read_text().split():
+        assert not Path("/proc", pid).exists()
+"""
+    )
+    result = pytester.runpytest_subprocess("-p", "no:randomly")
+    result.assert_outcomes(failed=1, passed=1)
+
+
+def test_a_restart_leaves_nothing(pytester: pytest.Pytester) -> None:
+    """A frozen process that is restarted is ended first, and not left behind when the test is over."""
+    pytester.makepyfile(
+        HANGING.replace("END", "team.restart('robot_0')")
+        + """
+def test_after():
+    left = [pid for pid in Path("pids").read_text().split() if Path("/proc", pid).exists()]
+    for pid in left:
+        __import__("os").kill(int(pid), 9)
+    assert left == []
+"""
+    )
+    result = pytester.runpytest_subprocess()
+    result.assert_outcomes(passed=2)
+
+
+def test_an_unnamed_process_takes_nobodys_name(pytester: pytest.Pytester) -> None:
+    """A process started without a name does not stand in for another of the team."""
+    pytester.makepyfile(
+        """
+        def test_names(team):
+            team.start("arena", robots=4, behavior="forward", params={i: {"speed": 0.0} for i in range(4)})
+            known = {name: team.pid(name) for name in ("robot_0", "robot_1", "robot_2", "robot_3")}
+            for i in (21, 22, 23):
+                team.spawn("zteam-robot", "--id", str(i))
+            assert {name: team.pid(name) for name in known} == known
+        """
+    )
+    result = pytester.runpytest_subprocess()
+    result.assert_outcomes(passed=1)
+
+
+def test_the_plugin_costs_nothing_where_it_is_not_used() -> None:
+    """Every pytest run on a machine with zteam loads the plugin: it brings neither zenoh nor numpy nor our packages."""
+    code = (
+        "import sys, pytest\n"
+        "before = set(sys.modules)\n"
+        "import zteam.testing.plugin\n"
+        "print(sorted(set(sys.modules) - before))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=LIMIT, check=True)
+    assert done.stdout.strip() == "['zteam', 'zteam.testing', 'zteam.testing.plugin', 'zteam.version']"

@@ -1,0 +1,182 @@
+"""forward, avoid and wander: the lectures' behaviours and the faults they had."""
+
+import math
+
+import pytest
+
+from support.flat_floor import Floor, Segment, clearance, make_scan, make_view
+from zteam.behaviors import load_behavior
+from zteam.geometry import Pose2
+from zteam.messages import LaserScan
+
+FREE = [30.0] * 271
+BODY = 0.285
+"""Metres from an erratic's base to its rear corners: less room than that is a collision while it turns."""
+
+
+def box(x0: float, y0: float, x1: float, y1: float) -> list[Segment]:
+    """Four walls."""
+    return [(x0, y0, x1, y0), (x1, y0, x1, y1), (x1, y1, x0, y1), (x0, y1, x0, y0)]
+
+
+def speed_of(behavior: str, scan: LaserScan | None, **params: float) -> float:
+    """Forward speed of the behaviour's first step, without the safety layer."""
+    return load_behavior(behavior, params).step(make_view(scan)).linear.x
+
+
+def with_hit(distance: float, bearing_deg: float) -> LaserScan:
+    """All free but one beam; one beam a degree over 270 degrees."""
+    ranges = list(FREE)
+    ranges[135 + round(bearing_deg)] = distance
+    return make_scan(ranges, fov=math.radians(270.0))
+
+
+def test_forward_is_the_lectures_speed() -> None:
+    """0.2 m/s unless told otherwise, straight on."""
+    command = load_behavior("forward", {}).step(make_view(make_scan(FREE)))
+    assert (command.linear.x, command.angular.z) == (0.2, 0.0)
+    assert speed_of("forward", make_scan(FREE), speed=-0.1) == -0.1
+
+
+@pytest.mark.parametrize("bearing_deg", [-60, -30, 0, 45, 60])
+def test_avoid_stops_for_what_is_near_in_its_cone(bearing_deg: float) -> None:
+    """Nearer than 0.5 m within 60 degrees to either side stops it; exactly as far or further does not."""
+    assert speed_of("avoid", with_hit(0.49, bearing_deg)) == 0.0
+    assert speed_of("avoid", with_hit(0.5, bearing_deg)) == 0.2
+
+
+@pytest.mark.parametrize("bearing_deg", [-61, 61, 100])
+def test_avoid_ignores_what_is_beside_it(bearing_deg: float) -> None:
+    """A wall along the way does not stop it."""
+    assert speed_of("avoid", with_hit(0.3, bearing_deg)) == 0.2
+
+
+def test_avoid_is_not_blinded_by_a_leading_nan() -> None:
+    """A NaN in front of the obstacle's beam does not hide it (in the seeds it hid everything)."""
+    scan = with_hit(0.3, 0)
+    scan.ranges[75] = math.nan  # first of the cone
+    assert speed_of("avoid", scan) == 0.0
+
+
+@pytest.mark.parametrize("value", [math.nan, 0.0, 0.05])
+def test_beams_that_say_nothing_are_no_obstacle_and_no_free_space(value: float) -> None:
+    """A few of them let it drive, many stop it."""
+    few, many = make_scan(FREE, fov=math.radians(270.0)), make_scan(FREE, fov=math.radians(270.0))
+    for scan, count in ((few, 20), (many, 40)):  # of 121 in the cone
+        scan.range_min = 0.1
+        scan.ranges[100 : 100 + count] = value
+    assert speed_of("avoid", few) == 0.2
+    assert speed_of("avoid", many) == 0.0
+    assert speed_of("avoid", many, max_invalid=0.5) == 0.2
+
+
+def test_no_hit_as_infinity_is_free_and_too_close_is_an_obstacle() -> None:
+    """+inf everywhere is an open field, one -inf something at the bumper (REP 117)."""
+    assert speed_of("avoid", make_scan([math.inf] * 271)) == 0.2
+    assert speed_of("avoid", with_hit(-math.inf, 10)) == 0.0
+
+
+@pytest.mark.parametrize("behavior", ["avoid", "wander"])
+def test_there_is_no_blind_start(behavior: str) -> None:
+    """Without a scan, with an empty one, or with one that looks elsewhere, nothing drives forward."""
+    for scan in (None, make_scan([]), LaserScan(ranges=make_scan(FREE).ranges, range_max=30.0)):
+        assert speed_of(behavior, scan) == 0.0
+
+
+def test_avoid_goes_on_when_the_way_is_free_again() -> None:
+    """A stop does not latch, and its reason goes with it."""
+    behavior = load_behavior("avoid", {})
+    assert behavior.step(make_view(with_hit(0.3, 0))).linear.x == 0.0
+    assert behavior.reason == "obstacle ahead"
+    assert behavior.step(make_view(make_scan(FREE))).linear.x == 0.2
+    assert behavior.reason == ""
+
+
+def test_avoid_halts_in_front_of_a_wall() -> None:
+    """Driving at a wall, it ends half a metre from it and stays there."""
+    walls: list[Segment] = [(3.0, -5.0, 3.0, 5.0)]
+    floor, behavior = Floor([Pose2(0.0, 0.0, 0.3)], walls), load_behavior("avoid", {"speed": 0.5})
+    for _ in range(100):
+        floor.step([behavior])
+    assert 0.4 < clearance(floor.poses[0], walls) < 0.6
+    assert floor.commands[0][0].linear.x == 0.0
+
+
+@pytest.mark.parametrize("seed", range(1, 6))
+@pytest.mark.parametrize("speed", [0.4, 1.0])
+def test_wander_gets_about_and_touches_nothing(seed: int, speed: float) -> None:
+    """In a room with a pillar it keeps clear of the walls at either speed and sees much of the room in two minutes."""
+    walls = box(0.0, 0.0, 6.0, 5.0) + box(2.5, 2.0, 3.2, 2.8)
+    floor, behavior = Floor([Pose2(1.0, 1.0, 0.0)], walls, seed), load_behavior("wander", {"speed": speed})
+    seen, nearest = set(), math.inf
+    for _ in range(1200):
+        floor.step([behavior])
+        pose = floor.poses[0]
+        nearest = min(nearest, clearance(pose, walls))
+        seen.add((int(pose.x), int(pose.y)))
+    assert nearest > BODY
+    assert len(seen) >= 12  # of 30 square metres
+
+
+@pytest.mark.parametrize("seed", range(1, 6))
+def test_wander_finds_out_of_a_dead_end(seed: int) -> None:
+    """From the closed end of a corridor too narrow for its cone it comes out within a minute, and touches nothing."""
+    walls: list[Segment] = [(0.0, 0.0, 3.0, 0.0), (0.0, 0.9, 3.0, 0.9), (0.0, 0.0, 0.0, 0.9)]
+    floor, behavior = Floor([Pose2(0.6, 0.45, math.pi)], walls, seed), load_behavior("wander", {})
+    for _ in range(600):
+        floor.step([behavior])
+        assert clearance(floor.poses[0], walls) > BODY
+        if floor.poses[0].x > 3.5:
+            return
+    pytest.fail(f"still inside at {floor.poses[0]}")
+
+
+def test_wander_does_not_swing_in_a_corner() -> None:
+    """From the moment it stops until it drives again it turns to one side only."""
+    walls = box(0.0, 0.0, 4.0, 4.0)
+    floor, behavior = Floor([Pose2(0.45, 0.45, math.radians(-135.0))], walls), load_behavior("wander", {})
+    sides = set()
+    for _ in range(100):
+        floor.step([behavior])
+        command = floor.commands[0][0]
+        if command.linear.x > 0.0:
+            break
+        sides.add(math.copysign(1.0, command.angular.z))
+    assert floor.commands[0][0].linear.x > 0.0
+    assert len(sides) == 1
+
+
+def test_wander_turns_to_both_sides_and_by_many_angles() -> None:
+    """Over many stops both sides occur and turns differ (the seeds only ever turned left)."""
+    wall_ahead, free = make_scan([0.5] * 271), make_scan(FREE)
+    turns = set()
+    for robot_id in range(40):
+        behavior = load_behavior("wander", {})
+        side = behavior.step(make_view(wall_ahead, robot_id=robot_id)).angular.z
+        steps = 1
+        while behavior.step(make_view(free, robot_id=robot_id)).angular.z:
+            steps += 1
+        turns.add((side, steps))
+    assert {side for side, _ in turns} == {1.0, -1.0}
+    assert len({steps for _, steps in turns}) > 8
+
+
+def test_wander_stops_further_off_the_faster_it_is() -> None:
+    """The distance left in front pays for reaction and braking."""
+    wall = make_scan([1.0] * 271)
+    assert speed_of("wander", wall, speed=0.4) == 0.4
+    assert speed_of("wander", wall, speed=1.0) == 0.0
+
+
+def test_the_same_run_twice_is_the_same() -> None:
+    """Wandering is random by the seed alone."""
+
+    def walk(seed: int) -> Pose2:
+        floor = Floor([Pose2(1.0, 1.0, 0.0)], box(0.0, 0.0, 4.0, 4.0), seed)
+        behavior = load_behavior("wander", {})
+        for _ in range(300):
+            floor.step([behavior])
+        return floor.poses[0]
+
+    assert walk(1) == walk(1)
+    assert walk(1) != walk(2)

@@ -1,0 +1,162 @@
+"""The layer under every behaviour, and what a robot needs to be ready."""
+
+import math
+from typing import Any
+
+import pytest
+
+from support.flat_floor import TICK, make_scan, make_view
+from zteam.behaviors import Behavior, View, decide, load_behavior, make_safe, missing
+from zteam.errors import ZteamError
+from zteam.geometry import Pose2
+from zteam.messages import LaserScan, Twist, Vector3
+
+FREE = [30.0] * 271
+NOW = 100 * TICK
+
+
+class Asks(Behavior):
+    """Asks for whatever it is told to."""
+
+    def step(self, view: object) -> Twist:
+        """The parameters are the command."""
+        assert isinstance(self.params, Twist)
+        return self.params
+
+
+def asks(x: float, turn: float = 0.0) -> Behavior:
+    """A behaviour that wants this speed and turn rate."""
+    return Asks(Twist(linear=Vector3(x=x), angular=Vector3(z=turn)))
+
+
+def in_front(x: float, y: float) -> LaserScan:
+    """A free scan but for one point at (x, y) from the laser."""
+    ranges = list(FREE)
+    ranges[135 + round(math.degrees(math.atan2(y, x)))] = math.hypot(x, y)
+    return make_scan(ranges, NOW, math.radians(270.0))
+
+
+@pytest.mark.parametrize(("age", "moves"), [(0.0, True), (0.5, True), (0.51, False), (-0.51, False)])
+def test_old_scans_move_nobody(age: float, moves: bool) -> None:
+    """Half a second is the limit, and a scan stamped in the future counts as old."""
+    scan = make_scan(FREE, NOW - round(age * 1e9))
+    command, reason = decide(asks(0.2, 1.0), make_view(scan, now=NOW))
+    assert (command.linear.x > 0.0) is moves
+    assert (command.angular.z > 0.0) is moves
+    assert reason == ("" if moves else "stale scan")
+
+
+def test_no_scan_moves_nobody() -> None:
+    """There is no blind start, not even a turn."""
+    assert decide(asks(0.2, 1.0), make_view(None)) == (Twist(), "no scan yet")
+    assert make_safe(Twist(angular=Vector3(z=1.0)), make_view(None)) == (Twist(), "no scan yet")
+
+
+@pytest.mark.parametrize(
+    ("x", "turn", "got"),
+    [(5.0, 9.0, (1.0, math.pi)), (-5.0, -9.0, (-1.0, -math.pi)), (0.3, -0.3, (0.3, -0.3))],
+)
+def test_limits_hold_both_ways(x: float, turn: float, got: tuple[float, float]) -> None:
+    """Speed and turn rate are clamped forwards and backwards (the seeds' follower asked for -12.57 rad/s)."""
+    command, _ = decide(asks(x, turn), make_view(make_scan(FREE)))
+    assert (command.linear.x, command.angular.z) == got
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_what_is_no_number_is_zero(value: float) -> None:
+    """NaN or inf in either part of a command stops the robot and is told."""
+    for behavior in (asks(value), asks(0.1, value)):
+        command, reason = decide(behavior, make_view(make_scan(FREE)))
+        assert command == Twist()
+        assert "no number" in reason
+
+
+def test_only_what_the_base_can_do_is_passed_on() -> None:
+    """Sideways and upward parts are dropped."""
+    wild = Asks(Twist(Vector3(0.1, 3.0, math.nan), Vector3(math.nan, 3.0, 0.2)))
+    assert decide(wild, make_view(make_scan(FREE)))[0] == Twist(Vector3(x=0.1), Vector3(z=0.2))
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "stops"),
+    [
+        (0.3, 0.0, True),
+        (0.3, 0.15, True),
+        (0.3, -0.15, True),
+        (0.36, 0.0, False),
+        (0.3, 0.3, False),
+        (0.75, 0.0, False),
+    ],
+)
+def test_forward_stops_for_what_is_swept(x: float, y: float, stops: bool) -> None:
+    """What stands in its own width a quarter of a metre ahead stops it; what stands beside or beyond does not."""
+    command, reason = decide(asks(0.4, 0.5), make_view(in_front(x, y), now=NOW))
+    assert (command.linear.x, reason) == ((0.0, "obstacle ahead") if stops else (0.4, ""))
+    assert command.angular.z == 0.5  # turning away stays possible
+
+
+def test_an_obstacle_ahead_does_not_hold_a_robot_that_backs_off() -> None:
+    """Only the forward part is cut."""
+    assert decide(asks(-0.4), make_view(in_front(0.2, 0.0), now=NOW))[0].linear.x == -0.4
+
+
+@pytest.mark.parametrize("ranges", [[], [math.nan] * 271, [0.0] * 271])
+def test_a_blind_robot_does_not_drive_forward(ranges: list[float]) -> None:
+    """Beams that say nothing are not free space, under every behaviour."""
+    command, reason = decide(asks(0.4, 0.5), make_view(make_scan(ranges)))
+    assert (command.linear.x, command.angular.z, reason) == (0.0, 0.5, "blind ahead")
+
+
+def test_a_behaviours_own_reason_is_passed_on() -> None:
+    """What the behaviour says of itself reaches the status, unless the safety layer has cut in."""
+    view = make_view(in_front(0.45, 0.0), now=NOW)
+    assert decide(load_behavior("avoid", {}), view) == (Twist(), "obstacle ahead")
+
+
+def test_ready_means_scan_odometry_and_pose() -> None:
+    """Each thing that is missing is named, with the key it comes on."""
+    bare = make_view(None, robot_id=3, odom=None)
+    lacking = missing(bare, asks(0.0))
+    assert lacking == ["a first scan (robot_3/base_scan)", "odometry (robot_3/odom)", "its own pose in map"]
+    whole = make_view(make_scan(FREE), lookup=lambda _a, _b: (Pose2(0.0, 0.0, 0.0), 1))
+    assert missing(whole, asks(0.0)) == []
+
+
+def test_a_follower_is_not_ready_without_its_leader() -> None:
+    """What the behaviour itself needs is asked for as well."""
+
+    def lookup(target: str, _source: str) -> tuple[Pose2, int] | None:
+        return (Pose2(0.0, 0.0, 0.0), TICK) if target == "map" else None
+
+    view = make_view(make_scan(FREE), robot_id=1, lookup=lookup)
+    assert missing(view, load_behavior("follow", {"leader": 0})) == ["the pose of its leader robot_0"]
+
+
+def test_lookups_that_fail_stop_only_those_that_need_them() -> None:
+    """A robot that follows stands while its own pose is unknown; one that only avoids does not care."""
+    view = make_view(make_scan(FREE), robot_id=1)
+    assert decide(load_behavior("follow", {"leader": 0}), view) == (Twist(), "its own pose in map is not known")
+    assert decide(load_behavior("avoid", {}), view)[0].linear.x == 0.2
+
+
+@pytest.mark.parametrize(
+    ("returned", "text"),
+    [(None, "Circle.step returned None; return a Twist"), (0.4, "Circle.step returned a float; return a Twist")],
+)
+def test_a_step_that_returns_no_twist_is_told_on_one_line(returned: object, text: str) -> None:
+    """The error names the behaviour, what it returned and what it has to return."""
+
+    class Circle(Behavior):
+        def step(self, view: View) -> Any:
+            return returned
+
+    with pytest.raises(ZteamError) as caught:
+        decide(Circle(None), make_view(make_scan([9.0] * 31)))
+    assert str(caught.value) == text
+    assert caught.value.exit_code == 1
+
+
+def test_a_behaviour_without_a_step_is_told_so() -> None:
+    """A class that defines no `step` is named."""
+    with pytest.raises(ZteamError, match="Behavior has no step"):
+        decide(Behavior(None), make_view(make_scan([9.0] * 31)))

@@ -1,0 +1,195 @@
+"""The typed bus on a bus in memory: latched keys, refusals, and queries that change something."""
+
+from collections.abc import Callable
+
+import msgspec
+import numpy as np
+import pytest
+
+from support.lockstep_doubles import listening
+from zteam.bus import Bus, Change, MemoryHub, NoRequest, counters
+from zteam.bus import bus as bus_module
+from zteam.bus.memory import MemoryTransport
+from zteam.bus.presence import own_info
+from zteam.bus.transport import Closeable, RawSample, SampleHandler
+from zteam.errors import BusError
+from zteam.messages import Bool, MapMetaData, OccupancyGrid, encode, encoding_of
+from zteam.names import info_key
+from zteam.sim.occupancy_grid import MAX_CELLS
+
+DEEP = 100_000
+"""Levels of nested JSON."""
+
+
+class Told(msgspec.Struct):
+    """An answer."""
+
+    count: int
+
+
+class Counting(Change):
+    """A request that counts up."""
+
+    by: int = 1
+
+
+class Service:
+    """A process `box` with a count that `box/add` changes and `box/count` tells."""
+
+    def __init__(self, hub: MemoryHub, start: int = 0) -> None:
+        self.bus = hub.bus()
+        self.count = 0
+        info = own_info("box", self.bus.instance, start)
+        self._served = [
+            self.bus.serve(info_key("box"), NoRequest, lambda _: info),
+            self.bus.serve("box/add", Counting, self._add),
+            self.bus.serve("box/count", NoRequest, lambda _: Told(self.count)),
+        ]
+
+    def _add(self, request: Counting) -> Told:
+        self.count += request.by
+        return Told(self.count)
+
+    def close(self) -> None:
+        """The process ends."""
+        for served in self._served:
+            served.close()
+
+
+class Wire(MemoryTransport):
+    """A session that hears what the test gives it, with any time stamp."""
+
+    def __init__(self, hub: MemoryHub) -> None:
+        super().__init__(hub)
+        self.hear: Callable[[RawSample], None]
+
+    def declare_subscriber(
+        self, key_expr: str, handler: SampleHandler, latched: bool, stamped: bool = True
+    ) -> Closeable:
+        self.hear = handler
+        return super().declare_subscriber(key_expr, handler, latched, stamped)
+
+
+def test_a_latched_key_beyond_the_limit_passes_over_older_values(
+    hub: MemoryHub, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """However many keys there are, an older value of a known one is passed over."""
+    monkeypatch.setattr(bus_module, "MAX_KEYS", 2)
+    wire, heard = Wire(hub), []
+    Bus(wire).subscribe("*", Bool, lambda key, _: heard.append(key), latched=True)
+    for key, stamp in (("a", 1), ("b", 1), ("a", 3), ("a", 2), ("b", 2), ("b", 1), ("c", 1)):
+        wire.hear(RawSample(key, encode(Bool(True)), encoding_of(Bool), stamp, "x"))
+    assert heard == ["a", "b", "a", "b", "c"]
+
+
+def test_a_change_without_an_instance_is_refused(hub: MemoryHub) -> None:
+    """Whatever else it carries: the error says what to send and where to learn it, and nothing happens."""
+    service, plain = Service(hub), MemoryTransport(hub)
+    for payload in (b"", b"{}", b'{"by": 7}', b'{"instance": ""}'):
+        replies = {reply.key: reply for reply in plain.get("**", payload, 1.0)}
+        assert replies["box/add"].error
+        text = replies["box/add"].payload.decode()
+        assert text.startswith(
+            'box/add changes something and has to name the process it is meant for: send {"instance"'
+        )
+        assert "box/info" in text
+        assert not replies["box/count"].error
+    assert service.count == 0
+
+
+def test_a_change_for_another_process_is_refused(hub: MemoryHub) -> None:
+    """Such as for the one that held the name before."""
+    service, plain = Service(hub), MemoryTransport(hub)
+    (reply,) = plain.get("box/add", b'{"instance": "0123"}', 1.0)
+    assert reply.error
+    assert "is meant for another process: no process '0123' serves it" in reply.payload.decode()
+    assert service.count == 0
+
+
+def test_a_change_that_names_its_process_is_made(hub: MemoryHub) -> None:
+    """A client in any language sends the id that `<name>/info` tells."""
+    service, plain = Service(hub), MemoryTransport(hub)
+    (info,) = plain.get("box/info", b"", 1.0)
+    instance = msgspec.json.decode(info.payload)["instance"]
+    (reply,) = plain.get("box/add", msgspec.json.encode({"instance": instance, "by": 2}), 1.0)
+    assert (reply.error, service.count) == (False, 2)
+
+
+def test_the_bus_names_the_process_by_itself(hub: MemoryHub) -> None:
+    """It learns the id once, and again when the process was restarted."""
+    first, asker, questions = Service(hub), hub.bus(), []
+    hub.bus().serve("box/info", NoRequest, lambda _: questions.append(1) or own_info("box", first.bus.instance, 0))
+    for count in (1, 2, 3):
+        assert asker.ask("box/add", Told, Counting()) == Told(count)
+    assert len(questions) == 1
+    first.close()
+    second = Service(hub, start=-1)
+    assert asker.ask("box/add", Told, Counting(by=5)) == Told(5)
+    assert asker.ask("box/add", Told, Counting()) == Told(6)
+    assert (first.count, second.count) == (3, 6)
+
+
+def test_a_change_asked_of_nobody_has_no_answer(hub: MemoryHub) -> None:
+    """As any other query has none."""
+    assert hub.bus().query("box/add", Told, Counting()) == []
+    service, asker = Service(hub), hub.bus()
+    asker.ask("box/add", Told, Counting())
+    service.close()
+    assert asker.query("box/add", Told, Counting()) == []
+
+
+def test_a_given_instance_is_not_replaced(hub: MemoryHub) -> None:
+    """Who names a process means that one, and hears that it is gone."""
+    Service(hub)
+    with pytest.raises(BusError, match="meant for another process"):
+        hub.bus().ask("box/add", Told, Counting(instance="0123"))
+
+
+@pytest.mark.parametrize("text", ['{"x":' * DEEP, "[" * DEEP, '{"count":' + "[" * DEEP])
+def test_deeply_nested_json_is_refused_in_one_line(hub: MemoryHub, text: str) -> None:
+    """A request of any depth: no traceback, an error for the asker, and one more refusal in the counts."""
+    service, plain = Service(hub), MemoryTransport(hub)
+    with listening() as log:
+        (reply,) = plain.get("box/count", text.encode(), 1.0)
+    assert reply.error
+    assert reply.payload.decode().startswith("bad request: ")
+    assert len(reply.payload) < 200
+    assert service.bus.counters.snapshot()["box/count"].dropped == 1
+    assert [len(line.splitlines()) for line in log.lines] == [1]
+
+
+def test_a_deeply_nested_answer_is_an_error(hub: MemoryHub) -> None:
+    """What another process answers may be anything."""
+    hub.bus().transport.declare_queryable("box/odd", lambda _: b"[" * DEEP)
+    with pytest.raises(BusError, match="unreadable answer: "):
+        hub.bus().ask("box/odd", list[object])
+
+
+def test_a_payload_that_is_too_large_is_not_decoded(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Neither message nor request nor answer; messages and requests are counted as refused."""
+    monkeypatch.setattr(bus_module, "MAX_PAYLOAD", 100)
+    service, plain = Service(hub), MemoryTransport(hub)
+    (reply,) = plain.get("box/count", b'{"x": "' + b"y" * 100 + b'"}', 1.0)
+    assert reply.error
+    assert reply.payload.decode() == "bad request: its 109 bytes are more than 100"
+    assert service.bus.counters.snapshot()["box/count"].dropped == 1
+
+    listener, heard = hub.bus(), []
+    listener.subscribe("flag", Bool, lambda key, _: heard.append(key))
+    listener.subscribe_raw("flag", lambda sample: heard.append(sample.key))
+    publisher = plain.declare_publisher("flag", encoding_of(Bool), False)
+    publisher.put(b"\0" * 101)
+    assert heard == []
+    assert listener.counters.snapshot() == {"flag": counters.KeyCount(0, 2)}
+    publisher.put(encode(Bool(True)))
+    assert heard == ["flag", "flag"]
+
+    plain.declare_queryable("box/long", lambda _: b" " * 200)
+    with pytest.raises(BusError, match="its 200 bytes are more than 100"):
+        listener.ask("box/long", Told)
+
+
+def test_the_largest_map_is_small_enough() -> None:
+    """What a simulator publishes is not refused for its size."""
+    largest = OccupancyGrid(info=MapMetaData(width=MAX_CELLS, height=1), data=np.zeros(MAX_CELLS, np.int8))
+    assert len(encode(largest)) <= bus_module.MAX_PAYLOAD

@@ -1,0 +1,102 @@
+"""Names on a bus in memory: which of two processes stays, whatever the order in which they see each other."""
+
+import threading
+
+import pytest
+
+from support.lockstep_doubles import LIMIT
+from zteam import names
+from zteam.bus import Bus, MemoryHub, NoRequest
+from zteam.bus import presence as module
+from zteam.bus.presence import Claim, ProcessInfo, own_info
+from zteam.errors import BusError
+
+NAME = "robot_1"
+
+
+class Rival:
+    """Another process that holds the name, on a session of its own; it started at `start`."""
+
+    def __init__(self, hub: MemoryHub, start: int, failures: int = 0) -> None:
+        """It answers with an error `failures` times before it answers who it is."""
+        self.bus: Bus = hub.bus()
+        self._info = own_info(NAME, self.bus.instance, start)
+        self._failures = failures
+        self.bus.serve(names.info_key(NAME), NoRequest, self._answer)
+
+    def _answer(self, _: NoRequest) -> ProcessInfo:
+        if self._failures:
+            self._failures -= 1
+            raise BusError("Timeout")
+        return self._info
+
+    def show(self) -> None:
+        """Show the token."""
+        self.bus.declare_token(names.token_key(NAME, self.bus.instance))
+
+
+class Meeting:
+    """The rival that a claim gave way to."""
+
+    def __init__(self) -> None:
+        self._met = threading.Event()
+        self.rivals: list[ProcessInfo] = []
+
+    def __call__(self, info: ProcessInfo) -> None:
+        self.rivals.append(info)
+        self._met.set()
+
+    def wait(self) -> None:
+        """Until it gave way."""
+        assert self._met.wait(LIMIT)
+
+
+def test_a_rival_between_the_look_and_the_own_token_is_met(hub: MemoryHub) -> None:
+    """A token that comes after the claim has looked, and before its own token is there, is seen: the later one gives
+    way."""
+    rival, meeting = Rival(hub, start=1), Meeting()
+    claim = Claim(hub.bus(), NAME)
+    claim.win(meeting, on_win=rival.show)
+    meeting.wait()
+    assert [info.instance for info in meeting.rivals] == [rival.bus.instance]
+    claim.release()
+
+
+def test_the_older_one_of_two_holders_stays(hub: MemoryHub) -> None:
+    """A rival that started later is met and asked, and the claim does not give way."""
+    answered = threading.Event()
+    rival, meeting = Rival(hub, start=2**62), Meeting()
+    claim = Claim(hub.bus(), NAME)
+    rival.bus.serve(names.info_key(NAME), NoRequest, lambda _: answered.set() or rival._info)
+    claim.win(meeting, on_win=rival.show)
+    assert answered.wait(LIMIT)
+    for thread in threading.enumerate():
+        if thread.name == "rival":
+            thread.join(LIMIT)
+    assert meeting.rivals == []
+    claim.release()
+
+
+def test_a_rival_that_fails_to_answer_is_asked_again(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An error instead of an answer leaves no two holders: the rival is asked until it says who it is."""
+    monkeypatch.setattr(module, "ASK_AGAIN", 0.01, raising=False)
+    rival, meeting = Rival(hub, start=1, failures=2), Meeting()
+    claim = Claim(hub.bus(), NAME)
+    claim.win(meeting)
+    rival.show()
+    meeting.wait()
+    assert [info.instance for info in meeting.rivals] == [rival.bus.instance]
+    claim.release()
+
+
+def test_a_silent_rival_is_forgotten_with_its_token(hub: MemoryHub) -> None:
+    """Asking ends when the claim is released, so that no thread is left behind."""
+    rival = Rival(hub, start=1, failures=10**6)
+    claim = Claim(hub.bus(), NAME)
+    claim.win(Meeting())
+    rival.show()
+    claim.release()
+    for thread in threading.enumerate():
+        if thread.name == "rival":
+            thread.join(LIMIT)
+            assert not thread.is_alive()

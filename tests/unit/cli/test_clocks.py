@@ -1,0 +1,224 @@
+"""Whose time a tool goes by, and rates of it, on a bus in memory."""
+
+import io
+import json
+import sys
+import threading
+from collections.abc import Callable
+
+import pytest
+
+from zteam import clock as clock_module
+from zteam import names
+from zteam.bus import Bus, MemoryHub, NoRequest
+from zteam.cli import clocks, topic
+from zteam.clock import to_ns, wait_until
+from zteam.errors import BusError
+from zteam.messages import Bool, Clock, time_from_ns
+from zteam.services.simulator import SimStatus
+
+LIMIT = 20.0
+"""Host seconds after which a wait has failed."""
+
+
+class Simulator:
+    """Says what time it is."""
+
+    def __init__(self, hub: MemoryHub, now: float) -> None:
+        self._bus = hub.bus()
+        self._now = now
+        self._clock = self._bus.publisher(names.CLOCK, Clock)
+        self._bus.serve(names.service_key(names.SIMULATOR, "status"), NoRequest, lambda _: self._status())
+
+    def _status(self) -> SimStatus:
+        return SimStatus("scripted", [0], to_ns(0.1), 1, to_ns(self._now), round(self._now / 0.1), 1.0)
+
+    def go_to(self, now: float) -> None:
+        """A tick at `now` (s)."""
+        self._now = now
+        self._clock.put(Clock(time_from_ns(to_ns(now))))
+
+
+def test_with_a_simulator_it_is_simulated_time() -> None:
+    """At once and without waiting for a tick, for the world may stand still; later ticks are heard."""
+    hub = MemoryHub()
+    simulator = Simulator(hub, 12.3)
+    for mode in ("auto", "sim"):
+        clock = clocks.open_clock(hub.bus(), mode)
+        assert (clock.simulated, clock.now()) == (True, to_ns(12.3))
+    simulator.go_to(12.4)
+    assert clock.now() == to_ns(12.4)
+
+
+def test_without_a_simulator_it_is_the_hosts() -> None:
+    """And it stays that, even if one comes."""
+    hub = MemoryHub()
+    clock = clocks.open_clock(hub.bus(), "auto")
+    Simulator(hub, 0.0).go_to(0.1)
+    assert (clock.decided, clock.simulated) == (True, False)
+    assert clock.now() > to_ns(1e9)
+
+
+def test_the_hosts_time_can_be_asked_for() -> None:
+    """Whether there is a simulator or not; nobody is asked."""
+    hub = MemoryHub()
+    Simulator(hub, 12.3)
+    assert not clocks.open_clock(hub.bus(), "wall").simulated
+
+
+def test_a_simulator_that_does_not_answer_is_one() -> None:
+    """A busy or frozen one is no reason to take the host's time."""
+    hub = MemoryHub()
+
+    def refuse(_request: NoRequest) -> None:
+        raise BusError("Timeout")
+
+    hub.bus().serve(names.service_key(names.SIMULATOR, "status"), NoRequest, refuse)
+    assert clocks.open_clock(hub.bus(), "auto").simulated
+
+
+def test_simulated_time_can_be_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With `--clock sim` and no simulator yet, the tool begins with the first tick."""
+    hub, found, asked = MemoryHub(), [], threading.Event()
+
+    def nobody(_bus: Bus) -> None:
+        asked.set()
+
+    monkeypatch.setattr(clocks, "_ask_time", nobody)
+    thread = threading.Thread(target=lambda: found.append(clocks.open_clock(hub.bus(), "sim")))
+    thread.start()
+    assert asked.wait(LIMIT)
+    assert found == []
+    Simulator(hub, 0.0).go_to(0.1)
+    thread.join(LIMIT)
+    assert (found[0].simulated, found[0].now()) == (True, to_ns(0.1))
+
+
+class Publishing:
+    """`zteam topic pub` in a thread, and what arrives of it."""
+
+    def __init__(self, hub: MemoryHub, monkeypatch: pytest.MonkeyPatch, *words: str) -> None:
+        self.changed = threading.Condition()
+        self.count = 0
+        self.exit_code: int | None = None
+        hub.bus().subscribe("flag", Bool, lambda _key, _message: self._tell(1))
+        monkeypatch.setattr(topic, "open_bus", lambda _options: hub.bus())
+        self._words = ["pub", "flag", "Bool", "{data: true}", *words]
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def _run(self) -> None:
+        self.exit_code = topic.main(self._words)
+        self._tell(0)
+
+    def _tell(self, more: int) -> None:
+        with self.changed:
+            self.count += more
+            self.changed.notify_all()
+
+    def wait(self, ready: Callable[[], bool]) -> None:
+        """Wait for something to arrive."""
+        with self.changed:
+            assert wait_until(self.changed, ready, LIMIT)
+
+
+class Said(io.StringIO):
+    """An output that can be waited for."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._changed = threading.Condition()
+
+    def write(self, text: str) -> int:
+        with self._changed:
+            self._changed.notify_all()
+            return super().write(text)
+
+    def wait_for(self, text: str) -> None:
+        """Wait until this was written."""
+        with self._changed:
+            assert wait_until(self._changed, lambda: text in self.getvalue(), LIMIT)
+
+
+def test_messages_are_published_in_simulated_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first at once, the others with the ticks that bring their moments, and none while the world stands still."""
+    monkeypatch.setattr(clock_module, "STILL", 0.01)
+    hub, said = MemoryHub(), Said()
+    monkeypatch.setattr(sys, "stderr", said)
+    simulator = Simulator(hub, 5.0)
+    publishing = Publishing(hub, monkeypatch, "--rate", "5", "--times", "4")
+    publishing.wait(lambda: publishing.count == 1)
+    said.wait_for("time stands still at 5.000 s: see 'zteam sim status' (--clock wall goes by the host's time)")
+    for tick, count in ((5.1, 1), (5.2, 2), (5.3, 2), (5.4, 3), (5.5, 3)):
+        simulator.go_to(tick)
+        publishing.wait(lambda least=count: publishing.count == least)  # type: ignore[misc]
+    assert publishing.exit_code is None
+    simulator.go_to(5.6)
+    publishing.wait(lambda: publishing.exit_code == 0)
+    assert publishing.count == 4
+    assert said.getvalue().count("stands still") == 1
+
+
+def test_messages_are_published_in_the_hosts_time_if_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With `--clock wall` a world that stands still stops nobody; neither does one that is not there."""
+    hub = MemoryHub()
+    without = Publishing(hub, monkeypatch, "--rate", "1000", "--times", "5")
+    without.wait(lambda: without.exit_code == 0)
+    assert without.count == 5
+    Simulator(hub, 5.0)
+    publishing = Publishing(hub, monkeypatch, "--rate", "1000", "--times", "5", "--clock", "wall")
+    publishing.wait(lambda: publishing.exit_code == 0)
+    assert publishing.count == 5
+
+
+def test_one_message_needs_no_clock(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`--once` does not ask for the time: it waits for nothing."""
+
+    def fail(*_: object) -> None:
+        raise AssertionError
+
+    hub = MemoryHub()
+    monkeypatch.setattr(topic, "ticker", fail)
+    once = Publishing(hub, monkeypatch, "--once")
+    once.wait(lambda: once.exit_code == 0)
+    assert once.count == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "simulated", "rate"),
+    [((), False, None), (("--clock", "sim"), True, 10.0), (("--clock", "auto"), True, 10.0)],
+)
+def test_hz_says_whose_time_it_measures(
+    words: tuple[str, ...],
+    simulated: bool,
+    rate: float | None,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """The host's unless told otherwise; in simulated time a rate is exact, however fast the world runs."""
+    hub = MemoryHub()
+    simulator, sender = Simulator(hub, 5.0), hub.bus().publisher("flag", Bool)
+    subscribed = threading.Event()
+
+    class Hearing(Bus):
+        """Tells when it listens."""
+
+        def subscribe_raw(self, *args: object, **options: object) -> object:  # type: ignore[override]
+            handle = super().subscribe_raw(*args, **options)  # type: ignore[arg-type]
+            subscribed.set()
+            return handle
+
+    monkeypatch.setattr(topic, "open_bus", lambda _options: Hearing(hub.bus().transport))
+    thread = threading.Thread(target=lambda: topic.main(["hz", "flag", "--once", "--json", *words]))
+    thread.start()
+    assert subscribed.wait(LIMIT)
+    # In the middle of it the simulator is reset: what was before is no part of the rate.
+    for tick in (50, 51, 52, 1, 2, 3, 4):
+        simulator.go_to(tick / 10)
+        sender.put(Bool(True))
+    thread.join(LIMIT)
+    measured = json.loads(capsys.readouterr().out)
+    assert measured["clock"] == ("sim" if simulated else "wall")
+    if rate is not None:
+        assert measured["rate"] == pytest.approx(rate)
+        assert measured["window"] == 4

@@ -1,0 +1,42 @@
+"""What `zteam tf` hears of the tree, on a bus in memory."""
+
+import tracemalloc
+
+from support.transforms import S, stamped
+from zteam import names
+from zteam.bus import MemoryHub
+from zteam.cli.frames import TreeListener
+from zteam.messages import TFMessage, time_from_ns
+from zteam.tf.statistics import Watch
+
+
+def test_the_memory_of_a_listener_is_bounded(hub: MemoryHub) -> None:
+    """`tf echo` and `tf positions --rate` may run for days: after the buffer's ten seconds they take no more memory."""
+    listener, publisher = TreeListener(hub.bus()), hub.bus().publisher(names.TF, TFMessage)
+    transform = stamped("map", "robot_0/base_footprint", 0)
+
+    def publish(ticks: range) -> int:
+        for tick in ticks:
+            transform.header.stamp = time_from_ns(tick * S)
+            publisher.put(TFMessage([transform]))
+        return tracemalloc.get_traced_memory()[0]
+
+    publish(range(1, 10))
+    tracemalloc.start()
+    try:
+        first = publish(range(10, 500))
+        assert publish(range(500, 3000)) - first < 20_000
+    finally:
+        tracemalloc.stop()
+    assert listener.buffer.frames()["robot_0/base_footprint"].newest == 2999 * S
+
+
+def test_a_listener_shows_its_watch_what_it_hears(hub: MemoryHub) -> None:
+    """The figures of `tf monitor` are those of the messages on `tf`."""
+    watch = Watch()
+    TreeListener(hub.bus(), watch)
+    publisher = hub.bus().publisher(names.TF, TFMessage)
+    for tick in range(1, 5):
+        publisher.put(TFMessage([stamped("map", "robot_0/base_footprint", tick * S // 10)]))
+    (figures,) = watch.figures()
+    assert (figures.child, figures.count, figures.rate) == ("robot_0/base_footprint", 4, 10.0)

@@ -1,0 +1,145 @@
+"""The launcher's command line and its output."""
+
+import io
+from pathlib import Path
+
+import pytest
+
+from support.commands import exit_code
+from zteam.cli import up
+from zteam.cli.up import Printer, find_team
+from zteam.errors import UsageError
+from zteam.resources import shipped_team
+
+
+class Terminal(io.StringIO):
+    """Standard output that says it is a terminal."""
+
+    def isatty(self) -> bool:
+        """Yes."""
+        return True
+
+
+@pytest.fixture(autouse=True)
+def nothing_starts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No command line in this file may get as far as starting a process."""
+
+    def refuse(*_: object, **__: object) -> None:
+        raise AssertionError("a process was started")
+
+    monkeypatch.setattr("zteam.launch.run.Run.start", refuse)
+    for name in ("ZTEAM_CONNECT", "ZTEAM_NAMESPACE", "NO_COLOR"):
+        monkeypatch.delenv(name, raising=False)
+
+
+def test_a_team_is_a_file_or_shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A path comes first, so that a file of one's own named `line` is used; else the shipped team of that name."""
+    monkeypatch.chdir(tmp_path)
+    assert find_team("line") == shipped_team("line")
+    assert find_team("line.toml") == shipped_team("line")
+    (tmp_path / "line").write_text("")
+    assert find_team("line") == Path("line")
+
+
+def test_an_unknown_team_names_the_known_ones() -> None:
+    """The way out is in the message."""
+    with pytest.raises(UsageError, match=r"no such file, nor a shipped team \(.*line.*\)"):
+        find_team("lien")
+
+
+def test_the_default_is_the_shipped_line() -> None:
+    """`zteam up` alone starts the four-robot line."""
+    assert up.build_parser().parse_args([]).team == "line"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (["nowhere.toml"], "nowhere.toml"),
+        (["willow"], "--world"),
+        (["arena", "--world", "nowhere"], "nowhere"),
+        (["arena", "--speed", "1e-300"], "speed"),
+        (["arena", "--lockstep", "--lockstep-timeout", "nan"], "--lockstep-timeout"),
+        (["arena", "--lockstep", "--lockstep-timeout", "inf"], "--lockstep-timeout"),
+        (["arena", "--seed", "9" * 30], "--seed"),
+        (["arena", "--connect", "tcp/127.0.0.1:99999"], "port"),
+        (["arena", "--for", "0"], "--for"),
+        (["arena", "--for", "-1"], "--for"),
+        (["arena", "--for", "nan"], "--for"),
+        (["arena", "--for", "inf"], "--for"),
+        (["arena", "--report", "r.json"], "--for"),
+        (["real.toml", "--for", "3"], "simulator"),
+        (["circle.toml"], "circle"),
+        (["extra.toml"], "extra.toml:2: team.worlds: unknown key (did you mean world?)"),
+        (["arena", "--namespace", "a*"], "--namespace"),
+    ],
+)
+def test_mistakes_are_one_line(
+    arguments: list[str],
+    text: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Exit code 2, one line that names the place, and nothing was started."""
+    monkeypatch.chdir(tmp_path)
+    robot = "[[robots]]\nid = {0}\n{1}\n"
+    (tmp_path / "real.toml").write_text('[team]\nworld = "none"\n' + robot.format(0, ""))
+    circle = robot.format(0, "follow = 2") + robot.format(1, "follow = 0") + robot.format(2, "follow = 1")
+    (tmp_path / "circle.toml").write_text('[team]\nworld = "office"\n' + circle)
+    (tmp_path / "extra.toml").write_text('[team]\nworlds = "arena"\n' + robot.format(0, ""))
+    assert exit_code(up.main, arguments) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    (line,) = captured.err.splitlines()
+    assert text in line
+
+
+@pytest.mark.parametrize(
+    "report",
+    ["nowhere/r.json", "."],
+)
+def test_a_report_that_cannot_be_written_is_told_before_the_run(
+    report: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Nobody wants to learn after half an hour that the report's folder does not exist."""
+    monkeypatch.chdir(tmp_path)
+    assert up.main(["arena", "--for", "1", "--report", report]) == 2
+    assert "--report" in capsys.readouterr().err
+
+
+def printed(monkeypatch: pytest.MonkeyPatch, output: io.StringIO, *lines: tuple[str, str]) -> str:
+    """What a Printer makes of (process, line) pairs."""
+    monkeypatch.setattr("sys.stdout", output)
+    printer = Printer()
+    for name, line in lines:
+        printer.line(name, line)
+    return output.getvalue()
+
+
+def test_lines_carry_their_processs_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No colours where nobody looks; the name is not said twice."""
+    text = printed(monkeypatch, io.StringIO(), ("robot_1", "12:00:00 [robot_1] GO: driving"), ("sim", "a [b] c"))
+    assert text == "[robot_1] 12:00:00 GO: driving\n[sim] a [b] c\n"
+
+
+def test_a_terminal_shows_colours(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One colour a process, the same for all its lines, the text itself plain."""
+    text = printed(monkeypatch, Terminal(), ("a", "one"), ("b", "two"), ("a", "three"))
+    first, second, third = text.splitlines()
+    color = first.partition("[a]")[0]
+    assert color.startswith("\033[")
+    assert third == f"{color}[a]\033[0m three"
+    assert not second.startswith(color)
+
+
+def test_no_color_is_obeyed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """https://no-color.org: set and not empty means none, on a terminal too."""
+    monkeypatch.setenv("NO_COLOR", "1")
+    assert printed(monkeypatch, Terminal(), ("a", "one")) == "[a] one\n"
+
+
+def test_every_process_of_a_large_team_has_a_colour(monkeypatch: pytest.MonkeyPatch) -> None:
+    """More processes than colours: they begin again."""
+    text = printed(monkeypatch, Terminal(), *((f"robot_{i}", "x") for i in range(40)))
+    assert all(line.startswith("\033[") for line in text.splitlines())

@@ -1,0 +1,216 @@
+"""A team held against everything it names, before it starts."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from zteam.errors import ConfigError
+from zteam.launch.check import check_team
+from zteam.launch.own_behaviors import Inquiry, Question
+from zteam.resources import shipped_world
+from zteam.team_file import read_team_file
+from zteam.testing.team import TeamFixture
+
+STOPPER = """
+import msgspec
+from zteam.behaviors import Behavior
+from zteam.messages import Twist
+
+print("a line of the module's own")
+
+class Stopper(Behavior):
+    class Params(msgspec.Struct, forbid_unknown_fields=True):
+        rate: float = 1.0
+
+    def step(self, view):
+        return Twist()
+"""
+
+MISTAKES = """
+[team]
+world = "arena"
+sede = 3
+
+[[robots]]
+id = 0
+behaviour = "wander"
+sped = 3
+
+[[robots]]
+id = 1
+follow = 0
+min_dist = "near"
+
+[[robots]]
+id = 5
+behavior = "my_stopper:Stoper"
+
+[[robots]]
+id = 6
+model = "erratic"
+pose = [1.5, 2.5, 0]
+behavior = "my_stopper:Stopper"
+rat = 2.0
+
+[[robots]]
+id = 7
+model = "eratic"
+pose = [0, 0, 0]
+description = "nothing.urdf"
+behavior = "wandr"
+
+[[robots]]
+id = 1
+model = "erratic"
+pose = [4, 4, 0]
+behavior = "my_stopper"
+
+[simulation]
+gaussian_noise = -1
+"""
+
+TOLD = [
+    "4: team.sede: unknown key (did you mean seed?); known: world, seed, world_robots",
+    "8: robots[0].behaviour: unknown key (did you mean behavior?); forward takes speed",
+    "9: robots[0].sped: unknown key (did you mean speed?); forward takes speed",
+    "14: robots[1].min_dist: Expected `float`, got `str`",
+    "17: robots[2].id: the world has no robot 5 (it has 0, 1); model and pose add one",
+    "18: robots[2].behavior: behaviour 'my_stopper:Stoper': module my_stopper (…) has no Stoper (did you mean …?)",
+    "23: robots[3].pose: it would stand in crate_0; give a free place as x, y, yaw",
+    "25: robots[3].rat: unknown key (did you mean rate?); my_stopper:Stopper takes rate",
+    "29: robots[4].model: arena: no robot macro 'eratic' in this world; there are: erratic",
+    "31: robots[4].description: …/nothing.urdf: cannot read this robot description: No such file or directory",
+    "32: robots[4].behavior: no behaviour 'wandr' (did you mean wander?): use forward, avoid, wander, follow or …",
+    "35: robots[5].id: robot 1 is robots[1] already; give each robot its own id",
+    "35: robots[5].id: the world has a robot 1 already: leave model and pose out, or give another id",
+    "38: robots[5].behavior: no behaviour 'my_stopper' (did you mean my_stopper:Stopper?): use forward, …",
+    "41: simulation.gaussian_noise: must be from 0 to 1000, not -1",
+]
+
+
+def write(folder: Path, text: str) -> Path:
+    """A team file of this text, and the user's behaviour beside it."""
+    (folder / "my_stopper.py").write_text(STOPPER)
+    path = folder / "team.toml"
+    path.write_text(text)
+    return path
+
+
+def test_all_mistakes_are_told_at_once_with_their_lines(tmp_path: Path) -> None:
+    """Keys, parameters, behaviours, descriptions, ids, models and poses: one run tells them, in the file's order."""
+    path = write(tmp_path, MISTAKES)
+    with pytest.raises(ConfigError) as caught:
+        check_team(read_team_file(path))
+    lines = str(caught.value).splitlines()
+    for line, told in zip(lines, TOLD, strict=True):
+        parts = f"{path}:{told}".split("…")
+        assert line.startswith(parts[0]) and line.endswith(parts[-1] if len(parts) > 1 else told), line
+
+
+def test_a_right_team_passes_and_names_its_world(tmp_path: Path) -> None:
+    """The user's behaviour is found beside the team file; a world of the command line wins over the file's."""
+    good = '[team]\nworld = "arena"\n[[robots]]\nid = 0\nbehavior = "my_stopper:Stopper"\nrate = 2\n'
+    file = read_team_file(write(tmp_path, good))
+    assert check_team(file) == shipped_world("arena")
+    assert check_team(file, shipped_world("office")) == shipped_world("office")
+
+
+def test_the_fixture_checks_a_team_file_too(tmp_path: Path) -> None:
+    """A test that launches a wrong team file is told its mistakes by file and line, and no process is started."""
+    path = write(tmp_path, '[team]\nworld = "arena"\n[[robots]]\nid = 0\n[[robots]]\nid = 5\nfollow = 0\n')
+    team = TeamFixture()
+    try:
+        with pytest.raises(ConfigError, match=r"team\.toml:6: robots\[1\]\.id: the world has no robot 5"):
+            team.launch(path)
+        assert team.log == []
+    finally:
+        team.close()
+
+
+def test_a_behaviour_in_the_current_folder_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A team file elsewhere may name a module that lies where the command is typed."""
+    elsewhere = tmp_path / "teams"
+    elsewhere.mkdir()
+    (tmp_path / "my_own.py").write_text(STOPPER)
+    path = elsewhere / "team.toml"
+    path.write_text('[team]\nworld = "arena"\n[[robots]]\nid = 0\nbehavior = "my_own:Stopper"\n')
+    monkeypatch.chdir(tmp_path)
+    assert check_team(read_team_file(path)) == shipped_world("arena")
+
+
+def test_a_broken_world_file_is_told_with_the_rest(tmp_path: Path) -> None:
+    """The world's own mistakes carry the world's own lines."""
+    (tmp_path / "yard.world").write_text("define x position (\n")
+    path = write(tmp_path, '[team]\nworld = "yard.world"\n[[robots]]\nid = 0\nspeeed = 1\n')
+    with pytest.raises(ConfigError) as caught:
+        check_team(read_team_file(path))
+    first, second = str(caught.value).splitlines()
+    assert first.startswith(f"{path}:5: robots[0].speeed: unknown key (did you mean speed?)")
+    assert second.startswith(f"{tmp_path}/yard.world:")
+
+
+def test_real_robots_need_no_world(tmp_path: Path) -> None:
+    """Without a world there is nothing to hold ids against, and the rest is checked all the same."""
+    path = write(tmp_path, '[team]\nworld = "none"\n[[robots]]\nid = 70\n')
+    assert check_team(read_team_file(path)) is None
+    path = write(tmp_path, '[team]\nworld = "none"\n[[robots]]\nid = 70\nspeed = "fast"\n')
+    with pytest.raises(ConfigError, match=r":5: robots\[0\]\.speed: Expected `float`"):
+        check_team(read_team_file(path))
+
+
+def test_a_team_without_its_world_robots_adds_its_own(tmp_path: Path) -> None:
+    """With `world_robots = false` an id is free only for a robot with model and pose."""
+    text = '[team]\nworld = "arena"\nworld_robots = false\n[[robots]]\nid = 0\n'
+    with pytest.raises(ConfigError, match=r"robots\[0\]\.id: the world has no robot 0 \(it has none\)"):
+        check_team(read_team_file(write(tmp_path, text)))
+    check_team(read_team_file(write(tmp_path, text + 'model = "erratic"\npose = [0, 0, 0]\n')))
+
+
+@pytest.mark.parametrize(
+    ("code", "told"),
+    [
+        ("import sys; sys.exit('no GPU')", "cannot import bad: SystemExit: no GPU"),
+        ("import os; print('far too old', flush=True); os._exit(7)", "ended the process (exit code 7): far too old"),
+        ("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)", "ended the process (killed by SIGSEGV)"),
+        ("raise RuntimeError('two\\nlines')", "cannot import bad: RuntimeError: two lines"),
+        ("import sys; sys.stdout.close()", "module bad"),
+        ("import threading, time; threading.Thread(target=time.sleep, args=(600,)).start()", "has no Robot"),
+    ],
+)
+def test_a_module_that_misbehaves_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, code: str, told: str
+) -> None:
+    """Whatever importing does, the launcher goes on and names the behaviour."""
+    (tmp_path / "bad.py").write_text(code)
+    monkeypatch.chdir("/")
+    with Inquiry([Question("bad:Robot", {})], tmp_path) as inquiry:
+        (answer,) = inquiry.answers()
+    assert told in answer.refused
+    assert "bad:Robot" in answer.refused
+
+
+def test_a_module_that_hangs_is_given_up(tmp_path: Path) -> None:
+    """After the limit the check goes on, and the process that hangs is gone."""
+    (tmp_path / "slow.py").write_text("import time; time.sleep(600)")
+    with Inquiry([Question("slow:Robot", {})] * 2, tmp_path) as inquiry:
+        assert inquiry._process is not None
+        pid = inquiry._process.pid
+        first, _ = inquiry.answers(limit=0.5)
+        assert first.refused == "behaviour 'slow:Robot': importing it is not done after 0.5 s"
+    with pytest.raises(ProcessLookupError):
+        os.kill(pid, 0)
+
+
+def test_the_check_needs_no_engine(tmp_path: Path) -> None:
+    """The launcher stays small and quick: neither numba nor pymunk, and none of the user's modules."""
+    path = write(tmp_path, '[team]\nworld = "office"\n[[robots]]\nid = 0\nbehavior = "my_stopper:Stopper"\n')
+    code = (
+        "import sys; from pathlib import Path; from zteam.team_file import read_team_file; "
+        f"from zteam.launch.check import check_team; check_team(read_team_file(Path({str(path)!r}))); "
+        "print({'numba', 'pymunk', 'my_stopper'} & set(sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
+    assert done.stdout == "set()\n"

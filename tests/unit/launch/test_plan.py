@@ -1,0 +1,128 @@
+"""A team as commands: every command line is one that its process takes."""
+
+from pathlib import Path
+
+import pytest
+
+from zteam.cli import zteam_monitor, zteam_robot, zteam_sim, zteam_tf
+from zteam.geometry import Pose2
+from zteam.launch.plan import Plan, plan_team
+from zteam.resources import shipped_team
+from zteam.team_file import RobotEntry, Team, TeamSection, load_team
+
+WORLD = Path("/w/office.world")
+BUS = ("--connect", "tcp/127.0.0.1:1", "--namespace", "t")
+TEAM = Team(
+    robots=[
+        RobotEntry(id=0, behavior="wander", params={"speed": 0.4, "name": "a b", "turns": [1, -2]}),
+        RobotEntry(id=3, follow=0),
+        RobotEntry(id=7, follow=3, model="erratic", pose=Pose2(-1.5, 3.25, -1e-7)),
+        RobotEntry(id=8, pose=Pose2(0.0, -0.0, 3.0), model="my-robot"),
+    ],
+    team=TeamSection(seed=11),
+)
+
+
+def arguments(plan: Plan, name: str) -> list[str]:
+    """What stands behind `python -P -m zteam.cli.X`."""
+    return plan.commands[name][4:]
+
+
+def test_everybody_is_there_in_the_order_of_starting() -> None:
+    """Simulator first, because it takes longest; robots in the file's order; no router."""
+    plan = plan_team(TEAM, WORLD, BUS)
+    assert list(plan.commands) == ["sim", "tf", "monitor", "robot_0", "robot_3", "robot_7", "robot_8"]
+    assert plan.robots == ["robot_0", "robot_3", "robot_7", "robot_8"]
+    modules = [command[3] for command in plan.commands.values()]
+    first = ["zteam.cli.zteam_sim", "zteam.cli.zteam_tf", "zteam.cli.zteam_monitor"]
+    assert modules == first + ["zteam.cli.zteam_robot"] * 4
+
+
+def test_robots_stop_first_and_the_router_last() -> None:
+    """A robot's zero velocity needs the simulator and the router to get to the wheels."""
+    order = plan_team(TEAM, WORLD, BUS).stop_order()
+    assert order == [["robot_0", "robot_3", "robot_7", "robot_8"], ["monitor", "tf"], ["sim"], ["router"]]
+
+
+def test_what_has_no_place_in_the_order_stops_first() -> None:
+    """A process that the plan does not know by name may command a robot: its zero velocity must get through too."""
+    plan = plan_team(TEAM, WORLD, BUS)
+    plan.commands["teleop"] = ["teleop"]
+    plan.commands["robot #7"] = ["robot"]
+    order = plan.stop_order()
+    assert set(order[0]) == {"robot_0", "robot_3", "robot_7", "robot_8", "teleop", "robot #7"}
+    assert order[1:] == [["monitor", "tf"], ["sim"], ["router"]]
+
+
+def test_a_users_behaviour_is_looked_for_beside_the_team_file() -> None:
+    """Only the robot that runs one is told the folder."""
+    team = Team(robots=[RobotEntry(id=0, behavior="mine:Spin"), RobotEntry(id=1, behavior="avoid")])
+    plan = plan_team(team, WORLD, BUS, team_file=Path("/t/team.toml"))
+    assert zteam_robot.build_parser().parse_args(arguments(plan, "robot_0")).path == ["/t"]
+    assert zteam_robot.build_parser().parse_args(arguments(plan, "robot_1")).path == []
+
+
+def test_the_simulator_takes_its_command() -> None:
+    """Seed, time limit, additions and gaps arrive as they were given, negative numbers and all."""
+    args = zteam_sim.build_parser().parse_args(arguments(plan_team(TEAM, WORLD, BUS, run_for=2.5), "sim"))
+    assert (args.world, args.seed, args.run_for) == (str(WORLD), 11, 2.5)
+    assert [zteam_sim.parse_gap(text) for text in args.gap] == [(3, 0), (7, 3)]
+    additions = [zteam_sim.parse_addition(text) for text in args.add]
+    assert additions == [(7, "erratic", Pose2(-1.5, 3.25, -1e-7)), (8, "my-robot", Pose2(0.0, 0.0, 3.0))]
+    assert (args.connect, args.namespace) == ("tcp/127.0.0.1:1", "t")
+
+
+def test_without_a_limit_the_simulator_runs_on() -> None:
+    """No time limit is given where none was asked for."""
+    assert zteam_sim.build_parser().parse_args(arguments(plan_team(TEAM, WORLD, BUS), "sim")).run_for is None
+
+
+def test_a_team_of_real_robots_has_no_simulator() -> None:
+    """The rest is the same, and there is nothing to stop in the simulator's place."""
+    plan = plan_team(TEAM, None, BUS)
+    assert list(plan.commands) == ["tf", "monitor", "robot_0", "robot_3", "robot_7", "robot_8"]
+    assert plan.stop_order()[2] == []
+
+
+def test_the_monitor_waits_for_the_files_robots() -> None:
+    """Exactly these ids, so that GO does not come without one of them."""
+    args = zteam_monitor.build_parser().parse_args(arguments(plan_team(TEAM, WORLD, BUS), "monitor"))
+    assert zteam_monitor.parse_team(args.team_size, args.ids) == (4, (0, 3, 7, 8))
+
+
+def test_robots_take_their_commands() -> None:
+    """Leader, behaviour, raw parameters and seed arrive as the file has them."""
+    plan = plan_team(TEAM, WORLD, BUS)
+    leader = zteam_robot.build_parser().parse_args(arguments(plan, "robot_0"))
+    assert (leader.id, leader.behavior, leader.follow, leader.seed) == ("0", "wander", None, 11)
+    assert dict(map(zteam_robot.parse_param, leader.param)) == {"speed": 0.4, "name": "a b", "turns": [1, -2]}
+    follower = zteam_robot.build_parser().parse_args(arguments(plan, "robot_7"))
+    assert (follower.id, follower.follow, follower.behavior) == ("7", "3", None)
+    assert follower.connect == "tcp/127.0.0.1:1"
+
+
+def test_the_aggregator_gets_the_file() -> None:
+    """Its static transforms are in there; without a file it gets none."""
+    path = Path("/t/team.toml")
+    with_file = arguments(plan_team(TEAM, WORLD, BUS, team_file=path), "tf")
+    assert zteam_tf.build_parser().parse_args(with_file).team == str(path)
+    assert zteam_tf.build_parser().parse_args(arguments(plan_team(TEAM, WORLD, BUS), "tf")).team is None
+
+
+@pytest.mark.parametrize("seed", [0, 5, 2**62, -3])
+def test_a_seed_on_the_command_line_wins(seed: int) -> None:
+    """0 included; simulator and robots get the same one."""
+    plan = plan_team(TEAM, WORLD, BUS, seed=seed)
+    assert zteam_sim.build_parser().parse_args(arguments(plan, "sim")).seed == seed
+    assert {zteam_robot.build_parser().parse_args(arguments(plan, name)).seed for name in plan.robots} == {seed}
+
+
+@pytest.mark.parametrize("name", ["line", "arena", "willow"])
+def test_shipped_teams_make_a_plan(name: str) -> None:
+    """Every shipped team file becomes commands that their processes take."""
+    path = shipped_team(name)
+    assert path is not None
+    plan = plan_team(load_team(path), WORLD, BUS, team_file=path, run_for=1.0)
+    zteam_sim.build_parser().parse_args(arguments(plan, "sim"))
+    for each in plan.robots:
+        zteam_robot.build_parser().parse_args(arguments(plan, each))

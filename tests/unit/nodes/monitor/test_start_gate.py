@@ -1,0 +1,399 @@
+"""The start gate's logic: who counts as ready, when GO is given, what is told, what outlives a restart."""
+
+import numpy as np
+import pytest
+
+from zteam.messages import RobotState, RobotStatus, TeamState, TeamStatus, decode, encode, ns_from_time
+from zteam.nodes.monitor.start_gate import SILENT_AFTER, Gate
+
+READY, RUNNING, BOOT, STOPPED, FAULT = (
+    RobotState.READY,
+    RobotState.RUNNING,
+    RobotState.BOOT,
+    RobotState.STOPPED,
+    RobotState.FAULT,
+)
+
+
+def status(robot_id: int, state: int = READY, epoch: int = 0, text: str = "") -> RobotStatus:
+    """What robot `robot_id` says in this state."""
+    return RobotStatus(robot_id=robot_id, is_ready=state in (READY, RUNNING), state=state, epoch=epoch, text=text)
+
+
+def come(gate: Gate, *robot_ids: int, state: int = READY, epoch: int = 0, now: float = 0.0) -> None:
+    """Processes take these names and say their state."""
+    for robot_id in robot_ids:
+        gate.take_token(robot_id, f"first-{robot_id}", True)
+        gate.take_status(robot_id, status(robot_id, state, epoch), now)
+
+
+def told(gate: Gate, *kinds: str) -> list[str]:
+    """Lines of the events since the last call, of these kinds or all."""
+    events, gate.events = gate.events, []
+    return [("" if e.robot is None else f"robot_{e.robot} ") + e.text for e in events if not kinds or e.kind in kinds]
+
+
+def test_who_is_ready_and_who_is_waited_for() -> None:
+    """The line of each robot that becomes ready counts and names the others; then GO, once, in its exact words."""
+    gate = Gate([0, 1, 2, 3], 4)
+    come(gate, 0, 1)
+    assert told(gate) == [
+        "robot_0 ready (1 of 4; waiting for robot_1, robot_2, robot_3)",
+        "robot_1 ready (2 of 4; waiting for robot_2, robot_3)",
+    ]
+    assert not gate.try_go(1)
+    come(gate, 2, 3)
+    assert told(gate)[-1] == "robot_3 ready (4 of 4)"
+    assert gate.try_go(1)
+    assert told(gate) == ["All robots GO!"]
+    assert not gate.try_go(2)
+    assert told(gate) == []
+
+
+def test_a_robot_says_ready_once() -> None:
+    """Heartbeats of a ready robot are not told again."""
+    gate = Gate([0, 1], 2)
+    come(gate, 0)
+    for second in range(1, 5):
+        gate.take_status(0, status(0), float(second))
+    assert len(told(gate)) == 1
+
+
+@pytest.mark.parametrize("state", [BOOT, STOPPED, FAULT])
+def test_who_is_not_ready_does_not_count(state: int) -> None:
+    """is_ready = false holds the team, also of a robot that was ready before."""
+    gate = Gate([0, 1], 2)
+    come(gate, 0, 1)
+    gate.take_status(1, status(1, state), 1.0)
+    assert gate.ready == [0]
+    assert gate.missing == [1]
+    assert not gate.try_go(1)
+    told(gate)
+    gate.take_status(1, status(1), 2.0)
+    assert told(gate) == ["robot_1 ready (2 of 2)"]
+    assert gate.try_go(2)
+
+
+def test_a_word_without_a_process_does_not_count() -> None:
+    """A ready status on the key of a robot that nobody holds releases nobody."""
+    gate = Gate([0], 1)
+    gate.take_status(0, status(0), 0.0)
+    assert gate.ready == []
+    assert not gate.try_go(1)
+    gate.take_token(0, "a", True)
+    assert gate.try_go(2)
+
+
+def test_a_robot_that_dies_after_ready_does_not_count() -> None:
+    """Its process gone, the others wait for it again."""
+    gate = Gate([0, 1], 2)
+    come(gate, 0)
+    gate.take_token(0, "first-0", False)
+    come(gate, 1)
+    assert not gate.try_go(1)
+    assert told(gate)[1:] == ["robot_0 lost", "robot_1 ready (1 of 2; waiting for robot_0)"]
+    assert (gate.ready, gate.missing, gate.lost) == ([1], [0], [0])
+
+
+def test_a_new_process_speaks_for_itself() -> None:
+    """What its predecessor said makes no restarted robot ready."""
+    gate = Gate([0, 1], 2)
+    come(gate, 0)
+    gate.take_token(0, "first-0", False)
+    gate.take_token(0, "second-0", True)
+    come(gate, 1)
+    assert gate.ready == [1]
+    assert not gate.try_go(1)
+
+
+def test_a_new_process_is_not_silent_at_once() -> None:
+    """A robot that comes back after a while is not said to be silent for all that time."""
+    gate = Gate([0], 1)
+    come(gate, 0)
+    gate.take_token(0, "first-0", False)
+    gate.take_token(0, "second-0", True)
+    gate.check_silence(100.0)
+    assert told(gate, "silent") == []
+
+
+def test_a_silent_robot_does_not_count() -> None:
+    """GO waits for a robot whose process hangs."""
+    gate = Gate([0, 1], 2)
+    come(gate, 0, now=0.0)
+    gate.check_silence(SILENT_AFTER + 1)
+    come(gate, 1, now=SILENT_AFTER + 1)
+    assert not gate.try_go(1)
+    gate.take_status(0, status(0), SILENT_AFTER + 2)
+    assert gate.try_go(2)
+
+
+def test_nobody_speaks_for_another() -> None:
+    """A status under another robot's key is refused and leaves no trace."""
+    gate = Gate([0, 1], 2)
+    come(gate, 0)
+    told(gate)
+    for robot_id in (0, -1, 2**31 - 1):
+        assert not gate.take_status(1, status(robot_id), 0.0)
+    gate.take_token(1, "a", True)
+    assert gate.ready == [0]
+    assert told(gate) == []
+
+
+def test_others_do_not_stand_in() -> None:
+    """Robots that are not expected neither count nor show among the ready."""
+    gate = Gate([0, 1], 2)
+    come(gate, 0, 7, 8)
+    assert gate.ready == [0]
+    assert not gate.try_go(1)
+    come(gate, 1)
+    assert gate.try_go(2)
+    assert list(gate.status(2).ready) == [0, 1]
+
+
+def test_without_ids_it_counts() -> None:
+    """Any robots make a team that is only counted; the text says how many are missing."""
+    gate = Gate(None, 3)
+    come(gate, 40, 7)
+    assert told(gate)[-1] == "robot_7 ready (2 of 3; waiting for 1 more of any id)"
+    assert gate.waiting_for() == "1 more of any id"
+    assert not gate.try_go(1)
+    come(gate, 9)
+    assert gate.try_go(1)
+    assert list(gate.status(1).ready) == [7, 9, 40]
+    assert list(gate.status(1).missing) == []
+
+
+def test_ids_learnt_later_hold_from_then_on() -> None:
+    """Once the simulator's robots are known, exactly those are waited for."""
+    gate = Gate(None, 2)
+    come(gate, 0)
+    gate.expect([5, 0])
+    come(gate, 1)
+    assert not gate.try_go(1)
+    assert gate.waiting_for() == "robot_5"
+    come(gate, 5)
+    assert gate.try_go(1)
+
+
+def test_what_the_team_is_told() -> None:
+    """The published status before and after GO, over the wire and back."""
+    gate = Gate([0, 1, 2], 3)
+    come(gate, 0, 1)
+    gate.take_token(1, "first-1", False)
+    waiting = decode(TeamStatus, encode(gate.status(3_000_000_001)))
+    assert (waiting.state, waiting.epoch, waiting.team_size) == (TeamState.WAITING, 0, 3)
+    assert ns_from_time(waiting.header.stamp) == 3_000_000_001
+    assert [list(a) for a in (waiting.ready, waiting.missing, waiting.lost)] == [[0], [1, 2], [1]]
+    assert all(a.dtype == np.int32 for a in (waiting.ready, waiting.missing, waiting.lost))
+    come(gate, 1, 2)
+    gate.take_status(1, status(1), 1.0)
+    assert gate.try_go(4_500_000_000)
+    go = decode(TeamStatus, encode(gate.status(9_000_000_000)))
+    assert (go.state, go.epoch, ns_from_time(go.go_stamp)) == (TeamState.GO, 1, 4_500_000_000)
+    assert [list(a) for a in (go.ready, go.missing, go.lost)] == [[0, 1, 2], [], []]
+
+
+def test_go_is_never_taken_back() -> None:
+    """Whatever happens to the robots, epoch, state and stamp stay."""
+    gate = Gate([0, 1], 2)
+    come(gate, 0, 1)
+    gate.try_go(5)
+    for robot_id in (0, 1):
+        gate.take_token(robot_id, f"first-{robot_id}", False)
+    gate.check_silence(100.0)
+    come(gate, 1, state=BOOT)
+    after = gate.status(7)
+    assert (after.state, after.epoch, ns_from_time(after.go_stamp)) == (TeamState.GO, 1, 5)
+    assert list(after.missing) == [0, 1]
+
+
+def test_who_was_ready_in_time_is_not_late() -> None:
+    """A heartbeat between GO and the robot's first step is nothing to tell."""
+    gate = Gate([0], 1)
+    come(gate, 0)
+    gate.try_go(1)
+    told(gate)
+    gate.take_status(0, status(0), 1.0)
+    gate.take_status(0, status(0, RUNNING, 1), 2.0)
+    assert told(gate) == []
+
+
+def test_a_late_robot_is_told_once() -> None:
+    """A robot that becomes ready after GO is told GO, and the line says so once."""
+    gate = Gate(None, 1)
+    come(gate, 0)
+    gate.try_go(1)
+    told(gate)
+    come(gate, 1, state=BOOT)
+    assert told(gate) == []
+    gate.take_status(1, status(1), 1.0)
+    gate.take_status(1, status(1, RUNNING, 1), 2.0)
+    assert told(gate) == ["robot_1 is ready late: told GO"]
+
+
+@pytest.mark.parametrize(
+    "states",
+    [(BOOT, READY), (BOOT, RUNNING), (RUNNING,)],
+)
+def test_a_newcomer_is_told_of(states: tuple[int, ...]) -> None:
+    """A robot that starts after GO finds the latched GO, and the monitor says so once."""
+    gate = Gate(None, 1)
+    come(gate, 0)
+    gate.try_go(1)
+    told(gate)
+    gate.take_token(4, "a", True)
+    for state in (*states, RUNNING):
+        gate.take_status(4, status(4, state, int(state == RUNNING)), 1.0)
+    assert told(gate) == ["robot_4 is ready late: told GO"]
+
+
+@pytest.mark.parametrize("states", [(BOOT, READY, RUNNING), (BOOT, RUNNING), (RUNNING,)])
+def test_a_restarted_robot_is_told_again(states: tuple[int, ...]) -> None:
+    """Lost, back, told GO anew, also if it obeys the latched GO before it says a word."""
+    gate = Gate([0], 1)
+    come(gate, 0)
+    gate.try_go(1)
+    gate.take_status(0, status(0, RUNNING, 1), 0.5)
+    told(gate)
+    gate.take_token(0, "first-0", False)
+    gate.take_token(0, "second-0", True)
+    for state in states:
+        gate.take_status(0, status(0, state, int(state == RUNNING)), 1.0)
+    assert told(gate) == ["robot_0 lost", "robot_0 is back", "robot_0 is ready late: told GO"]
+    assert gate.lost == []
+
+
+def test_a_stop_is_no_loss() -> None:
+    """A robot that said farewell is told as stopped, one that vanished as lost."""
+    gate = Gate([0, 1], 2)
+    come(gate, 0, 1)
+    gate.take_status(0, status(0, STOPPED), 1.0)
+    told(gate)
+    gate.take_token(0, "first-0", False)
+    gate.take_token(1, "first-1", False)
+    assert told(gate) == ["robot_0 stopped", "robot_1 lost"]
+
+
+def test_a_name_is_lost_with_its_last_holder() -> None:
+    """Tokens of two sessions under one name are told apart; one nobody had is nobody's loss."""
+    gate = Gate([0], 1)
+    come(gate, 0)
+    gate.take_token(0, "second-0", True)
+    gate.take_token(0, "never-seen", False)
+    gate.take_token(0, "first-0", False)
+    assert told(gate, "lost") == []
+    assert gate.ready == [0]
+    gate.take_token(0, "second-0", False)
+    assert told(gate, "lost") == ["robot_0 lost"]
+    gate.take_token(0, "second-0", False)
+    assert told(gate) == []
+
+
+def test_a_fault_is_told_with_its_text() -> None:
+    """Once when it comes, again when it comes back."""
+    gate = Gate([0], 1)
+    come(gate, 0)
+    told(gate)
+    for state in (FAULT, FAULT, READY, FAULT):
+        gate.take_status(0, status(0, state, text="laser dead"), 1.0)
+    assert told(gate, "fault") == ["robot_0 fault: laser dead"] * 2
+
+
+def test_a_silent_robot_is_named_and_unnamed() -> None:
+    """A living token without statuses: told once, and once when it answers again."""
+    gate = Gate([0, 1], 2)
+    come(gate, 0, 1, now=10.0)
+    told(gate)
+    gate.check_silence(10.0 + SILENT_AFTER)
+    assert told(gate) == []
+    gate.take_status(1, status(1), 12.0)
+    gate.check_silence(14.0)
+    gate.check_silence(14.2)
+    assert told(gate) == ["robot_0 does not answer for 4 s"]
+    gate.take_status(0, status(0), 15.0)
+    gate.take_status(0, status(0), 15.5)
+    assert told(gate, "silent", "answers") == ["robot_0 answers again"]
+
+
+def test_a_dead_robot_is_not_silent() -> None:
+    """What is lost is not also said to be silent."""
+    gate = Gate([0], 1)
+    come(gate, 0)
+    gate.take_token(0, "first-0", False)
+    told(gate)
+    gate.check_silence(100.0)
+    assert told(gate) == []
+
+
+def test_a_restarted_monitor_adopts_the_go() -> None:
+    """The GO that a running robot obeys is the team's: the same epoch, no gating anew, and late ones get it."""
+    gate = Gate([0, 1], 2)
+    come(gate, 0, state=RUNNING, epoch=3)
+    assert (gate.gone, gate.epoch) == (True, 3)
+    assert told(gate) == ["the team is running already (epoch 3)"]
+    assert gate.status(1).state == TeamState.GO
+    come(gate, 1)
+    assert told(gate) == ["robot_1 is ready late: told GO"]
+    assert not gate.try_go(9)
+
+
+@pytest.mark.parametrize(("state", "epoch"), [(RUNNING, 0), (READY, 2), (STOPPED, 2)])
+def test_who_runs_without_a_go_is_not_followed(state: int, epoch: int) -> None:
+    """A --no-gate robot runs in epoch 0, and an epoch counts from a running robot only."""
+    gate = Gate([0, 1], 2)
+    come(gate, 0, state=state, epoch=epoch)
+    assert not gate.gone
+
+
+def test_an_adopted_team_is_not_late() -> None:
+    """Robots that run already are not told GO again when the monitor restarts."""
+    gate = Gate([0, 1, 2], 3)
+    for robot_id in range(3):
+        gate.take_token(robot_id, f"first-{robot_id}", True)
+    come(gate, 0, 1, 2, state=RUNNING, epoch=1)
+    assert told(gate, "late") == []
+
+
+def test_the_highest_epoch_is_adopted() -> None:
+    """Of robots that obey different GOs the newest wins."""
+    gate = Gate([0, 1], 2)
+    come(gate, 0, state=RUNNING, epoch=1)
+    come(gate, 1, state=RUNNING, epoch=4)
+    assert gate.epoch == 4
+
+
+@pytest.mark.parametrize("case", ["not expected", "not alive"])
+def test_a_stranger_opens_no_gate(case: str) -> None:
+    """A running robot of another team, or a status without a process, gives this team no GO."""
+    gate = Gate([0, 1], 2)
+    if case == "not expected":
+        come(gate, 7, state=RUNNING, epoch=1)
+    else:
+        gate.take_status(1, status(1, RUNNING, 1), 0.0)
+    assert not gate.gone
+
+
+def test_a_jump_of_time_renews_a_standing_go_only() -> None:
+    """After the simulator's restart GO holds from its new time on; before GO there is nothing to renew."""
+    gate = Gate([0], 1)
+    gate.renew(5)
+    assert not gate.gone
+    come(gate, 0)
+    gate.try_go(9_000)
+    gate.renew(100)
+    assert (ns_from_time(gate.status(200).go_stamp), gate.epoch) == (100, 1)
+
+
+def test_all_running_waits_for_those_who_count() -> None:
+    """Every living robot of the team must obey the standing GO; the dead and the strangers are not waited for."""
+    gate = Gate([0, 1, 2], 3)
+    come(gate, 0, 1, 2)
+    come(gate, 9)
+    assert not gate.all_running()
+    gate.try_go(1)
+    assert not gate.all_running()
+    gate.take_status(0, status(0, RUNNING, 1), 1.0)
+    gate.take_status(1, status(1, RUNNING, 1), 1.0)
+    assert not gate.all_running()
+    gate.take_token(2, "first-2", False)
+    assert gate.all_running()

@@ -1,0 +1,102 @@
+"""Which processes command a robot, and what the monitor says of that."""
+
+import pytest
+
+from zteam import names
+from zteam.bus import MemoryHub, NoRequest
+from zteam.messages import Twist
+from zteam.nodes.monitor import writer_watch
+from zteam.nodes.monitor.start_gate import Gate
+from zteam.nodes.monitor.writer_watch import WriterWatch
+from zteam.runtime.node import Node
+from zteam.runtime.shutdown import Stop
+from zteam.runtime.writers import RECENT, Writers
+from zteam.services.simulator import SimStatus
+
+
+class Desk:
+    """A monitor's watch, and what it tells."""
+
+    def __init__(self, hub: MemoryHub) -> None:
+        self.node = Node(names.MONITOR, hub.bus(), Stop())
+        self._gate = Gate(None, 1)
+        self.watch = WriterWatch(self.node, self._gate)
+
+    def tell(self) -> list[tuple[str, int | None, str]]:
+        """What the next look tells."""
+        self.watch.look()
+        events, self._gate.events = self._gate.events, []
+        return [tuple(event) for event in events]
+
+
+@pytest.fixture
+def desk(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> Desk:
+    """A watch that looks whenever it is asked to."""
+    monkeypatch.setattr(writer_watch, "LOOK", 0.0)
+    return Desk(hub)
+
+
+def test_writers_are_forgotten() -> None:
+    """A session counts for a while after its last command."""
+    writers = Writers()
+    writers.take(0, "a", 10.0)
+    writers.take(0, "b", 12.0)
+    writers.take(1, "a", 12.0)
+    assert writers.recent(10.0 + RECENT) == {0: {"a", "b"}, 1: {"a"}}
+    assert writers.recent(11.0 + RECENT) == {0: {"b"}, 1: {"a"}}
+    assert writers.recent(13.0 + RECENT) == {}
+
+
+def test_invented_sessions_take_no_memory() -> None:
+    """A robot has so many writers at most, and those that are known stay known."""
+    writers = Writers()
+    for number in range(1000):
+        writers.take(0, f"{number}", 0.0)
+    writers.take(0, "0", RECENT)
+    assert len(writers.recent(0.0)[0]) == 64
+    assert writers.recent(RECENT + 1.0) == {0: {"0"}}
+
+
+def test_the_simulator_says_who_commands(hub: MemoryHub, desk: Desk) -> None:
+    """Each change is told once, with the names of the processes that have one."""
+    simulator, status = hub.bus(), SimStatus("w", [0], 100, 1, 0, 0, 1.0)
+    simulator.serve(names.service_key(names.SIMULATOR, "status"), NoRequest, lambda _: status)
+    desk.watch.take_token(names.SIMULATOR, simulator.instance, True)
+    desk.watch.take_token("robot_0", "a1", True)
+    assert desk.tell() == []
+    status.writers = {0: ["a1", "b2"]}
+    text = "is commanded by 2 processes: robot_0, session b2 (see 'zteam topic info robot_0/cmd_vel')"
+    assert desk.tell() == [("writers", 0, text)]
+    assert desk.tell() == []
+    desk.watch.take_token("joystick", "b2", True)
+    status.writers = {0: ["a1", "b2", "c3"]}
+    ((_, _, more),) = desk.tell()
+    assert "3 processes: robot_0, joystick, session c3" in more
+    status.writers = {}
+    assert desk.tell() == [("writers", 0, "is commanded by one process again")]
+    assert desk.tell() == []
+
+
+def test_a_simulator_that_does_not_answer_changes_nothing(hub: MemoryHub, desk: Desk) -> None:
+    """What was told stands until it is known better."""
+    desk.watch.take_token(names.SIMULATOR, "s1", True)
+    assert desk.tell() == []
+
+
+def test_without_a_simulator_the_commands_are_heard(hub: MemoryHub, desk: Desk) -> None:
+    """Real bases tell nothing: in wall time the monitor listens by itself, and not before."""
+    robot, rival = hub.bus(), hub.bus()
+    publishers = [bus.publisher("robot_3/cmd_vel", Twist) for bus in (robot, rival)]
+    desk.watch.take_token("robot_3", robot.instance, True)
+    desk.tell()
+    for publisher in publishers:
+        publisher.put(Twist())
+    assert desk.tell() == []
+    desk.node.clock.use_wall()
+    assert desk.tell() == []
+    publishers[0].put(Twist())
+    assert desk.tell() == []
+    publishers[1].put(Twist())
+    ((kind, robot_id, text),) = desk.tell()
+    assert (kind, robot_id) == ("writers", 3)
+    assert f"robot_3, session {rival.instance}" in text

@@ -1,0 +1,74 @@
+"""The simulator's view of the robots' commands, on a bus in memory: for whom it waits."""
+
+import threading
+from collections.abc import Iterator
+
+import pytest
+
+from support.lockstep_doubles import LIMIT, LONG
+from zteam import names
+from zteam.bus import MemoryHub
+from zteam.messages import Twist
+from zteam.nodes.simulator.commands import Commands
+from zteam.nodes.simulator.run_statistics import RunStatistics
+from zteam.runtime.node import Node
+from zteam.runtime.shutdown import Stop
+
+
+class Desk:
+    """Commands of a world with these robots, each with a living process."""
+
+    def __init__(self, hub: MemoryHub, *robots: int) -> None:
+        self.robots = {*robots}
+        self._node = Node(names.SIMULATOR, hub.bus(), Stop())
+        self.commands = Commands(self._node, self.robots.__contains__, RunStatistics({}, 1))
+        self.publishers = {}
+        for i in robots:
+            bus = hub.bus()
+            bus.declare_token(names.token_key(names.robot_name(i), bus.instance))
+            self.publishers[i] = bus.publisher(names.robot_key(i, names.CMD_VEL), Twist)
+
+    def wait(self) -> threading.Thread:
+        """Wait for the answers in a thread, with a time-out that no test lives to see."""
+        thread = threading.Thread(target=self.commands.wait_for_answers, args=(LONG,), daemon=True)
+        thread.start()
+        return thread
+
+    def close(self) -> None:
+        """End."""
+        self._node.close()
+
+
+@pytest.fixture
+def desk(hub: MemoryHub) -> Iterator[Desk]:
+    """Two robots."""
+    made = Desk(hub, 0, 1)
+    yield made
+    made.close()
+
+
+def test_it_waits_for_the_robots_that_were_sent_a_scan(desk: Desk) -> None:
+    """The wait ends with the last command."""
+    for i in (0, 1):
+        desk.commands.scan_sent(i)
+    thread = desk.wait()
+    desk.publishers[0].put(Twist())
+    assert thread.is_alive()
+    desk.publishers[1].put(Twist())
+    thread.join(LIMIT)
+    assert not thread.is_alive()
+
+
+def test_a_robot_that_left_the_world_is_not_waited_for(desk: Desk) -> None:
+    """Removed before it has answered its scan, it delays no tick, though its process lives."""
+    for i in (0, 1):
+        desk.commands.scan_sent(i)
+    desk.robots.remove(1)
+    desk.publishers[1].put(Twist())
+    desk.publishers[0].put(Twist())
+    for _ in range(2):
+        thread = desk.wait()
+        thread.join(LIMIT)
+        assert not thread.is_alive()
+        desk.commands.scan_sent(0)
+        desk.publishers[0].put(Twist())

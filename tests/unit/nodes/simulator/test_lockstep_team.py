@@ -1,0 +1,183 @@
+"""A whole team in lock-step: the same run, bit for bit, whatever does not matter, and another one for what does."""
+
+import hashlib
+import itertools
+import random
+import struct
+
+import pytest
+
+from support.in_process_team import NAMES, ROBOTS, Crew, CrewOptions, load_scene, run
+from support.lockstep_doubles import lossy_bus
+from zteam import names
+from zteam.bus import Bus, MemoryHub
+from zteam.messages import Bool, LaserScan, Odometry, Tick, Twist, Vector3
+from zteam.nodes.simulator import lockstep
+from zteam.services.simulator import SimReport
+from zteam.sim import Engine
+
+
+@pytest.fixture(scope="module")
+def usual() -> SimReport:
+    """The run that others are compared with."""
+    return run()
+
+
+@pytest.fixture(scope="module")
+def calm_office() -> SimReport:
+    """A run elsewhere."""
+    return run(scene="office")
+
+
+def test_a_run_can_be_repeated(usual: SimReport) -> None:
+    """All processes anew, and every pose of every tick is the same to the last bit."""
+    again = run()
+    assert again.trajectory_sha256 == usual.trajectory_sha256
+    assert [robot.pose for robot in again.robots] == [robot.pose for robot in usual.robots]
+
+
+def test_the_team_has_done_something(usual: SimReport) -> None:
+    """Ten seconds are counted from the tick of GO on, nobody was late or left behind, and all have driven."""
+    assert (usual.finished, usual.sim_seconds, usual.ticks) == (True, 10.0, 101)
+    assert (usual.lockstep, usual.resends, usual.hung, usual.external_commands) == (True, 0, [], 0)
+    assert [robot.late_steps for robot in usual.robots] == [0] * ROBOTS
+    assert all(robot.distance_m > 2.0 and robot.stalls == 0 for robot in usual.robots)
+    assert usual.trajectory_sha256 != hashlib.sha256().hexdigest()
+
+
+def test_another_world_is_another_run(usual: SimReport, calm_office: SimReport) -> None:
+    """The same team in the office: repeatable there too."""
+    assert run(scene="office").trajectory_sha256 == calm_office.trajectory_sha256 != usual.trajectory_sha256
+
+
+@pytest.mark.parametrize("order", [*itertools.permutations(NAMES)][1::5])
+def test_the_order_of_processes_does_not_matter(usual: SimReport, order: tuple[str, ...]) -> None:
+    """Whoever comes up first."""
+    assert run(order=order).trajectory_sha256 == usual.trajectory_sha256
+
+
+@pytest.mark.parametrize("order", [NAMES, NAMES[::-1], ("robot_1", "tf", "robot_2", "robot_0")])
+def test_it_does_not_matter_when_processes_come(usual: SimReport, order: tuple[str, ...]) -> None:
+    """They may come one by one to a world that holds its first tick."""
+    assert run(order=order, staggered=True).trajectory_sha256 == usual.trajectory_sha256
+
+
+@pytest.mark.parametrize(
+    "order",
+    [
+        NAMES,
+        NAMES[::-1],
+        ("robot_1", "tf", "robot_0", "robot_2"),
+    ],
+)
+@pytest.mark.parametrize("gate", [True, False])
+def test_nor_does_it_with_a_standing_go(usual: SimReport, order: tuple[str, ...], gate: bool) -> None:
+    """The same where GO stands from before, or where nobody waits for one."""
+    report = run(order=order, staggered=True, standing_go=True, gate=gate)
+    assert report.trajectory_sha256 == usual.trajectory_sha256
+
+
+@pytest.mark.parametrize("pace", [50.0, 1000.0])
+def test_the_pace_does_not_matter(usual: SimReport, pace: float) -> None:
+    """A world that waits for the host's clock between its ticks is the same world."""
+    assert run(pace=pace).trajectory_sha256 == usual.trajectory_sha256
+
+
+def test_steps_do_not_matter(usual: SimReport) -> None:
+    """A run in steps, with breaks, is the run in one go."""
+    with Crew(CrewOptions(paused=True)) as crew:
+        for ticks in (1, 2, 30, 7):
+            crew.step(ticks)
+        crew.ask("resume")
+        assert crew.finish().trajectory_sha256 == usual.trajectory_sha256
+
+
+def test_spectators_do_not_matter(usual: SimReport) -> None:
+    """Whether anybody listens to what no command hangs on makes no difference."""
+    with Crew() as crew:
+        seen: set[str] = set()
+        for topic, kind in (
+            (names.GROUND_TRUTH, Odometry),
+            (names.ODOM, Odometry),
+            (names.BASE_SCAN, LaserScan),
+            (names.STALL, Bool),
+            (names.CMD_VEL, Twist),
+        ):
+            crew.hub.bus().subscribe(names.all_robots_key(topic), kind, lambda key, _: seen.add(key))
+        assert crew.finish().trajectory_sha256 == usual.trajectory_sha256
+        assert len(seen) == 5 * ROBOTS
+
+
+@pytest.mark.parametrize("share", [0.02, 0.1])
+def test_lost_messages_do_not_matter(usual: SimReport, monkeypatch: pytest.MonkeyPatch, share: float) -> None:
+    """Ticks, answers, scans and transforms may be lost: they are sent again, and nobody acts on half of them."""
+    monkeypatch.setattr(lockstep, "RESEND", 0.002)
+    monkeypatch.setattr(lockstep, "MAX_RESEND", 0.01)
+    chance = random.Random(1)
+    lost: set[str] = set()
+    heard: list[Tick] = []
+
+    def loses(key: str) -> bool:
+        # The start has tests of its own.
+        if not heard or heard[-1].tick < 2 or chance.random() >= share:
+            return False
+        lost.add(key.rpartition("/")[2])
+        return True
+
+    def open_bus(hub: MemoryHub, name: str) -> Bus:
+        if name == names.SIMULATOR:
+            hub.bus().subscribe(names.TICK, Tick, lambda _, tick: heard.append(tick))
+        return lossy_bus(hub, loses)
+
+    with Crew(open_bus=open_bus) as crew:
+        report = crew.finish()
+    assert report.trajectory_sha256 == usual.trajectory_sha256
+    assert report.resends > 0
+    assert lost >= {"tick", "done", "base_scan", "tf"}
+
+
+def test_foreign_commands_do_not_matter_but_are_counted(usual: SimReport) -> None:
+    """What somebody else puts on `cmd_vel` moves no robot that answers; the report says that it was there."""
+    with Crew(CrewOptions(paused=True)) as crew:
+        crew.step(50)
+        crew.hub.bus().publisher(names.robot_key(1, names.CMD_VEL), Twist).put(Twist(Vector3(1.0)))
+        crew.ask("resume")
+        report = crew.finish()
+    assert report.external_commands == 1
+    assert report.trajectory_sha256 == usual.trajectory_sha256
+
+
+def test_the_seed_matters(usual: SimReport) -> None:
+    """The wanderer turns elsewhere, and those behind it follow."""
+    assert run(seed=2).trajectory_sha256 != usual.trajectory_sha256
+
+
+@pytest.mark.parametrize("speed", [0.81, 0.8000001])
+def test_the_slightest_other_command_matters(usual: SimReport, speed: float) -> None:
+    """A leader that is a little faster is another run."""
+    assert run(speed=speed).trajectory_sha256 != usual.trajectory_sha256
+
+
+def test_the_hash_is_that_of_the_poses(usual: SimReport) -> None:
+    """The engine alone, given the commands that the answers carried, goes through the poses that were hashed.
+
+    x, y, yaw as little-endian 64-bit floats, by robot id, for every tick from that of GO on.
+    """
+    with Crew() as crew:
+        report = crew.finish()
+    commands: dict[int, dict[int, Twist]] = {}
+    for name, done in crew.dones:
+        robot_id = names.robot_id_of(name)
+        if robot_id is not None and done.has_command:
+            commands.setdefault(done.tick, {})[robot_id] = done.command
+    world, robots = load_scene()
+    engine = Engine(world, seed=1, robots=robots)
+    trajectory = hashlib.sha256()
+    go = min(tick.tick for tick in crew.ticks if tick.epoch > 0)
+    for tick in range(1, max(tick.tick for tick in crew.ticks) + 1):
+        engine.move(commands.get(tick - 1, {}))
+        if tick >= go:
+            for robot_id in sorted(robots):
+                trajectory.update(struct.pack("<3d", *engine.truth(robot_id)))
+    assert trajectory.hexdigest() == report.trajectory_sha256 == usual.trajectory_sha256
+    assert len(commands) == report.ticks

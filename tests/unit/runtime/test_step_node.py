@@ -1,0 +1,332 @@
+"""`zteam.Node` on a bus in memory: when its step runs, and what it may answer."""
+
+import re
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+import zteam
+from support.lockstep_doubles import LIMIT, Worlds
+from zteam import names
+from zteam.bus import MemoryHub
+from zteam.clock import wait_until
+from zteam.errors import UsageError
+from zteam.messages import (
+    Bool,
+    Clock,
+    Header,
+    Odometry,
+    TFMessage,
+    TransformStamped,
+    Twist,
+    Vector3,
+    ns_from_time,
+    time_from_ns,
+)
+from zteam.runtime import node as core
+from zteam.runtime import shutdown
+from zteam.runtime.shutdown import Stop
+
+TICK = 100_000_000
+
+
+class Own:
+    """A user's node with its main loop in a thread."""
+
+    def __init__(self, hub: MemoryHub, name: str = "planner", command: Twist | None = None) -> None:
+        self.stop = Stop()
+        self.node = zteam.Node(name, hub.bus(), self.stop)
+        self.steps: list[int] = []
+        self.changed = threading.Condition()
+        self.failure: BaseException | None = None
+        self._command = command
+        self._present = threading.Event()
+        hub.bus().watch_tokens([names.tokens_key(name)], lambda key, alive: self._present.set())
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    def step(self, now: int) -> Twist | None:
+        """The user's step."""
+        with self.changed:
+            self.steps.append(now)
+            self.changed.notify_all()
+        return self._command
+
+    def start(self, step: Callable[[int], Twist | None] | None = None, period: float = 0.1) -> "Own":
+        """Run the main loop."""
+        self._chosen, self._period = step or self.step, period
+        self._thread.start()
+        return self
+
+    def _run(self) -> None:
+        try:
+            self.node.run(self._chosen, period=self._period)
+        except BaseException as error:
+            self.failure = error
+
+    def wait_until_present(self) -> None:
+        """Wait until it holds its name."""
+        assert self._present.wait(LIMIT)
+
+    def wait_for_steps(self, count: int) -> None:
+        """Wait until the step has run so often."""
+        with self.changed:
+            assert wait_until(self.changed, lambda: len(self.steps) >= count, LIMIT), self.steps
+
+    def close(self) -> None:
+        """Stop and wait."""
+        self.stop.request("the test is over")
+        if self._thread.ident is not None:
+            self._thread.join(LIMIT)
+        self.node.close()
+
+
+@pytest.fixture
+def make(hub: MemoryHub) -> Iterator[Callable[..., Own]]:
+    """Makes nodes that end with the test."""
+    made: list[Own] = []
+
+    def start(*arguments: object) -> Own:
+        made.append(Own(hub, *arguments))  # type: ignore[arg-type]
+        return made[-1]
+
+    yield start
+    for own in made:
+        own.close()
+
+
+def test_its_step_follows_the_simulators_clock(hub: MemoryHub, make: Callable[..., Own]) -> None:
+    """With a simulator in real time the step runs once a period of simulated time, and stands still with it."""
+    own = make().start(period=0.2)
+    clock = hub.bus().publisher(names.CLOCK, Clock)
+    for tick in range(1, 12):
+        clock.put(Clock(time_from_ns(tick * TICK)))
+        own.wait_for_steps((tick + 1) // 2)
+    assert own.steps == [tick * TICK for tick in range(1, 12, 2)]
+
+
+def test_it_counts_anew_when_time_jumps_back(hub: MemoryHub, make: Callable[..., Own]) -> None:
+    """After a reset the step goes on a period later, not when the old time is reached again."""
+    own = make().start(period=0.1)
+    clock = hub.bus().publisher(names.CLOCK, Clock)
+    clock.put(Clock(time_from_ns(500 * TICK)))
+    own.wait_for_steps(1)
+    for tick in range(1, 400):
+        clock.put(Clock(time_from_ns(tick * TICK)))
+        with own.changed:
+            # The main loop has to have seen a tick to count from.
+            if wait_until(own.changed, lambda: len(own.steps) > 1, 0.05):
+                break
+    assert own.steps[0] == 500 * TICK
+    assert own.steps[1] < 400 * TICK
+
+
+class Host:
+    """The host's time, which goes on as somebody waits; `late` is what every wait takes too long."""
+
+    def __init__(self, late: float = 0.0) -> None:
+        self.ns = 1_000_000_000
+        self._late = late
+
+    def wait(self, ready: Callable[[], bool], timeout: float) -> bool:
+        """Instead of `Node.wait`: nothing happens until the time is over."""
+        if not ready():
+            self.ns += round((timeout + self._late) * 1e9)
+        return ready()
+
+
+@pytest.mark.parametrize("period", [0.03, 0.15, 0.25, 1.7])
+def test_in_wall_time_its_steps_are_a_period_apart(
+    make: Callable[..., Own], monkeypatch: pytest.MonkeyPatch, period: float
+) -> None:
+    """It waits for the very moment, and one that came late does not move the next."""
+    own, host = make(), Host(late=0.001)
+    own.node.clock.use_wall()
+    monkeypatch.setattr(own.node.clock, "steady", lambda: host.ns)
+    monkeypatch.setattr(own.node, "wait", host.wait)
+    steps: list[int] = []
+
+    def step(_now: int) -> None:
+        steps.append(host.ns)
+        if len(steps) == 40:
+            own.stop.request("enough")
+
+    own.node.run(step, period=period)
+    begin = steps[0]
+    for count, moment in enumerate(steps):
+        assert 0 <= moment - begin - count * round(period * 1e9) <= 1_000_000
+
+
+@pytest.mark.usefixtures("patient")
+def test_in_lock_step_it_waits_for_its_inputs(hub: MemoryHub, make: Callable[..., Own], worlds: Worlds) -> None:
+    """The world is held until the tick's odometry of every robot, and its transforms, have come; then it steps once."""
+    own = make()
+    bus = hub.bus()
+    odoms = [bus.publisher(names.robot_key(i, names.ODOM), Odometry) for i in (0, 1)]
+    tf = bus.publisher(names.TF, TFMessage)
+    own.node.subscribe(names.all_robots_key(names.ODOM), Odometry, lambda key, odom: None, every_tick=True)
+    own.node.subscribe(names.TF, TFMessage, lambda key, message: None, every_tick=True)
+    own.start()
+    world = worlds("planner")
+    own.wait_until_present()
+    world.open(1, 0, 1)
+    world.begin()
+    header = Header(time_from_ns(TICK))
+    odoms[0].put(Odometry(header))
+    tf.put(TFMessage([TransformStamped(header)]))
+    assert own.steps == []
+    assert world.holds
+    odoms[1].put(Odometry(header))
+    assert world.end()
+    assert own.steps == [TICK]
+
+
+@pytest.mark.usefixtures("patient")
+@pytest.mark.parametrize(("name", "obeyed"), [("robot_3", True), ("planner", False)])
+def test_a_robots_own_process_may_command(
+    hub: MemoryHub, make: Callable[..., Own], worlds: Worlds, name: str, obeyed: bool
+) -> None:
+    """What `step` returns is the command of the robot whose name the process has, and of nobody else."""
+    own = make(name, Twist(Vector3(0.5)))
+    own.start()
+    world = worlds(name)
+    own.wait_until_present()
+    world.open(1, 3)
+    world.begin()
+    assert world.end()
+    commands = world.step.take_commands({3: None})
+    assert commands == ({3: Twist(Vector3(0.5))} if obeyed else {})
+
+
+def test_what_step_raises_ends_it(hub: MemoryHub, make: Callable[..., Own]) -> None:
+    """An error is not swallowed: `run` raises it."""
+
+    def fail(_now: int) -> None:
+        raise ValueError("out of plans")
+
+    own = make().start(fail)
+    hub.bus().publisher(names.CLOCK, Clock).put(Clock(time_from_ns(TICK)))
+    own._thread.join(LIMIT)
+    assert str(own.failure) == "out of plans"
+
+
+@pytest.mark.usefixtures("patient")
+@pytest.mark.parametrize("every_tick", [True, False])
+def test_what_a_callback_raises_ends_it(
+    hub: MemoryHub, make: Callable[..., Own], worlds: Worlds, every_tick: bool
+) -> None:
+    """`run` raises it, no tick is answered any more, and the world goes on without a time-out once it is closed."""
+
+    def fail(_key: str, odom: Odometry) -> None:
+        if ns_from_time(odom.header.stamp) == 2 * TICK:
+            raise ValueError("out of plans")
+
+    own = make()
+    key = names.robot_key(0, names.ODOM)
+    odoms = hub.bus().publisher(key, Odometry)
+    own.node.subscribe(key, Odometry, fail, every_tick=every_tick)
+    own.start()
+    world = worlds("planner")
+    own.wait_until_present()
+    world.open(1, 0)
+    world.begin()
+    odoms.put(Odometry(Header(time_from_ns(TICK))))
+    assert world.end()
+    odoms.put(Odometry(Header(time_from_ns(2 * TICK))))
+    own._thread.join(LIMIT)
+    assert str(own.failure) == "out of plans"
+    world.open(2, 0)
+    world.begin()
+    assert world.step.waiting_for() == "planner"
+    own.node.close()
+    assert world.end()
+    assert own.steps == [TICK]
+
+
+@pytest.mark.parametrize("source", ["token", "jump"])
+def test_what_other_callbacks_raise_ends_it(hub: MemoryHub, make: Callable[..., Own], source: str) -> None:
+    """Those for tokens and for jumps in time too."""
+
+    def fail(*_: object) -> None:
+        raise ValueError(source)
+
+    own = make()
+    own.node.watch_tokens(names.tokens_key("camera"), fail)
+    own.node.clock.sim.on_jump_back(fail)
+    own.start()
+    bus = hub.bus()
+    if source == "token":
+        bus.declare_token(names.token_key("camera", bus.instance))
+    else:
+        clock = bus.publisher(names.CLOCK, Clock)
+        clock.put(Clock(time_from_ns(2 * TICK)))
+        clock.put(Clock(time_from_ns(TICK)))
+    own._thread.join(LIMIT)
+    assert str(own.failure) == source
+
+
+def test_a_robots_step_returns_a_twist(hub: MemoryHub, make: Callable[..., Own]) -> None:
+    """What is neither that nor None is told, with what to do."""
+    own = make("robot_3").start(lambda _now: 0.4)
+    hub.bus().publisher(names.CLOCK, Clock).put(Clock(time_from_ns(TICK)))
+    own._thread.join(LIMIT)
+    assert str(own.failure) == "robot_3: step returned a float; return a Twist"
+
+
+@pytest.fixture
+def offline(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> None:
+    """`zteam.run` opens its sessions in memory."""
+    monkeypatch.setattr(core, "connect", lambda options, stopping: hub.bus())
+
+
+@pytest.mark.usefixtures("offline")
+def test_after_run_the_process_is_the_users_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The code behind `zteam.run` is not ended by force, and signals go to whom they went before."""
+    ends: list[int] = []
+    monkeypatch.setattr(shutdown, "HARD_EXIT", 0.1)
+    monkeypatch.setattr(shutdown.os, "_exit", ends.append)
+    before = {number: signal.getsignal(number) for number in shutdown.SIGNALS}
+    threads = set(threading.enumerate())
+    assert zteam.run("planner", lambda node: node.stop.request("over")) == 0
+    for thread in set(threading.enumerate()) - threads:
+        thread.join(LIMIT)
+        assert not thread.is_alive(), thread.name
+    assert ends == []
+    assert {number: signal.getsignal(number) for number in shutdown.SIGNALS} == before
+
+
+@pytest.mark.usefixtures("offline")
+@pytest.mark.parametrize("where", ["callback", "step", "hook"])
+def test_an_error_of_the_users_code_is_shown_and_makes_exit_code_1(
+    hub: MemoryHub, capsys: pytest.CaptureFixture[str], where: str
+) -> None:
+    """The log has the traceback with the user's frames alone."""
+
+    def fail(*_: object) -> None:
+        raise ValueError("out of plans")
+
+    def main(node: zteam.Node) -> None:
+        node.subscribe("plan", Bool, fail)
+        if where == "hook":
+            node.on_stop(fail)
+            return
+        if where == "callback":
+            hub.bus().publisher("plan", Bool).put(Bool(True))
+        node.clock.use_wall()
+        node.run(fail if where == "step" else lambda _now: None)
+
+    with pytest.raises(SystemExit, match="1"):
+        zteam.run("planner", main)
+    text = capsys.readouterr().err.strip()
+    assert "error: ended by an error:\nTraceback" in text
+    assert text.endswith("ValueError: out of plans")
+    assert "in fail" in text
+    assert {Path(name).name for name in re.findall('File "(.*)"', text)} == {Path(__file__).name}
+
+
+def test_an_input_without_a_stamp_is_refused(make: Callable[..., Own]) -> None:
+    """A message that cannot say of which tick it is cannot be waited for."""
+    with pytest.raises(UsageError, match="Bool has no header"):
+        make().node.subscribe("robot_0/stall", Bool, lambda key, message: None, every_tick=True)

@@ -1,0 +1,103 @@
+"""Kernels without numba give what the compiled ones give, to the last bit.
+
+ZTEAM_KERNEL_RAYS in the environment is the number of rays that are compared in each test, such as 10000000.
+"""
+
+import math
+import os
+
+import numpy as np
+import pytest
+
+from support.small_worlds import plain_kernels
+from zteam.geometry import Pose2
+from zteam.sim import jit, kernels
+from zteam.sim.fields import build_fields
+from zteam.sim.polygons import NOBODY, Group, make_outlines, place_shape
+from zteam.world.model import Shape
+
+RAYS = int(os.environ.get("ZTEAM_KERNEL_RAYS", "200000"))
+SCANS, BEAMS = 50, 721
+EIGHTH = math.pi / 4
+Scans = tuple[np.ndarray, np.ndarray, np.ndarray]
+
+
+@pytest.fixture(autouse=True)
+def _compiled() -> None:
+    jit.use_compiled()
+
+
+def beams(rng: np.random.Generator) -> tuple[float, float, np.ndarray]:
+    """First angle, increment, and all angles; half of the time multiples of 45 degrees are among them."""
+    increment = math.radians(0.5 if rng.random() < 0.5 else 0.375)
+    return -increment * (BEAMS // 2), increment, increment * (np.arange(BEAMS) - BEAMS // 2)
+
+
+def places(rng: np.random.Generator, cell: float, size: float, on_lattice: bool) -> Scans:
+    """Starts in and about a square of `size` metres: anywhere, or on borders, corners and middles of cells."""
+    x, y = rng.uniform(-1.0, size + 1.0, (2, SCANS))
+    yaw = rng.uniform(-7.0, 7.0, SCANS)
+    if on_lattice:
+        x, y = np.round(x / cell * 2.0) * cell * 0.5, np.round(y / cell) * cell
+        yaw = rng.integers(-8, 9, SCANS) * EIGHTH
+    return x, y, yaw
+
+
+def scan_squares(occupied: np.ndarray, at: Scans, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Ranges and hits in a bitmap of 0.1 m, with its fields built the same way."""
+    fields = build_fields(occupied)
+    table = np.cos(angles)[None, :], np.sin(angles)[None, :]
+    ranges, hit = np.full((SCANS, BEAMS), 8.0), np.zeros((SCANS, BEAMS), np.int32)
+    seen = np.arange(SCANS) % 7 != 0
+    kernels.cast_squares(fields.sides, fields.rows, fields.columns, 0.1, 0.1, *at, seen, *table, 8.0, 3, ranges, hit)
+    return ranges, hit
+
+
+def test_rays_against_bitmaps_are_equal() -> None:
+    """Starts on cells' borders and corners, along walls and diagonals among them."""
+    rng = np.random.default_rng(1)
+    for number in range(math.ceil(RAYS / (SCANS * BEAMS))):
+        occupied = rng.random((60, 60)) < rng.uniform(0.005, 0.2)
+        at, (_, _, angles) = places(rng, 0.1, 6.0, number % 2 == 0), beams(rng)
+        compiled = scan_squares(occupied, at, angles)
+        with plain_kernels():
+            plain = scan_squares(occupied, at, angles)
+        for one, other in zip(compiled, plain, strict=True):
+            assert one.tobytes() == other.tobytes(), number
+
+
+def random_groups(rng: np.random.Generator, on_lattice: bool) -> list[Group]:
+    """Boxes and triangles; on a lattice their sides and corners coincide often."""
+    groups = []
+    for i in range(int(rng.integers(1, 50))):
+        width, height = rng.integers(1, 8, 2) * 0.1 if on_lattice else rng.uniform(0.05, 1.5, 2)
+        x, y = rng.integers(0, 61, 2) * 0.1 if on_lattice else rng.uniform(0.0, 6.0, 2)
+        yaw = int(rng.integers(0, 8)) * EIGHTH if on_lattice else rng.uniform(-4.0, 4.0)
+        points = ((0.0, 0.0), (width, 0.0), (width, height), (0.0, height))[: int(rng.integers(3, 5))]
+        groups.append(Group(NOBODY, i, [place_shape(Pose2(float(x), float(y), yaw), Shape(points, 0.0, 1.0))]))
+    return groups
+
+
+def test_rays_against_edges_are_equal() -> None:
+    """Rays along edges, through corners and from them among them; of two equally near shapes both take the same."""
+    rng = np.random.default_rng(2)
+    for number in range(math.ceil(RAYS / (SCANS * BEAMS))):
+        outlines = make_outlines(random_groups(rng, number % 2 == 0))
+        x, y, yaw = places(rng, 0.1, 6.0, number % 2 == 0)
+        if number % 3 == 0:
+            # Every scan's middle beam goes for a corner.
+            aim = rng.integers(0, len(outlines.x), SCANS)
+            yaw = np.arctan2(outlines.y[aim] - y, outlines.x[aim] - x)
+        angle_min, increment, angles = beams(rng)
+        table = np.cos(angles)[None, :], np.sin(angles)[None, :]
+        results = []
+        for mode in (jit.use_compiled, jit.use_plain):
+            mode()
+            ranges, hit = np.full((SCANS, BEAMS), 8.0), np.full((SCANS, BEAMS), -1, np.int32)
+            kernels.cast_edges(
+                outlines, x, y, np.full(SCANS, 0.5), yaw, np.full(SCANS, NOBODY, np.int64), *table,
+                angle_min, increment, 0.0, ranges, hit,
+            )  # fmt: skip
+            results.append((ranges, hit))
+        for one, other in zip(*results, strict=True):
+            assert one.tobytes() == other.tobytes(), number

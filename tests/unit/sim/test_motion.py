@@ -1,0 +1,109 @@
+"""How bases obey: acceleration, cars, wheels, and odometry that errs."""
+
+import math
+
+import msgspec
+import numpy as np
+import pytest
+
+from support.small_worlds import drive, make_robot, make_world
+from zteam.sim import Engine, Options
+from zteam.world.model import Limits
+
+FAR = 1e3
+
+
+def test_acceleration_limits_hold_for_commands_and_stops() -> None:
+    """Speed rises by no more than the limit a tick, and falls by no more than the other when commands end."""
+    limits = Limits(x=(-2.0, 0.5), y=(-1.0, 1.0), yaw=(-1.0, 1.0))
+    engine = Engine(make_world(make_robot(acceleration=limits), wall_at=FAR))
+    speeds = [engine.step({0: drive(1.0)}).robots[0].velocity[0] for _ in range(4)]
+    assert speeds == pytest.approx([0.05, 0.1, 0.15, 0.2])
+    for _ in range(20):
+        engine.step({0: drive(1.0)})
+    falling = [engine.step({}).robots[0].velocity[0] for _ in range(8)]
+    assert falling[0] == pytest.approx(1.0)  # the watchdog still holds
+    assert falling[1:7] == pytest.approx([0.8, 0.6, 0.4, 0.2, 0.0, 0.0], abs=1e-9)
+    turning = [engine.step({0: drive(0.0, 1.5)}).robots[0].velocity[2] for _ in range(3)]
+    assert turning == pytest.approx([0.1, 0.2, 0.3])
+
+
+def test_a_car_steers_by_an_angle() -> None:
+    """The angular command is the steered wheels' angle: forward v cos, yaw rate v sin over the wheelbase (Stage)."""
+    engine = Engine(make_world(make_robot(drive="car", wheelbase=0.8), wall_at=FAR))
+    velocity = engine.step({0: drive(0.5, 0.3)}).robots[0].velocity
+    assert velocity == pytest.approx((0.5 * math.cos(0.3), 0.0, 0.5 * math.sin(0.3) / 0.8))
+    assert engine.step({0: drive(0.0, 0.3)}).robots[0].velocity == pytest.approx((0.0, 0.0, 0.0))
+
+
+def test_wheels_turn_as_the_base_moves() -> None:
+    """One metre straight ahead turns both wheels by 1 m over the radius; a turn on the spot turns them apart."""
+    robot = make_robot(wheel_radius=0.1, wheel_separation=0.4)
+    engine = Engine(make_world(robot, wall_at=FAR))
+    for _ in range(20):
+        joints = engine.step({0: drive(0.5)}).robots[0].joints
+    assert joints.names == ("wheel_left_joint", "wheel_right_joint")
+    assert joints.positions == pytest.approx((10.0, 10.0))
+    assert joints.velocities == pytest.approx((5.0, 5.0))
+    joints = engine.step({0: drive(0.0, 1.0)}).robots[0].joints
+    assert joints.velocities == pytest.approx((-2.0, 2.0))
+
+
+def test_omni_wheels_are_four() -> None:
+    """Sideways, the wheels of each diagonal turn one way."""
+    engine = Engine(make_world(make_robot(drive="omni", wheel_radius=0.1), wall_at=FAR))
+    joints = engine.step({0: drive(0.0, 0.0, 0.5)}).robots[0].joints
+    assert joints.velocities == pytest.approx((-5.0, 5.0, 5.0, -5.0))
+
+
+def test_stages_bias_counts_every_motion_too_much() -> None:
+    """Odometry runs ahead by the share that the world file gives, the truth does not; "gps" has no error."""
+    robot = make_robot(odom_error=(0.05, 0.0, 0.1))
+    engine = Engine(make_world(robot, msgspec.structs.replace(robot, localization="gps"), wall_at=FAR))
+    for _ in range(20):
+        seen = engine.step({0: drive(0.5), 1: drive(0.5)}).robots
+    assert seen[0].odom.x == pytest.approx(1.05)
+    assert seen[0].truth.x == pytest.approx(1.0)
+    assert seen[1].odom.x == pytest.approx(1.0)
+    for _ in range(10):
+        seen = engine.step({0: drive(0.0, 0.5)}).robots
+    assert seen[0].odom.yaw == pytest.approx(0.55)
+
+
+def test_thruns_noise_spreads_with_the_way() -> None:
+    """Over many robots the end of a straight drive scatters as the alphas say, about the truth."""
+    count, ticks, way = 300, 25, 0.04
+    robots = {i: make_robot(0.0, 2.0 * i) for i in range(count)}
+    options = Options(physics="kinematic", odom_alphas=(0.0, 0.0, 0.04, 0.0))
+    engine = Engine(make_world(wall_at=FAR), robots=robots, options=options)
+    for _ in range(ticks):
+        engine.move({i: drive(0.4) for i in robots})
+    ends = np.array([engine.odom(i).x for i in robots])
+    assert ends.mean() == pytest.approx(1.0, abs=0.01)
+    # A standard deviation of 0.2 ways a tick, over 25 ticks.
+    assert ends.std() == pytest.approx(0.2 * way * math.sqrt(ticks), rel=0.15)
+    turned = Engine(
+        make_world(wall_at=FAR), robots=robots, options=Options(physics="kinematic", odom_alphas=(0.0, 0.01, 0.0, 0.0))
+    )
+    for _ in range(ticks):
+        turned.move({i: drive(0.4) for i in robots})
+    yaws = np.array([turned.odom(i).yaw for i in robots])
+    assert yaws.std() == pytest.approx(0.1 * way * math.sqrt(2 * ticks), rel=0.15)
+
+
+def test_turning_on_the_spot_moves_noisy_odometry() -> None:
+    """Thrun's fourth alpha: rotation alone makes the translation err, finitely, however small the way is."""
+    for speed in (0.0, 1e-160):
+        engine = Engine(make_world(make_robot(odom_alphas=(0.0, 0.0, 0.0, 0.1)), wall_at=FAR))
+        for _ in range(20):
+            engine.step({0: drive(speed, 1.0)})
+        assert 1e-3 < math.hypot(*engine.odom(0)[:2]) < 1.0
+        assert engine.odom(0).yaw == pytest.approx(2.0)
+
+
+def test_a_standing_robot_does_not_drift() -> None:
+    """Without motion even noisy odometry stays where it is."""
+    engine = Engine(make_world(make_robot(odom_alphas=(0.1, 0.1, 0.1, 0.1)), wall_at=FAR))
+    for _ in range(20):
+        engine.step({})
+    assert engine.odom(0) == (0.0, 0.0, 0.0)

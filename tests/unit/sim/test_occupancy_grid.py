@@ -1,0 +1,62 @@
+"""The map of what stands still: thin walls are walls, and a map that fits no memory is refused."""
+
+import numpy as np
+import pytest
+
+from support.small_worlds import make_box, make_robot
+from zteam.errors import UsageError
+from zteam.geometry import Pose2
+from zteam.sim.occupancy_grid import map_message
+from zteam.world.model import Floorplan, Obstacle, Shape, World
+from zteam.world.properties import Size3
+from zteam.world.shapes import Surface, boundary_slabs, place_blocks
+
+
+def occupied(*things: Obstacle | Floorplan, resolution: float) -> np.ndarray:
+    """The map's cells, rows from the bottom."""
+    plans = tuple(thing for thing in things if isinstance(thing, Floorplan))
+    obstacles = tuple(thing for thing in things if isinstance(thing, Obstacle))
+    message = map_message(World("w", 100_000_000, plans, obstacles, (make_robot(),)), resolution)
+    return np.asarray(message.data).reshape(message.info.height, message.info.width) == 100
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.013, 0.021, 0.037])
+def test_a_boundary_is_closed_on_the_map(shift: float) -> None:
+    """Walls of 1 cm close a map of 5 cm cells all around, wherever they lie in their cells; its inside is free."""
+    slabs = place_blocks(
+        boundary_slabs(Size3(4.0 + shift, 3.0, 1.0)), Pose2(0.0, 0.0, 0.0), 0.0, Surface(1.0, True, "red")
+    )
+    cells = occupied(Obstacle("slabs", Pose2(shift, 0.0, 0.0), slabs), resolution=0.05)
+    assert cells[[0, -1]].all()
+    assert cells[:, [0, -1]].all()
+    assert not cells[2:-2, 2:-2].any()
+
+
+def test_a_slanting_thin_wall_has_no_gaps() -> None:
+    """Every row and column that the wall passes has a cell of it."""
+    wall = Shape(((0.0, 0.0), (3.0, 0.0), (3.0, 0.01), (0.0, 0.01)), 0.0, 1.0)
+    cells = occupied(Obstacle("wall", Pose2(0.0, 0.0, 0.6), (wall,)), resolution=0.05)
+    assert cells.any(axis=0).all()
+    assert cells.any(axis=1).all()
+
+
+def test_fine_pixels_are_not_lost_between_centres() -> None:
+    """A line one pixel of 1 cm wide is on a map of 5 cm cells."""
+    bitmap = np.zeros((100, 100), bool)
+    bitmap[:, 11] = bitmap[70, :] = True
+    plan = Floorplan("floor", bitmap, (0.01, 0.01), Pose2(0.0, 0.0, 0.0), 0.0, 1.0)
+    cells = occupied(plan, resolution=0.05)
+    assert cells[:, 2].all()
+    assert cells[14].all()
+    assert np.count_nonzero(cells) == 39
+
+
+def test_thick_things_are_no_fatter_than_before() -> None:
+    """A box of eight cells a side that lies on the grid covers 64 cells."""
+    assert np.count_nonzero(occupied(make_box("box", 0.0, 0.0), resolution=0.05)) == 64
+
+
+def test_a_map_too_large_names_the_way_out() -> None:
+    """Boxes a thousand kilometres apart do not end in a MemoryError."""
+    with pytest.raises(UsageError, match="--map-resolution"):
+        occupied(make_box("a", -5e5, -5e5), make_box("b", 5e5, 5e5), resolution=0.05)

@@ -1,0 +1,141 @@
+"""Robots that come, go and are lifted, and things that are pushed."""
+
+import math
+
+import numpy as np
+import pytest
+
+from support.small_worlds import drive, make_box, make_robot, make_world
+from zteam.errors import UsageError
+from zteam.geometry import Pose2, compose2
+from zteam.sim import Engine
+
+
+@pytest.mark.parametrize("physics", ["dynamic", "stage", "kinematic"])
+def test_a_robot_that_joins_is_seen_and_drives(physics: str) -> None:
+    """A spawned robot stands where it says, blocks a laser, and obeys; those before it go on undisturbed."""
+    engine = Engine(make_world(make_robot(0.0, -2.0), wall_at=9.0, physics=physics))
+    for _ in range(5):
+        engine.step({0: drive(0.5, 0.2)})
+    before, odom = engine.truth(0), engine.odom(0)
+    engine.spawn(4, make_robot(before.x, before.y + 2.0))
+    assert (engine.truth(0), engine.odom(0)) == (before, odom)
+    seen = engine.step({4: drive(0.5), 0: drive(0.5, 0.2)})
+    assert list(seen.robots) == [0, 4]
+    assert seen.robots[4].truth.x == pytest.approx(before.x + 0.05)
+    assert seen.robots[0].readings[0].ranges.min() < 2.0
+    with pytest.raises(UsageError, match="robot 4 is in this world already"):
+        engine.spawn(4, make_robot())
+
+
+def test_a_robot_that_left_is_gone() -> None:
+    """Nobody sees it, commands to it are errors, and its id is free again."""
+    engine = Engine(make_world(make_robot(), make_robot(2.0)))
+    engine.step({})
+    engine.remove(1)
+    seen = engine.step({})
+    assert list(seen.robots) == [0]
+    assert seen.robots[0].readings[0].ranges[45] == pytest.approx(3.0, abs=1e-6)
+    with pytest.raises(UsageError, match="no robot 1"):
+        engine.step({1: drive(0.1)})
+    with pytest.raises(UsageError, match="no robot 1"):
+        engine.remove(1)
+    engine.spawn(1, make_robot(0.0, 2.0))
+    assert engine.truth(1) == Pose2(0.0, 2.0, 0.0)
+
+
+@pytest.mark.parametrize("physics", ["dynamic", "kinematic"])
+def test_a_lifted_robot_keeps_its_odometry(physics: str) -> None:
+    """After a lift, the odometry goes on as before, and its origin in map makes up for the difference."""
+    engine = Engine(make_world(make_robot(0.5, 0.0, 0.3), wall_at=9.0, physics=physics))
+    for _ in range(10):
+        engine.step({0: drive(0.5, 0.3)})
+    odom = engine.odom(0)
+    engine.place(0, Pose2(-3.0, 1.0, 2.0))
+    assert engine.truth(0) == pytest.approx((-3.0, 1.0, 2.0))
+    assert engine.odom(0) == pytest.approx(odom)
+    assert compose2(engine.odom_origin(0), odom) == pytest.approx((-3.0, 1.0, 2.0))
+    seen = engine.step({0: drive(0.5)}).robots[0]
+    assert seen.truth[:2] == pytest.approx((-3.0 + 0.05 * math.cos(2.0), 1.0 + 0.05 * math.sin(2.0)))
+    assert compose2(engine.odom_origin(0), seen.odom) == pytest.approx(seen.truth)
+    with pytest.raises(UsageError, match="not finite"):
+        engine.place(0, Pose2(math.nan, 0.0, 0.0))
+
+
+def test_the_order_of_joining_changes_nothing() -> None:
+    """Engines whose robots came in another order agree in every bit from the first step on."""
+    robots = {i: make_robot(-1.5 + 0.55 * i, 0.2 * i, 0.7 * i) for i in range(5)}
+    first = Engine(make_world(), robots=robots)
+    second = Engine(make_world(), robots={})
+    for i in (3, 0, 4, 2, 1):
+        second.spawn(i, robots[i])
+    for tick in range(150):
+        commands = {i: drive(0.8, math.sin(tick + i)) for i in robots}
+        a, b = first.step(commands), second.step(commands)
+        for i in robots:
+            assert a.robots[i].truth == b.robots[i].truth
+            assert a.robots[i].readings[0].ranges.tobytes() == b.robots[i].readings[0].ranges.tobytes()
+
+
+def test_light_things_are_pushed_and_heavy_ones_stall_a_robot() -> None:
+    """A light box gives way and is seen where it went; it stops when nobody pushes. A heavy one does not budge."""
+    light = Engine(make_world(make_robot(), others=(make_box("box", 0.8, 0.0, mass=3.0),)))
+    for _ in range(40):
+        seen = light.step({0: drive(0.4)})
+    box, robot = seen.pushed["box"], seen.robots[0]
+    assert box.x > 1.2
+    assert box.x - robot.truth.x == pytest.approx(0.4, abs=0.02)
+    assert not robot.stall
+    for _ in range(5):
+        seen = light.step({0: drive(-0.4)})
+    assert seen.robots[0].readings[0].ranges[45] == pytest.approx(
+        seen.pushed["box"].x - 0.2 - seen.robots[0].truth.x, abs=1e-3
+    )
+    rest = [light.step({}).pushed["box"] for _ in range(5)]
+    assert rest[0] == rest[-1]
+    heavy = Engine(make_world(make_robot(), others=(make_box("box", 0.8, 0.0, mass=2000.0),)))
+    for _ in range(40):
+        seen = heavy.step({0: drive(0.4)})
+    assert seen.pushed["box"].x == pytest.approx(0.8, abs=0.01)
+    assert seen.robots[0].stall
+
+
+def test_where_moves_are_refused_nothing_is_pushed() -> None:
+    """With Stage's collisions a pushable box is an obstacle like any other."""
+    engine = Engine(make_world(make_robot(), others=(make_box("box", 0.8, 0.0, mass=3.0),), physics="stage"))
+    for _ in range(30):
+        seen = engine.step({0: drive(0.4)})
+    assert seen.pushed["box"].x == 0.8
+    assert seen.robots[0].stall
+    assert seen.robots[0].truth.x < 0.41
+
+
+def test_an_empty_world_goes_on() -> None:
+    """Without robots ticks still count and nothing breaks, until one joins."""
+    for physics in ("dynamic", "stage", "kinematic"):
+        engine = Engine(make_world(physics=physics), robots={})
+        engine.step({})
+        engine.spawn(0, make_robot())
+        assert engine.step({0: drive(0.5)}).robots[0].truth.x == pytest.approx(0.05)
+        assert engine.tick == 2
+
+
+def test_commands_that_are_not_finite_are_refused() -> None:
+    """NaN and inf are errors that name the robot, and the robot has not moved."""
+    engine = Engine(make_world(make_robot()))
+    for value in (math.nan, math.inf):
+        with pytest.raises(UsageError, match="robot 0 is not finite"):
+            engine.step({0: drive(value)})
+    assert engine.truth(0) == (0.0, 0.0, 0.0)
+
+
+def test_an_observation_keeps_its_instant() -> None:
+    """What is read from an observation later is still what was sensed then."""
+    engine = Engine(make_world(make_robot()))
+    early = engine.step({0: drive(0.5)})
+    for _ in range(5):
+        engine.step({0: drive(0.5)})
+    assert early.robots[0].truth.x == pytest.approx(0.05)
+    assert early.robots[0].joints.positions == pytest.approx((1.0, 1.0))
+    assert early.robots[0].readings[0].ranges[45] == pytest.approx(2.95, abs=1e-6)
+    assert np.isfinite(early.robots[0].readings[0].ranges).all()

@@ -1,0 +1,58 @@
+"""Randomness by counters."""
+
+from itertools import pairwise
+
+import numpy as np
+
+from support.flat_floor import make_view
+from zteam.counter_random import gaussians, mix64, stream, uniform, uniforms
+
+
+def test_the_finaliser_is_splitmix64s() -> None:
+    """From state 0, SplitMix64's published first three outputs come out."""
+    golden = 0x9E3779B97F4A7C15
+    assert [mix64(golden * n) for n in (1, 2, 3)] == [0xE220A8397B1DCDAF, 0x6E789E6AA1B965F4, 0x06C45D188009454F]
+
+
+def test_numbers_depend_on_every_counter_and_their_order() -> None:
+    """Another seed, robot, tick or draw, or the same ones swapped, gives another number; the same gives the same."""
+    draws = [uniform(*c) for c in ((1, 2, 3, 4), (0, 2, 3, 4), (1, 0, 3, 4), (1, 2, 0, 4), (1, 2, 3, 0), (4, 3, 2, 1))]
+    assert len(set(draws)) == len(draws)
+    assert uniform(1, 2, 3, 4) == draws[0]
+
+
+def test_numbers_are_spread_evenly() -> None:
+    """Over consecutive ticks each tenth of [0, 1) gets its share, and neighbours are not alike."""
+    draws = [uniform(1, 0, tick, 0) for tick in range(10_000)]
+    shares = [sum(int(10 * u) == tenth for u in draws) for tenth in range(10)]
+    assert min(shares) > 900
+    assert max(shares) < 1100
+    mean = sum(draws) / len(draws)
+    together = sum((a - mean) * (b - mean) for a, b in pairwise(draws)) / len(draws)
+    assert abs(together) < 0.003  # a twelfth would be perfect correlation
+
+
+def test_a_view_draws_for_its_robot_and_time() -> None:
+    """Two robots, two instants and two draws of one step differ; a repeated look does not."""
+    view = make_view(robot_id=1, seed=7)
+    others = (make_view(robot_id=2, seed=7), make_view(robot_id=1, seed=8), make_view(now=5, robot_id=1, seed=7))
+    assert len({view.random(0), view.random(1), *(v.random(0) for v in others)}) == 5
+    assert view.random(0) == make_view(robot_id=1, seed=7).random(0)
+
+
+def test_array_draws_are_splitmix64_streams() -> None:
+    """Rows are the published generator's outputs from each stream's state, however many streams are drawn together."""
+    streams = np.array([0, stream(1, 2)], np.uint64)
+    together = uniforms(streams, 3)
+    golden = 0x9E3779B97F4A7C15
+    assert together[0].tolist() == [(mix64(golden * n) >> 11) * 2.0**-53 for n in (1, 2, 3)]
+    assert together[1].tolist() == uniforms(streams[1:], 3)[0].tolist()
+
+
+def test_gaussians_are_standard_normal() -> None:
+    """Mean, variance, kurtosis and the share beyond two standard deviations are a normal distribution's."""
+    draws = gaussians(np.arange(40, dtype=np.uint64), 5000)
+    assert abs(draws.mean()) < 0.01
+    assert abs(draws.var() - 1.0) < 0.02
+    assert abs((draws**4).mean() - 3.0) < 0.1
+    assert abs((abs(draws) > 2.0).mean() - 0.0455) < 0.003

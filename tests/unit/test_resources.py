@@ -1,0 +1,62 @@
+"""Worlds and team files that travel with zteam."""
+
+from pathlib import Path
+
+import pytest
+
+from zteam import resources
+from zteam.behaviors import load_behavior
+from zteam.team_file import load_team
+
+
+def test_team_files_are_found_by_name() -> None:
+    """With and without the ending, and nowhere but in their folder."""
+    found = resources.shipped_team("line")
+    assert found is not None
+    assert found == resources.shipped_team("line.toml")
+    assert found.parent == resources.teams_folder()
+    for name in ("no_such_team", "../deploy/line", "deploy/line", str(found), "", ".", ".."):
+        assert resources.shipped_team(name) is None
+
+
+def test_a_name_is_not_a_path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Only files directly in the folder count, and folders do not."""
+    monkeypatch.setattr(resources, "_PACKAGE", tmp_path / "zteam")
+    worlds = tmp_path / "worlds"
+    (worlds / "hidden").mkdir(parents=True)
+    (worlds / "dir.world").mkdir()
+    (worlds / "b.world").touch()
+    (worlds / "a.world").touch()
+    (worlds / "hidden" / "c.world").touch()
+    (worlds / "notes.txt").touch()
+    assert resources.shipped_world("a") == worlds / "a.world"
+    assert resources.shipped_world("hidden/c") is None
+    assert resources.shipped_world("dir") is None
+    assert resources.shipped_world("notes.txt") is None
+    assert resources.names(worlds, ".world") == ["a", "b", "dir"]
+
+
+def test_a_wheels_own_copies_win(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Installed from a wheel, files are inside the package and not in whatever stands beside it."""
+    monkeypatch.setattr(resources, "_PACKAGE", tmp_path / "zteam")
+    (tmp_path / "deploy").mkdir()
+    assert resources.teams_folder() == tmp_path / "deploy"
+    (tmp_path / "zteam" / "_deploy").mkdir(parents=True)
+    assert resources.teams_folder() == tmp_path / "zteam" / "_deploy"
+
+
+@pytest.mark.parametrize("name", resources.names(resources.teams_folder(), ".toml"))
+def test_every_shipped_team_can_be_started(name: str) -> None:
+    """Its file is right, its world is there (unless the user brings one), its behaviours take its parameters."""
+    path = resources.shipped_team(name)
+    assert path is not None
+    team = load_team(path)
+    for robot in team.robots:
+        params = dict(robot.params) if robot.follow is None else {"leader": robot.follow, **robot.params}
+        load_behavior("follow" if robot.follow is not None else robot.behavior or "forward", params, robot.id)
+    assert team.team.world is None or resources.shipped_world(team.team.world) is not None
+
+
+def test_the_three_teams_are_there() -> None:
+    """The default team, the lectures' exercise and the small one."""
+    assert {"line", "willow", "arena"} <= set(resources.names(resources.teams_folder(), ".toml"))

@@ -1,0 +1,202 @@
+"""The buffer's public calls, by hand: look-ups, names, clearing; what is tf2's own is in the golden tests."""
+
+import math
+
+import pytest
+
+from support.transforms import S, chain, stamped
+from zteam.errors import ZteamError
+from zteam.geometry import Pose2
+from zteam.messages import ns_from_time
+from zteam.tf import (
+    BackwardExtrapolationException,
+    Buffer,
+    ConnectivityException,
+    ExtrapolationException,
+    ForwardExtrapolationException,
+    InvalidArgumentException,
+    LookupException,
+    NoDataForExtrapolationException,
+    TimeoutException,
+    TransformException,
+)
+
+
+def test_the_pose_of_a_source_in_a_target() -> None:
+    """A look-up gives where the source is, seen from the target, and its inverse the other way round."""
+    buffer = Buffer()
+    buffer.set_transform_static(stamped("map", "odom", 0, 6.5, 18.5, math.pi / 2), "test")
+    buffer.set_transform(stamped("odom", "base", S, 1.0, 0.0), "test")
+    pose, stamp = buffer.lookup_pose2("map", "base", 0)
+    assert pose == pytest.approx((6.5, 19.5, math.pi / 2))
+    assert stamp == S
+    assert buffer.lookup_pose2("base", "map", 0)[0] == pytest.approx((-19.5, 6.5, -math.pi / 2))
+
+
+def test_a_sample_between_two_is_interpolated() -> None:
+    """Half way in time is half way in space and angle, the short way round."""
+    buffer = Buffer()
+    buffer.set_transform(stamped("map", "base", S, 0.0, 0.0, math.radians(170)), "test")
+    buffer.set_transform(stamped("map", "base", 3 * S, 2.0, 4.0, math.radians(-170)), "test")
+    pose, _ = buffer.lookup_pose2("map", "base", 2 * S)
+    assert pose[:2] == pytest.approx((1.0, 2.0))
+    assert abs(pose.yaw) == pytest.approx(math.pi)
+
+
+def test_extrapolation_has_three_names() -> None:
+    """Before, after, and with one sample only are told apart, as in ROS 2."""
+    buffer = Buffer()
+    buffer.set_transform(stamped("map", "base", 2 * S), "test")
+    with pytest.raises(NoDataForExtrapolationException):
+        buffer.lookup_transform("map", "base", S)
+    buffer.set_transform(stamped("map", "base", 3 * S), "test")
+    with pytest.raises(BackwardExtrapolationException, match="into the past"):
+        buffer.lookup_transform("map", "base", S)
+    with pytest.raises(ForwardExtrapolationException, match="into the future"):
+        buffer.lookup_transform("map", "base", 4 * S)
+
+
+def test_names_are_as_strict_as_tf2s() -> None:
+    """No leading slash and no empty name in a look-up; a slash is stripped when a transform is stored."""
+    buffer = Buffer()
+    buffer.set_transform_static(stamped("/map", "/odom", 0, 1.0), "test")
+    assert buffer.lookup_pose2("map", "odom", 0)[0].x == 1.0
+    for name in ("/map", ""):
+        with pytest.raises(InvalidArgumentException):
+            buffer.lookup_transform(name, "odom", 0)
+    with pytest.raises(LookupException, match='"nowhere"'):
+        buffer.lookup_transform("map", "nowhere", 0)
+    buffer.set_transform_static(stamped("other", "frame", 0), "test")
+    with pytest.raises(ConnectivityException):
+        buffer.lookup_transform("map", "frame", 0)
+
+
+@pytest.mark.parametrize(
+    ("kind", "base"),
+    [
+        (TransformException, ZteamError),
+        (LookupException, TransformException),
+        (ConnectivityException, TransformException),
+        (InvalidArgumentException, TransformException),
+        (TimeoutException, TransformException),
+        (ExtrapolationException, TransformException),
+        (BackwardExtrapolationException, ExtrapolationException),
+        (ForwardExtrapolationException, ExtrapolationException),
+        (NoDataForExtrapolationException, ExtrapolationException),
+    ],
+)
+def test_the_exceptions_form_tf2s_family(kind: type[Exception], base: type[Exception]) -> None:
+    """Code that catches tf2's (or ROS 2's) class catches ours."""
+    assert issubclass(kind, base)
+
+
+def test_clear_keeps_static_transforms() -> None:
+    """After a jump back the fixed part of the tree still answers, the moving part says why not."""
+    buffer = Buffer()
+    buffer.set_transform_static(stamped("map", "odom", 0, 1.0), "test")
+    buffer.set_transform(stamped("odom", "base", 5 * S, 1.0), "test")
+    assert buffer.lookup_pose2("map", "base", 0)[0].x == 2.0
+    buffer.clear()
+    assert buffer.lookup_pose2("map", "odom", 0)[0].x == 1.0
+    able, why = buffer.can_transform("map", "base", 0)
+    assert not able
+    assert why
+    assert buffer.set_transform(stamped("odom", "base", S, 2.0), "test") is None
+    assert buffer.lookup_pose2("map", "base", 0)[0].x == 3.0
+
+
+def test_after_a_clear_a_time_is_an_extrapolation() -> None:
+    """As in tf2 the frames are still known, and it is their data that is missing; the text says so."""
+    buffer = Buffer()
+    buffer.set_transform(stamped("map", "base", S), "test")
+    buffer.clear()
+    with pytest.raises(ExtrapolationException, match="cleared"):
+        buffer.lookup_transform("map", "base", S)
+    with pytest.raises(ConnectivityException):
+        buffer.lookup_transform("map", "base", 0)
+
+
+def test_fixed_transforms_hold_at_any_time_and_carry_the_time_asked_for() -> None:
+    """Past, present and future give the same place; the answer's stamp is the question's."""
+    buffer = chain(3)
+    for time in (0, 1, S, 10**18):
+        transform = buffer.lookup_transform("f3", "f0", time)
+        assert transform.transform.translation.x == -3.0
+        assert ns_from_time(transform.header.stamp) == time
+        assert (transform.header.frame_id, transform.child_frame_id) == ("f3", "f0")
+
+
+def test_a_frame_seen_from_itself() -> None:
+    """Identity, stamped with the time asked for or with the frame's newest sample."""
+    buffer = Buffer()
+    buffer.set_transform(stamped("map", "base", 3 * S, 5.0), "test")
+    assert buffer.lookup_pose2("base", "base", 0) == (Pose2(0.0, 0.0, 0.0), 3 * S)
+    assert buffer.lookup_pose2("base", "base", S) == (Pose2(0.0, 0.0, 0.0), S)
+
+
+def test_where_something_was_seen_from_where_i_am_now() -> None:
+    """Two times tied together by a fixed frame; the stamp is the target's time."""
+    buffer = Buffer()
+    for second in range(1, 11):
+        buffer.set_transform(stamped("map", "me", second * S, float(second)), "test")
+        buffer.set_transform(stamped("map", "ball", second * S, 0.0, float(second)), "test")
+    transform = buffer.lookup_transform_full("me", 9 * S, "ball", 2 * S, "map")
+    assert (transform.transform.translation.x, transform.transform.translation.y) == (-9.0, 2.0)
+    assert ns_from_time(transform.header.stamp) == 9 * S
+    assert ns_from_time(buffer.lookup_transform_full("me", 0, "ball", 2 * S, "map").header.stamp) == 10 * S
+    assert buffer.can_transform_full("me", 9 * S, "ball", 2 * S, "map") == (True, "")
+    able, why = buffer.can_transform_full("me", 9 * S, "ball", 99 * S, "map")
+    assert not able
+    assert "future" in why
+
+
+def test_why_not_is_always_said() -> None:
+    """can_transform's text is the exception's own, and never empty."""
+    buffer = Buffer()
+    buffer.set_transform(stamped("map", "base", S), "test")
+    buffer.set_transform(stamped("moon", "crater", S), "test")
+    for target, source, time in (
+        ("map", "nowhere", 0),
+        ("", "map", 0),
+        ("/map", "base", 0),
+        ("map", "crater", 0),
+        ("map", "crater", S),
+        ("map", "base", 2 * S),
+    ):
+        able, why = buffer.can_transform(target, source, time)
+        assert not able
+        with pytest.raises(TransformException) as caught:
+            buffer.lookup_transform(target, source, time)
+        assert why == str(caught.value) != ""
+
+
+def test_error_texts_are_tf2s() -> None:
+    """Nanoseconds in full, so that a look-up a nanosecond late does not say 'requested 1.0, latest 1.0'."""
+    buffer = Buffer()
+    for stamp in (S, 2 * S):
+        buffer.set_transform(stamped("map", "base", stamp), "test")
+    with pytest.raises(ForwardExtrapolationException) as caught:
+        buffer.lookup_transform("map", "base", 2 * S + 1)
+    assert str(caught.value) == (
+        "Lookup would require extrapolation 0.000000001s into the future.  Requested time 2.000000001 "
+        "but the latest data is at time 2.000000000, when looking up transform from frame [base] to frame [map]"
+    )
+    with pytest.raises(LookupException) as missing:
+        buffer.lookup_transform("map", "nowhere", 0)
+    assert str(missing.value) == '"nowhere" passed to lookupTransform argument source_frame does not exist. '
+
+
+def test_time_that_goes_back_clears_the_buffer(caplog: pytest.LogCaptureFixture) -> None:
+    """time_backwards: moving data is forgotten, fixed data stays, the log says by how much; new data is taken."""
+    buffer = Buffer()
+    buffer.set_transform_static(stamped("map", "odom", 0, 1.0), "test")
+    buffer.set_transform(stamped("odom", "base", 100 * S, 1.0), "test")
+    assert [buffer.take_time(now * S) for now in (99, 100, 100)] == [False, False, False]
+    assert buffer.lookup_pose2("map", "base", 0)[0].x == 2.0
+    assert caplog.text == ""
+    assert buffer.take_time(90 * S) is True
+    assert "jump back in time of 10.000 s" in caplog.text
+    assert list(buffer.frames()) == ["odom"]
+    assert buffer.set_transform(stamped("odom", "base", 90 * S, 5.0), "test") is None
+    assert buffer.lookup_pose2("map", "base", 0)[0].x == 6.0
+    assert buffer.take_time(91 * S) is False

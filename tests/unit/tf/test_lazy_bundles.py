@@ -1,0 +1,189 @@
+"""Bundles of which only looked-up frames are read: what is found must be what a buffer that reads everything finds."""
+
+import random
+
+import pytest
+
+from support.bundles import ROBOTS, S, bundle
+from zteam.errors import DecodeError
+from zteam.messages import (
+    Header,
+    Quaternion,
+    TFMessage,
+    Transform,
+    TransformStamped,
+    Vector3,
+    encode,
+)
+from zteam.tf import Buffer, TransformException
+from zteam.tf.lazy_bundles import Bundles
+
+
+def starts(buffer: Buffer) -> None:
+    """Every robot's start pose."""
+    for i in range(ROBOTS):
+        pose = Transform(Vector3(10.0 * i), Quaternion(0.0, 0.0, 0.0, 1.0))
+        for name in ("robot", "rover"):
+            buffer.set_transform_static(TransformStamped(Header(frame_id="map"), f"{name}_{i}/odom", pose), "test")
+
+
+class Pair:
+    """The same bundles in a buffer that reads all, and in one that reads what is asked for."""
+
+    def __init__(self) -> None:
+        self.whole, self.lazy = Buffer(), Buffer()
+        starts(self.whole)
+        starts(self.lazy)
+        self.bundles = Bundles(self.lazy, "test")
+
+    def take(self, transforms: list[TransformStamped]) -> int:
+        """A bundle arrives."""
+        for one in transforms:
+            self.whole.set_transform(one, "test")
+        return self.bundles.take(encode(TFMessage(transforms)))
+
+    def look(self, target: str, source: str, time: int = 0) -> list[object]:
+        """What both buffers answer."""
+        self.bundles.settle(target, source)
+        answers: list[object] = []
+        for buffer in (self.whole, self.lazy):
+            try:
+                answers.append(buffer.lookup_transform(target, source, time))
+            except TransformException as error:
+                answers.append((type(error), str(error)))
+        return answers
+
+
+@pytest.fixture
+def pair() -> Pair:
+    """Two buffers with the start poses."""
+    return Pair()
+
+
+def test_what_is_asked_for_is_what_was_said(pair: Pair) -> None:
+    """After any number of bundles, newest and past look-ups between any two robots are those of a whole buffer."""
+    chance = random.Random(1)
+    for tick in range(1, 400):
+        assert pair.take(bundle(tick)) == tick * S // 10
+        if chance.random() < 0.1:
+            a, b = chance.sample(range(ROBOTS), 2)
+            past = max(1, tick - chance.randrange(90)) * S // 10
+            for time in (0, past):
+                whole, lazy = pair.look(f"robot_{a}/base", f"robot_{b}/base", time)
+                assert whole == lazy
+
+
+def test_other_frames_are_noticed(pair: Pair) -> None:
+    """Robots that come and go, other orders, and other names of the same length change nothing about the answers."""
+    shapes = [range(ROBOTS), range(3), [4, 3, 2, 1, 0], [0, 2, 4]]
+    for tick in range(1, 200):
+        name = "rover" if tick // 25 % 2 else "robot"
+        pair.take(bundle(tick, shapes[tick // 10 % len(shapes)], name))
+        if tick % 7 == 0:
+            for name in ("robot", "rover"):
+                whole, lazy = pair.look("map", f"{name}_2/base")
+                assert whole == lazy
+
+
+def test_another_robot_in_the_middle_is_noticed(pair: Pair) -> None:
+    """Robots 1 and 2 take turns in bundles of one length: each one's newest pose is seen after each bundle."""
+    for tick in range(1, 41):
+        pair.take(bundle(tick, [0, 1 + tick % 2, 3]))
+        for robot in (1, 2):
+            whole, lazy = pair.look("map", f"robot_{robot}/base")
+            assert whole == lazy
+
+
+def test_robots_that_miss_some_bundles_are_seen(pair: Pair) -> None:
+    """Each robot is in 85 % of the bundles, each bundle has its own order: newest and past look-ups are right."""
+    chance = random.Random(3)
+    for tick in range(1, 400):
+        present = [robot for robot in range(ROBOTS) if chance.random() < 0.85]
+        if chance.random() < 0.3:
+            chance.shuffle(present)
+        pair.take(bundle(tick, present))
+        a, b = chance.sample(range(ROBOTS), 2)
+        for time in (0, max(1, tick - chance.randrange(60)) * S // 10):
+            whole, lazy = pair.look(f"robot_{a}/base", f"robot_{b}/base", time)
+            assert whole == lazy
+
+
+def test_names_may_have_a_leading_slash(pair: Pair) -> None:
+    """Frames that a bundle names with a leading slash are found under their plain names, in every bundle."""
+    for tick in range(1, 5):
+        transforms = bundle(tick)
+        for one in transforms:
+            one.child_frame_id = "/" + one.child_frame_id
+        pair.take(transforms)
+        whole, lazy = pair.look("map", "robot_2/base")
+        assert whole == lazy
+
+
+def test_frames_that_are_not_looked_up_are_not_read(pair: Pair) -> None:
+    """The buffer holds the samples of the two robots that were asked for, and of the others only the first."""
+    for tick in range(1, 51):
+        pair.take(bundle(tick))
+        pair.look("robot_0/base", "robot_1/base")
+    counts = {child: info.samples for child, info in pair.lazy.frames().items() if child.endswith("base")}
+    assert counts == {f"robot_{i}/base": 50 if i < 2 else 1 for i in range(ROBOTS)}
+
+
+def test_old_bundles_go(pair: Pair) -> None:
+    """An hour of bundles is not kept: a look-up then reaches back as far as a buffer does."""
+    for tick in range(1, 36_000):
+        pair.bundles.take(encode(TFMessage(bundle(tick, [0]))))
+    pair.bundles.settle("map", "robot_0/base")
+    info = pair.lazy.frames()["robot_0/base"]
+    assert info.newest == 35_999 * S // 10
+    assert info.samples <= 200
+
+
+def test_time_starts_anew(pair: Pair) -> None:
+    """After a jump back nothing of before comes up again."""
+    for tick in range(50, 60):
+        pair.take(bundle(tick))
+    pair.bundles.clear()
+    pair.whole.clear()
+    pair.lazy.clear()
+    for tick in range(1, 5):
+        pair.take(bundle(tick))
+    whole, lazy = pair.look("map", "robot_3/base")
+    assert whole == lazy
+
+
+@pytest.mark.parametrize("payload", [b"", b"\0\1\0\0", b"\0\1\0\0" + b"\xff" * 60])
+def test_garbage_is_refused(pair: Pair, payload: bytes) -> None:
+    """A payload that is no bundle raises and leaves the others as they were."""
+    pair.take(bundle(1))
+    with pytest.raises(DecodeError):
+        pair.bundles.take(payload)
+    whole, lazy = pair.look("map", "robot_1/base")
+    assert whole == lazy
+
+
+def test_garbage_of_the_right_length_moves_no_robot(pair: Pair) -> None:
+    """Bytes as long as a bundle, one that is torn at its beginning, and NaN in one's numbers are passed over."""
+    pair.take(bundle(1))
+    length = len(encode(TFMessage(bundle(1))))
+    with pytest.raises(DecodeError):
+        pair.bundles.take(b"\0\1\0\0" + b"\xff" * (length - 4))
+    torn = bytearray(encode(TFMessage(bundle(2))))
+    torn[8:60] = b"\xff" * 52
+    with pytest.raises(DecodeError):
+        pair.bundles.take(bytes(torn))
+    broken = bytearray(encode(TFMessage(bundle(3))))
+    broken[-56:] = b"\xff" * 56
+    pair.bundles.take(bytes(broken))
+    for robot in range(ROBOTS):
+        pair.bundles.settle("map", f"robot_{robot}/base")
+    newest = {child: info.newest for child, info in pair.lazy.frames().items() if child.endswith("base")}
+    assert newest == {f"robot_{i}/base": (1 if i == ROBOTS - 1 else 3) * S // 10 for i in range(ROBOTS)}
+
+
+def test_an_empty_bundle_says_nothing(pair: Pair) -> None:
+    """No stamp, no harm."""
+    assert pair.take([]) == 0
+    pair.take(bundle(1))
+    assert pair.take([]) == 0
+    whole, lazy = pair.look("map", "robot_1/base")
+    assert whole == lazy

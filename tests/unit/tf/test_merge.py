@@ -1,0 +1,178 @@
+"""Merging the robots' transforms: names, who may say what, conflicts by name."""
+
+import math
+
+import pytest
+
+from support.transforms import S, stamped
+from zteam.messages import (
+    Quaternion,
+    TFMessage,
+    TransformStamped,
+    ns_from_time,
+)
+from zteam.tf.merge import Merger
+
+
+def _names(transforms: list[TransformStamped]) -> list[tuple[str, str]]:
+    return [(t.header.frame_id, t.child_frame_id) for t in transforms]
+
+
+def _without_rotation(transform: TransformStamped) -> TransformStamped:
+    transform.transform.rotation = Quaternion(0.0, 0.0, 0.0, 0.0)
+    return transform
+
+
+@pytest.mark.parametrize(
+    ("parent", "child"),
+    [("odom", "base_footprint"), ("robot_1/odom", "/robot_1/base_footprint")],
+    ids=["local", "full"],
+)
+def test_all_spellings_mean_the_same_frame(parent: str, child: str) -> None:
+    """Local names, prefixed ones and leading slashes lead to one tree."""
+    merger = Merger()
+    merger.take(1, TFMessage([stamped(parent, child, S, 2.0)]))
+    (sent,) = merger.take_pending()
+    assert (sent.header.frame_id, sent.child_frame_id) == ("robot_1/odom", "robot_1/base_footprint")
+    assert sent.header.stamp.sec == 1
+    assert merger.take_pending() == []
+
+
+@pytest.mark.parametrize(
+    ("parent", "child"), [("map", "/robot_1/odom"), ("/robot_1/odom", "base_link"), ("map", "/table")]
+)
+def test_a_robot_speaks_for_itself_only(parent: str, child: str) -> None:
+    """Frames outside a robot's own prefix are refused and reported once."""
+    merger = Merger()
+    for _ in range(3):
+        merger.take(0, TFMessage([stamped(parent, child, S)]))
+    assert merger.take_pending() == []
+    (conflict,) = merger.take_conflicts()
+    assert "robot_0 may not" in conflict
+    assert merger.take_conflicts() == []
+
+
+def test_a_second_authority_is_refused_and_named() -> None:
+    """Who spoke first stays; the text names both."""
+    merger = Merger([stamped("robot_0/base_link", "robot_0/camera", 0, 0.1)])
+    merger.take_static(0, TFMessage([stamped("base_link", "camera", 0, 0.2)]))
+    (conflict,) = merger.take_conflicts()
+    assert "team file" in conflict
+    assert "robot_0" in conflict
+    assert merger.statics().transforms[0].transform.translation.x == 0.1
+
+
+def test_a_robot_is_seen_from_another() -> None:
+    """The tree of a team: start poses, odometry and fixed legs of two robots make one path."""
+    merger = Merger()
+    for robot, y in ((0, 1.0), (3, 4.0)):
+        start = [stamped("map", "odom", 0, 0.0, y), stamped("base_footprint", "base_link", 0, 0.1)]
+        merger.take_static(robot, TFMessage(start))
+        for stamp in (S // 2, (robot + 1) * S):
+            merger.take(robot, TFMessage([stamped("odom", "base_footprint", stamp, float(robot))]))
+    pose, stamp = merger.buffer.lookup_pose2("robot_0/base_link", "robot_3/base_link", 0)
+    assert pose == pytest.approx((3.0, 3.0, 0.0))
+    assert stamp == S
+
+
+def test_stamps_and_numbers_are_passed_on_as_they_came() -> None:
+    """The bundle holds every robot's transforms in the order in which they came, never restamped."""
+    merger = Merger()
+    for robot, stamp in ((2, 7 * S + 1), (0, 5 * S), (2, 7 * S + 2)):
+        merger.take(robot, TFMessage([stamped("odom", "base_footprint", stamp, 0.25, 0.5, 1.0)]))
+    pending = merger.take_pending()
+    assert [ns_from_time(t.header.stamp) for t in pending] == [7 * S + 1, 5 * S, 7 * S + 2]
+    assert [t.child_frame_id for t in pending] == [f"robot_{i}/base_footprint" for i in (2, 0, 2)]
+    assert pending[1].transform == stamped("", "", 0, 0.25, 0.5, 1.0).transform
+
+
+def test_what_is_refused_is_not_passed_on() -> None:
+    """Old samples, other values for a known time, and numbers that are none stay out of the bundle."""
+    merger = Merger()
+    merger.take(0, TFMessage([stamped("odom", "base", 50 * S, 1.0)]))
+    merger.take_pending()
+    for bad in (
+        stamped("odom", "base", S),
+        stamped("odom", "base", 50 * S, 2.0),
+        stamped("odom", "base", 51 * S, math.nan),
+        _without_rotation(stamped("odom", "base", 51 * S)),
+    ):
+        merger.take(0, TFMessage([bad]))
+    assert merger.take_pending() == []
+    conflicts = merger.take_conflicts()
+    assert conflicts
+    assert all("robot_0" in text for text in conflicts)
+
+
+def test_one_bad_transform_does_not_spoil_a_message() -> None:
+    """Its neighbours in the message are taken."""
+    merger = Merger()
+    good, bad = stamped("odom", "base_footprint", S), stamped("map", "/robot_1/odom", S)
+    merger.take(0, TFMessage([bad, good]))
+    assert _names(merger.take_pending()) == [("robot_0/odom", "robot_0/base_footprint")]
+    merger.take_static(0, TFMessage([bad, stamped("base_footprint", "base_link", 0)]))
+    assert _names(merger.statics().transforms) == [("robot_0/base_footprint", "robot_0/base_link")]
+
+
+def test_a_robot_may_not_bend_the_map() -> None:
+    """The global frames themselves are nobody's to move, nor is a robot whose name only begins alike."""
+    merger = Merger()
+    for parent, child in (("earth", "map"), ("robot_1/base", "/map"), ("map", "/robot_10/odom"), ("/robot_10/x", "y")):
+        merger.take(1, TFMessage([stamped(parent, child, S)]))
+        merger.take_static(1, TFMessage([stamped(parent, child, 0)]))
+    assert merger.buffer.frames() == {}
+    assert merger.take_pending() == []
+    assert merger.statics().transforms == []
+    assert len(merger.take_conflicts()) == 3
+
+
+def test_a_robots_loop_is_refused_and_reported_once() -> None:
+    """A loop never reaches the tree, and the text names the robot."""
+    merger = Merger()
+    for _ in range(3):
+        merger.take(4, TFMessage([stamped("odom", "a", S), stamped("a", "b", S), stamped("b", "odom", S)]))
+    (conflict,) = merger.take_conflicts()
+    assert "loop" in conflict
+    assert "robot_4" in conflict
+    assert _names(merger.take_pending())[:2] == [("robot_4/odom", "robot_4/a"), ("robot_4/a", "robot_4/b")]
+
+
+@pytest.mark.parametrize(("parent", "child"), [("", "base"), ("odom", "")])
+def test_a_robots_nameless_frames_are_refused(parent: str, child: str) -> None:
+    """An empty name is no frame, whatever the prefix."""
+    merger = Merger()
+    merger.take(0, TFMessage([stamped(parent, child, S)]))
+    merger.take_static(0, TFMessage([stamped(parent, child, 0)]))
+    assert merger.buffer.frames() == {}
+    assert merger.take_conflicts()
+
+
+def test_two_publishers_of_one_edge_are_reported() -> None:
+    """Two values for one frame at one time can only come from two sources."""
+    merger = Merger()
+    merger.take(0, TFMessage([stamped("odom", "base_footprint", S, 1.0)]))
+    merger.take(0, TFMessage([stamped("odom", "base_footprint", S, 2.0)]))
+    (conflict,) = merger.take_conflicts()
+    assert "robot_0/base_footprint" in conflict
+
+
+def test_an_exact_duplicate_is_not_sent_again() -> None:
+    """What the tree has already need not travel again."""
+    merger = Merger()
+    for _ in range(2):
+        merger.take(0, TFMessage([stamped("odom", "base_footprint", S, 1.0)]))
+    assert len(merger.take_pending()) == 1
+
+
+def test_a_clock_that_runs_apart_is_refused_and_named() -> None:
+    """A stamp from another time is reported once and taken from nobody; the robot's true samples still count."""
+    merger = Merger()
+    for wrong in (100 * S, 100 * S + 1, 20 * S):
+        merger.take(1, TFMessage([stamped("odom", "base_footprint", wrong)]), now=50 * S)
+    merger.take(1, TFMessage([stamped("odom", "base_footprint", 50 * S)]), now=50 * S)
+    ahead, behind = merger.take_conflicts()
+    assert "robot_1 is 50.0 s ahead of the team's clock" in ahead
+    assert "30.0 s behind" in behind
+    assert merger.conflicts() == [ahead, behind]
+    assert merger.buffer.frames()["robot_1/base_footprint"].newest == 50 * S
+    assert len(merger.take_pending()) == 1

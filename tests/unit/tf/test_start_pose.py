@@ -1,0 +1,200 @@
+"""Where a robot starts, of which several may speak; fixed sets and what becomes of them in time."""
+
+from support.transforms import S, stamped
+from zteam.messages import Quaternion, TFMessage, TransformStamped
+from zteam.tf.merge import Merger
+
+
+def _names(transforms: list[TransformStamped]) -> list[tuple[str, str]]:
+    return [(t.header.frame_id, t.child_frame_id) for t in transforms]
+
+
+def _without_rotation(transform: TransformStamped) -> TransformStamped:
+    transform.transform.rotation = Quaternion(0.0, 0.0, 0.0, 0.0)
+    return transform
+
+
+def test_map_is_never_prefixed() -> None:
+    """The start pose hangs under the team's own map."""
+    merger = Merger()
+    merger.take_static(2, TFMessage([stamped("map", "odom", 0, 6.5, 16.5)]))
+    assert merger.buffer.lookup_pose2("map", "robot_2/odom", 0)[0][:2] == (6.5, 16.5)
+
+
+def test_the_team_file_wins_over_everyone() -> None:
+    """Its start pose shadows the simulator's and a localiser's, and neither is a conflict."""
+    merger = Merger([stamped("map", "robot_0/odom", 0, 1.0)])
+    merger.take_static(0, TFMessage([stamped("map", "robot_0/odom", 0, 2.0)]))
+    merger.take(0, TFMessage([stamped("map", "robot_0/odom", S, 3.0)]))
+    assert merger.buffer.lookup_pose2("map", "robot_0/odom", 0)[0].x == 1.0
+    assert [t.transform.translation.x for t in merger.statics().transforms] == [1.0]
+    assert merger.take_conflicts() == []
+
+
+def test_a_localiser_wins_over_the_simulator() -> None:
+    """From its first transform on the start pose leaves the static set, whichever came first."""
+    for localiser_first in (False, True):
+        merger = Merger()
+        start = TFMessage([stamped("map", "odom", 0, 2.0), stamped("base_footprint", "base_link", 0)])
+        moving = TFMessage([stamped("map", "odom", S, 3.0)])
+        if localiser_first:
+            merger.take(0, moving)
+            merger.take_static(0, start)
+        else:
+            merger.take_static(0, start)
+            merger.take(0, moving)
+        assert merger.statics_changed
+        assert [t.child_frame_id for t in merger.statics().transforms] == ["robot_0/base_link"]
+        assert merger.buffer.lookup_pose2("map", "robot_0/odom", 0)[0].x == 3.0
+        assert merger.take_conflicts() == []
+
+
+def test_a_callers_frames_live_as_long_as_the_caller() -> None:
+    """A fixed transform that a tool adds goes when the tool goes."""
+    merger = Merger()
+    assert merger.add_static(stamped("map", "table", 0, 4.0), "tool") is None
+    assert "tool already" in (merger.add_static(stamped("map", "table", 0, 5.0), "other") or "")
+    merger.drop_authority("tool")
+    assert merger.statics().transforms == []
+    assert merger.add_static(stamped("map", "table", 0, 5.0), "other") is None
+
+
+def test_a_moved_start_pose_replaces_the_old_one() -> None:
+    """The simulator may say a new start pose (after a move), and the set follows it."""
+    merger = Merger()
+    merger.take_static(0, TFMessage([stamped("map", "odom", 0, 1.0)]))
+    merger.statics()
+    merger.take_static(0, TFMessage([stamped("map", "odom", 0, 9.0)]))
+    assert merger.statics_changed
+    assert merger.statics().transforms[0].transform.translation.x == 9.0
+
+
+def test_moving_data_for_a_frame_of_the_team_file_is_a_conflict() -> None:
+    """A fixed frame of the file stays, and both sides are named."""
+    merger = Merger([stamped("robot_0/base_link", "robot_0/camera", 0, 0.1)])
+    merger.take(0, TFMessage([stamped("base_link", "camera", S, 0.5)]))
+    assert merger.take_pending() == []
+    (conflict,) = merger.take_conflicts()
+    assert "team file" in conflict
+    assert "robot_0" in conflict
+    assert merger.buffer.lookup_pose2("robot_0/base_link", "robot_0/camera", 0)[0].x == 0.1
+
+
+def test_what_left_a_robots_fixed_set_leaves_the_tree() -> None:
+    """Only that robot's own frames go, and the full set is sent again."""
+    merger = Merger([stamped("robot_0/base_link", "robot_0/camera", 0)])
+    merger.take_static(0, TFMessage([stamped("map", "odom", 0), stamped("odom", "mark", 0)]))
+    merger.take_static(1, TFMessage([stamped("map", "odom", 0)]))
+    assert merger.add_static(stamped("map", "table", 0), "tool") is None
+    merger.statics()
+    assert not merger.statics_changed
+    merger.take_static(0, TFMessage([stamped("map", "odom", 0)]))
+    assert merger.statics_changed
+    children = [t.child_frame_id for t in merger.statics().transforms]
+    assert children == ["robot_0/camera", "robot_0/odom", "robot_1/odom", "table"]
+    assert sorted(merger.buffer.frames()) == children
+
+
+def test_an_unchanged_fixed_set_is_not_sent_again() -> None:
+    """A robot that repeats itself costs nobody anything."""
+    merger = Merger()
+    statics = TFMessage([stamped("map", "odom", 0, 1.0), stamped("base_footprint", "base_link", 0)])
+    merger.take_static(0, statics)
+    merger.statics()
+    merger.take_static(0, statics)
+    assert not merger.statics_changed
+
+
+def test_a_localised_robot_keeps_its_place_when_its_fixed_set_goes() -> None:
+    """A shadowed start pose may come and go without touching what the localiser says."""
+    merger = Merger()
+    merger.take(0, TFMessage([stamped("map", "odom", S, 3.0)]))
+    merger.take_static(0, TFMessage([stamped("map", "odom", 0, 2.0)]))
+    merger.take_static(0, TFMessage([]))
+    assert merger.buffer.lookup_pose2("map", "robot_0/odom", 0)[0].x == 3.0
+    assert merger.statics().transforms == []
+    assert merger.take_conflicts() == []
+
+
+def test_a_jump_back_keeps_what_does_not_move() -> None:
+    """Moving data and what waits to be sent are forgotten; the fixed set stays, and new data is taken at once."""
+    merger = Merger()
+    merger.take_static(0, TFMessage([stamped("map", "odom", 0, 2.0)]))
+    merger.take(0, TFMessage([stamped("odom", "base", 100 * S, 1.0)]))
+    merger.jump_back()
+    assert merger.take_pending() == []
+    assert list(merger.buffer.frames()) == ["robot_0/odom"]
+    merger.take(0, TFMessage([stamped("odom", "base", S, 5.0)]))
+    assert merger.buffer.lookup_pose2("map", "robot_0/base", 0)[0].x == 7.0
+    assert len(merger.take_pending()) == 1
+
+
+def test_a_tools_frame_may_have_any_name_but_a_bad_one() -> None:
+    """Slashes are stripped; a refusal comes back to who asked."""
+    merger = Merger()
+    assert merger.add_static(stamped("/map", "/table", 0, 4.0), "tool") is None
+    assert merger.buffer.lookup_pose2("map", "table", 0)[0].x == 4.0
+    assert "child_frame_id" in (merger.add_static(stamped("map", "", 0), "tool") or "")
+    assert "loop" in (merger.add_static(stamped("table", "map", 0), "tool") or "")
+    assert merger.add_static(stamped("map", "table", 0, 5.0), "tool") is None
+    assert merger.buffer.lookup_pose2("map", "table", 0)[0].x == 5.0
+    assert len(merger.statics().transforms) == 1
+
+
+def test_a_tools_start_pose_gives_way_to_the_simulators() -> None:
+    """The simulator knows better where a robot stands; the tool's end takes nothing away."""
+    merger = Merger()
+    assert merger.add_static(stamped("map", "robot_0/odom", 0, 9.0), "tool") is None
+    merger.take_static(0, TFMessage([stamped("map", "odom", 0, 2.0)]))
+    assert merger.take_conflicts() == []
+    merger.drop_authority("tool")
+    assert merger.buffer.lookup_pose2("map", "robot_0/odom", 0)[0].x == 2.0
+
+
+def test_a_bad_localiser_does_not_take_a_robots_place_away() -> None:
+    """A transform that is refused (here: an empty rotation) leaves the simulator's start pose where it is."""
+    merger = Merger()
+    merger.take_static(0, TFMessage([stamped("map", "odom", 0, 2.0)]))
+    merger.take(0, TFMessage([_without_rotation(stamped("map", "odom", S, 3.0))]))
+    assert merger.take_conflicts()
+    assert merger.buffer.lookup_pose2("map", "robot_0/odom", 0)[0].x == 2.0
+    assert _names(merger.statics().transforms) == [("map", "robot_0/odom")]
+
+
+def test_after_a_jump_back_the_start_pose_holds_until_a_localiser_speaks() -> None:
+    """A run that begins anew without its localiser does not lose its robots."""
+    merger = Merger()
+    start = TFMessage([stamped("map", "odom", 0, 2.0)])
+    merger.take_static(0, start)
+    merger.take(0, TFMessage([stamped("map", "odom", 9 * S, 3.0)]))
+    merger.jump_back()
+    merger.take_static(0, start)
+    assert merger.buffer.lookup_pose2("map", "robot_0/odom", 0)[0].x == 2.0
+    merger.take(0, TFMessage([stamped("map", "odom", S, 4.0)]))
+    assert merger.buffer.lookup_pose2("map", "robot_0/odom", 0)[0].x == 4.0
+
+
+def test_a_tool_may_not_take_over_a_moving_frame() -> None:
+    """The robot that moves the frame is its authority; the tool is told so."""
+    merger = Merger()
+    merger.take(1, TFMessage([stamped("odom", "base_footprint", S, 1.0)]))
+    why = merger.add_static(stamped("map", "robot_1/base_footprint", 0, 9.0), "tool")
+    assert "robot_1" in (why or "")
+    assert merger.buffer.frames()["robot_1/base_footprint"].parent == "robot_1/odom"
+
+
+def test_a_tool_is_refused_as_often_as_it_asks() -> None:
+    """The log has a conflict once, the caller each time."""
+    merger = Merger()
+    merger.add_static(stamped("map", "table", 0), "tool")
+    for _ in range(2):
+        assert "loop" in (merger.add_static(stamped("table", "map", 0), "tool") or "")
+
+
+def test_a_robots_fixed_set_may_turn_round() -> None:
+    """What counts is the new set: an edge of the old one is no loop in it."""
+    merger = Merger()
+    merger.take_static(0, TFMessage([stamped("base_link", "camera", 0)]))
+    merger.take_static(0, TFMessage([stamped("camera", "base_link", 0)]))
+    assert merger.take_conflicts() == []
+    assert _names(merger.statics().transforms) == [("robot_0/camera", "robot_0/base_link")]

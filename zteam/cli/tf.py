@@ -1,0 +1,188 @@
+"""`zteam tf echo A B | tree | monitor | positions | static`: transforms between frames, under tf's words."""
+
+import argparse
+import sys
+from collections.abc import Sequence
+
+from zteam import names
+from zteam.bus import Bus
+from zteam.cli.clocks import ticker
+from zteam.cli.frames import TreeListener, show_figures, show_positions, show_tree
+from zteam.cli.listening import Waiter, open_bus
+from zteam.cli.options import MAX_RATE, Parser, add_bus_options, add_clock_option, bus_options, number, run
+from zteam.errors import UsageError, ZteamError
+from zteam.geometry import quaternion_from_rpy
+from zteam.messages import to_json
+from zteam.numbers import MAX_SECONDS
+from zteam.services.transforms import MAX_COORDINATE, StaticReply, StaticRequest
+from zteam.services.transforms_client import TransformClient
+from zteam.tf.text import format_transform
+
+_MAX_STAMP = 4e9
+"""Seconds: the host's own time, of which there are 1.8e9 since 1970, is a stamp too."""
+_COUNTS = {8: "yaw pitch roll", 9: "qx qy qz qw"}
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """The command line."""
+    parser = Parser(prog="zteam tf", description=__doc__)
+    verbs = parser.add_subparsers(dest="verb", required=True, metavar="echo|tree|monitor|positions|static")
+    echo = verbs.add_parser("echo", help="print the pose of frame B in frame A")
+    echo.add_argument("target", metavar="A")
+    echo.add_argument("source", metavar="B")
+    echo.add_argument("--once", action="store_true", help="end after one")
+    echo.add_argument("--json", action="store_true")
+    echo.add_argument(
+        "--rate",
+        type=number(1e-3, MAX_RATE, "transforms a second"),
+        default=1.0,
+        metavar="HZ",
+        help="(default: %(default)s)",
+    )
+    echo.add_argument(
+        "--at",
+        type=number(0.0, _MAX_STAMP, "seconds"),
+        metavar="S",
+        help="as it was at this time of the team's clock, once",
+    )
+    echo.add_argument(
+        "--timeout",
+        type=number(0.0, MAX_SECONDS, "host seconds"),
+        metavar="S",
+        help="fail after S seconds of the host without it",
+    )
+    tree = verbs.add_parser("tree", help="print the tree with rates, ages and who says so")
+    tree.add_argument("--json", action="store_true")
+    tree.add_argument("-o", "--output", metavar="FILE.svg|dot", help="draw it; edges without news for 1 s are red")
+    monitor = verbs.add_parser("monitor", help="rates, delays and jitter of every frame, and conflicts")
+    monitor.add_argument(
+        "--for",
+        dest="seconds",
+        type=number(0.01, MAX_SECONDS, "host seconds"),
+        default=5.0,
+        metavar="S",
+        help="of the host (default: %(default)s)",
+    )
+    monitor.add_argument("--json", action="store_true")
+    positions = verbs.add_parser("positions", help="every robot's pose in map")
+    positions.add_argument(
+        "--rate",
+        type=number(1e-3, MAX_RATE, "positions a second"),
+        metavar="HZ",
+        help="again and again, until Ctrl+C",
+    )
+    positions.add_argument("--json", action="store_true", help="a line of JSON each time")
+    static = verbs.add_parser(
+        "static",
+        help="hold a fixed transform until Ctrl+C",
+        usage="zteam tf static X Y Z YAW PITCH ROLL PARENT CHILD  (or QX QY QZ QW for the angles)",
+    )
+    for sub in (echo, positions):
+        add_clock_option(sub)
+    for sub in (echo, tree, monitor, positions, static):
+        add_bus_options(sub)
+    return parser
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point."""
+    # The numbers of `static` may be negative, which argparse would take for options.
+    args, rest = build_parser().parse_known_args(argv)
+    if args.verb == "static":
+        return run("zteam tf", args, lambda: _static(args, rest))
+    if rest:
+        build_parser().error(f"unrecognized arguments: {' '.join(rest)}")
+    verb = {"echo": _echo, "tree": show_tree, "monitor": show_figures, "positions": show_positions}[args.verb]
+    return run("zteam tf", args, lambda: verb(args))
+
+
+def _echo(args: argparse.Namespace) -> int:
+    target, source = names.strip_slash(args.target), names.strip_slash(args.source)
+    bus = open_bus(bus_options(args))
+    try:
+        if args.at is not None:
+            # The past lies with the aggregator: whoever just came has heard nothing of it.
+            at = TransformClient(bus).lookup_transform(target, source, round(args.at * 1e9), args.timeout or 0.0)
+            print(to_json(at).decode() if args.json else format_transform(at))
+            return 0
+        listener = TreeListener(bus)
+
+        def there() -> bool:
+            return listener.buffer.can_transform(target, source, 0)[0]
+
+        if not listener.waiter.wait(there, args.timeout, f"the transform from {source} to {target}"):
+            why = listener.buffer.can_transform(target, source, 0)[1]
+            raise ZteamError(f"no transform within {args.timeout:g} s: {why.strip()} (see 'zteam tf tree')")
+        wait = None if args.once else ticker(bus, 1.0 / args.rate, args.clock)
+        while True:
+            transform = listener.buffer.lookup_transform(target, source, 0)
+            print(to_json(transform).decode() if args.json else format_transform(transform), flush=True)
+            if wait is None:
+                return 0
+            wait()
+    finally:
+        bus.close()
+
+
+def parse_static(words: Sequence[str], caller: str) -> StaticRequest:
+    """X Y Z YAW PITCH ROLL PARENT CHILD, or with a quaternion; ROS 1's period at the end is taken and ignored."""
+    values = list(words)
+    if len(values) in {9, 10} and _is_number(values[-1]) and not _is_number(values[-2]):
+        values.pop()
+    if len(values) not in _COUNTS or not all(map(_is_number, values[:-2])):
+        raise UsageError(
+            "give X Y Z YAW PITCH ROLL PARENT CHILD or X Y Z QX QY QZ QW PARENT CHILD, "
+            "e.g. zteam tf static 0.1 0 0.2 0 0 0 robot_0/base_link robot_0/camera"
+        )
+    x, y, z, *angles = map(float, values[:-2])
+    if len(angles) == 3:
+        yaw, pitch, roll = angles
+        angles = list(quaternion_from_rpy(roll, pitch, yaw))
+    parent, child = (names.strip_slash(name) for name in values[-2:])
+    return StaticRequest(parent, child, caller, x, y, z, *angles)
+
+
+def _is_number(text: str) -> bool:
+    try:
+        return abs(float(text)) <= MAX_COORDINATE
+    except ValueError:
+        return False
+
+
+def _hold(bus: Bus, request: StaticRequest) -> None:
+    """Ask every aggregator that comes: a restarted one knows nothing of what its predecessor was asked for."""
+    waiter, aggregators, told = Waiter(), set[str](), set[str]()
+
+    def on_token(key: str, alive: bool) -> None:
+        (aggregators.add if alive else aggregators.discard)(key)
+        if not alive:
+            told.discard(key)
+        waiter.notify()
+
+    bus.watch_tokens([names.tokens_key(names.AGGREGATOR)], on_token)
+    while True:
+        waiter.wait(lambda: bool(aggregators - told), None, "the aggregator (zteam-tf)" if not told else "")
+        fresh = aggregators - told
+        reply = bus.ask(names.service_key(names.AGGREGATOR, "static"), StaticReply, request)
+        if reply.refused:
+            raise ZteamError(f"refused: {reply.refused}")
+        told.update(fresh)
+        print(f"{request.parent} -> {request.child} holds until Ctrl+C", flush=True)
+
+
+def _static(args: argparse.Namespace, words: Sequence[str]) -> int:
+    request = parse_static(words, "")
+    bus = open_bus(bus_options(args))
+    try:
+        request.caller = bus.instance
+        bus.declare_token(names.token_key(names.STATIC_CALLER, bus.instance))
+        _hold(bus, request)
+    except KeyboardInterrupt:
+        return 0
+    finally:
+        bus.close()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

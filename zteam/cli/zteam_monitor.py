@@ -1,0 +1,56 @@
+"""`zteam-monitor --team-size N`: the start gate ("All robots GO!") and the team's health."""
+
+import argparse
+import sys
+from collections.abc import Sequence
+
+from zteam import names
+from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, run
+from zteam.errors import UsageError
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """The command line."""
+    parser = Parser(prog="zteam-monitor", description=__doc__)
+    parser.add_argument("--team-size", metavar="N", help="how many robots to wait for")
+    parser.add_argument("--ids", nargs="+", metavar="ID", help="which robots to wait for, e.g. --ids 0 1 2 3")
+    parser.add_argument("--json", action="store_true", help="print events as JSON lines: event, robot, text")
+    parser.add_argument("--exit-on-go", action="store_true", help="end with 0 once GO is out and obeyed")
+    add_clock_option(parser)
+    add_bus_options(parser)
+    return parser
+
+
+def parse_team(size: str | None, ids: Sequence[str] | None) -> tuple[int, tuple[int, ...] | None]:
+    """Team size and ids. Raises UsageError unless they make sense together."""
+    chosen = None if ids is None else tuple(names.parse_robot_id(text) for text in ids)
+    if chosen is not None and len(set(chosen)) != len(chosen):
+        raise UsageError(f"--ids names a robot twice: {' '.join(ids or ())}")
+    if size is None:
+        if chosen is None:
+            raise UsageError("say how many robots to wait for (--team-size 4) or which (--ids 0 1 2 3)")
+        return len(chosen), chosen
+    if not size.isascii() or not size.isdigit() or len(size) > 5 or not 1 <= int(size) <= names.MAX_ROBOT_ID + 1:
+        raise UsageError(f"--team-size {size}: give a whole number from 1 to {names.MAX_ROBOT_ID + 1}")
+    if chosen is not None and len(chosen) != int(size):
+        raise UsageError(f"--team-size {size} and --ids with {len(chosen)} robots disagree: leave one out")
+    return int(size), chosen
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point."""
+    args = build_parser().parse_args(argv)
+    return run(names.MONITOR, args, lambda: _monitor(args), needs_output=False)
+
+
+def _monitor(args: argparse.Namespace) -> int:
+    from zteam.nodes.monitor.node import MonitorOptions, run_monitor
+    from zteam.runtime.node import run_node
+
+    team_size, ids = parse_team(args.team_size, args.ids)
+    options = MonitorOptions(team_size, ids, args.json, args.exit_on_go)
+    return run_node(names.MONITOR, bus_options(args, small=True), lambda node: run_monitor(node, options), args.clock)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,115 @@
+"""`zteam-robot --id N`: one robot's brain, a process of its own."""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+from zteam import names
+from zteam.cli.options import (
+    MAX_SEED,
+    MIN_SEED,
+    Parser,
+    add_bus_options,
+    add_clock_option,
+    bus_options,
+    fail,
+    run,
+    whole,
+)
+from zteam.errors import UsageError, ZteamError
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """The command line."""
+    parser = Parser(prog="zteam-robot", description=__doc__)
+    parser.add_argument("--id", required=True, metavar="N", help=f"the robot's number, 0 to {names.MAX_ROBOT_ID}")
+    what = parser.add_mutually_exclusive_group()
+    what.add_argument("--behavior", metavar="NAME", help="forward, avoid, wander, follow or package.module:Class")
+    what.add_argument("--follow", metavar="ID", help="follow that robot")
+    parser.add_argument(
+        "--param",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="a parameter of the behaviour, e.g. speed=0.4 (repeatable)",
+    )
+    parser.add_argument(
+        "--path",
+        action="append",
+        default=[],
+        metavar="FOLDER",
+        help="look for package.module here too, besides what is installed and the current folder (repeatable)",
+    )
+    parser.add_argument("--no-gate", action="store_true", help="drive at once, without the monitor's GO")
+    parser.add_argument(
+        "--seed",
+        type=whole(MIN_SEED, MAX_SEED, "a seed"),
+        default=1,
+        help="seed of everything random (default: %(default)s)",
+    )
+    add_clock_option(parser)
+    add_bus_options(parser)
+    return parser
+
+
+def parse_param(text: str) -> tuple[str, Any]:
+    """KEY=VALUE, the value as in a team file (TOML): 0.4, true, "text", [1, 2]; anything else is a text."""
+    import tomllib
+
+    key, equals, value = text.partition("=")
+    if not equals or not key.isidentifier():
+        raise UsageError(f"--param {text!r} is not KEY=VALUE, e.g. speed=0.4")
+    try:
+        return key, tomllib.loads(f"v = {value}")["v"]
+    except tomllib.TOMLDecodeError:
+        return key, value
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point."""
+    args = build_parser().parse_args(argv)
+    try:
+        robot_id = names.parse_robot_id(args.id)
+    except UsageError as error:
+        return fail("zteam-robot", UsageError(f"--id: {error}"))
+    return run(names.robot_name(robot_id), args, lambda: _drive(robot_id, args))
+
+
+def _drive(robot_id: int, args: argparse.Namespace) -> int:
+    from functools import partial
+
+    from zteam.behaviors import load_behavior
+    from zteam.behaviors.registry import look_in
+    from zteam.nodes.robot.node import RobotOptions, run_robot
+    from zteam.runtime.faults import log_fault
+    from zteam.runtime.node import Node, run_node
+
+    params = dict(map(parse_param, args.param))
+    spec = args.behavior or "forward"
+    if args.follow is not None:
+        leader = names.parse_robot_id(args.follow)
+        if leader == robot_id:
+            raise UsageError(f"--follow {leader}: a robot cannot follow itself")
+        if "leader" in params:
+            raise UsageError("--follow names the leader already: leave --param leader out")
+        spec, params = "follow", {"leader": leader, **params}
+    look_in([*args.path, ""])
+    make_behavior = partial(load_behavior, spec, params, robot_id)
+    # A mistake is told at once, before anything is waited for.
+    try:
+        make_behavior()
+    except ZteamError:
+        raise
+    except Exception as error:
+        return log_fault(error)
+    options = RobotOptions(robot_id=robot_id, gate=not args.no_gate, seed=args.seed)
+
+    def body(node: Node) -> None:
+        run_robot(node, make_behavior, options)
+
+    return run_node(names.robot_name(robot_id), bus_options(args, small=True), body, args.clock)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,168 @@
+"""`zteam.Node` and `zteam.run`: a process of one's own that keeps time with the team, in lock-step too."""
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+from zteam import names
+from zteam.behaviors.behavior import checked_command
+from zteam.bus import Bus, BusOptions, Publisher
+from zteam.bus.transport import Closeable
+from zteam.clock import Rate, monotonic, to_ns
+from zteam.errors import UsageError
+from zteam.messages import Message, TFMessage, Tick, Twist, ns_from_time
+from zteam.runtime import node as core
+from zteam.runtime.logs import start_logging
+from zteam.runtime.participant import Participant
+from zteam.runtime.shutdown import Stop, stopping_in_order
+
+M = TypeVar("M", bound=Message)
+
+Step = Callable[[int], Twist | None]
+"""`step(now)`: a robot's own process (`robot_N`) may return its command, which goes to the wheels."""
+
+
+class Node(core.Node):
+    """One process on the bus under a name of its own.
+
+    `subscribe` and `bus.publisher` before `run(step)`; then `step(now)` is called with the time in ns: in lock-step
+    once a tick, when all inputs declared with `every_tick` have come for it, and the world waits until it returns; else
+    every `period` seconds of simulated time, or of the host's where there is no simulator.
+    """
+
+    def __init__(self, name: str, bus: Bus, stop: Stop, clock: core.ClockMode = "auto") -> None:
+        super().__init__(name, bus, stop, clock)
+        self._every_tick: list[str] = []
+        self._stamps: dict[str, int] = {}
+        """Of the newest message, by key."""
+        self._step: Step = lambda now: None
+        self._cmd_vel: Publisher[Twist] | None = None
+        self._first_data = 0.0
+        """Host time of the first message; 0 before."""
+        self._part = Participant(self, self._has_inputs, self._act)
+        self.clock.sim.on_jump_back(self._start_anew)
+
+    def subscribe(
+        self,
+        key_expr: str,
+        message_type: type[M],
+        callback: Callable[[str, M], None],
+        *,
+        latched: bool = False,
+        wake: bool = True,
+        every_tick: bool = False,
+    ) -> Closeable:
+        """Call `callback(key, message)` for what comes, never at the same time as `step`.
+
+        With `every_tick`, a lock-step's `step` waits for the tick's own message: of the key, or of every robot in the
+        world if the key is `robot_$*/topic`. Such a message needs a header, whose stamp says which tick it is of; `tf`
+        may be waited for as well.
+        """
+        if every_tick and "header" not in message_type.__struct_fields__ and message_type is not TFMessage:
+            raise UsageError(f"{key_expr}: {message_type.__name__} has no header, so its tick cannot be told")
+        if every_tick:
+            self._every_tick.append(key_expr)
+
+        def handle(key: str, message: Any) -> None:
+            self._first_data = self._first_data or monotonic()
+            with self.failing():
+                callback(key, message)
+            if every_tick:
+                self._stamps[key] = _stamp_of(message)
+                self._part.take_stamp(self._stamps[key])
+                self._part.advance()
+
+        return super().subscribe(key_expr, message_type, handle, latched=latched, wake=wake)
+
+    def watch_tokens(self, key_expr: str, callback: Callable[[str, bool], None]) -> None:
+        """Call `callback(key, alive)` for presence tokens, never at the same time as `step`."""
+
+        def handle(key: str, alive: bool) -> None:
+            with self.failing():
+                callback(key, alive)
+
+        super().watch_tokens(key_expr, handle)
+
+    def run(self, step: Step, *, period: float = 0.1) -> None:
+        """Call `step(now)` until the process is asked to stop. Raises what `step` raises.
+
+        `step` must not ask the bus (`bus.ask`, a TransformClient): nothing is heard until it returns.
+        """
+        self._step = step
+        robot_id = names.robot_id_of(self.name)
+        if robot_id is not None:
+            self._cmd_vel = self.bus.publisher(names.robot_key(robot_id, names.CMD_VEL), Twist)
+            self.on_stop(lambda: self._drive(Twist()))
+        self.wakes_with_clock = True
+        self.become_present()
+        pace: Rate | None = None
+        while not self.stopping:
+            self.decide_clock(self._first_data)
+            if pace is None and self.clock.decided and self.clock.now() > 0:
+                # The first moment is now.
+                pace = Rate(to_ns(period), self.clock.steady() - to_ns(period))
+            if pace is None:
+                self.wait(lambda: self.clock.now() > 0, 0.1)
+            elif self._part.active:
+                self.wait(lambda: not self._part.active, 0.5)
+            elif self.wait_for_moment(pace):
+                with self.changed:
+                    if self._part.active or self.stopping:
+                        continue
+                    self._drive(self._ask_step(self.clock.now()))
+
+    def _ask_step(self, now: int) -> Twist | None:
+        command = self._step(now)
+        if self._cmd_vel is None:
+            return None
+        return None if command is None else checked_command(command, f"{self.name}: step")
+
+    def _drive(self, command: Twist | None) -> None:
+        if command is not None and self._cmd_vel is not None:
+            self._cmd_vel.put(command)
+
+    def _has_inputs(self, tick: Tick) -> bool:
+        stamp = ns_from_time(tick.stamp)
+        return all(self._stamps.get(key, -1) >= stamp for key in self._needed())
+
+    def _needed(self) -> list[str]:
+        needed = []
+        for key_expr in self._every_tick:
+            prefix, topic = names.all_robots_key(""), key_expr.partition("/")[2]
+            if key_expr.startswith(prefix):
+                needed += [names.robot_key(robot_id, topic) for robot_id in self._part.robots]
+            else:
+                needed.append(key_expr)
+        return needed
+
+    def _act(self, tick: Tick) -> Twist | None:
+        return self._ask_step(ns_from_time(tick.stamp))
+
+    def _start_anew(self, _old: int, _new: int) -> None:
+        self._stamps.clear()
+
+
+def _stamp_of(message: Any) -> int:
+    if isinstance(message, TFMessage):
+        return max((ns_from_time(transform.header.stamp) for transform in message.transforms), default=0)
+    return ns_from_time(message.header.stamp)
+
+
+def run(
+    name: str, body: Callable[[Node], None], options: BusOptions | None = None, *, clock: core.ClockMode = "auto"
+) -> int:
+    """Be the process `name`: `body(node)` subscribes and calls `node.run(step)`. Returns 0 after an orderly stop.
+
+    Raises SystemExit(1) after an error, which the log has: a script ends with that code, whether it looks at what `run`
+    returns or not.
+
+    Stops in order on SIGINT and SIGTERM. Without `options` the environment says how to reach the bus, as it does to
+    every command (`ZTEAM_CONNECT`, `ZTEAM_NAMESPACE`, `ZTEAM_CONFIG`, `ZTEAM_LEASE`).
+    """
+    start_logging(name, "info", "text")
+    chosen = BusOptions.from_environment() if options is None else options
+    stop = Stop()
+    with stopping_in_order(stop):
+        code = core.run_body(name, chosen, body, stop, clock, make=Node)
+    if code:
+        raise SystemExit(code)
+    return code

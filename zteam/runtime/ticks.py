@@ -1,0 +1,133 @@
+"""The ticks of lock-step, from a simulator that has said that it works in lock-step, and from no other sender.
+
+Any process can put a tick on the bus, and one tick is enough to stop a robot in real time: it would wait for the next.
+So `sim/status` is asked once for each simulator, when its presence token comes, and only its session's ticks count.
+"""
+
+import logging
+import threading
+from collections.abc import Callable
+
+import msgspec
+
+from zteam import names
+from zteam.bus.transport import Closeable, RawSample
+from zteam.clock import wait_until
+from zteam.errors import BusError
+from zteam.messages import Tick
+from zteam.runtime.node import Node
+
+log = logging.getLogger("zteam")
+
+GRACE = 1.0
+"""Host seconds for a simulator's token and answer to come, which its first tick may overtake."""
+
+
+class _Mode(msgspec.Struct):
+    """What counts here of the answer to `sim/status`."""
+
+    lockstep: bool = False
+    instance: str = ""
+    """Session of the simulator that answers."""
+
+
+class Ticks:
+    """Calls `take(tick)` under `node.changed` for each tick of a simulator in lock-step."""
+
+    def __init__(self, node: Node, take: Callable[[Tick], None]) -> None:
+        self._node = node
+        self._take = take
+        self._lockstep: dict[str, bool | None] = {}
+        """Of each living simulator, by session: whether it works in lock-step; None until it has said so."""
+        self._early: RawSample | None = None
+        """The newest tick of a session that is not known to be a simulator in lock-step."""
+        self._settling = False
+        self._asking = 0
+        """Questions that are under way."""
+        self._input: Closeable | None = None
+        node.bus.watch_tokens([names.tokens_key(names.SIMULATOR)], self._on_token)
+        self.listen()
+
+    def listen(self) -> None:
+        """Hear ticks; nothing if they are heard already."""
+        if self._input is None:
+            self._input = self._node.bus.subscribe_raw(names.TICK, self._on_sample)
+
+    def deafen(self) -> None:
+        """Hear no ticks until `listen`."""
+        if self._input is not None:
+            self._input.close()
+            self._input = None
+
+    def doubt(self) -> None:
+        """Ask every simulator again before its next tick counts."""
+        self._lockstep = dict.fromkeys(self._lockstep)
+
+    def _on_token(self, key: str, alive: bool) -> None:
+        # Tokens have a thread of their own, which may wait for an answer.
+        instance = key.rpartition("/")[2]
+        with self._node.changed:
+            if alive:
+                self._lockstep[instance] = None
+            else:
+                self._lockstep.pop(instance, None)
+        if alive:
+            self._ask(instance)
+
+    def _ask(self, instance: str) -> None:
+        """Ask the simulator of this session, and take the tick that came before the answer. Not for handlers."""
+        with self._node.changed:
+            self._asking += 1
+        answers: list[tuple[str, _Mode]] = []
+        try:
+            answers = self._node.bus.query(names.service_key(names.SIMULATOR, "status"), _Mode)
+        except BusError as error:
+            log.debug("%s", error)
+        modes = [mode for _, mode in answers if mode.instance in ("", instance)]
+        with self._node.changed:
+            self._asking -= 1
+            self._node.changed.notify_all()
+            if not modes or instance not in self._lockstep:
+                return
+            self._lockstep[instance] = any(mode.lockstep for mode in modes)
+            early = self._early
+            if early is not None and early.source == instance and self._lockstep[instance]:
+                self._early = None
+                self._decode(early)
+
+    def _on_sample(self, sample: RawSample) -> None:
+        with self._node.changed:
+            if self._lockstep.get(sample.source):
+                self._decode(sample)
+                return
+            # Its token, or the answer, may be on its way.
+            self._early = sample
+            if not self._settling:
+                self._settling = True
+                threading.Thread(target=self._settle, name="ticks", daemon=True).start()
+
+    def _decode(self, sample: RawSample) -> None:
+        tick = self._node.bus.decode(sample, Tick)
+        if tick is not None:
+            self._take(tick)
+
+    def _settle(self) -> None:
+        """Find out what to do with a tick of a session that is not known as a simulator in lock-step."""
+        node = self._node
+        with node.changed:
+            wait_until(node.changed, lambda: self._early is None or self._owes_an_answer or node.stopping, GRACE)
+            instance = self._early.source if self._early is not None and self._owes_an_answer else None
+        if instance is not None:
+            # It did not answer when it came.
+            self._ask(instance)
+        with node.changed:
+            self._settling = False
+            early, self._early = self._early, None
+            if early is not None and not self._lockstep.get(early.source, False) and not node.stopping:
+                node.bus.counters.drop(names.TICK, "no simulator in lock-step sent it, so it does not count")
+
+    @property
+    def _owes_an_answer(self) -> bool:
+        """Whether the tick that came early is of a simulator that did not answer, and is not being asked."""
+        early = self._early
+        return early is not None and not self._asking and self._lockstep.get(early.source, False) is None

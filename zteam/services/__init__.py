@@ -1,0 +1,1 @@
+"""Requests and replies of the processes' queries, and the clients that ask."""

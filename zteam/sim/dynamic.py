@@ -1,0 +1,299 @@
+"""Bodies and contacts, on pymunk (Chipmunk). The only module that imports it.
+
+In free space a robot follows the exact arc of its velocity. Chipmunk moves bodies by the velocity that the solver left
+at the end of the step before, so a robot that touches something is driven by a force (which the solver may overrule),
+and one that touches nothing gets its velocity set outright.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pymunk
+import pymunk.autogeometry
+from numpy.typing import NDArray
+
+from zteam.errors import UsageError
+from zteam.geometry import Pose2
+from zteam.sim.fields import Fields
+from zteam.sim.grids import Line, outline
+from zteam.sim.holding import Cores
+from zteam.sim.motion import follow_arcs
+from zteam.sim.polygons import find_slabs, group_shapes, place_shape
+from zteam.world.model import Floorplan, Obstacle, Robot, Shape
+from zteam.world.shapes import is_convex
+
+Floats = NDArray[np.float64]
+
+SUBSTEP = 0.02
+"""Longest physics step in seconds; a single step a tick costs as much and sinks deeper into walls."""
+_STRIDE = 0.1
+"""Metres that no robot may go in one physics step; half the width of the smallest thing that can be pushed, if less."""
+_MAX_SUBSTEPS = 1000
+_SLOP = 0.001
+"""Metres that bodies may overlap at rest."""
+_RIM = 0.01
+"""Metres that a body may sink into another at most, where there is something to push."""
+_WIDE_RIM = 0.05
+"""Likewise where nothing can be pushed: there the solver alone keeps robots out of walls but for rare leaps."""
+_BLOCKED = 0.5
+"""A robot stalls when it touches something and makes less than this share of the speed it was told."""
+_STILL = 1e-3
+"""Speeds below this (m/s) are standing."""
+_GRIP = 0.5 * 9.81
+"""Deceleration in m/s² of something pushed that slides over the floor: a friction of 0.5."""
+_GRIP_TURNING = 3.0 * _GRIP
+"""Likewise in rad/s²: dry friction under a body about a metre wide acts at about a third of that from its middle."""
+_MAX_WALLS = 400_000
+"""Straight pieces of wall of all bitmaps: noise has more, and Chipmunk takes a kilobyte and 20 us for each."""
+_MAX_SLABS = 31
+"""Layers of height that collisions tell apart: bits of Chipmunk's categories."""
+
+
+# Properties called as functions: Body's own __setattr__ costs more than all that they do.
+_body: Any = pymunk.Body
+_set_velocity, _get_velocity = _body.velocity.fset, _body.velocity.fget
+_set_angular_velocity, _set_force = _body.angular_velocity.fset, _body.force.fset
+_get_position, _get_angle = _body.position.fget, _body.angle.fget
+
+
+class _Builder:
+    """Puts what collides into a space; bodies meet where they share one of `slabs`, layers of height."""
+
+    def __init__(self, space: pymunk.Space, slabs: Sequence[tuple[float, float]]) -> None:
+        self._space = space
+        self._slabs = slabs
+
+    def add_plans(self, plans: Sequence[Floorplan]) -> None:
+        outlines: dict[int, list[Line]] = {}
+        left = _MAX_WALLS
+        for plan in plans:
+            lines = outlines.get(id(plan.occupied)) or outline(plan.occupied, _MAX_WALLS)
+            left -= len(lines or ())
+            if lines is None or left < 0:
+                raise UsageError(
+                    f"with the bitmap of {plan.name!r} this world has more than {_MAX_WALLS} straight pieces of wall: "
+                    "smooth it, or take the physics stage or kinematic"
+                )
+            outlines[id(plan.occupied)] = lines
+            self._add_plan(plan, lines)
+
+    def _add_plan(self, plan: Floorplan, lines: Sequence[Line]) -> None:
+        cos, sin = math.cos(plan.pose.yaw), math.sin(plan.pose.yaw)
+        (u, v), (x, y) = plan.cell, plan.pose[:2]
+        category = self._filter(plan.z_min, plan.z_max)
+        walls = []
+        for ends in lines:
+            a, b = ((x + cos * i * u - sin * j * v, y + sin * i * u + cos * j * v) for i, j in ends)
+            wall = pymunk.Segment(self._space.static_body, a, b, 0.0)
+            wall.filter, wall.friction = category, 0.0
+            walls.append(wall)
+        self._space.add(*walls)
+
+    def add_shapes(self, body: pymunk.Body, shapes: Sequence[Shape]) -> None:
+        for shape in shapes:
+            if shape.obstacle:
+                for part in convex_parts(shape.points):
+                    poly = pymunk.Poly(body, part)
+                    poly.filter, poly.friction = self._filter(shape.z_min, shape.z_max), 0.0
+                    self._space.add(poly)
+
+    def add_body(self, mass: float, moment: float, shapes: Sequence[Shape], pose: Floats) -> pymunk.Body:
+        body = pymunk.Body(mass, moment)
+        x, y, yaw = pose.tolist()
+        body.position, body.angle = (x, y), yaw
+        self._space.add(body)
+        self.add_shapes(body, shapes)
+        return body
+
+    def _filter(self, z_min: float, z_max: float) -> pymunk.ShapeFilter:
+        """Collides with what shares a layer of height."""
+        bits = sum(1 << i for i, (low, high) in enumerate(self._slabs) if z_min < high and z_max > low)
+        return pymunk.ShapeFilter(categories=bits, mask=bits)
+
+
+class DynamicBodies:
+    """Robots and what they push. `poses` is (movers, 3): x, y, yaw in `map`, robots first."""
+
+    def __init__(
+        self,
+        robots: Sequence[Robot],
+        poses: Floats,
+        floorplans: Sequence[tuple[Floorplan, Fields]],
+        obstacles: Sequence[Obstacle],
+    ) -> None:
+        self._space = pymunk.Space()
+        self._space.collision_slop = _SLOP
+        self._space.collision_bias = 1e-6
+        standing = [place_shape(o.pose, shape) for o in obstacles if o.mass is None for shape in o.shapes]
+        pushed = [obstacle for obstacle in obstacles if obstacle.mass is not None]
+        groups = group_shapes(robots, obstacles)
+        builder = _Builder(self._space, find_slabs([shape for group in groups for shape in group.shapes], _MAX_SLABS))
+        builder.add_plans([plan for plan, _ in floorplans if plan.obstacle])
+        builder.add_shapes(self._space.static_body, standing)
+        self.poses = poses.copy()
+        # No contact turns a robot: its wheels hold it, and only the drive decides its yaw rate.
+        self._robots = [builder.add_body(r.mass, math.inf, r.shapes, p) for r, p in zip(robots, poses, strict=False)]
+        self._pushed = [
+            builder.add_body(o.mass or 1.0, _moment(o), o.shapes, p)
+            for o, p in zip(pushed, poses[len(robots) :], strict=True)
+        ]
+        self._bodies = [*self._robots, *self._pushed]
+        self._inertia = [(body.mass, body.moment) for body in self._bodies]
+        self.stalled = np.zeros(len(robots), bool)
+        self._touching = [False] * len(robots)
+        self._held = np.zeros(len(robots), bool)
+        self._cores = Cores(groups, floorplans, self.poses, _RIM if pushed else _WIDE_RIM, apart=bool(pushed))
+        self._least = float(self._cores.half[: len(robots)].min(initial=math.inf))
+        self._stride = max(_RIM, float(self._cores.half[len(robots) :].min(initial=_STRIDE)))
+        self._index = {body: i for i, body in enumerate(self._robots)}
+        self._anchored = np.zeros(len(self._bodies), bool)
+        self._anchor()
+        self._space.on_collision(begin=self._on_begin)
+        self._ends = np.empty((len(robots), 3))
+
+    def _on_begin(self, arbiter: pymunk.Arbiter, _space: pymunk.Space, _data: object) -> None:
+        for body in arbiter.bodies:
+            i = self._index.get(body)
+            if i is not None:
+                self._touching[i] = True
+
+    def _look_again(self, i: int) -> None:
+        """Whether robot `i` still touches something. Chipmunk's call-back for the end of a contact will not do: it
+        comes also while a space is taken down."""
+        self._touching[i] = False
+
+        def note(_arbiter: pymunk.Arbiter) -> None:
+            self._touching[i] = True
+
+        self._robots[i].each_arbiter(note)
+
+    def step(self, seconds: float, velocity: Floats) -> None:
+        """Advance by `seconds` with body velocities `velocity` (robots, 3): vx, vy in m/s, yaw rate in rad/s."""
+        count = len(self._robots)
+        before = self.poses[:count].copy()
+        follow_arcs(before, velocity, seconds, self._ends)
+        way = self._ends - before
+        length = float(np.abs(way[:, :2]).max(initial=0.0))
+        steps = min(max(1, math.ceil(seconds / SUBSTEP - 1e-9), math.ceil(length / self._stride)), _MAX_SUBSTEPS)
+        if length > self._stride * steps:
+            way *= self._stride * steps / length
+        targets = (np.where(self._cores.in_wall[:count, None], 0.0, way) / seconds).tolist()
+        dt = seconds / steps
+        self._held[:] = False
+        for body, touching, (vx, vy, w) in zip(self._robots, self._touching, targets, strict=True):
+            _set_angular_velocity(body, w)
+            if touching:
+                _drive(body, vx, vy, dt)
+            else:
+                _set_velocity(body, (vx, vy))
+        for step in range(1, steps + 1):
+            if self._pushed:
+                self._push(targets, dt, step > 1)
+            self._space.step(dt)
+            if self._pushed or step == steps:
+                self._hold(length > self._least)
+        for i, touching in enumerate(self._touching):
+            if touching:
+                self._look_again(i)
+        self._note_stalls(before, way)
+
+    def _push(self, targets: Sequence[Sequence[float]], dt: float, again: bool) -> None:
+        """Robots press on throughout a tick, and what they push slides to rest."""
+        if again:
+            for body, touching, (vx, vy, _) in zip(self._robots, self._touching, targets, strict=True):
+                if touching:
+                    _drive(body, vx, vy, dt)
+        for body in self._pushed:
+            speed, turn = body.velocity.length, abs(body.angular_velocity)
+            body.velocity = body.velocity * (max(0.0, 1.0 - _GRIP * dt / speed) if speed > 0.0 else 0.0)
+            body.angular_velocity *= max(0.0, 1.0 - _GRIP_TURNING * dt / turn) if turn > 0.0 else 0.0
+
+    def _hold(self, leaps: bool) -> None:
+        """Take over where the bodies have got to, as far as they may: see `zteam.sim.holding`.
+
+        Where nothing can be pushed, a robot that touches nothing is tested only if a robot `leaps`: it goes farther
+        than half its width, and may have passed a wall without a contact.
+        """
+        if not self._bodies:
+            return
+        start = self.poses.copy()
+        self.poses[:] = [(*_get_position(body), _get_angle(body)) for body in self._bodies]
+        count = len(self._robots)
+        suspects = np.full(len(self._bodies), leaps or bool(self._pushed))
+        if not suspects.all():
+            suspects[:count] = self._touching
+            if not suspects.any():
+                return
+        shares = self._cores.hold(start, self.poses, suspects)
+        self._held |= shares[:count] < 1.0
+        for i in np.flatnonzero(shares < 1.0).tolist():
+            body = self._bodies[i]
+            x, y, yaw = self.poses[i].tolist()
+            body.position, body.angle = (x, y), yaw
+            body.velocity, body.angular_velocity = body.velocity * shares[i], body.angular_velocity * shares[i]
+            self._space.reindex_shapes_for_body(body)
+
+    def _note_stalls(self, before: Floats, way: Floats) -> None:
+        stopped = np.array(self._touching, bool) | self._held | self._cores.in_wall[: len(before)]
+        if not stopped.any():
+            self.stalled[:] = False
+            return
+        told = np.hypot(way[:, 0], way[:, 1])
+        moved = np.hypot(*(self.poses[: len(before)] - before)[:, :2].T)
+        self.stalled = stopped & (told > _STILL * SUBSTEP) & (moved < _BLOCKED * told)
+
+    def _anchor(self) -> None:
+        """Let a body that stands in a wall stand there: others are stopped by it, and nothing moves it."""
+        for i in np.flatnonzero(self._cores.in_wall != self._anchored).tolist():
+            body = self._bodies[i]
+            if self._anchored[i]:
+                body.body_type = pymunk.Body.DYNAMIC
+                body.mass, body.moment = self._inertia[i]
+            else:
+                body.body_type = pymunk.Body.KINEMATIC
+        self._anchored[:] = self._cores.in_wall
+
+    def place(self, index: int, pose: Pose2) -> None:
+        """Put a mover somewhere, at rest."""
+        body = self._bodies[index]
+        body.position, body.angle, body.velocity, body.angular_velocity = (pose.x, pose.y), pose.yaw, (0.0, 0.0), 0.0
+        self._space.reindex_shapes_for_body(body)
+        self.poses[index] = pose
+        self._cores.look(self.poses)
+        self._anchor()
+
+    def adopt(self, old: "DynamicBodies", kept: Sequence[tuple[int, int]]) -> None:
+        """Go on from another's motion, for pairs of movers (index here, index there); contacts are found anew."""
+        for here, there in kept:
+            body, other = self._bodies[here], old._bodies[there]
+            body.velocity, body.angular_velocity = other.velocity, other.angular_velocity
+            if here < len(self._robots):
+                self.stalled[here], self._touching[here] = old.stalled[there], old._touching[there]
+
+
+def _drive(body: pymunk.Body, vx: float, vy: float, dt: float) -> None:
+    """The force that gives a body a velocity by the end of the next step, unless a contact objects."""
+    x, y = _get_velocity(body)
+    push = body.mass / dt
+    _set_force(body, (push * (vx - x), push * (vy - y)))
+
+
+def _moment(obstacle: Obstacle) -> float:
+    """Moment of inertia of something pushed: its mass spread evenly over its shapes' areas."""
+    polygons = [shape.points for shape in obstacle.shapes if shape.obstacle]
+    areas = [abs(pymunk.Poly(None, points).area) for points in polygons]
+    shares = [(obstacle.mass or 1.0) * area / sum(areas) for area in areas]
+    moments = [pymunk.moment_for_poly(mass, points) for mass, points in zip(shares, polygons, strict=True)]
+    return float(sum(moments)) or 1.0
+
+
+def convex_parts(points: Sequence[tuple[float, float]]) -> list[list[tuple[float, float]]]:
+    """A simple polygon, counter-clockwise, as convex ones: Chipmunk takes the hull of any other."""
+    if is_convex(points):
+        return [list(points)]
+    closed = [*points, points[0]]
+    parts = pymunk.autogeometry.convex_decomposition(closed, 0.0)
+    # Chipmunk closes its polygons with their first corner.
+    return [[(float(x), float(y)) for x, y in part[:-1]] for part in parts]

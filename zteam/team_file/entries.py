@@ -1,0 +1,132 @@
+"""What a team file holds, as structs, and what other processes are told of it."""
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any
+
+import msgspec
+
+from zteam import names
+from zteam.geometry import Pose2, quaternion_from_rpy
+from zteam.messages import Header, Quaternion, Transform, TransformStamped, Vector3
+from zteam.simulation_options import Options
+
+NO_WORLD = "none"
+"""`world = "none"`: real robots, no simulator."""
+
+RobotId = Annotated[int, msgspec.Meta(ge=0, le=names.MAX_ROBOT_ID)]
+# argparse and the engine take any whole number, but 64 bits are what a TOML file has to promise.
+Seed = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
+Text = Annotated[str, msgspec.Meta(min_length=1)]
+
+
+class TeamSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The table [team]."""
+
+    world: Text | None = None
+    """A path relative to the file, the name of a shipped world, or "none"; without it the user has to say --world."""
+    seed: Seed = 1
+    world_robots: bool = True
+    """Whether the world's own robots are in it, or only those that the team adds with a `pose`."""
+
+
+class RobotEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """One [[robots]] table."""
+
+    id: RobotId
+    behavior: Text | None = None
+    follow: RobotId | None = None
+    model: Text | None = None
+    """With `pose`: add such a robot, which the world lacks."""
+    pose: Pose2 | None = None
+    description: Text | None = None
+    """A URDF file, beside the team file: the aggregator says its joints."""
+    params: dict[str, Any] = {}
+    """Every other key of the table: the behaviour's parameters, raw; the behaviour checks them."""
+
+
+class StaticTransform(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """One [[static_transforms]] table: the pose of `child` in `parent`, metres and radians."""
+
+    parent: Text
+    child: Text
+    x: float = 0.0
+    y: float = 0.0
+    z: float = 0.0
+    yaw: float = 0.0
+    pitch: float = 0.0
+    roll: float = 0.0
+    qx: float | None = None
+    qy: float | None = None
+    qz: float | None = None
+    qw: float | None = None
+
+
+class Team(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A whole team file."""
+
+    robots: list[RobotEntry]
+    team: TeamSection = TeamSection()
+    static_transforms: list[StaticTransform] = []
+    simulation: Options = Options()
+
+
+DEFAULT_BEHAVIOR = "forward"
+
+
+def behavior_of(entry: RobotEntry) -> tuple[str, dict[str, Any]]:
+    """The behaviour that the robot runs, by name, and its parameters."""
+    if entry.follow is not None:
+        return "follow", {"leader": entry.follow, **entry.params}
+    return entry.behavior or DEFAULT_BEHAVIOR, entry.params
+
+
+def robot_arguments(entry: RobotEntry) -> list[str]:
+    """The arguments of `zteam-robot` that make this robot."""
+    arguments = ["--id", str(entry.id)]
+    if entry.follow is not None:
+        arguments += ["--follow", str(entry.follow)]
+    elif entry.behavior is not None:
+        arguments += ["--behavior", entry.behavior]
+    for key, value in entry.params.items():
+        arguments += ["--param", f"{key}={toml_text(value)}"]
+    return arguments
+
+
+def static_transform(entry: StaticTransform) -> TransformStamped:
+    """The message that publishes it, its stamp 0 and its quaternion normalised."""
+    given = quaternion(entry)
+    if given:
+        norm = math.hypot(*given)
+        rotation = Quaternion(*(q / norm for q in given))
+    else:
+        rotation = Quaternion(*quaternion_from_rpy(entry.roll, entry.pitch, entry.yaw))
+    return TransformStamped(
+        Header(frame_id=names.strip_slash(entry.parent)),
+        names.strip_slash(entry.child),
+        Transform(Vector3(entry.x, entry.y, entry.z), rotation),
+    )
+
+
+def quaternion(entry: StaticTransform) -> tuple[float, float, float, float] | None:
+    """Its qx, qy, qz, qw; None unless all four are given."""
+    if entry.qx is None or entry.qy is None or entry.qz is None or entry.qw is None:
+        return None
+    return entry.qx, entry.qy, entry.qz, entry.qw
+
+
+def toml_text(value: Any) -> str:
+    """The value as TOML on one line. Raises TypeError for what zteam-robot cannot be given, such as a date."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, float) or (isinstance(value, int) and abs(value) < 2**63):
+        return repr(value)
+    if isinstance(value, str):
+        # JSON's texts are TOML's, but for DEL, which TOML wants escaped.
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{toml_text(key)} = {toml_text(item)}" for key, item in value.items()) + "}"
+    if isinstance(value, Sequence):
+        return "[" + ", ".join(map(toml_text, value)) + "]"
+    raise TypeError(value)

@@ -1,0 +1,174 @@
+"""Team files read from disk: TOML with bounds, and every mistake with its line."""
+
+import re
+import tomllib
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+import msgspec
+
+from zteam import resources
+from zteam.errors import ConfigError
+from zteam.problems import Problem, did_you_mean, problems_of
+from zteam.simulation_options import Options
+from zteam.team_file.entries import NO_WORLD, RobotEntry, StaticTransform, Team, TeamSection
+from zteam.team_file.rules import check_follows, check_robots, check_transforms
+from zteam.toml_lines import Path as KeyPath
+from zteam.toml_lines import TooDeepError, key_lines, line_of
+
+S = TypeVar("S", bound=msgspec.Struct)
+
+MAX_BYTES = 2 * 2**20
+"""The largest team, of 10,000 robots, has 1 MB."""
+
+
+class TeamFile(msgspec.Struct):
+    """A team file as far as it is right, and all that is wrong with it."""
+
+    path: Path
+    team: Team
+    robots: dict[int, RobotEntry]
+    """The team's robots by their place in the file: tables with mistakes are left out."""
+    lines: Mapping[KeyPath, int]
+    problems: list[Problem]
+
+    def describe(self, problem: Problem) -> str:
+        """`file:line: key: what is wrong`."""
+        line = line_of(self.lines, problem.path)
+        # On one line, whatever the file's own words hold.
+        told = " ".join(str(problem).split())
+        return f"{self.path}:{line}: {told}" if line else f"{self.path}: {told}"
+
+    def error(self, problems: Iterable[Problem]) -> ConfigError:
+        """An error of one line a problem, in the order of the file."""
+        ordered = sorted(problems, key=lambda problem: line_of(self.lines, problem.path) or 0)
+        return ConfigError("\n".join(map(self.describe, ordered)))
+
+
+def load_team(path: Path) -> Team:
+    """The team file at `path`. Raises ConfigError with one line for each mistake in it."""
+    file = read_team_file(path)
+    if file.problems:
+        raise file.error(file.problems)
+    return file.team
+
+
+def read_team_file(path: Path) -> TeamFile:
+    """The team file at `path` with the mistakes in its keys. Raises ConfigError where it is no TOML at all."""
+    text = _read(path)
+    try:
+        lines = key_lines(text)
+        tables = tomllib.loads(text)
+    except TooDeepError as error:
+        raise ConfigError(f"{path}:{error.line}: {error}") from None
+    except tomllib.TOMLDecodeError as error:
+        found = re.search(r" \(at line (\d+), column (\d+)\)$", str(error))
+        place = f"{path}:{found[1]}:{found[2]}" if found else f"{path}"
+        raise ConfigError(f"{place}: not TOML: {str(error)[: found.start()] if found else error}") from None
+    except ValueError as error:
+        # A number of thousands of digits.
+        raise ConfigError(f"{path}: not a team file: {' '.join(str(error).split())}") from None
+    return _from_tables(path, tables, lines)
+
+
+def team_world(file: TeamFile) -> Path | None:
+    """The world file that a team file asks for, None for real robots. Raises ConfigError."""
+    world = file.team.team.world
+    if world is None:
+        raise file.error(
+            [Problem(("team",), 'the key world is missing: say --world FILE, or world = "office" in [team]')]
+        )
+    if world == NO_WORLD:
+        return None
+    beside = file.path.parent / world
+    try:
+        found = beside if beside.is_file() else resources.shipped_world(world)
+    except (OSError, ValueError):
+        # No name of a file at all: too long, or with a NUL in it.
+        found = None
+    if found is None:
+        known = ", ".join(resources.names(resources.worlds_folder(), ".world"))
+        text = f"{world!r} is neither a file beside the team file nor a shipped world ({known})"
+        raise file.error([Problem(("team", "world"), text)])
+    return found
+
+
+def _read(path: Path) -> str:
+    try:
+        with path.open("rb") as file:
+            data = file.read(MAX_BYTES + 1)
+        if len(data) > MAX_BYTES:
+            raise ConfigError(f"{path}: a team file of more than {MAX_BYTES // 2**20} MB is refused")
+        return data.decode()
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot read the team file: {error.strerror or error}") from None
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{path}: not UTF-8 text (byte {error.start}); save it as UTF-8") from None
+
+
+def _from_tables(path: Path, tables: dict[str, Any], lines: Mapping[KeyPath, int]) -> TeamFile:
+    problems: list[Problem] = []
+    known = Team.__struct_fields__
+    for key in [key for key in tables if key not in known]:
+        problems.append(Problem((key,), f"unknown key{did_you_mean(key, known)}; known: {', '.join(known)}"))
+    if "robots" not in tables:
+        problems.append(Problem((), "the key robots is missing: add a table [[robots]] with an id"))
+    elif tables["robots"] == []:
+        problems.append(Problem(("robots",), "no robot is listed: add a table [[robots]] with an id"))
+    robots = _array(tables, "robots", RobotEntry, problems)
+    transforms = _array(tables, "static_transforms", StaticTransform, problems)
+    ids = {table["id"] for table in _tables_of(tables, "robots") if isinstance(table.get("id"), int)}
+    problems += [*check_robots(robots), *check_follows(robots, ids), *check_transforms(transforms)]
+    section = _section(tables, "team", TeamSection, problems)
+    simulation = _section(tables, "simulation", Options, problems)
+    team = Team(list(robots.values()), section, list(transforms.values()), simulation)
+    return TeamFile(path, team, robots, lines, problems)
+
+
+def _array(tables: dict[str, Any], name: str, kind: type[S], problems: list[Problem]) -> dict[int, S]:
+    """The entries of a [[name]] array that are right, by place."""
+    value = tables.get(name, [])
+    if not isinstance(value, list):
+        text = f"a list of tables is expected, written with two brackets, as in [[{name}]]"
+        problems.append(Problem((name,), text))
+        return {}
+    found = {}
+    for i, table in enumerate(value):
+        if kind is RobotEntry and isinstance(table, dict):
+            table = _with_params(table)
+        entry = _convert(table, kind, (name, i), problems)
+        if entry is not None:
+            found[i] = entry
+    return found
+
+
+def _section(tables: dict[str, Any], name: str, kind: type[S], problems: list[Problem]) -> S:
+    """A [name] table as far as it is right."""
+    table = tables.get(name, {})
+    found = problems_of(table, kind, (name,))
+    problems += found
+    wrong = {problem.path[1] for problem in found if len(problem.path) > 1}
+    if not isinstance(table, dict) or (found and not wrong):
+        return kind()
+    right = {key: value for key, value in table.items() if key not in wrong}
+    return kind() if problems_of(right, kind) else msgspec.convert(right, kind)
+
+
+def _convert(table: Any, kind: type[S], path: KeyPath, problems: list[Problem]) -> S | None:
+    found = problems_of(table, kind, path)
+    problems += found
+    return None if found else msgspec.convert(table, kind)
+
+
+def _tables_of(tables: dict[str, Any], name: str) -> list[dict[str, Any]]:
+    value = tables.get(name)
+    return [table for table in value if isinstance(table, dict)] if isinstance(value, list) else []
+
+
+def _with_params(robot: dict[str, Any]) -> dict[str, Any]:
+    """The table with the behaviour's parameters gathered under `params`."""
+    ours = set(RobotEntry.__struct_fields__) - {"params"}
+    return {key: value for key, value in robot.items() if key in ours} | {
+        "params": {key: value for key, value in robot.items() if key not in ours}
+    }

@@ -1,0 +1,121 @@
+"""What the entries of a team file must be together: ids, leaders, frames. Every rule answers with all it finds."""
+
+import math
+from collections.abc import Mapping
+
+from zteam import names
+from zteam.problems import Problem
+from zteam.team_file.entries import RobotEntry, StaticTransform, quaternion, toml_text
+from zteam.toml_lines import Path
+
+
+def check_robots(robots: Mapping[int, RobotEntry]) -> list[Problem]:
+    """What is wrong with each robot by itself, and with their ids; `robots` by place in the file."""
+    found: list[Problem] = []
+    seen: dict[int, int] = {}
+    for i, robot in robots.items():
+        place: Path = ("robots", i)
+        if robot.id in seen:
+            text = f"robot {robot.id} is robots[{seen[robot.id]}] already; give each robot its own id"
+            found.append(Problem((*place, "id"), text))
+        seen.setdefault(robot.id, i)
+        if (robot.model is None) != (robot.pose is None):
+            text = "model and pose go together (they add a robot that the world lacks); give both or neither"
+            found.append(Problem((*place, "pose" if robot.model is None else "model"), text))
+        if robot.pose is not None and not all(map(math.isfinite, robot.pose)):
+            text = f"{toml_text(robot.pose)} is no pose; give finite x, y, yaw"
+            found.append(Problem((*place, "pose"), text))
+        found += _check_params(place, robot)
+    return found
+
+
+def _check_params(place: Path, robot: RobotEntry) -> list[Problem]:
+    found = []
+    for key, value in robot.params.items():
+        if not key.isidentifier():
+            found.append(Problem((*place, key), "cannot be a parameter; use letters, digits and '_'"))
+        try:
+            toml_text(value)
+        except TypeError:
+            text = "a parameter is a number, text, true, false, or an array or table of such"
+            found.append(Problem((*place, key), text))
+    return found
+
+
+def check_follows(robots: Mapping[int, RobotEntry], ids: set[int]) -> list[Problem]:
+    """What is wrong with who follows whom; `ids` are all that the file names, right otherwise or not."""
+    found = []
+    leaders = {robot.id: robot.follow for robot in robots.values()}
+    circles: set[int] = set()
+    for i, robot in robots.items():
+        key, text = _check_follow(robot, ids)
+        if not text and robot.id not in circles:
+            circle = _circle_from(robot.id, leaders)
+            circles.update(circle)
+            chain = " → ".join(map(str, circle))
+            text = f"robots follow each other in a circle ({chain}); let one of them lead" if circle else ""
+        if text:
+            found.append(Problem(("robots", i, key), text))
+    return found
+
+
+def _check_follow(robot: RobotEntry, ids: set[int]) -> tuple[str, str]:
+    if robot.follow is None:
+        if robot.behavior == "follow":
+            return "behavior", "to follow needs a leader; say follow = ID instead"
+        return "", ""
+    if robot.behavior not in (None, "follow"):
+        return "follow", f"both follow and behavior = {toml_text(robot.behavior)}; keep one of them"
+    if "leader" in robot.params:
+        return "leader", f"the leader is named by follow = {robot.follow}; drop the other key"
+    if robot.follow == robot.id:
+        return "follow", f"robot {robot.id} cannot follow itself; name another robot"
+    if robot.follow not in ids:
+        return "follow", f"no robot {robot.follow} in this file (it has {', '.join(map(str, sorted(ids)))})"
+    return "follow", ""
+
+
+def _circle_from(robot_id: int, leaders: Mapping[int, int | None]) -> list[int]:
+    """`1, 2, 1` where `robot_id` is part of a circle, else empty."""
+    chain = [robot_id]
+    leader = leaders.get(robot_id)
+    while leader is not None and leader not in chain:
+        chain.append(leader)
+        leader = leaders.get(leader)
+    return [*chain, robot_id] if leader == robot_id else []
+
+
+def check_transforms(transforms: Mapping[int, StaticTransform]) -> list[Problem]:
+    """What is wrong with the frames and the numbers of static transforms, by place in the file."""
+    found = []
+    placed: dict[str, int] = {}
+    for i, entry in transforms.items():
+        place: Path = ("static_transforms", i)
+        parent, child = names.strip_slash(entry.parent), names.strip_slash(entry.child)
+        if not parent or not child or parent == child:
+            found.append(Problem(place, "parent and child must be the names of two frames"))
+        elif child in placed:
+            text = f"static_transforms[{placed[child]}] says where {child} is; keep one of them"
+            found.append(Problem((*place, "child"), text))
+        placed.setdefault(child, i)
+        found += _check_numbers(place, entry)
+    return found
+
+
+def _check_numbers(place: Path, entry: StaticTransform) -> list[Problem]:
+    found = []
+    for field in ("x", "y", "z", "yaw", "pitch", "roll", "qx", "qy", "qz", "qw"):
+        value = getattr(entry, field)
+        if value is not None and not math.isfinite(value):
+            found.append(Problem((*place, field), f"{value} is no number to place a frame with"))
+    if found or all(q is None for q in (entry.qx, entry.qy, entry.qz, entry.qw)):
+        return found
+    given = quaternion(entry)
+    if not given:
+        return [Problem(place, "a quaternion needs all of qx, qy, qz, qw")]
+    if entry.yaw or entry.pitch or entry.roll:
+        return [Problem(place, "both a quaternion and yaw, pitch, roll; keep one of them")]
+    # Tiny or huge ones cannot be normalised without loss; people write unit quaternions, give or take rounding.
+    if not 0.9 < math.hypot(*given) < 1.1:
+        return [Problem(place, "qx, qy, qz, qw is no rotation: its length is not 1")]
+    return []
