@@ -1,19 +1,140 @@
-"""The documents keep their word: examples run, and the reference names what the parser knows."""
+"""The pages are true: examples run, links and named files exist, and the reference names what the parser knows."""
 
+import ast
 import re
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from support.flat_floor import make_scan, make_view
 from zteam.world import vocabulary
 
-DOCS = Path(__file__).resolve().parents[2] / "docs"
+ROOT = Path(__file__).resolve().parents[2]
+DOCS = ROOT / "docs"
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(DOCS.glob("*.md"))]
+PACKAGES = ["behaviors", "errors", "messages", "planning", "sim", "testing", "tf", "world"]
+PUBLIC = {"zteam", *(f"zteam.{package}" for package in PACKAGES)}
+
+QUESTIONS = [
+    "Where is the 0.2 s watchdog?",
+    "Where is GO decided?",
+    "Where does a scan become bytes?",
+    "Where is noise seeded?",
+    "What does a late subscriber of `map` get?",
+    "In which order does `zteam up` end things?",
+    "Where is a second robot_1 refused?",
+    "What happens at a wall?",
+    "Where is `late_steps` counted?",
+    "How do I add a behaviour, a sensor, a process?",
+]
+
+
+def code_blocks(page: Path, language: str = "python") -> list[str]:
+    """The code blocks of a page in one language."""
+    return re.findall(rf"```{language}\n(.*?)```", page.read_text(), re.DOTALL)
+
+
+def prose(page: Path) -> str:
+    """A page without its code blocks."""
+    return re.sub(r"```.*?```", "", page.read_text(), flags=re.DOTALL)
+
+
+def anchors(page: Path) -> set[str]:
+    """The anchors that GitHub gives the headings of a page."""
+    headings = re.findall(r"^#+ (.*)$", prose(page), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+def names_in(path: Path) -> set[str]:
+    """The functions, classes, methods (`Class.method`) and constants that a module defines."""
+    found = set()
+    for node in ast.parse(path.read_text()).body:
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            found.add(node.name)
+        if isinstance(node, ast.ClassDef):
+            found |= {f"{node.name}.{part.name}" for part in node.body if isinstance(part, ast.FunctionDef)}
+        targets = (
+            node.targets if isinstance(node, ast.Assign) else [node.target] if isinstance(node, ast.AnnAssign) else []
+        )
+        found |= {target.id for target in targets if isinstance(target, ast.Name)}
+    return found
+
+
+def where_is_what() -> list[list[str]]:
+    """The rows of the architecture page's table "Where is what": question, place, answer."""
+    section = (DOCS / "architecture.md").read_text().split("## Where is what\n")[1].split("\n## ")[0]
+    rows = [line.strip("|").split("|") for line in section.splitlines() if line.startswith("|")]
+    return [[cell.strip() for cell in row] for row in rows[2:]]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_somewhere(page: Path) -> None:
+    """Every relative link of a page names a file that exists, and a heading of it."""
+    broken = []
+    for link in re.findall(r"\]\(([^)\s]+)\)", prose(page)):
+        if "://" in link:
+            continue
+        path, _, anchor = link.partition("#")
+        target = (page.parent / path).resolve() if path else page
+        if not target.is_file() or (anchor and anchor not in anchors(target)):
+            broken.append(link)
+    assert not broken
+
+
+def test_files_of_the_architecture_page_exist() -> None:
+    """Every file and folder that the architecture page names is in the package."""
+    page = prose(DOCS / "architecture.md")
+    package = ROOT / "zteam"
+    named = {name for name in re.findall(r"`([\w./]+)`", page) if "/" in name and name.endswith((".py", "/"))}
+    for row in re.findall(r"^\| (`[\w/]+/`(?:, `[\w/]+/`)*) \| (.*) \|$", page, re.MULTILINE):
+        folders = re.findall(r"`([\w/]+/)`", row[0])
+        named |= {folders[0] + name for name in re.findall(r"`(\w+\.py)`", row[1])}
+    assert len(named) > 60
+    assert not {name for name in named if not any((root / name).exists() for root in (package, ROOT))}
+
+
+def test_the_ten_questions_are_answered() -> None:
+    """The table "Where is what" holds the ten questions, and each file that it names defines the names beside it."""
+    rows = where_is_what()
+    assert [row[0] for row in rows] == QUESTIONS
+    missing = []
+    for _, place, answer in rows:
+        assert len(answer) > 40
+        for path, names in re.findall(r"`([\w/]+\.py)`: ((?:`[\w.]+`(?:, )?)+)", f"{place}; {answer}"):
+            defined = names_in(ROOT / "zteam" / path)
+            missing += [f"{path}: {name}" for name in re.findall(r"`([\w.]+)`", names) if name not in defined]
+    assert not missing
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_examples_import_public_names_only(page: Path) -> None:
+    """No example of a page imports an internal module of zteam."""
+    internal = []
+    for block in code_blocks(page):
+        for node in ast.walk(ast.parse(block)):
+            if isinstance(node, ast.ImportFrom) and node.module:
+                modules = [node.module]
+            elif isinstance(node, ast.Import):
+                modules = [alias.name for alias in node.names]
+            else:
+                continue
+            internal += [name for name in modules if name.split(".")[0] == "zteam" and name not in PUBLIC]
+    assert not internal
+
+
+def test_the_behaviour_of_the_readme_works() -> None:
+    """The README's first example drives on where there is room, and turns where there is none."""
+    scope: dict[str, Any] = {}
+    exec(code_blocks(ROOT / "README.md")[0], scope)
+    turner = scope["Turner"](scope["Turner"].Params(speed=0.5))
+    assert turner.step(make_view(make_scan([3.0] * 9))).linear.x == 0.5
+    assert turner.step(make_view(make_scan([0.5] * 9))).angular.z == 0.8
 
 
 def test_the_notebook_example_runs() -> None:
     """The code of the simulator's page works as it stands there."""
-    (code,) = re.findall(r"```python\n(.*?)```", (DOCS / "simulator.md").read_text(), re.DOTALL)
+    (code,) = code_blocks(DOCS / "simulator.md")
     scope: dict[str, Any] = {}
     exec(code, scope)
     assert scope["robot"].truth.x == pytest.approx(15.0)
@@ -21,9 +142,8 @@ def test_the_notebook_example_runs() -> None:
 
 
 def test_every_property_is_in_the_reference() -> None:
-    """All names that the parser reads, passes over or remarks stand in the tables, and every model type."""
-    text = re.sub(r"```.*?```", "", (DOCS / "world-files.md").read_text(), flags=re.DOTALL)
-    named = set(re.findall(r"[a-z_]+", " ".join(re.findall(r"`([^`]+)`", text))))
+    """The tables hold all names that the parser reads, ignores or remarks, and every model type."""
+    named = set(re.findall(r"[a-z_]+", " ".join(re.findall(r"`([^`]+)`", prose(DOCS / "world-files.md")))))
     known = set().union(
         *vocabulary.READ.values(),
         *vocabulary.SILENT.values(),
