@@ -6,7 +6,8 @@ from zteam import names
 from zteam.bus import MemoryHub
 from zteam.messages import RobotState, RobotStatus
 from zteam.nodes.monitor.live_table import LiveTable
-from zteam.nodes.monitor.start_gate import Event, Gate
+from zteam.nodes.monitor.members import Event
+from zteam.nodes.monitor.start_gate import Gate
 from zteam.runtime.node import Node
 from zteam.runtime.shutdown import Stop
 
@@ -66,7 +67,7 @@ def test_any_text_of_a_robot_is_shown_as_it_is(node: Node, capsys: pytest.Captur
     """A robot's words are no markup and no commands to the terminal."""
     gate = Gate([0], 1)
     say(gate, 0, RobotState.FAULT, text)
-    draw(node, gate, *gate.events)
+    draw(node, gate, *gate.members.take_events())
     shown = capsys.readouterr().out
     assert "\x1b[2J" not in shown
     assert shown.count(text.replace("\x1b", "")) >= 2

@@ -14,8 +14,8 @@ from zteam.clock import wait_until, wall_ns
 from zteam.errors import UsageError
 from zteam.messages import Clock, RobotState, RobotStatus, TeamState, TeamStatus, Tick, ns_from_time, time_from_ns
 from zteam.nodes.monitor import node as monitor_module
+from zteam.nodes.monitor.members import SILENT_AFTER, Event
 from zteam.nodes.monitor.node import LEAVE_AFTER, Monitor, MonitorOptions, print_event, print_json
-from zteam.nodes.monitor.start_gate import SILENT_AFTER, Event
 from zteam.runtime.node import Node
 from zteam.runtime.shutdown import Stop
 from zteam.services.simulator import SimStatus

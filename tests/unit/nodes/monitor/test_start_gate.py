@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from zteam.messages import RobotState, RobotStatus, TeamState, TeamStatus, decode, encode, ns_from_time
-from zteam.nodes.monitor.start_gate import SILENT_AFTER, Gate
+from zteam.nodes.monitor.members import SILENT_AFTER
+from zteam.nodes.monitor.start_gate import Gate
 
 READY, RUNNING, BOOT, STOPPED, FAULT = (
     RobotState.READY,
@@ -29,7 +30,7 @@ def come(gate: Gate, *robot_ids: int, state: int = READY, epoch: int = 0, now: f
 
 def told(gate: Gate, *kinds: str) -> list[str]:
     """Lines of the events since the last call, of these kinds or all."""
-    events, gate.events = gate.events, []
+    events = gate.members.take_events()
     return [("" if e.robot is None else f"robot_{e.robot} ") + e.text for e in events if not kinds or e.kind in kinds]
 
 
@@ -112,7 +113,7 @@ def test_a_new_process_is_not_silent_at_once() -> None:
     come(gate, 0)
     gate.take_token(0, "first-0", False)
     gate.take_token(0, "second-0", True)
-    gate.check_silence(100.0)
+    gate.members.check_silence(100.0)
     assert told(gate, "silent") == []
 
 
@@ -120,7 +121,7 @@ def test_a_silent_robot_does_not_count() -> None:
     """GO waits for a robot whose process hangs."""
     gate = Gate([0, 1], 2)
     come(gate, 0, now=0.0)
-    gate.check_silence(SILENT_AFTER + 1)
+    gate.members.check_silence(SILENT_AFTER + 1)
     come(gate, 1, now=SILENT_AFTER + 1)
     assert not gate.try_go(1)
     gate.take_status(0, status(0), SILENT_AFTER + 2)
@@ -200,7 +201,7 @@ def test_go_is_never_taken_back() -> None:
     gate.try_go(5)
     for robot_id in (0, 1):
         gate.take_token(robot_id, f"first-{robot_id}", False)
-    gate.check_silence(100.0)
+    gate.members.check_silence(100.0)
     come(gate, 1, state=BOOT)
     after = gate.status(7)
     assert (after.state, after.epoch, ns_from_time(after.go_stamp)) == (TeamState.GO, 1, 5)
@@ -304,11 +305,11 @@ def test_a_silent_robot_is_named_and_unnamed() -> None:
     gate = Gate([0, 1], 2)
     come(gate, 0, 1, now=10.0)
     told(gate)
-    gate.check_silence(10.0 + SILENT_AFTER)
+    gate.members.check_silence(10.0 + SILENT_AFTER)
     assert told(gate) == []
     gate.take_status(1, status(1), 12.0)
-    gate.check_silence(14.0)
-    gate.check_silence(14.2)
+    gate.members.check_silence(14.0)
+    gate.members.check_silence(14.2)
     assert told(gate) == ["robot_0 does not answer for 4 s"]
     gate.take_status(0, status(0), 15.0)
     gate.take_status(0, status(0), 15.5)
@@ -321,7 +322,7 @@ def test_a_dead_robot_is_not_silent() -> None:
     come(gate, 0)
     gate.take_token(0, "first-0", False)
     told(gate)
-    gate.check_silence(100.0)
+    gate.members.check_silence(100.0)
     assert told(gate) == []
 
 
