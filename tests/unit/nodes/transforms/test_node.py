@@ -23,7 +23,7 @@ from zteam.messages import (
     ns_from_time,
     time_from_ns,
 )
-from zteam.nodes.transforms import node as aggregator_module
+from zteam.nodes.transforms import static_callers
 from zteam.nodes.transforms.node import Aggregator
 from zteam.runtime.node import Node
 from zteam.runtime.shutdown import Stop
@@ -396,7 +396,7 @@ def test_callers_have_time_to_find_the_router(
 ) -> None:
     """However long the router is away, frames go only with callers that stay away when it is back."""
     now = [1000.0]
-    monkeypatch.setattr(aggregator_module, "monotonic", lambda: now[0])
+    monkeypatch.setattr(static_callers, "monotonic", lambda: now[0])
     desk.start()
     listener, strangers = Listener(hub), itertools.count()
 
