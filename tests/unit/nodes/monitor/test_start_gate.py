@@ -1,37 +1,12 @@
-"""The start gate's logic: who counts as ready, when GO is given, what is told, what outlives a restart."""
+"""The start gate's logic: which robots count as ready, when GO is given, what is told, what outlives a restart."""
 
 import numpy as np
 import pytest
 
-from zteam.messages import RobotState, RobotStatus, TeamState, TeamStatus, decode, encode, ns_from_time
+from support.gate_feed import BOOT, FAULT, READY, RUNNING, STOPPED, come, status, told
+from zteam.messages import TeamState, TeamStatus, decode, encode, ns_from_time
 from zteam.nodes.monitor.members import SILENT_AFTER
 from zteam.nodes.monitor.start_gate import Gate
-
-READY, RUNNING, BOOT, STOPPED, FAULT = (
-    RobotState.READY,
-    RobotState.RUNNING,
-    RobotState.BOOT,
-    RobotState.STOPPED,
-    RobotState.FAULT,
-)
-
-
-def status(robot_id: int, state: int = READY, epoch: int = 0, text: str = "") -> RobotStatus:
-    """What robot `robot_id` says in this state."""
-    return RobotStatus(robot_id=robot_id, is_ready=state in (READY, RUNNING), state=state, epoch=epoch, text=text)
-
-
-def come(gate: Gate, *robot_ids: int, state: int = READY, epoch: int = 0, now: float = 0.0) -> None:
-    """Processes take these names and say their state."""
-    for robot_id in robot_ids:
-        gate.take_token(robot_id, f"first-{robot_id}", True)
-        gate.take_status(robot_id, status(robot_id, state, epoch), now)
-
-
-def told(gate: Gate, *kinds: str) -> list[str]:
-    """Lines of the events since the last call, of these kinds or all."""
-    events = gate.members.take_events()
-    return [("" if e.robot is None else f"robot_{e.robot} ") + e.text for e in events if not kinds or e.kind in kinds]
 
 
 def test_who_is_ready_and_who_is_waited_for() -> None:
@@ -105,16 +80,6 @@ def test_a_new_process_speaks_for_itself() -> None:
     come(gate, 1)
     assert gate.ready == [1]
     assert not gate.try_go(1)
-
-
-def test_a_new_process_is_not_silent_at_once() -> None:
-    """A robot that comes back after a while is not said to be silent for all that time."""
-    gate = Gate([0], 1)
-    come(gate, 0)
-    gate.take_token(0, "first-0", False)
-    gate.take_token(0, "second-0", True)
-    gate.members.check_silence(100.0)
-    assert told(gate, "silent") == []
 
 
 def test_a_silent_robot_does_not_count() -> None:
@@ -262,68 +227,6 @@ def test_a_restarted_robot_is_told_again(states: tuple[int, ...]) -> None:
         gate.take_status(0, status(0, state, int(state == RUNNING)), 1.0)
     assert told(gate) == ["robot_0 lost", "robot_0 is back", "robot_0 is ready late: told GO"]
     assert gate.lost == []
-
-
-def test_a_stop_is_no_loss() -> None:
-    """A robot that said farewell is told as stopped, one that vanished as lost."""
-    gate = Gate([0, 1], 2)
-    come(gate, 0, 1)
-    gate.take_status(0, status(0, STOPPED), 1.0)
-    told(gate)
-    gate.take_token(0, "first-0", False)
-    gate.take_token(1, "first-1", False)
-    assert told(gate) == ["robot_0 stopped", "robot_1 lost"]
-
-
-def test_a_name_is_lost_with_its_last_holder() -> None:
-    """Tokens of two sessions under one name are told apart; one nobody had is nobody's loss."""
-    gate = Gate([0], 1)
-    come(gate, 0)
-    gate.take_token(0, "second-0", True)
-    gate.take_token(0, "never-seen", False)
-    gate.take_token(0, "first-0", False)
-    assert told(gate, "lost") == []
-    assert gate.ready == [0]
-    gate.take_token(0, "second-0", False)
-    assert told(gate, "lost") == ["robot_0 lost"]
-    gate.take_token(0, "second-0", False)
-    assert told(gate) == []
-
-
-def test_a_fault_is_told_with_its_text() -> None:
-    """Once when it comes, again when it comes back."""
-    gate = Gate([0], 1)
-    come(gate, 0)
-    told(gate)
-    for state in (FAULT, FAULT, READY, FAULT):
-        gate.take_status(0, status(0, state, text="laser dead"), 1.0)
-    assert told(gate, "fault") == ["robot_0 fault: laser dead"] * 2
-
-
-def test_a_silent_robot_is_named_and_unnamed() -> None:
-    """A living token without statuses: told once, and once when it answers again."""
-    gate = Gate([0, 1], 2)
-    come(gate, 0, 1, now=10.0)
-    told(gate)
-    gate.members.check_silence(10.0 + SILENT_AFTER)
-    assert told(gate) == []
-    gate.take_status(1, status(1), 12.0)
-    gate.members.check_silence(14.0)
-    gate.members.check_silence(14.2)
-    assert told(gate) == ["robot_0 does not answer for 4 s"]
-    gate.take_status(0, status(0), 15.0)
-    gate.take_status(0, status(0), 15.5)
-    assert told(gate, "silent", "answers") == ["robot_0 answers again"]
-
-
-def test_a_dead_robot_is_not_silent() -> None:
-    """What is lost is not also said to be silent."""
-    gate = Gate([0], 1)
-    come(gate, 0)
-    gate.take_token(0, "first-0", False)
-    told(gate)
-    gate.members.check_silence(100.0)
-    assert told(gate) == []
 
 
 def test_a_restarted_monitor_adopts_the_go() -> None:
