@@ -37,7 +37,7 @@ def transform(parent: str, child: str, stamp: int = 0, x: float = 0.0) -> Transf
 
 
 class Base:
-    """A robot's base: says where it is."""
+    """A robot's base: publishes its transforms."""
 
     def __init__(self, hub: MemoryHub, robot_id: int) -> None:
         self.bus = hub.bus()
@@ -54,7 +54,7 @@ class Base:
 
 
 class Listener:
-    """What a robot hears from the aggregator."""
+    """What a subscriber gets from the aggregator."""
 
     def __init__(self, hub: MemoryHub) -> None:
         self.changed = threading.Condition()
@@ -76,7 +76,7 @@ class Listener:
             self.changed.notify_all()
 
     def wait(self, condition: Callable[[], bool]) -> None:
-        """Wait until something that came makes it true."""
+        """Wait until a message makes it true."""
         with self.changed:
             assert wait_until(self.changed, condition, LIMIT), (self.bundles, self.statics)
 
@@ -123,7 +123,7 @@ def ask_static(hub: MemoryHub, child: str, x: float, instance: str) -> StaticRep
 
 
 def look_up(hub: MemoryHub, target: str, source: str, time: int = 0) -> LookupReply:
-    """Ask the aggregator."""
+    """Look one pair up."""
     request = LookupRequest([Lookup(target, source, time)])
     (reply,) = hub.bus().ask(names.service_key(names.AGGREGATOR, "lookup"), list[LookupReply], request)
     return reply

@@ -13,12 +13,12 @@ READY, RUNNING, BOOT, STOPPED, FAULT = (
 
 
 def status(robot_id: int, state: int = READY, epoch: int = 0, text: str = "") -> RobotStatus:
-    """What robot `robot_id` says in this state."""
+    """The status of robot `robot_id` in this state."""
     return RobotStatus(robot_id=robot_id, is_ready=state in (READY, RUNNING), state=state, epoch=epoch, text=text)
 
 
 def come(gate: Gate, *robot_ids: int, state: int = READY, epoch: int = 0, now: float = 0.0) -> None:
-    """Processes take these names and say their state."""
+    """Processes take these names and publish their state."""
     for robot_id in robot_ids:
         gate.take_token(robot_id, f"first-{robot_id}", True)
         gate.take_status(robot_id, status(robot_id, state, epoch), now)

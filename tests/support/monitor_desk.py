@@ -17,9 +17,10 @@ from zteam.services.simulator import SimStatus
 LIMIT = 20.0
 """Host seconds after which a wait has failed."""
 FLICKER, LOSS, RETURN = 0.1, 1.0, 10.0
-"""Host seconds: of a token that is back at once; after which a loss is told; after which everybody found the router."""
+"""Host seconds: a token that is gone for FLICKER is no loss, one that is gone for LOSS is lost; after RETURN all
+processes have found a router that is back."""
 SCOUT = 99
-"""A robot of no team, whose faults mark how far the monitor has come."""
+"""A robot outside of every team: the monitor has told its fault when it has handled all that happened before."""
 
 
 class HostTime:
@@ -66,7 +67,7 @@ class Desk:
         self.events: list[Event] = []
         self.published: list[TeamStatus] = []
         self.free: list[bool] = []
-        """Whether nobody was kept waiting while an event was shown, for each event."""
+        """For each event, whether `node.changed` was free while it was shown."""
         bus, self.link = cut_bus(hub)
         self.stop = Stop()
         self.node = Node(names.MONITOR, bus, self.stop)
@@ -110,7 +111,7 @@ class Desk:
 
     def look(self) -> None:
         """Return when the monitor has looked at, and told, everything that happened until now."""
-        # A robot outside of the team breaks down twice. What the monitor tells in the round of the first time may
+        # A robot outside of the team is at fault twice. What the monitor tells in the round of the first time may
         # come after it; the second time is told in a later round.
         for _ in range(2):
             with self.changed:

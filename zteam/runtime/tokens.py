@@ -12,7 +12,7 @@ class TokenSet:
     def take(self, name: str, instance: str, alive: bool) -> bool:
         """A token came or went; True if with it the name got its first holder or lost its last one.
 
-        A token that is told twice, or whose loss is told without it having come, changes nothing.
+        A token that comes twice changes nothing, nor does the loss of an unknown one.
         """
         held = self._instances.get(name)
         if alive:

@@ -74,7 +74,7 @@ class Members:
 
     @property
     def lost(self) -> list[int]:
-        """Ids of robots whose process is gone."""
+        """Ids of robots that were there and are gone."""
         return sorted(i for i, member in self.by_id.items() if member.was_lost)
 
     def take_token(self, robot_id: int, instance: str, alive: bool, *, late: bool) -> None:
@@ -117,7 +117,7 @@ class Members:
             member.heard = now
 
     def check_silence(self, now: float) -> None:
-        """Tell of robots whose process lives and sends no status."""
+        """Tell of robots that live and send no status."""
         for robot_id, member in self.by_id.items():
             if member.alive and member.status is not None and not member.silent and now - member.heard > SILENT_AFTER:
                 member.silent = True

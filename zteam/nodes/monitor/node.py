@@ -44,7 +44,6 @@ class Monitor:
         self._losses = TokenLossFilter()
         self._link_up = True
         self._published: TeamStatus | None = None
-        self._odd = Every(1.0)
         self._sim_seen = False
         self._writers = WriterWatch(node, self.gate)
         self._publisher = node.bus.publisher(names.TEAM_STATUS, TeamStatus, latched=True)

@@ -1,4 +1,4 @@
-"""The bundle that is being filled, without a bus: whose transforms it has, and whether it may leave."""
+"""The bundle that is being filled, without a bus: which robots' transforms it has, and whether it may leave."""
 
 from collections.abc import Set as AbstractSet
 
@@ -24,7 +24,7 @@ class Bundle:
         self._fresh: set[int] = set()
         """Lock-step: robots that have spoken for `stamp`."""
         self._placed: set[int] = set()
-        """Robots whose fixed transforms have come."""
+        """Robots that have sent their fixed transforms."""
 
     @property
     def is_open(self) -> bool:

@@ -32,7 +32,7 @@ class StaticCallers:
             self._losses.take_link(up, monotonic())
 
     def drop_lost(self, grace: float = GRACE) -> None:
-        """Drop the frames of callers whose token is gone for `grace` host seconds (under `node.changed`)."""
+        """Drop the frames of callers that have had no token for `grace` host seconds (under `node.changed`)."""
         for key in self._losses.take_due(monotonic(), grace):
             token = names.split_token_key(key)
             if token is not None:

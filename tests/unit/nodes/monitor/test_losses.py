@@ -6,7 +6,7 @@ from zteam.nodes.monitor.members import SILENT_AFTER
 
 
 def test_a_token_that_only_flickers_is_no_loss(hub: MemoryHub, open_desk: Open) -> None:
-    """A token that is back within the grace was never gone; one that stays away is lost."""
+    """A token that is back within the grace is not told; one that stays away is lost."""
     desk = open_desk(0, 1)
     robots = [Robot(hub, 0), Robot(hub, 1)]
     for robot in robots:
@@ -19,7 +19,7 @@ def test_a_token_that_only_flickers_is_no_loss(hub: MemoryHub, open_desk: Open) 
 
 
 def test_a_lost_router_is_no_lost_team(hub: MemoryHub, open_desk: Open) -> None:
-    """Tokens that vanish just before the link are told as one lost router, and come back without a word."""
+    """Tokens that vanish just before the link are told as one lost router, and their return is not told."""
     desk = open_desk(0, 1)
     robots = [Robot(hub, 0), Robot(hub, 1)]
     for robot in robots:
@@ -36,7 +36,7 @@ def test_a_lost_router_is_no_lost_team(hub: MemoryHub, open_desk: Open) -> None:
 
 
 def test_no_go_without_a_router(hub: MemoryHub, open_desk: Open) -> None:
-    """Nobody would hear it; it is given when the router is back."""
+    """No robot would get it; it is given when the router is back."""
     desk = open_desk(0)
     robot = Robot(hub, 0)
     desk.link.set_link(False)
@@ -48,7 +48,7 @@ def test_no_go_without_a_router(hub: MemoryHub, open_desk: Open) -> None:
 
 
 def test_tokens_may_vanish_after_the_link(hub: MemoryHub, open_desk: Open) -> None:
-    """Which of both is told first is chance; robots get some time to come back in either case."""
+    """Robots have time to come back, also when the link is told before the tokens."""
     desk = open_desk(0)
     robot = Robot(hub, 0)
     robot.say()
@@ -62,8 +62,8 @@ def test_tokens_may_vanish_after_the_link(hub: MemoryHub, open_desk: Open) -> No
     assert desk.told("lost", "back") == []
 
 
-def test_who_died_while_the_router_was_away_is_lost(hub: MemoryHub, open_desk: Open) -> None:
-    """After the router is back, a robot whose token stays away is told as lost."""
+def test_a_robot_that_died_while_the_router_was_away_is_lost(hub: MemoryHub, open_desk: Open) -> None:
+    """A robot is told as lost if its token stays away when the router is back."""
     desk = open_desk(0, 1)
     robots = [Robot(hub, 0), Robot(hub, 1)]
     for robot in robots:
@@ -78,8 +78,8 @@ def test_who_died_while_the_router_was_away_is_lost(hub: MemoryHub, open_desk: O
     assert desk.told("lost", "back") == [("lost", 1)]
 
 
-def test_nobody_is_silent_without_a_router(hub: MemoryHub, open_desk: Open) -> None:
-    """While the router is away the robots are not said to be silent, nor at once when it is back."""
+def test_no_robot_is_silent_without_a_router(hub: MemoryHub, open_desk: Open) -> None:
+    """Robots are not told as silent while the router is away, nor at once when it is back."""
     desk = open_desk(0)
     robot = Robot(hub, 0)
     robot.say()

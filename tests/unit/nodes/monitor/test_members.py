@@ -6,7 +6,7 @@ from zteam.nodes.monitor.start_gate import Gate
 
 
 def test_a_new_process_is_not_silent_at_once() -> None:
-    """A robot that comes back after a while is not said to be silent for all that time."""
+    """A robot that comes back is not told as silent for the time that it was away."""
     gate = Gate([0], 1)
     come(gate, 0)
     gate.take_token(0, "first-0", False)
@@ -16,7 +16,7 @@ def test_a_new_process_is_not_silent_at_once() -> None:
 
 
 def test_a_stop_is_no_loss() -> None:
-    """A robot that said farewell is told as stopped, one that vanished as lost."""
+    """A robot that published STOPPED is told as stopped, one that vanished as lost."""
     gate = Gate([0, 1], 2)
     come(gate, 0, 1)
     gate.take_status(0, status(0, STOPPED), 1.0)
@@ -27,7 +27,7 @@ def test_a_stop_is_no_loss() -> None:
 
 
 def test_a_name_is_lost_with_its_last_holder() -> None:
-    """Tokens of two sessions under one name are told apart; one nobody had is nobody's loss."""
+    """Two sessions under one name are told apart; the loss of an unknown token is not told."""
     gate = Gate([0], 1)
     come(gate, 0)
     gate.take_token(0, "second-0", True)
@@ -42,7 +42,7 @@ def test_a_name_is_lost_with_its_last_holder() -> None:
 
 
 def test_a_fault_is_told_with_its_text() -> None:
-    """Once when it comes, again when it comes back."""
+    """A fault is told once when it comes, and again when it comes back."""
     gate = Gate([0], 1)
     come(gate, 0)
     told(gate)
@@ -52,7 +52,7 @@ def test_a_fault_is_told_with_its_text() -> None:
 
 
 def test_a_silent_robot_is_named_and_unnamed() -> None:
-    """A living token without statuses: told once, and once when it answers again."""
+    """A living token without statuses is told once, and once when it answers again."""
     gate = Gate([0, 1], 2)
     come(gate, 0, 1, now=10.0)
     told(gate)
@@ -68,7 +68,7 @@ def test_a_silent_robot_is_named_and_unnamed() -> None:
 
 
 def test_a_dead_robot_is_not_silent() -> None:
-    """What is lost is not also said to be silent."""
+    """A lost robot is not told as silent too."""
     gate = Gate([0], 1)
     come(gate, 0)
     gate.take_token(0, "first-0", False)

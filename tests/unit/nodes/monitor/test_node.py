@@ -34,7 +34,7 @@ def test_go_reaches_the_early_and_the_late(hub: MemoryHub, open_desk: Open) -> N
 
 
 def test_a_team_that_was_there_first_goes(hub: MemoryHub, open_desk: Open) -> None:
-    """Tokens that are older than the monitor count; a status is all it waits for."""
+    """Tokens that are older than the monitor count; it only waits for statuses."""
     robots = [Robot(hub, 0), Robot(hub, 1)]
     desk = open_desk(team_size=2)
     for robot in robots:
@@ -43,7 +43,7 @@ def test_a_team_that_was_there_first_goes(hub: MemoryHub, open_desk: Open) -> No
 
 
 def test_the_simulators_robots_are_waited_for(hub: MemoryHub, open_desk: Open) -> None:
-    """With as many robots as asked for, the simulator says which ones they are."""
+    """If the simulator has as many robots as asked for, exactly those are waited for."""
     serve_simulator(hub, [3, 5])
     desk = open_desk(team_size=2)
     robots = {i: Robot(hub, i) for i in (0, 1, 3, 5)}
@@ -56,8 +56,8 @@ def test_the_simulators_robots_are_waited_for(hub: MemoryHub, open_desk: Open) -
     desk.wait_for("go")
 
 
-def test_a_simulator_with_more_robots_names_nobody(hub: MemoryHub, open_desk: Open) -> None:
-    """Where the numbers differ, the monitor can only count."""
+def test_a_simulator_with_more_robots_names_none(hub: MemoryHub, open_desk: Open) -> None:
+    """If the numbers differ, any robots count."""
     serve_simulator(hub, [3, 5, 8])
     desk = open_desk(team_size=2)
     desk.look()
@@ -99,8 +99,8 @@ def test_a_wrong_key_is_counted_and_ignored(hub: MemoryHub, open_desk: Open) -> 
     assert desk.told("ready", "go") == [("ready", 0)]
 
 
-def test_its_own_go_makes_nobody_ready(hub: MemoryHub, open_desk: Open) -> None:
-    """What the monitor itself publishes is no robot's word, and two monitors' GOs neither."""
+def test_its_own_go_makes_no_robot_ready(hub: MemoryHub, open_desk: Open) -> None:
+    """GO of another monitor neither makes a robot ready nor is it adopted."""
     desk = open_desk(0, 1)
     other = hub.bus().publisher(names.TEAM_STATUS, TeamStatus)
     Robot(hub, 0)
@@ -112,7 +112,7 @@ def test_its_own_go_makes_nobody_ready(hub: MemoryHub, open_desk: Open) -> None:
 
 
 def test_a_restarted_monitor_gives_the_same_go(hub: MemoryHub, open_desk: Open) -> None:
-    """It adopts the epoch that running robots tell and publishes GO for a robot that waits."""
+    """It adopts the epoch of the running robots and publishes GO for a robot that waits."""
     desk = open_desk(0, 1)
     Robot(hub, 0).say(RobotState.RUNNING, epoch=6)
     desk.wait_for("adopted")
@@ -136,7 +136,7 @@ def test_a_jump_back_renews_the_stamp(hub: MemoryHub, open_desk: Open) -> None:
 
 
 def test_a_tick_that_no_simulator_sent_does_not_stop_its_time(hub: MemoryHub, open_desk: Open) -> None:
-    """The clock of a simulator in real time goes on to be heard, and GO has its stamp."""
+    """The monitor still follows the clock of a simulator in real time, and GO has its stamp."""
     serve_simulator(hub, [0])
     desk = open_desk(0)
     clock = hub.bus().publisher(names.CLOCK, Clock)
@@ -194,7 +194,7 @@ def test_a_stop_request_ends_it(open_desk: Open) -> None:
     assert not desk.thread.is_alive()
 
 
-def test_nobody_waits_for_the_terminal(hub: MemoryHub, open_desk: Open) -> None:
+def test_the_bus_does_not_wait_for_the_terminal(hub: MemoryHub, open_desk: Open) -> None:
     """Events are shown without the node's lock: a blocked terminal must not hold up the bus, nor a table deadlock."""
     desk = open_desk(0)
     for up in (False, True):
@@ -206,7 +206,7 @@ def test_nobody_waits_for_the_terminal(hub: MemoryHub, open_desk: Open) -> None:
     assert all(desk.free), list(zip(desk.events, desk.free, strict=True))
 
 
-def test_lines_for_people_and_for_programs(capsys: pytest.CaptureFixture[str]) -> None:
+def test_lines_for_users_and_for_programs(capsys: pytest.CaptureFixture[str]) -> None:
     """The same events as text, and as one JSON object a line."""
     events = [Event("ready", 1, 'ready (1 of 2; "x"\n)'), Event("go", None, "All robots GO!")]
     print_event(Event("lost", 3, "lost"))

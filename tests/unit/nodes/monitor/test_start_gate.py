@@ -9,8 +9,8 @@ from zteam.nodes.monitor.members import SILENT_AFTER
 from zteam.nodes.monitor.start_gate import Gate
 
 
-def test_who_is_ready_and_who_is_waited_for() -> None:
-    """The line of each robot that becomes ready counts and names the others; then GO, once, in its exact words."""
+def test_each_ready_robot_is_told_until_go() -> None:
+    """The line of each ready robot has the count and names the missing; then GO, once, in its exact words."""
     gate = Gate([0, 1, 2, 3], 4)
     come(gate, 0, 1)
     assert told(gate) == [
@@ -36,7 +36,7 @@ def test_a_robot_says_ready_once() -> None:
 
 
 @pytest.mark.parametrize("state", [BOOT, STOPPED, FAULT])
-def test_who_is_not_ready_does_not_count(state: int) -> None:
+def test_a_robot_that_is_not_ready_does_not_count(state: int) -> None:
     """is_ready = false holds the team, also of a robot that was ready before."""
     gate = Gate([0, 1], 2)
     come(gate, 0, 1)
@@ -50,8 +50,8 @@ def test_who_is_not_ready_does_not_count(state: int) -> None:
     assert gate.try_go(2)
 
 
-def test_a_word_without_a_process_does_not_count() -> None:
-    """A ready status on the key of a robot that nobody holds releases nobody."""
+def test_a_status_without_a_process_does_not_count() -> None:
+    """A ready status of a robot without a presence token gives no GO."""
     gate = Gate([0], 1)
     gate.take_status(0, status(0), 0.0)
     assert gate.ready == []
@@ -61,7 +61,7 @@ def test_a_word_without_a_process_does_not_count() -> None:
 
 
 def test_a_robot_that_dies_after_ready_does_not_count() -> None:
-    """Its process gone, the others wait for it again."""
+    """When its process is gone, the others wait for it again."""
     gate = Gate([0, 1], 2)
     come(gate, 0)
     gate.take_token(0, "first-0", False)
@@ -72,7 +72,7 @@ def test_a_robot_that_dies_after_ready_does_not_count() -> None:
 
 
 def test_a_new_process_speaks_for_itself() -> None:
-    """What its predecessor said makes no restarted robot ready."""
+    """A restarted robot is not ready by the status of its predecessor."""
     gate = Gate([0, 1], 2)
     come(gate, 0)
     gate.take_token(0, "first-0", False)
@@ -83,7 +83,7 @@ def test_a_new_process_speaks_for_itself() -> None:
 
 
 def test_a_silent_robot_does_not_count() -> None:
-    """GO waits for a robot whose process hangs."""
+    """GO waits for a robot that hangs."""
     gate = Gate([0, 1], 2)
     come(gate, 0, now=0.0)
     gate.members.check_silence(SILENT_AFTER + 1)
@@ -93,8 +93,8 @@ def test_a_silent_robot_does_not_count() -> None:
     assert gate.try_go(2)
 
 
-def test_nobody_speaks_for_another() -> None:
-    """A status under another robot's key is refused and leaves no trace."""
+def test_no_robot_speaks_for_another() -> None:
+    """A status under another robot's key is refused and changes nothing."""
     gate = Gate([0, 1], 2)
     come(gate, 0)
     told(gate)
@@ -117,7 +117,7 @@ def test_others_do_not_stand_in() -> None:
 
 
 def test_without_ids_it_counts() -> None:
-    """Any robots make a team that is only counted; the text says how many are missing."""
+    """Without ids any robots count; the text says how many are missing."""
     gate = Gate(None, 3)
     come(gate, 40, 7)
     assert told(gate)[-1] == "robot_7 ready (2 of 3; waiting for 1 more of any id)"
@@ -141,7 +141,7 @@ def test_ids_learnt_later_hold_from_then_on() -> None:
     assert gate.try_go(1)
 
 
-def test_what_the_team_is_told() -> None:
+def test_the_published_status() -> None:
     """The published status before and after GO, over the wire and back."""
     gate = Gate([0, 1, 2], 3)
     come(gate, 0, 1)
@@ -173,8 +173,8 @@ def test_go_is_never_taken_back() -> None:
     assert list(after.missing) == [0, 1]
 
 
-def test_who_was_ready_in_time_is_not_late() -> None:
-    """A heartbeat between GO and the robot's first step is nothing to tell."""
+def test_a_robot_that_was_ready_in_time_is_not_late() -> None:
+    """A heartbeat between GO and the robot's first step is not told."""
     gate = Gate([0], 1)
     come(gate, 0)
     gate.try_go(1)
@@ -215,7 +215,7 @@ def test_a_newcomer_is_told_of(states: tuple[int, ...]) -> None:
 
 @pytest.mark.parametrize("states", [(BOOT, READY, RUNNING), (BOOT, RUNNING), (RUNNING,)])
 def test_a_restarted_robot_is_told_again(states: tuple[int, ...]) -> None:
-    """Lost, back, told GO anew, also if it obeys the latched GO before it says a word."""
+    """It is told as lost, as back and as told GO, also if it obeys the latched GO before its first status."""
     gate = Gate([0], 1)
     come(gate, 0)
     gate.try_go(1)
@@ -230,7 +230,7 @@ def test_a_restarted_robot_is_told_again(states: tuple[int, ...]) -> None:
 
 
 def test_a_restarted_monitor_adopts_the_go() -> None:
-    """The GO that a running robot obeys is the team's: the same epoch, no gating anew, and late ones get it."""
+    """The GO that a running robot obeys is the team's: the same epoch, no second GO, and late robots get it."""
     gate = Gate([0, 1], 2)
     come(gate, 0, state=RUNNING, epoch=3)
     assert (gate.gone, gate.epoch) == (True, 3)
@@ -242,7 +242,7 @@ def test_a_restarted_monitor_adopts_the_go() -> None:
 
 
 @pytest.mark.parametrize(("state", "epoch"), [(RUNNING, 0), (READY, 2), (STOPPED, 2)])
-def test_who_runs_without_a_go_is_not_followed(state: int, epoch: int) -> None:
+def test_a_robot_that_runs_without_go_is_not_followed(state: int, epoch: int) -> None:
     """A --no-gate robot runs in epoch 0, and an epoch counts from a running robot only."""
     gate = Gate([0, 1], 2)
     come(gate, 0, state=state, epoch=epoch)
@@ -288,8 +288,8 @@ def test_a_jump_of_time_renews_a_standing_go_only() -> None:
     assert (ns_from_time(gate.status(200).go_stamp), gate.epoch) == (100, 1)
 
 
-def test_all_running_waits_for_those_who_count() -> None:
-    """Every living robot of the team must obey the standing GO; the dead and the strangers are not waited for."""
+def test_all_running_waits_for_the_robots_that_count() -> None:
+    """Every living robot of the team must obey the standing GO; lost robots and others are not waited for."""
     gate = Gate([0, 1, 2], 3)
     come(gate, 0, 1, 2)
     come(gate, 9)

@@ -1,4 +1,4 @@
-"""The robot's main loop in real time, on a bus in memory: what wakes it, and what it does without."""
+"""The robot's main loop in real time, on a bus in memory: what wakes it, and what it does without its data."""
 
 import threading
 from collections.abc import Callable, Iterator
@@ -23,7 +23,7 @@ def robot() -> Iterator[RealTimeRobot]:
 
 
 def test_transforms_wake_a_robot_that_waits_for_them(robot: RealTimeRobot, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A scan without its transforms is held for them, and the command follows when they come, not only later."""
+    """A scan without its transforms waits for them, and the command follows as soon as they come."""
     waits = threading.Event()
     usual = Node.wait
 
@@ -31,7 +31,7 @@ def test_transforms_wake_a_robot_that_waits_for_them(robot: RealTimeRobot, monke
         def watched() -> bool:
             found = ready()
             if timeout == NEVER and not found:
-                # Under the node's lock: what is said from here on finds it waiting.
+                # Under the node's lock: messages from here on find it waiting.
                 waits.set()
             return found
 
@@ -46,7 +46,7 @@ def test_transforms_wake_a_robot_that_waits_for_them(robot: RealTimeRobot, monke
 
 
 def test_a_robot_does_without_transforms_that_stay_away(robot: RealTimeRobot) -> None:
-    """Scans alone are answered too: the wheels have to be told to stand still."""
+    """A scan is answered without transforms too: the robot must be told to stand still."""
     robot.say_scan(1)
     robot.say_transforms(1)
     robot.wait_for_commands(1)

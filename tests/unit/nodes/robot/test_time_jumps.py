@@ -49,7 +49,7 @@ def watched(monkeypatch: pytest.MonkeyPatch) -> type[Watched]:
 
 @pytest.fixture
 def interrupted(watched: type[Watched]) -> Iterator[RealTimeRobot]:
-    """A robot whose step for tick 50 goes on while time jumps back to tick 1."""
+    """A robot that still steps for tick 50 while time jumps back to tick 1."""
     robot = RealTimeRobot(lambda: watched(None))
     try:
         robot.say_statics()

@@ -11,7 +11,7 @@ from zteam.bus import MemoryHub
 
 @pytest.fixture
 def desk(hub: MemoryHub) -> Iterator[Desk]:
-    """An aggregator whose main loop stands still: what is tested happens in callbacks."""
+    """An aggregator without its main loop: only callbacks run."""
     desk = Desk(hub)
     yield desk
     desk.end()

@@ -1,4 +1,4 @@
-"""The bundle that is being filled: whose transforms it waits for, and when it may leave."""
+"""The bundle that is being filled: which robots it waits for, and when it may leave."""
 
 from zteam.nodes.transforms.bundle import PATIENCE, Bundle
 
@@ -58,7 +58,7 @@ def test_a_bundle_grows_old_from_its_first_transform_on() -> None:
 
 
 def test_lockstep_waits_for_every_robot_of_the_world() -> None:
-    """A tick is complete when all its robots have spoken for it; what they said for the tick before does not count."""
+    """A tick is complete when all its robots have spoken for it; what they sent for the tick before does not count."""
     bundle, robots = Bundle(), {0, 1}
     for robot_id in robots:
         bundle.place(robot_id)
@@ -84,7 +84,7 @@ def test_lockstep_counts_the_worlds_own_robots_only() -> None:
 
 
 def test_lockstep_waits_for_fixed_transforms() -> None:
-    """A robot that has spoken and whose start pose is unknown keeps the tick open."""
+    """A robot that has spoken keeps the tick open while its start pose is unknown."""
     bundle = Bundle()
     bundle.take_in_lockstep(0, 1)
     assert not bundle.has_all({0})

@@ -10,7 +10,7 @@ from zteam.messages import Clock, time_from_ns
 
 @pytest.mark.usefixtures("desk")
 def test_one_robots_transforms_leave_at_once(hub: MemoryHub) -> None:
-    """With nobody to wait for, each message is sent on in the callback that took it, its stamp unchanged."""
+    """A single robot's message is sent on in the callback that took it, its stamp unchanged."""
     listener, base = Listener(hub), Base(hub, 4)
     for tick in range(1, 4):
         base.drive(tick * S // 10 + 7)
@@ -19,7 +19,7 @@ def test_one_robots_transforms_leave_at_once(hub: MemoryHub) -> None:
 
 
 def test_a_tick_is_one_bundle(hub: MemoryHub, desk: Desk) -> None:
-    """Once it is known who speaks, the callback of a tick's last robot sends the bundle, whoever that is."""
+    """Once the robots are known, the callback of a tick's last robot sends the bundle, in any order."""
     listener, bases = Listener(hub), [Base(hub, i) for i in range(3)]
     desk.start()
     for base in bases:
@@ -38,7 +38,7 @@ def test_a_tick_is_one_bundle(hub: MemoryHub, desk: Desk) -> None:
 
 @pytest.mark.usefixtures("desk")
 def test_a_bundle_holds_one_tick(hub: MemoryHub) -> None:
-    """However fast the ticks come, after the first one each leaves whole, in the callback of its last robot."""
+    """From the second tick on each bundle leaves whole, also when the next tick follows at once."""
     listener, bases = Listener(hub), [Base(hub, i) for i in range(3)]
     for tick in range(1, 6):
         for base in bases:
@@ -49,7 +49,7 @@ def test_a_bundle_holds_one_tick(hub: MemoryHub) -> None:
 
 @pytest.mark.usefixtures("desk")
 def test_a_silent_robot_delays_one_tick(hub: MemoryHub) -> None:
-    """When a robot falls silent the others' bundles are late once, and not for ever."""
+    """When a robot falls silent, the others' bundles are late once and then leave without it."""
     listener, bases = Listener(hub), [Base(hub, i) for i in range(3)]
     for tick in range(1, 4):
         for base in bases:
@@ -62,7 +62,7 @@ def test_a_silent_robot_delays_one_tick(hub: MemoryHub) -> None:
 
 @pytest.mark.usefixtures("desk")
 def test_a_robot_ahead_pushes_the_others_out(hub: MemoryHub) -> None:
-    """What waits for somebody's older tick leaves when a newer one comes; nothing is lost or doubled."""
+    """A bundle that waits for a robot leaves when a newer tick comes; no transform is lost or sent twice."""
     listener, bases = Listener(hub), [Base(hub, i) for i in range(2)]
     for tick in range(1, 6):
         bases[0].drive(tick * S)
@@ -79,7 +79,7 @@ def test_a_robot_ahead_pushes_the_others_out(hub: MemoryHub) -> None:
 
 
 def test_a_late_bundle_leaves_by_itself(hub: MemoryHub, desk: Desk) -> None:
-    """A robot that falls silent holds the others' transforms for a moment only; then it is not waited for."""
+    """The main loop sends a bundle that waits too long for a robot; the next one does not wait for it."""
     listener, bases = Listener(hub), [Base(hub, 0), Base(hub, 1)]
     desk.start()
     bases[0].drive(S)
@@ -92,7 +92,7 @@ def test_a_late_bundle_leaves_by_itself(hub: MemoryHub, desk: Desk) -> None:
 
 
 def test_a_rate_bundles_by_time(hub: MemoryHub) -> None:
-    """With --rate everything since the last bundle goes into one, stamps unchanged, and nothing leaves before."""
+    """With `--rate` no bundle leaves before its time; then one holds everything since the last, stamps unchanged."""
     desk, listener, bases = Desk(hub, rate=50.0), Listener(hub), [Base(hub, 0), Base(hub, 1)]
     for tick in (1, 2, 3):
         for base in bases:

@@ -11,7 +11,7 @@ from zteam.services.transforms import FrameReply
 
 
 def test_the_fixed_set_is_latched_and_whole(hub: MemoryHub) -> None:
-    """The team file's and every robot's fixed transforms, in one message that late listeners get too."""
+    """The team file's and every robot's fixed transforms, in one message that late subscribers get too."""
     Base(hub, 0).stand(1.0)
     desk = Desk(hub, (transform("robot_0/base_link", "robot_0/camera", 0, 0.1),))
     Base(hub, 1).stand(2.0)
@@ -44,7 +44,7 @@ def test_a_restarted_aggregator_rebuilds(hub: MemoryHub) -> None:
 
 @pytest.mark.usefixtures("desk")
 def test_a_localiser_takes_over_the_start_pose(hub: MemoryHub) -> None:
-    """A robot that says where its odometry frame is takes it out of the fixed set."""
+    """A robot that publishes its odometry frame as a moving one takes it out of the fixed set."""
     listener, base = Listener(hub), Base(hub, 0)
     base.stand(1.0)
     base.tf.put(TFMessage([transform("map", "odom", S, 2.0)]))
@@ -52,18 +52,29 @@ def test_a_localiser_takes_over_the_start_pose(hub: MemoryHub) -> None:
     assert listener.bundles == [[("robot_0/odom", S)]]
 
 
-@pytest.mark.usefixtures("desk")
-def test_look_ups_answer_or_say_why(hub: MemoryHub) -> None:
-    """The pose and its stamp, at a time between two samples too; else tf2's exception by name."""
+def drive_one_metre(hub: MemoryHub) -> None:
+    """Robot 0 stands at x = 1 m and drives 1 m from 1 s to 2 s."""
     base = Base(hub, 0)
     base.stand(1.0)
     base.drive(S, 0.0)
     base.drive(2 * S, 1.0)
+
+
+@pytest.mark.usefixtures("desk")
+def test_look_ups_are_answered(hub: MemoryHub) -> None:
+    """The pose and its stamp, at a time between two samples too."""
+    drive_one_metre(hub)
     newest = look_up(hub, "map", "/robot_0/base_footprint")
     assert (newest.stamp, newest.translation, newest.error) == (2 * S, (2.0, 0.0, 0.0), "")
     between = look_up(hub, "map", "robot_0/base_footprint", S + S // 2)
     assert between.translation == pytest.approx((1.5, 0.0, 0.0))
     assert between.rotation == (0.0, 0.0, 0.0, 1.0)
+
+
+@pytest.mark.usefixtures("desk")
+def test_look_ups_without_an_answer_tell_why(hub: MemoryHub) -> None:
+    """The reply has the name of tf2's exception, and a text."""
+    drive_one_metre(hub)
     for target, source, time, error in (
         ("map", "moon", 0, "LookupException"),
         ("map", "robot_0/base_footprint", 3 * S, "ForwardExtrapolationException"),
@@ -92,7 +103,7 @@ def test_the_frames_are_listed(hub: MemoryHub) -> None:
 
 
 def test_a_conflict_is_logged_once_with_both_sides(hub: MemoryHub, log: Log) -> None:
-    """Robot 0 contradicts the team file again and again: one line names both, and the file's frame stays."""
+    """Robot 0 contradicts the team file many times: one line names both, and the file's frame stays."""
     desk, listener = Desk(hub, (transform("robot_0/base_link", "robot_0/camera", 0, 0.1),)), Listener(hub)
     base, other = Base(hub, 0), Base(hub, 1)
     desk.start()

@@ -14,14 +14,23 @@ from zteam.nodes.transforms import static_callers
 from zteam.services.transforms import StaticReply, StaticRequest
 
 
-def test_a_caller_adds_a_frame_while_it_lives(hub: MemoryHub, desk: Desk) -> None:
-    """tf/static adds; a second caller is refused by name; the frame goes with the caller's token."""
+@pytest.mark.usefixtures("desk")
+def test_a_second_caller_is_refused(hub: MemoryHub) -> None:
+    """A frame that a living caller added stays as it is; the reply names that caller."""
+    listener, caller = Listener(hub), hub.bus()
+    caller.declare_token(names.token_key(names.STATIC_CALLER, caller.instance))
+    assert ask_static(hub, "/table", 4.0, caller.instance).refused == ""
+    assert "table is said by" in ask_static(hub, "table", 5.0, "f" * 32).refused
+    assert listener.statics[-1] == {"table": 4.0}
+
+
+def test_a_frame_goes_with_its_caller(hub: MemoryHub, desk: Desk) -> None:
+    """The frame is published while its caller's token is there; afterwards another caller may add it."""
     desk.start()
     listener, caller = Listener(hub), hub.bus()
     token = caller.declare_token(names.token_key(names.STATIC_CALLER, caller.instance))
-    assert ask_static(hub, "/table", 4.0, caller.instance).refused == ""
+    ask_static(hub, "table", 4.0, caller.instance)
     assert listener.statics[-1] == {"table": 4.0}
-    assert "table is said by" in ask_static(hub, "table", 5.0, "f" * 32).refused
     token.close()
     listener.wait_for_statics({})
     assert ask_static(hub, "table", 5.0, "f" * 32).refused == ""
@@ -29,7 +38,7 @@ def test_a_caller_adds_a_frame_while_it_lives(hub: MemoryHub, desk: Desk) -> Non
 
 @pytest.mark.usefixtures("desk")
 def test_a_frame_is_free_as_soon_as_its_caller_has_gone(hub: MemoryHub) -> None:
-    """Ctrl+C and the same command again: the second caller gets the frame at once."""
+    """A second caller gets the frame of a caller that has just ended, without waiting."""
     listener, callers = Listener(hub), [hub.bus(), hub.bus()]
     token = callers[0].declare_token(names.token_key(names.STATIC_CALLER, callers[0].instance))
     ask_static(hub, "table", 4.0, callers[0].instance)
@@ -41,7 +50,7 @@ def test_a_frame_is_free_as_soon_as_its_caller_has_gone(hub: MemoryHub) -> None:
 
 @pytest.mark.usefixtures("desk")
 def test_a_bad_frame_is_refused_to_its_caller(hub: MemoryHub) -> None:
-    """No name, no rotation, a loop: the reply says why and the tree stays."""
+    """Without a name, without a rotation, or with a loop: the reply says why, and the tree stays."""
     listener, service = Listener(hub), names.service_key(names.AGGREGATOR, "static")
     for request in (
         StaticRequest("map", "", "a"),
@@ -69,7 +78,7 @@ def test_callers_are_told_apart(hub: MemoryHub, desk: Desk) -> None:
 
 
 def test_a_lost_router_takes_no_frames(hub: MemoryHub, desk: Desk) -> None:
-    """After the router's return the frames of callers that live on are there."""
+    """When the router is back, the frames of callers that still live are there."""
     desk.start()
     listener, caller = Listener(hub), hub.bus()
     key = names.token_key(names.STATIC_CALLER, caller.instance)
