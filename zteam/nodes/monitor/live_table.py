@@ -11,7 +11,8 @@ from rich.text import Text
 from zteam import names
 from zteam.clock import monotonic
 from zteam.messages import RobotState
-from zteam.nodes.monitor.start_gate import Event, Gate, Member, printable
+from zteam.nodes.monitor.members import Event, Member, printable
+from zteam.nodes.monitor.start_gate import Gate
 from zteam.runtime.node import Node
 
 _COLORS = {
@@ -21,7 +22,7 @@ _COLORS = {
 
 
 class LiveTable:
-    """Events scroll by above; below them stands one row a robot, refreshed four times a second."""
+    """Shows events as lines, and below them one row a robot, refreshed four times a second."""
 
     def __init__(self) -> None:
         self._console = Console()
@@ -45,10 +46,10 @@ class LiveTable:
 
     def show(self, event: Event) -> None:
         """Print an event above the table."""
-        who = "" if event.robot is None else f"{names.robot_name(event.robot)} "
+        subject = "" if event.robot is None else f"{names.robot_name(event.robot)} "
         style = {"go": "bold green", "lost": "bold red", "fault": "red", "silent": "red", "link": "yellow"}
-        # As Text: a robot's words are no markup. Its style must not colour the table, which is drawn along.
-        self._console.print(Text(f"{who}{event.text}", style.get(event.kind, "")))
+        # As Text: a robot's words are no markup. The event's style must not colour the table, which is drawn with it.
+        self._console.print(Text(f"{subject}{event.text}", style.get(event.kind, "")))
 
     def _render(self) -> Table:
         table = Table(title=None, expand=False)
@@ -57,7 +58,7 @@ class LiveTable:
         if self._gate is None or self._lock is None:
             return table
         with self._lock:
-            rows = [_row(i, member) for i, member in sorted(self._gate.members.items())]
+            rows = [_row(i, member) for i, member in sorted(self._gate.members.by_id.items())]
             table.caption = "GO" if self._gate.gone else f"waiting for {self._gate.waiting_for()}"
         for robot, state, age, epoch, text in rows:
             table.add_row(robot, Text(state, _COLORS[state]), age, epoch, Text(text))

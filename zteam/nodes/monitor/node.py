@@ -1,4 +1,4 @@
-"""The monitor process: the start gate and the team's health, for people or as JSON lines."""
+"""The monitor process: the start gate and the team's health, shown to a user or as JSON lines."""
 
 import logging
 import sys
@@ -10,7 +10,8 @@ from zteam import names
 from zteam.clock import Every, monotonic
 from zteam.errors import BusError
 from zteam.messages import RobotStatus, TeamStatus, Tick, ns_from_time
-from zteam.nodes.monitor.start_gate import Event, Gate
+from zteam.nodes.monitor.members import Event
+from zteam.nodes.monitor.start_gate import Gate
 from zteam.nodes.monitor.writer_watch import WriterWatch
 from zteam.runtime.node import Node
 from zteam.runtime.ticks import Ticks
@@ -43,7 +44,6 @@ class Monitor:
         self._losses = TokenLossFilter()
         self._link_up = True
         self._published: TeamStatus | None = None
-        self._odd = Every(1.0)
         self._sim_seen = False
         self._writers = WriterWatch(node, self.gate)
         self._publisher = node.bus.publisher(names.TEAM_STATUS, TeamStatus, latched=True)
@@ -56,7 +56,7 @@ class Monitor:
         node.watch_tokens(names.tokens_key(), self._on_token)
 
     def _on_tick(self, tick: Tick) -> None:
-        """Lock-step, where GO holds from the tick that carries it: the time does not matter, and is not listened to."""
+        """In lock-step GO holds from the tick that carries it: neither time nor further ticks are needed."""
         self._node.take_time_from_ticks()
         self._node.set_time(ns_from_time(tick.stamp))
         self._ticks.deafen()
@@ -65,8 +65,8 @@ class Monitor:
         with self._node.changed:
             self._link_up = up
             self._losses.take_link(up, monotonic())
-            self.gate.forgive_silence(monotonic())
-            self.gate.tell("link", "router is back" if up else "router lost")
+            self.gate.members.forgive_silence(monotonic())
+            self.gate.members.tell("link", None, "router is back" if up else "router lost")
             self._node.changed.notify_all()
 
     def _on_token(self, key: str, alive: bool) -> None:
@@ -103,7 +103,7 @@ class Monitor:
                 if self._link_up:
                     self.gate.try_go(self._go_stamp())
                 self._publish()
-                events, self.gate.events = self.gate.events, []
+                events = self.gate.members.take_events()
                 leaving = self._options.exit_on_go and self.gate.gone
                 running = self.gate.all_running()
             for event in events:
@@ -121,7 +121,7 @@ class Monitor:
 
     def _has_work(self) -> bool:
         complete = self._link_up and not self.gate.gone and len(self.gate.ready) >= self.gate.team_size
-        return bool(self.gate.events) or complete
+        return self.gate.members.has_events or complete
 
     def _go_stamp(self) -> int:
         """Now, in simulated time, or in wall time where ready robots have come and no simulator."""
@@ -138,7 +138,7 @@ class Monitor:
             if token and robot_id is not None:
                 self.gate.take_token(robot_id, token[1], False)
         if self._losses.trusted(now):
-            self.gate.check_silence(now)
+            self.gate.members.check_silence(now)
 
     def _learn_ids(self) -> None:
         """Wait for the simulator's own robots if there are as many as asked for."""
@@ -163,13 +163,13 @@ class Monitor:
 
 
 def print_event(event: Event) -> None:
-    """One line for people."""
-    who = "" if event.robot is None else f"{names.robot_name(event.robot)} "
-    print(f"{who}{event.text}", flush=True)  # noqa: T201
+    """Print one line for a user."""
+    subject = "" if event.robot is None else f"{names.robot_name(event.robot)} "
+    print(f"{subject}{event.text}", flush=True)  # noqa: T201
 
 
 def print_json(event: Event) -> None:
-    """One JSON object: {"event", "robot" (or null), "text"}."""
+    """Print one JSON object: {"event", "robot" (or null), "text"}."""
     line = {"event": event.kind, "robot": event.robot, "text": event.text}
     print(msgspec.json.encode(line).decode(), flush=True)  # noqa: T201
 

@@ -1,4 +1,4 @@
-"""The monitor's look at which processes command the robots."""
+"""Which processes command the robots, as the monitor sees it."""
 
 import logging
 from collections.abc import Mapping, Sequence
@@ -9,6 +9,7 @@ from zteam.clock import Every, monotonic
 from zteam.errors import BusError
 from zteam.nodes.monitor.start_gate import Gate
 from zteam.runtime.node import Node
+from zteam.runtime.tokens import TokenSet
 from zteam.runtime.writers import Writers
 from zteam.services.simulator import SimStatus
 
@@ -23,15 +24,14 @@ _ANSWER_LIMIT = 0.5
 class WriterWatch:
     """Tells of robots that more than one process commands.
 
-    The simulator says which they are: to listen to all commands would cost every tick of a lock-step time. Where there
-    is no simulator, what is heard on the bus says it.
+    The simulator tells which ones they are: a subscription to all commands would slow down every tick of lock-step.
+    Where there is no simulator, the watch subscribes to the commands itself.
     """
 
     def __init__(self, node: Node, gate: Gate) -> None:
         self._node = node
         self._gate = gate
-        self._names: dict[str, str] = {}
-        """Of the processes that live, by session."""
+        self._tokens = TokenSet()
         self._due = Every(LOOK)
         self._heard: Writers | None = None
         self._told: dict[int, list[str]] = {}
@@ -39,16 +39,13 @@ class WriterWatch:
 
     def take_token(self, name: str, session: str, alive: bool) -> None:
         """A presence token came or went."""
-        if alive:
-            self._names[session] = name
-        else:
-            self._names.pop(session, None)
+        self._tokens.take(name, session, alive)
 
     def look(self) -> None:
         """Look once every LOOK seconds. Main loop only, without `node.changed`."""
         if not self._due.due():
             return
-        found = self._ask() if names.SIMULATOR in self._names.values() else self._listen()
+        found = self._ask() if names.SIMULATOR in self._tokens else self._listen()
         if found is not None:
             with self._node.changed:
                 self._tell(found)
@@ -81,10 +78,10 @@ class WriterWatch:
     def _tell(self, found: Mapping[int, Sequence[str]]) -> None:
         for robot_id, sessions in found.items():
             if self._told.get(robot_id) != list(sessions):
-                writers = ", ".join(self._names.get(session, f"session {session}") for session in sessions)
+                writers = ", ".join(self._tokens.name_of(session) or f"session {session}" for session in sessions)
                 key = names.robot_key(robot_id, names.CMD_VEL)
                 text = f"is commanded by {len(sessions)} processes: {writers} (see 'zteam topic info {key}')"
-                self._gate.tell("writers", text, robot_id)
+                self._gate.members.tell("writers", robot_id, text)
         for robot_id in self._told.keys() - found.keys():
-            self._gate.tell("writers", "is commanded by one process again", robot_id)
+            self._gate.members.tell("writers", robot_id, "is commanded by one process again")
         self._told = {robot_id: list(sessions) for robot_id, sessions in found.items()}

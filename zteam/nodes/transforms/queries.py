@@ -1,6 +1,7 @@
 """The aggregator's answers to queries about its tree."""
 
-from zteam.bus import Deferred
+from zteam import names
+from zteam.bus import Bus, Deferred, NoRequest
 from zteam.clock import monotonic
 from zteam.errors import UsageError
 from zteam.messages import TransformStamped, ns_from_time
@@ -16,10 +17,20 @@ from zteam.services.transforms import (
 )
 from zteam.tf import Buffer, TransformException
 from zteam.tf.do_transform import floats_of
+from zteam.tf.merge import Merger
+
+
+def serve_queries(bus: Bus, merger: Merger) -> None:
+    """Answer `tf/lookup`, `tf/history`, `tf/conflicts` and `tf/frames` from this tree."""
+    serve, service, buffer = bus.serve, names.service_key, merger.buffer
+    serve(service(names.AGGREGATOR, "lookup"), LookupRequest, lambda request: answer_lookups(buffer, request))
+    serve(service(names.AGGREGATOR, "history"), HistoryRequest, lambda request: answer_history(buffer, request))
+    serve(service(names.AGGREGATOR, "conflicts"), NoRequest, lambda _: merger.conflicts())
+    serve(service(names.AGGREGATOR, "frames"), NoRequest, lambda _: answer_frames(buffer))
 
 
 def answer_lookups(buffer: Buffer, request: LookupRequest) -> list[LookupReply] | Deferred:
-    """Answers in the order of the look-ups; where one has to be waited for, the answers come later."""
+    """Replies in the order of the look-ups; deferred if the request has a timeout and data is missing."""
     replies = [_try(buffer, lookup) for lookup in request.lookups]
     if request.timeout <= 0.0 or not any(reply.error for reply in replies):
         return replies
@@ -55,7 +66,7 @@ def _wait_for_all(buffer: Buffer, request: LookupRequest, replies: list[LookupRe
 
 
 def _wait_for(buffer: Buffer, lookup: Lookup, end: float) -> None:
-    """Until a look-up has an answer, or host time `end`."""
+    """Wait until a look-up has an answer, or until host time `end`."""
     target, source, fixed = strip_slash(lookup.target), strip_slash(lookup.source), strip_slash(lookup.fixed)
     legs = [(fixed, source, lookup.source_time), (target, fixed, lookup.time)]
     for leg in legs if fixed else [(target, source, lookup.time)]:
@@ -66,7 +77,7 @@ def _wait_for(buffer: Buffer, lookup: Lookup, end: float) -> None:
 
 
 def answer_history(buffer: Buffer, request: HistoryRequest) -> HistoryReply:
-    """The resolved pair over a span of time. Raises UsageError for more than MAX_LOOKUPS rows."""
+    """`target_from_source` over a span of time. Raises UsageError for more than MAX_LOOKUPS rows."""
     target, source = strip_slash(request.target), strip_slash(request.source)
     newest = buffer.lookup_transform(target, source, 0)
     end = request.end or ns_from_time(newest.header.stamp)

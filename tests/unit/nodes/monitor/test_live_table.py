@@ -6,7 +6,8 @@ from zteam import names
 from zteam.bus import MemoryHub
 from zteam.messages import RobotState, RobotStatus
 from zteam.nodes.monitor.live_table import LiveTable
-from zteam.nodes.monitor.start_gate import Event, Gate
+from zteam.nodes.monitor.members import Event
+from zteam.nodes.monitor.start_gate import Gate
 from zteam.runtime.node import Node
 from zteam.runtime.shutdown import Stop
 
@@ -19,7 +20,7 @@ def node(monkeypatch: pytest.MonkeyPatch) -> Node:
 
 
 def say(gate: Gate, robot_id: int, state: int, text: str = "") -> None:
-    """A process holds the robot's name and says its state."""
+    """A process holds the robot's name and publishes its state."""
     gate.take_token(robot_id, "a", True)
     ready = state in (RobotState.READY, RobotState.RUNNING)
     gate.take_status(robot_id, RobotStatus(robot_id=robot_id, is_ready=ready, state=state, text=text), 0.0)
@@ -34,7 +35,7 @@ def draw(node: Node, gate: Gate, *events: Event) -> None:
 
 
 def test_a_row_for_every_robot(node: Node, capsys: pytest.CaptureFixture[str]) -> None:
-    """Name, state, epoch and text of each robot, the absent and the lost included, and whom the team waits for."""
+    """Name, state, epoch and text of each robot, absent and lost ones included, and which robots are waited for."""
     gate = Gate([0, 1, 2, 3, 4], 5)
     say(gate, 0, RobotState.RUNNING, "clear ahead")
     say(gate, 1, RobotState.BOOT, "waiting for a scan")
@@ -55,7 +56,7 @@ def test_a_row_for_every_robot(node: Node, capsys: pytest.CaptureFixture[str]) -
 
 
 def test_events_stand_above(node: Node, capsys: pytest.CaptureFixture[str]) -> None:
-    """The lines that people and scripts look for are printed in their own words."""
+    """Events are printed above the table, in the exact words that users and scripts look for."""
     draw(node, Gate(None, 1), Event("lost", 3, "lost"), Event("go", None, "All robots GO!"))
     lines = capsys.readouterr().out.splitlines()
     assert [line for line in lines if line in ("robot_3 lost", "All robots GO!")] == ["robot_3 lost", "All robots GO!"]
@@ -63,10 +64,10 @@ def test_events_stand_above(node: Node, capsys: pytest.CaptureFixture[str]) -> N
 
 @pytest.mark.parametrize("text", ["[/etc/passwd]", "[bold]x", "[link=http://x]", "\x1b[2J"])
 def test_any_text_of_a_robot_is_shown_as_it_is(node: Node, capsys: pytest.CaptureFixture[str], text: str) -> None:
-    """A robot's words are no markup and no commands to the terminal."""
+    """A robot's text is neither markup nor a command to the terminal."""
     gate = Gate([0], 1)
     say(gate, 0, RobotState.FAULT, text)
-    draw(node, gate, *gate.events)
+    draw(node, gate, *gate.members.take_events())
     shown = capsys.readouterr().out
     assert "\x1b[2J" not in shown
     assert shown.count(text.replace("\x1b", "")) >= 2

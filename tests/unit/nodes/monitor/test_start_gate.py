@@ -1,40 +1,16 @@
-"""The start gate's logic: who counts as ready, when GO is given, what is told, what outlives a restart."""
+"""The start gate's logic: which robots count as ready, when GO is given, what is told, what outlives a restart."""
 
 import numpy as np
 import pytest
 
-from zteam.messages import RobotState, RobotStatus, TeamState, TeamStatus, decode, encode, ns_from_time
-from zteam.nodes.monitor.start_gate import SILENT_AFTER, Gate
-
-READY, RUNNING, BOOT, STOPPED, FAULT = (
-    RobotState.READY,
-    RobotState.RUNNING,
-    RobotState.BOOT,
-    RobotState.STOPPED,
-    RobotState.FAULT,
-)
+from support.gate_feed import BOOT, FAULT, READY, RUNNING, STOPPED, come, status, told
+from zteam.messages import TeamState, TeamStatus, decode, encode, ns_from_time
+from zteam.nodes.monitor.members import SILENT_AFTER
+from zteam.nodes.monitor.start_gate import Gate
 
 
-def status(robot_id: int, state: int = READY, epoch: int = 0, text: str = "") -> RobotStatus:
-    """What robot `robot_id` says in this state."""
-    return RobotStatus(robot_id=robot_id, is_ready=state in (READY, RUNNING), state=state, epoch=epoch, text=text)
-
-
-def come(gate: Gate, *robot_ids: int, state: int = READY, epoch: int = 0, now: float = 0.0) -> None:
-    """Processes take these names and say their state."""
-    for robot_id in robot_ids:
-        gate.take_token(robot_id, f"first-{robot_id}", True)
-        gate.take_status(robot_id, status(robot_id, state, epoch), now)
-
-
-def told(gate: Gate, *kinds: str) -> list[str]:
-    """Lines of the events since the last call, of these kinds or all."""
-    events, gate.events = gate.events, []
-    return [("" if e.robot is None else f"robot_{e.robot} ") + e.text for e in events if not kinds or e.kind in kinds]
-
-
-def test_who_is_ready_and_who_is_waited_for() -> None:
-    """The line of each robot that becomes ready counts and names the others; then GO, once, in its exact words."""
+def test_each_ready_robot_is_told_until_go() -> None:
+    """The line of each ready robot has the count and names the missing; then GO, once, in its exact words."""
     gate = Gate([0, 1, 2, 3], 4)
     come(gate, 0, 1)
     assert told(gate) == [
@@ -60,7 +36,7 @@ def test_a_robot_says_ready_once() -> None:
 
 
 @pytest.mark.parametrize("state", [BOOT, STOPPED, FAULT])
-def test_who_is_not_ready_does_not_count(state: int) -> None:
+def test_a_robot_that_is_not_ready_does_not_count(state: int) -> None:
     """is_ready = false holds the team, also of a robot that was ready before."""
     gate = Gate([0, 1], 2)
     come(gate, 0, 1)
@@ -74,8 +50,8 @@ def test_who_is_not_ready_does_not_count(state: int) -> None:
     assert gate.try_go(2)
 
 
-def test_a_word_without_a_process_does_not_count() -> None:
-    """A ready status on the key of a robot that nobody holds releases nobody."""
+def test_a_status_without_a_process_does_not_count() -> None:
+    """A ready status of a robot without a presence token gives no GO."""
     gate = Gate([0], 1)
     gate.take_status(0, status(0), 0.0)
     assert gate.ready == []
@@ -85,7 +61,7 @@ def test_a_word_without_a_process_does_not_count() -> None:
 
 
 def test_a_robot_that_dies_after_ready_does_not_count() -> None:
-    """Its process gone, the others wait for it again."""
+    """When its process is gone, the others wait for it again."""
     gate = Gate([0, 1], 2)
     come(gate, 0)
     gate.take_token(0, "first-0", False)
@@ -96,7 +72,7 @@ def test_a_robot_that_dies_after_ready_does_not_count() -> None:
 
 
 def test_a_new_process_speaks_for_itself() -> None:
-    """What its predecessor said makes no restarted robot ready."""
+    """A restarted robot is not ready by the status of its predecessor."""
     gate = Gate([0, 1], 2)
     come(gate, 0)
     gate.take_token(0, "first-0", False)
@@ -106,29 +82,19 @@ def test_a_new_process_speaks_for_itself() -> None:
     assert not gate.try_go(1)
 
 
-def test_a_new_process_is_not_silent_at_once() -> None:
-    """A robot that comes back after a while is not said to be silent for all that time."""
-    gate = Gate([0], 1)
-    come(gate, 0)
-    gate.take_token(0, "first-0", False)
-    gate.take_token(0, "second-0", True)
-    gate.check_silence(100.0)
-    assert told(gate, "silent") == []
-
-
 def test_a_silent_robot_does_not_count() -> None:
-    """GO waits for a robot whose process hangs."""
+    """GO waits for a robot that hangs."""
     gate = Gate([0, 1], 2)
     come(gate, 0, now=0.0)
-    gate.check_silence(SILENT_AFTER + 1)
+    gate.members.check_silence(SILENT_AFTER + 1)
     come(gate, 1, now=SILENT_AFTER + 1)
     assert not gate.try_go(1)
     gate.take_status(0, status(0), SILENT_AFTER + 2)
     assert gate.try_go(2)
 
 
-def test_nobody_speaks_for_another() -> None:
-    """A status under another robot's key is refused and leaves no trace."""
+def test_no_robot_speaks_for_another() -> None:
+    """A status under another robot's key is refused and changes nothing."""
     gate = Gate([0, 1], 2)
     come(gate, 0)
     told(gate)
@@ -151,7 +117,7 @@ def test_others_do_not_stand_in() -> None:
 
 
 def test_without_ids_it_counts() -> None:
-    """Any robots make a team that is only counted; the text says how many are missing."""
+    """Without ids any robots count; the text says how many are missing."""
     gate = Gate(None, 3)
     come(gate, 40, 7)
     assert told(gate)[-1] == "robot_7 ready (2 of 3; waiting for 1 more of any id)"
@@ -175,7 +141,7 @@ def test_ids_learnt_later_hold_from_then_on() -> None:
     assert gate.try_go(1)
 
 
-def test_what_the_team_is_told() -> None:
+def test_the_published_status() -> None:
     """The published status before and after GO, over the wire and back."""
     gate = Gate([0, 1, 2], 3)
     come(gate, 0, 1)
@@ -200,15 +166,15 @@ def test_go_is_never_taken_back() -> None:
     gate.try_go(5)
     for robot_id in (0, 1):
         gate.take_token(robot_id, f"first-{robot_id}", False)
-    gate.check_silence(100.0)
+    gate.members.check_silence(100.0)
     come(gate, 1, state=BOOT)
     after = gate.status(7)
     assert (after.state, after.epoch, ns_from_time(after.go_stamp)) == (TeamState.GO, 1, 5)
     assert list(after.missing) == [0, 1]
 
 
-def test_who_was_ready_in_time_is_not_late() -> None:
-    """A heartbeat between GO and the robot's first step is nothing to tell."""
+def test_a_robot_that_was_ready_in_time_is_not_late() -> None:
+    """A heartbeat between GO and the robot's first step is not told."""
     gate = Gate([0], 1)
     come(gate, 0)
     gate.try_go(1)
@@ -249,7 +215,7 @@ def test_a_newcomer_is_told_of(states: tuple[int, ...]) -> None:
 
 @pytest.mark.parametrize("states", [(BOOT, READY, RUNNING), (BOOT, RUNNING), (RUNNING,)])
 def test_a_restarted_robot_is_told_again(states: tuple[int, ...]) -> None:
-    """Lost, back, told GO anew, also if it obeys the latched GO before it says a word."""
+    """It is told as lost, as back and as told GO, also if it obeys the latched GO before its first status."""
     gate = Gate([0], 1)
     come(gate, 0)
     gate.try_go(1)
@@ -263,70 +229,8 @@ def test_a_restarted_robot_is_told_again(states: tuple[int, ...]) -> None:
     assert gate.lost == []
 
 
-def test_a_stop_is_no_loss() -> None:
-    """A robot that said farewell is told as stopped, one that vanished as lost."""
-    gate = Gate([0, 1], 2)
-    come(gate, 0, 1)
-    gate.take_status(0, status(0, STOPPED), 1.0)
-    told(gate)
-    gate.take_token(0, "first-0", False)
-    gate.take_token(1, "first-1", False)
-    assert told(gate) == ["robot_0 stopped", "robot_1 lost"]
-
-
-def test_a_name_is_lost_with_its_last_holder() -> None:
-    """Tokens of two sessions under one name are told apart; one nobody had is nobody's loss."""
-    gate = Gate([0], 1)
-    come(gate, 0)
-    gate.take_token(0, "second-0", True)
-    gate.take_token(0, "never-seen", False)
-    gate.take_token(0, "first-0", False)
-    assert told(gate, "lost") == []
-    assert gate.ready == [0]
-    gate.take_token(0, "second-0", False)
-    assert told(gate, "lost") == ["robot_0 lost"]
-    gate.take_token(0, "second-0", False)
-    assert told(gate) == []
-
-
-def test_a_fault_is_told_with_its_text() -> None:
-    """Once when it comes, again when it comes back."""
-    gate = Gate([0], 1)
-    come(gate, 0)
-    told(gate)
-    for state in (FAULT, FAULT, READY, FAULT):
-        gate.take_status(0, status(0, state, text="laser dead"), 1.0)
-    assert told(gate, "fault") == ["robot_0 fault: laser dead"] * 2
-
-
-def test_a_silent_robot_is_named_and_unnamed() -> None:
-    """A living token without statuses: told once, and once when it answers again."""
-    gate = Gate([0, 1], 2)
-    come(gate, 0, 1, now=10.0)
-    told(gate)
-    gate.check_silence(10.0 + SILENT_AFTER)
-    assert told(gate) == []
-    gate.take_status(1, status(1), 12.0)
-    gate.check_silence(14.0)
-    gate.check_silence(14.2)
-    assert told(gate) == ["robot_0 does not answer for 4 s"]
-    gate.take_status(0, status(0), 15.0)
-    gate.take_status(0, status(0), 15.5)
-    assert told(gate, "silent", "answers") == ["robot_0 answers again"]
-
-
-def test_a_dead_robot_is_not_silent() -> None:
-    """What is lost is not also said to be silent."""
-    gate = Gate([0], 1)
-    come(gate, 0)
-    gate.take_token(0, "first-0", False)
-    told(gate)
-    gate.check_silence(100.0)
-    assert told(gate) == []
-
-
 def test_a_restarted_monitor_adopts_the_go() -> None:
-    """The GO that a running robot obeys is the team's: the same epoch, no gating anew, and late ones get it."""
+    """The GO that a running robot obeys is the team's: the same epoch, no second GO, and late robots get it."""
     gate = Gate([0, 1], 2)
     come(gate, 0, state=RUNNING, epoch=3)
     assert (gate.gone, gate.epoch) == (True, 3)
@@ -338,7 +242,7 @@ def test_a_restarted_monitor_adopts_the_go() -> None:
 
 
 @pytest.mark.parametrize(("state", "epoch"), [(RUNNING, 0), (READY, 2), (STOPPED, 2)])
-def test_who_runs_without_a_go_is_not_followed(state: int, epoch: int) -> None:
+def test_a_robot_that_runs_without_go_is_not_followed(state: int, epoch: int) -> None:
     """A --no-gate robot runs in epoch 0, and an epoch counts from a running robot only."""
     gate = Gate([0, 1], 2)
     come(gate, 0, state=state, epoch=epoch)
@@ -384,8 +288,8 @@ def test_a_jump_of_time_renews_a_standing_go_only() -> None:
     assert (ns_from_time(gate.status(200).go_stamp), gate.epoch) == (100, 1)
 
 
-def test_all_running_waits_for_those_who_count() -> None:
-    """Every living robot of the team must obey the standing GO; the dead and the strangers are not waited for."""
+def test_all_running_waits_for_the_robots_that_count() -> None:
+    """Every living robot of the team must obey the standing GO; lost robots and others are not waited for."""
     gate = Gate([0, 1, 2], 3)
     come(gate, 0, 1, 2)
     come(gate, 9)

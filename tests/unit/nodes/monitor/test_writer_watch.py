@@ -1,4 +1,4 @@
-"""Which processes command a robot, and what the monitor says of that."""
+"""Which processes command a robot, and what the monitor tells of that."""
 
 import pytest
 
@@ -25,7 +25,7 @@ class Desk:
     def tell(self) -> list[tuple[str, int | None, str]]:
         """What the next look tells."""
         self.watch.look()
-        events, self._gate.events = self._gate.events, []
+        events = self._gate.members.take_events()
         return [tuple(event) for event in events]
 
 
@@ -57,7 +57,7 @@ def test_invented_sessions_take_no_memory() -> None:
     assert writers.recent(RECENT + 1.0) == {0: {"0"}}
 
 
-def test_the_simulator_says_who_commands(hub: MemoryHub, desk: Desk) -> None:
+def test_the_simulator_tells_which_processes_command(hub: MemoryHub, desk: Desk) -> None:
     """Each change is told once, with the names of the processes that have one."""
     simulator, status = hub.bus(), SimStatus("w", [0], 100, 1, 0, 0, 1.0)
     simulator.serve(names.service_key(names.SIMULATOR, "status"), NoRequest, lambda _: status)
@@ -78,13 +78,13 @@ def test_the_simulator_says_who_commands(hub: MemoryHub, desk: Desk) -> None:
 
 
 def test_a_simulator_that_does_not_answer_changes_nothing(hub: MemoryHub, desk: Desk) -> None:
-    """What was told stands until it is known better."""
+    """Without an answer of the simulator nothing new is told."""
     desk.watch.take_token(names.SIMULATOR, "s1", True)
     assert desk.tell() == []
 
 
 def test_without_a_simulator_the_commands_are_heard(hub: MemoryHub, desk: Desk) -> None:
-    """Real bases tell nothing: in wall time the monitor listens by itself, and not before."""
+    """Without a simulator the monitor subscribes to the commands itself, in wall time and not before."""
     robot, rival = hub.bus(), hub.bus()
     publishers = [bus.publisher("robot_3/cmd_vel", Twist) for bus in (robot, rival)]
     desk.watch.take_token("robot_3", robot.instance, True)

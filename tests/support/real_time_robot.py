@@ -1,0 +1,136 @@
+"""A robot in real time on a bus in memory: its main loop in a thread, and by hand what it hears."""
+
+import threading
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+
+from zteam import names
+from zteam.behaviors import Behavior, load_behavior
+from zteam.bus import MemoryHub
+from zteam.clock import wait_until
+from zteam.geometry import Pose2
+from zteam.messages import Clock, Header, LaserScan, Odometry, RobotStatus, TFMessage, Twist, time_from_ns
+from zteam.nodes.robot.node import RobotNode, RobotOptions
+from zteam.resources import shipped_world
+from zteam.runtime.node import Node
+from zteam.runtime.shutdown import Stop
+from zteam.sim import to_messages
+from zteam.world import load_world
+
+LIMIT = 20.0
+"""Host seconds after which a wait has failed."""
+TICK = 100_000_000
+"""Nanoseconds."""
+NEVER = 600.0
+"""Host seconds: a patience that ends in no test."""
+FOLLOW = partial(load_behavior, "follow", {"leader": 0}, 1)
+
+
+class RealTimeRobot:
+    """Robot 1, by default a follower, in a thread; `say_*` publishes, and returns when that is handled."""
+
+    def __init__(self, make_behavior: Callable[[], Behavior] = FOLLOW) -> None:
+        self._hub = MemoryHub()
+        self._bus = self._hub.bus()
+        self.changed = threading.Condition()
+        self.commands: list[Twist] = []
+        self.statuses = 0
+        world = load_world(str(shipped_world("arena")))
+        self._robots = dict(enumerate(world.robots[:2]))
+        self._publishers = {
+            key: self._bus.publisher(key, kind, latched=key == names.TF_STATIC)
+            for key, kind in (
+                (names.CLOCK, Clock),
+                (names.TF, TFMessage),
+                (names.TF_STATIC, TFMessage),
+                (names.robot_key(1, names.ODOM), Odometry),
+                (names.robot_key(1, names.BASE_SCAN), LaserScan),
+            )
+        }
+        self._hub.bus().subscribe(names.robot_key(1, names.CMD_VEL), Twist, self._on_command)
+        self._hub.bus().subscribe(names.robot_key(1, names.STATUS), RobotStatus, self._on_status)
+        self._stop = Stop()
+        node = Node(names.robot_name(1), self._hub.bus(), self._stop)
+        self.failures: list[BaseException] = []
+        self._robot = RobotNode(node, make_behavior, RobotOptions(1, gate=False))
+        node.become_present()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def _run(self) -> None:
+        try:
+            self._robot.run()
+        except BaseException as error:
+            self.failures.append(error)
+
+    def _on_command(self, _key: str, command: Twist) -> None:
+        with self.changed:
+            self.commands.append(command)
+            self.changed.notify_all()
+
+    def _on_status(self, _key: str, _status: RobotStatus) -> None:
+        with self.changed:
+            self.statuses += 1
+            self.changed.notify_all()
+
+    def say_monitor(self) -> None:
+        """The presence token of a monitor."""
+        bus = self._hub.bus()
+        bus.declare_token(names.token_key(names.MONITOR, bus.instance))
+
+    def say_statics(self) -> None:
+        """The fixed frames."""
+        fixed = [
+            transform
+            for i, robot in self._robots.items()
+            for transform in to_messages.static_transforms(i, robot, Pose2(float(i), 0.0, 0.0)).transforms
+        ]
+        self._publishers[names.TF_STATIC].put(TFMessage(fixed))
+
+    def say_time(self, tick: int) -> None:
+        """The time."""
+        self._publishers[names.CLOCK].put(Clock(time_from_ns(tick * TICK)))
+
+    def say_transforms(self, tick: int) -> None:
+        """A bundle of transforms."""
+        found = [
+            t for i in self._robots for t in to_messages.transforms(tick * TICK, i, Pose2(0.0, 0.0, 0.0)).transforms
+        ]
+        self._publishers[names.TF].put(TFMessage(found))
+
+    def say_scan(self, tick: int) -> None:
+        """A scan with nothing near."""
+        header = Header(time_from_ns(tick * TICK), names.robot_frame(1, names.BASE_LASER_LINK))
+        scan = LaserScan(
+            header, angle_min=-1.5, angle_max=1.5, angle_increment=0.1, range_max=30.0,
+            ranges=np.full(31, 9.0, np.float32),
+        )  # fmt: skip
+        self._publishers[names.robot_key(1, names.BASE_SCAN)].put(scan)
+
+    def wait_for_commands(self, count: int) -> None:
+        """Wait until the robot has published so many."""
+        with self.changed:
+            assert wait_until(self.changed, lambda: len(self.commands) >= count, LIMIT), self.commands
+
+    def wait_for_waiting(self) -> None:
+        """Wait until the robot waits for transforms."""
+        changed = self._robot._node.changed
+        with changed:
+            # The thread that begins to wait notifies no other.
+            for _ in range(2000):
+                if self._robot._pacing.waiting:
+                    return
+                changed.wait(0.01)
+        raise AssertionError("the robot does not wait")
+
+    def close(self) -> None:
+        """End the thread."""
+        self._stop.request("the test is over")
+        self.join()
+
+    def join(self) -> None:
+        """Wait for the end of the main loop."""
+        self._thread.join(LIMIT)
+        assert not self._thread.is_alive()

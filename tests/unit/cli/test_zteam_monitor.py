@@ -1,0 +1,41 @@
+"""The team that `zteam-monitor` is told to wait for."""
+
+import pytest
+
+from zteam.cli.zteam_monitor import parse_team
+from zteam.errors import UsageError
+
+
+@pytest.mark.parametrize(
+    ("size", "ids", "team"),
+    [
+        ("4", None, (4, None)),
+        (None, ["0", "2", "7"], (3, (0, 2, 7))),
+        ("2", ["5", "0"], (2, (5, 0))),
+        ("1", None, (1, None)),
+        ("10000", None, (10000, None)),
+    ],
+)
+def test_team_sizes(size: str | None, ids: list[str] | None, team: tuple[int, tuple[int, ...] | None]) -> None:
+    """A number, a list, or both if they agree."""
+    assert parse_team(size, ids) == team
+
+
+@pytest.mark.parametrize(
+    ("size", "ids", "text"),
+    [
+        (None, None, "--team-size 4"),
+        ("3", ["0", "1"], "disagree"),
+        (None, ["0", "1", "0"], "twice"),
+        (None, ["0", "00"], "twice"),
+        *[(size, None, f"--team-size {size}") for size in ("0", "-1", "4x", "", "²", "1.0", "10001", "9" * 40, " 4")],
+        *[(None, [robot_id], repr(robot_id)) for robot_id in ("abc", "1x", "-1", "10000", "", "٣", "1 ")],
+    ],
+)
+def test_bad_teams_are_refused(size: str | None, ids: list[str] | None, text: str) -> None:
+    """Nonsense ends with exit code 2 and one line that names it."""
+    with pytest.raises(UsageError) as caught:
+        parse_team(size, ids)
+    assert text in str(caught.value)
+    assert caught.value.exit_code == 2
+    assert "\n" not in str(caught.value)

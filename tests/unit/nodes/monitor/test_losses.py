@@ -1,0 +1,105 @@
+"""What the monitor tells of lost robots, hung robots and a lost router."""
+
+from support.monitor_desk import FLICKER, LOSS, RETURN, Open, Robot
+from zteam.bus import MemoryHub
+from zteam.nodes.monitor.members import SILENT_AFTER
+
+
+def test_a_token_that_only_flickers_is_no_loss(hub: MemoryHub, open_desk: Open) -> None:
+    """A token that is back within the grace is not told; one that stays away is lost."""
+    desk = open_desk(0, 1)
+    robots = [Robot(hub, 0), Robot(hub, 1)]
+    for robot in robots:
+        robot.say()
+        robot.vanish()
+    desk.pass_by(FLICKER)
+    robots[0].appear()
+    desk.pass_by(LOSS)
+    assert desk.told("lost", "back") == [("lost", 1)]
+
+
+def test_a_lost_router_is_no_lost_team(hub: MemoryHub, open_desk: Open) -> None:
+    """Tokens that vanish just before the link are told as one lost router, and their return is not told."""
+    desk = open_desk(0, 1)
+    robots = [Robot(hub, 0), Robot(hub, 1)]
+    for robot in robots:
+        robot.say()
+        robot.vanish()
+    desk.link.set_link(False)
+    desk.pass_by(RETURN)
+    desk.link.set_link(True)
+    for robot in robots:
+        robot.appear()
+    desk.pass_by(RETURN)
+    assert [e.text for e in desk.events if e.kind == "link"] == ["router lost", "router is back"]
+    assert desk.told("lost", "back") == []
+
+
+def test_no_go_without_a_router(hub: MemoryHub, open_desk: Open) -> None:
+    """No robot would get it; it is given when the router is back."""
+    desk = open_desk(0)
+    robot = Robot(hub, 0)
+    desk.link.set_link(False)
+    robot.say()
+    desk.look()
+    assert desk.told("go") == []
+    desk.link.set_link(True)
+    desk.wait_for("go")
+
+
+def test_tokens_may_vanish_after_the_link(hub: MemoryHub, open_desk: Open) -> None:
+    """Robots have time to come back, also when the link is told before the tokens."""
+    desk = open_desk(0)
+    robot = Robot(hub, 0)
+    robot.say()
+    desk.link.set_link(False)
+    robot.vanish()
+    desk.pass_by(5.0)
+    desk.link.set_link(True)
+    desk.look()
+    robot.appear()
+    desk.pass_by(RETURN)
+    assert desk.told("lost", "back") == []
+
+
+def test_a_robot_that_died_while_the_router_was_away_is_lost(hub: MemoryHub, open_desk: Open) -> None:
+    """A robot is told as lost if its token stays away when the router is back."""
+    desk = open_desk(0, 1)
+    robots = [Robot(hub, 0), Robot(hub, 1)]
+    for robot in robots:
+        robot.say()
+        robot.vanish()
+    desk.link.set_link(False)
+    desk.pass_by(5.0)
+    desk.link.set_link(True)
+    robots[0].appear()
+    for _ in range(20):
+        desk.pass_by(1.0)
+    assert desk.told("lost", "back") == [("lost", 1)]
+
+
+def test_no_robot_is_silent_without_a_router(hub: MemoryHub, open_desk: Open) -> None:
+    """Robots are not told as silent while the router is away, nor at once when it is back."""
+    desk = open_desk(0)
+    robot = Robot(hub, 0)
+    robot.say()
+    desk.link.set_link(False)
+    desk.pass_by(SILENT_AFTER * 2)
+    desk.link.set_link(True)
+    desk.look()
+    desk.pass_by(SILENT_AFTER * 0.9)
+    assert desk.told("silent") == []
+    desk.pass_by(SILENT_AFTER)
+    assert desk.told("silent") == [("silent", 0)]
+
+
+def test_a_hung_robot_is_named(hub: MemoryHub, open_desk: Open) -> None:
+    """A living token without statuses is told as not answering, and never as lost."""
+    desk = open_desk(0, 1)
+    robot = Robot(hub, 0)
+    robot.say()
+    desk.pass_by(SILENT_AFTER + 1)
+    assert desk.wait_for("silent", 0).text == "does not answer for 4 s"
+    robot.say()
+    desk.wait_for("answers", 0)
+    assert desk.told("lost") == []

@@ -1,0 +1,110 @@
+"""What has come for one robot, and when a tick is complete."""
+
+import pytest
+
+from support.transforms import S, stamped
+from zteam.messages import (
+    Header,
+    LaserScan,
+    Odometry,
+    TeamState,
+    TeamStatus,
+    TFMessage,
+    encode,
+    time_from_ns,
+)
+from zteam.nodes.robot.inputs import Inputs
+
+
+def give(inputs: Inputs, stamp: int, *, scan: bool = True, odom: bool = True, tf: bool = True) -> None:
+    """The data of one tick."""
+    if scan:
+        inputs.scan = LaserScan(Header(time_from_ns(stamp)))
+    if odom:
+        inputs.odom = Odometry(Header(time_from_ns(stamp)))
+    if tf:
+        inputs.take_bundle(encode(TFMessage([stamped("robot_1/odom", "robot_1/base_footprint", stamp, 2.0)])))
+
+
+@pytest.fixture
+def inputs() -> Inputs:
+    """Those of robot 1, which stands at x = 1 m on the map, without data."""
+    made = Inputs(1)
+    made.take_static(TFMessage([stamped("map", "robot_1/odom", 0, 1.0)]))
+    return made
+
+
+@pytest.mark.parametrize("late", ["scan", "odom", "tf"])
+def test_a_tick_needs_all_its_data(inputs: Inputs, late: str) -> None:
+    """Data of the tick before does not count, of whichever kind it is."""
+    give(inputs, S)
+    assert inputs.complete_for(S)
+    give(inputs, 2 * S, **{late: False})
+    assert not inputs.complete_for(2 * S)
+    give(inputs, 2 * S)
+    assert inputs.complete_for(2 * S)
+
+
+@pytest.mark.parametrize("late", ["scan", "odom", "tf"])
+def test_without_data_no_tick_is_complete(inputs: Inputs, late: str) -> None:
+    """Each kind has to come at least once, also for the first tick at time 0."""
+    give(inputs, S, **{late: False})
+    assert not inputs.complete_for(1)
+
+
+def test_newer_data_completes_a_tick(inputs: Inputs) -> None:
+    """Data of a later time answers an earlier tick too."""
+    give(inputs, 2 * S)
+    assert inputs.complete_for(S)
+
+
+def test_data_that_is_not_needed_is_not_waited_for(inputs: Inputs) -> None:
+    """A behaviour without odometry and transforms is complete with its scan."""
+    give(inputs, S, odom=False, tf=False)
+    assert not inputs.complete_for(S, tf=False)
+    inputs.needs_odom = False
+    assert inputs.complete_for(S, tf=False)
+    assert not inputs.complete_for(S)
+    inputs.needs_tf = False
+    assert inputs.complete_for(S)
+
+
+def test_a_connected_tick_needs_the_fixed_transforms() -> None:
+    """A bundle without a way from the map to the robot completes a tick only where that is not asked for."""
+    inputs = Inputs(1)
+    give(inputs, S)
+    assert inputs.complete_for(S)
+    assert not inputs.complete_for(S, connected=True)
+    inputs.take_static(TFMessage([stamped("map", "robot_1/odom", 0, 1.0)]))
+    assert inputs.complete_for(S, connected=True)
+
+
+def test_look_ups_give_the_newest_pose(inputs: Inputs) -> None:
+    """The pose and its stamp, None for a frame that is unknown."""
+    give(inputs, S)
+    found = inputs.lookup("map", "robot_1/base_footprint")
+    assert found is not None
+    pose, stamp = found
+    assert (pose.x, stamp) == (3.0, S)
+    assert inputs.lookup("map", "robot_7/base_footprint") is None
+
+
+def test_after_a_jump_only_what_is_fixed_stays(inputs: Inputs) -> None:
+    """Scan, odometry and moving transforms are forgotten, also those that no look-up has read; the start pose stays."""
+    give(inputs, 9 * S)
+    inputs.forget()
+    assert (inputs.scan, inputs.odom, inputs.tf_stamp, inputs.scan_stamp) == (None, None, 0, 0)
+    assert inputs.lookup("map", "robot_1/base_footprint") is None
+    assert inputs.lookup("map", "robot_1/odom") is not None
+    give(inputs, S)
+    assert inputs.complete_for(S, connected=True)
+
+
+@pytest.mark.parametrize(
+    ("state", "now", "epoch"), [(TeamState.GO, 2 * S, 4), (TeamState.GO, 2 * S - 1, 0), (TeamState.WAITING, 9 * S, 0)]
+)
+def test_go_holds_from_its_stamp_on(inputs: Inputs, state: int, now: int, epoch: int) -> None:
+    """Before its stamp, and while the team waits, there is no GO."""
+    assert inputs.go_epoch(now) == 0
+    inputs.team = TeamStatus(state=state, epoch=4, go_stamp=time_from_ns(2 * S))
+    assert inputs.go_epoch(now) == epoch

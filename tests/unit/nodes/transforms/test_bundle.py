@@ -1,0 +1,104 @@
+"""The bundle that is being filled: which robots it waits for, and when it may leave."""
+
+from zteam.nodes.transforms.bundle import PATIENCE, Bundle
+
+
+def spoken(*robots: int, stamp: int = 1) -> Bundle:
+    """A bundle of these robots' tick that has left."""
+    bundle = Bundle()
+    for robot_id in robots:
+        bundle.take(robot_id, stamp, 0.0)
+    bundle.close()
+    return bundle
+
+
+def test_the_first_robot_waits_for_no_other() -> None:
+    """Robots that have never spoken are unknown, so a first bundle is whole at once."""
+    assert Bundle().take(4, 1, 0.0)
+
+
+def test_a_bundle_is_whole_with_its_last_robot() -> None:
+    """Robots that spoke for the tick before are waited for, in any order."""
+    bundle = spoken(0, 1, 2)
+    assert [bundle.take(robot_id, 2, 0.0) for robot_id in (2, 0, 1)] == [False, False, True]
+
+
+def test_a_newer_stamp_ends_an_open_bundle() -> None:
+    """Only transforms of a later tick end it, and only while it holds some."""
+    bundle = spoken(0, 1)
+    assert not bundle.ends_with(2)
+    bundle.take(0, 2, 0.0)
+    assert [bundle.ends_with(stamp) for stamp in (1, 2, 3)] == [False, False, True]
+
+
+def test_a_silent_robot_is_not_waited_for_again() -> None:
+    """After a late bundle the others' bundles are whole without it, until it speaks again."""
+    bundle = spoken(0, 1)
+    assert not bundle.take(0, 2, 0.0)
+    bundle.forget_silent()
+    bundle.close()
+    assert bundle.take(0, 3, 0.0)
+    bundle.close()
+    assert bundle.take(1, 3, 0.0)
+    bundle.close()
+    assert not bundle.take(0, 4, 0.0)
+
+
+def test_a_bundle_grows_old_from_its_first_transform_on() -> None:
+    """Later transforms do not make it younger; one that has left has no age."""
+    bundle = spoken(0, 1, 2)
+    assert not bundle.is_open
+    bundle.take(0, 2, 10.0)
+    bundle.take(1, 2, 10.0 + PATIENCE / 2)
+    assert bundle.is_open
+    assert not bundle.is_old(10.0 + PATIENCE * 0.9)
+    assert bundle.is_old(10.0 + PATIENCE * 1.1)
+    bundle.close()
+    assert not bundle.is_old(99.0)
+
+
+def test_lockstep_waits_for_every_robot_of_the_world() -> None:
+    """A tick is complete when all its robots have spoken for it; what they sent for the tick before does not count."""
+    bundle, robots = Bundle(), {0, 1}
+    for robot_id in robots:
+        bundle.place(robot_id)
+        bundle.take_in_lockstep(robot_id, 1)
+    assert bundle.has_all(robots)
+    bundle.take_in_lockstep(0, 2)
+    assert not bundle.has_all(robots)
+    bundle.take_in_lockstep(1, 1)
+    assert not bundle.has_all(robots)
+    bundle.take_in_lockstep(1, 2)
+    assert bundle.has_all(robots)
+    assert bundle.stamp == 2
+
+
+def test_lockstep_counts_the_worlds_own_robots_only() -> None:
+    """A robot of another world does not stand in for a missing one."""
+    bundle = Bundle()
+    for robot_id in (0, 7):
+        bundle.place(robot_id)
+        bundle.take_in_lockstep(robot_id, 1)
+    assert not bundle.has_all({0, 1})
+    assert bundle.has_all({0})
+
+
+def test_lockstep_waits_for_fixed_transforms() -> None:
+    """A robot that has spoken keeps the tick open while its start pose is unknown."""
+    bundle = Bundle()
+    bundle.take_in_lockstep(0, 1)
+    assert not bundle.has_all({0})
+    bundle.place(0)
+    assert bundle.has_all({0})
+
+
+def test_after_a_jump_back_a_bundle_begins_anew() -> None:
+    """Earlier stamps count again, no robot is waited for, and fixed transforms need not come again."""
+    bundle = spoken(0, 1, stamp=500)
+    bundle.place(0)
+    bundle.restart()
+    assert bundle.take(0, 1, 0.0)
+    assert bundle.stamp == 1
+    bundle.restart()
+    bundle.take_in_lockstep(0, 1)
+    assert bundle.has_all({0})

@@ -1,0 +1,130 @@
+"""The robots that the monitor knows, without a bus: their processes, their statuses, and what happened to them."""
+
+from typing import NamedTuple
+
+import msgspec
+
+from zteam import names
+from zteam.messages import RobotState, RobotStatus
+from zteam.runtime.tokens import TokenSet
+
+SILENT_AFTER = 3.0
+"""Host seconds without a status (they come at 1 Hz) after which a robot with a living token does not answer."""
+
+
+class Event(NamedTuple):
+    """Something to tell: `robot` is None for the team as a whole."""
+
+    kind: str
+    robot: int | None
+    text: str
+
+
+class Member(msgspec.Struct):
+    """What is known of one robot."""
+
+    alive: bool = False
+    """Whether a process holds the robot's name."""
+    status: RobotStatus | None = None
+    heard: float = 0.0
+    """Host time of the last status."""
+    was_ready: bool = False
+    was_lost: bool = False
+    told_go: bool = False
+    came_late: bool = False
+    """Whether its process came after GO."""
+    silent: bool = False
+    stopped: bool = False
+    """Whether it said that it stops before it went."""
+
+    @property
+    def ready(self) -> bool:
+        """Whether it lives, answers and says it is ready."""
+        return self.alive and not self.silent and self.status is not None and self.status.is_ready
+
+
+class Members:
+    """All robots that a process or a status told of, and the events to tell."""
+
+    def __init__(self) -> None:
+        self.by_id: dict[int, Member] = {}
+        self._events: list[Event] = []
+        self._tokens = TokenSet()
+
+    def get(self, robot_id: int) -> Member:
+        """The robot's member, which is made at its first mention."""
+        member = self.by_id.get(robot_id)
+        if member is None:
+            member = self.by_id[robot_id] = Member()
+        return member
+
+    def tell(self, kind: str, robot: int | None, text: str) -> None:
+        """Add an event."""
+        self._events.append(Event(kind, robot, printable(text)))
+
+    @property
+    def has_events(self) -> bool:
+        """Whether there is anything to tell."""
+        return bool(self._events)
+
+    def take_events(self) -> list[Event]:
+        """The events since the last call."""
+        events, self._events = self._events, []
+        return events
+
+    @property
+    def lost(self) -> list[int]:
+        """Ids of robots that were there and are gone."""
+        return sorted(i for i, member in self.by_id.items() if member.was_lost)
+
+    def take_token(self, robot_id: int, instance: str, alive: bool, *, late: bool) -> None:
+        """A process took or lost the name `robot_N`; `late` says whether that is after GO."""
+        member = self.get(robot_id)
+        if not self._tokens.take(names.robot_name(robot_id), instance, alive):
+            return
+        member.alive = alive
+        if not alive:
+            self._lose(robot_id, member)
+            return
+        member.came_late = late
+        if member.was_lost:
+            member.was_lost = member.told_go = False
+            self.tell("back", robot_id, "is back")
+
+    def _lose(self, robot_id: int, member: Member) -> None:
+        member.stopped = member.status is not None and member.status.state == RobotState.STOPPED
+        # A process that comes later under this name speaks for itself.
+        member.status = None
+        member.was_ready = member.silent = False
+        member.was_lost = True
+        kind = "stopped" if member.stopped else "lost"
+        self.tell(kind, robot_id, kind)
+
+    def take_status(self, robot_id: int, status: RobotStatus, now: float) -> Member:
+        """A robot's own status, heard at host time `now`."""
+        member = self.get(robot_id)
+        before, member.status, member.heard = member.status, status, now
+        if member.silent:
+            member.silent = False
+            self.tell("answers", robot_id, "answers again")
+        if status.state == RobotState.FAULT and (before is None or before.state != RobotState.FAULT):
+            self.tell("fault", robot_id, f"fault: {status.text}")
+        return member
+
+    def forgive_silence(self, now: float) -> None:
+        """Nothing could be heard until `now`: silence counts from here on."""
+        for member in self.by_id.values():
+            member.heard = now
+
+    def check_silence(self, now: float) -> None:
+        """Tell of robots that live and send no status."""
+        for robot_id, member in self.by_id.items():
+            if member.alive and member.status is not None and not member.silent and now - member.heard > SILENT_AFTER:
+                member.silent = True
+                member.was_ready = False
+                self.tell("silent", robot_id, f"does not answer for {now - member.heard:.0f} s")
+
+
+def printable(text: str) -> str:
+    """A robot's own text without what would command a terminal or break a line."""
+    return "".join(c if c.isprintable() else "\ufffd" for c in text)

@@ -1,0 +1,138 @@
+"""The robot's steps: gate, behaviour, status. The same in real time and in lock-step."""
+
+import logging
+from collections.abc import Callable
+from typing import NamedTuple
+
+from zteam import names
+from zteam.behaviors import Behavior, View, decide, missing
+from zteam.messages import Header, RobotState, RobotStatus, Twist, time_from_ns
+from zteam.nodes.robot.inputs import Inputs
+from zteam.nodes.robot.readiness import Readiness
+from zteam.runtime.node import Node
+
+log = logging.getLogger("zteam")
+
+
+class Turn(NamedTuple):
+    """What one step goes by."""
+
+    view: View
+    epoch: int
+    """The GO that holds, 0 = none."""
+    jumps: int
+    """How often time had jumped back when the turn began."""
+
+
+class Driver:
+    """Asks the behaviour of robot `robot_id`, and publishes the robot's status.
+
+    One thread at a time steps: the main loop in real time, and then without `node.changed`, so that a behaviour that
+    works long keeps no message waiting; the bus's thread in lock-step, with that lock. `busy` says that a step is under
+    way. A jump back in time is only marked. The next step makes the behaviour anew, and what a step of the old time
+    found out is dropped.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        inputs: Inputs,
+        make_behavior: Callable[[], Behavior],
+        readiness: Readiness,
+        robot_id: int,
+        seed: int,
+    ) -> None:
+        self._node = node
+        self._inputs = inputs
+        self._make_behavior = make_behavior
+        self.behavior = make_behavior()
+        self.readiness = readiness
+        self._id = robot_id
+        self._seed = seed
+        self.busy = False
+        """Whether the main loop steps: no other thread may (read it under `node.changed`)."""
+        self.jumps = 0
+        """How often time has jumped back."""
+        self._made_at = 0
+        """`jumps` when the behaviour was made."""
+        self.stepped = 0
+        """Time of the last step in ns."""
+        self._told: tuple[int, str] = (readiness.state, readiness.reason)
+        self._status = node.bus.publisher(names.robot_key(robot_id, names.STATUS), RobotStatus)
+        self.on_release: Callable[[], None] = lambda: None
+        """Called under `node.changed` when GO releases the robot."""
+
+    def jump_back(self) -> None:
+        """Time jumped back (under `node.changed`)."""
+        self.jumps += 1
+        self.stepped = 0
+
+    def turn(self, now: int, epoch: int) -> Turn:
+        """A turn at time `now` (ns) with the newest data (under `node.changed`)."""
+        dt = (now - self.stepped) / 1e9 if 0 < self.stepped < now else 0.0
+        inputs = self._inputs
+        view = View(
+            now=now,
+            dt=dt,
+            robot_id=self._id,
+            scan=inputs.scan,
+            odom=inputs.odom,
+            lookup=inputs.lookup,
+            seed=self._seed,
+        )
+        return Turn(view, epoch, self.jumps)
+
+    def step(self, turn: Turn) -> Twist | None:
+        """The command of this turn; None while the gate is shut, or if time jumped back meanwhile."""
+        if not self.pass_gate(turn):
+            return None
+        command, reason = decide(self.behavior, turn.view)
+        with self._node.changed:
+            if turn.jumps != self.jumps:
+                return None
+            self.readiness.drive(reason)
+            self._tell()
+        return command
+
+    def pass_gate(self, turn: Turn) -> bool:
+        """Whether the robot may drive: when nothing is missing and GO has come, and from then on for good."""
+        if self._made_at != turn.jumps:
+            self.behavior = self._make_behavior()
+            self._made_at = turn.jumps
+        was_released = self.readiness.released
+        lacking = [] if was_released else missing(turn.view, self.behavior)
+        with self._node.changed:
+            if turn.jumps != self.jumps:
+                return False
+            if not self.readiness.take(lacking, turn.epoch):
+                self._tell()
+                return False
+            if not was_released:
+                self.on_release()
+                log.info("GO: driving")
+        return True
+
+    def _tell(self) -> None:
+        """Log and publish the state if it is another one than before."""
+        now = self.readiness.state, self.readiness.reason
+        if now == self._told:
+            return
+        state, reason = now
+        if reason and reason != self._told[1]:
+            log.info("%s: %s", RobotState.TEXT[state], reason)
+        self._told = now
+        self.publish_status()
+
+    def publish_status(self) -> None:
+        """Publish the robot's state (under `node.changed`)."""
+        readiness = self.readiness
+        self._status.put(
+            RobotStatus(
+                header=Header(time_from_ns(self._node.clock.now()), names.robot_name(self._id)),
+                robot_id=self._id,
+                is_ready=readiness.is_ready,
+                state=readiness.state,
+                epoch=readiness.epoch,
+                text=readiness.reason,
+            )
+        )
