@@ -14,7 +14,8 @@ from collections.abc import Callable
 import msgspec
 
 from zteam import names
-from zteam.bus.bus import Bus, NoRequest
+from zteam.bus.bus import Bus
+from zteam.bus.queries import NoRequest
 from zteam.bus.transport import Closeable
 from zteam.clock import monotonic, wait_until, wall_ns
 from zteam.errors import BusError, DuplicateNameError
