@@ -11,9 +11,10 @@ from typing import Any, TypeVar
 import zenoh
 import zenoh.ext
 
-from zteam.bus.answering import DeferredAnswers, make_answer
+from zteam.bus.answering import DeferredAnswers, error_reply, make_answer
 from zteam.bus.keys import check_use, first_line
 from zteam.bus.transport import Closeable, QueryHandler, RawPublisher, RawSample, Reply, SampleHandler, TokenHandler
+from zteam.clock import monotonic
 from zteam.errors import BusError
 
 log = logging.getLogger("zteam.bus")
@@ -22,6 +23,8 @@ T = TypeVar("T")
 D = TypeVar("D", bound="_Declared")
 
 _BYTES = "zenoh/bytes"
+_MOST = 0.9
+"""Of a time-out: a query that ends after this share of it without a reply has timed out."""
 _HISTORY = zenoh.ext.HistoryConfig(detect_late_publishers=True)
 
 
@@ -240,12 +243,15 @@ class ZenohTransport:
                 consolidation=zenoh.ConsolidationMode.NONE,
             )
 
-        replies = []
+        replies, begin = [], monotonic()
         for reply in self._make("ask", key_expr, ask):
             if reply.ok is not None:
                 replies.append(Reply(str(reply.ok.key_expr), reply.ok.payload.to_bytes(), False))
             elif reply.err is not None:
                 replies.append(Reply("", reply.err.payload.to_bytes(), True))
+        if not replies and monotonic() - begin >= _MOST * timeout:
+            # The session's own timer adds this error, unless the router's ends the query first.
+            replies.append(error_reply("Timeout"))
         return replies
 
     def declare_token(self, key: str) -> Closeable:
