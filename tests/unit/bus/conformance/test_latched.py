@@ -15,9 +15,10 @@ def ticks(bus: Bus, key_expr: str, latched: bool = True) -> Inbox:
 def test_a_late_subscriber_gets_the_last_message(sessions: Sessions) -> None:
     """Not those before it; and then what follows."""
     sender, listener = sessions(), sessions()
-    publisher = sender.publisher("a", Done, latched=True)
+    publisher, heard = sender.publisher("a", Done, latched=True), ticks(sessions(), "a")
     for tick in (1, 2, 3):
         publisher.put(Done(tick=tick))
+    heard.wait_for(("a", 3))
     inbox = ticks(listener, "a")
     assert inbox.wait_for(("a", 3)) == [("a", 3)]
     publisher.put(Done(tick=4))
@@ -45,10 +46,12 @@ def test_an_early_subscriber_gets_each_message_once(sessions: Sessions) -> None:
 def test_a_wildcard_gets_the_last_message_of_each_key(sessions: Sessions) -> None:
     """One message a key."""
     sender, listener = sessions(), sessions()
+    heard = ticks(sessions(), "**")
     for number, key in enumerate(("a/x", "a/y", "b/x")):
         publisher = sender.publisher(key, Done, latched=True)
         publisher.put(Done(tick=number))
         publisher.put(Done(tick=10 + number))
+    heard.wait_for(("b/x", 12))
     inbox = ticks(listener, "a/*")
     assert sorted(inbox.wait_count(2)) == [("a/x", 10), ("a/y", 11)]
 
