@@ -133,7 +133,7 @@ def test_a_change_asked_of_nobody_has_no_answer(hub: MemoryHub) -> None:
 
 
 def test_a_given_instance_is_not_replaced(hub: MemoryHub) -> None:
-    """Who names a process means that one, and hears that it is gone."""
+    """A request that names a process is for that one only, and fails when it is gone."""
     Service(hub)
     with pytest.raises(BusError, match="meant for another process"):
         hub.bus().ask("box/add", Told, Counting(instance="0123"))
