@@ -70,10 +70,10 @@ class Desk:
 
     def __init__(self, pacer: Pacer) -> None:
         self.pacer = pacer
-        hub = MemoryHub()
-        self._bus = hub.bus()
+        self.hub = MemoryHub()
+        self._bus = self.hub.bus()
         self.stop = Stop()
-        self.node = Node(names.SIMULATOR, hub.bus(), self.stop)
+        self.node = Node(names.SIMULATOR, self.hub.bus(), self.stop)
         self.world = World(pacer)
         self.control = Control(self.node, self.world, pacer)
         self.free = threading.Event()
@@ -107,7 +107,7 @@ class Desk:
 
     def ask(self, service: str, reply: Any = SimStatus, request: msgspec.Struct | None = None) -> Any:
         """Query `sim/<service>`."""
-        return self._bus.ask(names.service_key(names.SIMULATOR, service), reply, request or Change())
+        return self._bus.ask(names.service_key(names.SIMULATOR, service), reply, request or Change(), timeout=LIMIT)
 
     def ask_aside(self, service: str, reply: Any, request: msgspec.Struct | None = None) -> list[Any]:
         """Query it in a thread: the list has the answer once it came."""

@@ -1,4 +1,4 @@
-"""The router that nobody starts: on a port of the test's own, never the machine's default one."""
+"""The router on demand: on a port of the test's own, never the machine's default one."""
 
 import os
 import random
@@ -122,7 +122,7 @@ def test_the_first_one_starts_it_and_the_others_join(endpoint: str) -> None:
 
 
 def test_it_ends_when_its_last_client_has_gone(endpoint: str) -> None:
-    """Nobody has to tidy up: it lives as long as it is used, and its log says why it ended."""
+    """It lives as long as it is used, and its log says why it ended."""
     bus = connect(BusOptions())
     pid = router_pid(endpoint)
     bus.close()
@@ -174,7 +174,7 @@ def test_many_that_start_at_once_share_one(endpoint: str) -> None:
 
 
 def test_a_router_that_finds_its_port_taken_ends_quietly(endpoint: str) -> None:
-    """The loser of the race leaves no process, and its line is in the log, not on anybody's screen."""
+    """The loser of the race leaves no process, and its line is in the log, not on a screen."""
     bus = connect(BusOptions())
     try:
         spawn_router(endpoint)

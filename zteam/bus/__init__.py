@@ -3,19 +3,20 @@
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from zteam.bus.bus import Bus, Deferred, NoRequest, Publisher
+    from zteam.bus.bus import Bus, Publisher
     from zteam.bus.changes import Change
     from zteam.bus.connection import connect
     from zteam.bus.memory import MemoryHub
     from zteam.bus.options import BusOptions
+    from zteam.bus.queries import Deferred, NoRequest
 
 _HOME = {
     "Bus": "bus",
     "BusOptions": "options",
     "Change": "changes",
-    "Deferred": "bus",
+    "Deferred": "queries",
     "MemoryHub": "memory",
-    "NoRequest": "bus",
+    "NoRequest": "queries",
     "Publisher": "bus",
     "connect": "connection",
 }

@@ -1,4 +1,4 @@
-"""Opening a session: find the router, start one where nobody has to, and say what is waited for."""
+"""Opening a session: find the router, start one on demand, and log what the process waits for."""
 
 import logging
 import os
@@ -140,7 +140,7 @@ class _Admin(msgspec.Struct):
 
 
 def router_metadata(endpoint: str) -> RouterMetadata | None:
-    """Who runs the router at `endpoint`; None if it does not say (zenohd, or no answer)."""
+    """What the router at `endpoint` says of its process; None if it says nothing (zenohd, or no answer)."""
     admin = read_admin(endpoint)
     return admin.metadata if admin else None
 
@@ -191,7 +191,7 @@ def router_log_path(endpoint: str) -> Path:
 
 
 def spawn_router(endpoint: str) -> None:
-    """Start a detached router that ends by itself. The port decides who wins if several processes do this at once."""
+    """Start a detached router that ends by itself. If several processes do this at once, one router gets the port."""
     log.info("starting a router at %s", endpoint)
     path = router_log_path(endpoint)
     command = [sys.executable, "-m", "zteam.cli.zteam_router", "--listen", endpoint, "--detached", str(IDLE_EXIT)]
@@ -216,11 +216,11 @@ def spawn_router(endpoint: str) -> None:
 
 
 def _keep_router_alive(transport: ZenohTransport, options: BusOptions) -> None:
-    """A router on demand that dies is started again by whoever notices first; Zenoh reconnects by itself."""
+    """Start a router on demand again when it dies; Zenoh reconnects by itself."""
 
     def on_link(up: bool) -> None:
         if not up:
-            # Not in the callback: it holds a Zenoh thread. Spread out, so that few routers race for the port.
+            # Not in the callback: it holds a Zenoh thread. Spread out, so that few routers compete for the port.
             timer = threading.Timer(random.uniform(0.0, 0.2), revive)
             timer.daemon = True
             timer.start()

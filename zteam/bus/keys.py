@@ -1,6 +1,13 @@
-"""Whether a text is a key expression, by Zenoh's own rules."""
+"""Key expressions, by Zenoh's own rules."""
 
 import zenoh
+
+from zteam.errors import BusError
+
+
+def first_line(error: zenoh.ZError) -> str:
+    """What an error of Zenoh says, without the place in Zenoh's source."""
+    return (str(error).splitlines() or ["unknown"])[0].partition(" at /")[0]
 
 
 def problem_of(key: str) -> str:
@@ -8,5 +15,12 @@ def problem_of(key: str) -> str:
     try:
         zenoh.KeyExpr(key)
     except zenoh.ZError as error:
-        return str(error).partition(" at ")[0].splitlines()[0]
+        return first_line(error)
     return ""
+
+
+def check_use(action: str, key: str, closed: bool) -> None:
+    """Raise BusError if the session is closed or `key` is no key expression; `action` is a verb, such as "ask"."""
+    problem = "the session is closed" if closed else problem_of(key)
+    if problem:
+        raise BusError(f"cannot {action} {key}: {problem}")

@@ -31,8 +31,8 @@ RUNTIMES = {
     "usual": "(app: (worker_threads: 1), rx: (handover: app), acc: (handover: app), net: (handover: app))",
     "router": "(rx: (worker_threads: 2), app: (handover: rx), acc: (handover: rx), net: (handover: rx))",
 }
-"""How many threads Zenoh works on in a process, instead of its seven: with many small processes on few cores most of a
-message's cost is waking threads (docs/benchmarks.md).
+"""How many threads Zenoh uses in a process, instead of its seven: with many small processes on few cores, most of the
+cost of a message is waking threads (docs/benchmarks.md).
 
 `small` is one in all, for processes that send nothing large: an answer that waits for room in the queue, such as a map
 for a late subscriber, would wait for the very thread that makes room. `usual` has one more for sending. The router has
@@ -52,8 +52,8 @@ class BusOptions(msgspec.Struct, frozen=True):
     small: bool = False
     """Whether the process sends small messages only, and works on one thread."""
     lease: float = LEASE
-    """Host seconds of silence after which this process counts as gone; longer than a lock-step's patience, if it shall
-    be named as hung before."""
+    """Host seconds of silence after which this process counts as gone. Make it longer than the patience of lock-step if
+    lock-step shall report a hung process first."""
 
     @classmethod
     def from_environment(cls) -> "BusOptions":
@@ -155,7 +155,7 @@ def client_config(options: BusOptions) -> zenoh.Config:
 
 
 def router_config(listen: str, config: str | None = None) -> zenoh.Config:
-    """Configuration of the router: listens on one endpoint and says whose it is."""
+    """Configuration of the router: it listens on one endpoint and tells its user id and process id."""
     return _build(
         config,
         {

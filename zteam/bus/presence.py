@@ -14,7 +14,8 @@ from collections.abc import Callable
 import msgspec
 
 from zteam import names
-from zteam.bus.bus import Bus, NoRequest
+from zteam.bus.bus import Bus
+from zteam.bus.queries import NoRequest
 from zteam.bus.transport import Closeable
 from zteam.clock import monotonic, wait_until, wall_ns
 from zteam.errors import BusError, DuplicateNameError
@@ -76,10 +77,10 @@ class Claim:
             self._meet_aside(instance)
 
     def win(self, on_rival: Callable[[ProcessInfo], None], on_win: Callable[[], None] = lambda: None) -> None:
-        """Take the name. Raises DuplicateNameError that says who holds it.
+        """Take the name. Raises DuplicateNameError that names the process that holds it.
 
-        `on_win()` is called before anybody can see it. `on_rival(info)` is called later if a healed network shows an
-        older holder: this process must then stop.
+        `on_win()` is called before other processes can see the token. `on_rival(info)` is called later
+        if a healed network shows an older holder: this process must then stop.
         """
         self._on_rival = on_rival
         with self._changed:
@@ -95,7 +96,7 @@ class Claim:
         self._token = self._bus.declare_token(names.token_key(self.name, self._bus.instance))
         self._claim.close()
         with self._changed:
-            # Those whose token came since the look above met no token of this process.
+            # A token that came since the look above was not compared with one of this process.
             rivals = sorted(self._alive)
         for instance in rivals:
             self._meet_aside(instance)
@@ -110,7 +111,7 @@ class Claim:
         return f"{what}: stop that one first, or use another id or --namespace"
 
     def _others(self) -> list[tuple[str, ProcessInfo]]:
-        """Who else answers under this name."""
+        """The other processes that answer under this name."""
         try:
             found = self._bus.query(names.info_key(self.name), ProcessInfo, timeout=1.0)
         except BusError as error:

@@ -11,16 +11,20 @@ from typing import Any, TypeVar
 import zenoh
 import zenoh.ext
 
+from zteam.bus.answering import DeferredAnswers, error_reply, make_answer
+from zteam.bus.keys import check_use, first_line
 from zteam.bus.transport import Closeable, QueryHandler, RawPublisher, RawSample, Reply, SampleHandler, TokenHandler
-from zteam.errors import BusError, ZteamError
+from zteam.clock import monotonic
+from zteam.errors import BusError
 
 log = logging.getLogger("zteam.bus")
 
 T = TypeVar("T")
+D = TypeVar("D", bound="_Declared")
 
-_MAX_WAITING = 64
-"""Queries whose answers take their time, at once; each has a thread."""
 _BYTES = "zenoh/bytes"
+_MOST = 0.9
+"""Of a time-out: a query that ends after this share of it without a reply has timed out."""
 _HISTORY = zenoh.ext.HistoryConfig(detect_late_publishers=True)
 
 
@@ -28,33 +32,37 @@ _THREAD = threading.local()
 
 
 def _stay() -> None:
-    """Let the interpreter keep what it needs to know of this thread, one of Zenoh's own.
+    """Make the interpreter keep its state of the current thread, one of Zenoh's own.
 
-    It would make that anew for every callback and throw it away after it, which takes as long as a short callback does:
-    16 KB of stack mapped and unmapped, with their page faults. An `Ensure` without its `Release` leaves it in place.
+    Otherwise it makes that state for every callback and throws it away afterwards: 16 KB of stack mapped and unmapped,
+    with their page faults, which takes as long as a short callback. An `Ensure` without its `Release` keeps it.
     """
     ctypes.pythonapi.PyGILState_Ensure()
     _THREAD.stays = True
 
 
 def _aside(handler: Callable[[T], None]) -> Any:
-    """A Zenoh callback that calls `handler` on a thread of its own, in order, until its declaration is taken back.
+    """A Zenoh callback that calls `handler` on a thread of its own, in order, until it is undeclared.
 
-    Zenoh does so by itself, but on a thread that is no daemon: the interpreter would wait for its end at exit, before
+    Zenoh offers the same, but its thread is no daemon: at exit the interpreter would wait for that thread before
     anything can close the session.
     """
     waiting: queue.SimpleQueue[T | None] = queue.SimpleQueue()
 
     def work() -> None:
         while (event := waiting.get()) is not None:
-            try:
-                handler(event)
-            except Exception:
-                # A fault in one call must not end those that follow, and nothing else sees it.
-                log.exception("error in a callback of the bus")
+            _call(handler, event)
 
     threading.Thread(target=work, name="bus", daemon=True).start()
     return zenoh.handlers.Callback(waiting.put, lambda: waiting.put(None), indirect=False)
+
+
+def _call(handler: Callable[[T], None], event: T) -> None:
+    try:
+        handler(event)
+    except Exception:
+        # A fault in one call must not end the calls that follow, and no other code sees it.
+        log.exception("error in a callback of the bus")
 
 
 class _Declared:
@@ -77,21 +85,25 @@ class _Declared:
 class _Publisher(_Declared):
     def __init__(self, entity: Any, forget: Callable[[_Declared], None], latched: bool) -> None:
         super().__init__(entity, forget)
-        self.has_subscribers = True
+        self._matching = True
         if not latched:
-            # Told instead of asked: a question to Zenoh gives the interpreter away each time.
+            # A listener instead of a question for each message: every call into Zenoh releases the interpreter lock.
             self._lock, self._told = threading.Lock(), False
-            listener: Any = zenoh.handlers.Callback(self._on_matching, indirect=False)
-            self._matching = entity.declare_matching_listener(listener)
+            callback: Any = zenoh.handlers.Callback(self._on_matching, indirect=False)
+            self._listener = entity.declare_matching_listener(callback)
             now = entity.matching_status.matching
             with self._lock:
-                # What was told meanwhile is newer.
+                # The listener's word is newer than the answer.
                 if not self._told:
-                    self.has_subscribers = now
+                    self._matching = now
+
+    @property
+    def has_subscribers(self) -> bool:
+        return self._matching and self._entity is not None
 
     def _on_matching(self, status: Any) -> None:
         with self._lock:
-            self.has_subscribers, self._told = status.matching, True
+            self._matching, self._told = status.matching, True
 
     def put(self, payload: bytes) -> None:
         entity = self._entity
@@ -100,8 +112,45 @@ class _Publisher(_Declared):
         try:
             entity.put(payload)
         except zenoh.ZError as error:
-            # The session is closing; a message that can no longer leave is as good as dropped.
+            # The session is closing: the message is dropped.
             log.debug("put: %s", error)
+
+
+def _reply(query: zenoh.Query, reply: Reply) -> None:
+    """Answer a query and end it."""
+    try:
+        with query:
+            if reply.error:
+                query.reply_err(reply.payload)
+            else:
+                query.reply(reply.key, reply.payload)
+    except zenoh.ZError as error:
+        # The session was closed meanwhile: the asker sees its queries end.
+        log.debug("reply: %s", error)
+
+
+def _sample_callback(handler: SampleHandler, stamped: bool) -> Any:
+    """A Zenoh callback that calls `handler` with samples; without `stamped` they have neither time nor source."""
+
+    def on_sample(sample: zenoh.Sample) -> None:
+        if not hasattr(_THREAD, "stays"):
+            _stay()
+        if sample.kind != zenoh.SampleKind.PUT:
+            return
+        encoding = str(sample.encoding)
+        if encoding == _BYTES:
+            encoding = ""
+        key, payload = str(sample.key_expr), sample.payload.to_bytes()
+        if not stamped:
+            handler(RawSample(key, payload, encoding))
+            return
+        # "<NTP64>/<id>": the only exact form of a timestamp that Python gets.
+        time, _, source = str(sample.timestamp or "").partition("/")
+        handler(RawSample(key, payload, encoding, int(time) if time else 0, source))
+
+    # On Zenoh's own thread: no other thread has to wake up, and messages of different keys are handled in the order in
+    # which they came, such as a frame's static transform before its moving children. Handlers must not wait.
+    return zenoh.handlers.Callback(on_sample, indirect=False)
 
 
 class ZenohTransport:
@@ -114,21 +163,30 @@ class ZenohTransport:
         self._link_handlers: list[Callable[[bool], None]] = []
         self._routers: set[str] = {str(zid) for zid in session.info.routers_zid()}
         self._events = session.info.declare_transport_events_listener(_aside(self._on_transport))
-        # Lost between open() and the listener: the listener cannot have seen it.
+        # Asked again: the listener does not tell of a router that connected between the first answer and it.
         self._routers |= {str(zid) for zid in session.info.routers_zid()}
-        self._waiting = threading.BoundedSemaphore(_MAX_WAITING)
+        self._deferred = DeferredAnswers()
         self.up = True
         self.closed = False
-        # A script may end without closing, such as with an exception: then it is done at the interpreter's end, into
-        # which Zenoh must not call.
+        # A script may end without closing, such as with an exception: then this closes the session at the interpreter's
+        # end, while Zenoh can still call into it.
         atexit.register(self.close)
 
-    def _keep(self, declared: _Declared) -> _Declared:
+    def _declare(self, action: str, key: str, declare: Callable[[], Any]) -> Closeable:
+        """Keep what `declare()` makes until it is closed. Raises BusError."""
+        return self._keep(_Declared(self._make(action, key, declare), self._declared.discard))
+
+    def _make(self, action: str, key: str, declare: Callable[[], Any]) -> Any:
+        check_use(action, key, self.closed)
+        try:
+            return declare()
+        except zenoh.ZError as error:
+            # Closed since the check.
+            raise BusError(f"cannot {action} {key}: {first_line(error)}") from None
+
+    def _keep(self, declared: D) -> D:
         self._declared.add(declared)
         return declared
-
-    def _wrap(self, entity: Any) -> _Declared:
-        return self._keep(_Declared(entity, self._declared.discard))
 
     def declare_publisher(self, key: str, encoding: str, latched: bool, to_others: bool = False) -> RawPublisher:
         options: dict[str, Any] = {
@@ -137,87 +195,46 @@ class ZenohTransport:
         }
         if to_others:
             options["allowed_destination"] = zenoh.Locality.REMOTE
-        if latched:
-            entity: Any = zenoh.ext.declare_advanced_publisher(
-                self._session, key, cache=zenoh.ext.CacheConfig(1), publisher_detection=True, **options
+
+        def declare() -> Any:
+            if not latched:
+                return self._session.declare_publisher(key, **options)
+            cache = zenoh.ext.CacheConfig(1)
+            return zenoh.ext.declare_advanced_publisher(
+                self._session, key, cache=cache, publisher_detection=True, **options
             )
-        else:
-            entity = self._session.declare_publisher(key, **options)
-        publisher = _Publisher(entity, self._declared.discard, latched)
-        self._keep(publisher)
-        return publisher
+
+        return self._keep(_Publisher(self._make("publish on", key, declare), self._declared.discard, latched))
 
     def declare_subscriber(
         self, key_expr: str, handler: SampleHandler, latched: bool, stamped: bool = True
     ) -> Closeable:
-        def on_sample(sample: zenoh.Sample) -> None:
-            if not hasattr(_THREAD, "stays"):
-                _stay()
-            if sample.kind != zenoh.SampleKind.PUT:
-                return
-            encoding = str(sample.encoding)
-            if encoding == _BYTES:
-                encoding = ""
-            key, payload = str(sample.key_expr), sample.payload.to_bytes()
-            if not stamped:
-                handler(RawSample(key, payload, encoding))
-                return
-            # "<NTP64>/<id>": the only exact form of a timestamp that Python gets.
-            time, _, source = str(sample.timestamp or "").partition("/")
-            handler(RawSample(key, payload, encoding, int(time) if time else 0, source))
+        callback = _sample_callback(handler, stamped)
 
-        # On Zenoh's own thread: no other has to be woken, and messages of different keys are taken in the order in
-        # which they came, such as a frame's fixed transform before what moves in it. Handlers must not wait.
-        direct = zenoh.handlers.Callback(on_sample, indirect=False)
-        if latched:
-            return self._wrap(zenoh.ext.declare_advanced_subscriber(self._session, key_expr, direct, history=_HISTORY))
-        return self._wrap(self._session.declare_subscriber(key_expr, direct))
+        def declare() -> Any:
+            if not latched:
+                return self._session.declare_subscriber(key_expr, callback)
+            return zenoh.ext.declare_advanced_subscriber(self._session, key_expr, callback, history=_HISTORY)
+
+        return self._declare("subscribe to", key_expr, declare)
 
     def declare_queryable(self, key: str, handler: QueryHandler) -> Closeable:
-        def answer(query: zenoh.Query, make: Callable[[], bytes | Callable[[], bytes]]) -> Callable[[], bytes] | None:
-            """Answer a query, or give back the call whose answer takes its time."""
-            try:
-                answered = make()
-                if callable(answered):
-                    return answered
-                query.reply(key, answered)
-            except ZteamError as error:
-                query.reply_err(str(error))
-            except Exception as error:
-                log.exception("error while answering the query %s", key)
-                query.reply_err(f"{type(error).__name__}: {error}")
-            return None
-
-        def answer_later(query: zenoh.Query, finish: Callable[[], bytes]) -> None:
-            try:
-                with query:
-                    answer(query, finish)
-            except zenoh.ZError:
-                pass  # the session was closed meanwhile: nobody is there to be answered
-            finally:
-                self._waiting.release()
-
         def on_query(query: zenoh.Query) -> None:
             payload = query.payload.to_bytes() if query.payload is not None else b""
-            later: Callable[[], bytes] | None = None
-            try:
-                later = answer(query, lambda: handler(payload))
-            finally:
-                if later is None:
-                    query.drop()  # type: ignore[no-untyped-call]
-            if later is None:
-                return
-            if self._waiting.acquire(blocking=False):
-                threading.Thread(target=answer_later, args=(query, later), daemon=True).start()
+            answer = make_answer(key, lambda: handler(payload))
+            if isinstance(answer, Reply):
+                _reply(query, answer)
             else:
-                with query:
-                    query.reply_err(f"more than {_MAX_WAITING} queries are waiting: ask again later")
+                self._deferred.start(key, answer, lambda reply: _reply(query, reply))
 
-        return self._wrap(self._session.declare_queryable(key, _aside(on_query), complete=True))
+        def declare() -> Any:
+            return self._session.declare_queryable(key, _aside(on_query), complete=True)
+
+        return self._declare("serve", key, declare)
 
     def get(self, key_expr: str, payload: bytes, timeout: float) -> list[Reply]:
-        try:
-            answers = self._session.get(
+        def ask() -> Any:
+            return self._session.get(
                 key_expr,
                 payload=payload,
                 timeout=timeout,
@@ -225,25 +242,29 @@ class ZenohTransport:
                 # Every answer counts: two processes that claim one name both serve its keys.
                 consolidation=zenoh.ConsolidationMode.NONE,
             )
-        except zenoh.ZError as error:
-            # Threads that ask may outlive the session.
-            raise BusError(f"cannot ask {key_expr}: {error}") from None
-        replies = []
-        for reply in answers:
+
+        replies, begin = [], monotonic()
+        for reply in self._make("ask", key_expr, ask):
             if reply.ok is not None:
                 replies.append(Reply(str(reply.ok.key_expr), reply.ok.payload.to_bytes(), False))
             elif reply.err is not None:
                 replies.append(Reply("", reply.err.payload.to_bytes(), True))
+        if not replies and monotonic() - begin >= _MOST * timeout:
+            # The session's own timer adds this error, unless the router's ends the query first.
+            replies.append(error_reply("Timeout"))
         return replies
 
     def declare_token(self, key: str) -> Closeable:
-        return self._wrap(self._session.liveliness().declare_token(key))
+        return self._declare("declare the token", key, lambda: self._session.liveliness().declare_token(key))
 
     def watch_tokens(self, key_expr: str, handler: TokenHandler) -> Closeable:
         def on_token(sample: zenoh.Sample) -> None:
             handler(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
 
-        return self._wrap(self._session.liveliness().declare_subscriber(key_expr, _aside(on_token), history=True))
+        def declare() -> Any:
+            return self._session.liveliness().declare_subscriber(key_expr, _aside(on_token), history=True)
+
+        return self._declare("watch", key_expr, declare)
 
     def watch_link(self, handler: Callable[[bool], None]) -> None:
         self._link_handlers.append(handler)
@@ -258,7 +279,7 @@ class ZenohTransport:
         if up != self.up:
             self.up = up
             for handler in list(self._link_handlers):
-                handler(up)
+                _call(handler, up)
 
     def close(self) -> None:
         self.closed = True
@@ -266,5 +287,5 @@ class ZenohTransport:
         for declared in list(self._declared):
             declared.close()
         self._session.close()  # type: ignore[no-untyped-call]
-        # Last: what an interrupt cuts short here is done at the interpreter's end.
+        # Last: if an interrupt cuts this short, it is done again at the interpreter's end.
         atexit.unregister(self.close)

@@ -12,7 +12,7 @@ class RawSample(NamedTuple):
     encoding: str
     """`application/cdr;sensor_msgs/msg/LaserScan`; empty where the sender named none."""
     timestamp: int = 0
-    """NTP64 time of whoever stamped it first, normally the sender's session; 0 where there is none."""
+    """NTP64 time from the session that stamped it first, normally the sender's; 0 where there is none."""
     source: str = ""
     """Id of the session that stamped it; empty where there is none. A sender without time-stamping shows as the
     router."""
@@ -39,7 +39,7 @@ class RawPublisher(Closeable, Protocol):
 
     @property
     def has_subscribers(self) -> bool:
-        """Whether a payload put now has a taker: a subscriber, or the memory of a latched key."""
+        """Whether a payload put now has a subscriber; always True for a latched publisher, False once closed."""
         ...
 
     def put(self, payload: bytes) -> None:
@@ -54,7 +54,10 @@ TokenHandler = Callable[[str, bool], None]
 
 
 class Transport(Protocol):
-    """Sessions, in the words of Zenoh. Handlers are called from foreign threads and must be quick."""
+    """Sessions, in the words of Zenoh. Handlers are called from the transport's threads and must be quick.
+
+    After `close`, declarations and `get` raise BusError; so does a key that is no key expression.
+    """
 
     @property
     def instance(self) -> str:
@@ -64,7 +67,7 @@ class Transport(Protocol):
     def declare_publisher(self, key: str, encoding: str, latched: bool, to_others: bool = False) -> RawPublisher:
         """A publisher; a latched one keeps its last payload for late subscribers.
 
-        With `to_others` it does not speak to subscribers of its own session.
+        With `to_others` it does not reach subscribers of its own session.
         """
         ...
 
@@ -73,7 +76,7 @@ class Transport(Protocol):
     ) -> Closeable:
         """A subscriber; a latched one also gets what was put before it came.
 
-        Who needs neither time nor source of a sample says so with `stamped`: reading them takes as long as the rest.
+        Without `stamped`, samples have neither time nor source: reading those takes as long as the rest.
         """
         ...
 
@@ -85,7 +88,7 @@ class Transport(Protocol):
         ...
 
     def get(self, key_expr: str, payload: bytes, timeout: float) -> list[Reply]:
-        """Ask and wait for all answers, `timeout` seconds at most."""
+        """Ask and wait for all answers, `timeout` seconds at most; then an error reply says `Timeout`."""
         ...
 
     def declare_token(self, key: str) -> Closeable:
@@ -101,5 +104,5 @@ class Transport(Protocol):
         ...
 
     def close(self) -> None:
-        """Undeclare everything and end the session."""
+        """Undeclare everything and end the session; a second call does nothing."""
         ...

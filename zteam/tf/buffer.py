@@ -5,8 +5,8 @@ Times are integer nanoseconds; 0 means the latest common time. `lookup_transform
 has the table: quaternions are normalised, inf, NaN and loops are refused when they come, a refused sample leaves no
 trace, exact duplicates are counted silently, dynamic data on a static frame is refused, no error text is empty.
 
-One lock guards everything: each public call takes it, look-ups included, and what it calls (`Tree`, `Edge`, paths) is
-plain code for one thread.
+One lock guards everything: each public call takes it, look-ups included, and what it calls (`Tree`, `TimeCache`, paths)
+is plain code for one thread.
 
 Two short cuts carry nearly all of the work, and both fall back on the tree: a planar sample that is newer than the last
 one is appended on the spot, and a look-up goes along the path that the first look-up of that pair prepared.
@@ -151,7 +151,7 @@ class Buffer:
             self._tree.clear()
 
     def take_time(self, now: int) -> bool:
-        """Hear what time it is (ns): True if it went back, which clears the buffer and is logged."""
+        """Take the current time (ns): True if it jumped back, which clears the buffer and is logged."""
         with self.lock:
             before, self._now = self._now, now
             if now >= before:

@@ -17,7 +17,7 @@ def is_broken(info: FrameInfo, now: int) -> bool:
 
 
 def describe_edge(info: FrameInfo, now: int) -> list[str]:
-    """What is said beside an edge: who says it, how often, how old."""
+    """The text beside an edge: its authority, rate and age."""
     if info.static:
         return [info.authority, "static"]
     age = f"{max(0, now - info.newest) / 1e9:.2f} s old" if now else "age unknown"

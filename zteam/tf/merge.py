@@ -18,9 +18,9 @@ log = logging.getLogger("zteam.tf")
 TEAM_FILE = "team file"
 
 _FILE, _LOCALISER, _SIMULATOR, _CALLER, _DESCRIPTION = 0, 1, 2, 3, 4
-"""Who says `map -> robot_N/odom`: the lower number wins, the other is shadowed, which is no conflict.
+"""Ranks of the sources of `map -> robot_N/odom`: the lower number wins and shadows the other, which is no conflict.
 
-What a robot description says gives way to anybody: the base itself knows best where its laser is.
+A robot description gives way to every other source: the base itself knows best where its laser is.
 """
 
 _MAX_CONFLICTS = 1000
@@ -79,7 +79,7 @@ class Merger:
             refused = self.buffer.set_transform(transform, authority)
             if refused is not None:
                 if shadowed is not None:
-                    # What is refused takes nobody's place away.
+                    # A refused sample replaces nothing.
                     self.buffer.set_transform_static(shadowed.transform, shadowed.authority)
                 return refused
             if self.buffer.duplicates == duplicates:
@@ -109,7 +109,7 @@ class Merger:
             self._say_static(transform, _SIMULATOR, authority)
 
     def add_static(self, transform: TransformStamped, authority: str) -> str | None:
-        """A fixed transform that somebody asks for; None, or why not."""
+        """Store a static transform on request; None, or the reason of the refusal."""
         resolved = _with_names("", transform)
         child = resolved.child_frame_id
         known = self._statics.get(child) or self.buffer.frames().get(child)

@@ -1,4 +1,4 @@
-"""What is known of one frame: a static transform, or the samples of one that moves, in order of time.
+"""The samples of one child frame in order of time, or its static transform (tf2's TimeCache and StaticCache).
 
 Nearly all robots move in a plane, so an edge keeps its samples in one of two forms: as long as it turns about z alone
 and z stays what it is, two complex numbers each (see `pack`), else seven floats.

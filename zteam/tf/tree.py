@@ -1,5 +1,7 @@
 """The frames and how they hang together: what may be stored where, and the walk from one frame to another."""
 
+from collections.abc import Mapping
+
 from zteam.tf.errors import (
     ConnectivityException,
     ExtrapolationException,
@@ -118,17 +120,7 @@ class Tree:
 
     def check_frames(self, **arguments: str) -> None:
         """Raise InvalidArgumentException or LookupException for names that no frame has."""
-        for argument, name in arguments.items():
-            what = f"passed to lookupTransform argument {argument}"
-            if not name:
-                raise InvalidArgumentException(f"Invalid argument {what} in tf2 frame_ids cannot be empty")
-            if name.startswith("/"):
-                raise InvalidArgumentException(
-                    f"Invalid argument \"{name}\" {what} in tf2 frame_ids cannot start with a '/' like: "
-                )
-        for argument, name in arguments.items():
-            if name not in self._frames:
-                raise LookupException(f'"{name}" passed to lookupTransform argument {argument} does not exist. ')
+        _check_frames(self._frames, arguments)
 
     def latest(self, target: str, source: str) -> int:
         """The newest time that all moving edges between two frames have; raises where they are not connected."""
@@ -173,3 +165,18 @@ class Tree:
             # Of several edges without data, tf2 names the one that a walk through the tree comes upon.
             walk.find_legs()
             raise
+
+
+def _check_frames(known: set[str], arguments: Mapping[str, str]) -> None:
+    """`Tree.check_frames` for the frames that are known."""
+    for argument, name in arguments.items():
+        what = f"passed to lookupTransform argument {argument}"
+        if not name:
+            raise InvalidArgumentException(f"Invalid argument {what} in tf2 frame_ids cannot be empty")
+        if name.startswith("/"):
+            raise InvalidArgumentException(
+                f"Invalid argument \"{name}\" {what} in tf2 frame_ids cannot start with a '/' like: "
+            )
+    for argument, name in arguments.items():
+        if name not in known:
+            raise LookupException(f'"{name}" passed to lookupTransform argument {argument} does not exist. ')

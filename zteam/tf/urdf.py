@@ -18,7 +18,7 @@ from zteam.tf.rigid import Floats, compose
 MAX_BYTES = 8 * 2**20
 _TURNING, _SLIDING, _FIXED = ("revolute", "continuous"), ("prismatic",), ("fixed",)
 _SKIPPED = ("floating", "planar")
-"""Joints that no single number describes: somebody else has to say where their children are, as for ROS."""
+"""Joints that no single number describes: another node has to publish where their children are, as in ROS."""
 
 
 class Mimic(NamedTuple):
@@ -66,7 +66,7 @@ class Description(NamedTuple):
 
 
 def _position_of(joint: Joint, known: Mapping[str, float]) -> float | None:
-    """Radians or metres; None if nobody says it or it is not finite."""
+    """Radians or metres; None if it is not known or not finite."""
     position = known.get(joint.name)
     if joint.mimic is not None and joint.mimic.joint in known:
         position = joint.mimic.multiplier * known[joint.mimic.joint] + joint.mimic.offset

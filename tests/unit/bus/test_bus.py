@@ -6,9 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from support.lockstep_doubles import listening
-from zteam.bus import Bus, Change, MemoryHub, NoRequest, counters
-from zteam.bus import bus as bus_module
+from zteam.bus import Bus, Change, MemoryHub, NoRequest, payloads, receiving
 from zteam.bus.memory import MemoryTransport
 from zteam.bus.presence import own_info
 from zteam.bus.transport import Closeable, RawSample, SampleHandler
@@ -16,9 +14,6 @@ from zteam.errors import BusError
 from zteam.messages import Bool, MapMetaData, OccupancyGrid, encode, encoding_of
 from zteam.names import info_key
 from zteam.sim.occupancy_grid import MAX_CELLS
-
-DEEP = 100_000
-"""Levels of nested JSON."""
 
 
 class Told(msgspec.Struct):
@@ -74,7 +69,7 @@ def test_a_latched_key_beyond_the_limit_passes_over_older_values(
     hub: MemoryHub, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """However many keys there are, an older value of a known one is passed over."""
-    monkeypatch.setattr(bus_module, "MAX_KEYS", 2)
+    monkeypatch.setattr(receiving, "MAX_KEYS", 2)
     wire, heard = Wire(hub), []
     Bus(wire).subscribe("*", Bool, lambda key, _: heard.append(key), latched=True)
     for key, stamp in (("a", 1), ("b", 1), ("a", 3), ("a", 2), ("b", 2), ("b", 1), ("c", 1)):
@@ -86,14 +81,13 @@ def test_a_change_without_an_instance_is_refused(hub: MemoryHub) -> None:
     """Whatever else it carries: the error says what to send and where to learn it, and nothing happens."""
     service, plain = Service(hub), MemoryTransport(hub)
     for payload in (b"", b"{}", b'{"by": 7}', b'{"instance": ""}'):
-        replies = {reply.key: reply for reply in plain.get("**", payload, 1.0)}
-        assert replies["box/add"].error
-        text = replies["box/add"].payload.decode()
+        replies = plain.get("**", payload, 1.0)
+        assert sorted(reply.key for reply in replies if not reply.error) == ["box/count", "box/info"]
+        (text,) = (reply.payload.decode() for reply in replies if reply.error)
         assert text.startswith(
             'box/add changes something and has to name the process it is meant for: send {"instance"'
         )
         assert "box/info" in text
-        assert not replies["box/count"].error
     assert service.count == 0
 
 
@@ -139,57 +133,13 @@ def test_a_change_asked_of_nobody_has_no_answer(hub: MemoryHub) -> None:
 
 
 def test_a_given_instance_is_not_replaced(hub: MemoryHub) -> None:
-    """Who names a process means that one, and hears that it is gone."""
+    """A request that names a process is for that one only, and fails when it is gone."""
     Service(hub)
     with pytest.raises(BusError, match="meant for another process"):
         hub.bus().ask("box/add", Told, Counting(instance="0123"))
 
 
-@pytest.mark.parametrize("text", ['{"x":' * DEEP, "[" * DEEP, '{"count":' + "[" * DEEP])
-def test_deeply_nested_json_is_refused_in_one_line(hub: MemoryHub, text: str) -> None:
-    """A request of any depth: no traceback, an error for the asker, and one more refusal in the counts."""
-    service, plain = Service(hub), MemoryTransport(hub)
-    with listening() as log:
-        (reply,) = plain.get("box/count", text.encode(), 1.0)
-    assert reply.error
-    assert reply.payload.decode().startswith("bad request: ")
-    assert len(reply.payload) < 200
-    assert service.bus.counters.snapshot()["box/count"].dropped == 1
-    assert [len(line.splitlines()) for line in log.lines] == [1]
-
-
-def test_a_deeply_nested_answer_is_an_error(hub: MemoryHub) -> None:
-    """What another process answers may be anything."""
-    hub.bus().transport.declare_queryable("box/odd", lambda _: b"[" * DEEP)
-    with pytest.raises(BusError, match="unreadable answer: "):
-        hub.bus().ask("box/odd", list[object])
-
-
-def test_a_payload_that_is_too_large_is_not_decoded(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Neither message nor request nor answer; messages and requests are counted as refused."""
-    monkeypatch.setattr(bus_module, "MAX_PAYLOAD", 100)
-    service, plain = Service(hub), MemoryTransport(hub)
-    (reply,) = plain.get("box/count", b'{"x": "' + b"y" * 100 + b'"}', 1.0)
-    assert reply.error
-    assert reply.payload.decode() == "bad request: its 109 bytes are more than 100"
-    assert service.bus.counters.snapshot()["box/count"].dropped == 1
-
-    listener, heard = hub.bus(), []
-    listener.subscribe("flag", Bool, lambda key, _: heard.append(key))
-    listener.subscribe_raw("flag", lambda sample: heard.append(sample.key))
-    publisher = plain.declare_publisher("flag", encoding_of(Bool), False)
-    publisher.put(b"\0" * 101)
-    assert heard == []
-    assert listener.counters.snapshot() == {"flag": counters.KeyCount(0, 2)}
-    publisher.put(encode(Bool(True)))
-    assert heard == ["flag", "flag"]
-
-    plain.declare_queryable("box/long", lambda _: b" " * 200)
-    with pytest.raises(BusError, match="its 200 bytes are more than 100"):
-        listener.ask("box/long", Told)
-
-
 def test_the_largest_map_is_small_enough() -> None:
     """What a simulator publishes is not refused for its size."""
     largest = OccupancyGrid(info=MapMetaData(width=MAX_CELLS, height=1), data=np.zeros(MAX_CELLS, np.int8))
-    assert len(encode(largest)) <= bus_module.MAX_PAYLOAD
+    assert len(encode(largest)) <= payloads.MAX_PAYLOAD

@@ -18,7 +18,7 @@ class Rival:
     """Another process that holds the name, on a session of its own; it started at `start`."""
 
     def __init__(self, hub: MemoryHub, start: int, failures: int = 0) -> None:
-        """It answers with an error `failures` times before it answers who it is."""
+        """It answers with an error `failures` times before it answers with its info."""
         self.bus: Bus = hub.bus()
         self._info = own_info(NAME, self.bus.instance, start)
         self._failures = failures
@@ -78,7 +78,7 @@ def test_the_older_one_of_two_holders_stays(hub: MemoryHub) -> None:
 
 
 def test_a_rival_that_fails_to_answer_is_asked_again(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> None:
-    """An error instead of an answer leaves no two holders: the rival is asked until it says who it is."""
+    """An error instead of an answer leaves no two holders: the rival is asked until it answers."""
     monkeypatch.setattr(module, "ASK_AGAIN", 0.01, raising=False)
     rival, meeting = Rival(hub, start=1, failures=2), Meeting()
     claim = Claim(hub.bus(), NAME)

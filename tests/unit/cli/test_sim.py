@@ -26,7 +26,7 @@ def desk(monkeypatch: pytest.MonkeyPatch) -> Iterator[Desk]:
     desk = Desk(Pacer(TICK, None, paused=True))
     desk.wait_for_tick(1)
     SimulatorClient(desk._bus).stand(LIMIT)
-    monkeypatch.setattr(sim, "open_bus", lambda _options: desk._bus)
+    monkeypatch.setattr(sim, "open_bus", lambda _options: desk.hub.bus())
     yield desk
     desk.close()
 

@@ -1,4 +1,4 @@
-"""Merging the robots' transforms: names, who may say what, conflicts by name."""
+"""Merging the robots' transforms: names, permitted authorities, conflicts by name."""
 
 import math
 
@@ -53,7 +53,7 @@ def test_a_robot_speaks_for_itself_only(parent: str, child: str) -> None:
 
 
 def test_a_second_authority_is_refused_and_named() -> None:
-    """Who spoke first stays; the text names both."""
+    """The first authority stays; the text names both."""
     merger = Merger([stamped("robot_0/base_link", "robot_0/camera", 0, 0.1)])
     merger.take_static(0, TFMessage([stamped("base_link", "camera", 0, 0.2)]))
     (conflict,) = merger.take_conflicts()
@@ -115,7 +115,7 @@ def test_one_bad_transform_does_not_spoil_a_message() -> None:
 
 
 def test_a_robot_may_not_bend_the_map() -> None:
-    """The global frames themselves are nobody's to move, nor is a robot whose name only begins alike."""
+    """No robot may move the global frames, nor a robot whose name only begins alike."""
     merger = Merger()
     for parent, child in (("earth", "map"), ("robot_1/base", "/map"), ("map", "/robot_10/odom"), ("/robot_10/x", "y")):
         merger.take(1, TFMessage([stamped(parent, child, S)]))
@@ -165,7 +165,7 @@ def test_an_exact_duplicate_is_not_sent_again() -> None:
 
 
 def test_a_clock_that_runs_apart_is_refused_and_named() -> None:
-    """A stamp from another time is reported once and taken from nobody; the robot's true samples still count."""
+    """A stamp from another time is reported once and refused; the robot's true samples still count."""
     merger = Merger()
     for wrong in (100 * S, 100 * S + 1, 20 * S):
         merger.take(1, TFMessage([stamped("odom", "base_footprint", wrong)]), now=50 * S)

@@ -96,7 +96,7 @@ def test_what_left_a_robots_fixed_set_leaves_the_tree() -> None:
 
 
 def test_an_unchanged_fixed_set_is_not_sent_again() -> None:
-    """A robot that repeats itself costs nobody anything."""
+    """A repeated static message changes nothing."""
     merger = Merger()
     statics = TFMessage([stamped("map", "odom", 0, 1.0), stamped("base_footprint", "base_link", 0)])
     merger.take_static(0, statics)
@@ -130,7 +130,7 @@ def test_a_jump_back_keeps_what_does_not_move() -> None:
 
 
 def test_a_tools_frame_may_have_any_name_but_a_bad_one() -> None:
-    """Slashes are stripped; a refusal comes back to who asked."""
+    """Slashes are stripped; a refusal is returned to the caller."""
     merger = Merger()
     assert merger.add_static(stamped("/map", "/table", 0, 4.0), "tool") is None
     assert merger.buffer.lookup_pose2("map", "table", 0)[0].x == 4.0

@@ -45,7 +45,7 @@ def test_the_tree_in_a_terminal() -> None:
 
 
 def test_several_roots_and_branches_in_a_terminal() -> None:
-    """Unconnected trees stand one after the other, branches have their lines, and nobody is left out."""
+    """Unconnected trees stand one after the other, branches have their lines, and no frame is left out."""
     buffer = Buffer()
     for parent, child in (("map", "a"), ("a", "a1"), ("a", "a2"), ("map", "b"), ("moon", "crater")):
         buffer.set_transform_static(stamped(parent, child, 0), "me")

@@ -88,7 +88,7 @@ def test_a_helix_is_followed_between_its_samples() -> None:
 
 
 def test_the_authority_is_the_newest_samples() -> None:
-    """Who took a frame over is seen, though the samples go on as before."""
+    """A change of authority is seen, though the samples go on as before."""
     buffer = Buffer()
     for second, authority in enumerate(["first", "first", "second", "third"], start=1):
         buffer.set_transform(stamped("map", "base", second * S), authority)

@@ -18,7 +18,7 @@ def test_a_loop_names_both_authorities() -> None:
 
 
 def test_moving_data_on_a_static_frame_is_refused() -> None:
-    """A static frame stays where it is, and the message names who said so."""
+    """A static frame stays where it is, and the message names its authority."""
     buffer = Buffer()
     buffer.set_transform_static(stamped("map", "odom", 0, 1.0), "team file")
     refused = buffer.set_transform(stamped("map", "odom", S, 2.0), "robot_1")

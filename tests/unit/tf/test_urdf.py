@@ -112,7 +112,7 @@ def test_a_wrong_file_is_one_error(tmp_path: Path, text: str, error: str) -> Non
 
 
 def test_a_description_gives_way_to_the_base(urdf: Path) -> None:
-    """Its frames get the robot's prefix; what the base itself says of a frame wins, silently, whoever came first."""
+    """Its frames get the robot's prefix; what the base itself says of a frame wins, silently, whatever the order."""
     described = read_description(urdf).static_transforms()
     mine = TransformStamped(Header(frame_id="base_link"), "camera", described[0].transform)
     mine.transform.translation.x = 0.7

@@ -47,7 +47,7 @@ def test_numbers_that_are_not_finite_are_refused(value: float) -> None:
 )
 @pytest.mark.parametrize("static", [False, True], ids=["moving", "static"])
 def test_bad_names_are_refused_without_a_trace(parent: str, child: str, code: str, static: bool) -> None:
-    """tf2's code, a text that names who sent it, and neither frame is known afterwards."""
+    """tf2's code, a text that names the sender, and neither frame is known afterwards."""
     buffer = Buffer()
     put = buffer.set_transform_static if static else buffer.set_transform
     refused = put(stamped(parent, child, S), "robot_1")

@@ -1,0 +1,111 @@
+"""The two transports of the bus, Zenoh and memory, behind one way to open sessions."""
+
+import contextlib
+import subprocess
+import sys
+import threading
+import uuid
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from zteam.bus import Bus, BusOptions, MemoryHub, connect
+from zteam.clock import monotonic, pause
+
+LIMIT = 30.0
+"""Host seconds after which a wait has failed."""
+
+
+class RouterProcess:
+    """A router in a process of its own, on loopback."""
+
+    def __init__(self, listen: str = "tcp/127.0.0.1:0") -> None:
+        command = [sys.executable, "-m", "zteam.cli.zteam_router", "--listen", listen, "--announce"]
+        self._process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+        assert self._process.stdout is not None
+        self.endpoint = self._process.stdout.readline().strip()
+        if not self.endpoint:
+            self.kill()
+            raise AssertionError("the router did not start")
+
+    def kill(self) -> None:
+        """End it at once, as a crash does."""
+        self._process.kill()
+        self._process.communicate(timeout=LIMIT)
+
+
+class Sessions:
+    """Opens sessions that see each other, and no other ones; closes them at the end."""
+
+    def __init__(self, open_bus: Callable[[], Bus], kind: str) -> None:
+        self._open_bus = open_bus
+        self._opened = contextlib.ExitStack()
+        self.kind = kind
+
+    def __call__(self) -> Bus:
+        """A new session."""
+        bus = self._open_bus()
+        self._opened.callback(bus.close)
+        return bus
+
+    def close(self) -> None:
+        """Close all sessions."""
+        self._opened.close()
+
+
+@contextmanager
+def memory_sessions() -> Iterator[Sessions]:
+    """Sessions on one hub."""
+    yield Sessions(MemoryHub().bus, "memory")
+
+
+@contextmanager
+def zenoh_sessions(endpoint: str) -> Iterator[Sessions]:
+    """Sessions on a router, in a namespace of their own."""
+    options = BusOptions(connect=endpoint, namespace=f"n{uuid.uuid4().hex}")
+    sessions = Sessions(lambda: connect(options, patience=LIMIT), "zenoh")
+    try:
+        yield sessions
+    finally:
+        sessions.close()
+
+
+def wait_until_true(condition: Callable[[], bool]) -> None:
+    """Wait for what the transport does by itself."""
+    end = monotonic() + LIMIT
+    while not condition():
+        assert monotonic() < end, "the condition did not become true"
+        pause(0.005)
+
+
+class Inbox:
+    """Collects what callbacks are called with, from any thread: an argument alone, or a tuple of several."""
+
+    def __init__(self) -> None:
+        self._changed = threading.Condition()
+        self._items: list[Any] = []
+
+    def __call__(self, *arguments: Any) -> None:
+        with self._changed:
+            self._items.append(arguments[0] if len(arguments) == 1 else arguments)
+            self._changed.notify_all()
+
+    @property
+    def items(self) -> list[Any]:
+        """A copy."""
+        with self._changed:
+            return list(self._items)
+
+    def wait_for(self, item: Any) -> list[Any]:
+        """Everything collected once `item` is there."""
+        with self._changed:
+            found = self._changed.wait_for(lambda: item in self._items, LIMIT)
+            assert found, f"{item!r} did not come: {self._items!r}"
+            return list(self._items)
+
+    def wait_count(self, count: int) -> list[Any]:
+        """Everything collected once there are `count` items."""
+        with self._changed:
+            found = self._changed.wait_for(lambda: len(self._items) >= count, LIMIT)
+            assert found, f"no {count} items: {self._items!r}"
+            return list(self._items)

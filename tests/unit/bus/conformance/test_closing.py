@@ -1,0 +1,128 @@
+"""The end of a session, the same over Zenoh and in memory."""
+
+from collections.abc import Callable
+
+import pytest
+
+from support.transports import Inbox, RouterProcess, Sessions, zenoh_sessions
+from zteam.bus import Bus, NoRequest
+from zteam.errors import BusError
+from zteam.messages import Done
+
+
+def test_a_session_closes_twice(sessions: Sessions) -> None:
+    """As often as one likes, with everything open on it."""
+    bus = sessions()
+    bus.publisher("a", Done, latched=True)
+    bus.subscribe("a", Done, Inbox(), latched=True)
+    bus.serve("a", NoRequest, lambda _: NoRequest())
+    bus.declare_token("a")
+    bus.watch_tokens(["a"], Inbox())
+    bus.watch_link(Inbox())
+    for _ in range(3):
+        bus.close()
+
+
+def test_declarations_may_close_after_their_session(sessions: Sessions) -> None:
+    """It does nothing, and neither does a message that is put."""
+    bus = sessions()
+    publisher = bus.publisher("a", Done)
+    closeables = [
+        publisher,
+        bus.publisher("b", Done, latched=True),
+        bus.subscribe("a", Done, Inbox()),
+        bus.serve("a", NoRequest, lambda _: NoRequest()),
+        bus.declare_token("a"),
+        *bus.watch_tokens(["a"], Inbox()),
+    ]
+    bus.close()
+    publisher.put(Done(tick=1))
+    assert not publisher.has_subscribers
+    for closeable in closeables:
+        closeable.close()
+
+
+USES: dict[str, Callable[[Bus], object]] = {
+    "publisher": lambda bus: bus.publisher("a", Done),
+    "latched publisher": lambda bus: bus.publisher("a", Done, latched=True),
+    "subscribe": lambda bus: bus.subscribe("a", Done, Inbox()),
+    "latched subscribe": lambda bus: bus.subscribe("a", Done, Inbox(), latched=True),
+    "serve": lambda bus: bus.serve("a", NoRequest, lambda _: NoRequest()),
+    "query": lambda bus: bus.query("a", NoRequest),
+    "declare_token": lambda bus: bus.declare_token("a"),
+    "watch_tokens": lambda bus: bus.watch_tokens(["a"], Inbox()),
+}
+
+
+def test_a_closed_session_refuses_to_be_used(sessions: Sessions) -> None:
+    """Threads that outlive the session get an error of the bus that names the key."""
+    bus = sessions()
+    bus.close()
+    for use in USES.values():
+        with pytest.raises(BusError, match=r"cannot \w+ .*a\b.*clos"):
+            use(bus)
+
+
+@pytest.mark.parametrize("name", sorted(USES))
+def test_an_impossible_key_is_an_error_of_the_bus(sessions: Sessions, name: str) -> None:
+    """Every way to use a key refuses one that Zenoh could not carry."""
+    bus = sessions()
+    uses: dict[str, Callable[[], object]] = {
+        "publisher": lambda: bus.publisher("a//b", Done),
+        "latched publisher": lambda: bus.publisher("a//b", Done, latched=True),
+        "subscribe": lambda: bus.subscribe("a//b", Done, Inbox()),
+        "latched subscribe": lambda: bus.subscribe("a//b", Done, Inbox(), latched=True),
+        "serve": lambda: bus.serve("a//b", NoRequest, lambda _: NoRequest()),
+        "query": lambda: bus.query("a//b", NoRequest),
+        "declare_token": lambda: bus.declare_token("a//b"),
+        "watch_tokens": lambda: bus.watch_tokens(["a//b"], Inbox()),
+    }
+    with pytest.raises(BusError, match="a//b"):
+        uses[name]()
+
+
+def test_a_closed_session_hears_nothing(sessions: Sessions) -> None:
+    """Its subscribers are gone before `close` returns."""
+    sender, leaving, listener = sessions(), sessions(), sessions()
+    inbox, silent = Inbox(), Inbox()
+    leaving.subscribe("a", Done, lambda key, message: silent(message.tick))
+    leaving.close()
+    listener.subscribe("a", Done, lambda key, message: inbox(message.tick))
+    publisher = sender.publisher("a", Done)
+    tick = 0
+    while not inbox.items and tick < 10_000:
+        tick += 1
+        publisher.put(Done(tick=tick))
+    inbox.wait_count(1)
+    assert silent.items == []
+
+
+def test_the_link_to_a_memory_hub_does_not_go(sessions: Sessions) -> None:
+    """A live session tells of no loss, and a closed one does not either."""
+    bus, inbox = sessions(), Inbox()
+    bus.watch_link(inbox)
+    bus.close()
+    assert inbox.items == []
+
+
+def test_a_lost_router_is_told_and_its_return_too() -> None:
+    """Every watcher hears it, also after one that raises; a closed session hears nothing."""
+    router = RouterProcess()
+    again = None
+    try:
+        with zenoh_sessions(router.endpoint) as sessions:
+            bus, closed = sessions(), sessions()
+            inbox, silent = Inbox(), Inbox()
+            bus.watch_link(lambda up: 1 / 0)
+            bus.watch_link(inbox)
+            closed.watch_link(silent)
+            closed.close()
+            router.kill()
+            inbox.wait_for(False)
+            again = RouterProcess(router.endpoint)
+            assert inbox.wait_for(True) == [False, True]
+            assert silent.items == []
+    finally:
+        router.kill()
+        if again is not None:
+            again.kill()

@@ -1,0 +1,108 @@
+"""Presence tokens, the same over Zenoh and in memory."""
+
+import pytest
+
+from support.lockstep_doubles import listening
+from support.transports import Inbox, Sessions
+
+
+def test_a_token_that_is_there_is_told(sessions: Sessions) -> None:
+    """A watcher hears of tokens of other sessions and of its own."""
+    holder, watcher = sessions(), sessions()
+    holder.declare_token("a/x")
+    watcher.declare_token("a/y")
+    holder.declare_token("b/x")
+    inbox = Inbox()
+    watcher.watch_tokens(["a/*"], inbox)
+    assert sorted(inbox.wait_count(2)) == [("a/x", True), ("a/y", True)]
+
+
+def test_tokens_come_and_go(sessions: Sessions) -> None:
+    """In their order; closing a token twice does nothing."""
+    holder, watcher = sessions(), sessions()
+    inbox = Inbox()
+    watcher.watch_tokens(["a/*", "b"], inbox)
+    first = holder.declare_token("a/x")
+    inbox.wait_for(("a/x", True))
+    holder.declare_token("b")
+    inbox.wait_for(("b", True))
+    first.close()
+    first.close()
+    inbox.wait_for(("a/x", False))
+    again = holder.declare_token("a/x")
+    inbox.wait_count(4)
+    again.close()
+    assert inbox.wait_count(5) == [("a/x", True), ("b", True), ("a/x", False), ("a/x", True), ("a/x", False)]
+
+
+def test_tokens_go_with_their_session(sessions: Sessions) -> None:
+    """All of them, once each."""
+    holder, watcher = sessions(), sessions()
+    inbox = Inbox()
+    watcher.watch_tokens(["*"], inbox)
+    for key in ("a", "b"):
+        holder.declare_token(key)
+        inbox.wait_for((key, True))
+    holder.close()
+    assert sorted(inbox.wait_count(4)) == [("a", False), ("a", True), ("b", False), ("b", True)]
+
+
+def test_equal_tokens_count_as_one(sessions: Sessions) -> None:
+    """Two sessions with the same token: it comes with the first and goes with the last."""
+    first, second, watcher = sessions(), sessions(), sessions()
+    inbox, late = Inbox(), Inbox()
+    watcher.watch_tokens(["*"], inbox)
+    tokens = [first.declare_token("a"), second.declare_token("a")]
+    second.declare_token("m1")
+    inbox.wait_for(("m1", True))
+    first.declare_token("m2")
+    inbox.wait_for(("m2", True))
+    watcher.watch_tokens(["a"], late)
+    late.wait_for(("a", True))
+    tokens[0].close()
+    first.declare_token("m3")
+    inbox.wait_for(("m3", True))
+    assert [alive for key, alive in inbox.items if key == "a"] == [True]
+    tokens[1].close()
+    inbox.wait_for(("a", False))
+    late.wait_for(("a", False))
+    assert late.items == [("a", True), ("a", False)]
+    assert [alive for key, alive in inbox.items if key == "a"] == [True, False]
+
+
+def test_a_closed_watch_hears_nothing(sessions: Sessions) -> None:
+    """Other watches go on."""
+    holder, watcher = sessions(), sessions()
+    closed, inbox = Inbox(), Inbox()
+    (watch,) = watcher.watch_tokens(["*"], closed)
+    watcher.watch_tokens(["*"], inbox)
+    holder.declare_token("a")
+    closed.wait_count(1)
+    watch.close()
+    watch.close()
+    holder.declare_token("b")
+    inbox.wait_for(("b", True))
+    assert closed.items == [("a", True)]
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_an_error_in_a_watch_ends_nothing(sessions: Sessions, first: bool) -> None:
+    """It is logged; neither the session with the token nor another watch sees it."""
+    holder, watcher = sessions(), sessions()
+    inbox, failing = Inbox(), Inbox()
+
+    def fail(key: str, alive: bool) -> None:
+        failing(key, alive)
+        raise ValueError("a fault")
+
+    with listening() as log:
+        if first:
+            holder.declare_token("a")
+        watcher.watch_tokens(["*"], fail)
+        watcher.watch_tokens(["*"], inbox)
+        if not first:
+            holder.declare_token("a")
+        holder.declare_token("b")
+        failing.wait_count(2)
+        assert sorted(inbox.wait_count(2)) == [("a", True), ("b", True)]
+    assert any("error in a callback of the bus" in line for line in log.lines)
