@@ -46,13 +46,13 @@ def output(capsys: pytest.CaptureFixture[str]) -> Output:
 def test_each_verb_says_on_one_line_what_came_of_it(output: Output) -> None:
     """Time and tick where they are, the pace, the robots that are left."""
     assert output("pause") == "paused at 0.001 s (tick 1)"
-    assert output("speed", "2.5") == "2.5 simulated seconds a second, once the world goes on: it is paused"
-    assert output("reset") == "everything as at the start, paused at 0.001 s (tick 1)"
+    assert output("speed", "2.5") == "2.5 simulated seconds a second, after 'zteam sim resume': the world is paused"
+    assert output("reset") == "reset, paused at 0.001 s (tick 1)"
     assert output("spawn", "--pose", "1.5", "-2", "-1e-1", "--model", "box") == "7"
-    assert output("move", "0", "-1.5", "2", "-0.3") == "robot 0 stands at x -1.5, y 2, yaw -0.3"
-    assert output("remove", "0") == "robot 0 is gone; the world has -"
-    assert output("speed", "max") == "as fast as possible, once the world goes on: it is paused"
-    assert output("resume") == "goes on at 0.001 s (tick 1), as fast as possible"
+    assert output("move", "0", "-1.5", "2", "-0.3") == "robot 0 is at x -1.5, y 2, yaw -0.3"
+    assert output("remove", "0") == "robot 0 is removed; robots left: -"
+    assert output("speed", "max") == "as fast as possible, after 'zteam sim resume': the world is paused"
+    assert output("resume") == "resumed at 0.001 s (tick 1), as fast as possible"
 
 
 def test_negative_numbers_arrive(desk: Desk, output: Output) -> None:
@@ -186,14 +186,14 @@ def test_a_long_step_says_how_it_gets_on(
     monkeypatch.setattr(simulator_client, "LOOK", 0.01)
     monkeypatch.setattr(sim, "PATIENCE", 0.0)
     desk.free.clear()
-    tell = sim._Progress.tell
+    tell = sim._Progress.report
 
     def tell_and_free(progress: sim._Progress, status: SimStatus) -> None:
         tell(progress, status)
         if desk.world.tick > 1:
             desk.free.set()
 
-    monkeypatch.setattr(sim._Progress, "tell", tell_and_free)
+    monkeypatch.setattr(sim._Progress, "report", tell_and_free)
     assert zteam.main(["sim", "step", "400", "--json"]) == 0
     said = capsys.readouterr()
     assert json.loads(said.out)["tick"] == 401
@@ -208,7 +208,7 @@ def test_a_step_that_is_given_up_pauses_the_world(
     def interrupt(_progress: object, _status: SimStatus) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(sim._Progress, "tell", interrupt)
+    monkeypatch.setattr(sim._Progress, "report", interrupt)
     assert zteam.main(["sim", "step", "1000000000"]) == 130
     assert "paused at" in capsys.readouterr().err
     status = SimulatorClient(desk._bus).stand(LIMIT).status
@@ -237,6 +237,6 @@ def test_a_change_that_takes_long_says_what_it_waits_for(desk: Desk, monkeypatch
     monkeypatch.setattr(sys, "stderr", listener)
     assert zteam.main(["sim", "remove", "3"]) == 0
     assert listener.getvalue() == (
-        "waiting for the tick at hand to end; 'zteam sim status' says who holds it (Ctrl+C to give up)\n"
+        "waiting for the current tick to end; 'zteam sim status' names what it waits for (Ctrl+C to give up)\n"
     )
     assert desk.world.made == [("remove 3", 2)]

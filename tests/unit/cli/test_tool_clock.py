@@ -11,7 +11,7 @@ import pytest
 from zteam import clock as clock_module
 from zteam import names
 from zteam.bus import Bus, MemoryHub, NoRequest
-from zteam.cli import clocks, topic
+from zteam.cli import tool_clock, topic
 from zteam.clock import to_ns, wait_until
 from zteam.errors import BusError
 from zteam.messages import Bool, Clock, time_from_ns
@@ -44,7 +44,7 @@ def test_with_a_simulator_it_is_simulated_time() -> None:
     hub = MemoryHub()
     simulator = Simulator(hub, 12.3)
     for mode in ("auto", "sim"):
-        clock = clocks.open_clock(hub.bus(), mode)
+        clock = tool_clock.open_clock(hub.bus(), mode)
         assert (clock.simulated, clock.now()) == (True, to_ns(12.3))
     simulator.go_to(12.4)
     assert clock.now() == to_ns(12.4)
@@ -53,7 +53,7 @@ def test_with_a_simulator_it_is_simulated_time() -> None:
 def test_without_a_simulator_it_is_the_hosts() -> None:
     """And it stays that, even if one comes."""
     hub = MemoryHub()
-    clock = clocks.open_clock(hub.bus(), "auto")
+    clock = tool_clock.open_clock(hub.bus(), "auto")
     Simulator(hub, 0.0).go_to(0.1)
     assert (clock.decided, clock.simulated) == (True, False)
     assert clock.now() > to_ns(1e9)
@@ -63,7 +63,7 @@ def test_the_hosts_time_can_be_asked_for() -> None:
     """Whether there is a simulator or not; nobody is asked."""
     hub = MemoryHub()
     Simulator(hub, 12.3)
-    assert not clocks.open_clock(hub.bus(), "wall").simulated
+    assert not tool_clock.open_clock(hub.bus(), "wall").simulated
 
 
 def test_a_simulator_that_does_not_answer_is_one() -> None:
@@ -74,7 +74,7 @@ def test_a_simulator_that_does_not_answer_is_one() -> None:
         raise BusError("Timeout")
 
     hub.bus().serve(names.service_key(names.SIMULATOR, "status"), NoRequest, refuse)
-    assert clocks.open_clock(hub.bus(), "auto").simulated
+    assert tool_clock.open_clock(hub.bus(), "auto").simulated
 
 
 def test_simulated_time_can_be_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -84,8 +84,8 @@ def test_simulated_time_can_be_waited_for(monkeypatch: pytest.MonkeyPatch) -> No
     def nobody(_bus: Bus) -> None:
         asked.set()
 
-    monkeypatch.setattr(clocks, "_ask_time", nobody)
-    thread = threading.Thread(target=lambda: found.append(clocks.open_clock(hub.bus(), "sim")))
+    monkeypatch.setattr(tool_clock, "_ask_time", nobody)
+    thread = threading.Thread(target=lambda: found.append(tool_clock.open_clock(hub.bus(), "sim")))
     thread.start()
     assert asked.wait(LIMIT)
     assert found == []
@@ -148,7 +148,7 @@ def test_messages_are_published_in_simulated_time(monkeypatch: pytest.MonkeyPatc
     simulator = Simulator(hub, 5.0)
     publishing = Publishing(hub, monkeypatch, "--rate", "5", "--times", "4")
     publishing.wait(lambda: publishing.count == 1)
-    said.wait_for("time stands still at 5.000 s: see 'zteam sim status' (--clock wall goes by the host's time)")
+    said.wait_for("time stands still at 5.000 s: see 'zteam sim status' (--clock wall uses the host's time)")
     for tick, count in ((5.1, 1), (5.2, 2), (5.3, 2), (5.4, 3), (5.5, 3)):
         simulator.go_to(tick)
         publishing.wait(lambda least=count: publishing.count == least)  # type: ignore[misc]

@@ -5,7 +5,7 @@ import tracemalloc
 from support.transforms import S, stamped
 from zteam import names
 from zteam.bus import MemoryHub
-from zteam.cli.frames import TreeListener
+from zteam.cli.tf_displays import TreeListener
 from zteam.messages import TFMessage, time_from_ns
 from zteam.tf.statistics import Watch
 
