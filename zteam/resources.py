@@ -35,19 +35,19 @@ def shipped_team(name: str) -> Path | None:
 
 def find_world(text: str) -> Path:
     """The world file that a user named: a path, else a shipped world. Raises UsageError that lists the shipped ones."""
-    path = Path(text) if Path(text).is_file() else shipped_world(text)
-    if path is None:
-        known = ", ".join(names(worlds_folder(), ".world"))
-        raise UsageError(f"world {text!r}: no such file, nor a shipped world ({known})")
-    return path
+    return _find_named("world", text, worlds_folder(), ".world")
 
 
 def find_team(text: str) -> Path:
     """The team file that a user named: a path, else a shipped team. Raises UsageError that lists the shipped ones."""
-    path = Path(text) if Path(text).is_file() else shipped_team(text)
+    return _find_named("team", text, teams_folder(), ".toml")
+
+
+def _find_named(kind: str, text: str, folder: Path, suffix: str) -> Path:
+    path = Path(text) if Path(text).is_file() else _find(folder, text, suffix)
     if path is None:
-        known = ", ".join(names(teams_folder(), ".toml"))
-        raise UsageError(f"team {text!r}: no such file, nor a shipped team ({known})")
+        known = ", ".join(names(folder, suffix))
+        raise UsageError(f"{kind} {text!r}: no such file, nor a shipped {kind} ({known})")
     return path
 
 

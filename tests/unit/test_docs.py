@@ -1,4 +1,4 @@
-"""The documents keep their word: examples run, and the reference names what the parser knows."""
+"""The documentation is right: its examples run, and its reference is complete."""
 
 import re
 from pathlib import Path
@@ -12,7 +12,7 @@ DOCS = Path(__file__).resolve().parents[2] / "docs"
 
 
 def test_the_notebook_example_runs() -> None:
-    """The code of the simulator's page works as it stands there."""
+    """The Python code of docs/simulator.md runs as printed."""
     (code,) = re.findall(r"```python\n(.*?)```", (DOCS / "simulator.md").read_text(), re.DOTALL)
     scope: dict[str, Any] = {}
     exec(code, scope)
@@ -21,7 +21,7 @@ def test_the_notebook_example_runs() -> None:
 
 
 def test_every_property_is_in_the_reference() -> None:
-    """All names that the parser reads, passes over or remarks stand in the tables, and every model type."""
+    """docs/world-files.md names every model type and every property that the parser knows."""
     text = re.sub(r"```.*?```", "", (DOCS / "world-files.md").read_text(), flags=re.DOTALL)
     named = set(re.findall(r"[a-z_]+", " ".join(re.findall(r"`([^`]+)`", text))))
     known = set().union(

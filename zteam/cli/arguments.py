@@ -39,6 +39,16 @@ def _option_type(parse: Callable[[str], T]) -> Callable[[str], T]:
     return parse_option
 
 
+def add_seed_option(parser: argparse.ArgumentParser) -> None:
+    """Add `--seed`, by default 1."""
+    parser.add_argument(
+        "--seed",
+        type=whole(MIN_SEED, MAX_SEED, "a seed"),
+        default=1,
+        help="seed of all random numbers (default: %(default)s)",
+    )
+
+
 def parse_speed(text: str) -> float | None:
     """Simulated seconds per host second: a number, or None for `max`. Raises UsageError."""
     if text == "max":

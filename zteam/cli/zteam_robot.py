@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from zteam import names
-from zteam.cli.arguments import MAX_SEED, MIN_SEED, whole
+from zteam.cli.arguments import add_seed_option
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, fail, run
 from zteam.errors import UsageError, ZteamError
 
@@ -37,12 +37,7 @@ def build_parser() -> argparse.ArgumentParser:
         help="also search this folder for package.module (repeatable)",
     )
     parser.add_argument("--no-gate", action="store_true", help="drive without waiting for the monitor's GO")
-    parser.add_argument(
-        "--seed",
-        type=whole(MIN_SEED, MAX_SEED, "a seed"),
-        default=1,
-        help="seed of all random numbers (default: %(default)s)",
-    )
+    add_seed_option(parser)
     add_clock_option(parser)
     add_bus_options(parser)
     return parser

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from zteam import names
-from zteam.cli.arguments import LOCKSTEP_TIMEOUTS, MAX_SEED, MIN_RUN, MIN_SEED, number, parse_speed, whole
+from zteam.cli.arguments import LOCKSTEP_TIMEOUTS, MIN_RUN, add_seed_option, number, parse_speed
 from zteam.cli.options import Parser, add_bus_options, bus_options, run
 from zteam.errors import UsageError, ZteamError
 from zteam.geometry import Pose2
@@ -24,12 +24,7 @@ def build_parser() -> argparse.ArgumentParser:
     """The command line."""
     parser = Parser(prog="zteam-sim", description=__doc__)
     parser.add_argument("world", metavar="WORLD", help="a .world file, or the name of a shipped world such as office")
-    parser.add_argument(
-        "--seed",
-        type=whole(MIN_SEED, MAX_SEED, "a seed"),
-        default=1,
-        help="seed of all random numbers (default: %(default)s)",
-    )
+    add_seed_option(parser)
     parser.add_argument(
         "--map-resolution",
         type=number(1e-4, 1e4, "metres a cell"),
