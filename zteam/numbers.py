@@ -33,7 +33,7 @@ def parse_whole(text: str, low: int, high: int, what: str) -> int:
 
 
 def is_number(text: str, limit: float = math.inf) -> bool:
-    """Whether `text` is a number whose magnitude is at most `limit`; NaN is none."""
+    """Whether `text` is a number of magnitude `limit` at most; NaN is none."""
     try:
         return abs(float(text)) <= limit
     except ValueError:

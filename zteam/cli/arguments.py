@@ -6,7 +6,6 @@ from typing import TypeVar
 
 from zteam.errors import UsageError
 from zteam.numbers import is_number, parse_number, parse_whole
-from zteam.services.simulator import MAX_SPEED, MIN_SPEED
 
 T = TypeVar("T")
 
@@ -27,6 +26,17 @@ def number(low: float, high: float, what: str) -> Callable[[str], float]:
 def whole(low: int, high: int, what: str) -> Callable[[str], int]:
     """The `type` of an option: a whole number from `low` to `high`; the error asks for `what`."""
     return _option_type(lambda text: parse_whole(text, low, high, what))
+
+
+def one_of(choices: Sequence[str]) -> Callable[[str], str]:
+    """The `type` of an option with `choices`: unlike these, it also checks a default from the environment."""
+
+    def parse(text: str) -> str:
+        if text not in choices:
+            raise UsageError(f"{text!r}: give {', '.join(choices)}")
+        return text
+
+    return _option_type(parse)
 
 
 def _option_type(parse: Callable[[str], T]) -> Callable[[str], T]:
@@ -51,6 +61,9 @@ def add_seed_option(parser: argparse.ArgumentParser) -> None:
 
 def parse_speed(text: str) -> float | None:
     """Simulated seconds per host second: a number, or None for `max`. Raises UsageError."""
+    # Only the commands with a speed pay for this import.
+    from zteam.services.simulator import MAX_SPEED, MIN_SPEED
+
     if text == "max":
         return None
     try:

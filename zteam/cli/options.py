@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 from zteam.bus import BusOptions
 from zteam.bus.options import FROM_STDIN, LEASE_BOUNDS, check_endpoint
-from zteam.cli.arguments import number
+from zteam.cli.arguments import number, one_of
 from zteam.cli.interrupts import INTERRUPTED
 from zteam.cli.output import OutputError, guarded
 from zteam.errors import UsageError, ZteamError
@@ -17,6 +17,9 @@ from zteam.runtime.logs import LEVELS, start_logging
 
 if TYPE_CHECKING:
     from _typeshed import SupportsWrite
+
+FORMATS = ("text", "json")
+"""Values of `--log-format`."""
 
 
 class Parser(argparse.ArgumentParser):
@@ -72,13 +75,15 @@ def add_log_options(parser: argparse._ActionsContainer, level: str = "info") -> 
     """Add `--log-level`, by default `level`, and `--log-format`; the environment overrides the defaults."""
     parser.add_argument(
         "--log-level",
+        type=one_of(LEVELS),
         choices=LEVELS,
         default=os.environ.get("ZTEAM_LOG_LEVEL", level),
         help="log from this level up (default: %(default)s; $ZTEAM_LOG_LEVEL)",
     )
     parser.add_argument(
         "--log-format",
-        choices=("text", "json"),
+        type=one_of(FORMATS),
+        choices=FORMATS,
         default=os.environ.get("ZTEAM_LOG_FORMAT", "text"),
         help="log as text or as JSON lines (default: %(default)s; $ZTEAM_LOG_FORMAT)",
     )

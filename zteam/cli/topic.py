@@ -204,10 +204,10 @@ def _hz(args: argparse.Namespace) -> int:
             enough = total + 2
             waiter.wait(lambda least=enough: total >= least, None, f"messages on {key}")  # type: ignore[misc]
             waiter.wait(lambda: False, 1.0, "")
-            heard = list(times)
-            if len(heard) < 2:
+            stamps = list(times)
+            if len(stamps) < 2:
                 continue
-            print(_format_rate(heard, clock.simulated, args.json), flush=True)
+            print(_format_rate(stamps, clock.simulated, args.json), flush=True)
             if args.once:
                 return 0
     finally:

@@ -22,7 +22,7 @@ Output = Callable[..., str]
 
 @pytest.fixture
 def desk(monkeypatch: pytest.MonkeyPatch) -> Iterator[Desk]:
-    """A simulator whose world is paused at its first tick; `zteam` commands find it."""
+    """A simulator with a world paused at its first tick; `zteam` commands find it."""
     desk = Desk(Pacer(TICK, None, paused=True))
     desk.wait_for_tick(1)
     SimulatorClient(desk._bus).stand(LIMIT)

@@ -20,7 +20,7 @@ class Terminal(io.StringIO):
 
 @pytest.fixture(autouse=True)
 def nothing_starts(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Make a test fail whose command line starts a process."""
+    """Fail a test if its command line starts a process."""
 
     def refuse(*_: object, **__: object) -> None:
         raise AssertionError("a process was started")
