@@ -1,7 +1,7 @@
-"""The one place that knows time: the host's clocks, and simulated time from the bus.
+"""All clocks: the host's, and simulated time from the bus. No other module reads a clock or sleeps.
 
-Simulated and wall time are integer nanoseconds. `monotonic` is for measuring and for time-outs towards the outside
-world (a router that does not answer); nothing a robot decides may depend on it.
+Simulated and wall time are integer nanoseconds. Use `monotonic` to measure and for time-outs of things outside zteam (a
+router that does not answer); no decision of a robot may depend on it.
 """
 
 import threading
@@ -11,7 +11,7 @@ from typing import Protocol
 
 NS_PER_S = 1_000_000_000
 STILL = 2.0
-"""Host seconds without news of simulated time after which a user may like to hear what is waited for."""
+"""Host seconds without a new simulated time after which a waiting tool tells its user."""
 
 
 def monotonic() -> float:
@@ -20,7 +20,7 @@ def monotonic() -> float:
 
 
 def process_time() -> float:
-    """Processor seconds of this process: for benchmarks, where other load must count little."""
+    """CPU seconds of this process: benchmarks use them because other load affects them little."""
     return time.process_time()
 
 
@@ -30,7 +30,7 @@ def wall_ns() -> int:
 
 
 def pause(seconds: float) -> None:
-    """Sleep on the host's clock: only between attempts at something outside that tells nobody when it is ready."""
+    """Sleep on the host's clock. Use it only between attempts at something that gives no sign when it is ready."""
     time.sleep(seconds)
 
 
@@ -50,20 +50,23 @@ def to_seconds(nanoseconds: int) -> float:
 
 
 def wait_until(condition: threading.Condition, ready: Callable[[], bool], timeout: float) -> bool:
-    """Wait on `condition` until `ready()` or for `timeout` seconds of the host's clock; the caller holds the lock."""
+    """Wait on `condition` until `ready()`, for at most `timeout` host seconds; return whether it is ready.
+
+    The caller holds the lock of `condition`.
+    """
     return condition.wait_for(ready, timeout)
 
 
 class Clock(Protocol):
-    """What time it is for a process: 0 until that is known."""
+    """The time of a process; 0 while it is unknown."""
 
     def now(self) -> int:
-        """Nanoseconds; 0 = not known yet."""
+        """Nanoseconds; 0 while unknown."""
         ...
 
 
 class WallClock:
-    """The host's time, for robots without a simulator."""
+    """The host's time, for teams without a simulator."""
 
     def now(self) -> int:
         """Nanoseconds since the Unix epoch."""
@@ -71,41 +74,41 @@ class WallClock:
 
 
 class SimClock:
-    """Time as the simulator says it: stands still between ticks and when the simulator is gone."""
+    """Simulated time: it stands still between ticks and while no simulator runs."""
 
     def __init__(self) -> None:
         self._now = 0
         self._changed = threading.Condition()
-        self._jumped: list[Callable[[int, int], None]] = []
+        self._on_jump_back: list[Callable[[int, int], None]] = []
 
     def now(self) -> int:
-        """The newest stamp heard; 0 before the first."""
+        """The last stamp received; 0 before the first."""
         return self._now
 
     def on_jump_back(self, callback: Callable[[int, int], None]) -> None:
         """Call `callback(old, new)` when time jumps back (the simulator restarted or was reset)."""
-        self._jumped.append(callback)
+        self._on_jump_back.append(callback)
 
     def set(self, stamp: int) -> None:
-        """Take a new stamp from the `clock` key."""
+        """Set the time to a new stamp (ns) of the `clock` key."""
         with self._changed:
             old, self._now = self._now, stamp
             self._changed.notify_all()
         if stamp < old:
-            for callback in self._jumped:
+            for callback in self._on_jump_back:
                 callback(old, stamp)
 
     def wait_for_change(self, seen: int, timeout: float) -> bool:
-        """Wait until it is another time than `seen`, for `timeout` host seconds; whether it is."""
+        """Wait until the time differs from `seen`, for at most `timeout` host seconds; return whether it does."""
         with self._changed:
             return self._changed.wait_for(lambda: self._now != seen, timeout)
 
 
 class AutoClock:
-    """Undecided until the first evidence, then simulated or wall time for good (DESIGN section 5).
+    """Undecided at first; then simulated time or wall time for the life of the process (docs/time.md).
 
-    Evidence of simulated time is a simulator's presence or a `clock` message; of wall time, a base's data without
-    either. A simulator that goes away stops time: it never turns into wall time.
+    A simulator's presence or a `clock` message decides for simulated time; a base's data without either decides for
+    wall time. When a simulator ends, time stands still: it never becomes wall time.
     """
 
     def __init__(self) -> None:
@@ -115,7 +118,7 @@ class AutoClock:
 
     @property
     def decided(self) -> bool:
-        """Whether it is known which time this is."""
+        """Whether this clock is decided."""
         return self._simulated or self._wall is not None
 
     @property
@@ -128,29 +131,29 @@ class AutoClock:
         return self._wall.now() if self._wall else self.sim.now()
 
     def steady(self) -> int:
-        """Nanoseconds to space moments by: simulated, or the host's monotonic ones, which nobody sets."""
+        """Nanoseconds for measuring intervals: simulated time, or the host's monotonic clock, which is never set."""
         return self.sim.now() if self._simulated else time.monotonic_ns()
 
     def use_simulated(self) -> None:
-        """A simulator was seen."""
+        """Decide for simulated time, unless decided: a simulator was seen."""
         if self._wall is None:
             self._simulated = True
 
     def use_wall(self) -> None:
-        """A base's data was seen without a simulator."""
+        """Decide for wall time, unless decided: a base's data was seen without a simulator."""
         if not self._simulated and self._wall is None:
             self._wall = WallClock()
 
 
 class Every:
-    """True once per `period` seconds of the host's clock: for warnings that must not flood a log."""
+    """True once per `period` host seconds: limits the rate of warnings in a log."""
 
     def __init__(self, period: float) -> None:
         self._period = period
         self._next = float("-inf")
 
     def due(self) -> bool:
-        """Whether a period has passed since the last True."""
+        """Return True if a period has passed since the last True."""
         now = time.monotonic()
         if now < self._next:
             return False
@@ -159,41 +162,41 @@ class Every:
 
 
 class Rate:
-    """Evenly spaced moments of any clock that counts nanoseconds, as `rospy.Rate` has them. Pure: it is told the time.
+    """Evenly spaced moments, like `rospy.Rate`, of any clock that counts nanoseconds. Pure: the caller passes the time.
 
-    A moment that was missed is not made up for. When time jumps back, the next moment counts from the new time.
+    A missed moment is skipped. When time jumps back, the next moment is a period after the new time.
     """
 
     def __init__(self, period: int, now: int) -> None:
-        """The first moment comes a `period` (ns) after `now`."""
+        """The first moment is a `period` (ns) after `now`."""
         self._period = max(1, period)
         self._next = now + self._period
         self._newest = now
 
     def left(self, now: int) -> int:
-        """Nanoseconds until the next moment; 0 when it has come."""
+        """Nanoseconds until the next moment; 0 if it is due."""
         if now < self._newest:
             self._next = now + self._period
         self._newest = now
         return max(0, self._next - now)
 
     def take(self, now: int) -> None:
-        """Go on to the moment after the one that has come."""
+        """Advance to the moment after the one that is due."""
         self._next += self._period
         if self._next <= now:
             self._next = now + self._period
 
 
 class Ticker:
-    """Waits for evenly spaced moments of simulated time, or of the host's: for tools that do something at a rate."""
+    """Waits for evenly spaced moments, in simulated time or the host's, for tools that repeat something at a rate."""
 
     def __init__(self, period: float, clock: AutoClock) -> None:
-        """The first moment comes `period` seconds from now. `clock` is decided."""
+        """The first moment is `period` seconds from now. `clock` is decided."""
         self._clock = clock
         self._rate = Rate(to_ns(period), clock.steady())
 
     def wait(self, on_still: Callable[[], None] = lambda: None) -> None:
-        """Until the next moment; `on_still()` is called when simulated time has stood still for STILL."""
+        """Wait until the next moment; call `on_still()` each time simulated time has stood still for STILL."""
         now = self._clock.steady()
         while left := self._rate.left(now):
             if not self._clock.simulated:

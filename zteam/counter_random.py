@@ -1,4 +1,4 @@
-"""Counter-based randomness: a number depends on its counters alone, never on what was drawn before or by whom."""
+"""Counter-based random numbers: each depends only on its counters, not on earlier draws or the process."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ def mix64(z: int) -> int:
 
 
 def stream(*counters: int) -> int:
-    """The 64-bit number that belongs to these whole numbers, in this order."""
+    """The 64-bit number of these whole numbers, in this order."""
     state = 0
     for counter in counters:
         state = mix64((state ^ (counter & _MASK)) + _GOLDEN)
@@ -26,7 +26,7 @@ def stream(*counters: int) -> int:
 
 
 def uniform(*counters: int) -> float:
-    """A number in [0, 1) that belongs to these whole numbers, in this order."""
+    """A number in [0, 1) from these whole numbers, in this order."""
     # The upper 53 bits fill a double's mantissa exactly.
     return (stream(*counters) >> 11) * 2.0**-53
 
@@ -44,9 +44,9 @@ def uniforms(states: NDArray[np.uint64], count: int) -> NDArray[np.float64]:
 
 
 def gaussians(states: NDArray[np.uint64], count: int) -> NDArray[np.float64]:
-    """`count` standard normal numbers from every state, (states, count): Box and Muller's transform of one hash each.
+    """`count` standard normal numbers from every state: (states, count). One hash each, transformed by Box and Muller.
 
-    The first factor has 32 bits, so the tails end at 6.7 standard deviations.
+    The radius comes from 32 bits, so the tails end at 6.7 standard deviations.
     """
     hashes = _hashes(states, count)
     radius = np.sqrt(-2.0 * np.log(((hashes >> np.uint64(32)) + 0.5) * 2.0**-32))
@@ -56,7 +56,7 @@ def gaussians(states: NDArray[np.uint64], count: int) -> NDArray[np.float64]:
 
 
 def streams(states: NDArray[np.uint64], counter: int) -> NDArray[np.uint64]:
-    """`stream(*counters, counter)` of many streams whose states `stream(*counters)` are given."""
+    """`stream(*counters, counter)` of many streams, given their states `stream(*counters)`: (states)."""
     return _mix((states ^ np.uint64(counter)) + np.uint64(_GOLDEN))
 
 

@@ -1,8 +1,8 @@
-"""Errors that a user may see: each is one line that names the place and the way out."""
+"""Errors that a user may see. Each is one line that names the place and the fix."""
 
 
 class ZteamError(Exception):
-    """Base of all errors zteam raises on purpose. A command prints it on one line and ends with `exit_code`."""
+    """Base of all errors that zteam raises on purpose. A command prints it on one line and ends with `exit_code`."""
 
     exit_code = 1
 
@@ -14,28 +14,28 @@ class UsageError(ZteamError):
 
 
 class ConfigError(UsageError):
-    """A team file is wrong; the text names file, key path and the fix."""
+    """A team file is wrong; the text names file, key path and fix."""
 
 
 class WorldError(UsageError):
-    """A world file or its bitmap is wrong; the text begins with `file:line:column:` where known."""
+    """A world file or its bitmap is wrong; the text begins with `file:line:column:` if known."""
 
 
 class DecodeError(ZteamError):
-    """A payload is not the message it should be."""
+    """A payload cannot be decoded as the expected message."""
 
 
 class BehaviorError(ZteamError):
-    """A behaviour, or a robot's own process, does not do what it has to."""
+    """A behaviour, or a node of the user's own, breaks its contract."""
 
 
 class BusError(ZteamError):
-    """The bus cannot do what was asked: no router, a foreign program on its port, a query without an answer."""
+    """The bus failed: no router, another program on its port, a query without an answer."""
 
 
 class DuplicateNameError(BusError):
-    """Another live process holds this process's name on the bus."""
+    """Another live process already has this process's name on the bus."""
 
 
 class EncodeError(ZteamError):
-    """A message holds a value that its type on the wire cannot carry."""
+    """A message has a value that its wire type cannot represent."""

@@ -1,7 +1,7 @@
-"""Rotations and rigid transforms on plain floats (small-array numpy is slower), REP 103: x forward, y left, z up.
+"""Rotations and rigid transforms on plain floats: numpy is slower for so few numbers.
 
-Quaternions are (x, y, z, w) as in ROS. A planar pose is (x, y, yaw). A transform named `target_from_source` takes
-coordinates in `source` to coordinates in `target`.
+Axes follow REP 103: x forward, y left, z up. Quaternions are (x, y, z, w) as in ROS. A planar pose is (x, y, yaw). A
+transform named `target_from_source` maps coordinates in `source` to coordinates in `target`.
 """
 
 import math
@@ -21,7 +21,7 @@ Vec3 = tuple[float, float, float]
 
 
 def normalize_angle(angle: float) -> float:
-    """The same direction in (-pi, pi]."""
+    """The equivalent angle in (-pi, pi], radians."""
     wrapped = math.fmod(angle, math.tau)
     if wrapped > math.pi:
         return wrapped - math.tau
@@ -31,7 +31,7 @@ def normalize_angle(angle: float) -> float:
 
 
 def compose2(a_from_b: Pose2, b_from_c: Pose2) -> Pose2:
-    """a_from_c."""
+    """The pose of `c` in `a`, from those of `b` in `a` and of `c` in `b`."""
     c, s = math.cos(a_from_b.yaw), math.sin(a_from_b.yaw)
     return Pose2(
         a_from_b.x + c * b_from_c.x - s * b_from_c.y,
@@ -41,7 +41,7 @@ def compose2(a_from_b: Pose2, b_from_c: Pose2) -> Pose2:
 
 
 def inverse2(a_from_b: Pose2) -> Pose2:
-    """b_from_a."""
+    """The pose of `a` in `b`, from that of `b` in `a`."""
     c, s = math.cos(a_from_b.yaw), math.sin(a_from_b.yaw)
     return Pose2(
         -c * a_from_b.x - s * a_from_b.y,
@@ -77,7 +77,7 @@ def rpy_from_quaternion(x: float, y: float, z: float, w: float) -> Vec3:
     """Fixed-axis (roll, pitch, yaw) of a unit quaternion; pitch in [-pi/2, pi/2], roll 0 at the poles."""
     sin_pitch = 2.0 * (w * y - z * x)
     if abs(sin_pitch) >= 1.0 - 1e-12:
-        # Gimbal lock: only roll -/+ yaw is defined, so all of it is called yaw.
+        # Gimbal lock: only roll -/+ yaw is defined; put all of it into yaw.
         pitch = math.copysign(0.5 * math.pi, sin_pitch)
         return (0.0, pitch, normalize_angle(-math.copysign(2.0, sin_pitch) * math.atan2(x, w)))
     roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))

@@ -1,15 +1,15 @@
-"""The one place that builds and reads key expressions and frame ids (DESIGN section 4)."""
+"""Key expressions and frame ids (docs/architecture.md). No other module builds or parses them."""
 
 import re
 
 from zteam.errors import UsageError
 
 MAX_ROBOT_ID = 9999
-"""Ids fit the int32 of RobotStatus many times over; the bound keeps a mistyped id from looking like a robot."""
+"""The largest robot id. It is far below the int32 of RobotStatus, so that most mistyped ids are refused."""
 
 MAP_FRAME = "map"
 GLOBAL_FRAMES = frozenset({"map", "earth"})
-"""Frames of the whole team (REP 105): never prefixed."""
+"""Frames of the whole team (REP 105): they never get a prefix."""
 
 CLOCK = "clock"
 MAP = "map"
@@ -23,11 +23,11 @@ MONITOR = "monitor"
 LAUNCHER = "up"
 
 TICK = "sim/tick"
-"""Lock-step: the simulator's numbered ticks."""
+"""Lock-step: key of the simulator's numbered ticks."""
 DONE = "done"
 
 STATIC_CALLER = "static"
-"""Name in the token of a process that asked the aggregator for a fixed transform."""
+"""Name in the token of a process that asked the aggregator for a static transform."""
 
 CMD_VEL = "cmd_vel"
 TELEOP = "teleop"
@@ -51,8 +51,8 @@ _ID = re.compile(r"[0-9]+", re.ASCII)
 
 
 def parse_robot_id(text: str) -> int:
-    """The robot id that a user typed. Raises UsageError for anything but a whole number in 0..MAX_ROBOT_ID."""
-    # Digits beyond the bound's own length are refused before int(): a thousand digits are nobody's id.
+    """The robot id that a user typed. Raises UsageError unless it is a whole number from 0 to MAX_ROBOT_ID."""
+    # More digits than the bound has are refused before int(), which is slow for thousands of digits.
     if not _ID.fullmatch(text) or len(text.lstrip("0")) > len(str(MAX_ROBOT_ID)) or int(text) > MAX_ROBOT_ID:
         shown = text if len(text) <= 20 else text[:20] + "…"
         raise UsageError(f"robot id {shown!r} is not a whole number from 0 to {MAX_ROBOT_ID}")
@@ -65,7 +65,7 @@ def robot_name(robot_id: int) -> str:
 
 
 def robot_id_of(name: str) -> int | None:
-    """The id in `robot_N`, or None where `name` is no robot's."""
+    """The id in `robot_N`, or None if `name` is not a robot's."""
     match = _ROBOT.fullmatch(name)
     if not match or len(match[1]) > len(str(MAX_ROBOT_ID)) or int(match[1]) > MAX_ROBOT_ID:
         return None
@@ -78,7 +78,7 @@ def robot_key(robot_id: int, topic: str) -> str:
 
 
 def all_robots_key(topic: str) -> str:
-    """The wildcard for `topic` of every robot (`robot_*` would not be a key expression)."""
+    """The wildcard for `topic` of every robot (`robot_*` is not a valid key expression)."""
     return f"robot_$*/{topic}"
 
 
@@ -92,12 +92,12 @@ def split_robot_key(key: str) -> tuple[int, str] | None:
 
 
 def is_wildcard(key: str) -> bool:
-    """Whether a sample's key is an expression; such a sample is addressed to nobody and refused."""
+    """Whether a sample's key is a wildcard; such a sample has no single destination and is dropped."""
     return "*" in key or "$" in key
 
 
 def strip_slash(name: str) -> str:
-    """A key or frame as users of ROS write it, without its leading slash."""
+    """A key or frame without the leading slash that ROS users write."""
     return name[1:] if name.startswith("/") else name
 
 
@@ -107,7 +107,7 @@ def scan_key(robot_id: int, index: int) -> str:
 
 
 def numbered_key(robot_id: int, topic: str, index: int) -> str:
-    """Key of the robot's `index`-th device of a kind: `fiducials`, `fiducials_1`, …"""
+    """Key of the robot's `index`-th device of one kind: `fiducials`, `fiducials_1`, …"""
     return robot_key(robot_id, _numbered(topic, index))
 
 
@@ -152,9 +152,9 @@ def is_robot_frame(frame: str, local: str) -> bool:
 
 
 def resolve_frame(prefix: str, name: str) -> str:
-    """tf::resolve for zteam: the tree's name of frame `name` as robot `prefix` wrote it.
+    """The name in the tree of the frame that robot `prefix` calls `name`, by the rules of ROS 1's tf::resolve.
 
-    A leading slash makes a name global; `map` and `earth` are global; a name that carries the prefix keeps it.
+    A name with a leading slash is global, and so are `map` and `earth`. A name that has the prefix already keeps it.
     """
     if name.startswith("/"):
         return name[1:]
@@ -169,12 +169,12 @@ def token_key(name: str, instance: str) -> str:
 
 
 def claim_key(name: str, instance: str) -> str:
-    """Token of an instance that asks for the name `name`."""
+    """Token of an instance that claims the name `name`."""
     return f"{name}/claim/{instance}"
 
 
 def tokens_key(name: str = "*") -> str:
-    """Wildcard over the presence tokens of `name`, by default of everybody."""
+    """Wildcard over the presence tokens of `name`, by default of all processes."""
     return f"{name}/alive/*"
 
 
@@ -192,7 +192,7 @@ def split_token_key(key: str) -> tuple[str, str] | None:
 
 
 def done_key(name: str = "*") -> str:
-    """Lock-step: the answers of the participant `name`, by default of all."""
+    """Lock-step: key of the answers of the participant `name`, by default of all."""
     return f"{name}/{DONE}"
 
 
@@ -203,15 +203,15 @@ def split_done_key(key: str) -> str | None:
 
 
 def info_key(name: str) -> str:
-    """Query: who is this process (host, pid, start)."""
+    """Query: host, pid and start of the process `name`."""
     return f"{name}/info"
 
 
 def stats_key(name: str) -> str:
-    """Query: received and dropped messages of this process, per key."""
+    """Query: received and dropped messages of the process `name`, per key."""
     return f"{name}/stats"
 
 
 def service_key(name: str, service: str) -> str:
-    """Query `service` of process `name`: `sim/report`, `tf/lookup`, …"""
+    """Query `service` of the process `name`: `sim/report`, `tf/lookup`, …"""
     return f"{name}/{service}"

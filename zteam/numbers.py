@@ -1,13 +1,13 @@
-"""Numbers from outside as text. Each has bounds: what is too large overflows far from the place where it was typed."""
+"""Numbers that users type. Each has bounds: without them, a number too large fails far from where it was typed."""
 
 import math
 
 from zteam.errors import UsageError
 
 MAX_SECONDS = 1e9
-"""Thirty years: beyond any run, and within what conditions, stamps and nanoseconds of 64 bits can hold."""
+"""Thirty years: longer than any run, and within the range of 64-bit nanoseconds and of time-outs."""
 _SHOWN = 24
-"""Characters of a refused text that its error repeats."""
+"""Characters of a refused text that the error repeats."""
 
 
 def parse_number(text: str, low: float, high: float, what: str) -> float:
@@ -25,11 +25,19 @@ def parse_whole(text: str, low: int, high: int, what: str) -> int:
     """The whole number from `low` to `high` that a user typed. Raises UsageError that asks for `what`."""
     word = text.strip()
     digits = word.removeprefix("-")
-    # Digits beyond the bounds' own length are refused before int(), which takes long for thousands of them.
+    # More digits than the bounds have are refused before int(), which is slow for thousands of digits.
     is_whole = digits.isascii() and digits.isdigit() and len(digits.lstrip("0")) <= len(str(max(abs(low), abs(high))))
     if not is_whole or not low <= int(word) <= high:
         raise UsageError(f"{_shown(text)}: give {what} from {low} to {high}")
     return int(word)
+
+
+def is_number(text: str, limit: float = math.inf) -> bool:
+    """Whether `text` is a number of magnitude `limit` at most; NaN is none."""
+    try:
+        return abs(float(text)) <= limit
+    except ValueError:
+        return False
 
 
 def _shown(text: str) -> str:

@@ -2,12 +2,14 @@
 
 from pathlib import Path
 
+from zteam.errors import UsageError
+
 _PACKAGE = Path(__file__).resolve().parent
 
 
 def _folder(inside_wheel: str, in_checkout: str) -> Path:
     installed = _PACKAGE / inside_wheel
-    # An editable install has no copies inside the package: its files are the checkout's own.
+    # An editable install has no copies inside the package: it uses the files of the checkout.
     return installed if installed.is_dir() else _PACKAGE.parent / in_checkout
 
 
@@ -31,6 +33,24 @@ def shipped_team(name: str) -> Path | None:
     return _find(teams_folder(), name, ".toml")
 
 
+def find_world(text: str) -> Path:
+    """The world file that a user named: a path, else a shipped world. Raises UsageError that lists the shipped ones."""
+    return _find_named("world", text, worlds_folder(), ".world")
+
+
+def find_team(text: str) -> Path:
+    """The team file that a user named: a path, else a shipped team. Raises UsageError that lists the shipped ones."""
+    return _find_named("team", text, teams_folder(), ".toml")
+
+
+def _find_named(kind: str, text: str, folder: Path, suffix: str) -> Path:
+    path = Path(text) if Path(text).is_file() else _find(folder, text, suffix)
+    if path is None:
+        known = ", ".join(names(folder, suffix))
+        raise UsageError(f"{kind} {text!r}: no such file, nor a shipped {kind} ({known})")
+    return path
+
+
 def _find(folder: Path, name: str, suffix: str) -> Path | None:
     if Path(name).name != name:
         return None
@@ -38,10 +58,10 @@ def _find(folder: Path, name: str, suffix: str) -> Path | None:
     try:
         return path if path.is_file() else None
     except (OSError, ValueError):
-        # No name of a file at all: too long, or with a NUL in it.
+        # Not a file name at all: too long, or with a NUL in it.
         return None
 
 
 def names(folder: Path, suffix: str) -> list[str]:
-    """Names of the shipped files with `suffix`, sorted, for error texts."""
+    """Names of the files in `folder` with `suffix`, sorted, for error texts."""
     return sorted(p.stem for p in folder.glob("*" + suffix))

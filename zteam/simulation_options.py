@@ -1,4 +1,4 @@
-"""How a world is simulated: what contacts do, and how bad the sensors are. A team file's `[simulation]` table."""
+"""Options of contacts and sensors: the `[simulation]` table of a team file, and options of `zteam-sim`."""
 
 import math
 from typing import Literal
@@ -6,35 +6,35 @@ from typing import Literal
 import msgspec
 
 PHYSICS = ("dynamic", "stage", "kinematic")
-"""Bodies slide and push (pymunk); Stage's own steps, refused where they collide; exact arcs, refused likewise."""
+"""Values of `Options.physics`."""
 
 
 class Options(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Defaults are Stage's: exact lasers, exact odometry unless the world file says otherwise.
+    """The defaults are Stage's: exact lasers, and exact odometry unless the world file sets noise.
 
-    Raises ValueError for a value that makes no sense.
+    Raises ValueError for a value out of range.
     """
 
     physics: Literal["dynamic", "stage", "kinematic"] | None = None
-    """`dynamic`: bodies slide and push (pymunk). `stage`: Stage's own steps, and a step that would collide is refused.
-    `kinematic`: exact arcs, refused likewise; the cheapest, for crowds. None: what the world file says."""
+    """`dynamic`: bodies slide and push (pymunk). `stage`: Stage's own steps; a robot does not make a step that would
+    collide. `kinematic`: the same with exact arcs; the fastest, for crowds. None: as the world file says."""
     no_hit: Literal["range_max", "inf"] = "range_max"
-    """What a beam reads that hits nothing: Stage's range_max, or inf as REP 117 has it."""
+    """Range of a beam that hits nothing: Stage's range_max, or REP 117's inf."""
     below_min: Literal["measured", "-inf", "zero"] = "measured"
-    """What a beam reads that hits something nearer than range_min: the truth as in Stage, or REP 117's -inf, or 0."""
+    """Range of a beam that hits something nearer than range_min: the true range as in Stage, REP 117's -inf, or 0."""
     gaussian_noise: float = 0.0
-    """Standard deviation in metres, of every laser, besides what the world file gives it."""
+    """Standard deviation in metres of every laser, added to the world file's noise."""
     proportional_noise: float = 0.0
-    """Standard deviation as a share of the range."""
+    """Standard deviation of every laser as a share of the range."""
     odom_alphas: tuple[float, float, float, float] | None = None
-    """Thrun's four, for every robot (`Robot.odom_alphas`); None: what the world file says."""
+    """Thrun's four parameters for every robot (`Robot.odom_alphas`); None: as the world file says."""
     dazzle: Literal["off", "drop", "max", "short", "scan"] = "off"
-    """What lasers at one height do to each other that are in mutual sight: beams towards the other read NaN, range_max,
-    or something short; or the whole scan reads NaN."""
+    """Interference of two lasers at the same height that see each other. Beams towards the other laser read NaN
+    (`drop`), range_max (`max`) or a short range (`short`); or the whole scan reads NaN (`scan`)."""
     dazzle_angle: float = math.radians(2.0)
-    """Radians to either side of the other laser."""
+    """Angle in radians on either side of the other laser within which beams are affected."""
     dazzle_probability: float = 1.0
-    """Share of the scans in which two lasers meet."""
+    """Share of the scans that are affected, of those in which two lasers see each other."""
 
     def __post_init__(self) -> None:
         _check("gaussian_noise", self.gaussian_noise, 1000.0)
@@ -51,12 +51,12 @@ def _check(name: str, value: float, high: float) -> None:
 
 
 def simulation_arguments(options: Options) -> list[str]:
-    """The arguments of `zteam-sim` that ask for these options; none for what is the default anyway."""
+    """The arguments of `zteam-sim` for these options; none for a default value."""
     arguments: list[str] = []
     for field in msgspec.structs.fields(options):
         value = getattr(options, field.name)
         if value != field.default:
             values = value if isinstance(value, tuple) else (value,)
-            # One word each, so that "-inf" is not taken for an option of its own.
+            # One word each: argparse would take "-inf" for an option.
             arguments.append(f"--{field.name.replace('_', '-')}={','.join(map(str, values))}")
     return arguments

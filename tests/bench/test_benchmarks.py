@@ -1,4 +1,4 @@
-"""`zteam bench` measures and prints; what it measures is for people to judge (docs/benchmarks.md)."""
+"""`zteam bench` measures and prints. No test judges the figures (docs/benchmarks.md)."""
 
 import json
 import subprocess
@@ -10,7 +10,7 @@ from zteam.launch.process import zteam_command
 
 
 def bench(*arguments: str) -> Any:
-    """The JSON that a benchmark prints."""
+    """Run `zteam bench` with these arguments; return its JSON."""
     done = subprocess.run(
         zteam_command("zteam", "bench", *arguments, "--json"), capture_output=True, text=True, timeout=100, check=False
     )
@@ -27,7 +27,7 @@ def test_the_core_is_measured() -> None:
 
 
 def test_the_codec_is_measured() -> None:
-    """Each message that goes over the bus most has a size and two times."""
+    """Each of the most frequent messages has a size and two times."""
     rows = bench("codec")
     assert {row["type"] for row in rows} >= {"sensor_msgs/msg/LaserScan", "geometry_msgs/msg/Twist"}
     assert all(row["encode_us"] > 0 and row["decode_us"] > 0 and row["bytes"] > 0 for row in rows)
@@ -35,7 +35,7 @@ def test_the_codec_is_measured() -> None:
 
 @pytest.mark.team
 def test_a_team_is_measured() -> None:
-    """A short run of robots that the world lacks, in lock-step: its speed beside bare Zenoh's, and where time goes."""
+    """A short lock-step run of added robots has its speed, the ratio to bare Zenoh's, and the parts of a tick."""
     figures = bench("team", "office", "--robots", "3", "--beams", "90", "--seconds", "2")
     assert (figures["robots"], figures["lockstep"], figures["dropped"]) == (3, True, 0)
     assert figures["rtf"] > 0 and figures["floor_ratio"] > 0
@@ -46,7 +46,7 @@ def test_a_team_is_measured() -> None:
 
 @pytest.mark.team
 def test_a_team_is_measured_in_real_time() -> None:
-    """The same with the world's own robots in real time: GO, latencies and memory."""
+    """A short real-time run of the world's own robots has the time of GO, latencies and memory."""
     figures = bench("team", "arena", "--robots", "2", "--seconds", "2", "--realtime")
     assert (figures["robots"], figures["lockstep"]) == (2, False)
     assert figures["go_after_seconds"] > 0
@@ -55,7 +55,7 @@ def test_a_team_is_measured_in_real_time() -> None:
 
 
 def test_a_wrong_size_is_refused() -> None:
-    """One line and exit code 2."""
+    """A team of 0 robots ends with 2 and one line."""
     done = subprocess.run(
         zteam_command("zteam", "bench", "sim", "arena", "--robots", "0"),
         capture_output=True,

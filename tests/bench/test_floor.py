@@ -1,4 +1,4 @@
-"""The floor under a team in lock-step is measured with real processes."""
+"""The floor of a lock-step tick, measured with real processes."""
 
 import pytest
 
@@ -7,7 +7,7 @@ from zteam.bench.floor import measure_floor
 
 @pytest.mark.team
 def test_the_floor_is_measured() -> None:
-    """A short run of two robots exchanges ticks, loses none, and its figures agree with each other."""
+    """A short exchange with two robots loses no tick, and its figures agree with each other."""
     figures = measure_floor(robots=2, beams=16, seconds=0.3, interval=0.05)
     assert (figures.robots, figures.beams, figures.lost) == (2, 16, 0)
     assert figures.ticks_per_s > 0

@@ -73,7 +73,7 @@ def run(team: TeamFixture, start: str, event: str, name: str, words: str) -> "su
         ("start", "return", "zteam.cli.listening.open_bus", "node list"),
         ("start", "call", "zteam.cli.doctor._team", "doctor"),
         ("start", "call", "zteam.services.simulator_client._ask", "sim status"),
-        ("start", "call", "zteam.cli.frames.show_tree", "tf tree"),
+        ("start", "call", "zteam.cli.tf_displays.show_tree", "tf tree"),
         ("start", "import", "zteam.world", "world check arena"),
         ("start", "import", "zteam.launch.run", "up"),
         ("start_simulator", "import", "zteam.simulation_options", "arena"),

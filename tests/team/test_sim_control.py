@@ -65,7 +65,7 @@ def test_robots_come_move_and_go(team: TeamFixture) -> None:
     assert team.command("sim", "spawn", "--pose", "1", "-0.5", "-1e-1").stdout == "2\n"
     assert sim(team, "spawn", "--pose", "3", "0.5", "0", "--id", "7") == {"id": 7}
     moved = team.command("sim", "move", "0", "-0.5", "-1.5", "-0.3")
-    assert moved.stdout == "robot 0 stands at x -0.5, y -1.5, yaw -0.3\n"
+    assert moved.stdout == "robot 0 is at x -0.5, y -1.5, yaw -0.3\n"
     sim(team, "step")
     team.wait_for(lambda: team.robot(7).truth is not None and team.robot(0).pose.x == pytest.approx(-0.5))
     assert tuple(team.robot(0).pose) == pytest.approx((-0.5, -1.5, -0.3))

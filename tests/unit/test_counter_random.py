@@ -1,4 +1,4 @@
-"""Randomness by counters."""
+"""Counter-based random numbers."""
 
 from itertools import pairwise
 
@@ -9,31 +9,36 @@ from zteam.counter_random import gaussians, mix64, stream, uniform, uniforms
 
 
 def test_the_finaliser_is_splitmix64s() -> None:
-    """From state 0, SplitMix64's published first three outputs come out."""
+    """From state 0 it gives SplitMix64's first three published outputs."""
     golden = 0x9E3779B97F4A7C15
     assert [mix64(golden * n) for n in (1, 2, 3)] == [0xE220A8397B1DCDAF, 0x6E789E6AA1B965F4, 0x06C45D188009454F]
 
 
 def test_numbers_depend_on_every_counter_and_their_order() -> None:
-    """Another seed, robot, tick or draw, or the same ones swapped, gives another number; the same gives the same."""
+    """Changing or swapping counters changes the number; equal counters repeat it."""
     draws = [uniform(*c) for c in ((1, 2, 3, 4), (0, 2, 3, 4), (1, 0, 3, 4), (1, 2, 0, 4), (1, 2, 3, 0), (4, 3, 2, 1))]
     assert len(set(draws)) == len(draws)
     assert uniform(1, 2, 3, 4) == draws[0]
 
 
 def test_numbers_are_spread_evenly() -> None:
-    """Over consecutive ticks each tenth of [0, 1) gets its share, and neighbours are not alike."""
+    """Over consecutive ticks each tenth of [0, 1) gets its share."""
     draws = [uniform(1, 0, tick, 0) for tick in range(10_000)]
     shares = [sum(int(10 * u) == tenth for u in draws) for tenth in range(10)]
     assert min(shares) > 900
     assert max(shares) < 1100
+
+
+def test_neighbours_are_uncorrelated() -> None:
+    """The numbers of consecutive ticks have no correlation."""
+    draws = [uniform(1, 0, tick, 0) for tick in range(10_000)]
     mean = sum(draws) / len(draws)
-    together = sum((a - mean) * (b - mean) for a, b in pairwise(draws)) / len(draws)
-    assert abs(together) < 0.003  # a twelfth would be perfect correlation
+    covariance = sum((a - mean) * (b - mean) for a, b in pairwise(draws)) / len(draws)
+    assert abs(covariance) < 0.003  # 1/12 is perfect correlation
 
 
 def test_a_view_draws_for_its_robot_and_time() -> None:
-    """Two robots, two instants and two draws of one step differ; a repeated look does not."""
+    """A view's numbers differ by robot, seed, time and draw; equal views give equal numbers."""
     view = make_view(robot_id=1, seed=7)
     others = (make_view(robot_id=2, seed=7), make_view(robot_id=1, seed=8), make_view(now=5, robot_id=1, seed=7))
     assert len({view.random(0), view.random(1), *(v.random(0) for v in others)}) == 5
@@ -41,7 +46,7 @@ def test_a_view_draws_for_its_robot_and_time() -> None:
 
 
 def test_array_draws_are_splitmix64_streams() -> None:
-    """Rows are the published generator's outputs from each stream's state, however many streams are drawn together."""
+    """Each row has SplitMix64's outputs from its stream's state, also when streams are drawn together."""
     streams = np.array([0, stream(1, 2)], np.uint64)
     together = uniforms(streams, 3)
     golden = 0x9E3779B97F4A7C15
@@ -50,7 +55,7 @@ def test_array_draws_are_splitmix64_streams() -> None:
 
 
 def test_gaussians_are_standard_normal() -> None:
-    """Mean, variance, kurtosis and the share beyond two standard deviations are a normal distribution's."""
+    """Mean, variance, kurtosis and tails match a normal distribution."""
     draws = gaussians(np.arange(40, dtype=np.uint64), 5000)
     assert abs(draws.mean()) < 0.01
     assert abs(draws.var() - 1.0) < 0.02

@@ -1,4 +1,4 @@
-"""Worlds and team files that travel with zteam."""
+"""Worlds and team files that come with zteam."""
 
 from pathlib import Path
 
@@ -6,11 +6,12 @@ import pytest
 
 from zteam import resources
 from zteam.behaviors import load_behavior
+from zteam.errors import UsageError
 from zteam.team_file import load_team
 
 
 def test_team_files_are_found_by_name() -> None:
-    """With and without the ending, and nowhere but in their folder."""
+    """A shipped team is found with and without its suffix, and only directly in its folder."""
     found = resources.shipped_team("line")
     assert found is not None
     assert found == resources.shipped_team("line.toml")
@@ -19,8 +20,27 @@ def test_team_files_are_found_by_name() -> None:
         assert resources.shipped_team(name) is None
 
 
+def test_a_path_comes_before_a_shipped_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file named `line` in the current folder is used instead of the shipped team of that name."""
+    monkeypatch.chdir(tmp_path)
+    assert resources.find_team("line") == resources.shipped_team("line")
+    assert resources.find_world("office.world") == resources.shipped_world("office")
+    (tmp_path / "line").touch()
+    (tmp_path / "office.world").touch()
+    assert resources.find_team("line") == Path("line")
+    assert resources.find_world("office.world") == Path("office.world")
+
+
+def test_an_unknown_file_error_lists_the_shipped_ones() -> None:
+    """The error of a mistyped name lists the names that exist."""
+    with pytest.raises(UsageError, match=r"team 'lien': no such file, nor a shipped team \(.*line.*\)"):
+        resources.find_team("lien")
+    with pytest.raises(UsageError, match=r"world 'ofice': no such file, nor a shipped world \(.*office.*\)"):
+        resources.find_world("ofice")
+
+
 def test_a_name_is_not_a_path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Only files directly in the folder count, and folders do not."""
+    """Only files directly in the folder are found; folders and files below it are not."""
     monkeypatch.setattr(resources, "_PACKAGE", tmp_path / "zteam")
     worlds = tmp_path / "worlds"
     (worlds / "hidden").mkdir(parents=True)
@@ -36,8 +56,8 @@ def test_a_name_is_not_a_path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     assert resources.names(worlds, ".world") == ["a", "b", "dir"]
 
 
-def test_a_wheels_own_copies_win(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Installed from a wheel, files are inside the package and not in whatever stands beside it."""
+def test_the_copies_in_a_wheel_come_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Files inside the package are used before those in a folder beside it."""
     monkeypatch.setattr(resources, "_PACKAGE", tmp_path / "zteam")
     (tmp_path / "deploy").mkdir()
     assert resources.teams_folder() == tmp_path / "deploy"
@@ -47,7 +67,7 @@ def test_a_wheels_own_copies_win(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 
 @pytest.mark.parametrize("name", resources.names(resources.teams_folder(), ".toml"))
 def test_every_shipped_team_can_be_started(name: str) -> None:
-    """Its file is right, its world is there (unless the user brings one), its behaviours take its parameters."""
+    """The team file is valid, its world (if it names one) exists, and its behaviours accept its parameters."""
     path = resources.shipped_team(name)
     assert path is not None
     team = load_team(path)
@@ -57,6 +77,6 @@ def test_every_shipped_team_can_be_started(name: str) -> None:
     assert team.team.world is None or resources.shipped_world(team.team.world) is not None
 
 
-def test_the_three_teams_are_there() -> None:
-    """The default team, the lectures' exercise and the small one."""
+def test_the_three_teams_are_shipped() -> None:
+    """The default team, the lectures' exercise and the small team are shipped."""
     assert {"line", "willow", "arena"} <= set(resources.names(resources.teams_folder(), ".toml"))

@@ -1,4 +1,4 @@
-"""One place knows other time than the simulator's: nothing else in the package looks at a clock or sleeps."""
+"""Only zteam/clock.py reads a clock or sleeps."""
 
 import ast
 from collections.abc import Iterator
@@ -10,7 +10,7 @@ import pytest
 PACKAGE = Path(__file__).resolve().parents[2] / "zteam"
 
 MODULES = {"time", "datetime", "sched", "timeit", "zoneinfo"}
-"""Modules that know time, whatever is taken from them."""
+"""Modules about time: any use of them counts."""
 NAMES = {
     "asyncio.sleep",
     "asyncio.timeout",
@@ -24,22 +24,25 @@ NAMES = {
     "signal.sigtimedwait",
     "threading.Timer",
 }
-"""What sleeps or measures in modules that are good for other things."""
+"""Functions and classes that sleep or measure time, in modules with other uses."""
 
 ALLOWED = {
-    ("clock.py", "time"): "this is the place",
-    ("runtime/shutdown.py", "threading.Timer"): "the hard exit: the process may hang, so nobody is there to wait",
+    ("clock.py", "time"): "the one module for clocks",
+    ("runtime/shutdown.py", "threading.Timer"): "the hard exit: the process may hang, so no other thread can wait",
     (
         "bus/connection.py",
         "threading.Timer",
-    ): "a router's revival must not hold Zenoh's thread, nor all race for a port",
-    ("bus/connection.py", "select.select"): "an endpoint comes over stdin, and a request to stop has no descriptor",
+    ): "restarting a router must not block Zenoh's thread, and clients must not all try at once",
+    (
+        "bus/connection.py",
+        "select.select",
+    ): "the read of an endpoint must notice a request to stop",
 }
-"""(file, what): why it may."""
+"""(file, source of time): the reason."""
 
 
 def sources_of_time(code: str) -> Iterator[str]:
-    """What a module's code takes of MODULES and NAMES, under any alias."""
+    """The uses of MODULES and NAMES in a module's code, under any alias."""
     known: dict[str, str] = {}
     nodes = list(ast.walk(ast.parse(code)))
     for node in nodes:
@@ -65,7 +68,7 @@ def sources_of_time(code: str) -> Iterator[str]:
 
 @cache
 def found() -> dict[tuple[str, str], str]:
-    """All sources of time in the package: (file, what) -> where."""
+    """All sources of time in the package: (file, source) -> path."""
     return {
         (path.relative_to(PACKAGE).as_posix(), what): str(path)
         for path in sorted(PACKAGE.rglob("*.py"))
@@ -73,14 +76,14 @@ def found() -> dict[tuple[str, str], str]:
     }
 
 
-def test_only_the_clock_knows_time() -> None:
-    """Who needs time takes it from zteam/clock.py, or waits for a condition; the exceptions have reasons."""
+def test_only_the_clock_module_uses_time() -> None:
+    """No module but zteam/clock.py uses a source of time without a reason in ALLOWED."""
     new = sorted(set(found()) - set(ALLOWED))
     assert not new, f"use zteam.clock, or wait for a condition, instead of: {new}"
 
 
 def test_no_exception_outlives_its_reason() -> None:
-    """What is allowed above is still there."""
+    """Every entry of ALLOWED is still used."""
     assert not set(ALLOWED) - set(found())
 
 
@@ -103,7 +106,7 @@ def test_no_exception_outlives_its_reason() -> None:
     ],
 )
 def test_sources_are_found(code: str, what: str) -> None:
-    """The test sees through aliases, and into functions."""
+    """Sources of time are found under aliases and inside functions."""
     assert list(sources_of_time(code)) == [what]
 
 
@@ -119,5 +122,5 @@ def test_sources_are_found(code: str, what: str) -> None:
     ],
 )
 def test_other_code_is_left_alone(code: str) -> None:
-    """Bounded waits for a condition, and names that only look like time, are nobody's concern."""
+    """Bounded waits for a condition, and other names that look like time, are not reported."""
     assert list(sources_of_time(code)) == []

@@ -1,1 +1,1 @@
-"""What `zteam bench` runs: figures of this machine, never judged by a test."""
+"""The measurements of `zteam bench`: figures of this machine, which no test judges."""

@@ -1,6 +1,8 @@
-"""One tick of a team in lock-step on bare Zenoh: the messages' number and sizes, but no decoding and no physics.
+"""The message exchange of a lock-step tick on bare Zenoh: the same number and sizes of messages, and nothing else.
 
-`python -m zteam.bench.bare_zenoh ROLE ...` is one process of it; `zteam.bench.floor` starts them all.
+It gives the shortest tick that the transport allows, without decoding, physics or behaviours. `zteam bench team` prints
+it beside the team's own figure. `python -m zteam.bench.bare_zenoh ROLE ...` is one process of the exchange;
+`zteam.bench.floor` starts them all. This module is the only one outside `bus/` that imports zenoh.
 """
 
 import argparse
@@ -19,16 +21,16 @@ from zteam.clock import monotonic, wait_until
 from zteam.errors import BusError, ZteamError
 
 START_LIMIT = 60.0
-"""Host seconds for everybody to be there, and again for the warm-up."""
+"""Host seconds for all processes to start, and again for the warm-up."""
 TICK_LIMIT = 2.0
-"""Host seconds after which a tick without all its answers counts as lost."""
+"""Host seconds after which a tick without all of its answers counts as lost."""
 WARM_UP_TICKS = 100
 """Ticks before the measured ones."""
 
 _OPEN_LIMIT_MS = 20_000
 _STDIN = 0
 
-# Bytes on the wire of zteam's own messages.
+# Payload sizes of zteam's own messages.
 _TICK_BYTES = 100
 _CLOCK_BYTES = 12
 _TF_BYTES = 130
@@ -38,33 +40,33 @@ _DONE_BYTES = 80
 
 
 class Exchanged(msgspec.Struct):
-    """What the simulator measured."""
+    """The simulator's measurement."""
 
     ticks: int
-    """Ticks that were answered by everybody."""
+    """Ticks that every process answered."""
     seconds: float
-    """Host seconds they and the lost ones took."""
+    """Host seconds of all ticks, lost ones included."""
     lost: int
 
 
 class Round:
-    """The keys heard of one tick, from any thread."""
+    """Collects the keys of one tick that have arrived; thread-safe."""
 
     def __init__(self, size: int) -> None:
         self._size = size
-        self._heard: set[str] = set()
+        self._arrived: set[str] = set()
         self._lock = threading.Lock()
 
     def take(self, key: str) -> bool:
-        """Note a message on `key`; True once per tick, with the last of `size` keys."""
+        """Note a message on `key`; return True once per tick, with the last of `size` keys."""
         with self._lock:
-            if key in self._heard:
-                # The tick before lost a message: what is left of it must not stand in for parts of this one.
-                self._heard.clear()
-            self._heard.add(key)
-            if len(self._heard) < self._size:
+            if key in self._arrived:
+                # The last tick lost a message: its other keys must not count for this tick.
+                self._arrived.clear()
+            self._arrived.add(key)
+            if len(self._arrived) < self._size:
                 return False
-            self._heard.clear()
+            self._arrived.clear()
             return True
 
 
@@ -83,7 +85,7 @@ def _done_key(name: str) -> str:
 
 def _open(endpoint: str, runtime: str) -> zenoh.Session:
     config = client_config(BusOptions(connect=endpoint))
-    # The router is known to listen, but many processes that start at once may keep it from answering at once.
+    # The router listens, but may answer late while many processes start.
     config.insert_json5("connect/timeout_ms", str(_OPEN_LIMIT_MS))
     try:
         return open_session(config, runtime)
@@ -101,7 +103,7 @@ def _read(sample: zenoh.Sample) -> None:
 
 
 def _wait_for_end_of_input() -> None:
-    # Not sys.stdin: a thread inside its lock would break the interpreter's exit.
+    # Not sys.stdin: a thread that holds its lock breaks the interpreter's exit.
     while os.read(_STDIN, 4096):
         continue
 
@@ -114,7 +116,7 @@ def _take_part(
     ignored: Iterable[str],
     answer: Callable[[], None],
 ) -> None:
-    """Call `answer()` for each tick of which messages on `size` keys of `awaited` have come, until input ends."""
+    """Call `answer()` for each tick once messages on `size` keys of `awaited` have arrived, until input ends."""
     arrived = Round(size)
 
     def on_sample(sample: zenoh.Sample) -> None:
@@ -127,7 +129,7 @@ def _take_part(
             declared.enter_context(session.declare_subscriber(key, on_sample))
         for key in ignored:
             declared.enter_context(session.declare_subscriber(key, _read))
-        # The token comes last: it says that nothing sent from here on is missed.
+        # The token comes last: from here on no message is missed.
         token = names.token_key(name, str(session.zid()))
         declared.enter_context(session.liveliness().declare_token(token))
         _wait_for_end_of_input()
@@ -147,7 +149,7 @@ def run_aggregator(endpoint: str, robots: int) -> None:
 
 
 def run_robot(endpoint: str, robot_id: int) -> None:
-    """Answer each tick once its scan, its odometry and the transforms are here, until input ends."""
+    """Answer each tick once the robot's scan, odometry and the transforms have arrived, until input ends."""
     with _open(endpoint, "small") as session:
         name = names.robot_name(robot_id)
         done = _publisher(session, _done_key(name))
@@ -157,11 +159,11 @@ def run_robot(endpoint: str, robot_id: int) -> None:
 
 
 class _Simulator:
-    """Sends ticks and waits for their answers."""
+    """Publishes the messages of each tick and waits for the answers."""
 
     def __init__(self, session: zenoh.Session, robots: int, beams: int) -> None:
-        team = range(robots)
-        self._everybody = {names.AGGREGATOR, *(names.robot_name(i) for i in team)}
+        ids = range(robots)
+        self._team = {names.AGGREGATOR, *map(names.robot_name, ids)}
         self._present: set[str] = set()
         self._answered: set[str] = set()
         self._input_ended = False
@@ -169,11 +171,11 @@ class _Simulator:
         scan, odometry = bytes(scan_bytes(beams)), bytes(_ODOMETRY_BYTES)
         payloads = [
             (_tick_key(), bytes(_TICK_BYTES)),
-            *((names.robot_key(i, names.TF), bytes(_TF_BYTES)) for i in team),
-            *((names.robot_key(i, names.ODOM), odometry) for i in team),
-            *((names.robot_key(i, names.BASE_SCAN), scan) for i in team),
+            *((names.robot_key(i, names.TF), bytes(_TF_BYTES)) for i in ids),
+            *((names.robot_key(i, names.ODOM), odometry) for i in ids),
+            *((names.robot_key(i, names.BASE_SCAN), scan) for i in ids),
             (names.CLOCK, bytes(_CLOCK_BYTES)),
-            *((names.robot_key(i, names.GROUND_TRUTH), odometry) for i in team),
+            *((names.robot_key(i, names.GROUND_TRUTH), odometry) for i in ids),
         ]
         self._messages = [(_publisher(session, key), payload) for key, payload in payloads]
         self._declared = [
@@ -186,7 +188,7 @@ class _Simulator:
         _read(sample)
         with self._changed:
             self._answered.add(str(sample.key_expr))
-            if len(self._answered) == len(self._everybody):
+            if len(self._answered) == len(self._team):
                 self._changed.notify()
 
     def _on_token(self, sample: zenoh.Sample) -> None:
@@ -203,25 +205,25 @@ class _Simulator:
             self._changed.notify()
 
     def _wait(self, ready: Callable[[], bool], timeout: float) -> bool:
-        """Wait with the lock held. Raises ZteamError when input has ended."""
-        came = wait_until(self._changed, lambda: self._input_ended or ready(), timeout)
+        """Wait with the lock held; return whether it is ready. Raises ZteamError when input has ended."""
+        is_ready = wait_until(self._changed, lambda: self._input_ended or ready(), timeout)
         if self._input_ended:
-            raise ZteamError("the input was closed before the measurement was over")
-        return came
+            raise ZteamError("standard input was closed before the end of the measurement")
+        return is_ready
 
-    def wait_for_everybody(self) -> None:
-        """Wait until all others are there. Raises ZteamError that says who is not."""
+    def wait_for_team(self) -> None:
+        """Wait until all other processes are present. Raises ZteamError that names the missing ones."""
         with self._changed:
-            if not self._wait(lambda: self._everybody <= self._present, START_LIMIT):
-                missing = ", ".join(sorted(self._everybody - self._present))
-                raise ZteamError(f"{missing} did not come up within {START_LIMIT:g} s")
+            if not self._wait(lambda: self._team <= self._present, START_LIMIT):
+                missing = ", ".join(sorted(self._team - self._present))
+                raise ZteamError(f"{missing} did not start within {START_LIMIT:g} s")
 
     def _tick(self) -> bool:
-        """Exchange one tick; whether everybody answered in time."""
+        """Exchange one tick; return whether every process answered in time."""
         for publisher, payload in self._messages:
             publisher.put(payload)
         with self._changed:
-            answered = self._wait(lambda: len(self._answered) == len(self._everybody), TICK_LIMIT)
+            answered = self._wait(lambda: len(self._answered) == len(self._team), TICK_LIMIT)
             self._answered.clear()
         return answered
 
@@ -248,7 +250,7 @@ def run_simulator(endpoint: str, robots: int, beams: int, seconds: float) -> Exc
     """Wait for `robots` robots and the aggregator, warm up, and measure for `seconds` host seconds."""
     with _open(endpoint, "usual") as session:
         simulator = _Simulator(session, robots, beams)
-        simulator.wait_for_everybody()
+        simulator.wait_for_team()
         simulator.warm_up()
         return simulator.measure(seconds)
 
@@ -258,17 +260,17 @@ def _parse(argv: Sequence[str] | None) -> argparse.Namespace:
     roles = parser.add_subparsers(dest="role", required=True)
     aggregator, robot, simulator = (roles.add_parser(role) for role in ("aggregator", "robot", "simulator"))
     for role in (aggregator, robot, simulator):
-        role.add_argument("--connect", required=True, metavar="ENDPOINT", help="of the router")
+        role.add_argument("--connect", required=True, metavar="ENDPOINT", help="endpoint of the router")
     for role in (aggregator, simulator):
-        role.add_argument("--robots", type=int, required=True)
-    robot.add_argument("--id", type=int, required=True)
-    simulator.add_argument("--beams", type=int, required=True)
-    simulator.add_argument("--seconds", type=float, required=True, help="of the host's clock")
+        role.add_argument("--robots", type=int, required=True, help="number of robots")
+    robot.add_argument("--id", type=int, required=True, help="robot id")
+    simulator.add_argument("--beams", type=int, required=True, help="beams of a scan")
+    simulator.add_argument("--seconds", type=float, required=True, help="host seconds to measure for")
     return parser.parse_args(argv)
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Entry point; the simulator prints its `Exchanged` as one line of JSON."""
+    """Entry point. The simulator prints its `Exchanged` as one line of JSON."""
     args = _parse(argv)
     try:
         if args.role == "aggregator":

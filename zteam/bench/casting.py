@@ -1,6 +1,7 @@
-"""The laser kernel alone, beside a plain scalar grid traversal compiled by the same compiler, in one run."""
+"""The laser kernel alone, compared in one run with a plain scalar grid traversal from the same compiler."""
 
 import math
+from collections.abc import Callable
 from statistics import median
 
 import msgspec
@@ -22,13 +23,13 @@ _ROUNDS = 15
 
 
 class KernelFigures(msgspec.Struct):
-    """Rays a second of one core against the world's first bitmap, 30 m at most, from 100 free poses."""
+    """Rays per second of one core against the world's first bitmap, up to 30 m, from 100 free poses."""
 
     beams: int
     rays_per_s: float
     scalar_dda_rays_per_s: float
     ratio: float
-    """Median of the rounds' ratios; both kernels take turns."""
+    """Median ratio of the two kernels, which alternate in each round."""
     max_difference_m: float
 
 
@@ -37,7 +38,7 @@ def _cast_scalar(
     occupied: NDArray[np.bool_], cell_x: float, cell_y: float, x: Floats, y: Floats, yaw: Floats, cos: Floats,
     sin: Floats, limit: float, ranges: Floats,
 ) -> None:  # fmt: skip
-    """Cell by cell along every ray (Amanatides and Woo 1987)."""
+    """Traverse the grid cell by cell along every ray (Amanatides and Woo 1987)."""
     rows, columns = occupied.shape
     for scan in range(x.shape[0]):
         px, py = x[scan] / cell_x, y[scan] / cell_y
@@ -65,9 +66,9 @@ def _cast_scalar(
 
 
 def measure_kernels(world: World, beams: int, fov_deg: float, seed: int = 1) -> KernelFigures:
-    """Both kernels on the same rays. Raises UsageError for a world without a bitmap."""
+    """Measure both kernels on the same rays. Raises UsageError for a world without a bitmap."""
     if not world.floorplans:
-        raise UsageError(f"world {world.name} has no bitmap to cast rays against: take another, such as office")
+        raise UsageError(f"world {world.name} has no bitmap to cast rays against: use another world, such as office")
     plan = world.floorplans[0]
     cos_p, sin_p = math.cos(plan.pose.yaw), math.sin(plan.pose.yaw)
     poses = np.array(free_poses(world, _SCANS, seed))
@@ -89,14 +90,7 @@ def measure_kernels(world: World, beams: int, fov_deg: float, seed: int = 1) -> 
     def scalar() -> None:
         _cast_scalar(plan.occupied, *plan.cell, x, y, yaw, cos, sin, limit, plain)
 
-    spent = []
-    for _ in range(_ROUNDS + 1):
-        begin = process_time()
-        squares()
-        middle = process_time()
-        scalar()
-        spent.append((middle - begin, process_time() - middle))
-    spent = spent[1:]  # the first round compiles
+    spent = _time_alternately(squares, scalar)
     rays = ranges.size
     return KernelFigures(
         beams=beams,
@@ -105,3 +99,15 @@ def measure_kernels(world: World, beams: int, fov_deg: float, seed: int = 1) -> 
         ratio=median(p / s for s, p in spent),
         max_difference_m=float(np.abs(ranges - plain).max()),
     )
+
+
+def _time_alternately(first: Callable[[], None], second: Callable[[], None]) -> list[tuple[float, float]]:
+    """CPU seconds of both calls in each round; a round before the measured ones compiles them."""
+    spent = []
+    for _ in range(_ROUNDS + 1):
+        begin = process_time()
+        first()
+        middle = process_time()
+        second()
+        spent.append((middle - begin, process_time() - middle))
+    return spent[1:]

@@ -1,4 +1,4 @@
-"""The floor under a team in lock-step: what exchanging a tick's messages through the router takes, and nothing else."""
+"""The floor of a lock-step tick: the time to exchange its messages through the router, and nothing else."""
 
 import sys
 
@@ -20,18 +20,18 @@ class FloorFigures(msgspec.Struct):
     ticks_per_s: float
     tick_ms: float
     rtf: float
-    """Simulated seconds a second, were there nothing to do but to exchange messages."""
+    """Simulated seconds per host second if a tick only exchanged messages."""
     lost: int
-    """Ticks that somebody did not answer in time."""
+    """Ticks that a process did not answer in time."""
 
 
 def measure_floor(robots: int, beams: int, seconds: float, interval: float = 0.1) -> FloorFigures:
     """Exchange ticks of `interval` simulated seconds between real processes for `seconds` host seconds.
 
-    Raises ZteamError that says which process failed.
+    Raises ZteamError that names the process that failed.
     """
     if robots < 1 or beams < 1 or not seconds > 0 or not interval > 0:
-        raise UsageError("the floor needs robots and beams from 1, and seconds and an interval above 0")
+        raise UsageError("the floor needs at least one robot and one beam, and seconds and an interval above 0")
     exchanged = _run(robots, beams, seconds)
     if exchanged.ticks == 0:
         raise ZteamError(f"not one tick was answered in {exchanged.seconds:.1f} s")
@@ -48,7 +48,7 @@ def measure_floor(robots: int, beams: int, seconds: float, interval: float = 0.1
 
 def _run(robots: int, beams: int, seconds: float) -> Exchanged:
     count = ["--robots", str(robots)]
-    # START_LIMIT: the simulator's waits for everybody and for the warm-up, and its own start.
+    # START_LIMIT three times: the simulator's own start, its wait for the team, and the warm-up.
     limit = 3 * START_LIMIT + seconds + TICK_LIMIT
     with Supervisor(lambda _name, _line: None, lambda _process: None) as supervisor:
         try:
@@ -62,7 +62,7 @@ def _run(robots: int, beams: int, seconds: float) -> Exchanged:
         except OSError as error:
             raise ZteamError(f"cannot start the processes of the exchange: {error}") from None
         finally:
-            # The router last: a session without it would only try to reach it again.
+            # The router last: sessions that lose it try to reconnect.
             supervisor.stop(sorted(supervisor.processes.keys() - {ROUTER}))
             supervisor.stop([ROUTER])
 
@@ -72,7 +72,7 @@ def _command(role: str, endpoint: str, *arguments: str) -> list[str]:
 
 
 def _start_router(supervisor: Supervisor) -> str:
-    """The endpoint of a router of our own."""
+    """Start a router; return its endpoint."""
     router = supervisor.start(ROUTER, zteam_command("zteam-router", "--listen", "tcp/127.0.0.1:0", "--announce"))
 
     def announced() -> list[str]:
@@ -80,23 +80,23 @@ def _start_router(supervisor: Supervisor) -> str:
 
     supervisor.wait(lambda: bool(announced() or supervisor.failures), START_LIMIT)
     if not announced():
-        raise ZteamError(_epitaph(router))
+        raise ZteamError(_failure_text(router))
     return announced()[0]
 
 
 def _wait_for_result(supervisor: Supervisor, simulator: Process, limit: float) -> Exchanged:
-    # Nobody was asked to end, so whoever does is among the failures: it should be the simulator, and with success.
+    # No process was asked to end, so each one that ends counts as a failure. The first should be the simulator, with 0.
     if not supervisor.wait(lambda: bool(supervisor.failures), limit):
         raise ZteamError(f"the exchange was not over within {limit:g} s")
     first = supervisor.failures[0]
     if first is not simulator or first.exit_code != 0:
-        raise ZteamError(_epitaph(first))
+        raise ZteamError(_failure_text(first))
     try:
         return msgspec.json.decode(first.lines[-1], type=Exchanged)
     except (IndexError, msgspec.DecodeError):
-        raise ZteamError(_epitaph(first)) from None
+        raise ZteamError(_failure_text(first)) from None
 
 
-def _epitaph(process: Process) -> str:
-    said = process.lines[-1] if process.lines else "it said nothing"
-    return f"{process.name} of the exchange failed ({exit_text(process.exit_code)}): {said}"
+def _failure_text(process: Process) -> str:
+    last = process.lines[-1] if process.lines else "no output"
+    return f"{process.name} of the exchange failed ({exit_text(process.exit_code)}): {last}"

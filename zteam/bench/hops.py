@@ -1,4 +1,4 @@
-"""What the single hops of a tick cost in Python, each warm and alone, to read a whole tick beside."""
+"""The cost of each step of a tick in Python, measured warm and alone, to compare with a whole tick."""
 
 from collections.abc import Callable
 
@@ -30,7 +30,7 @@ _TICK = 100_000_000
 
 
 def _cost(call: Callable[[], object]) -> float:
-    """Microseconds of a call: the best of some rounds."""
+    """Microseconds per call: the best of several rounds."""
     best = float("inf")
     for _ in range(_ROUNDS):
         begin = process_time()
@@ -41,7 +41,7 @@ def _cost(call: Callable[[], object]) -> float:
 
 
 def measure_hops(robot: Robot, robots: int, beams: int) -> dict[str, float]:
-    """Microseconds of every hop, for a team of `robots` like `robot` whose lasers have `beams` rays."""
+    """Microseconds of each step, for a team of `robots` robots like `robot` with lasers of `beams` beams."""
     far = np.full(beams, 5.0, np.float32)
     scan = LaserScan(
         Header(time_from_ns(_TICK), names.robot_frame(1, names.BASE_LASER_LINK)),
@@ -75,7 +75,7 @@ def measure_hops(robot: Robot, robots: int, beams: int) -> dict[str, float]:
 
 
 class _Bundles:
-    """A team's transforms as its robots get them."""
+    """A team's transforms as its robots receive them."""
 
     def __init__(self, robot: Robot, robots: int) -> None:
         self.now = 0
@@ -97,11 +97,11 @@ class _Bundles:
         return TFMessage(found)
 
     def encode(self) -> bytes:
-        """What the aggregator does at the end."""
+        """Encode a bundle, as the aggregator does."""
         return encode(self._message)
 
     def take_and_look(self) -> None:
-        """A bundle comes and a follower looks at its leader and at itself."""
+        """Take a bundle, then look up a follower's own pose and its leader's, as a follower does."""
         self.now = self._bundles.take(self._payloads[self._next])
         self._next += 1
         own, leader = (names.robot_frame(i, names.BASE_FOOTPRINT) for i in (1, 0))
@@ -109,6 +109,6 @@ class _Bundles:
         self.look(own, leader)
 
     def look(self, target: str, source: str) -> tuple[Pose2, int] | None:
-        """The newest pose of one frame in another."""
+        """The newest pose of `source` in `target` and its stamp (ns); None without one."""
         self._bundles.settle(target, source)
         return self._buffer.lookup_pose2(target, source, 0)

@@ -1,4 +1,4 @@
-"""A whole team of real processes through a router: in lock-step as fast as it goes, or in real time."""
+"""A whole team of real processes through a router: in lock-step as fast as it runs, or in real time."""
 
 import math
 import os
@@ -33,45 +33,45 @@ define bench_robot position
 
 
 class TeamFigures(msgspec.Struct):
-    """One run."""
+    """Figures of one run."""
 
     world: str
     robots: int
     beams: int
     lockstep: bool
     rtf: float | None
-    """Simulated seconds a second of the host, from GO on."""
+    """Simulated seconds per host second, from GO on."""
     ticks_per_s: float | None
     timing_ms: Timing | None
-    """Where the simulator's time of a tick went."""
+    """Parts of the simulator's time per tick."""
     rounds: dict[str, RoundTiming]
-    """Where the participants' time went (lock-step)."""
+    """Parts of the participants' time per tick (lock-step)."""
     go_after_seconds: float | None
     latency_p50_ms: float | None
-    """Scan sent to command received, in the simulator."""
+    """From a scan sent to its command received, measured in the simulator."""
     latency_p99_ms: float | None
     lateness_p99_ms: float | None
-    """Ticks that began after they were due (real time)."""
+    """Delay of ticks after the time they were due (real time)."""
     late_steps: int
     resends: int
     trajectory_sha256: str
     pss_mb: float
-    """Of all processes together, each at its peak."""
+    """Sum over all processes, each at its peak."""
     cpu_seconds: dict[str, float]
     dropped: int
     hops_us: dict[str, float] = {}
-    """Microseconds of single hops, each warm and alone (zteam.bench.hops)."""
+    """Microseconds of the steps of a tick, each measured alone (zteam.bench.hops)."""
     floor_rtf: float | None = None
-    """The same exchange of messages on bare Zenoh, without decoding and without physics, in the same run."""
+    """The same exchange of messages on bare Zenoh (zteam.bench.bare_zenoh), measured right after the run."""
     floor_ratio: float | None = None
-    """floor_rtf / rtf: 1 would be as fast as the transport alone."""
+    """floor_rtf / rtf; 1 is as fast as the transport alone."""
 
 
 def measure_team(world: Path, robots: int, beams: int, seconds: float, *, realtime: bool = False) -> TeamFigures:
-    """A line of `robots` with lasers of `beams` rays, for `seconds` of simulated time after GO.
+    """Run a line of `robots` robots with lasers of `beams` beams for `seconds` simulated seconds after GO.
 
-    Robots of the world itself, if it has so many with such a laser; else others at free places near each other, each
-    following the one before. Raises ZteamError with the last lines of a run that fails.
+    The robots are the world's own if it has enough with such a laser, else added ones at free poses near each other.
+    Each follows the one before. Raises ZteamError with the last lines of a run that fails.
     """
     loaded = load_world(world)
     with tempfile.TemporaryDirectory() as folder:
@@ -111,7 +111,7 @@ def _own_robots(world: World, robots: int, beams: int) -> bool:
 
 
 def chain(poses: list[Pose2]) -> list[Pose2]:
-    """The same places in an order in which each is the nearest to the one before."""
+    """The same poses, ordered so that each is the nearest of the rest to the one before."""
     rest, ordered = list(poses[1:]), [poses[0]]
     while rest:
         last = ordered[-1]

@@ -1,4 +1,4 @@
-"""The simulator's core alone, as fast as it goes: robots at seeded free places, wandering."""
+"""The simulator's core alone, as fast as it runs: wandering robots that start at seeded free poses."""
 
 import math
 import resource
@@ -16,23 +16,23 @@ from zteam.sim.grids import is_occupied
 from zteam.world import Ranger, Robot, World, add_robot
 
 _CLEARANCE = 0.35
-"""Metres around a start pose that have to be free."""
+"""Radius in metres around a start pose that has to be free."""
 _TURN_TICKS = 20
-"""A wandering robot chooses a new turn this often."""
+"""Ticks after which a wandering robot chooses a new turn rate."""
 
 
 class SimulationFigures(msgspec.Struct):
-    """Per process time of this process, so that other load counts little."""
+    """Figures per CPU second of this process, which other load affects little."""
 
     robots: int
     beams: int
     seconds: float
     rtf: float
-    """Simulated seconds a second."""
+    """Simulated seconds per CPU second."""
     rays_per_s: float
     step_ms: float
     rss_mb: float
-    """Peak of the whole process, 10⁶ bytes."""
+    """Peak resident memory of the process, 10⁶ bytes."""
 
 
 def measure_simulation(
@@ -45,7 +45,7 @@ def measure_simulation(
     options: Options,
     seed: int = 1,
 ) -> SimulationFigures:
-    """Run `robots` erratics with a laser of `beams` rays for `seconds` of simulated time."""
+    """Run `robots` robots with a laser of `beams` beams for `seconds` simulated seconds."""
     laser = Ranger("laser", 0.05, 0.0, 0.16, 0.0, math.radians(fov_deg), beams, 0.0, range_max)
     team = {i: _robot(world, i, pose, laser) for i, pose in enumerate(free_poses(world, robots, seed))}
     engine = Engine(world, seed=seed, robots=team, options=options)
@@ -80,7 +80,7 @@ def _wander(seed: int, robot: int, tick: int) -> Twist:
 
 
 def free_poses(world: World, count: int, seed: int) -> list[Pose2]:
-    """Places in the world's box with nothing near, chosen by the seed alone."""
+    """Poses within the world's bounds with free space around them; they depend only on the seed."""
     corners = [corner for plan in world.floorplans for corner in _corners(plan.pose, plan.occupied.shape, plan.cell)]
     corners += [(o.pose.x, o.pose.y) for o in world.obstacles] + [r.pose[:2] for r in world.robots]
     (left, bottom), (right, top) = np.min(corners, axis=0), np.max(corners, axis=0)
@@ -92,7 +92,7 @@ def free_poses(world: World, count: int, seed: int) -> list[Pose2]:
             found.append(Pose2(float(x), float(y), math.tau * uniform(seed, draw, 0, 3)))
             if len(found) == count:
                 return found
-    raise UsageError(f"world {world.name} has no room for {count} robots: only {len(found)} free places were found")
+    raise UsageError(f"world {world.name} has no room for {count} robots: found only {len(found)} free poses")
 
 
 def _corners(pose: Pose2, shape: tuple[int, ...], cell: tuple[float, float]) -> list[tuple[float, float]]:

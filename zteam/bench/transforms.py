@@ -1,4 +1,4 @@
-"""The transform buffer, beside Debian's tf2_py where that can be imported: messages in, messages out, one process."""
+"""The transform buffer in one process, compared with Debian's tf2_py if that can be imported."""
 
 import importlib
 import math
@@ -36,32 +36,32 @@ Row = tuple[str, str, int, tuple[float, ...]]
 
 
 class BufferFigures(msgspec.Struct):
-    """One tree: calls a second of one core; ratios are tf2_py's time by ours, medians of rounds that take turns."""
+    """One tree: calls per second of one core. A ratio is tf2_py's time by ours, the median of alternating rounds."""
 
     robots: int
     set_per_s: float
     latest_per_s: float
     past_per_s: float
     set_ratio: float | None
-    """None where tf2_py is not here."""
+    """None without tf2_py."""
     latest_ratio: float | None
     past_ratio: float | None
 
 
 class ListenerFigures(msgspec.Struct):
-    """What hearing a large team costs: bundles decoded and stored, without the bus itself."""
+    """The cost of receiving a large team's transforms: bundles decoded and stored, without the bus."""
 
     robots: int
     transforms_per_s: int
     core_share: float
-    """Of one core, in real time."""
+    """Share of one core in real time."""
     samples: int
-    """In the buffer after `seconds` simulated seconds: it does not grow with time."""
+    """Samples in the buffer after `seconds` simulated seconds; they do not grow with time."""
     seconds: int
 
 
 def measure_listener(robots: int = 100, frames: int = 4, seconds: int = 600) -> ListenerFigures:
-    """Every robot says `frames` moving frames at 50 Hz, in one bundle a tick."""
+    """Measure a team in which every robot publishes `frames` moving frames at 50 Hz, in one bundle per tick."""
     buffer, spent = Buffer(), 0.0
     identity = Transform(Vector3(1.0, 2.0, 0.0), Quaternion())
     edges = [(f"robot_{i}/f{k}", f"robot_{i}/f{k + 1}") for i in range(robots) for k in range(frames)]
@@ -77,7 +77,7 @@ def measure_listener(robots: int = 100, frames: int = 4, seconds: int = 600) -> 
 
 
 def _tree(robots: int) -> list[Row]:
-    """Ten seconds of a team: odom -> base_footprint at 50 Hz, every robot at its own instants; all else static."""
+    """Ten seconds of a team: odom -> base_footprint at 50 Hz, each robot with its own offset; the rest is static."""
     pick, rows = random.Random(1), []
     for i in range(robots):
         own = f"robot_{i}"
@@ -98,12 +98,12 @@ def _tree(robots: int) -> list[Row]:
 
 
 def measure_buffers(robots: int, tf2_path: Path | None) -> BufferFigures:
-    """Figures for a team of that size."""
+    """Measure the buffers with the tree of `robots` robots."""
     rows = _tree(robots)
     pick = random.Random(2)
     first, last = _START + 200_000_000, _START + _SECONDS * 10**9 - _STEP
     times = [pick.randrange(first, last) for _ in range(_LOOKUPS)]
-    # A follower asks the same question all the time: where its leader is.
+    # A follower looks up the same pair all the time: its leader in its own frame.
     pairs = [("robot_0/base_footprint", f"robot_{min(3, robots - 1)}/base_laser_link")] * _LOOKUPS
     ours = _prepare_ours(rows, pairs, times)
     theirs = _prepare_tf2(rows, pairs, times, tf2_path)
@@ -176,7 +176,7 @@ def _prepare_tf2(
         sys.path.append(str(tf2_path))
     try:
         with warnings.catch_warnings():
-            # What ROS 1's own modules warn about on new Pythons is not ours.
+            # ROS 1's modules warn on new Python versions.
             warnings.simplefilter("ignore")
             tf2, genpy, ros = (importlib.import_module(name) for name in ("tf2_py", "genpy", "geometry_msgs.msg"))
     except ImportError:

@@ -1,4 +1,4 @@
-"""What tools that listen have in common: waiting with a word to the user, and a look at everything on the bus."""
+"""Shared by the tools that listen on the bus: opening it, waiting with a message to the user, surveying its keys."""
 
 import sys
 import threading
@@ -16,60 +16,63 @@ from zteam.messages import Message, message_type, type_of_encoding
 from zteam.names import strip_slash
 
 PATIENCE = 5.0
-"""Seconds that a tool waits for a router it was told to use."""
+"""Seconds to wait for the router given with `--connect`."""
 SURVEY = 1.2
-"""Seconds that a look at the bus takes: more than a tick and than the period of a robot's status."""
+"""Seconds of a survey of the bus: longer than a tick and than the period of a robot's status."""
 
 
 def open_bus(options: BusOptions) -> Bus:
-    """A session for a tool, which Ctrl+C closes."""
+    """Open a session for a tool; Ctrl+C closes it."""
     raise_from_now()
     return connect(options, patience=PATIENCE)
 
 
 def check_key(text: str) -> str:
-    """A key expression as a user types it, without its leading slash. Raises UsageError with the way out."""
+    """The key expression that a user typed, without its leading slash. Raises UsageError that names the fix."""
     import zteam.bus.keys as keys
 
     key = strip_slash(text)
     problem = keys.problem_of(key)
     if problem:
         hint = f": write {key.replace('robot_*', 'robot_$*')!r}" if "robot_*" in key else ""
-        raise UsageError(f"{text!r} is no key expression ({problem}){hint}")
+        raise UsageError(f"{text!r} is not a key expression ({problem}){hint}")
     return key
 
 
 def kind_of(sample: RawSample, given: type[Message] | None) -> type[Message] | None:
-    """The type of a payload: as given, as its encoding says, or as its key has it."""
+    """The type of a payload: the one given, else that of its encoding, else that of its key."""
     return given or type_of_encoding(sample.encoding) or type_of_key(sample.key)
 
 
 def given_type(name: str | None) -> type[Message] | None:
-    """The type of a --type option."""
+    """The message type of a `--type` option."""
     return message_type(name) if name else None
 
 
 class Waiter:
-    """A condition that callbacks set off and a tool waits on, telling the user once it takes long."""
+    """A condition that callbacks notify and a tool waits for; a long wait is reported to the user."""
 
     def __init__(self) -> None:
         self.changed = threading.Condition()
 
     def notify(self) -> None:
-        """Something changed."""
+        """Wake the waiting thread to check its condition."""
         with self.changed:
             self.changed.notify_all()
 
     def wait(self, ready: Callable[[], bool], timeout: float | None, what: str) -> bool:
-        """Wait until `ready()`, for ever or `timeout` s; after 2 s say on stderr what for, unless `what` is empty."""
-        start, said = monotonic(), False
+        """Wait until `ready()`, for at most `timeout` s if given; return whether it is ready.
+
+        After 2 s say on stderr that the tool waits for `what`, unless that is empty.
+        """
+        start, reported = monotonic(), False
         with self.changed:
             while not ready():
                 waited = monotonic() - start
                 if timeout is not None and waited >= timeout:
                     return False
-                if what and waited >= 2.0 and not said:
-                    said = True
+                if what and waited >= 2.0 and not reported:
+                    reported = True
                     print(f"waiting for {what} (Ctrl+C to give up)", file=sys.stderr)
                 left = 0.5 if timeout is None else min(0.5, timeout - waited)
                 wait_until(self.changed, ready, max(0.0, left))
@@ -77,59 +80,69 @@ class Waiter:
 
 
 class KeySurvey(msgspec.Struct):
-    """What was heard on one key."""
+    """The messages received on one key."""
 
     key: str
     type: str
-    """ROS name, or the encoding, or empty."""
+    """ROS name, else the encoding, else empty."""
     count: int = 0
     bytes: int = 0
     latched: bool = False
-    """Whether it was there before the survey began."""
+    """Whether its message was published before the survey began."""
     sources: list[str] = []
-    """Sessions that sent on it, in the order in which they were heard; an empty one stamps no time."""
+    """Sessions that published on it, in order of their first message; empty for a session that sends no time stamp."""
     rate: float = 0.0
     """Hz over the survey."""
 
 
-def survey(bus: Bus, key_expr: str, seconds: float = SURVEY) -> list[KeySurvey]:
-    """Listen to `key_expr` for a while: every key that carries data, latched ones included."""
-    found: dict[str, KeySurvey] = {}
-    lock = threading.Lock()
+class _Survey:
+    """Collects what two subscribers, a live and a latched one, receive on Zenoh's threads."""
 
-    def take(sample: RawSample, latched: bool) -> None:
+    def __init__(self) -> None:
+        self._found: dict[str, KeySurvey] = {}
+        self._latched_keys: set[str] = set()
+        self._lock = threading.Lock()
+
+    def take_live(self, sample: RawSample) -> None:
+        """Count a sample published during the survey."""
+        with self._lock:
+            self._entry(sample).count += 1
+
+    def take_latched(self, sample: RawSample) -> None:
+        """Note the latched sample of a key.
+
+        A latched subscriber also receives live samples, which `take_live` counts: only a key's first sample matters
+        here, and only if no live one came before it.
+        """
+        with self._lock:
+            if sample.key not in self._latched_keys:
+                self._latched_keys.add(sample.key)
+                if sample.key not in self._found:
+                    self._entry(sample).latched = True
+
+    def _entry(self, sample: RawSample) -> KeySurvey:
         kind = kind_of(sample, None)
-        with lock:
-            entry = found.setdefault(sample.key, KeySurvey(sample.key, kind.ros_type if kind else sample.encoding))
-            if latched:
-                entry.latched = True
-            else:
-                entry.count += 1
-            entry.bytes = len(sample.payload)
-            if sample.source not in entry.sources:
-                entry.sources.append(sample.source)
+        entry = self._found.setdefault(sample.key, KeySurvey(sample.key, kind.ros_type if kind else sample.encoding))
+        entry.bytes = len(sample.payload)
+        if sample.source not in entry.sources:
+            entry.sources.append(sample.source)
+        return entry
 
-    start = monotonic()
-    live = bus.subscribe_raw(key_expr, lambda s: take(s, False))
-    # A latched subscriber also hears live samples; those the plain one counts, so only what came before is taken.
-    first_seen: set[str] = set()
+    def entries(self, elapsed: float) -> list[KeySurvey]:
+        """All keys, sorted, with their rates over `elapsed` seconds."""
+        with self._lock:
+            for entry in self._found.values():
+                entry.rate = entry.count / elapsed
+                entry.latched = entry.latched and entry.count == 0
+            return sorted(self._found.values(), key=lambda entry: entry.key)
 
-    def take_history(sample: RawSample) -> None:
-        if sample.key not in first_seen:
-            first_seen.add(sample.key)
-            with lock:
-                fresh = sample.key not in found
-            if fresh:
-                take(sample, True)
 
-    history = bus.subscribe_raw(key_expr, take_history, latched=True)
-    waiter = Waiter()
-    waiter.wait(lambda: False, seconds, "data")
+def survey(bus: Bus, key_expr: str, seconds: float = SURVEY) -> list[KeySurvey]:
+    """Listen to `key_expr` for `seconds`: every key that carries data, latched ones included."""
+    start, found = monotonic(), _Survey()
+    live = bus.subscribe_raw(key_expr, found.take_live)
+    latched = bus.subscribe_raw(key_expr, found.take_latched, latched=True)
+    Waiter().wait(lambda: False, seconds, "data")
     live.close()
-    history.close()
-    elapsed = monotonic() - start
-    with lock:
-        for entry in found.values():
-            entry.rate = entry.count / elapsed
-            entry.latched = entry.latched and entry.count == 0
-        return sorted(found.values(), key=lambda e: e.key)
+    latched.close()
+    return found.entries(monotonic() - start)

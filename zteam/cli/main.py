@@ -1,4 +1,4 @@
-"""`zteam`: all commands; only the module of the one that runs is imported."""
+"""`zteam COMMAND`, and the entry points of all commands. Only the module of the command that runs is imported."""
 
 import sys
 from collections.abc import Sequence
@@ -8,13 +8,13 @@ from zteam.cli.interrupts import INTERRUPTED, ignore_from_now, leave_at_once
 from zteam.cli.output import guarded
 
 COMMANDS = {
-    "up": ("up", "start a whole team and watch over it"),
-    "topic": ("topic", "list | echo | hz | info | pub: what goes over the bus"),
-    "tf": ("tf", "echo | tree | static: transforms between frames"),
-    "sim": ("sim", "pause | resume | step | speed | reset | spawn | remove | move | status: the running simulator"),
-    "node": ("node", "list: which processes are alive"),
-    "world": ("world", "check | show | scan: world files, their pictures, and what lasers see in them"),
-    "doctor": ("doctor", "find out what is wrong, with the next step for each problem"),
+    "up": ("up", "start and supervise a whole team"),
+    "topic": ("topic", "list | echo | hz | info | pub: inspect and publish messages"),
+    "tf": ("tf", "echo | tree | monitor | positions | static: show and set transforms"),
+    "sim": ("sim", "pause | resume | step | speed | reset | spawn | remove | move | status: control the simulator"),
+    "node": ("node", "list: list the processes that are alive"),
+    "world": ("world", "check | show | scan: check and draw world files, and scan in them"),
+    "doctor": ("doctor", "diagnose problems and print the next step for each"),
     "bench": ("bench", "measure zteam on this machine"),
 }
 """Command -> (module in zteam.cli, one line)."""
@@ -24,13 +24,13 @@ def _usage() -> str:
     rows = "\n".join(f"  {name:8}{text}" for name, (_, text) in COMMANDS.items())
     return (
         f"usage: zteam COMMAND ...\n\n{rows}\n\n"
-        "Processes have commands of their own: zteam-sim, zteam-robot, zteam-tf, zteam-monitor, zteam-router.\n"
-        "zteam COMMAND --help tells more."
+        "The processes are separate commands: zteam-sim, zteam-robot, zteam-tf, zteam-monitor, zteam-router.\n"
+        "See zteam COMMAND --help."
     )
 
 
 def _start(module: str) -> int:
-    """Be the command of `zteam.cli.<module>`, from its imports to its end."""
+    """Run the command of `zteam.cli.<module>`, including its imports; return its exit code."""
     leave_at_once()
     try:
         return _run(module, sys.argv[1:])
@@ -55,7 +55,7 @@ start_router = partial(_start, "zteam_router")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """What follows `zteam`."""
+    """Run the command line that follows `zteam`."""
     return guarded("zteam", lambda: _main(list(sys.argv[1:] if argv is None else argv)))
 
 

@@ -1,4 +1,4 @@
-"""`zteam node list`: which processes are alive, where, and since when."""
+"""`zteam node list`: list the processes that are alive, their hosts and their uptimes."""
 
 import argparse
 import sys
@@ -14,11 +14,11 @@ from zteam.cli.options import Parser, add_bus_options, bus_options, run
 from zteam.clock import wall_ns
 
 _SETTLE = 0.3
-"""Seconds to hear all tokens: a look right after opening a session may find none."""
+"""Seconds to wait for all tokens: a session that was just opened may have none yet."""
 
 
 def find_nodes(bus: Bus) -> list[ProcessInfo]:
-    """Every process that shows a token; one that does not answer has pid 0."""
+    """Every process with a presence token; one that does not answer has pid 0."""
     tokens: dict[str, str] = {}
 
     def take(key: str, alive: bool) -> None:
@@ -38,7 +38,7 @@ def find_nodes(bus: Bus) -> list[ProcessInfo]:
 
 
 def writer_names(nodes: Sequence[ProcessInfo], sessions: Sequence[str]) -> list[str]:
-    """The processes behind sessions that publish; one without a name on the bus shows its session's id."""
+    """Names of the processes that own these sessions; a session without a process name is shown by its id."""
     known = {node.instance: node.name for node in nodes}
     return [
         known.get(session) or (f"session {session}" if session else "unknown (no time stamp)") for session in sessions
@@ -49,8 +49,8 @@ def build_parser() -> argparse.ArgumentParser:
     """The command line."""
     parser = Parser(prog="zteam node", description=__doc__)
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="list")
-    listing = verbs.add_parser("list", help="processes that are alive")
-    listing.add_argument("--json", action="store_true")
+    listing = verbs.add_parser("list", help="list the processes that are alive")
+    listing.add_argument("--json", action="store_true", help="print JSON")
     add_bus_options(listing)
     return parser
 
@@ -71,7 +71,7 @@ def _list(args: argparse.Namespace) -> int:
         print(msgspec.json.encode(found).decode())
         return 0
     if not found:
-        print("nobody is there")
+        print("no processes (start a team with 'zteam up')")
     for info in found:
         age = "" if not info.pid else f"pid {info.pid}, up {(wall_ns() - info.start) / 1e9:.0f} s, zteam {info.version}"
         print(f"{info.name:12} {info.host:16} {age}")

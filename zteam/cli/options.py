@@ -1,53 +1,44 @@
-"""Options that all commands share."""
+"""The command line that all commands share: the parser, connection and logging options, and running a body."""
 
 import argparse
 import os
 import sys
-from collections.abc import Callable, Sequence
-from typing import NoReturn, TypeVar
+from collections.abc import Callable
+from typing import TYPE_CHECKING, NoReturn
 
 from zteam.bus import BusOptions
 from zteam.bus.options import FROM_STDIN, LEASE_BOUNDS, check_endpoint
+from zteam.cli.arguments import number, one_of
 from zteam.cli.interrupts import INTERRUPTED
 from zteam.cli.output import OutputError, guarded
 from zteam.errors import UsageError, ZteamError
 from zteam.names import strip_slash
-from zteam.numbers import parse_number, parse_whole
 from zteam.runtime.logs import LEVELS, start_logging
 
-T = TypeVar("T")
+if TYPE_CHECKING:
+    from _typeshed import SupportsWrite
 
-MIN_SEED, MAX_SEED = -(2**63), 2**63 - 1
-MAX_RATE = 1e4
-"""Hz of what a tool does again and again."""
+FORMATS = ("text", "json")
+"""Values of `--log-format`."""
 
 
 class Parser(argparse.ArgumentParser):
-    """A command line whose mistakes are told on one line."""
+    """A command line: it reports a mistake on one line, and help that it cannot write like any other output."""
 
     def error(self, message: str) -> NoReturn:
         """End with 2."""
         self.exit(2, f"{self.prog}: {message} (see '{self.prog} --help')\n")
 
+    def print_help(self, file: "SupportsWrite[str] | None" = None) -> None:
+        """Print the help text. End with 1 if it goes to standard output and that cannot be written."""
+        if file is not None:
+            super().print_help(file)
+        elif code := guarded(self.prog, self._write_help):
+            self.exit(code)
 
-def number(low: float, high: float, what: str) -> Callable[[str], float]:
-    """The `type` of an option: a number from `low` to `high`; the error asks for `what`, such as "seconds"."""
-    return _option_type(lambda text: parse_number(text, low, high, what))
-
-
-def whole(low: int, high: int, what: str) -> Callable[[str], int]:
-    """The `type` of an option: a whole number from `low` to `high`; the error asks for `what`."""
-    return _option_type(lambda text: parse_whole(text, low, high, what))
-
-
-def _option_type(parse: Callable[[str], T]) -> Callable[[str], T]:
-    def parse_option(text: str) -> T:
-        try:
-            return parse(text)
-        except UsageError as error:
-            raise argparse.ArgumentTypeError(str(error)) from None
-
-    return parse_option
+    def _write_help(self) -> int:
+        sys.stdout.write(self.format_help())
+        return 0
 
 
 def add_bus_options(parser: argparse.ArgumentParser) -> None:
@@ -57,35 +48,44 @@ def add_bus_options(parser: argparse.ArgumentParser) -> None:
         "--connect",
         metavar="ENDPOINT",
         default=os.environ.get("ZTEAM_CONNECT") or None,
-        help="router to use, e.g. tcp/10.0.0.1:7447 (default: the local one, started if there is none; $ZTEAM_CONNECT)",
+        help="use this router, e.g. tcp/10.0.0.1:7447 (default: the local one, started on demand; $ZTEAM_CONNECT)",
     )
     group.add_argument(
         "--namespace",
         default=os.environ.get("ZTEAM_NAMESPACE") or None,
-        help="keep this team apart from others on the same router ($ZTEAM_NAMESPACE)",
+        help="separate this team from others on the same router ($ZTEAM_NAMESPACE)",
     )
     group.add_argument(
         "--config",
         metavar="FILE.json5",
         default=os.environ.get("ZTEAM_CONFIG") or None,
-        help="Zenoh configuration to start from ($ZTEAM_CONFIG)",
+        help="read Zenoh settings from this file first ($ZTEAM_CONFIG)",
     )
     group.add_argument(
         "--lease",
         type=number(*LEASE_BOUNDS, "seconds"),
         metavar="SECONDS",
         default=os.environ.get("ZTEAM_LEASE", "2"),
-        help="silence after which this process counts as gone (2; longer than a lock-step's time-out, if it shall be "
-        "named as hung before; $ZTEAM_LEASE)",
+        help="declare this process lost after this silence on the link (default: 2; $ZTEAM_LEASE)",
     )
-    group.add_argument(
-        "--log-level", choices=LEVELS, default=os.environ.get("ZTEAM_LOG_LEVEL", "info"), help="($ZTEAM_LOG_LEVEL)"
+    add_log_options(group)
+
+
+def add_log_options(parser: argparse._ActionsContainer, level: str = "info") -> None:
+    """Add `--log-level`, by default `level`, and `--log-format`; the environment overrides the defaults."""
+    parser.add_argument(
+        "--log-level",
+        type=one_of(LEVELS),
+        choices=LEVELS,
+        default=os.environ.get("ZTEAM_LOG_LEVEL", level),
+        help="log from this level up (default: %(default)s; $ZTEAM_LOG_LEVEL)",
     )
-    group.add_argument(
+    parser.add_argument(
         "--log-format",
-        choices=("text", "json"),
+        type=one_of(FORMATS),
+        choices=FORMATS,
         default=os.environ.get("ZTEAM_LOG_FORMAT", "text"),
-        help="($ZTEAM_LOG_FORMAT)",
+        help="log as text or as JSON lines (default: %(default)s; $ZTEAM_LOG_FORMAT)",
     )
 
 
@@ -95,25 +95,9 @@ def add_clock_option(parser: argparse.ArgumentParser, default: str = "auto") -> 
         "--clock",
         choices=("auto", "sim", "wall"),
         default=default,
-        help="whose time to work in: the simulator's if there is one (auto), the simulator's in any case (sim), or the "
-        "host's (wall) (default: %(default)s)",
+        help="use simulated time (sim), the host's time (wall), or simulated time if a simulator runs (auto) "
+        "(default: %(default)s)",
     )
-
-
-def negative_numbers(words: Sequence[str]) -> list[str]:
-    """The words of a command line so that argparse takes no negative number for an option, `-1e-3` and `-inf` included.
-
-    They get a space in front, which `float` does not mind.
-    """
-    return [f" {word}" if word.startswith("-") and _is_number(word) else word for word in words]
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 def bus_options(args: argparse.Namespace, *, small: bool = False) -> BusOptions:
@@ -129,13 +113,13 @@ def bus_options(args: argparse.Namespace, *, small: bool = False) -> BusOptions:
 
 
 def run(name: str, args: argparse.Namespace, body: Callable[[], int], *, needs_output: bool = True) -> int:
-    """Run a command's body with logging on; a ZteamError becomes one line and its exit code.
+    """Run a command's body with logging on; its exit code. A ZteamError becomes one line and its own exit code.
 
-    A command that is of use without what it prints does not need its output.
+    Set `needs_output` to False for a command that is useful without what it prints.
     """
     start_logging(name, args.log_level, args.log_format)
 
-    def told() -> int:
+    def reported() -> int:
         try:
             return body()
         except OutputError:
@@ -145,11 +129,11 @@ def run(name: str, args: argparse.Namespace, body: Callable[[], int], *, needs_o
         except KeyboardInterrupt:
             return INTERRUPTED
 
-    return guarded(name, told, needs_output=needs_output)
+    return guarded(name, reported, needs_output=needs_output)
 
 
 def fail(name: str, error: ZteamError) -> int:
-    """Print an error, one line for each mistake that it tells; its exit code."""
+    """Print an error, one line for each mistake in it; return its exit code."""
     for line in str(error).splitlines():
         print(f"{name}: {line}", file=sys.stderr)
     return error.exit_code

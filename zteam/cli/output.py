@@ -1,7 +1,8 @@
-"""Standard output that may not be writable: a full disk, a closed descriptor, a reader that has gone, ASCII only.
+"""Standard output that cannot be written: a full disk, a closed descriptor, a closed pipe, an encoding of ASCII only.
 
-A command that prints a result ends with one line on standard error and 1 where its output cannot be written. A command
-that works on without (`zteam up`, the monitor) says so once and goes on. What the encoding cannot show is escaped.
+A command that prints a result and cannot write it ends with one line on standard error and exit code 1. A command that
+is useful without its output (`zteam up`, the monitor) says so once and goes on. Characters that the encoding lacks are
+escaped.
 """
 
 import errno
@@ -21,14 +22,14 @@ class OutputError(ZteamError):
     def __init__(self, reason: OSError) -> None:
         super().__init__(f"cannot write to standard output: {reason.strerror or reason}")
         self.reader_gone = isinstance(reason, BrokenPipeError)
-        """Whether it was a pipe whose reader has read enough (head, less), which is no failure."""
+        """Whether the reader of a pipe (head, less) closed it, which is no failure."""
 
 
 class Output:
-    """A text stream in front of another one, whose first failure to write goes to `on_failure`; then it drops all."""
+    """Wraps a text stream: the first failed write is passed to `on_failure`, and everything after it is dropped."""
 
     def __init__(self, stream: TextIO | None, on_failure: Callable[[OSError], None]) -> None:
-        """`stream` None is one that was closed from the start."""
+        """A `stream` of None is one that was closed when the process started."""
         self._stream = io.StringIO() if stream is None else stream
         self._is_open = stream is not None
         self._drops = False
@@ -38,16 +39,16 @@ class Output:
             reconfigure(errors="backslashreplace")
 
     def __getattr__(self, name: str) -> Any:
-        # Its encoding, its descriptor, whether it is a terminal.
+        # Such as encoding, fileno and isatty.
         return getattr(self._stream, name)
 
     def write(self, text: str) -> int:
-        """Write all of it, or none."""
+        """Write `text`; return its length even if it was dropped."""
         self._attempt(lambda: self._stream.write(text))
         return len(text)
 
     def flush(self) -> None:
-        """Write what is buffered."""
+        """Write the buffer."""
         if self._is_open:
             self._attempt(self._stream.flush)
 
@@ -65,20 +66,20 @@ class Output:
 
 
 def _discard(stream: TextIO) -> None:
-    """Let what a stream has buffered go nowhere: it would fail once more at the interpreter's end."""
+    """Redirect a stream to /dev/null: its buffer would fail to be written again when the interpreter ends."""
     null = os.open(os.devnull, os.O_WRONLY)
     try:
         os.dup2(null, stream.fileno())
     except (OSError, ValueError):
-        # No stream with a descriptor.
+        # The stream has no descriptor.
         pass
     finally:
         os.close(null)
 
 
 def guarded(name: str, body: Callable[[], int], *, needs_output: bool = True) -> int:
-    """Run a command's `body`; its exit code, or 1 if its output cannot be written and it `needs_output`."""
-    with _guarded_streams(_raise if needs_output else lambda error: _tell(name, error)):
+    """Run a command's `body`; return its exit code, or 1 if it `needs_output` and that cannot be written."""
+    with _guarded_streams(_raise if needs_output else lambda error: _warn(name, error)):
         try:
             try:
                 return body()
@@ -94,14 +95,14 @@ def guarded(name: str, body: Callable[[], int], *, needs_output: bool = True) ->
 @contextmanager
 def _guarded_streams(on_failure: Callable[[OSError], None]) -> Iterator[None]:
     if isinstance(sys.stdout, Output):
-        # A command within another one, which is the `zteam` that calls it.
+        # `zteam` runs a command, which decides from here on.
         sys.stdout.on_failure = on_failure
         yield
         return
     _open_descriptors()
     before = sys.stdout, sys.stderr
     sys.stdout = cast(TextIO, Output(sys.stdout, on_failure))
-    # Nothing is left to say it on.
+    # There is no stream left to report it on.
     sys.stderr = cast(TextIO, Output(sys.stderr, lambda error: None))
     try:
         yield
@@ -113,14 +114,14 @@ def _raise(error: OSError) -> None:
     raise OutputError(error)
 
 
-def _tell(name: str, error: OSError) -> None:
+def _warn(name: str, error: OSError) -> None:
     failure = OutputError(error)
     if not failure.reader_gone:
         print(f"{name}: {failure}; going on without it", file=sys.stderr)
 
 
 def _open_descriptors() -> None:
-    """Open what the caller has closed of 0, 1 and 2: the next pipe would become a child's standard output."""
+    """Open those of 0, 1 and 2 that are closed: otherwise the next pipe would become a child's standard output."""
     for descriptor in (0, 1, 2):
         try:
             os.fstat(descriptor)

@@ -1,4 +1,4 @@
-"""`zteam sim pause | resume | step | speed | reset | spawn | remove | move | status`: asks the running simulator."""
+"""`zteam sim pause | resume | step | speed | reset | spawn | remove | move | status`: control the running simulator."""
 
 import argparse
 import sys
@@ -9,9 +9,9 @@ from typing import TypeVar
 import msgspec
 
 from zteam import names
+from zteam.cli.arguments import negative_numbers, parse_speed
 from zteam.cli.listening import Waiter, open_bus
-from zteam.cli.options import Parser, add_bus_options, bus_options, negative_numbers, run
-from zteam.cli.zteam_sim import parse_speed
+from zteam.cli.options import Parser, add_bus_options, bus_options, run
 from zteam.clock import Every, monotonic, to_seconds
 from zteam.errors import UsageError
 from zteam.numbers import parse_number, parse_whole
@@ -21,12 +21,12 @@ from zteam.services.simulator_client import SimulatorClient
 T = TypeVar("T")
 
 PATIENCE = 2.0
-"""Host seconds after which a step says how it gets on."""
-_SAY_EVERY = 5.0
-"""Host seconds between two such lines where they cannot replace each other."""
+"""Host seconds after which a step reports its progress."""
+_REPORT_PERIOD = 5.0
+"""Host seconds between two progress lines where one cannot overwrite the other."""
 
 Answer = tuple[msgspec.Struct, str]
-"""The reply, and what it says to people."""
+"""The reply, and its text for users."""
 Ask = Callable[[SimulatorClient], Answer]
 
 
@@ -41,26 +41,27 @@ def build_parser() -> argparse.ArgumentParser:
         add_bus_options(sub)
         return sub
 
-    verb("pause", "let the world stand still")
-    verb("resume", "let it go on")
-    verb("step", "let N ticks pass, then stand still").add_argument(
-        "ticks", nargs="?", default="1", metavar="N", help="(1)"
+    verb("pause", "pause the world")
+    verb("resume", "continue the world")
+    verb("step", "run N ticks, then pause").add_argument(
+        "ticks", nargs="?", default="1", metavar="N", help="ticks to run (default: %(default)s)"
     )
-    verb("speed", "simulated seconds a second of the host, or as fast as possible").add_argument(
-        "speed", metavar="X|max"
+    verb("speed", "set the pace").add_argument(
+        "speed", metavar="X|max", help="simulated seconds per host second, or max for as fast as possible"
     )
-    verb("reset", "everything as at the start, time too")
-    spawn = verb("spawn", "put a further robot into the world and print its id")
-    spawn.add_argument("--pose", nargs=3, required=True, metavar=("X", "Y", "YAW"), help="in map: metres, radians")
-    spawn.add_argument("--model", default="erratic", help="a macro of the world's file (default: %(default)s)")
-    spawn.add_argument("--id", metavar="N", help="(the lowest that is free)")
-    verb("remove", "take a robot out of the world").add_argument("id", metavar="ID")
-    move = verb("move", "lift a robot to another place")
-    for name in ("id", "x", "y", "yaw"):
-        move.add_argument(name, metavar=name.upper(), help="in map: radians" if name == "yaw" else None)
+    verb("reset", "return to the start: robots, bodies and time")
+    spawn = verb("spawn", "add a robot to the world and print its id")
+    spawn.add_argument("--pose", nargs=3, required=True, metavar=("X", "Y", "YAW"), help="pose in map: metres, radians")
+    spawn.add_argument("--model", default="erratic", help="a model that the world file defines (default: %(default)s)")
+    spawn.add_argument("--id", metavar="N", help="robot id (default: the lowest free one)")
+    verb("remove", "remove a robot from the world").add_argument("id", metavar="ID", help="robot id")
+    move = verb("move", "put a robot at another pose")
+    move.add_argument("id", metavar="ID", help="robot id")
+    for name, unit in (("x", "metres"), ("y", "metres"), ("yaw", "radians")):
+        move.add_argument(name, metavar=name.upper(), help=f"in map: {unit}")
     for sub in (spawn, move):
-        sub.add_argument("--force", action="store_true", help="also into a wall or a robot, or outside of the world")
-    verb("status", "time, pace, lock-step and robots")
+        sub.add_argument("--force", action="store_true", help="allow a pose in a wall or a robot, or outside the world")
+    verb("status", "print time, pace, lock-step and robots")
     return parser
 
 
@@ -82,20 +83,20 @@ def _answer(args: argparse.Namespace) -> int:
 
 
 def _change(make: Callable[[], T]) -> T:
-    """Ask for a change to the world, and tell the user when that takes long: somebody may hold the tick at hand."""
+    """Ask for a change to the world; report a long wait: a participant may be holding the current tick."""
     waiter = Waiter()
     pool = ThreadPoolExecutor(max_workers=1)
     try:
         reply = pool.submit(make)
         reply.add_done_callback(lambda _: waiter.notify())
-        waiter.wait(reply.done, None, "the tick at hand to end; 'zteam sim status' says who holds it")
+        waiter.wait(reply.done, None, "the current tick to end; 'zteam sim status' names what it waits for")
         return reply.result()
     finally:
         pool.shutdown(wait=False)
 
 
 def parse_pose(words: Sequence[str]) -> tuple[float, float, float]:
-    """X Y YAW. Raises UsageError."""
+    """(x, y, yaw) of the words X Y YAW: metres and radians. Raises UsageError."""
     try:
         x, y, yaw = (parse_number(word, -MAX_PLACE, MAX_PLACE, "X Y YAW in metres and radians") for word in words)
     except UsageError as error:
@@ -125,7 +126,7 @@ def _resume(_args: argparse.Namespace) -> Ask:
         status = client.resume()
         if status.finished:
             return status, f"the run is over {_when(status)}: 'zteam sim reset' starts it again"
-        return status, f"goes on {_when(status)}, {_pace(status)}"
+        return status, f"resumed {_when(status)}, {_pace(status)}"
 
     return ask
 
@@ -136,9 +137,9 @@ def _step(args: argparse.Namespace) -> Ask:
     def ask(client: SimulatorClient) -> Answer:
         progress = _Progress(ticks)
         try:
-            status = client.step(ticks, on_progress=progress.tell)
+            status = client.step(ticks, on_progress=progress.report)
         except KeyboardInterrupt:
-            # What is left of the steps is not wanted any more.
+            # The user gave up: cancel the remaining ticks.
             print(f"\npaused {_when(client.pause())}", file=sys.stderr)
             raise
         finally:
@@ -153,7 +154,7 @@ def _speed(args: argparse.Namespace) -> Ask:
 
     def ask(client: SimulatorClient) -> Answer:
         status = client.set_speed(speed)
-        return status, _pace(status) + (", once the world goes on: it is paused" if status.paused else "")
+        return status, _pace(status) + (", after 'zteam sim resume': the world is paused" if status.paused else "")
 
     return ask
 
@@ -161,7 +162,7 @@ def _speed(args: argparse.Namespace) -> Ask:
 def _reset(_args: argparse.Namespace) -> Ask:
     def ask(client: SimulatorClient) -> Answer:
         status = _change(client.reset)
-        return status, f"everything as at the start, {'paused ' + _when(status) if status.paused else _pace(status)}"
+        return status, f"reset, {'paused ' + _when(status) if status.paused else _pace(status)}"
 
     return ask
 
@@ -182,7 +183,7 @@ def _remove(args: argparse.Namespace) -> Ask:
 
     def ask(client: SimulatorClient) -> Answer:
         status = _change(lambda: client.remove(robot_id))
-        return status, f"robot {robot_id} is gone; the world has {_listed(status.robots)}"
+        return status, f"robot {robot_id} is removed; robots left: {_listed(status.robots)}"
 
     return ask
 
@@ -193,7 +194,7 @@ def _move(args: argparse.Namespace) -> Ask:
     def ask(client: SimulatorClient) -> Answer:
         x, y, yaw = pose
         status = _change(lambda: client.move(robot_id, *pose, force=args.force))
-        return status, f"robot {robot_id} stands at x {x:g}, y {y:g}, yaw {yaw:g}"
+        return status, f"robot {robot_id} is at x {x:g}, y {y:g}, yaw {yaw:g}"
 
     return ask
 
@@ -220,15 +221,15 @@ _VERBS: dict[str, Callable[[argparse.Namespace], Ask]] = {
 
 
 def format_status(status: SimStatus) -> str:
-    """How the simulator stands, as a small table."""
-    stands = "run over" if status.finished else "yes" if status.paused else "no"
+    """The simulator's status as a table, one line per value."""
+    paused = "run over" if status.finished else "yes" if status.paused else "no"
     rows = [
         ("world", f"{status.world}, seed {status.seed}"),
         ("time", f"{to_seconds(status.now):.3f} s"),
         ("tick", f"{status.tick}, {status.interval / 1e6:g} ms each"),
         ("speed", _pace(status)),
         ("real-time factor", f"{status.real_time_factor:.3g}"),
-        ("paused", stands),
+        ("paused", paused),
         ("lock-step", "yes" if status.lockstep else "no"),
     ]
     if status.lockstep:
@@ -259,35 +260,35 @@ def _listed(items: Sequence[object]) -> str:
 
 
 class _Progress:
-    """Tells on stderr how a long step gets on; on a terminal in one line."""
+    """Reports the progress of a long step on stderr; on a terminal each line overwrites the last."""
 
     def __init__(self, ticks: int) -> None:
         self._ticks = ticks
         self._start = monotonic()
         self._first: int | None = None
         self._tick: int | None = None
-        self._say = Every(_SAY_EVERY)
-        self._replaces = sys.stderr.isatty()
+        self._due = Every(_REPORT_PERIOD)
+        self._overwrites = sys.stderr.isatty()
         self._open = False
 
-    def tell(self, status: SimStatus) -> None:
-        """How it stands now."""
+    def report(self, status: SimStatus) -> None:
+        """Print the progress if it is time to."""
         if self._first is None:
             self._first = status.tick
-        # Between two ticks everybody is waited for: only who holds the world for longer is named.
+        # Every participant is waited for between two ticks: name one only if it still holds the same tick.
         held = _held(status) if status.tick == self._tick else ""
         self._tick = status.tick
-        if monotonic() - self._start < PATIENCE or not (self._replaces or self._say.due()):
+        if monotonic() - self._start < PATIENCE or not (self._overwrites or self._due.due()):
             return
         text = (
             f"{status.tick - self._first} of {self._ticks} ticks, now {_when(status)}{held}, "
             f"real-time factor {status.real_time_factor:.3g} (Ctrl+C pauses)"
         )
-        self._open = self._replaces
-        before, after = ("\r\x1b[K", "") if self._replaces else ("", "\n")
+        self._open = self._overwrites
+        before, after = ("\r\x1b[K", "") if self._overwrites else ("", "\n")
         print(f"{before}{text}", end=after, file=sys.stderr, flush=True)
 
     def end(self) -> None:
-        """What follows begins on a line of its own."""
+        """End the progress line, if one is open."""
         if self._open:
             print(file=sys.stderr, flush=True)

@@ -1,4 +1,4 @@
-"""`zteam tf echo A B | tree | monitor | positions | static`: transforms between frames, under tf's words."""
+"""`zteam tf echo A B | tree | monitor | positions | static`: show and set transforms between frames."""
 
 import argparse
 import sys
@@ -6,20 +6,21 @@ from collections.abc import Sequence
 
 from zteam import names
 from zteam.bus import Bus
-from zteam.cli.clocks import ticker
-from zteam.cli.frames import TreeListener, show_figures, show_positions, show_tree
+from zteam.cli.arguments import MAX_RATE, number
 from zteam.cli.listening import Waiter, open_bus
-from zteam.cli.options import MAX_RATE, Parser, add_bus_options, add_clock_option, bus_options, number, run
+from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, run
+from zteam.cli.tf_displays import TreeListener, show_figures, show_positions, show_tree
+from zteam.cli.tool_clock import ticker
 from zteam.errors import UsageError, ZteamError
 from zteam.geometry import quaternion_from_rpy
 from zteam.messages import to_json
-from zteam.numbers import MAX_SECONDS
+from zteam.numbers import MAX_SECONDS, is_number
 from zteam.services.transforms import MAX_COORDINATE, StaticReply, StaticRequest
 from zteam.services.transforms_client import TransformClient
 from zteam.tf.text import format_transform
 
 _MAX_STAMP = 4e9
-"""Seconds: the host's own time, of which there are 1.8e9 since 1970, is a stamp too."""
+"""Seconds: stamps of the host's clock count from 1970, now 1.8e9."""
 _COUNTS = {8: "yaw pitch roll", 9: "qx qy qz qw"}
 
 
@@ -28,55 +29,29 @@ def build_parser() -> argparse.ArgumentParser:
     parser = Parser(prog="zteam tf", description=__doc__)
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="echo|tree|monitor|positions|static")
     echo = verbs.add_parser("echo", help="print the pose of frame B in frame A")
-    echo.add_argument("target", metavar="A")
-    echo.add_argument("source", metavar="B")
-    echo.add_argument("--once", action="store_true", help="end after one")
-    echo.add_argument("--json", action="store_true")
-    echo.add_argument(
-        "--rate",
-        type=number(1e-3, MAX_RATE, "transforms a second"),
-        default=1.0,
-        metavar="HZ",
-        help="(default: %(default)s)",
+    tree = verbs.add_parser("tree", help="print or draw the tree: authority, rate and age of every frame")
+    monitor = verbs.add_parser("monitor", help="measure rate, delay and jitter of every frame, and list conflicts")
+    positions = verbs.add_parser("positions", help="print every robot's pose in map")
+    static = verbs.add_parser(
+        "static",
+        help="hold a fixed transform until Ctrl+C",
+        usage="zteam tf static X Y Z YAW PITCH ROLL PARENT CHILD  (or QX QY QZ QW for the angles)",
     )
-    echo.add_argument(
-        "--at",
-        type=number(0.0, _MAX_STAMP, "seconds"),
-        metavar="S",
-        help="as it was at this time of the team's clock, once",
-    )
-    echo.add_argument(
-        "--timeout",
-        type=number(0.0, MAX_SECONDS, "host seconds"),
-        metavar="S",
-        help="fail after S seconds of the host without it",
-    )
-    tree = verbs.add_parser("tree", help="print the tree with rates, ages and who says so")
-    tree.add_argument("--json", action="store_true")
-    tree.add_argument("-o", "--output", metavar="FILE.svg|dot", help="draw it; edges without news for 1 s are red")
-    monitor = verbs.add_parser("monitor", help="rates, delays and jitter of every frame, and conflicts")
+    _add_echo_options(echo)
+    tree.add_argument("-o", "--output", metavar="FILE.svg|dot", help="draw it; frames older than 1 s are red")
     monitor.add_argument(
         "--for",
         dest="seconds",
         type=number(0.01, MAX_SECONDS, "host seconds"),
         default=5.0,
         metavar="S",
-        help="of the host (default: %(default)s)",
+        help="measure for S host seconds (default: %(default)s)",
     )
-    monitor.add_argument("--json", action="store_true")
-    positions = verbs.add_parser("positions", help="every robot's pose in map")
     positions.add_argument(
-        "--rate",
-        type=number(1e-3, MAX_RATE, "positions a second"),
-        metavar="HZ",
-        help="again and again, until Ctrl+C",
+        "--rate", type=number(1e-3, MAX_RATE, "positions a second"), metavar="HZ", help="repeat until Ctrl+C"
     )
-    positions.add_argument("--json", action="store_true", help="a line of JSON each time")
-    static = verbs.add_parser(
-        "static",
-        help="hold a fixed transform until Ctrl+C",
-        usage="zteam tf static X Y Z YAW PITCH ROLL PARENT CHILD  (or QX QY QZ QW for the angles)",
-    )
+    for sub in (echo, tree, monitor, positions):
+        sub.add_argument("--json", action="store_true", help="print JSON")
     for sub in (echo, positions):
         add_clock_option(sub)
     for sub in (echo, tree, monitor, positions, static):
@@ -84,9 +59,34 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
+def _add_echo_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("target", metavar="A", help="target frame")
+    parser.add_argument("source", metavar="B", help="source frame")
+    parser.add_argument("--once", action="store_true", help="end after one transform")
+    parser.add_argument(
+        "--rate",
+        type=number(1e-3, MAX_RATE, "transforms a second"),
+        default=1.0,
+        metavar="HZ",
+        help="print at this rate (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--at",
+        type=number(0.0, _MAX_STAMP, "seconds"),
+        metavar="S",
+        help="print the transform at S seconds of the team's clock, then end",
+    )
+    parser.add_argument(
+        "--timeout",
+        type=number(0.0, MAX_SECONDS, "host seconds"),
+        metavar="S",
+        help="fail after S host seconds without the transform",
+    )
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point."""
-    # The numbers of `static` may be negative, which argparse would take for options.
+    # argparse would take the negative numbers of `static` for options.
     args, rest = build_parser().parse_known_args(argv)
     if args.verb == "static":
         return run("zteam tf", args, lambda: _static(args, rest))
@@ -101,16 +101,16 @@ def _echo(args: argparse.Namespace) -> int:
     bus = open_bus(bus_options(args))
     try:
         if args.at is not None:
-            # The past lies with the aggregator: whoever just came has heard nothing of it.
+            # Ask the aggregator for the past: this process has received nothing of it.
             at = TransformClient(bus).lookup_transform(target, source, round(args.at * 1e9), args.timeout or 0.0)
             print(to_json(at).decode() if args.json else format_transform(at))
             return 0
         listener = TreeListener(bus)
 
-        def there() -> bool:
+        def is_known() -> bool:
             return listener.buffer.can_transform(target, source, 0)[0]
 
-        if not listener.waiter.wait(there, args.timeout, f"the transform from {source} to {target}"):
+        if not listener.waiter.wait(is_known, args.timeout, f"the transform from {source} to {target}"):
             why = listener.buffer.can_transform(target, source, 0)[1]
             raise ZteamError(f"no transform within {args.timeout:g} s: {why.strip()} (see 'zteam tf tree')")
         wait = None if args.once else ticker(bus, 1.0 / args.rate, args.clock)
@@ -125,7 +125,10 @@ def _echo(args: argparse.Namespace) -> int:
 
 
 def parse_static(words: Sequence[str], caller: str) -> StaticRequest:
-    """X Y Z YAW PITCH ROLL PARENT CHILD, or with a quaternion; ROS 1's period at the end is taken and ignored."""
+    """The request of X Y Z YAW PITCH ROLL PARENT CHILD or X Y Z QX QY QZ QW PARENT CHILD. Raises UsageError.
+
+    A publish period at the end, as in ROS 1, is accepted and ignored.
+    """
     values = list(words)
     if len(values) in {9, 10} and _is_number(values[-1]) and not _is_number(values[-2]):
         values.pop()
@@ -143,30 +146,27 @@ def parse_static(words: Sequence[str], caller: str) -> StaticRequest:
 
 
 def _is_number(text: str) -> bool:
-    try:
-        return abs(float(text)) <= MAX_COORDINATE
-    except ValueError:
-        return False
+    return is_number(text, MAX_COORDINATE)
 
 
 def _hold(bus: Bus, request: StaticRequest) -> None:
-    """Ask every aggregator that comes: a restarted one knows nothing of what its predecessor was asked for."""
-    waiter, aggregators, told = Waiter(), set[str](), set[str]()
+    """Send the request to every aggregator that appears: one that was restarted has lost earlier requests."""
+    waiter, aggregators, asked = Waiter(), set[str](), set[str]()
 
     def on_token(key: str, alive: bool) -> None:
         (aggregators.add if alive else aggregators.discard)(key)
         if not alive:
-            told.discard(key)
+            asked.discard(key)
         waiter.notify()
 
     bus.watch_tokens([names.tokens_key(names.AGGREGATOR)], on_token)
     while True:
-        waiter.wait(lambda: bool(aggregators - told), None, "the aggregator (zteam-tf)" if not told else "")
-        fresh = aggregators - told
+        waiter.wait(lambda: bool(aggregators - asked), None, "the aggregator (zteam-tf)" if not asked else "")
+        fresh = aggregators - asked
         reply = bus.ask(names.service_key(names.AGGREGATOR, "static"), StaticReply, request)
         if reply.refused:
             raise ZteamError(f"refused: {reply.refused}")
-        told.update(fresh)
+        asked.update(fresh)
         print(f"{request.parent} -> {request.child} holds until Ctrl+C", flush=True)
 
 

@@ -1,4 +1,4 @@
-"""`zteam topic list | echo | hz | info | pub`: what goes over the bus, under ROS's words."""
+"""`zteam topic list | echo | hz | info | pub`: inspect and publish messages on the bus."""
 
 import argparse
 import itertools
@@ -13,16 +13,17 @@ import msgspec
 from zteam import names
 from zteam.bus.counters import KeyCount
 from zteam.bus.transport import RawSample
-from zteam.cli.clocks import open_clock, ticker
+from zteam.cli.arguments import MAX_RATE, number, whole
 from zteam.cli.listening import Waiter, check_key, given_type, kind_of, open_bus, survey
-from zteam.cli.options import MAX_RATE, Parser, add_bus_options, add_clock_option, bus_options, number, run, whole
+from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, run
+from zteam.cli.tool_clock import open_clock, ticker
 from zteam.clock import monotonic, to_seconds
 from zteam.errors import DecodeError, UsageError, ZteamError
 from zteam.messages import Message, decode, from_text, message_type, to_json, to_plain
 from zteam.numbers import MAX_SECONDS
 
 _SHORT = 12
-"""Elements of an array that text output shows without --full."""
+"""Elements of an array that the text output shows without --full."""
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -33,44 +34,56 @@ def build_parser() -> argparse.ArgumentParser:
     def verb(name: str, text: str, *, key: bool = True) -> argparse.ArgumentParser:
         sub = verbs.add_parser(name, help=text, description=text)
         if key:
-            sub.add_argument("key", metavar="KEY")
+            sub.add_argument("key", metavar="KEY", help="key expression, e.g. robot_0/odom")
         return sub
 
-    listing = verb("list", "keys that carry data, with type and rate", key=False)
-    listing.add_argument("--json", action="store_true")
+    listing = verb("list", "list the keys that carry data, with type and rate", key=False)
     echo = verb("echo", "print messages")
-    echo.add_argument("--once", action="store_true", help="end after one message")
-    echo.add_argument("--json", action="store_true", help="one JSON object a line")
-    echo.add_argument("--type", help="ROS type, where neither encoding nor key tells")
-    echo.add_argument("--full", action="store_true", help="print whole arrays")
-    echo.add_argument(
-        "--timeout",
-        type=number(0.0, MAX_SECONDS, "host seconds"),
-        metavar="S",
-        help="fail after S seconds of the host without a message",
-    )
-    rate = verb("hz", "measure the rate of messages, by the host's time unless told otherwise")
+    rate = verb("hz", "measure the publish rate")
+    info = verb("info", "print type, rate, size, publishers and subscribers of a key")
+    pub = verb("pub", "publish messages until Ctrl+C")
+    _add_echo_options(echo)
     rate.add_argument(
         "--window",
         type=whole(2, 1_000_000, "messages"),
         default=100,
-        help="messages to look back (default: %(default)s)",
+        help="measure over this many messages (default: %(default)s)",
     )
     rate.add_argument("--once", action="store_true", help="end after the first line")
-    rate.add_argument("--json", action="store_true")
+    for sub in (listing, echo, rate, info):
+        sub.add_argument("--json", action="store_true", help="print JSON, one object per line")
+    _add_pub_options(pub)
     add_clock_option(rate, "wall")
-    info = verb("info", "type, rate, size, writers, refusals")
-    info.add_argument("--json", action="store_true")
-    pub = verb("pub", "publish messages, at 1 Hz (of simulated time, if there is any) until Ctrl+C")
-    pub.add_argument("type", metavar="TYPE")
-    pub.add_argument("values", nargs="?", default="{}", metavar="'{…}'", help="fields as JSON or YAML")
-    pub.add_argument("--rate", type=number(1e-3, MAX_RATE, "messages a second"), default=1.0, metavar="HZ")
-    pub.add_argument("--times", type=whole(1, 10**12, "messages"), metavar="N", help="end after N messages")
-    pub.add_argument("--once", action="store_true", help="the same as --times 1")
     add_clock_option(pub)
     for sub in (listing, echo, rate, info, pub):
         add_bus_options(sub)
     return parser
+
+
+def _add_echo_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--once", action="store_true", help="end after one message")
+    parser.add_argument("--type", help="decode as this ROS type (default: from the encoding or the key)")
+    parser.add_argument("--full", action="store_true", help="print whole arrays")
+    parser.add_argument(
+        "--timeout",
+        type=number(0.0, MAX_SECONDS, "host seconds"),
+        metavar="S",
+        help="fail after S host seconds without a message",
+    )
+
+
+def _add_pub_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("type", metavar="TYPE", help="ROS type, e.g. geometry_msgs/msg/Twist")
+    parser.add_argument("values", nargs="?", default="{}", metavar="'{…}'", help="fields as JSON or YAML")
+    parser.add_argument(
+        "--rate",
+        type=number(1e-3, MAX_RATE, "messages a second"),
+        default=1.0,
+        metavar="HZ",
+        help="publish at this rate (default: %(default)s)",
+    )
+    parser.add_argument("--times", type=whole(1, 10**12, "messages"), metavar="N", help="end after N messages")
+    parser.add_argument("--once", action="store_true", help="end after one message")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -99,7 +112,7 @@ def _list(args: argparse.Namespace) -> int:
 
 
 def format_message(message: Message, full: bool) -> str:
-    """The message as ROS's echo prints it: one field a line, nested ones indented, long arrays cut."""
+    """The message as `ros2 topic echo` prints it: one field per line, nested fields indented, long arrays cut."""
     return "\n".join(_lines(to_plain(message), "", full))
 
 
@@ -152,10 +165,10 @@ def _echo(args: argparse.Namespace) -> int:
 
 
 def _print_sample(sample: RawSample, given: type[Message] | None, args: argparse.Namespace) -> bool:
-    """Print one message; False if it could not be read."""
+    """Print one message; return False if it could not be decoded."""
     kind = kind_of(sample, given)
     if kind is None:
-        raise UsageError(f"the type of {sample.key} is not known: name it with --type")
+        raise UsageError(f"the type of {sample.key} is unknown: give it with --type")
     try:
         message = decode(kind, sample.payload)
     except DecodeError as error:
@@ -180,7 +193,7 @@ def _hz(args: argparse.Namespace) -> int:
             nonlocal total
             now = to_seconds(clock.now()) if clock.simulated else monotonic()
             if times and now < times[-1]:
-                # The simulator began anew: what was before is no part of this.
+                # The simulator was reset: drop the stamps from before.
                 times.clear()
             times.append(now)
             total += 1
@@ -191,10 +204,10 @@ def _hz(args: argparse.Namespace) -> int:
             enough = total + 2
             waiter.wait(lambda least=enough: total >= least, None, f"messages on {key}")  # type: ignore[misc]
             waiter.wait(lambda: False, 1.0, "")
-            heard = list(times)
-            if len(heard) < 2:
+            stamps = list(times)
+            if len(stamps) < 2:
                 continue
-            print(_format_rate(heard, clock.simulated, args.json), flush=True)
+            print(_format_rate(stamps, clock.simulated, args.json), flush=True)
             if args.once:
                 return 0
     finally:
@@ -228,7 +241,7 @@ def _info(args: argparse.Namespace) -> int:
     if not found:
         raise ZteamError(f"nothing on {key}: see 'zteam topic list'")
     for entry in found:
-        stats = {who.removesuffix("/stats"): per_key[entry.key] for who, per_key in counts if entry.key in per_key}
+        stats = {key.removesuffix("/stats"): per_key[entry.key] for key, per_key in counts if entry.key in per_key}
         row = {
             "key": entry.key,
             "type": entry.type,
@@ -236,7 +249,7 @@ def _info(args: argparse.Namespace) -> int:
             "latched": entry.latched,
             "bytes": entry.bytes,
             "writers": writer_names(nodes, entry.sources),
-            "receivers": {who: msgspec.structs.asdict(count) for who, count in stats.items()},
+            "receivers": {name: msgspec.structs.asdict(count) for name, count in stats.items()},
         }
         if args.json:
             print(msgspec.json.encode(row).decode())
@@ -251,14 +264,14 @@ def _print_info(row: dict[str, Any]) -> None:
     print(f"  rate      {'latched' if row['latched'] else str(row['rate']) + ' Hz'}, {row['bytes']} bytes")
     for writer in row["writers"]:
         print(f"  writer    {writer}")
-    for who, count in row["receivers"].items():
-        print(f"  receiver  {who}: {count['received']} received, {count['dropped']} refused")
+    for name, count in row["receivers"].items():
+        print(f"  receiver  {name}: {count['received']} received, {count['dropped']} refused")
 
 
 def _pub(args: argparse.Namespace) -> int:
     key = check_key(args.key)
     if names.is_wildcard(key):
-        raise UsageError(f"{args.key!r} is a wildcard: a message is for one key")
+        raise UsageError(f"{args.key!r} is a wildcard: give one key")
     message = from_text(message_type(args.type), args.values)
     times = 1 if args.once else args.times
     bus = open_bus(bus_options(args))

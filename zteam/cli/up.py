@@ -1,4 +1,4 @@
-"""`zteam up [TEAM]`: starts a whole team and watches over it; Ctrl+C stops it in order, a second one at once."""
+"""`zteam up [TEAM]`: start and supervise a whole team; Ctrl+C stops it in order, a second Ctrl+C at once."""
 
 import argparse
 import logging
@@ -9,12 +9,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from zteam.cli.options import MAX_SEED, MIN_SEED, Parser, add_bus_options, bus_options, number, run, whole
-from zteam.cli.zteam_sim import LOCKSTEP_TIMEOUTS, MIN_RUN
+from zteam.cli.arguments import LOCKSTEP_TIMEOUTS, MAX_SEED, MIN_RUN, MIN_SEED, number, parse_speed, whole
+from zteam.cli.options import Parser, add_bus_options, bus_options, run
 from zteam.errors import UsageError, ZteamError
 from zteam.numbers import MAX_SECONDS
-from zteam.resources import names as shipped_names
-from zteam.resources import shipped_team, teams_folder
+from zteam.resources import find_team, find_world
 
 if TYPE_CHECKING:
     from zteam.launch.plan import Pace
@@ -29,9 +28,15 @@ _COLORS = (36, 32, 33, 35, 34, 96, 92, 93, 95, 94)
 def build_parser() -> argparse.ArgumentParser:
     """The command line."""
     parser = Parser(prog="zteam up", description=__doc__)
-    parser.add_argument("team", nargs="?", default="line", help="a team file, or the name of a shipped one (line)")
-    parser.add_argument("--world", metavar="FILE", help="a world file or shipped world, instead of the team file's")
-    parser.add_argument("--seed", type=whole(MIN_SEED, MAX_SEED, "a seed"), help="instead of the team file's")
+    parser.add_argument(
+        "team", nargs="?", default="line", help="a team file, or the name of a shipped one (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--world", metavar="FILE", help="use this world file or shipped world (default: the team file's)"
+    )
+    parser.add_argument(
+        "--seed", type=whole(MIN_SEED, MAX_SEED, "a seed"), help="use this seed (default: the team file's)"
+    )
     parser.add_argument(
         "--for",
         dest="run_for",
@@ -39,27 +44,36 @@ def build_parser() -> argparse.ArgumentParser:
         metavar="SECONDS",
         help="end this many simulated seconds after GO",
     )
-    parser.add_argument("--report", metavar="FILE", help="with --for: write the run's report as JSON")
-    parser.add_argument("--speed", metavar="X", help="simulated seconds a second, or max (1; max in lock-step)")
+    parser.add_argument("--report", metavar="FILE", help="write the run's report as JSON; needs --for")
     parser.add_argument(
-        "--lockstep", action="store_true", help="tick by tick: the same seed gives the same run, as fast as it can"
+        "--speed", metavar="X", help="simulated seconds per host second, or max (default: 1; max in lock-step)"
+    )
+    _add_lockstep_options(parser)
+    add_bus_options(parser)
+    return parser
+
+
+def _add_lockstep_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--lockstep", action="store_true", help="wait for every process in each tick: equal seeds give equal runs"
     )
     parser.add_argument(
         "--lockstep-timeout",
         type=number(*LOCKSTEP_TIMEOUTS, "host seconds"),
         default=10.0,
         metavar="SECONDS",
-        help="leave a living process behind that does not answer for so long (10)",
+        help="stop waiting for a live process that does not answer for so long (default: %(default)g)",
     )
     parser.add_argument(
-        "--expect", nargs="+", default=[], metavar="NAME", help="own nodes that lock-step waits for at the start"
+        "--expect",
+        nargs="+",
+        default=[],
+        metavar="NAME",
+        help="wait for these nodes of your own before the first tick; needs --lockstep",
     )
-    add_bus_options(parser)
-    return parser
 
 
 def _pace(args: argparse.Namespace, world: Path | None) -> "Pace":
-    from zteam.cli.zteam_sim import parse_speed
     from zteam.launch.plan import Pace
 
     if args.speed is not None:
@@ -71,26 +85,14 @@ def _pace(args: argparse.Namespace, world: Path | None) -> "Pace":
     return Pace(args.speed, args.lockstep, args.lockstep_timeout, tuple(args.expect))
 
 
-def find_team(text: str) -> Path:
-    """The team file named on a command line: a path, else a shipped team."""
-    path = Path(text)
-    if path.is_file():
-        return path
-    shipped = shipped_team(text)
-    if shipped is None:
-        known = ", ".join(shipped_names(teams_folder(), ".toml"))
-        raise UsageError(f"team {text!r}: no such file, nor a shipped team ({known})")
-    return shipped
-
-
 def _check_writable(path: Path) -> None:
-    """Raise UsageError where a report could not be written, before the run and not after it."""
+    """Raise UsageError before the run if the report cannot be written after it."""
     if path.is_dir() or not path.parent.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK):
-        raise UsageError(f"--report {path}: no file can be written there")
+        raise UsageError(f"--report {path}: cannot write a file there")
 
 
 class Printer:
-    """Lines of all processes on one output, each behind its process's name, coloured on a terminal."""
+    """Prints the lines of all processes, each after the name of its process; coloured on a terminal."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -117,14 +119,13 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _up(args: argparse.Namespace) -> int:
-    from zteam.cli.zteam_sim import find_world
     from zteam.launch.check import check_team
     from zteam.launch.run import Run, RunOptions
     from zteam.runtime.shutdown import Stop
     from zteam.team_file import read_team_file
 
     if args.report and args.run_for is None:
-        raise UsageError("--report needs --for SECONDS: a report is of a run with an end")
+        raise UsageError("--report needs --for SECONDS: only a run with an end has a report")
     bus = bus_options(args)
     if args.report:
         _check_writable(Path(args.report))
@@ -156,7 +157,7 @@ def _run(team_run: "Run", stop: "Stop", args: argparse.Namespace) -> int:
             return 0
         raise error
     if stop.requested and args.run_for is not None:
-        # Interrupted: a script that waits for the report must not take this for success.
+        # There is no report: a script must not take this for success.
         return 130
     if report is not None and args.run_for is not None:
         print(format_report(report))

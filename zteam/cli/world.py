@@ -1,4 +1,4 @@
-"""`zteam world check | show | scan FILE`: what a world file says, how it looks, and what a robot's lasers see in it."""
+"""`zteam world check | show | scan FILE`: check and draw a world file, print a robot's scans in it."""
 
 import argparse
 import math
@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from zteam.cli.options import Parser, number, run, whole
-from zteam.cli.zteam_sim import find_world
+from zteam.cli.arguments import number, whole
+from zteam.cli.options import Parser, add_log_options, run
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.names import MAX_ROBOT_ID
-from zteam.runtime.logs import LEVELS
+from zteam.resources import find_world
 
 if TYPE_CHECKING:
     from zteam.sim import RobotObservation
@@ -26,40 +26,39 @@ def build_parser() -> argparse.ArgumentParser:
     """The command line."""
     parser = Parser(prog="zteam world", description=__doc__)
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="check|show|scan")
-    check = verbs.add_parser("check", help="load a world; list its models, and what of it is ignored")
+    check = verbs.add_parser("check", help="load a world; list its models and what is ignored")
     show = verbs.add_parser("show", help="draw a world and its robots")
-    show.add_argument("-o", "--output", required=True, metavar="FILE.svg|png")
-    show.add_argument("--scan", action="store_true", help="with what the lasers see")
+    show.add_argument("-o", "--output", required=True, metavar="FILE.svg|png", help="picture to write")
+    show.add_argument("--scan", action="store_true", help="draw what the lasers see")
     show.add_argument(
-        "--width", type=whole(16, 20_000, "pixels"), default=1200, metavar="PIXELS", help="(default: %(default)s)"
+        "--width", type=whole(16, 20_000, "pixels"), default=1200, metavar="PIXELS", help="width (default: %(default)s)"
     )
-    scan = verbs.add_parser("scan", help="what the lasers of one robot read")
+    scan = verbs.add_parser("scan", help="print what the lasers of one robot measure")
     scan.add_argument(
         "--robot",
         type=whole(0, MAX_ROBOT_ID, "a robot id"),
         required=True,
         metavar="N",
-        help="its id: the place in the file",
+        help="robot id: its place in the file",
     )
     scan.add_argument(
         "--pose",
         type=number(-1e6, 1e6, "metres and degrees"),
         nargs=3,
         metavar=("X", "Y", "YAW_DEG"),
-        help="metres and degrees in map (default: where the world puts it)",
+        help="put the robot here, in map: metres, degrees (default: its pose in the file)",
     )
     scan.add_argument(
-        "--beams", type=whole(1, 100_000, "beams"), help="one laser of so many beams, in the place of the robot's own"
+        "--beams", type=whole(1, 100_000, "beams"), help="use one laser with so many beams, instead of the robot's own"
     )
-    scan.add_argument("--fov-deg", type=number(1e-3, 360.0, "degrees"), help="its field of view")
-    scan.add_argument("--range", type=number(1e-3, 1e6, "metres"), metavar="M", help="its largest range")
+    scan.add_argument("--fov-deg", type=number(1e-3, 360.0, "degrees"), help="field of view of that laser, degrees")
+    scan.add_argument("--range", type=number(1e-3, 1e6, "metres"), metavar="M", help="maximum range of that laser")
     for sub in (check, show, scan):
         sub.add_argument("world", metavar="FILE", help="a .world file, a map_server .yaml, or a shipped world")
-        sub.add_argument("--whole-bitmaps", action="store_true", help="read bitmaps with their margins, not cropped")
-        sub.add_argument("--log-level", choices=LEVELS, default="warning")
-        sub.add_argument("--log-format", choices=("text", "json"), default="text")
+        sub.add_argument("--whole-bitmaps", action="store_true", help="do not crop the margins of bitmaps")
+        add_log_options(sub, "warning")
     for sub in (check, scan):
-        sub.add_argument("--json", action="store_true")
+        sub.add_argument("--json", action="store_true", help="print JSON")
     return parser
 
 
@@ -204,14 +203,14 @@ def _scan(args: argparse.Namespace, world: "World") -> int:
 
 
 def _rangers(args: argparse.Namespace, robot: "Robot") -> "tuple[Ranger, ...]":
-    """The robot's own, or the one that the command line gives: where its first one is, else on top of its base."""
+    """The robot's own lasers, or the one given by options: at the place of its first laser, else on top of its base."""
     from zteam.world import Ranger
 
     given = args.beams, args.fov_deg, args.range
     if given == (None, None, None):
         return robot.rangers
     if None in given:
-        raise UsageError("--beams, --fov-deg and --range belong together")
+        raise UsageError("--beams, --fov-deg and --range belong together: give all three")
     top = max((shape.z_max for shape in robot.shapes), default=0.0)
     place = robot.rangers[0] if robot.rangers else Ranger("laser", 0.0, 0.0, top, 0.0, 0.0, 1, 0.0, 1.0)
     return (

@@ -1,4 +1,4 @@
-"""`zteam-robot --id N`: one robot's brain, a process of its own."""
+"""`zteam-robot --id N`: run one robot's behaviour: read its sensors, write its velocity command."""
 
 import argparse
 import sys
@@ -6,55 +6,45 @@ from collections.abc import Sequence
 from typing import Any
 
 from zteam import names
-from zteam.cli.options import (
-    MAX_SEED,
-    MIN_SEED,
-    Parser,
-    add_bus_options,
-    add_clock_option,
-    bus_options,
-    fail,
-    run,
-    whole,
-)
+from zteam.cli.arguments import add_seed_option
+from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, fail, run
 from zteam.errors import UsageError, ZteamError
 
 
 def build_parser() -> argparse.ArgumentParser:
     """The command line."""
     parser = Parser(prog="zteam-robot", description=__doc__)
-    parser.add_argument("--id", required=True, metavar="N", help=f"the robot's number, 0 to {names.MAX_ROBOT_ID}")
+    parser.add_argument("--id", required=True, metavar="N", help=f"robot id, 0 to {names.MAX_ROBOT_ID}")
     what = parser.add_mutually_exclusive_group()
-    what.add_argument("--behavior", metavar="NAME", help="forward, avoid, wander, follow or package.module:Class")
-    what.add_argument("--follow", metavar="ID", help="follow that robot")
+    what.add_argument(
+        "--behavior",
+        metavar="NAME",
+        help="run forward, avoid, wander, follow or package.module:Class (default: forward)",
+    )
+    what.add_argument("--follow", metavar="ID", help="follow this robot")
     parser.add_argument(
         "--param",
         action="append",
         default=[],
         metavar="KEY=VALUE",
-        help="a parameter of the behaviour, e.g. speed=0.4 (repeatable)",
+        help="set a parameter of the behaviour, e.g. speed=0.4 (repeatable)",
     )
     parser.add_argument(
         "--path",
         action="append",
         default=[],
         metavar="FOLDER",
-        help="look for package.module here too, besides what is installed and the current folder (repeatable)",
+        help="also search this folder for package.module (repeatable)",
     )
-    parser.add_argument("--no-gate", action="store_true", help="drive at once, without the monitor's GO")
-    parser.add_argument(
-        "--seed",
-        type=whole(MIN_SEED, MAX_SEED, "a seed"),
-        default=1,
-        help="seed of everything random (default: %(default)s)",
-    )
+    parser.add_argument("--no-gate", action="store_true", help="drive without waiting for the monitor's GO")
+    add_seed_option(parser)
     add_clock_option(parser)
     add_bus_options(parser)
     return parser
 
 
 def parse_param(text: str) -> tuple[str, Any]:
-    """KEY=VALUE, the value as in a team file (TOML): 0.4, true, "text", [1, 2]; anything else is a text."""
+    """(key, value) of KEY=VALUE; the value is TOML as in a team file (0.4, true, "text", [1, 2]), else a string."""
     import tomllib
 
     key, equals, value = text.partition("=")
@@ -96,7 +86,7 @@ def _drive(robot_id: int, args: argparse.Namespace) -> int:
         spec, params = "follow", {"leader": leader, **params}
     look_in([*args.path, ""])
     make_behavior = partial(load_behavior, spec, params, robot_id)
-    # A mistake is told at once, before anything is waited for.
+    # Report a mistake before waiting for the router.
     try:
         make_behavior()
     except ZteamError:

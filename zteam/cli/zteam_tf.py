@@ -1,4 +1,4 @@
-"""`zteam-tf [TEAM.toml]`: merges every robot's transforms into one tree on `tf` and `tf_static`."""
+"""`zteam-tf [TEAM.toml]`: merge every robot's transforms into one tree on `tf` and `tf_static`."""
 
 import argparse
 import sys
@@ -6,18 +6,21 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from zteam import names
-from zteam.cli.options import MAX_RATE, Parser, add_bus_options, add_clock_option, bus_options, number, run
+from zteam.cli.arguments import MAX_RATE, number
+from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, run
 
 
 def build_parser() -> argparse.ArgumentParser:
     """The command line."""
     parser = Parser(prog="zteam-tf", description=__doc__)
-    parser.add_argument("team", nargs="?", metavar="TEAM.toml", help="team file: static transforms, robot descriptions")
+    parser.add_argument(
+        "team", nargs="?", metavar="TEAM.toml", help="read static transforms and robot descriptions from this team file"
+    )
     parser.add_argument(
         "--rate",
         type=number(1e-3, MAX_RATE, "bundles a second"),
         metavar="HZ",
-        help="send bundles at this rate instead of one for every tick",
+        help="publish at this rate (default: once per tick)",
     )
     add_clock_option(parser)
     add_bus_options(parser)

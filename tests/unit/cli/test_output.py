@@ -1,4 +1,4 @@
-"""Standard output that cannot be written, or not every character."""
+"""Standard output that cannot be written, or that lacks characters."""
 
 import io
 import os
@@ -18,7 +18,7 @@ COMMAND = zteam_command("zteam", "world", "check", "arena")
 
 
 def run(command: Sequence[str], redirection: str, **environment: str) -> "subprocess.CompletedProcess[bytes]":
-    """A command as a shell runs it with this redirection behind it."""
+    """Run a command in a shell with this redirection after it."""
     words = " ".join(f"'{word}'" for word in command)
     return subprocess.run(
         ["bash", "-c", f"{words} {redirection}"],
@@ -32,32 +32,45 @@ def run(command: Sequence[str], redirection: str, **environment: str) -> "subpro
 @pytest.mark.parametrize(
     ("redirection", "reason"), [(">/dev/full", "No space left on device"), (">&-", "Bad file descriptor")]
 )
-@pytest.mark.parametrize("arguments", [("world", "check", "arena"), ("--help",), ("world", "--help"), ("doctor",)])
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("zteam", "world", "check", "arena"),
+        ("zteam", "doctor"),
+        ("zteam", "--help"),
+        ("zteam", "world", "--help"),
+        ("zteam-sim", "--help"),
+        ("zteam-robot", "--help"),
+        ("zteam-tf", "--help"),
+        ("zteam-monitor", "--help"),
+        ("zteam-router", "--help"),
+    ],
+)
 def test_a_result_that_cannot_be_written_is_one_line_and_1(
-    arguments: tuple[str, ...], redirection: str, reason: str
+    words: tuple[str, ...], redirection: str, reason: str
 ) -> None:
-    """A full disk and a closed descriptor are told on standard error, without a traceback."""
-    # Nothing listens there, and nothing is started.
-    done = run(zteam_command("zteam", *arguments), redirection, ZTEAM_CONNECT="tcp/127.0.0.1:1")
+    """A full disk and a closed descriptor give one line on standard error, without a traceback, and exit code 1."""
+    # No router listens on this port, so no command starts anything.
+    done = run(zteam_command(*words), redirection, ZTEAM_CONNECT="tcp/127.0.0.1:1")
     (line,) = done.stderr.decode().splitlines()
     assert line.startswith("zteam") and line.endswith(f": cannot write to standard output: {reason}")
     assert done.returncode == 1
 
 
 def test_a_reader_that_has_gone_is_no_failure() -> None:
-    """`zteam … | head`: the command ends without a word."""
+    """`zteam … | head` ends with 0 and prints no error."""
     done = run(COMMAND, "| true; exit ${PIPESTATUS[0]}")
     assert (done.returncode, done.stderr) == (0, b"")
 
 
-def test_both_outputs_full_is_an_orderly_end() -> None:
-    """Nothing can be said any more, and the exit code still tells."""
+def test_two_unwritable_outputs_give_exit_code_1() -> None:
+    """With standard error unwritable too, a command still ends with exit code 1."""
     assert run(COMMAND, ">/dev/full 2>&1").returncode == 1
     assert run(COMMAND, ">&- 2>&-").returncode == 1
 
 
-def test_every_character_can_be_printed(tmp_path: Path) -> None:
-    """On an output of ASCII alone the others are escaped."""
+def test_characters_that_the_encoding_lacks_are_escaped(tmp_path: Path) -> None:
+    """An output that is ASCII only gets escapes instead of an error."""
     world = tmp_path / "wörld.world"
     world.write_text('name "wörld"\ndefine r position ( size [1 1 1] )\nr ( name "a" )\n')
     command = zteam_command("zteam", "world", "check", str(world))
@@ -69,17 +82,17 @@ def test_every_character_can_be_printed(tmp_path: Path) -> None:
 
 
 class Full(io.StringIO):
-    """A stream without room."""
+    """A stream that cannot be written."""
 
     def write(self, text: str) -> int:
         """Fail."""
         raise OSError(28, "No space left on device")
 
 
-def test_a_command_that_goes_on_says_so_once(
+def test_a_command_that_does_not_need_its_output_says_so_once_and_goes_on(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """All that is printed afterwards is dropped, and the body's own exit code counts."""
+    """The failure is reported once, later output is dropped, and the body's exit code is kept."""
     monkeypatch.setattr("sys.stdout", Full())
 
     def body() -> int:
@@ -88,12 +101,12 @@ def test_a_command_that_goes_on_says_so_once(
         return 7
 
     assert guarded("monitor", body, needs_output=False) == 7
-    told = "monitor: cannot write to standard output: No space left on device; going on without it\n"
-    assert capsys.readouterr().err == told
+    expected = "monitor: cannot write to standard output: No space left on device; going on without it\n"
+    assert capsys.readouterr().err == expected
 
 
-def test_a_command_within_another_decides(monkeypatch: pytest.MonkeyPatch) -> None:
-    """`zteam up` goes on though `zteam` itself needs its output, which comes back afterwards."""
+def test_a_nested_command_decides_whether_it_needs_its_output(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`zteam up` goes on although `zteam` needs its output; afterwards standard output is the original stream."""
     full = Full()
     monkeypatch.setattr("sys.stdout", full)
 
@@ -106,8 +119,8 @@ def test_a_command_within_another_decides(monkeypatch: pytest.MonkeyPatch) -> No
     assert guarded("zteam", lambda: guarded("node", inner)) == 1
 
 
-def test_what_is_written_afterwards_is_dropped() -> None:
-    """The failure is reported at once and one time; the stream's own properties stay."""
+def test_output_after_a_failure_is_dropped() -> None:
+    """Only the first failed write is reported, at once; the stream keeps its properties."""
     failures: list[OSError] = []
     output: Any = Output(Full(), failures.append)
     assert [output.write("a"), output.write("b")] == [1, 1]

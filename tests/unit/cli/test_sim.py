@@ -1,4 +1,4 @@
-"""`zteam sim`: what it asks and what it prints, with a simulator by script."""
+"""`zteam sim` with a scripted simulator: its requests and its output."""
 
 import io
 import json
@@ -22,7 +22,7 @@ Output = Callable[..., str]
 
 @pytest.fixture
 def desk(monkeypatch: pytest.MonkeyPatch) -> Iterator[Desk]:
-    """A simulator whose world stands at its first tick; `zteam` commands find it."""
+    """A simulator with a world paused at its first tick; `zteam` commands find it."""
     desk = Desk(Pacer(TICK, None, paused=True))
     desk.wait_for_tick(1)
     SimulatorClient(desk._bus).stand(LIMIT)
@@ -33,7 +33,7 @@ def desk(monkeypatch: pytest.MonkeyPatch) -> Iterator[Desk]:
 
 @pytest.fixture
 def output(capsys: pytest.CaptureFixture[str]) -> Output:
-    """Runs `zteam sim WORDS`, which has to end well; what it prints."""
+    """Runs `zteam sim WORDS`, checks for exit code 0, and returns the output."""
 
     def run(*words: str) -> str:
         assert zteam.main(["sim", *words]) == 0
@@ -43,27 +43,27 @@ def output(capsys: pytest.CaptureFixture[str]) -> Output:
 
 
 @pytest.mark.usefixtures("desk")
-def test_each_verb_says_on_one_line_what_came_of_it(output: Output) -> None:
-    """Time and tick where they are, the pace, the robots that are left."""
+def test_each_verb_prints_its_result_on_one_line(output: Output) -> None:
+    """The line has the time and tick, the pace, or the robots that are left."""
     assert output("pause") == "paused at 0.001 s (tick 1)"
-    assert output("speed", "2.5") == "2.5 simulated seconds a second, once the world goes on: it is paused"
-    assert output("reset") == "everything as at the start, paused at 0.001 s (tick 1)"
+    assert output("speed", "2.5") == "2.5 simulated seconds a second, after 'zteam sim resume': the world is paused"
+    assert output("reset") == "reset, paused at 0.001 s (tick 1)"
     assert output("spawn", "--pose", "1.5", "-2", "-1e-1", "--model", "box") == "7"
-    assert output("move", "0", "-1.5", "2", "-0.3") == "robot 0 stands at x -1.5, y 2, yaw -0.3"
-    assert output("remove", "0") == "robot 0 is gone; the world has -"
-    assert output("speed", "max") == "as fast as possible, once the world goes on: it is paused"
-    assert output("resume") == "goes on at 0.001 s (tick 1), as fast as possible"
+    assert output("move", "0", "-1.5", "2", "-0.3") == "robot 0 is at x -1.5, y 2, yaw -0.3"
+    assert output("remove", "0") == "robot 0 is removed; robots left: -"
+    assert output("speed", "max") == "as fast as possible, after 'zteam sim resume': the world is paused"
+    assert output("resume") == "resumed at 0.001 s (tick 1), as fast as possible"
 
 
-def test_negative_numbers_arrive(desk: Desk, output: Output) -> None:
-    """In any notation, as positions and as an option's values."""
+def test_negative_numbers_are_values(desk: Desk, output: Output) -> None:
+    """A negative number in any notation is a value, as a positional argument and for an option."""
     output("move", "0", "-1e1", "-.5", "-2")
     output("spawn", "--id", "3", "--pose", "-1.5e0", "-2", "-0", "--json")
     assert [what for what, _ in desk.world.made] == ["move 0", "spawn -1.5"]
 
 
-def test_force_is_asked_for_by_flag(desk: Desk, output: Output) -> None:
-    """Without the flag the simulator may refuse a place."""
+def test_force_is_sent_only_with_its_flag(desk: Desk, output: Output) -> None:
+    """`move` and `spawn` ask for force with --force, and not without."""
     for force in ([], ["--force"]):
         output("move", "0", "1", "2", "0", *force)
         output("spawn", "--pose", "1", "2", "0", *force)
@@ -72,7 +72,7 @@ def test_force_is_asked_for_by_flag(desk: Desk, output: Output) -> None:
 
 @pytest.mark.usefixtures("desk")
 def test_status_is_a_table(output: Output) -> None:
-    """One line for each thing to know; a step ends with it."""
+    """The status has one line per value."""
     table = [
         "world             scripted, seed 1",
         "time              0.001 s",
@@ -84,13 +84,18 @@ def test_status_is_a_table(output: Output) -> None:
         "robots            -",
     ]
     assert output("status").splitlines() == table
+
+
+@pytest.mark.usefixtures("desk")
+def test_a_step_prints_the_new_status(output: Output) -> None:
+    """After a step of three ticks the output is the table of `status` at that tick."""
     stepped = output("step", "3").splitlines()
-    assert stepped[:3] == [table[0], "time              0.004 s", "tick              4, 1 ms each"]
-    assert [line.split()[0] for line in stepped] == [line.split()[0] for line in table]
+    assert stepped[1:3] == ["time              0.004 s", "tick              4, 1 ms each"]
+    assert stepped == output("status").splitlines()
 
 
-def test_status_names_who_holds_a_lock_step() -> None:
-    """Participants, newcomers, who is waited for, and who was left behind."""
+def test_status_names_the_participants_of_a_lock_step() -> None:
+    """In lock-step the status names participants, joining ones, the one waited for, and hung ones."""
     status = SimStatus("arena", [0, 1], 100_000_000, 1, 200_000_000, 2, 9.87654, 2.0, False, True)
     status.participants, status.joining = ["robot_0", "tf"], ["robot_1"]
     status.waiting_for, status.hung, status.finished = "robot_0", ["planner"], True
@@ -112,14 +117,14 @@ def test_status_names_who_holds_a_lock_step() -> None:
     "words", [("pause",), ("resume",), ("step", "2"), ("speed", "3"), ("reset",), ("remove", "1"), ("status",)]
 )
 def test_json_is_the_reply(words: tuple[str, ...], output: Output) -> None:
-    """The whole status, whatever was asked."""
+    """With --json a verb prints the whole status."""
     reply = json.loads(output(*words, "--json"))
     assert set(reply) == set(SimStatus.__struct_fields__)
 
 
 @pytest.mark.usefixtures("desk")
-def test_json_of_the_rest(output: Output) -> None:
-    """A new robot's id; the status after a move."""
+def test_json_of_spawn_is_the_new_id(output: Output) -> None:
+    """With --json `spawn` prints the id, and a later `move` of that robot the status."""
     assert json.loads(output("spawn", "--pose", "0", "0", "0", "--json")) == {"id": 7}
     assert json.loads(output("move", "7", "0", "0", "0", "--json"))["tick"] == 1
 
@@ -146,7 +151,7 @@ def test_json_of_the_rest(output: Output) -> None:
     ],
 )
 def test_mistakes_end_with_two(words: tuple[str, ...], text: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """One line that names the way out, before anybody is asked."""
+    """A wrong command line ends with 2 and one line that names the fix, without a request."""
     assert zteam.main(["sim", *words]) == 2
     said = capsys.readouterr()
     assert said.out == ""
@@ -156,13 +161,13 @@ def test_mistakes_end_with_two(words: tuple[str, ...], text: str, capsys: pytest
 
 @pytest.mark.usefixtures("desk")
 def test_a_refusal_ends_with_one(capsys: pytest.CaptureFixture[str]) -> None:
-    """One line with the simulator's reason."""
+    """A refused request ends with 1 and one line with the simulator's reason."""
     assert zteam.main(["sim", "remove", "9"]) == 1
     assert capsys.readouterr().err == "zteam sim: no robot 9 in this world\n"
 
 
 def test_without_a_simulator(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    """One line with the way out, and 1."""
+    """Without a simulator a verb ends with 1 and one line that says how to start one."""
     monkeypatch.setattr(sim, "open_bus", lambda _options: MemoryHub().bus())
     assert zteam.main(["sim", "step", "5"]) == 1
     said = capsys.readouterr().err
@@ -170,8 +175,8 @@ def test_without_a_simulator(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Cap
     assert "start one with 'zteam-sim WORLD'" in said
 
 
-def test_a_run_that_is_over_does_not_go_on(desk: Desk, output: Output, capsys: pytest.CaptureFixture[str]) -> None:
-    """`resume` and `step` say so, and how to start again."""
+def test_a_finished_run_does_not_resume(desk: Desk, output: Output, capsys: pytest.CaptureFixture[str]) -> None:
+    """After the end of a run, `resume` and `step` report it and name `zteam sim reset`."""
     desk.last = 3
     assert "paused            run over" in output("step", "10")
     assert output("resume") == "the run is over at 0.003 s (tick 3): 'zteam sim reset' starts it again"
@@ -179,36 +184,36 @@ def test_a_run_that_is_over_does_not_go_on(desk: Desk, output: Output, capsys: p
     assert "'zteam sim reset' starts it again" in capsys.readouterr().err
 
 
-def test_a_long_step_says_how_it_gets_on(
+def test_a_long_step_reports_its_progress(
     desk: Desk, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """On stderr, so that the output stays the reply; and who waits is told how to give up."""
+    """The progress goes to stderr and names Ctrl+C; standard output has only the reply."""
     monkeypatch.setattr(simulator_client, "LOOK", 0.01)
     monkeypatch.setattr(sim, "PATIENCE", 0.0)
     desk.free.clear()
-    tell = sim._Progress.tell
+    tell = sim._Progress.report
 
     def tell_and_free(progress: sim._Progress, status: SimStatus) -> None:
         tell(progress, status)
         if desk.world.tick > 1:
             desk.free.set()
 
-    monkeypatch.setattr(sim._Progress, "tell", tell_and_free)
+    monkeypatch.setattr(sim._Progress, "report", tell_and_free)
     assert zteam.main(["sim", "step", "400", "--json"]) == 0
     said = capsys.readouterr()
     assert json.loads(said.out)["tick"] == 401
     assert "of 400 ticks, now at 0.001 s (tick 1), real-time factor 1 (Ctrl+C pauses)" in said.err.splitlines()[0]
 
 
-def test_a_step_that_is_given_up_pauses_the_world(
+def test_an_interrupted_step_pauses_the_world(
     desk: Desk, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Ctrl+C leaves no steps behind that nobody waits for."""
+    """Ctrl+C cancels the remaining ticks."""
 
     def interrupt(_progress: object, _status: SimStatus) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(sim._Progress, "tell", interrupt)
+    monkeypatch.setattr(sim._Progress, "report", interrupt)
     assert zteam.main(["sim", "step", "1000000000"]) == 130
     assert "paused at" in capsys.readouterr().err
     status = SimulatorClient(desk._bus).stand(LIMIT).status
@@ -216,27 +221,27 @@ def test_a_step_that_is_given_up_pauses_the_world(
     assert status.tick < 1000000000
 
 
-class Listener(io.StringIO):
-    """An output that does something when it is written to."""
+class CallbackOutput(io.StringIO):
+    """An output stream that calls a function at each write."""
 
-    def __init__(self, heard: Callable[[], None]) -> None:
+    def __init__(self, on_write: Callable[[], None]) -> None:
         super().__init__()
-        self._heard = heard
+        self._on_write = on_write
 
     def write(self, text: str) -> int:
-        self._heard()
+        self._on_write()
         return super().write(text)
 
 
-def test_a_change_that_takes_long_says_what_it_waits_for(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Somebody may hold the tick at hand: after a while the user hears who can tell."""
+def test_a_long_change_reports_what_it_waits_for(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A change that waits for the end of a tick names the command that shows the reason."""
     desk.free.clear()
     desk.ask_aside("step", SimStatus, StepRequest(1))
     desk.wait_for_tick(2)
-    listener = Listener(desk.free.set)
-    monkeypatch.setattr(sys, "stderr", listener)
+    stderr = CallbackOutput(desk.free.set)
+    monkeypatch.setattr(sys, "stderr", stderr)
     assert zteam.main(["sim", "remove", "3"]) == 0
-    assert listener.getvalue() == (
-        "waiting for the tick at hand to end; 'zteam sim status' says who holds it (Ctrl+C to give up)\n"
+    assert stderr.getvalue() == (
+        "waiting for the current tick to end; 'zteam sim status' names what it waits for (Ctrl+C to give up)\n"
     )
     assert desk.world.made == [("remove 3", 2)]

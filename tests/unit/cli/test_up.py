@@ -1,4 +1,4 @@
-"""The launcher's command line and its output."""
+"""The command line of `zteam up`, and its output."""
 
 import io
 from pathlib import Path
@@ -7,13 +7,11 @@ import pytest
 
 from support.commands import exit_code
 from zteam.cli import up
-from zteam.cli.up import Printer, find_team
-from zteam.errors import UsageError
-from zteam.resources import shipped_team
+from zteam.cli.up import Printer
 
 
 class Terminal(io.StringIO):
-    """Standard output that says it is a terminal."""
+    """Standard output that is a terminal."""
 
     def isatty(self) -> bool:
         """Yes."""
@@ -22,7 +20,7 @@ class Terminal(io.StringIO):
 
 @pytest.fixture(autouse=True)
 def nothing_starts(monkeypatch: pytest.MonkeyPatch) -> None:
-    """No command line in this file may get as far as starting a process."""
+    """Fail a test if its command line starts a process."""
 
     def refuse(*_: object, **__: object) -> None:
         raise AssertionError("a process was started")
@@ -30,21 +28,6 @@ def nothing_starts(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("zteam.launch.run.Run.start", refuse)
     for name in ("ZTEAM_CONNECT", "ZTEAM_NAMESPACE", "NO_COLOR"):
         monkeypatch.delenv(name, raising=False)
-
-
-def test_a_team_is_a_file_or_shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A path comes first, so that a file of one's own named `line` is used; else the shipped team of that name."""
-    monkeypatch.chdir(tmp_path)
-    assert find_team("line") == shipped_team("line")
-    assert find_team("line.toml") == shipped_team("line")
-    (tmp_path / "line").write_text("")
-    assert find_team("line") == Path("line")
-
-
-def test_an_unknown_team_names_the_known_ones() -> None:
-    """The way out is in the message."""
-    with pytest.raises(UsageError, match=r"no such file, nor a shipped team \(.*line.*\)"):
-        find_team("lien")
 
 
 def test_the_default_is_the_shipped_line() -> None:
@@ -81,7 +64,7 @@ def test_mistakes_are_one_line(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """Exit code 2, one line that names the place, and nothing was started."""
+    """A wrong command line or team file ends with 2 and one line that names the place; no process starts."""
     monkeypatch.chdir(tmp_path)
     robot = "[[robots]]\nid = {0}\n{1}\n"
     (tmp_path / "real.toml").write_text('[team]\nworld = "none"\n' + robot.format(0, ""))
@@ -99,17 +82,17 @@ def test_mistakes_are_one_line(
     "report",
     ["nowhere/r.json", "."],
 )
-def test_a_report_that_cannot_be_written_is_told_before_the_run(
+def test_a_report_that_cannot_be_written_is_refused_before_the_run(
     report: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Nobody wants to learn after half an hour that the report's folder does not exist."""
+    """A report's path is checked before the run, not at its end."""
     monkeypatch.chdir(tmp_path)
     assert up.main(["arena", "--for", "1", "--report", report]) == 2
     assert "--report" in capsys.readouterr().err
 
 
 def printed(monkeypatch: pytest.MonkeyPatch, output: io.StringIO, *lines: tuple[str, str]) -> str:
-    """What a Printer makes of (process, line) pairs."""
+    """The output of a Printer for (process, line) pairs."""
     monkeypatch.setattr("sys.stdout", output)
     printer = Printer()
     for name, line in lines:
@@ -117,14 +100,14 @@ def printed(monkeypatch: pytest.MonkeyPatch, output: io.StringIO, *lines: tuple[
     return output.getvalue()
 
 
-def test_lines_carry_their_processs_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    """No colours where nobody looks; the name is not said twice."""
+def test_a_line_starts_with_the_name_of_its_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A line starts with its process's name, once and without colours if the output is no terminal."""
     text = printed(monkeypatch, io.StringIO(), ("robot_1", "12:00:00 [robot_1] GO: driving"), ("sim", "a [b] c"))
     assert text == "[robot_1] 12:00:00 GO: driving\n[sim] a [b] c\n"
 
 
 def test_a_terminal_shows_colours(monkeypatch: pytest.MonkeyPatch) -> None:
-    """One colour a process, the same for all its lines, the text itself plain."""
+    """Each process has one colour for its name in all lines; the text is plain."""
     text = printed(monkeypatch, Terminal(), ("a", "one"), ("b", "two"), ("a", "three"))
     first, second, third = text.splitlines()
     color = first.partition("[a]")[0]
@@ -133,13 +116,13 @@ def test_a_terminal_shows_colours(monkeypatch: pytest.MonkeyPatch) -> None:
     assert not second.startswith(color)
 
 
-def test_no_color_is_obeyed(monkeypatch: pytest.MonkeyPatch) -> None:
-    """https://no-color.org: set and not empty means none, on a terminal too."""
+def test_no_color_turns_colours_off(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With NO_COLOR set there are no colours, even on a terminal (https://no-color.org)."""
     monkeypatch.setenv("NO_COLOR", "1")
     assert printed(monkeypatch, Terminal(), ("a", "one")) == "[a] one\n"
 
 
 def test_every_process_of_a_large_team_has_a_colour(monkeypatch: pytest.MonkeyPatch) -> None:
-    """More processes than colours: they begin again."""
+    """With more processes than colours, colours repeat."""
     text = printed(monkeypatch, Terminal(), *((f"robot_{i}", "x") for i in range(40)))
     assert all(line.startswith("\033[") for line in text.splitlines())

@@ -1,4 +1,4 @@
-"""`zteam world check | show | scan`, as a user types it."""
+"""`zteam world check | show | scan`, called with words as on a command line."""
 
 import json
 import math
@@ -29,12 +29,16 @@ def world(tmp_path: Path) -> str:
 
 
 def test_check_lists_models_and_warnings(world: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """Robots with ids, obstacles, what can be pushed, and what is ignored, with its place."""
+    """The text lists robots with ids, obstacles, pushable bodies, and ignored properties with their places."""
     assert main(["check", world]) == 0
     text = capsys.readouterr().out
     assert "robot 0" in text and "ann" in text and "bob" in text and "pushable" in text
     assert "yard.world:7:33: ctrl is ignored" in text
     assert "2 robots, 2 obstacles" in text
+
+
+def test_check_prints_json(world: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """The JSON has the robots in file order with poses in metres and degrees, and the warnings."""
     assert main(["check", world, "--json"]) == 0
     summary = json.loads(capsys.readouterr().out)
     assert [robot["name"] for robot in summary["robots"]] == ["ann", "bob"]
@@ -43,7 +47,7 @@ def test_check_lists_models_and_warnings(world: str, capsys: pytest.CaptureFixtu
 
 
 def test_scan_prints_all_lasers_of_a_robot(world: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """Both sensors, in file order, from where the file puts the robot."""
+    """The scans of all lasers are printed in file order, taken at the robot's pose in the file."""
     assert main(["scan", world, "--robot", "0", "--json"]) == 0
     seen = json.loads(capsys.readouterr().out)
     assert (seen["robot"], seen["pose"]) == (0, [0.0, 0.0, 0.0])
@@ -56,15 +60,20 @@ def test_scan_prints_all_lasers_of_a_robot(world: str, capsys: pytest.CaptureFix
 
 
 def test_scan_takes_a_pose_and_a_laser(world: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """Degrees and metres in; a laser of one's own stands where the robot's first one does."""
+    """A pose in metres and degrees moves the robot; a given laser replaces its own at the place of its first one."""
     command = ["scan", world, "--robot", "0", "--json", "--pose", "1", "-1", "180"]
     assert main([*command, "--beams", "3", "--fov-deg", "180", "--range", "6"]) == 0
     seen = json.loads(capsys.readouterr().out)
     assert seen["pose"] == [1.0, -1.0, pytest.approx(180.0)]
     (laser,) = seen["lasers"]
     assert laser["ranges"] == pytest.approx([6.0, 6.0, 6.0])
+
+
+def test_scan_prints_a_summary_of_each_laser(world: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Without --json there is one line per laser."""
     assert main(["scan", world, "--robot", "1"]) == 0
-    assert "5 beams" in capsys.readouterr().out
+    first, second = capsys.readouterr().out.splitlines()
+    assert "5 beams" in first and "1 beams" in second
 
 
 @pytest.mark.parametrize(
@@ -82,26 +91,31 @@ def test_scan_takes_a_pose_and_a_laser(world: str, capsys: pytest.CaptureFixture
 def test_a_wrong_request_is_a_usage_error(
     world: str, arguments: list[str], text: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Exit code 2 and one line that says what is right."""
+    """A wrong option ends with 2 and one line that names valid values."""
     assert exit_code(main, ["scan", world, *arguments]) == 2
     said = capsys.readouterr().err
     assert text in said
     assert len(said.splitlines()) == 1
 
 
-def test_show_draws_what_lasers_see(world: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """With --scan the picture has the fans and the points hit, without it has not."""
+def test_show_draws_what_lasers_see(world: str, tmp_path: Path) -> None:
+    """With --scan the picture shows the fans and the points hit, without it neither."""
     path = tmp_path / "out.svg"
     assert main(["show", world, "-o", str(path)]) == 0
     plain = path.read_text()
     assert main(["show", world, "-o", str(path), "--scan"]) == 0
     assert "<circle" not in plain
     assert path.read_text().count("<circle") == (5 + 1) + (3 + 1)
+
+
+def test_show_refuses_other_formats(world: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A picture that is neither .svg nor .png ends with 2 and one line."""
     assert main(["show", world, "-o", str(tmp_path / "out.gif")]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
 
 
 def test_a_world_without_robots_is_checked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A floor that robots are added to is no mistake."""
+    """A world without robots is valid: a team file can add some."""
     path = tmp_path / "floor.world"
     path.write_text("model ( size [1 1 1] )")
     assert main(["check", str(path)]) == 0
@@ -109,11 +123,17 @@ def test_a_world_without_robots_is_checked(tmp_path: Path, capsys: pytest.Captur
 
 
 def test_a_broken_world_is_one_line_with_its_place(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Exit code 2, file, line and column."""
+    """A syntax error ends with 2 and one line with file, line and column."""
     path = tmp_path / "bad.world"
     path.write_text("position (\n  size [1 2\n)")
     assert main(["check", str(path)]) == 2
     error = capsys.readouterr().err
     assert "bad.world:2:" in error
     assert error.count("\n") == 1
+
+
+def test_an_unknown_world_is_a_usage_error(capsys: pytest.CaptureFixture[str]) -> None:
+    """A world that does not exist ends with 2 and one line that names it."""
     assert main(["check", "nowhere.world"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "nowhere.world" in line

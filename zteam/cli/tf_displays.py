@@ -1,4 +1,4 @@
-"""What `zteam tf tree`, `monitor` and `positions` show."""
+"""The output of `zteam tf tree`, `monitor` and `positions`."""
 
 import argparse
 from collections.abc import Mapping
@@ -8,9 +8,9 @@ import msgspec
 
 from zteam import names
 from zteam.bus import Bus
-from zteam.cli.clocks import ticker
 from zteam.cli.listening import SURVEY, Waiter, open_bus
 from zteam.cli.options import bus_options
+from zteam.cli.tool_clock import ticker
 from zteam.errors import BusError, UsageError
 from zteam.messages import Clock, TFMessage, ns_from_time
 from zteam.services.transforms import FrameReply
@@ -21,7 +21,7 @@ from zteam.tf.text import format_tree
 
 
 class TreeListener:
-    """A buffer fed from the aggregator's tree, and a watch where figures are wanted."""
+    """Fills a buffer, and a watch if there is one, from the aggregator's tree."""
 
     def __init__(self, bus: Bus, watch: Watch | None = None) -> None:
         self.buffer = Buffer()
@@ -49,25 +49,25 @@ class TreeListener:
 
 
 def _ask_frames(bus: Bus) -> dict[str, FrameInfo] | None:
-    """What the aggregator knows of every frame; None where there is no aggregator."""
+    """The aggregator's own data on every frame; None without an aggregator."""
     try:
-        told = bus.ask(names.service_key(names.AGGREGATOR, "frames"), dict[str, FrameReply])
+        replies = bus.ask(names.service_key(names.AGGREGATOR, "frames"), dict[str, FrameReply])
     except BusError:
         return None
-    return {child: FrameInfo(*msgspec.structs.astuple(frame)) for child, frame in told.items()}
+    return {child: FrameInfo(*msgspec.structs.astuple(frame)) for child, frame in replies.items()}
 
 
 def show_tree(args: argparse.Namespace) -> int:
-    """The tree in the terminal, as JSON, or as a picture."""
+    """Print the tree, as text or JSON, or draw it into a file."""
     drawings = {".svg": tree_as_svg, ".dot": tree_as_dot}
     path = Path(args.output) if args.output else None
     if path is not None and path.suffix not in drawings:
-        raise UsageError(f"{path}: the tree is drawn as .svg or .dot")
+        raise UsageError(f"{path}: name a .svg or .dot file")
     bus = open_bus(bus_options(args))
     try:
         listener = TreeListener(bus)
         listener.waiter.wait(lambda: False, SURVEY, "")
-        # Without an aggregator's own word, what was heard has to do.
+        # Without an aggregator, use what was received.
         frames = _ask_frames(bus) or listener.buffer.frames()
     finally:
         bus.close()
@@ -87,7 +87,7 @@ def show_tree(args: argparse.Namespace) -> int:
 
 
 def show_figures(args: argparse.Namespace) -> int:
-    """Rates, delays and jitter of every moving frame, and conflicts."""
+    """Print rates, delays and jitter of every moving frame, and conflicts."""
     bus = open_bus(bus_options(args))
     try:
         watch = Watch()
@@ -109,7 +109,7 @@ def show_figures(args: argparse.Namespace) -> int:
         cells = _cell(f.rate, "Hz"), _cell(f.jitter, "s"), _cell(f.mean_delay, "s"), _cell(f.max_delay, "s")
         print(f"{f.child:34} {_authority(frames, f.child):12} " + " ".join(f"{cell:>9}" for cell in cells))
     if not figures:
-        print("nothing moves (is zteam-tf running? see 'zteam doctor')")
+        print("no moving frame (is zteam-tf running? see 'zteam doctor')")
     for conflict in conflicts:
         print(f"conflict: {conflict}")
     return 0
@@ -124,7 +124,7 @@ def _cell(value: float | None, unit: str) -> str:
 
 
 class _Position(msgspec.Struct):
-    """Where a robot is in `map`, or why that is not known."""
+    """A robot's pose in `map`, or the reason why it is unknown."""
 
     robot: str
     x: float | None = None
@@ -135,7 +135,7 @@ class _Position(msgspec.Struct):
 
 
 def show_positions(args: argparse.Namespace) -> int:
-    """Every robot's pose in `map`, once or again and again."""
+    """Print every robot's pose in `map`, once or at a rate."""
     bus = open_bus(bus_options(args))
     try:
         listener = TreeListener(bus)
@@ -155,7 +155,7 @@ def show_positions(args: argparse.Namespace) -> int:
 
 
 def _find_positions(buffer: Buffer) -> list[_Position]:
-    """Of every robot that has a base; one whose way to `map` is not known gets no pose, least of all (0, 0)."""
+    """The pose of every robot that has a base; a robot without a path to `map` gets a reason instead of a pose."""
     found = []
     for child in buffer.frames():
         if names.is_robot_frame(child, names.BASE_FOOTPRINT):

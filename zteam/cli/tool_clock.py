@@ -1,4 +1,4 @@
-"""Whose time a tool goes by: the simulator's if there is one, else the host's; and doing something at a rate of it."""
+"""The clock of a tool: simulated time if a simulator runs, else the host's; and waiting for moments at a rate of it."""
 
 import sys
 from collections.abc import Callable
@@ -14,10 +14,10 @@ from zteam.services.simulator import SimStatus
 
 
 def open_clock(bus: Bus, mode: ClockMode) -> AutoClock:
-    """A decided clock; simulated time goes on with what comes over the bus.
+    """A decided clock; in simulated time it follows the `clock` key.
 
-    With `auto` the question is put to the simulator itself: who just came has heard nothing yet, and hears nothing of
-    a world that stands still. With `sim` it is waited for.
+    With `auto`, ask the simulator itself: a tool that just started has received no `clock` message yet, and receives
+    none while the world is paused. With `sim`, wait for a simulator.
     """
     clock = AutoClock()
     if mode == "wall":
@@ -29,45 +29,45 @@ def open_clock(bus: Bus, mode: ClockMode) -> AutoClock:
         clock.sim.set(ns_from_time(message.clock))
         waiter.notify()
 
-    heard = bus.subscribe(names.CLOCK, Clock, on_clock)
+    subscription = bus.subscribe(names.CLOCK, Clock, on_clock)
     now = _ask_time(bus)
     if now is None and mode == "auto":
-        heard.close()
+        subscription.close()
         clock.use_wall()
         return clock
     clock.use_simulated()
     if now is None:
-        waiter.wait(lambda: clock.now() > 0, None, "a simulator's time; --clock wall goes by the host's")
+        waiter.wait(lambda: clock.now() > 0, None, "a simulator's time; --clock wall uses the host's")
     elif now > clock.now():
         clock.sim.set(now)
     return clock
 
 
 def _ask_time(bus: Bus) -> int | None:
-    """The simulator's time in ns; None where there is no simulator, 0 where it does not say."""
+    """The simulator's time in ns; None without a simulator, 0 if it does not answer."""
     try:
         answers = bus.query(names.service_key(names.SIMULATOR, "status"), SimStatus)
     except BusError:
-        return 0  # it is there, but busy or stopped
+        return 0  # it runs, but is busy or frozen
     return answers[0][1].now if answers else None
 
 
 def ticker(bus: Bus, period: float, mode: ClockMode) -> Callable[[], None]:
-    """A call that waits for the next moment, `period` seconds after this call or after the last one.
+    """A function that waits for the next moment, `period` seconds after the last one (the first: after this call).
 
-    Says once on stderr when simulated time stands still.
+    It says once on stderr when simulated time stands still.
     """
     clock = open_clock(bus, mode)
-    ticks, told = Ticker(period, clock), False
+    ticks, warned = Ticker(period, clock), False
 
-    def say() -> None:
-        nonlocal told
-        if not told:
-            told = True
+    def warn() -> None:
+        nonlocal warned
+        if not warned:
+            warned = True
             print(
                 f"simulated time stands still at {to_seconds(clock.now()):.3f} s: see 'zteam sim status' "
-                "(--clock wall goes by the host's time)",
+                "(--clock wall uses the host's time)",
                 file=sys.stderr,
             )
 
-    return lambda: ticks.wait(say)
+    return lambda: ticks.wait(warn)

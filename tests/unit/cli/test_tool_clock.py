@@ -1,4 +1,4 @@
-"""Whose time a tool goes by, and rates of it, on a bus in memory."""
+"""The clock of a tool, and moments at a rate of it, on a bus in memory."""
 
 import io
 import json
@@ -11,10 +11,11 @@ import pytest
 from zteam import clock as clock_module
 from zteam import names
 from zteam.bus import Bus, MemoryHub, NoRequest
-from zteam.cli import clocks, topic
+from zteam.cli import tool_clock, topic
 from zteam.clock import to_ns, wait_until
 from zteam.errors import BusError
 from zteam.messages import Bool, Clock, time_from_ns
+from zteam.runtime.node import ClockMode
 from zteam.services.simulator import SimStatus
 
 LIMIT = 20.0
@@ -22,7 +23,7 @@ LIMIT = 20.0
 
 
 class Simulator:
-    """Says what time it is."""
+    """A simulator reduced to its clock: it publishes ticks and answers `sim/status`."""
 
     def __init__(self, hub: MemoryHub, now: float) -> None:
         self._bus = hub.bus()
@@ -39,53 +40,60 @@ class Simulator:
         self._clock.put(Clock(time_from_ns(to_ns(now))))
 
 
-def test_with_a_simulator_it_is_simulated_time() -> None:
-    """At once and without waiting for a tick, for the world may stand still; later ticks are heard."""
+@pytest.mark.parametrize("mode", ["auto", "sim"])
+def test_with_a_simulator_the_clock_starts_at_its_time(mode: ClockMode) -> None:
+    """A tool has simulated time at once, without a tick: the world may be paused."""
+    hub = MemoryHub()
+    Simulator(hub, 12.3)
+    clock = tool_clock.open_clock(hub.bus(), mode)
+    assert (clock.simulated, clock.now()) == (True, to_ns(12.3))
+
+
+def test_the_clock_follows_the_simulators_ticks() -> None:
+    """A tick sets the time of an open clock."""
     hub = MemoryHub()
     simulator = Simulator(hub, 12.3)
-    for mode in ("auto", "sim"):
-        clock = clocks.open_clock(hub.bus(), mode)
-        assert (clock.simulated, clock.now()) == (True, to_ns(12.3))
+    clock = tool_clock.open_clock(hub.bus(), "auto")
     simulator.go_to(12.4)
     assert clock.now() == to_ns(12.4)
 
 
-def test_without_a_simulator_it_is_the_hosts() -> None:
-    """And it stays that, even if one comes."""
+def test_without_a_simulator_the_clock_is_the_hosts() -> None:
+    """The clock stays the host's even if a simulator starts later."""
     hub = MemoryHub()
-    clock = clocks.open_clock(hub.bus(), "auto")
+    clock = tool_clock.open_clock(hub.bus(), "auto")
     Simulator(hub, 0.0).go_to(0.1)
     assert (clock.decided, clock.simulated) == (True, False)
     assert clock.now() > to_ns(1e9)
 
 
-def test_the_hosts_time_can_be_asked_for() -> None:
-    """Whether there is a simulator or not; nobody is asked."""
+def test_the_hosts_clock_can_be_chosen() -> None:
+    """`--clock wall` uses the host's time although a simulator runs."""
     hub = MemoryHub()
     Simulator(hub, 12.3)
-    assert not clocks.open_clock(hub.bus(), "wall").simulated
+    assert not tool_clock.open_clock(hub.bus(), "wall").simulated
 
 
-def test_a_simulator_that_does_not_answer_is_one() -> None:
-    """A busy or frozen one is no reason to take the host's time."""
+def test_a_simulator_that_does_not_answer_counts() -> None:
+    """With a busy or frozen simulator the clock is simulated time, not the host's."""
     hub = MemoryHub()
 
     def refuse(_request: NoRequest) -> None:
         raise BusError("Timeout")
 
     hub.bus().serve(names.service_key(names.SIMULATOR, "status"), NoRequest, refuse)
-    assert clocks.open_clock(hub.bus(), "auto").simulated
+    assert tool_clock.open_clock(hub.bus(), "auto").simulated
 
 
 def test_simulated_time_can_be_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With `--clock sim` and no simulator yet, the tool begins with the first tick."""
+    """With `--clock sim` and no simulator yet, the clock opens at the first tick."""
     hub, found, asked = MemoryHub(), [], threading.Event()
 
-    def nobody(_bus: Bus) -> None:
+    def find_no_simulator(_bus: Bus) -> None:
         asked.set()
 
-    monkeypatch.setattr(clocks, "_ask_time", nobody)
-    thread = threading.Thread(target=lambda: found.append(clocks.open_clock(hub.bus(), "sim")))
+    monkeypatch.setattr(tool_clock, "_ask_time", find_no_simulator)
+    thread = threading.Thread(target=lambda: found.append(tool_clock.open_clock(hub.bus(), "sim")))
     thread.start()
     assert asked.wait(LIMIT)
     assert found == []
@@ -95,13 +103,13 @@ def test_simulated_time_can_be_waited_for(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 class Publishing:
-    """`zteam topic pub` in a thread, and what arrives of it."""
+    """Runs `zteam topic pub` in a thread and counts the messages that arrive."""
 
     def __init__(self, hub: MemoryHub, monkeypatch: pytest.MonkeyPatch, *words: str) -> None:
         self.changed = threading.Condition()
         self.count = 0
         self.exit_code: int | None = None
-        hub.bus().subscribe("flag", Bool, lambda _key, _message: self._tell(1))
+        hub.bus().subscribe("flag", Bool, lambda _key, _message: self._notify(1))
         monkeypatch.setattr(topic, "open_bus", lambda _options: hub.bus())
         self._words = ["pub", "flag", "Bool", "{data: true}", *words]
         self._thread = threading.Thread(target=self._run, daemon=True)
@@ -109,21 +117,21 @@ class Publishing:
 
     def _run(self) -> None:
         self.exit_code = topic.main(self._words)
-        self._tell(0)
+        self._notify(0)
 
-    def _tell(self, more: int) -> None:
+    def _notify(self, more: int) -> None:
         with self.changed:
             self.count += more
             self.changed.notify_all()
 
     def wait(self, ready: Callable[[], bool]) -> None:
-        """Wait for something to arrive."""
+        """Wait until `ready()`; fail after LIMIT."""
         with self.changed:
             assert wait_until(self.changed, ready, LIMIT)
 
 
-class Said(io.StringIO):
-    """An output that can be waited for."""
+class WatchedOutput(io.StringIO):
+    """An output stream that a test can wait for."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -135,20 +143,20 @@ class Said(io.StringIO):
             return super().write(text)
 
     def wait_for(self, text: str) -> None:
-        """Wait until this was written."""
+        """Wait until `text` was written; fail after LIMIT."""
         with self._changed:
             assert wait_until(self._changed, lambda: text in self.getvalue(), LIMIT)
 
 
 def test_messages_are_published_in_simulated_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The first at once, the others with the ticks that bring their moments, and none while the world stands still."""
+    """The first message is sent at once, the others at the ticks of their moments, and none while time stands still."""
     monkeypatch.setattr(clock_module, "STILL", 0.01)
-    hub, said = MemoryHub(), Said()
-    monkeypatch.setattr(sys, "stderr", said)
+    hub, stderr = MemoryHub(), WatchedOutput()
+    monkeypatch.setattr(sys, "stderr", stderr)
     simulator = Simulator(hub, 5.0)
     publishing = Publishing(hub, monkeypatch, "--rate", "5", "--times", "4")
     publishing.wait(lambda: publishing.count == 1)
-    said.wait_for("time stands still at 5.000 s: see 'zteam sim status' (--clock wall goes by the host's time)")
+    stderr.wait_for("time stands still at 5.000 s: see 'zteam sim status' (--clock wall uses the host's time)")
     for tick, count in ((5.1, 1), (5.2, 2), (5.3, 2), (5.4, 3), (5.5, 3)):
         simulator.go_to(tick)
         publishing.wait(lambda least=count: publishing.count == least)  # type: ignore[misc]
@@ -156,23 +164,22 @@ def test_messages_are_published_in_simulated_time(monkeypatch: pytest.MonkeyPatc
     simulator.go_to(5.6)
     publishing.wait(lambda: publishing.exit_code == 0)
     assert publishing.count == 4
-    assert said.getvalue().count("stands still") == 1
+    assert stderr.getvalue().count("stands still") == 1
 
 
-def test_messages_are_published_in_the_hosts_time_if_asked(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With `--clock wall` a world that stands still stops nobody; neither does one that is not there."""
+@pytest.mark.parametrize("words", [(), ("--clock", "wall")])
+def test_messages_are_published_in_the_hosts_time(words: tuple[str, ...], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without a simulator, or with `--clock wall` beside one that stands still, messages are sent at the rate."""
     hub = MemoryHub()
-    without = Publishing(hub, monkeypatch, "--rate", "1000", "--times", "5")
-    without.wait(lambda: without.exit_code == 0)
-    assert without.count == 5
-    Simulator(hub, 5.0)
-    publishing = Publishing(hub, monkeypatch, "--rate", "1000", "--times", "5", "--clock", "wall")
+    if words:
+        Simulator(hub, 5.0)
+    publishing = Publishing(hub, monkeypatch, "--rate", "1000", "--times", "5", *words)
     publishing.wait(lambda: publishing.exit_code == 0)
     assert publishing.count == 5
 
 
 def test_one_message_needs_no_clock(monkeypatch: pytest.MonkeyPatch) -> None:
-    """`--once` does not ask for the time: it waits for nothing."""
+    """`--once` publishes without opening a clock."""
 
     def fail(*_: object) -> None:
         raise AssertionError
@@ -188,31 +195,31 @@ def test_one_message_needs_no_clock(monkeypatch: pytest.MonkeyPatch) -> None:
     ("words", "simulated", "rate"),
     [((), False, None), (("--clock", "sim"), True, 10.0), (("--clock", "auto"), True, 10.0)],
 )
-def test_hz_says_whose_time_it_measures(
+def test_hz_names_its_clock(
     words: tuple[str, ...],
     simulated: bool,
     rate: float | None,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """The host's unless told otherwise; in simulated time a rate is exact, however fast the world runs."""
+    """`zteam topic hz` measures in the host's time by default; in simulated time its rate is exact."""
     hub = MemoryHub()
     simulator, sender = Simulator(hub, 5.0), hub.bus().publisher("flag", Bool)
     subscribed = threading.Event()
 
-    class Hearing(Bus):
-        """Tells when it listens."""
+    class SignallingBus(Bus):
+        """Sets an event when a subscriber is declared."""
 
         def subscribe_raw(self, *args: object, **options: object) -> object:  # type: ignore[override]
             handle = super().subscribe_raw(*args, **options)  # type: ignore[arg-type]
             subscribed.set()
             return handle
 
-    monkeypatch.setattr(topic, "open_bus", lambda _options: Hearing(hub.bus().transport))
+    monkeypatch.setattr(topic, "open_bus", lambda _options: SignallingBus(hub.bus().transport))
     thread = threading.Thread(target=lambda: topic.main(["hz", "flag", "--once", "--json", *words]))
     thread.start()
     assert subscribed.wait(LIMIT)
-    # In the middle of it the simulator is reset: what was before is no part of the rate.
+    # The simulator is reset on the way: earlier stamps do not count.
     for tick in (50, 51, 52, 1, 2, 3, 4):
         simulator.go_to(tick / 10)
         sender.put(Bool(True))

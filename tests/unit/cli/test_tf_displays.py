@@ -1,17 +1,17 @@
-"""What `zteam tf` hears of the tree, on a bus in memory."""
+"""The listener of `zteam tf`, on a bus in memory."""
 
 import tracemalloc
 
 from support.transforms import S, stamped
 from zteam import names
 from zteam.bus import MemoryHub
-from zteam.cli.frames import TreeListener
+from zteam.cli.tf_displays import TreeListener
 from zteam.messages import TFMessage, time_from_ns
 from zteam.tf.statistics import Watch
 
 
 def test_the_memory_of_a_listener_is_bounded(hub: MemoryHub) -> None:
-    """`tf echo` and `tf positions --rate` may run for days: after the buffer's ten seconds they take no more memory."""
+    """Once the buffer's ten seconds are full, a listener that runs for days needs no more memory."""
     listener, publisher = TreeListener(hub.bus()), hub.bus().publisher(names.TF, TFMessage)
     transform = stamped("map", "robot_0/base_footprint", 0)
 
@@ -31,8 +31,8 @@ def test_the_memory_of_a_listener_is_bounded(hub: MemoryHub) -> None:
     assert listener.buffer.frames()["robot_0/base_footprint"].newest == 2999 * S
 
 
-def test_a_listener_shows_its_watch_what_it_hears(hub: MemoryHub) -> None:
-    """The figures of `tf monitor` are those of the messages on `tf`."""
+def test_a_listener_passes_transforms_to_its_watch(hub: MemoryHub) -> None:
+    """The watch counts and times the messages on `tf`."""
     watch = Watch()
     TreeListener(hub.bus(), watch)
     publisher = hub.bus().publisher(names.TF, TFMessage)

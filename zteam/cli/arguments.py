@@ -1,0 +1,80 @@
+"""Values on a command line: numbers within bounds, a speed, negative numbers that are not options."""
+
+import argparse
+from collections.abc import Callable, Sequence
+from typing import TypeVar
+
+from zteam.errors import UsageError
+from zteam.numbers import is_number, parse_number, parse_whole
+
+T = TypeVar("T")
+
+MIN_SEED, MAX_SEED = -(2**63), 2**63 - 1
+MAX_RATE = 1e4
+"""Hz at which a command can repeat something."""
+MIN_RUN = 1e-6
+"""Simulated seconds of the shortest `--for`: the run ends with the tick of GO."""
+LOCKSTEP_TIMEOUTS = (1e-3, 3600.0)
+"""Bounds of `--lockstep-timeout`, host seconds."""
+
+
+def number(low: float, high: float, what: str) -> Callable[[str], float]:
+    """The `type` of an option: a number from `low` to `high`; the error asks for `what`, such as "seconds"."""
+    return _option_type(lambda text: parse_number(text, low, high, what))
+
+
+def whole(low: int, high: int, what: str) -> Callable[[str], int]:
+    """The `type` of an option: a whole number from `low` to `high`; the error asks for `what`."""
+    return _option_type(lambda text: parse_whole(text, low, high, what))
+
+
+def one_of(choices: Sequence[str]) -> Callable[[str], str]:
+    """The `type` of an option with `choices`: unlike these, it also checks a default from the environment."""
+
+    def parse(text: str) -> str:
+        if text not in choices:
+            raise UsageError(f"{text!r}: give {', '.join(choices)}")
+        return text
+
+    return _option_type(parse)
+
+
+def _option_type(parse: Callable[[str], T]) -> Callable[[str], T]:
+    def parse_option(text: str) -> T:
+        try:
+            return parse(text)
+        except UsageError as error:
+            raise argparse.ArgumentTypeError(str(error)) from None
+
+    return parse_option
+
+
+def add_seed_option(parser: argparse.ArgumentParser) -> None:
+    """Add `--seed`, by default 1."""
+    parser.add_argument(
+        "--seed",
+        type=whole(MIN_SEED, MAX_SEED, "a seed"),
+        default=1,
+        help="seed of all random numbers (default: %(default)s)",
+    )
+
+
+def parse_speed(text: str) -> float | None:
+    """Simulated seconds per host second: a number, or None for `max`. Raises UsageError."""
+    # Only the commands with a speed pay for this import.
+    from zteam.services.simulator import MAX_SPEED, MIN_SPEED
+
+    if text == "max":
+        return None
+    try:
+        return parse_number(text, MIN_SPEED, MAX_SPEED, "simulated seconds a second")
+    except UsageError as error:
+        raise UsageError(f"speed {error}, or max") from None
+
+
+def negative_numbers(words: Sequence[str]) -> list[str]:
+    """The words of a command line, changed so that argparse takes no negative number for an option.
+
+    argparse recognizes `-1`, but not `-1e-3` and `-inf`. A space in front hides the sign, and `float` accepts it.
+    """
+    return [f" {word}" if word.startswith("-") and is_number(word) else word for word in words]
