@@ -1,6 +1,10 @@
-"""Numbers from outside as text. Each has bounds: what is too large overflows far from the place where it was typed."""
+"""Numbers that users type, and percentiles.
+
+A typed number has bounds: a number that is too large would overflow far from the place where it was typed.
+"""
 
 import math
+from collections.abc import Iterable
 
 from zteam.errors import UsageError
 
@@ -30,6 +34,21 @@ def parse_whole(text: str, low: int, high: int, what: str) -> int:
     if not is_whole or not low <= int(word) <= high:
         raise UsageError(f"{_shown(text)}: give {what} from {low} to {high}")
     return int(word)
+
+
+def is_number(text: str) -> bool:
+    """Whether `text` is a number, infinities and NaN included."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def percentile(values: Iterable[float], share: float) -> float | None:
+    """The value at a `share` (0 to 1) of the way through the sorted values; None where there are no values."""
+    ordered = sorted(values)
+    return ordered[min(len(ordered) - 1, int(share * len(ordered)))] if ordered else None
 
 
 def _shown(text: str) -> str:

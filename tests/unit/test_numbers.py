@@ -5,7 +5,7 @@ import pytest
 from support.commands import exit_code
 from zteam.cli import bench, sim, tf, topic, up, world, zteam_robot, zteam_router, zteam_sim, zteam_tf
 from zteam.errors import UsageError
-from zteam.numbers import parse_number, parse_whole
+from zteam.numbers import is_number, parse_number, parse_whole, percentile
 
 BAD = ("nan", "inf", "-inf", "1e308", "-1e308", "word", "", "1e-300x", "9" * 5000)
 """What no option takes for a number."""
@@ -112,3 +112,31 @@ def test_a_whole_number_has_digits_only(text: str) -> None:
     """No other notation is guessed at."""
     with pytest.raises(UsageError, match="give steps from -3 to 5"):
         parse_whole(text, -3, 5, "steps")
+
+
+@pytest.mark.parametrize("text", ["0", "-1e-3", " 2.5 ", "inf", "-inf", "nan"])
+def test_a_number_is_what_float_reads(text: str) -> None:
+    """Infinities and NaN included."""
+    assert is_number(text)
+
+
+@pytest.mark.parametrize("text", ["", "-", "map", "1,5", "--for"])
+def test_a_word_is_no_number(text: str) -> None:
+    """Options and frame names stay words."""
+    assert not is_number(text)
+
+
+@pytest.mark.parametrize(("share", "expected"), [(0.0, 1.0), (0.5, 51.0), (0.99, 100.0), (1.0, 100.0)])
+def test_a_percentile_is_one_of_the_values(share: float, expected: float) -> None:
+    """The order of the values does not matter, and the whole share is the largest value."""
+    assert percentile([float(i) for i in range(100, 0, -1)], share) == expected
+
+
+def test_a_single_value_is_every_percentile() -> None:
+    """No index is out of range."""
+    assert {percentile([7.0], share) for share in (0.0, 0.5, 0.99, 1.0)} == {7.0}
+
+
+def test_no_values_have_no_percentile() -> None:
+    """None, not 0."""
+    assert percentile([], 0.5) is None

@@ -92,18 +92,18 @@ def _measure(args: argparse.Namespace) -> list[Any]:
         return [*(measure_buffers(robots, args.tf2_path) for robots in (4, 100)), measure_listener(seconds=60)]
     if args.verb == "kernel":
         from zteam.bench.casting import measure_kernels
-        from zteam.cli.zteam_sim import find_world
+        from zteam.resources import find_world
         from zteam.world import load_world
 
         world = load_world(find_world(args.world))
         return [measure_kernels(world, 1081, 270.0), measure_kernels(world, 180, 180.0)]
     if args.verb == "team":
         from zteam.bench.running import measure_team
-        from zteam.cli.zteam_sim import find_world
+        from zteam.resources import find_world
 
         return [measure_team(find_world(args.world), args.robots, args.beams, args.seconds, realtime=args.realtime)]
     from zteam.bench.simulation import measure_simulation
-    from zteam.cli.zteam_sim import find_world
+    from zteam.resources import find_world
     from zteam.world import load_world
 
     world = load_world(find_world(args.world))

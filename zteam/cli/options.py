@@ -12,7 +12,7 @@ from zteam.cli.interrupts import INTERRUPTED
 from zteam.cli.output import OutputError, guarded
 from zteam.errors import UsageError, ZteamError
 from zteam.names import strip_slash
-from zteam.numbers import parse_number, parse_whole
+from zteam.numbers import is_number, parse_number, parse_whole
 from zteam.runtime.logs import LEVELS, start_logging
 
 T = TypeVar("T")
@@ -105,15 +105,7 @@ def negative_numbers(words: Sequence[str]) -> list[str]:
 
     They get a space in front, which `float` does not mind.
     """
-    return [f" {word}" if word.startswith("-") and _is_number(word) else word for word in words]
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
+    return [f" {word}" if word.startswith("-") and is_number(word) else word for word in words]
 
 
 def bus_options(args: argparse.Namespace, *, small: bool = False) -> BusOptions:

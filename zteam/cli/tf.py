@@ -13,7 +13,7 @@ from zteam.cli.options import MAX_RATE, Parser, add_bus_options, add_clock_optio
 from zteam.errors import UsageError, ZteamError
 from zteam.geometry import quaternion_from_rpy
 from zteam.messages import to_json
-from zteam.numbers import MAX_SECONDS
+from zteam.numbers import MAX_SECONDS, is_number
 from zteam.services.transforms import MAX_COORDINATE, StaticReply, StaticRequest
 from zteam.services.transforms_client import TransformClient
 from zteam.tf.text import format_transform
@@ -127,9 +127,9 @@ def _echo(args: argparse.Namespace) -> int:
 def parse_static(words: Sequence[str], caller: str) -> StaticRequest:
     """X Y Z YAW PITCH ROLL PARENT CHILD, or with a quaternion; ROS 1's period at the end is taken and ignored."""
     values = list(words)
-    if len(values) in {9, 10} and _is_number(values[-1]) and not _is_number(values[-2]):
+    if len(values) in {9, 10} and _is_coordinate(values[-1]) and not _is_coordinate(values[-2]):
         values.pop()
-    if len(values) not in _COUNTS or not all(map(_is_number, values[:-2])):
+    if len(values) not in _COUNTS or not all(map(_is_coordinate, values[:-2])):
         raise UsageError(
             "give X Y Z YAW PITCH ROLL PARENT CHILD or X Y Z QX QY QZ QW PARENT CHILD, "
             "e.g. zteam tf static 0.1 0 0.2 0 0 0 robot_0/base_link robot_0/camera"
@@ -142,11 +142,8 @@ def parse_static(words: Sequence[str], caller: str) -> StaticRequest:
     return StaticRequest(parent, child, caller, x, y, z, *angles)
 
 
-def _is_number(text: str) -> bool:
-    try:
-        return abs(float(text)) <= MAX_COORDINATE
-    except ValueError:
-        return False
+def _is_coordinate(text: str) -> bool:
+    return is_number(text) and abs(float(text)) <= MAX_COORDINATE
 
 
 def _hold(bus: Bus, request: StaticRequest) -> None:

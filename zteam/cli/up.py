@@ -13,11 +13,10 @@ from zteam.cli.options import MAX_SEED, MIN_SEED, Parser, add_bus_options, bus_o
 from zteam.cli.zteam_sim import LOCKSTEP_TIMEOUTS, MIN_RUN
 from zteam.errors import UsageError, ZteamError
 from zteam.numbers import MAX_SECONDS
-from zteam.resources import names as shipped_names
-from zteam.resources import shipped_team, teams_folder
+from zteam.resources import find_team, find_world
 
 if TYPE_CHECKING:
-    from zteam.launch.plan import Pace
+    from zteam.launch.arguments import Pace
     from zteam.launch.run import Run
     from zteam.runtime.shutdown import Stop
 
@@ -60,7 +59,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 def _pace(args: argparse.Namespace, world: Path | None) -> "Pace":
     from zteam.cli.zteam_sim import parse_speed
-    from zteam.launch.plan import Pace
+    from zteam.launch.arguments import Pace
 
     if args.speed is not None:
         parse_speed(args.speed)
@@ -69,18 +68,6 @@ def _pace(args: argparse.Namespace, world: Path | None) -> "Pace":
     if world is None and (args.lockstep or args.speed is not None):
         raise UsageError('--lockstep and --speed need a simulator: this team has none (world = "none")')
     return Pace(args.speed, args.lockstep, args.lockstep_timeout, tuple(args.expect))
-
-
-def find_team(text: str) -> Path:
-    """The team file named on a command line: a path, else a shipped team."""
-    path = Path(text)
-    if path.is_file():
-        return path
-    shipped = shipped_team(text)
-    if shipped is None:
-        known = ", ".join(shipped_names(teams_folder(), ".toml"))
-        raise UsageError(f"team {text!r}: no such file, nor a shipped team ({known})")
-    return shipped
 
 
 def _check_writable(path: Path) -> None:
@@ -117,7 +104,6 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _up(args: argparse.Namespace) -> int:
-    from zteam.cli.zteam_sim import find_world
     from zteam.launch.check import check_team
     from zteam.launch.run import Run, RunOptions
     from zteam.runtime.shutdown import Stop

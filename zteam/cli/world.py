@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from zteam.cli.options import Parser, number, run, whole
-from zteam.cli.zteam_sim import find_world
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.names import MAX_ROBOT_ID
+from zteam.resources import find_world
 from zteam.runtime.logs import LEVELS
 
 if TYPE_CHECKING:

@@ -11,8 +11,7 @@ from zteam.cli.options import MAX_SEED, MIN_SEED, Parser, add_bus_options, bus_o
 from zteam.errors import UsageError, ZteamError
 from zteam.geometry import Pose2
 from zteam.numbers import MAX_SECONDS, parse_number
-from zteam.resources import names as shipped_names
-from zteam.resources import shipped_world, worlds_folder
+from zteam.resources import find_world
 from zteam.services.simulator import MAX_PLACE, MAX_SPEED, MIN_SPEED
 from zteam.simulation_options import PHYSICS, Options
 
@@ -148,18 +147,6 @@ def lockstep_options(args: argparse.Namespace) -> "LockStepOptions | None":
                 raise UsageError(f"{flag} needs --lockstep")
         return None
     return LockStepOptions(tuple(args.expect), args.lockstep_timeout, not args.no_gate)
-
-
-def find_world(text: str) -> Path:
-    """The world file named on a command line: a path, else a shipped world."""
-    path = Path(text)
-    if path.is_file():
-        return path
-    shipped = shipped_world(text)
-    if shipped is None:
-        known = ", ".join(shipped_names(worlds_folder(), ".world"))
-        raise UsageError(f"world {text!r}: no such file, nor a shipped world ({known})")
-    return shipped
 
 
 def parse_gap(text: str) -> tuple[int, int]:

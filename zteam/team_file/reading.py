@@ -81,12 +81,7 @@ def team_world(file: TeamFile) -> Path | None:
         )
     if world == NO_WORLD:
         return None
-    beside = file.path.parent / world
-    try:
-        found = beside if beside.is_file() else resources.shipped_world(world)
-    except (OSError, ValueError):
-        # No name of a file at all: too long, or with a NUL in it.
-        found = None
+    found = resources.existing_file(file.path.parent / world) or resources.shipped_world(world)
     if found is None:
         known = ", ".join(resources.names(resources.worlds_folder(), ".world"))
         text = f"{world!r} is neither a file beside the team file nor a shipped world ({known})"

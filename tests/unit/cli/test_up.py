@@ -7,9 +7,7 @@ import pytest
 
 from support.commands import exit_code
 from zteam.cli import up
-from zteam.cli.up import Printer, find_team
-from zteam.errors import UsageError
-from zteam.resources import shipped_team
+from zteam.cli.up import Printer
 
 
 class Terminal(io.StringIO):
@@ -30,21 +28,6 @@ def nothing_starts(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("zteam.launch.run.Run.start", refuse)
     for name in ("ZTEAM_CONNECT", "ZTEAM_NAMESPACE", "NO_COLOR"):
         monkeypatch.delenv(name, raising=False)
-
-
-def test_a_team_is_a_file_or_shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A path comes first, so that a file of one's own named `line` is used; else the shipped team of that name."""
-    monkeypatch.chdir(tmp_path)
-    assert find_team("line") == shipped_team("line")
-    assert find_team("line.toml") == shipped_team("line")
-    (tmp_path / "line").write_text("")
-    assert find_team("line") == Path("line")
-
-
-def test_an_unknown_team_names_the_known_ones() -> None:
-    """The way out is in the message."""
-    with pytest.raises(UsageError, match=r"no such file, nor a shipped team \(.*line.*\)"):
-        find_team("lien")
 
 
 def test_the_default_is_the_shipped_line() -> None:

@@ -41,7 +41,7 @@ def test_everybody_is_there_in_the_order_of_starting() -> None:
 def test_robots_stop_first_and_the_router_last() -> None:
     """A robot's zero velocity needs the simulator and the router to get to the wheels."""
     order = plan_team(TEAM, WORLD, BUS).stop_order()
-    assert order == [["robot_0", "robot_3", "robot_7", "robot_8"], ["monitor", "tf"], ["sim"], ["router"]]
+    assert order == [["robot_0", "robot_3", "robot_7", "robot_8"], ["tf", "monitor"], ["sim"], ["router"]]
 
 
 def test_what_has_no_place_in_the_order_stops_first() -> None:
@@ -51,7 +51,7 @@ def test_what_has_no_place_in_the_order_stops_first() -> None:
     plan.commands["robot #7"] = ["robot"]
     order = plan.stop_order()
     assert set(order[0]) == {"robot_0", "robot_3", "robot_7", "robot_8", "teleop", "robot #7"}
-    assert order[1:] == [["monitor", "tf"], ["sim"], ["router"]]
+    assert order[1:] == [["tf", "monitor"], ["sim"], ["router"]]
 
 
 def test_a_users_behaviour_is_looked_for_beside_the_team_file() -> None:

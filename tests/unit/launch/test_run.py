@@ -22,7 +22,8 @@ from zteam.launch import run as running
 from zteam.launch.namespace import claim_namespace
 from zteam.launch.process import Process
 from zteam.launch.progress import Progress
-from zteam.launch.run import ANY_PORT, Run, RunOptions, choose_endpoint
+from zteam.launch.router import ANY_PORT
+from zteam.launch.run import Run, RunOptions, choose_endpoint
 from zteam.messages import TeamState, TeamStatus, time_from_ns
 from zteam.runtime.shutdown import Stop
 from zteam.services.simulator import FinishReply, FinishRequest
@@ -127,8 +128,7 @@ class Pretend:
         self.asked: list[tuple[str, ...]] = []
         self.lines: list[tuple[str, str]] = []
         self._started: list[Process] = []
-        monkeypatch.setattr("zteam.launch.run.zteam_command", self._command)
-        monkeypatch.setattr("zteam.launch.plan.zteam_command", self._command)
+        monkeypatch.setattr("zteam.launch.kinds.zteam_command", self._command)
         # The bus needs a real router; what is tested here ends before that, or does not need it.
         monkeypatch.setattr("zteam.launch.run.connect", lambda *_, **__: self.hub.bus())
         self.stop = Stop()
