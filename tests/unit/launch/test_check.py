@@ -1,6 +1,5 @@
-"""A team held against everything it names, before it starts."""
+"""A team file checked against everything it names, before the team starts."""
 
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -9,7 +8,6 @@ import pytest
 
 from zteam.errors import ConfigError
 from zteam.launch.check import check_team
-from zteam.launch.own_behaviors import Inquiry, Question
 from zteam.resources import shipped_world
 from zteam.team_file import read_team_file
 from zteam.testing.team import TeamFixture
@@ -28,6 +26,7 @@ class Stopper(Behavior):
     def step(self, view):
         return Twist()
 """
+
 
 MISTAKES = """
 [team]
@@ -71,6 +70,7 @@ behavior = "my_stopper"
 [simulation]
 gaussian_noise = -1
 """
+
 
 TOLD = [
     "4: team.sede: unknown key (did you mean seed?); known: world, seed, world_robots",
@@ -167,41 +167,6 @@ def test_a_team_without_its_world_robots_adds_its_own(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"robots\[0\]\.id: the world has no robot 0 \(it has none\)"):
         check_team(read_team_file(write(tmp_path, text)))
     check_team(read_team_file(write(tmp_path, text + 'model = "erratic"\npose = [0, 0, 0]\n')))
-
-
-@pytest.mark.parametrize(
-    ("code", "told"),
-    [
-        ("import sys; sys.exit('no GPU')", "cannot import bad: SystemExit: no GPU"),
-        ("import os; print('far too old', flush=True); os._exit(7)", "ended the process (exit code 7): far too old"),
-        ("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)", "ended the process (killed by SIGSEGV)"),
-        ("raise RuntimeError('two\\nlines')", "cannot import bad: RuntimeError: two lines"),
-        ("import sys; sys.stdout.close()", "module bad"),
-        ("import threading, time; threading.Thread(target=time.sleep, args=(600,)).start()", "has no Robot"),
-    ],
-)
-def test_a_module_that_misbehaves_is_told(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, code: str, told: str
-) -> None:
-    """Whatever importing does, the launcher goes on and names the behaviour."""
-    (tmp_path / "bad.py").write_text(code)
-    monkeypatch.chdir("/")
-    with Inquiry([Question("bad:Robot", {})], tmp_path) as inquiry:
-        (answer,) = inquiry.answers()
-    assert told in answer.refused
-    assert "bad:Robot" in answer.refused
-
-
-def test_a_module_that_hangs_is_given_up(tmp_path: Path) -> None:
-    """After the limit the check goes on, and the process that hangs is gone."""
-    (tmp_path / "slow.py").write_text("import time; time.sleep(600)")
-    with Inquiry([Question("slow:Robot", {})] * 2, tmp_path) as inquiry:
-        assert inquiry._process is not None
-        pid = inquiry._process.pid
-        first, _ = inquiry.answers(limit=0.5)
-        assert first.refused == "behaviour 'slow:Robot': importing it is not done after 0.5 s"
-    with pytest.raises(ProcessLookupError):
-        os.kill(pid, 0)
 
 
 def test_the_check_needs_no_engine(tmp_path: Path) -> None:

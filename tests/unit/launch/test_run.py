@@ -1,6 +1,5 @@
-"""A run as the launcher sees it: the router's start, GO, the end of the time asked for."""
+"""One run of a team: the router's start, the end of the run, and what ends it early."""
 
-import itertools
 import os
 import socket
 import sys
@@ -11,93 +10,26 @@ from typing import Any
 
 import pytest
 
+from support.monitor_voice import MonitorVoice
 from zteam import names
-from zteam.bus import Bus, BusOptions
+from zteam.bus import BusOptions
 from zteam.bus.memory import MemoryHub
 from zteam.bus.presence import Claim
 from zteam.cli import zteam_monitor, zteam_robot, zteam_sim, zteam_tf
 from zteam.cli.options import bus_options
 from zteam.errors import BusError, ZteamError
 from zteam.launch import run as running
-from zteam.launch.namespace import claim_namespace
 from zteam.launch.process import Process
-from zteam.launch.progress import Progress
 from zteam.launch.router import ANY_PORT
 from zteam.launch.run import Run, RunOptions, choose_endpoint
-from zteam.messages import TeamState, TeamStatus, time_from_ns
+from zteam.messages import TeamState
 from zteam.runtime.shutdown import Stop
-from zteam.services.simulator import FinishReply, FinishRequest
 from zteam.team_file import RobotEntry, Team
 
 LIMIT = 30.0
+
+
 TEAM = Team(robots=[RobotEntry(id=0, behavior="forward")])
-
-
-class Voices:
-    """Says on the bus what a monitor says."""
-
-    def __init__(self, bus: Bus) -> None:
-        self._status = bus.publisher(names.TEAM_STATUS, TeamStatus, latched=True)
-
-    def status(self, state: int, go_ns: int = 0) -> None:
-        """The monitor's word."""
-        self._status.put(TeamStatus(state=state, epoch=1, go_stamp=time_from_ns(go_ns)))
-
-
-def test_go_is_noted_once(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Waiting is not GO; the first GO's time stays, whatever is said later."""
-    moments = itertools.count(1.5)
-    monkeypatch.setattr("zteam.launch.progress.seconds_since_start", lambda: next(moments))
-    progress, team = Progress(hub.bus(), False), Voices(hub.bus())
-    team.status(TeamState.WAITING)
-    assert progress.go_after is None
-    team.status(TeamState.GO, 100)
-    assert progress.go_after == 1.5
-    team.status(TeamState.GO, 200)
-    assert progress.go_after == 1.5
-
-
-def test_a_go_from_before_counts(hub: MemoryHub) -> None:
-    """GO is latched: a launcher that joins late hears it."""
-    Voices(hub.bus()).status(TeamState.GO)
-    assert Progress(hub.bus(), False).go_after is not None
-
-
-def test_the_end_is_the_simulators_word(hub: MemoryHub) -> None:
-    """The run is over when the simulator says so, and not while it answers that it is not."""
-    asked, over = threading.Semaphore(0), threading.Event()
-
-    def finish(request: FinishRequest) -> FinishReply:
-        asked.release()
-        over.wait(min(request.timeout, 0.01))
-        return FinishReply(over.is_set())
-
-    hub.bus().serve(names.service_key(names.SIMULATOR, "finish"), FinishRequest, finish)
-    progress = Progress(hub.bus(), True)
-    Voices(hub.bus()).status(TeamState.GO)
-    for _ in range(3):
-        assert asked.acquire(timeout=LIMIT)
-    assert progress.wall is None
-    over.set()
-    with progress.changed:
-        assert progress.changed.wait_for(lambda: progress.wall is not None, LIMIT)
-    assert progress.wall is not None and progress.go_after is not None
-    assert progress.wall >= progress.go_after
-
-
-def test_without_a_limit_nobody_is_asked(hub: MemoryHub) -> None:
-    """A run without an end does not wait for one."""
-    asked = threading.Event()
-
-    def finish(_: FinishRequest) -> FinishReply:
-        asked.set()
-        return FinishReply(True)
-
-    hub.bus().serve(names.service_key(names.SIMULATOR, "finish"), FinishRequest, finish)
-    progress = Progress(hub.bus(), False)
-    Voices(hub.bus()).status(TeamState.GO)
-    assert progress.wall is None
-    assert not asked.is_set()
 
 
 def test_a_taken_port_means_another_one(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -115,6 +47,8 @@ def python(code: str) -> list[str]:
 
 
 WAIT = "import time; time.sleep(600)"
+
+
 ANNOUNCE = f"print('tcp/127.0.0.1:5', flush=True)\n{WAIT}"
 
 
@@ -258,7 +192,7 @@ def test_a_robot_that_ends_after_go_does_not_end_the_run(pretend: Pretend) -> No
     """The others go on, as they do without a limit."""
     with pretend.run(run_for=1000.0) as run:
         run.start()
-        Voices(pretend.hub.bus()).status(TeamState.GO)
+        MonitorVoice(pretend.hub.bus()).status(TeamState.GO)
         assert run._progress is not None
         with run._progress.changed:
             assert run._progress.changed.wait_for(lambda: run._progress.go_after is not None, LIMIT)  # type: ignore[union-attr]
@@ -303,23 +237,3 @@ def test_processes_started_by_hand_are_a_team_too(pretend: Pretend) -> None:
     options = RunOptions(TEAM, None, Path("/w/arena.world"), BusOptions(connect="tcp/127.0.0.1:5"))
     with Run(options, pretend.stop, lambda *_: None) as run, pytest.raises(BusError, match="already running here"):
         run.start()
-
-
-def test_of_two_launchers_at_once_one_stays(hub: MemoryHub) -> None:
-    """The name is claimed, so that two that both found the namespace empty do not both go on."""
-    results: list[object] = []
-
-    def claim() -> None:
-        try:
-            results.append(claim_namespace(hub.bus(), lambda _: None))
-        except BusError as error:
-            results.append(str(error))
-
-    threads = [threading.Thread(target=claim) for _ in range(2)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join(LIMIT)
-    assert sorted(isinstance(result, Claim) for result in results) == [False, True]
-    (refused,) = [result for result in results if isinstance(result, str)]
-    assert refused.startswith("a team is already running here")
