@@ -1,4 +1,4 @@
-"""What `zteam up --report` writes."""
+"""The report of a run, which `zteam up --report` writes."""
 
 import os
 from pathlib import Path
@@ -58,7 +58,7 @@ def seconds_since_start() -> float:
 
 
 def read_sim_report(bus: Bus) -> SimReport:
-    """The simulator's own count. Raises BusError when it does not answer."""
+    """The simulator's count. Raises BusError when the simulator does not answer."""
     return bus.ask(names.service_key(names.SIMULATOR, "report"), SimReport)
 
 
@@ -100,7 +100,7 @@ def read_dropped(bus: Bus) -> dict[str, int]:
 
 
 def report_processes(processes: dict[str, Process], launcher: str, own: Usage) -> list[ProcessReport]:
-    """Every child, and this process, which took `own`, under the name `launcher`."""
+    """One row for every child, and one for this process under the name `launcher`, with its usage `own`."""
     found = [_row(p.name, p.pid, p.exit_code, p.usage) for p in processes.values()]
     return [*found, _row(launcher, os.getpid(), 0, own)]
 
@@ -130,7 +130,7 @@ def write_report(path: Path, text: bytes) -> None:
 
 
 def format_report(report: RunReport) -> str:
-    """A short table for people."""
+    """A short table for a reader."""
     factor = report.real_time_factor
     pace = "" if factor is None else f", {factor:.3g} x real time"
     lines = [f"{report.sim_seconds:.1f} simulated seconds after GO, seed {report.seed}{pace}"]

@@ -1,4 +1,4 @@
-"""Runs a team from start to end: router, processes, GO, a time limit, the report, an orderly stop."""
+"""Runs a team from start to end: router, processes, GO, time limit, report, stop in order."""
 
 import logging
 import os
@@ -28,11 +28,11 @@ from zteam.team_file import Team
 log = logging.getLogger("zteam")
 
 ROUTER_DEADLINE = 20.0
-"""Host seconds until the router listens; an interpreter has taken 2.2 s to start on a crowded machine."""
+"""Host seconds until the router must listen; an interpreter has taken 2.2 s to start on a crowded machine."""
 
 
 class RunOptions(msgspec.Struct, frozen=True):
-    """What to run and for how long."""
+    """A team, its world and connection, and the length of the run."""
 
     team: Team
     team_file: Path | None
@@ -126,7 +126,7 @@ class Run:
             self.supervisor.changed.notify_all()
 
     def hurry(self) -> None:
-        """Stop without grace: the user asked a second time."""
+        """Kill what does not stop at once: the user asked a second time."""
         self._hurry = True
         self._wake()
 
@@ -135,7 +135,7 @@ class Run:
         self._wake()
 
     def start(self) -> None:
-        """Start everything at once; the processes import while the router comes up."""
+        """Start all processes at once, so that they import while the router starts."""
         supervisor = self.supervisor
         if self._options.bus.connect is None:
             self._router = start_router(supervisor, choose_endpoint())
