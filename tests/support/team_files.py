@@ -1,4 +1,4 @@
-"""Team files written for a test, and the one line that tells a mistake in them."""
+"""Team files that a test writes, and the error of a mistake in them."""
 
 from pathlib import Path
 
@@ -16,7 +16,7 @@ def load(folder: Path, text: str) -> Team:
 
 
 def error_of(folder: Path, text: str) -> str:
-    """What is said about a file of this text, behind the file's own name."""
+    """The one-line error of a file of this text, without the file's name."""
     with pytest.raises(ConfigError) as caught:
         load(folder, text)
     told = str(caught.value)

@@ -11,7 +11,7 @@ LIMIT = 30.0
 
 
 def test_of_two_launchers_at_once_one_stays(hub: MemoryHub) -> None:
-    """The name is claimed, so that two that both found the namespace empty do not both go on."""
+    """The launcher claims a name: of two launchers that both found the namespace empty, one is refused."""
     results: list[object] = []
 
     def claim() -> None:

@@ -19,10 +19,10 @@ from zteam.launch.own_behaviors import Inquiry, Question
         ("import threading, time; threading.Thread(target=time.sleep, args=(600,)).start()", "has no Robot"),
     ],
 )
-def test_a_module_that_misbehaves_is_told(
+def test_a_module_that_misbehaves_is_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, code: str, told: str
 ) -> None:
-    """Whatever importing does, the launcher goes on and names the behaviour."""
+    """Whatever the import does, the launcher goes on, and the answer names the behaviour."""
     (tmp_path / "bad.py").write_text(code)
     monkeypatch.chdir("/")
     with Inquiry([Question("bad:Robot", {})], tmp_path) as inquiry:
@@ -32,7 +32,7 @@ def test_a_module_that_misbehaves_is_told(
 
 
 def test_a_module_that_hangs_is_given_up(tmp_path: Path) -> None:
-    """After the limit the check goes on, and the process that hangs is gone."""
+    """After the limit the check goes on, and the process that hangs is ended."""
     (tmp_path / "slow.py").write_text("import time; time.sleep(600)")
     with Inquiry([Question("slow:Robot", {})] * 2, tmp_path) as inquiry:
         assert inquiry._process is not None

@@ -16,7 +16,7 @@ LIMIT = 30.0
 
 
 def test_go_is_noted_once(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Waiting is not GO; the first GO's time stays, whatever is said later."""
+    """Waiting is not GO, and the time of the first GO stays."""
     moments = itertools.count(1.5)
     monkeypatch.setattr("zteam.launch.progress.seconds_since_start", lambda: next(moments))
     progress, team = Progress(hub.bus(), False), MonitorVoice(hub.bus())
@@ -28,14 +28,14 @@ def test_go_is_noted_once(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> No
     assert progress.go_after == 1.5
 
 
-def test_a_go_from_before_counts(hub: MemoryHub) -> None:
-    """GO is latched: a launcher that joins late hears it."""
+def test_an_earlier_go_counts(hub: MemoryHub) -> None:
+    """GO is latched: a launcher that subscribes late gets it."""
     MonitorVoice(hub.bus()).status(TeamState.GO)
     assert Progress(hub.bus(), False).go_after is not None
 
 
-def test_the_end_is_the_simulators_word(hub: MemoryHub) -> None:
-    """The run is over when the simulator says so, and not while it answers that it is not."""
+def test_the_simulator_decides_the_end(hub: MemoryHub) -> None:
+    """The run is over when the simulator answers that it is finished, and not before."""
     asked, over = threading.Semaphore(0), threading.Event()
 
     def finish(request: FinishRequest) -> FinishReply:
@@ -56,8 +56,8 @@ def test_the_end_is_the_simulators_word(hub: MemoryHub) -> None:
     assert progress.wall >= progress.go_after
 
 
-def test_without_a_limit_nobody_is_asked(hub: MemoryHub) -> None:
-    """A run without an end does not wait for one."""
+def test_without_a_limit_the_simulator_is_not_asked(hub: MemoryHub) -> None:
+    """A run without a time limit sends no request for its end."""
     asked = threading.Event()
 
     def finish(_: FinishRequest) -> FinishReply:

@@ -1,4 +1,4 @@
-"""What a run's report holds."""
+"""The report of a run: its file, its table, and the counts in it."""
 
 import json
 import os
@@ -68,8 +68,8 @@ def files_of_at_most(size: int) -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
-def test_a_report_without_room_leaves_no_file(tmp_path: Path) -> None:
-    """A disk that is full is told, an older report stays whole, and nothing half-written is left."""
+def test_a_report_on_a_full_disk_leaves_no_file(tmp_path: Path) -> None:
+    """A full disk is one error; an older report stays whole, and no partial file is left."""
     path = tmp_path / "r.json"
     with files_of_at_most(10), pytest.raises(ZteamError, match=r"--report .*r\.json: cannot write: File too large"):
         write_report(path, b"x" * 100)
@@ -83,8 +83,8 @@ def test_a_report_without_room_leaves_no_file(tmp_path: Path) -> None:
     assert path.read_bytes() == b"new"
 
 
-def test_a_report_goes_where_it_is_sent(tmp_path: Path) -> None:
-    """A link keeps pointing at its file; a device is written to and stays a device."""
+def test_a_report_is_written_through_a_link_or_to_a_device(tmp_path: Path) -> None:
+    """A link still points at its file, and a device is still a device."""
     link, target = tmp_path / "link.json", tmp_path / "target.json"
     target.touch()
     link.symlink_to(target)
@@ -157,8 +157,8 @@ def test_every_figure_of_the_simulator_is_in_the_report() -> None:
     assert {"finished", "wall_seconds"} == set(SimReport.__annotations__)
 
 
-def test_a_report_without_go_says_so() -> None:
-    """No time of GO is made up."""
+def test_a_run_without_go_has_no_time_of_go() -> None:
+    """The value is null."""
     assert make_report(Counts(COUNTED, {}, {}), 1.0, None, []).go_after_seconds is None
 
 
@@ -184,8 +184,8 @@ def test_every_row_of_a_process_has_its_keys() -> None:
     assert set(row) == {"name", "pid", "exit", "restarts", "rss_mb", "pss_mb", "cpu_seconds"}
 
 
-def test_the_table_is_for_people() -> None:
-    """One row a robot, the gap where there is one, the memory of all processes together."""
+def test_the_table_has_a_row_per_robot() -> None:
+    """One row per robot, with its gap if it follows, and the memory of all processes together."""
     lines = format_report(REPORT).splitlines()
     assert lines[0] == "30.0 simulated seconds after GO, seed 4"
     assert lines[2].split() == ["0", "-", "6.00", "-", "0", "1"]
@@ -193,8 +193,8 @@ def test_the_table_is_for_people() -> None:
     assert lines[4] == "2 processes, 110 MB together (PSS)"
 
 
-def test_drops_are_summed_over_everybody() -> None:
-    """What two processes refused on one key is one sum; keys without a drop are not listed; keys are sorted."""
+def test_drops_are_summed_over_all_processes() -> None:
+    """Two processes' drops on one key are one sum; keys without a drop are left out; keys are sorted."""
     hub = MemoryHub()
     first, second, asking = hub.bus(), hub.bus(), hub.bus()
     first.serve_stats("sim")
@@ -210,13 +210,13 @@ def test_drops_are_summed_over_everybody() -> None:
 
 
 def test_a_silent_simulator_is_an_error() -> None:
-    """No report is made up when nobody counts."""
+    """Without a simulator there is no report."""
     with pytest.raises(BusError, match="sim/report"):
         read_sim_report(MemoryHub().bus())
 
 
 def test_the_launcher_is_a_process_too() -> None:
-    """Its own row: this pid, memory and time of its own."""
+    """The launcher has a row with its process id, memory and processor time."""
     own = Usage()
     measure_usage(os.getpid(), own)
     (row,) = report_processes({}, "up", own)
@@ -226,7 +226,7 @@ def test_the_launcher_is_a_process_too() -> None:
 
 
 def test_the_start_is_the_processs_own() -> None:
-    """Time since the start counts interpreter and imports of this process, and nothing from before it."""
+    """The time since the start includes the interpreter and the imports of this process alone."""
     code = (
         "from zteam.clock import monotonic\n"
         "begun = monotonic()\n"

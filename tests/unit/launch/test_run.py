@@ -33,7 +33,7 @@ TEAM = Team(robots=[RobotEntry(id=0, behavior="forward")])
 
 
 def test_a_taken_port_means_another_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The default port if it is free, any port if something is there."""
+    """The default port if it is free, else any port."""
     with socket.create_server(("127.0.0.1", 0)) as server:
         endpoint = f"tcp/127.0.0.1:{server.getsockname()[1]}"
         monkeypatch.setattr(running, "DEFAULT_ENDPOINT", endpoint)
@@ -53,7 +53,7 @@ ANNOUNCE = f"print('tcp/127.0.0.1:5', flush=True)\n{WAIT}"
 
 
 class Pretend:
-    """Runs whose processes are small Python texts: `routers` one after the other, `others` for all the rest."""
+    """Runs of small Python texts: `routers` for one router after the other, `others` for all other processes."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.routers = [ANNOUNCE]
@@ -63,7 +63,7 @@ class Pretend:
         self.lines: list[tuple[str, str]] = []
         self._started: list[Process] = []
         monkeypatch.setattr("zteam.launch.kinds.zteam_command", self._command)
-        # The bus needs a real router; what is tested here ends before that, or does not need it.
+        # The real bus needs a real router.
         monkeypatch.setattr("zteam.launch.run.connect", lambda *_, **__: self.hub.bus())
         self.stop = Stop()
 
@@ -74,7 +74,7 @@ class Pretend:
         return python(self.routers.pop(0) if len(self.routers) > 1 else self.routers[0])
 
     def run(self, run_for: float | None = None) -> Run:
-        """A run that starts nothing yet."""
+        """A run whose processes are not started yet."""
         options = RunOptions(TEAM, None, Path("/w/arena.world"), BusOptions(), run_for=run_for)
         run = Run(options, self.stop, lambda name, line: self.lines.append((name, line)))
         start = run.supervisor.start
@@ -87,20 +87,20 @@ class Pretend:
         return run
 
     def tidy(self) -> None:
-        """Let go of every process, also of those that another one took the place of."""
+        """Wait for the end of every process, also of the replaced ones."""
         assert all(process.join(LIMIT) for process in self._started)
 
 
 @pytest.fixture
 def pretend(monkeypatch: pytest.MonkeyPatch) -> Iterator[Pretend]:
-    """A run whose router answers at once and whose other processes run until they are ended."""
+    """A run whose router listens at once and whose other processes run until they are ended."""
     chosen = Pretend(monkeypatch)
     yield chosen
     chosen.tidy()
 
 
-def test_everyone_hears_where_the_router_is(pretend: Pretend) -> None:
-    """The endpoint goes to every process's standard input as soon as the router has said it."""
+def test_every_process_gets_the_endpoint(pretend: Pretend) -> None:
+    """The endpoint goes to every process's standard input as soon as the router has printed it."""
     pretend.others = f"print(input(), flush=True)\n{WAIT}"
     with pretend.run() as run:
         run.start()
@@ -110,8 +110,8 @@ def test_everyone_hears_where_the_router_is(pretend: Pretend) -> None:
     assert not any(p.running for p in run.supervisor.processes.values())
 
 
-def test_a_router_that_cannot_start_is_tried_on_any_port(pretend: Pretend) -> None:
-    """Somebody took the port in between: the run goes on elsewhere and nothing counts as failed."""
+def test_a_router_that_cannot_start_is_started_on_any_port(pretend: Pretend) -> None:
+    """If another program took the port meanwhile, the run uses another port and no process counts as failed."""
     pretend.routers = ["raise SystemExit(1)", ANNOUNCE]
     with pretend.run() as run:
         run.start()
@@ -121,7 +121,7 @@ def test_a_router_that_cannot_start_is_tried_on_any_port(pretend: Pretend) -> No
 
 
 def test_no_router_is_an_error(pretend: Pretend) -> None:
-    """When no router comes up at all, the launcher says so and leaves no process."""
+    """If no router starts at all, the launcher raises an error and leaves no process."""
     pretend.routers = ["raise SystemExit(1)"]
     with pytest.raises(BusError, match="router did not start"), pretend.run() as run:
         run.start()
@@ -129,7 +129,7 @@ def test_no_router_is_an_error(pretend: Pretend) -> None:
 
 
 def test_a_log_line_is_no_endpoint(pretend: Pretend) -> None:
-    """The router logs where it is before it announces it: the launcher waits for the announcement."""
+    """The router logs its endpoint before it prints it: the launcher waits for the printed line."""
     log_first = "import time\nprint('12:00:00 router at tcp/127.0.0.1:5', flush=True)\ntime.sleep(0.5)\n"
     pretend.routers = [log_first + ANNOUNCE]
     with pretend.run() as run:
@@ -137,8 +137,8 @@ def test_a_log_line_is_no_endpoint(pretend: Pretend) -> None:
         assert run.endpoint == "tcp/127.0.0.1:5"
 
 
-def test_a_router_that_says_why_and_ends_is_tried_again(pretend: Pretend) -> None:
-    """The real router names the port it could not take, and ends a moment later: still any port will do."""
+def test_a_router_whose_port_is_in_use_is_started_again(pretend: Pretend) -> None:
+    """The real router logs the port that is in use and ends a moment later: the run uses any port."""
     refused = (
         "import time\nprint('router: tcp/127.0.0.1:7447 is in use', flush=True)\ntime.sleep(0.5)\nraise SystemExit(1)"
     )
@@ -149,7 +149,7 @@ def test_a_router_that_says_why_and_ends_is_tried_again(pretend: Pretend) -> Non
 
 
 def test_a_failure_ends_a_run_with_a_limit(pretend: Pretend) -> None:
-    """What a dead simulator leaves of a run is no result: the run ends with its name."""
+    """A run without its simulator has no result: it ends with an error that names the simulator."""
     with pretend.run(run_for=1.0) as run:
         run.start()
         run.supervisor.processes[names.SIMULATOR].kill()
@@ -158,7 +158,7 @@ def test_a_failure_ends_a_run_with_a_limit(pretend: Pretend) -> None:
 
 
 def test_a_stop_request_ends_the_wait(pretend: Pretend) -> None:
-    """Ctrl+C ends a run with or without a limit, and it then reports nothing."""
+    """Ctrl+C ends the wait, and the run then has no report."""
     with pretend.run(run_for=1000.0) as run:
         run.start()
         threading.Timer(0.1, pretend.stop.request, ("test",)).start()
@@ -167,7 +167,7 @@ def test_a_stop_request_ends_the_wait(pretend: Pretend) -> None:
 
 
 def test_a_simulator_that_ends_with_0_ends_a_run_with_a_limit(pretend: Pretend) -> None:
-    """Without its simulator the time asked for never comes: the launcher says so instead of waiting for ever."""
+    """Without its simulator the run cannot end: the launcher raises an error instead of waiting for ever."""
     with pretend.run(run_for=1.0) as run:
         run.plan.commands[names.SIMULATOR] = python("raise SystemExit(0)")
         run.start()
@@ -178,8 +178,8 @@ def test_a_simulator_that_ends_with_0_ends_a_run_with_a_limit(pretend: Pretend) 
 
 @pytest.mark.parametrize("name", ["robot_0", names.AGGREGATOR, names.MONITOR])
 @pytest.mark.parametrize("code", [0, 2])
-def test_a_run_with_a_limit_ends_with_whatever_ends_before_go(pretend: Pretend, name: str, code: int) -> None:
-    """GO waits for all of them: the launcher says which one ended, and its last words."""
+def test_a_process_that_ends_before_go_ends_a_run_with_a_limit(pretend: Pretend, name: str, code: int) -> None:
+    """GO waits for all processes: the error names the ended one, its exit code and its last line."""
     with pretend.run(run_for=1.0) as run:
         run.plan.commands[name] = python(f"print('no such leader'); raise SystemExit({code})")
         run.start()
@@ -189,7 +189,7 @@ def test_a_run_with_a_limit_ends_with_whatever_ends_before_go(pretend: Pretend, 
 
 
 def test_a_robot_that_ends_after_go_does_not_end_the_run(pretend: Pretend) -> None:
-    """The others go on, as they do without a limit."""
+    """The other processes go on, as in a run without a limit."""
     with pretend.run(run_for=1000.0) as run:
         run.start()
         MonitorVoice(pretend.hub.bus()).status(TeamState.GO)
@@ -203,8 +203,8 @@ def test_a_robot_that_ends_after_go_does_not_end_the_run(pretend: Pretend) -> No
 
 
 @pytest.mark.parametrize("namespace", [None, "mine"])
-def test_the_launchers_connection_is_said_in_full(monkeypatch: pytest.MonkeyPatch, namespace: str | None) -> None:
-    """Whatever the environment says, every process works where the launcher does, with and without a namespace."""
+def test_processes_get_every_option_of_the_connection(monkeypatch: pytest.MonkeyPatch, namespace: str | None) -> None:
+    """Whatever the environment says, every process uses the launcher's connection, with and without a namespace."""
     options = RunOptions(TEAM, None, Path("/w/arena.world"), BusOptions(namespace=namespace))
     with Run(options, Stop(), lambda *_: None) as run:
         commands = run.plan.commands
@@ -217,7 +217,7 @@ def test_the_launchers_connection_is_said_in_full(monkeypatch: pytest.MonkeyPatc
 
 
 def test_a_second_team_is_refused_in_one_line(pretend: Pretend) -> None:
-    """The first launcher's process and start are named, no process is started, and afterwards the place is free."""
+    """The error names the first launcher's process id and start; no process starts; later the namespace is free."""
     options = RunOptions(TEAM, None, Path("/w/arena.world"), BusOptions(connect="tcp/127.0.0.1:5"), run_for=1.0)
     told = rf"^a team is already running here \(pid {os.getpid()}, since \d\d:\d\d:\d\d\); stop it, or use --namespace$"
     with Run(options, pretend.stop, lambda *_: None) as first:
@@ -230,8 +230,8 @@ def test_a_second_team_is_refused_in_one_line(pretend: Pretend) -> None:
         third.start()
 
 
-def test_processes_started_by_hand_are_a_team_too(pretend: Pretend) -> None:
-    """A robot, simulator or monitor that runs in the namespace stands in the way of a team that brings its own."""
+def test_processes_started_by_hand_refuse_a_team(pretend: Pretend) -> None:
+    """A team is refused if a process of one of its names runs in the namespace already."""
     claim = Claim(pretend.hub.bus(), names.MONITOR)
     claim.win(lambda _: None)
     options = RunOptions(TEAM, None, Path("/w/arena.world"), BusOptions(connect="tcp/127.0.0.1:5"))

@@ -47,7 +47,7 @@ qy = 0.0
 
 
 def test_static_transforms_become_messages(tmp_path: Path) -> None:
-    """Angles and quaternions both make unit rotations; a leading slash is stripped."""
+    """Angles and quaternions both become unit quaternions; a leading slash is removed."""
     camera, dock = map(static_transform, load(tmp_path, WHOLE).static_transforms)
     assert (camera.header.frame_id, camera.child_frame_id) == ("robot_0/base_link", "robot_0/camera")
     assert camera.transform.translation.x == 0.1
@@ -74,7 +74,7 @@ i = "\\u007f\\u0000\\\\ \\n"
 
 
 def test_arguments_bring_the_same_parameters_to_the_robot(tmp_path: Path) -> None:
-    """Whatever TOML value a parameter has, zteam-robot reads the same from its command line."""
+    """zteam-robot reads from its command line every TOML value that the parameter has in the file."""
     robot = load(tmp_path, VALUES).robots[0]
     args: argparse.Namespace = build_parser().parse_args(robot_arguments(robot))
     assert (args.id, args.behavior, args.follow) == ("3", "my.robots:Dance", None)
@@ -83,6 +83,6 @@ def test_arguments_bring_the_same_parameters_to_the_robot(tmp_path: Path) -> Non
 
 
 def test_a_robot_without_a_behaviour_has_only_its_id() -> None:
-    """What such a robot does is the robot's own default."""
+    """zteam-robot then runs its default behaviour."""
     assert robot_arguments(RobotEntry(id=4)) == ["--id", "4"]
     assert robot_arguments(RobotEntry(id=4, behavior="avoid")) == ["--id", "4", "--behavior", "avoid"]

@@ -47,7 +47,7 @@ qy = 0.0
 
 
 def test_a_whole_file(tmp_path: Path) -> None:
-    """Every part of DESIGN's example is read; what is not the config's own is the behaviour's parameter."""
+    """Every table is read; an unknown key of a robot is a parameter of its behaviour."""
     team = load(tmp_path, WHOLE)
     assert (team.team.world, team.team.seed) == ("none", 7)
     assert team.robots[0] == RobotEntry(id=0, behavior="wander", params={"speed": 0.4})
@@ -104,8 +104,8 @@ def test_a_whole_file(tmp_path: Path) -> None:
         ("[[robots]]\nid = 0\n'max speed' = 1", '3: robots[0]."max speed": cannot be a parameter'),
     ],
 )
-def test_mistakes_are_told_with_their_place(tmp_path: Path, text: str, told: str) -> None:
-    """Each mistake is one line: file, key path and what to write instead."""
+def test_mistakes_have_their_line_and_key(tmp_path: Path, text: str, told: str) -> None:
+    """Each mistake is one line: file, key and what to write instead."""
     assert told in error_of(tmp_path, text)
 
 
@@ -121,13 +121,13 @@ def test_mistakes_are_told_with_their_place(tmp_path: Path, text: str, told: str
         (f"x = {'9' * 5000}", "not a team file"),
     ],
 )
-def test_what_is_no_toml_is_told_with_its_line(tmp_path: Path, text: str, told: str) -> None:
-    """Syntax errors carry file, line and column; absurd files are refused as well."""
+def test_a_mistake_in_toml_has_its_line(tmp_path: Path, text: str, told: str) -> None:
+    """Syntax errors have file, line and column; extreme nesting and numbers are refused too."""
     assert told in error_of(tmp_path, text)
 
 
-def test_files_that_cannot_be_read_are_told(tmp_path: Path) -> None:
-    """No file, a folder, and bytes that are no text."""
+def test_a_file_that_cannot_be_read_is_one_error(tmp_path: Path) -> None:
+    """A missing file, a folder, and bytes that are not UTF-8."""
     with pytest.raises(ConfigError, match="cannot read the team file: No such file"):
         load_team(tmp_path / "none.toml")
     with pytest.raises(ConfigError, match="cannot read the team file: Is a directory"):
@@ -145,7 +145,7 @@ def world_of(folder: Path, line: str) -> Path | None:
 
 
 def test_a_world_is_found_beside_the_file_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A path is relative to the team file, else it is a shipped world's name, with or without its ending."""
+    """A path is relative to the team file; else the text is a shipped world's name, with or without its ending."""
     library = tmp_path / "library"
     library.mkdir()
     (library / "yard.world").touch()
@@ -162,8 +162,8 @@ def test_a_world_is_found_beside_the_file_first(tmp_path: Path, monkeypatch: pyt
 
 
 @pytest.mark.parametrize("world", [r'"a\u0000b"', f"'{'x' * 5000}'", "'.'", "'..'"])
-def test_names_that_no_file_can_have_are_told(tmp_path: Path, world: str) -> None:
-    """A NUL, an endless name and a folder are no worlds."""
+def test_names_that_no_file_can_have_are_refused(tmp_path: Path, world: str) -> None:
+    """A NUL, a name that is too long, and a folder are no worlds."""
     with pytest.raises(ConfigError, match="nor a shipped world"):
         world_of(tmp_path, f"world = {world}")
 
@@ -175,7 +175,7 @@ def test_a_file_without_a_world_asks_for_one(tmp_path: Path) -> None:
 
 
 def test_all_mistakes_are_told_at_once(tmp_path: Path) -> None:
-    """One line for each, in the order of the file, whatever table they are in."""
+    """One line per mistake, in the order of the file, in all tables."""
     text = (
         "[team]\nsede = 1\nworld = 3\n[[robots]]\nid = 'a'\nfollow = -1\n[[robots]]\nid = 1\nfollow = 9\n"
         "[[static_transforms]]\nparent = 'map'\n[simulation]\ndazzle = 'x'\n"
@@ -195,12 +195,12 @@ def test_all_mistakes_are_told_at_once(tmp_path: Path) -> None:
 
 
 def test_the_size_is_bounded(tmp_path: Path) -> None:
-    """A file that nobody wrote by hand is refused before it is read."""
+    """A file of more than 2 MB is refused before it is parsed."""
     assert "a team file of more than 2 MB is refused" in error_of(tmp_path, "#" * (2 * 2**20 + 1))
 
 
 def test_a_long_key_takes_no_memory(tmp_path: Path) -> None:
-    """50,000 dotted parts, which tomllib reads with 3.7 GB, are refused with their line in next to none."""
+    """50,000 dotted parts, for which tomllib needs 3.7 GB, are refused with their line and without much memory."""
     path = tmp_path / "deep.toml"
     path.write_text("[[robots]]\n" + ".".join("a" * 50_000) + " = 1\n")
     tracemalloc.start()

@@ -8,8 +8,8 @@ from support.team_files import error_of, load, robots
 from zteam.team_file import robot_arguments
 
 
-def test_circles_are_named(tmp_path: Path) -> None:
-    """Robots that follow each other are told as a circle; a chain that ends in one is not blamed for it."""
+def test_a_circle_of_followers_is_named(tmp_path: Path) -> None:
+    """The error lists the robots of the circle; a chain that only leads into the circle gets no error."""
     pair = error_of(tmp_path, robots("id=0", "id=1\nfollow=2", "id=2\nfollow=1"))
     assert pair.startswith("5: robots[1].follow: robots follow each other in a circle (1 → 2 → 1)")
     tail = error_of(tmp_path, robots("id=5\nfollow=1", "id=1\nfollow=2", "id=2\nfollow=3", "id=3\nfollow=1"))
@@ -18,7 +18,7 @@ def test_circles_are_named(tmp_path: Path) -> None:
 
 
 def test_a_follower_has_one_leader_and_one_behaviour(tmp_path: Path) -> None:
-    """follow beside another behaviour or a second leader is refused; beside behavior = "follow" it is the same."""
+    """`follow` with another behaviour or a second leader is refused; with behavior = "follow" it is allowed."""
     told = error_of(tmp_path, robots("id=0", "id=1\nfollow=0\nbehavior='avoid'"))
     assert told.startswith('5: robots[1].follow: both follow and behavior = "avoid"; keep one')
     told = error_of(tmp_path, robots("id=0", "id=1\nfollow=0\nleader=2"))
@@ -46,12 +46,12 @@ def test_a_follower_has_one_leader_and_one_behaviour(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_wrong_transforms_are_told(tmp_path: Path, table: str, told: str) -> None:
-    """A frame has one parent, another name than it, and a rotation that is one."""
+def test_wrong_transforms_are_refused(tmp_path: Path, table: str, told: str) -> None:
+    """A frame has one parent of another name, finite numbers, and a valid rotation."""
     assert told in error_of(tmp_path, f"[[robots]]\nid=0\n[[static_transforms]]\n{table}")
 
 
-def test_a_leader_with_mistakes_is_there_all_the_same(tmp_path: Path) -> None:
-    """A robot is not told that its leader is missing where the leader's own table is at fault."""
+def test_a_leader_with_mistakes_still_exists(tmp_path: Path) -> None:
+    """A mistake in the leader's table is not also reported as a missing leader."""
     told = error_of(tmp_path, robots("id = 0\nbehavior = 3", "id = 1\nfollow = 0"))
     assert told == "3: robots[0].behavior: Expected `str | null`, got `int`"
