@@ -6,44 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from support.team_files import load
+from support.team_files import WHOLE, load
 from zteam.cli.zteam_robot import build_parser, parse_param
 from zteam.geometry import yaw_from_quaternion
 from zteam.team_file import RobotEntry, robot_arguments, static_transform
-
-WHOLE = """
-[team]
-world = "none"
-seed = 7
-
-[[robots]]
-id = 0
-behavior = "wander"
-speed = 0.4
-
-[[robots]]
-id = 1
-follow = 0
-
-[[robots]]
-id = 7
-model = "erratic"
-pose = [2, 3.5, 1.57]
-
-[[static_transforms]]
-parent = "/robot_0/base_link"
-child = "robot_0/camera"
-x = 0.1
-yaw = 1.5
-
-[[static_transforms]]
-parent = "map"
-child = "dock"
-qz = 0.7071
-qw = 0.7071
-qx = 0
-qy = 0.0
-"""
 
 
 def test_static_transforms_become_messages(tmp_path: Path) -> None:

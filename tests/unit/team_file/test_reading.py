@@ -5,45 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from support.team_files import error_of, load
+from support.team_files import WHOLE, error_of, load
 from zteam import resources
 from zteam.errors import ConfigError
 from zteam.geometry import Pose2
 from zteam.team_file import RobotEntry, load_team, read_team_file, team_world
-
-WHOLE = """
-[team]
-world = "none"
-seed = 7
-
-[[robots]]
-id = 0
-behavior = "wander"
-speed = 0.4
-
-[[robots]]
-id = 1
-follow = 0
-
-[[robots]]
-id = 7
-model = "erratic"
-pose = [2, 3.5, 1.57]
-
-[[static_transforms]]
-parent = "/robot_0/base_link"
-child = "robot_0/camera"
-x = 0.1
-yaw = 1.5
-
-[[static_transforms]]
-parent = "map"
-child = "dock"
-qz = 0.7071
-qw = 0.7071
-qx = 0
-qy = 0.0
-"""
 
 
 def test_a_whole_file(tmp_path: Path) -> None:
