@@ -1,6 +1,10 @@
-"""Numbers that users type. Each has bounds: without them, a number too large fails far from where it was typed."""
+"""Numbers that users type, and percentiles.
+
+A typed number has bounds: a number that is too large would fail far from the place where it was typed.
+"""
 
 import math
+from collections.abc import Iterable
 
 from zteam.errors import UsageError
 
@@ -38,6 +42,12 @@ def is_number(text: str, limit: float = math.inf) -> bool:
         return abs(float(text)) <= limit
     except ValueError:
         return False
+
+
+def percentile(values: Iterable[float], share: float) -> float | None:
+    """The value at a `share` (0 to 1) of the way through the sorted values; None where there are no values."""
+    ordered = sorted(values)
+    return ordered[min(len(ordered) - 1, int(share * len(ordered)))] if ordered else None
 
 
 def _shown(text: str) -> str:

@@ -1,4 +1,4 @@
-"""What is wrong with a table that a user wrote, held against the struct that it is to become: everything at once."""
+"""Checks a table that a user wrote against a struct type, and tells all mistakes at once."""
 
 import json
 import re
@@ -14,7 +14,7 @@ _STEP = re.compile(r"\.([^.\[]+)|\[(\d+)\]")
 
 
 class Problem(NamedTuple):
-    """One mistake: the way to the key, and what is wrong and allowed there."""
+    """One mistake: the path of the key, what is wrong with its value, and what is allowed."""
 
     path: Path
     text: str
@@ -24,7 +24,7 @@ class Problem(NamedTuple):
 
 
 def path_text(path: Path) -> str:
-    """`robots[1].speed`, a key in quotes where it needs them."""
+    """`robots[1].speed`, with quotes around a key that needs them."""
     parts = [f"[{part}]" if isinstance(part, int) else f".{_key_text(part)}" for part in path]
     return "".join(parts).removeprefix(".")
 
@@ -36,9 +36,9 @@ def _key_text(key: str) -> str:
 def problems_of(
     table: Any, kind: type[msgspec.Struct], path: Path = (), *, takes: str = "known:", near: Iterable[str] = ()
 ) -> list[Problem]:
-    """Every mistake in the keys of `table`, which stands at `path` of its file.
+    """Every mistake in the keys of `table`, which is at `path` in its file.
 
-    `takes` introduces the list of keys; `near` are further words that an unknown key may have been meant for.
+    `takes` introduces the list of known keys in a message; `near` are further words that an unknown key may stand for.
     """
     if not isinstance(table, Mapping):
         return [Problem(path, f"a table is expected, not {table!r}")]
@@ -57,13 +57,13 @@ def problems_of(
 
 
 def _at_its_key(problem: Problem, keys: Iterable[str]) -> Problem:
-    """What a struct's own check says, at the key that its sentence begins with."""
+    """The problem moved to the key that its text begins with: a struct's own check names the key in this way."""
     first, _, rest = problem.text.partition(" ")
     return Problem((*problem.path, first), rest) if first in keys else problem
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """` (did you mean speed?)`, or nothing where no known word is near."""
+    """` (did you mean speed?)`, or an empty text where no known word is similar."""
     import difflib
 
     near = difflib.get_close_matches(word.lower(), known, n=1, cutoff=0.75)

@@ -33,33 +33,36 @@ def shipped_team(name: str) -> Path | None:
     return _find(teams_folder(), name, ".toml")
 
 
-def find_world(text: str) -> Path:
-    """The world file that a user named: a path, else a shipped world. Raises UsageError that lists the shipped ones."""
-    return _find_named("world", text, worlds_folder(), ".world")
+def find_world(text: str | Path) -> Path:
+    """The world file that a user names: a path, else a shipped world. Raises UsageError with the shipped names."""
+    return _find_named(str(text), "world", worlds_folder(), ".world")
 
 
-def find_team(text: str) -> Path:
-    """The team file that a user named: a path, else a shipped team. Raises UsageError that lists the shipped ones."""
-    return _find_named("team", text, teams_folder(), ".toml")
+def find_team(text: str | Path) -> Path:
+    """The team file that a user names: a path, else a shipped team. Raises UsageError with the shipped names."""
+    return _find_named(str(text), "team", teams_folder(), ".toml")
 
 
-def _find_named(kind: str, text: str, folder: Path, suffix: str) -> Path:
-    path = Path(text) if Path(text).is_file() else _find(folder, text, suffix)
-    if path is None:
-        known = ", ".join(names(folder, suffix))
-        raise UsageError(f"{kind} {text!r}: no such file, nor a shipped {kind} ({known})")
-    return path
+def _find_named(text: str, what: str, folder: Path, suffix: str) -> Path:
+    found = existing_file(Path(text)) or _find(folder, text, suffix)
+    if found is None:
+        raise UsageError(f"{what} {text!r}: no such file, nor a shipped {what} ({', '.join(names(folder, suffix))})")
+    return found
+
+
+def existing_file(path: Path) -> Path | None:
+    """`path` if it is a file, else None, also where no file can have such a name."""
+    try:
+        return path if path.is_file() else None
+    except (OSError, ValueError):
+        # Too long, or with a NUL.
+        return None
 
 
 def _find(folder: Path, name: str, suffix: str) -> Path | None:
     if Path(name).name != name:
         return None
-    path = folder / (name if name.endswith(suffix) else name + suffix)
-    try:
-        return path if path.is_file() else None
-    except (OSError, ValueError):
-        # Not a file name at all: too long, or with a NUL in it.
-        return None
+    return existing_file(folder / (name if name.endswith(suffix) else name + suffix))
 
 
 def names(folder: Path, suffix: str) -> list[str]:

@@ -1,8 +1,8 @@
-"""Where the keys of a TOML text stand: tomllib gives values without lines.
+"""The lines of the keys in a TOML text: tomllib gives values without lines.
 
-One pass over the text, before tomllib reads it. What the pass does not understand ends it without an error: tomllib
-refuses the same text at the same place or before, and says why. How deep the text is nested is bounded here, because
-tomllib takes memory by the square of a dotted key's length.
+One pass over the text, before tomllib reads it. At a text that it does not understand the pass ends without an error:
+tomllib refuses the same text at the same place or earlier, and tells why. The pass bounds the depth of nesting, because
+the memory of tomllib grows with the square of a dotted key's length.
 """
 
 import re
@@ -10,10 +10,10 @@ from bisect import bisect_right
 from collections.abc import Mapping
 
 Path = tuple[str | int, ...]
-"""The keys from the top down; a number is a place in an array."""
+"""The keys from the top down; a number is an index in an array."""
 
 MAX_DEPTH = 32
-"""Keys and array places on the way to a value."""
+"""Keys and array indices on the path of a value, at most."""
 
 _BLANK = re.compile(r"(?:[ \t\r\n]|#[^\n]*)*")
 _SPACE = re.compile(r"[ \t]*")
@@ -31,7 +31,7 @@ _SCALAR = re.compile(r"[^,\]}#\r\n]+")
 
 
 class TooDeepError(ValueError):
-    """More than MAX_DEPTH keys on the way to a value; `line` counts from 1."""
+    """More than MAX_DEPTH keys on the path of a value; `line` counts from 1."""
 
     def __init__(self, line: int) -> None:
         super().__init__(f"nested too deeply: {MAX_DEPTH} levels are allowed")
@@ -39,7 +39,7 @@ class TooDeepError(ValueError):
 
 
 def key_lines(text: str) -> dict[Path, int]:
-    """The line of every table, key and array element, from 1, as far as the text is TOML. Raises TooDeepError."""
+    """The line, from 1, of every table, key and array element up to the first mistake in TOML. Raises TooDeepError."""
     scan = _Scan(text)
     try:
         scan.document()
@@ -49,14 +49,14 @@ def key_lines(text: str) -> dict[Path, int]:
 
 
 def line_of(lines: Mapping[Path, int], path: Path) -> int | None:
-    """The line of `path`, or of the nearest thing above it that the text names; None where it names nothing of it."""
+    """The line of `path`, or of its nearest parent that the text has; None if the text has none."""
     while path and path not in lines:
         path = path[:-1]
     return lines.get(path)
 
 
 class _NotTomlError(Exception):
-    """The scan has met something it does not know."""
+    """The text is no TOML that the scan understands."""
 
 
 class _Scan:
@@ -66,7 +66,7 @@ class _Scan:
         self._at = 0
         self._newlines = [match.start() for match in re.finditer("\n", text)]
         self._counts: dict[Path, int] = {}
-        """Tables so far of each array that is written as [[name]]."""
+        """The number of tables so far in each array that is written as [[name]]."""
 
     def document(self) -> None:
         """Read all tables."""
@@ -96,7 +96,7 @@ class _Scan:
         return path
 
     def _newest(self, path: Path) -> Path:
-        """The last table of an array of tables, any other path as it is."""
+        """The path of the last table of an array of tables; any other path unchanged."""
         return (*path, self._counts[path] - 1) if path in self._counts else path
 
     def _pair(self, table: Path) -> None:
@@ -187,7 +187,7 @@ def _unquoted(text: str | None) -> str:
         raise _NotTomlError
     if not text.startswith('"'):
         return text[1:-1]
-    # Here, because robots import this module's types and read no TOML.
+    # Imported here, because robots import this module for its types and read no TOML.
     import tomllib
 
     try:

@@ -39,7 +39,15 @@ class World:
         )
 
     def report(self) -> SimReport:
-        return SimReport(0.0, 1, 0, False, [], Latency(None, None, 0), ticks=self.tick)
+        return SimReport(
+            sim_seconds=0.0,
+            seed=1,
+            external_commands=0,
+            finished=False,
+            robots=[],
+            latency_ms=Latency(None, None, 0),
+            ticks=self.tick,
+        )
 
     def note(self, what: str) -> None:
         self.made.append((what, self.tick))

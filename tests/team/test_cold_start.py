@@ -32,7 +32,7 @@ def up(folder: Path, *arguments: str) -> tuple[str, dict[str, Any]]:
 
 
 def test_a_team_drives_before_anything_is_compiled(tmp_path: Path) -> None:
-    """In real time the first robot drives without waiting for a compiler, and no process stays behind."""
+    """In real time the robots drive before the kernels are compiled, and every process ends with exit code 0."""
     output, report = up(tmp_path)
     assert all(robot["distance_m"] > 0.05 for robot in report["robots"])
     assert output.index("on numpy while their kernels are compiled") < output.index("All robots GO!")
@@ -41,7 +41,7 @@ def test_a_team_drives_before_anything_is_compiled(tmp_path: Path) -> None:
 
 
 def test_compiled_kernels_take_over_while_a_team_runs(tmp_path: Path, kept_kernels: Path) -> None:
-    """The simulator changes over between two ticks and runs on; Ctrl+C ends the team in order."""
+    """The simulator changes to compiled kernels between two ticks; Ctrl+C ends the team in order."""
     with subprocess.Popen(
         zteam_command("zteam", "up", "line"),
         cwd=tmp_path,
@@ -62,7 +62,7 @@ def test_compiled_kernels_take_over_while_a_team_runs(tmp_path: Path, kept_kerne
 
 
 def test_lockstep_compiles_first_and_repeats(tmp_path: Path, kept_kernels: Path) -> None:
-    """What the cache lacks is compiled before the first tick, with progress, and only once; the trajectory stays."""
+    """Missing kernels are compiled before the first tick, once, with progress; the trajectory is the same."""
     for lacking in ("kernels.finish", "lasers.place_mounts", "motion"):
         for path in kept_kernels.glob(f"*/{lacking}*"):
             path.unlink()

@@ -1,4 +1,4 @@
-"""A process that waits for its launcher to say where the router is (`--connect -`)."""
+"""A process that reads its router's endpoint from standard input (`--connect -`)."""
 
 import signal
 import subprocess
@@ -27,7 +27,7 @@ def waiting(*arguments: str) -> "subprocess.Popen[str]":
 
 
 def takes_signals(pid: int) -> bool:
-    """Whether a process has come so far that it handles SIGTERM itself."""
+    """Whether a process handles SIGTERM within LIMIT."""
     deadline = monotonic() + LIMIT
     while monotonic() < deadline:
         for line in (Path("/proc") / str(pid) / "status").read_text().splitlines():
@@ -37,7 +37,7 @@ def takes_signals(pid: int) -> bool:
 
 
 def test_the_endpoint_comes_by_line(team: TeamFixture) -> None:
-    """One line is enough: the process is then present at that router."""
+    """After one line the process is present at that router."""
     with waiting("--namespace", team.namespace) as robot:
         assert robot.stdin is not None
         robot.stdin.write(team.endpoint + "\n")
@@ -49,7 +49,7 @@ def test_the_endpoint_comes_by_line(team: TeamFixture) -> None:
 
 
 def test_no_endpoint_is_one_line() -> None:
-    """A launcher that ends before it knows: the process says what it expected and ends."""
+    """If the input ends without an endpoint, the process ends with one line that names the option."""
     with waiting() as robot:
         output, _ = robot.communicate(timeout=LIMIT)
     assert robot.returncode == 1
@@ -58,7 +58,7 @@ def test_no_endpoint_is_one_line() -> None:
 
 
 def test_a_stop_ends_the_wait() -> None:
-    """Ctrl+C before the router is up: every process stops at once and in order, with 0, not by its hard exit."""
+    """A stop before the endpoint is known ends the process at once with exit code 0."""
     with waiting() as robot:
         assert takes_signals(robot.pid)
         robot.terminate()

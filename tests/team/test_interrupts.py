@@ -1,4 +1,4 @@
-"""Ctrl+C at moments that are chosen by what a command does then, not by a clock."""
+"""Ctrl+C at chosen moments of a command: at an import, or at the call or return of a function."""
 
 import os
 import subprocess
@@ -39,14 +39,14 @@ sys.setprofile(profile)
 import zteam.cli.main
 sys.exit(getattr(zteam.cli.main, start)())
 """
-"""Runs an entry point, and sends the signal when it imports a module, or calls or leaves a function: with `first>then`
-the function `then`, once `first` was called."""
+"""Runs an entry point and sends the signal when it imports a module, or at the call or return of a function.
+With `first>then`, at the function `then` after a call of `first`."""
 _LOCK_GONE = "importlib._bootstrap.cb"
 """A callback of the import system, where Python prints an exception and goes on."""
 
 
 def run(team: TeamFixture, start: str, event: str, name: str, words: str) -> "subprocess.CompletedProcess[str]":
-    """Run an entry point and interrupt it at a moment."""
+    """Run an entry point and interrupt it at the given event."""
     return subprocess.run(
         [sys.executable, "-c", HARNESS, start, event, name, *words.split()],
         env={**os.environ, **team.environment},
@@ -86,14 +86,14 @@ def run(team: TeamFixture, start: str, event: str, name: str, words: str) -> "su
     ],
 )
 def test_an_interrupt_ends_a_command_quietly(team: TeamFixture, start: str, event: str, name: str, words: str) -> None:
-    """Exit code 130, no traceback, and nothing hangs."""
+    """The command ends with exit code 130 and without a traceback."""
     done = run(team, start, event, name, words)
     assert done.returncode == 130, done.stderr
     assert done.stderr == ""
 
 
 def test_an_interrupt_while_handlers_are_installed_is_not_lost(team: TeamFixture) -> None:
-    """Whichever handler takes it, the process ends in order."""
+    """Python's handler or ours: the process ends in order."""
     done = run(team, "start_robot", "return", "zteam.runtime.shutdown.install>signal.signal", "--id 0")
     assert done.returncode == 0
     assert done.stderr.endswith("robot_0 stopped\n")
@@ -101,7 +101,7 @@ def test_an_interrupt_while_handlers_are_installed_is_not_lost(team: TeamFixture
 
 
 def test_an_interrupt_after_the_work_changes_nothing(team: TeamFixture) -> None:
-    """A command that is over keeps its exit code and its output."""
+    """A command that has done its work keeps its exit code and its output."""
     done = run(team, "start", "return", "zteam.cli.main._start", "world check arena")
     assert (done.returncode, done.stderr) == (0, "")
     assert "2 robots" in done.stdout

@@ -10,7 +10,7 @@ pytestmark = pytest.mark.team
 
 
 def test_a_follower_follows(team: TeamFixture) -> None:
-    """Two processes in the arena get GO, the leader moves, the follower comes after it."""
+    """Two robots in the arena get GO, and the follower drives after its leader."""
     team.start("arena", robots=2, follow={1: 0})
     team.wait_for_go()
     start = team.robot(1).pose

@@ -1,4 +1,4 @@
-"""Lock-step with real processes: it repeats bit for bit, and nobody holds it in silence."""
+"""Lock-step with real processes: runs repeat bit for bit, and the simulator names the process it waits for."""
 
 import subprocess
 import sys
@@ -10,7 +10,6 @@ import pytest
 import zenoh
 
 from zteam import names
-from zteam.bus.options import BusOptions, client_config
 from zteam.messages import Done, Tick, Twist, Vector3, decode, encode, time_from_ns
 from zteam.testing.team import TeamFixture
 
@@ -22,7 +21,7 @@ LINE = {1: 0, 2: 1}
 
 @pytest.fixture
 def busy() -> Iterator[None]:
-    """Two processes that take all the time they get."""
+    """Two busy loops that compete for the processors."""
     loops = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(2)]
     yield
     for loop in loops:
@@ -41,7 +40,7 @@ def trajectory(team: TeamFixture, speed: float = 0.4) -> str:
 
 @pytest.fixture
 def reference(tmp_path_factory: pytest.TempPathFactory) -> str:
-    """The same run by the launcher, whose processes start all at once, and which never pauses."""
+    """The hash of the same run by the launcher, which starts all processes at once and never pauses."""
     folder = tmp_path_factory.mktemp("reference")
     lines = ['[team]\nworld = "office"\nseed = 1\n[[robots]]\nid = 0\nbehavior = "wander"\nspeed = 0.4\n']
     lines += [f"[[robots]]\nid = {i}\nfollow = {i - 1}\n" for i in (1, 2)]
@@ -61,7 +60,7 @@ def reference(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 
 def test_the_same_seed_gives_the_same_run(team: TeamFixture, reference: str, busy: None) -> None:
-    """In the fixture, beside two busy loops, the line drives as it did with the launcher at full speed."""
+    """With the fixture and beside two busy loops, the run is the same as with the launcher."""
     assert trajectory(team) == reference
 
 
@@ -71,7 +70,7 @@ def test_another_command_gives_another_run(team: TeamFixture, reference: str) ->
 
 
 def test_processes_in_any_order_give_the_same_run(team: TeamFixture, reference: str) -> None:
-    """Robots and monitor first, the simulator after them, the aggregator last: the run is the same."""
+    """The run is the same if the robots and the monitor start first, then the simulator, then the aggregator."""
     team.spawn("zteam-robot", "--id", "2", "--follow", "1", name="robot_2")
     team.spawn("zteam-robot", "--id", "1", "--follow", "0", name="robot_1")
     team.spawn("zteam-robot", "--id", "0", "--behavior", "wander", "--param", "speed=0.4", name="robot_0")
@@ -86,7 +85,7 @@ def test_processes_in_any_order_give_the_same_run(team: TeamFixture, reference: 
 
 
 def test_a_restart_at_a_tick_repeats(team: TeamFixture) -> None:
-    """A robot that is killed and started again at the same tick: two runs are one, the second after a reset."""
+    """A robot is killed and started again at the same tick in two runs, and both runs are the same."""
 
     def run() -> str:
         team.at(20).kill("robot_1")
@@ -103,7 +102,7 @@ def test_a_restart_at_a_tick_repeats(team: TeamFixture) -> None:
 
 
 def test_a_killed_participant_is_not_waited_for(team: TeamFixture) -> None:
-    """The world goes on at once, long before the time-out, and the follower's wheels stop."""
+    """The world goes on long before the time-out, and the follower's wheels stop."""
     team.start("office", robots=2, follow={1: 0}, lockstep_timeout=600.0)
     team.wait_for_go()
     team.until(lambda: team.robot(1).speed > 0.05, within=10)
@@ -113,7 +112,7 @@ def test_a_killed_participant_is_not_waited_for(team: TeamFixture) -> None:
 
 
 def test_a_hung_participant_is_named_and_left_behind(team: TeamFixture) -> None:
-    """A frozen robot holds the world, is named, and left behind after the time-out; awake, it takes part again."""
+    """A frozen robot holds the world and is named; after the time-out it is left behind; awake, it takes part again."""
     team.start("office", robots=2, follow={1: 0}, lockstep_timeout=2.0)
     team.wait_for_go()
     team.run(1.0)
@@ -131,7 +130,7 @@ def test_a_hung_participant_is_named_and_left_behind(team: TeamFixture) -> None:
     team.until(lambda: team.robot(1).speed > 0.05, within=5)
 
 
-def test_the_aggregator_alone_is_to_blame(team: TeamFixture) -> None:
+def test_a_frozen_aggregator_alone_is_left_behind(team: TeamFixture) -> None:
     """Robots that wait for the transforms of a frozen aggregator are not left behind with it."""
     team.start("office", robots=2, follow={1: 0}, lockstep_timeout=2.0)
     team.wait_for_go()
@@ -145,8 +144,8 @@ def test_the_aggregator_alone_is_to_blame(team: TeamFixture) -> None:
     team.until(lambda: team.robot(1).speed > 0.05, within=5)
 
 
-class Outsider:
-    """A participant in the plain protocol of docs/time.md: bare Zenoh, and this much code."""
+class Planner:
+    """A participant that implements the protocol of docs/time.md with Zenoh alone."""
 
     def __init__(self, session: zenoh.Session, namespace: str) -> None:
         self.ticks: list[int] = []
@@ -162,18 +161,10 @@ class Outsider:
             self._done.put(encode(Done(tick.epoch, tick.tick)))
 
 
-@pytest.fixture
-def session(team: TeamFixture) -> Iterator[zenoh.Session]:
-    """A plain Zenoh client outside the team's namespace."""
-    opened = zenoh.open(client_config(BusOptions(connect=team.endpoint)))
-    yield opened
-    opened.close()  # type: ignore[no-untyped-call]
-
-
-def test_any_language_can_take_part(team: TeamFixture, session: zenoh.Session) -> None:
-    """A plain participant is waited for in every tick, holds the world with its silence, and leaves with its token."""
+def test_any_language_can_take_part(team: TeamFixture, outsider: zenoh.Session) -> None:
+    """Every tick waits for a plain participant; its silence holds the world until its token is gone."""
     team.start("arena", robots=1, behavior="forward", params={0: {"speed": 0.05}}, lockstep_timeout=600.0)
-    planner = Outsider(session, team.namespace)
+    planner = Planner(outsider, team.namespace)
     team.wait_for_go()
     team.wait_for(lambda: "planner" in {*team.sim_status.participants, *team.sim_status.joining})
     team.at(11)
@@ -218,7 +209,7 @@ def start_planner(team: TeamFixture, tmp_path: Path) -> "subprocess.Popen[str]":
 
 
 def test_a_users_node_sees_every_tick_whole(team: TeamFixture, tmp_path: Path) -> None:
-    """Its step runs once a tick, with every robot's odometry of that very tick."""
+    """Its step runs once per tick, with every robot's odometry of that tick."""
     team.start("arena", robots=2, behavior="forward")
     team.wait_for_go()
     with start_planner(team, tmp_path) as planner:
@@ -233,7 +224,7 @@ def test_a_users_node_sees_every_tick_whole(team: TeamFixture, tmp_path: Path) -
 
 
 def test_a_users_node_works_in_real_time_too(team: TeamFixture, tmp_path: Path) -> None:
-    """The same node beside a simulator in real time is called with growing simulated times."""
+    """With a simulator in real time, the step of the same node gets increasing simulated times."""
     team.start("arena", robots=2, behavior="forward", lockstep=False)
     with start_planner(team, tmp_path) as planner:
         assert planner.stdout is not None
@@ -245,8 +236,8 @@ def test_a_users_node_works_in_real_time_too(team: TeamFixture, tmp_path: Path) 
     assert times == sorted(set(times))
 
 
-def test_a_frozen_spectator_holds_nobody(team: TeamFixture) -> None:
-    """A process that listens to everything and is frozen does not stall the world."""
+def test_a_frozen_subscriber_does_not_stall_the_world(team: TeamFixture) -> None:
+    """A frozen process that subscribes to every topic takes no part in lock-step."""
     team.start("office", robots=2, follow={1: 0})
     team.wait_for_go()
     team.spawn("zteam", "topic", "echo", "**", name="spectator")
@@ -258,11 +249,11 @@ def test_a_frozen_spectator_holds_nobody(team: TeamFixture) -> None:
     assert (team.tick - start, team.report.hung) == (600, [])
 
 
-def test_a_foreign_command_is_told_of(team: TeamFixture, session: zenoh.Session) -> None:
-    """A velocity from outside moves a robot that nobody drives, and the report counts it."""
+def test_a_foreign_command_is_counted(team: TeamFixture, outsider: zenoh.Session) -> None:
+    """A velocity from outside moves a robot without a process, and the report counts the command."""
     team.start("arena", robots=[0], behavior="forward", params={0: {"speed": 0.0}})
     team.wait_for_go()
-    session.put(f"{team.namespace}/robot_1/cmd_vel", encode(Twist(Vector3(), Vector3(0.0, 0.0, 0.5))))
+    outsider.put(f"{team.namespace}/robot_1/cmd_vel", encode(Twist(Vector3(), Vector3(0.0, 0.0, 0.5))))
     team.wait_for(lambda: team.report.external_commands == 1)
     start = team.robot(1).pose.yaw
     team.run(0.2)
@@ -270,13 +261,13 @@ def test_a_foreign_command_is_told_of(team: TeamFixture, session: zenoh.Session)
 
 
 @pytest.mark.parametrize("lockstep", [False, True])
-def test_a_forged_tick_stops_no_team(team: TeamFixture, session: zenoh.Session, lockstep: bool) -> None:
-    """One message on the key of ticks is refused by every process that hears it, and the robot drives on."""
+def test_a_forged_tick_stops_no_team(team: TeamFixture, outsider: zenoh.Session, lockstep: bool) -> None:
+    """Every process drops a forged message on the key of ticks, and the robot drives on."""
     team.start("arena", robots=1, behavior="forward", params={0: {"speed": 0.05}}, lockstep=lockstep)
     team.wait_for_go()
     forged = Tick(time_from_ns(0), 1, 10**6, participants=["robot_0", names.AGGREGATOR])
-    session.put(f"{team.namespace}/{names.TICK}", encode(forged))
-    # In lock-step the monitor hears the first tick alone.
+    outsider.put(f"{team.namespace}/{names.TICK}", encode(forged))
+    # In lock-step the monitor subscribes to the first tick alone.
     for name in ("robot_0", names.AGGREGATOR) if lockstep else ("robot_0", names.AGGREGATOR, names.MONITOR):
         team.wait_for_line(name, f"dropped a message on {names.TICK}")
     start = team.robot(0).distance_travelled
@@ -284,7 +275,7 @@ def test_a_forged_tick_stops_no_team(team: TeamFixture, session: zenoh.Session, 
 
 
 def test_the_pace_can_be_changed_in_lock_step(team: TeamFixture) -> None:
-    """Going on, a speed, a pause, and a robot that comes in the middle all work without losing a tick."""
+    """Resuming, pausing and spawning a robot during a run lose no tick and no participant."""
     team.start("office", robots=2, follow={1: 0})
     team.wait_for_go()
 

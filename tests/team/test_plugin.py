@@ -1,4 +1,4 @@
-"""The `team` fixture in a project that is not ours."""
+"""The `team` fixture in a user's project."""
 
 import os
 import re
@@ -24,15 +24,15 @@ def test_line(team):
 
 
 def test_five_lines_test_a_team(pytester: pytest.Pytester) -> None:
-    """A user's project needs five lines, no conftest.py, and no pytest option; a test that passes shows no logs."""
+    """A user's test needs no conftest.py and no pytest option; a test that passes shows no logs."""
     pytester.makepyfile(FIVE_LINES)
     result = pytester.runpytest_subprocess("-W", "error", "-rP")
     result.assert_outcomes(passed=1)
     result.stdout.no_fnmatch_line("*processes of the team*")
 
 
-def test_a_failure_shows_what_the_processes_said(pytester: pytest.Pytester) -> None:
-    """The report of a failed test has every process's lines, each behind its name; other tests' reports have not."""
+def test_a_failure_shows_the_output_of_the_processes(pytester: pytest.Pytester) -> None:
+    """The report of a failed test has every line with its process's name; a failed test without a team has none."""
     pytester.makepyfile(
         """
         def test_fails(team):
@@ -55,7 +55,7 @@ def test_a_failure_shows_what_the_processes_said(pytester: pytest.Pytester) -> N
 
 
 def test_a_process_that_dies_fails_the_test_at_once(pytester: pytest.Pytester) -> None:
-    """Waiting for a process that has ended says so, with its exit code and last words, instead of waiting on."""
+    """A wait for a process that has ended fails with its exit code and its last lines."""
     pytester.makepyfile(
         """
         def test_fails(team):
@@ -69,8 +69,8 @@ def test_a_process_that_dies_fails_the_test_at_once(pytester: pytest.Pytester) -
     result.stdout.re_match_lines([r".*dance"])
 
 
-def test_workers_do_not_meet(pytester: pytest.Pytester) -> None:
-    """Under pytest-xdist two teams with the same names run at once, each alone with its own robots."""
+def test_teams_of_two_workers_are_separate(pytester: pytest.Pytester) -> None:
+    """Under pytest-xdist two teams with the same names run at once, each on its own router."""
     pytester.makepyfile(
         """
         import pytest
@@ -106,7 +106,7 @@ def test_hangs(team):
 
 
 def ended(handles: list[int]) -> bool:
-    """Whether the processes behind these pidfds end before long; those that do not are ended."""
+    """Whether the processes of these pidfds end within LIMIT; the others are killed."""
     done = []
     for handle in handles:
         readable, _, _ = select.select([handle], [], [], LIMIT)
@@ -119,7 +119,7 @@ def ended(handles: list[int]) -> bool:
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
 def test_no_process_outlives_pytest(pytester: pytest.Pytester, number: signal.Signals) -> None:
-    """However pytest itself is ended in the middle of a test, the team's processes end too, a frozen one included."""
+    """However pytest ends during a test, the team's processes end too, a frozen one included."""
     end = "print('READY', flush=True)\n    __import__('signal').pause()"
     path = pytester.makepyfile(HANGING.replace("END", end))
     command = [sys.executable, "-m", "pytest", "-s", "-q", "-p", "no:cacheprovider", str(path)]
@@ -134,7 +134,7 @@ def test_no_process_outlives_pytest(pytester: pytest.Pytester, number: signal.Si
 
 
 def test_a_test_that_raises_leaves_nothing(pytester: pytest.Pytester) -> None:
-    """An exception in the test ends the team within the same session: the next test finds no process of it."""
+    """After an exception in a test, the next test finds no process of its team."""
     pytester.makepyfile(
         HANGING.replace("END", "raise ValueError")
         + """
@@ -148,7 +148,7 @@ def test_after():
 
 
 def test_a_restart_leaves_nothing(pytester: pytest.Pytester) -> None:
-    """A frozen process that is restarted is ended first, and not left behind when the test is over."""
+    """`restart` ends a frozen process first, so that none is left after the test."""
     pytester.makepyfile(
         HANGING.replace("END", "team.restart('robot_0')")
         + """
@@ -163,8 +163,8 @@ def test_after():
     result.assert_outcomes(passed=2)
 
 
-def test_an_unnamed_process_takes_nobodys_name(pytester: pytest.Pytester) -> None:
-    """A process started without a name does not stand in for another of the team."""
+def test_an_unnamed_process_gets_a_name_of_its_own(pytester: pytest.Pytester) -> None:
+    """A process that is spawned without a name does not replace another one of the team."""
     pytester.makepyfile(
         """
         def test_names(team):
@@ -180,7 +180,7 @@ def test_an_unnamed_process_takes_nobodys_name(pytester: pytest.Pytester) -> Non
 
 
 def test_the_plugin_costs_nothing_where_it_is_not_used() -> None:
-    """Every pytest run on a machine with zteam loads the plugin: it brings neither zenoh nor numpy nor our packages."""
+    """Every pytest run loads the plugin, so it imports neither zenoh nor numpy nor the rest of zteam."""
     code = (
         "import sys, pytest\n"
         "before = set(sys.modules)\n"

@@ -1,15 +1,13 @@
-"""What every process of a team promises when others come, go, die or misbehave."""
+"""How each process of a team behaves when other processes start, end, die or misbehave."""
 
 import math
 import os
-from collections.abc import Iterator
 
 import numpy as np
 import pytest
 import zenoh
 
 from zteam import names
-from zteam.bus.options import BusOptions, client_config
 from zteam.messages import Twist, Vector3, encode
 from zteam.testing.team import TeamFixture
 
@@ -18,16 +16,8 @@ pytestmark = pytest.mark.team
 FAST = {0: {"speed": 0.3}}
 
 
-@pytest.fixture
-def outsider(team: TeamFixture) -> Iterator[zenoh.Session]:
-    """A plain Zenoh client outside the team's namespace, as somebody else's program would be."""
-    session = zenoh.open(client_config(BusOptions(connect=team.endpoint)))
-    yield session
-    session.close()  # type: ignore[no-untyped-call]
-
-
 def test_a_killed_robot_stops_and_comes_back(team: TeamFixture) -> None:
-    """Its wheels stop within 0.3 simulated seconds, the monitor says so, the others go on; a new one gets GO."""
+    """The wheels stop within 0.3 simulated seconds, the monitor reports it, the others go on; a restart gets GO."""
     team.start("arena", robots=2, behavior="forward", params={0: {"speed": 0.1}, 1: {"speed": 0.1}})
     team.wait_for_go()
     team.until(lambda: team.robot(0).speed > 0.05 and team.robot(1).speed > 0.05, within=10)
@@ -46,7 +36,7 @@ def test_a_killed_robot_stops_and_comes_back(team: TeamFixture) -> None:
 
 @pytest.mark.parametrize("victim", [names.AGGREGATOR, names.MONITOR])
 def test_the_rest_goes_on_without(team: TeamFixture, victim: str) -> None:
-    """Killing the aggregator or the monitor leaves a driving robot driving; both come back into a running team."""
+    """Without the aggregator or the monitor a robot drives on, and the restarted process joins the running team."""
     team.start("arena", robots=2, behavior="forward", params={0: {"speed": 0.05}, 1: {"speed": 0.05}})
     team.wait_for_go()
     team.until(lambda: team.robot(1).speed > 0.02, within=10)
@@ -63,7 +53,7 @@ def test_the_rest_goes_on_without(team: TeamFixture, victim: str) -> None:
 
 
 def test_a_follower_stops_without_transforms(team: TeamFixture) -> None:
-    """A robot that follows by transforms stands still while nobody says them, and says why."""
+    """A follower without transforms stands still, and its status gives the reason."""
     team.start("arena", robots=2, behavior="forward", follow={1: 0}, params={0: {"speed": 0.05}})
     team.wait_for_go()
     team.until(lambda: team.robot(1).distance_travelled > 0.05, within=20)
@@ -73,7 +63,7 @@ def test_a_follower_stops_without_transforms(team: TeamFixture) -> None:
 
 
 def test_a_killed_simulator_comes_back(team: TeamFixture) -> None:
-    """Time starts anew, and the robots drive on without a new GO."""
+    """Simulated time begins again, and the robots drive on without a new GO."""
     team.start("arena", robots=1, behavior="forward", params={0: {"speed": 0.05}})
     team.wait_for_go()
     team.until(lambda: team.robot(0).speed > 0.02, within=10)
@@ -84,7 +74,7 @@ def test_a_killed_simulator_comes_back(team: TeamFixture) -> None:
 
 
 def test_an_id_is_held_by_one_process(team: TeamFixture) -> None:
-    """A second robot with the same id refuses to start and says who holds it; the first one stays."""
+    """A second robot with the same id refuses to start and names the process that holds the id; the first drives on."""
     team.start("arena", robots=1, behavior="forward", params={0: {"speed": 0.05}})
     team.wait_for_go()
     second = team.spawn("zteam-robot", "--id", "0", name="second")
@@ -96,7 +86,7 @@ def test_an_id_is_held_by_one_process(team: TeamFixture) -> None:
 
 
 def test_a_stopped_robot_leaves_a_zero_velocity(team: TeamFixture) -> None:
-    """SIGTERM ends a robot with 0, and the last command on the bus is zero before the name is given back."""
+    """SIGTERM ends a robot with exit code 0; it publishes a zero velocity before it releases its name."""
     team.start("arena", robots=1, behavior="forward", params={0: {"speed": 0.1}})
     team.wait_for_go()
     team.until(lambda: team.robot(0).speed > 0.05 and team.robot(0).command is not None, within=10)
@@ -107,7 +97,7 @@ def test_a_stopped_robot_leaves_a_zero_velocity(team: TeamFixture) -> None:
 
 
 def test_a_bare_twist_moves_its_robot(team: TeamFixture, outsider: zenoh.Session) -> None:
-    """CDR bytes from a plain Zenoh client, without encoding or attachment, drive robot 1 and only robot 1."""
+    """CDR bytes from a plain Zenoh client, without encoding or attachment, move robot 1 alone."""
     team.spawn("zteam-sim", "arena", name=names.SIMULATOR)
     team.wait_for_processes(names.SIMULATOR)
     team.until(lambda: math.isfinite(team.robot(1).speed), within=5)
@@ -132,13 +122,13 @@ KEYS = [
 
 
 def test_garbage_changes_nothing_but_the_counters(team: TeamFixture, outsider: zenoh.Session) -> None:
-    """Any bytes on every key of the table: all processes live, the robot stands, the refusals are counted."""
+    """After garbage on every key all processes run, the robot stands still, and the drops are counted."""
     team.start("arena", robots=1, behavior="forward", params={0: {"speed": 0.0}})
     team.wait_for_go()
     before = team.robot(0).pose
     for key in KEYS:
         for payload in GARBAGE:
-            # Blocking, so that the burst is not thinned out on its way.
+            # Blocking, so that Zenoh drops no message of the burst.
             outsider.put(f"{team.namespace}/{key}", payload, congestion_control=zenoh.CongestionControl.BLOCK)
     nan = Twist(Vector3(math.nan))
     outsider.put(f"{team.namespace}/robot_0/cmd_vel", np.frombuffer(encode(nan), np.uint8).tobytes())
@@ -151,7 +141,7 @@ def test_garbage_changes_nothing_but_the_counters(team: TeamFixture, outsider: z
 
 @pytest.mark.parametrize("text", ["abc", "1x", "-1", "99999999999999999999", "²", ""])
 def test_bad_ids_are_refused(text: str) -> None:
-    """An id that is none ends the command with 2 and one line."""
+    """A bad id ends the command with exit code 2 and one line."""
     import subprocess
 
     from zteam.launch.process import zteam_command
@@ -170,7 +160,7 @@ def test_bad_ids_are_refused(text: str) -> None:
 
 
 def test_processes_start_in_any_order(team: TeamFixture) -> None:
-    """Robots and monitor before the simulator and the aggregator: the team goes all the same."""
+    """A team whose robots and monitor start before the simulator and the aggregator gets GO too."""
     team.spawn("zteam-robot", "--id", "1", "--follow", "0", name="robot_1")
     team.spawn("zteam-monitor", "--team-size", "2", name=names.MONITOR)
     team.spawn("zteam-robot", "--id", "0", "--behavior", "forward", "--param", "speed=0.1", name="robot_0")
@@ -182,15 +172,15 @@ def test_processes_start_in_any_order(team: TeamFixture) -> None:
 
 
 def test_a_robot_without_gate_drives_at_once(team: TeamFixture) -> None:
-    """--no-gate needs neither monitor nor aggregator for a behaviour that looks nothing up."""
+    """With --no-gate, a behaviour without look-ups needs neither monitor nor aggregator."""
     team.spawn("zteam-sim", "arena", name=names.SIMULATOR)
     team.spawn("zteam-robot", "--id", "0", "--behavior", "forward", "--param", "speed=0.1", "--no-gate", name="robot_0")
     team.wait_for_processes(names.SIMULATOR, "robot_0")
     team.until(lambda: team.robot(0).speed > 0.05, within=20)
 
 
-def test_a_lost_router_is_no_lost_team(team: TeamFixture) -> None:
-    """When the router dies the monitor says so and calls no robot lost."""
+def test_a_lost_router_is_no_lost_robot(team: TeamFixture) -> None:
+    """When the router dies, the monitor reports the router and no robot as lost."""
     team.start("arena", robots=1, behavior="forward", params={0: {"speed": 0.05}})
     team.wait_for_go()
     team.kill("router")

@@ -26,11 +26,11 @@ LIMIT = 30.0
 
 @pytest.fixture
 def endpoint(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
-    """A free port in place of the default one, and short lives for the routers there; what still runs is ended."""
+    """A free port in place of the default one. A router there ends after 1 s without clients, or with the test."""
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     monkeypatch.setattr(connection, "IDLE_EXIT", 1.0)
     while True:
-        # Outside the range that connections of this machine take their own ports from.
+        # Outside the range of ephemeral ports.
         port = random.randint(21000, 31000)
         with socket.socket() as probe:
             if probe.connect_ex(("127.0.0.1", port)) != 0:
@@ -44,7 +44,7 @@ def endpoint(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
 
 
 def wait_for_end(pid: int) -> None:
-    """Wait until a process that is not our child has ended."""
+    """Wait until a process that is no child of this one has ended."""
     try:
         handle = os.pidfd_open(pid)
     except ProcessLookupError:
@@ -77,14 +77,14 @@ bus.subscribe("flag", Bool, print)
 
 @pytest.mark.parametrize(("last", "code"), [("", 0), ("1 / 0", 1)])
 def test_a_script_that_does_not_close_ends(endpoint: str, last: str, code: int) -> None:
-    """And the router that it started ends as it does without any client."""
+    """A script without `bus.close()` ends with its own exit code."""
     script = ENDING.format(endpoint, last)
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=LIMIT, check=False)
     assert done.returncode == code, done.stderr
 
 
 class Listener:
-    """Counts what arrives on one key."""
+    """Counts the messages on one key."""
 
     def __init__(self, bus: Bus, key: str) -> None:
         self._arrived = threading.Condition()
@@ -97,7 +97,7 @@ class Listener:
             self._arrived.notify_all()
 
     def hears(self, send: Callable[[], None]) -> bool:
-        """Whether something arrives while `send` is called again and again."""
+        """Whether a message arrives while `send` is called repeatedly."""
         with self._arrived:
             start = self.count
             for _ in range(int(LIMIT / 0.02)):
@@ -107,8 +107,8 @@ class Listener:
         return False
 
 
-def test_the_first_one_starts_it_and_the_others_join(endpoint: str) -> None:
-    """One router for all, which is no child of ours, and messages go through it."""
+def test_the_first_client_starts_it_and_the_others_join(endpoint: str) -> None:
+    """Both clients use one router, which runs in a session of its own."""
     first = connect(BusOptions())
     second = connect(BusOptions())
     try:
@@ -131,8 +131,8 @@ def test_it_ends_when_its_last_client_has_gone(endpoint: str) -> None:
     assert router_metadata(endpoint) is None
 
 
-def test_one_that_dies_is_started_again(endpoint: str) -> None:
-    """Both clients come back by themselves, and what they declared still holds."""
+def test_a_router_that_dies_is_started_again(endpoint: str) -> None:
+    """Both clients reconnect, and their subscribers and publishers work again."""
     first, second = connect(BusOptions()), connect(BusOptions())
     try:
         listener, publisher = Listener(second, "a"), first.publisher("a", Bool)
@@ -147,8 +147,8 @@ def test_one_that_dies_is_started_again(endpoint: str) -> None:
         second.close()
 
 
-def test_many_that_start_at_once_share_one(endpoint: str) -> None:
-    """Six processes at the same moment: the port decides, all are connected to the one router that won."""
+def test_processes_that_start_at_once_share_a_router(endpoint: str) -> None:
+    """Six processes start at once: one router gets the port, and all six connect to it."""
     code = (
         "import zteam.bus.options, sys\n"
         "from zteam.bus import BusOptions, connect, connection\n"
@@ -190,8 +190,8 @@ def test_a_router_that_finds_its_port_taken_ends_quietly(endpoint: str) -> None:
         bus.close()
 
 
-def test_a_port_of_somebody_elses_is_named(endpoint: str) -> None:
-    """Something that answers no Zenoh holds the port: one line says so and how to go on."""
+def test_a_port_of_another_program_is_named(endpoint: str) -> None:
+    """If a program that is no Zenoh router has the port, one line names the port and the way out."""
     port = int(endpoint.rpartition(":")[2])
     with socket.create_server(("127.0.0.1", port)) as server:
 
@@ -211,7 +211,7 @@ def test_a_port_of_somebody_elses_is_named(endpoint: str) -> None:
 
 
 def test_another_users_router_is_not_joined(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """On a shared machine two users' teams must not mix by accident; on purpose they may."""
+    """On a shared machine two users' teams must not mix by accident; with --connect they may."""
     bus, owner = connect(BusOptions()), os.getuid()
     try:
         monkeypatch.setattr(connection.os, "getuid", lambda: 12345)

@@ -1,4 +1,4 @@
-"""Scripts that end without closing what they opened."""
+"""Scripts that end without closing their bus."""
 
 import os
 import subprocess
@@ -56,7 +56,7 @@ threading.Thread(target=work).start()
     ],
 )
 def test_a_script_ends_by_itself(team: TeamFixture, script: str, code: int, text: str) -> None:
-    """Without `bus.close()`, with an exception, with an exit code; a thread of its own may finish its work before."""
+    """Without `bus.close()` a script ends with its exit code or its exception, after its threads have finished."""
     done = subprocess.run(
         [sys.executable, "-c", script],
         env={**os.environ, **team.environment},

@@ -17,14 +17,14 @@ pytestmark = pytest.mark.team
 
 
 def sim(team: TeamFixture, *words: str) -> Any:
-    """What `zteam sim WORDS --json` prints; it has to end well."""
+    """What `zteam sim WORDS --json` prints; it must end with exit code 0."""
     done = team.command("sim", *words, "--json")
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
 
 
 def test_time_stands_still_and_goes_on_by_the_tick(team: TeamFixture) -> None:
-    """A paused world stays where it is; steps are exact, however long; resumed it goes on, and a reset begins anew."""
+    """A paused world stands still, steps have the exact length, resume lets it go on, and reset starts it again."""
     team.spawn("zteam-sim", "arena", name="sim")
     team.wait_for_processes("sim")
     paused = sim(team, "pause")
@@ -58,7 +58,7 @@ def test_time_stands_still_and_goes_on_by_the_tick(team: TeamFixture) -> None:
 
 
 def test_robots_come_move_and_go(team: TeamFixture) -> None:
-    """What a command says is true in the world, from the next tick on."""
+    """Each command changes the world from the next tick on, and an impossible change ends with one line."""
     team.spawn("zteam-sim", "arena", "--paused", name="sim")
     team.wait_for_processes("sim")
     assert sim(team, "status")["robots"] == [0, 1]
@@ -85,7 +85,7 @@ def test_robots_come_move_and_go(team: TeamFixture) -> None:
 
 
 def test_the_python_client_does_the_same(team: TeamFixture) -> None:
-    """A test or a notebook needs no command line."""
+    """SimulatorClient has the same requests as the command line."""
     team.spawn("zteam-sim", "arena", "--paused", name="sim")
     team.wait_for_processes("sim")
     client = SimulatorClient(team.bus)
@@ -100,8 +100,8 @@ def test_the_python_client_does_the_same(team: TeamFixture) -> None:
 
 
 def test_a_look_at_everything_changes_nothing(team: TeamFixture) -> None:
-    """A plain client's get("**") reaches every query, and none that changes something is carried out, whatever it
-    carries; each says why not."""
+    """A plain client's get("**") reaches every query, whatever its payload; requests for a change are refused, each
+    with its reason."""
     team.spawn("zteam-sim", "arena", name="sim")
     team.spawn("zteam-tf", name="tf")
     team.wait_for_processes("sim", "tf")
@@ -135,7 +135,7 @@ def test_a_look_at_everything_changes_nothing(team: TeamFixture) -> None:
 
 
 def test_a_client_of_any_language_changes_the_world(team: TeamFixture) -> None:
-    """With the id that `sim/status` tells, until the simulator is another one."""
+    """A request with the instance id of `sim/status` is accepted until the simulator is replaced."""
     team.spawn("zteam-sim", "arena", "--paused", name="sim")
     team.wait_for_processes("sim")
     plain = zenoh.open(client_config(BusOptions(connect=team.endpoint, namespace=team.namespace)))
@@ -157,14 +157,14 @@ def test_a_client_of_any_language_changes_the_world(team: TeamFixture) -> None:
         good, said = ask("remove", id=1, instance=instance)
         assert not good
         assert said.startswith("sim/remove is meant for another process")
-        # A client of ours does not notice.
+        # SimulatorClient reads the new instance id by itself.
         assert client.remove(1).robots == [0]
     finally:
         plain.close()  # type: ignore[no-untyped-call]
 
 
-def test_without_a_simulator_the_way_out_is_told(team: TeamFixture) -> None:
-    """One line, and 1."""
+def test_without_a_simulator_the_error_names_the_way_out(team: TeamFixture) -> None:
+    """Exit code 1 and one line."""
     done = team.command("sim", "status")
     assert done.returncode == 1
     assert "start one with 'zteam-sim WORLD'" in done.stderr
@@ -172,7 +172,7 @@ def test_without_a_simulator_the_way_out_is_told(team: TeamFixture) -> None:
 
 
 def test_messages_are_published_in_simulated_time(team: TeamFixture) -> None:
-    """`topic pub` sends with the ticks its moments fall into, not at all while the world stands, and ends by itself."""
+    """`topic pub` publishes at ticks, not while the world stands still, and ends after the last message."""
     team.spawn("zteam-sim", "arena", "--paused", name="sim")
     team.wait_for_processes("sim")
     robot, client = team.robot(0), SimulatorClient(team.bus)
@@ -190,7 +190,7 @@ def test_messages_are_published_in_simulated_time(team: TeamFixture) -> None:
 
 
 def test_rates_are_measured_in_simulated_time_if_asked(team: TeamFixture) -> None:
-    """A world that runs as fast as it can still has ten ticks a simulated second."""
+    """At five times real time a topic still has ten messages per simulated second."""
     team.spawn("zteam-sim", "arena", "--speed", "5", name="sim")
     team.wait_for_processes("sim")
     words = ("topic", "hz", "robot_0/odom", "--once", "--json")

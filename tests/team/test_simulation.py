@@ -1,4 +1,4 @@
-"""What the simulator process sends for a world full of devices, and the options of a team file."""
+"""The simulator process: the messages of every device, and the options of a team file."""
 
 import json
 import math
@@ -41,7 +41,7 @@ id = 0
 
 
 def test_every_device_is_on_the_bus(team: TeamFixture, tmp_path: Path) -> None:
-    """Fiducials, blobs, bumper and joint states arrive with frames and values; driving turns the wheels."""
+    """Fiducials, blobs, bumper and joint states arrive with their frames and values, and driving turns the wheels."""
     (tmp_path / "yard.world").write_text(WORLD)
     team.spawn("zteam-sim", str(tmp_path / "yard.world"), name="sim")
     team.wait_for_processes("sim")
@@ -76,7 +76,7 @@ def test_every_device_is_on_the_bus(team: TeamFixture, tmp_path: Path) -> None:
 
 
 def test_a_team_file_says_how_its_world_is_simulated(team: TeamFixture, tmp_path: Path) -> None:
-    """[simulation] reaches the simulator: noise of its deviation, inf where nothing is hit."""
+    """The simulator uses [simulation]: its scans have noise, and inf where a beam hits nothing."""
     (tmp_path / "yard.world").write_text(WORLD)
     (tmp_path / "team.toml").write_text(TEAM)
     team.launch(tmp_path / "team.toml")

@@ -12,12 +12,8 @@ from zteam.testing.team import TeamFixture
 pytestmark = pytest.mark.team
 
 
-def test_the_tools_see_a_running_team(team: TeamFixture, tmp_path: Path) -> None:
-    """topic, tf, node and doctor say what is there, as JSON."""
-    slow = {0: {"speed": 0.05}, 1: {"speed": 0.05}}
-    team.start("arena", robots=2, behavior="forward", params=slow, lockstep=False)
-    team.wait_for_go()
-
+def check_topic_tools(team: TeamFixture) -> None:
+    """`topic echo`, `list` and `info` print the messages, types and writers of a running team."""
     scan = team.command("topic", "echo", "/robot_0/base_scan", "--once", "--json")
     assert scan.returncode == 0
     message = json.loads(scan.stdout)
@@ -35,6 +31,9 @@ def test_the_tools_see_a_running_team(team: TeamFixture, tmp_path: Path) -> None
     assert info["writers"] == ["robot_1"]
     assert info["receivers"]["sim"]["received"] > 0
 
+
+def check_tf_tools(team: TeamFixture, drawn: Path) -> None:
+    """`tf echo`, `tree`, `positions` and `monitor` print the transforms of a running team."""
     pose = json.loads(team.command("tf", "echo", "/map", "robot_0/base_footprint", "--once", "--json").stdout)
     truth = team.robot(0).pose
     where = pose["transform"]["translation"]
@@ -56,10 +55,12 @@ def test_the_tools_see_a_running_team(team: TeamFixture, tmp_path: Path) -> None
 
     past = team.command("tf", "echo", "map", "robot_0/base_footprint", "--at", f"{team.now - 1.0:.1f}", "--json")
     assert json.loads(past.stdout)["header"]["stamp"]["sec"] >= 1
-    drawn = tmp_path / "frames.svg"
     assert team.command("tf", "tree", "-o", str(drawn)).returncode == 0
     assert "robot_1/base_laser_link" in drawn.read_text()
 
+
+def check_node_tools(team: TeamFixture) -> None:
+    """`node list` and doctor print the processes of a running team."""
     nodes = {row["name"]: row["pid"] for row in json.loads(team.command("node", "list", "--json").stdout)}
     assert nodes["robot_1"] == team.pid("robot_1")
     assert set(nodes) == {"sim", "tf", "monitor", "robot_0", "robot_1"}
@@ -69,8 +70,18 @@ def test_the_tools_see_a_running_team(team: TeamFixture, tmp_path: Path) -> None
     assert all(finding["good"] for finding in json.loads(doctor.stdout))
 
 
-def test_two_writers_of_one_command_are_told(team: TeamFixture) -> None:
-    """topic info names them, doctor and the monitor say it; so they do when one of them is gone again."""
+def test_the_tools_see_a_running_team(team: TeamFixture, tmp_path: Path) -> None:
+    """Every tool prints the state of the same team as JSON (one team, because its start is slow)."""
+    slow = {0: {"speed": 0.05}, 1: {"speed": 0.05}}
+    team.start("arena", robots=2, behavior="forward", params=slow, lockstep=False)
+    team.wait_for_go()
+    check_topic_tools(team)
+    check_tf_tools(team, tmp_path / "frames.svg")
+    check_node_tools(team)
+
+
+def test_two_writers_of_one_command_are_reported(team: TeamFixture) -> None:
+    """`topic info`, doctor and the monitor report both writers, and the monitor reports when one of them has ended."""
     team.start("arena", behavior="forward", params={0: {"speed": 0.05}}, lockstep=False)
     team.wait_for_go()
     team.spawn("zteam", "topic", "pub", "robot_0/cmd_vel", "Twist", "{}", "--rate", "20", name="pub")
@@ -94,7 +105,7 @@ def test_two_writers_of_one_command_are_told(team: TeamFixture) -> None:
 
 
 def test_a_published_message_arrives(team: TeamFixture) -> None:
-    """topic pub moves a robot that has no process, and its last message leaves before it ends."""
+    """`topic pub` moves a robot without a process, and sends its last message before it ends."""
     team.spawn("zteam-sim", "arena", name="sim")
     team.wait_for_processes("sim")
     start = team.robot(0).commands
@@ -118,7 +129,7 @@ def test_a_published_message_arrives(team: TeamFixture) -> None:
     ],
 )
 def test_mistakes_are_answered_on_one_line(team: TeamFixture, words: tuple[str, ...], text: str) -> None:
-    """A wrong command line ends with 2 and one line that names the way out."""
+    """A wrong command line ends with exit code 2 and one line that names the way out."""
     done = team.command(*words)
     assert done.returncode == 2
     assert text in done.stderr
@@ -126,7 +137,7 @@ def test_mistakes_are_answered_on_one_line(team: TeamFixture, words: tuple[str, 
 
 
 def test_a_static_transform_lives_as_long_as_its_caller(team: TeamFixture) -> None:
-    """zteam tf static adds a frame that goes when the command goes."""
+    """`zteam tf static` adds a frame until the command ends."""
     team.spawn("zteam-tf", name="tf")
     team.wait_for_processes("tf")
     arguments = ("static", "-0.1", "0", "0.2", "0", "0", "0", "map", "table")
@@ -135,7 +146,7 @@ def test_a_static_transform_lives_as_long_as_its_caller(team: TeamFixture) -> No
     seen = json.loads(team.command("tf", "echo", "map", "table", "--once", "--json", "--timeout", "20").stdout)
     assert seen["transform"]["translation"]["x"] == -0.1
     team.stop("static")
-    # The aggregator holds a vanished caller back for a moment, so the frame may still be there at the first look.
+    # The aggregator waits a moment before it drops a vanished caller, so the first look-up may still succeed.
     looks = (team.command("tf", "echo", "map", "table", "--once", "--timeout", "1") for _ in range(20))
     gone = next(look for look in looks if look.returncode != 0)
     assert gone.returncode == 1

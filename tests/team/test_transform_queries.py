@@ -16,18 +16,18 @@ pytestmark = pytest.mark.team
 
 
 def test_a_client_looks_up_without_listening(team: TeamFixture) -> None:
-    """Single, batched and past look-ups, histories, errors by name, and a wait that ends when the frame comes."""
+    """The client answers single and batched look-ups and histories, raises errors, and waits for a frame."""
     team.start("arena", robots=2, behavior="forward", params={0: {"speed": 0.1}, 1: {"speed": 0.1}})
     team.wait_for_go()
     client = TransformClient(team.bus)
     found = client.lookup_transform("/map", "robot_0/base_footprint", timeout=5.0)
     where = found.transform.translation
     assert math.dist((where.x, where.y), team.robot(0).pose[:2]) < 0.5
-    many = client.lookup_many([Lookup("robot_0/base_link", "robot_1/base_link"), Lookup("map", "nobody")])
+    many = client.lookup_many([Lookup("robot_0/base_link", "robot_1/base_link"), Lookup("map", "unknown")])
     assert not isinstance(many[0], Exception)
     assert isinstance(many[1], LookupException)
-    with pytest.raises(LookupException, match="nobody"):
-        client.lookup_transform("map", "nobody")
+    with pytest.raises(LookupException, match="unknown"):
+        client.lookup_transform("map", "unknown")
     team.run(1.0)
     rows = client.history(HistoryRequest("map", "robot_0/base_footprint", step=100_000_000, start=-500_000_000)).rows
     assert len(rows) == 6
@@ -50,7 +50,7 @@ URDF = """<robot name="bot">
 
 
 def test_a_described_robot_has_its_joints_in_the_tree(team: TeamFixture, tmp_path: Path) -> None:
-    """Fixed joints stand in the tree with the robot's prefix, and a wheel turns in it as the robot drives."""
+    """The tree has the fixed joints with the robot's prefix, and a wheel turns as the robot drives."""
     (tmp_path / "bot.urdf").write_text(URDF)
     (tmp_path / "team.toml").write_text(
         '[team]\nworld = "arena"\n[[robots]]\nid = 0\nbehavior = "forward"\nspeed = 0.2\ndescription = "bot.urdf"\n'
@@ -67,7 +67,7 @@ def test_a_described_robot_has_its_joints_in_the_tree(team: TeamFixture, tmp_pat
 
 
 def test_a_restarted_aggregator_has_the_whole_tree_again(team: TeamFixture) -> None:
-    """Statics, moving frames and the team file's own come back, and a follower that stood still goes on."""
+    """The tree has its static and moving frames again, and a follower that stood still goes on."""
     team.start("arena", robots=2, behavior="forward", follow={1: 0}, params={0: {"speed": 0.05}})
     team.wait_for_go()
     team.until(lambda: team.robot(1).speed > 0.01, within=20)

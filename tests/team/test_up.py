@@ -22,8 +22,8 @@ def up(*arguments: str, cwd: Path) -> "subprocess.CompletedProcess[str]":
     )
 
 
-def test_the_report_holds_what_it_promises(tmp_path: Path) -> None:
-    """A run of the arena ends with 0 and a report of every robot and every process."""
+def test_the_report_has_every_robot_and_process(tmp_path: Path) -> None:
+    """A run of the arena ends with exit code 0 and a report of every robot and every process."""
     done = up("arena", "--for", "5", "--report", "r.json", cwd=tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
     report = json.loads((tmp_path / "r.json").read_text())
@@ -48,7 +48,7 @@ def test_the_report_holds_what_it_promises(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(not SHARED.is_dir(), reason="the lectures' world (../shared) is not here")
 def test_the_lectures_line_drives_through_willow(tmp_path: Path) -> None:
-    """Four robots in a line: everyone drives more than 2 m in 30 s and no gap ends above 2.5 m."""
+    """Each of four robots in a line drives more than 2 m in 30 s, and no gap ends above 2.5 m."""
     world = SHARED / "worlds" / "stage_ros" / "willow-lesson3.world"
     done = up("willow", "--world", str(world), "--lockstep", "--for", "30", "--report", "r.json", cwd=tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -60,7 +60,7 @@ def test_the_lectures_line_drives_through_willow(tmp_path: Path) -> None:
 
 
 def test_a_team_without_a_world_asks_for_one(tmp_path: Path) -> None:
-    """One line and exit code 2, naming the option."""
+    """Exit code 2 and one line that names the option."""
     done = up("willow", cwd=tmp_path)
     assert done.returncode == 2
     assert "--world" in done.stderr
@@ -79,7 +79,7 @@ def test_a_circle_of_followers_is_refused(tmp_path: Path) -> None:
 
 
 def children_of(pid: int) -> list[int]:
-    """Processes whose parent is `pid`."""
+    """Ids of the processes that `pid` has started."""
     found = []
     for entry in Path("/proc").iterdir():
         if entry.name.isdigit():
@@ -94,7 +94,7 @@ def children_of(pid: int) -> list[int]:
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGKILL])
 def test_no_process_outlives_the_launcher(tmp_path: Path, number: signal.Signals) -> None:
-    """However the launcher is ended, all its processes end too; asked nicely it ends with 0."""
+    """However the launcher ends, all its processes end too; a signal that it handles ends it with exit code 0."""
     launcher = subprocess.Popen(
         zteam_command("zteam", "up", "arena"), cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
     )

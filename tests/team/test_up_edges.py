@@ -1,6 +1,6 @@
-"""`zteam up` beside a team fixture: the fixture's router and namespace show what the launcher's team does.
+"""`zteam up` on the router and in the namespace of a team fixture, through which the test observes its team.
 
-So no test here takes the machine's default port.
+No test here uses the machine's default port.
 """
 
 import json
@@ -9,7 +9,6 @@ import pty
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,6 @@ import pytest
 import zenoh
 
 from zteam import names
-from zteam.bus.options import BusOptions, client_config
 from zteam.bus.presence import ProcessInfo
 from zteam.launch.process import zteam_command
 from zteam.messages import Twist, Vector3, encode
@@ -34,14 +32,14 @@ def command(team: TeamFixture, *arguments: str) -> list[str]:
 
 
 def launch(team: TeamFixture, *arguments: str, **options: Any) -> "subprocess.Popen[str]":
-    """`zteam up` running beside the test."""
+    """`zteam up` as a child process."""
     return subprocess.Popen(
         command(team, *arguments), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, **options
     )
 
 
 def finish(launcher: "subprocess.Popen[str]") -> tuple[int, str]:
-    """Exit code and output of a launcher that is about to end; one that is not is ended."""
+    """Exit code and output of a launcher; it is killed if it does not end within LIMIT."""
     try:
         output, _ = launcher.communicate(timeout=LIMIT)
     finally:
@@ -51,21 +49,13 @@ def finish(launcher: "subprocess.Popen[str]") -> tuple[int, str]:
 
 
 def pid_of(team: TeamFixture, name: str) -> int:
-    """Process id of a process of the team, by its own word."""
+    """Process id of a process of the team, from its answer on the bus."""
     return team.bus.ask(names.info_key(name), ProcessInfo).pid
 
 
-@pytest.fixture
-def outsider(team: TeamFixture) -> Iterator[zenoh.Session]:
-    """A plain Zenoh client outside the team's namespace."""
-    session = zenoh.open(client_config(BusOptions(connect=team.endpoint)))
-    yield session
-    session.close()  # type: ignore[no-untyped-call]
-
-
 def test_a_given_router_is_used(team: TeamFixture, outsider: zenoh.Session, tmp_path: Path) -> None:
-    """With --connect no router is started, the team is in the namespace, and the report tells of what outsiders did:
-    commands that were none are dropped, those that were are external; seed and world come from the command line."""
+    """With --connect no router is started and the team is in the namespace; seed and world come from the command line;
+    the report counts an outsider's bad messages as dropped, and its commands as external."""
     path = tmp_path / "r.json"
     team_file = tmp_path / "team.toml"
     team_file.write_text(
@@ -93,8 +83,8 @@ def test_a_given_router_is_used(team: TeamFixture, outsider: zenoh.Session, tmp_
     assert team.robot(0).pose.x == pytest.approx(report["robots"][0]["pose"][0])
 
 
-def test_a_dead_robot_is_told_and_the_others_go_on(team: TeamFixture) -> None:
-    """Nothing is restarted silently: the launcher names robot and signal, and ends with 1 when it is stopped."""
+def test_a_dead_robot_is_reported_and_the_others_go_on(team: TeamFixture) -> None:
+    """The launcher names the robot and the signal, restarts nothing, and ends with exit code 1 when it is stopped."""
     launcher = launch(team, "arena")
     try:
         team.wait_for_go()
@@ -112,11 +102,11 @@ def test_a_dead_robot_is_told_and_the_others_go_on(team: TeamFixture) -> None:
 
 
 CONTROLLED = "import fcntl, os, sys, termios\nfcntl.ioctl(0, termios.TIOCSCTTY, 0)\nos.execv(sys.argv[1], sys.argv[1:])"
-"""Makes its standard input its controlling terminal, as a shell's is, and becomes the command."""
+"""Makes standard input the controlling terminal, as in a shell, and runs the command in this process."""
 
 
 def test_ctrl_c_on_a_terminal_stops_in_order(team: TeamFixture) -> None:
-    """Typed on a real terminal: the launcher alone hears it, every robot's last word is a zero velocity."""
+    """On a real terminal the launcher alone gets the signal, and each robot's last command is a zero velocity."""
     master, slave = pty.openpty()
     environment = {key: value for key, value in os.environ.items() if key != "NO_COLOR"}
     launcher = subprocess.Popen(
@@ -148,13 +138,13 @@ def test_ctrl_c_on_a_terminal_stops_in_order(team: TeamFixture) -> None:
 
 
 def read_all(descriptor: int) -> str:
-    """What a terminal shows until its last user has gone."""
+    """The output of a terminal until the last process on it has ended."""
     parts = []
     while True:
         try:
             part = os.read(descriptor, 65536)
         except OSError:
-            # Linux says EIO instead of an end of file.
+            # Linux raises EIO at the end of a terminal's output.
             break
         if not part:
             break
@@ -163,14 +153,14 @@ def read_all(descriptor: int) -> str:
 
 
 def test_a_second_ctrl_c_does_not_wait(team: TeamFixture) -> None:
-    """A robot that does not answer is killed as soon as the user asks again, and nothing is left."""
+    """The second Ctrl+C kills a robot that does not stop, and no process is left."""
     launcher = launch(team, "arena")
     try:
         team.wait_for_go()
         frozen = pid_of(team, "robot_0")
         os.kill(frozen, signal.SIGSTOP)
         launcher.send_signal(signal.SIGINT)
-        # The other robot's end shows that the stop is under way and waits for the frozen one.
+        # The end of the other robot shows that the launcher is stopping and waits for the frozen one.
         team.until(lambda: not team.alive("robot_1"), within=10)
         launcher.send_signal(signal.SIGINT)
     finally:
@@ -194,7 +184,7 @@ class Slow(Behavior):
 
 
 def test_a_behaviour_beside_the_team_file_drives(team: TeamFixture, tmp_path: Path) -> None:
-    """Wherever the command is typed, the check and the robot find the module."""
+    """The check and the robot import the module from any current folder."""
     (tmp_path / "my_slow_robot.py").write_text(STOPPER)
     team_file = tmp_path / "team.toml"
     table = '[[robots]]\nid = 0\nbehavior = "my_slow_robot:Slow"\nspeed = 0.125\n'
@@ -209,8 +199,8 @@ def test_a_behaviour_beside_the_team_file_drives(team: TeamFixture, tmp_path: Pa
 
 
 @pytest.mark.parametrize("redirection", [">/dev/full", ">&-"])
-def test_output_that_cannot_be_written_is_told_and_the_team_goes_on(team: TeamFixture, redirection: str) -> None:
-    """A full disk, or no standard output at all: one line about it, and the run ends as it should."""
+def test_a_team_goes_on_without_its_output(team: TeamFixture, redirection: str) -> None:
+    """A full disk or a closed standard output causes one line on standard error, and the run ends with exit code 0."""
     words = " ".join(command(team, "arena", "--for", "0.5"))
     done = subprocess.run(
         ["bash", "-c", f"{words} {redirection}"], stderr=subprocess.PIPE, text=True, timeout=LIMIT, check=False
@@ -222,7 +212,7 @@ def test_output_that_cannot_be_written_is_told_and_the_team_goes_on(team: TeamFi
 
 
 def test_a_second_team_is_one_line(team: TeamFixture) -> None:
-    """On the router and in the namespace of a team that runs, a second one says whose place it is, and nothing else."""
+    """A second team in the same namespace ends with one line that names the process of the first."""
     first = launch(team, "arena")
     try:
         team.wait_for_go()
@@ -239,8 +229,8 @@ def test_a_second_team_is_one_line(team: TeamFixture) -> None:
     assert code == 0, output
 
 
-def test_output_that_nobody_reads_is_no_disaster(team: TeamFixture) -> None:
-    """`zteam up | head -1`: no traceback, and the team ends as it should."""
+def test_output_without_a_reader_causes_no_traceback(team: TeamFixture) -> None:
+    """`zteam up | head -1` prints no traceback."""
     launcher = subprocess.Popen(
         command(team, "arena", "--for", "1"), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )

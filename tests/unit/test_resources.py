@@ -80,3 +80,33 @@ def test_every_shipped_team_can_be_started(name: str) -> None:
 def test_the_three_teams_are_shipped() -> None:
     """The default team, the lectures' exercise and the small team are shipped."""
     assert {"line", "willow", "arena"} <= set(resources.names(resources.teams_folder(), ".toml"))
+
+
+def test_a_team_is_a_file_or_shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A path comes first, so that a file of one's own named `line` is used; else the shipped team of that name."""
+    monkeypatch.chdir(tmp_path)
+    assert resources.find_team("line") == resources.shipped_team("line")
+    assert resources.find_team("line.toml") == resources.shipped_team("line")
+    (tmp_path / "line").write_text("")
+    assert resources.find_team("line") == Path("line")
+
+
+def test_an_unknown_team_names_the_known_ones() -> None:
+    """The way out is in the message."""
+    with pytest.raises(UsageError, match=r"no such file, nor a shipped team \(.*line.*\)"):
+        resources.find_team("lien")
+
+
+def test_a_world_is_a_file_or_shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A path comes first, so that a user's own file named `arena` is used; else the shipped world of that name."""
+    monkeypatch.chdir(tmp_path)
+    assert resources.find_world("arena") == resources.shipped_world("arena")
+    (tmp_path / "arena").write_text("")
+    assert resources.find_world("arena") == Path("arena")
+
+
+@pytest.mark.parametrize("name", ["aren", "", "x" * 5000, "a\0b"])
+def test_an_unknown_world_names_the_known_ones(name: str) -> None:
+    """One error, also for a text that no file can have as its name."""
+    with pytest.raises(UsageError, match=r"no such file, nor a shipped world \(.*arena.*\)"):
+        resources.find_world(name)

@@ -1,4 +1,4 @@
-"""Lines of a TOML text's keys."""
+"""The lines of the keys in a TOML text."""
 
 import tomllib
 
@@ -68,7 +68,7 @@ def test_every_kind_of_key_has_its_line() -> None:
 
 
 def test_the_nearest_line_above_is_found() -> None:
-    """A key that the text lacks is told at the table that should hold it."""
+    """A missing key gets the line of the table that it belongs to."""
     lines = key_lines("[a]\nb = 1\n")
     assert line_of(lines, ("a", "c", 3)) == 1
     assert line_of(lines, ("a", "b")) == 2
@@ -76,7 +76,7 @@ def test_the_nearest_line_above_is_found() -> None:
 
 
 @pytest.mark.parametrize("ends", ["\r\n", "\n"])
-def test_both_kinds_of_line_ends_count(ends: str) -> None:
+def test_both_kinds_of_line_break_count(ends: str) -> None:
     """A file that was written on Windows has the same lines."""
     assert key_lines(ends.join(["# one", "a = 1", "", "[b]", "c = 2"]))["b", "c"] == 5
 
@@ -92,13 +92,13 @@ def test_both_kinds_of_line_ends_count(ends: str) -> None:
     ],
 )
 def test_depth_is_bounded(text: str) -> None:
-    """However the levels are written, one more than allowed is refused, with its line."""
+    """One level more than MAX_DEPTH is refused with its line, in every notation."""
     with pytest.raises(TooDeepError, match="nested too deeply") as caught:
         key_lines("\n" + text)
     assert caught.value.line == 2 + text.startswith("[a.b]\n")
 
 
 def test_the_allowed_depth_is_read() -> None:
-    """Exactly MAX_DEPTH keys are one line like any other."""
+    """Exactly MAX_DEPTH keys are allowed."""
     path = ("a",) * MAX_DEPTH
     assert key_lines(".".join(path) + " = 1")[path] == 1

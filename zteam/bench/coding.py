@@ -1,6 +1,7 @@
 """Encoding and decoding of the most frequent messages."""
 
 from collections.abc import Callable
+from statistics import median
 
 import msgspec
 import numpy as np
@@ -57,4 +58,4 @@ def _median_us(call: Callable[[], object]) -> float:
         for _ in range(_CALLS):
             call()
         rounds.append(1e6 * (process_time() - begin) / _CALLS)
-    return round(sorted(rounds)[_ROUNDS // 2], 3)
+    return round(median(rounds), 3)

@@ -7,8 +7,9 @@ import msgspec
 from zteam import names
 from zteam.bench.bare_zenoh import START_LIMIT, TICK_LIMIT, Exchanged
 from zteam.errors import UsageError, ZteamError
-from zteam.launch.plan import ROUTER
-from zteam.launch.process import Process, exit_text, zteam_command
+from zteam.launch.kinds import ROUTER
+from zteam.launch.process import Process, exit_text
+from zteam.launch.router import start_router, wait_for_endpoint
 from zteam.launch.supervisor import Supervisor
 
 
@@ -73,15 +74,11 @@ def _command(role: str, endpoint: str, *arguments: str) -> list[str]:
 
 def _start_router(supervisor: Supervisor) -> str:
     """Start a router; return its endpoint."""
-    router = supervisor.start(ROUTER, zteam_command("zteam-router", "--listen", "tcp/127.0.0.1:0", "--announce"))
-
-    def announced() -> list[str]:
-        return [line for line in list(router.lines) if line.startswith("tcp/")]
-
-    supervisor.wait(lambda: bool(announced() or supervisor.failures), START_LIMIT)
-    if not announced():
+    router = start_router(supervisor)
+    endpoint = wait_for_endpoint(supervisor, router, START_LIMIT)
+    if not endpoint:
         raise ZteamError(_failure_text(router))
-    return announced()[0]
+    return endpoint
 
 
 def _wait_for_result(supervisor: Supervisor, simulator: Process, limit: float) -> Exchanged:

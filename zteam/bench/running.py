@@ -84,12 +84,13 @@ def measure_team(world: Path, robots: int, beams: int, seconds: float, *, realti
         search = os.pathsep.join([str(world.resolve().parent), os.environ.get("STAGEPATH", "")])
         pace = [] if realtime else ["--lockstep"]
         report = _run([str(team), "--for", str(seconds), *pace], Path(folder), {"STAGEPATH": search}, seconds)
-    ticks_per_s = None if report.rtf is None else report.rtf * 1e9 / loaded.interval
+    rtf = report.real_time_factor
+    ticks_per_s = None if rtf is None else rtf * 1e9 / loaded.interval
     figures = TeamFigures(
-        world=loaded.name, robots=robots, beams=beams, lockstep=report.lockstep, rtf=report.rtf,
+        world=loaded.name, robots=robots, beams=beams, lockstep=report.lockstep, rtf=rtf,
         ticks_per_s=ticks_per_s, timing_ms=report.timing_ms, rounds=report.rounds,
-        go_after_seconds=report.go_after_seconds, latency_p50_ms=report.latency_ms["p50"],
-        latency_p99_ms=report.latency_ms["p99"], lateness_p99_ms=report.lateness_p99_ms,
+        go_after_seconds=report.go_after_seconds, latency_p50_ms=report.latency_ms.p50,
+        latency_p99_ms=report.latency_ms.p99, lateness_p99_ms=report.lateness_p99_ms,
         late_steps=sum(robot.late_steps for robot in report.robots), resends=report.resends,
         trajectory_sha256=report.trajectory_sha256,
         pss_mb=round(sum(process.pss_mb for process in report.processes), 1),
@@ -99,9 +100,9 @@ def measure_team(world: Path, robots: int, beams: int, seconds: float, *, realti
     if robots > 1:
         model = loaded.robots[0] if loaded.robots else add_robot(loaded, "erratic", Pose2(0.0, 0.0, 0.0), "bench")
         figures.hops_us = measure_hops(model, robots, beams)
-    if not realtime and report.rtf:
+    if not realtime and rtf:
         figures.floor_rtf = measure_floor(robots, beams, FLOOR_SECONDS, loaded.interval / 1e9).rtf
-        figures.floor_ratio = figures.floor_rtf / report.rtf
+        figures.floor_ratio = figures.floor_rtf / rtf
     return figures
 
 

@@ -1,4 +1,4 @@
-"""`zteam doctor`: is the router there, who is alive, which keys carry data; every problem with its next step."""
+"""`zteam doctor`: checks the router, the processes and the data; names the next step for every problem."""
 
 import argparse
 import os
@@ -19,6 +19,7 @@ from zteam.cli.listening import KeySurvey, open_bus, survey
 from zteam.cli.node import find_nodes, writer_names
 from zteam.cli.options import Parser, add_bus_options, bus_options, run
 from zteam.errors import BusError
+from zteam.launch import kinds
 
 _PACKAGES = ("zteam", "eclipse-zenoh", "numpy", "msgspec", "numba", "pymunk", "pillow")
 _INIT_SYN = bytes.fromhex("1900c109f2")
@@ -27,13 +28,13 @@ _INIT_SYN_END = bytes.fromhex("0ac8ff812701")
 
 
 class Finding(msgspec.Struct):
-    """One thing that was looked at."""
+    """One check."""
 
     what: str
     good: bool
     text: str
     next_step: str = ""
-    """What to do about it; empty where all is well."""
+    """What to do about it; empty for a good finding."""
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -98,7 +99,7 @@ def _numba() -> Finding:
 
 
 def speaks_zenoh(endpoint: str) -> bool | None:
-    """Whether a Zenoh router answers at a TCP endpoint; None where that cannot be asked."""
+    """Whether a Zenoh router answers at a TCP endpoint; None for an endpoint that is not TCP."""
     address = host_port(endpoint)
     if address is None or not endpoint.startswith("tcp/"):
         return None
@@ -116,8 +117,7 @@ def speaks_zenoh(endpoint: str) -> bool | None:
 def _router(options: BusOptions) -> Finding:
     endpoint = options.endpoint
     if not port_accepts(endpoint):
-        step = "start anything of zteam (it brings a router), or 'zteam-router'"
-        return Finding("router", False, f"nothing listens at {endpoint}", step)
+        return Finding("router", False, f"nothing listens at {endpoint}", kinds.ROUTER_KIND.hint)
     if speaks_zenoh(endpoint) is False:
         step = "end that program, or run 'zteam-router --listen tcp/127.0.0.1:PORT' and use --connect"
         return Finding("router", False, f"what listens at {endpoint} does not speak Zenoh", step)
@@ -126,9 +126,9 @@ def _router(options: BusOptions) -> Finding:
         step = "is it frozen, or does it need TLS (--config)?"
         return Finding("router", False, f"the router at {endpoint} does not answer", step)
     data = admin.metadata
-    whose = "zteam-router" if data and data.name else "a Zenoh router that is not zteam's"
+    router = "zteam-router" if data and data.name else "a Zenoh router that is not zteam's"
     pid = f", process {data.pid}" if data and data.pid else ""
-    return Finding("router", True, f"{whose} at {endpoint}{pid}, Zenoh {admin.version or '?'}")
+    return Finding("router", True, f"{router} at {endpoint}{pid}, Zenoh {admin.version or '?'}")
 
 
 def _team(bus: Bus) -> list[Finding]:
@@ -138,27 +138,30 @@ def _team(bus: Bus) -> list[Finding]:
         counts = bus.query(names.stats_key("*"), dict[str, KeyCount])
     except BusError:
         counts = []
-    return [*_processes(nodes), *_data(nodes, keys), *_writers(nodes, keys), _drops(counts)]
+    return [*check_processes(nodes), *_data(nodes, keys), *_writers(nodes, keys), _drops(counts)]
 
 
-def _processes(nodes: list[ProcessInfo]) -> list[Finding]:
+def check_processes(nodes: list[ProcessInfo]) -> list[Finding]:
+    """One finding per kind of process on the bus, and one for every process that does not answer."""
     alive = {node.name for node in nodes}
-    findings = []
-    robots = sorted(i for name in alive if (i := names.robot_id_of(name)) is not None)
-    for name, what, step in (
-        (names.SIMULATOR, "simulator", "zteam-sim WORLD (or real robots that publish the same keys)"),
-        (names.AGGREGATOR, "transforms", "zteam-tf"),
-        (names.MONITOR, "monitor", f"zteam-monitor --team-size {max(1, len(robots))}"),
-    ):
-        there = name in alive
-        findings.append(Finding(what, there, "alive" if there else f"no process {name}", "" if there else step))
-    shown = ", ".join(names.robot_name(i) for i in robots)
-    findings.append(Finding("robots", bool(robots), shown or "none", "" if robots else "zteam-robot --id 0"))
+    robots = sum(names.robot_id_of(name) is not None for name in alive)
+    findings = [_of_kind(kind, alive, robots) for kind in kinds.KINDS if kind.on_bus]
+    findings = [finding for finding in findings if finding.good or finding.next_step]
     for node in nodes:
         if not node.pid:
             text = f"{node.name} is alive but does not answer"
             findings.append(Finding("process", False, text, "it may be frozen: look at it, or end it"))
     return findings
+
+
+def _of_kind(kind: kinds.Kind, alive: set[str], robots: int) -> Finding:
+    """Whether processes of a kind are alive; bad without a next step where the team can work without them."""
+    per_robot = kind.robot_id_of
+    found = sorted(filter(kind.includes, alive), key=per_robot and (lambda name: per_robot(name) or 0))
+    if found:
+        return Finding(kind.title, True, "alive" if per_robot is None else ", ".join(found))
+    text = f"no process {kind.name}" if per_robot is None else "none"
+    return Finding(kind.title, False, text, kind.hint.format(robots=max(1, robots)))
 
 
 def _data(nodes: list[ProcessInfo], keys: list[KeySurvey]) -> list[Finding]:
@@ -174,7 +177,7 @@ def _data(nodes: list[ProcessInfo], keys: list[KeySurvey]) -> list[Finding]:
 
 
 def _writers(nodes: list[ProcessInfo], keys: list[KeySurvey]) -> list[Finding]:
-    """Robots that more than one process commands."""
+    """Robots that get commands from more than one process."""
     findings = []
     for entry in keys:
         target = names.split_robot_key(entry.key)

@@ -130,9 +130,9 @@ def parse_static(words: Sequence[str], caller: str) -> StaticRequest:
     A publish period at the end, as in ROS 1, is accepted and ignored.
     """
     values = list(words)
-    if len(values) in {9, 10} and _is_number(values[-1]) and not _is_number(values[-2]):
+    if len(values) in {9, 10} and _is_coordinate(values[-1]) and not _is_coordinate(values[-2]):
         values.pop()
-    if len(values) not in _COUNTS or not all(map(_is_number, values[:-2])):
+    if len(values) not in _COUNTS or not all(map(_is_coordinate, values[:-2])):
         raise UsageError(
             "give X Y Z YAW PITCH ROLL PARENT CHILD or X Y Z QX QY QZ QW PARENT CHILD, "
             "e.g. zteam tf static 0.1 0 0.2 0 0 0 robot_0/base_link robot_0/camera"
@@ -145,7 +145,7 @@ def parse_static(words: Sequence[str], caller: str) -> StaticRequest:
     return StaticRequest(parent, child, caller, x, y, z, *angles)
 
 
-def _is_number(text: str) -> bool:
+def _is_coordinate(text: str) -> bool:
     return is_number(text, MAX_COORDINATE)
 
 

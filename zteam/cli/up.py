@@ -16,7 +16,7 @@ from zteam.numbers import MAX_SECONDS
 from zteam.resources import find_team, find_world
 
 if TYPE_CHECKING:
-    from zteam.launch.plan import Pace
+    from zteam.launch.arguments import Pace
     from zteam.launch.run import Run
     from zteam.runtime.shutdown import Stop
 
@@ -74,7 +74,7 @@ def _add_lockstep_options(parser: argparse.ArgumentParser) -> None:
 
 
 def _pace(args: argparse.Namespace, world: Path | None) -> "Pace":
-    from zteam.launch.plan import Pace
+    from zteam.launch.arguments import Pace
 
     if args.speed is not None:
         parse_speed(args.speed)

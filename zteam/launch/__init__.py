@@ -1,1 +1,1 @@
-"""Teams made into processes: started at once, watched, stopped in order."""
+"""Starts the processes of a team at once, watches them, and stops them in order."""

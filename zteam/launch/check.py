@@ -1,7 +1,7 @@
-"""A team file held against everything it names, before any of its processes starts: all mistakes at once.
+"""Checks a team file against everything it names, before any process starts, and tells all mistakes at once.
 
-Behaviours and their parameters, robot descriptions, ids and poses against the world. The user's own modules are
-imported in a child process; what comes with zteam is looked at here, because that takes a tenth of a second.
+The check covers behaviours and their parameters, robot descriptions, and ids and poses in the world. A child process
+imports the user's own modules; behaviours of zteam are checked here, because that takes a tenth of a second.
 """
 
 from collections.abc import Iterator, Mapping
@@ -21,7 +21,7 @@ _ROBOT_KEYS = tuple(name for name in RobotEntry.__struct_fields__ if name != "pa
 
 
 def check_team(file: TeamFile, world_file: Path | None = None) -> Path | None:
-    """The world of the team, None for real robots; `world_file` wins over what the file says.
+    """The world of the team, None for real robots; `world_file` replaces the world of the team file.
 
     Raises ConfigError of one line for each mistake, in the team file or in the world's.
     """
@@ -33,7 +33,7 @@ def check_team(file: TeamFile, world_file: Path | None = None) -> Path | None:
             if i not in own:
                 problems += _behavior_problems(i, entry, answer(_question(entry)))
         try:
-            # A table [team] with mistakes may mean its world by one of them.
+            # If [team] has mistakes, one of them may be a misspelt `world`: do not also report a missing world.
             if world_file is None and (file.team.team.world or not any(p.path[:1] == ("team",) for p in problems)):
                 world_file = team_world(file)
             if world_file is not None:
@@ -63,7 +63,7 @@ def _behavior_problems(i: int, entry: RobotEntry, answered: Answer) -> Iterator[
 
 def _description_problems(team_file: Path, i: int, entry: RobotEntry) -> Iterator[Problem]:
     if entry.description is not None:
-        # Few teams have any, and a parser of XML takes its time to import.
+        # Imported here, because few teams have a description and the XML parser imports slowly.
         from zteam.tf.urdf import read_description
 
         try:
@@ -73,7 +73,7 @@ def _description_problems(team_file: Path, i: int, entry: RobotEntry) -> Iterato
 
 
 def _world_problems(file: TeamFile, world: World) -> Iterator[Problem]:
-    """Robots that the world lacks, or has already, or has no room for."""
+    """Robots that the world does not have, that it has already, or that have no room in it."""
     standing = dict(enumerate(world.robots)) if file.team.team.world_robots else {}
     for i, entry in file.robots.items():
         if entry.pose is None or entry.model is None:

@@ -1,4 +1,4 @@
-"""One team in a namespace: the launcher holds a name on the bus, as every other process does."""
+"""One team per namespace: the launcher holds a name on the bus, like every other process."""
 
 from collections.abc import Callable, Iterable
 

@@ -1,7 +1,7 @@
-"""The user's behaviours imported and their parameters typed, in a process of its own.
+"""Imports the user's behaviours and checks their parameters, in a child process.
 
-Importing runs foreign code: it may hang, end the process, write to standard output, or take a gigabyte. None of this
-may happen to the launcher. `check_own` asks; this module, run as a program, answers a line for each question.
+Importing runs foreign code: it may hang, end the process, write to standard output, or take a gigabyte. The launcher
+must survive that. `Inquiry` sends the questions; this module, run as a program, prints one line for each answer.
 """
 
 import base64
@@ -20,13 +20,13 @@ from zteam.launch.supervisor import Supervisor
 from zteam.runtime.shutdown import Stop, exit_hard_later
 
 LIMIT = 60.0
-"""Host seconds for all imports together: large libraries take ten on a slow disk."""
+"""Host seconds for all imports together: a large library takes ten on a slow disk."""
 _MARK = "\x1eanswer "
-"""Begins an answer's line; a module may print lines of its own."""
+"""Begins the line of an answer, because a module may print lines of its own."""
 
 
 class Question(msgspec.Struct, frozen=True):
-    """A behaviour by name, its parameters as the team file has them, and words that a wrong key may stand for."""
+    """A behaviour by name, its parameters from the team file, and further words that an unknown key may stand for."""
 
     spec: str
     params: dict[str, Any]
@@ -34,14 +34,14 @@ class Question(msgspec.Struct, frozen=True):
 
 
 class Answer(msgspec.Struct, frozen=True):
-    """Why the behaviour cannot be used, empty if it can; and its parameters' mistakes as (path, text)."""
+    """Why the behaviour cannot be used, empty if it can; and the mistakes in its parameters as (path, text)."""
 
     refused: str = ""
     mistakes: list[tuple[list[str | int], str]] = []
 
 
 def answer(question: Question) -> Answer:
-    """Import the behaviour and type its parameters, here and now."""
+    """Import the behaviour in this process and check its parameters."""
     try:
         kind = find_behavior(question.spec)
     except UsageError as error:
@@ -51,10 +51,10 @@ def answer(question: Question) -> Answer:
 
 
 class Inquiry:
-    """Questions that a child process answers meanwhile. A context manager: its end is the child's end."""
+    """Questions that a child process answers in the background. Leaving the context ends the child."""
 
     def __init__(self, questions: Sequence[Question], folder: Path) -> None:
-        """`folder` is looked in for modules besides what is installed and the current folder."""
+        """The child imports from `folder` besides the installed packages and the current folder."""
         self._questions = questions
         self._answers: list[Answer] = []
         self._last_line = ""
@@ -78,7 +78,7 @@ class Inquiry:
             self._last_line = line.strip()
 
     def answers(self, limit: float = LIMIT) -> list[Answer]:
-        """One for each question; they are waited for."""
+        """Wait for the answers: one for each question. `limit` is in host seconds."""
         process = self._process
         if process is None:
             return []
@@ -89,7 +89,7 @@ class Inquiry:
             why = f"ended the process ({exit_text(process.exit_code)}): {self._last_line}".removesuffix(": ")
             text = why if ended else f"is not done after {limit:g} s"
             refusal = Answer(f"behaviour {spec!r}: importing it {text}")
-            # What comes behind it was not looked at.
+            # The questions after this one were not answered.
             return [*self._answers, refusal, *[Answer()] * (missing - 1)]
         return self._answers
 
@@ -103,9 +103,9 @@ def main() -> None:
     questions = msgspec.msgpack.decode(base64.b64decode(sys.stdin.readline()), type=list[Question])
     for question in questions:
         line = msgspec.json.encode(answer(question)).decode()
-        # By itself on a line, whatever the module has printed.
+        # The first line break ends a line that the module may have begun.
         os.write(1, f"\n{_MARK}{line}\n".encode())
-    # A thread of a module's own must not keep the process.
+    # A thread that a module started must not keep this process alive.
     os._exit(0)
 
 

@@ -1,4 +1,4 @@
-"""One child process: its own process group, its output line by line, its peak memory, and no way to outlive us."""
+"""One child process: its own process group, its output line by line, its peak memory. It does not outlive us."""
 
 import logging
 import os
@@ -28,7 +28,7 @@ class Usage(msgspec.Struct):
 
 
 def measure_usage(pid: int, usage: Usage) -> None:
-    """Raise `usage` to what the process takes now; a process that is gone leaves it as it is."""
+    """Raise `usage` to the present figures of the process; leave it unchanged if the process is gone."""
     folder = Path("/proc") / str(pid)
     try:
         status = (folder / "status").read_text()
@@ -50,7 +50,7 @@ def _kilobytes(text: str, label: str) -> int:
 
 
 def zteam_command(command: str, *arguments: str) -> list[str]:
-    """`zteam-robot --id 0`, say, run by this interpreter, whatever lies in the current folder."""
+    """The command line of a zteam command for this interpreter. Files in the current folder do not shadow modules."""
     module = "main" if command == "zteam" else command.replace("-", "_")
     return [sys.executable, "-P", "-m", f"zteam.cli.{module}", *arguments]
 
@@ -72,7 +72,7 @@ class Process:
         self.usage = Usage()
         self.lines: deque[str] = deque(maxlen=_KEPT_LINES)
         self.stopping = False
-        """Whether its end is wanted."""
+        """Whether it was asked to end."""
         self._on_line = on_line
         self._on_exit = on_exit
         self._popen = subprocess.Popen(
@@ -82,7 +82,7 @@ class Process:
             stderr=subprocess.STDOUT,
             pass_fds=(lifeline,),
             env={**os.environ, **(environment or {}), PARENT_PIPE: str(lifeline), "PYTHONUNBUFFERED": "1"},
-            # Of its own, so that the terminal's Ctrl+C reaches the launcher alone, which stops in order.
+            # Its own group: the terminal's Ctrl+C reaches the launcher alone, which stops the team in order.
             process_group=0,
             text=True,
             errors="replace",
@@ -115,16 +115,16 @@ class Process:
             try:
                 self._on_line(self, text)
             except Exception:
-                # Whoever listens may be gone (`zteam up | head`); the process is to be watched all the same.
+                # The reader of the output may be gone (`zteam up | head`); the process must still be watched.
                 log.debug("a line of %s could not be passed on", self.name, exc_info=True)
         self._popen.stdout.close()
 
     def _watch(self) -> None:
-        """Wait for the end of the process itself, end what it left behind in its group, and tell."""
+        """Wait until the process ends, kill the rest of its group, and call `on_exit`."""
         try:
             os.waitid(os.P_PID, self.pid, os.WEXITED | os.WNOWAIT)
         except ChildProcessError:
-            # Somebody who looked whether it runs was quicker.
+            # Another thread has called `running`, which collects the exit code.
             pass
         self.kill()
         self._popen.wait()
@@ -137,21 +137,21 @@ class Process:
             try:
                 self._popen.stdin.close()
             except BrokenPipeError:
-                # What was still to be written has no reader any more.
+                # Buffered text has no reader any more.
                 pass
 
     def write_line(self, text: str) -> None:
-        """Write a line to its standard input and close that."""
+        """Write a line to its standard input, then close the input."""
         assert self._popen.stdin is not None
         try:
             self._popen.stdin.write(text + "\n")
             self._popen.stdin.close()
         except (BrokenPipeError, ValueError):
-            # It has ended already (ValueError: and its input was closed); its exit is told elsewhere.
+            # It has ended already (ValueError: its input is closed too); `on_exit` reports the end.
             pass
 
     def signal(self, number: int) -> None:
-        """Send it a signal, if it still runs."""
+        """Send it a signal if it still runs."""
         if self.running:
             self._popen.send_signal(number)
 
@@ -161,20 +161,20 @@ class Process:
         self.signal(signal.SIGTERM)
 
     def kill(self) -> None:
-        """End it and whatever it started, now."""
+        """End it and its whole process group at once."""
         try:
             os.killpg(self._popen.pid, signal.SIGKILL)
         except (ProcessLookupError, PermissionError):
-            # The group is gone; the reader sees the end of the process itself.
+            # The group is gone already.
             pass
 
     def join(self, timeout: float) -> bool:
-        """Wait for its end and its last line; whether that came within `timeout` s."""
+        """Wait for its end and its last line; False if they did not come within `timeout` s."""
         self._watcher.join(timeout)
         return not self._watcher.is_alive()
 
     def measure(self) -> None:
-        """Bring `usage` up to date."""
+        """Update `usage`."""
         if self.running:
             measure_usage(self.pid, self.usage)
 

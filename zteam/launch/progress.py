@@ -1,4 +1,4 @@
-"""How far a run is, as the launcher hears it on the bus."""
+"""The progress of a run, heard on the bus by the launcher."""
 
 import logging
 import threading
@@ -14,11 +14,11 @@ from zteam.services.simulator import FinishReply, FinishRequest
 log = logging.getLogger("zteam")
 
 _FINISH_WAIT = 5.0
-"""Host seconds that one question for the end of the run waits."""
+"""Host seconds that one request for the end of the run waits."""
 
 
 class Progress:
-    """GO and the end of the run as the launcher hears them on the bus."""
+    """When GO was given and when the run ended, in host seconds since the launcher's start; None before."""
 
     def __init__(self, bus: Bus, has_end: bool) -> None:
         self.changed = threading.Condition()
@@ -28,7 +28,7 @@ class Progress:
         self._closed = False
         bus.subscribe(names.TEAM_STATUS, TeamStatus, self._on_team_status, latched=True)
         if has_end:
-            # The simulator says when the time is over: to listen to its clock would slow a fast run down.
+            # The simulator is asked for the end, because subscribing to its clock would slow a fast run down.
             threading.Thread(target=self._watch_end, name="end of the run", daemon=True).start()
 
     def _on_team_status(self, _key: str, status: TeamStatus) -> None:
@@ -51,14 +51,14 @@ class Progress:
                     self.changed.notify_all()
                 return
             if not answers:
-                # No simulator yet; nothing tells when its query is there.
+                # No simulator yet, and nothing notifies when its query is there.
                 pause(0.1)
 
     def close(self) -> None:
-        """Ask no more."""
+        """Stop asking for the end of the run."""
         self._closed = True
 
     def wake(self) -> None:
-        """Let what waits on `changed` look again."""
+        """Make every waiter on `changed` check its condition."""
         with self.changed:
             self.changed.notify_all()

@@ -1,4 +1,4 @@
-"""What `zteam up --report` writes."""
+"""The report of a run, which `zteam up --report` writes."""
 
 import os
 from pathlib import Path
@@ -11,7 +11,7 @@ from zteam.bus.counters import KeyCount
 from zteam.errors import ZteamError
 from zteam.launch.process import Process, Usage
 from zteam.runtime.participant import RoundTiming
-from zteam.services.simulator import RobotReport, SimReport, Timing
+from zteam.services.simulator import RunFigures, SimReport
 
 
 class ProcessReport(msgspec.Struct):
@@ -26,40 +26,28 @@ class ProcessReport(msgspec.Struct):
     cpu_seconds: float
 
 
-class RunReport(msgspec.Struct):
-    """A whole run."""
+class RunReport(RunFigures, kw_only=True):
+    """A whole run: the simulator's figures, and what the launcher measured."""
 
-    sim_seconds: float
-    """Simulated, from GO on."""
     wall_seconds: float
     """From the command's start to the last tick."""
     go_after_seconds: float | None
     """From the command's start to GO."""
-    seed: int
-    external_commands: int
-    robots: list[RobotReport]
     processes: list[ProcessReport]
     dropped: dict[str, int]
     """Refused payloads by key, over all processes."""
-    latency_ms: dict[str, float | int | None]
-    """Scan sent to command received, in the simulator: p50, p99, count."""
-    ticks: int = 0
-    """From GO on."""
-    rtf: float | None = None
-    """Real-time factor: simulated seconds a second of the host, from GO to the last tick."""
-    trajectory_sha256: str = ""
-    """Of x, y, yaw of every robot in every tick from GO on; the same for the same seed in lock-step."""
-    lockstep: bool = False
-    resends: int = 0
-    """Ticks that had to be sent again in lock-step."""
-    hung: list[str] = []
-    """Participants that lock-step left behind."""
-    timing_ms: Timing | None = None
-    """Where a tick's time went, on average."""
-    lateness_p99_ms: float | None = None
-    """Ticks that began after they were due."""
-    rounds: dict[str, RoundTiming] = {}
+    real_time_factor: float | None = msgspec.field(default=None, name="rtf")
+    """Simulated seconds a second of the host, from GO to the last tick."""
+    rounds: dict[str, RoundTiming] = msgspec.field(default_factory=dict)
     """Where the participants' time of a tick went, by name (lock-step)."""
+
+
+class Counts(msgspec.Struct, frozen=True):
+    """What the processes of a team counted during a run."""
+
+    simulator: SimReport
+    dropped: dict[str, int]
+    rounds: dict[str, RoundTiming]
 
 
 def seconds_since_start() -> float:
@@ -70,8 +58,29 @@ def seconds_since_start() -> float:
 
 
 def read_sim_report(bus: Bus) -> SimReport:
-    """The simulator's own count. Raises BusError when it does not answer."""
+    """The simulator's count. Raises BusError when the simulator does not answer."""
     return bus.ask(names.service_key(names.SIMULATOR, "report"), SimReport)
+
+
+def read_counts(bus: Bus) -> Counts:
+    """The counts of every process. Raises BusError when the simulator does not answer."""
+    simulator = read_sim_report(bus)
+    return Counts(simulator, read_dropped(bus), read_rounds(bus) if simulator.lockstep else {})
+
+
+def make_report(
+    counts: Counts, wall_seconds: float, go_after: float | None, processes: list[ProcessReport]
+) -> RunReport:
+    """The report of a run. `wall_seconds` and `go_after` are host seconds since the command's start."""
+    figures = {name: getattr(counts.simulator, name) for name in RunFigures.__struct_fields__}
+    return RunReport(
+        **figures,
+        wall_seconds=round(wall_seconds, 3),
+        go_after_seconds=None if go_after is None else round(go_after, 3),
+        processes=processes,
+        dropped=counts.dropped,
+        rounds=counts.rounds,
+    )
 
 
 def read_rounds(bus: Bus) -> dict[str, RoundTiming]:
@@ -91,23 +100,23 @@ def read_dropped(bus: Bus) -> dict[str, int]:
 
 
 def report_processes(processes: dict[str, Process], launcher: str, own: Usage) -> list[ProcessReport]:
-    """Every child, and this process, which took `own`, under the name `launcher`."""
+    """One row for every child, and one for this process under the name `launcher`, with its usage `own`."""
     found = [_row(p.name, p.pid, p.exit_code, p.usage) for p in processes.values()]
     return [*found, _row(launcher, os.getpid(), 0, own)]
 
 
 def _row(name: str, pid: int, code: int | None, usage: Usage) -> ProcessReport:
     memory = round(usage.rss_mb, 1), round(usage.pss_mb, 1)
-    # Nothing is ever started again by itself, so there is nothing to count yet.
+    # No process is restarted today, so `restarts` is 0.
     return ProcessReport(name, pid, code, 0, *memory, round(usage.cpu_seconds, 2))
 
 
 def write_report(path: Path, text: bytes) -> None:
-    """Write the whole of `text`, or nothing: a file that stood there stays. Raises ZteamError where it cannot."""
+    """Write the whole of `text`, or nothing: on a failure an older file stays as it was. Raises ZteamError."""
     path = path.resolve()
     try:
         if path.exists() and not (path.is_file() and os.access(path.parent, os.W_OK)):
-            # A device or a pipe, whose place nothing may take, or a folder that takes no further file.
+            # A device or a pipe must not be replaced by a file, and a read-only folder takes no further file.
             path.write_bytes(text)
             return
         part = path.with_name(f".{path.name}.{os.getpid()}")
@@ -121,8 +130,9 @@ def write_report(path: Path, text: bytes) -> None:
 
 
 def format_report(report: RunReport) -> str:
-    """A short table for people."""
-    pace = "" if report.rtf is None else f", {report.rtf:.3g} x real time"
+    """A short table for a reader."""
+    factor = report.real_time_factor
+    pace = "" if factor is None else f", {factor:.3g} x real time"
     lines = [f"{report.sim_seconds:.1f} simulated seconds after GO, seed {report.seed}{pace}"]
     lines.append(f"{'robot':8}{'follows':>8}{'driven m':>10}{'gap end m':>10}{'stalls':>8}{'late':>6}")
     for robot in report.robots:

@@ -1,4 +1,4 @@
-"""Starts, watches and ends a set of processes, and leaves none behind on any way out."""
+"""Starts, watches and ends a set of processes. None of them outlives the supervisor, however it ends."""
 
 import os
 import threading
@@ -11,14 +11,14 @@ from zteam.launch.process import Process
 GRACE = 2.0
 """Seconds from SIGTERM until SIGKILL; the processes end themselves after 1.5."""
 _SAMPLE_PERIOD = 5.0
-"""Seconds between looks at memory: reading a process's PSS walks its page tables and holds it up for milliseconds."""
+"""Seconds between measurements: reading a process's PSS walks its page tables, which delays it by milliseconds."""
 
 
 class Supervisor:
     """A set of processes by name.
 
-    Each child holds the read end of a pipe whose write end only this process has: when this process is gone, however
-    it ended, they stop by themselves.
+    Each child inherits the read end of a pipe; this process alone has the write end. When this process ends, the
+    children read the end of the file and stop.
     """
 
     def __init__(self, on_line: Callable[[str, str], None], on_failure: Callable[[Process], None]) -> None:
@@ -26,9 +26,9 @@ class Supervisor:
         self._on_failure = on_failure
         self.processes: dict[str, Process] = {}
         self.changed = threading.Condition()
-        """Notified when a process says a line or ends."""
+        """Notified when a process writes a line or ends."""
         self.failures: list[Process] = []
-        """Processes that ended and were not asked to."""
+        """Processes that ended without being asked to."""
         self._read_end, self._write_end = os.pipe()
         self._closing = threading.Event()
         self._sampler = threading.Thread(target=self._sample, name="usage", daemon=True)
@@ -43,7 +43,7 @@ class Supervisor:
         self.close()
 
     def start(self, name: str, command: Sequence[str], environment: dict[str, str] | None = None) -> Process:
-        """Start a process; one of the same name is replaced, and ended first if it still runs."""
+        """Start a process. It replaces one of the same name, which is killed first if it still runs."""
         before = self.processes.get(name)
         if before is not None:
             before.stopping = True
@@ -71,12 +71,12 @@ class Supervisor:
             self.changed.notify_all()
 
     def wait(self, ready: Callable[[], bool], timeout: float) -> bool:
-        """Wait until `ready()`, looked at when a process says something or ends, or for `timeout` s."""
+        """Wait until `ready()`, checked when a process writes a line or ends, for at most `timeout` s."""
         with self.changed:
             return wait_until(self.changed, ready, timeout)
 
     def stop(self, names: Sequence[str], hurry: Callable[[], bool] = lambda: False) -> None:
-        """Ask these to stop, all at once; kill what is left after GRACE, or as soon as `hurry()`."""
+        """Ask these processes to stop, all at once; kill the rest after GRACE, or as soon as `hurry()`."""
         chosen = [self.processes[name] for name in names if name in self.processes]
         for process in chosen:
             process.terminate()
@@ -88,7 +88,7 @@ class Supervisor:
             process.join(GRACE)
 
     def close(self) -> None:
-        """Kill whatever still runs."""
+        """Kill every process that still runs."""
         self._closing.set()
         for process in self.processes.values():
             process.stopping = True
@@ -103,7 +103,7 @@ class Supervisor:
         self._sampler.join(GRACE)
 
     def measure(self) -> None:
-        """Bring every process's memory and time up to date."""
+        """Update the memory and processor time of every process."""
         for process in list(self.processes.values()):
             process.measure()
 

@@ -178,31 +178,38 @@ class Latency(msgspec.Struct):
     count: int
 
 
-class SimReport(msgspec.Struct):
-    """Answer to `sim/report`; everything counts from GO on."""
+class RunFigures(msgspec.Struct, kw_only=True):
+    """The figures of a run, counted by the simulator from GO on. Each of them is in `sim/report` and in the file that
+    `zteam up --report` writes."""
 
     sim_seconds: float
     """Since GO; 0 before."""
     seed: int
     external_commands: int
     """Commands that did not come from the process that holds the robot's name."""
-    finished: bool
-    """Whether the time asked for with `--for` is over and the world stands still."""
     robots: list[RobotReport]
     latency_ms: Latency
     ticks: int = 0
     """Counted, that of GO included."""
-    wall_seconds: float = 0.0
-    """Host time from the first of them to the last."""
     real_time_factor: float | None = None
-    """Simulated seconds a second of the host meanwhile."""
+    """Simulated seconds a second of the host, from the first of these ticks to the last."""
     trajectory_sha256: str = ""
-    """Of x, y, yaw as little-endian 64-bit floats, by robot id, for every tick from GO on."""
+    """Of x, y, yaw as little-endian 64-bit floats, by robot id, for every tick from GO on. In lock-step the same seed
+    gives the same hash."""
     lockstep: bool = False
     resends: int = 0
     """Lock-step: how often a tick had to be sent again."""
     hung: list[str] = []
-    """Lock-step: who was left behind."""
+    """Lock-step: participants that were left behind."""
     timing_ms: Timing | None = None
     lateness_p99_ms: float | None = None
-    """Ticks begun after they were due, with a speed."""
+    """How late ticks began after they were due, with a speed."""
+
+
+class SimReport(RunFigures, kw_only=True):
+    """Answer to `sim/report`."""
+
+    finished: bool
+    """Whether the time asked for with `--for` is over and the world stands still."""
+    wall_seconds: float = 0.0
+    """Host time from the first counted tick to the last."""

@@ -1,6 +1,6 @@
-"""Team files: TOML read into structs that forbid unknown keys.
+"""Team files: TOML that is read into structs without unknown keys.
 
-Every error is a ConfigError of one line for each mistake: file, line, key, what is wrong and what is allowed.
+Every error is a ConfigError with one line per mistake: file, line, key, what is wrong and what is allowed.
 """
 
 from zteam.team_file.entries import (

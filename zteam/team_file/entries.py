@@ -1,4 +1,4 @@
-"""What a team file holds, as structs, and what other processes are told of it."""
+"""The contents of a team file as structs, and what they become: arguments and messages."""
 
 import json
 import math
@@ -16,7 +16,7 @@ NO_WORLD = "none"
 """`world = "none"`: real robots, no simulator."""
 
 RobotId = Annotated[int, msgspec.Meta(ge=0, le=names.MAX_ROBOT_ID)]
-# argparse and the engine take any whole number, but 64 bits are what a TOML file has to promise.
+# argparse and the engine take any whole number, but TOML guarantees no more than 64 bits.
 Seed = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
 Text = Annotated[str, msgspec.Meta(min_length=1)]
 
@@ -25,10 +25,10 @@ class TeamSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The table [team]."""
 
     world: Text | None = None
-    """A path relative to the file, the name of a shipped world, or "none"; without it the user has to say --world."""
+    """A path relative to the file, the name of a shipped world, or "none". Without it `zteam up` needs --world."""
     seed: Seed = 1
     world_robots: bool = True
-    """Whether the world's own robots are in it, or only those that the team adds with a `pose`."""
+    """False: leave the world's own robots out, and simulate only those that the team adds with a `pose`."""
 
 
 class RobotEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -38,12 +38,12 @@ class RobotEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     behavior: Text | None = None
     follow: RobotId | None = None
     model: Text | None = None
-    """With `pose`: add such a robot, which the world lacks."""
+    """With `pose`: add a robot of this model to the world."""
     pose: Pose2 | None = None
     description: Text | None = None
-    """A URDF file, beside the team file: the aggregator says its joints."""
+    """A URDF file, relative to the team file; the aggregator publishes its joints."""
     params: dict[str, Any] = {}
-    """Every other key of the table: the behaviour's parameters, raw; the behaviour checks them."""
+    """Every other key of the table: the parameters of the behaviour, which the behaviour checks."""
 
 
 class StaticTransform(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -76,14 +76,14 @@ DEFAULT_BEHAVIOR = "forward"
 
 
 def behavior_of(entry: RobotEntry) -> tuple[str, dict[str, Any]]:
-    """The behaviour that the robot runs, by name, and its parameters."""
+    """The name of the behaviour that the robot runs, and its parameters."""
     if entry.follow is not None:
         return "follow", {"leader": entry.follow, **entry.params}
     return entry.behavior or DEFAULT_BEHAVIOR, entry.params
 
 
 def robot_arguments(entry: RobotEntry) -> list[str]:
-    """The arguments of `zteam-robot` that make this robot."""
+    """The arguments of `zteam-robot` for this robot."""
     arguments = ["--id", str(entry.id)]
     if entry.follow is not None:
         arguments += ["--follow", str(entry.follow)]
@@ -95,7 +95,7 @@ def robot_arguments(entry: RobotEntry) -> list[str]:
 
 
 def static_transform(entry: StaticTransform) -> TransformStamped:
-    """The message that publishes it, its stamp 0 and its quaternion normalised."""
+    """The message that publishes it, with stamp 0 and a normalised quaternion."""
     given = quaternion(entry)
     if given:
         norm = math.hypot(*given)
@@ -117,13 +117,13 @@ def quaternion(entry: StaticTransform) -> tuple[float, float, float, float] | No
 
 
 def toml_text(value: Any) -> str:
-    """The value as TOML on one line. Raises TypeError for what zteam-robot cannot be given, such as a date."""
+    """The value as TOML on one line. Raises TypeError for a value that no parameter can have, such as a date."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, float) or (isinstance(value, int) and abs(value) < 2**63):
         return repr(value)
     if isinstance(value, str):
-        # JSON's texts are TOML's, but for DEL, which TOML wants escaped.
+        # A JSON string is a TOML string, except that TOML requires DEL to be escaped.
         return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
     if isinstance(value, Mapping):
         return "{" + ", ".join(f"{toml_text(key)} = {toml_text(item)}" for key, item in value.items()) + "}"

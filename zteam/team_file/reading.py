@@ -1,4 +1,4 @@
-"""Team files read from disk: TOML with bounds, and every mistake with its line."""
+"""Reads team files from disk: TOML with bounds, and every mistake with its line."""
 
 import re
 import tomllib
@@ -20,28 +20,28 @@ from zteam.toml_lines import TooDeepError, key_lines, line_of
 S = TypeVar("S", bound=msgspec.Struct)
 
 MAX_BYTES = 2 * 2**20
-"""The largest team, of 10,000 robots, has 1 MB."""
+"""The largest team, 10,000 robots, takes 1 MB."""
 
 
 class TeamFile(msgspec.Struct):
-    """A team file as far as it is right, and all that is wrong with it."""
+    """The correct part of a team file, and all its mistakes."""
 
     path: Path
     team: Team
     robots: dict[int, RobotEntry]
-    """The team's robots by their place in the file: tables with mistakes are left out."""
+    """The team's robots by their index in the file, without the tables that have mistakes."""
     lines: Mapping[KeyPath, int]
     problems: list[Problem]
 
     def describe(self, problem: Problem) -> str:
         """`file:line: key: what is wrong`."""
         line = line_of(self.lines, problem.path)
-        # On one line, whatever the file's own words hold.
+        # On one line, also where a text of the file has line breaks.
         told = " ".join(str(problem).split())
         return f"{self.path}:{line}: {told}" if line else f"{self.path}: {told}"
 
     def error(self, problems: Iterable[Problem]) -> ConfigError:
-        """An error of one line a problem, in the order of the file."""
+        """An error with one line per problem, in the order of the file."""
         ordered = sorted(problems, key=lambda problem: line_of(self.lines, problem.path) or 0)
         return ConfigError("\n".join(map(self.describe, ordered)))
 
@@ -55,7 +55,7 @@ def load_team(path: Path) -> Team:
 
 
 def read_team_file(path: Path) -> TeamFile:
-    """The team file at `path` with the mistakes in its keys. Raises ConfigError where it is no TOML at all."""
+    """The team file at `path` with the mistakes in its keys. Raises ConfigError if the file is not TOML."""
     text = _read(path)
     try:
         lines = key_lines(text)
@@ -81,12 +81,7 @@ def team_world(file: TeamFile) -> Path | None:
         )
     if world == NO_WORLD:
         return None
-    beside = file.path.parent / world
-    try:
-        found = beside if beside.is_file() else resources.shipped_world(world)
-    except (OSError, ValueError):
-        # No name of a file at all: too long, or with a NUL in it.
-        found = None
+    found = resources.existing_file(file.path.parent / world) or resources.shipped_world(world)
     if found is None:
         known = ", ".join(resources.names(resources.worlds_folder(), ".world"))
         text = f"{world!r} is neither a file beside the team file nor a shipped world ({known})"
@@ -127,7 +122,7 @@ def _from_tables(path: Path, tables: dict[str, Any], lines: Mapping[KeyPath, int
 
 
 def _array(tables: dict[str, Any], name: str, kind: type[S], problems: list[Problem]) -> dict[int, S]:
-    """The entries of a [[name]] array that are right, by place."""
+    """The correct entries of a [[name]] array, by index."""
     value = tables.get(name, [])
     if not isinstance(value, list):
         text = f"a list of tables is expected, written with two brackets, as in [[{name}]]"
@@ -144,7 +139,7 @@ def _array(tables: dict[str, Any], name: str, kind: type[S], problems: list[Prob
 
 
 def _section(tables: dict[str, Any], name: str, kind: type[S], problems: list[Problem]) -> S:
-    """A [name] table as far as it is right."""
+    """The correct part of a [name] table."""
     table = tables.get(name, {})
     found = problems_of(table, kind, (name,))
     problems += found
@@ -167,7 +162,7 @@ def _tables_of(tables: dict[str, Any], name: str) -> list[dict[str, Any]]:
 
 
 def _with_params(robot: dict[str, Any]) -> dict[str, Any]:
-    """The table with the behaviour's parameters gathered under `params`."""
+    """The table with the parameters of the behaviour collected under `params`."""
     ours = set(RobotEntry.__struct_fields__) - {"params"}
     return {key: value for key, value in robot.items() if key in ours} | {
         "params": {key: value for key, value in robot.items() if key not in ours}

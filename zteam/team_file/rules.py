@@ -1,4 +1,4 @@
-"""What the entries of a team file must be together: ids, leaders, frames. Every rule answers with all it finds."""
+"""The rules for the entries of a team file: ids, leaders, frames. Every rule returns all problems it finds."""
 
 import math
 from collections.abc import Mapping
@@ -10,7 +10,7 @@ from zteam.toml_lines import Path
 
 
 def check_robots(robots: Mapping[int, RobotEntry]) -> list[Problem]:
-    """What is wrong with each robot by itself, and with their ids; `robots` by place in the file."""
+    """Problems of single robots and repeated ids; `robots` by index in the file."""
     found: list[Problem] = []
     seen: dict[int, int] = {}
     for i, robot in robots.items():
@@ -43,7 +43,7 @@ def _check_params(place: Path, robot: RobotEntry) -> list[Problem]:
 
 
 def check_follows(robots: Mapping[int, RobotEntry], ids: set[int]) -> list[Problem]:
-    """What is wrong with who follows whom; `ids` are all that the file names, right otherwise or not."""
+    """Problems of leaders and followers; `ids` are all ids of the file, also those of tables with mistakes."""
     found = []
     leaders = {robot.id: robot.follow for robot in robots.values()}
     circles: set[int] = set()
@@ -76,7 +76,7 @@ def _check_follow(robot: RobotEntry, ids: set[int]) -> tuple[str, str]:
 
 
 def _circle_from(robot_id: int, leaders: Mapping[int, int | None]) -> list[int]:
-    """`1, 2, 1` where `robot_id` is part of a circle, else empty."""
+    """`1, 2, 1` if `robot_id` is part of a circle, else empty."""
     chain = [robot_id]
     leader = leaders.get(robot_id)
     while leader is not None and leader not in chain:
@@ -86,7 +86,7 @@ def _circle_from(robot_id: int, leaders: Mapping[int, int | None]) -> list[int]:
 
 
 def check_transforms(transforms: Mapping[int, StaticTransform]) -> list[Problem]:
-    """What is wrong with the frames and the numbers of static transforms, by place in the file."""
+    """Problems of the frames and numbers of static transforms; `transforms` by index in the file."""
     found = []
     placed: dict[str, int] = {}
     for i, entry in transforms.items():
@@ -115,7 +115,7 @@ def _check_numbers(place: Path, entry: StaticTransform) -> list[Problem]:
         return [Problem(place, "a quaternion needs all of qx, qy, qz, qw")]
     if entry.yaw or entry.pitch or entry.roll:
         return [Problem(place, "both a quaternion and yaw, pitch, roll; keep one of them")]
-    # Tiny or huge ones cannot be normalised without loss; people write unit quaternions, give or take rounding.
+    # A tiny or huge quaternion cannot be normalised without loss; a rounded unit quaternion is close to 1.
     if not 0.9 < math.hypot(*given) < 1.1:
         return [Problem(place, "qx, qy, qz, qw is no rotation: its length is not 1")]
     return []

@@ -1,5 +1,7 @@
-"""The pytest plugin: the `team` fixture. Every pytest run on a machine with zteam loads this module, so it imports
-nothing of zteam until a test asks for a team."""
+"""The pytest plugin with the `team` fixture.
+
+Every pytest run on a machine with zteam loads this module, so it imports nothing of zteam until a test asks for a team.
+"""
 
 from collections.abc import Generator, Iterator
 from typing import TYPE_CHECKING, Any
@@ -14,7 +16,7 @@ _TEAM = pytest.StashKey["TeamFixture"]()
 
 @pytest.fixture
 def team(request: pytest.FixtureRequest) -> Iterator["TeamFixture"]:
-    """A team of real processes with a router and a namespace of its own; ended with the test, however it ends."""
+    """A team of real processes with its own router and namespace; it ends with the test, also when the test fails."""
     from zteam.testing.team import TeamFixture
 
     fixture = TeamFixture()
@@ -28,7 +30,7 @@ def team(request: pytest.FixtureRequest) -> Iterator["TeamFixture"]:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item: pytest.Item, call: Any) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    """Show the logs of all processes of a team whose test failed."""
+    """Add the logs of all processes of the team to the report of a failed test."""
     report = yield
     fixture = item.stash.get(_TEAM, None)
     if fixture is not None and report.failed:

@@ -1,4 +1,4 @@
-"""What a test sees of a team: the newest of everything, from the bus alone."""
+"""A test's view of a team: the newest message of every topic, from the bus alone."""
 
 import math
 import threading
@@ -26,7 +26,7 @@ M = TypeVar("M", bound=Message)
 
 
 class RobotView:
-    """The newest that was heard of one robot; None (or NaN) until then."""
+    """The newest messages of one robot; None (or NaN) before the first."""
 
     def __init__(self, robot_id: int, team: "TeamView") -> None:
         self.id = robot_id
@@ -34,11 +34,11 @@ class RobotView:
         self.truth: Odometry | None = None
         self.status: RobotStatus | None = None
         self.newest: dict[str, Message] = {}
-        """By topic, of those that the test has asked for."""
+        """By topic, for the topics that the test has asked for."""
         self.heard: dict[str, int] = {}
-        """How many messages came."""
+        """How many messages arrived, by topic."""
         self.distance_travelled = 0.0
-        """Metres driven since the test began to listen."""
+        """Metres driven since the test subscribed."""
 
     def _look(self, topic: str, kind: type[M]) -> M | None:
         self._team.want(self, topic, kind)
@@ -47,28 +47,28 @@ class RobotView:
 
     @property
     def odom(self) -> Odometry | None:
-        """Newest odometry; heard from the first look on."""
+        """Newest odometry; subscribed at the first use."""
         return self._look(names.ODOM, Odometry)
 
     @property
     def scan(self) -> LaserScan | None:
-        """Newest scan of the first laser; heard from the first look on."""
+        """Newest scan of the first laser; subscribed at the first use."""
         return self._look(names.BASE_SCAN, LaserScan)
 
     @property
     def stall(self) -> bool:
-        """Whether it is told to move and blocked; heard from the first look on."""
+        """Whether it is commanded to move and blocked; subscribed at the first use."""
         found = self._look(names.STALL, Bool)
         return found is not None and found.data
 
     @property
     def command(self) -> Twist | None:
-        """Newest command; heard from the first look on."""
+        """Newest command; subscribed at the first use."""
         return self._look(names.CMD_VEL, Twist)
 
     @property
     def commands(self) -> int:
-        """How many commands were heard since the first look."""
+        """How many commands arrived since the first use."""
         self._look(names.CMD_VEL, Twist)
         return self.heard.get(names.CMD_VEL, 0)
 
@@ -82,7 +82,7 @@ class RobotView:
 
     @property
     def speed(self) -> float:
-        """Forward speed in m/s by the truth; NaN until it is known."""
+        """True forward speed in m/s; NaN until it is known."""
         return math.nan if self.truth is None else self.truth.twist.twist.linear.x
 
     @property
@@ -96,7 +96,7 @@ class RobotView:
         return math.hypot(a.x - b.x, a.y - b.y)
 
     def take_truth(self, message: Odometry) -> None:
-        """A new true pose."""
+        """Store a new true pose."""
         before = self.pose
         self.truth = message
         step = math.hypot(self.pose.x - before.x, self.pose.y - before.y)
@@ -105,15 +105,15 @@ class RobotView:
 
 
 class TeamView:
-    """Listens to the whole team; `changed` is notified with every message."""
+    """Subscribes to the whole team; `changed` is notified with every message."""
 
     def __init__(self, bus: Bus, listen: Callable[[str, type[Message], Callable[[], bool]], None]) -> None:
-        """`listen(key, type, arrived)` begins to listen, and waits for what stands still to be said again."""
+        """`listen(key, type, arrived)` subscribes; in a world that stands still it also waits until `arrived()`."""
         self._bus = bus
         self._begin = listen
         self._wanted: set[str] = set()
         self.version = 0
-        """Grows with everything that arrives."""
+        """Grows with every message and token that arrives."""
         self.changed = threading.Condition(threading.RLock())
         self.now = 0
         """Simulated ns."""
@@ -131,12 +131,12 @@ class TeamView:
         self.changed.notify_all()
 
     def wait_for_news(self, seen: int, timeout: float) -> None:
-        """Wait until something arrives that was not there at version `seen`, for `timeout` host seconds."""
+        """Wait until `version` differs from `seen`, for at most `timeout` host seconds."""
         with self.changed:
             wait_until(self.changed, lambda: self.version != seen, timeout)
 
     def want(self, robot: RobotView, topic: str, kind: type[Message]) -> None:
-        """Listen to a robot's topic from now on: what no test looks at would only slow it down."""
+        """Subscribe to a robot's topic at the first use: a topic that no test reads would only slow the test down."""
         key = names.robot_key(robot.id, topic)
         if key not in self._wanted:
             self._wanted.add(key)
@@ -147,7 +147,7 @@ class TeamView:
         self._bus.subscribe(key, kind, self._on_robot)
 
     def reaches(self, now: int, robots: Iterable[int]) -> bool:
-        """Whether everybody's true pose of simulated time `now` (ns) is here, and what else the test listens to."""
+        """Whether all true poses and subscribed topics of simulated time `now` (ns) have arrived."""
         with self.changed:
             return all(self._reaches(self.robot(i), now) for i in robots)
 
@@ -159,7 +159,7 @@ class TeamView:
 
     @property
     def is_go(self) -> bool:
-        """Whether GO stands."""
+        """Whether the monitor has given GO."""
         return self.team_status is not None and self.team_status.state == TeamState.GO
 
     def robot(self, robot_id: int) -> RobotView:
@@ -167,7 +167,7 @@ class TeamView:
         return self._robots.setdefault(robot_id, RobotView(robot_id, self))
 
     def alive(self, name: str) -> bool:
-        """Whether a token of this name is there."""
+        """Whether a process holds this name."""
         return bool(self._tokens.get(name))
 
     def _on_clock(self, _key: str, message: Clock) -> None:

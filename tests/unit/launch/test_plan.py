@@ -1,4 +1,4 @@
-"""A team as commands: every command line is one that its process takes."""
+"""A team as commands: each command parses its command line."""
 
 from pathlib import Path
 
@@ -24,12 +24,12 @@ TEAM = Team(
 
 
 def arguments(plan: Plan, name: str) -> list[str]:
-    """What stands behind `python -P -m zteam.cli.X`."""
+    """The arguments after `python -P -m zteam.cli.X`."""
     return plan.commands[name][4:]
 
 
-def test_everybody_is_there_in_the_order_of_starting() -> None:
-    """Simulator first, because it takes longest; robots in the file's order; no router."""
+def test_processes_are_in_the_order_of_starting() -> None:
+    """The simulator first, because it starts slowest; robots in the order of the file; no router."""
     plan = plan_team(TEAM, WORLD, BUS)
     assert list(plan.commands) == ["sim", "tf", "monitor", "robot_0", "robot_3", "robot_7", "robot_8"]
     assert plan.robots == ["robot_0", "robot_3", "robot_7", "robot_8"]
@@ -39,23 +39,23 @@ def test_everybody_is_there_in_the_order_of_starting() -> None:
 
 
 def test_robots_stop_first_and_the_router_last() -> None:
-    """A robot's zero velocity needs the simulator and the router to get to the wheels."""
+    """A robot's zero velocity reaches the wheels through the router and the simulator."""
     order = plan_team(TEAM, WORLD, BUS).stop_order()
-    assert order == [["robot_0", "robot_3", "robot_7", "robot_8"], ["monitor", "tf"], ["sim"], ["router"]]
+    assert order == [["robot_0", "robot_3", "robot_7", "robot_8"], ["tf", "monitor"], ["sim"], ["router"]]
 
 
-def test_what_has_no_place_in_the_order_stops_first() -> None:
-    """A process that the plan does not know by name may command a robot: its zero velocity must get through too."""
+def test_a_process_of_no_kind_stops_first() -> None:
+    """A user's own process may command a robot, so its zero velocity must get through too."""
     plan = plan_team(TEAM, WORLD, BUS)
     plan.commands["teleop"] = ["teleop"]
     plan.commands["robot #7"] = ["robot"]
     order = plan.stop_order()
     assert set(order[0]) == {"robot_0", "robot_3", "robot_7", "robot_8", "teleop", "robot #7"}
-    assert order[1:] == [["monitor", "tf"], ["sim"], ["router"]]
+    assert order[1:] == [["tf", "monitor"], ["sim"], ["router"]]
 
 
-def test_a_users_behaviour_is_looked_for_beside_the_team_file() -> None:
-    """Only the robot that runs one is told the folder."""
+def test_a_users_behaviour_is_imported_from_beside_the_team_file() -> None:
+    """Only the robot with such a behaviour gets the folder."""
     team = Team(robots=[RobotEntry(id=0, behavior="mine:Spin"), RobotEntry(id=1, behavior="avoid")])
     plan = plan_team(team, WORLD, BUS, team_file=Path("/t/team.toml"))
     assert zteam_robot.build_parser().parse_args(arguments(plan, "robot_0")).path == ["/t"]
@@ -63,7 +63,7 @@ def test_a_users_behaviour_is_looked_for_beside_the_team_file() -> None:
 
 
 def test_the_simulator_takes_its_command() -> None:
-    """Seed, time limit, additions and gaps arrive as they were given, negative numbers and all."""
+    """Seed, time limit, additions and gaps arrive unchanged, negative numbers included."""
     args = zteam_sim.build_parser().parse_args(arguments(plan_team(TEAM, WORLD, BUS, run_for=2.5), "sim"))
     assert (args.world, args.seed, args.run_for) == (str(WORLD), 11, 2.5)
     assert [zteam_sim.parse_gap(text) for text in args.gap] == [(3, 0), (7, 3)]
@@ -73,25 +73,25 @@ def test_the_simulator_takes_its_command() -> None:
 
 
 def test_without_a_limit_the_simulator_runs_on() -> None:
-    """No time limit is given where none was asked for."""
+    """The simulator gets no time limit if the user gave none."""
     assert zteam_sim.build_parser().parse_args(arguments(plan_team(TEAM, WORLD, BUS), "sim")).run_for is None
 
 
 def test_a_team_of_real_robots_has_no_simulator() -> None:
-    """The rest is the same, and there is nothing to stop in the simulator's place."""
+    """The other processes are the same, and the simulator's group of the stop order is empty."""
     plan = plan_team(TEAM, None, BUS)
     assert list(plan.commands) == ["tf", "monitor", "robot_0", "robot_3", "robot_7", "robot_8"]
     assert plan.stop_order()[2] == []
 
 
-def test_the_monitor_waits_for_the_files_robots() -> None:
-    """Exactly these ids, so that GO does not come without one of them."""
+def test_the_monitor_waits_for_the_robots_of_the_file() -> None:
+    """Exactly these ids, so that GO does not come before one of them is ready."""
     args = zteam_monitor.build_parser().parse_args(arguments(plan_team(TEAM, WORLD, BUS), "monitor"))
     assert zteam_monitor.parse_team(args.team_size, args.ids) == (4, (0, 3, 7, 8))
 
 
 def test_robots_take_their_commands() -> None:
-    """Leader, behaviour, raw parameters and seed arrive as the file has them."""
+    """Leader, behaviour, parameters and seed arrive unchanged."""
     plan = plan_team(TEAM, WORLD, BUS)
     leader = zteam_robot.build_parser().parse_args(arguments(plan, "robot_0"))
     assert (leader.id, leader.behavior, leader.follow, leader.seed) == ("0", "wander", None, 11)
@@ -102,7 +102,7 @@ def test_robots_take_their_commands() -> None:
 
 
 def test_the_aggregator_gets_the_file() -> None:
-    """Its static transforms are in there; without a file it gets none."""
+    """The file has its static transforms; a team without a file gives no such argument."""
     path = Path("/t/team.toml")
     with_file = arguments(plan_team(TEAM, WORLD, BUS, team_file=path), "tf")
     assert zteam_tf.build_parser().parse_args(with_file).team == str(path)
@@ -111,7 +111,7 @@ def test_the_aggregator_gets_the_file() -> None:
 
 @pytest.mark.parametrize("seed", [0, 5, 2**62, -3])
 def test_a_seed_on_the_command_line_wins(seed: int) -> None:
-    """0 included; simulator and robots get the same one."""
+    """Simulator and robots get the same seed, 0 included."""
     plan = plan_team(TEAM, WORLD, BUS, seed=seed)
     assert zteam_sim.build_parser().parse_args(arguments(plan, "sim")).seed == seed
     assert {zteam_robot.build_parser().parse_args(arguments(plan, name)).seed for name in plan.robots} == {seed}
@@ -119,7 +119,7 @@ def test_a_seed_on_the_command_line_wins(seed: int) -> None:
 
 @pytest.mark.parametrize("name", ["line", "arena", "willow"])
 def test_shipped_teams_make_a_plan(name: str) -> None:
-    """Every shipped team file becomes commands that their processes take."""
+    """Each command parses the command line that a shipped team file gives it."""
     path = shipped_team(name)
     assert path is not None
     plan = plan_team(load_team(path), WORLD, BUS, team_file=path, run_for=1.0)

@@ -16,7 +16,7 @@ LIMIT = 30.0
 
 
 class Child:
-    """A Process that runs a Python text, and what was told of it."""
+    """A Process that runs a Python text, and records its callbacks."""
 
     def __init__(self, code: str, lifeline: int) -> None:
         self.heard: list[str] = []
@@ -45,7 +45,7 @@ def lifeline() -> Iterator[int]:
 
 
 def test_lines_come_in_order_from_both_outputs(lifeline: int) -> None:
-    """Standard output and error are one stream of lines; what is no UTF-8 is replaced, not fatal."""
+    """Standard output and error are one stream of lines; bytes that are not UTF-8 are replaced."""
     code = (
         "import os\n"
         "os.write(1, b'one\\n'); os.write(2, b'two\\n'); os.write(1, b'\\xff three\\n'); os.write(1, b'no newline')"
@@ -57,7 +57,7 @@ def test_lines_come_in_order_from_both_outputs(lifeline: int) -> None:
 
 
 def test_only_the_newest_lines_are_kept(lifeline: int) -> None:
-    """A process that talks for days does not fill the launcher's memory."""
+    """A process that writes for days does not fill the launcher's memory."""
     child = Child("for i in range(5000): print(i)", lifeline)
     assert child.finish() == 0
     assert len(child.heard) == 5000
@@ -65,8 +65,8 @@ def test_only_the_newest_lines_are_kept(lifeline: int) -> None:
     assert child.process.lines[-1] == "4999"
 
 
-def test_the_end_is_told_after_the_last_line(lifeline: int) -> None:
-    """on_exit comes once everything the process said has been handed on, with the exit code known."""
+def test_the_end_is_reported_after_the_last_line(lifeline: int) -> None:
+    """on_exit is called after on_line has got all lines, and the exit code is known then."""
     child = Child("print('last words'); raise SystemExit(7)", lifeline)
     assert child.ended.wait(LIMIT)
     assert child.heard == ["last words"]
@@ -76,7 +76,7 @@ def test_the_end_is_told_after_the_last_line(lifeline: int) -> None:
 
 
 def test_a_signal_is_a_negative_exit_code(lifeline: int) -> None:
-    """As in subprocess, and in words for people."""
+    """As in subprocess; `exit_text` names the signal."""
     child = Child("import os, signal; os.kill(os.getpid(), signal.SIGKILL)", lifeline)
     assert child.finish() == -signal.SIGKILL
     assert exit_text(child.process.exit_code) == "killed by SIGKILL"
@@ -87,7 +87,7 @@ def test_a_signal_is_a_negative_exit_code(lifeline: int) -> None:
     [(None, "still running"), (0, "exit code 0"), (2, "exit code 2"), (-15, "killed by SIGTERM"), (-99, "signal 99")],
 )
 def test_exit_codes_have_words(code: int | None, text: str) -> None:
-    """What people read about an end names the signal, also one that has no name."""
+    """The text has the exit code or the signal, also for a signal without a name."""
     assert text in exit_text(code)
 
 
@@ -99,8 +99,8 @@ def test_the_child_has_a_group_of_its_own(lifeline: int) -> None:
 
 
 def test_the_lifeline_is_inherited_and_nothing_else(lifeline: int) -> None:
-    """Besides its own three, a child holds the lifeline's read end alone: the write end would keep it from ever ending,
-    and so would the stdin of an earlier child."""
+    """Besides its standard streams, a child has the read end of the lifeline alone: with the write end it would never
+    end, and with the stdin of an earlier child that child would not."""
     code = (
         "import os\n"
         "number = int(os.environ['ZTEAM_PARENT_PIPE'])\n"
@@ -125,8 +125,8 @@ def test_a_line_reaches_its_standard_input(lifeline: int) -> None:
     assert child.heard == ["['tcp/127.0.0.1:7447\\n']"]
 
 
-def test_writing_to_one_that_has_ended_is_no_error(lifeline: int) -> None:
-    """Its exit is told elsewhere; the launcher must not stumble over the broken pipe."""
+def test_writing_to_an_ended_process_is_no_error(lifeline: int) -> None:
+    """on_exit reports the end; the broken pipe raises nothing."""
     child = Child("", lifeline)
     assert child.ended.wait(LIMIT)
     child.process.write_line("too late")
@@ -134,7 +134,7 @@ def test_writing_to_one_that_has_ended_is_no_error(lifeline: int) -> None:
 
 
 def test_joining_does_not_wait_longer_than_asked(lifeline: int) -> None:
-    """join says that the process still runs, and that is no end of the matter."""
+    """join returns False for a process that still runs, and can be called again."""
     child = Child("input()", lifeline)
     assert not child.process.join(0.0)
     assert child.process.running
@@ -144,7 +144,7 @@ def test_joining_does_not_wait_longer_than_asked(lifeline: int) -> None:
 
 
 def test_killing_ends_what_it_started(lifeline: int) -> None:
-    """A kill takes the whole group: no grandchild stays."""
+    """A kill ends the whole process group, grandchildren included."""
     code = (
         "import subprocess, sys\n"
         "p = subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(600)'])\n"
@@ -171,15 +171,15 @@ def test_killing_ends_what_it_started(lifeline: int) -> None:
 
 
 def test_a_frozen_process_can_be_killed(lifeline: int) -> None:
-    """SIGSTOP keeps nobody from SIGKILL."""
+    """SIGKILL ends a process that SIGSTOP has stopped."""
     child = Child("input()", lifeline)
     child.process.signal(signal.SIGSTOP)
     child.process.kill()
     assert child.finish() == -signal.SIGKILL
 
 
-def test_signals_after_the_end_go_nowhere(lifeline: int) -> None:
-    """The number may be another process's by then."""
+def test_signals_after_the_end_are_not_sent(lifeline: int) -> None:
+    """The process id may belong to another process by then."""
     child = Child("", lifeline)
     child.finish()
     child.process.terminate()
@@ -189,7 +189,7 @@ def test_signals_after_the_end_go_nowhere(lifeline: int) -> None:
 
 
 def test_memory_is_the_peak(lifeline: int) -> None:
-    """60 MB that were touched and given back still show in both figures; processor time is counted."""
+    """60 MB that were used and freed still show in both figures; processor time is counted."""
     code = (
         "import mmap\nm = mmap.mmap(-1, 60_000_000)\nm.write(b'x' * 60_000_000)\nprint('full', flush=True)\ninput()\n"
     )
@@ -224,8 +224,8 @@ def test_memory_is_the_peak(lifeline: int) -> None:
         os.close(writer)
 
 
-def test_a_process_that_is_gone_leaves_its_figures(lifeline: int) -> None:
-    """The report still has what was measured before the end."""
+def test_an_ended_process_keeps_its_figures(lifeline: int) -> None:
+    """The report still has the figures from before the end."""
     child = Child("input()", lifeline)
     child.process.measure()
     before = child.process.usage.rss_mb
@@ -239,7 +239,7 @@ def test_a_process_that_is_gone_leaves_its_figures(lifeline: int) -> None:
     assert gone == Usage()
 
 
-def test_commands_ignore_what_lies_in_the_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_commands_ignore_modules_in_the_current_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A user's folder named zteam does not shadow the package."""
     (tmp_path / "zteam").mkdir()
     (tmp_path / "zteam" / "__init__.py").write_text("raise SystemExit('shadowed')")
@@ -252,8 +252,8 @@ def test_commands_ignore_what_lies_in_the_folder(tmp_path: Path, monkeypatch: py
     assert done.stdout.startswith("zteam "), done.stderr
 
 
-def test_an_end_is_told_though_a_grandchild_lives(lifeline: int) -> None:
-    """A process that started something in the background and died is dead; what it left does not stay."""
+def test_an_end_is_reported_while_a_grandchild_lives(lifeline: int) -> None:
+    """The end of a process is reported although its background process holds the output, and that process is ended."""
     code = (
         "import subprocess, sys\n"
         "subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(600)'])\n"

@@ -1,4 +1,4 @@
-"""What a run's report holds."""
+"""The report of a run: its file, its table, and the counts in it."""
 
 import json
 import os
@@ -8,6 +8,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import pytest
@@ -17,15 +18,18 @@ from zteam.clock import monotonic
 from zteam.errors import BusError, ZteamError
 from zteam.launch.process import Usage, measure_usage
 from zteam.launch.report import (
+    Counts,
     ProcessReport,
     RunReport,
     format_report,
+    make_report,
     read_dropped,
     read_sim_report,
     report_processes,
     write_report,
 )
-from zteam.services.simulator import Gap, RobotReport
+from zteam.runtime.participant import RoundTiming
+from zteam.services.simulator import Gap, Latency, RobotReport, RunFigures, SimReport, Timing
 
 ROBOTS = [
     RobotReport(id=0, follow=None, pose=(1.0, 2.0, 0.5), distance_m=6.0, stalls=0, gap_m=None, scans=300, late_steps=1),
@@ -49,7 +53,7 @@ REPORT = RunReport(
     robots=ROBOTS,
     processes=[ProcessReport("sim", 7, 0, 0, 150.0, 90.0, 3.0), ProcessReport("up", 6, 0, 0, 50.0, 20.0, 0.5)],
     dropped={"robot_0/cmd_vel": 3},
-    latency_ms={"p50": 2.0, "p99": 9.0, "count": 600},
+    latency_ms=Latency(2.0, 9.0, 600),
 )
 
 
@@ -64,8 +68,8 @@ def files_of_at_most(size: int) -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
-def test_a_report_without_room_leaves_no_file(tmp_path: Path) -> None:
-    """A disk that is full is told, an older report stays whole, and nothing half-written is left."""
+def test_a_report_on_a_full_disk_leaves_no_file(tmp_path: Path) -> None:
+    """A full disk is one error; an older report stays whole, and no partial file is left."""
     path = tmp_path / "r.json"
     with files_of_at_most(10), pytest.raises(ZteamError, match=r"--report .*r\.json: cannot write: File too large"):
         write_report(path, b"x" * 100)
@@ -79,8 +83,8 @@ def test_a_report_without_room_leaves_no_file(tmp_path: Path) -> None:
     assert path.read_bytes() == b"new"
 
 
-def test_a_report_goes_where_it_is_sent(tmp_path: Path) -> None:
-    """A link keeps pointing at its file; a device is written to and stays a device."""
+def test_a_report_is_written_through_a_link_or_to_a_device(tmp_path: Path) -> None:
+    """A link still points at its file, and a device is still a device."""
     link, target = tmp_path / "link.json", tmp_path / "target.json"
     target.touch()
     link.symlink_to(target)
@@ -92,22 +96,96 @@ def test_a_report_goes_where_it_is_sent(tmp_path: Path) -> None:
         write_report(Path("/dev/full"), b"{}")
 
 
-def test_every_promised_key_is_written() -> None:
-    """The file's keys are those that other people's scripts read."""
-    written = json.loads(msgspec.json.encode(REPORT))
-    scalars = {"sim_seconds", "wall_seconds", "go_after_seconds", "seed", "external_commands"}
-    assert set(written) >= scalars | {"robots", "processes", "dropped"}
+COUNTED = SimReport(
+    sim_seconds=30.0,
+    seed=4,
+    external_commands=5,
+    finished=True,
+    robots=ROBOTS,
+    latency_ms=Latency(2.0, 9.0, 600),
+    ticks=301,
+    wall_seconds=10.0,
+    real_time_factor=3.0,
+    trajectory_sha256="abc",
+    lockstep=True,
+    resends=1,
+    hung=["robot_1"],
+    timing_ms=Timing(1.0, 2.0, 3.0, 4.0, 5.0),
+    lateness_p99_ms=6.0,
+)
+ROW = ProcessReport("sim", 7, 0, 0, 150.0, 90.0, 3.0)
+
+
+def written() -> dict[str, Any]:
+    """The file of a run whose simulator counted COUNTED."""
+    rounds = {"robot_0": RoundTiming(301, 0.5, 0.25)}
+    report = make_report(Counts(COUNTED, {"clock": 2}, rounds), 31.23456, 1.00049, [ROW])
+    found: dict[str, Any] = json.loads(msgspec.json.encode(report))
+    return found
+
+
+def test_a_report_has_the_keys_and_values_that_scripts_read() -> None:
+    """Every key of the file, where its value comes from, and that times are rounded to milliseconds."""
+    found = written()
+    assert found.pop("rounds").keys() == {"robot_0"}
+    assert found.pop("robots") == json.loads(msgspec.json.encode(ROBOTS))
+    assert found.pop("processes") == [msgspec.to_builtins(ROW)]
+    assert found == {
+        "sim_seconds": 30.0,
+        "wall_seconds": 31.235,
+        "go_after_seconds": 1.0,
+        "seed": 4,
+        "external_commands": 5,
+        "dropped": {"clock": 2},
+        "latency_ms": {"p50": 2.0, "p99": 9.0, "count": 600},
+        "ticks": 301,
+        "rtf": 3.0,
+        "trajectory_sha256": "abc",
+        "lockstep": True,
+        "resends": 1,
+        "hung": ["robot_1"],
+        "timing_ms": {"wait": 1.0, "physics": 2.0, "sensors": 3.0, "publish": 4.0, "idle": 5.0},
+        "lateness_p99_ms": 6.0,
+    }
+
+
+def test_every_figure_of_the_simulator_is_in_the_report() -> None:
+    """A new figure is added to RunFigures alone: the launcher copies every field and repeats none."""
+    own = {"wall_seconds", "go_after_seconds", "processes", "dropped", "rounds", "real_time_factor"}
+    assert set(RunReport.__struct_fields__) - set(RunFigures.__struct_fields__) == own - {"real_time_factor"}
+    assert own == set(RunReport.__annotations__)
+    assert {"finished", "wall_seconds"} == set(SimReport.__annotations__)
+
+
+def test_a_run_without_go_has_no_time_of_go() -> None:
+    """The value is null."""
+    assert make_report(Counts(COUNTED, {}, {}), 1.0, None, []).go_after_seconds is None
+
+
+def test_a_report_can_be_read_back() -> None:
+    """The benchmarks read the file as the type that wrote it."""
+    text = msgspec.json.encode(REPORT)
+    assert msgspec.json.decode(text, type=RunReport) == REPORT
+
+
+def test_every_row_of_a_robot_has_its_keys() -> None:
+    """The gap is null for a robot that follows none, and the pose is x, y, yaw."""
     promised = {"id", "follow", "pose", "distance_m", "stalls", "gap_m", "scans", "late_steps"}
-    assert all(set(robot) == promised for robot in written["robots"])
-    assert written["robots"][0]["gap_m"] is None
-    assert written["robots"][1]["gap_m"] == {"mean": 1.0, "max": 1.5, "end": 1.25}
-    assert written["robots"][1]["pose"] == [0.0, 2.0, 0.5]
-    process = {"name", "pid", "exit", "restarts", "rss_mb", "pss_mb", "cpu_seconds"}
-    assert all(set(row) == process for row in written["processes"])
+    leader, follower = written()["robots"]
+    assert set(leader) == set(follower) == promised
+    assert leader["gap_m"] is None
+    assert follower["gap_m"] == {"mean": 1.0, "max": 1.5, "end": 1.25}
+    assert follower["pose"] == [0.0, 2.0, 0.5]
 
 
-def test_the_table_is_for_people() -> None:
-    """One row a robot, the gap where there is one, the memory of all processes together."""
+def test_every_row_of_a_process_has_its_keys() -> None:
+    """Name, process id, exit code, restarts, memory and processor time."""
+    (row,) = written()["processes"]
+    assert set(row) == {"name", "pid", "exit", "restarts", "rss_mb", "pss_mb", "cpu_seconds"}
+
+
+def test_the_table_has_a_row_per_robot() -> None:
+    """One row per robot, with its gap if it follows, and the memory of all processes together."""
     lines = format_report(REPORT).splitlines()
     assert lines[0] == "30.0 simulated seconds after GO, seed 4"
     assert lines[2].split() == ["0", "-", "6.00", "-", "0", "1"]
@@ -115,8 +193,8 @@ def test_the_table_is_for_people() -> None:
     assert lines[4] == "2 processes, 110 MB together (PSS)"
 
 
-def test_drops_are_summed_over_everybody() -> None:
-    """What two processes refused on one key is one sum; keys without a drop are not listed; keys are sorted."""
+def test_drops_are_summed_over_all_processes() -> None:
+    """Two processes' drops on one key are one sum; keys without a drop are left out; keys are sorted."""
     hub = MemoryHub()
     first, second, asking = hub.bus(), hub.bus(), hub.bus()
     first.serve_stats("sim")
@@ -132,13 +210,13 @@ def test_drops_are_summed_over_everybody() -> None:
 
 
 def test_a_silent_simulator_is_an_error() -> None:
-    """No report is made up when nobody counts."""
+    """Without a simulator there is no report."""
     with pytest.raises(BusError, match="sim/report"):
         read_sim_report(MemoryHub().bus())
 
 
 def test_the_launcher_is_a_process_too() -> None:
-    """Its own row: this pid, memory and time of its own."""
+    """The launcher has a row with its process id, memory and processor time."""
     own = Usage()
     measure_usage(os.getpid(), own)
     (row,) = report_processes({}, "up", own)
@@ -148,7 +226,7 @@ def test_the_launcher_is_a_process_too() -> None:
 
 
 def test_the_start_is_the_processs_own() -> None:
-    """Time since the start counts interpreter and imports of this process, and nothing from before it."""
+    """The time since the start includes the interpreter and the imports of this process alone."""
     code = (
         "from zteam.clock import monotonic\n"
         "begun = monotonic()\n"

@@ -1,6 +1,5 @@
-"""A run as the launcher sees it: the router's start, GO, the end of the time asked for."""
+"""One run of a team: the router's start, the end of the run, and what ends it early."""
 
-import itertools
 import os
 import socket
 import sys
@@ -11,96 +10,30 @@ from typing import Any
 
 import pytest
 
+from support.monitor_voice import MonitorVoice
 from zteam import names
-from zteam.bus import Bus, BusOptions
+from zteam.bus import BusOptions
 from zteam.bus.memory import MemoryHub
 from zteam.bus.presence import Claim
 from zteam.cli import zteam_monitor, zteam_robot, zteam_sim, zteam_tf
 from zteam.cli.options import bus_options
 from zteam.errors import BusError, ZteamError
 from zteam.launch import run as running
-from zteam.launch.namespace import claim_namespace
 from zteam.launch.process import Process
-from zteam.launch.progress import Progress
-from zteam.launch.run import ANY_PORT, Run, RunOptions, choose_endpoint
-from zteam.messages import TeamState, TeamStatus, time_from_ns
+from zteam.launch.router import ANY_PORT
+from zteam.launch.run import Run, RunOptions, choose_endpoint
+from zteam.messages import TeamState
 from zteam.runtime.shutdown import Stop
-from zteam.services.simulator import FinishReply, FinishRequest
 from zteam.team_file import RobotEntry, Team
 
 LIMIT = 30.0
+
+
 TEAM = Team(robots=[RobotEntry(id=0, behavior="forward")])
 
 
-class Voices:
-    """Says on the bus what a monitor says."""
-
-    def __init__(self, bus: Bus) -> None:
-        self._status = bus.publisher(names.TEAM_STATUS, TeamStatus, latched=True)
-
-    def status(self, state: int, go_ns: int = 0) -> None:
-        """The monitor's word."""
-        self._status.put(TeamStatus(state=state, epoch=1, go_stamp=time_from_ns(go_ns)))
-
-
-def test_go_is_noted_once(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Waiting is not GO; the first GO's time stays, whatever is said later."""
-    moments = itertools.count(1.5)
-    monkeypatch.setattr("zteam.launch.progress.seconds_since_start", lambda: next(moments))
-    progress, team = Progress(hub.bus(), False), Voices(hub.bus())
-    team.status(TeamState.WAITING)
-    assert progress.go_after is None
-    team.status(TeamState.GO, 100)
-    assert progress.go_after == 1.5
-    team.status(TeamState.GO, 200)
-    assert progress.go_after == 1.5
-
-
-def test_a_go_from_before_counts(hub: MemoryHub) -> None:
-    """GO is latched: a launcher that joins late hears it."""
-    Voices(hub.bus()).status(TeamState.GO)
-    assert Progress(hub.bus(), False).go_after is not None
-
-
-def test_the_end_is_the_simulators_word(hub: MemoryHub) -> None:
-    """The run is over when the simulator says so, and not while it answers that it is not."""
-    asked, over = threading.Semaphore(0), threading.Event()
-
-    def finish(request: FinishRequest) -> FinishReply:
-        asked.release()
-        over.wait(min(request.timeout, 0.01))
-        return FinishReply(over.is_set())
-
-    hub.bus().serve(names.service_key(names.SIMULATOR, "finish"), FinishRequest, finish)
-    progress = Progress(hub.bus(), True)
-    Voices(hub.bus()).status(TeamState.GO)
-    for _ in range(3):
-        assert asked.acquire(timeout=LIMIT)
-    assert progress.wall is None
-    over.set()
-    with progress.changed:
-        assert progress.changed.wait_for(lambda: progress.wall is not None, LIMIT)
-    assert progress.wall is not None and progress.go_after is not None
-    assert progress.wall >= progress.go_after
-
-
-def test_without_a_limit_nobody_is_asked(hub: MemoryHub) -> None:
-    """A run without an end does not wait for one."""
-    asked = threading.Event()
-
-    def finish(_: FinishRequest) -> FinishReply:
-        asked.set()
-        return FinishReply(True)
-
-    hub.bus().serve(names.service_key(names.SIMULATOR, "finish"), FinishRequest, finish)
-    progress = Progress(hub.bus(), False)
-    Voices(hub.bus()).status(TeamState.GO)
-    assert progress.wall is None
-    assert not asked.is_set()
-
-
 def test_a_taken_port_means_another_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The default port if it is free, any port if something is there."""
+    """The default port if it is free, else any port."""
     with socket.create_server(("127.0.0.1", 0)) as server:
         endpoint = f"tcp/127.0.0.1:{server.getsockname()[1]}"
         monkeypatch.setattr(running, "DEFAULT_ENDPOINT", endpoint)
@@ -114,11 +47,13 @@ def python(code: str) -> list[str]:
 
 
 WAIT = "import time; time.sleep(600)"
+
+
 ANNOUNCE = f"print('tcp/127.0.0.1:5', flush=True)\n{WAIT}"
 
 
 class Pretend:
-    """Runs whose processes are small Python texts: `routers` one after the other, `others` for all the rest."""
+    """Runs of small Python texts: `routers` for one router after the other, `others` for all other processes."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.routers = [ANNOUNCE]
@@ -127,9 +62,8 @@ class Pretend:
         self.asked: list[tuple[str, ...]] = []
         self.lines: list[tuple[str, str]] = []
         self._started: list[Process] = []
-        monkeypatch.setattr("zteam.launch.run.zteam_command", self._command)
-        monkeypatch.setattr("zteam.launch.plan.zteam_command", self._command)
-        # The bus needs a real router; what is tested here ends before that, or does not need it.
+        monkeypatch.setattr("zteam.launch.kinds.zteam_command", self._command)
+        # The real bus needs a real router.
         monkeypatch.setattr("zteam.launch.run.connect", lambda *_, **__: self.hub.bus())
         self.stop = Stop()
 
@@ -140,7 +74,7 @@ class Pretend:
         return python(self.routers.pop(0) if len(self.routers) > 1 else self.routers[0])
 
     def run(self, run_for: float | None = None) -> Run:
-        """A run that starts nothing yet."""
+        """A run whose processes are not started yet."""
         options = RunOptions(TEAM, None, Path("/w/arena.world"), BusOptions(), run_for=run_for)
         run = Run(options, self.stop, lambda name, line: self.lines.append((name, line)))
         start = run.supervisor.start
@@ -153,20 +87,20 @@ class Pretend:
         return run
 
     def tidy(self) -> None:
-        """Let go of every process, also of those that another one took the place of."""
+        """Wait for the end of every process, also of the replaced ones."""
         assert all(process.join(LIMIT) for process in self._started)
 
 
 @pytest.fixture
 def pretend(monkeypatch: pytest.MonkeyPatch) -> Iterator[Pretend]:
-    """A run whose router answers at once and whose other processes run until they are ended."""
+    """A run whose router listens at once and whose other processes run until they are ended."""
     chosen = Pretend(monkeypatch)
     yield chosen
     chosen.tidy()
 
 
-def test_everyone_hears_where_the_router_is(pretend: Pretend) -> None:
-    """The endpoint goes to every process's standard input as soon as the router has said it."""
+def test_every_process_gets_the_endpoint(pretend: Pretend) -> None:
+    """The endpoint goes to every process's standard input as soon as the router has printed it."""
     pretend.others = f"print(input(), flush=True)\n{WAIT}"
     with pretend.run() as run:
         run.start()
@@ -176,8 +110,8 @@ def test_everyone_hears_where_the_router_is(pretend: Pretend) -> None:
     assert not any(p.running for p in run.supervisor.processes.values())
 
 
-def test_a_router_that_cannot_start_is_tried_on_any_port(pretend: Pretend) -> None:
-    """Somebody took the port in between: the run goes on elsewhere and nothing counts as failed."""
+def test_a_router_that_cannot_start_is_started_on_any_port(pretend: Pretend) -> None:
+    """If another program took the port meanwhile, the run uses another port and no process counts as failed."""
     pretend.routers = ["raise SystemExit(1)", ANNOUNCE]
     with pretend.run() as run:
         run.start()
@@ -187,7 +121,7 @@ def test_a_router_that_cannot_start_is_tried_on_any_port(pretend: Pretend) -> No
 
 
 def test_no_router_is_an_error(pretend: Pretend) -> None:
-    """When no router comes up at all, the launcher says so and leaves no process."""
+    """If no router starts at all, the launcher raises an error and leaves no process."""
     pretend.routers = ["raise SystemExit(1)"]
     with pytest.raises(BusError, match="router did not start"), pretend.run() as run:
         run.start()
@@ -195,7 +129,7 @@ def test_no_router_is_an_error(pretend: Pretend) -> None:
 
 
 def test_a_log_line_is_no_endpoint(pretend: Pretend) -> None:
-    """The router logs where it is before it announces it: the launcher waits for the announcement."""
+    """The router logs its endpoint before it prints it: the launcher waits for the printed line."""
     log_first = "import time\nprint('12:00:00 router at tcp/127.0.0.1:5', flush=True)\ntime.sleep(0.5)\n"
     pretend.routers = [log_first + ANNOUNCE]
     with pretend.run() as run:
@@ -203,8 +137,8 @@ def test_a_log_line_is_no_endpoint(pretend: Pretend) -> None:
         assert run.endpoint == "tcp/127.0.0.1:5"
 
 
-def test_a_router_that_says_why_and_ends_is_tried_again(pretend: Pretend) -> None:
-    """The real router names the port it could not take, and ends a moment later: still any port will do."""
+def test_a_router_whose_port_is_in_use_is_started_again(pretend: Pretend) -> None:
+    """The real router logs the port that is in use and ends a moment later: the run uses any port."""
     refused = (
         "import time\nprint('router: tcp/127.0.0.1:7447 is in use', flush=True)\ntime.sleep(0.5)\nraise SystemExit(1)"
     )
@@ -215,7 +149,7 @@ def test_a_router_that_says_why_and_ends_is_tried_again(pretend: Pretend) -> Non
 
 
 def test_a_failure_ends_a_run_with_a_limit(pretend: Pretend) -> None:
-    """What a dead simulator leaves of a run is no result: the run ends with its name."""
+    """A run without its simulator has no result: it ends with an error that names the simulator."""
     with pretend.run(run_for=1.0) as run:
         run.start()
         run.supervisor.processes[names.SIMULATOR].kill()
@@ -224,7 +158,7 @@ def test_a_failure_ends_a_run_with_a_limit(pretend: Pretend) -> None:
 
 
 def test_a_stop_request_ends_the_wait(pretend: Pretend) -> None:
-    """Ctrl+C ends a run with or without a limit, and it then reports nothing."""
+    """Ctrl+C ends the wait, and the run then has no report."""
     with pretend.run(run_for=1000.0) as run:
         run.start()
         threading.Timer(0.1, pretend.stop.request, ("test",)).start()
@@ -233,7 +167,7 @@ def test_a_stop_request_ends_the_wait(pretend: Pretend) -> None:
 
 
 def test_a_simulator_that_ends_with_0_ends_a_run_with_a_limit(pretend: Pretend) -> None:
-    """Without its simulator the time asked for never comes: the launcher says so instead of waiting for ever."""
+    """Without its simulator the run cannot end: the launcher raises an error instead of waiting for ever."""
     with pretend.run(run_for=1.0) as run:
         run.plan.commands[names.SIMULATOR] = python("raise SystemExit(0)")
         run.start()
@@ -244,8 +178,8 @@ def test_a_simulator_that_ends_with_0_ends_a_run_with_a_limit(pretend: Pretend) 
 
 @pytest.mark.parametrize("name", ["robot_0", names.AGGREGATOR, names.MONITOR])
 @pytest.mark.parametrize("code", [0, 2])
-def test_a_run_with_a_limit_ends_with_whatever_ends_before_go(pretend: Pretend, name: str, code: int) -> None:
-    """GO waits for all of them: the launcher says which one ended, and its last words."""
+def test_a_process_that_ends_before_go_ends_a_run_with_a_limit(pretend: Pretend, name: str, code: int) -> None:
+    """GO waits for all processes: the error names the ended one, its exit code and its last line."""
     with pretend.run(run_for=1.0) as run:
         run.plan.commands[name] = python(f"print('no such leader'); raise SystemExit({code})")
         run.start()
@@ -255,10 +189,10 @@ def test_a_run_with_a_limit_ends_with_whatever_ends_before_go(pretend: Pretend, 
 
 
 def test_a_robot_that_ends_after_go_does_not_end_the_run(pretend: Pretend) -> None:
-    """The others go on, as they do without a limit."""
+    """The other processes go on, as in a run without a limit."""
     with pretend.run(run_for=1000.0) as run:
         run.start()
-        Voices(pretend.hub.bus()).status(TeamState.GO)
+        MonitorVoice(pretend.hub.bus()).status(TeamState.GO)
         assert run._progress is not None
         with run._progress.changed:
             assert run._progress.changed.wait_for(lambda: run._progress.go_after is not None, LIMIT)  # type: ignore[union-attr]
@@ -269,8 +203,8 @@ def test_a_robot_that_ends_after_go_does_not_end_the_run(pretend: Pretend) -> No
 
 
 @pytest.mark.parametrize("namespace", [None, "mine"])
-def test_the_launchers_connection_is_said_in_full(monkeypatch: pytest.MonkeyPatch, namespace: str | None) -> None:
-    """Whatever the environment says, every process works where the launcher does, with and without a namespace."""
+def test_processes_get_every_option_of_the_connection(monkeypatch: pytest.MonkeyPatch, namespace: str | None) -> None:
+    """Whatever the environment says, every process uses the launcher's connection, with and without a namespace."""
     options = RunOptions(TEAM, None, Path("/w/arena.world"), BusOptions(namespace=namespace))
     with Run(options, Stop(), lambda *_: None) as run:
         commands = run.plan.commands
@@ -283,7 +217,7 @@ def test_the_launchers_connection_is_said_in_full(monkeypatch: pytest.MonkeyPatc
 
 
 def test_a_second_team_is_refused_in_one_line(pretend: Pretend) -> None:
-    """The first launcher's process and start are named, no process is started, and afterwards the place is free."""
+    """The error names the first launcher's process id and start; no process starts; later the namespace is free."""
     options = RunOptions(TEAM, None, Path("/w/arena.world"), BusOptions(connect="tcp/127.0.0.1:5"), run_for=1.0)
     told = rf"^a team is already running here \(pid {os.getpid()}, since \d\d:\d\d:\d\d\); stop it, or use --namespace$"
     with Run(options, pretend.stop, lambda *_: None) as first:
@@ -296,30 +230,10 @@ def test_a_second_team_is_refused_in_one_line(pretend: Pretend) -> None:
         third.start()
 
 
-def test_processes_started_by_hand_are_a_team_too(pretend: Pretend) -> None:
-    """A robot, simulator or monitor that runs in the namespace stands in the way of a team that brings its own."""
+def test_processes_started_by_hand_refuse_a_team(pretend: Pretend) -> None:
+    """A team is refused if a process of one of its names runs in the namespace already."""
     claim = Claim(pretend.hub.bus(), names.MONITOR)
     claim.win(lambda _: None)
     options = RunOptions(TEAM, None, Path("/w/arena.world"), BusOptions(connect="tcp/127.0.0.1:5"))
     with Run(options, pretend.stop, lambda *_: None) as run, pytest.raises(BusError, match="already running here"):
         run.start()
-
-
-def test_of_two_launchers_at_once_one_stays(hub: MemoryHub) -> None:
-    """The name is claimed, so that two that both found the namespace empty do not both go on."""
-    results: list[object] = []
-
-    def claim() -> None:
-        try:
-            results.append(claim_namespace(hub.bus(), lambda _: None))
-        except BusError as error:
-            results.append(str(error))
-
-    threads = [threading.Thread(target=claim) for _ in range(2)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join(LIMIT)
-    assert sorted(isinstance(result, Claim) for result in results) == [False, True]
-    (refused,) = [result for result in results if isinstance(result, str)]
-    assert refused.startswith("a team is already running here")

@@ -1,4 +1,4 @@
-"""A set of processes: failures are told, stops are asked for, and nothing outlives its supervisor."""
+"""A set of processes: failures are reported, stops are in order, and no process outlives its supervisor."""
 
 import os
 import select
@@ -16,7 +16,7 @@ from zteam.launch.supervisor import Supervisor
 LIMIT = 30.0
 
 WAITING = "print('up', flush=True)\nimport time\ntime.sleep(600)"
-"""A child that ends only when told to."""
+"""A child that ends only when it gets a signal."""
 STUBBORN = "import signal\nsignal.signal(signal.SIGTERM, signal.SIG_IGN)\n" + WAITING
 """A child that SIGTERM does not end."""
 OWN = (
@@ -33,7 +33,7 @@ OWN = (
 
 
 class Watched(Supervisor):
-    """A Supervisor and everything that it told."""
+    """A Supervisor that records its callbacks."""
 
     def __init__(self) -> None:
         self.heard: list[tuple[str, str]] = []
@@ -43,14 +43,14 @@ class Watched(Supervisor):
         )
 
     def run(self, name: str, code: str) -> Process:
-        """Start a Python text; return when it has said its first line."""
+        """Start a Python text; return when it has written its first line."""
         process = self.start(name, [sys.executable, "-c", code])
         assert self.wait(lambda: bool(process.lines) or not process.running, LIMIT)
         return process
 
 
-def test_an_end_nobody_asked_for_is_told() -> None:
-    """A process that fails by itself is told at once, with its name, and is in `failures`."""
+def test_an_unexpected_end_is_reported() -> None:
+    """A process that fails is reported at once with its name, and is in `failures`."""
     with Watched() as supervisor:
         process = supervisor.run("robot_3", "raise SystemExit(3)")
         assert supervisor.wait(lambda: bool(supervisor.failures), LIMIT)
@@ -59,8 +59,8 @@ def test_an_end_nobody_asked_for_is_told() -> None:
         assert process.exit_code == 3
 
 
-def test_a_killed_process_is_told() -> None:
-    """So is one that somebody killed."""
+def test_a_killed_process_is_reported() -> None:
+    """A process that another program kills counts as failed."""
     with Watched() as supervisor:
         process = supervisor.run("sim", WAITING)
         os.kill(process.pid, signal.SIGKILL)
@@ -70,7 +70,7 @@ def test_a_killed_process_is_told() -> None:
 
 
 def test_a_stop_is_no_failure() -> None:
-    """Processes that were asked to stop are not told of, whatever their exit code."""
+    """Processes that were asked to stop are not reported, whatever their exit code."""
     with Watched() as supervisor:
         polite, rude = supervisor.run("a", OWN), supervisor.run("b", WAITING)
         supervisor.stop(["a", "b"])
@@ -81,16 +81,16 @@ def test_a_stop_is_no_failure() -> None:
 
 
 def test_only_the_named_ones_stop() -> None:
-    """A group is stopped at a time: the others run on; a name that nobody has is passed over."""
+    """The other processes run on; a name without a process is skipped."""
     with Watched() as supervisor:
         first, second = supervisor.run("a", WAITING), supervisor.run("b", WAITING)
-        supervisor.stop(["a", "nobody"])
+        supervisor.stop(["a", "unknown"])
         assert not first.running
         assert second.running
 
 
 def test_what_does_not_stop_is_killed(monkeypatch: pytest.MonkeyPatch) -> None:
-    """After the grace a process that ignores SIGTERM is killed, and stop returns with all ended."""
+    """A process that ignores SIGTERM is killed after GRACE, and `stop` returns when all have ended."""
     monkeypatch.setattr("zteam.launch.supervisor.GRACE", 0.3)
     with Watched() as supervisor:
         stubborn = supervisor.run("a", STUBBORN)
@@ -99,7 +99,7 @@ def test_what_does_not_stop_is_killed(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_hurry_kills_without_grace(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The second Ctrl+C: no grace is waited for (a limit that no test reaches)."""
+    """With `hurry` a process is killed at once (GRACE is set to a limit that no test reaches)."""
     monkeypatch.setattr("zteam.launch.supervisor.GRACE", 1000.0)
     with Watched() as supervisor:
         stubborn = supervisor.run("a", STUBBORN)
@@ -126,7 +126,7 @@ def test_closing_twice_is_harmless() -> None:
     supervisor.close()
 
 
-def test_one_that_has_ended_can_be_started_again() -> None:
+def test_an_ended_process_can_be_started_again() -> None:
     """The name then stands for the new process."""
     with Watched() as supervisor:
         first = supervisor.run("a", "raise SystemExit(1)")
@@ -137,7 +137,7 @@ def test_one_that_has_ended_can_be_started_again() -> None:
 
 
 def test_children_get_the_environment_asked_for() -> None:
-    """What the team's processes are told by environment reaches them, on top of our own."""
+    """The given variables reach the child, besides those of this process."""
     with Watched() as supervisor:
         code = "import os; print(os.environ['ZTEAM_NAMESPACE'], 'PATH' in os.environ)"
         supervisor.start("a", [sys.executable, "-c", code], {"ZTEAM_NAMESPACE": "t1"})
@@ -146,7 +146,7 @@ def test_children_get_the_environment_asked_for() -> None:
 
 
 def test_measuring_covers_every_process() -> None:
-    """One call brings the figures of all processes up to date."""
+    """One call updates the figures of all processes."""
     with Watched() as supervisor:
         both = [supervisor.run("a", WAITING), supervisor.run("b", WAITING)]
         supervisor.measure()
@@ -154,10 +154,10 @@ def test_measuring_covers_every_process() -> None:
 
 
 def is_frozen(pid: int) -> bool:
-    """Whether a process that was sent SIGSTOP stands still before long."""
+    """Whether a process that was sent SIGSTOP is stopped within LIMIT."""
     deadline = monotonic() + LIMIT
     while monotonic() < deadline:
-        # Its parent is another process, so nobody tells us when the signal has taken effect.
+        # Only its parent is notified, and that is another process.
         if (Path("/proc") / str(pid) / "stat").read_text().rpartition(")")[2].split()[0] == "T":
             return True
     return False
@@ -177,7 +177,7 @@ signal.pause()
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGHUP])
 @pytest.mark.parametrize("frozen", [False, True])
 def test_children_end_when_their_supervisor_dies(number: signal.Signals, frozen: bool) -> None:
-    """However the supervisor ends, its children notice and stop, even one that was frozen, once it goes on."""
+    """However the supervisor ends, its children stop, and a frozen one stops when it goes on."""
     with subprocess.Popen([sys.executable, "-c", SUPERVISED], stdout=subprocess.PIPE, text=True) as supervisor:
         assert supervisor.stdout is not None
         for line in supervisor.stdout:
@@ -191,7 +191,7 @@ def test_children_end_when_their_supervisor_dies(number: signal.Signals, frozen:
         supervisor.send_signal(number)
         supervisor.wait(LIMIT)
         if frozen and not select.select([handle], [], [], 0)[0]:
-            # The kernel wakes orphans that stand still, but one that was just about to may be missed.
+            # The kernel continues stopped orphans, but may miss one that was just about to stop.
             signal.pidfd_send_signal(handle, signal.SIGCONT)
         ended, _, _ = select.select([handle], [], [], LIMIT)
         if not ended:
@@ -213,14 +213,14 @@ raise SystemExit(0 if told else 1)
 """
 
 
-def test_a_listener_that_fails_does_not_hide_an_end() -> None:
-    """`zteam up | head` takes away the launcher's output; its processes must still be watched and stopped."""
+def test_a_failing_listener_does_not_hide_an_end() -> None:
+    """`zteam up | head` closes the launcher's output; its processes must still be watched and stopped."""
     done = subprocess.run([sys.executable, "-c", DEAF], capture_output=True, timeout=LIMIT, check=False)
     assert done.returncode == 0
 
 
 def test_a_running_process_is_not_forgotten() -> None:
-    """A second start under a name in use is refused, or ends the first: it never leaves one running unseen."""
+    """A second start under the same name never leaves the first process running without a supervisor."""
     supervisor = Watched()
     first = supervisor.run("a", WAITING)
     try:

@@ -7,6 +7,8 @@ more than MAX_LAG late, instead of rushing to catch up.
 import threading
 from collections import deque
 
+from zteam.numbers import percentile
+
 _WINDOW = 50
 """Ticks over which the real-time factor is measured."""
 MAX_LAG = 1.0
@@ -91,8 +93,8 @@ class Pacer:
     @property
     def lateness_p99_ms(self) -> float | None:
         """Milliseconds that ticks began after they were due, 99th percentile; None without a schedule."""
-        ordered = sorted(self._lateness)
-        return 1e3 * ordered[int(0.99 * len(ordered))] if ordered else None
+        seconds = percentile(self._lateness, 0.99)
+        return None if seconds is None else 1e3 * seconds
 
     @property
     def behind(self) -> bool:

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping
 
 from zteam.clock import monotonic
 from zteam.geometry import Pose2
+from zteam.numbers import percentile
 from zteam.services.simulator import Gap, Latency, RobotReport, SimReport
 
 _POSE = struct.Struct("<3d")
@@ -129,11 +130,5 @@ class RunStatistics:
         )
 
     def _latency(self) -> Latency:
-        ordered = sorted(self._latencies)
-        if not ordered:
-            return Latency(None, None, 0)
-
-        def percentile(share: float) -> float:
-            return 1e3 * ordered[min(len(ordered) - 1, int(share * len(ordered)))]
-
-        return Latency(percentile(0.5), percentile(0.99), len(ordered))
+        milliseconds = [1e3 * seconds for seconds in self._latencies]
+        return Latency(percentile(milliseconds, 0.5), percentile(milliseconds, 0.99), len(milliseconds))

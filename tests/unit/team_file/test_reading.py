@@ -1,89 +1,24 @@
-"""Team files: what they may say, and how their mistakes are told."""
+"""Team files read from disk: every mistake with its line, and the world."""
 
-import argparse
-import math
 import tracemalloc
 from pathlib import Path
 
 import pytest
 
+from support.team_files import WHOLE, error_of, load
 from zteam import resources
-from zteam.cli.zteam_robot import build_parser, parse_param
 from zteam.errors import ConfigError
-from zteam.geometry import Pose2, yaw_from_quaternion
-from zteam.team_file import RobotEntry, Team, load_team, read_team_file, robot_arguments, static_transform, team_world
-
-WHOLE = """
-[team]
-world = "none"
-seed = 7
-
-[[robots]]
-id = 0
-behavior = "wander"
-speed = 0.4
-
-[[robots]]
-id = 1
-follow = 0
-
-[[robots]]
-id = 7
-model = "erratic"
-pose = [2, 3.5, 1.57]
-
-[[static_transforms]]
-parent = "/robot_0/base_link"
-child = "robot_0/camera"
-x = 0.1
-yaw = 1.5
-
-[[static_transforms]]
-parent = "map"
-child = "dock"
-qz = 0.7071
-qw = 0.7071
-qx = 0
-qy = 0.0
-"""
-
-
-def load(folder: Path, text: str) -> Team:
-    """The team in a file of this text."""
-    path = folder / "team.toml"
-    path.write_text(text, encoding="utf-8")
-    return load_team(path)
-
-
-def error_of(folder: Path, text: str) -> str:
-    """What is said about a file of this text, behind the file's own name."""
-    with pytest.raises(ConfigError) as caught:
-        load(folder, text)
-    told = str(caught.value)
-    assert "\n" not in told
-    assert told.startswith(str(folder / "team.toml") + ":")
-    return told.removeprefix(str(folder / "team.toml") + ":").strip()
+from zteam.geometry import Pose2
+from zteam.team_file import RobotEntry, load_team, read_team_file, team_world
 
 
 def test_a_whole_file(tmp_path: Path) -> None:
-    """Every part of DESIGN's example is read; what is not the config's own is the behaviour's parameter."""
+    """Every table is read; an unknown key of a robot is a parameter of its behaviour."""
     team = load(tmp_path, WHOLE)
     assert (team.team.world, team.team.seed) == ("none", 7)
     assert team.robots[0] == RobotEntry(id=0, behavior="wander", params={"speed": 0.4})
     assert team.robots[1] == RobotEntry(id=1, follow=0)
     assert team.robots[2] == RobotEntry(id=7, model="erratic", pose=Pose2(2.0, 3.5, 1.57))
-
-
-def test_static_transforms_become_messages(tmp_path: Path) -> None:
-    """Angles and quaternions both make unit rotations; a leading slash is stripped."""
-    camera, dock = map(static_transform, load(tmp_path, WHOLE).static_transforms)
-    assert (camera.header.frame_id, camera.child_frame_id) == ("robot_0/base_link", "robot_0/camera")
-    assert camera.transform.translation.x == 0.1
-    turn = camera.transform.rotation
-    assert yaw_from_quaternion(turn.x, turn.y, turn.z, turn.w) == pytest.approx(1.5)
-    turn = dock.transform.rotation
-    assert yaw_from_quaternion(turn.x, turn.y, turn.z, turn.w) == pytest.approx(math.pi / 2)
-    assert math.hypot(turn.x, turn.y, turn.z, turn.w) == pytest.approx(1.0, abs=1e-15)
 
 
 @pytest.mark.parametrize(
@@ -135,57 +70,9 @@ def test_static_transforms_become_messages(tmp_path: Path) -> None:
         ("[[robots]]\nid = 0\n'max speed' = 1", '3: robots[0]."max speed": cannot be a parameter'),
     ],
 )
-def test_mistakes_are_told_with_their_place(tmp_path: Path, text: str, told: str) -> None:
-    """Each mistake is one line: file, key path and what to write instead."""
+def test_mistakes_have_their_line_and_key(tmp_path: Path, text: str, told: str) -> None:
+    """Each mistake is one line: file, key and what to write instead."""
     assert told in error_of(tmp_path, text)
-
-
-def robots(*tables: str) -> str:
-    """A file of these [[robots]] tables."""
-    return "\n".join(f"[[robots]]\n{table}" for table in tables)
-
-
-def test_circles_are_named(tmp_path: Path) -> None:
-    """Robots that follow each other are told as a circle; a chain that ends in one is not blamed for it."""
-    pair = error_of(tmp_path, robots("id=0", "id=1\nfollow=2", "id=2\nfollow=1"))
-    assert pair.startswith("5: robots[1].follow: robots follow each other in a circle (1 → 2 → 1)")
-    tail = error_of(tmp_path, robots("id=5\nfollow=1", "id=1\nfollow=2", "id=2\nfollow=3", "id=3\nfollow=1"))
-    assert tail.startswith("6: robots[1].follow: robots follow each other in a circle (1 → 2 → 3 → 1)")
-    assert load(tmp_path, robots("id=3\nfollow=1", "id=2\nfollow=1", "id=1\nfollow=0", "id=0"))
-
-
-def test_a_follower_has_one_leader_and_one_behaviour(tmp_path: Path) -> None:
-    """follow beside another behaviour or a second leader is refused; beside behavior = "follow" it is the same."""
-    told = error_of(tmp_path, robots("id=0", "id=1\nfollow=0\nbehavior='avoid'"))
-    assert told.startswith('5: robots[1].follow: both follow and behavior = "avoid"; keep one')
-    told = error_of(tmp_path, robots("id=0", "id=1\nfollow=0\nleader=2"))
-    assert told.startswith("6: robots[1].leader: the leader is named by follow = 0")
-    team = load(tmp_path, robots("id=0", "id=1\nfollow=0\nbehavior='follow'\nmin_dist=1.0"))
-    assert robot_arguments(team.robots[1]) == ["--id", "1", "--follow", "0", "--param", "min_dist=1.0"]
-
-
-@pytest.mark.parametrize(
-    ("table", "told"),
-    [
-        ("parent='map'", "3: static_transforms[0]: the key child is missing"),
-        ("parent='map'\nchild='a'\nw=1", "6: static_transforms[0].w: unknown key; known: parent"),
-        ("parent='map'\nchild='/map'", "parent and child must be the names of two frames"),
-        ("parent='map'\nchild='/'", "parent and child must be the names of two frames"),
-        ("parent='map'\nchild=''", "static_transforms[0].child: Expected `str` of length >= 1"),
-        ("parent='map'\nchild='a'\nx=nan", "static_transforms[0].x: nan is no number to place a frame with"),
-        ("parent='map'\nchild='a'\nqw=1", "a quaternion needs all of qx, qy, qz, qw"),
-        ("parent='map'\nchild='a'\nqx=0\nqy=0\nqz=0\nqw=0", "its length is not 1"),
-        ("parent='map'\nchild='a'\nqx=0\nqy=0\nqz=0\nqw=inf", "static_transforms[0].qw: inf is no number"),
-        ("parent='map'\nchild='a'\nqx=0\nqy=0\nqz=0\nqw=1\nyaw=1", "both a quaternion and yaw, pitch, roll"),
-        (
-            "parent='map'\nchild='a'\n[[static_transforms]]\nparent='b'\nchild='/a'",
-            "static_transforms[0] says where a",
-        ),
-    ],
-)
-def test_wrong_transforms_are_told(tmp_path: Path, table: str, told: str) -> None:
-    """A frame has one parent, another name than it, and a rotation that is one."""
-    assert told in error_of(tmp_path, f"[[robots]]\nid=0\n[[static_transforms]]\n{table}")
 
 
 @pytest.mark.parametrize(
@@ -200,13 +87,13 @@ def test_wrong_transforms_are_told(tmp_path: Path, table: str, told: str) -> Non
         (f"x = {'9' * 5000}", "not a team file"),
     ],
 )
-def test_what_is_no_toml_is_told_with_its_line(tmp_path: Path, text: str, told: str) -> None:
-    """Syntax errors carry file, line and column; absurd files are refused as well."""
+def test_a_mistake_in_toml_has_its_line(tmp_path: Path, text: str, told: str) -> None:
+    """Syntax errors have file, line and column; extreme nesting and numbers are refused too."""
     assert told in error_of(tmp_path, text)
 
 
-def test_files_that_cannot_be_read_are_told(tmp_path: Path) -> None:
-    """No file, a folder, and bytes that are no text."""
+def test_a_file_that_cannot_be_read_is_one_error(tmp_path: Path) -> None:
+    """A missing file, a folder, and bytes that are not UTF-8."""
     with pytest.raises(ConfigError, match="cannot read the team file: No such file"):
         load_team(tmp_path / "none.toml")
     with pytest.raises(ConfigError, match="cannot read the team file: Is a directory"):
@@ -224,7 +111,7 @@ def world_of(folder: Path, line: str) -> Path | None:
 
 
 def test_a_world_is_found_beside_the_file_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A path is relative to the team file, else it is a shipped world's name, with or without its ending."""
+    """A path is relative to the team file; else the text is a shipped world's name, with or without its ending."""
     library = tmp_path / "library"
     library.mkdir()
     (library / "yard.world").touch()
@@ -241,8 +128,8 @@ def test_a_world_is_found_beside_the_file_first(tmp_path: Path, monkeypatch: pyt
 
 
 @pytest.mark.parametrize("world", [r'"a\u0000b"', f"'{'x' * 5000}'", "'.'", "'..'"])
-def test_names_that_no_file_can_have_are_told(tmp_path: Path, world: str) -> None:
-    """A NUL, an endless name and a folder are no worlds."""
+def test_names_that_no_file_can_have_are_refused(tmp_path: Path, world: str) -> None:
+    """A NUL, a name that is too long, and a folder are no worlds."""
     with pytest.raises(ConfigError, match="nor a shipped world"):
         world_of(tmp_path, f"world = {world}")
 
@@ -253,38 +140,8 @@ def test_a_file_without_a_world_asks_for_one(tmp_path: Path) -> None:
         world_of(tmp_path, "")
 
 
-VALUES = """
-[[robots]]
-id = 3
-behavior = "my.robots:Dance"
-a = 0.1
-b = -2
-c = true
-d = 'say "hi"\t#x = 1'
-e = [1, [2.5, 'x']]
-f = { 'two words' = 'ü😀', g = false }
-h = 1e300
-i = "\\u007f\\u0000\\\\ \\n"
-"""
-
-
-def test_arguments_bring_the_same_parameters_to_the_robot(tmp_path: Path) -> None:
-    """Whatever TOML value a parameter has, zteam-robot reads the same from its command line."""
-    robot = load(tmp_path, VALUES).robots[0]
-    args: argparse.Namespace = build_parser().parse_args(robot_arguments(robot))
-    assert (args.id, args.behavior, args.follow) == ("3", "my.robots:Dance", None)
-    assert dict(map(parse_param, args.param)) == robot.params
-    assert len(robot.params) == 8
-
-
-def test_a_robot_without_a_behaviour_has_only_its_id() -> None:
-    """What such a robot does is the robot's own default."""
-    assert robot_arguments(RobotEntry(id=4)) == ["--id", "4"]
-    assert robot_arguments(RobotEntry(id=4, behavior="avoid")) == ["--id", "4", "--behavior", "avoid"]
-
-
 def test_all_mistakes_are_told_at_once(tmp_path: Path) -> None:
-    """One line for each, in the order of the file, whatever table they are in."""
+    """One line per mistake, in the order of the file, in all tables."""
     text = (
         "[team]\nsede = 1\nworld = 3\n[[robots]]\nid = 'a'\nfollow = -1\n[[robots]]\nid = 1\nfollow = 9\n"
         "[[static_transforms]]\nparent = 'map'\n[simulation]\ndazzle = 'x'\n"
@@ -303,19 +160,13 @@ def test_all_mistakes_are_told_at_once(tmp_path: Path) -> None:
     ]
 
 
-def test_a_leader_with_mistakes_is_there_all_the_same(tmp_path: Path) -> None:
-    """A robot is not told that its leader is missing where the leader's own table is at fault."""
-    told = error_of(tmp_path, robots("id = 0\nbehavior = 3", "id = 1\nfollow = 0"))
-    assert told == "3: robots[0].behavior: Expected `str | null`, got `int`"
-
-
 def test_the_size_is_bounded(tmp_path: Path) -> None:
-    """A file that nobody wrote by hand is refused before it is read."""
+    """A file of more than 2 MB is refused before it is parsed."""
     assert "a team file of more than 2 MB is refused" in error_of(tmp_path, "#" * (2 * 2**20 + 1))
 
 
 def test_a_long_key_takes_no_memory(tmp_path: Path) -> None:
-    """50,000 dotted parts, which tomllib reads with 3.7 GB, are refused with their line in next to none."""
+    """50,000 dotted parts, for which tomllib needs 3.7 GB, are refused with their line and without much memory."""
     path = tmp_path / "deep.toml"
     path.write_text("[[robots]]\n" + ".".join("a" * 50_000) + " = 1\n")
     tracemalloc.start()

@@ -1,0 +1,17 @@
+"""A plain Zenoh client for the tests of teams."""
+
+from collections.abc import Iterator
+
+import pytest
+import zenoh
+
+from zteam.bus.options import BusOptions, client_config
+from zteam.testing.team import TeamFixture
+
+
+@pytest.fixture
+def outsider(team: TeamFixture) -> Iterator[zenoh.Session]:
+    """A session outside the team's namespace, as a program without zteam would open it."""
+    session = zenoh.open(client_config(BusOptions(connect=team.endpoint)))
+    yield session
+    session.close()  # type: ignore[no-untyped-call]

@@ -1,0 +1,89 @@
+"""The table of the kinds of process: one row is all that the launcher and the tools need of a kind."""
+
+from pathlib import Path
+
+import pytest
+
+from zteam import names
+from zteam.cli import main
+from zteam.launch import kinds
+from zteam.launch.arguments import Pace
+from zteam.launch.kinds import KINDS, Kind, kind_of
+from zteam.launch.plan import Plan, plan_team
+from zteam.team_file import RobotEntry, Team
+
+TEAM = Team(robots=[RobotEntry(id=0, behavior="forward"), RobotEntry(id=12, behavior="forward")])
+WORLD = Path("/w/arena.world")
+PLANNER = Kind(
+    title="planner",
+    name="planner",
+    command="zteam-monitor",
+    arguments=lambda launch: {"planner": ["--robots", str(len(launch.team.robots))]},
+    stop_rank=2,
+    hint="start the planner of {robots} robots",
+    in_lockstep=True,
+)
+
+
+@pytest.fixture
+def planner(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A further row in the table."""
+    monkeypatch.setattr(kinds, "KINDS", (*KINDS, PLANNER))
+
+
+def test_a_row_is_a_process_of_every_team(planner: None) -> None:
+    """The plan starts the new kind after the others, with the row's command and arguments."""
+    plan = plan_team(TEAM, WORLD, ("--namespace", "t"))
+    assert list(plan.commands)[-1] == "planner"
+    assert plan.commands["planner"][3:] == ["zteam.cli.zteam_monitor", "--robots", "2", "--namespace", "t"]
+
+
+def test_a_row_has_its_place_in_the_stop_order(planner: None) -> None:
+    """The new kind stops with the kinds of its rank."""
+    order = plan_team(TEAM, WORLD, ()).stop_order()
+    assert order == [["robot_0", "robot_12"], ["tf", "monitor"], ["sim", "planner"], ["router"]]
+
+
+def test_a_row_takes_part_in_lock_step(planner: None) -> None:
+    """The simulator waits for the new kind, for the kinds before it, and for what the user expects."""
+    command = plan_team(TEAM, WORLD, (), pace=Pace(lockstep=True, expect=("mine",))).commands[names.SIMULATOR]
+    assert command[command.index("--expect") + 1 :] == ["tf", "robot_0", "robot_12", "planner", "mine"]
+
+
+@pytest.mark.parametrize(
+    ("name", "title"),
+    [
+        ("router", "router"),
+        ("sim", "simulator"),
+        ("tf", "transforms"),
+        ("monitor", "monitor"),
+        ("robot_0", "robots"),
+        ("robot_9999", "robots"),
+        ("robot_N", None),
+        ("robot_01", None),
+        ("zteam-robot #3", None),
+        ("up", None),
+    ],
+)
+def test_a_kind_is_found_by_its_processes_names(name: str, title: str | None) -> None:
+    """Single processes by their name, robots by the pattern of theirs, a user's own process not at all."""
+    kind = kind_of(name)
+    assert (kind and kind.title) == title
+
+
+def test_every_command_of_the_table_is_a_command() -> None:
+    """Each row's command is installed under that name."""
+    from importlib.metadata import entry_points
+
+    installed = {entry.name for entry in entry_points(group="console_scripts") if entry.value.startswith(main.__name__)}
+    assert {kind.command for kind in KINDS} == installed - {"zteam"}
+
+
+def test_a_run_needs_its_router_and_its_simulator() -> None:
+    """These alone end a run with a time limit after GO."""
+    assert [kind.name for kind in KINDS if kind.carries_run] == ["router", "sim"]
+
+
+def test_an_empty_plan_still_stops_its_router() -> None:
+    """Groups without processes are empty, and the router is in the last one."""
+    assert Plan({}).stop_order() == [[], [], [], ["router"]]

@@ -1,0 +1,30 @@
+"""One team in a namespace."""
+
+import threading
+
+from zteam.bus.memory import MemoryHub
+from zteam.bus.presence import Claim
+from zteam.errors import BusError
+from zteam.launch.namespace import claim_namespace
+
+LIMIT = 30.0
+
+
+def test_of_two_launchers_at_once_one_stays(hub: MemoryHub) -> None:
+    """The launcher claims a name: of two launchers that both found the namespace empty, one is refused."""
+    results: list[object] = []
+
+    def claim() -> None:
+        try:
+            results.append(claim_namespace(hub.bus(), lambda _: None))
+        except BusError as error:
+            results.append(str(error))
+
+    threads = [threading.Thread(target=claim) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(LIMIT)
+    assert sorted(isinstance(result, Claim) for result in results) == [False, True]
+    (refused,) = [result for result in results if isinstance(result, str)]
+    assert refused.startswith("a team is already running here")

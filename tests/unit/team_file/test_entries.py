@@ -1,0 +1,54 @@
+"""The entries of a team file as messages and as arguments of `zteam-robot`."""
+
+import argparse
+import math
+from pathlib import Path
+
+import pytest
+
+from support.team_files import WHOLE, load
+from zteam.cli.zteam_robot import build_parser, parse_param
+from zteam.geometry import yaw_from_quaternion
+from zteam.team_file import RobotEntry, robot_arguments, static_transform
+
+
+def test_static_transforms_become_messages(tmp_path: Path) -> None:
+    """Angles and quaternions both become unit quaternions; a leading slash is removed."""
+    camera, dock = map(static_transform, load(tmp_path, WHOLE).static_transforms)
+    assert (camera.header.frame_id, camera.child_frame_id) == ("robot_0/base_link", "robot_0/camera")
+    assert camera.transform.translation.x == 0.1
+    turn = camera.transform.rotation
+    assert yaw_from_quaternion(turn.x, turn.y, turn.z, turn.w) == pytest.approx(1.5)
+    turn = dock.transform.rotation
+    assert yaw_from_quaternion(turn.x, turn.y, turn.z, turn.w) == pytest.approx(math.pi / 2)
+    assert math.hypot(turn.x, turn.y, turn.z, turn.w) == pytest.approx(1.0, abs=1e-15)
+
+
+VALUES = """
+[[robots]]
+id = 3
+behavior = "my.robots:Dance"
+a = 0.1
+b = -2
+c = true
+d = 'say "hi"\t#x = 1'
+e = [1, [2.5, 'x']]
+f = { 'two words' = 'ü😀', g = false }
+h = 1e300
+i = "\\u007f\\u0000\\\\ \\n"
+"""
+
+
+def test_arguments_bring_the_same_parameters_to_the_robot(tmp_path: Path) -> None:
+    """zteam-robot reads from its command line every TOML value that the parameter has in the file."""
+    robot = load(tmp_path, VALUES).robots[0]
+    args: argparse.Namespace = build_parser().parse_args(robot_arguments(robot))
+    assert (args.id, args.behavior, args.follow) == ("3", "my.robots:Dance", None)
+    assert dict(map(parse_param, args.param)) == robot.params
+    assert len(robot.params) == 8
+
+
+def test_a_robot_without_a_behaviour_has_only_its_id() -> None:
+    """zteam-robot then runs its default behaviour."""
+    assert robot_arguments(RobotEntry(id=4)) == ["--id", "4"]
+    assert robot_arguments(RobotEntry(id=4, behavior="avoid")) == ["--id", "4", "--behavior", "avoid"]

@@ -1,0 +1,57 @@
+"""The rules that the entries of a team file obey together: ids, leaders, frames."""
+
+from pathlib import Path
+
+import pytest
+
+from support.team_files import error_of, load, robots
+from zteam.team_file import robot_arguments
+
+
+def test_a_circle_of_followers_is_named(tmp_path: Path) -> None:
+    """The error lists the robots of the circle; a chain that only leads into the circle gets no error."""
+    pair = error_of(tmp_path, robots("id=0", "id=1\nfollow=2", "id=2\nfollow=1"))
+    assert pair.startswith("5: robots[1].follow: robots follow each other in a circle (1 → 2 → 1)")
+    tail = error_of(tmp_path, robots("id=5\nfollow=1", "id=1\nfollow=2", "id=2\nfollow=3", "id=3\nfollow=1"))
+    assert tail.startswith("6: robots[1].follow: robots follow each other in a circle (1 → 2 → 3 → 1)")
+    assert load(tmp_path, robots("id=3\nfollow=1", "id=2\nfollow=1", "id=1\nfollow=0", "id=0"))
+
+
+def test_a_follower_has_one_leader_and_one_behaviour(tmp_path: Path) -> None:
+    """`follow` with another behaviour or a second leader is refused; with behavior = "follow" it is allowed."""
+    told = error_of(tmp_path, robots("id=0", "id=1\nfollow=0\nbehavior='avoid'"))
+    assert told.startswith('5: robots[1].follow: both follow and behavior = "avoid"; keep one')
+    told = error_of(tmp_path, robots("id=0", "id=1\nfollow=0\nleader=2"))
+    assert told.startswith("6: robots[1].leader: the leader is named by follow = 0")
+    team = load(tmp_path, robots("id=0", "id=1\nfollow=0\nbehavior='follow'\nmin_dist=1.0"))
+    assert robot_arguments(team.robots[1]) == ["--id", "1", "--follow", "0", "--param", "min_dist=1.0"]
+
+
+@pytest.mark.parametrize(
+    ("table", "told"),
+    [
+        ("parent='map'", "3: static_transforms[0]: the key child is missing"),
+        ("parent='map'\nchild='a'\nw=1", "6: static_transforms[0].w: unknown key; known: parent"),
+        ("parent='map'\nchild='/map'", "parent and child must be the names of two frames"),
+        ("parent='map'\nchild='/'", "parent and child must be the names of two frames"),
+        ("parent='map'\nchild=''", "static_transforms[0].child: Expected `str` of length >= 1"),
+        ("parent='map'\nchild='a'\nx=nan", "static_transforms[0].x: nan is no number to place a frame with"),
+        ("parent='map'\nchild='a'\nqw=1", "a quaternion needs all of qx, qy, qz, qw"),
+        ("parent='map'\nchild='a'\nqx=0\nqy=0\nqz=0\nqw=0", "its length is not 1"),
+        ("parent='map'\nchild='a'\nqx=0\nqy=0\nqz=0\nqw=inf", "static_transforms[0].qw: inf is no number"),
+        ("parent='map'\nchild='a'\nqx=0\nqy=0\nqz=0\nqw=1\nyaw=1", "both a quaternion and yaw, pitch, roll"),
+        (
+            "parent='map'\nchild='a'\n[[static_transforms]]\nparent='b'\nchild='/a'",
+            "static_transforms[0] says where a",
+        ),
+    ],
+)
+def test_wrong_transforms_are_refused(tmp_path: Path, table: str, told: str) -> None:
+    """A frame has one parent of another name, finite numbers, and a valid rotation."""
+    assert told in error_of(tmp_path, f"[[robots]]\nid=0\n[[static_transforms]]\n{table}")
+
+
+def test_a_leader_with_mistakes_still_exists(tmp_path: Path) -> None:
+    """A mistake in the leader's table is not also reported as a missing leader."""
+    told = error_of(tmp_path, robots("id = 0\nbehavior = 3", "id = 1\nfollow = 0"))
+    assert told == "3: robots[0].behavior: Expected `str | null`, got `int`"

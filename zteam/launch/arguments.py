@@ -1,0 +1,112 @@
+"""The arguments of each process of a team: one function per kind of process. The table in `kinds` names them."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import msgspec
+
+from zteam import names
+from zteam.simulation_options import simulation_arguments
+from zteam.team_file import RobotEntry, Team, robot_arguments
+
+LOCKSTEP_TIMEOUT = 10.0
+"""Host seconds until lock-step leaves a living participant behind that does not answer."""
+
+Arguments = dict[str, list[str]]
+"""Arguments by process name, without the connection options that all processes get."""
+
+
+class Pace(msgspec.Struct, frozen=True):
+    """How the time of a simulated team passes."""
+
+    speed: str | None = None
+    """As on the command line: a number or `max`; None = the simulator's default."""
+    lockstep: bool = False
+    timeout: float = LOCKSTEP_TIMEOUT
+    """Host seconds until lock-step leaves a silent participant behind."""
+    expect: tuple[str, ...] = ()
+    """Participants besides the team's own that the first tick of lock-step waits for."""
+    paused: bool = False
+
+
+class TeamLaunch(msgspec.Struct, frozen=True):
+    """Everything that the arguments of a team's processes depend on."""
+
+    team: Team
+    world: Path | None
+    """None: real robots, no simulator."""
+    seed: int
+    team_file: Path | None = None
+    run_for: float | None = None
+    """Simulated seconds after GO."""
+    pace: Pace = Pace()
+    participants: tuple[str, ...] = ()
+    """Names of the processes that the first tick of lock-step waits for."""
+
+
+def no_arguments(_launch: TeamLaunch) -> Arguments:
+    """No process: the plan does not start this kind."""
+    return {}
+
+
+def simulator_arguments(launch: TeamLaunch) -> Arguments:
+    """One simulator, unless the robots are real."""
+    team, world = launch.team, launch.world
+    if world is None:
+        return {}
+    arguments = [
+        str(world),
+        *("--seed", str(launch.seed)),
+        *(() if launch.run_for is None else ("--for", str(launch.run_for))),
+        *_additions(team.robots),
+        *(() if team.team.world_robots else ("--only-added",)),
+        *_gaps(team.robots),
+        *simulation_arguments(team.simulation),
+        *_pace(launch),
+    ]
+    return {names.SIMULATOR: arguments}
+
+
+def aggregator_arguments(launch: TeamLaunch) -> Arguments:
+    """One aggregator, which publishes the static transforms of the team file."""
+    return {names.AGGREGATOR: [str(launch.team_file)] if launch.team_file else []}
+
+
+def monitor_arguments(launch: TeamLaunch) -> Arguments:
+    """One monitor, which gives GO when all these robots are ready."""
+    return {names.MONITOR: ["--ids", *(str(robot.id) for robot in launch.team.robots)]}
+
+
+def robots_arguments(launch: TeamLaunch) -> Arguments:
+    """One process per robot."""
+    found = {}
+    for robot in launch.team.robots:
+        arguments = [*robot_arguments(robot), "--seed", str(launch.seed)]
+        if launch.team_file is not None and ":" in (robot.behavior or ""):
+            # The module of a user's behaviour may lie beside the team file.
+            arguments += ["--path", str(launch.team_file.resolve().parent)]
+        found[names.robot_name(robot.id)] = arguments
+    return found
+
+
+def _pace(launch: TeamLaunch) -> list[str]:
+    pace = launch.pace
+    arguments = [] if pace.speed is None else ["--speed", pace.speed]
+    if pace.paused:
+        arguments.append("--paused")
+    if pace.lockstep:
+        arguments += ["--lockstep", "--lockstep-timeout", str(pace.timeout), "--expect", *launch.participants]
+    return arguments
+
+
+def _additions(robots: Sequence[RobotEntry]) -> list[str]:
+    arguments = []
+    for robot in robots:
+        if robot.pose is not None:
+            x, y, yaw = robot.pose
+            arguments += ["--add", f"{robot.id}:{robot.model or 'erratic'}:{x!r}:{y!r}:{yaw!r}"]
+    return arguments
+
+
+def _gaps(robots: Sequence[RobotEntry]) -> list[str]:
+    return [part for robot in robots if robot.follow is not None for part in ("--gap", f"{robot.id}:{robot.follow}")]
