@@ -10,9 +10,9 @@ from zteam.bus.transport import Closeable
 from zteam.clock import Rate, monotonic, to_ns
 from zteam.errors import UsageError
 from zteam.messages import Message, TFMessage, Tick, Twist, ns_from_time
-from zteam.runtime import node as core
-from zteam.runtime.logs import start_logging
+from zteam.runtime.node import ClockMode, Node
 from zteam.runtime.participant import Participant
+from zteam.runtime.process import run_body
 from zteam.runtime.shutdown import Stop, stopping_in_order
 
 M = TypeVar("M", bound=Message)
@@ -21,7 +21,7 @@ Step = Callable[[int], Twist | None]
 """`step(now)`: a robot's own process (`robot_N`) may return its command, which goes to the wheels."""
 
 
-class Node(core.Node):
+class StepNode(Node):
     """One process on the bus under a name of its own.
 
     `subscribe` and `bus.publisher` before `run(step)`; then `step(now)` is called with the time in ns: in lock-step
@@ -29,7 +29,7 @@ class Node(core.Node):
     every `period` seconds of simulated time, or of the host's where there is no simulator.
     """
 
-    def __init__(self, name: str, bus: Bus, stop: Stop, clock: core.ClockMode = "auto") -> None:
+    def __init__(self, name: str, bus: Bus, stop: Stop, clock: ClockMode = "auto") -> None:
         super().__init__(name, bus, stop, clock)
         self._every_tick: list[str] = []
         self._stamps: dict[str, int] = {}
@@ -39,7 +39,7 @@ class Node(core.Node):
         self._first_data = 0.0
         """Host time of the first message; 0 before."""
         self._part = Participant(self, self._has_inputs, self._act)
-        self.clock.sim.on_jump_back(self._start_anew)
+        self.on_time_reset(self._stamps.clear)
 
     def subscribe(
         self,
@@ -137,9 +137,6 @@ class Node(core.Node):
     def _act(self, tick: Tick) -> Twist | None:
         return self._ask_step(ns_from_time(tick.stamp))
 
-    def _start_anew(self, _old: int, _new: int) -> None:
-        self._stamps.clear()
-
 
 def _stamp_of(message: Any) -> int:
     if isinstance(message, TFMessage):
@@ -148,7 +145,7 @@ def _stamp_of(message: Any) -> int:
 
 
 def run(
-    name: str, body: Callable[[Node], None], options: BusOptions | None = None, *, clock: core.ClockMode = "auto"
+    name: str, body: Callable[[StepNode], None], options: BusOptions | None = None, *, clock: ClockMode = "auto"
 ) -> int:
     """Be the process `name`: `body(node)` subscribes and calls `node.run(step)`. Returns 0 after an orderly stop.
 
@@ -158,11 +155,10 @@ def run(
     Stops in order on SIGINT and SIGTERM. Without `options` the environment says how to reach the bus, as it does to
     every command (`ZTEAM_CONNECT`, `ZTEAM_NAMESPACE`, `ZTEAM_CONFIG`, `ZTEAM_LEASE`).
     """
-    start_logging(name, "info", "text")
     chosen = BusOptions.from_environment() if options is None else options
     stop = Stop()
     with stopping_in_order(stop):
-        code = core.run_body(name, chosen, body, stop, clock, make=Node)
+        code = run_body(name, chosen, body, stop, clock, make=StepNode)
     if code:
         raise SystemExit(code)
     return code
