@@ -162,10 +162,7 @@ class BaseNode:
         self.bus.close()
 
     def _on_link(self, up: bool) -> None:
-        if up:
-            log.warning("router is back")
-        else:
-            log.warning("router lost: waiting for it to come back")
+        log.warning("router is back" if up else "router lost: waiting for it to come back")
         self.wake()
 
     def _on_rival(self, info: ProcessInfo) -> None:
