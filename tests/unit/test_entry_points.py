@@ -122,7 +122,7 @@ def test_an_installed_message_type_is_found_by_its_names(name: str) -> None:
 
 @pytest.mark.usefixtures("acme")
 def test_a_tool_reads_installed_message_types(hub: MemoryHub) -> None:
-    """What `zteam topic echo` prints of a message whose encoding alone names the type."""
+    """What `zteam topic echo` prints of a message when only its encoding names the type."""
     samples: list[RawSample] = []
     hub.bus().subscribe_raw("battery", samples.append)
     kind = message_type("Battery")

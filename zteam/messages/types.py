@@ -390,7 +390,7 @@ class TeamStatus(Message):
 
 
 class Tick(Message):
-    """Lock-step: the world stands at tick `tick`, whose robots and participants are these."""
+    """Lock-step: the world stands at tick `tick`, with these robots and participants."""
 
     ros_type: ClassVar[str] = "zteam_msgs/msg/Tick"
     stamp: Time = msgspec.field(default_factory=Time)

@@ -1,4 +1,4 @@
-"""`zteam.Node` and `zteam.run`: a process of one's own that keeps time with the team, in lock-step too."""
+"""`zteam.Node` and `zteam.run`: a user's own process that keeps time with the team, in lock-step too."""
 
 from collections.abc import Callable
 from typing import Any, TypeVar
@@ -24,9 +24,9 @@ Step = Callable[[int], Twist | None]
 class StepNode(Node):
     """One process on the bus under a name of its own.
 
-    `subscribe` and `bus.publisher` before `run(step)`; then `step(now)` is called with the time in ns: in lock-step
-    once a tick, when all inputs declared with `every_tick` have come for it, and the world waits until it returns; else
-    every `period` seconds of simulated time, or of the host's where there is no simulator.
+    Call `subscribe` and `publisher`, then `run(step)`, which calls `step(now)` with the time in ns. In lock-step that
+    is once a tick, when all inputs declared with `every_tick` have come for it; the world waits for it. Out
+    of lock-step it is every `period` seconds of simulated time, or of the host's time where there is no simulator.
     """
 
     def __init__(self, name: str, bus: Bus, stop: Stop, clock: ClockMode = "auto") -> None:
@@ -51,11 +51,11 @@ class StepNode(Node):
         wake: bool = True,
         every_tick: bool = False,
     ) -> Closeable:
-        """Call `callback(key, message)` for what comes, never at the same time as `step`.
+        """Call `callback(key, message)` for each message, never at the same time as `step`.
 
         With `every_tick`, a lock-step's `step` waits for the tick's own message: of the key, or of every robot in the
-        world if the key is `robot_$*/topic`. Such a message needs a header, whose stamp says which tick it is of; `tf`
-        may be waited for as well.
+        world if the key is `robot_$*/topic`. Such a message needs a header with the stamp of its tick; `tf` may be
+        waited for as well.
         """
         if every_tick and "header" not in message_type.__struct_fields__ and message_type is not TFMessage:
             raise UsageError(f"{key_expr}: {message_type.__name__} has no header, so its tick cannot be told")
@@ -85,7 +85,7 @@ class StepNode(Node):
     def run(self, step: Step, *, period: float = 0.1) -> None:
         """Call `step(now)` until the process is asked to stop. Raises what `step` raises.
 
-        `step` must not ask the bus (`bus.ask`, a TransformClient): nothing is heard until it returns.
+        `step` must not ask the bus (`bus.ask`, a TransformClient): no answer is taken until it returns.
         """
         self._step = step
         robot_id = names.robot_id_of(self.name)
@@ -147,13 +147,13 @@ def _stamp_of(message: Any) -> int:
 def run(
     name: str, body: Callable[[StepNode], None], options: BusOptions | None = None, *, clock: ClockMode = "auto"
 ) -> int:
-    """Be the process `name`: `body(node)` subscribes and calls `node.run(step)`. Returns 0 after an orderly stop.
+    """Run `body(node)` as the process `name`; the body calls `node.run(step)`. Returns 0 after an orderly stop.
 
-    Raises SystemExit(1) after an error, which the log has: a script ends with that code, whether it looks at what `run`
-    returns or not.
+    Raises SystemExit(1) after an error, which it has logged: the script ends with that code, even if it ignores what
+    `run` returns.
 
-    Stops in order on SIGINT and SIGTERM. Without `options` the environment says how to reach the bus, as it does to
-    every command (`ZTEAM_CONNECT`, `ZTEAM_NAMESPACE`, `ZTEAM_CONFIG`, `ZTEAM_LEASE`).
+    Stops in order on SIGINT and SIGTERM; nothing else of the program changes. Without `options` the environment says
+    how to reach the bus, as for every command (`ZTEAM_CONNECT`, `ZTEAM_NAMESPACE`, `ZTEAM_CONFIG`, `ZTEAM_LEASE`).
     """
     chosen = BusOptions.from_environment() if options is None else options
     stop = Stop()

@@ -121,5 +121,5 @@ def test_a_truth_value_may_be_numpys(value: Any) -> None:
 @pytest.mark.parametrize("value", [2, "yes", None])
 def test_what_is_no_truth_value_is_refused(value: Any) -> None:
     """Its bytes would be no message to the subscriber."""
-    with pytest.raises(EncodeError, match="cannot encode Bool: .* is neither true nor false"):
+    with pytest.raises(EncodeError, match=r"cannot encode Bool: .* is neither true nor false"):
         encode(Bool(value))
