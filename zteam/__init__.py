@@ -1,23 +1,136 @@
-"""zteam: a team of robots as separate processes linked by Zenoh."""
+"""A team of robots in which every robot, the 2-D simulator and the tools are processes linked by Zenoh.
 
-from __future__ import annotations
+A behaviour of your own decides what a robot does. Put it into a file `my_robot.py`:
+
+    from zteam import Behavior
+    from zteam.messages import Twist, Vector3
+
+    class Circle(Behavior):
+        def step(self, view):
+            return Twist(Vector3(0.3), Vector3(0.0, 0.0, 0.4))
+
+and run it with `zteam-robot --id 0 --behavior my_robot:Circle`, or name it in a team file that `zteam up` starts.
+`view` is a `View`: the time, the scan, the odometry, and where the other robots are.
+
+A process of your own subscribes, publishes, and keeps time with the team:
+
+    import zteam
+    from zteam.messages import Bool, LaserScan
+
+    def main(node):
+        near = node.publisher("robot_0/near", Bool)
+        node.subscribe("robot_0/base_scan", LaserScan, lambda key, scan: near.put(Bool(scan.ranges.min() < 1.0)))
+        node.run(lambda now: None)
+
+    zteam.run("watchdog", main)
+
+A script asks the running simulator, or looks up transforms:
+
+    bus = zteam.connect(zteam.BusOptions.from_environment())
+    zteam.SimulatorClient(bus).pause()
+    zteam.TransformClient(bus).lookup_transform("map", "robot_0/base_footprint", timeout=1.0)
+    bus.close()
+
+A test starts a whole team with the pytest fixture `team`, or runs a node or a behaviour by itself with `zteam.testing`.
+
+Public packages:
+
+    zteam.messages   message types under their ROS 2 names, and their bytes
+    zteam.behaviors  the base class of behaviours, and reading laser scans
+    zteam.sim        the simulator as a Python object
+    zteam.world      Stage's world files
+    zteam.tf         tf2's buffer of transforms
+    zteam.testing    nodes and behaviours in a test's own process
+    zteam.errors     the errors that zteam raises; ZteamError is the base of all
+
+Every other module is internal and may change at any time. Units are SI and radians, stamps are integer nanoseconds.
+Errors go to the logger "zteam"; `logging.basicConfig(level="INFO")` shows its other messages as well.
+"""
 
 from zteam.version import __version__
 
-# Not typing's own: a command is deaf to Ctrl+C until what stands here is imported.
+# Not typing's own: a command is deaf to Ctrl+C until the imports of this module are done.
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import Any
+    from zteam.behaviors import Behavior, View
+    from zteam.bus import Bus, BusOptions, Change, Deferred, NoRequest, Publisher, connect
+    from zteam.errors import ZteamError
+    from zteam.geometry import Pose2
+    from zteam.resources import shipped_team, shipped_world
+    from zteam.runtime.step_node import StepNode as Node
+    from zteam.runtime.step_node import run
+    from zteam.services.simulator_client import SimulatorClient
+    from zteam.services.transforms import HistoryRequest, Lookup
+    from zteam.services.transforms_client import TransformClient
+    from zteam.team_file import Team, load_team
 
-    from zteam.runtime.step_node import Node, run
+__all__ = [
+    "Behavior",
+    "Bus",
+    "BusOptions",
+    "Change",
+    "Deferred",
+    "HistoryRequest",
+    "Lookup",
+    "NoRequest",
+    "Node",
+    "Pose2",
+    "Publisher",
+    "SimulatorClient",
+    "Team",
+    "TransformClient",
+    "View",
+    "ZteamError",
+    "__version__",
+    "connect",
+    "load_team",
+    "run",
+    "shipped_team",
+    "shipped_world",
+]
 
-__all__ = ["Node", "__version__", "run"]
+_HOMES = {
+    "Behavior": "behaviors.behavior",
+    "Bus": "bus.bus",
+    "BusOptions": "bus.options",
+    "Change": "bus.changes",
+    "Deferred": "bus.bus",
+    "HistoryRequest": "services.transforms",
+    "Lookup": "services.transforms",
+    "NoRequest": "bus.bus",
+    "Node": "runtime.step_node:StepNode",
+    "Pose2": "geometry",
+    "Publisher": "bus.bus",
+    "SimulatorClient": "services.simulator_client",
+    "Team": "team_file.entries",
+    "TransformClient": "services.transforms_client",
+    "View": "behaviors.view",
+    "ZteamError": "errors",
+    "connect": "bus.connection",
+    "load_team": "team_file.reading",
+    "run": "runtime.step_node",
+    "shipped_team": "resources",
+    "shipped_world": "resources",
+}
+"""The module within zteam that defines each name, and its name there where that is another."""
 
 
-def __getattr__(name: str) -> Any:
-    # Lazy: whoever wants only the simulator or the transforms does not pay for the bus.
-    if name not in ("Node", "run"):
+def __getattr__(name: str) -> object:
+    # Lazy: a program that wants only the simulator or the transforms does not pay for the bus.
+    if name not in _HOMES:
         raise AttributeError(f"module 'zteam' has no attribute {name!r}")
-    from zteam.runtime import step_node
+    from importlib import import_module
 
-    return getattr(step_node, name)
+    home, _, original = _HOMES[name].partition(":")
+    found = getattr(import_module(f"zteam.{home}"), original or name)
+    if home != "errors":
+        # Error texts and `help` name it as a user imports it.
+        found.__module__ = "zteam"
+        if original:
+            found.__name__ = found.__qualname__ = name
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    return __all__

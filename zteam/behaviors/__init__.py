@@ -3,6 +3,20 @@
 from zteam.behaviors.behavior import Behavior
 from zteam.behaviors.registry import load_behavior
 from zteam.behaviors.safety import decide, make_safe, missing
-from zteam.behaviors.view import Lookup, View
+from zteam.behaviors.scans import Cone, first_clear, look_ahead, look_along, read_beams
+from zteam.behaviors.view import FindPose, View
 
-__all__ = ["Behavior", "Lookup", "View", "decide", "load_behavior", "make_safe", "missing"]
+__all__ = [
+    "Behavior",
+    "Cone",
+    "FindPose",
+    "View",
+    "decide",
+    "first_clear",
+    "load_behavior",
+    "look_ahead",
+    "look_along",
+    "make_safe",
+    "missing",
+    "read_beams",
+]

@@ -1,4 +1,4 @@
-"""Behaviours by name: the shipped ones, and the user's own from `package.module:Class`."""
+"""Behaviours by name: the shipped ones, those of installed packages, and the user's own (`package.module:Class`)."""
 
 import importlib
 import inspect
@@ -15,6 +15,8 @@ from zteam.behaviors.behavior import Behavior
 from zteam.behaviors.follow import Follow
 from zteam.behaviors.forward import Forward
 from zteam.behaviors.wander import Wander
+from zteam.entry_points import BEHAVIORS as GROUP
+from zteam.entry_points import load_offered, offered
 from zteam.errors import UsageError
 from zteam.problems import Problem, did_you_mean, problems_of
 
@@ -22,9 +24,10 @@ BEHAVIORS: dict[str, type[Behavior]] = {"forward": Forward, "avoid": Avoid, "wan
 
 
 def load_behavior(spec: str, params: dict[str, Any], robot_id: int | None = None) -> Behavior:
-    """The behaviour called `spec`, a shipped name or `package.module:Class`, with its parameters checked.
+    """The behaviour called `spec` with its parameters checked.
 
-    Give `robot_id` to have a robot refused that would follow itself. Raises UsageError.
+    `spec` is a shipped name, an entry point `zteam.behaviors` of an installed package, or `package.module:Class`. With
+    `robot_id`, a robot that would follow itself is refused. Raises UsageError.
     """
     kind = find_behavior(spec)
     problems = parameter_problems(spec, kind, params)
@@ -51,18 +54,25 @@ def look_in(folders: Iterable[str | Path]) -> None:
 
 
 def find_behavior(spec: str) -> type[Behavior]:
-    """The class called `spec`. Imports the user's module. Raises UsageError."""
+    """The class called `spec`. Imports its module. Raises UsageError."""
     if spec in BEHAVIORS:
         return BEHAVIORS[spec]
     module, colon, name = spec.partition(":")
-    if not (colon and name.isidentifier() and all(part.isidentifier() for part in module.split("."))):
-        raise UsageError(
-            f"no behaviour {spec!r}{_suggestion(spec)}: use {', '.join(BEHAVIORS)} or package.module:Class"
-        )
+    if colon and name.isidentifier() and all(part.isidentifier() for part in module.split(".")):
+        return _checked(spec, _import(spec, module, name))
+    found = load_offered(GROUP, spec)
+    if found is not None:
+        return _checked(spec, found)
+    known = [*BEHAVIORS, *offered(GROUP)]
+    raise UsageError(f"no behaviour {spec!r}{_suggestion(spec, known)}: use {', '.join(known)} or package.module:Class")
+
+
+def _import(spec: str, module: str, name: str) -> Any:
+    """What is called `name` in the user's `module`. Raises UsageError."""
     try:
         imported = importlib.import_module(module)
     except (Exception, SystemExit) as error:
-        # Importing runs the user's own code: whatever it raises is the user's to mend, and one line is enough to know.
+        # Importing runs the user's own code, which may raise anything. One line is enough to mend it.
         raise UsageError(
             f"behaviour {spec!r}: cannot import {module}: {type(error).__name__}: {_one_line(error)} "
             "(is it beside the team file, in the current folder or on PYTHONPATH?)"
@@ -73,6 +83,11 @@ def find_behavior(spec: str) -> type[Behavior]:
         hint = did_you_mean(name, known) or (f"; it has {', '.join(known)}" if known else "")
         place = getattr(imported, "__file__", None) or "built in"
         raise UsageError(f"behaviour {spec!r}: module {module} ({place}) has no {name}{hint}")
+    return found
+
+
+def _checked(spec: str, found: Any) -> type[Behavior]:
+    """`found` itself, if it is a behaviour with a type for its parameters. Raises UsageError."""
     if not _is_behavior(found):
         raise UsageError(f"behaviour {spec!r} is not a subclass of zteam.behaviors.Behavior")
     if not _takes_parameters(found):
@@ -80,9 +95,9 @@ def find_behavior(spec: str) -> type[Behavior]:
     return found  # type: ignore[no-any-return]
 
 
-def _suggestion(spec: str) -> str:
-    """What may have been meant: a shipped name, or a class in the module of that name, which is not imported."""
-    near = did_you_mean(spec, BEHAVIORS)
+def _suggestion(spec: str, known: Iterable[str]) -> str:
+    """What may have been meant: a known name, or a class in the module of that name, which is not imported."""
+    near = did_you_mean(spec, known)
     if near or not spec.isidentifier():
         return near
     place = PathFinder.find_spec(spec)

@@ -18,7 +18,7 @@ MAX_LINEAR = 1.0
 MAX_ANGULAR = math.pi
 """rad/s, both ways."""
 STOP_AHEAD = 0.35
-"""Metres from the laser: 0.25 m ahead of the front of an erratic, whose laser sits 0.1 m behind it."""
+"""Metres from the laser: 0.25 m ahead of the front of an erratic; its laser sits 0.1 m behind the front."""
 HALF_WIDTH = 0.2
 """Metres: an erratic's half width of 0.175 m and a margin."""
 BLIND_ANGLE = math.radians(30.0)
@@ -27,7 +27,7 @@ BLIND_SHARE = 0.5
 
 
 def decide(behavior: Behavior, view: View) -> tuple[Twist, str]:
-    """What the wheels shall do, and why they do not do what the behaviour is there for ("" = they do)."""
+    """The safe velocity of a step, and why it is not what the behaviour is for ("" if it is)."""
     trouble = _old_data(view, behavior.uses_tf)
     if trouble:
         return Twist(), trouble

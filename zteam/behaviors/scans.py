@@ -84,7 +84,7 @@ class _Newest:
 def _beams_of(scan: LaserScan) -> _Beams | None:
     ranges = scan.ranges
     if not isinstance(ranges, np.ndarray) or ranges.flags.writeable:
-        # Somebody may still change it.
+        # It may still be changed.
         return _read(scan)
     if _Newest.scan is not scan:
         _Newest.scan, _Newest.beams = scan, _read(scan)

@@ -9,9 +9,9 @@ from zteam.counter_random import uniform
 from zteam.geometry import Pose2
 from zteam.messages import LaserScan, Odometry
 
-Lookup = Callable[[str, str], tuple[Pose2, int] | None]
-"""`lookup(target_frame, source_frame)`: the newest target_from_source and its stamp (ns; 0 where nothing on the way
-moves), or None where the look-up failed."""
+FindPose = Callable[[str, str], tuple[Pose2, int] | None]
+"""`find_pose(target_frame, source_frame)`: the newest target_from_source and its stamp (ns; 0 where nothing between the
+two frames moves), or None where the look-up failed."""
 
 
 class View(msgspec.Struct, frozen=True, kw_only=True, eq=False):
@@ -24,7 +24,7 @@ class View(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     robot_id: int
     scan: LaserScan | None
     odom: Odometry | None
-    lookup: Lookup
+    lookup: FindPose
     team: tuple[int, ...] = ()
     """Ids of the robots that are alive, as far as known."""
     seed: int = 1

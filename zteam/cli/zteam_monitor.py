@@ -45,7 +45,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _monitor(args: argparse.Namespace) -> int:
     from zteam.nodes.monitor.node import MonitorOptions, run_monitor
-    from zteam.runtime.node import run_node
+    from zteam.runtime.process import run_node
 
     team_size, ids = parse_team(args.team_size, args.ids)
     options = MonitorOptions(team_size, ids, args.json, args.exit_on_go)

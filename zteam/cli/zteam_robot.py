@@ -73,7 +73,8 @@ def _drive(robot_id: int, args: argparse.Namespace) -> int:
     from zteam.behaviors.registry import look_in
     from zteam.nodes.robot.node import RobotOptions, run_robot
     from zteam.runtime.faults import log_fault
-    from zteam.runtime.node import Node, run_node
+    from zteam.runtime.node import Node
+    from zteam.runtime.process import run_node
 
     params = dict(map(parse_param, args.param))
     spec = args.behavior or "forward"

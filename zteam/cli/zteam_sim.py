@@ -179,7 +179,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _simulate(args: argparse.Namespace) -> int:
     from zteam.nodes.simulator.node import SimOptions, run_simulator
-    from zteam.runtime.node import Node, run_node
+    from zteam.runtime.node import Node
+    from zteam.runtime.process import run_node
     from zteam.sim.takeover import begin, fill_cache, prepare
     from zteam.world import add_robot, load_world
 

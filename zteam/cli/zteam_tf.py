@@ -35,7 +35,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _aggregate(args: argparse.Namespace) -> int:
     from zteam.nodes.transforms.node import run_aggregator
-    from zteam.runtime.node import Node, run_node
+    from zteam.runtime.node import Node
+    from zteam.runtime.process import run_node
     from zteam.team_file import load_team, static_transform
     from zteam.tf.urdf import read_description
 

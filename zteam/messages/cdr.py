@@ -10,31 +10,19 @@ import struct
 import typing
 from collections.abc import Callable
 from functools import cache
-from typing import Any, TypeVar, get_args, get_origin
+from typing import Any, TypeVar
 
 import numpy as np
 
 from zteam.errors import DecodeError, EncodeError
 from zteam.messages.types import Message
+from zteam.messages.wire_fields import SIZES, Field, fields_of, least_size
 
 M = TypeVar("M", bound=Message)
 
 _HEADER = b"\x00\x01\x00\x00"
 _MAX_PADDING = 3
 """XCDR1 writers may pad a payload to a multiple of four."""
-
-_CODES = {
-    "bool": "B", "int8": "b", "uint8": "B", "int32": "i", "uint32": "I", "uint64": "Q", "float32": "f", "float64": "d",
-}  # fmt: skip
-_SIZES = {"B": 1, "b": 1, "i": 4, "I": 4, "Q": 8, "f": 4, "d": 8}
-_DTYPES = {"bool": "b1", "int8": "i1", "int32": "i4", "float32": "f4", "float64": "f8"}
-
-_MAY_BE_INFINITE = {"LaserScan.range_max", "Range.min_range", "Range.max_range", "Range.range"}
-"""Scalars that ROS allows to be inf or NaN (fixed-distance rangers, lasers without a limit); in any other a NaN makes
-no message."""
-
-Field = tuple[str, str, Any]
-"""(kind, expression, detail); kinds: number, str, sequence, array, list."""
 
 
 def encode(message: Message) -> bytes:
@@ -61,31 +49,6 @@ def decode(message_type: type[M], payload: bytes) -> M:
         raise DecodeError(f"not a {message_type.__name__}: {error}") from None
 
 
-def _fields(message_type: type[Message], expression: str) -> list[Field]:
-    """The type's fields in wire order, nested messages flattened."""
-    found: list[Field] = []
-    hints = typing.get_type_hints(message_type, include_extras=True)
-    for name in message_type.__struct_fields__:
-        hint, place = hints[name], f"{expression}.{name}"
-        if get_origin(hint) is list:
-            found.append(("list", place, get_args(hint)[0]))
-        elif hint is str:
-            found.append(("str", place, None))
-        elif isinstance(hint, type) and issubclass(hint, Message):
-            found.extend(_fields(hint, place))
-        else:
-            wire = get_args(hint)[1]
-            base, bracket, count = wire.partition("[")
-            if not bracket:
-                finite = base.startswith("float") and f"{message_type.__name__}.{name}" not in _MAY_BE_INFINITE
-                found.append(("number", place, (_CODES[base], base == "bool", finite)))
-            elif count == "]":
-                found.append(("sequence", place, _DTYPES[base]))
-            else:
-                found.append(("array", place, (_DTYPES[base], int(count[:-1]))))
-    return found
-
-
 @cache
 def _runs(codes: str, order: str) -> tuple[struct.Struct, ...]:
     """Structs for the numbers `codes`, one for each position modulo 8 (counted with the header) it may start at."""
@@ -93,9 +56,9 @@ def _runs(codes: str, order: str) -> tuple[struct.Struct, ...]:
     for start in range(8):
         position, layout = start - len(_HEADER), order
         for code in codes:
-            padding = -position % _SIZES[code]
+            padding = -position % SIZES[code]
             layout += "x" * padding + code
-            position += padding + _SIZES[code]
+            position += padding + SIZES[code]
         variants.append(struct.Struct(layout))
     return tuple(variants)
 
@@ -134,30 +97,21 @@ def _write(source: _Source, fields: list[Field]) -> None:
 
     for number, (kind, place, detail) in enumerate(fields):
         if kind == "number":
-            run.append((detail[0], place))
+            run.append((detail[0], f"{source.name('B', _truth)}({place})" if detail[1] else place))
         elif kind == "str":
             source.add(f"s{number} = {place}.encode() + b'\\0'")
             run.append(("I", f"len(s{number})"))
             flush()
             source.add(f"parts.append(s{number}); p += len(s{number})")
         elif kind == "sequence":
-            dtype = source.name("D", np.dtype("<" + detail))
-            source.add(f"a{number} = np.ascontiguousarray({place}, {dtype})")
+            source.add(f"a{number} = np.ascontiguousarray({place}, {source.name('D', np.dtype('<' + detail))})")
             source.add(f"if a{number}.ndim != 1: raise ValueError('a sequence has one dimension')")
             run.append(("I", f"len(a{number})"))
             flush()
-            if int(detail[1]) > 4:
-                # The length left the position at a multiple of 4; an empty sequence is not aligned.
-                gap = f"({len(_HEADER)} - p) % {int(detail[1])} if len(a{number}) else 0"
-                source.add(f"n = {gap}; parts.append(bytes(n)); p += n")
-            source.add(f"b = a{number}.tobytes(); parts.append(b); p += len(b)")
+            _write_numbers(source, f"a{number}", int(detail[1]))
         elif kind == "array":
             flush()
-            dtype = source.name("D", np.dtype("<" + detail[0]))
-            source.add(f"a = np.ascontiguousarray({place}, {dtype})")
-            source.add(f"if a.shape != ({detail[1]},): raise ValueError('an array of {detail[1]} numbers is due')")
-            align = int(detail[0][1])
-            source.add(f"n = ({len(_HEADER)} - p) % {align}; b = bytes(n) + a.tobytes(); parts.append(b); p += len(b)")
+            _write_array(source, place, *detail)
         else:
             run.append(("I", f"len({place})"))
             flush()
@@ -166,10 +120,33 @@ def _write(source: _Source, fields: list[Field]) -> None:
     flush()
 
 
+def _truth(value: Any) -> bool:
+    """A truth value, numpy's too: what a comparison of numpy numbers gives goes into a `Bool` as it is."""
+    if isinstance(value, bool | np.bool_) or value in (0, 1):
+        return bool(value)
+    raise ValueError(f"{value!r} is neither true nor false")
+
+
+def _write_numbers(source: _Source, value: str, size: int) -> None:
+    """Lines for the numbers of a sequence, below its length."""
+    if size > 4:
+        # The length left the position at a multiple of 4; an empty sequence is not aligned.
+        gap = f"({len(_HEADER)} - p) % {size} if len({value}) else 0"
+        source.add(f"n = {gap}; parts.append(bytes(n)); p += n")
+    source.add(f"b = {value}.tobytes(); parts.append(b); p += len(b)")
+
+
+def _write_array(source: _Source, place: str, dtype: str, count: int) -> None:
+    """Lines for an array of fixed length."""
+    source.add(f"a = np.ascontiguousarray({place}, {source.name('D', np.dtype('<' + dtype))})")
+    source.add(f"if a.shape != ({count},): raise ValueError('an array of {count} numbers is due')")
+    source.add(f"n = ({len(_HEADER)} - p) % {int(dtype[1])}; b = bytes(n) + a.tobytes(); parts.append(b); p += len(b)")
+
+
 @cache
 def _element_writer(kind: Any) -> Callable[..., Any]:
     source = _Source()
-    _write(source, [("str", "m", None)] if kind is str else _fields(kind, "m"))
+    _write(source, [("str", "m", None)] if kind is str else fields_of(kind, "m"))
     source.add("return p")
     return source.compile("def f(m, parts, p):", f"write {kind.__name__}")
 
@@ -178,7 +155,7 @@ def _element_writer(kind: Any) -> Callable[..., Any]:
 def _encoder(message_type: type[Message]) -> Callable[[Message], bytes]:
     source = _Source()
     source.add(f"parts = [{_HEADER!r}]; p = {len(_HEADER)}")
-    _write(source, _fields(message_type, "m"))
+    _write(source, fields_of(message_type, "m"))
     source.add("return b''.join(parts)")
     return source.compile("def f(m):", f"encode {message_type.__name__}")
 
@@ -203,35 +180,17 @@ def _read(source: _Source, fields: list[Field], order: str) -> dict[str, str]:
     for number, (kind, place, detail) in enumerate(fields):
         value = values[place] = f"v{number}"
         if kind == "number":
-            run.append((detail[0], value))
-            if detail[1]:
-                checks.append(f"if {value} > 1: raise DecodeError('{place} is neither true nor false')")
-                checks.append(f"{value} = {value} == 1")
-            if detail[2]:
-                finite.append(value)
-        elif kind == "str":
-            run.append(("I", "n"))
-            flush()
-            _read_text(source, value)
-        elif kind == "sequence":
-            run.append(("I", "n"))
-            flush()
-            size = int(detail[1])
-            if size > 4:
-                source.add(f"if n: p += ({len(_HEADER)} - p) % {size}")
-            source.add(f"if n * {size} > end - p: raise DecodeError('a length of %d, more than it holds' % n)")
-            _read_numbers(source, value, detail, "n", order)
+            code, is_bool, must_be_finite = detail
+            run.append((code, value))
+            checks += _bool_checks(value, place) if is_bool else []
+            finite += [value] if must_be_finite else []
         elif kind == "array":
             flush()
-            source.add(f"p += ({len(_HEADER)} - p) % {int(detail[0][1])}")
-            _read_numbers(source, value, detail[0], str(detail[1]), order)
+            _read_array(source, value, detail[0], detail[1], order)
         else:
             run.append(("I", "n"))
             flush()
-            reader = source.name("R", _element_reader(detail, order))
-            source.add(f"if n * {_least_size(detail)} > end - p: raise DecodeError('a length of %d, too many' % n)")
-            source.add(f"{value} = []")
-            source.add(f"for _ in range(n): e, p = {reader}(buf, p, end); {value}.append(e)")
+            _COUNTED[kind](source, value, detail, order)
     flush()
     if finite:
         # 0 * x is 0 for every finite x and NaN for the others, and a sum of zeros cannot overflow.
@@ -239,12 +198,47 @@ def _read(source: _Source, fields: list[Field], order: str) -> dict[str, str]:
     return values
 
 
-def _read_text(source: _Source, value: str) -> None:
+def _read_text(source: _Source, value: str, _detail: None, _order: str) -> None:
     source.add("if n > end - p: raise DecodeError('a text of %d bytes, more than it holds' % n)")
     # Some writers send the empty text without its NUL.
     source.add(f"if n == 0: {value} = ''")
     source.add("elif buf[p + n - 1] != 0: raise DecodeError('a text without its final NUL')")
     source.add(f"else: {value} = str(buf[p:p + n - 1], 'utf-8'); p += n")
+
+
+def _bool_checks(value: str, place: str) -> list[str]:
+    return [
+        f"if {value} > 1: raise DecodeError('{place} is neither true nor false')",
+        f"{value} = {value} == 1",
+    ]
+
+
+def _read_array(source: _Source, value: str, dtype: str, count: int, order: str) -> None:
+    source.add(f"p += ({len(_HEADER)} - p) % {int(dtype[1])}")
+    _read_numbers(source, value, dtype, str(count), order)
+
+
+def _read_sequence(source: _Source, value: str, dtype: str, order: str) -> None:
+    size = int(dtype[1])
+    if size > 4:
+        source.add(f"if n: p += ({len(_HEADER)} - p) % {size}")
+    source.add(f"if n * {size} > end - p: raise DecodeError('a length of %d, more than it holds' % n)")
+    _read_numbers(source, value, dtype, "n", order)
+
+
+def _read_list(source: _Source, value: str, kind: Any, order: str) -> None:
+    reader = source.name("R", _element_reader(kind, order))
+    source.add(f"if n * {least_size(kind)} > end - p: raise DecodeError('a length of %d, too many' % n)")
+    source.add(f"{value} = []")
+    source.add(f"for _ in range(n): e, p = {reader}(buf, p, end); {value}.append(e)")
+
+
+_COUNTED: dict[str, Callable[[_Source, str, Any, str], None]] = {
+    "str": _read_text,
+    "sequence": _read_sequence,
+    "list": _read_list,
+}
+"""What reads a field that begins with its length, which is in `n`."""
 
 
 def _read_numbers(source: _Source, value: str, dtype: str, count: str, order: str) -> None:
@@ -269,7 +263,7 @@ def _element_reader(kind: Any, order: str) -> Callable[..., Any]:
     if kind is str:
         result = _read(source, [("str", "m", None)], order)["m"]
     else:
-        result = _build(kind, "m", _read(source, _fields(kind, "m"), order), source)
+        result = _build(kind, "m", _read(source, fields_of(kind, "m"), order), source)
     source.add(f"return {result}, p")
     return source.compile("def f(buf, p, end):", f"read {kind.__name__}")
 
@@ -278,22 +272,7 @@ def _element_reader(kind: Any, order: str) -> Callable[..., Any]:
 def _decoder(message_type: type[Message], little: bool) -> Callable[[bytes, int], Message]:
     source = _Source()
     source.add(f"p = {len(_HEADER)}")
-    values = _read(source, _fields(message_type, "m"), "<" if little else ">")
+    values = _read(source, fields_of(message_type, "m"), "<" if little else ">")
     source.add(f"if end - p > {_MAX_PADDING}: raise DecodeError('%d bytes of garbage behind it' % (end - p))")
     source.add(f"return {_build(message_type, 'm', values, source)}")
     return source.compile("def f(buf, end):", f"decode {message_type.__name__}")
-
-
-def _least_size(kind: Any) -> int:
-    """The fewest bytes that an element of a list can take."""
-    if kind is str:
-        return 4
-    least = 0
-    for field_kind, _, detail in _fields(kind, "m"):
-        if field_kind == "number":
-            least += _SIZES[detail[0]]
-        elif field_kind == "array":
-            least += int(detail[0][1]) * int(detail[1])
-        else:
-            least += 4
-    return least

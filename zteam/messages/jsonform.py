@@ -8,6 +8,7 @@ import numpy as np
 
 from zteam.errors import UsageError
 from zteam.messages.types import Message
+from zteam.messages.wire_fields import wire_form
 
 M = TypeVar("M", bound=Message)
 
@@ -80,13 +81,13 @@ def _value(hint: Any, item: Any, path: str) -> Any:
         if not isinstance(item, str):
             raise UsageError(f"{path}: expected a text, got {item!r}")
         return item
-    base, bracket, count = get_args(hint)[1].partition("[")
-    if not bracket:
+    base, count = wire_form(hint, path)
+    if not count:
         return _number(base, item, path)
     if not isinstance(item, list):
         raise UsageError(f"{path}: expected a list of numbers, got {item!r}")
-    if count != "]" and len(item) != int(count[:-1]):
-        raise UsageError(f"{path}: expected {count[:-1]} numbers, got {len(item)}")
+    if count != "]" and len(item) != int(count):
+        raise UsageError(f"{path}: expected {count} numbers, got {len(item)}")
     return np.array([_number(base, entry, f"{path}[{i}]") for i, entry in enumerate(item)], dtype=base)
 
 

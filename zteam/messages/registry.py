@@ -1,36 +1,53 @@
 """Types by name, names on the wire, and stamps."""
 
 import difflib
-from functools import cache
+import logging
+from functools import cache, lru_cache
 
+from zteam.entry_points import MESSAGES, load_offered, offered
 from zteam.errors import UsageError
-from zteam.messages import types
-from zteam.messages.types import Message, Time
+from zteam.messages.types import REGISTERED, Message, Time
+
+log = logging.getLogger("zteam")
 
 _NS = 1_000_000_000
 
 
-@cache
 def all_types() -> dict[str, type[Message]]:
-    """Every message type by its full ROS name."""
-    found = [t for t in vars(types).values() if isinstance(t, type) and issubclass(t, Message) and t is not Message]
-    return {t.ros_type: t for t in sorted(found, key=lambda t: t.ros_type)}
+    """Every message type that is imported by now, by its full ROS name, sorted."""
+    return dict(sorted(REGISTERED.items()))
 
 
 def message_type(name: str) -> type[Message]:
     """The type that a user calls `sensor_msgs/msg/LaserScan`, `sensor_msgs/LaserScan` or `LaserScan`.
 
-    Raises UsageError with the nearest names.
+    Types of installed packages (entry points `zteam.messages`) are imported if no other type has that name. Raises
+    UsageError with the nearest names.
     """
-    known = all_types()
     parts = name.strip("/").split("/")
-    for ros_type, found in known.items():
-        package, _, bare = ros_type.split("/")
-        if parts in ([package, "msg", bare], [package, bare], [bare]):
-            return found
+    found = _by_parts(parts)
+    if found is None:
+        if len(parts) > 1:
+            load_offered(MESSAGES, parts[0])
+        else:
+            for package in offered(MESSAGES):
+                _import_offered(package)
+        found = _by_parts(parts)
+    if found is not None:
+        return found
+    known = all_types()
     near = difflib.get_close_matches(parts[-1], [t.rpartition("/")[2] for t in known], n=3, cutoff=0.4)
     hint = f"did you mean {', '.join(near)}?" if near else f"known: {', '.join(known)}"
     raise UsageError(f"no message type {name!r}: {hint}")
+
+
+def _by_parts(parts: list[str]) -> type[Message] | None:
+    # In the order of their definition: a bare name means zteam's own type before another package's.
+    for ros_type, found in REGISTERED.items():
+        package, _, bare = ros_type.split("/")
+        if parts in ([package, "msg", bare], [package, bare], [bare]):
+            return found
+    return None
 
 
 @cache
@@ -40,9 +57,29 @@ def encoding_of(kind: type[Message]) -> str:
 
 
 def type_of_encoding(encoding: str) -> type[Message] | None:
-    """The type that an encoding names, or None."""
+    """The type that an encoding names, or None. Imports it from an installed package where it is not zteam's own."""
     prefix, _, name = encoding.partition(";")
-    return all_types().get(name) if prefix == "application/cdr" else None
+    if prefix != "application/cdr":
+        return None
+    return REGISTERED.get(name) or _offered_type(name)
+
+
+@lru_cache(maxsize=1024)
+def _offered_type(name: str) -> type[Message] | None:
+    """The type called `name` of the package that offers its ROS package; None if there is none, or it is broken.
+
+    Tools ask once for each message they see, so the answer is kept.
+    """
+    _import_offered(name.partition("/")[0])
+    return REGISTERED.get(name)
+
+
+def _import_offered(package: str) -> None:
+    """Import the message types of `package`; a broken package is logged, because others may have the type."""
+    try:
+        load_offered(MESSAGES, package)
+    except UsageError as error:
+        log.warning("%s", error)
 
 
 def time_from_ns(nanoseconds: int) -> Time:

@@ -1,7 +1,8 @@
 """Message types under their ROS 2 names, with ROS 2's fields in ROS 2's order, and zteam's own `zteam_msgs`.
 
 Sources: geometry_msgs, nav_msgs, sensor_msgs, std_msgs, tf2_msgs, rosgraph_msgs and builtin_interfaces of ROS 2
-Jazzy; `zteam_msgs` is defined in DESIGN section 4. Annotations such as `float32` say how a field stands on the wire.
+Jazzy; `zteam_msgs` is zteam's own (docs/time.md, docs/api.md). Annotations such as `float32` say how a field stands on
+the wire. The file is long because it is a list, in which a type stands below the types that it contains.
 """
 
 from typing import Annotated, Any, ClassVar
@@ -9,6 +10,8 @@ from typing import Annotated, Any, ClassVar
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
+
+from zteam.errors import UsageError
 
 bool_ = Annotated[bool, "bool"]
 int8 = Annotated[int, "int8"]
@@ -27,7 +30,7 @@ Covariance = Annotated[NDArray[np.float64], "float64[36]"]
 
 
 def _frozen(array: NDArray[Any]) -> NDArray[Any]:
-    # Defaults are shared between messages, so nobody may write into them.
+    # Messages share their defaults, so no message may write into them.
     array.flags.writeable = False
     return array
 
@@ -40,13 +43,27 @@ _NO_BOOL: NDArray[np.bool_] = _frozen(np.zeros(0, np.bool_))
 _NO_COVARIANCE: NDArray[np.float64] = _frozen(np.zeros(36, np.float64))
 
 
+REGISTERED: dict[str, type["Message"]] = {}
+"""Every message type that is imported, by its full ROS name."""
+
+
 class Message(msgspec.Struct, eq=False, gc=False):
     """Base of all messages. `ros_type` is the type's full ROS name, such as `geometry_msgs/msg/Twist`.
+
+    A subclass of your own gives a `ros_type` and fields annotated with a message type, `str`, `list[...]` of these, or
+    one of `bool_`, `int8`, `float64`, `Float32Seq`, … of this module; every field has a default. Raises UsageError
+    where `ros_type` is no ROS name or is a type of zteam's own.
 
     The garbage collector leaves messages alone: their types admit no cycles, and a team makes a great many of them.
     """
 
     ros_type: ClassVar[str] = ""
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        # Only the name: the class has no fields yet. Its codec is generated at its first use.
+        if "ros_type" in vars(cls):
+            _register(cls)
 
     def __eq__(self, other: object) -> bool:
         if type(self) is not type(other):
@@ -58,6 +75,18 @@ class Message(msgspec.Struct, eq=False, gc=False):
         return not self == other
 
     __hash__ = None  # type: ignore[assignment]
+
+
+def _register(kind: type[Message]) -> None:
+    name = kind.ros_type
+    parts = name.split("/")
+    if len(parts) != 3 or parts[1] != "msg" or not all(part.isidentifier() for part in parts):
+        raise UsageError(f"{kind.__name__}: ros_type is {name!r}; write it as 'my_msgs/msg/{kind.__name__}'")
+    known = REGISTERED.get(name)
+    if known is not None and known.__module__ == __name__:
+        raise UsageError(f"{kind.__name__}: {name} is a type of zteam's own; choose another package name")
+    # A class that is defined anew, as in a notebook, replaces the one before.
+    REGISTERED[name] = kind
 
 
 def _same(a: Any, b: Any) -> bool:
@@ -361,7 +390,7 @@ class TeamStatus(Message):
 
 
 class Tick(Message):
-    """Lock-step: the world stands at tick `tick`, whose robots and participants are these."""
+    """Lock-step: the world stands at tick `tick`, with these robots and participants."""
 
     ros_type: ClassVar[str] = "zteam_msgs/msg/Tick"
     stamp: Time = msgspec.field(default_factory=Time)

@@ -1,94 +1,49 @@
-"""What every process shares: its name on the bus, its clock, one condition to wait on, and an orderly end."""
+"""The node that every process has: a named process on the bus that knows the team's time."""
 
-import gc
 import logging
-import sys
-import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from typing import Literal, TypeVar
+from collections.abc import Callable
+from typing import Literal
 
 from zteam import names
-from zteam.bus import Bus, BusOptions, connect
-from zteam.bus.presence import Claim, ProcessInfo
+from zteam.bus import Bus
 from zteam.bus.transport import Closeable
-from zteam.clock import AutoClock, Rate, monotonic, to_seconds, wait_until
-from zteam.errors import ZteamError
-from zteam.messages import Clock, Message, ns_from_time
-from zteam.runtime.faults import log_fault
-from zteam.runtime.shutdown import Stop, exit_hard_later
+from zteam.clock import AutoClock, Rate, monotonic, to_seconds
+from zteam.messages import Clock, ns_from_time
+from zteam.runtime.base_node import BaseNode
+from zteam.runtime.shutdown import Stop
 
 log = logging.getLogger("zteam")
-
-M = TypeVar("M", bound=Message)
-N = TypeVar("N", bound="Node")
 
 WALL_AFTER = 0.5
 """Host seconds of data without a sign of a simulator after which this is a real base, in wall time."""
 ClockMode = Literal["auto", "sim", "wall"]
 CLOCK_MODES: tuple[ClockMode, ...] = ("auto", "sim", "wall")
-"""Which time a process works in: the simulator's if there is one, else the host's; or one of the two in any case."""
-SWITCH_INTERVAL = 0.0005
-"""Seconds a busy thread keeps the interpreter while a message waits for its callback; 5 ms is Python's default."""
+"""Which time a process works in: simulated time if there is a simulator, else the host's; or always one of the two."""
 
 
-class Node:
-    """One named process on the bus.
-
-    Everything that arrives changes state under `changed` and wakes the main loop, which waits with `wait`. Nothing
-    here polls. `on_stop` hooks run before the session closes, in the order they were added.
-    """
+class Node(BaseNode):
+    """A BaseNode that takes its time from the simulator's clock or ticks, or from the host where there is neither."""
 
     def __init__(self, name: str, bus: Bus, stop: Stop, clock: ClockMode = "auto") -> None:
-        self.name = name
-        self.bus = bus
-        self.stop = stop
+        super().__init__(name, bus, stop)
         self.clock = AutoClock()
         if clock == "sim":
             self.clock.use_simulated()
         elif clock == "wall":
             self.clock.use_wall()
-        self.changed = threading.Condition()
-        self.present = False
-        """Whether this process holds its name and has not begun to give it back."""
-        self.exit_code = 0
-        """Of a process whose body ended without an error."""
-        self._failure: BaseException | None = None
-        self._simulators: set[str] = set()
-        self._on_simulator_lost: list[Callable[[], None]] = []
         self.wakes_with_clock = False
         """Whether every tick of the simulator's clock wakes the main loop."""
+        self._simulators: set[str] = set()
+        self._on_simulator_lost: list[Callable[[], None]] = []
         self._clock_input: Closeable | None = None
         self._follows_clock = False
-        self._on_stop: list[Callable[[], None]] = []
-        self.claim = Claim(bus, name)
-        bus.serve_stats(name)
-        stop.on_request(self.wake)
-        bus.watch_link(self._on_link)
 
-    @property
-    def stopping(self) -> bool:
-        """Whether the process was asked to stop."""
-        return self.stop.requested
+    def on_time_reset(self, callback: Callable[[], None]) -> None:
+        """Call `callback()` when simulated time jumps back: the world was reset, or its simulator started anew.
 
-    @property
-    def speaks(self) -> bool:
-        """Whether it may act and answer under its name: it holds that, is not being closed and has not failed."""
-        return self.present and self._failure is None
-
-    def become_present(self) -> None:
-        """Win the name and show the presence token. Raises DuplicateNameError that names the holder."""
-        self.claim.win(self._on_rival, self._win)
-        # What start-up made stays: the collector need not look through it again and again.
-        gc.freeze()
-
-    def _win(self) -> None:
-        # Before the token: whoever sees that may speak to this process at once.
-        self.present = True
-
-    def on_stop(self, hook: Callable[[], None]) -> None:
-        """Run `hook()` when the node ends, while the session still works."""
-        self._on_stop.append(hook)
+        It runs under `changed`, before anything of the new time. An error of it ends the process.
+        """
+        self.clock.sim.on_jump_back(lambda _old, _new: callback())
 
     def follow_clock(self) -> None:
         """Take simulated time from the bus as soon as there is a simulator. A second call does nothing."""
@@ -98,14 +53,14 @@ class Node:
             self.watch_tokens(names.tokens_key(names.SIMULATOR), self._on_simulator)
 
     def take_time_from_ticks(self) -> None:
-        """In lock-step the ticks tell the time: the clock would only wake this process once more for each."""
+        """In lock-step, take the time from the ticks: the clock would only wake this process once more for each."""
         self.clock.use_simulated()
         if self._clock_input is not None:
             self._clock_input.close()
             self._clock_input = None
 
     def take_time_from_clock(self) -> None:
-        """Out of lock-step the clock tells the time."""
+        """Out of lock-step, take the time from the clock."""
         if self._clock_input is None:
             self._clock_input = self.subscribe(names.CLOCK, Clock, self._on_clock, wake=False)
 
@@ -120,68 +75,6 @@ class Node:
         """Call `callback()` under `changed` when the last simulator is gone."""
         self._on_simulator_lost.append(callback)
 
-    def subscribe(
-        self,
-        key_expr: str,
-        message_type: type[M],
-        callback: Callable[[str, M], None],
-        *,
-        latched: bool = False,
-        wake: bool = True,
-    ) -> Closeable:
-        """Call `callback(key, message)` under `changed`; then wake the main loop, unless it never waits for this."""
-
-        def handle(key: str, message: M) -> None:
-            with self.changed:
-                callback(key, message)
-                if wake:
-                    self.changed.notify_all()
-
-        return self.bus.subscribe(key_expr, message_type, handle, latched=latched)
-
-    def subscribe_payloads(
-        self, key_expr: str, message_type: type[Message], callback: Callable[[str, bytes], None]
-    ) -> Closeable:
-        """Call `callback(key, payload)` under `changed` for messages that it reads in a way of its own; it wakes whom
-        it has to. Raising DecodeError refuses one."""
-
-        def handle(key: str, payload: bytes) -> None:
-            with self.changed:
-                callback(key, payload)
-
-        return self.bus.subscribe_payloads(key_expr, message_type, handle)
-
-    def watch_tokens(self, key_expr: str, callback: Callable[[str, bool], None]) -> None:
-        """Call `callback(key, alive)` under `changed` for presence tokens, then wake the main loop."""
-
-        def handle(key: str, alive: bool) -> None:
-            with self.changed:
-                callback(key, alive)
-                self.changed.notify_all()
-
-        self.bus.watch_tokens([key_expr], handle)
-
-    def wait(self, ready: Callable[[], bool], timeout: float) -> bool:
-        """Wait until `ready()`, the stop request, or `timeout` host seconds; the answer is `ready()`'s."""
-        with self.changed:
-            wait_until(self.changed, lambda: self.stop.requested or self._failure is not None or ready(), timeout)
-            if self._failure is not None:
-                raise self._failure
-            return ready()
-
-    @contextmanager
-    def failing(self) -> Iterator[None]:
-        """What goes wrong within, on a thread of the bus, ends the process: `wait` raises it in the main loop."""
-        try:
-            yield
-        except BaseException as error:
-            self._fail(error)
-
-    def _fail(self, error: BaseException) -> None:
-        # What follows from the first error says less.
-        self._failure = self._failure or error
-        self.wake()
-
     def wait_for_moment(self, pace: Rate) -> bool:
         """Wait until the next moment of `pace` in the team's time, and take it; False if something else comes first."""
         clock = self.clock
@@ -191,25 +84,6 @@ class Node:
             return False
         pace.take(clock.steady())
         return True
-
-    def wake(self) -> None:
-        """Let `wait` look again."""
-        with self.changed:
-            self.changed.notify_all()
-
-    def close(self) -> None:
-        """Run the stop hooks, give the name back and end the session."""
-        with self.changed:
-            # The hooks have the last word. Until the token is gone ticks still come, and must not be answered.
-            self.present = False
-        for hook in self._on_stop:
-            try:
-                hook()
-            except Exception as error:
-                # A hook that fails must not keep the next one (a zero velocity) from running.
-                self.exit_code = log_fault(error)
-        self.claim.release()
-        self.bus.close()
 
     def decide_clock(self, first_data: float) -> None:
         """Work in wall time if data (since host time `first_data`; 0 = none) came for WALL_AFTER without a simulator.
@@ -235,76 +109,3 @@ class Node:
             self.take_time_from_clock()
             for callback in self._on_simulator_lost:
                 callback()
-
-    def _on_link(self, up: bool) -> None:
-        if up:
-            log.warning("router is back")
-        else:
-            log.warning("router lost: waiting for it to come back")
-        self.wake()
-
-    def _on_rival(self, info: ProcessInfo) -> None:
-        log.error("%s is also held by process %d on %s, which is older: stopping", self.name, info.pid, info.host)
-        self.stop.request("another process holds the name")
-
-
-@contextmanager
-def open_node(
-    name: str, options: BusOptions, stop: Stop, clock: ClockMode, make: Callable[[str, Bus, Stop, ClockMode], N]
-) -> Iterator[N]:
-    """A node on a new session, made by `make` and closed on every way out."""
-    bus = connect(options, stopping=stop)
-    try:
-        node = make(name, bus, stop, clock)
-    except BaseException:
-        bus.close()
-        raise
-    try:
-        yield node
-    finally:
-        # From here on the hard exit watches: whatever ends the node, closing must not hang.
-        stop.request("the process ends")
-        node.close()
-
-
-def run_node(
-    name: str,
-    options: BusOptions,
-    body: Callable[[N], None],
-    clock: ClockMode = "auto",
-    make: Callable[[str, Bus, Stop, ClockMode], N] = Node,  # type: ignore[assignment]
-) -> int:
-    """Run `body(node)` as a process: signals, orderly stop, hard exit. The exit code is what a command returns."""
-    stop = Stop()
-    stop.install()
-    exit_hard_later(stop)
-    return run_body(name, options, body, stop, clock, make)
-
-
-def run_body(
-    name: str,
-    options: BusOptions,
-    body: Callable[[N], None],
-    stop: Stop,
-    clock: ClockMode,
-    make: Callable[[str, Bus, Stop, ClockMode], N],
-) -> int:
-    """Open the node, run `body(node)` and close; the exit code. An error is logged, a ZteamError as one line."""
-    sys.setswitchinterval(SWITCH_INTERVAL)
-    try:
-        with open_node(name, options, stop, clock, make) as node:
-            try:
-                body(node)
-            except ZteamError as error:
-                return 0 if stop.requested else _say(error)
-            except Exception as error:
-                # Before the end, of which there may be more to say.
-                return log_fault(error)
-    except ZteamError as error:
-        return 0 if stop.requested else _say(error)
-    return node.exit_code
-
-
-def _say(error: ZteamError) -> int:
-    log.error("%s", error)
-    return error.exit_code

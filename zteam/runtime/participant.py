@@ -36,7 +36,7 @@ class RoundTiming(msgspec.Struct):
 
 
 class Participant:
-    """Answers ticks for `node`. Callbacks run under `node.changed`, on the bus's threads: nobody is woken to act."""
+    """Answers ticks for `node`. Callbacks run under `node.changed`, on the bus's threads: no thread is woken to act."""
 
     def __init__(
         self,
@@ -46,7 +46,7 @@ class Participant:
         repeat: Callable[[], None] = lambda: None,
     ) -> None:
         """`ready(tick)`: whether the inputs of that tick are there. `act(tick)`: do the tick's work; a robot's command
-        comes back. `repeat()`: send what was sent for the last tick once more, because somebody may not have it.
+        comes back. `repeat()`: send what was sent for the last tick once more, because a subscriber may lack it.
         """
         self._node = node
         self._ready = ready
@@ -79,7 +79,7 @@ class Participant:
         return self.tick is not None
 
     def advance(self) -> bool:
-        """An input has come (call it under `node.changed`): answer the open tick if that was the last one; if so."""
+        """Answer the open tick if its last input has come; return whether it did. Call it under `node.changed`."""
         tick = self._open
         if tick is None or not self._node.speaks or not self._ready(tick):
             return False

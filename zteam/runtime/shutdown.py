@@ -15,7 +15,7 @@ from contextlib import contextmanager
 log = logging.getLogger("zteam")
 
 PARENT_PIPE = "ZTEAM_PARENT_PIPE"
-"""Environment: number of a descriptor whose end of file says that the launcher is gone."""
+"""Environment: number of a descriptor that reaches its end of file when the launcher is gone."""
 
 HARD_EXIT = 1.5
 """Seconds from the stop request until the process ends whatever hangs (closing a session can take 10 s)."""
@@ -57,11 +57,11 @@ class Stop:
     def install(self, on_repeat: Callable[[], None] = lambda: None) -> Callable[[], None]:
         """Take the stop signals and the parent's death as requests; `on_repeat` hears further signals.
 
-        Main thread only. The call that comes back gives the signals to whom they went before.
+        Main thread only. Returns a function that gives the signals back to their former handlers.
         """
         reader, writer = socket.socketpair()
         writer.setblocking(False)
-        # First of all: between the two a signal would be lost.
+        # Before the handlers: a signal between the two would be lost.
         descriptor = signal.set_wakeup_fd(writer.fileno(), warn_on_full_buffer=False)
         before = {number: signal.signal(number, lambda *_: None) for number in SIGNALS}
 
@@ -100,8 +100,8 @@ class Stop:
 
 
 def exit_hard_later(stop: Stop) -> Callable[[], None]:
-    """From the stop request on, give the process HARD_EXIT seconds to end by itself; the call that comes back takes
-    this back."""
+    """From the stop request on, give the process HARD_EXIT seconds to end by itself; returns a function that cancels
+    this."""
 
     def end() -> None:
         log.error("did not stop within %g s: ending now", HARD_EXIT)

@@ -1,4 +1,4 @@
-"""`zteam.Node` and `zteam.run`: a process of one's own that keeps time with the team, in lock-step too."""
+"""`zteam.Node` and `zteam.run`: a user's own process that keeps time with the team, in lock-step too."""
 
 from collections.abc import Callable
 from typing import Any, TypeVar
@@ -10,9 +10,9 @@ from zteam.bus.transport import Closeable
 from zteam.clock import Rate, monotonic, to_ns
 from zteam.errors import UsageError
 from zteam.messages import Message, TFMessage, Tick, Twist, ns_from_time
-from zteam.runtime import node as core
-from zteam.runtime.logs import start_logging
+from zteam.runtime.node import ClockMode, Node
 from zteam.runtime.participant import Participant
+from zteam.runtime.process import run_body
 from zteam.runtime.shutdown import Stop, stopping_in_order
 
 M = TypeVar("M", bound=Message)
@@ -21,15 +21,15 @@ Step = Callable[[int], Twist | None]
 """`step(now)`: a robot's own process (`robot_N`) may return its command, which goes to the wheels."""
 
 
-class Node(core.Node):
+class StepNode(Node):
     """One process on the bus under a name of its own.
 
-    `subscribe` and `bus.publisher` before `run(step)`; then `step(now)` is called with the time in ns: in lock-step
-    once a tick, when all inputs declared with `every_tick` have come for it, and the world waits until it returns; else
-    every `period` seconds of simulated time, or of the host's where there is no simulator.
+    Call `subscribe` and `publisher`, then `run(step)`, which calls `step(now)` with the time in ns. In lock-step that
+    is once a tick, when all inputs declared with `every_tick` have come for it; the world waits for it. Out
+    of lock-step it is every `period` seconds of simulated time, or of the host's time where there is no simulator.
     """
 
-    def __init__(self, name: str, bus: Bus, stop: Stop, clock: core.ClockMode = "auto") -> None:
+    def __init__(self, name: str, bus: Bus, stop: Stop, clock: ClockMode = "auto") -> None:
         super().__init__(name, bus, stop, clock)
         self._every_tick: list[str] = []
         self._stamps: dict[str, int] = {}
@@ -39,7 +39,7 @@ class Node(core.Node):
         self._first_data = 0.0
         """Host time of the first message; 0 before."""
         self._part = Participant(self, self._has_inputs, self._act)
-        self.clock.sim.on_jump_back(self._start_anew)
+        self.on_time_reset(self._stamps.clear)
 
     def subscribe(
         self,
@@ -51,11 +51,11 @@ class Node(core.Node):
         wake: bool = True,
         every_tick: bool = False,
     ) -> Closeable:
-        """Call `callback(key, message)` for what comes, never at the same time as `step`.
+        """Call `callback(key, message)` for each message, never at the same time as `step`.
 
         With `every_tick`, a lock-step's `step` waits for the tick's own message: of the key, or of every robot in the
-        world if the key is `robot_$*/topic`. Such a message needs a header, whose stamp says which tick it is of; `tf`
-        may be waited for as well.
+        world if the key is `robot_$*/topic`. Such a message needs a header with the stamp of its tick; `tf` may be
+        waited for as well.
         """
         if every_tick and "header" not in message_type.__struct_fields__ and message_type is not TFMessage:
             raise UsageError(f"{key_expr}: {message_type.__name__} has no header, so its tick cannot be told")
@@ -85,7 +85,7 @@ class Node(core.Node):
     def run(self, step: Step, *, period: float = 0.1) -> None:
         """Call `step(now)` until the process is asked to stop. Raises what `step` raises.
 
-        `step` must not ask the bus (`bus.ask`, a TransformClient): nothing is heard until it returns.
+        `step` must not ask the bus (`bus.ask`, a TransformClient): no answer is taken until it returns.
         """
         self._step = step
         robot_id = names.robot_id_of(self.name)
@@ -137,9 +137,6 @@ class Node(core.Node):
     def _act(self, tick: Tick) -> Twist | None:
         return self._ask_step(ns_from_time(tick.stamp))
 
-    def _start_anew(self, _old: int, _new: int) -> None:
-        self._stamps.clear()
-
 
 def _stamp_of(message: Any) -> int:
     if isinstance(message, TFMessage):
@@ -148,21 +145,20 @@ def _stamp_of(message: Any) -> int:
 
 
 def run(
-    name: str, body: Callable[[Node], None], options: BusOptions | None = None, *, clock: core.ClockMode = "auto"
+    name: str, body: Callable[[StepNode], None], options: BusOptions | None = None, *, clock: ClockMode = "auto"
 ) -> int:
-    """Be the process `name`: `body(node)` subscribes and calls `node.run(step)`. Returns 0 after an orderly stop.
+    """Run `body(node)` as the process `name`; the body calls `node.run(step)`. Returns 0 after an orderly stop.
 
-    Raises SystemExit(1) after an error, which the log has: a script ends with that code, whether it looks at what `run`
-    returns or not.
+    Raises SystemExit(1) after an error, which it has logged: the script ends with that code, even if it ignores what
+    `run` returns.
 
-    Stops in order on SIGINT and SIGTERM. Without `options` the environment says how to reach the bus, as it does to
-    every command (`ZTEAM_CONNECT`, `ZTEAM_NAMESPACE`, `ZTEAM_CONFIG`, `ZTEAM_LEASE`).
+    Stops in order on SIGINT and SIGTERM; nothing else of the program changes. Without `options` the environment says
+    how to reach the bus, as for every command (`ZTEAM_CONNECT`, `ZTEAM_NAMESPACE`, `ZTEAM_CONFIG`, `ZTEAM_LEASE`).
     """
-    start_logging(name, "info", "text")
     chosen = BusOptions.from_environment() if options is None else options
     stop = Stop()
     with stopping_in_order(stop):
-        code = core.run_body(name, chosen, body, stop, clock, make=Node)
+        code = run_body(name, chosen, body, stop, clock, make=StepNode)
     if code:
         raise SystemExit(code)
     return code

@@ -1,4 +1,4 @@
-"""Presence tokens that vanished, held back until it is clear whose end that was.
+"""Presence tokens that vanished, held back until it is clear whether the process ended or the router.
 
 When the router goes, all tokens vanish within milliseconds of the link, before or after it; when it is back they
 come back one by one, as their processes find it again. Only a token that stays away with the link up is a loss.
@@ -7,7 +7,7 @@ come back one by one, as their processes find it again. Only a token that stays 
 GRACE = 0.25
 """Host seconds that a vanished token is held back."""
 RETURN_GRACE = 2.0
-"""Host seconds after the router's return for everybody to find it; back-off between attempts is up to 0.5 s."""
+"""Host seconds after the router's return for all processes to find it; they wait up to 0.5 s between attempts."""
 
 
 class TokenLossFilter:
@@ -38,7 +38,7 @@ class TokenLossFilter:
     def take_due(self, now: float, grace: float = GRACE) -> list[str]:
         """Keys of the tokens that are lost for good; each is returned once.
 
-        With `grace` 0 for who knows otherwise that the link holds, such as by a request that came over it.
+        Set `grace` to 0 if the link is known to hold, such as by a request that came over it.
         """
         if not self.trusted(now):
             return []

@@ -1,7 +1,7 @@
-"""Requests and replies of the simulator's queries, shared with all that ask (`sim/status`, `sim/step`, …).
+"""Requests and replies of the simulator's queries (`sim/status`, `sim/step`, …), for the simulator and its clients.
 
-What cannot be done comes back as an error whose text says why. A request that is a `Change` names the simulator that it
-is meant for.
+A request that is refused is answered with an error that says why. A request that is a `Change` names the simulator
+that it is meant for.
 """
 
 from typing import Annotated
@@ -25,7 +25,7 @@ MAX_WAIT = 60.0
 
 
 class StepRequest(Change):
-    """`sim/step`: so many ticks, then stand still. The answer comes when the world does."""
+    """`sim/step`: run so many ticks, then stand still. The answer comes when the world stands."""
 
     ticks: Annotated[int, msgspec.Meta(ge=1, le=MAX_TICKS)] = 1
     wait: bool = True
@@ -116,13 +116,13 @@ class SimStatus(msgspec.Struct):
     paused: bool = False
     lockstep: bool = False
     participants: list[str] = []
-    """Lock-step: who takes part in the tick at hand."""
+    """Lock-step: the participants of the tick at hand."""
     joining: list[str] = []
-    """Lock-step: who will take part from the next tick on."""
+    """Lock-step: the processes that take part from the next tick on."""
     waiting_for: str = ""
     """Lock-step: what holds the world."""
     hung: list[str] = []
-    """Lock-step: who was left behind so far."""
+    """Lock-step: the participants that were left behind so far."""
     finished: bool = False
     """Whether the time asked for with `--for` is over and the world stands still."""
     instance: str = ""
@@ -167,7 +167,7 @@ class RobotReport(msgspec.Struct):
     """To the robot it follows."""
     scans: int
     late_steps: int
-    """Ticks whose command had not come by the next tick."""
+    """Ticks without a command of the robot until the next tick."""
 
 
 class Latency(msgspec.Struct):

@@ -1,4 +1,4 @@
-"""Asking the simulator: its pace, its robots, and how it stands. What `zteam sim` and programs of one's own use."""
+"""The simulator's queries as calls, for `zteam sim` and users' programs: its pace, its robots and its status."""
 
 from collections.abc import Callable
 from typing import TypeVar
@@ -34,9 +34,9 @@ ANSWER_LIMIT = 10.0
 CHANGE_LIMIT = BOUNDARY_LIMIT + ANSWER_LIMIT
 """Host seconds for a change to the world, which waits for the tick at hand to end."""
 SETTLE = 2.0
-"""Host seconds that `pause` and `reset` wait for the tick at hand, which somebody may hold in lock-step."""
+"""Host seconds that `pause` and `reset` wait for the tick at hand, which a participant may hold in lock-step."""
 LOOK = 1.0
-"""Host seconds between two words on how a long step gets on."""
+"""Host seconds between two reports on a long step's progress."""
 
 _NO_SIMULATOR = (
     "no simulator is there: start one with 'zteam-sim WORLD' or 'zteam up' "
@@ -75,7 +75,7 @@ class SimulatorClient:
         return answers[0][1]
 
     def status(self) -> SimStatus:
-        """How it stands."""
+        """The simulator's status."""
         return self._ask("status", SimStatus)
 
     def report(self) -> SimReport:
@@ -87,12 +87,12 @@ class SimulatorClient:
         return self._ask("repeat", SimStatus, Change(), timeout=CHANGE_LIMIT)
 
     def pause(self) -> SimStatus:
-        """Let the world stand still after the tick at hand. Waits for that, but not beyond SETTLE."""
+        """Pause the world after the tick at hand. Waits for that tick, for SETTLE at most."""
         self._ask("pause", SimStatus, Change())
         return self.stand(SETTLE).status
 
     def resume(self) -> SimStatus:
-        """Let it go on at the speed that was asked for."""
+        """Resume the world at the speed that was asked for."""
         return self._ask("resume", SimStatus, Change())
 
     def set_speed(self, speed: float | None) -> SimStatus:
@@ -112,10 +112,10 @@ class SimulatorClient:
         patience: float | None = None,
         on_progress: Callable[[SimStatus], None] = lambda status: None,
     ) -> SimStatus:
-        """Let so many ticks pass, however long they take; how the world stands then.
+        """Run so many ticks, however long they take; returns the status afterwards.
 
-        It ends early, without an error, when the run is over, or when somebody else pauses the world or lets it go on.
-        `told(status)` hears how it gets on, about once a second. Raises BusError when one tick takes more than
+        It ends early, without an error, when the run is over, or when another client pauses or resumes the world.
+        `on_progress(status)` is called about once a second. Raises BusError when one tick takes more than
         `patience` host seconds, with what holds it.
         """
         if not 1 <= ticks <= MAX_TICKS:

@@ -1,4 +1,4 @@
-"""Look-ups asked of the aggregator: for processes that need a few transforms and do not want to hear them all."""
+"""Look-ups asked of the aggregator, for processes that need few transforms and do not subscribe to all of them."""
 
 from collections.abc import Sequence
 
@@ -23,7 +23,7 @@ class TransformClient:
     ) -> TransformStamped:
         """The pose of `source_frame` in `target_frame`; the aggregator waits up to `timeout` s until there is one.
 
-        Raises tf2's exceptions, and BusError if nobody answers.
+        Raises tf2's exceptions, and BusError if no aggregator answers.
         """
         (found,) = self.lookup_many([Lookup(target_frame, source_frame, time)], timeout)
         if isinstance(found, errors.TransformException):
@@ -33,14 +33,14 @@ class TransformClient:
     def lookup_many(
         self, lookups: Sequence[Lookup], timeout: float = 0.0
     ) -> list[TransformStamped | errors.TransformException]:
-        """Many at once, each answered or excused. Raises BusError if nobody answers."""
+        """Many look-ups at once: a transform or an exception for each. Raises BusError if no aggregator answers."""
         key = names.service_key(names.AGGREGATOR, "lookup")
         request = LookupRequest(list(lookups), timeout)
         replies = self._bus.ask(key, list[LookupReply], request, timeout=timeout + _GRACE)
         return [_result(lookup, reply) for lookup, reply in zip(lookups, replies, strict=True)]
 
     def history(self, request: HistoryRequest) -> HistoryReply:
-        """A pair over a span of time. Raises BusError if nobody answers, or with what is wrong."""
+        """One pair of frames over a span of time. Raises BusError if no aggregator answers, or if it refuses."""
         return self._bus.ask(names.service_key(names.AGGREGATOR, "history"), HistoryReply, request)
 
 

@@ -99,7 +99,7 @@ def test_its_own_stale_pose_stops_it_first() -> None:
 
 
 def test_nobody_follows_itself() -> None:
-    """It is refused when it is made, and stands still where nobody could tell before."""
+    """It is refused when it is made, or stands still where the robot's id was not known then."""
     with pytest.raises(UsageError, match="robot 1 cannot follow itself"):
         load_behavior("follow", {"leader": 1}, robot_id=1)
     behavior = load_behavior("follow", {"leader": 1})
@@ -117,9 +117,9 @@ def test_it_is_ready_with_its_leaders_pose() -> None:
 
 @pytest.mark.parametrize("delay", [0, 1, 2])
 def test_a_line_of_four_holds(delay: int) -> None:
-    """The lectures' exercise, 30 s: all gaps end below 2.5 m, nobody touches another, all have moved 2 m.
+    """The lectures' exercise, 30 s: all gaps end below 2.5 m, no robot touches another, all have moved 2 m.
 
-    A wall stands 5.3 m ahead of the leader; transforms are up to two ticks old; the safety layer lies under everybody.
+    A wall stands 5.3 m ahead of the leader; transforms are up to two ticks old; every behaviour has the safety layer.
     """
     walls: list[Segment] = [(11.8, 10.0, 11.8, 25.0)]
     floor = Floor(STARTS, walls, delay=delay)

@@ -1,6 +1,7 @@
 """The codec's edges: header, padding, what may not be a message."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -109,3 +110,16 @@ def test_lists_are_taken_for_sequences() -> None:
     """A plain list of numbers is encoded like the array it stands for."""
     as_list = LaserScan(ranges=[1.0, 2.0])  # type: ignore[arg-type]
     assert decode(LaserScan, encode(as_list)).ranges.tolist() == [1.0, 2.0]
+
+
+@pytest.mark.parametrize("value", [True, np.True_, 1])
+def test_a_truth_value_may_be_numpys(value: Any) -> None:
+    """What a comparison of numpy numbers gives is encoded like Python's own."""
+    assert encode(Bool(value)) == encode(Bool(True))
+
+
+@pytest.mark.parametrize("value", [2, "yes", None])
+def test_what_is_no_truth_value_is_refused(value: Any) -> None:
+    """Its bytes would be no message to the subscriber."""
+    with pytest.raises(EncodeError, match=r"cannot encode Bool: .* is neither true nor false"):
+        encode(Bool(value))

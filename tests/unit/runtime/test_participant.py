@@ -28,7 +28,7 @@ class Desk:
         self.node = Node(NAME, bus, Stop())
         self.acted: list[int] = []
         self.asked: list[list[str]] = []
-        """The participants of each tick whose inputs were asked for."""
+        """The participants of each tick at which `ready` was called."""
         self.repeats = 0
         self.fed = 0
         self.needs_food = False
@@ -64,7 +64,7 @@ class Desk:
 
 @pytest.fixture
 def script(hub: MemoryHub) -> Script:
-    """A simulator whose token is there."""
+    """A simulator with its token."""
     script = Script(hub, NAME)
     script.appear()
     return script
@@ -114,7 +114,7 @@ def test_a_command_travels_with_the_answer(desk: Desk, script: Script) -> None:
 
 
 def test_it_acts_when_its_inputs_are_there(desk: Desk, script: Script) -> None:
-    """The tick waits for the last input, in whose callback it is acted on and answered, once."""
+    """The tick waits for the last input, and is acted on and answered once, in that input's callback."""
     desk.needs_food = True
     script.tick(2, NAME, "cook")
     assert (script.take(), desk.acted) == ([], [])
@@ -137,7 +137,7 @@ def test_inputs_that_come_before_their_tick_count(desk: Desk, script: Script) ->
 
 
 def test_a_repeated_tick_is_answered_again_and_not_acted_on_again(desk: Desk, script: Script) -> None:
-    """Whoever repeats it missed the answer, or what was sent for the tick: both go out once more, as they were."""
+    """A tick comes again because its answer or its data was lost: both are sent once more, unchanged."""
     desk.command = lambda _: Twist(Vector3(0.1 * (1 + len(desk.acted))))
     script.tick(2, NAME)
     first = script.take()
@@ -160,7 +160,7 @@ def test_a_repeated_tick_that_waits_for_inputs_goes_on_waiting(desk: Desk, scrip
 
 
 def test_it_looks_again_when_others_leave_the_tick(desk: Desk, script: Script) -> None:
-    """Whose inputs it waits for may not take part any more: the repeated tick says so."""
+    """A repeated tick may say that a process with missing inputs does not take part any more."""
     desk.needs_food = True
     script.tick(2, NAME, "cook")
     assert script.take() == []
@@ -271,7 +271,7 @@ def test_the_next_simulators_ticks_are_new(desk: Desk, script: Script) -> None:
 
 
 def test_an_open_tick_ends_with_its_simulator(desk: Desk, script: Script) -> None:
-    """Inputs that come after the simulator is gone answer nobody."""
+    """Inputs that come after the simulator is gone cause no answer."""
     desk.needs_food = True
     script.tick(2, NAME, "cook")
     script.vanish()

@@ -1,10 +1,7 @@
 """`zteam.Node` on a bus in memory: when its step runs, and what it may answer."""
 
-import re
-import signal
 import threading
 from collections.abc import Callable, Iterator
-from pathlib import Path
 
 import pytest
 
@@ -26,8 +23,6 @@ from zteam.messages import (
     ns_from_time,
     time_from_ns,
 )
-from zteam.runtime import node as core
-from zteam.runtime import shutdown
 from zteam.runtime.shutdown import Stop
 
 TICK = 100_000_000
@@ -124,7 +119,7 @@ def test_it_counts_anew_when_time_jumps_back(hub: MemoryHub, make: Callable[...,
 
 
 class Host:
-    """The host's time, which goes on as somebody waits; `late` is what every wait takes too long."""
+    """The host's time, which goes on with every wait; `late` is what every wait takes too long."""
 
     def __init__(self, late: float = 0.0) -> None:
         self.ns = 1_000_000_000
@@ -188,7 +183,7 @@ def test_in_lock_step_it_waits_for_its_inputs(hub: MemoryHub, make: Callable[...
 def test_a_robots_own_process_may_command(
     hub: MemoryHub, make: Callable[..., Own], worlds: Worlds, name: str, obeyed: bool
 ) -> None:
-    """What `step` returns is the command of the robot whose name the process has, and of nobody else."""
+    """What `step` returns is a command if the process has a robot's name, and ignored otherwise."""
     own = make(name, Twist(Vector3(0.5)))
     own.start()
     world = worlds(name)
@@ -245,16 +240,16 @@ def test_what_a_callback_raises_ends_it(
     assert own.steps == [TICK]
 
 
-@pytest.mark.parametrize("source", ["token", "jump"])
+@pytest.mark.parametrize("source", ["token", "reset"])
 def test_what_other_callbacks_raise_ends_it(hub: MemoryHub, make: Callable[..., Own], source: str) -> None:
-    """Those for tokens and for jumps in time too."""
+    """Those for tokens and for resets of time too."""
 
     def fail(*_: object) -> None:
         raise ValueError(source)
 
     own = make()
     own.node.watch_tokens(names.tokens_key("camera"), fail)
-    own.node.clock.sim.on_jump_back(fail)
+    own.node.on_time_reset(fail)
     own.start()
     bus = hub.bus()
     if source == "token":
@@ -275,58 +270,30 @@ def test_a_robots_step_returns_a_twist(hub: MemoryHub, make: Callable[..., Own])
     assert str(own.failure) == "robot_3: step returned a float; return a Twist"
 
 
-@pytest.fixture
-def offline(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> None:
-    """`zteam.run` opens its sessions in memory."""
-    monkeypatch.setattr(core, "connect", lambda options, stopping: hub.bus())
-
-
-@pytest.mark.usefixtures("offline")
-def test_after_run_the_process_is_the_users_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The code behind `zteam.run` is not ended by force, and signals go to whom they went before."""
-    ends: list[int] = []
-    monkeypatch.setattr(shutdown, "HARD_EXIT", 0.1)
-    monkeypatch.setattr(shutdown.os, "_exit", ends.append)
-    before = {number: signal.getsignal(number) for number in shutdown.SIGNALS}
-    threads = set(threading.enumerate())
-    assert zteam.run("planner", lambda node: node.stop.request("over")) == 0
-    for thread in set(threading.enumerate()) - threads:
-        thread.join(LIMIT)
-        assert not thread.is_alive(), thread.name
-    assert ends == []
-    assert {number: signal.getsignal(number) for number in shutdown.SIGNALS} == before
-
-
-@pytest.mark.usefixtures("offline")
-@pytest.mark.parametrize("where", ["callback", "step", "hook"])
-def test_an_error_of_the_users_code_is_shown_and_makes_exit_code_1(
-    hub: MemoryHub, capsys: pytest.CaptureFixture[str], where: str
-) -> None:
-    """The log has the traceback with the user's frames alone."""
-
-    def fail(*_: object) -> None:
-        raise ValueError("out of plans")
-
-    def main(node: zteam.Node) -> None:
-        node.subscribe("plan", Bool, fail)
-        if where == "hook":
-            node.on_stop(fail)
-            return
-        if where == "callback":
-            hub.bus().publisher("plan", Bool).put(Bool(True))
-        node.clock.use_wall()
-        node.run(fail if where == "step" else lambda _now: None)
-
-    with pytest.raises(SystemExit, match="1"):
-        zteam.run("planner", main)
-    text = capsys.readouterr().err.strip()
-    assert "error: ended by an error:\nTraceback" in text
-    assert text.endswith("ValueError: out of plans")
-    assert "in fail" in text
-    assert {Path(name).name for name in re.findall('File "(.*)"', text)} == {Path(__file__).name}
-
-
 def test_an_input_without_a_stamp_is_refused(make: Callable[..., Own]) -> None:
     """A message that cannot say of which tick it is cannot be waited for."""
     with pytest.raises(UsageError, match="Bool has no header"):
         make().node.subscribe("robot_0/stall", Bool, lambda key, message: None, every_tick=True)
+
+
+def test_a_reset_of_time_is_told(hub: MemoryHub, make: Callable[..., Own]) -> None:
+    """The callback runs when simulated time jumps back, already in the new time, and not as time goes on."""
+    own = make()
+    heard: list[int] = []
+    own.node.on_time_reset(lambda: heard.append(own.node.clock.now()))
+    clock = hub.bus().publisher(names.CLOCK, Clock)
+    for tick in (1, 2, 1, 2, 3):
+        clock.put(Clock(time_from_ns(tick * TICK)))
+    assert heard == [TICK]
+
+
+def test_its_publishers_close_with_it(hub: MemoryHub, make: Callable[..., Own]) -> None:
+    """A latched publisher of the node serves late subscribers until the node is closed."""
+    own = make()
+    own.node.publisher("plan/valid", Bool, latched=True).put(Bool(True))
+    heard: list[str] = []
+    bus = hub.bus()
+    bus.subscribe("plan/valid", Bool, lambda key, _: heard.append("while it lives"), latched=True)
+    own.node.close()
+    bus.subscribe("plan/valid", Bool, lambda key, _: heard.append("afterwards"), latched=True)
+    assert heard == ["while it lives"]

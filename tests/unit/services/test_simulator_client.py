@@ -1,4 +1,4 @@
-"""Asking a simulator whose world is by script: steps however long, pauses that hold, changes, refusals."""
+"""The client against a scripted simulator: long steps, pauses that hold, changes, refusals."""
 
 from collections.abc import Callable, Iterator
 
@@ -19,7 +19,7 @@ Make = Callable[..., tuple[Desk, SimulatorClient]]
 
 @pytest.fixture
 def make() -> Iterator[Make]:
-    """Makes scripted simulators that end with the test, each with somebody who asks it."""
+    """Makes scripted simulators that end with the test, each with a client."""
     made: list[Desk] = []
 
     def make_desk(speed: float | None = None, *, paused: bool = True) -> tuple[Desk, SimulatorClient]:
@@ -68,7 +68,7 @@ def test_a_step_outlasts_any_query(make: Make) -> None:
 
 @pytest.mark.usefixtures("often")
 def test_a_step_ends_when_somebody_else_sets_the_pace(make: Make) -> None:
-    """Who pauses the world or lets it go on ends other people's steps: they would never be done."""
+    """A pause or a resume ends the steps of other clients, which would never be done."""
     desk, client = make()
     other = SimulatorClient(desk._bus)
 
@@ -111,14 +111,14 @@ def test_a_step_ends_with_the_run(make: Make) -> None:
 
 @pytest.mark.parametrize("ticks", [0, -1, 10**13])
 def test_a_step_needs_ticks(make: Make, ticks: int) -> None:
-    """What is no number of ticks is refused before anybody is asked."""
+    """A wrong number of ticks is refused before the simulator is asked."""
     _, client = make()
     with pytest.raises(UsageError, match="give a number of ticks"):
         client.step(ticks)
 
 
 def test_a_paused_world_stands(make: Make) -> None:
-    """When `pause` has returned no further tick comes, until somebody asks for it."""
+    """When `pause` has returned no further tick comes, until a client asks for one."""
     desk, client = make(paused=False)
     desk.wait_for_tick(10)
     status = client.pause()
@@ -199,7 +199,7 @@ def test_robots_come_and_go(make: Make) -> None:
 
 
 def test_a_pose_is_finite(make: Make) -> None:
-    """NaN and infinity are refused before anybody is asked."""
+    """NaN and infinity are refused before the simulator is asked."""
     desk, client = make()
     with pytest.raises(UsageError, match="finite"):
         client.spawn(float("nan"), 0.0)

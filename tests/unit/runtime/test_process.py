@@ -1,0 +1,120 @@
+"""`zteam.run`, and what a command does beyond it."""
+
+import gc
+import logging
+import re
+import signal
+import sys
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import zteam
+from support.lockstep_doubles import LIMIT
+from zteam.bus import BusOptions, MemoryHub
+from zteam.messages import Bool
+from zteam.runtime import process, shutdown
+from zteam.runtime.node import Node
+
+
+@pytest.fixture
+def offline(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> None:
+    """`zteam.run` opens its sessions in memory, in a program that has not set up any log."""
+    monkeypatch.setattr(process, "connect", lambda options, stopping: hub.bus())
+    log = logging.getLogger("zteam")
+    monkeypatch.setattr(log, "handlers", [])
+    monkeypatch.setattr(log, "propagate", True)
+    monkeypatch.setattr(log, "level", logging.NOTSET)
+
+
+@pytest.mark.usefixtures("offline")
+def test_after_run_the_process_is_the_users_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The code behind `zteam.run` is not ended by force, and signals go to the handlers that had them before."""
+    ends: list[int] = []
+    monkeypatch.setattr(shutdown, "HARD_EXIT", 0.1)
+    monkeypatch.setattr(shutdown.os, "_exit", ends.append)
+    before = {number: signal.getsignal(number) for number in shutdown.SIGNALS}
+    threads = set(threading.enumerate())
+    assert zteam.run("planner", lambda node: node.stop.request("over")) == 0
+    for thread in set(threading.enumerate()) - threads:
+        thread.join(LIMIT)
+        assert not thread.is_alive(), thread.name
+    assert ends == []
+    assert {number: signal.getsignal(number) for number in shutdown.SIGNALS} == before
+
+
+@pytest.mark.usefixtures("offline")
+@pytest.mark.parametrize("where", ["callback", "step", "hook"])
+def test_an_error_of_the_users_code_is_shown_and_makes_exit_code_1(
+    hub: MemoryHub, caplog: pytest.LogCaptureFixture, where: str
+) -> None:
+    """The log has the traceback with the user's frames alone."""
+
+    def fail(*_: object) -> None:
+        raise ValueError("out of plans")
+
+    def main(node: zteam.Node) -> None:
+        node.subscribe("plan", Bool, fail)
+        if where == "hook":
+            node.on_stop(fail)
+            return
+        if where == "callback":
+            hub.bus().publisher("plan", Bool).put(Bool(True))
+        node.clock.use_wall()
+        node.run(fail if where == "step" else lambda _now: None)
+
+    with pytest.raises(SystemExit, match="1"):
+        zteam.run("planner", main)
+    text = caplog.text.strip()
+    assert "ended by an error:\nTraceback" in text
+    assert text.endswith("ValueError: out of plans")
+    assert "in fail" in text
+    assert {Path(name).name for name in re.findall('File "(.*)"', text)} == {Path(__file__).name}
+
+
+def _settings() -> tuple[list[logging.Handler], bool, int, float, bool, int]:
+    """What a program may have set up for itself: its log, its switch interval and its garbage collector."""
+    log = logging.getLogger("zteam")
+    return [*log.handlers], log.propagate, log.level, sys.getswitchinterval(), gc.isenabled(), gc.get_freeze_count()
+
+
+@pytest.mark.usefixtures("offline")
+def test_run_leaves_the_program_as_it_is() -> None:
+    """Neither within `body` nor after it are log, switch interval or garbage collector other than before."""
+    seen = []
+
+    def main(node: zteam.Node) -> None:
+        node.become_present()
+        seen.append(_settings())
+
+    before = _settings()
+    assert zteam.run("planner", main) == 0
+    assert [*seen, _settings()] == [before, before]
+
+
+@pytest.fixture
+def tuned() -> Iterator[None]:
+    """The interpreter's own settings come back after the test."""
+    interval = sys.getswitchinterval()
+    yield
+    sys.setswitchinterval(interval)
+    gc.unfreeze()
+
+
+@pytest.mark.usefixtures("offline", "tuned")
+def test_a_command_sets_up_its_interpreter(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A command's process switches threads quickly, and the collector passes over what start-up made."""
+    monkeypatch.setattr(shutdown.Stop, "install", lambda self: None)
+    monkeypatch.setattr(process, "exit_hard_later", lambda stop: None)
+    frozen = []
+
+    def main(node: Node) -> None:
+        frozen.append(gc.get_freeze_count())
+        node.become_present()
+        frozen.append(gc.get_freeze_count())
+
+    assert process.run_node("planner", BusOptions(), main) == 0
+    assert sys.getswitchinterval() == pytest.approx(process.SWITCH_INTERVAL)
+    assert frozen[0] == 0 < frozen[1]

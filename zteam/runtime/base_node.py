@@ -1,0 +1,170 @@
+"""A named process on the bus: its presence, its inputs, one condition to wait on, and an orderly end."""
+
+import logging
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TypeVar
+
+from zteam.bus import Bus, Publisher
+from zteam.bus.presence import Claim, ProcessInfo
+from zteam.bus.transport import Closeable
+from zteam.clock import wait_until
+from zteam.messages import Message
+from zteam.runtime.faults import log_fault
+from zteam.runtime.shutdown import Stop
+
+log = logging.getLogger("zteam")
+
+M = TypeVar("M", bound=Message)
+
+
+class BaseNode:
+    """One named process on the bus.
+
+    Every input changes state under `changed` and wakes the main loop, which waits with `wait`. Nothing here polls.
+    `on_stop` hooks run before the session closes, in the order they were added.
+    """
+
+    def __init__(self, name: str, bus: Bus, stop: Stop) -> None:
+        self.name = name
+        self.bus = bus
+        self.stop = stop
+        self.changed = threading.Condition()
+        self.present = False
+        """Whether this process holds its name and has not begun to give it back."""
+        self.exit_code = 0
+        """Exit code of a process whose body ended without an error."""
+        self._failure: BaseException | None = None
+        self._on_present: list[Callable[[], None]] = []
+        self._on_stop: list[Callable[[], None]] = []
+        self.claim = Claim(bus, name)
+        bus.serve_stats(name)
+        stop.on_request(self.wake)
+        bus.watch_link(self._on_link)
+
+    @property
+    def stopping(self) -> bool:
+        """Whether the process was asked to stop."""
+        return self.stop.requested
+
+    @property
+    def speaks(self) -> bool:
+        """Whether it may act and answer under its name: it holds the name, is not being closed and has not failed."""
+        return self.present and self._failure is None
+
+    def become_present(self) -> None:
+        """Win the name and show the presence token. Raises DuplicateNameError that names the holder."""
+        self.claim.win(self._on_rival, self._win)
+        for hook in self._on_present:
+            hook()
+
+    def _win(self) -> None:
+        # Before the token: a process that sees the token may ask this one at once.
+        self.present = True
+
+    def on_present(self, hook: Callable[[], None]) -> None:
+        """Run `hook()` once the process holds its name."""
+        self._on_present.append(hook)
+
+    def on_stop(self, hook: Callable[[], None]) -> None:
+        """Run `hook()` when the node ends, while the session still works."""
+        self._on_stop.append(hook)
+
+    def publisher(self, key: str, message_type: type[M], *, latched: bool = False) -> Publisher[M]:
+        """A publisher of `message_type` on `key`, closed with the node.
+
+        With `latched`, a late subscriber gets the last message.
+        """
+        return self.bus.publisher(key, message_type, latched=latched)
+
+    def subscribe(
+        self,
+        key_expr: str,
+        message_type: type[M],
+        callback: Callable[[str, M], None],
+        *,
+        latched: bool = False,
+        wake: bool = True,
+    ) -> Closeable:
+        """Call `callback(key, message)` under `changed`, then wake the main loop unless `wake` is False."""
+
+        def handle(key: str, message: M) -> None:
+            with self.changed:
+                callback(key, message)
+                if wake:
+                    self.changed.notify_all()
+
+        return self.bus.subscribe(key_expr, message_type, handle, latched=latched)
+
+    def subscribe_payloads(
+        self, key_expr: str, message_type: type[Message], callback: Callable[[str, bytes], None]
+    ) -> Closeable:
+        """Call `callback(key, payload)` under `changed` with undecoded messages; the main loop is not woken.
+
+        A payload for which `callback` raises DecodeError is counted as dropped.
+        """
+
+        def handle(key: str, payload: bytes) -> None:
+            with self.changed:
+                callback(key, payload)
+
+        return self.bus.subscribe_payloads(key_expr, message_type, handle)
+
+    def watch_tokens(self, key_expr: str, callback: Callable[[str, bool], None]) -> None:
+        """Call `callback(key, alive)` under `changed` for presence tokens, then wake the main loop."""
+
+        def handle(key: str, alive: bool) -> None:
+            with self.changed:
+                callback(key, alive)
+                self.changed.notify_all()
+
+        self.bus.watch_tokens([key_expr], handle)
+
+    def wait(self, ready: Callable[[], bool], timeout: float) -> bool:
+        """Wait until `ready()`, the stop request, or `timeout` host seconds; return what `ready()` returns."""
+        with self.changed:
+            wait_until(self.changed, lambda: self.stop.requested or self._failure is not None or ready(), timeout)
+            if self._failure is not None:
+                raise self._failure
+            return ready()
+
+    @contextmanager
+    def failing(self) -> Iterator[None]:
+        """Let an error within, on a thread of the bus, end the process: `wait` raises it in the main loop."""
+        try:
+            yield
+        except BaseException as error:
+            self._fail(error)
+
+    def _fail(self, error: BaseException) -> None:
+        # The first error is the cause; later ones follow from it.
+        self._failure = self._failure or error
+        self.wake()
+
+    def wake(self) -> None:
+        """Let `wait` look again."""
+        with self.changed:
+            self.changed.notify_all()
+
+    def close(self) -> None:
+        """Run the stop hooks, give the name back and end the session."""
+        with self.changed:
+            # The hooks publish last. Until the token is gone ticks still come, and must not be answered.
+            self.present = False
+        for hook in self._on_stop:
+            try:
+                hook()
+            except Exception as error:
+                # A hook that fails must not keep the next one (a zero velocity) from running.
+                self.exit_code = log_fault(error)
+        self.claim.release()
+        self.bus.close()
+
+    def _on_link(self, up: bool) -> None:
+        log.warning("router is back" if up else "router lost: waiting for it to come back")
+        self.wake()
+
+    def _on_rival(self, info: ProcessInfo) -> None:
+        log.error("%s is also held by process %d on %s, which is older: stopping", self.name, info.pid, info.host)
+        self.stop.request("another process holds the name")

@@ -1,0 +1,198 @@
+"""A behaviour's view by hand, and a node in the test's own process on a bus in memory.
+
+The node works in lock-step: a test publishes its inputs and calls `tick`, and `step` has run when `tick` returns.
+"""
+
+import math
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from zteam import names
+from zteam.behaviors import View
+from zteam.bus import Bus, MemoryHub, NoRequest
+from zteam.clock import to_ns, to_seconds
+from zteam.errors import BusError, ZteamError
+from zteam.geometry import Pose2, compose2, inverse2
+from zteam.messages import Done, Header, LaserScan, Message, Odometry, Tick, Twist, time_from_ns
+from zteam.runtime.node import ClockMode
+from zteam.runtime.shutdown import Stop
+from zteam.runtime.step_node import StepNode
+
+LIMIT = 30.0
+"""Host seconds for the node's thread to begin or to end: many times what a crowded machine needs."""
+_RANGE_MAX = 30.0
+_MAP_FROM_MAP = Pose2(0.0, 0.0, 0.0)
+
+
+def make_view(
+    ranges: Sequence[float] | None = None,
+    *,
+    fov: float = math.pi,
+    robot_id: int = 0,
+    poses: Mapping[int, tuple[float, float, float]] | None = None,
+    now: float = 1.0,
+    dt: float = 0.1,
+    odom: Odometry | None = None,
+    seed: int = 1,
+) -> View:
+    """What robot `robot_id` sees `now` (seconds), for `behavior.step(view)`.
+
+    `ranges` are the metres of a laser's beams, evenly spread over `fov` radians from right to left, of up to 30 m; None
+    is no scan yet. `poses` has x, y (m), yaw (rad) in `map` of the robots that are known; without them every look-up
+    fails.
+    """
+    stamp = to_ns(now)
+    known = {names.robot_frame(i, names.BASE_FOOTPRINT): Pose2(*pose) for i, pose in (poses or {}).items()}
+    if known:
+        known[names.MAP_FRAME] = _MAP_FROM_MAP
+
+    def lookup(target: str, source: str) -> tuple[Pose2, int] | None:
+        if target not in known or source not in known:
+            return None
+        return compose2(inverse2(known[target]), known[source]), stamp
+
+    return View(
+        now=stamp,
+        dt=dt,
+        robot_id=robot_id,
+        scan=None if ranges is None else _make_scan(ranges, fov, Header(time_from_ns(stamp), _laser_frame(robot_id))),
+        odom=odom,
+        lookup=lookup,
+        team=tuple(sorted(poses or ())),
+        seed=seed,
+    )
+
+
+def _laser_frame(robot_id: int) -> str:
+    return names.robot_frame(robot_id, names.BASE_LASER_LINK)
+
+
+def _make_scan(ranges: Sequence[float], fov: float, header: Header) -> LaserScan:
+    return LaserScan(
+        header=header,
+        angle_min=-0.5 * fov,
+        angle_max=0.5 * fov,
+        angle_increment=fov / (len(ranges) - 1) if len(ranges) > 1 else 0.0,
+        range_max=_RANGE_MAX,
+        ranges=np.array(ranges, np.float32),
+    )
+
+
+class _Status(msgspec.Struct):
+    """What a node asks of a simulator: whether it works in lock-step."""
+
+    lockstep: bool
+    instance: str
+
+
+class RunningNode:
+    """A node that runs in a thread, and a simulator by hand that gives it its ticks. A context manager."""
+
+    def __init__(
+        self, body: Callable[[StepNode], None], hub: MemoryHub, name: str, robots: Sequence[int], clock: ClockMode
+    ) -> None:
+        self.bus: Bus = hub.bus()
+        """The test's own session, which is the node's simulator too."""
+        self._stop = Stop()
+        self.node = StepNode(name, hub.bus(), self._stop, clock)
+        self._body = body
+        self._robots = np.array(sorted(robots), np.int32)
+        self._epoch = self._tick = 0
+        self._failure: BaseException | None = None
+        self._told = False
+        self._up = threading.Event()
+        self._answers: list[Done] = []
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+        self._ticks = self.bus.publisher(names.TICK, Tick)
+        self.bus.subscribe(names.done_key(name), Done, lambda _, done: self._answers.append(done))
+        status = _Status(True, self.bus.instance)
+        self.bus.serve(names.service_key(names.SIMULATOR, "status"), NoRequest, lambda _: status)
+        self.bus.declare_token(names.token_key(names.SIMULATOR, self.bus.instance))
+
+    def __enter__(self) -> "RunningNode":
+        self.node.on_present(self._up.set)
+        self._thread.start()
+        if not self._up.wait(LIMIT):
+            raise ZteamError(f"{self.node.name}: node.run was not called within {LIMIT:g} s")
+        if self._failure is not None:
+            self.__exit__(None)
+        if not self.node.present:
+            self.__exit__(None)
+            raise ZteamError(f"{self.node.name}: the body returned without node.run(step)")
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        self._stop.request("the test is over")
+        self._thread.join(LIMIT)
+        self.node.close()
+        self.bus.close()
+        if kind is None:
+            self._raise_failure()
+
+    def _run(self) -> None:
+        try:
+            self._body(self.node)
+        except BaseException as error:
+            self._failure = error
+        finally:
+            self._up.set()
+
+    def _raise_failure(self) -> None:
+        if self._failure is not None and not self._told:
+            self._told = True
+            raise self._failure
+
+    @property
+    def next_time(self) -> float:
+        """Seconds of simulated time at the coming tick; ticks are 0.1 s apart."""
+        return round(0.1 * (self._tick + 1), 9)
+
+    def publish(self, key: str, message: Message) -> None:
+        """Publish a message, with the coming tick's stamp where it has a header. Its callbacks have run then."""
+        if hasattr(message, "header"):
+            message.header.stamp = time_from_ns(to_ns(self.next_time))
+        self.bus.publisher(key, type(message)).put(message)
+
+    def tick(self) -> Twist | None:
+        """Let 0.1 s of simulated time pass. `step` has run when this returns; the command of a robot's process.
+
+        Raises what `step` or a callback raised, and BusError where an input declared with `every_tick` is missing.
+        """
+        stamp = time_from_ns(to_ns(self.next_time))
+        self._tick += 1
+        self._answers.clear()
+        self._ticks.put(Tick(stamp, self._epoch, self._tick, self._robots, [self.node.name]))
+        if not self.node.speaks:
+            self._thread.join(LIMIT)
+            self._raise_failure()
+        if not self._answers:
+            raise BusError(
+                f"{self.node.name} waits for inputs of {to_seconds(self._tick * to_ns(0.1)):g} s: "
+                "publish all that it declares with every_tick before tick()"
+            )
+        answer = self._answers[-1]
+        return answer.command if answer.has_command else None
+
+    def reset(self) -> None:
+        """Let simulated time begin again with the next tick."""
+        self._epoch, self._tick = self._epoch + 1, 0
+
+
+def run_node(
+    body: Callable[[Any], None],
+    hub: MemoryHub,
+    *,
+    name: str = "node",
+    robots: Sequence[int] = (),
+    clock: ClockMode = "auto",
+) -> RunningNode:
+    """Run `body(node)`, as `zteam.run` takes it, in this process on `hub`: `with run_node(main, hub) as running:`.
+
+    `robots` are the ids in the world: `step` waits for an `every_tick` input of `robot_$*/…` from each of them. The end
+    of the `with` stops and closes the node, and raises the error that ended it.
+    """
+    return RunningNode(body, hub, name, robots, clock)
