@@ -1,4 +1,4 @@
-"""The one place that builds and reads key expressions and frame ids (DESIGN section 4)."""
+"""The one place that builds and reads key expressions and frame ids (docs/architecture.md lists them)."""
 
 import re
 
@@ -52,7 +52,7 @@ _ID = re.compile(r"[0-9]+", re.ASCII)
 
 def parse_robot_id(text: str) -> int:
     """The robot id that a user typed. Raises UsageError for anything but a whole number in 0..MAX_ROBOT_ID."""
-    # Digits beyond the bound's own length are refused before int(): a thousand digits are nobody's id.
+    # Digits beyond the bound's own length are refused before int(): a thousand digits are no robot's id.
     if not _ID.fullmatch(text) or len(text.lstrip("0")) > len(str(MAX_ROBOT_ID)) or int(text) > MAX_ROBOT_ID:
         shown = text if len(text) <= 20 else text[:20] + "…"
         raise UsageError(f"robot id {shown!r} is not a whole number from 0 to {MAX_ROBOT_ID}")
@@ -92,7 +92,7 @@ def split_robot_key(key: str) -> tuple[int, str] | None:
 
 
 def is_wildcard(key: str) -> bool:
-    """Whether a sample's key is an expression; such a sample is addressed to nobody and refused."""
+    """Whether a sample's key is an expression; such a sample has no single address and is refused."""
     return "*" in key or "$" in key
 
 
@@ -103,41 +103,12 @@ def strip_slash(name: str) -> str:
 
 def scan_key(robot_id: int, index: int) -> str:
     """Key of the robot's `index`-th laser: `base_scan`, `base_scan_1`, …"""
-    return numbered_key(robot_id, BASE_SCAN, index)
+    return robot_key(robot_id, numbered(BASE_SCAN, index))
 
 
-def numbered_key(robot_id: int, topic: str, index: int) -> str:
-    """Key of the robot's `index`-th device of a kind: `fiducials`, `fiducials_1`, …"""
-    return robot_key(robot_id, _numbered(topic, index))
-
-
-def _numbered(stem: str, index: int) -> str:
-    return stem if index == 0 else f"{stem}_{index}"
-
-
-def sonar_key(robot_id: int, index: int) -> str:
-    """Key of the robot's `index`-th one-ray sensor."""
-    return robot_key(robot_id, f"{SONAR}_{index}")
-
-
-def laser_link(index: int) -> str:
-    """Local frame of the `index`-th laser: `base_laser_link`, `base_laser_link_1`, …"""
-    return _numbered(BASE_LASER_LINK, index)
-
-
-def finder_link(index: int) -> str:
-    """Local frame of the `index`-th fiducial finder: `fiducial_link`, `fiducial_link_1`, …"""
-    return _numbered("fiducial_link", index)
-
-
-def blobfinder_link(index: int) -> str:
-    """Local frame of the `index`-th blob finder: `blobfinder_link`, …"""
-    return _numbered("blobfinder_link", index)
-
-
-def sonar_link(index: int) -> str:
-    """Local frame of the `index`-th one-ray sensor: `sonar_0`, …"""
-    return f"{SONAR}_{index}"
+def numbered(stem: str, index: int, *, always: bool = False) -> str:
+    """Topic or local frame of the `index`-th device of a kind: `stem`, `stem_1`, …; with `always`, `stem_0` first."""
+    return stem if index == 0 and not always else f"{stem}_{index}"
 
 
 def robot_frame(robot_id: int, local: str) -> str:
@@ -174,7 +145,7 @@ def claim_key(name: str, instance: str) -> str:
 
 
 def tokens_key(name: str = "*") -> str:
-    """Wildcard over the presence tokens of `name`, by default of everybody."""
+    """Wildcard over the presence tokens of `name`, by default of all processes."""
     return f"{name}/alive/*"
 
 
@@ -203,7 +174,7 @@ def split_done_key(key: str) -> str | None:
 
 
 def info_key(name: str) -> str:
-    """Query: who is this process (host, pid, start)."""
+    """Query: the process behind a name (host, pid, start)."""
     return f"{name}/info"
 
 

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from zteam.world import vocabulary
+from zteam.world.devices import device_models
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 
@@ -29,6 +30,8 @@ def test_every_property_is_in_the_reference() -> None:
         *vocabulary.SILENT.values(),
         vocabulary.REMARKED,
         vocabulary.TYPES,
+        device_models(),
+        *(model.properties for model in device_models().values()),
         vocabulary._DISPLAY,
     )
     missing = {name.removesuffix("[]") for name in known} - named

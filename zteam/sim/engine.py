@@ -9,14 +9,14 @@ from collections.abc import Mapping, Sequence
 from typing import Protocol, Self
 
 import numpy as np
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from zteam.clock import NS_PER_S, to_ns
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.messages import Twist
-from zteam.sim.casting import Caster
-from zteam.sim.devices import Devices
+from zteam.sim.devices import Devices, Surroundings
 from zteam.sim.fields import Fields, build_fields
 from zteam.sim.kinematic import RefusingBodies
 from zteam.sim.lasers import Lasers, Reading
@@ -24,10 +24,10 @@ from zteam.sim.motion import follow_arcs, follow_tangents, make_drives, measure_
 from zteam.sim.observation import Observation, RobotObservation, Robots, Snapshot, pose_of
 from zteam.sim.odometry import Odometry, make_wheels, roll
 from zteam.sim.polygons import group_shapes
-from zteam.sim.room import find_refusal
 from zteam.sim.takeover import prepare
 from zteam.simulation_options import Options
 from zteam.world.model import Floorplan, Robot, World
+from zteam.world.placing import find_hindrance
 
 Floats = NDArray[np.float64]
 
@@ -163,9 +163,11 @@ class Engine:
         team.setpoint[i] = team.velocity[i] = 0.0
 
     def _check_room(self, robot_id: int, robot: Robot, pose: Pose2) -> None:
-        poses = self._assembled().bodies.poses
-        why = find_refusal(self.world, self._floorplans, self.robots, poses, robot_id, robot, pose)
-        if why is not None:
+        """Raise UsageError if a robot of this id has no room at `pose`; where it stands now does not count."""
+        world, robots = self._assembled().at_present(self.world)
+        robots.pop(robot_id, None)
+        why = find_hindrance(world, replace(robot, pose=pose), robots)
+        if why:
             raise UsageError(
                 f"robot {robot_id} has no room at x {pose.x:g}, y {pose.y:g}: {why} (--force puts it there)"
             )
@@ -209,7 +211,7 @@ def _make_bodies(
     physics: str, robots: Sequence[Robot], poses: Floats, world: World, floorplans: Sequence[tuple[Floorplan, Fields]]
 ) -> Bodies:
     if physics == "dynamic":
-        from zteam.sim.dynamic import DynamicBodies  # pymunk: only who uses it pays for it
+        from zteam.sim.dynamic import DynamicBodies  # pymunk: imported only where it is used
 
         return DynamicBodies(robots, poses, floorplans, world.obstacles)
     follow = follow_tangents if physics == "stage" else follow_arcs
@@ -240,15 +242,12 @@ class _Team:
         self._wheels = make_wheels(self._robots)
         poses = np.array([r.pose for r in self._robots] + [o.pose for o in self._pushed], float).reshape(-1, 3)
         kept = self._adopt(old, poses) if old is not None else []
-        groups = group_shapes(self._robots, world.obstacles)
         self.bodies: Bodies = _make_bodies(self._physics, self._robots, poses, world, floorplans)
         if old is not None:
             self.bodies.adopt(old.bodies, kept)
-        self._visible = Caster(floorplans, groups, lambda surface: surface.ranger_return >= 0.0)
-        has_bumpers = any(robot.bumpers for robot in self._robots)
-        self._solid = Caster(floorplans, groups, lambda surface: surface.obstacle) if has_bumpers else None
-        self._lasers = Lasers(self._robots, list(self.ids), self._visible, options, seed)
-        self._devices = Devices(self._robots, world.obstacles, self._visible, self._solid)
+        self._surroundings = Surroundings(self._robots, world.obstacles, floorplans)
+        self._lasers = Lasers(self._robots, list(self.ids), self._surroundings.visible, options, seed)
+        self._devices = Devices(self._surroundings)
 
     def _adopt(self, old: "_Team", poses: np.ndarray) -> list[tuple[int, int]]:
         """Take over what is known of the robots that stay; the pairs of movers (index here, index there) that do."""
@@ -263,6 +262,17 @@ class _Team:
         poses[len(self._robots) :] = old.bodies.poses[len(old._robots) :]
         self.odometry.adopt(old.odometry, kept)
         return kept + [(len(self._robots) + i, len(old._robots) + i) for i in range(len(self._pushed))]
+
+    def at_present(self, world: World) -> tuple[World, dict[int, Robot]]:
+        """The world with the things that can be pushed where they are now, and the robots by id where they are now."""
+        poses, first = self.bodies.poses, len(self._robots)
+        robots = {robot_id: replace(self._robots[i], pose=pose_of(poses, i)) for robot_id, i in self.ids.items()}
+        pushed = iter(poses[first:])
+        things = [
+            thing if thing.mass is None else replace(thing, pose=Pose2(*next(pushed).tolist()))
+            for thing in world.obstacles
+        ]
+        return replace(world, obstacles=tuple(things)), robots
 
     def move(self, now: int, tick: int, seconds: float) -> None:
         """One tick, from `now` (ns) on."""
@@ -280,9 +290,7 @@ class _Team:
     def observe(self, now: int, tick: int) -> Observation:
         """What all robots sense at `now` (ns)."""
         poses = self.bodies.poses
-        self._visible.move(poses)
-        if self._solid is not None:
-            self._solid.move(poses)
+        self._surroundings.move(poses)
         snapshot = Snapshot(
             ids=self.ids,
             robots=self._robots,
@@ -292,7 +300,7 @@ class _Team:
             velocity=self.velocity.copy(),
             stalled=self.bodies.stalled.copy(),
             wheels=self._wheels._replace(angles=self._wheels.angles.copy(), rates=self._wheels.rates.copy()),
-            notices=self._devices.notice(poses),
+            detections=self._devices.sense(poses),
         )
         first = len(self._robots)
         pushed = {obstacle.name: pose_of(poses, first + i) for i, obstacle in enumerate(self._pushed)}

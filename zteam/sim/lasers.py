@@ -13,7 +13,7 @@ from zteam.sim.casting import Beams, Caster, Rays, ScanBuffers, finish, make_roo
 from zteam.sim.interference import Dazzle, Glare, find_glares
 from zteam.sim.jit import compiled
 from zteam.simulation_options import Options
-from zteam.world.model import Blobfinder, Finder, Ranger, Robot
+from zteam.world.model import Device, Ranger, Robot
 
 Floats = NDArray[np.float64]
 
@@ -93,7 +93,7 @@ class Scans(NamedTuple):
         return Reading(arrays.ranges[row], arrays.intensities[row])
 
 
-def mount_devices(owned: Sequence[tuple[int, Ranger | Finder | Blobfinder]]) -> Mounts:
+def mount_devices(owned: Sequence[tuple[int, Device]]) -> Mounts:
     """Where the robots' devices stand, by the robots' indexes."""
     x, y, z, yaw = np.array([(d.x, d.y, d.z, d.yaw) for _, d in owned], float).reshape(-1, 4).T.copy()
     return Mounts(x, y, z, yaw, np.array([owner for owner, _ in owned], np.int64))

@@ -9,6 +9,7 @@ from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.messages import Header, MapMetaData, OccupancyGrid, Point, Pose, time_from_ns
 from zteam.world.model import Floorplan, Shape, World
+from zteam.world.placing import find_bounds, place_shape
 
 MAX_CELLS = 64_000_000
 """A byte each: the message stays below the bus's largest payload."""
@@ -52,23 +53,9 @@ def map_message(world: World, resolution: float) -> OccupancyGrid:
     return OccupancyGrid(Header(time_from_ns(0), names.MAP_FRAME), info, grid.ravel())
 
 
-def find_bounds(world: World) -> tuple[np.ndarray, np.ndarray] | None:
-    """Least and greatest x, y (m, in `map`) of everything that stands still; None if nothing does."""
-    corners = [corner for plan in world.floorplans for corner in _plan_corners(plan.pose, plan.occupied, plan.cell)]
-    corners += [(float(px), float(py)) for _, polygon in _standing(world) for px, py in polygon]
-    return (np.min(corners, axis=0), np.max(corners, axis=0)) if corners else None
-
-
 def _standing(world: World) -> list[tuple[Shape, np.ndarray]]:
     fixed = [obstacle for obstacle in world.obstacles if obstacle.mass is None]
-    return [(shape, _polygon(obstacle.pose, shape)) for obstacle in fixed for shape in obstacle.shapes]
-
-
-def _plan_corners(pose: Pose2, occupied: np.ndarray, cell: tuple[float, float]) -> list[tuple[float, float]]:
-    rows, columns = occupied.shape
-    cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
-    ends = [(u * columns * cell[0], v * rows * cell[1]) for u in (0, 1) for v in (0, 1)]
-    return [(pose.x + cos * u - sin * v, pose.y + sin * u + cos * v) for u, v in ends]
+    return [(shape, place_shape(obstacle.pose, shape)) for obstacle in fixed for shape in obstacle.shapes]
 
 
 def _draw_plan(
@@ -114,14 +101,6 @@ def _along(polygon: np.ndarray, resolution: float) -> tuple[np.ndarray, np.ndarr
         points.append(start + (end - start) * ((np.arange(count) + 0.5) / count)[:, None])
     x, y = np.concatenate(points).T
     return x, y
-
-
-def _polygon(pose: Pose2, shape: Shape) -> np.ndarray:
-    cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
-    points = np.array(shape.points, float)
-    return np.stack(
-        (pose.x + cos * points[:, 0] - sin * points[:, 1], pose.y + sin * points[:, 0] + cos * points[:, 1]), axis=1
-    )
 
 
 def _draw_polygon(grid: np.ndarray, x: np.ndarray, y: np.ndarray, polygon: np.ndarray) -> None:

@@ -9,6 +9,7 @@ from zteam.errors import WorldError
 from zteam.geometry import Pose2, compose2
 from zteam.world.bitmap import MAX_PIXELS, Box, Grid, occupied_box, read_bitmap, rectangles
 from zteam.world.colors import random_color
+from zteam.world.devices import device_models
 from zteam.world.floor_maps import FloorMap, is_floor_map, read_floor_map
 from zteam.world.model import Floorplan, Shape
 from zteam.world.parser import Entity
@@ -80,6 +81,12 @@ class Settings(msgspec.Struct, frozen=True):
         return Reader(entity, self.units, self.remarks)
 
 
+def _has_body(kind: str) -> bool:
+    """Whether a model of this type is a box if it says nothing else."""
+    sensing = device_models().get(kind)
+    return kind not in BODILESS if sensing is None else sensing.has_body
+
+
 class Body(NamedTuple):
     """A model's geometry. `origin` and `size` are the box that everything of it is fitted to."""
 
@@ -111,7 +118,7 @@ def read_body(entity: Entity, settings: Settings) -> Body:
             home, bitmap = found.map_from_middle, found.occupied
         else:
             bitmap = found
-    elif not blocks and entity.type not in BODILESS and not reader.flag("noblocks", False):
+    elif not blocks and _has_body(entity.type) and not reader.flag("noblocks", False):
         blocks = [UNIT_BOX]
     slabs = boundary_slabs(size) if reader.flag("boundary", False) else []
     if blocks or slabs or bitmap is not None:
