@@ -5,7 +5,6 @@ A sensor's row in `SENSORS` says how it senses; its row in `zteam.world.devices`
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from functools import cached_property
 from itertools import groupby
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -18,12 +17,12 @@ from zteam.messages import Blob as BlobMessage
 from zteam.messages import Blobs, ColorRGBA, Fiducial, Fiducials, Header, Message, time_from_ns
 from zteam.messages import Bumper as BumperMessage
 from zteam.sim.casting import Beams, Caster, Rays
-from zteam.sim.fields import Fields
 from zteam.sim.lasers import Mounts, mount_devices, rays_of
-from zteam.sim.polygons import NOBODY, group_shapes
+from zteam.sim.polygons import NO_MOVER
+from zteam.sim.surroundings import Surroundings
 from zteam.world.colors import find_color
 from zteam.world.devices import KINDS, Blobfinder, Bumper, DeviceKind, Finder
-from zteam.world.model import Floorplan, Marker, Obstacle, Robot, Shape
+from zteam.world.model import Marker, Obstacle, Robot
 
 if TYPE_CHECKING:
     from zteam.sim.observation import Observation
@@ -70,41 +69,6 @@ Sense = Callable[[Floats], Sequence[Any]]
 """What all devices of one kind detect with the movers at `poses`, one value each; the casters are there already."""
 
 
-class Surroundings:
-    """What devices sense: the robots, all else, and casters of rays."""
-
-    def __init__(
-        self,
-        robots: Sequence[Robot],
-        obstacles: Sequence[Obstacle],
-        floorplans: Sequence[tuple[Floorplan, Fields]],
-    ) -> None:
-        self.robots = robots
-        self.obstacles = obstacles
-        self._floorplans = floorplans
-        self._groups = group_shapes(robots, obstacles)
-        self._casters: list[Caster] = []
-
-    @cached_property
-    def visible(self) -> Caster:
-        """Casts against what lasers see."""
-        return self._caster(lambda surface: surface.ranger_return >= 0.0)
-
-    @cached_property
-    def solid(self) -> Caster:
-        """Casts against what collides."""
-        return self._caster(lambda surface: surface.obstacle)
-
-    def move(self, poses: Floats) -> None:
-        """Bring the movers to `poses` (movers; x, y, yaw in `map`), for the casters that are in use."""
-        for caster in self._casters:
-            caster.move(poses)
-
-    def _caster(self, sees: Callable[[Floorplan | Shape], bool]) -> Caster:
-        self._casters.append(Caster(self._floorplans, self._groups, sees))
-        return self._casters[-1]
-
-
 class Sensor(NamedTuple):
     """One row: how a kind of device senses, and how that becomes a message."""
 
@@ -127,7 +91,7 @@ class _Target(NamedTuple):
 
     def place(self, poses: Floats) -> Pose2:
         """In `map`."""
-        model = self.fixed if self.mover == NOBODY else Pose2(*poses[self.mover].tolist())
+        model = self.fixed if self.mover == NO_MOVER else Pose2(*poses[self.mover].tolist())
         return compose2(model, Pose2(self.marker.x, self.marker.y, self.marker.yaw))
 
 
@@ -135,7 +99,7 @@ def _targets(robots: Sequence[Robot], obstacles: Sequence[Obstacle]) -> list[_Ta
     found = [_Target(marker, i, i, robot.pose) for i, robot in enumerate(robots) for marker in robot.markers]
     movers = len(robots)
     for source, obstacle in enumerate(obstacles, len(robots)):
-        mover = NOBODY
+        mover = NO_MOVER
         if obstacle.mass is not None:
             mover, movers = movers, movers + 1
         found += [_Target(marker, source, mover, obstacle.pose) for marker in obstacle.markers]

@@ -6,7 +6,6 @@ sense at its end. The same world, seed and commands give the same bytes.
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Protocol, Self
 
 import numpy as np
 from msgspec.structs import replace
@@ -16,14 +15,14 @@ from zteam.clock import NS_PER_S, to_ns
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.messages import Twist
-from zteam.sim.devices import Devices, Surroundings
+from zteam.sim.bodies import Bodies, make_bodies
+from zteam.sim.devices import Devices
 from zteam.sim.fields import Fields, build_fields
-from zteam.sim.kinematic import RefusingBodies
 from zteam.sim.lasers import Lasers, Reading
-from zteam.sim.motion import follow_arcs, follow_tangents, make_drives, measure_tangents, measure_velocity, obey
+from zteam.sim.motion import make_drives, measure_tangents, measure_velocity, obey
 from zteam.sim.observation import Observation, RobotObservation, Robots, Snapshot, pose_of
 from zteam.sim.odometry import Odometry, make_wheels, roll
-from zteam.sim.polygons import group_shapes
+from zteam.sim.surroundings import Surroundings
 from zteam.sim.takeover import prepare
 from zteam.simulation_options import Options
 from zteam.world.model import Floorplan, Robot, World
@@ -38,7 +37,7 @@ WATCHDOG = to_ns(0.2)
 
 
 class Engine:
-    """A world in motion. Robots are known by id; by default the world's own, numbered in file order."""
+    """A world in motion. Robots have ids; by default they are the world's own, numbered in file order."""
 
     def __init__(
         self,
@@ -120,7 +119,7 @@ class Engine:
         return bool(team.bodies.stalled[self._index(team, robot_id)])
 
     def reset(self) -> None:
-        """Everything as at the start: time, robots (those that came or went too), things that were pushed."""
+        """Set everything back to the start: time, the set of robots, and things that were pushed."""
         self.tick = 0
         self._robots = dict(self._at_first)
         self._team, self._outdated = None, True
@@ -128,7 +127,7 @@ class Engine:
     def spawn(self, robot_id: int, robot: Robot, *, checked: bool = False) -> None:
         """Put a further robot into the world, at its pose. Raises UsageError if there is one of that id.
 
-        With `checked`, also if it has no room there: it would stand in a wall, a robot or a thing, or outside.
+        With `checked`, also if it has no room there: in a wall, a robot or a thing, or outside of the world.
         """
         if robot_id in self._robots:
             raise UsageError(f"robot {robot_id} is in this world already: remove it first, or take another id")
@@ -148,7 +147,7 @@ class Engine:
         self._outdated = True
 
     def place(self, robot_id: int, pose: Pose2, *, checked: bool = False) -> None:
-        """Lift a robot to a pose in `map`, where it stands still; its odometry goes on as if nothing had happened.
+        """Place a robot at a pose in `map`, where it stands still; its odometry goes on as if it had not moved.
 
         Raises UsageError if the robot is not there, or the pose is not finite; with `checked`, also if it has no room.
         """
@@ -173,7 +172,7 @@ class Engine:
             )
 
     def _assembled(self) -> "_Team":
-        """The team as it is now; put together anew only when robots came or went since the last call."""
+        """The team as it is now; it is made again only when robots came or went since the last call."""
         if self._team is None or self._outdated:
             self._team = _Team(self.world, self.robots, self._floorplans, self.options, self.seed, self._team)
             self._outdated = False
@@ -189,37 +188,8 @@ class Engine:
         return UsageError(f"no robot {robot_id} in this world: it has {sorted(self._robots)}")
 
 
-class Bodies(Protocol):
-    """What moves, and what stops it."""
-
-    poses: Floats
-    """(movers, 3): x, y, yaw in `map`; robots first, then what can be pushed."""
-    stalled: NDArray[np.bool_]
-    """(robots)"""
-
-    def step(self, seconds: float, velocity: Floats) -> None:
-        """Advance by `seconds` with body velocities (robots, 3)."""
-
-    def place(self, index: int, pose: Pose2) -> None:
-        """Put a mover somewhere, at rest."""
-
-    def adopt(self, old: Self, kept: Sequence[tuple[int, int]]) -> None:
-        """Go on from another's motion, for pairs of movers (index here, index there); poses are there already."""
-
-
-def _make_bodies(
-    physics: str, robots: Sequence[Robot], poses: Floats, world: World, floorplans: Sequence[tuple[Floorplan, Fields]]
-) -> Bodies:
-    if physics == "dynamic":
-        from zteam.sim.dynamic import DynamicBodies  # pymunk: imported only where it is used
-
-        return DynamicBodies(robots, poses, floorplans, world.obstacles)
-    follow = follow_tangents if physics == "stage" else follow_arcs
-    return RefusingBodies(len(robots), poses, floorplans, group_shapes(robots, world.obstacles), follow)
-
-
 class _Team:
-    """One set of robots as arrays, in the order of their ids; it takes over the state of the set before it."""
+    """One set of robots as arrays, in the order of their ids; it takes over the state of the previous set."""
 
     def __init__(
         self,
@@ -242,7 +212,7 @@ class _Team:
         self._wheels = make_wheels(self._robots)
         poses = np.array([r.pose for r in self._robots] + [o.pose for o in self._pushed], float).reshape(-1, 3)
         kept = self._adopt(old, poses) if old is not None else []
-        self.bodies: Bodies = _make_bodies(self._physics, self._robots, poses, world, floorplans)
+        self.bodies: Bodies = make_bodies(self._physics, self._robots, poses, world, floorplans)
         if old is not None:
             self.bodies.adopt(old.bodies, kept)
         self._surroundings = Surroundings(self._robots, world.obstacles, floorplans)
@@ -250,7 +220,7 @@ class _Team:
         self._devices = Devices(self._surroundings)
 
     def _adopt(self, old: "_Team", poses: np.ndarray) -> list[tuple[int, int]]:
-        """Take over what is known of the robots that stay; the pairs of movers (index here, index there) that do."""
+        """Take over the state of the robots that stay; return the pairs (index here, index there) of the movers."""
         kept = [(i, old.ids[robot_id]) for robot_id, i in self.ids.items() if robot_id in old.ids]
         for here, there in kept:
             poses[here] = old.bodies.poses[there]

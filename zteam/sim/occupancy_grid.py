@@ -20,10 +20,10 @@ _STRIP = 64
 def map_message(world: World, resolution: float) -> OccupancyGrid:
     """Everything that stands still, on one axis-aligned grid of square cells of `resolution` metres.
 
-    A cell is 100 where its centre lies in an occupied cell of a bitmap or in an obstacle's outline, or where something
+    A cell is 100 where its centre lies in an occupied cell of a bitmap or in an obstacle's polygon, or where something
     thinner than a cell stands, else 0. Raises UsageError for a map of more than MAX_CELLS.
     """
-    outlines = _standing(world)
+    polygons = _standing(world)
     corners = [robot.pose[:2] for robot in world.robots]
     low, high = find_bounds(world) or (np.min(corners, axis=0), np.max(corners, axis=0))
     columns, rows = (max(1, math.ceil(n)) for n in (high - low) / resolution - 1e-9)
@@ -43,7 +43,7 @@ def map_message(world: World, resolution: float) -> OccupancyGrid:
             _draw_plan(grid[strip], x, y[strip], plan.pose, plan.occupied, plan.cell)
         if min(plan.cell) < resolution:
             _mark(grid, low, resolution, *_middles(plan))
-    for _, polygon in outlines:
+    for _, polygon in polygons:
         _draw_polygon(grid, x, y, polygon)
         if _thickness(polygon) < resolution:
             _mark(grid, low, resolution, *_along(polygon, resolution))

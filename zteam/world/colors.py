@@ -20,7 +20,7 @@ def find_color(name: str) -> Rgb | None:
     if _HEX.fullmatch(name):
         red, green, blue = (int(name[i : i + 2], 16) / 255 for i in (1, 3, 5))
         return red, green, blue
-    from PIL import ImageColor  # only who needs the channels pays for it
+    from PIL import ImageColor  # imported only where the channels are needed
 
     plain = name.replace(" ", "").lower()
     if plain in _ONLY_X11:

@@ -76,7 +76,7 @@ def read_floor_map(path: Path) -> FloorMap:
 
 
 def _read_fields(path: Path) -> dict[str, Any]:
-    import yaml  # only who has such a map pays for it
+    import yaml  # imported only for such a map
 
     try:
         with path.open("rb") as file:

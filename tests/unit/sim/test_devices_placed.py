@@ -24,7 +24,7 @@ def test_a_single_pixel_looks_straight_ahead() -> None:
 
 
 @pytest.mark.parametrize("turn", [0.0, 1.1, 3.1, -2.5])
-def test_everybody_in_a_circle_finds_everybody(turn: float) -> None:
+def test_robots_in_a_circle_find_each_other(turn: float) -> None:
     """Of twelve robots on a circle that look inwards, each finds all others where they are, in the order of ids."""
     eye = Finder("f", 0.0, 0.0, 0.1, 0.0, math.tau, 0.0, 20.0, 20.0)
     around = [turn + k * math.tau / 12 for k in range(12)]

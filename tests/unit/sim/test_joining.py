@@ -27,7 +27,7 @@ def test_a_robot_that_takes_a_removed_ones_id_starts_anew() -> None:
 
 @pytest.mark.parametrize("physics", ["dynamic", "stage", "kinematic"])
 def test_a_stalled_robot_stays_stalled_while_another_comes(physics: Physics) -> None:
-    """Who is blocked says so also in an observation that is taken right after a spawn."""
+    """A blocked robot is observed as stalled also right after another was spawned."""
     engine = Engine(make_world(make_robot()), options=Options(physics=physics))
     for _ in range(50):
         engine.move({0: drive(0.8)})

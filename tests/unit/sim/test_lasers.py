@@ -60,7 +60,7 @@ def test_stages_noise_is_a_variance_a_share_and_an_angle() -> None:
 
 
 def test_noise_belongs_to_the_robot_and_the_tick() -> None:
-    """The same robot draws the same noise whoever else is there; another seed, tick or robot draws other noise."""
+    """The same robot draws the same noise with other robots present; another seed, tick or robot draws other noise."""
     options = Options(gaussian_noise=0.05)
     one, far = make_robot(), make_robot(0.0, -40.0)
     alone = Engine(make_world(one), options=options)
