@@ -1,4 +1,4 @@
-"""Properties of zteam.world: printing and parsing agree, and no text whatever does harm."""
+"""Properties of zteam.world: printing and parsing agree, and no text does harm."""
 
 import math
 import string

@@ -1,4 +1,4 @@
-"""Bodies of models: what `size`, `origin`, blocks, bitmaps and `boundary` make of a model."""
+"""Bodies of models, from `size`, `origin`, blocks, bitmaps and `boundary`."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -43,7 +43,7 @@ MAX_RECTANGLES = 256
 
 
 class Bounds:
-    """What all models of a world may have together, so that no small file takes long or fills the memory."""
+    """Limits for all models of a world together: a small file must not take long or fill the memory."""
 
     def __init__(self) -> None:
         self._points = self._pixels = 0
@@ -62,7 +62,7 @@ class Bounds:
 
 
 class Settings(msgspec.Struct, frozen=True):
-    """What holds for a whole file."""
+    """Settings of a whole file."""
 
     units: Units
     folder: Path
@@ -82,7 +82,7 @@ class Settings(msgspec.Struct, frozen=True):
 
 
 def _has_body(kind: str) -> bool:
-    """Whether a model of this type is a box if it says nothing else."""
+    """Whether a model of this type is a box unless it has blocks."""
     sensing = device_models().get(kind)
     return kind not in BODILESS if sensing is None else sensing.has_body
 
@@ -99,7 +99,7 @@ class Body(NamedTuple):
     bitmap: Grid | None
     """Cells that fill the box of `size`."""
     home: Pose2 | None = None
-    """Where a map_server YAML puts the model, unless the model says otherwise."""
+    """Where a map_server YAML puts the model, unless the model has a pose."""
 
 
 def read_body(entity: Entity, settings: Settings) -> Body:
@@ -190,12 +190,12 @@ def _read_color(reader: Reader) -> str:
         channels = reader.numbers("color_rgba", "nnn", ())
         return "#" + "".join(f"{round(255 * min(max(channel, 0.0), 1.0)):02x}" for channel in channels)
     name = reader.text("color", "red")
-    # Stage draws "random" anew in every run; here it belongs to the model.
+    # Stage draws another "random" colour in every run; here the colour belongs to the model.
     return random_color(f"{reader.entity.place}{reader.text('name', '')}") if name == "random" else name
 
 
 def _read_bitmap(reader: Reader, settings: Settings) -> Grid | FloorMap | None:
-    """What a bitmap says; None if none is named, or if it is white all over and Stage finds no outline in it."""
+    """The bitmap of a model; None if none is named, or if it is white all over and Stage finds no polygon in it."""
     name = reader.text("bitmap", "")
     if not name:
         reader.remark("bitmap", "no bitmap is named: no body")

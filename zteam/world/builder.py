@@ -25,13 +25,13 @@ MAX_INTERVAL_MS = 60_000
 
 
 class Chassis(msgspec.Struct):
-    """What moves as one, while its parts are collected: a robot, or something that can be pushed."""
+    """A robot, or something that can be pushed, while its parts are collected."""
 
     name: str
     entity: Entity
     map_from_base: Pose2
     drive: Drive | None
-    """None of what is pushed."""
+    """None for what is pushed."""
     mass: float
     shapes: list[Shape] = msgspec.field(default_factory=list)
     devices: list[Device] = msgspec.field(default_factory=list)
@@ -57,21 +57,21 @@ class Chassis(msgspec.Struct):
 
 
 class Mount(NamedTuple):
-    """Where a model's children stand: on the ground, on a model, or on what moves."""
+    """Where a model's children stand: on the ground, on a model, or on a chassis."""
 
     owner_from_mount: Pose2
-    """The owner is the chassis's base if there is one, else the map."""
+    """The owner is the base of the chassis, or the map if there is no chassis."""
     z: float
     chassis: Chassis | None
     prefix: str
-    """What the names of unnamed children begin with."""
+    """Prefix of the names of unnamed children."""
 
 
 GROUND = Mount(Pose2(0.0, 0.0, 0.0), 0.0, None, "")
 
 
 class Template(msgspec.Struct, frozen=True):
-    """A robot macro, to make further robots from."""
+    """A robot macro, from which further robots are made."""
 
     document: Document
     macro: str
@@ -105,7 +105,7 @@ def build_world(document: Document, folder: Path, whole_bitmaps: bool, remarks: 
 
 
 class Builder:
-    """Collects what the entities of a world are; models come in file order, a parent before its children."""
+    """Collects the entities of a world; models come in file order, a parent before its children."""
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
@@ -116,7 +116,7 @@ class Builder:
         self.pushed: list[Chassis] = []
 
     def add_model(self, entity: Entity, mount: Mount) -> None:
-        """A model and everything on it."""
+        """Add a model and everything on it."""
         if entity.type == "window":  # Stage's own window on the screen
             return
         reader = self._settings.reader(entity)
@@ -182,7 +182,7 @@ class Builder:
             reader.remark_unused(kind, sensing[kind].properties if kind in sensing else frozenset())
 
     def _name(self, reader: Reader, mount: Mount) -> str:
-        """As given, else as Stage would say; an unnamed robot's is its id's."""
+        """The given name, else the one that Stage makes; an unnamed robot is named by its id."""
         kind = reader.entity.type
         if reader.has("name"):
             return reader.text("name", "")
@@ -207,7 +207,7 @@ class Builder:
     def _add_device(
         self, reader: Reader, body: Body, base_from_model: Pose2, foot: float, chassis: Chassis | None, name: str
     ) -> None:
-        """A sensing model; unlike children, what senses moves with the model's origin."""
+        """Add the devices of a sensing model; unlike children, they move with the model's origin."""
         kind = reader.entity.type
         if chassis is None or chassis.drive is None:
             reader.remark_entity(f"a {kind} that no robot carries is not simulated")

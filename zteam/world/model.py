@@ -1,4 +1,4 @@
-"""What a world file describes, flattened to what the simulator needs: plain data, no parser and no physics.
+"""A world file as plain data for the simulator: no parser and no physics.
 
 Everything is SI: metres, radians, nanoseconds. `z` values are heights above the ground, absolute: in a planar world
 they never change, so a shape is seen by a laser exactly if `z_min <= laser z <= z_max`.
@@ -66,7 +66,7 @@ class Obstacle(msgspec.Struct, frozen=True):
     pose: Pose2
     shapes: tuple[Shape, ...]
     mass: float | None = None
-    """Kilograms of one that robots can push; None stands still."""
+    """Kilograms if robots can push it; None if it stands still."""
     markers: tuple[Marker, ...] = ()
 
 
@@ -150,7 +150,7 @@ class Robot(msgspec.Struct, frozen=True):
 
 
 class Remark(msgspec.Struct, frozen=True):
-    """Something in the file that does nothing here."""
+    """Something in the file that has no effect here."""
 
     file: str
     line: int
@@ -172,7 +172,7 @@ class World(msgspec.Struct, eq=False):
     robots: tuple[Robot, ...]
     """By id: position models in file order."""
     physics: str = "dynamic"
-    """What contacts do, unless told otherwise: one of `zteam.simulation_options.PHYSICS`."""
+    """The default physics of contacts: one of `zteam.simulation_options.PHYSICS`."""
     warnings: tuple[Remark, ...] = ()
     templates: dict[str, Any] = msgspec.field(default_factory=dict)
-    """What `zteam.world.add_robot` makes further robots from: the file's own robot macros, by name."""
+    """The file's own robot macros by name, from which `zteam.world.add_robot` makes further robots."""

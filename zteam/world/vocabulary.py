@@ -1,4 +1,4 @@
-"""The names that world files use: types of models, their properties, and what becomes of each.
+"""The names that world files use: types of models, their properties, and how each is treated.
 
 A property of Stage is read, ignored in silence (it concerns a display, or a device that zteam has not), or ignored
 with a remark (it would change what robots do). Any other property is remarked as unknown.
@@ -22,7 +22,7 @@ BODILESS = frozenset({"camera"})
 """Unsupported types with no body unless they have blocks."""
 
 TYPES = frozenset({"model", "position", *UNSUPPORTED})
-"""Types of models, but for those that sense (`zteam.world.devices`)."""
+"""Types of models, except those that sense (`zteam.world.devices`)."""
 
 _MODEL = {
     *("pose", "size", "origin", "color", "color_rgba", "bitmap", "bitmap_reading", "noblocks", "boundary", "name"),
@@ -91,6 +91,6 @@ def remark_on(kind: str, name: str, values: Iterable[float | str], also: Set[str
 
 @functools.lru_cache(1024)
 def did_you_mean(name: str, known: frozenset[str]) -> str:
-    """The end of an error's text that names the likely word, or nothing."""
+    """The end of an error text that names the most similar word; empty if none is similar."""
     close = difflib.get_close_matches(name, sorted(known), n=1, cutoff=0.75)
     return f" (did you mean {close[0]!r}?)" if close else ""

@@ -1,4 +1,4 @@
-"""What lasers get wrong on purpose: noise, blind zones, nothing in sight, and each other."""
+"""Errors of lasers: noise, ranges below the minimum, no hit, and interference."""
 
 import math
 from typing import Any
@@ -118,7 +118,7 @@ def facing(distance: float = 2.0, **changes: Any) -> dict[int, Robot]:
 
 @pytest.mark.parametrize("mode", ["drop", "max", "short", "scan"])
 def test_lasers_in_mutual_sight_dazzle_each_other(mode: Any) -> None:
-    """Only the beams towards the other are spoilt, in the way that was asked for; `scan` spoils them all."""
+    """Only the beams towards the other laser are disturbed, in the chosen mode; `scan` disturbs them all."""
     world = make_world(wall_at=20.0)
     clean = Engine(world, robots=facing()).observe()
     dazzled = Engine(world, robots=facing(), options=Options(dazzle=mode, dazzle_angle=math.radians(2.5))).observe()

@@ -91,7 +91,7 @@ def test_a_row_parses_senses_publishes_and_types_a_sensor(tmp_path: Path) -> Non
     for key in ("robot_0/temperature", "robot_0/temperature_1"):
         assert type_of_key(key) is Temperature
         listener.subscribe(key, Temperature, lambda key, message: heard.append((key, message)))
-    outputs = RobotOutputs(Node(hub.bus(), "sim", Stop()), 0, world.robots[0])
+    outputs = RobotOutputs(Node("sim", hub.bus(), Stop()), 0, world.robots[0])
     engine = Engine(world)
     outputs.put_rest(engine.observe())
     assert [(key, message.degrees, message.header.frame_id) for key, message in heard] == [

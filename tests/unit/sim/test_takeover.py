@@ -1,4 +1,4 @@
-"""A simulator that finds no compiled kernels: it starts without, and changes over while it runs, or says why not."""
+"""A simulator without compiled kernels: it starts on numpy and switches while it runs, or logs why it cannot."""
 
 import os
 import select
@@ -55,7 +55,7 @@ def run(code: str, folder: Path) -> list[str]:
 
 
 def wait_for(condition: Callable[[], object]) -> None:
-    """Until it holds."""
+    """Wait until a condition holds."""
     end = monotonic() + LIMIT
     while not condition():
         assert monotonic() < end
