@@ -31,7 +31,7 @@ def test_nothing_is_pushed_through_a_wall() -> None:
 
 
 def test_nothing_leaves_a_closed_room() -> None:
-    """Six robots drive at random among twenty boxes: everything stays in the room, and no body is squeezed into another."""
+    """Six robots drive at random among twenty boxes: all stay in the room, and no body is pressed into another."""
     for seed in range(ROOMS):
         _check(make_room(seed), seed, 200, wild=True)
 

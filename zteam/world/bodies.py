@@ -185,7 +185,7 @@ def _read_surface(reader: Reader) -> Surface:
 
 
 def _read_color(reader: Reader) -> str:
-    """A name of X11's, or #rrggbb from `color_rgba` (whose transparency does not count)."""
+    """A name of X11's, or #rrggbb from `color_rgba` (its transparency is ignored)."""
     if reader.has("color_rgba") and not reader.has("color"):
         channels = reader.numbers("color_rgba", "nnn", ())
         return "#" + "".join(f"{round(255 * min(max(channel, 0.0), 1.0)):02x}" for channel in channels)

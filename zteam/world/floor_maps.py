@@ -104,7 +104,7 @@ def _number(path: Path, fields: dict[str, Any], key: str, default: float | None)
 
 
 def _shown(value: object) -> str:
-    """A value in an error text. Aliases make short files whose full text would fill the memory."""
+    """A value in an error text. Aliases make short files with a full text that would fill the memory."""
     return reprlib.repr(value)[:60]
 
 

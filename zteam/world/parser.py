@@ -92,7 +92,7 @@ def parse_world(path: Path, remarks: Remarks) -> Document:
 
 
 def parse_text(text: str, remarks: Remarks, file: str = "<text>", folder: Path | None = None) -> Document:
-    """Parse the text of a world whose includes are relative to `folder` (the working directory)."""
+    """Parse the text of a world; its includes are relative to `folder` (the working directory)."""
     return _parse(read_world_tokens(text, file, folder or Path(), remarks), file, remarks)
 
 

@@ -14,7 +14,7 @@ from zteam.world.model import Floorplan, Obstacle, Robot, Shape, World
 
 
 def laser_robot(x: float = 0.0, y: float = 0.0, yaw: float = 0.0, **changes: Any) -> Robot:
-    """A robot whose laser differs from the usual one."""
+    """A robot with changes to the usual laser."""
     return make_robot(x, y, yaw, rangers=(msgspec.structs.replace(LASER, **changes),))
 
 

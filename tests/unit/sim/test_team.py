@@ -63,7 +63,7 @@ def test_a_lifted_robot_keeps_its_odometry(physics: str) -> None:
 
 
 def test_the_order_of_joining_changes_nothing() -> None:
-    """Engines whose robots came in another order agree in every bit from the first step on."""
+    """Engines agree in every bit from the first step on, in any order of joining."""
     robots = {i: make_robot(-1.5 + 0.55 * i, 0.2 * i, 0.7 * i) for i in range(5)}
     first = Engine(make_world(), robots=robots)
     second = Engine(make_world(), robots={})
