@@ -103,41 +103,12 @@ def strip_slash(name: str) -> str:
 
 def scan_key(robot_id: int, index: int) -> str:
     """Key of the robot's `index`-th laser: `base_scan`, `base_scan_1`, …"""
-    return numbered_key(robot_id, BASE_SCAN, index)
+    return robot_key(robot_id, numbered(BASE_SCAN, index))
 
 
-def numbered_key(robot_id: int, topic: str, index: int) -> str:
-    """Key of the robot's `index`-th device of one kind: `fiducials`, `fiducials_1`, …"""
-    return robot_key(robot_id, _numbered(topic, index))
-
-
-def _numbered(stem: str, index: int) -> str:
-    return stem if index == 0 else f"{stem}_{index}"
-
-
-def sonar_key(robot_id: int, index: int) -> str:
-    """Key of the robot's `index`-th one-ray sensor."""
-    return robot_key(robot_id, f"{SONAR}_{index}")
-
-
-def laser_link(index: int) -> str:
-    """Local frame of the `index`-th laser: `base_laser_link`, `base_laser_link_1`, …"""
-    return _numbered(BASE_LASER_LINK, index)
-
-
-def finder_link(index: int) -> str:
-    """Local frame of the `index`-th fiducial finder: `fiducial_link`, `fiducial_link_1`, …"""
-    return _numbered("fiducial_link", index)
-
-
-def blobfinder_link(index: int) -> str:
-    """Local frame of the `index`-th blob finder: `blobfinder_link`, …"""
-    return _numbered("blobfinder_link", index)
-
-
-def sonar_link(index: int) -> str:
-    """Local frame of the `index`-th one-ray sensor: `sonar_0`, …"""
-    return f"{SONAR}_{index}"
+def numbered(stem: str, index: int, *, always: bool = False) -> str:
+    """Topic or local frame of the `index`-th device of a kind: `stem`, `stem_1`, …; with `always`, `stem_0` first."""
+    return stem if index == 0 and not always else f"{stem}_{index}"
 
 
 def robot_frame(robot_id: int, local: str) -> str:

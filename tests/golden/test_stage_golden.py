@@ -193,7 +193,7 @@ def test_collisions_refuse_the_move_as_stage_does(physics: str, which: str, tmp_
 
 @pytest.mark.parametrize("physics", ["stage", "kinematic"])
 def test_collisions_are_those_of_a_fine_raster(physics: str, tmp_path: Path) -> None:
-    """With cells of 1 mm Stage stops a single cart at the very tick and pose of exact outlines."""
+    """With cells of 1 mm Stage stops a single cart at the very tick and pose of exact polygons."""
     runs = [run for run in stage("own", "motion")["collisions"] if "first_stall_tick" in run]
     for run in runs:
         trace, fine = _collide(run, physics, tmp_path)["a"], run["fine"]

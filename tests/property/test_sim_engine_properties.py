@@ -1,4 +1,4 @@
-"""Whatever robots are told: numbers stay finite, and nobody ends inside a wall."""
+"""With any commands, numbers stay finite, and no robot ends inside a wall."""
 
 import math
 from typing import Any

@@ -1,4 +1,4 @@
-"""Nothing goes through a wall, however it is driven or pushed.
+"""No body goes through a wall, with any command or push.
 
 The search at large: `ZTEAM_WALL_SETUPS=2000 ZTEAM_WALL_ROOMS=100 pytest -n 2 --timeout 3600 THIS_FILE`.
 """
@@ -31,7 +31,7 @@ def test_nothing_is_pushed_through_a_wall() -> None:
 
 
 def test_nothing_leaves_a_closed_room() -> None:
-    """Six robots run riot among twenty boxes: everything stays in the room, and no body is squeezed into another."""
+    """Six robots drive at random among twenty boxes: all stay in the room, and no body is pressed into another."""
     for seed in range(ROOMS):
         _check(make_room(seed), seed, 200, wild=True)
 

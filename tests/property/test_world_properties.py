@@ -1,4 +1,4 @@
-"""Properties of zteam.world: printing and parsing agree, and no text whatever does harm."""
+"""Properties of zteam.world: printing and parsing agree, and no text does harm."""
 
 import math
 import string
@@ -155,7 +155,7 @@ models = st.recursive(
 @settings(max_examples=200)
 @given(st.lists(models, max_size=4))
 def test_models_with_any_numbers_are_finite_or_a_world_error(trees: list[Entity]) -> None:
-    """Well-formed models with odd numbers give a world whose every number is finite and every shape sound."""
+    """Well-formed models with odd numbers give a world of finite numbers and sound shapes."""
     text = print_body(make_entity("world", {}, trees))
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "w.world"

@@ -21,7 +21,7 @@ Points = tuple[tuple[float, float], ...]
 
 
 class Scene(NamedTuple):
-    """A world whose free room is |x| and |y| below `half` metres, and the speeds of its robots."""
+    """A world with free room in |x| and |y| below `half` metres, and the speeds of its robots."""
 
     world: World
     half: tuple[float, float]

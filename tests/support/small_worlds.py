@@ -36,7 +36,7 @@ def make_box(name: str, x: float, y: float, size: float = 0.4, **changes: Any) -
 
 
 def make_world(*robots: Robot, wall_at: float = 3.0, others: tuple[Obstacle, ...] = (), **changes: Any) -> World:
-    """Robots and a wall 0.2 m thick whose near face is at x = `wall_at`; a tick is 0.1 s."""
+    """Robots and a wall 0.2 m thick with its near face at x = `wall_at`; a tick is 0.1 s."""
     wall = Shape(((0.0, -5.0), (0.2, -5.0), (0.2, 5.0), (0.0, 5.0)), 0.0, 1.0, ranger_return=0.7, color="green")
     standing = (Obstacle("wall", Pose2(wall_at, 0.0, 0.0), (wall,)), *others)
     return World("test", 100_000_000, (), standing, robots, **changes)

@@ -9,6 +9,7 @@ import pytest
 
 from support.flat_floor import make_scan, make_view
 from zteam.world import vocabulary
+from zteam.world.devices import device_models
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
@@ -149,6 +150,8 @@ def test_every_property_is_in_the_reference() -> None:
         *vocabulary.SILENT.values(),
         vocabulary.REMARKED,
         vocabulary.TYPES,
+        device_models(),
+        *(model.properties for model in device_models().values()),
         vocabulary._DISPLAY,
     )
     missing = {name.removesuffix("[]") for name in known} - named

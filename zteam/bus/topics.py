@@ -1,25 +1,8 @@
-"""Which message goes over which key, for tools that meet a payload without an encoding."""
+"""Which message goes over which key, for tools that receive a payload without an encoding."""
 
 from zteam import names
-from zteam.messages import (
-    Blobs,
-    Bool,
-    Bumper,
-    Clock,
-    Done,
-    Fiducials,
-    JointState,
-    LaserScan,
-    Message,
-    OccupancyGrid,
-    Odometry,
-    Range,
-    RobotStatus,
-    TeamStatus,
-    TFMessage,
-    Tick,
-    Twist,
-)
+from zteam.messages import Clock, Done, Message, OccupancyGrid, RobotStatus, TeamStatus, TFMessage, Tick, Twist
+from zteam.world.devices import KINDS
 
 _TEAM: dict[str, type[Message]] = {
     names.CLOCK: Clock,
@@ -31,34 +14,26 @@ _TEAM: dict[str, type[Message]] = {
 }
 
 _ROBOT: dict[str, type[Message]] = {
-    names.BASE_SCAN: LaserScan,
-    names.BLOBS: Blobs,
-    names.BUMPER: Bumper,
     names.CMD_VEL: Twist,
-    names.FIDUCIALS: Fiducials,
-    names.GROUND_TRUTH: Odometry,
-    names.JOINT_STATES: JointState,
-    names.ODOM: Odometry,
-    names.SONAR: Range,
-    names.STALL: Bool,
     names.STATUS: RobotStatus,
     names.TELEOP: Twist,
     names.TF: TFMessage,
     names.TF_STATIC: TFMessage,
 }
-
-LATCHED = frozenset({names.MAP, names.TEAM_STATUS, names.TF_STATIC})
-"""Keys (or, below a robot, topics) whose last message late subscribers get."""
+"""What a robot publishes or receives besides what is measured of it (`zteam.world.devices`)."""
 
 
 def type_of_key(key: str) -> type[Message] | None:
-    """The type that DESIGN's table gives a key, or None."""
+    """The type of the messages of a key (docs/architecture.md), or None for a key that zteam does not use."""
     if names.split_done_key(key) is not None:
         return Done
     target = names.split_robot_key(key)
     if target is None:
         return _TEAM.get(key)
     topic = target[1]
+    if topic in _ROBOT:
+        return _ROBOT[topic]
     stem, _, number = topic.rpartition("_")
-    # base_scan_1, sonar_3: numbered kinds.
-    return _ROBOT.get(topic) or (_ROBOT.get(stem) if number.isdigit() else None)
+    # base_scan_1, sonar_3: numbered devices.
+    kind = KINDS.get(topic) or (KINDS.get(stem) if number.isdigit() else None)
+    return kind.message if kind is not None else None

@@ -13,7 +13,7 @@ from zteam.cli.arguments import number, whole
 from zteam.cli.options import Parser, add_log_options, run
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
-from zteam.names import MAX_ROBOT_ID
+from zteam.names import BASE_SCAN, MAX_ROBOT_ID
 from zteam.resources import find_world
 
 if TYPE_CHECKING:
@@ -134,13 +134,13 @@ def _summary(world: "World") -> dict[str, Any]:
 
 
 def _sensors(robot: "Robot") -> list[str]:
+    from zteam.world.devices import KINDS
+
     lasers = [
         f"laser {r.samples} x {math.degrees(r.fov):.0f}° to {r.range_max:g} m" for r in robot.rangers if r.samples > 1
     ]
-    sonars = sum(r.samples == 1 for r in robot.rangers)
-    others = ((sonars, "sonars"), (len(robot.finders), "fiducial finders"), (len(robot.bumpers), "bumpers"),
-              (len(robot.blobfinders), "blob finders"))  # fmt: skip
-    return lasers + [f"{count} {name}" for count, name in others if count]
+    others = [(len(kind.of(robot)), kind.title) for kind in KINDS.values() if kind.topic != BASE_SCAN]
+    return lasers + [f"{count} {title}" for count, title in others if count and title]
 
 
 def _degrees(pose: Pose2) -> list[float]:

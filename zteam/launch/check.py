@@ -88,7 +88,7 @@ def _world_problems(file: TeamFile, world: World) -> Iterator[Problem]:
             except WorldError as error:
                 yield Problem(("robots", i, "model"), str(error))
                 continue
-            hindrance = find_hindrance(world, robot, standing.values())
+            hindrance = find_hindrance(world, robot, standing)
             if hindrance:
                 yield Problem(("robots", i, "pose"), f"{hindrance}; give a free place as x, y, yaw")
             standing[entry.id] = robot

@@ -1,4 +1,4 @@
-"""Rays against a world: bitmaps first, then everything that has edges."""
+"""Rays against a world: bitmaps first, then polygons."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from zteam.sim.fields import Fields
 from zteam.sim.kernels import cast_edges, cast_squares, finish
-from zteam.sim.polygons import Group, make_outlines, move_outlines
+from zteam.sim.polygons import Group, make_polygons, move_polygons
 from zteam.world.model import Floorplan, Shape
 
 Floats = NDArray[np.float64]
@@ -39,11 +39,11 @@ class Rays(NamedTuple):
     z: Floats
     yaw: Floats
     owner: NDArray[np.int64]
-    """The mover that carries the sensor and that the sensor does not see, or NOBODY."""
+    """The mover that carries the sensor and that the sensor does not see, or NO_MOVER."""
 
 
 class ScanBuffers(NamedTuple):
-    """Where results go; a caller that casts every tick keeps its own, for fresh memory is not free."""
+    """Arrays for results. A caller that casts every tick keeps its own, because new memory costs time."""
 
     ranges: Floats
     """(scans, beams), metres."""
@@ -51,8 +51,8 @@ class ScanBuffers(NamedTuple):
     """(scans, beams): indexes of surfaces."""
 
 
-def make_room(scans: int, beams: Beams) -> ScanBuffers:
-    """For so many scans of these beams."""
+def make_buffers(scans: int, beams: Beams) -> ScanBuffers:
+    """Buffers for `scans` scans of these beams."""
     shape = (scans, beams.cos.shape[1])
     return ScanBuffers(np.empty(shape), np.empty(shape, np.int32))
 
@@ -65,7 +65,7 @@ class _Plan(NamedTuple):
 
 
 class Caster:
-    """Whatever of a world `sees` accepts. A hit is the index of a surface; `nothing` is the index for no hit."""
+    """Casts rays at the surfaces that `sees` accepts. A hit is the index of a surface; no hit is `nothing`."""
 
     def __init__(
         self,
@@ -80,7 +80,7 @@ class Caster:
             for plan, fields in floorplans
             if sees(plan)
         ]
-        self._outlines = make_outlines(seen)
+        self._polygons = make_polygons(seen)
         self.nothing = len(shapes)
         surfaces: list[Floorplan | Shape | None] = [shape for _, shape in shapes]
         surfaces += [None, *(plan.plan for plan in self._plans)]
@@ -91,12 +91,12 @@ class Caster:
 
     def move(self, poses: Floats) -> None:
         """Bring all movers to `poses` (movers; x, y, yaw in `map`)."""
-        if len(self._outlines.owner):
-            move_outlines(self._outlines, poses)
+        if len(self._polygons.owner):
+            move_polygons(self._polygons, poses)
 
-    def cast(self, rays: Rays, beams: Beams, room: ScanBuffers | None = None) -> ScanBuffers:
-        """Ranges in metres and hits, (scans, beams), in `room` if given; a ray that hits nothing is `limit` long."""
-        ranges, hit = room or make_room(len(rays.x), beams)
+    def cast(self, rays: Rays, beams: Beams, buffers: ScanBuffers | None = None) -> ScanBuffers:
+        """Ranges in metres and hits, (scans, beams), in `buffers` if given; a ray that hits nothing is `limit` long."""
+        ranges, hit = buffers or make_buffers(len(rays.x), beams)
         ranges[:], hit[:] = beams.limit, self.nothing
         for number, (fields, plan, cos, sin) in enumerate(self._plans):
             seen = (rays.z >= plan.z_min) & (rays.z <= plan.z_max)
@@ -106,9 +106,9 @@ class Caster:
                 cos * dx + sin * dy, cos * dy - sin * dx, rays.yaw - plan.pose.yaw, seen,
                 beams.cos, beams.sin, beams.limit, self.nothing + 1 + number, ranges, hit,
             )  # fmt: skip
-        if len(self._outlines.owner):
+        if len(self._polygons.owner):
             cast_edges(
-                self._outlines, rays.x, rays.y, rays.z, rays.yaw, rays.owner,
+                self._polygons, rays.x, rays.y, rays.z, rays.yaw, rays.owner,
                 beams.cos, beams.sin, beams.angle_min, beams.increment, beams.jitter, ranges, hit,
             )  # fmt: skip
         return ScanBuffers(ranges, hit)

@@ -1,18 +1,31 @@
-"""Fiducial finders, bumpers and blob finders: what they notice, by casting rays of their own."""
+"""Fiducial finders, bumpers and blob finders: how they sense, by rays of their own, and their messages.
+
+A sensor's row in `SENSORS` says how it senses; its row in `zteam.world.devices` says what it is.
+"""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import groupby
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from zteam import names
 from zteam.geometry import Pose2, compose2, normalize_angle
+from zteam.messages import Blob as BlobMessage
+from zteam.messages import Blobs, ColorRGBA, Fiducial, Fiducials, Header, Message, time_from_ns
+from zteam.messages import Bumper as BumperMessage
 from zteam.sim.casting import Beams, Caster, Rays
 from zteam.sim.lasers import Mounts, mount_devices, rays_of
-from zteam.sim.polygons import NOBODY
-from zteam.world.model import Blobfinder, Bumper, Finder, Marker, Obstacle, Robot
+from zteam.sim.polygons import NO_MOVER
+from zteam.sim.surroundings import Surroundings
+from zteam.world.colors import find_color
+from zteam.world.devices import KINDS, Blobfinder, Bumper, DeviceKind, Finder
+from zteam.world.model import Marker, Obstacle, Robot
+
+if TYPE_CHECKING:
+    from zteam.sim.observation import Observation
 
 Floats = NDArray[np.float64]
 
@@ -49,12 +62,21 @@ class Blob(NamedTuple):
     """Metres to its nearest point."""
 
 
-class Detections(NamedTuple):
-    """What the devices of one robot notice, each in file order."""
+Detections = Mapping[str, tuple[Any, ...]]
+"""What the devices of one robot detect: by topic, in file order."""
 
-    sightings: tuple[tuple[Sighting, ...], ...] = ()
-    bumpers: tuple[bool, ...] = ()
-    blobs: tuple[tuple[Blob, ...], ...] = ()
+Sense = Callable[[Floats], Sequence[Any]]
+"""What all devices of one kind detect with the movers at `poses`, one value each; the casters are there already."""
+
+
+class Sensor(NamedTuple):
+    """One row: how a kind of device senses, and how that becomes a message."""
+
+    kind: DeviceKind
+    message: Callable[["Observation", int, int], Message]
+    """The message of a robot (by id) of a number, of one tick."""
+    prepare: Callable[[Surroundings, Sequence[tuple[int, Any]]], Sense] | None = None
+    """For all devices of the kind, each with its robot's index. None for what the engine itself measures."""
 
 
 class _Target(NamedTuple):
@@ -65,11 +87,11 @@ class _Target(NamedTuple):
     """As in `zteam.sim.polygons.Group`; so is the mover."""
     mover: int
     fixed: Pose2
-    """Where the model stands if nobody moves it."""
+    """Where the model stands if it does not move."""
 
     def place(self, poses: Floats) -> Pose2:
         """In `map`."""
-        model = self.fixed if self.mover == NOBODY else Pose2(*poses[self.mover].tolist())
+        model = self.fixed if self.mover == NO_MOVER else Pose2(*poses[self.mover].tolist())
         return compose2(model, Pose2(self.marker.x, self.marker.y, self.marker.yaw))
 
 
@@ -77,7 +99,7 @@ def _targets(robots: Sequence[Robot], obstacles: Sequence[Obstacle]) -> list[_Ta
     found = [_Target(marker, i, i, robot.pose) for i, robot in enumerate(robots) for marker in robot.markers]
     movers = len(robots)
     for source, obstacle in enumerate(obstacles, len(robots)):
-        mover = NOBODY
+        mover = NO_MOVER
         if obstacle.mass is not None:
             mover, movers = movers, movers + 1
         found += [_Target(marker, source, mover, obstacle.pose) for marker in obstacle.markers]
@@ -103,52 +125,24 @@ def _bumper_rays(owner: int, bumper: Bumper) -> Mounts:
     )
 
 
-class Devices:
-    """All devices of all robots. `solid` casts against what collides, `visible` against what lasers see."""
+class _FiducialFinders:
+    """All fiducial finders of all robots."""
 
-    def __init__(
-        self, robots: Sequence[Robot], obstacles: Sequence[Obstacle], visible: Caster, solid: Caster | None
-    ) -> None:
-        self._robots = robots
-        self._visible = visible
-        self._solid = solid
-        self._finders = [(i, finder) for i, robot in enumerate(robots) for finder in robot.finders]
-        self._bumpers = [(i, bumper) for i, robot in enumerate(robots) for bumper in robot.bumpers]
-        self._blobfinders = [(i, finder) for i, robot in enumerate(robots) for finder in robot.blobfinders]
-        self._targets = _targets(robots, obstacles)
+    def __init__(self, surroundings: Surroundings, owned: Sequence[tuple[int, Finder]]) -> None:
+        self._visible = surroundings.visible
+        self._finders = owned
+        self._at = mount_devices(owned)
+        self._targets = _targets(surroundings.robots, surroundings.obstacles)
         self._target_sources = np.array([target.source for target in self._targets], np.int64)
         self._target_keys = np.array([target.marker.key for target in self._targets], np.int64)
-        self._finders_at = mount_devices(self._finders)
-        self._rays = [_bumper_rays(i, bumper) for i, bumper in self._bumpers]
-        if self._rays:
-            self._bumpers_at = Mounts._make(np.concatenate(parts) for parts in zip(*self._rays, strict=True))
 
-    def notice(self, poses: Floats) -> dict[int, Detections]:
-        """What every robot with devices notices with the movers at `poses`; the casters have been moved there."""
-        if not (self._finders or self._bumpers or self._blobfinders):
-            return {}
-        sightings = self._find(poses)
-        pressed = self._press(poses)
-        blobs = [(i, self._look(i, finder, poses)) for i, finder in self._blobfinders]
-        return {
-            i: Detections(
-                tuple(s for owner, s in sightings if owner == i),
-                tuple(p for owner, p in pressed if owner == i),
-                tuple(b for owner, b in blobs if owner == i),
-            )
-            for i, robot in enumerate(self._robots)
-            if robot.finders or robot.bumpers or robot.blobfinders
-        }
-
-    def _find(self, poses: Floats) -> list[tuple[int, tuple[Sighting, ...]]]:
-        if not self._finders:
-            return []
-        at = rays_of(poses, self._finders_at)
+    def __call__(self, poses: Floats) -> list[tuple[Sighting, ...]]:
+        at = rays_of(poses, self._at)
         places = np.array([target.place(poses) for target in self._targets], float).reshape(-1, 3)
         found = []
         for row, (i, finder) in enumerate(self._finders):
             here = Pose2(float(at.x[row]), float(at.y[row]), float(at.yaw[row]))
-            found.append((i, self._sightings(i, here, finder, places)))
+            found.append(self._sightings(i, here, finder, places))
         return found
 
     def _sightings(self, i: int, here: Pose2, finder: Finder, places: Floats) -> tuple[Sighting, ...]:
@@ -183,28 +177,96 @@ class Devices:
             for k in chosen[seen].tolist()
         )
 
-    def _press(self, poses: Floats) -> list[tuple[int, bool]]:
-        if not self._bumpers or self._solid is None:
-            return []
-        ranges, _ = self._solid.cast(rays_of(poses, self._bumpers_at), _ahead(_BEHIND + _TOUCH))
-        hit = ranges[:, 0] < _BEHIND + _TOUCH
-        ends = np.cumsum([len(rays.owner) for rays in self._rays])
-        return [(i, bool(part.any())) for (i, _), part in zip(self._bumpers, np.split(hit, ends[:-1]), strict=True)]
 
-    def _look(self, i: int, finder: Blobfinder, poses: Floats) -> tuple[Blob, ...]:
-        # A single pixel looks straight ahead.
-        angle_min = -finder.fov / 2 if finder.samples > 1 else 0.0
-        step = finder.fov / max(1, finder.samples - 1)
-        angles = angle_min + step * np.arange(finder.samples)
-        beams = Beams(np.cos(angles)[None, :], np.sin(angles)[None, :], angle_min, step, finder.range_max)
-        ranges, hit = self._visible.cast(rays_of(poses, mount_devices([(i, finder)])), beams)
-        surfaces = self._visible.surfaces
-        colors = [s.color if s is not None else "" for s in (surfaces[h] for h in hit[0].tolist())]
-        blobs, begin = [], 0
-        for color, group in groupby(colors):
-            end = begin + len(list(group))
-            if color and (not finder.colors or color in finder.colors):
-                middle = angle_min + step * 0.5 * (begin + end - 1)
-                blobs.append(Blob(color, middle, step * (end - begin), float(ranges[0, begin:end].min())))
-            begin = end
-        return tuple(blobs)
+def _prepare_bumpers(surroundings: Surroundings, owned: Sequence[tuple[int, Bumper]]) -> Sense:
+    rays = [_bumper_rays(i, bumper) for i, bumper in owned]
+    at = Mounts._make(np.concatenate(parts) for parts in zip(*rays, strict=True))
+    ends = np.cumsum([len(own.owner) for own in rays])
+    solid = surroundings.solid
+
+    def sense(poses: Floats) -> list[bool]:
+        ranges, _ = solid.cast(rays_of(poses, at), _ahead(_BEHIND + _TOUCH))
+        hit = ranges[:, 0] < _BEHIND + _TOUCH
+        return [bool(part.any()) for part in np.split(hit, ends[:-1])]
+
+    return sense
+
+
+def _prepare_blobfinders(surroundings: Surroundings, owned: Sequence[tuple[int, Blobfinder]]) -> Sense:
+    visible = surroundings.visible
+    return lambda poses: [_find_blobs(visible, i, finder, poses) for i, finder in owned]
+
+
+def _find_blobs(visible: Caster, i: int, finder: Blobfinder, poses: Floats) -> tuple[Blob, ...]:
+    # A single pixel looks straight ahead.
+    angle_min = -finder.fov / 2 if finder.samples > 1 else 0.0
+    step = finder.fov / max(1, finder.samples - 1)
+    angles = angle_min + step * np.arange(finder.samples)
+    beams = Beams(np.cos(angles)[None, :], np.sin(angles)[None, :], angle_min, step, finder.range_max)
+    ranges, hit = visible.cast(rays_of(poses, mount_devices([(i, finder)])), beams)
+    colors = [s.color if s is not None else "" for s in (visible.surfaces[h] for h in hit[0].tolist())]
+    blobs, begin = [], 0
+    for color, group in groupby(colors):
+        end = begin + len(list(group))
+        if color and (not finder.colors or color in finder.colors):
+            middle = angle_min + step * 0.5 * (begin + end - 1)
+            blobs.append(Blob(color, middle, step * (end - begin), float(ranges[0, begin:end].min())))
+        begin = end
+    return tuple(blobs)
+
+
+def fiducials_message(observation: "Observation", robot_id: int, index: int) -> Fiducials:
+    """What the robot's `index`-th fiducial finder sees, in `robot_N/fiducial_link[_i]`."""
+    seen = observation.robots[robot_id].fiducials[index]
+    return Fiducials(header(observation, KINDS[names.FIDUCIALS], robot_id, index), [Fiducial(*one) for one in seen])
+
+
+def bumper_message(observation: "Observation", robot_id: int, index: int = 0) -> BumperMessage:
+    """All pieces of all of a robot's bumpers."""
+    pressed = np.array(observation.robots[robot_id].bumpers, bool)
+    return BumperMessage(header(observation, KINDS[names.BUMPER], robot_id, index), pressed)
+
+
+def blobs_message(observation: "Observation", robot_id: int, index: int) -> Blobs:
+    """What the robot's `index`-th blob finder sees, in `robot_N/blobfinder_link[_i]`; an unknown colour is black."""
+    blobs = [
+        BlobMessage(ColorRGBA(*(find_color(name) or (0.0, 0.0, 0.0))), name, bearing, width, far)
+        for name, bearing, width, far in observation.robots[robot_id].blobs[index]
+    ]
+    return Blobs(header(observation, KINDS[names.BLOBS], robot_id, index), blobs)
+
+
+def header(observation: "Observation", kind: DeviceKind, robot_id: int, index: int) -> Header:
+    """The observation's stamp and the device's frame."""
+    return Header(time_from_ns(observation.stamp), kind.frame(robot_id, index))
+
+
+SENSORS: dict[str, Sensor] = {
+    sensor.kind.topic: sensor
+    for sensor in (
+        Sensor(KINDS[names.FIDUCIALS], fiducials_message, _FiducialFinders),
+        Sensor(KINDS[names.BUMPER], bumper_message, _prepare_bumpers),
+        Sensor(KINDS[names.BLOBS], blobs_message, _prepare_blobfinders),
+    )
+}
+"""Rows of the devices other than rangers, by topic. The rows of all else are in `zteam.sim.to_messages`."""
+
+
+class Devices:
+    """All devices of all robots, but for rangers."""
+
+    def __init__(self, surroundings: Surroundings) -> None:
+        self._senses: list[tuple[str, list[int], Sense]] = []
+        for topic, sensor in SENSORS.items():
+            owned = [(i, device) for i, robot in enumerate(surroundings.robots) for device in sensor.kind.of(robot)]
+            if owned and sensor.prepare is not None:
+                self._senses.append((topic, [i for i, _ in owned], sensor.prepare(surroundings, owned)))
+
+    def sense(self, poses: Floats) -> dict[int, Detections]:
+        """What every robot with devices detects, by the robot's index; the surroundings have been moved to `poses`."""
+        found: dict[int, dict[str, tuple[Any, ...]]] = {}
+        for topic, owners, sense in self._senses:
+            for i, detected in zip(owners, sense(poses), strict=True):
+                own = found.setdefault(i, {})
+                own[topic] = (*own.get(topic, ()), detected)
+        return dict(found)

@@ -1,8 +1,7 @@
 """Bodies and contacts, on pymunk (Chipmunk). The only module that imports it.
 
-In free space a robot follows the exact arc of its velocity. Chipmunk moves bodies by the velocity that the solver left
-at the end of the step before, so a robot that touches something is driven by a force (which the solver may overrule),
-and one that touches nothing gets its velocity set outright.
+In free space a robot follows the exact arc of its velocity: its velocity is set. A robot that touches something is
+driven by a force instead, which the solver may overrule.
 """
 
 import math
@@ -17,7 +16,7 @@ from numpy.typing import NDArray
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.sim.fields import Fields
-from zteam.sim.grids import Line, outline
+from zteam.sim.grids import Line, find_borders
 from zteam.sim.holding import Cores
 from zteam.sim.motion import follow_arcs
 from zteam.sim.polygons import find_slabs, group_shapes, place_shape
@@ -59,24 +58,24 @@ _get_position, _get_angle = _body.position.fget, _body.angle.fget
 
 
 class _Builder:
-    """Puts what collides into a space; bodies meet where they share one of `slabs`, layers of height."""
+    """Adds what collides to a space; bodies collide if they share one of `slabs`, layers of height."""
 
     def __init__(self, space: pymunk.Space, slabs: Sequence[tuple[float, float]]) -> None:
         self._space = space
         self._slabs = slabs
 
     def add_plans(self, plans: Sequence[Floorplan]) -> None:
-        outlines: dict[int, list[Line]] = {}
+        borders: dict[int, list[Line]] = {}
         left = _MAX_WALLS
         for plan in plans:
-            lines = outlines.get(id(plan.occupied)) or outline(plan.occupied, _MAX_WALLS)
+            lines = borders.get(id(plan.occupied)) or find_borders(plan.occupied, _MAX_WALLS)
             left -= len(lines or ())
             if lines is None or left < 0:
                 raise UsageError(
                     f"with the bitmap of {plan.name!r} this world has more than {_MAX_WALLS} straight pieces of wall: "
                     "smooth it, or take the physics stage or kinematic"
                 )
-            outlines[id(plan.occupied)] = lines
+            borders[id(plan.occupied)] = lines
             self._add_plan(plan, lines)
 
     def _add_plan(self, plan: Floorplan, lines: Sequence[Line]) -> None:
@@ -114,7 +113,7 @@ class _Builder:
 
 
 class DynamicBodies:
-    """Robots and what they push. `poses` is (movers, 3): x, y, yaw in `map`, robots first."""
+    """Robots and the things that they push. `poses` is (movers, 3): x, y, yaw in `map`, robots first."""
 
     def __init__(
         self,
@@ -159,16 +158,6 @@ class DynamicBodies:
             if i is not None:
                 self._touching[i] = True
 
-    def _look_again(self, i: int) -> None:
-        """Whether robot `i` still touches something. Chipmunk's call-back for the end of a contact will not do: it
-        comes also while a space is taken down."""
-        self._touching[i] = False
-
-        def note(_arbiter: pymunk.Arbiter) -> None:
-            self._touching[i] = True
-
-        self._robots[i].each_arbiter(note)
-
     def step(self, seconds: float, velocity: Floats) -> None:
         """Advance by `seconds` with body velocities `velocity` (robots, 3): vx, vy in m/s, yaw rate in rad/s."""
         count = len(self._robots)
@@ -196,7 +185,7 @@ class DynamicBodies:
                 self._hold(length > self._least)
         for i, touching in enumerate(self._touching):
             if touching:
-                self._look_again(i)
+                self._touching[i] = _touches(self._robots[i])
         self._note_stalls(before, way)
 
     def _push(self, targets: Sequence[Sequence[float]], dt: float, again: bool) -> None:
@@ -206,12 +195,10 @@ class DynamicBodies:
                 if touching:
                     _drive(body, vx, vy, dt)
         for body in self._pushed:
-            speed, turn = body.velocity.length, abs(body.angular_velocity)
-            body.velocity = body.velocity * (max(0.0, 1.0 - _GRIP * dt / speed) if speed > 0.0 else 0.0)
-            body.angular_velocity *= max(0.0, 1.0 - _GRIP_TURNING * dt / turn) if turn > 0.0 else 0.0
+            _slide(body, dt)
 
     def _hold(self, leaps: bool) -> None:
-        """Take over where the bodies have got to, as far as they may: see `zteam.sim.holding`.
+        """Take over the bodies' new poses, within the limits of `zteam.sim.holding`.
 
         Where nothing can be pushed, a robot that touches nothing is tested only if a robot `leaps`: it goes farther
         than half its width, and may have passed a wall without a contact.
@@ -245,7 +232,7 @@ class DynamicBodies:
         self.stalled = stopped & (told > _STILL * SUBSTEP) & (moved < _BLOCKED * told)
 
     def _anchor(self) -> None:
-        """Let a body that stands in a wall stand there: others are stopped by it, and nothing moves it."""
+        """Fix a body that stands in a wall: it stops others, and nothing moves it."""
         for i in np.flatnonzero(self._cores.in_wall != self._anchored).tolist():
             body = self._bodies[i]
             if self._anchored[i]:
@@ -297,3 +284,17 @@ def convex_parts(points: Sequence[tuple[float, float]]) -> list[list[tuple[float
     parts = pymunk.autogeometry.convex_decomposition(closed, 0.0)
     # Chipmunk closes its polygons with their first corner.
     return [[(float(x), float(y)) for x, y in part[:-1]] for part in parts]
+
+
+def _touches(body: pymunk.Body) -> bool:
+    """Whether a body touches another. Chipmunk also reports the end of a contact while a space is taken down."""
+    found: list[pymunk.Arbiter] = []
+    body.each_arbiter(found.append)
+    return bool(found)
+
+
+def _slide(body: pymunk.Body, dt: float) -> None:
+    """Slow a body down by friction with the ground."""
+    speed, turn = body.velocity.length, abs(body.angular_velocity)
+    body.velocity = body.velocity * (max(0.0, 1.0 - _GRIP * dt / speed) if speed > 0.0 else 0.0)
+    body.angular_velocity *= max(0.0, 1.0 - _GRIP_TURNING * dt / turn) if turn > 0.0 else 0.0

@@ -6,28 +6,27 @@ sense at its end. The same world, seed and commands give the same bytes.
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Protocol, Self
 
 import numpy as np
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from zteam.clock import NS_PER_S, to_ns
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.messages import Twist
-from zteam.sim.casting import Caster
+from zteam.sim.bodies import Bodies, make_bodies
 from zteam.sim.devices import Devices
 from zteam.sim.fields import Fields, build_fields
-from zteam.sim.kinematic import RefusingBodies
 from zteam.sim.lasers import Lasers, Reading
-from zteam.sim.motion import follow_arcs, follow_tangents, make_drives, measure_tangents, measure_velocity, obey
+from zteam.sim.motion import make_drives, measure_tangents, measure_velocity, obey
 from zteam.sim.observation import Observation, RobotObservation, Robots, Snapshot, pose_of
 from zteam.sim.odometry import Odometry, make_wheels, roll
-from zteam.sim.polygons import group_shapes
-from zteam.sim.room import find_refusal
+from zteam.sim.surroundings import Surroundings
 from zteam.sim.takeover import prepare
 from zteam.simulation_options import Options
 from zteam.world.model import Floorplan, Robot, World
+from zteam.world.placing import find_hindrance
 
 Floats = NDArray[np.float64]
 
@@ -38,7 +37,7 @@ WATCHDOG = to_ns(0.2)
 
 
 class Engine:
-    """A world in motion. Robots are known by id; by default the world's own, numbered in file order."""
+    """A world in motion. Robots have ids; by default they are the world's own, numbered in file order."""
 
     def __init__(
         self,
@@ -120,7 +119,7 @@ class Engine:
         return bool(team.bodies.stalled[self._index(team, robot_id)])
 
     def reset(self) -> None:
-        """Everything as at the start: time, robots (those that came or went too), things that were pushed."""
+        """Set everything back to the start: time, the set of robots, and things that were pushed."""
         self.tick = 0
         self._robots = dict(self._at_first)
         self._team, self._outdated = None, True
@@ -128,7 +127,7 @@ class Engine:
     def spawn(self, robot_id: int, robot: Robot, *, checked: bool = False) -> None:
         """Put a further robot into the world, at its pose. Raises UsageError if there is one of that id.
 
-        With `checked`, also if it has no room there: it would stand in a wall, a robot or a thing, or outside.
+        With `checked`, also if it has no room there: in a wall, a robot or a thing, or outside of the world.
         """
         if robot_id in self._robots:
             raise UsageError(f"robot {robot_id} is in this world already: remove it first, or take another id")
@@ -148,7 +147,7 @@ class Engine:
         self._outdated = True
 
     def place(self, robot_id: int, pose: Pose2, *, checked: bool = False) -> None:
-        """Lift a robot to a pose in `map`, where it stands still; its odometry goes on as if nothing had happened.
+        """Place a robot at a pose in `map`, where it stands still; its odometry goes on as if it had not moved.
 
         Raises UsageError if the robot is not there, or the pose is not finite; with `checked`, also if it has no room.
         """
@@ -163,15 +162,17 @@ class Engine:
         team.setpoint[i] = team.velocity[i] = 0.0
 
     def _check_room(self, robot_id: int, robot: Robot, pose: Pose2) -> None:
-        poses = self._assembled().bodies.poses
-        why = find_refusal(self.world, self._floorplans, self.robots, poses, robot_id, robot, pose)
-        if why is not None:
+        """Raise UsageError if a robot of this id has no room at `pose`; where it stands now does not count."""
+        world, robots = self._assembled().at_present(self.world)
+        robots.pop(robot_id, None)
+        why = find_hindrance(world, replace(robot, pose=pose), robots)
+        if why:
             raise UsageError(
                 f"robot {robot_id} has no room at x {pose.x:g}, y {pose.y:g}: {why} (--force puts it there)"
             )
 
     def _assembled(self) -> "_Team":
-        """The team as it is now; put together anew only when robots came or went since the last call."""
+        """The team as it is now; it is made again only when robots came or went since the last call."""
         if self._team is None or self._outdated:
             self._team = _Team(self.world, self.robots, self._floorplans, self.options, self.seed, self._team)
             self._outdated = False
@@ -187,37 +188,8 @@ class Engine:
         return UsageError(f"no robot {robot_id} in this world: it has {sorted(self._robots)}")
 
 
-class Bodies(Protocol):
-    """What moves, and what stops it."""
-
-    poses: Floats
-    """(movers, 3): x, y, yaw in `map`; robots first, then what can be pushed."""
-    stalled: NDArray[np.bool_]
-    """(robots)"""
-
-    def step(self, seconds: float, velocity: Floats) -> None:
-        """Advance by `seconds` with body velocities (robots, 3)."""
-
-    def place(self, index: int, pose: Pose2) -> None:
-        """Put a mover somewhere, at rest."""
-
-    def adopt(self, old: Self, kept: Sequence[tuple[int, int]]) -> None:
-        """Go on from another's motion, for pairs of movers (index here, index there); poses are there already."""
-
-
-def _make_bodies(
-    physics: str, robots: Sequence[Robot], poses: Floats, world: World, floorplans: Sequence[tuple[Floorplan, Fields]]
-) -> Bodies:
-    if physics == "dynamic":
-        from zteam.sim.dynamic import DynamicBodies  # pymunk: only who uses it pays for it
-
-        return DynamicBodies(robots, poses, floorplans, world.obstacles)
-    follow = follow_tangents if physics == "stage" else follow_arcs
-    return RefusingBodies(len(robots), poses, floorplans, group_shapes(robots, world.obstacles), follow)
-
-
 class _Team:
-    """One set of robots as arrays, in the order of their ids; it takes over the state of the set before it."""
+    """One set of robots as arrays, in the order of their ids; it takes over the state of the previous set."""
 
     def __init__(
         self,
@@ -240,18 +212,15 @@ class _Team:
         self._wheels = make_wheels(self._robots)
         poses = np.array([r.pose for r in self._robots] + [o.pose for o in self._pushed], float).reshape(-1, 3)
         kept = self._adopt(old, poses) if old is not None else []
-        groups = group_shapes(self._robots, world.obstacles)
-        self.bodies: Bodies = _make_bodies(self._physics, self._robots, poses, world, floorplans)
+        self.bodies: Bodies = make_bodies(self._physics, self._robots, poses, world, floorplans)
         if old is not None:
             self.bodies.adopt(old.bodies, kept)
-        self._visible = Caster(floorplans, groups, lambda surface: surface.ranger_return >= 0.0)
-        has_bumpers = any(robot.bumpers for robot in self._robots)
-        self._solid = Caster(floorplans, groups, lambda surface: surface.obstacle) if has_bumpers else None
-        self._lasers = Lasers(self._robots, list(self.ids), self._visible, options, seed)
-        self._devices = Devices(self._robots, world.obstacles, self._visible, self._solid)
+        self._surroundings = Surroundings(self._robots, world.obstacles, floorplans)
+        self._lasers = Lasers(self._robots, list(self.ids), self._surroundings.visible, options, seed)
+        self._devices = Devices(self._surroundings)
 
     def _adopt(self, old: "_Team", poses: np.ndarray) -> list[tuple[int, int]]:
-        """Take over what is known of the robots that stay; the pairs of movers (index here, index there) that do."""
+        """Take over the state of the robots that stay; return the pairs (index here, index there) of the movers."""
         kept = [(i, old.ids[robot_id]) for robot_id, i in self.ids.items() if robot_id in old.ids]
         for here, there in kept:
             poses[here] = old.bodies.poses[there]
@@ -263,6 +232,17 @@ class _Team:
         poses[len(self._robots) :] = old.bodies.poses[len(old._robots) :]
         self.odometry.adopt(old.odometry, kept)
         return kept + [(len(self._robots) + i, len(old._robots) + i) for i in range(len(self._pushed))]
+
+    def at_present(self, world: World) -> tuple[World, dict[int, Robot]]:
+        """The world with the things that can be pushed where they are now, and the robots by id where they are now."""
+        poses, first = self.bodies.poses, len(self._robots)
+        robots = {robot_id: replace(self._robots[i], pose=pose_of(poses, i)) for robot_id, i in self.ids.items()}
+        pushed = iter(poses[first:])
+        things = [
+            thing if thing.mass is None else replace(thing, pose=Pose2(*next(pushed).tolist()))
+            for thing in world.obstacles
+        ]
+        return replace(world, obstacles=tuple(things)), robots
 
     def move(self, now: int, tick: int, seconds: float) -> None:
         """One tick, from `now` (ns) on."""
@@ -280,9 +260,7 @@ class _Team:
     def observe(self, now: int, tick: int) -> Observation:
         """What all robots sense at `now` (ns)."""
         poses = self.bodies.poses
-        self._visible.move(poses)
-        if self._solid is not None:
-            self._solid.move(poses)
+        self._surroundings.move(poses)
         snapshot = Snapshot(
             ids=self.ids,
             robots=self._robots,
@@ -292,7 +270,7 @@ class _Team:
             velocity=self.velocity.copy(),
             stalled=self.bodies.stalled.copy(),
             wheels=self._wheels._replace(angles=self._wheels.angles.copy(), rates=self._wheels.rates.copy()),
-            notices=self._devices.notice(poses),
+            detections=self._devices.sense(poses),
         )
         first = len(self._robots)
         pushed = {obstacle.name: pose_of(poses, first + i) for i, obstacle in enumerate(self._pushed)}

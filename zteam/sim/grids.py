@@ -1,4 +1,4 @@
-"""Floor plans as what collides: which points and cells are occupied, and the outline of them all."""
+"""Floor plans as what collides: which points and cells are occupied, and the border of them all."""
 
 import math
 from collections.abc import Sequence
@@ -52,7 +52,7 @@ def is_occupied(plan: Floorplan, x: float, y: float) -> bool:
     return 0 <= row < rows and 0 <= column < columns and bool(plan.occupied[row, column])
 
 
-def outline(occupied: NDArray[np.bool_], limit: int) -> list[Line] | None:
+def find_borders(occupied: NDArray[np.bool_], limit: int) -> list[Line] | None:
     """The border of the occupied cells as maximal straight runs; None if there are more than `limit`."""
     across, along = _runs(occupied), _runs(occupied.T)
     if len(across[0]) + len(along[0]) > limit:

@@ -1,9 +1,9 @@
-"""What the solver of contacts may not do: carry a body into a wall, or press bodies into each other.
+"""Limits on the solver of contacts: no body is carried into a wall, and no two are pressed into each other.
 
-A solver that works in rounds lets bodies sink into each other where they are pressed hard, and passes a thin wall in
-one step. So each way that it proposes is tested, exactly and place by place. What is tested is a body's core: its
-outline less a rim. Contacts sink into the rim and are left to the solver. A body goes as far as its core is free and
-stops there. A core that is free stays free, so nothing goes through anything.
+A solver that iterates lets bodies sink into each other under pressure, and passes a thin wall in one step. So each
+motion that it proposes is tested, exactly, at places along its way. The test takes a body's core: its polygon less a
+rim. The solver alone handles contacts within the rim. A body goes as far as its core is free and stops there. A free
+core stays free, so no body passes through another or through a wall.
 """
 
 import math
@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from zteam.sim.fields import Fields
 from zteam.sim.grids import Grids, make_grids
 from zteam.sim.jit import compiled
-from zteam.sim.overlaps import NOTHING, convex_solids, corner_room, find_overlap, place_group
-from zteam.sim.polygons import NOBODY, Group, Outlines, make_outlines, move_outlines
+from zteam.sim.overlaps import NOTHING, convex_solids, find_overlap, most_corners, place_group
+from zteam.sim.polygons import NO_MOVER, Group, Polygons, make_polygons, move_polygons
 from zteam.world.model import Floorplan, Point2, Shape
 
 Floats = NDArray[np.float64]
@@ -32,7 +32,7 @@ _ROUNDS = 4
 
 
 @compiled
-def _go(o: Outlines, group: int, pose: Floats, end: Floats, share: float, out: Floats) -> None:
+def _go(o: Polygons, group: int, pose: Floats, end: Floats, share: float, out: Floats) -> None:
     """Place a group at this share of its way, and write the pose into `out`."""
     for axis in range(3):
         out[axis] = end[axis] if share == 1.0 else pose[axis] + share * (end[axis] - pose[axis])
@@ -41,7 +41,7 @@ def _go(o: Outlines, group: int, pose: Floats, end: Floats, share: float, out: F
 
 @compiled
 def _advance(
-    o: Outlines, group: int, grids: Grids, slack: float, ignored: Flags, pose: Floats, end: Floats,
+    o: Polygons, group: int, grids: Grids, slack: float, ignored: Flags, pose: Floats, end: Floats,
     share: float, places: int, out: Floats, px: Floats, py: Floats,
 ) -> float:  # fmt: skip
     """How far, from `share` on, a group's way is free; the group is placed there, its pose is `out`."""
@@ -95,7 +95,7 @@ def _measure_ways(
 
 @compiled
 def hold(
-    o: Outlines, grids: Grids, half: Floats, poses: Floats, ends: Floats, suspects: Flags, tangled: Flags, apart: bool,
+    o: Polygons, grids: Grids, half: Floats, poses: Floats, ends: Floats, suspects: Flags, tangled: Flags, apart: bool,
     shares: Floats,
 ) -> None:  # fmt: skip
     """Cut the ways of the `suspects` from `poses` to `ends` (movers; x, y, yaw) to what is free; `shares` is how much.
@@ -104,8 +104,8 @@ def hold(
     stay out of each other too, unless both are `tangled`. All groups have been placed at `poses`.
     """
     movers = poses.shape[0]
-    nobody, everybody = np.zeros(movers, np.bool_), np.ones(movers, np.bool_)
-    size = corner_room(o)
+    none, every = np.zeros(movers, np.bool_), np.ones(movers, np.bool_)
+    size = most_corners(o)
     px, py, out = np.empty(size), np.empty(size), np.empty(3)
     shares[:] = 1.0
     places = np.zeros(movers)
@@ -117,7 +117,7 @@ def hold(
             i = o.owner[group]
             if i < 0 or shares[i] >= 1.0 or places[i] == 0.0:
                 continue
-            ignored = everybody if not apart else tangled if tangled[i] else nobody
+            ignored = every if not apart else tangled if tangled[i] else none
             way, share = int(places[i]), shares[i]
             shares[i] = _advance(o, group, grids, slack, ignored, poses[i], ends[i], share, way, out, px, py)
             went |= shares[i] > share
@@ -140,13 +140,15 @@ class Cores:
         rim: float,
         apart: bool,
     ) -> None:
-        """`poses` is (movers, 3); `rim` metres are taken off every outline, less where it is narrow."""
+        """`poses` is (movers, 3); `rim` metres are taken off every polygon, less where it is narrow."""
         solid = [group._replace(shapes=convex_solids(group.shapes)) for group in groups]
         solid = [group for group in solid if group.shapes]
         widest = [max(half_width(shape.points) for shape in group.shapes) for group in solid]
-        self._outlines = make_outlines(
+        self._polygons = make_polygons(
             [
-                group if group.owner == NOBODY else group._replace(shapes=[_core(shape, rim) for shape in group.shapes])
+                group
+                if group.owner == NO_MOVER
+                else group._replace(shapes=[_core(shape, rim) for shape in group.shapes])
                 for group in solid
             ]
         )
@@ -154,7 +156,7 @@ class Cores:
         self.half = np.full(len(poses), np.inf)
         """(movers): half the width of the widest part of a body; inf for one that collides with nothing."""
         for group, half in zip(solid, widest, strict=True):
-            if group.owner != NOBODY:
+            if group.owner != NO_MOVER:
                 self.half[group.owner] = half
         self._grids = make_grids(floorplans)
         self._apart = apart
@@ -164,14 +166,14 @@ class Cores:
 
     def look(self, poses: Floats) -> None:
         """See which cores overlap what, after something has been put elsewhere."""
-        o = self._outlines
+        o = self._polygons
         if not len(self._core_half):
             return
-        move_outlines(o, poses)
-        px, py = np.empty((2, corner_room(o)))
+        move_polygons(o, poses)
+        px, py = np.empty((2, most_corners(o)))
         for found, ignored in ((self.in_wall, True), (self._tangled, not self._apart)):
             uncounted = np.full(len(poses), ignored)
-            for group in np.flatnonzero(o.owner != NOBODY).tolist():
+            for group in np.flatnonzero(o.owner != NO_MOVER).tolist():
                 found[o.owner[group]] = find_overlap(o, group, self._grids, 0.0, uncounted, px, py) != NOTHING
 
     def hold(self, poses: Floats, ends: Floats, suspects: Flags) -> Floats:
@@ -180,9 +182,9 @@ class Cores:
         if len(self._core_half):
             if self._apart and self._tangled.any():
                 self.look(poses)
-            move_outlines(self._outlines, poses)
+            move_polygons(self._polygons, poses)
             state = self._tangled, self._apart, shares
-            hold(self._outlines, self._grids, self._core_half, poses, ends, suspects, *state)
+            hold(self._polygons, self._grids, self._core_half, poses, ends, suspects, *state)
         return shares
 
 
@@ -200,6 +202,10 @@ def _edges(points: Sequence[Point2]) -> list[tuple[Point2, Point2]]:
 def _distance(a: Point2, b: Point2, c: Point2) -> float:
     """Of point c from the line through a and b, positive on its left."""
     return ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])) / math.dist(a, b)
+
+
+def _cores(group: Group, rim: float) -> Group:
+    return group._replace(shapes=[_core(shape, rim) for shape in group.shapes])
 
 
 def _core(shape: Shape, rim: float) -> Shape:

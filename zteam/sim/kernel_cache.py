@@ -42,7 +42,7 @@ def _make_digest() -> str:
 
 
 DIGEST = _make_digest()
-_KEPT = 4
+_KEPT = 16
 """Versions of the code whose kernels stay in the user's cache folder."""
 
 

@@ -3,6 +3,8 @@
 Method and figures: docs/benchmarks.md. Rays of one scan start at one point; `cos` and `sin` (tables, beams) are the
 beams' directions in the sensor's frame, one row for all scans or one for each. Distances stay metric although a
 bitmap's cells may be unequal along x and y: the ray is scaled into cells, its parameter is not.
+
+The two kernels and this file are longer than others, because the loops of a kernel share a dozen arrays.
 """
 
 import math
@@ -12,7 +14,7 @@ from numpy.typing import NDArray
 
 from zteam.sim import numpy_kernels
 from zteam.sim.jit import compiled, plainly, vectorized
-from zteam.sim.polygons import NOBODY, Outlines, bin_at, contains
+from zteam.sim.polygons import NO_MOVER, Polygons, bin_at, contains
 
 _LANES = 32
 """Beams that advance together, so that the loops over them become vector code; 16, 48 and 64 were slower."""
@@ -23,9 +25,9 @@ _EDGE = 1e-12
 _ROUGH = 4e-5
 """Radians that the difference of two rough bearings may be off."""
 _WIDE = 1e-6
-"""Metres by which a lone ray has to pass a disc that is not looked at."""
+"""Metres by which a single ray must miss a disc for the disc to be skipped."""
 _SECTORS = 64
-"""A scan's beams in groups, whose farthest ranges reject what lies behind them."""
+"""A scan's beams in groups, with the farthest range of each, which rejects what lies behind it."""
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -242,7 +244,7 @@ def cast_edge(
 
 @compiled
 def _cast_shape(
-    o: Outlines, shape: int, px: float, py: float, yaw: float, cos: Floats, sin: Floats,
+    o: Polygons, shape: int, px: float, py: float, yaw: float, cos: Floats, sin: Floats,
     angle_min: float, increment: float, slack: float, outside: bool, ranges: Floats, hit: Ints,
 ) -> None:  # fmt: skip
     """Shorten one scan's ranges to one polygon, to 0 in its interior; if the sensor is certainly `outside`, only edges
@@ -278,7 +280,7 @@ def _cast_shape(
 
 @compiled
 def cast_edges(
-    o: Outlines, x: Floats, y: Floats, z: Floats, yaw: Floats, sensor_owner: NDArray[np.int64],
+    o: Polygons, x: Floats, y: Floats, z: Floats, yaw: Floats, sensor_owner: NDArray[np.int64],
     cos: Floats, sin: Floats, angle_min: float, increment: float, jitter: float, ranges: Floats, hit: Ints,
 ) -> None:  # fmt: skip
     """Shorten `ranges` (scans, beams) to polygons; `hit` becomes the index of the shape where one is nearer.
@@ -310,7 +312,7 @@ def cast_edges(
                 group = o.in_bin[slot]
                 dx, dy, radius = o.centre_x[group] - px, o.centre_y[group] - py, o.radius[group]
                 square = dx * dx + dy * dy
-                if (o.owner[group] == own and own != NOBODY) or square > (far + radius) * (far + radius):
+                if (o.owner[group] == own and own != NO_MOVER) or square > (far + radius) * (far + radius):
                     continue
                 if beams == 1 and (abs(ux * dy - uy * dx) > radius + _WIDE or ux * dx + uy * dy < -radius - _WIDE):
                     continue

@@ -1,7 +1,7 @@
-"""Bodies that never touch: a move that would end in a collision is refused whole, and the robot stalls.
+"""Bodies that never touch: a move that would end in a collision is not made at all, and the robot stalls.
 
 This is what Stage does (`stage`, with its own way of stepping), and the cheap way to move a crowd (`kinematic`).
-Outlines are exact: bitmaps are tested cell by cell, polygons in convex parts. Robots move in the order of their ids.
+Polygons are exact: bitmaps are tested cell by cell, polygons in convex parts. Robots move in the order of their ids.
 """
 
 import math
@@ -14,8 +14,8 @@ from zteam.geometry import Pose2
 from zteam.sim.fields import Fields
 from zteam.sim.grids import Grids, make_grids
 from zteam.sim.jit import compiled
-from zteam.sim.overlaps import NOTHING, convex_solids, corner_room, find_overlap, place_group
-from zteam.sim.polygons import Group, Outlines, make_outlines, move_outlines
+from zteam.sim.overlaps import NOTHING, convex_solids, find_overlap, most_corners, place_group
+from zteam.sim.polygons import Group, Polygons, make_polygons, move_polygons
 from zteam.world.model import Floorplan
 
 Floats = NDArray[np.float64]
@@ -26,24 +26,24 @@ _MAX_PLACES = 1000
 
 
 @compiled
-def move_all(o: Outlines, grids: Grids, robots: int, poses: Floats, ends: Floats, refused: NDArray[np.bool_]) -> None:
-    """Move the first `robots` movers from `poses` to `ends` where nothing is in the way, in order."""
+def move_all(o: Polygons, grids: Grids, robots: int, poses: Floats, ends: Floats, blocked: NDArray[np.bool_]) -> None:
+    """Move the first `robots` movers, in order, from `poses` to `ends`; a move that meets something is `blocked`."""
     slack = 0.0
     for group in range(o.owner.shape[0]):
         i = o.owner[group]
         if 0 <= i < robots:
             way = math.hypot(ends[i, 0] - poses[i, 0], ends[i, 1] - poses[i, 1])
-            # A turn about the base's origin swings the centre of the outline.
+            # A turn about the base's origin swings the centre of the group.
             swing = math.hypot(o.local_centre[group, 0], o.local_centre[group, 1]) * abs(ends[i, 2] - poses[i, 2])
             slack = max(slack, way + swing)
-    size = corner_room(o)
+    size = most_corners(o)
     px, py, ignored = np.empty(size), np.empty(size), np.zeros(poses.shape[0], np.bool_)
     for group in range(o.owner.shape[0]):
         i = o.owner[group]
         if i < 0 or i >= robots:
             continue
         dx, dy, turn = ends[i, 0] - poses[i, 0], ends[i, 1] - poses[i, 1], ends[i, 2] - poses[i, 2]
-        refused[i] = False
+        blocked[i] = False
         if dx == 0.0 and dy == 0.0 and turn == 0.0:
             continue
         arm = max(1.0, math.hypot(o.local_centre[group, 0], o.local_centre[group, 1]))
@@ -52,15 +52,15 @@ def move_all(o: Outlines, grids: Grids, robots: int, poses: Floats, ends: Floats
             share = k / places
             place_group(o, group, poses[i, 0] + share * dx, poses[i, 1] + share * dy, poses[i, 2] + share * turn)
             if find_overlap(o, group, grids, slack, ignored, px, py) != NOTHING:
-                refused[i] = True
+                blocked[i] = True
                 break
-        if refused[i]:
+        if blocked[i]:
             place_group(o, group, poses[i, 0], poses[i, 1], poses[i, 2])
         else:
             poses[i, 0], poses[i, 1], poses[i, 2] = ends[i, 0], ends[i, 1], ends[i, 2]
 
 
-class RefusingBodies:
+class KinematicBodies:
     """Robots that stall instead of touching; whatever else could be pushed stands still.
 
     `poses` is (movers, 3): x, y, yaw in `map`, robots first. `follow` says how a robot goes (`zteam.sim.motion`).
@@ -78,8 +78,8 @@ class RefusingBodies:
         self._follow = follow
         self._grids = make_grids(floorplans)
         solid = [group._replace(shapes=convex_solids(group.shapes)) for group in groups]
-        self._outlines = make_outlines(solid)
-        self._bodiless = np.setdiff1d(np.arange(robots), self._outlines.owner)
+        self._polygons = make_polygons(solid)
+        self._bodiless = np.setdiff1d(np.arange(robots), self._polygons.owner)
         self.poses = poses.copy()
         self.stalled = np.zeros(robots, bool)
         self._ends = np.empty((robots, 3))
@@ -89,9 +89,9 @@ class RefusingBodies:
         if not self._robots:
             return
         self._follow(self.poses, velocity, seconds, self._ends)
-        if len(self._outlines.owner):
-            move_outlines(self._outlines, self.poses)
-            move_all(self._outlines, self._grids, self._robots, self.poses, self._ends, self.stalled)
+        if len(self._polygons.owner):
+            move_polygons(self._polygons, self.poses)
+            move_all(self._polygons, self._grids, self._robots, self.poses, self._ends, self.stalled)
         self.poses[self._bodiless] = self._ends[self._bodiless]
 
     def place(self, index: int, pose: Pose2) -> None:
@@ -100,7 +100,7 @@ class RefusingBodies:
         if index < self._robots:
             self.stalled[index] = False
 
-    def adopt(self, old: "RefusingBodies", kept: Sequence[tuple[int, int]]) -> None:
+    def adopt(self, old: "KinematicBodies", kept: Sequence[tuple[int, int]]) -> None:
         """Go on from another's motion, for pairs of movers (index here, index there)."""
         for here, there in kept:
             if here < self._robots:

@@ -1,4 +1,4 @@
-"""All rangers of all robots at once: where they stand, what they measure, and how wrong they are."""
+"""All rangers of all robots at once: where they are mounted, what they measure, and their noise."""
 
 import math
 from collections.abc import Sequence
@@ -9,16 +9,16 @@ from numpy.typing import NDArray
 
 from zteam.counter_random import gaussians, stream, streams, uniforms
 from zteam.geometry import Pose2
-from zteam.sim.casting import Beams, Caster, Rays, ScanBuffers, finish, make_room
-from zteam.sim.interference import Dazzle, Glare, find_glares
+from zteam.sim.casting import Beams, Caster, Rays, ScanBuffers, finish, make_buffers
+from zteam.sim.interference import Emitter, Interference, find_interference
 from zteam.sim.jit import compiled
 from zteam.simulation_options import Options
-from zteam.world.model import Blobfinder, Finder, Ranger, Robot
+from zteam.world.model import Device, Ranger, Robot
 
 Floats = NDArray[np.float64]
 
-_RANGE_NOISE, _SHARE_NOISE, _UNIFORM_NOISE, _ANGLE_NOISE, _DAZZLE = range(5)
-"""Streams of randomness, so that no two kinds of noise draw the same numbers."""
+_RANGE_NOISE, _SHARE_NOISE, _UNIFORM_NOISE, _ANGLE_NOISE, _INTERFERENCE = range(5)
+"""Streams of random numbers: no two kinds of noise draw the same numbers."""
 
 
 class Reading(NamedTuple):
@@ -75,7 +75,7 @@ class Batch(NamedTuple):
     range_min: NDArray[np.float32]
     """(scans, 1)"""
     noise: _Noise | None
-    room: ScanBuffers
+    buffers: ScanBuffers
 
 
 class Scans(NamedTuple):
@@ -93,7 +93,7 @@ class Scans(NamedTuple):
         return Reading(arrays.ranges[row], arrays.intensities[row])
 
 
-def mount_devices(owned: Sequence[tuple[int, Ranger | Finder | Blobfinder]]) -> Mounts:
+def mount_devices(owned: Sequence[tuple[int, Device]]) -> Mounts:
     """Where the robots' devices stand, by the robots' indexes."""
     x, y, z, yaw = np.array([(d.x, d.y, d.z, d.yaw) for _, d in owned], float).reshape(-1, 4).T.copy()
     return Mounts(x, y, z, yaw, np.array([owner for owner, _ in owned], np.int64))
@@ -133,20 +133,20 @@ class Lasers:
             for row, mount in enumerate(batch.mounts)
         }
         self._intensity = np.array([s.ranger_return if s else 0.0 for s in caster.surfaces], np.float32)
-        self._dazzle = Dazzle(options.dazzle_angle, options.dazzle_probability)
+        self._interference = Interference(options.dazzle_angle, options.dazzle_probability)
 
     def measure(self, poses: Floats, tick: int) -> Scans:
         """Readings with the robots at `poses` (rows x, y, yaw in `map`); the caster has been moved there."""
         placed = [rays_of(poses, batch.at) for batch in self._batches]
         arrays = [self._measure(batch, rays, tick) for batch, rays in zip(self._batches, placed, strict=True)]
         if self._options.dazzle != "off":
-            self._dazzle_all(placed, arrays, tick)
+            self._interfere(placed, arrays, tick)
         return Scans(arrays, self._rows)
 
     def _measure(self, batch: Batch, rays: Rays, tick: int) -> Reading:
         noise = batch.noise
         beams = batch.beams if noise is None else _jittered(batch, noise, tick)
-        exact, hit = self._caster.cast(rays, beams, batch.room)
+        exact, hit = self._caster.cast(rays, beams, batch.buffers)
         if noise is not None:
             hits = hit != self._caster.nothing
             exact[hits] = np.clip(_disturbed(exact, noise, tick), 0.0, beams.limit)[hits]
@@ -159,12 +159,12 @@ class Lasers:
             reading.ranges[hit == self._caster.nothing] = np.inf
         return reading
 
-    def _dazzle_all(self, placed: Sequence[Rays], arrays: Sequence[Reading], tick: int) -> None:
-        glares = [
-            Glare(
+    def _interfere(self, placed: Sequence[Rays], arrays: Sequence[Reading], tick: int) -> None:
+        emitters = [
+            Emitter(
                 number,
                 row,
-                mount.states[_DAZZLE],
+                mount.states[_INTERFERENCE],
                 mount.robot,
                 Pose2(float(rays.x[row]), float(rays.y[row]), float(rays.yaw[row])),
                 mount.ranger,
@@ -173,7 +173,7 @@ class Lasers:
             for row, mount in enumerate(batch.mounts)
             if mount.ranger.samples > 1
         ]
-        for victim, bearing, draw in find_glares(glares, self._caster, self._dazzle, tick):
+        for victim, bearing, draw in find_interference(emitters, self._caster, self._interference, tick):
             batch, ranges = self._batches[victim.batch], arrays[victim.batch].ranges[victim.row]
             off = np.abs(np.remainder(batch.angles - bearing + math.pi, math.tau) - math.pi)
             struck = off <= self._options.dazzle_angle
@@ -231,7 +231,7 @@ def _make_batch(mounts: list[Mount], options: Options) -> Batch:
     beams = Beams(np.cos(angles)[None, :], np.sin(angles)[None, :], angle_min, ranger.angle_increment, ranger.range_max)
     at = mount_devices([(m.robot, m.ranger) for m in mounts])
     range_min = np.array([[m.ranger.range_min] for m in mounts], np.float32)
-    return Batch(mounts, at, beams, angles, range_min, _make_noise(mounts, options), make_room(len(mounts), beams))
+    return Batch(mounts, at, beams, angles, range_min, _make_noise(mounts, options), make_buffers(len(mounts), beams))
 
 
 def _make_noise(mounts: Sequence[Mount], options: Options) -> _Noise | None:

@@ -1,6 +1,6 @@
 """The inner loops of the laser kernels on numpy, for where nothing is compiled: slower, and the same to the last bit.
 
-So every expression here is the one of `zteam.sim.kernels`, in the same order.
+So every expression here is the one of `zteam.sim.kernels`, in the same order, and each kernel is one function as there.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""What an engine tells at a tick's end."""
+"""What an engine observes at a tick's end."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
@@ -7,6 +7,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from zteam import names
 from zteam.geometry import Pose2, normalize_angle
 from zteam.sim.devices import Blob, Detections, Sighting
 from zteam.sim.lasers import Reading, Scans
@@ -35,20 +36,31 @@ class RobotObservation(msgspec.Struct, frozen=True, eq=False):
     odom: Pose2
     """Since the start, by its own wheels: starts at zero, and follows what the base did."""
     velocity: tuple[float, float, float]
-    """In its own frame: forward and left in m/s, yaw rate in rad/s; what the base did, not what it was told."""
+    """In its own frame: forward and left in m/s, yaw rate in rad/s; what the base did, not what was commanded."""
     stall: bool
-    """Told to move, but blocked."""
+    """Commanded to move, but blocked."""
     joints: Joints
-    fiducials: tuple[tuple[Sighting, ...], ...] = ()
-    """Of its fiducial finders."""
-    bumpers: tuple[bool, ...] = ()
-    """Pressed or not."""
-    blobs: tuple[tuple[Blob, ...], ...] = ()
-    """Of its blob finders, right to left."""
+    detections: Detections = msgspec.field(default_factory=dict)
+    """What its other devices detect, by topic."""
+
+    @property
+    def fiducials(self) -> tuple[tuple[Sighting, ...], ...]:
+        """Of its fiducial finders."""
+        return self.detections.get(names.FIDUCIALS, ())
+
+    @property
+    def bumpers(self) -> tuple[bool, ...]:
+        """Pressed or not."""
+        return self.detections.get(names.BUMPER, ())
+
+    @property
+    def blobs(self) -> tuple[tuple[Blob, ...], ...]:
+        """Of its blob finders, right to left."""
+        return self.detections.get(names.BLOBS, ())
 
 
 class Snapshot(NamedTuple):
-    """The state that observations of single robots are made of when somebody asks for them."""
+    """The state from which observations of single robots are made, each at its first use."""
 
     ids: Mapping[int, int]
     """Robot id -> index."""
@@ -59,7 +71,8 @@ class Snapshot(NamedTuple):
     velocity: Floats
     stalled: NDArray[np.bool_]
     wheels: Wheels
-    notices: Mapping[int, Detections]
+    detections: Mapping[int, Detections]
+    """By index; robots without devices are left out."""
 
 
 class Robots(Mapping[int, RobotObservation]):
@@ -84,7 +97,6 @@ class Robots(Mapping[int, RobotObservation]):
         s = self._snapshot
         robot = s.robots[i]
         vx, vy, w = s.velocity[i].tolist()
-        notices = s.notices.get(i, Detections())
         return RobotObservation(
             robot,
             tuple(s.scans.reading(i, place) for place in range(len(robot.rangers))),
@@ -93,9 +105,7 @@ class Robots(Mapping[int, RobotObservation]):
             (vx, vy, w),
             bool(s.stalled[i]),
             self._joints(i),
-            notices.sightings,
-            notices.bumpers,
-            notices.blobs,
+            s.detections.get(i, {}),
         )
 
     def _joints(self, i: int) -> Joints:

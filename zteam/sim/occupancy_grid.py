@@ -9,6 +9,7 @@ from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.messages import Header, MapMetaData, OccupancyGrid, Point, Pose, time_from_ns
 from zteam.world.model import Floorplan, Shape, World
+from zteam.world.placing import find_bounds, place_shape
 
 MAX_CELLS = 64_000_000
 """A byte each: the message stays below the bus's largest payload."""
@@ -19,10 +20,10 @@ _STRIP = 64
 def map_message(world: World, resolution: float) -> OccupancyGrid:
     """Everything that stands still, on one axis-aligned grid of square cells of `resolution` metres.
 
-    A cell is 100 where its centre lies in an occupied cell of a bitmap or in an obstacle's outline, or where something
+    A cell is 100 where its centre lies in an occupied cell of a bitmap or in an obstacle's polygon, or where something
     thinner than a cell stands, else 0. Raises UsageError for a map of more than MAX_CELLS.
     """
-    outlines = _standing(world)
+    polygons = _standing(world)
     corners = [robot.pose[:2] for robot in world.robots]
     low, high = find_bounds(world) or (np.min(corners, axis=0), np.max(corners, axis=0))
     columns, rows = (max(1, math.ceil(n)) for n in (high - low) / resolution - 1e-9)
@@ -42,7 +43,7 @@ def map_message(world: World, resolution: float) -> OccupancyGrid:
             _draw_plan(grid[strip], x, y[strip], plan.pose, plan.occupied, plan.cell)
         if min(plan.cell) < resolution:
             _mark(grid, low, resolution, *_middles(plan))
-    for _, polygon in outlines:
+    for _, polygon in polygons:
         _draw_polygon(grid, x, y, polygon)
         if _thickness(polygon) < resolution:
             _mark(grid, low, resolution, *_along(polygon, resolution))
@@ -52,23 +53,9 @@ def map_message(world: World, resolution: float) -> OccupancyGrid:
     return OccupancyGrid(Header(time_from_ns(0), names.MAP_FRAME), info, grid.ravel())
 
 
-def find_bounds(world: World) -> tuple[np.ndarray, np.ndarray] | None:
-    """Least and greatest x, y (m, in `map`) of everything that stands still; None if nothing does."""
-    corners = [corner for plan in world.floorplans for corner in _plan_corners(plan.pose, plan.occupied, plan.cell)]
-    corners += [(float(px), float(py)) for _, polygon in _standing(world) for px, py in polygon]
-    return (np.min(corners, axis=0), np.max(corners, axis=0)) if corners else None
-
-
 def _standing(world: World) -> list[tuple[Shape, np.ndarray]]:
     fixed = [obstacle for obstacle in world.obstacles if obstacle.mass is None]
-    return [(shape, _polygon(obstacle.pose, shape)) for obstacle in fixed for shape in obstacle.shapes]
-
-
-def _plan_corners(pose: Pose2, occupied: np.ndarray, cell: tuple[float, float]) -> list[tuple[float, float]]:
-    rows, columns = occupied.shape
-    cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
-    ends = [(u * columns * cell[0], v * rows * cell[1]) for u in (0, 1) for v in (0, 1)]
-    return [(pose.x + cos * u - sin * v, pose.y + sin * u + cos * v) for u, v in ends]
+    return [(shape, place_shape(obstacle.pose, shape)) for obstacle in fixed for shape in obstacle.shapes]
 
 
 def _draw_plan(
@@ -114,14 +101,6 @@ def _along(polygon: np.ndarray, resolution: float) -> tuple[np.ndarray, np.ndarr
         points.append(start + (end - start) * ((np.arange(count) + 0.5) / count)[:, None])
     x, y = np.concatenate(points).T
     return x, y
-
-
-def _polygon(pose: Pose2, shape: Shape) -> np.ndarray:
-    cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
-    points = np.array(shape.points, float)
-    return np.stack(
-        (pose.x + cos * points[:, 0] - sin * points[:, 1], pose.y + sin * points[:, 0] + cos * points[:, 1]), axis=1
-    )
 
 
 def _draw_polygon(grid: np.ndarray, x: np.ndarray, y: np.ndarray, polygon: np.ndarray) -> None:

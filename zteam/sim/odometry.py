@@ -1,4 +1,4 @@
-"""What the wheels tell: the way since the start, with the errors that the world file asks for, and the joints."""
+"""Odometry: the way since the start, with the errors that the world file sets, and the wheels' joints."""
 
 import math
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ _STREAM = 100
 
 
 class OdometryNoise(NamedTuple):
-    """Of all robots; rows of zeros are exact."""
+    """The errors of all robots; a row of zeros is exact."""
 
     bias: Floats
     """(robots, 3): shares of x, y and yaw (Stage's odom_error)."""
@@ -29,7 +29,7 @@ class OdometryNoise(NamedTuple):
 
 @compiled
 def integrate(
-    velocity: Floats, seconds: float, wrong: NDArray[np.bool_], errors: OdometryNoise, draws: Floats, odom: Floats
+    velocity: Floats, seconds: float, wrong: NDArray[np.bool_], noise: OdometryNoise, draws: Floats, odom: Floats
 ) -> None:
     """Carry the `odom` (robots; x, y, yaw) that is `wrong` on by what `velocity` (body frame) did in `seconds`.
 
@@ -43,11 +43,11 @@ def integrate(
         turn = velocity[i, 2] * seconds
         half = 0.5 * turn
         chord = seconds * (math.sin(half) / half if abs(half) > 1e-9 else 1.0)
-        forward = velocity[i, 0] * chord * (1.0 + errors.bias[i, 0])
-        left = velocity[i, 1] * chord * (1.0 + errors.bias[i, 1])
-        half *= 1.0 + errors.bias[i, 2]
+        forward = velocity[i, 0] * chord * (1.0 + noise.bias[i, 0])
+        left = velocity[i, 1] * chord * (1.0 + noise.bias[i, 1])
+        half *= 1.0 + noise.bias[i, 2]
         first = second = half
-        a1, a2, a3, a4 = errors.alphas[i, 0], errors.alphas[i, 1], errors.alphas[i, 2], errors.alphas[i, 3]
+        a1, a2, a3, a4 = noise.alphas[i, 0], noise.alphas[i, 1], noise.alphas[i, 2], noise.alphas[i, 3]
         if a1 + a2 + a3 + a4 > 0.0:
             length = math.hypot(forward, left)
             way = length * length
@@ -76,9 +76,9 @@ def see_from_start(poses: Floats, start: Floats, wrong: NDArray[np.bool_], odom:
 
 
 class Odometry:
-    """Of all robots. `poses` (robots, 3) is what they believe: x, y, yaw (not wrapped) in their `odom` frames.
+    """Odometry of all robots: `poses` (robots, 3) are x, y, yaw (not wrapped) in their `odom` frames.
 
-    Robots without errors have the truth, seen from where odometry is zero.
+    Without errors they are the true poses, seen from the place where odometry is zero.
     """
 
     def __init__(
@@ -87,9 +87,9 @@ class Odometry:
         # Stage's errors belong to its localization "odom"; its "gps" has none.
         bias = [robot.odom_error if robot.localization == "odom" else (0.0, 0.0, 0.0) for robot in robots]
         chosen = [alphas or robot.odom_alphas for robot in robots]
-        self._errors = OdometryNoise(np.array(bias, float).reshape(-1, 3), np.array(chosen, float).reshape(-1, 4))
-        self._wrong = np.array([any(row) for row in np.hstack(self._errors).tolist()], bool)
-        self._noisy = bool(self._errors.alphas.any())
+        self._noise = OdometryNoise(np.array(bias, float).reshape(-1, 3), np.array(chosen, float).reshape(-1, 4))
+        self._wrong = np.array([any(row) for row in np.hstack(self._noise).tolist()], bool)
+        self._noisy = bool(self._noise.alphas.any())
         self._states = np.array([stream(seed, robot_id, _STREAM) for robot_id in ids], np.uint64)
         self._start = np.array([robot.pose for robot in robots], float).reshape(-1, 3)
         self.poses = np.zeros((len(robots), 3))
@@ -99,7 +99,7 @@ class Odometry:
         see_from_start(after, self._start, self._wrong, self.poses)
         if self._wrong.any():
             draws = gaussians(streams(self._states, tick), 3) if self._noisy else np.zeros((len(after), 3))
-            integrate(velocity, seconds, self._wrong, self._errors, draws, self.poses)
+            integrate(velocity, seconds, self._wrong, self._noise, draws, self.poses)
 
     def adopt(self, old: "Odometry", kept: Sequence[tuple[int, int]]) -> None:
         """Go on from another's state, for pairs (index here, index there)."""
@@ -107,11 +107,11 @@ class Odometry:
             self.poses[here], self._start[here] = old.poses[there], old._start[there]
 
     def carry(self, i: int, pose: Pose2) -> None:
-        """Robot `i` is lifted to `pose`: its wheels notice nothing, so its `odom` frame moves along."""
+        """Robot `i` is placed at `pose`: its wheels did not turn, so its `odom` frame moves along."""
         self._start[i] = compose2(pose, inverse2(Pose2(*self.poses[i].tolist())))
 
     def start(self, i: int) -> Pose2:
-        """Where in `map` robot `i`'s `odom` frame is, were its odometry exact."""
+        """The pose in `map` of robot `i`'s `odom` frame, as if its odometry were exact."""
         return Pose2(*self._start[i].tolist())
 
 
@@ -165,7 +165,7 @@ def make_wheels(robots: Sequence[Robot]) -> Wheels:
 def roll(
     owner: NDArray[np.int64], rows: Floats, velocity: Floats, seconds: float, angles: Floats, rates: Floats
 ) -> None:
-    """Turn the wheels as the bases' velocities (robots, 3) have it."""
+    """Turn the wheels by the bases' velocities (robots, 3)."""
     for i in range(owner.shape[0]):
         robot = owner[i]
         rate = rows[i, 0] * velocity[robot, 0] + rows[i, 1] * velocity[robot, 1] + rows[i, 2] * velocity[robot, 2]

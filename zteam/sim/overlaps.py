@@ -1,4 +1,4 @@
-"""Which outlines overlap: polygons in convex parts against each other, and against the cells of bitmaps, exactly."""
+"""Which polygons overlap: polygons in convex parts against each other, and against the cells of bitmaps, exactly."""
 
 import math
 from collections.abc import Sequence
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from zteam.sim.grids import Grids
 from zteam.sim.jit import compiled
-from zteam.sim.polygons import NOBODY, Outlines, bin_at, contains
+from zteam.sim.polygons import NO_MOVER, Polygons, bin_at, contains
 from zteam.world.model import Shape
 from zteam.world.shapes import is_convex
 
@@ -23,7 +23,7 @@ _TOUCH = 1e-9
 
 
 @compiled
-def place_group(o: Outlines, group: int, x: float, y: float, yaw: float) -> None:
+def place_group(o: Polygons, group: int, x: float, y: float, yaw: float) -> None:
     cos, sin = math.cos(yaw), math.sin(yaw)
     u, v = o.local_centre[group, 0], o.local_centre[group, 1]
     o.centre_x[group], o.centre_y[group] = x + cos * u - sin * v, y + sin * u + cos * v
@@ -33,7 +33,7 @@ def place_group(o: Outlines, group: int, x: float, y: float, yaw: float) -> None
 
 
 @compiled
-def _is_beside(o: Outlines, a: int, b: int, c: int, d: int) -> bool:
+def _is_beside(o: Polygons, a: int, b: int, c: int, d: int) -> bool:
     """Whether an edge of the convex polygon of vertices a to b has all vertices c to d on its outer side."""
     j = b - 1
     for i in range(a, b):
@@ -51,14 +51,14 @@ def _is_beside(o: Outlines, a: int, b: int, c: int, d: int) -> bool:
 
 
 @compiled
-def _shapes_overlap(o: Outlines, one: int, other: int) -> bool:
+def _shapes_overlap(o: Polygons, one: int, other: int) -> bool:
     """Whether two convex polygons overlap, for no edge parts them; touching is not overlapping."""
     a, b, c, d = o.first_vertex[one], o.first_vertex[one + 1], o.first_vertex[other], o.first_vertex[other + 1]
     return not _is_beside(o, a, b, c, d) and not _is_beside(o, c, d, a, b)
 
 
 @compiled
-def _groups_overlap(o: Outlines, one: int, other: int) -> bool:
+def _groups_overlap(o: Polygons, one: int, other: int) -> bool:
     dx, dy = o.centre_x[one] - o.centre_x[other], o.centre_y[one] - o.centre_y[other]
     reach = o.radius[one] + o.radius[other]
     if dx * dx + dy * dy >= reach * reach:
@@ -86,8 +86,8 @@ def _edge_meets_box(ax: float, ay: float, bx: float, by: float, left: float, bot
 
 
 @compiled
-def _shape_meets_grid(o: Outlines, shape: int, grids: Grids, k: int, px: Floats, py: Floats) -> bool:
-    """Whether a polygon covers part of an occupied cell; `px, py` are room for its corners."""
+def _shape_meets_grid(o: Polygons, shape: int, grids: Grids, k: int, px: Floats, py: Floats) -> bool:
+    """Whether a polygon covers part of an occupied cell; `px, py` are buffers for its corners."""
     rows, columns = int(grids.table[k, 1]), int(grids.table[k, 2])
     cell_x, cell_y, cos, sin = grids.table[k, 3], grids.table[k, 4], grids.table[k, 5], grids.table[k, 6]
     begin = o.first_vertex[shape]
@@ -119,11 +119,11 @@ def _shape_meets_grid(o: Outlines, shape: int, grids: Grids, k: int, px: Floats,
 
 
 @compiled
-def find_overlap(o: Outlines, group: int, grids: Grids, slack: float, ignored: Flags, px: Floats, py: Floats) -> int:
+def find_overlap(o: Polygons, group: int, grids: Grids, slack: float, ignored: Flags, px: Floats, py: Floats) -> int:
     """What a group overlaps where it has been placed: another group, NOTHING, or -2 - k for bitmap k.
 
-    Movers that are `ignored` (movers) do not count. Bins are up to `slack` metres out of date; `px, py` are room for
-    the corners of a shape (`corner_room`).
+    Movers that are `ignored` (movers) do not count. Bins are up to `slack` metres out of date; `px, py` are buffers for
+    the corners of a shape (`most_corners`).
     """
     for shape in range(o.first_shape[group], o.first_shape[group + 1]):
         for k in range(grids.table.shape[0]):
@@ -144,14 +144,14 @@ def find_overlap(o: Outlines, group: int, grids: Grids, slack: float, ignored: F
         for slot in range(o.bin_start[first], o.bin_start[last + 1]):
             other = o.in_bin[slot]
             owner = o.owner[other]
-            if other != group and (owner == NOBODY or not ignored[owner]) and _groups_overlap(o, group, other):
+            if other != group and (owner == NO_MOVER or not ignored[owner]) and _groups_overlap(o, group, other):
                 return int(other)
     return NOTHING
 
 
 @compiled
-def corner_room(o: Outlines) -> int:
-    """Corners of the shape that has the most."""
+def most_corners(o: Polygons) -> int:
+    """Corners of the shape that has the most: the size of the buffers of `find_overlap`."""
     size = 0
     for shape in range(o.z_min.shape[0]):
         size = max(size, o.first_vertex[shape + 1] - o.first_vertex[shape])
@@ -165,7 +165,7 @@ def convex_solids(shapes: Sequence[Shape]) -> list[Shape]:
         if shape.obstacle and is_convex(shape.points):
             parts.append(shape)
         elif shape.obstacle:
-            from zteam.sim.dynamic import convex_parts  # pymunk's: only who has such a shape pays for it
+            from zteam.sim.dynamic import convex_parts  # pymunk: imported only for such a shape
 
             parts += [msgspec.structs.replace(shape, points=tuple(points)) for points in convex_parts(shape.points)]
     return parts

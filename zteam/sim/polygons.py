@@ -1,4 +1,4 @@
-"""Everything that has edges, as arrays: polygons in groups that move together, sorted into bins by place."""
+"""Polygons as arrays: in groups that move together, sorted into bins by place."""
 
 import itertools
 import math
@@ -12,8 +12,8 @@ from zteam.geometry import Pose2, compose2
 from zteam.sim.jit import compiled
 from zteam.world.model import Obstacle, Robot, Shape
 
-NOBODY = -1
-"""Owner of what stands still."""
+NO_MOVER = -1
+"""Owner of a group that stands still."""
 _MAX_BINS = 64
 """Bins along x and along y."""
 _BIN = 3.0
@@ -25,8 +25,8 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
 
-class Outlines(NamedTuple):
-    """Polygons of `map` as numba takes them. Shapes of one owner form a group; of what stands still, each its own."""
+class Polygons(NamedTuple):
+    """All polygons, as arrays for numba. The shapes of one mover form a group; a shape that stands still is a group."""
 
     local_x: Floats
     """(vertices) in the owner's frame, in `map` for what stands still."""
@@ -41,7 +41,7 @@ class Outlines(NamedTuple):
     first_shape: Ints
     """(groups + 1)"""
     owner: NDArray[np.int64]
-    """(groups): the mover's index, or NOBODY."""
+    """(groups): the mover's index, or NO_MOVER."""
     local_centre: Floats
     """(groups, 2)"""
     centre_x: Floats
@@ -66,7 +66,7 @@ class Group(NamedTuple):
     """Shapes that move together."""
 
     owner: int
-    """The mover that they belong to, or NOBODY."""
+    """The mover that they belong to, or NO_MOVER."""
     source: int
     """The model: robots come first, then all obstacles."""
     shapes: Sequence[Shape]
@@ -81,7 +81,7 @@ def group_shapes(robots: Sequence[Robot], obstacles: Sequence[Obstacle]) -> list
             groups.append(Group(movers, source, obstacle.shapes))
             movers += 1
         else:
-            groups += [Group(NOBODY, source, [place_shape(obstacle.pose, shape)]) for shape in obstacle.shapes]
+            groups += [Group(NO_MOVER, source, [place_shape(obstacle.pose, shape)]) for shape in obstacle.shapes]
     return groups
 
 
@@ -97,7 +97,7 @@ def find_slabs(shapes: Sequence[Shape], most: int) -> list[tuple[float, float]]:
     return list(itertools.pairwise([-math.inf, *heights[: most - 1], math.inf]))
 
 
-def make_outlines(groups: Sequence[Group]) -> Outlines:
+def make_polygons(groups: Sequence[Group]) -> Polygons:
     """Arrays of the groups' shapes; groups without shapes are left out."""
     groups = [group for group in groups if group.shapes]
     shapes = [shape for group in groups for shape in group.shapes]
@@ -109,7 +109,7 @@ def make_outlines(groups: Sequence[Group]) -> Outlines:
         centres.append(centre)
         radii.append(float(np.hypot(*(corners - centre).T).max()))
     local_centre = np.array(centres, float).reshape(-1, 2)
-    outlines = Outlines(
+    polygons = Polygons(
         local_x=points[:, 0].copy(),
         local_y=points[:, 1].copy(),
         x=points[:, 0].copy(),
@@ -131,8 +131,8 @@ def make_outlines(groups: Sequence[Group]) -> Outlines:
         bin_size=np.ones(1),
         reach=np.zeros(1),
     )
-    sort_into_bins(outlines)
-    return outlines
+    sort_into_bins(polygons)
+    return polygons
 
 
 def _starts(counts: Sequence[int]) -> Ints:
@@ -140,7 +140,7 @@ def _starts(counts: Sequence[int]) -> Ints:
 
 
 @compiled
-def move_outlines(o: Outlines, poses: Floats) -> None:
+def move_polygons(o: Polygons, poses: Floats) -> None:
     """Bring the groups of movers to `poses` (movers; x, y, yaw in `map`)."""
     for group in range(o.owner.shape[0]):
         mover = o.owner[group]
@@ -158,7 +158,7 @@ def move_outlines(o: Outlines, poses: Floats) -> None:
 
 
 @compiled
-def sort_into_bins(o: Outlines) -> None:
+def sort_into_bins(o: Polygons) -> None:
     """Sort the groups by the bin of their centre: a counting sort, so groups of one bin stay in order."""
     groups = o.owner.shape[0]
     o.bins[0] = o.bins[1] = 1
@@ -190,14 +190,14 @@ def sort_into_bins(o: Outlines) -> None:
 
 
 @compiled
-def _bin_of(o: Outlines, group: int) -> int:
+def _bin_of(o: Polygons, group: int) -> int:
     if o.radius[group] > o.bin_size[0]:
         return int(o.bins[0] * o.bins[1])
     return bin_at(o, o.centre_y[group], o.bin_y[0], 1) * int(o.bins[0]) + bin_at(o, o.centre_x[group], o.bin_x[0], 0)
 
 
 @compiled
-def bin_at(o: Outlines, value: float, origin: float, axis: int) -> int:
+def bin_at(o: Polygons, value: float, origin: float, axis: int) -> int:
     """Row (axis 1) or column (axis 0) of the bin nearest to a coordinate."""
     place: int = math.floor((value - origin) / o.bin_size[0])
     return min(max(place, 0), int(o.bins[axis]) - 1)

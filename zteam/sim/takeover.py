@@ -14,7 +14,7 @@ from zteam.sim import jit, kernel_cache
 log = logging.getLogger("zteam.sim")
 
 FAILED = "failed: "
-"""Begins the line of a child that says why kernels could not be compiled or kept."""
+"""Prefix of the line in which a child says why kernels could not be compiled or kept."""
 _AT_ONCE = 2
 """Processes that compile before a run; a third would end no sooner."""
 _ON_NUMPY = "lasers run on numpy, 10 to 100 times slower"
@@ -23,8 +23,8 @@ _ON_NUMPY = "lasers run on numpy, 10 to 100 times slower"
 def prepare() -> None:
     """Let all kernels run compiled, unless that was decided before. What the cache lacks is compiled first.
 
-    An empty cache takes 20 s of processor time, shared by two processes, with progress in the log. Where that fails the
-    log says why, and kernels are compiled in memory.
+    With an empty cache that takes 20 s of processor time in two processes; the log shows progress. If it fails, the log
+    says why, and kernels are compiled in memory.
     """
     if jit.is_chosen():
         return
@@ -36,7 +36,7 @@ def prepare() -> None:
 
 
 def fill_cache() -> str:
-    """Compile what the cache lacks, with as many processes as help; why that failed, empty if it did not."""
+    """Compile what the cache lacks, in up to two processes; return why that failed, empty if it did not."""
     reason = kernel_cache.find_obstacle()
     if reason or kernel_cache.is_complete():
         return reason
@@ -50,7 +50,7 @@ def fill_cache() -> str:
 
 
 def begin() -> "Takeover | None":
-    """Decide how kernels run in a simulator that must not wait; what can be taken over to later, if anything."""
+    """Choose how kernels run in a simulator that must start at once; return the takeover to compiled ones, if any."""
     if not jit.has_numba():
         jit.use_compiled()
         return None
@@ -67,7 +67,7 @@ def begin() -> "Takeover | None":
 
 
 class Takeover:
-    """For a run that began on plain kernels: a child compiles, a thread loads, and `poll` changes over."""
+    """For a run that began with plain kernels: a child compiles, a thread loads, and `poll` switches."""
 
     def __init__(self) -> None:
         self._children: _Children | None = None
@@ -87,7 +87,7 @@ class Takeover:
         self._thread.start()
 
     def wait(self, timeout: float) -> bool:
-        """Until kernels are loaded, or will not be, for `timeout` s at most; whether that is so."""
+        """Wait for up to `timeout` s until kernels are loaded or that failed; return whether this wait is over."""
         if self._thread is not None:
             self._thread.join(timeout)
         return self._thread is None or not self._thread.is_alive()
@@ -113,7 +113,7 @@ class Takeover:
             try:
                 self._load()
             except Exception as error:
-                # Whatever a compiler may say: the run goes on as it is.
+                # Any failure of the compiler: the run goes on with plain kernels.
                 reason = f"{type(error).__name__}: {error}"
         if reason and not self._closing:
             jit.warn_of_cache(reason, _ON_NUMPY)
@@ -121,7 +121,7 @@ class Takeover:
 
     def _load(self) -> None:
         """Load the kernels that have run so far; another is loaded when it is called first."""
-        # A collection would look through all that a running simulator holds, and hold the interpreter for as long.
+        # A garbage collection would visit all objects of a running simulator and stop the interpreter meanwhile.
         gc.disable()
         try:
             for kernel in jit.KERNELS:
@@ -133,7 +133,7 @@ class Takeover:
 
 
 class _Children:
-    """Processes that compile, one for each list of arguments. They end when this process does, however it ends."""
+    """Processes that compile, one for each list of arguments. They end when this process ends, in any way."""
 
     def __init__(self, arguments: Sequence[Sequence[str]]) -> None:
         reader, writer = os.pipe()
@@ -150,8 +150,11 @@ class _Children:
         ]
         os.close(writer)
 
-    def wait(self, report: Callable[[int, int], None]) -> str:
-        """Until all kernels are kept, telling `report` (kernels ready, of how many); why not, empty if they are."""
+    def wait(self, on_progress: Callable[[int, int], None]) -> str:
+        """Wait until all kernels are in the cache; return why they are not, empty if they are.
+
+        `on_progress` is called with (kernels ready, all kernels).
+        """
         ready: set[str] = set()
         try:
             with self._lines:
@@ -161,8 +164,8 @@ class _Children:
                     steps, name, folder = line.rstrip("\n").split(" ", 2)
                     if name not in ready:
                         ready.add(name)
-                        report(len(ready), int(steps))
-                    # Another may still be at work on a kernel that is ready: it is not waited for.
+                        on_progress(len(ready), int(steps))
+                    # The other process may still compile a kernel that is ready: do not wait for it.
                     if len(ready) == int(steps):
                         kernel_cache.mark_complete(Path(folder))
                         return ""
@@ -173,7 +176,7 @@ class _Children:
         return "the process that compiles ended early"
 
     def end(self) -> None:
-        """Let them end now."""
+        """End them now."""
         for process in self._processes:
             process.kill()
             process.wait()

@@ -1,18 +1,11 @@
-"""Observations as ROS messages."""
-
-from collections.abc import Callable, Sequence
+"""Observations of the base and of rangers as ROS messages, and the robots' transforms."""
 
 import numpy as np
 
 from zteam import names
 from zteam.geometry import Pose2, normalize_angle, quaternion_from_yaw
 from zteam.messages import (
-    Blob,
-    Blobs,
-    Bumper,
-    ColorRGBA,
-    Fiducial,
-    Fiducials,
+    Bool,
     Header,
     JointState,
     LaserScan,
@@ -30,29 +23,26 @@ from zteam.messages import (
     Vector3,
     time_from_ns,
 )
+from zteam.sim.devices import SENSORS, Sensor, header
 from zteam.sim.observation import Observation, RobotObservation
-from zteam.world.colors import find_color
-from zteam.world.model import Blobfinder, Finder, Ranger, Robot
+from zteam.world.devices import KINDS
+from zteam.world.model import Robot
 
 _INFRARED = 1
 
 
-def is_laser(ranger: Ranger) -> bool:
-    """Rangers with more than one ray are lasers (LaserScan), the others sonars (Range)."""
-    return ranger.samples > 1
-
-
-def _places(robot: Robot, lasers: bool) -> list[int]:
-    return [i for i, ranger in enumerate(robot.rangers) if is_laser(ranger) == lasers]
+def _place(robot: Robot, lasers: bool, index: int) -> int:
+    """Place among a robot's rangers of its `index`-th laser, or else of its `index`-th sonar."""
+    return [place for place, ranger in enumerate(robot.rangers) if ranger.is_laser == lasers][index]
 
 
 def scan_message(observation: Observation, robot_id: int, index: int) -> LaserScan:
     """The scan of the robot's `index`-th laser, in `robot_N/base_laser_link[_i]`; no hit is `range_max`."""
     robot = observation.robots[robot_id]
-    place = _places(robot.robot, True)[index]
+    place = _place(robot.robot, True, index)
     ranger, reading = robot.robot.rangers[place], robot.readings[place]
     return LaserScan(
-        header=Header(time_from_ns(observation.stamp), names.robot_frame(robot_id, names.laser_link(index))),
+        header=header(observation, KINDS[names.BASE_SCAN], robot_id, index),
         angle_min=-ranger.fov / 2,
         angle_max=ranger.fov / 2,
         angle_increment=ranger.angle_increment,
@@ -66,10 +56,10 @@ def scan_message(observation: Observation, robot_id: int, index: int) -> LaserSc
 def range_message(observation: Observation, robot_id: int, index: int) -> Range:
     """The reading of the robot's `index`-th one-ray sensor, in `robot_N/sonar_i`."""
     robot = observation.robots[robot_id]
-    place = _places(robot.robot, False)[index]
+    place = _place(robot.robot, False, index)
     ranger = robot.robot.rangers[place]
     return Range(
-        header=Header(time_from_ns(observation.stamp), names.robot_frame(robot_id, names.sonar_link(index))),
+        header=header(observation, KINDS[names.SONAR], robot_id, index),
         radiation_type=_INFRARED,
         field_of_view=ranger.fov,
         min_range=ranger.range_min,
@@ -78,14 +68,14 @@ def range_message(observation: Observation, robot_id: int, index: int) -> Range:
     )
 
 
-def odometry_message(observation: Observation, robot_id: int) -> Odometry:
+def odometry_message(observation: Observation, robot_id: int, index: int = 0) -> Odometry:
     """Odometry since the start, in `robot_N/odom`."""
     robot = observation.robots[robot_id]
     frame = names.robot_frame(robot_id, names.ODOM)
     return _odometry(observation.stamp, frame, robot_id, robot.odom, robot)
 
 
-def ground_truth_message(observation: Observation, robot_id: int) -> Odometry:
+def ground_truth_message(observation: Observation, robot_id: int, index: int = 0) -> Odometry:
     """The true pose in `map`; the twist is in the robot's own frame, as a nav_msgs/Odometry's is."""
     robot = observation.robots[robot_id]
     return _odometry(observation.stamp, names.MAP_FRAME, robot_id, robot.truth, robot)
@@ -101,7 +91,7 @@ def _odometry(stamp: int, frame: str, robot_id: int, pose: Pose2, robot: RobotOb
     )
 
 
-def joint_message(observation: Observation, robot_id: int) -> JointState:
+def joint_message(observation: Observation, robot_id: int, index: int = 0) -> JointState:
     """The wheels; joint names are the robot's own, without its prefix."""
     joints = observation.robots[robot_id].joints
     return JointState(
@@ -110,28 +100,28 @@ def joint_message(observation: Observation, robot_id: int) -> JointState:
     )  # fmt: skip
 
 
-def fiducials_message(observation: Observation, robot_id: int, index: int) -> Fiducials:
-    """What the robot's `index`-th fiducial finder sees, in `robot_N/fiducial_link[_i]`."""
-    seen = observation.robots[robot_id].fiducials[index]
-    frame = names.robot_frame(robot_id, names.finder_link(index))
-    return Fiducials(Header(time_from_ns(observation.stamp), frame), [Fiducial(*sighting) for sighting in seen])
+def stall_message(observation: Observation, robot_id: int, index: int = 0) -> Bool:
+    """Whether the robot is commanded to move, but blocked."""
+    return Bool(observation.robots[robot_id].stall)
 
 
-def bumper_message(observation: Observation, robot_id: int) -> Bumper:
-    """All pieces of all of a robot's bumpers."""
-    frame = names.robot_frame(robot_id, names.BASE_LINK)
-    pressed = np.array(observation.robots[robot_id].bumpers, bool)
-    return Bumper(Header(time_from_ns(observation.stamp), frame), pressed)
+BASE_SENSORS: dict[str, Sensor] = {
+    sensor.kind.topic: sensor
+    for sensor in (
+        Sensor(KINDS[names.ODOM], odometry_message),
+        Sensor(KINDS[names.BASE_SCAN], scan_message),
+        Sensor(KINDS[names.GROUND_TRUTH], ground_truth_message),
+        Sensor(KINDS[names.STALL], stall_message),
+        Sensor(KINDS[names.JOINT_STATES], joint_message),
+        Sensor(KINDS[names.SONAR], range_message),
+    )
+}
+"""Rows of what the engine itself measures: the base's motion and the rangers."""
 
 
-def blobs_message(observation: Observation, robot_id: int, index: int) -> Blobs:
-    """What the robot's `index`-th blob finder sees, in `robot_N/blobfinder_link[_i]`; an unknown colour is black."""
-    frame = names.robot_frame(robot_id, names.blobfinder_link(index))
-    blobs = [
-        Blob(ColorRGBA(*(find_color(name) or (0.0, 0.0, 0.0))), name, bearing, width, far)
-        for name, bearing, width, far in observation.robots[robot_id].blobs[index]
-    ]
-    return Blobs(Header(time_from_ns(observation.stamp), frame), blobs)
+def all_sensors() -> dict[str, Sensor]:
+    """The rows of all that is measured of a robot, by topic, in the order in which it is published."""
+    return BASE_SENSORS | SENSORS
 
 
 def transforms(stamp: int, robot_id: int, odom: Pose2) -> TFMessage:
@@ -151,17 +141,10 @@ def static_transforms(robot_id: int, robot: Robot, odom_origin: Pose2) -> TFMess
         _transform(0, names.MAP_FRAME, own(names.ODOM), odom_origin, 0.0),
         _transform(0, own(names.BASE_FOOTPRINT), base, Pose2(0.0, 0.0, 0.0), 0.0),
     ]
-    lasers, sonars = ([robot.rangers[place] for place in _places(robot, kind)] for kind in (True, False))
-    kinds: list[tuple[Sequence[Ranger | Finder | Blobfinder], Callable[[int], str]]] = [
-        (lasers, names.laser_link),
-        (sonars, names.sonar_link),
-        (robot.finders, names.finder_link),
-        (robot.blobfinders, names.blobfinder_link),
-    ]
-    for devices, link in kinds:
-        for index, device in enumerate(devices):
+    for kind in KINDS.values():
+        for index, device in enumerate(kind.of(robot) if kind.link else ()):
             pose = Pose2(device.x, device.y, device.yaw)
-            found.append(_transform(0, base, own(link(index)), pose, device.z))
+            found.append(_transform(0, base, kind.frame(robot_id, index), pose, device.z))
     return TFMessage(found)
 
 

@@ -32,7 +32,7 @@ def read_bitmap(path: Path) -> Grid:
 
 
 def read_levels(path: Path) -> NDArray[np.float32]:
-    """Mean of the colour channels, 0 to 255, as `read_bitmap` has it."""
+    """Mean of the colour channels, 0 to 255; rows are as in `read_bitmap`."""
     return np.asarray(_read_channels(path)[::-1, :, :3].mean(axis=2, dtype=np.float32))
 
 

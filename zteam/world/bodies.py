@@ -1,4 +1,4 @@
-"""Bodies of models: what `size`, `origin`, blocks, bitmaps and `boundary` make of a model."""
+"""Bodies of models, from `size`, `origin`, blocks, bitmaps and `boundary`."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -9,6 +9,7 @@ from zteam.errors import WorldError
 from zteam.geometry import Pose2, compose2
 from zteam.world.bitmap import MAX_PIXELS, Box, Grid, occupied_box, read_bitmap, rectangles
 from zteam.world.colors import random_color
+from zteam.world.devices import device_models
 from zteam.world.floor_maps import FloorMap, is_floor_map, read_floor_map
 from zteam.world.model import Floorplan, Shape
 from zteam.world.parser import Entity
@@ -42,7 +43,7 @@ MAX_RECTANGLES = 256
 
 
 class Bounds:
-    """What all models of a world may have together, so that no small file takes long or fills the memory."""
+    """Limits for all models of a world together: a small file must not take long or fill the memory."""
 
     def __init__(self) -> None:
         self._points = self._pixels = 0
@@ -61,7 +62,7 @@ class Bounds:
 
 
 class Settings(msgspec.Struct, frozen=True):
-    """What holds for a whole file."""
+    """Settings of a whole file."""
 
     units: Units
     folder: Path
@@ -80,6 +81,12 @@ class Settings(msgspec.Struct, frozen=True):
         return Reader(entity, self.units, self.remarks)
 
 
+def _has_body(kind: str) -> bool:
+    """Whether a model of this type is a box unless it has blocks."""
+    sensing = device_models().get(kind)
+    return kind not in BODILESS if sensing is None else sensing.has_body
+
+
 class Body(NamedTuple):
     """A model's geometry. `origin` and `size` are the box that everything of it is fitted to."""
 
@@ -92,7 +99,7 @@ class Body(NamedTuple):
     bitmap: Grid | None
     """Cells that fill the box of `size`."""
     home: Pose2 | None = None
-    """Where a map_server YAML puts the model, unless the model says otherwise."""
+    """Where a map_server YAML puts the model, unless the model has a pose."""
 
 
 def read_body(entity: Entity, settings: Settings) -> Body:
@@ -111,7 +118,7 @@ def read_body(entity: Entity, settings: Settings) -> Body:
             home, bitmap = found.map_from_middle, found.occupied
         else:
             bitmap = found
-    elif not blocks and entity.type not in BODILESS and not reader.flag("noblocks", False):
+    elif not blocks and _has_body(entity.type) and not reader.flag("noblocks", False):
         blocks = [UNIT_BOX]
     slabs = boundary_slabs(size) if reader.flag("boundary", False) else []
     if blocks or slabs or bitmap is not None:
@@ -178,17 +185,17 @@ def _read_surface(reader: Reader) -> Surface:
 
 
 def _read_color(reader: Reader) -> str:
-    """A name of X11's, or #rrggbb from `color_rgba` (whose transparency does not count)."""
+    """A name of X11's, or #rrggbb from `color_rgba` (its transparency is ignored)."""
     if reader.has("color_rgba") and not reader.has("color"):
         channels = reader.numbers("color_rgba", "nnn", ())
         return "#" + "".join(f"{round(255 * min(max(channel, 0.0), 1.0)):02x}" for channel in channels)
     name = reader.text("color", "red")
-    # Stage draws "random" anew in every run; here it belongs to the model.
+    # Stage draws another "random" colour in every run; here the colour belongs to the model.
     return random_color(f"{reader.entity.place}{reader.text('name', '')}") if name == "random" else name
 
 
 def _read_bitmap(reader: Reader, settings: Settings) -> Grid | FloorMap | None:
-    """What a bitmap says; None if none is named, or if it is white all over and Stage finds no outline in it."""
+    """The bitmap of a model; None if none is named, or if it is white all over and Stage finds no polygon in it."""
     name = reader.text("bitmap", "")
     if not name:
         reader.remark("bitmap", "no bitmap is named: no body")

@@ -14,42 +14,27 @@ from zteam.geometry import Pose2, compose2
 from zteam.simulation_options import PHYSICS
 from zteam.world import vocabulary
 from zteam.world.bodies import Body, Settings, place_body, place_floorplan, read_body, solid_blocks
-from zteam.world.devices import Seat, read_blobfinder, read_bumpers, read_finder
+from zteam.world.devices import device_models
 from zteam.world.drives import Drive, read_drive, read_mass
-from zteam.world.model import (
-    Blobfinder,
-    Bumper,
-    Finder,
-    Floorplan,
-    Marker,
-    Obstacle,
-    Ranger,
-    Robot,
-    Shape,
-    World,
-)
+from zteam.world.model import Device, Floorplan, Marker, Obstacle, Ranger, Robot, Shape, World
 from zteam.world.parser import Document, Entity, Property
-from zteam.world.properties import Pose3, Reader, read_units
-from zteam.world.sensors import read_old_laser, read_sensor
+from zteam.world.properties import Pose3, Reader, Seat, read_units
 from zteam.world.sources import Remarks
 
 MAX_INTERVAL_MS = 60_000
 
 
 class Chassis(msgspec.Struct):
-    """What moves as one, while its parts are collected: a robot, or something that can be pushed."""
+    """A robot, or something that can be pushed, while its parts are collected."""
 
     name: str
     entity: Entity
     map_from_base: Pose2
     drive: Drive | None
-    """None of what is pushed."""
+    """None for what is pushed."""
     mass: float
     shapes: list[Shape] = msgspec.field(default_factory=list)
-    rangers: list[Ranger] = msgspec.field(default_factory=list)
-    finders: list[Finder] = msgspec.field(default_factory=list)
-    bumpers: list[Bumper] = msgspec.field(default_factory=list)
-    blobfinders: list[Blobfinder] = msgspec.field(default_factory=list)
+    devices: list[Device] = msgspec.field(default_factory=list)
     markers: list[Marker] = msgspec.field(default_factory=list)
 
     def robot(self) -> Robot:
@@ -60,10 +45,8 @@ class Chassis(msgspec.Struct):
             model=self.entity.name,
             pose=self.map_from_base,
             shapes=tuple(self.shapes),
-            rangers=tuple(self.rangers),
-            finders=tuple(self.finders),
-            bumpers=tuple(self.bumpers),
-            blobfinders=tuple(self.blobfinders),
+            rangers=tuple(device for device in self.devices if isinstance(device, Ranger)),
+            devices=tuple(device for device in self.devices if not isinstance(device, Ranger)),
             markers=tuple(self.markers),
             **self.drive._asdict(),
         )
@@ -74,21 +57,21 @@ class Chassis(msgspec.Struct):
 
 
 class Mount(NamedTuple):
-    """Where a model's children stand: on the ground, on a model, or on what moves."""
+    """Where a model's children stand: on the ground, on a model, or on a chassis."""
 
     owner_from_mount: Pose2
-    """The owner is the chassis's base if there is one, else the map."""
+    """The owner is the base of the chassis, or the map if there is no chassis."""
     z: float
     chassis: Chassis | None
     prefix: str
-    """What the names of unnamed children begin with."""
+    """Prefix of the names of unnamed children."""
 
 
 GROUND = Mount(Pose2(0.0, 0.0, 0.0), 0.0, None, "")
 
 
 class Template(msgspec.Struct, frozen=True):
-    """A robot macro, to make further robots from."""
+    """A robot macro, from which further robots are made."""
 
     document: Document
     macro: str
@@ -104,7 +87,7 @@ def build_world(document: Document, folder: Path, whole_bitmaps: bool, remarks: 
     if not 0 < milliseconds <= MAX_INTERVAL_MS:
         reader.fail("interval_sim", f"interval_sim must be above 0 and at most {MAX_INTERVAL_MS} ms")
     builder = Builder(settings)
-    builder.remark_properties(document.root, "world")
+    reader.remark_unused("world")
     for entity in document.root.children:
         builder.add_model(entity, GROUND)
     return World(
@@ -122,7 +105,7 @@ def build_world(document: Document, folder: Path, whole_bitmaps: bool, remarks: 
 
 
 class Builder:
-    """Collects what the entities of a world are; models come in file order, a parent before its children."""
+    """Collects the entities of a world; models come in file order, a parent before its children."""
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
@@ -132,22 +115,12 @@ class Builder:
         self.robots: list[Chassis] = []
         self.pushed: list[Chassis] = []
 
-    def remark_properties(self, entity: Entity, kind: str) -> None:
-        """Note the properties that do nothing here."""
-        remarks = self._settings.remarks
-        for found in entity.properties.values():
-            if remarks.is_full:
-                return
-            text = vocabulary.remark_on(kind, found.name, found.values)
-            if text is not None:
-                remarks.add(found.place, text)
-
     def add_model(self, entity: Entity, mount: Mount) -> None:
-        """A model and everything on it."""
+        """Add a model and everything on it."""
         if entity.type == "window":  # Stage's own window on the screen
             return
-        self._check_type(entity)
         reader = self._settings.reader(entity)
+        self._check_type(reader)
         pose = reader.pose("pose")
         body = read_body(entity, self._settings)
         if body.home is not None and not reader.has("pose"):
@@ -167,7 +140,7 @@ class Builder:
             blocks = solid_blocks(body, entity.place, self._settings)
             chassis.shapes.extend(place_body(body, blocks, owner_from_model, foot))
             chassis.markers.extend(markers)
-        if entity.type in vocabulary.DEVICES:
+        if entity.type in device_models():
             self._add_device(reader, body, owner_from_model, foot, chassis, name)
         top = foot + (body.size.z if reader.flag("stack_children", True) else 0.0)
         self._add_children(entity, Mount(owner_from_model, top, chassis, name + "."))
@@ -195,20 +168,21 @@ class Builder:
             self._settings.remarks.add(reader.place("fiducial_return"), "a bitmap's fiducial_return is not seen")
         return (Marker(number, reader.whole("fiducial_key", 0, -(2**31), 2**31 - 1), *owner_from_model),)
 
-    def _check_type(self, entity: Entity) -> None:
-        kind = entity.type
+    def _check_type(self, reader: Reader) -> None:
+        kind, place, sensing = reader.entity.type, reader.entity.place, device_models()
         if kind in ("block", "sensor"):
-            raise entity.place.error(f"a {kind} belongs inside a {'model' if kind == 'block' else 'ranger'}")
-        if kind not in vocabulary.TYPES:
-            hint = vocabulary.did_you_mean(kind[:60], vocabulary.TYPES | self._settings.macros)
-            raise entity.place.error(f"unknown model type {kind!r:.60}{hint}: no type or macro has this name")
+            raise place.error(f"a {kind} belongs inside a {'model' if kind == 'block' else 'ranger'}")
+        known = vocabulary.TYPES | frozenset(sensing)
+        if kind not in known:
+            hint = vocabulary.did_you_mean(kind[:60], known | self._settings.macros)
+            raise place.error(f"unknown model type {kind!r:.60}{hint}: no type or macro has this name")
         if kind in vocabulary.UNSUPPORTED:
-            self._settings.remarks.add(entity.place, f"{vocabulary.UNSUPPORTED[kind]} not simulated")
+            reader.remark_entity(f"{vocabulary.UNSUPPORTED[kind]} not simulated")
         else:
-            self.remark_properties(entity, kind)
+            reader.remark_unused(kind, sensing[kind].properties if kind in sensing else frozenset())
 
     def _name(self, reader: Reader, mount: Mount) -> str:
-        """As given, else as Stage would say; an unnamed robot's is its id's."""
+        """The given name, else the one that Stage makes; an unnamed robot is named by its id."""
         kind = reader.entity.type
         if reader.has("name"):
             return reader.text("name", "")
@@ -233,44 +207,20 @@ class Builder:
     def _add_device(
         self, reader: Reader, body: Body, base_from_model: Pose2, foot: float, chassis: Chassis | None, name: str
     ) -> None:
-        """A sensing model; unlike children, what senses moves with the model's origin."""
+        """Add the devices of a sensing model; unlike children, they move with the model's origin."""
         kind = reader.entity.type
         if chassis is None or chassis.drive is None:
-            self._settings.remarks.add(reader.entity.place, f"a {kind} that no robot carries is not simulated")
+            reader.remark_entity(f"a {kind} that no robot carries is not simulated")
             return
         seat = Seat(compose2(base_from_model, body.origin.planar), foot + body.origin.z)
-        if kind == "fiducial":
-            chassis.finders.append(read_finder(reader, name, seat))
-        elif kind == "bumper":
-            chassis.bumpers.extend(read_bumpers(reader, name, seat))
-        elif kind == "blobfinder":
-            chassis.blobfinders.append(read_blobfinder(reader, name, seat))
-        else:
-            self._add_rangers(reader, seat, chassis, name)
-
-    def _add_rangers(self, reader: Reader, seat: Seat, chassis: Chassis, name: str) -> None:
-        """Every sensor of a ranger model."""
-        entity, settings = reader.entity, self._settings
-        sensors = [child for child in entity.children if child.type == "sensor"]
-        for i, sensor in enumerate(sensors):
-            self.remark_properties(sensor, "sensor")
-            sensor_name = name if len(sensors) == 1 else f"{name}.{i}"
-            self._add_ranger(chassis, read_sensor(settings.reader(sensor), sensor_name, *seat))
-        if not sensors and entity.type == "laser":
-            self._add_ranger(chassis, read_old_laser(reader, name, *seat))
-        elif not sensors:
-            settings.remarks.add(entity.place, "this ranger has no sensor( )")
-
-    def _add_ranger(self, chassis: Chassis, ranger: Ranger | None) -> None:
-        if ranger is not None:
-            chassis.rangers.append(ranger)
+        chassis.devices.extend(device_models()[kind].read(reader, name, seat))
 
     def _add_children(self, entity: Entity, mount: Mount) -> None:
         for child in entity.children:
             if child.type == "sensor" and entity.type in ("ranger", "laser"):
                 continue
             if child.type == "block":
-                self.remark_properties(child, "block")
+                self._settings.reader(child).remark_unused("block")
             else:
                 self.add_model(child, mount)
 

@@ -13,14 +13,14 @@ Rgb = tuple[float, float, float]
 
 
 def find_color(name: str) -> Rgb | None:
-    """Channels 0 to 1 of an X11 name or #rrggbb; None for a name that is none.
+    """Channels 0 to 1 of an X11 name or #rrggbb; None for an unknown name.
 
     The numbered shades are X11's rule of thumb, within two steps of 255 of its table.
     """
     if _HEX.fullmatch(name):
         red, green, blue = (int(name[i : i + 2], 16) / 255 for i in (1, 3, 5))
         return red, green, blue
-    from PIL import ImageColor  # only who needs the channels pays for it
+    from PIL import ImageColor  # imported only where the channels are needed
 
     plain = name.replace(" ", "").lower()
     if plain in _ONLY_X11:
@@ -43,7 +43,7 @@ def find_color(name: str) -> Rgb | None:
 
 
 def random_color(name: str) -> str:
-    """Stage's "random", but the same in every run: a bright colour that belongs to the model's name."""
+    """Stage's "random", but the same in every run: a bright colour from the model's name."""
     from colorsys import hsv_to_rgb
 
     channels = hsv_to_rgb(zlib.crc32(name.encode()) / 2**32, 0.8, 0.9)

@@ -1,31 +1,62 @@
-"""Devices other than rangers: fiducial finders, bumpers and blob finders, with Stage's defaults."""
+"""Sensors of robots: one row each for its place in world files, its key, its message and its frame.
+
+`KINDS` feeds the parser, the simulator's publishers, the robots' static transforms, `zteam.bus.topics` and
+`zteam world`. How a sensor senses is a row of `zteam.sim.devices`. The defaults are Stage's.
+"""
 
 import math
-from typing import NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Literal, NamedTuple
 
-from zteam.geometry import Pose2, compose2
-from zteam.world.model import Blobfinder, Bumper, Finder
-from zteam.world.properties import Reader
+from zteam import names
+from zteam.geometry import compose2
+from zteam.messages import Blobs, Bool, Fiducials, JointState, LaserScan, Message, Odometry, Range
+from zteam.messages import Bumper as BumperMessage
+from zteam.world.model import Device, Robot
+from zteam.world.properties import Reader, Seat
+from zteam.world.sensors import read_rangers
 
 MAX_BUMPERS = 256
 MAX_PIXELS = 10_000
 
 
-class Seat(NamedTuple):
-    """Where a device stands."""
+class Finder(Device, frozen=True):
+    """A fiducial finder: bearing and range of markers in sight."""
 
-    base_from_device: Pose2
-    z: float
-    """Of the device's foot, above the ground."""
+    fov: float
+    range_min: float
+    range_max: float
+    range_max_id: float
+    """Beyond this the marker is found, but its id is read as 0."""
+    key: int = 0
+    ignore_zloc: bool = False
+    """Find markers that the ray at `z` would look over."""
 
 
-def read_finder(reader: Reader, name: str, seat: Seat) -> Finder:
+class Bumper(Device, frozen=True):
+    """A straight piece of bumper about its centre; `yaw` faces outward."""
+
+    length: float
+
+
+class Blobfinder(Device, frozen=True):
+    """A colour camera of one row of pixels."""
+
+    fov: float
+    samples: int
+    """Pixels: the image's width."""
+    range_max: float
+    colors: tuple[str, ...] = ()
+    """What it looks for; empty means every colour."""
+
+
+def read_finder(reader: Reader, name: str, seat: Seat) -> list[Finder]:
     """A `fiducial` model; raises WorldError."""
     low, high = reader.length("range_min", 0.0), reader.length("range_max", 8.0)
     if not 0 <= low < high:
         reader.fail("range_max", f"range_min {low:g} and range_max {high:g} must be two distances, the second larger")
     x, y, yaw = seat.base_from_device
-    return Finder(
+    finder = Finder(
         name=name,
         x=x,
         y=y,
@@ -38,6 +69,7 @@ def read_finder(reader: Reader, name: str, seat: Seat) -> Finder:
         key=reader.whole("fiducial_key", 0, -(2**31), 2**31 - 1),
         ignore_zloc=reader.flag("ignore_zloc", False),
     )
+    return [finder]
 
 
 def read_bumpers(reader: Reader, name: str, seat: Seat) -> list[Bumper]:
@@ -58,7 +90,7 @@ def read_bumpers(reader: Reader, name: str, seat: Seat) -> list[Bumper]:
     return found
 
 
-def read_blobfinder(reader: Reader, name: str, seat: Seat) -> Blobfinder:
+def read_blobfinder(reader: Reader, name: str, seat: Seat) -> list[Blobfinder]:
     """A `blobfinder` model; of its image only the width counts. Raises WorldError."""
     count = reader.whole("colors_count", 0, 0, 256)
     listed = reader.texts("colors") or tuple(
@@ -71,7 +103,7 @@ def read_blobfinder(reader: Reader, name: str, seat: Seat) -> Blobfinder:
     if not high > 0:
         reader.fail("range", f"range must be above 0, not {high:g}")
     x, y, yaw = seat.base_from_device
-    return Blobfinder(
+    finder = Blobfinder(
         name=name,
         x=x,
         y=y,
@@ -82,6 +114,7 @@ def read_blobfinder(reader: Reader, name: str, seat: Seat) -> Blobfinder:
         range_max=high,
         colors=listed,
     )
+    return [finder]
 
 
 def _read_fov(reader: Reader, default: float) -> float:
@@ -89,3 +122,128 @@ def _read_fov(reader: Reader, default: float) -> float:
     if not 0 < fov <= math.tau + 1e-9:
         reader.fail("fov", f"fov must be an angle above 0 and up to 360 degrees, not {math.degrees(fov):g}")
     return fov
+
+
+class DeviceModel(NamedTuple):
+    """A type of model in world files that senses."""
+
+    read: Callable[[Reader, str, Seat], Sequence[Device]]
+    """The devices of one model of a name; raises WorldError."""
+    properties: frozenset[str] = frozenset()
+    """What it reads besides the properties of every model."""
+    has_body: bool = False
+    """Whether a model without blocks has a body all the same."""
+
+
+class DeviceKind(NamedTuple):
+    """One row: what is measured of a robot, and how it is published."""
+
+    topic: str
+    message: type[Message]
+    of: Callable[[Robot], Sequence[Any]]
+    """The robot's devices of this kind, in file order; a message each, unless they are `joined`."""
+    link: str = ""
+    """Stem of the devices' own frames, children of `base_link`; empty where they have none."""
+    numbers: Literal["from 1", "from 0", "joined"] = "from 1"
+    """Topics are `base_scan`, `base_scan_1`, …, or `sonar_0`, `sonar_1`, …, or one for all devices of the kind."""
+    title: str = ""
+    """What reports call several of them; empty for what every robot measures."""
+    models: Mapping[str, DeviceModel] = {}
+    """By the type in world files."""
+    latched: bool = False
+    """Whether late subscribers get the last message."""
+
+    def count(self, robot: Robot) -> int:
+        """Messages a tick of a robot."""
+        devices = len(self.of(robot))
+        return min(devices, 1) if self.numbers == "joined" else devices
+
+    def key(self, robot_id: int, index: int) -> str:
+        """Key of the robot's `index`-th message of this kind."""
+        return names.robot_key(robot_id, self._numbered(self.topic, index))
+
+    def frame(self, robot_id: int, index: int) -> str:
+        """Frame of the robot's `index`-th device of this kind."""
+        return names.robot_frame(robot_id, self._numbered(self.link, index) if self.link else names.BASE_LINK)
+
+    def _numbered(self, stem: str, index: int) -> str:
+        return names.numbered(stem, index, always=self.numbers == "from 0")
+
+
+def _base(robot: Robot) -> Sequence[Robot]:
+    """What every robot measures, it measures once."""
+    return (robot,)
+
+
+_RAYS = frozenset({"range", "range_min", "range_max", "fov", "samples", "noise"})
+
+KINDS: dict[str, DeviceKind] = {
+    kind.topic: kind
+    for kind in (
+        DeviceKind(names.ODOM, Odometry, _base),
+        DeviceKind(
+            names.BASE_SCAN,
+            LaserScan,
+            lambda robot: [ranger for ranger in robot.rangers if ranger.is_laser],
+            link=names.BASE_LASER_LINK,
+            title="lasers",
+            # A "laser" is the "ranger" of older worlds.
+            models={"ranger": DeviceModel(read_rangers), "laser": DeviceModel(read_rangers, _RAYS)},
+        ),
+        DeviceKind(names.GROUND_TRUTH, Odometry, _base),
+        DeviceKind(names.STALL, Bool, _base),
+        DeviceKind(names.JOINT_STATES, JointState, _base),
+        # Rangers of one ray.
+        DeviceKind(
+            names.SONAR,
+            Range,
+            lambda robot: [ranger for ranger in robot.rangers if not ranger.is_laser],
+            link="sonar",
+            numbers="from 0",
+            title="sonars",
+        ),
+        DeviceKind(
+            names.FIDUCIALS,
+            Fiducials,
+            lambda robot: robot.devices_of(Finder),
+            link="fiducial_link",
+            title="fiducial finders",
+            models={
+                "fiducial": DeviceModel(
+                    read_finder, frozenset({"range_min", "range_max", "range_max_id", "fov", "ignore_zloc"})
+                )
+            },
+        ),
+        DeviceKind(
+            names.BUMPER,
+            BumperMessage,
+            lambda robot: robot.devices_of(Bumper),
+            numbers="joined",
+            title="bumpers",
+            models={
+                "bumper": DeviceModel(
+                    read_bumpers, frozenset({"bcount", "bpose[]", "blength", "blength[]"}), has_body=True
+                )
+            },
+        ),
+        DeviceKind(
+            names.BLOBS,
+            Blobs,
+            lambda robot: robot.devices_of(Blobfinder),
+            link="blobfinder_link",
+            title="blob finders",
+            models={
+                "blobfinder": DeviceModel(
+                    read_blobfinder,
+                    frozenset({"colors_count", "colors", "colors[]", "image", "range", "fov", "pan"}),
+                )
+            },
+        ),
+    )
+}
+"""All rows by topic."""
+
+
+def device_models() -> dict[str, DeviceModel]:
+    """The types of models that sense, by their name in world files."""
+    return {name: model for kind in KINDS.values() for name, model in kind.models.items()}

@@ -59,7 +59,7 @@ class _View(NamedTuple):
     height: int
 
     def pixel(self, x: float, y: float) -> Point2:
-        """Of a point in `map`."""
+        """Pixel coordinates of a point in `map`."""
         return (x - self.left) * self.scale, (self.top - y) * self.scale
 
 
@@ -90,7 +90,7 @@ def draw_world(
 
 
 def _compose(world: World, robots: Mapping[int, Robot], width: int, fans: Mapping[int, Sequence[Fan]]) -> _Drawing:
-    """Everything from the ground up, so that what comes later lies on top."""
+    """All polygons from the ground up: later ones lie on top."""
     drawing = _Drawing(_make_view(world, robots, width), world.floorplans, [], [], [])
     for robot_id, robot in robots.items():
         for fan in fans.get(robot_id, ()):
@@ -139,7 +139,7 @@ def _rgb(name: str) -> Rgb:
 
 
 def _scale_bar(view: _View) -> tuple[float, str]:
-    """A round length of about a sixth of the picture, in metres, and how it is called."""
+    """A round length of about a sixth of the picture in metres, and its label."""
     goal = view.width / view.scale / 6
     power = 10.0 ** math.floor(math.log10(goal))
     length = max(step * power for step in (1, 2, 5) if step * power <= goal)
@@ -188,7 +188,7 @@ def _svg_plan(plan: Floorplan, view: _View) -> str:
 
 
 def _cells(plan: Floorplan) -> "Picture":
-    """Occupied cells in the plan's colour on nothing, the uppermost row first."""
+    """Occupied cells in the plan's colour on a transparent ground, the uppermost row first."""
     from PIL import Image
 
     pixels = np.zeros((*plan.occupied.shape, 4), np.uint8)

@@ -1,4 +1,4 @@
-"""What a position model says about how it moves."""
+"""How a position model moves."""
 
 from typing import NamedTuple
 
@@ -6,7 +6,7 @@ from zteam.world.model import Limits, Point2
 from zteam.world.properties import Reader
 
 WHEEL_SEPARATION = 0.3
-"""Metres, of a robot without a width."""
+"""Metres between the wheels of a robot without a width."""
 DEFAULT_MASS = 10.0
 MAX_MASS = 1e6
 
@@ -85,7 +85,7 @@ def _read_limits(reader: Reader, name: str) -> Limits | None:
 
 
 def _read_odom_error(reader: Reader) -> tuple[float, float, float]:
-    """Stage's `[x y z yaw]`, or `[x y yaw]` as comments in its own worlds have it: fractions, and radians for yaw."""
+    """Stage's `[x y z yaw]`, or `[x y yaw]` as in comments of its own worlds: fractions, and radians for yaw."""
     found = reader.entity.properties.get("odom_error")
     if found is None:
         return (0.0, 0.0, 0.0)

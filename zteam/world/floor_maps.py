@@ -16,7 +16,7 @@ _MODES = ("trinary", "scale", "raw")
 
 
 class FloorMap(NamedTuple):
-    """A map that map_server would publish; what it calls unknown is free here, for a simulator has to decide."""
+    """A map that map_server would publish. Its unknown cells are free here."""
 
     occupied: Grid
     """(rows, columns), row 0 at the bottom."""
@@ -37,7 +37,7 @@ class FloorMap(NamedTuple):
 
     @property
     def map_from_middle(self) -> Pose2:
-        """Of the middle of the map: where a model has its origin."""
+        """Pose of the middle of the map, which is a model's origin."""
         return compose2(self.map_from_corner, Pose2(self.width / 2, self.height / 2, 0.0))
 
 
@@ -76,7 +76,7 @@ def read_floor_map(path: Path) -> FloorMap:
 
 
 def _read_fields(path: Path) -> dict[str, Any]:
-    import yaml  # only who has such a map pays for it
+    import yaml  # imported only for such a map
 
     try:
         with path.open("rb") as file:
@@ -97,14 +97,14 @@ def _read_fields(path: Path) -> dict[str, Any]:
 
 def _number(path: Path, fields: dict[str, Any], key: str, default: float | None) -> float:
     value = fields.get(key, default)
-    # Not above what any length may be: that also keeps whole numbers of a thousand digits out.
+    # At most the largest length; this also excludes whole numbers of a thousand digits.
     if isinstance(value, (int, float)) and abs(value) <= MAX_LENGTH:
         return float(value)
     raise WorldError(f"{path}: {key}: {'is missing' if value is None else f'{_shown(value)} is not a number here'}")
 
 
 def _shown(value: object) -> str:
-    """A value in an error text. Aliases make short files whose full text would fill the memory."""
+    """A value in an error text. Aliases make short files with a full text that would fill the memory."""
     return reprlib.repr(value)[:60]
 
 

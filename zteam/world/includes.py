@@ -18,7 +18,7 @@ MAX_INCLUDE_DEPTH = 16
 
 
 def read_world_tokens(text: str, file: str, folder: Path, remarks: Remarks, path: Path | None = None) -> list[Token]:
-    """The tokens of `text`, EOF last; `path` is the file it is from, if it is from one. Raises WorldError."""
+    """The tokens of `text`, EOF last; `path` is its file, if it has one. Raises WorldError."""
     splicer = _Splicer(folder, remarks)
     splicer.read(text, file, path)
     return splicer.tokens

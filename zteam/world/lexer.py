@@ -14,7 +14,7 @@ from zteam.world.sources import Place, Remarks
 
 
 class Kind(enum.Enum):
-    """What a token is; the value is how an error text calls it."""
+    """Kinds of tokens; the value is the kind's name in error texts."""
 
     NAME = "a name"
     NUMBER = "a number"
@@ -60,7 +60,7 @@ _STAGES_NUMBER = re.compile(r"[-+.0-9]+")
 
 
 def read_tokens(text: str, file: str, remarks: Remarks) -> Iterator[Token]:
-    """The tokens of `text` without blanks and comments, EOF last; raises WorldError at what is none."""
+    """The tokens of `text` without blanks and comments, EOF last; raises WorldError at text that is no token."""
     line, line_start, position = 1, 0, 0
     including = False
     while position < len(text):
@@ -107,7 +107,7 @@ def _number(text: str, place: Place, remarks: Remarks) -> float:
 
 
 def _skip_line(text: str, position: int, place: Place, remarks: Remarks) -> int:
-    """Where the line ends; what stands on it is remarked unless it is a comment."""
+    """The end of the line; a remark notes anything on the line but a comment."""
     match = _REST_OF_LINE.match(text, position)
     assert match is not None
     rest = match[0].strip()

@@ -1,4 +1,4 @@
-"""`load_world` and `add_robot`: what the rest of zteam needs of this package."""
+"""`load_world` and `add_robot`, the entry points of this package."""
 
 from pathlib import Path
 
@@ -15,7 +15,7 @@ from zteam.world.properties import Units
 from zteam.world.sources import Remarks
 
 BUILT_IN = """
-# The robot of last resort: what `add_robot` makes of "erratic" in a world that defines none. The laser is lowered into
+# The default robot: `add_robot` makes it of "erratic" in a world without such a macro. The laser is lowered into
 # the body, so that robots see each other.
 define erratic position
 (
@@ -38,7 +38,7 @@ def load_world(path: str | Path, *, whole_bitmaps: bool = False) -> World:
     `Robot.localization` is kept as the file has it (Stage's default is "gps"), but odometry starts at zero where the
     robot starts in either case: Stage's "gps" reports the pose in the world, which no real odometry can.
 
-    What the file asks for and zteam does not do is listed in `World.warnings`. Raises WorldError with
+    `World.warnings` lists what the file sets and zteam does not do. Raises WorldError with
     `file:line:column`.
     """
     path = Path(path)

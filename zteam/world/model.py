@@ -1,10 +1,10 @@
-"""What a world file describes, flattened to what the simulator needs: plain data, no parser and no physics.
+"""A world file as plain data for the simulator: no parser and no physics.
 
 Everything is SI: metres, radians, nanoseconds. `z` values are heights above the ground, absolute: in a planar world
 they never change, so a shape is seen by a laser exactly if `z_min <= laser z <= z_max`.
 """
 
-from typing import Any
+from typing import Any, TypeVar
 
 import msgspec
 import numpy as np
@@ -66,19 +66,27 @@ class Obstacle(msgspec.Struct, frozen=True):
     pose: Pose2
     shapes: tuple[Shape, ...]
     mass: float | None = None
-    """Kilograms of one that robots can push; None stands still."""
+    """Kilograms if robots can push it; None if it stands still."""
     markers: tuple[Marker, ...] = ()
 
 
-class Ranger(msgspec.Struct, frozen=True):
-    """One sensor of a ranger model: `samples` rays from `-fov/2` to `+fov/2` about the sensor's own yaw."""
+class Device(msgspec.Struct, frozen=True):
+    """Something that senses, on a robot."""
 
     name: str
     x: float
     y: float
     z: float
-    """Height of the rays above the ground; x, y and yaw are in the robot's base frame."""
+    """Height above the ground; x, y and yaw are in the robot's base frame."""
     yaw: float
+
+
+D = TypeVar("D", bound=Device)
+
+
+class Ranger(Device, frozen=True):
+    """One sensor of a ranger model: `samples` rays from `-fov/2` to `+fov/2` about the sensor's own yaw."""
+
     fov: float
     samples: int
     range_min: float
@@ -87,54 +95,14 @@ class Ranger(msgspec.Struct, frozen=True):
     """Stage's triple: gaussian variance (m²), proportional, angular (fraction of the increment)."""
 
     @property
+    def is_laser(self) -> bool:
+        """Rangers with more than one ray are lasers (LaserScan), the others sonars (Range)."""
+        return self.samples > 1
+
+    @property
     def angle_increment(self) -> float:
         """Radians between rays."""
         return self.fov / (self.samples - 1) if self.samples > 1 else 0.0
-
-
-class Finder(msgspec.Struct, frozen=True):
-    """A fiducial finder: bearing and range of markers in sight. The pose is in the robot's base frame, z absolute."""
-
-    name: str
-    x: float
-    y: float
-    z: float
-    yaw: float
-    fov: float
-    range_min: float
-    range_max: float
-    range_max_id: float
-    """Beyond this the marker is found, but its id is read as 0."""
-    key: int = 0
-    ignore_zloc: bool = False
-    """Find markers that the ray at `z` would look over."""
-
-
-class Bumper(msgspec.Struct, frozen=True):
-    """A straight piece of bumper: its centre in the base frame, `yaw` facing outward, z absolute."""
-
-    name: str
-    x: float
-    y: float
-    z: float
-    yaw: float
-    length: float
-
-
-class Blobfinder(msgspec.Struct, frozen=True):
-    """A colour camera of one row of pixels. The pose is in the robot's base frame, z absolute."""
-
-    name: str
-    x: float
-    y: float
-    z: float
-    yaw: float
-    fov: float
-    samples: int
-    """Pixels: the image's width."""
-    range_max: float
-    colors: tuple[str, ...] = ()
-    """What it looks for; empty means every colour."""
 
 
 class Limits(msgspec.Struct, frozen=True):
@@ -156,10 +124,9 @@ class Robot(msgspec.Struct, frozen=True):
     shapes: tuple[Shape, ...]
     """Its body and its children's bodies, in the base frame (centre of rotation at the origin)."""
     rangers: tuple[Ranger, ...]
-    """In file order, as all devices are."""
-    finders: tuple[Finder, ...] = ()
-    bumpers: tuple[Bumper, ...] = ()
-    blobfinders: tuple[Blobfinder, ...] = ()
+    """In file order."""
+    devices: tuple[Device, ...] = ()
+    """All other devices (`zteam.world.devices`), in file order."""
     markers: tuple[Marker, ...] = ()
     drive: str = "diff"
     wheelbase: float = 1.0
@@ -177,9 +144,13 @@ class Robot(msgspec.Struct, frozen=True):
     mass: float = 10.0
     color: str = "red"
 
+    def devices_of(self, kind: type[D]) -> tuple[D, ...]:
+        """The robot's devices of one class, in file order; its rangers are apart."""
+        return tuple(device for device in self.devices if isinstance(device, kind))
+
 
 class Remark(msgspec.Struct, frozen=True):
-    """Something in the file that does nothing here."""
+    """Something in the file that has no effect here."""
 
     file: str
     line: int
@@ -201,7 +172,7 @@ class World(msgspec.Struct, eq=False):
     robots: tuple[Robot, ...]
     """By id: position models in file order."""
     physics: str = "dynamic"
-    """What contacts do, unless told otherwise: one of `zteam.simulation_options.PHYSICS`."""
+    """The default physics of contacts: one of `zteam.simulation_options.PHYSICS`."""
     warnings: tuple[Remark, ...] = ()
     templates: dict[str, Any] = msgspec.field(default_factory=dict)
-    """What `zteam.world.add_robot` makes further robots from: the file's own robot macros, by name."""
+    """The file's own robot macros by name, from which `zteam.world.add_robot` makes further robots."""

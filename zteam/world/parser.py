@@ -1,4 +1,4 @@
-"""Stage's .world language: a tree of entities, with includes and macros already worked in.
+"""Stage's .world language: a tree of entities, with includes and macros expanded.
 
 Grammar (NAME, NUMBER and STRING are tokens, includes are tokens of the file already; a scalar or tuple stands on its
 property's line):
@@ -44,7 +44,7 @@ class Property(msgspec.Struct, frozen=True):
 
 
 class Entity(msgspec.Struct):
-    """`name ( … )` with its macros worked in."""
+    """`name ( … )` with its macros expanded."""
 
     name: str
     """As written: a macro or a type."""
@@ -59,7 +59,7 @@ class Macro(NamedTuple):
     """A definition."""
 
     base: str
-    """The type or macro that it is made of."""
+    """The type or macro that it is defined by."""
     place: Place
     body: int
     """Where its '(' is among the tokens."""
@@ -74,7 +74,7 @@ class Document(msgspec.Struct):
     tokens: list[Token]
 
     def type_of(self, macro: str) -> str:
-        """The type at the end of a macro's chain; a macro that is made of itself has none."""
+        """The type at the end of a macro's chain; a macro that is defined by itself has none."""
         seen = set()
         while macro in self.macros and macro not in seen:
             seen.add(macro)
@@ -82,17 +82,17 @@ class Document(msgspec.Struct):
         return "" if macro in seen else macro
 
     def expand(self, macro: str) -> Entity:
-        """What `macro ( )` at the end of the file would be; raises WorldError."""
+        """The entity that `macro ( )` at the end of the file gives; raises WorldError."""
         return _Parser(self.tokens, self.macros, Remarks()).expand(macro)
 
 
 def parse_world(path: Path, remarks: Remarks) -> Document:
-    """Read a world file and what it includes; raises WorldError."""
+    """Read a world file and its includes; raises WorldError."""
     return _parse(read_world_tokens(read_text(path), str(path), path.parent, remarks, path), str(path), remarks)
 
 
 def parse_text(text: str, remarks: Remarks, file: str = "<text>", folder: Path | None = None) -> Document:
-    """Parse the text of a world whose includes are relative to `folder` (the working directory)."""
+    """Parse the text of a world; its includes are relative to `folder` (the working directory)."""
     return _parse(read_world_tokens(text, file, folder or Path(), remarks), file, remarks)
 
 
@@ -176,7 +176,7 @@ class _Parser:
             depth += (kind is Kind.OPEN) - (kind is Kind.CLOSE)
 
     def _parse_item(self, name: Token, owner: Entity, level: int) -> None:
-        """An entity or a property of `owner`, whose name has been read."""
+        """Parse an entity or a property of `owner` after its name."""
         if self._token.kind in (Kind.EOL, Kind.OPEN):
             # An entity's '(' may stand on a later line, a property's value may not.
             self._skip_lines()

@@ -1,85 +1,126 @@
-"""Whether a robot can stand where somebody wants to put it: plain geometry, without the simulator's engine."""
+"""Whether there is room for a robot at its pose: inside the world, and outside of everything that collides.
 
-from collections.abc import Iterable, Iterator, Sequence
+Plain geometry in numpy: the launcher asks before a simulator runs, the engine asks with the poses of the moment.
+"""
+
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from zteam.geometry import Pose2, inverse2
-from zteam.world.model import Floorplan, Obstacle, Point2, Robot, Shape, World
+from zteam.world.model import Floorplan, Point2, Robot, Shape, World
 
 Floats = NDArray[np.float64]
 REACH = 1e6
-"""Metres that the plain goes on in a world without a floor plan."""
-_MARGIN = 1.0
-"""Metres around everything there is that still belong to a world."""
+"""Metres from the origin of `map` to the end of an open world."""
+_TOUCH = 1e-9
+"""Metres that bodies may overlap and still only touch."""
+_INWARD = 1e-6
+"""Metres from an edge to the points that are tested inside of it."""
 
 
-def find_hindrance(world: World, robot: Robot, others: Iterable[Robot] = ()) -> str:
-    """What keeps `robot` from standing at its pose, as `it …`; empty if nothing does. `others` are robots that stand.
+def find_hindrance(world: World, robot: Robot, others: Mapping[int, Robot]) -> str:
+    """What keeps `robot` from standing at its pose, as `it would …`; empty if nothing does.
 
-    Touching is allowed, and so is overlapping by less than half a cell of a bitmap.
+    `others` are the robots that stand there, by id. Touching is allowed. A body of part of a cell of a bitmap counts.
     """
-    outside = _outside(world, robot.pose)
+    outside = _find_outside(world, robot.pose)
     if outside:
         return outside
-    body = [(shape, _placed(robot.pose, shape)) for shape in robot.shapes if shape.obstacle]
+    body = [(shape, place_shape(robot.pose, shape)) for shape in robot.shapes if shape.obstacle]
     for plan in world.floorplans:
-        if plan.obstacle and any(_overlap_heights(plan, shape) and _meets_plan(plan, at) for shape, at in body):
-            return f"it would stand in the wall of {plan.name}"
-    standing: list[Obstacle | Robot] = [*world.obstacles, *others]
-    for owner in standing:
-        for shape in owner.shapes:
-            points = _placed(owner.pose, shape) if shape.obstacle else None
-            if points is not None and any(_overlap_heights(shape, own) and _overlap(points, at) for own, at in body):
-                return f"it would stand in {owner.name}"
+        if plan.obstacle and any(_heights_overlap(plan, shape) and _meets_plan(plan, at) for shape, at in body):
+            return f"it would stand in a wall of {plan.name!r}"
+    for name, pose, shapes in _standing(world, others):
+        for shape in shapes:
+            points = place_shape(pose, shape) if shape.obstacle else None
+            if points is not None and any(_heights_overlap(shape, own) and _overlap(points, at) for own, at in body):
+                return f"it would stand in {name}"
     return ""
 
 
-def _outside(world: World, pose: Pose2) -> str:
-    """Only where a floor plan says how far the world reaches; anywhere else the plain goes on."""
-    if not world.floorplans:
-        return "" if max(abs(pose.x), abs(pose.y)) <= REACH else f"it is more than {REACH:g} m away"
-    corners = np.vstack(list(_corners(world)))
-    (left, bottom), (right, top) = corners.min(axis=0), corners.max(axis=0)
-    if left - _MARGIN <= pose.x <= right + _MARGIN and bottom - _MARGIN <= pose.y <= top + _MARGIN:
+def find_bounds(world: World) -> tuple[Floats, Floats] | None:
+    """Least and greatest x, y (m, in `map`) of everything that stands still; None if nothing does."""
+    corners = [_plan_corners(plan) for plan in world.floorplans]
+    fixed = [thing for thing in world.obstacles if thing.mass is None]
+    corners += [place_shape(thing.pose, shape) for thing in fixed for shape in thing.shapes]
+    if not corners:
+        return None
+    return np.vstack(corners).min(axis=0), np.vstack(corners).max(axis=0)
+
+
+def place_shape(pose: Pose2, shape: Shape) -> Floats:
+    """(corners, 2): a shape's corners in the frame that its owner's `pose` is in."""
+    return _place(pose, np.array(shape.points, float))
+
+
+def _find_outside(world: World, pose: Pose2) -> str:
+    """A world is open if a robot of its own starts beyond its bounds, or if it has neither a robot nor a bitmap."""
+    if not max(abs(pose.x), abs(pose.y)) <= REACH:
+        return f"it would stand outside of the world, which ends {REACH:g} m from its origin"
+    bounds = find_bounds(world)
+    if bounds is None or not (world.robots or world.floorplans):
         return ""
-    return f"it is outside of the world (x {left:.1f} to {right:.1f}, y {bottom:.1f} to {top:.1f})"
+    low, high = bounds
+    starts = np.array([robot.pose[:2] for robot in world.robots], float).reshape(-1, 2)
+    if ((starts < low) | (starts > high)).any() or bool(((low <= pose[:2]) & (pose[:2] <= high)).all()):
+        return ""
+    return (
+        f"it would stand outside of the world, which reaches from x {low[0]:g}, y {low[1]:g} "
+        f"to x {high[0]:g}, y {high[1]:g}"
+    )
 
 
-def _corners(world: World) -> Iterator[Floats]:
-    for plan in world.floorplans:
-        rows, columns = plan.occupied.shape
-        width, height = columns * plan.cell[0], rows * plan.cell[1]
-        yield _moved(plan.pose, ((0.0, 0.0), (width, 0.0), (width, height), (0.0, height)))
-    for obstacle in world.obstacles:
-        for shape in obstacle.shapes:
-            yield _placed(obstacle.pose, shape)
+def _standing(world: World, others: Mapping[int, Robot]) -> Iterator[tuple[str, Pose2, tuple[Shape, ...]]]:
+    for thing in world.obstacles:
+        yield repr(thing.name), thing.pose, thing.shapes
+    for robot_id, robot in others.items():
+        yield f"robot {robot_id}", robot.pose, robot.shapes
 
 
-def _placed(pose: Pose2, shape: Shape) -> Floats:
-    return _moved(pose, shape.points)
+def _plan_corners(plan: Floorplan) -> Floats:
+    rows, columns = plan.occupied.shape
+    ends = [(u * columns * plan.cell[0], v * rows * plan.cell[1]) for u in (0, 1) for v in (0, 1)]
+    return _place(plan.pose, np.array(ends, float))
 
 
-def _moved(pose: Pose2, points: Sequence[Point2] | Floats) -> Floats:
-    """(n, 2): the points in the frame that `pose` is in."""
+def _place(pose: Pose2, points: Floats) -> Floats:
     cos, sin = np.cos(pose.yaw), np.sin(pose.yaw)
-    turn: Floats = np.array(((cos, sin), (-sin, cos)))
-    return np.asarray(points) @ turn + (pose.x, pose.y)
+    x, y = points[:, 0], points[:, 1]
+    return np.stack((pose.x + cos * x - sin * y, pose.y + sin * x + cos * y), axis=1)
 
 
-def _overlap_heights(one: Shape | Floorplan, other: Shape | Floorplan) -> bool:
+def _heights_overlap(one: Shape | Floorplan, other: Shape | Floorplan) -> bool:
     return one.z_min < other.z_max and other.z_min < one.z_max
 
 
 def _meets_plan(plan: Floorplan, polygon: Floats) -> bool:
-    """Whether the centre of an occupied cell lies in the polygon."""
-    local = _moved(inverse2(plan.pose), polygon) / plan.cell
+    """Whether a polygon covers a part of an occupied cell."""
+    local = _place(inverse2(plan.pose), polygon) / plan.cell
     rows, columns = plan.occupied.shape
     low = np.clip(np.floor(local.min(axis=0)), 0, (columns, rows)).astype(int)
     high = np.clip(np.ceil(local.max(axis=0)), 0, (columns, rows)).astype(int)
     row, column = np.nonzero(plan.occupied[low[1] : high[1], low[0] : high[0]])
-    return bool(_contains(local, column + low[0] + 0.5, row + low[1] + 0.5).any())
+    row, column = row + low[1], column + low[0]
+    touch = _TOUCH / min(plan.cell)
+    return bool(_contains(local, column + 0.5, row + 0.5).any()) or any(
+        _edge_meets_cells((ax, ay), (bx, by), (column + touch, row + touch), 1.0 - 2.0 * touch)
+        for (ax, ay), (bx, by) in zip(local.tolist(), np.roll(local, 1, axis=0).tolist(), strict=True)
+    )
+
+
+def _edge_meets_cells(a: Point2, b: Point2, lows: tuple[Floats, Floats], side: float) -> bool:
+    """Whether a line passes through the inside of any square at `lows` (Liang and Barsky's clipping)."""
+    first, last = np.zeros(len(lows[0])), np.ones(len(lows[0]))
+    for start, end, low in zip(a, b, lows, strict=True):
+        way = end - start
+        if way == 0.0:
+            last[(start <= low) | (start >= low + side)] = -1.0
+            continue
+        t, u = (low - start) / way, (low + side - start) / way
+        first, last = np.maximum(first, np.minimum(t, u)), np.minimum(last, np.maximum(t, u))
+    return bool((first < last).any())
 
 
 def _contains(polygon: Floats, x: Floats, y: Floats) -> NDArray[np.bool_]:
@@ -93,24 +134,44 @@ def _contains(polygon: Floats, x: Floats, y: Floats) -> NDArray[np.bool_]:
 
 
 def _overlap(one: Floats, other: Floats) -> bool:
-    """Whether two polygons share more than their edges."""
-    if (one.max(axis=0) <= other.min(axis=0)).any() or (other.max(axis=0) <= one.min(axis=0)).any():
+    """Whether two simple polygons, convex or not, share more than their edges."""
+    if (one.max(axis=0) <= other.min(axis=0) + _TOUCH).any() or (other.max(axis=0) <= one.min(axis=0) + _TOUCH).any():
         return False
-    # Centres and corners catch one inside the other, the edges all the rest.
-    for a, b in ((one, other), (other, one)):
-        probes = np.vstack((a.mean(axis=0), 0.999 * a + 0.001 * a.mean(axis=0)))
-        if _contains(b, probes[:, 0], probes[:, 1]).any():
-            return True
-    return _edges_cross(one, other)
+    if _edges_cross(one, other):
+        return True
+    # No edges cross: the polygons are apart, or one holds the other, or they have edges in common.
+    return any(_contains(b, *_points_inside(a)).any() for a, b in ((one, other), (other, one)))
+
+
+def _points_inside(polygon: Floats) -> tuple[Floats, Floats]:
+    """A point inside of a counter-clockwise polygon beside the middle of each edge: their x, and their y."""
+    ahead = np.roll(polygon, -1, axis=0)
+    way = ahead - polygon
+    inward = _INWARD * np.stack((-way[:, 1], way[:, 0]), axis=1) / np.maximum(_lengths(way), _TOUCH)[:, None]
+    x, y = (0.5 * (polygon + ahead) + inward).T
+    return x, y
 
 
 def _edges_cross(one: Floats, other: Floats) -> bool:
     a, b = one[:, None], np.roll(one, 1, axis=0)[:, None]
     c, d = other[None], np.roll(other, 1, axis=0)[None]
-    return bool(((_side(a, b, c) * _side(a, b, d) < 0) & (_side(c, d, a) * _side(c, d, b) < 0)).any())
+    return bool((_parts(a, b, c, d) & _parts(c, d, a, b)).any())
 
 
-def _side(a: Floats, b: Floats, p: Floats) -> Floats:
-    """Above 0 where `p` lies left of the line from `a` to `b`."""
-    side: Floats = (b[..., 0] - a[..., 0]) * (p[..., 1] - a[..., 1]) - (b[..., 1] - a[..., 1]) * (p[..., 0] - a[..., 0])
-    return side
+def _parts(a: Floats, b: Floats, c: Floats, d: Floats) -> NDArray[np.bool_]:
+    """Whether the points `c` and `d` lie on either side of the line through `a` and `b`, by more than touching."""
+    c_side, d_side = _distance(a, b, c), _distance(a, b, d)
+    apart: NDArray[np.bool_] = (np.minimum(c_side, d_side) < -_TOUCH) & (np.maximum(c_side, d_side) > _TOUCH)
+    return apart
+
+
+def _distance(a: Floats, b: Floats, p: Floats) -> Floats:
+    """Metres, above 0 where `p` lies left of the line from `a` to `b`."""
+    side = (b[..., 0] - a[..., 0]) * (p[..., 1] - a[..., 1]) - (b[..., 1] - a[..., 1]) * (p[..., 0] - a[..., 0])
+    distance: Floats = side / np.maximum(_lengths(b - a), _TOUCH)
+    return distance
+
+
+def _lengths(ways: Floats) -> Floats:
+    lengths: Floats = np.hypot(ways[..., 0], ways[..., 1])
+    return lengths

@@ -6,11 +6,13 @@ number, a word that it does not know) is loaded so, with a remark; what ends Sta
 """
 
 import math
+from collections.abc import Set
 from typing import NamedTuple, NoReturn
 
 from zteam.geometry import Pose2
 from zteam.world.parser import Entity, Property, Value
 from zteam.world.sources import Place, Remarks
+from zteam.world.vocabulary import remark_on
 
 MAX_LENGTH = 1e6
 """Metres: anything farther is a mistake, and would overflow somewhere."""
@@ -48,6 +50,14 @@ class Size3(NamedTuple):
     z: float
 
 
+class Seat(NamedTuple):
+    """Where a device is mounted."""
+
+    base_from_device: Pose2
+    z: float
+    """Of the device's foot, above the ground."""
+
+
 class Reader:
     """An entity's properties. Every method raises WorldError with the place of a value it cannot take."""
 
@@ -55,6 +65,19 @@ class Reader:
         self.entity = entity
         self._units = units
         self._remarks = remarks
+
+    def of(self, entity: Entity) -> "Reader":
+        """A reader of another entity of the same file."""
+        return Reader(entity, self._units, self._remarks)
+
+    def remark_unused(self, kind: str, also: Set[str] = frozenset()) -> None:
+        """Note the properties that do nothing here; `kind` is as in `vocabulary.remark_on`, and so is `also`."""
+        for found in self.entity.properties.values():
+            if self._remarks.is_full:
+                return
+            text = remark_on(kind, found.name, found.values, also)
+            if text is not None:
+                self._remarks.add(found.place, text)
 
     def has(self, name: str) -> bool:
         """Whether the property is set."""
@@ -72,6 +95,10 @@ class Reader:
     def remark(self, name: str, text: str) -> None:
         """Note what is done about a property."""
         self._remarks.add(self.place(name), text)
+
+    def remark_entity(self, text: str) -> None:
+        """Note something about the entity as a whole."""
+        self._remarks.add(self.entity.place, text)
 
     def number(self, name: str, default: float) -> float:
         """A number without a unit."""

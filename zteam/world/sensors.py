@@ -4,22 +4,38 @@ import math
 
 from zteam.geometry import Pose2, compose2
 from zteam.world.model import Ranger
-from zteam.world.properties import Pose3, Reader, Size3
+from zteam.world.properties import Pose3, Reader, Seat, Size3
 
 MAX_SAMPLES = 100_000
 SENSOR_SIZE = Size3(0.02, 0.02, 0.02)
 """Stage's default; half its height lies between the sensor's foot and its rays."""
 
 
-def read_sensor(reader: Reader, name: str, base_from_ranger: Pose2, z: float) -> Ranger | None:
-    """A `sensor` of a ranger whose foot is `z` above the ground; None if it has no rays."""
+def read_rangers(reader: Reader, name: str, seat: Seat) -> list[Ranger]:
+    """The sensors of a `ranger`, or the one of an old `laser`; raises WorldError."""
+    entity = reader.entity
+    sensors = [child for child in entity.children if child.type == "sensor"]
+    found: list[Ranger | None] = []
+    for i, sensor in enumerate(sensors):
+        own = reader.of(sensor)
+        own.remark_unused("sensor")
+        found.append(_read_sensor(own, name if len(sensors) == 1 else f"{name}.{i}", *seat))
+    if not sensors and entity.type == "laser":
+        found.append(_read_old_laser(reader, name, *seat))
+    elif not sensors:
+        reader.remark_entity("this ranger has no sensor( )")
+    return [ranger for ranger in found if ranger is not None]
+
+
+def _read_sensor(reader: Reader, name: str, base_from_ranger: Pose2, z: float) -> Ranger | None:
+    """A `sensor` of a ranger with its foot `z` above the ground; None if it has no rays."""
     pose = reader.pose("pose")
     limits = _read_range(reader, "range", *reader.numbers("range", "ll", (0.0, 5.0)))
     size = reader.size(SENSOR_SIZE)
     return _ranger(reader, name, base_from_ranger, limits, Pose3(pose.x, pose.y, z + pose.z + size.z / 2, pose.yaw))
 
 
-def read_old_laser(reader: Reader, name: str, base_from_ranger: Pose2, z: float) -> Ranger | None:
+def _read_old_laser(reader: Reader, name: str, base_from_ranger: Pose2, z: float) -> Ranger | None:
     """A `laser` without sensors, as worlds for Stage 3 have it: the properties stand in the model itself.
 
     Its defaults were those of a SICK LMS: 180 rays over 180°, 8 m; the rays start half-way up the model.

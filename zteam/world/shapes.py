@@ -1,4 +1,4 @@
-"""Outlines of bodies: Stage's blocks, fitted to the model's size as Stage fits them."""
+"""Polygons of bodies: Stage's blocks, fitted to the model's size as Stage does."""
 
 import functools
 import math
@@ -31,7 +31,7 @@ UNIT_BOX = Block(((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)), 0.0, 1.0)
 
 
 class Surface(NamedTuple):
-    """What the shapes of one model have in common."""
+    """Properties that the shapes of one model share."""
 
     ranger_return: float
     obstacle: bool
@@ -70,7 +70,7 @@ def boundary_slabs(size: Size3) -> list[Block]:
 
 
 def box_block(left: float, bottom: float, right: float, top: float, height: float) -> Block:
-    """A rectangle of a height."""
+    """A block over a rectangle."""
     return Block(((left, bottom), (right, bottom), (right, top), (left, top)), 0.0, height)
 
 
@@ -107,7 +107,7 @@ def without_repeats(points: Sequence[Point2]) -> tuple[Point2, ...]:
 
 @functools.lru_cache(256)
 def is_simple(points: tuple[Point2, ...]) -> bool:
-    """Whether no two edges of the polygon meet, but neighbours in their common corner."""
+    """Whether edges of the polygon meet only in the corners that they share."""
     corners = np.array(points)
     ends = np.roll(corners, -1, axis=0)
     dx, dy = (ends - corners).T[:, :, None]

@@ -1,4 +1,4 @@
-"""World files as text: found, bounded, and every place in them nameable."""
+"""World files as text: how they are found and read, and places in them."""
 
 import os
 from pathlib import Path
@@ -26,7 +26,7 @@ class Place(NamedTuple):
 
 
 class Remarks:
-    """What a file says that does nothing here: each place once, however many models share its macro; at most 200."""
+    """What a file says that has no effect here: each place once, even if many models share its macro; at most 200."""
 
     LIMIT = 200
 
@@ -35,7 +35,7 @@ class Remarks:
 
     @property
     def is_full(self) -> bool:
-        """Whether more would be of no use to anybody."""
+        """Whether the limit is reached."""
         return len(self._remarks) >= self.LIMIT
 
     def add(self, place: Place, text: str) -> None:

@@ -1,4 +1,4 @@
-"""The names that world files use: types of models, their properties, and what becomes of each.
+"""The names that world files use: types of models, their properties, and how each is treated.
 
 A property of Stage is read, ignored in silence (it concerns a display, or a device that zteam has not), or ignored
 with a remark (it would change what robots do). Any other property is remarked as unknown.
@@ -7,7 +7,7 @@ with a remark (it would change what robots do). Any other property is remarked a
 import difflib
 import functools
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Set
 
 UNSUPPORTED = {
     "camera": "cameras are",
@@ -18,13 +18,11 @@ UNSUPPORTED = {
 }
 """Stage's other devices; their bodies, and the models on them, are there all the same."""
 
-BODILESS = {"ranger", "laser", "camera", "fiducial", "blobfinder"}
-"""Types with no body unless they have blocks; `laser` is the `ranger` of older worlds."""
+BODILESS = frozenset({"camera"})
+"""Unsupported types with no body unless they have blocks."""
 
-DEVICES = frozenset({"ranger", "laser", "fiducial", "bumper", "blobfinder"})
-"""Types that sense."""
-
-TYPES = frozenset({"model", "position", *DEVICES, *UNSUPPORTED})
+TYPES = frozenset({"model", "position", *UNSUPPORTED})
+"""Types of models, except those that sense (`zteam.world.devices`)."""
 
 _MODEL = {
     *("pose", "size", "origin", "color", "color_rgba", "bitmap", "bitmap_reading", "noblocks", "boundary", "name"),
@@ -37,11 +35,6 @@ READ: dict[str, set[str]] = {
     "position": _MODEL
     | {"drive", "wheelbase", "velocity_bounds", "acceleration_bounds", "localization", "odom_error"}
     | {"odom_alphas", "wheel_radius", "wheel_separation"},
-    "ranger": _MODEL,
-    "laser": _MODEL | {"range", "range_min", "range_max", "fov", "samples", "noise"},
-    "fiducial": _MODEL | {"range_min", "range_max", "range_max_id", "fov", "ignore_zloc"},
-    "bumper": _MODEL | {"bcount", "bpose[]", "blength", "blength[]"},
-    "blobfinder": _MODEL | {"colors_count", "colors", "colors[]", "image", "range", "fov", "pan"},
     "sensor": {"pose", "size", "range", "fov", "samples", "noise"},
     "block": {"points", "point[]", "z"},
 }
@@ -81,10 +74,13 @@ HARMLESS: dict[str, tuple[float, ...]] = {
 _INDEX = re.compile(r"\[\d*\]")
 
 
-def remark_on(kind: str, name: str, values: Iterable[float | str]) -> str | None:
-    """What to say about a property of an entity of type `kind` ("world", "sensor", "block", a model's type)."""
+def remark_on(kind: str, name: str, values: Iterable[float | str], also: Set[str] = frozenset()) -> str | None:
+    """The remark on a property of an entity of type `kind` ("world", "sensor", "block", a model's type), or None.
+
+    `also` names what a model of this type reads besides the properties of every model.
+    """
     plain = _INDEX.sub("[]", name)
-    read = READ.get(kind, _MODEL)
+    read = READ.get(kind, _MODEL) | also
     if plain in read or plain in SILENT.get(kind, _DISPLAY):
         return None
     if plain in REMARKED:
@@ -95,6 +91,6 @@ def remark_on(kind: str, name: str, values: Iterable[float | str]) -> str | None
 
 @functools.lru_cache(1024)
 def did_you_mean(name: str, known: frozenset[str]) -> str:
-    """The end of an error's text that names the likely word, or nothing."""
+    """The end of an error text that names the most similar word; empty if none is similar."""
     close = difflib.get_close_matches(name, sorted(known), n=1, cutoff=0.75)
     return f" (did you mean {close[0]!r}?)" if close else ""

@@ -79,7 +79,7 @@ TOLD = [
     "14: robots[1].min_dist: Expected `float`, got `str`",
     "17: robots[2].id: the world has no robot 5 (it has 0, 1); model and pose add one",
     "18: robots[2].behavior: behaviour 'my_stopper:Stoper': module my_stopper (…) has no Stoper (did you mean …?)",
-    "23: robots[3].pose: it would stand in crate_0; give a free place as x, y, yaw",
+    "23: robots[3].pose: it would stand in 'crate_0'; give a free place as x, y, yaw",
     "25: robots[3].rat: unknown key (did you mean rate?); my_stopper:Stopper takes rate",
     "29: robots[4].model: arena: no robot macro 'eratic' in this world; there are: erratic",
     "31: robots[4].description: …/nothing.urdf: cannot read this robot description: No such file or directory",

@@ -7,7 +7,8 @@ import pytest
 
 from support.small_worlds import drive, make_box, make_robot, make_world
 from zteam.sim import Engine
-from zteam.world.model import Blobfinder, Bumper, Finder, Marker, Robot
+from zteam.world.devices import Blobfinder, Bumper, Finder
+from zteam.world.model import Marker, Robot
 
 MARK = (Marker(7, 0, 0.0, 0.0, 0.0),)
 
@@ -20,7 +21,7 @@ def finder(**changes: Any) -> Finder:
 
 def seer(**changes: Any) -> Robot:
     """A robot with a finder."""
-    return make_robot(finders=(finder(**changes),))
+    return make_robot(devices=(finder(**changes),))
 
 
 def test_a_teammate_is_found_by_id_range_and_bearing() -> None:
@@ -62,10 +63,10 @@ def test_a_finder_looks_over_what_is_lower_unless_told_not_to() -> None:
     mate = make_robot(1.0, 0.0, markers=MARK)
     high = Finder("f", 0.0, 0.0, 0.6, 0.0, math.pi, 0.0, 5.0, 5.0)
     easy = Finder("f", 0.0, 0.0, 0.6, 0.0, math.pi, 0.0, 5.0, 5.0, ignore_zloc=True)
-    assert Engine(make_world(make_robot(finders=(high,)), mate)).observe().robots[0].fiducials == ((),)
-    assert len(Engine(make_world(make_robot(finders=(easy,)), mate)).observe().robots[0].fiducials[0]) == 1
+    assert Engine(make_world(make_robot(devices=(high,)), mate)).observe().robots[0].fiducials == ((),)
+    assert len(Engine(make_world(make_robot(devices=(easy,)), mate)).observe().robots[0].fiducials[0]) == 1
     behind_wall = make_robot(4.0, 0.0, markers=MARK)
-    assert Engine(make_world(make_robot(finders=(easy,)), behind_wall)).observe().robots[0].fiducials == ((),)
+    assert Engine(make_world(make_robot(devices=(easy,)), behind_wall)).observe().robots[0].fiducials == ((),)
 
 
 def test_marked_things_are_found_and_hidden_ones_are_not() -> None:
@@ -82,7 +83,7 @@ def test_marked_things_are_found_and_hidden_ones_are_not() -> None:
 def test_the_bumper_that_touches_is_pressed(physics: str) -> None:
     """At the wall the front piece is pressed and the rear one is not; away from it neither is."""
     pieces = Bumper("front", 0.2, 0.0, 0.1, 0.0, 0.3), Bumper("rear", -0.2, 0.0, 0.1, math.pi, 0.3)
-    engine = Engine(make_world(make_robot(1.0, bumpers=pieces), physics=physics))
+    engine = Engine(make_world(make_robot(1.0, devices=pieces), physics=physics))
     assert engine.observe().robots[0].bumpers == (False, False)
     for speed in (0.8, 0.1, 0.02):
         for _ in range(40):
@@ -98,7 +99,7 @@ def test_a_blob_finder_names_the_colours_it_looks_for() -> None:
     box = make_box("b", 1.0, 0.0)
     every = Blobfinder("b", 0.0, 0.0, 0.1, 0.0, math.radians(90), 91, 12.0)
     blue = Blobfinder("b", 0.0, 0.0, 0.1, 0.0, math.radians(90), 91, 12.0, ("blue",))
-    seen = Engine(make_world(make_robot(blobfinders=(every, blue)), others=(box,))).observe().robots[0]
+    seen = Engine(make_world(make_robot(devices=(every, blue)), others=(box,))).observe().robots[0]
     assert [blob.color for blob in seen.blobs[0]] == ["green", "blue", "green"]
     (blob,) = seen.blobs[1]
     assert blob.bearing == pytest.approx(0.0, abs=1e-9)

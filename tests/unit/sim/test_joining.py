@@ -1,4 +1,4 @@
-"""Robots that come and go: nothing of the others changes, and nothing of the gone ones stays."""
+"""Robots that join and leave: the others do not change, and nothing of a removed one stays."""
 
 from typing import Literal
 
@@ -27,7 +27,7 @@ def test_a_robot_that_takes_a_removed_ones_id_starts_anew() -> None:
 
 @pytest.mark.parametrize("physics", ["dynamic", "stage", "kinematic"])
 def test_a_stalled_robot_stays_stalled_while_another_comes(physics: Physics) -> None:
-    """Who is blocked says so also in an observation that is taken right after a spawn."""
+    """A blocked robot is observed as stalled also right after another was spawned."""
     engine = Engine(make_world(make_robot()), options=Options(physics=physics))
     for _ in range(50):
         engine.move({0: drive(0.8)})
@@ -56,6 +56,6 @@ def test_what_slides_slides_on_while_a_robot_comes() -> None:
 
 
 def test_a_large_command_is_limited_not_refused() -> None:
-    """Finite numbers whose sum is not finite are a command like any other."""
+    """Finite numbers with a sum that is not finite are a valid command."""
     seen = Engine(make_world(make_robot(), wall_at=50.0)).step({0: drive(1e308, 1e308)}).robots[0]
     assert seen.velocity[0] == pytest.approx(1.0)

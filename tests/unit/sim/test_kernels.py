@@ -13,7 +13,7 @@ from support.small_worlds import plain_kernels
 from zteam.geometry import Pose2
 from zteam.sim import jit, kernels
 from zteam.sim.fields import build_fields
-from zteam.sim.polygons import NOBODY, Group, make_outlines, place_shape
+from zteam.sim.polygons import NO_MOVER, Group, make_polygons, place_shape
 from zteam.world.model import Shape
 
 RAYS = int(os.environ.get("ZTEAM_KERNEL_RAYS", "200000"))
@@ -74,7 +74,7 @@ def random_groups(rng: np.random.Generator, on_lattice: bool) -> list[Group]:
         x, y = rng.integers(0, 61, 2) * 0.1 if on_lattice else rng.uniform(0.0, 6.0, 2)
         yaw = int(rng.integers(0, 8)) * EIGHTH if on_lattice else rng.uniform(-4.0, 4.0)
         points = ((0.0, 0.0), (width, 0.0), (width, height), (0.0, height))[: int(rng.integers(3, 5))]
-        groups.append(Group(NOBODY, i, [place_shape(Pose2(float(x), float(y), yaw), Shape(points, 0.0, 1.0))]))
+        groups.append(Group(NO_MOVER, i, [place_shape(Pose2(float(x), float(y), yaw), Shape(points, 0.0, 1.0))]))
     return groups
 
 
@@ -82,12 +82,12 @@ def test_rays_against_edges_are_equal() -> None:
     """Rays along edges, through corners and from them among them; of two equally near shapes both take the same."""
     rng = np.random.default_rng(2)
     for number in range(math.ceil(RAYS / (SCANS * BEAMS))):
-        outlines = make_outlines(random_groups(rng, number % 2 == 0))
+        polygons = make_polygons(random_groups(rng, number % 2 == 0))
         x, y, yaw = places(rng, 0.1, 6.0, number % 2 == 0)
         if number % 3 == 0:
             # Every scan's middle beam goes for a corner.
-            aim = rng.integers(0, len(outlines.x), SCANS)
-            yaw = np.arctan2(outlines.y[aim] - y, outlines.x[aim] - x)
+            aim = rng.integers(0, len(polygons.x), SCANS)
+            yaw = np.arctan2(polygons.y[aim] - y, polygons.x[aim] - x)
         angle_min, increment, angles = beams(rng)
         table = np.cos(angles)[None, :], np.sin(angles)[None, :]
         results = []
@@ -95,7 +95,7 @@ def test_rays_against_edges_are_equal() -> None:
             mode()
             ranges, hit = np.full((SCANS, BEAMS), 8.0), np.full((SCANS, BEAMS), -1, np.int32)
             kernels.cast_edges(
-                outlines, x, y, np.full(SCANS, 0.5), yaw, np.full(SCANS, NOBODY, np.int64), *table,
+                polygons, x, y, np.full(SCANS, 0.5), yaw, np.full(SCANS, NO_MOVER, np.int64), *table,
                 angle_min, increment, 0.0, ranges, hit,
             )  # fmt: skip
             results.append((ranges, hit))

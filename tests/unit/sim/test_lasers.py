@@ -1,4 +1,4 @@
-"""What lasers get wrong on purpose: noise, blind zones, nothing in sight, and each other."""
+"""Errors of lasers: noise, ranges below the minimum, no hit, and interference."""
 
 import math
 from typing import Any
@@ -14,7 +14,7 @@ from zteam.world.model import Floorplan, Obstacle, Robot, Shape, World
 
 
 def laser_robot(x: float = 0.0, y: float = 0.0, yaw: float = 0.0, **changes: Any) -> Robot:
-    """A robot whose laser differs from the usual one."""
+    """A robot with changes to the usual laser."""
     return make_robot(x, y, yaw, rangers=(msgspec.structs.replace(LASER, **changes),))
 
 
@@ -60,7 +60,7 @@ def test_stages_noise_is_a_variance_a_share_and_an_angle() -> None:
 
 
 def test_noise_belongs_to_the_robot_and_the_tick() -> None:
-    """The same robot draws the same noise whoever else is there; another seed, tick or robot draws other noise."""
+    """The same robot draws the same noise with other robots present; another seed, tick or robot draws other noise."""
     options = Options(gaussian_noise=0.05)
     one, far = make_robot(), make_robot(0.0, -40.0)
     alone = Engine(make_world(one), options=options)
@@ -118,7 +118,7 @@ def facing(distance: float = 2.0, **changes: Any) -> dict[int, Robot]:
 
 @pytest.mark.parametrize("mode", ["drop", "max", "short", "scan"])
 def test_lasers_in_mutual_sight_dazzle_each_other(mode: Any) -> None:
-    """Only the beams towards the other are spoilt, in the way that was asked for; `scan` spoils them all."""
+    """Only the beams towards the other laser are disturbed, in the chosen mode; `scan` disturbs them all."""
     world = make_world(wall_at=20.0)
     clean = Engine(world, robots=facing()).observe()
     dazzled = Engine(world, robots=facing(), options=Options(dazzle=mode, dazzle_angle=math.radians(2.5))).observe()

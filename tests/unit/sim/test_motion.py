@@ -1,4 +1,4 @@
-"""How bases obey: acceleration, cars, wheels, and odometry that errs."""
+"""How bases follow commands: acceleration, cars, wheels, and odometry with errors."""
 
 import math
 

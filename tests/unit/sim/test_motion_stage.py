@@ -1,4 +1,4 @@
-"""Velocities as they are: in Stage's way of stepping, and of cars that gather speed."""
+"""Velocities in Stage's way of stepping, and of accelerating cars."""
 
 import math
 

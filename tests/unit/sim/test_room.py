@@ -1,4 +1,4 @@
-"""Room for a robot: what refuses a place, with what words, and what does not."""
+"""Room for a robot: which poses spawn and place refuse, and with which reason."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""A simulator that finds no compiled kernels: it starts without, and changes over while it runs, or says why not."""
+"""A simulator without compiled kernels: it starts on numpy and switches while it runs, or logs why it cannot."""
 
 import os
 import select
@@ -55,7 +55,7 @@ def run(code: str, folder: Path) -> list[str]:
 
 
 def wait_for(condition: Callable[[], object]) -> None:
-    """Until it holds."""
+    """Wait until a condition holds."""
     end = monotonic() + LIMIT
     while not condition():
         assert monotonic() < end
@@ -163,7 +163,7 @@ def test_a_simulator_goes_on_without_a_cache_that_is_full(tmp_path: Path) -> Non
 
 
 def test_compile_only_fails_where_nothing_can_be_kept(tmp_path: Path) -> None:
-    """An image whose cache cannot be made must not be built: exit code 1 and one line that names the folder."""
+    """An image must not be built without a cache: exit code 1 and one line that names the folder."""
     (tmp_path / "file").touch()
     done = subprocess.run(
         zteam_command("zteam-sim", "office", "--compile-only"),

@@ -29,7 +29,7 @@ def test_a_robot_that_joins_is_seen_and_drives(physics: str) -> None:
 
 
 def test_a_robot_that_left_is_gone() -> None:
-    """Nobody sees it, commands to it are errors, and its id is free again."""
+    """No robot sees it, commands to it are errors, and its id is free again."""
     engine = Engine(make_world(make_robot(), make_robot(2.0)))
     engine.step({})
     engine.remove(1)
@@ -63,7 +63,7 @@ def test_a_lifted_robot_keeps_its_odometry(physics: str) -> None:
 
 
 def test_the_order_of_joining_changes_nothing() -> None:
-    """Engines whose robots came in another order agree in every bit from the first step on."""
+    """Engines agree in every bit from the first step on, in any order of joining."""
     robots = {i: make_robot(-1.5 + 0.55 * i, 0.2 * i, 0.7 * i) for i in range(5)}
     first = Engine(make_world(), robots=robots)
     second = Engine(make_world(), robots={})
@@ -78,7 +78,7 @@ def test_the_order_of_joining_changes_nothing() -> None:
 
 
 def test_light_things_are_pushed_and_heavy_ones_stall_a_robot() -> None:
-    """A light box gives way and is seen where it went; it stops when nobody pushes. A heavy one does not budge."""
+    """A light box gives way and is seen where it went; it stops when it is not pushed. A heavy one does not budge."""
     light = Engine(make_world(make_robot(), others=(make_box("box", 0.8, 0.0, mass=3.0),)))
     for _ in range(40):
         seen = light.step({0: drive(0.4)})

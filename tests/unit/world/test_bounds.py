@@ -107,7 +107,7 @@ def test_numbers_of_a_map_are_bounded(tmp_path: Path, fields: str, error: str) -
 
 
 def test_aliases_of_aliases_are_not_written_out(tmp_path: Path) -> None:
-    """A short YAML whose value would be 10^12 words long when shown gives a short error."""
+    """A short YAML with a value that would be 10^12 words long when shown gives a short error."""
     lists = "".join(f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]\n" for i in range(1, 13))
     error = yaml_refusal(tmp_path, f"a0: &a0 [1]\n{lists}resolution: *a12\n")
     assert "resolution: " in error

@@ -8,6 +8,7 @@ import pytest
 from zteam.errors import WorldError
 from zteam.world import World, load_world
 from zteam.world.colors import find_color, random_color
+from zteam.world.devices import Blobfinder, Bumper, Finder
 
 Load = Callable[[str], World]
 
@@ -27,11 +28,13 @@ def load(tmp_path: Path) -> Load:
 def test_a_fiducial_finder_has_stages_defaults_and_its_own_values(load: Load) -> None:
     """It stands on the robot, in the base's frame; lengths and angles are converted."""
     text = "position ( size [1 1 0.4] fiducial ( pose [0.1 0 -0.2 90] {} ) )"
-    (finder,) = load(text.format("")).robots[0].finders
+    (finder,) = load(text.format("")).robots[0].devices_of(Finder)
     assert (finder.x, finder.z, finder.range_max, finder.range_max_id) == (0.1, pytest.approx(0.2), 8.0, 5.0)
     assert (finder.fov, finder.yaw) == (pytest.approx(3.14159, abs=1e-4), pytest.approx(1.5708, abs=1e-4))
     given = "range_min 1 range_max 6 range_max_id 2 fov 90 fiducial_key 3 ignore_zloc 1".replace(" r", "\nr")
-    (finder,) = load(text.format("\n" + given.replace(" f", "\nf").replace(" i", "\ni") + "\n")).robots[0].finders
+    (finder,) = (
+        load(text.format("\n" + given.replace(" f", "\nf").replace(" i", "\ni") + "\n")).robots[0].devices_of(Finder)
+    )
     assert (finder.range_min, finder.range_max, finder.range_max_id, finder.key) == (1.0, 6.0, 2.0, 3)
     assert finder.ignore_zloc
 
@@ -46,21 +49,23 @@ def test_bumpers_are_pieces_that_face_outward(load: Load) -> None:
         bpose[0] [0.5 0 0.1 0]
         bpose[1] [-0.5 0 0.1 180]
       ) )"""
-    front, rear = load(text).robots[0].bumpers
+    front, rear = load(text).robots[0].devices_of(Bumper)
     assert (front.x, front.z, front.length) == (0.5, pytest.approx(0.1), 0.3)
     assert (rear.length, abs(rear.yaw)) == (0.5, pytest.approx(3.14159, abs=1e-4))
-    (*_, third) = load(text.replace("bcount 2", "bcount 3")).robots[0].bumpers
+    (*_, third) = load(text.replace("bcount 2", "bcount 3")).robots[0].devices_of(Bumper)
     assert (third.x, third.yaw, third.length) == (0, 0, 0.3)
 
 
 def test_a_blobfinder_is_one_row_of_pixels(load: Load) -> None:
     """Its image's width, its colours, and a pan that turns it."""
     text = 'position ( blobfinder ( image [120 90] colors ["red" "blue"] colors_count 2 range 7 fov 80 pan 10 ) )'
-    (finder,) = load(text.replace(" colors_", "\ncolors_").replace(" range", "\nrange")).robots[0].blobfinders
+    (finder,) = (
+        load(text.replace(" colors_", "\ncolors_").replace(" range", "\nrange")).robots[0].devices_of(Blobfinder)
+    )
     assert (finder.samples, finder.colors, finder.range_max) == (120, ("red", "blue"), 7.0)
     assert finder.yaw == pytest.approx(0.17453, abs=1e-4)
     indexed = 'position ( blobfinder ( colors_count 2\ncolors[0] "red"\ncolors[1] "green" ) )'
-    assert load(indexed).robots[0].blobfinders[0].colors == ("red", "green")
+    assert load(indexed).robots[0].devices_of(Blobfinder)[0].colors == ("red", "green")
     with pytest.raises(WorldError, match=r"x.world:1:.* image"):
         load("position ( blobfinder ( image [0 60] ) )")
 

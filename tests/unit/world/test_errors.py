@@ -1,4 +1,4 @@
-"""zteam.world: what a world file must not say."""
+"""Values in world files that are errors."""
 
 from pathlib import Path
 

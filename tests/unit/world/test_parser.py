@@ -101,7 +101,7 @@ def test_a_macro_of_itself_is_an_error(text: str) -> None:
 
 
 def test_a_macro_inside_itself_is_an_error() -> None:
-    """A macro whose body uses it would never end."""
+    """A macro that uses itself would never end."""
     with pytest.raises(WorldError, match="entities nest deeper than 64"):
         parse("define a model ( a () a () )\na ()")
 

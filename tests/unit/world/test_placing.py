@@ -49,30 +49,30 @@ PILLAR = Obstacle("pillar", Pose2(2.0, 0.0, math.pi / 4), box(1.0, 1.0))
 )
 def test_a_robot_does_not_stand_in_things(x: float, y: float, yaw: float, free: bool) -> None:
     """The bodies themselves count, however they are turned, and not the boxes around them."""
-    told = find_hindrance(world(PILLAR), robot(x, y, yaw))
-    assert told == ("" if free else "it would stand in pillar")
+    told = find_hindrance(world(PILLAR), robot(x, y, yaw), {})
+    assert told == ("" if free else "it would stand in 'pillar'")
 
 
 def test_a_cross_of_two_bars_collides() -> None:
     """Two bodies of which neither has a corner or its centre in the other."""
     bar = Obstacle("bar", Pose2(0.15, 0.0, 0.0), box(0.05, 3.0))
-    assert find_hindrance(world(bar), robot(0.0, 0.0)) == "it would stand in bar"
+    assert find_hindrance(world(bar), robot(0.0, 0.0), {}) == "it would stand in 'bar'"
 
 
 def test_touching_is_standing_beside() -> None:
     """A robot may stand against a wall, and against another robot."""
     wall = Obstacle("wall", Pose2(0.0, 1.0, 0.0), box(4.0, 0.2))
-    assert find_hindrance(world(wall), robot(0.0, 0.8)) == ""
-    assert find_hindrance(world(wall), robot(0.0, 0.8), [robot(0.4, 0.8)]) == ""
-    assert find_hindrance(world(wall), robot(0.0, 0.8), [robot(0.39, 0.8)]) == "it would stand in robot_9"
+    assert find_hindrance(world(wall), robot(0.0, 0.8), {}) == ""
+    assert find_hindrance(world(wall), robot(0.0, 0.8), {9: robot(0.4, 0.8)}) == ""
+    assert find_hindrance(world(wall), robot(0.0, 0.8), {9: robot(0.39, 0.8)}) == "it would stand in robot 9"
 
 
 def test_what_is_above_or_no_obstacle_is_no_hindrance() -> None:
     """A table's top, a bridge, and what bodies pass through."""
     top = Obstacle("top", Pose2(0.0, 0.0, 0.0), box(2.0, 2.0, 0.7, 0.8))
     ghost = Obstacle("ghost", Pose2(0.0, 0.0, 0.0), (Shape(box(2.0, 2.0)[0].points, 0.0, 1.0, obstacle=False),))
-    assert find_hindrance(world(top, ghost), robot(0.0, 0.0)) == ""
-    assert find_hindrance(world(plans=(plan(0.5),)), robot(5.0, 2.05)) == ""
+    assert find_hindrance(world(top, ghost), robot(0.0, 0.0), {}) == ""
+    assert find_hindrance(world(plans=(plan(0.5),)), robot(5.0, 2.05), {}) == ""
 
 
 @pytest.mark.parametrize("yaw", [0.0, math.pi / 6])
@@ -82,17 +82,35 @@ def test_the_walls_of_a_bitmap_are_in_the_way(yaw: float) -> None:
     def told(along: float, across: float) -> str:
         x = 1.0 + math.cos(yaw) * along - math.sin(yaw) * across
         y = 2.0 + math.sin(yaw) * along + math.cos(yaw) * across
-        return find_hindrance(world(plans=(plan(yaw=yaw),)), robot(x, y, yaw))
+        return find_hindrance(world(plans=(plan(yaw=yaw),)), robot(x, y, yaw), {})
 
     assert told(5.0, 3.0) == told(0.31, 0.21) == told(9.69, 5.79) == ""
-    assert told(0.2, 3.0) == told(9.8, 3.0) == told(5.0, 0.1) == told(5.0, 5.9) == "it would stand in the wall of floor"
+    assert told(0.2, 3.0) == told(9.8, 3.0) == told(5.0, 0.1) == told(5.0, 5.9) == "it would stand in a wall of 'floor'"
 
 
-def test_outside_is_where_a_floor_plan_ends() -> None:
-    """Beyond a floor plan, by more than a metre, there is nothing to drive on; the open plain goes on for 1,000 km."""
-    told = find_hindrance(world(plans=(plan(),)), robot(40.0, 3.0))
-    assert told == "it is outside of the world (x 1.0 to 11.0, y 2.0 to 8.0)"
-    assert find_hindrance(world(plans=(plan(),)), robot(5.0, 1.5)) == ""
-    assert find_hindrance(world(PILLAR), robot(40.0, 3.0)) == ""
-    assert "outside" in find_hindrance(world(plans=(plan(),)), robot(1e308, -1e308))
-    assert "more than" in find_hindrance(world(PILLAR), robot(1e308, -1e308))
+def test_a_part_of_a_cell_is_in_the_way() -> None:
+    """A nose that covers a corner of a coarse cell collides, although the middle of the cell stays free."""
+    cells = np.zeros((4, 4), bool)
+    cells[2, 2] = True
+    coarse = Floorplan("blocks", cells, (1.0, 1.0), Pose2(0.0, 0.0, 0.0), 0.0, 1.0)
+    assert find_hindrance(world(plans=(coarse,)), robot(1.81, 2.1), {}) == "it would stand in a wall of 'blocks'"
+    assert find_hindrance(world(plans=(coarse,)), robot(1.8, 2.1), {}) == ""
+
+
+def test_there_is_room_in_the_hollow_of_a_thing() -> None:
+    """Between the arms of a U a robot is free; in an arm, and in the base between them, it is not."""
+    points = ((-2.0, -1.0), (2.0, -1.0), (2.0, 2.0), (1.0, 2.0), (1.0, 0.0), (-1.0, 0.0), (-1.0, 2.0), (-2.0, 2.0))
+    dock = world(Obstacle("dock", Pose2(0.0, 0.0, 0.0), (Shape(points, 0.0, 1.0),)))
+    assert find_hindrance(dock, robot(0.0, 0.1), {}) == find_hindrance(dock, robot(0.0, 0.75), {}) == ""
+    for x, y in ((1.5, 1.0), (0.0, -0.5), (0.81, 1.0)):
+        assert find_hindrance(dock, robot(x, y), {}) == "it would stand in 'dock'"
+
+
+def test_outside_is_beyond_what_stands_still() -> None:
+    """A floor plan bounds a world; a plain with a pillar and no robots of its own goes on for 1,000 km."""
+    told = find_hindrance(world(plans=(plan(),)), robot(40.0, 3.0), {})
+    assert told == "it would stand outside of the world, which reaches from x 1, y 2 to x 11, y 8"
+    assert "outside" in find_hindrance(world(plans=(plan(),)), robot(5.0, 1.5), {})
+    assert find_hindrance(world(PILLAR), robot(40.0, 3.0), {}) == ""
+    assert "outside" in find_hindrance(world(plans=(plan(),)), robot(1e308, -1e308), {})
+    assert "outside" in find_hindrance(world(PILLAR), robot(1e308, -1e308), {})

@@ -1,107 +1,86 @@
-"""The simulator's publishers: what one robot's sensors say, and what is made only if somebody listens."""
+"""The simulator's publishers of one robot; a message without subscribers is not built."""
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 from zteam import names
 from zteam.bus import Publisher
 from zteam.geometry import Pose2
-from zteam.messages import (
-    Blobs,
-    Bool,
-    Bumper,
-    Fiducials,
-    JointState,
-    LaserScan,
-    Odometry,
-    Range,
-    TFMessage,
-    Twist,
-)
+from zteam.messages import Message, TFMessage, Twist
 from zteam.runtime.node import Node
-from zteam.sim import Observation
-from zteam.sim import to_messages as observed
+from zteam.sim import Observation, to_messages
 from zteam.world import Robot
+
+_BEFORE_COMMANDS = (names.ODOM, names.BASE_SCAN)
+"""What robots compute their next command from: it is published first."""
+
+
+class _Output(NamedTuple):
+    """One key, and what builds its messages."""
+
+    publisher: Publisher[Any]
+    build: Callable[[Observation, int, int], Message]
+    number: int
+    """Of the device among those of its kind."""
 
 
 class RobotOutputs:
     """One robot's publishers."""
 
     def __init__(self, node: Node, robot_id: int, robot: Robot) -> None:
-        def key(topic: str) -> str:
-            return names.robot_key(robot_id, topic)
-
         bus = node.bus
         self._id, self._robot = robot_id, robot
-        lasers = sum(1 for ranger in robot.rangers if ranger.samples > 1)
-        self._tf = bus.publisher(key(names.TF), TFMessage)
-        self._tf_static = bus.publisher(key(names.TF_STATIC), TFMessage, latched=True)
-        self._odom = bus.publisher(key(names.ODOM), Odometry)
-        self._truth = bus.publisher(key(names.GROUND_TRUTH), Odometry)
-        self._stall = bus.publisher(key(names.STALL), Bool)
-        self._command = bus.publisher(key(names.CMD_VEL), Twist, to_others=True)
-        self.scans = [bus.publisher(names.scan_key(robot_id, i), LaserScan) for i in range(lasers)]
-        self._sonars = [bus.publisher(names.sonar_key(robot_id, i), Range) for i in range(len(robot.rangers) - lasers)]
-        self._joints = bus.publisher(key(names.JOINT_STATES), JointState)
-        self._bumpers = [bus.publisher(key(names.BUMPER), Bumper)] if robot.bumpers else []
-        self._fiducials = [
-            bus.publisher(names.numbered_key(robot_id, names.FIDUCIALS, i), Fiducials)
-            for i in range(len(robot.finders))
-        ]
-        self._blobs = [
-            bus.publisher(names.numbered_key(robot_id, names.BLOBS, i), Blobs) for i in range(len(robot.blobfinders))
-        ]
-        self._all: list[Publisher[Any]] = [
-            self._tf, self._tf_static, self._odom, self._truth, self._stall, self._command, self._joints,
-            *self.scans, *self._sonars, *self._bumpers, *self._fiducials, *self._blobs,
-        ]  # fmt: skip
+        self._tf = bus.publisher(names.robot_key(robot_id, names.TF), TFMessage)
+        self._tf_static = bus.publisher(names.robot_key(robot_id, names.TF_STATIC), TFMessage, latched=True)
+        self._command = bus.publisher(names.robot_key(robot_id, names.CMD_VEL), Twist, to_others=True)
+        sensed = {
+            topic: [
+                _Output(
+                    bus.publisher(sensor.kind.key(robot_id, i), sensor.kind.message, latched=sensor.kind.latched),
+                    sensor.message,
+                    i,
+                )
+                for i in range(sensor.kind.count(robot))
+            ]
+            for topic, sensor in to_messages.all_sensors().items()
+        }
+        self._odom = sensed[names.ODOM]
+        self.scans = sensed[names.BASE_SCAN]
+        self._rest = [out for topic, outputs in sensed.items() if topic not in _BEFORE_COMMANDS for out in outputs]
 
     def put_statics(self, origin: Pose2) -> None:
-        """The robot's fixed frames; `origin` is where its `odom` frame is in `map`."""
-        self._tf_static.put(observed.static_transforms(self._id, self._robot, origin))
+        """Publish the robot's fixed frames; `origin` is where its `odom` frame is in `map`."""
+        self._tf_static.put(to_messages.static_transforms(self._id, self._robot, origin))
 
     def put_transforms(self, stamp: int, odom: Pose2) -> None:
-        """odom -> base_footprint at `stamp` (ns)."""
-        self._tf.put(observed.transforms(stamp, self._id, odom))
+        """Publish odom -> base_footprint at `stamp` (ns)."""
+        self._tf.put(to_messages.transforms(stamp, self._id, odom))
 
     def put_odometry(self, observation: Observation, *, again: bool = False) -> None:
-        """Odometry; `again` whether it seems wanted or not, because somebody waits for it."""
-        if self._odom.has_subscribers or again:
-            self._odom.put(observed.odometry_message(observation, self._id))
+        """Publish odometry; with `again` a participant waits for it, so it is sent even if no subscriber is known."""
+        self._put(self._odom, observation, again)
 
     def put_scans(self, observation: Observation, *, again: bool = False) -> None:
-        """Every laser's scan; `again` as with `put_odometry`."""
-        for i, scan in enumerate(self.scans):
-            if scan.has_subscribers or again:
-                scan.put(observed.scan_message(observation, self._id, i))
+        """Publish every laser's scan; `again` as with `put_odometry`."""
+        self._put(self.scans, observation, again)
 
     def put_command(self, command: Twist) -> None:
-        """What the wheels are told in lock-step, where commands do not come over `cmd_vel`."""
+        """Publish what the wheels are commanded in lock-step, where commands do not come over `cmd_vel`."""
         if self._command.has_subscribers:
             self._command.put(command)
 
     def put_rest(self, observation: Observation) -> None:
-        """What no robot's next command hangs on; a message without a taker is not even made."""
-        robot_id = self._id
-        if self._truth.has_subscribers:
-            self._truth.put(observed.ground_truth_message(observation, robot_id))
-        if self._stall.has_subscribers:
-            self._stall.put(Bool(observation.robots[robot_id].stall))
-        if self._joints.has_subscribers:
-            self._joints.put(observed.joint_message(observation, robot_id))
-        for i, sonar in enumerate(self._sonars):
-            if sonar.has_subscribers:
-                sonar.put(observed.range_message(observation, robot_id, i))
-        for bumper in self._bumpers:
-            if bumper.has_subscribers:
-                bumper.put(observed.bumper_message(observation, robot_id))
-        for i, fiducials in enumerate(self._fiducials):
-            if fiducials.has_subscribers:
-                fiducials.put(observed.fiducials_message(observation, robot_id, i))
-        for i, blobs in enumerate(self._blobs):
-            if blobs.has_subscribers:
-                blobs.put(observed.blobs_message(observation, robot_id, i))
+        """Publish what no robot needs for its next command."""
+        self._put(self._rest, observation)
 
     def close(self) -> None:
-        """The robot is taken out of the world."""
-        for publisher in self._all:
+        """The robot is removed from the world."""
+        for publisher in (self._tf, self._tf_static, self._command):
             publisher.close()
+        for output in (*self._odom, *self.scans, *self._rest):
+            output.publisher.close()
+
+    def _put(self, outputs: list[_Output], observation: Observation, again: bool = False) -> None:
+        for publisher, build, number in outputs:
+            if publisher.has_subscribers or again:
+                publisher.put(build(observation, self._id, number))

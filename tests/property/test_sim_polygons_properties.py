@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from support.small_worlds import plain_kernels
 from zteam.geometry import Pose2
 from zteam.sim import kernels
-from zteam.sim.polygons import NOBODY, group_shapes, make_outlines, move_outlines
+from zteam.sim.polygons import NO_MOVER, group_shapes, make_polygons, move_polygons
 from zteam.world.model import Obstacle, Robot, Shape
 
 LIMIT = 9.0
@@ -36,7 +36,7 @@ def brute_force(shapes: list[tuple[int, float, float, np.ndarray]], own: int, ra
     best = LIMIT
     dx, dy = math.cos(angle), math.sin(angle)
     for owner, z_min, z_max, corners in shapes:
-        if (owner == own and own != NOBODY) or not z_min <= z <= z_max:
+        if (owner == own and own != NO_MOVER) or not z_min <= z <= z_max:
             continue
         bearings = np.arctan2(corners[:, 1] - y, corners[:, 0] - x)
         turns = np.remainder(np.roll(bearings, -1) - bearings + math.pi, math.tau) - math.pi
@@ -77,17 +77,17 @@ def test_bodies_are_seen_exactly(
     ]
     points, x, y, _, high = bodies[-1]
     fixed = Obstacle("o", Pose2(x, y, 0.0), (Shape(points, 0.0, high), Shape(points, 0.3, 0.4)))
-    outlines = make_outlines(group_shapes(robots, [fixed]))
+    polygons = make_polygons(group_shapes(robots, [fixed]))
     poses = np.array([robot.pose for robot in robots], float).reshape(-1, 3)
-    move_outlines(outlines, poses)
-    owners = np.repeat(outlines.owner, np.diff(outlines.first_shape))
+    move_polygons(polygons, poses)
+    owners = np.repeat(polygons.owner, np.diff(polygons.first_shape))
     shapes = []
     for k, owner in enumerate(owners.tolist()):
-        vertices = slice(outlines.first_vertex[k], outlines.first_vertex[k + 1])
-        corners = np.stack((outlines.x[vertices], outlines.y[vertices]), axis=1)
-        shapes.append((owner, float(outlines.z_min[k]), float(outlines.z_max[k]), corners))
+        vertices = slice(polygons.first_vertex[k], polygons.first_vertex[k + 1])
+        corners = np.stack((polygons.x[vertices], polygons.y[vertices]), axis=1)
+        shapes.append((owner, float(polygons.z_min[k]), float(polygons.z_max[k]), corners))
     at = (robots[0].pose.x, robots[0].pose.y) if inside and robots else (0.0123, -0.0321)
-    own = 0 if inside and robots else NOBODY
+    own = 0 if inside and robots else NO_MOVER
     increment = fov / (BEAMS - 1)
     angles = -fov / 2 + increment * np.arange(BEAMS)
     table = np.cos(angles)[None, :], np.sin(angles)[None, :]
@@ -96,7 +96,7 @@ def test_bodies_are_seen_exactly(
         ranges, hit = np.full((1, BEAMS), LIMIT), np.full((1, BEAMS), -1, np.int32)
         place = np.array([at[0]]), np.array([at[1]]), np.array([0.15]), np.array([yaw]), np.array([own], np.int64)
         with mode():
-            kernels.cast_edges(outlines, *place, *table, -fov / 2, increment, 0.0, ranges, hit)
+            kernels.cast_edges(polygons, *place, *table, -fov / 2, increment, 0.0, ranges, hit)
         results.append(ranges[0])
         assert ((hit[0] >= 0) == (ranges[0] < LIMIT)).all()
     assert (results[0] == results[1]).all()
