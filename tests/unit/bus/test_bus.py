@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from support.lockstep_doubles import listening
+from support.log_capture import captured_log
 from zteam.bus import Bus, Change, MemoryHub, NoRequest, counters
 from zteam.bus import bus as bus_module
 from zteam.bus.memory import MemoryTransport
@@ -149,7 +149,7 @@ def test_a_given_instance_is_not_replaced(hub: MemoryHub) -> None:
 def test_deeply_nested_json_is_refused_in_one_line(hub: MemoryHub, text: str) -> None:
     """A request of any depth: no traceback, an error for the asker, and one more refusal in the counts."""
     service, plain = Service(hub), MemoryTransport(hub)
-    with listening() as log:
+    with captured_log() as log:
         (reply,) = plain.get("box/count", text.encode(), 1.0)
     assert reply.error
     assert reply.payload.decode().startswith("bad request: ")

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from support.control_harness import TICK, Desk
+from support.control_harness import TICK, ControlHarness
 from support.lockstep_doubles import LIMIT
 from zteam.bus import MemoryHub
 from zteam.cli import main as zteam
@@ -21,12 +21,12 @@ Output = Callable[..., str]
 
 
 @pytest.fixture
-def desk(monkeypatch: pytest.MonkeyPatch) -> Iterator[Desk]:
+def desk(monkeypatch: pytest.MonkeyPatch) -> Iterator[ControlHarness]:
     """A simulator whose world stands at its first tick; `zteam` commands find it."""
-    desk = Desk(Pacer(TICK, None, paused=True))
+    desk = ControlHarness(Pacer(TICK, None, paused=True))
     desk.wait_for_tick(1)
-    SimulatorClient(desk._bus).stand(LIMIT)
-    monkeypatch.setattr(sim, "open_bus", lambda _options: desk._bus)
+    SimulatorClient(desk.bus).stand(LIMIT)
+    monkeypatch.setattr(sim, "open_bus", lambda _options: desk.bus)
     yield desk
     desk.close()
 
@@ -55,14 +55,14 @@ def test_each_verb_says_on_one_line_what_came_of_it(output: Output) -> None:
     assert output("resume") == "goes on at 0.001 s (tick 1), as fast as possible"
 
 
-def test_negative_numbers_arrive(desk: Desk, output: Output) -> None:
+def test_negative_numbers_arrive(desk: ControlHarness, output: Output) -> None:
     """In any notation, as positions and as an option's values."""
     output("move", "0", "-1e1", "-.5", "-2")
     output("spawn", "--id", "3", "--pose", "-1.5e0", "-2", "-0", "--json")
     assert [what for what, _ in desk.world.made] == ["move 0", "spawn -1.5"]
 
 
-def test_force_is_asked_for_by_flag(desk: Desk, output: Output) -> None:
+def test_force_is_asked_for_by_flag(desk: ControlHarness, output: Output) -> None:
     """Without the flag the simulator may refuse a place."""
     for force in ([], ["--force"]):
         output("move", "0", "1", "2", "0", *force)
@@ -170,7 +170,9 @@ def test_without_a_simulator(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Cap
     assert "start one with 'zteam-sim WORLD'" in said
 
 
-def test_a_run_that_is_over_does_not_go_on(desk: Desk, output: Output, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_run_that_is_over_does_not_go_on(
+    desk: ControlHarness, output: Output, capsys: pytest.CaptureFixture[str]
+) -> None:
     """`resume` and `step` say so, and how to start again."""
     desk.last = 3
     assert "paused            run over" in output("step", "10")
@@ -180,7 +182,7 @@ def test_a_run_that_is_over_does_not_go_on(desk: Desk, output: Output, capsys: p
 
 
 def test_a_long_step_says_how_it_gets_on(
-    desk: Desk, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    desk: ControlHarness, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """On stderr, so that the output stays the reply; and who waits is told how to give up."""
     monkeypatch.setattr(simulator_client, "LOOK", 0.01)
@@ -201,7 +203,7 @@ def test_a_long_step_says_how_it_gets_on(
 
 
 def test_a_step_that_is_given_up_pauses_the_world(
-    desk: Desk, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    desk: ControlHarness, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Ctrl+C leaves no steps behind that nobody waits for."""
 
@@ -211,7 +213,7 @@ def test_a_step_that_is_given_up_pauses_the_world(
     monkeypatch.setattr(sim._Progress, "tell", interrupt)
     assert zteam.main(["sim", "step", "1000000000"]) == 130
     assert "paused at" in capsys.readouterr().err
-    status = SimulatorClient(desk._bus).stand(LIMIT).status
+    status = SimulatorClient(desk.bus).stand(LIMIT).status
     assert status.paused
     assert status.tick < 1000000000
 
@@ -228,7 +230,7 @@ class Listener(io.StringIO):
         return super().write(text)
 
 
-def test_a_change_that_takes_long_says_what_it_waits_for(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_change_that_takes_long_says_what_it_waits_for(desk: ControlHarness, monkeypatch: pytest.MonkeyPatch) -> None:
     """Somebody may hold the tick at hand: after a while the user hears who can tell."""
     desk.free.clear()
     desk.ask_aside("step", SimStatus, StepRequest(1))

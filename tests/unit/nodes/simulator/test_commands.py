@@ -21,7 +21,7 @@ class Desk:
     def __init__(self, hub: MemoryHub, *robots: int) -> None:
         self.robots = {*robots}
         self._node = Node(names.SIMULATOR, hub.bus(), Stop())
-        self.commands = Commands(self._node, self.robots.__contains__, RunStatistics({}, 1))
+        self.commands = Commands(self._node, self.robots.__contains__, RunStatistics({}))
         self.publishers = {}
         for i in robots:
             bus = hub.bus()

@@ -7,12 +7,12 @@ import struct
 
 import pytest
 
-from support.in_process_team import NAMES, ROBOTS, Crew, CrewOptions, load_scene, run
+from support.in_process_team import NAMES, ROBOTS, InProcessTeam, TeamOptions, load_scene, run
 from support.lockstep_doubles import lossy_bus
 from zteam import names
 from zteam.bus import Bus, MemoryHub
 from zteam.messages import Bool, LaserScan, Odometry, Tick, Twist, Vector3
-from zteam.nodes.simulator import lockstep
+from zteam.nodes.simulator import patience
 from zteam.services.simulator import SimReport
 from zteam.sim import Engine
 
@@ -85,16 +85,16 @@ def test_the_pace_does_not_matter(usual: SimReport, pace: float) -> None:
 
 def test_steps_do_not_matter(usual: SimReport) -> None:
     """A run in steps, with breaks, is the run in one go."""
-    with Crew(CrewOptions(paused=True)) as crew:
+    with InProcessTeam(TeamOptions(paused=True)) as team:
         for ticks in (1, 2, 30, 7):
-            crew.step(ticks)
-        crew.ask("resume")
-        assert crew.finish().trajectory_sha256 == usual.trajectory_sha256
+            team.step(ticks)
+        team.ask("resume")
+        assert team.finish().trajectory_sha256 == usual.trajectory_sha256
 
 
 def test_spectators_do_not_matter(usual: SimReport) -> None:
     """Whether anybody listens to what no command hangs on makes no difference."""
-    with Crew() as crew:
+    with InProcessTeam() as team:
         seen: set[str] = set()
         for topic, kind in (
             (names.GROUND_TRUTH, Odometry),
@@ -103,16 +103,16 @@ def test_spectators_do_not_matter(usual: SimReport) -> None:
             (names.STALL, Bool),
             (names.CMD_VEL, Twist),
         ):
-            crew.hub.bus().subscribe(names.all_robots_key(topic), kind, lambda key, _: seen.add(key))
-        assert crew.finish().trajectory_sha256 == usual.trajectory_sha256
+            team.hub.bus().subscribe(names.all_robots_key(topic), kind, lambda key, _: seen.add(key))
+        assert team.finish().trajectory_sha256 == usual.trajectory_sha256
         assert len(seen) == 5 * ROBOTS
 
 
 @pytest.mark.parametrize("share", [0.02, 0.1])
 def test_lost_messages_do_not_matter(usual: SimReport, monkeypatch: pytest.MonkeyPatch, share: float) -> None:
     """Ticks, answers, scans and transforms may be lost: they are sent again, and nobody acts on half of them."""
-    monkeypatch.setattr(lockstep, "RESEND", 0.002)
-    monkeypatch.setattr(lockstep, "MAX_RESEND", 0.01)
+    monkeypatch.setattr(patience, "RESEND", 0.002)
+    monkeypatch.setattr(patience, "MAX_RESEND", 0.01)
     chance = random.Random(1)
     lost: set[str] = set()
     heard: list[Tick] = []
@@ -129,8 +129,8 @@ def test_lost_messages_do_not_matter(usual: SimReport, monkeypatch: pytest.Monke
             hub.bus().subscribe(names.TICK, Tick, lambda _, tick: heard.append(tick))
         return lossy_bus(hub, loses)
 
-    with Crew(open_bus=open_bus) as crew:
-        report = crew.finish()
+    with InProcessTeam(open_bus=open_bus) as team:
+        report = team.finish()
     assert report.trajectory_sha256 == usual.trajectory_sha256
     assert report.resends > 0
     assert lost >= {"tick", "done", "base_scan", "tf"}
@@ -138,11 +138,11 @@ def test_lost_messages_do_not_matter(usual: SimReport, monkeypatch: pytest.Monke
 
 def test_foreign_commands_do_not_matter_but_are_counted(usual: SimReport) -> None:
     """What somebody else puts on `cmd_vel` moves no robot that answers; the report says that it was there."""
-    with Crew(CrewOptions(paused=True)) as crew:
-        crew.step(50)
-        crew.hub.bus().publisher(names.robot_key(1, names.CMD_VEL), Twist).put(Twist(Vector3(1.0)))
-        crew.ask("resume")
-        report = crew.finish()
+    with InProcessTeam(TeamOptions(paused=True)) as team:
+        team.step(50)
+        team.hub.bus().publisher(names.robot_key(1, names.CMD_VEL), Twist).put(Twist(Vector3(1.0)))
+        team.ask("resume")
+        report = team.finish()
     assert report.external_commands == 1
     assert report.trajectory_sha256 == usual.trajectory_sha256
 
@@ -163,18 +163,18 @@ def test_the_hash_is_that_of_the_poses(usual: SimReport) -> None:
 
     x, y, yaw as little-endian 64-bit floats, by robot id, for every tick from that of GO on.
     """
-    with Crew() as crew:
-        report = crew.finish()
+    with InProcessTeam() as team:
+        report = team.finish()
     commands: dict[int, dict[int, Twist]] = {}
-    for name, done in crew.dones:
+    for name, done in team.dones:
         robot_id = names.robot_id_of(name)
         if robot_id is not None and done.has_command:
             commands.setdefault(done.tick, {})[robot_id] = done.command
     world, robots = load_scene()
     engine = Engine(world, seed=1, robots=robots)
     trajectory = hashlib.sha256()
-    go = min(tick.tick for tick in crew.ticks if tick.epoch > 0)
-    for tick in range(1, max(tick.tick for tick in crew.ticks) + 1):
+    go = min(tick.tick for tick in team.ticks if tick.epoch > 0)
+    for tick in range(1, max(tick.tick for tick in team.ticks) + 1):
         engine.move(commands.get(tick - 1, {}))
         if tick >= go:
             for robot_id in sorted(robots):

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 import pytest
 
 from support.cuttable_transport import CutTransport, cut_bus
-from support.lockstep_doubles import Log, listening
+from support.log_capture import LogCapture, captured_log
 from zteam import names
 from zteam.bus import Bus, MemoryHub
 from zteam.clock import wait_until
@@ -132,9 +132,9 @@ def desk(hub: MemoryHub) -> Iterator[Desk]:
 
 
 @pytest.fixture
-def log() -> Iterator[Log]:
+def log() -> Iterator[LogCapture]:
     """What is logged during the test."""
-    with listening() as lines:
+    with captured_log() as lines:
         yield lines
 
 
@@ -392,7 +392,7 @@ def test_a_lost_router_takes_no_frames(hub: MemoryHub, desk: Desk) -> None:
 
 
 def test_callers_have_time_to_find_the_router(
-    hub: MemoryHub, desk: Desk, log: Log, monkeypatch: pytest.MonkeyPatch
+    hub: MemoryHub, desk: Desk, log: LogCapture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """However long the router is away, frames go only with callers that stay away when it is back."""
     now = [1000.0]
@@ -463,7 +463,7 @@ def test_the_frames_are_listed(hub: MemoryHub) -> None:
     assert (fixed.parent, fixed.static) == ("map", True)
 
 
-def test_a_conflict_is_logged_once_with_both_sides(hub: MemoryHub, log: Log) -> None:
+def test_a_conflict_is_logged_once_with_both_sides(hub: MemoryHub, log: LogCapture) -> None:
     """Robot 0 contradicts the team file again and again: one line names both, and the file's frame stays."""
     desk, listener = Desk(hub, (transform("robot_0/base_link", "robot_0/camera", 0, 0.1),)), Listener(hub)
     base, other = Base(hub, 0), Base(hub, 1)
@@ -483,7 +483,7 @@ def test_a_conflict_is_logged_once_with_both_sides(hub: MemoryHub, log: Log) -> 
 
 
 @pytest.mark.usefixtures("desk")
-def test_a_jump_back_forgets_what_moves(hub: MemoryHub, log: Log) -> None:
+def test_a_jump_back_forgets_what_moves(hub: MemoryHub, log: LogCapture) -> None:
     """A restarted simulator's transforms are taken at once, the fixed ones stay, and the log says so."""
     clock = hub.bus().publisher(names.CLOCK, Clock)
     listener, base = Listener(hub), Base(hub, 0)
