@@ -156,7 +156,7 @@ class LockStepHarness:
         self.stop = Stop()
         self.node = Node(names.SIMULATOR, bus, self.stop)
         self.answered: list[int] = []
-        """Ids of the robots whose commands came."""
+        """Ids of the robots that sent commands."""
         self.resent: list[list[str]] = []
         """The participants of each repeat of the inputs."""
         self.on_resend: Callable[[], None] = lambda: None

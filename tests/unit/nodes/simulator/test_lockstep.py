@@ -1,4 +1,4 @@
-"""The simulator's half of lock-step, with participants by script: ticks out, answers in, deaths, resets."""
+"""The simulator's half of lock-step with scripted participants: ticks, answers, processes that end, resets."""
 
 import pytest
 
@@ -9,8 +9,8 @@ from zteam.messages import Done, Twist, Vector3, ns_from_time
 
 
 @pytest.mark.usefixtures("patient")
-def test_a_world_alone_waits_for_nobody(new_harness: HarnessFactory) -> None:
-    """Without participants, expectations and gate every tick is over at once."""
+def test_a_world_without_participants_does_not_wait(new_harness: HarnessFactory) -> None:
+    """Without participants, expected processes and gate every tick is over at once."""
     harness = new_harness()
     for tick in range(1, 4):
         harness.open(tick)
@@ -20,7 +20,7 @@ def test_a_world_alone_waits_for_nobody(new_harness: HarnessFactory) -> None:
 
 @pytest.mark.usefixtures("patient")
 def test_a_tick_tells_what_it_is(hub: MemoryHub, new_harness: HarnessFactory) -> None:
-    """Number, time, epoch, the robots in the world and who takes part are in the message."""
+    """The message has its number, time, epoch, the robots in the world and the participants."""
     harness = new_harness()
     (robot,) = make_team(hub, harness, "robot_0")
     harness.open(3, 0, 4)
@@ -32,7 +32,7 @@ def test_a_tick_tells_what_it_is(hub: MemoryHub, new_harness: HarnessFactory) ->
 
 @pytest.mark.usefixtures("patient")
 def test_a_tick_ends_with_the_last_answer(hub: MemoryHub, new_harness: HarnessFactory) -> None:
-    """The wait is over in the moment the last one answers, and not before."""
+    """The wait is over as soon as the last participant answers, and not before."""
     harness = new_harness()
     first, last = make_team(hub, harness, "robot_0", "tf")
     assert harness.wait()
@@ -47,8 +47,8 @@ def test_a_tick_ends_with_the_last_answer(hub: MemoryHub, new_harness: HarnessFa
 
 
 @pytest.mark.usefixtures("patient")
-def test_a_newcomer_hears_of_the_tick_at_hand(hub: MemoryHub, new_harness: HarnessFactory) -> None:
-    """It joins though the world stands, hinders nobody, and is waited for from the next tick on."""
+def test_a_new_process_receives_the_open_tick(hub: MemoryHub, new_harness: HarnessFactory) -> None:
+    """It joins although the world stands, and the simulator waits for it from the next tick on."""
     harness = new_harness()
     make_team(hub, harness, "robot_0")
     assert harness.wait()
@@ -65,8 +65,8 @@ def test_a_newcomer_hears_of_the_tick_at_hand(hub: MemoryHub, new_harness: Harne
 
 
 @pytest.mark.usefixtures("patient")
-def test_a_death_ends_the_wait_at_once(hub: MemoryHub, new_harness: HarnessFactory) -> None:
-    """The dead are not waited for, and the others are told who takes part now."""
+def test_the_end_of_a_process_ends_the_wait_for_it(hub: MemoryHub, new_harness: HarnessFactory) -> None:
+    """The other participants receive the new list of participants."""
     harness = new_harness()
     robot, aggregator = make_team(hub, harness, "robot_0", "tf")
     assert harness.wait()
@@ -86,7 +86,7 @@ def test_a_death_ends_the_wait_at_once(hub: MemoryHub, new_harness: HarnessFacto
 
 @pytest.mark.usefixtures("patient")
 def test_a_restarted_process_goes_on_where_the_old_one_was(hub: MemoryHub, new_harness: HarnessFactory) -> None:
-    """When the new token comes before the old one goes, the name stays in, and its new holder hears the open tick."""
+    """If the new token comes before the old one goes, the name stays, and its new holder receives the open tick."""
     harness = new_harness()
     (old,) = make_team(hub, harness, "robot_0")
     assert harness.wait()
@@ -103,7 +103,7 @@ def test_a_restarted_process_goes_on_where_the_old_one_was(hub: MemoryHub, new_h
 
 @pytest.mark.usefixtures("patient")
 def test_a_stop_request_ends_the_wait(hub: MemoryHub, new_harness: HarnessFactory) -> None:
-    """The process may stop while somebody holds the world: `wait` says that the tick did not end."""
+    """The process may stop while a participant holds the world: `wait` returns False."""
     harness = new_harness()
     (robot,) = make_team(hub, harness, "robot_0")
     robot.awake = False
@@ -115,8 +115,8 @@ def test_a_stop_request_ends_the_wait(hub: MemoryHub, new_harness: HarnessFactor
 
 
 @pytest.mark.usefixtures("patient")
-def test_nobodys_answer_is_counted_and_dropped(hub: MemoryHub, new_harness: HarnessFactory) -> None:
-    """Who holds no name by a token does not take part, whatever it says."""
+def test_an_answer_without_a_token_is_counted_and_dropped(hub: MemoryHub, new_harness: HarnessFactory) -> None:
+    """A process that does not hold its name does not take part."""
     harness = new_harness()
     ghost = ScriptedParticipant(hub, "robot_9")
     harness.open(1)
@@ -129,7 +129,7 @@ def test_nobodys_answer_is_counted_and_dropped(hub: MemoryHub, new_harness: Harn
 
 @pytest.mark.usefixtures("patient")
 def test_commands_come_with_the_answers(hub: MemoryHub, new_harness: HarnessFactory) -> None:
-    """They are the robots' that are in the world, by id, and those of the open tick only."""
+    """Only commands for the open tick count, of robots that are in the world, by id."""
     harness = new_harness()
     participants = [ScriptedParticipant(hub, f"robot_{i}", Twist(Vector3(0.1 * i))).appear() for i in (10, 2, 3)]
     ScriptedParticipant(hub, "tf").appear()
@@ -150,7 +150,7 @@ def test_commands_come_with_the_answers(hub: MemoryHub, new_harness: HarnessFact
 
 @pytest.mark.usefixtures("patient")
 def test_after_a_reset_old_answers_count_no_more(hub: MemoryHub, new_harness: HarnessFactory) -> None:
-    """The world that goes back to the tick it is at waits for everybody to answer that tick again."""
+    """A world that returns to the number of its open tick waits for new answers to it."""
     harness = new_harness()
     (robot,) = make_team(hub, harness, "robot_0")
     assert harness.wait()

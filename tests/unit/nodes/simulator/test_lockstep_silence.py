@@ -1,4 +1,4 @@
-"""Lock-step with messages that are lost and participants that are silent: repeated, named, left behind."""
+"""Lock-step with lost messages and silent participants: they are repeated, named, dropped."""
 
 from itertools import pairwise
 
@@ -33,8 +33,10 @@ def test_a_lost_message_costs_a_repeat(hub: MemoryHub, new_harness: HarnessFacto
 
 
 @pytest.mark.usefixtures("hasty")
-def test_inputs_are_sent_again_to_those_who_owe_an_answer(hub: MemoryHub, new_harness: HarnessFactory) -> None:
-    """Who has answered is not named in what is sent again; everybody hears the tick once more."""
+def test_inputs_are_sent_again_to_participants_that_have_not_answered(
+    hub: MemoryHub, new_harness: HarnessFactory
+) -> None:
+    """The inputs of the others are not sent again; the tick itself is sent to all."""
     harness = new_harness()
     first, last = make_team(hub, harness, "robot_0", "robot_1")
     assert harness.wait()
@@ -47,8 +49,10 @@ def test_inputs_are_sent_again_to_those_who_owe_an_answer(hub: MemoryHub, new_ha
     assert [tick.tick for tick in first.heard[before:]] == [3]
 
 
-def test_repeats_become_seldom(hub: MemoryHub, new_harness: HarnessFactory, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The time between them doubles up to a limit, and begins anew with the next tick."""
+def test_the_time_between_repeats_grows(
+    hub: MemoryHub, new_harness: HarnessFactory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It doubles up to a limit, and starts again with the next tick."""
     monkeypatch.setattr(patience, "RESEND", 0.02)
     monkeypatch.setattr(patience, "MAX_RESEND", 0.06)
     harness = new_harness()
@@ -71,8 +75,8 @@ def test_repeats_become_seldom(hub: MemoryHub, new_harness: HarnessFactory, monk
 
 
 @pytest.mark.usefixtures("hasty")
-def test_who_is_silent_is_named_and_left_behind(hub: MemoryHub, new_harness: HarnessFactory) -> None:
-    """A living participant that does not answer holds the world for the time-out; the others then go on without it."""
+def test_a_silent_participant_is_named_and_dropped(hub: MemoryHub, new_harness: HarnessFactory) -> None:
+    """It holds the world for the time-out; then the others go on without it."""
     harness = new_harness(timeout=50 * SHORT)
     robot, silent = make_team(hub, harness, "robot_0", "robot_1")
     assert harness.wait()
@@ -88,8 +92,8 @@ def test_who_is_silent_is_named_and_left_behind(hub: MemoryHub, new_harness: Har
 
 
 @pytest.mark.usefixtures("hasty")
-def test_who_was_left_behind_comes_back_at_the_next_tick(hub: MemoryHub, new_harness: HarnessFactory) -> None:
-    """Its first word, were it the late answer itself, asks to be let in; it is listed from the next tick on."""
+def test_a_dropped_participant_comes_back_at_the_next_tick(hub: MemoryHub, new_harness: HarnessFactory) -> None:
+    """Any answer, even the late one itself, makes it join; it is listed from the next tick on."""
     harness = new_harness(timeout=2 * SHORT)
     robot, silent = make_team(hub, harness, "robot_0", "robot_1")
     assert harness.wait()
@@ -109,8 +113,8 @@ def test_who_was_left_behind_comes_back_at_the_next_tick(hub: MemoryHub, new_har
 
 
 @pytest.mark.usefixtures("hasty")
-def test_the_aggregator_alone_is_to_blame_when_robots_wait_for_it(hub: MemoryHub, new_harness: HarnessFactory) -> None:
-    """Without transforms the robots cannot answer either: they stay, and are told that it is out."""
+def test_only_the_aggregator_is_dropped_when_robots_wait_for_it(hub: MemoryHub, new_harness: HarnessFactory) -> None:
+    """Without transforms the robots cannot answer either: they stay, and receive the new list."""
     harness = new_harness(timeout=5 * SHORT)
     robot, aggregator = make_team(hub, harness, "robot_0", "tf")
     assert harness.wait()
@@ -124,8 +128,8 @@ def test_the_aggregator_alone_is_to_blame_when_robots_wait_for_it(hub: MemoryHub
 
 
 @pytest.mark.usefixtures("hasty")
-def test_a_second_one_has_the_whole_time_out_for_itself(hub: MemoryHub, new_harness: HarnessFactory) -> None:
-    """When the aggregator is left behind the robots' time begins anew."""
+def test_after_a_drop_the_time_out_starts_again(hub: MemoryHub, new_harness: HarnessFactory) -> None:
+    """After the aggregator is dropped, the robots have the whole time-out."""
     timeout = 10 * SHORT
     harness = new_harness(timeout=timeout)
     robot, aggregator = make_team(hub, harness, "robot_0", "tf")

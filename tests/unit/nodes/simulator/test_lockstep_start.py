@@ -1,4 +1,4 @@
-"""The first tick of lock-step is held: for everybody expected, and for the monitor's GO."""
+"""The first tick of lock-step is held for all expected processes and for the monitor's GO."""
 
 import pytest
 
@@ -11,8 +11,8 @@ NO_GO = "the monitor's GO"
 
 
 @pytest.mark.usefixtures("patient")
-def test_it_is_held_until_everybody_expected_is_in(hub: MemoryHub, new_harness: HarnessFactory) -> None:
-    """Each one that comes is let into the held tick, and only with the last one it ends."""
+def test_it_is_held_until_all_expected_processes_take_part(hub: MemoryHub, new_harness: HarnessFactory) -> None:
+    """They all join the held tick, which ends with the last one."""
     harness = new_harness("robot_0", "tf")
     harness.open(1)
     harness.begin()
@@ -29,8 +29,8 @@ def test_it_is_held_until_everybody_expected_is_in(hub: MemoryHub, new_harness: 
 
 
 @pytest.mark.usefixtures("patient")
-def test_who_is_there_before_the_first_tick_is_in_it(hub: MemoryHub, new_harness: HarnessFactory) -> None:
-    """A team that is complete before its world loses no time."""
+def test_processes_that_come_before_the_first_tick_take_part_in_it(hub: MemoryHub, new_harness: HarnessFactory) -> None:
+    """A team that is complete before the first tick loses no time."""
     harness = new_harness("robot_0", "tf")
     ScriptedParticipant(hub, "robot_0").appear()
     ScriptedParticipant(hub, "tf").appear()
@@ -40,8 +40,8 @@ def test_who_is_there_before_the_first_tick_is_in_it(hub: MemoryHub, new_harness
 
 
 @pytest.mark.usefixtures("patient")
-def test_go_is_told_when_everybody_expected_is_in(hub: MemoryHub, new_harness: HarnessFactory) -> None:
-    """A GO that comes before is withheld, so that all hear it in the same tick."""
+def test_go_is_announced_when_all_expected_processes_take_part(hub: MemoryHub, new_harness: HarnessFactory) -> None:
+    """An earlier GO is withheld, so that all receive it in the same tick."""
     harness = new_harness("robot_0", "tf", gate=True)
     harness.open(1)
     harness.begin()
@@ -59,7 +59,7 @@ def test_go_is_told_when_everybody_expected_is_in(hub: MemoryHub, new_harness: H
 
 @pytest.mark.usefixtures("patient")
 def test_go_ends_the_hold(hub: MemoryHub, new_harness: HarnessFactory) -> None:
-    """With everybody in, it is GO that is waited for; the tick is then answered anew, under the new epoch."""
+    """When all take part the tick waits for GO; then all answer it again, under the new epoch."""
     harness = new_harness("robot_0", gate=True)
     robot = ScriptedParticipant(hub, "robot_0").appear()
     harness.open(1)
@@ -79,7 +79,7 @@ def test_go_ends_the_hold(hub: MemoryHub, new_harness: HarnessFactory) -> None:
 
 @pytest.mark.usefixtures("patient")
 def test_later_ticks_carry_go(hub: MemoryHub, new_harness: HarnessFactory) -> None:
-    """GO stands in every tick from its own on, and the highest epoch wins."""
+    """Every tick from that of GO on carries it, and the highest epoch counts."""
     monitor = ScriptedMonitor(hub)
     harness = new_harness("robot_0", gate=True)
     robot = ScriptedParticipant(hub, "robot_0").appear()
@@ -98,8 +98,8 @@ def test_later_ticks_carry_go(hub: MemoryHub, new_harness: HarnessFactory) -> No
 
 
 @pytest.mark.usefixtures("patient")
-def test_without_the_gate_nobody_waits_for_go(hub: MemoryHub, new_harness: HarnessFactory) -> None:
-    """It is enough that everybody expected is in; a GO that comes later is told all the same."""
+def test_without_the_gate_go_is_not_waited_for(hub: MemoryHub, new_harness: HarnessFactory) -> None:
+    """It is enough that all expected processes take part; a later GO is announced as well."""
     harness = new_harness("robot_0")
     harness.open(1)
     harness.begin()
@@ -113,8 +113,8 @@ def test_without_the_gate_nobody_waits_for_go(hub: MemoryHub, new_harness: Harne
 
 
 @pytest.mark.usefixtures("patient")
-def test_go_alone_begins_where_nobody_is_expected(hub: MemoryHub, new_harness: HarnessFactory) -> None:
-    """Whoever happens to be in by then hears it."""
+def test_go_is_enough_without_expected_processes(hub: MemoryHub, new_harness: HarnessFactory) -> None:
+    """The processes that take part by then receive it."""
     harness = new_harness(gate=True)
     harness.open(1)
     harness.begin()
@@ -126,8 +126,8 @@ def test_go_alone_begins_where_nobody_is_expected(hub: MemoryHub, new_harness: H
 
 
 @pytest.mark.usefixtures("patient")
-def test_who_is_not_expected_may_be_in_the_held_tick(hub: MemoryHub, new_harness: HarnessFactory) -> None:
-    """Somebody else's process joins at once, and is waited for like all."""
+def test_an_unexpected_process_may_take_part_in_the_held_tick(hub: MemoryHub, new_harness: HarnessFactory) -> None:
+    """It joins at once, and the tick waits for it too."""
     harness = new_harness("robot_0", "tf")
     harness.open(1)
     harness.begin()
@@ -143,8 +143,10 @@ def test_who_is_not_expected_may_be_in_the_held_tick(hub: MemoryHub, new_harness
 
 
 @pytest.mark.usefixtures("patient")
-def test_who_dies_while_it_is_held_is_expected_again(hub: MemoryHub, new_harness: HarnessFactory) -> None:
-    """GO is withheld until the name is back, and nobody is told of it with half a team."""
+def test_a_process_that_ends_while_the_tick_is_held_is_expected_again(
+    hub: MemoryHub, new_harness: HarnessFactory
+) -> None:
+    """GO is withheld until the name is back, so that no tick announces it to half a team."""
     harness = new_harness("robot_0", "tf", gate=True)
     harness.open(1)
     harness.begin()
@@ -163,7 +165,7 @@ def test_who_dies_while_it_is_held_is_expected_again(hub: MemoryHub, new_harness
 
 @pytest.mark.usefixtures("patient")
 def test_only_the_first_tick_is_held(hub: MemoryHub, new_harness: HarnessFactory) -> None:
-    """Later on the world goes on without an expected process that is gone, after a reset too."""
+    """Later the world goes on without an expected process that has ended, after a reset too."""
     harness = new_harness("robot_0", "tf")
     ScriptedParticipant(hub, "robot_0").appear()
     aggregator = ScriptedParticipant(hub, "tf").appear()
@@ -179,8 +181,8 @@ def test_only_the_first_tick_is_held(hub: MemoryHub, new_harness: HarnessFactory
 
 
 @pytest.mark.usefixtures("hasty")
-def test_it_says_what_it_is_held_for(new_harness: HarnessFactory) -> None:
-    """Who has not come and GO are named, once in a while, with how to go on without."""
+def test_the_log_names_what_holds_it(new_harness: HarnessFactory) -> None:
+    """The log names absent processes and GO from time to time, and says how to begin without GO."""
     harness = new_harness("robot_1", "robot_0", gate=True)
     with captured_log() as log:
         harness.open(1)
@@ -193,8 +195,8 @@ def test_it_says_what_it_is_held_for(new_harness: HarnessFactory) -> None:
 
 
 @pytest.mark.usefixtures("hasty")
-def test_nobody_is_left_behind_while_it_is_held(hub: MemoryHub, new_harness: HarnessFactory) -> None:
-    """What starting takes is not known: the time-out holds for later ticks only."""
+def test_no_participant_is_dropped_while_it_is_held(hub: MemoryHub, new_harness: HarnessFactory) -> None:
+    """A start may take any time: the time-out counts in later ticks only."""
     harness = new_harness("robot_0", timeout=0.5 * SHORT)
     robot = ScriptedParticipant(hub, "robot_0").appear()
     robot.awake = False
@@ -211,8 +213,8 @@ def test_nobody_is_left_behind_while_it_is_held(hub: MemoryHub, new_harness: Har
 
 
 @pytest.mark.usefixtures("patient")
-def test_a_standing_go_is_withheld_too(hub: MemoryHub, new_harness: HarnessFactory) -> None:
-    """A monitor that outlives the simulator has given GO before the first tick: it is told when all are in."""
+def test_an_earlier_go_is_withheld_too(hub: MemoryHub, new_harness: HarnessFactory) -> None:
+    """A monitor may have given GO before the first tick: it is announced when all take part."""
     ScriptedMonitor(hub).give_go(3)
     harness = new_harness("robot_0", "tf", gate=True)
     harness.open(1)
@@ -227,8 +229,8 @@ def test_a_standing_go_is_withheld_too(hub: MemoryHub, new_harness: HarnessFacto
 @pytest.mark.usefixtures("hasty")
 @pytest.mark.parametrize("lost", [names.TICK, names.done_key("robot_0")])
 def test_a_lost_message_does_not_hold_it_for_ever(hub: MemoryHub, new_harness: HarnessFactory, lost: str) -> None:
-    """Whether the newcomer misses the held tick or its word is lost, it hears the tick again until it is in."""
-    # The first two come by themselves, with the token and with the news of it.
+    """If a process misses the held tick, or its answer is lost, the tick is repeated until the process has joined."""
+    # Two ticks are sent without a repeat: with the token, and when the held tick is opened again.
     bus = lossy_bus(hub, lose_first(lost, 4))
     harness = new_harness("robot_0", bus=None if lost == names.TICK else bus)
     harness.open(1)
@@ -237,8 +239,8 @@ def test_a_lost_message_does_not_hold_it_for_ever(hub: MemoryHub, new_harness: H
 
 
 @pytest.mark.usefixtures("hasty")
-def test_asking_to_be_let_in_again_is_no_news(hub: MemoryHub, new_harness: HarnessFactory) -> None:
-    """While somebody is absent, the held tick comes at its own pace, not with every word of those who are there."""
+def test_repeated_requests_to_join_do_not_repeat_the_tick(hub: MemoryHub, new_harness: HarnessFactory) -> None:
+    """While a process is absent, the held tick is repeated on schedule, not with every answer of the others."""
     harness = new_harness("robot_0", "tf")
     harness.open(1)
     robot = ScriptedParticipant(hub, "robot_0").appear()
@@ -246,7 +248,7 @@ def test_asking_to_be_let_in_again_is_no_news(hub: MemoryHub, new_harness: Harne
         harness.begin()
         log.wait_for("the first tick is held")
         heard = len(robot.heard)
-    # One a SHORT after a few at once, and the first complaint comes after one SHORT.
+    # A few ticks come at once, then one in SHORT; the first warning comes after one SHORT.
     assert heard < 12
     ScriptedParticipant(hub, "tf").appear()
     assert harness.end()

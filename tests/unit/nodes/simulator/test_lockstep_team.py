@@ -1,4 +1,4 @@
-"""A whole team in lock-step: the same run, bit for bit, whatever does not matter, and another one for what does."""
+"""A whole team in lock-step: which circumstances leave a run the same bit for bit, and which change it."""
 
 import hashlib
 import itertools
@@ -19,25 +19,25 @@ from zteam.sim import Engine
 
 @pytest.fixture(scope="module")
 def usual() -> SimReport:
-    """The run that others are compared with."""
+    """The run with which others are compared."""
     return run()
 
 
 @pytest.fixture(scope="module")
-def calm_office() -> SimReport:
-    """A run elsewhere."""
+def office() -> SimReport:
+    """A run in another world."""
     return run(scene="office")
 
 
 def test_a_run_can_be_repeated(usual: SimReport) -> None:
-    """All processes anew, and every pose of every tick is the same to the last bit."""
+    """With new processes every pose of every tick is the same to the last bit."""
     again = run()
     assert again.trajectory_sha256 == usual.trajectory_sha256
     assert [robot.pose for robot in again.robots] == [robot.pose for robot in usual.robots]
 
 
 def test_the_team_has_done_something(usual: SimReport) -> None:
-    """Ten seconds are counted from the tick of GO on, nobody was late or left behind, and all have driven."""
+    """Ten seconds count from the tick of GO on, no robot was late or dropped, and all have driven."""
     assert (usual.finished, usual.sim_seconds, usual.ticks) == (True, 10.0, 101)
     assert (usual.lockstep, usual.resends, usual.hung, usual.external_commands) == (True, 0, [], 0)
     assert [robot.late_steps for robot in usual.robots] == [0] * ROBOTS
@@ -45,20 +45,20 @@ def test_the_team_has_done_something(usual: SimReport) -> None:
     assert usual.trajectory_sha256 != hashlib.sha256().hexdigest()
 
 
-def test_another_world_is_another_run(usual: SimReport, calm_office: SimReport) -> None:
-    """The same team in the office: repeatable there too."""
-    assert run(scene="office").trajectory_sha256 == calm_office.trajectory_sha256 != usual.trajectory_sha256
+def test_another_world_is_another_run(usual: SimReport, office: SimReport) -> None:
+    """The same team in the office: that run can be repeated too."""
+    assert run(scene="office").trajectory_sha256 == office.trajectory_sha256 != usual.trajectory_sha256
 
 
 @pytest.mark.parametrize("order", [*itertools.permutations(NAMES)][1::5])
 def test_the_order_of_processes_does_not_matter(usual: SimReport, order: tuple[str, ...]) -> None:
-    """Whoever comes up first."""
+    """Any of them may come up first."""
     assert run(order=order).trajectory_sha256 == usual.trajectory_sha256
 
 
 @pytest.mark.parametrize("order", [NAMES, NAMES[::-1], ("robot_1", "tf", "robot_2", "robot_0")])
 def test_it_does_not_matter_when_processes_come(usual: SimReport, order: tuple[str, ...]) -> None:
-    """They may come one by one to a world that holds its first tick."""
+    """They may come one by one while the first tick is held."""
     assert run(order=order, staggered=True).trajectory_sha256 == usual.trajectory_sha256
 
 
@@ -71,8 +71,8 @@ def test_it_does_not_matter_when_processes_come(usual: SimReport, order: tuple[s
     ],
 )
 @pytest.mark.parametrize("gate", [True, False])
-def test_nor_does_it_with_a_standing_go(usual: SimReport, order: tuple[str, ...], gate: bool) -> None:
-    """The same where GO stands from before, or where nobody waits for one."""
+def test_it_does_not_matter_with_an_earlier_go(usual: SimReport, order: tuple[str, ...], gate: bool) -> None:
+    """The same with a GO that was given before, and without the gate."""
     report = run(order=order, staggered=True, standing_go=True, gate=gate)
     assert report.trajectory_sha256 == usual.trajectory_sha256
 
@@ -93,7 +93,7 @@ def test_steps_do_not_matter(usual: SimReport) -> None:
 
 
 def test_spectators_do_not_matter(usual: SimReport) -> None:
-    """Whether anybody listens to what no command hangs on makes no difference."""
+    """Subscribers of data on which no command depends make no difference."""
     with InProcessTeam() as team:
         seen: set[str] = set()
         for topic, kind in (
@@ -110,7 +110,7 @@ def test_spectators_do_not_matter(usual: SimReport) -> None:
 
 @pytest.mark.parametrize("share", [0.02, 0.1])
 def test_lost_messages_do_not_matter(usual: SimReport, monkeypatch: pytest.MonkeyPatch, share: float) -> None:
-    """Ticks, answers, scans and transforms may be lost: they are sent again, and nobody acts on half of them."""
+    """Lost ticks, answers, scans and transforms are sent again, and no robot acts on a part of its inputs."""
     monkeypatch.setattr(patience, "RESEND", 0.002)
     monkeypatch.setattr(patience, "MAX_RESEND", 0.01)
     chance = random.Random(1)
@@ -118,7 +118,7 @@ def test_lost_messages_do_not_matter(usual: SimReport, monkeypatch: pytest.Monke
     heard: list[Tick] = []
 
     def loses(key: str) -> bool:
-        # The start has tests of its own.
+        # Other tests cover losses during the start.
         if not heard or heard[-1].tick < 2 or chance.random() >= share:
             return False
         lost.add(key.rpartition("/")[2])
@@ -137,7 +137,7 @@ def test_lost_messages_do_not_matter(usual: SimReport, monkeypatch: pytest.Monke
 
 
 def test_foreign_commands_do_not_matter_but_are_counted(usual: SimReport) -> None:
-    """What somebody else puts on `cmd_vel` moves no robot that answers; the report says that it was there."""
+    """Commands of another process on `cmd_vel` do not move a robot that answers; the report counts them."""
     with InProcessTeam(TeamOptions(paused=True)) as team:
         team.step(50)
         team.hub.bus().publisher(names.robot_key(1, names.CMD_VEL), Twist).put(Twist(Vector3(1.0)))
@@ -148,7 +148,7 @@ def test_foreign_commands_do_not_matter_but_are_counted(usual: SimReport) -> Non
 
 
 def test_the_seed_matters(usual: SimReport) -> None:
-    """The wanderer turns elsewhere, and those behind it follow."""
+    """The wanderer turns elsewhere, and the others follow it."""
     assert run(seed=2).trajectory_sha256 != usual.trajectory_sha256
 
 

@@ -1,4 +1,4 @@
-"""A whole team in lock-step whose world and processes change between ticks, and one whose start goes badly."""
+"""A whole team in lock-step: changes of world and processes between ticks, and disturbed starts."""
 
 import math
 from collections.abc import Callable
@@ -16,7 +16,7 @@ from zteam.nodes.simulator import patience
 from zteam.services.simulator import MoveRequest, RemoveRequest, SimReport, SimStatus, SpawnReply, SpawnRequest
 
 SOON = 20.0
-"""Host seconds after which a start that should take milliseconds counts as stuck."""
+"""Host seconds after which a start, which takes milliseconds, counts as stuck."""
 
 
 def steps(*changes: Callable[[InProcessTeam], object]) -> SimReport:
@@ -30,14 +30,14 @@ def steps(*changes: Callable[[InProcessTeam], object]) -> SimReport:
 
 
 def position(report: SimReport, robot_id: int) -> tuple[float, float]:
-    """Where the robot stood last."""
+    """The robot's last position (m)."""
     (found,) = (robot for robot in report.robots if robot.id == robot_id)
     return found.pose[:2]
 
 
 @pytest.mark.parametrize("ticks", [1, 37, 95])
 def test_a_reset_starts_the_same_run_again(ticks: int) -> None:
-    """In the middle of a run, everything that the processes know of it counts no more."""
+    """A reset in the middle of a run makes all processes forget that run."""
     with InProcessTeam(TeamOptions(paused=True)) as team:
         team.step(ticks)
         team.ask("reset")
@@ -48,7 +48,7 @@ def test_a_reset_starts_the_same_run_again(ticks: int) -> None:
 
 
 def test_a_finished_run_may_be_run_again_and_again() -> None:
-    """Each has the same hash; GO stands."""
+    """Each run has the same hash; GO stays given."""
     with InProcessTeam() as team:
         hashes = {team.finish().trajectory_sha256}
         for _ in range(3):
@@ -58,7 +58,7 @@ def test_a_finished_run_may_be_run_again_and_again() -> None:
 
 
 def test_a_reset_undoes_what_was_changed() -> None:
-    """Robots that came, went or were lifted are as at the start."""
+    """Robots that were added, removed or moved are as at the start."""
     with InProcessTeam(TeamOptions(paused=True)) as team:
         team.step(10)
         team.ask("spawn", SpawnReply, SpawnRequest(2.0, 0.0))
@@ -70,8 +70,8 @@ def test_a_reset_undoes_what_was_changed() -> None:
         assert team.finish().trajectory_sha256 == run().trajectory_sha256
 
 
-def test_a_robot_may_be_lifted() -> None:
-    """It goes on from where it was put, and its follower turns to it there."""
+def test_a_robot_may_be_moved() -> None:
+    """It drives on from its new place, and its follower turns to it there."""
     report = steps(lambda team: team.ask("move", SimStatus, MoveRequest(0, 0.0, -1.5, -math.pi / 2)))
     x, y = position(report, 0)
     assert x == pytest.approx(0.0, abs=0.1)
@@ -80,8 +80,8 @@ def test_a_robot_may_be_lifted() -> None:
     assert position(report, 1)[1] < position(calm, 1)[1] - 0.1
 
 
-def test_a_robot_may_be_taken_away() -> None:
-    """Its process still takes part and hinders nobody; the one that followed it stands."""
+def test_a_robot_may_be_removed() -> None:
+    """Its process still takes part and delays no tick; its follower stands."""
     with InProcessTeam(TeamOptions(paused=True)) as team:
         team.step(20)
         assert team.ask("remove", SimStatus, RemoveRequest(0)).robots == [1, 2]
@@ -95,7 +95,7 @@ def test_a_robot_may_be_taken_away() -> None:
 
 
 def test_a_robot_may_be_added_and_driven() -> None:
-    """A new body and a new process for it: both are in from the next tick on, and obey the standing GO."""
+    """The new robot and its process take part from the next tick on, and GO holds for them."""
     with InProcessTeam(TeamOptions(paused=True)) as team:
         team.step(20)
         assert team.ask("spawn", SpawnReply, SpawnRequest(-3.5, -1.5)) == SpawnReply(3)
@@ -126,7 +126,7 @@ def test_changes_are_repeatable_too() -> None:
 
 
 def test_what_cannot_be_changed_changes_nothing() -> None:
-    """A robot that is not there, or is there already: the text says so, the run is the same."""
+    """An unknown robot or an id that is taken: the error names it, and the run is the same."""
     with InProcessTeam(TeamOptions(paused=True)) as team:
         team.step(10)
         for service, request in (
@@ -141,8 +141,8 @@ def test_what_cannot_be_changed_changes_nothing() -> None:
         assert team.finish().trajectory_sha256 == run().trajectory_sha256
 
 
-def test_a_process_may_die_and_come_back() -> None:
-    """The world does not wait for it, its robot stops, and the new process drives on at once: GO stands."""
+def test_a_process_may_end_and_come_back() -> None:
+    """The world does not wait for it, its robot stops, and the new process drives at once: GO stays given."""
     with InProcessTeam(TeamOptions(paused=True)) as team:
         team.step(20)
         team.end("robot_0")
@@ -156,8 +156,8 @@ def test_a_process_may_die_and_come_back() -> None:
         assert (team.report().hung, team.report().resends) == ([], 0)
 
 
-def test_the_aggregator_may_die_and_come_back() -> None:
-    """Without transforms the followers stop; with the new aggregator's they follow again."""
+def test_the_aggregator_may_end_and_come_back() -> None:
+    """Without transforms the followers stop; with the new aggregator they follow again."""
     with InProcessTeam(TeamOptions(paused=True)) as team:
         team.step(20)
         team.end("tf")
@@ -171,7 +171,7 @@ def test_the_aggregator_may_die_and_come_back() -> None:
 
 
 def test_a_repeat_changes_nothing() -> None:
-    """Data that is sent once more to a standing world is heard, and moves nobody."""
+    """Data that is sent again while the world stands still arrives, and moves no robot."""
     with InProcessTeam(TeamOptions(paused=True)) as team:
         team.step(20)
         scans: list[LaserScan] = []
@@ -183,7 +183,7 @@ def test_a_repeat_changes_nothing() -> None:
 
 
 def test_a_start_survives_lost_transforms(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A robot that misses the held tick's transforms hears them again, gets ready, and GO can be given."""
+    """A robot that misses the held tick's transforms receives them again and becomes ready."""
     monkeypatch.setattr(patience, "RESEND", 0.002)
     monkeypatch.setattr(patience, "MAX_RESEND", 0.01)
 
@@ -194,8 +194,8 @@ def test_a_start_survives_lost_transforms(monkeypatch: pytest.MonkeyPatch) -> No
         assert team.finish(SOON).trajectory_sha256 == run().trajectory_sha256
 
 
-def test_a_start_survives_an_aggregator_whose_name_is_not_won_yet() -> None:
-    """Transforms that it hears before it may answer ticks are in the bundle that it repeats to whoever comes later."""
+def test_a_start_survives_an_aggregator_that_takes_its_name_late() -> None:
+    """Transforms that it received before it may answer ticks are in the bundle that it repeats later."""
     team = InProcessTeam(TeamOptions(staggered=True))
     team.prepare(names.AGGREGATOR)
     aggregator = team.nodes[names.AGGREGATOR]
@@ -209,15 +209,15 @@ def test_a_start_survives_an_aggregator_whose_name_is_not_won_yet() -> None:
         assert team.finish(SOON).trajectory_sha256 == run().trajectory_sha256
 
 
-def test_a_process_hears_what_was_said_before_it_came() -> None:
-    """Latched messages arrive while it is being made, without any error."""
+def test_a_new_process_receives_latched_messages() -> None:
+    """They arrive while it is being made, without any error."""
     with captured_log() as log, InProcessTeam(TeamOptions(paused=True)) as team:
         team.step(1)
     assert log.count("error while handling") == 0
 
 
-def test_who_gives_its_name_back_says_nothing_more() -> None:
-    """The others hear that it is gone; the tick that tells them is not for it, and nothing of it has to be dropped."""
+def test_a_process_that_gives_its_name_back_publishes_no_more() -> None:
+    """It does not answer the tick that tells the others of its end, so no answer has to be dropped."""
     with captured_log() as log, InProcessTeam(TeamOptions(paused=True)) as team:
         team.step(1)
         team.end("robot_2")
@@ -226,7 +226,7 @@ def test_who_gives_its_name_back_says_nothing_more() -> None:
 
 
 def test_a_place_without_room_is_refused_unless_forced() -> None:
-    """A wall, another robot, outside: an error with the reason; by force the robot stands there, and stalls."""
+    """A wall, another robot, outside of the world: the error has the reason. With force the robot stands there."""
     with InProcessTeam(TeamOptions(paused=True)) as team:
         team.step(10)
         x, y = position(team.report(), 1)

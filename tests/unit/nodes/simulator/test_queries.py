@@ -1,4 +1,4 @@
-"""The simulator's queries with a world by script: steps, pace, changes between ticks, the end of a run, resets."""
+"""The simulator's queries with a scripted simulation: steps, pace, changes between ticks, the end of a run, resets."""
 
 from collections.abc import Callable, Iterator
 
@@ -9,7 +9,7 @@ from support.lockstep_doubles import LIMIT
 from zteam.bus import Change
 from zteam.clock import wait_until
 from zteam.errors import BusError
-from zteam.nodes.simulator import queries as control_module
+from zteam.nodes.simulator import queries
 from zteam.nodes.simulator.pacing import Pacer
 from zteam.services.simulator import (
     FinishReply,
@@ -54,7 +54,7 @@ def test_steps_are_answered_when_the_world_stands_again(make: Make) -> None:
 
 
 def test_a_step_is_not_answered_before_its_tick_is_over(make: Make) -> None:
-    """The tick at hand, which somebody may hold, belongs to the step."""
+    """The open tick, which a participant may hold, belongs to the step."""
     harness = make()
     harness.ask("step", SimStatus, StepRequest(1))
     harness.free.clear()
@@ -83,7 +83,7 @@ def test_steps_of_several_askers_add_up(make: Make) -> None:
 
 
 def test_a_step_stops_a_running_world(make: Make) -> None:
-    """It goes so many ticks on and then stands, though nobody paused it."""
+    """It takes so many more ticks and then stands still, without a pause request."""
     harness = make(paused=False)
     harness.wait_for_tick(10)
     harness.free.clear()
@@ -101,7 +101,7 @@ def test_a_step_stops_a_running_world(make: Make) -> None:
 
 
 def test_pause_and_resume(make: Make) -> None:
-    """A running world stands after the tick at hand, and goes on when told; the answers say how it is."""
+    """A running world stands still after the open tick, and resumes; each answer has the new state."""
     harness = make(paused=False)
     harness.wait_for_tick(5)
     assert harness.ask("pause").paused
@@ -131,7 +131,7 @@ def test_the_next_tick_may_be_due_in_centuries(make: Make) -> None:
     ],
 )
 def test_numbers_without_bounds_are_refused(make: Make, service: str, request_: Change) -> None:
-    """Whoever asks without a client of ours hears of the bound; nothing is changed."""
+    """The error names the bound, also for clients other than zteam's; nothing is changed."""
     harness = make()
     with pytest.raises(BusError, match="bad request: Expected `float`"):
         harness.ask(service, SimStatus, request_)
@@ -140,7 +140,7 @@ def test_numbers_without_bounds_are_refused(make: Make, service: str, request_: 
 
 
 def test_a_status_tells_the_instance(make: Make) -> None:
-    """The id that changes have to carry."""
+    """Requests for changes have to carry this id."""
     harness = make()
     assert harness.ask("status").instance == harness.node.bus.instance
 
@@ -155,8 +155,8 @@ def test_a_new_speed_is_taken_at_once(make: Make) -> None:
     harness.wait_for_tick(harness.world.tick + 20)
 
 
-def test_looking_does_not_wait_for_the_tick_at_hand(make: Make) -> None:
-    """Status and report are answered while somebody holds the world."""
+def test_status_and_report_do_not_wait_for_the_open_tick(make: Make) -> None:
+    """They are answered while a participant holds the world."""
     harness = make()
     harness.free.clear()
     harness.ask_aside("step", SimStatus, StepRequest(1))
@@ -166,7 +166,7 @@ def test_looking_does_not_wait_for_the_tick_at_hand(make: Make) -> None:
 
 
 def test_changes_are_made_between_two_ticks(make: Make) -> None:
-    """They wait for the tick at hand, and are made in the order of asking, all in the main loop's thread."""
+    """They wait for the end of the open tick; the main loop makes them in the order of the requests."""
     harness = make()
     harness.free.clear()
     step = harness.ask_aside("step", SimStatus, StepRequest(1))
@@ -186,7 +186,7 @@ def test_changes_are_made_between_two_ticks(make: Make) -> None:
 
 
 def test_a_running_world_is_changed_too(make: Make) -> None:
-    """It need not be paused."""
+    """Changes do not need a paused world."""
     harness = make(paused=False)
     for i in range(20):
         harness.ask("spawn", SpawnReply, SpawnRequest(float(i), 0.0))
@@ -195,7 +195,7 @@ def test_a_running_world_is_changed_too(make: Make) -> None:
 
 
 def test_what_cannot_be_done_comes_back_as_text(make: Make) -> None:
-    """The asker reads why, and the world goes on."""
+    """The error says why, and the world goes on."""
     harness = make()
     with pytest.raises(BusError, match="no robot 9 in this world"):
         harness.ask("remove", SimStatus, RemoveRequest(9))
@@ -207,8 +207,8 @@ def test_what_cannot_be_done_comes_back_as_text(make: Make) -> None:
 
 
 def test_a_change_does_not_wait_for_ever(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
-    """When the tick at hand does not end, the asker is told where to look."""
-    monkeypatch.setattr(control_module, "BOUNDARY_LIMIT", 0.05)
+    """When the open tick does not end, the error names the command that shows why."""
+    monkeypatch.setattr(queries, "BOUNDARY_LIMIT", 0.05)
     harness = make()
     harness.free.clear()
     harness.ask_aside("step", SimStatus, StepRequest(1))
@@ -217,8 +217,8 @@ def test_a_change_does_not_wait_for_ever(make: Make, monkeypatch: pytest.MonkeyP
         harness.ask("spawn", SpawnReply, SpawnRequest(0.0, 0.0))
 
 
-def test_whoever_waits_for_the_end_hears_of_it(make: Make) -> None:
-    """`finish` waits as long as it is told, answers no, or yes as soon as it is so."""
+def test_finish_waits_for_the_end_of_the_run(make: Make) -> None:
+    """It answers False after its time-out, and True as soon as the run is over."""
     harness = make()
     assert harness.ask("finish", FinishReply, FinishRequest(0.0)) == FinishReply(False)
     assert harness.ask("finish", FinishReply, FinishRequest(0.05)) == FinishReply(False)
@@ -233,7 +233,7 @@ def test_whoever_waits_for_the_end_hears_of_it(make: Make) -> None:
 
 
 def test_a_finished_world_stands_still(make: Make) -> None:
-    """Steps that reach beyond the end are answered there; going on is refused, and the way out is told."""
+    """Steps beyond the end are answered at the end; further steps are refused, with the way out."""
     harness = make()
     harness.last = 10
     assert harness.ask("step", SimStatus, StepRequest(50)).tick == 10
@@ -245,7 +245,7 @@ def test_a_finished_world_stands_still(make: Make) -> None:
 
 
 def test_a_reset_sends_the_first_tick_even_while_paused(make: Make) -> None:
-    """Nobody would know of it otherwise; then the world stands as it stood."""
+    """Otherwise no process would learn of the reset. After that tick the world stands still again."""
     harness = make()
     assert harness.ask("step", SimStatus, StepRequest(4)).tick == 5
     status = harness.ask("reset")
@@ -281,7 +281,7 @@ def test_steps_that_the_end_cut_off_are_not_made_up_for(make: Make) -> None:
 
 
 def test_a_stop_request_ends_the_main_loop(make: Make) -> None:
-    """However long the world would have stood still, and whoever waits for its end."""
+    """Also while the world stands still."""
     harness = make()
     harness.wait_for_tick(1)
     harness.stop.request("test")

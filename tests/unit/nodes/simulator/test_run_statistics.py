@@ -132,7 +132,7 @@ def test_a_percentile_is_one_of_the_values(share: float, value: float) -> None:
 
 
 def test_a_gap_that_was_never_measured_is_none() -> None:
-    """A follower whose leader is not in the world has no gap, not one of NaN."""
+    """Without its leader in the world a follower has no gap, not one of NaN."""
     statistics = started()
     statistics.add_tick({1: START[1]}, [], {})
     assert statistics.robots()[1].gap_m is None
