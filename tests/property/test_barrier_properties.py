@@ -15,15 +15,15 @@ DROPS = st.tuples(st.just("drop"), NAMES, st.just(0), st.just(0))
 STEPS = st.lists(st.one_of(TOKENS, ANSWERS, ANSWERS, OPENS, DROPS), max_size=80)
 
 
-class Model:
-    """What the barrier says of itself, in sets."""
+class BarrierModel:
+    """The barrier in a few sets: what it should say after each step."""
 
     def __init__(self) -> None:
         self.holders: dict[str, set[str]] = {}
         self.members: set[str] = set()
         self.joining: set[str] = set()
         self.said: dict[str, float] = {}
-        """The newest answer to the open tick, by its mark."""
+        """The mark of each participant's newest answer to the open tick."""
         self.key = (0, 0)
 
     def leave(self, name: str) -> None:
@@ -31,8 +31,8 @@ class Model:
         self.joining.discard(name)
 
 
-def play(barrier: Barrier, model: Model, step: tuple[str, str, object, object], mark: float) -> None:
-    """Do one step to both."""
+def play(barrier: Barrier, model: BarrierModel, step: tuple[str, str, object, object], mark: float) -> None:
+    """Apply one step to both."""
     what, name, first, second = step
     if what == "token":
         instance, alive = str(first), bool(second)
@@ -64,11 +64,11 @@ def play(barrier: Barrier, model: Model, step: tuple[str, str, object, object], 
 
 
 @given(steps=STEPS, expected=st.sets(NAMES))
-def test_the_barrier_waits_for_its_members_and_for_nobody_else(
+def test_the_barrier_waits_for_its_members_alone(
     steps: list[tuple[str, str, object, object]], expected: set[str]
 ) -> None:
-    """It is complete if and only if every member answered the open tick; members live, are sorted, and once joined."""
-    barrier, model = Barrier(expected), Model()
+    """It is complete if and only if every member answered the open tick; members are alive, sorted, and had joined."""
+    barrier, model = Barrier(expected), BarrierModel()
     answered: set[str] = set()
     for mark, step in enumerate(steps, start=1):
         before = set(barrier.members)
@@ -82,7 +82,7 @@ def test_the_barrier_waits_for_its_members_and_for_nobody_else(
         assert {name: done.command.linear.x for name, done in barrier.answers.items()} == model.said
         assert barrier.missing() == [name for name in barrier.members if name not in model.said]
         assert barrier.complete == (model.members <= set(model.said))
-        # Nobody enters but by a tick that is opened, nor without a token and an answer; who leaves, left at once.
+        # A process becomes a member only when a tick is opened, and only with a token and an answer. It leaves at once.
         assert step[0] == "open" or set(barrier.members) <= before
         assert set(barrier.members) | barrier.joining <= answered
         assert all(barrier.is_alive(name) for name in {*barrier.members, *barrier.joining})
@@ -92,8 +92,8 @@ def test_the_barrier_waits_for_its_members_and_for_nobody_else(
 
 @given(steps=STEPS)
 def test_answers_are_kept_exactly_while_the_tick_is_the_same(steps: list[tuple[str, str, object, object]]) -> None:
-    """Opening the open tick again changes no answer and nothing but who has joined; another tick has no answers."""
-    barrier, model = Barrier(), Model()
+    """Opening the open tick again keeps all answers and admits the joining processes; another tick has no answers."""
+    barrier, model = Barrier(), BarrierModel()
     for mark, step in enumerate(steps, start=1):
         play(barrier, model, step, float(mark))
         said, members, joining = dict(barrier.answers), set(barrier.members), set(barrier.joining)

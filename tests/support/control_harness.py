@@ -1,4 +1,4 @@
-"""A simulator's main loop by script: ticks that the test may hold, around the real queries."""
+"""The simulator's main loop with a scripted simulation: real turns and queries, and ticks that a test may hold."""
 
 import threading
 from typing import Any
@@ -11,7 +11,8 @@ from zteam.bus import Change, MemoryHub
 from zteam.clock import monotonic, wait_until
 from zteam.errors import UsageError
 from zteam.nodes.simulator.pacing import Pacer
-from zteam.nodes.simulator.queries import Control
+from zteam.nodes.simulator.queries import Queries
+from zteam.nodes.simulator.turns import Turns
 from zteam.runtime.node import Node
 from zteam.runtime.shutdown import Stop
 from zteam.services.simulator import Latency, MoveRequest, SimReport, SimStatus, SpawnRequest
@@ -20,8 +21,8 @@ TICK = 1_000_000
 """Simulated nanoseconds."""
 
 
-class World:
-    """Counts ticks, and notes what it is told, where and when."""
+class ScriptedSimulation:
+    """Counts ticks, and notes which changes were made, in which thread and when."""
 
     def __init__(self, pacer: Pacer) -> None:
         self._pacer = pacer
@@ -29,16 +30,28 @@ class World:
         self.tick = 0
         self.ticking = False
         self.made: list[tuple[str, int]] = []
-        """What changed, and after which tick."""
+        """Each change, and the tick after which it was made."""
         self.places: set[tuple[int, bool]] = set()
-        """In which threads, and whether that was within a tick."""
+        """The threads in which changes were made, and whether that was within a tick."""
 
-    def status(self) -> SimStatus:
+    def status(self, finished: bool, instance: str) -> SimStatus:
+        """The answer to `sim/status`."""
         return SimStatus(
-            "scripted", [], TICK, 1, self.tick * TICK, self.tick, 1.0, self._pacer.speed, self._pacer.paused
+            world="scripted",
+            robots=[],
+            interval=TICK,
+            seed=1,
+            now=self.tick * TICK,
+            tick=self.tick,
+            real_time_factor=1.0,
+            speed=self._pacer.speed,
+            paused=self._pacer.paused,
+            finished=finished,
+            instance=instance,
         )
 
     def report(self) -> SimReport:
+        """The answer to `sim/report`."""
         return SimReport(
             sim_seconds=0.0,
             seed=1,
@@ -49,49 +62,60 @@ class World:
             ticks=self.tick,
         )
 
-    def note(self, what: str) -> None:
-        self.made.append((what, self.tick))
+    def note(self, change: str) -> None:
+        """Note a change."""
+        self.made.append((change, self.tick))
         self.places.add((threading.get_ident(), self.ticking))
 
     def repeat(self) -> None:
+        """As `WorldChanges.repeat`."""
         self.note("repeat")
 
     def reset(self) -> None:
+        """As `WorldChanges.reset`."""
         self.note("reset")
         self.tick = 0
 
     def spawn(self, request: SpawnRequest) -> int:
+        """As `WorldChanges.spawn`; the robot is always number 7."""
         self.note(f"spawn {request.x:g}" + " by force" * request.force)
         return 7
 
     def remove(self, robot_id: int) -> None:
+        """As `WorldChanges.remove`; there is no robot 9."""
         if robot_id == 9:
             raise UsageError("no robot 9 in this world")
         self.note(f"remove {robot_id}")
 
     def move(self, request: MoveRequest) -> None:
+        """As `WorldChanges.move`."""
         self.note(f"move {request.id}" + " by force" * request.force)
 
 
-class Desk:
-    """A simulator's main loop around that world, ticks that the test may hold, and an asker."""
+class ControlHarness:
+    """A main loop around a scripted simulation, and a client that asks it."""
 
     def __init__(self, pacer: Pacer) -> None:
         self.pacer = pacer
         self.hub = MemoryHub()
-        self._bus = self.hub.bus()
+        self.bus = self.hub.bus()
+        """The client's session."""
         self.stop = Stop()
         self.node = Node(names.SIMULATOR, self.hub.bus(), self.stop)
-        self.world = World(pacer)
-        self.control = Control(self.node, self.world, pacer)
+        self.world = ScriptedSimulation(pacer)
+        self.turns = Turns(self.node, pacer)
+        Queries(self.node, pacer, self.turns, self.world, self._status, self.world.report)
         self.free = threading.Event()
-        """Cleared, the tick at hand does not end."""
+        """While it is cleared, the open tick does not end."""
         self.free.set()
         self.last: int | None = None
-        """The tick with which the run is over."""
+        """The tick that ends the run."""
         self._askers: list[threading.Thread] = []
         self.thread = threading.Thread(target=self._run)
         self.thread.start()
+
+    def _status(self) -> SimStatus:
+        return self.world.status(self.turns.finished, self.node.bus.instance)
 
     def _run(self) -> None:
         world = self.world
@@ -102,23 +126,23 @@ class Desk:
                 world.tick += 1
                 world.changed.notify_all()
             if world.tick == self.last:
-                self.control.finish()
+                self.turns.finish()
             assert self.free.wait(LIMIT)
             world.ticking = False
-            if not self.control.wait_for_turn():
+            if not self.turns.wait_for_turn():
                 return
 
     def wait_for_tick(self, tick: int) -> None:
-        """Wait until this one has begun, or a later one."""
+        """Wait until this tick or a later one has begun."""
         with self.world.changed:
             assert wait_until(self.world.changed, lambda: self.world.tick >= tick, LIMIT)
 
     def ask(self, service: str, reply: Any = SimStatus, request: msgspec.Struct | None = None) -> Any:
         """Query `sim/<service>`."""
-        return self._bus.ask(names.service_key(names.SIMULATOR, service), reply, request or Change(), timeout=LIMIT)
+        return self.bus.ask(names.service_key(names.SIMULATOR, service), reply, request or Change(), timeout=LIMIT)
 
     def ask_aside(self, service: str, reply: Any, request: msgspec.Struct | None = None) -> list[Any]:
-        """Query it in a thread: the list has the answer once it came."""
+        """Query it in a thread: the list contains the answer as soon as it has come."""
         answers: list[Any] = []
         thread = threading.Thread(target=lambda: answers.append(self.ask(service, reply, request)))
         thread.start()
@@ -126,7 +150,7 @@ class Desk:
         return answers
 
     def join(self) -> None:
-        """Wait for everybody who asks aside."""
+        """Wait for the answers of all `ask_aside`."""
         for thread in self._askers:
             thread.join(LIMIT)
             assert not thread.is_alive()

@@ -1,6 +1,7 @@
-"""A whole team in one process, in lock-step on a bus in memory: simulator, aggregator, a chain of three robots, GO.
+"""A whole team in one process, in lock-step on a bus in memory: simulator, aggregator, three robots in a chain, GO.
 
-Only the simulator has a thread: in lock-step the others act in the bus's callbacks, which here are the simulator's.
+Only the simulator has a thread: in lock-step the other nodes act in the handlers of messages, which this bus calls in
+the sender's thread.
 """
 
 import threading
@@ -9,7 +10,7 @@ from typing import Any, Self
 
 import msgspec
 
-from support.lockstep_doubles import LIMIT, GateKeeper
+from support.lockstep_doubles import LIMIT, ScriptedMonitor
 from zteam import names
 from zteam.behaviors import load_behavior
 from zteam.bus import Bus, Change, MemoryHub
@@ -40,32 +41,33 @@ def load_scene(name: str = "arena") -> tuple[World, dict[int, Robot]]:
     return world, robots
 
 
-class CrewOptions(msgspec.Struct, frozen=True, kw_only=True):
-    """What tests vary."""
+class TeamOptions(msgspec.Struct, frozen=True, kw_only=True):
+    """The options that tests vary."""
 
     scene: str = "arena"
     order: tuple[str, ...] = NAMES
-    """In which the processes come up."""
+    """The order in which the processes come up."""
     staggered: bool = False
-    """Whether one comes up when the one before it has answered the held first tick; else all come before the world."""
+    """Whether each process comes up after the previous one has answered the held first tick; else all come up before
+    the first tick."""
     seed: int = 1
     speed: float = 0.8
-    """The first robot's, m/s."""
+    """Speed of the first robot, m/s."""
     run_for: float | None = 10.0
     gate: bool = True
     """Whether robots and simulator wait for GO."""
     standing_go: bool = False
-    """Whether GO was given before."""
+    """Whether GO was given before the team comes up."""
     pace: float | None = None
     paused: bool = False
 
 
-class Crew:
-    """The team; its simulator runs from `with` on."""
+class InProcessTeam:
+    """The team. Its simulator runs inside `with`."""
 
-    def __init__(self, options: CrewOptions | None = None, open_bus: Callable[[MemoryHub, str], Bus] | None = None):
+    def __init__(self, options: TeamOptions | None = None, open_bus: Callable[[MemoryHub, str], Bus] | None = None):
         """`open_bus(hub, name)` opens the session of a process."""
-        self.options = options = options or CrewOptions()
+        self.options = options = options or TeamOptions()
         self.hub = MemoryHub()
         self.bus = self.hub.bus()
         self._open_bus = open_bus or (lambda hub, _: hub.bus())
@@ -73,11 +75,11 @@ class Crew:
         self.ticks: list[Tick] = []
         self.nodes: dict[str, Node] = {}
         self.texts: dict[str, str] = {}
-        """What each robot says of itself."""
+        """The text of each robot's newest status."""
         self._ready: set[int] = set()
-        self._keeper = GateKeeper(self.hub)
+        self._monitor = ScriptedMonitor(self.hub)
         if options.standing_go:
-            self._keeper.give_go()
+            self._monitor.give_go()
         self.bus.subscribe(names.done_key(), Done, lambda key, done: self.dones.append((key.split("/")[0], done)))
         self.bus.subscribe(names.all_robots_key(names.STATUS), RobotStatus, self._on_status)
         world, self.robots = load_scene(options.scene)
@@ -110,16 +112,16 @@ class Crew:
         self.texts[names.robot_name(status.robot_id)] = status.text
         (self._ready.add if status.is_ready else self._ready.discard)(status.robot_id)
         if len(self._ready) == ROBOTS and not self.options.standing_go:
-            self._keeper.give_go()
+            self._monitor.give_go()
 
     def _on_tick(self, _key: str, tick: Tick) -> None:
         self.ticks.append(tick)
         if self._to_come and self.nodes.keys() <= {name for name, _ in self.dones}:
-            # In the simulator's own thread: there is no other that could wait for one of its locks.
+            # This is the simulator's own thread, so no other thread can wait for one of its locks.
             self.bring([self._to_come[0]])
 
     def bring(self, process_names: Sequence[str]) -> None:
-        """Start processes: first all of them, then their names are taken in that order."""
+        """Make these processes, then let them take their names in this order."""
         process_names = [*process_names]
         for name in process_names:
             self.prepare(name)
@@ -127,7 +129,7 @@ class Crew:
             self.nodes[name].become_present()
 
     def prepare(self, name: str) -> None:
-        """Start a process that does not take its name yet."""
+        """Make a process that does not take its name yet."""
         self._to_come = [other for other in self._to_come if other != name]
         self.nodes[name] = self._make(name)
 
@@ -147,7 +149,7 @@ class Crew:
         return node
 
     def end(self, name: str) -> None:
-        """A process ends."""
+        """End a process."""
         self.nodes.pop(name).close()
 
     def ask(self, service: str, reply: Any = SimStatus, request: msgspec.Struct | None = None) -> Any:
@@ -155,19 +157,19 @@ class Crew:
         return self.bus.ask(names.service_key(names.SIMULATOR, service), reply, request or Change())
 
     def step(self, ticks: int) -> SimStatus:
-        """So many ticks; how the world stands then."""
+        """Take so many ticks; the status after them."""
         status = self.ask("step", SimStatus, StepRequest(ticks))
         assert isinstance(status, SimStatus)
         return status
 
     def finish(self, limit: float = LIMIT) -> SimReport:
-        """The report at the end of the time asked for."""
+        """Wait for the end of `run_for`; the report."""
         finished = self.ask("finish", FinishReply, FinishRequest(limit)).finished
         assert finished, (self.ask("status").waiting_for, self.texts)
         return self.report()
 
     def report(self) -> SimReport:
-        """The report as it is now."""
+        """The current report."""
         report = self.ask("report", SimReport)
         assert isinstance(report, SimReport)
         return report
@@ -185,6 +187,6 @@ class Crew:
 
 
 def run(**options: Any) -> SimReport:
-    """A whole run; its report."""
-    with Crew(CrewOptions(**options)) as crew:
-        return crew.finish()
+    """Run a team to the end of `run_for`; its report."""
+    with InProcessTeam(TeamOptions(**options)) as team:
+        return team.finish()

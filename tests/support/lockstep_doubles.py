@@ -1,9 +1,8 @@
-"""Lock-step by script on a bus in memory: participants that answer or not, a bus that loses messages, a log to read."""
+"""Scripted lock-step on a bus in memory: participants that answer or stay silent, a simulator, a monitor, and a bus
+that loses messages."""
 
-import logging
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -22,15 +21,15 @@ from zteam.services.simulator import SimStatus
 LIMIT = 20.0
 """Host seconds after which a wait has failed."""
 INTERVAL = to_ns(0.1)
-"""A tick of the scripts, in simulated ns."""
+"""Simulated nanoseconds of a tick."""
 SHORT = 0.02
-"""Host seconds of what a test wants to see happen."""
+"""Host seconds of a repeat or time-out that a test waits for."""
 LONG = 600.0
-"""Host seconds that no test lives to see: what ends before was not ended by a time-out."""
+"""Host seconds of a time-out that no test reaches: an earlier end has another cause."""
 
 
 class LossyTransport(MemoryTransport):
-    """A session that does not hear what the test says it loses; latched keys lose nothing."""
+    """A session that loses the samples chosen by the test. Latched keys lose nothing."""
 
     def __init__(self, hub: MemoryHub, loses: Callable[[str], bool]) -> None:
         super().__init__(hub)
@@ -47,7 +46,7 @@ class LossyTransport(MemoryTransport):
 
 
 def lossy_bus(hub: MemoryHub, loses: Callable[[str], bool]) -> Bus:
-    """A session on the hub that does not hear a sample if `loses(key)`."""
+    """A session on the hub that does not receive a sample if `loses(key)`."""
     return Bus(LossyTransport(hub, loses))
 
 
@@ -63,36 +62,36 @@ def lose_first(key: str, count: int = 1) -> Callable[[str], bool]:
     return loses
 
 
-class Player:
-    """A participant: asks to be let in, and answers what it is listed in as long as it is `awake`.
+class ScriptedParticipant:
+    """A participant: it asks to join, and answers each tick that lists it while it is `awake`.
 
-    It holds no lock while it speaks, so that it may be used with threads on the synchronous bus.
+    It holds no lock while it publishes, so that tests may use it with threads on the synchronous bus.
     """
 
     def __init__(self, hub: MemoryHub, name: str, command: Twist | None = None, bus: Bus | None = None) -> None:
         self.name, self.command = name, command
         self.awake = True
         self.asks = True
-        """Whether it asks to be let in."""
+        """Whether it asks to join."""
         self.blocked_by = ""
-        """It does not answer while this one takes part."""
+        """It does not answer while the participant of this name takes part."""
         self.heard: list[Tick] = []
         self.changed = threading.Condition()
         self._bus = bus or hub.bus()
         self._present = False
         self._busy = 0
-        """Ticks that it is about to answer."""
+        """Ticks that its handler is still working on."""
         self._done = self._bus.publisher(names.done_key(name), Done)
         self._bus.subscribe(names.TICK, Tick, self._on_tick)
 
-    def appear(self) -> "Player":
-        """Show the presence token."""
+    def appear(self) -> "ScriptedParticipant":
+        """Declare the presence token."""
         self._present = True
         self._token = self._bus.declare_token(names.token_key(self.name, self._bus.instance))
         return self
 
     def vanish(self) -> None:
-        """The process dies."""
+        """Lose the presence token, as a process that ends."""
         self._present = False
         self._token.close()
 
@@ -115,23 +114,23 @@ class Player:
         self.say(Done(tick.epoch, tick.tick, self.command is not None, self.command or Twist()))
 
     def say(self, done: Done) -> None:
-        """Put an answer, right or wrong."""
+        """Publish an answer, right or wrong."""
         self._done.put(done)
 
     def wait_until_heard(self) -> None:
-        """Wait until it has heard a tick, and said what it has to say to that."""
+        """Wait until it has received a tick and reacted to it."""
         with self.changed:
             assert wait_until(self.changed, lambda: self._busy == 0 and self.heard != [], LIMIT)
 
     def wait_for_list(self, *participants: str) -> None:
-        """Wait until the newest tick has these participants, and what it has to say to that is said."""
+        """Wait until the newest tick lists these participants and it has reacted to that tick."""
         with self.changed:
             assert wait_until(self.changed, lambda: self._busy == 0 and self.lists[-1:] == [[*participants]], LIMIT), (
                 self.heard
             )
 
     def wait_for_epoch(self, epoch: int) -> None:
-        """Wait until the newest tick is under this GO."""
+        """Wait until the newest tick carries this epoch and it has reacted to that tick."""
         with self.changed:
             assert wait_until(self.changed, lambda: self._busy == 0 and self.heard[-1].epoch == epoch, LIMIT), (
                 self.heard
@@ -139,61 +138,61 @@ class Player:
 
     @property
     def lists(self) -> list[list[str]]:
-        """The participants of each tick that was heard."""
+        """The participants of each tick that was received."""
         return [tick.participants for tick in self.heard]
 
 
 def show_simulator(bus: Bus, lockstep: bool = True) -> Closeable:
-    """Have a session hold the simulator's token, and answer whether it works in lock-step; the token."""
+    """Let a session hold the simulator's name and serve `sim/status`; return its presence token."""
     status = SimStatus("scripted", [], INTERVAL, 1, 0, 0, 1.0, lockstep=lockstep)
     bus.serve(names.service_key(names.SIMULATOR, "status"), NoRequest, lambda _: status)
     return bus.declare_token(names.token_key(names.SIMULATOR, bus.instance))
 
 
-class World:
-    """Opens ticks and waits for the answers; it has no robots and no time of its own."""
+class LockStepHarness:
+    """The real `LockStep` with a scripted main loop: it opens ticks and waits for the answers."""
 
     def __init__(self, bus: Bus, options: LockStepOptions) -> None:
         self.stop = Stop()
         self.node = Node(names.SIMULATOR, bus, self.stop)
         self.answered: list[int] = []
-        """Robots whose commands came."""
+        """Ids of the robots that sent commands."""
         self.resent: list[list[str]] = []
-        """To whom inputs were sent again."""
+        """The participants of each repeat of the inputs."""
         self.on_resend: Callable[[], None] = lambda: None
-        """What happens the next time inputs are sent again."""
-        self.step = LockStep(self.node, options, self.answered.append)
+        """Called once, at the next repeat of the inputs."""
+        self.lockstep = LockStep(self.node, options, self.answered.append)
         show_simulator(bus)
         self._thread = threading.Thread(target=self._wait)
         self._results: list[bool] = []
 
     def open(self, tick: int, *robots: int) -> None:
-        """Send a tick."""
-        self.step.open(tick * INTERVAL, tick, [*robots])
+        """Open a tick."""
+        self.lockstep.open(tick * INTERVAL, tick, [*robots])
 
     def wait(self, limit: float = LIMIT) -> bool:
-        """What `LockStep.wait` says, which has to end by itself."""
+        """The result of `LockStep.wait`, which has to return within `limit` host seconds."""
         self.begin()
         return self.end(limit)
 
     def begin(self) -> None:
-        """Wait in a thread."""
+        """Call `LockStep.wait` in a thread."""
         self._thread = threading.Thread(target=self._wait)
         self._thread.start()
 
     def end(self, limit: float = LIMIT) -> bool:
-        """What that came to."""
+        """The result of that call."""
         self._thread.join(limit)
-        assert not self._thread.is_alive(), f"it waits for {self.step.waiting_for()}"
+        assert not self._thread.is_alive(), f"it waits for {self.lockstep.waiting_for()}"
         return self._results[-1]
 
     @property
     def holds(self) -> bool:
-        """Whether it still waits."""
+        """Whether `LockStep.wait` has not returned yet."""
         return self._thread.is_alive()
 
     def _wait(self) -> None:
-        self._results.append(self.step.wait(self._resend))
+        self._results.append(self.lockstep.wait(self._resend))
 
     def _resend(self, missing: list[str]) -> None:
         self.resent.append(missing)
@@ -201,42 +200,44 @@ class World:
         action()
 
     def close(self) -> None:
-        """End whatever it waits for."""
+        """Stop the node, which ends the wait."""
         self.stop.request("test over")
         if self._thread.ident is not None:
             self._thread.join(LIMIT)
         self.node.close()
 
 
-class Worlds:
-    """Makes worlds on a hub, and ends them all."""
+class HarnessFactory:
+    """Makes harnesses on a hub, and closes them all."""
 
     def __init__(self, hub: MemoryHub) -> None:
         self.hub = hub
-        self._made: list[World] = []
+        self._made: list[LockStepHarness] = []
 
-    def __call__(self, *expected: str, bus: Bus | None = None, gate: bool = False, timeout: float = LONG) -> World:
-        self._made.append(World(bus or self.hub.bus(), LockStepOptions(expected, timeout, gate)))
+    def __call__(
+        self, *expected: str, bus: Bus | None = None, gate: bool = False, timeout: float = LONG
+    ) -> LockStepHarness:
+        self._made.append(LockStepHarness(bus or self.hub.bus(), LockStepOptions(expected, timeout, gate)))
         return self._made[-1]
 
     def close(self) -> None:
-        """End whatever they wait for."""
-        for world in self._made:
-            world.close()
+        """Close all harnesses."""
+        for harness in self._made:
+            harness.close()
 
 
-def make_team(hub: MemoryHub, world: World, *who: str) -> list[Player]:
-    """These take part from tick 2 on, which is open."""
-    players = [Player(hub, name).appear() for name in who]
-    world.open(1)
-    assert world.wait()
-    world.open(2)
-    assert world.step.participants == sorted(who)
-    return players
+def make_team(hub: MemoryHub, harness: LockStepHarness, *process_names: str) -> list[ScriptedParticipant]:
+    """Let these processes join; they take part in tick 2, which is open on return."""
+    participants = [ScriptedParticipant(hub, name).appear() for name in process_names]
+    harness.open(1)
+    assert harness.wait()
+    harness.open(2)
+    assert harness.lockstep.participants == sorted(process_names)
+    return participants
 
 
-class Script:
-    """A simulator by script: its token, ticks and clock; what `name` answers it."""
+class ScriptedSimulator:
+    """A simulator without a world: its token, ticks and clock, and the answers of participant `name`."""
 
     def __init__(self, hub: MemoryHub, name: str) -> None:
         self.bus = hub.bus()
@@ -246,20 +247,20 @@ class Script:
         self.bus.subscribe(names.done_key(name), Done, lambda _key, done: self.answers.append(done))
 
     def appear(self) -> None:
-        """Show the token of a simulator in lock-step."""
+        """Declare the presence token of a simulator in lock-step."""
         self._token = show_simulator(self.bus)
 
     def vanish(self) -> None:
-        """Lose it."""
+        """Lose the presence token."""
         self._token.close()
 
     def tick(self, tick: int, *participants: str, epoch: int = 1, robots: tuple[int, ...] = ()) -> None:
-        """Send a tick."""
+        """Publish a tick."""
         stamp = time_from_ns(tick * INTERVAL)
         self._ticks.put(Tick(stamp, epoch, tick, np.array(robots, np.int32), list(participants)))
 
     def tell(self, stamp: int) -> None:
-        """Send the clock."""
+        """Publish the clock."""
         self._clock.put(Clock(time_from_ns(stamp)))
 
     def take(self) -> list[Done]:
@@ -268,49 +269,12 @@ class Script:
         return taken
 
 
-class GateKeeper:
-    """A monitor by script."""
+class ScriptedMonitor:
+    """A monitor that gives GO when the test says so."""
 
     def __init__(self, hub: MemoryHub) -> None:
         self._publisher = hub.bus().publisher(names.TEAM_STATUS, TeamStatus, latched=True)
 
     def give_go(self, epoch: int = 1) -> None:
-        """GO."""
+        """Publish GO under this epoch."""
         self._publisher.put(TeamStatus(state=TeamState.GO, epoch=epoch))
-
-
-class Log(logging.Handler):
-    """Lines that zteam logs, whatever a command has done to its loggers."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.changed = threading.Condition()
-        self.lines: list[str] = []
-
-    def emit(self, record: logging.LogRecord) -> None:
-        with self.changed:
-            self.lines.append(record.getMessage())
-            self.changed.notify_all()
-
-    def wait_for(self, text: str) -> None:
-        """Wait for a line with this in it."""
-        with self.changed:
-            assert wait_until(self.changed, lambda: self.count(text) > 0, LIMIT), self.lines
-
-    def count(self, text: str) -> int:
-        """How many lines have this in them."""
-        return sum(text in line for line in self.lines)
-
-
-@contextmanager
-def listening() -> Iterator[Log]:
-    """What is logged meanwhile, from information upwards."""
-    handler, root = Log(), logging.getLogger("zteam")
-    level = root.level
-    root.setLevel(logging.INFO)
-    root.addHandler(handler)
-    try:
-        yield handler
-    finally:
-        root.removeHandler(handler)
-        root.setLevel(level)

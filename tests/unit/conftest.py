@@ -1,12 +1,12 @@
-"""What tests of processes without processes share: a bus in memory, and scripted worlds in lock-step on it."""
+"""Fixtures of tests that run processes' parts in one process: a bus in memory, and lock-step on it."""
 
 from collections.abc import Iterator
 
 import pytest
 
-from support.lockstep_doubles import LONG, SHORT, Worlds
+from support.lockstep_doubles import LONG, SHORT, HarnessFactory
 from zteam.bus import MemoryHub
-from zteam.nodes.simulator import lockstep
+from zteam.nodes.simulator import patience
 
 
 @pytest.fixture
@@ -16,22 +16,22 @@ def hub() -> MemoryHub:
 
 
 @pytest.fixture
-def worlds(hub: MemoryHub) -> Iterator[Worlds]:
-    """Makes worlds that end with the test."""
-    made = Worlds(hub)
+def new_harness(hub: MemoryHub) -> Iterator[HarnessFactory]:
+    """Makes lock-step harnesses that end with the test."""
+    made = HarnessFactory(hub)
     yield made
     made.close()
 
 
 @pytest.fixture
 def patient(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nothing is sent again: what ends a wait is an event."""
-    monkeypatch.setattr(lockstep, "RESEND", LONG)
+    """No tick is sent again: only an event ends a wait."""
+    monkeypatch.setattr(patience, "RESEND", LONG)
 
 
 @pytest.fixture
 def hasty(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Repeats and complaints come at once."""
-    monkeypatch.setattr(lockstep, "RESEND", 0.5 * SHORT)
-    monkeypatch.setattr(lockstep, "MAX_RESEND", SHORT)
-    monkeypatch.setattr(lockstep, "NAME_AFTER", SHORT)
+    """Repeats and warnings come at once."""
+    monkeypatch.setattr(patience, "RESEND", 0.5 * SHORT)
+    monkeypatch.setattr(patience, "MAX_RESEND", SHORT)
+    monkeypatch.setattr(patience, "NAME_AFTER", SHORT)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from support.control_harness import TICK, Desk
+from support.control_harness import TICK, ControlHarness
 from support.lockstep_doubles import LIMIT
 from zteam.bus import MemoryHub
 from zteam.cli import main as zteam
@@ -21,11 +21,11 @@ Output = Callable[..., str]
 
 
 @pytest.fixture
-def desk(monkeypatch: pytest.MonkeyPatch) -> Iterator[Desk]:
+def desk(monkeypatch: pytest.MonkeyPatch) -> Iterator[ControlHarness]:
     """A simulator with a world paused at its first tick; `zteam` commands find it."""
-    desk = Desk(Pacer(TICK, None, paused=True))
+    desk = ControlHarness(Pacer(TICK, None, paused=True))
     desk.wait_for_tick(1)
-    SimulatorClient(desk._bus).stand(LIMIT)
+    SimulatorClient(desk.bus).stand(LIMIT)
     monkeypatch.setattr(sim, "open_bus", lambda _options: desk.hub.bus())
     yield desk
     desk.close()
@@ -55,14 +55,14 @@ def test_each_verb_prints_its_result_on_one_line(output: Output) -> None:
     assert output("resume") == "resumed at 0.001 s (tick 1), as fast as possible"
 
 
-def test_negative_numbers_are_values(desk: Desk, output: Output) -> None:
+def test_negative_numbers_are_values(desk: ControlHarness, output: Output) -> None:
     """A negative number in any notation is a value, as a positional argument and for an option."""
     output("move", "0", "-1e1", "-.5", "-2")
     output("spawn", "--id", "3", "--pose", "-1.5e0", "-2", "-0", "--json")
     assert [what for what, _ in desk.world.made] == ["move 0", "spawn -1.5"]
 
 
-def test_force_is_sent_only_with_its_flag(desk: Desk, output: Output) -> None:
+def test_force_is_sent_only_with_its_flag(desk: ControlHarness, output: Output) -> None:
     """`move` and `spawn` ask for force with --force, and not without."""
     for force in ([], ["--force"]):
         output("move", "0", "1", "2", "0", *force)
@@ -175,7 +175,9 @@ def test_without_a_simulator(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Cap
     assert "start one with 'zteam-sim WORLD'" in said
 
 
-def test_a_finished_run_does_not_resume(desk: Desk, output: Output, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_finished_run_does_not_resume(
+    desk: ControlHarness, output: Output, capsys: pytest.CaptureFixture[str]
+) -> None:
     """After the end of a run, `resume` and `step` report it and name `zteam sim reset`."""
     desk.last = 3
     assert "paused            run over" in output("step", "10")
@@ -185,7 +187,7 @@ def test_a_finished_run_does_not_resume(desk: Desk, output: Output, capsys: pyte
 
 
 def test_a_long_step_reports_its_progress(
-    desk: Desk, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    desk: ControlHarness, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The progress goes to stderr and names Ctrl+C; standard output has only the reply."""
     monkeypatch.setattr(simulator_client, "LOOK", 0.01)
@@ -206,7 +208,7 @@ def test_a_long_step_reports_its_progress(
 
 
 def test_an_interrupted_step_pauses_the_world(
-    desk: Desk, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    desk: ControlHarness, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Ctrl+C cancels the remaining ticks."""
 
@@ -216,7 +218,7 @@ def test_an_interrupted_step_pauses_the_world(
     monkeypatch.setattr(sim._Progress, "report", interrupt)
     assert zteam.main(["sim", "step", "1000000000"]) == 130
     assert "paused at" in capsys.readouterr().err
-    status = SimulatorClient(desk._bus).stand(LIMIT).status
+    status = SimulatorClient(desk.bus).stand(LIMIT).status
     assert status.paused
     assert status.tick < 1000000000
 
@@ -233,7 +235,7 @@ class CallbackOutput(io.StringIO):
         return super().write(text)
 
 
-def test_a_long_change_reports_what_it_waits_for(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_long_change_reports_what_it_waits_for(desk: ControlHarness, monkeypatch: pytest.MonkeyPatch) -> None:
     """A change that waits for the end of a tick names the command that shows the reason."""
     desk.free.clear()
     desk.ask_aside("step", SimStatus, StepRequest(1))

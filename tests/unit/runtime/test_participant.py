@@ -5,7 +5,8 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from support.lockstep_doubles import INTERVAL, LIMIT, Log, Script, listening, show_simulator
+from support.lockstep_doubles import INTERVAL, LIMIT, ScriptedSimulator, show_simulator
+from support.log_capture import LogCapture, captured_log
 from zteam import names
 from zteam.bus import Bus, MemoryHub, NoRequest
 from zteam.clock import wait_until
@@ -63,15 +64,15 @@ class Desk:
 
 
 @pytest.fixture
-def script(hub: MemoryHub) -> Script:
+def script(hub: MemoryHub) -> ScriptedSimulator:
     """A simulator with its token."""
-    script = Script(hub, NAME)
+    script = ScriptedSimulator(hub, NAME)
     script.appear()
     return script
 
 
 @pytest.fixture
-def desk(hub: MemoryHub, script: Script) -> Iterator[Desk]:
+def desk(hub: MemoryHub, script: ScriptedSimulator) -> Iterator[Desk]:
     """A present process that has just asked to be let in, and heard that it is (ticks from 2 on are for it)."""
     desk = Desk(hub.bus())
     desk.node.become_present()
@@ -81,7 +82,7 @@ def desk(hub: MemoryHub, script: Script) -> Iterator[Desk]:
     desk.node.close()
 
 
-def test_a_newcomer_asks_to_be_let_in(desk: Desk, script: Script) -> None:
+def test_a_newcomer_asks_to_be_let_in(desk: Desk, script: ScriptedSimulator) -> None:
     """A tick that does not list it is answered without acting; the first one that does is acted on."""
     script.tick(2, "robot_0")
     assert script.take() == [Done(1, 2)]
@@ -91,7 +92,7 @@ def test_a_newcomer_asks_to_be_let_in(desk: Desk, script: Script) -> None:
     assert desk.acted == [3]
 
 
-def test_who_does_not_hold_its_name_says_nothing(hub: MemoryHub, script: Script) -> None:
+def test_who_does_not_hold_its_name_says_nothing(hub: MemoryHub, script: ScriptedSimulator) -> None:
     """Before the name is won another process may have it, so ticks are neither heard nor answered."""
     desk = Desk(hub.bus())
     script.tick(1, NAME)
@@ -105,7 +106,7 @@ def test_who_does_not_hold_its_name_says_nothing(hub: MemoryHub, script: Script)
     desk.node.close()
 
 
-def test_a_command_travels_with_the_answer(desk: Desk, script: Script) -> None:
+def test_a_command_travels_with_the_answer(desk: Desk, script: ScriptedSimulator) -> None:
     """What `act` returns is in the answer to that tick; with None the answer has no command."""
     desk.command = lambda tick: Twist(Vector3(0.1 * tick.tick)) if tick.tick % 2 else None
     script.tick(2, NAME)
@@ -113,7 +114,7 @@ def test_a_command_travels_with_the_answer(desk: Desk, script: Script) -> None:
     assert script.take() == [Done(1, 2), Done(1, 3, True, Twist(Vector3(0.1 * 3)))]
 
 
-def test_it_acts_when_its_inputs_are_there(desk: Desk, script: Script) -> None:
+def test_it_acts_when_its_inputs_are_there(desk: Desk, script: ScriptedSimulator) -> None:
     """The tick waits for the last input, and is acted on and answered once, in that input's callback."""
     desk.needs_food = True
     script.tick(2, NAME, "cook")
@@ -126,7 +127,7 @@ def test_it_acts_when_its_inputs_are_there(desk: Desk, script: Script) -> None:
     assert (script.take(), desk.acted) == ([], [2])
 
 
-def test_inputs_that_come_before_their_tick_count(desk: Desk, script: Script) -> None:
+def test_inputs_that_come_before_their_tick_count(desk: Desk, script: ScriptedSimulator) -> None:
     """Messages may overtake the tick: it is then answered at once."""
     desk.needs_food = True
     desk.feed()
@@ -136,7 +137,7 @@ def test_inputs_that_come_before_their_tick_count(desk: Desk, script: Script) ->
     assert (script.take(), desk.acted) == ([Done(1, 2)], [2])
 
 
-def test_a_repeated_tick_is_answered_again_and_not_acted_on_again(desk: Desk, script: Script) -> None:
+def test_a_repeated_tick_is_answered_again_and_not_acted_on_again(desk: Desk, script: ScriptedSimulator) -> None:
     """A tick comes again because its answer or its data was lost: both are sent once more, unchanged."""
     desk.command = lambda _: Twist(Vector3(0.1 * (1 + len(desk.acted))))
     script.tick(2, NAME)
@@ -148,7 +149,7 @@ def test_a_repeated_tick_is_answered_again_and_not_acted_on_again(desk: Desk, sc
     assert desk.acted == [2]
 
 
-def test_a_repeated_tick_that_waits_for_inputs_goes_on_waiting(desk: Desk, script: Script) -> None:
+def test_a_repeated_tick_that_waits_for_inputs_goes_on_waiting(desk: Desk, script: ScriptedSimulator) -> None:
     """It is looked at again, is not answered early, and is acted on once when all is there."""
     desk.needs_food = True
     for _ in range(3):
@@ -159,7 +160,7 @@ def test_a_repeated_tick_that_waits_for_inputs_goes_on_waiting(desk: Desk, scrip
     assert (script.take(), desk.acted) == ([Done(1, 2)], [2])
 
 
-def test_it_looks_again_when_others_leave_the_tick(desk: Desk, script: Script) -> None:
+def test_it_looks_again_when_others_leave_the_tick(desk: Desk, script: ScriptedSimulator) -> None:
     """A repeated tick may say that a process with missing inputs does not take part any more."""
     desk.needs_food = True
     script.tick(2, NAME, "cook")
@@ -169,7 +170,7 @@ def test_it_looks_again_when_others_leave_the_tick(desk: Desk, script: Script) -
     assert desk.asked[-2:] == [[NAME, "cook"], [NAME]]
 
 
-def test_the_tick_of_another_epoch_is_another_tick(desk: Desk, script: Script) -> None:
+def test_the_tick_of_another_epoch_is_another_tick(desk: Desk, script: ScriptedSimulator) -> None:
     """GO opens the held first tick anew: it is acted on again."""
     script.tick(2, NAME, epoch=0)
     script.tick(2, NAME, epoch=4)
@@ -177,7 +178,7 @@ def test_the_tick_of_another_epoch_is_another_tick(desk: Desk, script: Script) -
     assert desk.acted == [2, 2]
 
 
-def test_a_newer_tick_ends_the_wait_for_an_older_one(desk: Desk, script: Script) -> None:
+def test_a_newer_tick_ends_the_wait_for_an_older_one(desk: Desk, script: ScriptedSimulator) -> None:
     """Left behind and let in again, it answers the tick at hand alone."""
     desk.needs_food = True
     script.tick(2, NAME, "cook")
@@ -190,7 +191,7 @@ def test_a_newer_tick_ends_the_wait_for_an_older_one(desk: Desk, script: Script)
     assert (script.take(), desk.acted) == ([Done(1, 4)], [4])
 
 
-def test_a_tick_it_was_let_into_while_it_was_open_is_acted_on(desk: Desk, script: Script) -> None:
+def test_a_tick_it_was_let_into_while_it_was_open_is_acted_on(desk: Desk, script: ScriptedSimulator) -> None:
     """Having asked to be let in is no answer: the same tick may come again with its name in it."""
     script.tick(5)
     script.tick(5, NAME)
@@ -198,7 +199,7 @@ def test_a_tick_it_was_let_into_while_it_was_open_is_acted_on(desk: Desk, script
     assert (desk.acted, desk.repeats) == ([5], 0)
 
 
-def test_a_fault_in_its_work_ends_the_wait_of_its_main_loop(desk: Desk, script: Script) -> None:
+def test_a_fault_in_its_work_ends_the_wait_of_its_main_loop(desk: Desk, script: ScriptedSimulator) -> None:
     """What `act` raises on a thread of the bus is raised where the process waits; the tick is not answered."""
     caught: list[BaseException] = []
 
@@ -222,7 +223,7 @@ def test_a_fault_in_its_work_ends_the_wait_of_its_main_loop(desk: Desk, script: 
         desk.node.wait(lambda: True, LIMIT)
 
 
-def test_time_goes_with_the_ticks(desk: Desk, script: Script) -> None:
+def test_time_goes_with_the_ticks(desk: Desk, script: ScriptedSimulator) -> None:
     """In lock-step each tick sets the time; the clock, which would only wake the process once more, is not heard."""
     times: list[int] = []
     desk.command = lambda _: times.append(desk.node.clock.now())
@@ -236,7 +237,7 @@ def test_time_goes_with_the_ticks(desk: Desk, script: Script) -> None:
     assert ns_from_time(desk.part.tick.stamp) == 4 * INTERVAL
 
 
-def test_the_clock_tells_the_time_outside_of_lock_step(hub: MemoryHub, script: Script) -> None:
+def test_the_clock_tells_the_time_outside_of_lock_step(hub: MemoryHub, script: ScriptedSimulator) -> None:
     """Before the first tick the participant is idle and its node hears the clock as ever."""
     desk = Desk(hub.bus())
     desk.node.become_present()
@@ -247,7 +248,7 @@ def test_the_clock_tells_the_time_outside_of_lock_step(hub: MemoryHub, script: S
     desk.node.close()
 
 
-def test_the_clock_is_heard_again_when_the_simulator_is_gone(desk: Desk, script: Script) -> None:
+def test_the_clock_is_heard_again_when_the_simulator_is_gone(desk: Desk, script: ScriptedSimulator) -> None:
     """The next simulator may not work in lock-step: the participant is idle, and the clock counts."""
     script.tick(2, NAME)
     script.vanish()
@@ -259,7 +260,7 @@ def test_the_clock_is_heard_again_when_the_simulator_is_gone(desk: Desk, script:
     assert not desk.part.active
 
 
-def test_the_next_simulators_ticks_are_new(desk: Desk, script: Script) -> None:
+def test_the_next_simulators_ticks_are_new(desk: Desk, script: ScriptedSimulator) -> None:
     """A simulator that starts anew numbers its ticks from 1: they are acted on, though they were answered before."""
     script.tick(2, NAME)
     assert script.take() == [Done(1, 2)]
@@ -270,7 +271,7 @@ def test_the_next_simulators_ticks_are_new(desk: Desk, script: Script) -> None:
     assert (desk.acted, desk.repeats) == ([2, 2], 0)
 
 
-def test_an_open_tick_ends_with_its_simulator(desk: Desk, script: Script) -> None:
+def test_an_open_tick_ends_with_its_simulator(desk: Desk, script: ScriptedSimulator) -> None:
     """Inputs that come after the simulator is gone cause no answer."""
     desk.needs_food = True
     script.tick(2, NAME, "cook")
@@ -280,7 +281,7 @@ def test_an_open_tick_ends_with_its_simulator(desk: Desk, script: Script) -> Non
     assert (script.take(), desk.acted) == ([], [])
 
 
-def test_a_jump_back_is_told_before_the_tick_is_acted_on(desk: Desk, script: Script) -> None:
+def test_a_jump_back_is_told_before_the_tick_is_acted_on(desk: Desk, script: ScriptedSimulator) -> None:
     """After a reset the old data is forgotten first; the inputs are asked for when that is done."""
     order: list[str] = []
     desk.node.clock.sim.on_jump_back(lambda old, new: order.append(f"{old // INTERVAL} -> {new // INTERVAL}"))
@@ -290,7 +291,7 @@ def test_a_jump_back_is_told_before_the_tick_is_acted_on(desk: Desk, script: Scr
     assert order == ["act 8", "act 9", "9 -> 2", "act 2", "act 3"]
 
 
-def test_a_repeated_tick_is_no_jump(desk: Desk, script: Script) -> None:
+def test_a_repeated_tick_is_no_jump(desk: Desk, script: ScriptedSimulator) -> None:
     """The time of a repeat is the time that it is."""
     jumps: list[int] = []
     desk.node.clock.sim.on_jump_back(lambda _old, new: jumps.append(new))
@@ -303,9 +304,9 @@ REFUSED = "dropped a message on sim/tick"
 
 
 @pytest.fixture
-def log() -> Iterator[Log]:
+def log() -> Iterator[LogCapture]:
     """What is logged during the test."""
-    with listening() as lines:
+    with captured_log() as lines:
         yield lines
 
 
@@ -315,9 +316,9 @@ def forge(hub: MemoryHub, tick: int, *participants: str) -> None:
     publisher.put(Tick(time_from_ns(tick * INTERVAL), 1, tick, participants=list(participants)))
 
 
-def test_a_tick_that_no_simulator_sent_stops_no_team_in_real_time(hub: MemoryHub, log: Log) -> None:
+def test_a_tick_that_no_simulator_sent_stops_no_team_in_real_time(hub: MemoryHub, log: LogCapture) -> None:
     """It is neither answered nor taken for the time, and the log and the counters say that it came."""
-    script, desk = Script(hub, NAME), Desk(hub.bus())
+    script, desk = ScriptedSimulator(hub, NAME), Desk(hub.bus())
     show_simulator(script.bus, lockstep=False)
     desk.node.become_present()
     script.tell(5 * INTERVAL)
@@ -332,7 +333,7 @@ def test_a_tick_that_no_simulator_sent_stops_no_team_in_real_time(hub: MemoryHub
 
 
 def test_a_tick_that_no_simulator_sent_does_not_count_in_lock_step(
-    hub: MemoryHub, desk: Desk, script: Script, log: Log
+    hub: MemoryHub, desk: Desk, script: ScriptedSimulator, log: LogCapture
 ) -> None:
     """Beside a simulator in lock-step, only that one's ticks are answered."""
     script.tick(2, NAME)
@@ -345,7 +346,7 @@ def test_a_tick_that_no_simulator_sent_does_not_count_in_lock_step(
 
 def test_a_tick_may_come_before_the_simulators_token(hub: MemoryHub) -> None:
     """Nothing orders the two: the tick is kept, and answered when its simulator has said that this is lock-step."""
-    script, desk = Script(hub, NAME), Desk(hub.bus())
+    script, desk = ScriptedSimulator(hub, NAME), Desk(hub.bus())
     desk.node.become_present()
     script.tick(1)
     assert script.take() == []
@@ -356,7 +357,7 @@ def test_a_tick_may_come_before_the_simulators_token(hub: MemoryHub) -> None:
 
 def test_a_simulator_that_did_not_answer_is_asked_again(hub: MemoryHub) -> None:
     """Its next tick brings the question anew, and is answered when that is."""
-    script, desk = Script(hub, NAME), Desk(hub.bus())
+    script, desk = ScriptedSimulator(hub, NAME), Desk(hub.bus())
     desk.node.become_present()
     script.bus.declare_token(names.token_key(names.SIMULATOR, script.bus.instance))
     status = SimStatus("scripted", [], INTERVAL, 1, 0, 0, 1.0, lockstep=True)
@@ -369,7 +370,7 @@ def test_a_simulator_that_did_not_answer_is_asked_again(hub: MemoryHub) -> None:
 
 
 def test_data_that_goes_on_without_ticks_is_of_real_time(
-    desk: Desk, script: Script, log: Log, monkeypatch: pytest.MonkeyPatch
+    desk: Desk, script: ScriptedSimulator, log: LogCapture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The participant is idle again, and the clock counts; a tick takes it back into lock-step."""
     monkeypatch.setattr(module, "TICKLESS", 0.0, raising=False)
@@ -390,7 +391,7 @@ def test_data_that_goes_on_without_ticks_is_of_real_time(
     assert desk.part.active
 
 
-def test_data_before_its_tick_does_not_end_lock_step(desk: Desk, script: Script) -> None:
+def test_data_before_its_tick_does_not_end_lock_step(desk: Desk, script: ScriptedSimulator) -> None:
     """Scans come a moment before their tick, for as long as there are ticks."""
     for tick in range(2, 50):
         desk.hear(tick)
@@ -400,7 +401,7 @@ def test_data_before_its_tick_does_not_end_lock_step(desk: Desk, script: Script)
 
 
 @pytest.mark.parametrize("late", ["tick", "input"])
-def test_nothing_is_answered_behind_the_stop_hooks(desk: Desk, script: Script, late: str) -> None:
+def test_nothing_is_answered_behind_the_stop_hooks(desk: Desk, script: ScriptedSimulator, late: str) -> None:
     """A hook has the last word, such as a zero velocity: a tick or an input that comes after it does nothing."""
     desk.needs_food = late == "input"
     script.tick(2, NAME, "cook")

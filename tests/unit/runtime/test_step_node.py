@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 import pytest
 
 import zteam
-from support.lockstep_doubles import LIMIT, Worlds
+from support.lockstep_doubles import LIMIT, HarnessFactory
 from zteam import names
 from zteam.bus import MemoryHub
 from zteam.clock import wait_until
@@ -155,7 +155,9 @@ def test_in_wall_time_its_steps_are_a_period_apart(
 
 
 @pytest.mark.usefixtures("patient")
-def test_in_lock_step_it_waits_for_its_inputs(hub: MemoryHub, make: Callable[..., Own], worlds: Worlds) -> None:
+def test_in_lock_step_it_waits_for_its_inputs(
+    hub: MemoryHub, make: Callable[..., Own], new_harness: HarnessFactory
+) -> None:
     """The world is held until the tick's odometry of every robot, and its transforms, have come; then it steps once."""
     own = make()
     bus = hub.bus()
@@ -164,7 +166,7 @@ def test_in_lock_step_it_waits_for_its_inputs(hub: MemoryHub, make: Callable[...
     own.node.subscribe(names.all_robots_key(names.ODOM), Odometry, lambda key, odom: None, every_tick=True)
     own.node.subscribe(names.TF, TFMessage, lambda key, message: None, every_tick=True)
     own.start()
-    world = worlds("planner")
+    world = new_harness("planner")
     own.wait_until_present()
     world.open(1, 0, 1)
     world.begin()
@@ -181,17 +183,17 @@ def test_in_lock_step_it_waits_for_its_inputs(hub: MemoryHub, make: Callable[...
 @pytest.mark.usefixtures("patient")
 @pytest.mark.parametrize(("name", "obeyed"), [("robot_3", True), ("planner", False)])
 def test_a_robots_own_process_may_command(
-    hub: MemoryHub, make: Callable[..., Own], worlds: Worlds, name: str, obeyed: bool
+    hub: MemoryHub, make: Callable[..., Own], new_harness: HarnessFactory, name: str, obeyed: bool
 ) -> None:
     """What `step` returns is a command if the process has a robot's name, and ignored otherwise."""
     own = make(name, Twist(Vector3(0.5)))
     own.start()
-    world = worlds(name)
+    world = new_harness(name)
     own.wait_until_present()
     world.open(1, 3)
     world.begin()
     assert world.end()
-    commands = world.step.take_commands({3: None})
+    commands = world.lockstep.take_commands({3: None})
     assert commands == ({3: Twist(Vector3(0.5))} if obeyed else {})
 
 
@@ -210,7 +212,7 @@ def test_what_step_raises_ends_it(hub: MemoryHub, make: Callable[..., Own]) -> N
 @pytest.mark.usefixtures("patient")
 @pytest.mark.parametrize("every_tick", [True, False])
 def test_what_a_callback_raises_ends_it(
-    hub: MemoryHub, make: Callable[..., Own], worlds: Worlds, every_tick: bool
+    hub: MemoryHub, make: Callable[..., Own], new_harness: HarnessFactory, every_tick: bool
 ) -> None:
     """`run` raises it, no tick is answered any more, and the world goes on without a time-out once it is closed."""
 
@@ -223,7 +225,7 @@ def test_what_a_callback_raises_ends_it(
     odoms = hub.bus().publisher(key, Odometry)
     own.node.subscribe(key, Odometry, fail, every_tick=every_tick)
     own.start()
-    world = worlds("planner")
+    world = new_harness("planner")
     own.wait_until_present()
     world.open(1, 0)
     world.begin()
@@ -234,7 +236,7 @@ def test_what_a_callback_raises_ends_it(
     assert str(own.failure) == "out of plans"
     world.open(2, 0)
     world.begin()
-    assert world.step.waiting_for() == "planner"
+    assert world.lockstep.waiting_for() == "planner"
     own.node.close()
     assert world.end()
     assert own.steps == [TICK]

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from support.control_harness import TICK, Desk
+from support.control_harness import TICK, ControlHarness
 from support.lockstep_doubles import LIMIT
 from zteam import names
 from zteam.bus import Bus, Change, MemoryHub, NoRequest
@@ -14,19 +14,19 @@ from zteam.services import simulator_client
 from zteam.services.simulator import SimStatus, StepRequest
 from zteam.services.simulator_client import SimulatorClient
 
-Make = Callable[..., tuple[Desk, SimulatorClient]]
+Make = Callable[..., tuple[ControlHarness, SimulatorClient]]
 
 
 @pytest.fixture
 def make() -> Iterator[Make]:
     """Makes scripted simulators that end with the test, each with a client."""
-    made: list[Desk] = []
+    made: list[ControlHarness] = []
 
-    def make_desk(speed: float | None = None, *, paused: bool = True) -> tuple[Desk, SimulatorClient]:
-        desk = Desk(Pacer(TICK, speed, paused=paused))
+    def make_desk(speed: float | None = None, *, paused: bool = True) -> tuple[ControlHarness, SimulatorClient]:
+        desk = ControlHarness(Pacer(TICK, speed, paused=paused))
         made.append(desk)
         desk.wait_for_tick(1)
-        return desk, SimulatorClient(desk._bus)
+        return desk, SimulatorClient(desk.bus)
 
     yield make_desk
     for desk in made:
@@ -70,10 +70,10 @@ def test_a_step_outlasts_any_query(make: Make) -> None:
 def test_a_step_ends_when_somebody_else_sets_the_pace(make: Make) -> None:
     """A pause or a resume ends the steps of other clients, which would never be done."""
     desk, client = make()
-    other = SimulatorClient(desk._bus)
+    other = SimulatorClient(desk.bus)
 
     def pause(_status: SimStatus) -> None:
-        desk._bus.ask(names.service_key(names.SIMULATOR, "pause"), SimStatus, Change())
+        desk.bus.ask(names.service_key(names.SIMULATOR, "pause"), SimStatus, Change())
         desk.free.set()
 
     def resume(_status: SimStatus) -> None:

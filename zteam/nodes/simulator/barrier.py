@@ -1,12 +1,13 @@
-"""Lock-step without a bus: who takes part, and who has not answered the tick yet.
+"""The participants of a tick and their answers. Pure: presence tokens and answers go in.
 
-The simulator feeds it with presence tokens and answers. A process joins by answering any tick and is waited for from
-the next tick that is opened; it leaves with its last token, or when it is dropped as hung.
+A process joins when it answers any tick. The simulator waits for it from the next tick that is opened. A process leaves
+with its last presence token, or when it is dropped because it does not answer.
 """
 
 from collections.abc import Iterable
 
 from zteam.messages import Done
+from zteam.runtime.tokens import TokenSet
 
 
 class Barrier:
@@ -14,34 +15,29 @@ class Barrier:
 
     def __init__(self, expected: Iterable[str] = ()) -> None:
         self.expected = frozenset(expected)
-        """Without these the first tick is held."""
+        """The first tick is held until all of these take part."""
         self.members: list[str] = []
         """Participants of the open tick, sorted."""
         self.joining: set[str] = set()
-        """They answered, and will be participants of the next tick."""
+        """Processes that have answered and become participants with the next tick."""
         self.answers: dict[str, Done] = {}
-        """By participant, for the open tick."""
+        """Answers to the open tick, by participant."""
         self._key = (0, 0)
-        self._instances: dict[str, set[str]] = {}
+        self._holders = TokenSet()
 
     def take_token(self, name: str, instance: str, alive: bool) -> None:
-        """A process took or lost its name."""
-        instances = self._instances.setdefault(name, set())
-        if alive:
-            instances.add(instance)
-            return
-        instances.discard(instance)
-        if not instances:
-            del self._instances[name]
+        """The presence token of session `instance` for `name` came (`alive`) or went."""
+        self._holders.take(name, instance, alive)
+        if name not in self._holders:
             self.drop(name)
 
     def is_alive(self, name: str) -> bool:
         """Whether a process holds this name."""
-        return name in self._instances
+        return name in self._holders
 
     def take_done(self, name: str, done: Done) -> bool:
-        """An answer; False if it is nobody's: a participant has to hold its name by a token."""
-        if name not in self._instances:
+        """Take an answer. False if no process holds `name`: the answer is ignored."""
+        if name not in self._holders:
             return False
         if name not in self.members:
             self.joining.add(name)
@@ -50,7 +46,10 @@ class Barrier:
         return True
 
     def open(self, epoch: int, tick: int, *, admit: bool = True) -> list[str]:
-        """Open a tick, with all who joined; opened again, it keeps the answers it has. Its participants."""
+        """Open a tick and return its participants; `admit` lets in the processes that joined.
+
+        A tick that is opened again keeps its answers.
+        """
         if (epoch, tick) != self._key:
             self._key = (epoch, tick)
             self.answers = {}
@@ -65,15 +64,15 @@ class Barrier:
 
     @property
     def complete(self) -> bool:
-        """Whether everybody has answered."""
+        """Whether every participant has answered."""
         return len(self.answers) >= len(self.members) and not self.missing()
 
     @property
     def absent(self) -> list[str]:
-        """Expected, and neither a participant nor about to become one."""
+        """Expected processes that neither take part nor join."""
         return sorted(self.expected.difference(self.members, self.joining))
 
     def drop(self, name: str) -> None:
-        """Do not wait for this one any more; an answer that it gave for the open tick stays."""
+        """Stop waiting for this participant. An answer that it gave for the open tick stays."""
         self.members = [member for member in self.members if member != name]
         self.joining.discard(name)

@@ -1,4 +1,4 @@
-"""What arrives on `robot_N/cmd_vel` between two ticks, from whom, and how long after the scan."""
+"""The robots' commands on `robot_N/cmd_vel`: the newest one of each robot, its sender, and its delay after the scan."""
 
 import threading
 from collections.abc import Callable
@@ -9,20 +9,22 @@ from zteam.clock import monotonic, wait_until
 from zteam.messages import Twist
 from zteam.nodes.simulator.run_statistics import RunStatistics
 from zteam.runtime.node import Node
+from zteam.runtime.tokens import TokenSet
 from zteam.runtime.writers import Writers
 
 
 class Commands:
-    """The newest command of every robot since the last tick. Filled by the bus's threads."""
+    """The newest command of every robot since the last tick. The bus's threads fill it, the main loop empties it."""
 
-    def __init__(self, node: Node, has_robot: Callable[[int], bool], tally: RunStatistics) -> None:
+    def __init__(self, node: Node, has_robot: Callable[[int], bool], statistics: RunStatistics) -> None:
         self._node = node
         self._has_robot = has_robot
-        self._tally = tally
+        self._statistics = statistics
         self._lock = threading.Condition()
         self._fresh: dict[int, Twist] = {}
         self._scan_sent: dict[int, float] = {}
-        self._holders: dict[int, set[str]] = {}
+        """Host times at which scans left that have no command yet."""
+        self._holders = TokenSet()
         self._others = Writers()
         """Sessions that command a robot without holding its name."""
         node.bus.watch_tokens([names.tokens_key()], self._on_token)
@@ -30,11 +32,9 @@ class Commands:
 
     def _on_token(self, key: str, alive: bool) -> None:
         token = names.split_token_key(key)
-        robot_id = names.robot_id_of(token[0]) if token else None
-        if token and robot_id is not None:
+        if token and names.robot_id_of(token[0]) is not None:
             with self._lock:
-                holders = self._holders.setdefault(robot_id, set())
-                (holders.add if alive else holders.discard)(token[1])
+                self._holders.take(*token, alive)
 
     def _on_sample(self, sample: RawSample) -> None:
         target = names.split_robot_key(sample.key)
@@ -46,52 +46,51 @@ class Commands:
             return
         robot_id = target[0]
         with self._lock:
-            if sample.source not in self._holders.get(robot_id, ()):
-                self._tally.external_commands += self._tally.go_stamp is not None
+            if sample.source not in self._holders_of(robot_id):
+                self._statistics.add_external_command()
                 self._others.take(robot_id, sample.source, monotonic())
             self._fresh[robot_id] = command
             self._lock.notify_all()
         self.answered(robot_id)
 
+    def _holders_of(self, robot_id: int) -> frozenset[str]:
+        return self._holders.instances(names.robot_name(robot_id))
+
     def writers(self) -> dict[int, list[str]]:
-        """Robots that more than one process commands, and the session ids of these."""
+        """Robots that more than one process commands, and the session ids of these processes."""
         with self._lock:
-            found = {i: others | self._holders.get(i, set()) for i, others in self._others.recent(monotonic()).items()}
+            found = {i: others | self._holders_of(i) for i, others in self._others.recent(monotonic()).items()}
         return {robot_id: sorted(sessions) for robot_id, sessions in found.items() if len(sessions) > 1}
 
-    def start_anew(self, tally: RunStatistics) -> None:
-        """The world is as at its start: what was commanded before counts no more."""
+    def start_anew(self) -> None:
+        """The world is as at its start: earlier commands no longer count."""
         with self._lock:
-            self._tally = tally
             self._fresh.clear()
             self._scan_sent.clear()
 
     def scan_sent(self, robot_id: int) -> None:
-        """The robot's scan of this tick leaves now."""
+        """Note that the robot's scan of this tick leaves now."""
         with self._lock:
             self._scan_sent[robot_id] = monotonic()
 
     def answered(self, robot_id: int) -> None:
-        """The robot's command for its scan has come, by whatever way."""
+        """Note that the robot's command for its scan has come, on `cmd_vel` or in an answer of lock-step."""
         with self._lock:
             sent = self._scan_sent.pop(robot_id, None)
         if sent is not None:
-            self._tally.add_latency(monotonic() - sent)
+            self._statistics.add_latency(monotonic() - sent)
 
     def wait_for_answers(self, timeout: float) -> None:
-        """Let the robots that were sent a scan answer, for `timeout` host seconds at most."""
+        """Wait for the commands of robots that were sent a scan, for `timeout` host seconds at most."""
         with self._lock:
-            # One that was taken out of the world does not answer its last scan.
+            # A robot that was taken out of the world does not answer its last scan.
             self._scan_sent = {i: sent for i, sent in self._scan_sent.items() if self._has_robot(i)}
-            wait_until(self._lock, lambda: not any(self._holders.get(i) for i in self._scan_sent), timeout)
+            wait_until(self._lock, lambda: not any(self._holders_of(i) for i in self._scan_sent), timeout)
 
     def take(self) -> tuple[dict[int, Twist], list[int]]:
         """The commands since the last call, and the robots with a living process that sent none."""
         with self._lock:
             fresh, self._fresh = self._fresh, {}
-            late = [
-                robot_id
-                for robot_id, holders in self._holders.items()
-                if holders and robot_id not in fresh and self._has_robot(robot_id)
-            ]
+            holding = [names.robot_id_of(name) for name in sorted(self._holders)]
+        late = [i for i in holding if i is not None and i not in fresh and self._has_robot(i)]
         return {robot_id: command for robot_id, command in fresh.items() if self._has_robot(robot_id)}, late

@@ -1,7 +1,6 @@
-"""When the next tick is due: real time, a factor of it, as fast as possible, paused, or so many single steps.
+"""When the next tick is due: in real time, at a multiple of it, as fast as possible, paused, or in single steps.
 
-No tick is ever skipped. A simulator that falls behind its schedule says so, and starts the schedule anew when it is
-more than MAX_LAG late, instead of rushing to catch up.
+No tick is skipped. A simulator that is late catches up. When it is more than MAX_LAG late it starts a new schedule.
 """
 
 import threading
@@ -12,11 +11,11 @@ from zteam.numbers import percentile
 _WINDOW = 50
 """Ticks over which the real-time factor is measured."""
 MAX_LAG = 1.0
-"""Host seconds."""
+"""Host seconds of lateness beyond which the schedule starts anew."""
 
 
 class Pacer:
-    """Told the host's time, in seconds, by the main loop; the pace is changed from other threads."""
+    """The main loop tells it the host's time in seconds; other threads change the pace."""
 
     def __init__(self, interval: int, speed: float | None = 1.0, *, paused: bool = False) -> None:
         self._interval = interval / 1e9
@@ -25,11 +24,11 @@ class Pacer:
         self.paused = paused
         self._lock = threading.Lock()
         self.steps = 0
-        """Ticks still to go while paused."""
+        """Ticks that are still to be taken while paused."""
         self._due: float | None = None
         self._starts: deque[float] = deque(maxlen=_WINDOW)
         self._lateness: deque[float] = deque(maxlen=10_000)
-        """Host seconds that ticks began after they were due, the newest ones."""
+        """Host seconds between the due time and the start of the newest ticks."""
 
     def set_speed(self, speed: float | None) -> None:
         """Change the speed from now on."""
@@ -37,18 +36,18 @@ class Pacer:
         self.start_anew()
 
     def pause(self) -> None:
-        """Stand still after the tick at hand."""
+        """Stand still after the open tick."""
         with self._lock:
             self.paused, self.steps = True, 0
 
     def resume(self) -> None:
-        """Go on."""
+        """Run on at the given speed."""
         with self._lock:
             self.paused, self.steps = False, 0
         self.start_anew()
 
     def step(self, ticks: int) -> None:
-        """Go on for so many ticks, as fast as possible, and stand still then."""
+        """Take so many more ticks, as fast as possible, and then stand still."""
         with self._lock:
             self.paused = True
             self.steps += ticks
@@ -62,7 +61,7 @@ class Pacer:
         return max(0.0, self._due - now)
 
     def start(self, now: float, *, counts: bool = True) -> None:
-        """A tick begins; one that does not count is none of the steps, such as the first."""
+        """A tick begins. If it does not count, it takes no step: so does the first tick, which is sent in any case."""
         self._starts.append(now)
         if self.paused:
             with self._lock:
@@ -85,7 +84,7 @@ class Pacer:
         return self._interval * (len(self._starts) - 1) / elapsed if elapsed > 0 else 1.0
 
     def start_anew(self) -> None:
-        """The schedule begins with the next tick, and so does what is measured: the world was held on purpose."""
+        """Start schedule and measurements with the next tick: the world stood still on purpose until now."""
         self._due = None
         self._starts.clear()
         self._lateness.clear()
@@ -98,6 +97,6 @@ class Pacer:
 
     @property
     def behind(self) -> bool:
-        """Whether the world is slower than it was asked to be."""
+        """Whether the world runs more than 5 % slower than its speed."""
         known = len(self._starts) > 1
         return known and not self.paused and self.speed is not None and self.factor < 0.95 * self.speed

@@ -2,7 +2,7 @@
 
 import pytest
 
-from support.lockstep_doubles import listening
+from support.log_capture import captured_log
 from support.transports import Inbox, Sessions, wait_until_true
 from zteam.bus import Bus, Publisher, payloads
 from zteam.bus.counters import KeyCount
@@ -160,7 +160,7 @@ def test_an_error_in_a_callback_ends_nothing(sessions: Sessions) -> None:
 
     listener.subscribe("a", Done, fail)
     publisher = reaching(sender, "a")
-    with listening() as log:
+    with captured_log() as log:
         publisher.put(Done(tick=1))
         publisher.put(Done(tick=2))
         inbox.wait_for(("a", 2))

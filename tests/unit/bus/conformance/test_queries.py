@@ -6,7 +6,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from support.lockstep_doubles import listening
+from support.log_capture import captured_log
 from support.transports import LIMIT, Inbox, Sessions, wait_until_true
 from zteam.bus import Bus, Deferred, NoRequest, answering, payloads
 from zteam.errors import BusError
@@ -107,7 +107,7 @@ def test_an_error_goes_to_the_asker_as_text(sessions: Sessions) -> None:
 
     server.serve("a", NoRequest, refuse)
     introduce(asker, server)
-    with listening() as log, pytest.raises(BusError) as caught:
+    with captured_log() as log, pytest.raises(BusError) as caught:
         asker.ask("a", Number)
     assert str(caught.value) == "a: not today"
     assert log.lines == []
@@ -118,7 +118,7 @@ def test_a_fault_goes_to_the_asker_with_its_kind(sessions: Sessions) -> None:
     server, asker = sessions(), sessions()
     server.serve("a", NoRequest, lambda _: {}["missing"])
     introduce(asker, server)
-    with listening() as log, pytest.raises(BusError) as caught:
+    with captured_log() as log, pytest.raises(BusError) as caught:
         asker.ask("a", Number)
     assert str(caught.value) == "a: KeyError: 'missing'"
     assert any("error while answering the query a" in line for line in log.lines)
@@ -230,7 +230,7 @@ def test_deeply_nested_json_is_refused_in_one_line(sessions: Sessions, text: str
     server, asker = sessions(), sessions()
     server.serve("a", Number, lambda request: request)
     introduce(asker, server)
-    with listening() as log:
+    with captured_log() as log:
         ((_, answer, error),) = raw_replies(asker, "a", text.encode())
     assert error
     assert answer.startswith(b"bad request: ")

@@ -2,7 +2,7 @@
 
 import pytest
 
-from support.lockstep_doubles import listening
+from support.log_capture import captured_log
 from support.transports import Inbox, Sessions
 
 
@@ -95,7 +95,7 @@ def test_an_error_in_a_watch_ends_nothing(sessions: Sessions, first: bool) -> No
         failing(key, alive)
         raise ValueError("a fault")
 
-    with listening() as log:
+    with captured_log() as log:
         if first:
             holder.declare_token("a")
         watcher.watch_tokens(["*"], fail)

@@ -1,4 +1,4 @@
-"""The simulator's view of the robots' commands, on a bus in memory: for whom it waits."""
+"""The simulator's view of the robots' commands, on a bus in memory: which robots it waits for."""
 
 import threading
 from collections.abc import Iterator
@@ -15,13 +15,13 @@ from zteam.runtime.node import Node
 from zteam.runtime.shutdown import Stop
 
 
-class Desk:
-    """Commands of a world with these robots, each with a living process."""
+class CommandsHarness:
+    """`Commands` of a world with these robots, each with a living process."""
 
     def __init__(self, hub: MemoryHub, *robots: int) -> None:
         self.robots = {*robots}
         self._node = Node(names.SIMULATOR, hub.bus(), Stop())
-        self.commands = Commands(self._node, self.robots.__contains__, RunStatistics({}, 1))
+        self.commands = Commands(self._node, self.robots.__contains__, RunStatistics({}))
         self.publishers = {}
         for i in robots:
             bus = hub.bus()
@@ -29,7 +29,7 @@ class Desk:
             self.publishers[i] = bus.publisher(names.robot_key(i, names.CMD_VEL), Twist)
 
     def wait(self) -> threading.Thread:
-        """Wait for the answers in a thread, with a time-out that no test lives to see."""
+        """Wait for the answers in a thread, with a time-out that no test reaches."""
         thread = threading.Thread(target=self.commands.wait_for_answers, args=(LONG,), daemon=True)
         thread.start()
         return thread
@@ -40,35 +40,35 @@ class Desk:
 
 
 @pytest.fixture
-def desk(hub: MemoryHub) -> Iterator[Desk]:
+def harness(hub: MemoryHub) -> Iterator[CommandsHarness]:
     """Two robots."""
-    made = Desk(hub, 0, 1)
+    made = CommandsHarness(hub, 0, 1)
     yield made
     made.close()
 
 
-def test_it_waits_for_the_robots_that_were_sent_a_scan(desk: Desk) -> None:
+def test_it_waits_for_the_robots_that_were_sent_a_scan(harness: CommandsHarness) -> None:
     """The wait ends with the last command."""
     for i in (0, 1):
-        desk.commands.scan_sent(i)
-    thread = desk.wait()
-    desk.publishers[0].put(Twist())
+        harness.commands.scan_sent(i)
+    thread = harness.wait()
+    harness.publishers[0].put(Twist())
     assert thread.is_alive()
-    desk.publishers[1].put(Twist())
+    harness.publishers[1].put(Twist())
     thread.join(LIMIT)
     assert not thread.is_alive()
 
 
-def test_a_robot_that_left_the_world_is_not_waited_for(desk: Desk) -> None:
+def test_a_robot_that_left_the_world_is_not_waited_for(harness: CommandsHarness) -> None:
     """Removed before it has answered its scan, it delays no tick, though its process lives."""
     for i in (0, 1):
-        desk.commands.scan_sent(i)
-    desk.robots.remove(1)
-    desk.publishers[1].put(Twist())
-    desk.publishers[0].put(Twist())
+        harness.commands.scan_sent(i)
+    harness.robots.remove(1)
+    harness.publishers[1].put(Twist())
+    harness.publishers[0].put(Twist())
     for _ in range(2):
-        thread = desk.wait()
+        thread = harness.wait()
         thread.join(LIMIT)
         assert not thread.is_alive()
-        desk.commands.scan_sent(0)
-        desk.publishers[0].put(Twist())
+        harness.commands.scan_sent(0)
+        harness.publishers[0].put(Twist())

@@ -1,164 +1,164 @@
-"""The simulator's half of lock-step, with participants by script: ticks out, answers in, deaths, resets."""
+"""The simulator's half of lock-step with scripted participants: ticks, answers, processes that end, resets."""
 
 import pytest
 
-from support.lockstep_doubles import INTERVAL, Player, Worlds, make_team
+from support.lockstep_doubles import INTERVAL, HarnessFactory, ScriptedParticipant, make_team
 from zteam import names
 from zteam.bus import MemoryHub
 from zteam.messages import Done, Twist, Vector3, ns_from_time
 
 
 @pytest.mark.usefixtures("patient")
-def test_a_world_alone_waits_for_nobody(worlds: Worlds) -> None:
-    """Without participants, expectations and gate every tick is over at once."""
-    world = worlds()
+def test_a_world_without_participants_does_not_wait(new_harness: HarnessFactory) -> None:
+    """Without participants, expected processes and gate every tick is over at once."""
+    harness = new_harness()
     for tick in range(1, 4):
-        world.open(tick)
-        assert world.wait()
-    assert (world.step.participants, world.step.resends, world.step.waiting_for()) == ([], 0, "")
+        harness.open(tick)
+        assert harness.wait()
+    assert (harness.lockstep.participants, harness.lockstep.resends, harness.lockstep.waiting_for()) == ([], 0, "")
 
 
 @pytest.mark.usefixtures("patient")
-def test_a_tick_tells_what_it_is(hub: MemoryHub, worlds: Worlds) -> None:
-    """Number, time, epoch, the robots in the world and who takes part are in the message."""
-    world = worlds()
-    (robot,) = make_team(hub, world, "robot_0")
-    world.open(3, 0, 4)
+def test_a_tick_tells_what_it_is(hub: MemoryHub, new_harness: HarnessFactory) -> None:
+    """The message has its number, time, epoch, the robots in the world and the participants."""
+    harness = new_harness()
+    (robot,) = make_team(hub, harness, "robot_0")
+    harness.open(3, 0, 4)
     tick = robot.heard[-1]
     assert (tick.tick, ns_from_time(tick.stamp), tick.epoch) == (3, 3 * INTERVAL, 0)
     assert (tick.robots.tolist(), tick.participants) == ([0, 4], ["robot_0"])
-    assert not world.step.is_go
+    assert not harness.lockstep.is_go
 
 
 @pytest.mark.usefixtures("patient")
-def test_a_tick_ends_with_the_last_answer(hub: MemoryHub, worlds: Worlds) -> None:
-    """The wait is over in the moment the last one answers, and not before."""
-    world = worlds()
-    first, last = make_team(hub, world, "robot_0", "tf")
-    assert world.wait()
+def test_a_tick_ends_with_the_last_answer(hub: MemoryHub, new_harness: HarnessFactory) -> None:
+    """The wait is over as soon as the last participant answers, and not before."""
+    harness = new_harness()
+    first, last = make_team(hub, harness, "robot_0", "tf")
+    assert harness.wait()
     first.awake = last.awake = False
-    world.open(3)
-    world.begin()
+    harness.open(3)
+    harness.begin()
     first.answer()
-    assert world.step.waiting_for() == "tf"
-    assert world.holds
+    assert harness.lockstep.waiting_for() == "tf"
+    assert harness.holds
     last.answer()
-    assert world.end()
+    assert harness.end()
 
 
 @pytest.mark.usefixtures("patient")
-def test_a_newcomer_hears_of_the_tick_at_hand(hub: MemoryHub, worlds: Worlds) -> None:
-    """It joins though the world stands, hinders nobody, and is waited for from the next tick on."""
-    world = worlds()
-    make_team(hub, world, "robot_0")
-    assert world.wait()
-    late = Player(hub, "planner").appear()
-    assert (world.step.joining, world.step.participants) == (["planner"], ["robot_0"])
-    assert world.wait()
+def test_a_new_process_receives_the_open_tick(hub: MemoryHub, new_harness: HarnessFactory) -> None:
+    """It joins although the world stands, and the simulator waits for it from the next tick on."""
+    harness = new_harness()
+    make_team(hub, harness, "robot_0")
+    assert harness.wait()
+    late = ScriptedParticipant(hub, "planner").appear()
+    assert (harness.lockstep.joining, harness.lockstep.participants) == (["planner"], ["robot_0"])
+    assert harness.wait()
     late.awake = False
-    world.open(3)
-    assert (world.step.joining, world.step.participants) == ([], ["planner", "robot_0"])
-    world.begin()
-    assert world.step.waiting_for() == "planner"
+    harness.open(3)
+    assert (harness.lockstep.joining, harness.lockstep.participants) == ([], ["planner", "robot_0"])
+    harness.begin()
+    assert harness.lockstep.waiting_for() == "planner"
     late.answer()
-    assert world.end()
+    assert harness.end()
 
 
 @pytest.mark.usefixtures("patient")
-def test_a_death_ends_the_wait_at_once(hub: MemoryHub, worlds: Worlds) -> None:
-    """The dead are not waited for, and the others are told who takes part now."""
-    world = worlds()
-    robot, aggregator = make_team(hub, world, "robot_0", "tf")
-    assert world.wait()
+def test_the_end_of_a_process_ends_the_wait_for_it(hub: MemoryHub, new_harness: HarnessFactory) -> None:
+    """The other participants receive the new list of participants."""
+    harness = new_harness()
+    robot, aggregator = make_team(hub, harness, "robot_0", "tf")
+    assert harness.wait()
     aggregator.awake = False
-    world.open(3)
-    world.begin()
-    assert world.holds
+    harness.open(3)
+    harness.begin()
+    assert harness.holds
     aggregator.vanish()
-    assert world.end()
+    assert harness.end()
     assert robot.lists[-2:] == [["robot_0", "tf"], ["robot_0"]]
     assert robot.heard[-1].tick == 3
-    assert (world.step.hung, world.step.resends) == ([], 0)
-    world.open(4)
-    assert world.wait()
+    assert (harness.lockstep.hung, harness.lockstep.resends) == ([], 0)
+    harness.open(4)
+    assert harness.wait()
     assert robot.lists[-1] == ["robot_0"]
 
 
 @pytest.mark.usefixtures("patient")
-def test_a_restarted_process_goes_on_where_the_old_one_was(hub: MemoryHub, worlds: Worlds) -> None:
-    """When the new token comes before the old one goes, the name stays in, and its new holder hears the open tick."""
-    world = worlds()
-    (old,) = make_team(hub, world, "robot_0")
-    assert world.wait()
+def test_a_restarted_process_goes_on_where_the_old_one_was(hub: MemoryHub, new_harness: HarnessFactory) -> None:
+    """If the new token comes before the old one goes, the name stays, and its new holder receives the open tick."""
+    harness = new_harness()
+    (old,) = make_team(hub, harness, "robot_0")
+    assert harness.wait()
     old.awake = False
-    world.open(3)
-    world.begin()
-    new = Player(hub, "robot_0").appear()
-    assert world.end()
+    harness.open(3)
+    harness.begin()
+    new = ScriptedParticipant(hub, "robot_0").appear()
+    assert harness.end()
     assert new.lists == [["robot_0"]]
     old.vanish()
-    world.open(4)
-    assert (world.wait(), world.step.participants) == (True, ["robot_0"])
+    harness.open(4)
+    assert (harness.wait(), harness.lockstep.participants) == (True, ["robot_0"])
 
 
 @pytest.mark.usefixtures("patient")
-def test_a_stop_request_ends_the_wait(hub: MemoryHub, worlds: Worlds) -> None:
-    """The process may stop while somebody holds the world: `wait` says that the tick did not end."""
-    world = worlds()
-    (robot,) = make_team(hub, world, "robot_0")
+def test_a_stop_request_ends_the_wait(hub: MemoryHub, new_harness: HarnessFactory) -> None:
+    """The process may stop while a participant holds the world: `wait` returns False."""
+    harness = new_harness()
+    (robot,) = make_team(hub, harness, "robot_0")
     robot.awake = False
-    world.open(3)
-    world.begin()
-    assert world.holds
-    world.stop.request("test")
-    assert world.end() is False
+    harness.open(3)
+    harness.begin()
+    assert harness.holds
+    harness.stop.request("test")
+    assert harness.end() is False
 
 
 @pytest.mark.usefixtures("patient")
-def test_nobodys_answer_is_counted_and_dropped(hub: MemoryHub, worlds: Worlds) -> None:
-    """Who holds no name by a token does not take part, whatever it says."""
-    world = worlds()
-    ghost = Player(hub, "robot_9")
-    world.open(1)
+def test_an_answer_without_a_token_is_counted_and_dropped(hub: MemoryHub, new_harness: HarnessFactory) -> None:
+    """A process that does not hold its name does not take part."""
+    harness = new_harness()
+    ghost = ScriptedParticipant(hub, "robot_9")
+    harness.open(1)
     ghost.say(Done(0, 1))
-    assert world.step.joining == []
-    assert world.node.bus.counters.snapshot()[names.done_key("robot_9")].dropped == 1
-    world.open(2)
-    assert world.step.participants == []
+    assert harness.lockstep.joining == []
+    assert harness.node.bus.counters.snapshot()[names.done_key("robot_9")].dropped == 1
+    harness.open(2)
+    assert harness.lockstep.participants == []
 
 
 @pytest.mark.usefixtures("patient")
-def test_commands_come_with_the_answers(hub: MemoryHub, worlds: Worlds) -> None:
-    """They are the robots' that are in the world, by id, and those of the open tick only."""
-    world = worlds()
-    players = [Player(hub, f"robot_{i}", Twist(Vector3(0.1 * i))).appear() for i in (10, 2, 3)]
-    Player(hub, "tf").appear()
-    Player(hub, "robot_4").appear()
-    world.open(1)
-    assert world.step.take_commands({2: None, 10: None}) == {}
-    assert world.wait()
-    world.open(2, 2, 4, 10)
-    assert world.wait()
-    commands = world.step.take_commands({2: None, 4: None, 10: None})
+def test_commands_come_with_the_answers(hub: MemoryHub, new_harness: HarnessFactory) -> None:
+    """Only commands for the open tick count, of robots that are in the world, by id."""
+    harness = new_harness()
+    participants = [ScriptedParticipant(hub, f"robot_{i}", Twist(Vector3(0.1 * i))).appear() for i in (10, 2, 3)]
+    ScriptedParticipant(hub, "tf").appear()
+    ScriptedParticipant(hub, "robot_4").appear()
+    harness.open(1)
+    assert harness.lockstep.take_commands({2: None, 10: None}) == {}
+    assert harness.wait()
+    harness.open(2, 2, 4, 10)
+    assert harness.wait()
+    commands = harness.lockstep.take_commands({2: None, 4: None, 10: None})
     assert list(commands.items()) == [(2, Twist(Vector3(0.2))), (10, Twist(Vector3(1.0)))]
-    assert {10, 2, 3} <= set(world.answered)
-    players[0].awake = False
-    world.open(3, 2, 4, 10)
-    players[0].say(Done(0, 2, True, Twist(Vector3(9.0))))
-    assert list(world.step.take_commands({2: None, 10: None})) == [2]
+    assert {10, 2, 3} <= set(harness.answered)
+    participants[0].awake = False
+    harness.open(3, 2, 4, 10)
+    participants[0].say(Done(0, 2, True, Twist(Vector3(9.0))))
+    assert list(harness.lockstep.take_commands({2: None, 10: None})) == [2]
 
 
 @pytest.mark.usefixtures("patient")
-def test_after_a_reset_old_answers_count_no_more(hub: MemoryHub, worlds: Worlds) -> None:
-    """The world that goes back to the tick it is at waits for everybody to answer that tick again."""
-    world = worlds()
-    (robot,) = make_team(hub, world, "robot_0")
-    assert world.wait()
+def test_after_a_reset_old_answers_count_no_more(hub: MemoryHub, new_harness: HarnessFactory) -> None:
+    """A world that returns to the number of its open tick waits for new answers to it."""
+    harness = new_harness()
+    (robot,) = make_team(hub, harness, "robot_0")
+    assert harness.wait()
     robot.awake = False
-    world.step.start_anew()
-    assert world.step.take_commands({0: None}) == {}
-    world.open(2)
-    world.begin()
-    assert world.step.waiting_for() == "robot_0"
+    harness.lockstep.start_anew()
+    assert harness.lockstep.take_commands({0: None}) == {}
+    harness.open(2)
+    harness.begin()
+    assert harness.lockstep.waiting_for() == "robot_0"
     robot.answer()
-    assert world.end()
+    assert harness.end()

@@ -1,8 +1,9 @@
-"""The first tick of lock-step is held: for everybody expected, and for the monitor's GO."""
+"""The first tick of lock-step is held for all expected processes and for the monitor's GO."""
 
 import pytest
 
-from support.lockstep_doubles import SHORT, GateKeeper, Player, Worlds, listening, lose_first, lossy_bus
+from support.lockstep_doubles import SHORT, HarnessFactory, ScriptedMonitor, ScriptedParticipant, lose_first, lossy_bus
+from support.log_capture import captured_log
 from zteam import names
 from zteam.bus import MemoryHub
 
@@ -10,242 +11,244 @@ NO_GO = "the monitor's GO"
 
 
 @pytest.mark.usefixtures("patient")
-def test_it_is_held_until_everybody_expected_is_in(hub: MemoryHub, worlds: Worlds) -> None:
-    """Each one that comes is let into the held tick, and only with the last one it ends."""
-    world = worlds("robot_0", "tf")
-    world.open(1)
-    world.begin()
-    robot = Player(hub, "robot_0").appear()
+def test_it_is_held_until_all_expected_processes_take_part(hub: MemoryHub, new_harness: HarnessFactory) -> None:
+    """They all join the held tick, which ends with the last one."""
+    harness = new_harness("robot_0", "tf")
+    harness.open(1)
+    harness.begin()
+    robot = ScriptedParticipant(hub, "robot_0").appear()
     robot.wait_until_heard()
-    assert "tf" in world.step.waiting_for()
-    assert world.holds
-    aggregator = Player(hub, "tf").appear()
-    assert world.end()
-    for player in (robot, aggregator):
-        assert player.lists[-1] == ["robot_0", "tf"]
-        assert {tick.tick for tick in player.heard} == {1}
-    assert world.step.participants == ["robot_0", "tf"]
+    assert "tf" in harness.lockstep.waiting_for()
+    assert harness.holds
+    aggregator = ScriptedParticipant(hub, "tf").appear()
+    assert harness.end()
+    for participant in (robot, aggregator):
+        assert participant.lists[-1] == ["robot_0", "tf"]
+        assert {tick.tick for tick in participant.heard} == {1}
+    assert harness.lockstep.participants == ["robot_0", "tf"]
 
 
 @pytest.mark.usefixtures("patient")
-def test_who_is_there_before_the_first_tick_is_in_it(hub: MemoryHub, worlds: Worlds) -> None:
-    """A team that is complete before its world loses no time."""
-    world = worlds("robot_0", "tf")
-    Player(hub, "robot_0").appear()
-    Player(hub, "tf").appear()
-    world.open(1)
-    assert world.wait()
-    assert world.step.participants == ["robot_0", "tf"]
+def test_processes_that_come_before_the_first_tick_take_part_in_it(hub: MemoryHub, new_harness: HarnessFactory) -> None:
+    """A team that is complete before the first tick loses no time."""
+    harness = new_harness("robot_0", "tf")
+    ScriptedParticipant(hub, "robot_0").appear()
+    ScriptedParticipant(hub, "tf").appear()
+    harness.open(1)
+    assert harness.wait()
+    assert harness.lockstep.participants == ["robot_0", "tf"]
 
 
 @pytest.mark.usefixtures("patient")
-def test_go_is_told_when_everybody_expected_is_in(hub: MemoryHub, worlds: Worlds) -> None:
-    """A GO that comes before is withheld, so that all hear it in the same tick."""
-    world = worlds("robot_0", "tf", gate=True)
-    world.open(1)
-    world.begin()
-    robot = Player(hub, "robot_0").appear()
+def test_go_is_announced_when_all_expected_processes_take_part(hub: MemoryHub, new_harness: HarnessFactory) -> None:
+    """An earlier GO is withheld, so that all receive it in the same tick."""
+    harness = new_harness("robot_0", "tf", gate=True)
+    harness.open(1)
+    harness.begin()
+    robot = ScriptedParticipant(hub, "robot_0").appear()
     robot.wait_until_heard()
-    GateKeeper(hub).give_go(5)
-    aggregator = Player(hub, "tf").appear()
-    assert world.end()
-    assert world.step.is_go
-    for player in (robot, aggregator):
-        told = [tick.participants for tick in player.heard if tick.epoch == 5]
+    ScriptedMonitor(hub).give_go(5)
+    aggregator = ScriptedParticipant(hub, "tf").appear()
+    assert harness.end()
+    assert harness.lockstep.is_go
+    for participant in (robot, aggregator):
+        told = [tick.participants for tick in participant.heard if tick.epoch == 5]
         assert told[0] == ["robot_0", "tf"]
-        assert {tick.epoch for tick in player.heard} == {0, 5}
+        assert {tick.epoch for tick in participant.heard} == {0, 5}
 
 
 @pytest.mark.usefixtures("patient")
-def test_go_ends_the_hold(hub: MemoryHub, worlds: Worlds) -> None:
-    """With everybody in, it is GO that is waited for; the tick is then answered anew, under the new epoch."""
-    world = worlds("robot_0", gate=True)
-    robot = Player(hub, "robot_0").appear()
-    world.open(1)
-    world.begin()
+def test_go_ends_the_hold(hub: MemoryHub, new_harness: HarnessFactory) -> None:
+    """When all take part the tick waits for GO; then all answer it again, under the new epoch."""
+    harness = new_harness("robot_0", gate=True)
+    robot = ScriptedParticipant(hub, "robot_0").appear()
+    harness.open(1)
+    harness.begin()
     robot.wait_for_list("robot_0")
-    assert world.step.waiting_for().startswith(NO_GO)
-    assert not world.step.is_go
+    assert harness.lockstep.waiting_for().startswith(NO_GO)
+    assert not harness.lockstep.is_go
     robot.awake = False
-    GateKeeper(hub).give_go(2)
+    ScriptedMonitor(hub).give_go(2)
     robot.wait_for_epoch(2)
-    assert world.step.waiting_for() == "robot_0"
-    assert world.holds
+    assert harness.lockstep.waiting_for() == "robot_0"
+    assert harness.holds
     robot.answer()
-    assert world.end()
-    assert world.step.is_go
+    assert harness.end()
+    assert harness.lockstep.is_go
 
 
 @pytest.mark.usefixtures("patient")
-def test_later_ticks_carry_go(hub: MemoryHub, worlds: Worlds) -> None:
-    """GO stands in every tick from its own on, and the highest epoch wins."""
-    keeper = GateKeeper(hub)
-    world = worlds("robot_0", gate=True)
-    robot = Player(hub, "robot_0").appear()
-    world.open(1)
-    world.begin()
-    keeper.give_go(4)
-    assert world.end()
-    keeper.give_go(3)
+def test_later_ticks_carry_go(hub: MemoryHub, new_harness: HarnessFactory) -> None:
+    """Every tick from that of GO on carries it, and the highest epoch counts."""
+    monitor = ScriptedMonitor(hub)
+    harness = new_harness("robot_0", gate=True)
+    robot = ScriptedParticipant(hub, "robot_0").appear()
+    harness.open(1)
+    harness.begin()
+    monitor.give_go(4)
+    assert harness.end()
+    monitor.give_go(3)
     for tick in (2, 3):
-        world.open(tick)
-        assert world.wait()
-    keeper.give_go(7)
-    world.open(4)
-    assert world.wait()
+        harness.open(tick)
+        assert harness.wait()
+    monitor.give_go(7)
+    harness.open(4)
+    assert harness.wait()
     assert [(tick.tick, tick.epoch) for tick in robot.heard[-3:]] == [(2, 4), (3, 4), (4, 7)]
 
 
 @pytest.mark.usefixtures("patient")
-def test_without_the_gate_nobody_waits_for_go(hub: MemoryHub, worlds: Worlds) -> None:
-    """It is enough that everybody expected is in; a GO that comes later is told all the same."""
-    world = worlds("robot_0")
-    world.open(1)
-    world.begin()
-    robot = Player(hub, "robot_0").appear()
-    assert world.end()
+def test_without_the_gate_go_is_not_waited_for(hub: MemoryHub, new_harness: HarnessFactory) -> None:
+    """It is enough that all expected processes take part; a later GO is announced as well."""
+    harness = new_harness("robot_0")
+    harness.open(1)
+    harness.begin()
+    robot = ScriptedParticipant(hub, "robot_0").appear()
+    assert harness.end()
     assert robot.heard[-1].epoch == 0
-    GateKeeper(hub).give_go(1)
-    world.open(2)
-    assert world.wait()
+    ScriptedMonitor(hub).give_go(1)
+    harness.open(2)
+    assert harness.wait()
     assert robot.heard[-1].epoch == 1
 
 
 @pytest.mark.usefixtures("patient")
-def test_go_alone_begins_where_nobody_is_expected(hub: MemoryHub, worlds: Worlds) -> None:
-    """Whoever happens to be in by then hears it."""
-    world = worlds(gate=True)
-    world.open(1)
-    world.begin()
-    robot = Player(hub, "robot_3").appear()
+def test_go_is_enough_without_expected_processes(hub: MemoryHub, new_harness: HarnessFactory) -> None:
+    """The processes that take part by then receive it."""
+    harness = new_harness(gate=True)
+    harness.open(1)
+    harness.begin()
+    robot = ScriptedParticipant(hub, "robot_3").appear()
     robot.wait_for_list("robot_3")
-    GateKeeper(hub).give_go(1)
-    assert world.end()
+    ScriptedMonitor(hub).give_go(1)
+    assert harness.end()
     assert robot.heard[-1].epoch == 1
 
 
 @pytest.mark.usefixtures("patient")
-def test_who_is_not_expected_may_be_in_the_held_tick(hub: MemoryHub, worlds: Worlds) -> None:
-    """Somebody else's process joins at once, and is waited for like all."""
-    world = worlds("robot_0", "tf")
-    world.open(1)
-    world.begin()
-    planner = Player(hub, "planner")
+def test_an_unexpected_process_may_take_part_in_the_held_tick(hub: MemoryHub, new_harness: HarnessFactory) -> None:
+    """It joins at once, and the tick waits for it too."""
+    harness = new_harness("robot_0", "tf")
+    harness.open(1)
+    harness.begin()
+    planner = ScriptedParticipant(hub, "planner")
     planner.awake = False
     planner.appear().wait_until_heard()
-    Player(hub, "robot_0").appear().wait_until_heard()
-    aggregator = Player(hub, "tf").appear()
+    ScriptedParticipant(hub, "robot_0").appear().wait_until_heard()
+    aggregator = ScriptedParticipant(hub, "tf").appear()
     aggregator.wait_for_list("planner", "robot_0", "tf")
-    assert world.step.waiting_for() == "planner"
+    assert harness.lockstep.waiting_for() == "planner"
     planner.answer()
-    assert world.end()
+    assert harness.end()
 
 
 @pytest.mark.usefixtures("patient")
-def test_who_dies_while_it_is_held_is_expected_again(hub: MemoryHub, worlds: Worlds) -> None:
-    """GO is withheld until the name is back, and nobody is told of it with half a team."""
-    world = worlds("robot_0", "tf", gate=True)
-    world.open(1)
-    world.begin()
-    robot = Player(hub, "robot_0").appear()
+def test_a_process_that_ends_while_the_tick_is_held_is_expected_again(
+    hub: MemoryHub, new_harness: HarnessFactory
+) -> None:
+    """GO is withheld until the name is back, so that no tick announces it to half a team."""
+    harness = new_harness("robot_0", "tf", gate=True)
+    harness.open(1)
+    harness.begin()
+    robot = ScriptedParticipant(hub, "robot_0").appear()
     robot.wait_until_heard()
-    aggregator = Player(hub, "tf").appear()
+    aggregator = ScriptedParticipant(hub, "tf").appear()
     robot.wait_for_list("robot_0", "tf")
     aggregator.vanish()
-    GateKeeper(hub).give_go(1)
-    assert "tf" in world.step.waiting_for()
-    assert world.holds
-    Player(hub, "tf").appear()
-    assert world.end()
+    ScriptedMonitor(hub).give_go(1)
+    assert "tf" in harness.lockstep.waiting_for()
+    assert harness.holds
+    ScriptedParticipant(hub, "tf").appear()
+    assert harness.end()
     assert {tuple(tick.participants) for tick in robot.heard if tick.epoch} == {("robot_0", "tf")}
 
 
 @pytest.mark.usefixtures("patient")
-def test_only_the_first_tick_is_held(hub: MemoryHub, worlds: Worlds) -> None:
-    """Later on the world goes on without an expected process that is gone, after a reset too."""
-    world = worlds("robot_0", "tf")
-    Player(hub, "robot_0").appear()
-    aggregator = Player(hub, "tf").appear()
-    world.open(1)
-    assert world.wait()
+def test_only_the_first_tick_is_held(hub: MemoryHub, new_harness: HarnessFactory) -> None:
+    """Later the world goes on without an expected process that has ended, after a reset too."""
+    harness = new_harness("robot_0", "tf")
+    ScriptedParticipant(hub, "robot_0").appear()
+    aggregator = ScriptedParticipant(hub, "tf").appear()
+    harness.open(1)
+    assert harness.wait()
     aggregator.vanish()
-    world.open(2)
-    assert world.wait()
-    world.step.start_anew()
-    world.open(1)
-    assert world.wait()
-    assert world.step.participants == ["robot_0"]
+    harness.open(2)
+    assert harness.wait()
+    harness.lockstep.start_anew()
+    harness.open(1)
+    assert harness.wait()
+    assert harness.lockstep.participants == ["robot_0"]
 
 
 @pytest.mark.usefixtures("hasty")
-def test_it_says_what_it_is_held_for(worlds: Worlds) -> None:
-    """Who has not come and GO are named, once in a while, with how to go on without."""
-    world = worlds("robot_1", "robot_0", gate=True)
-    with listening() as log:
-        world.open(1)
-        world.begin()
+def test_the_log_names_what_holds_it(new_harness: HarnessFactory) -> None:
+    """The log names absent processes and GO from time to time, and says how to begin without GO."""
+    harness = new_harness("robot_1", "robot_0", gate=True)
+    with captured_log() as log:
+        harness.open(1)
+        harness.begin()
         log.wait_for("the first tick is held: waiting for robot_0, robot_1, the monitor's GO")
-        assert world.step.waiting_for().startswith("robot_0, robot_1, " + NO_GO)
-        assert "--no-gate" in world.step.waiting_for()
-        world.stop.request("test")
-        assert world.end() is False
+        assert harness.lockstep.waiting_for().startswith("robot_0, robot_1, " + NO_GO)
+        assert "--no-gate" in harness.lockstep.waiting_for()
+        harness.stop.request("test")
+        assert harness.end() is False
 
 
 @pytest.mark.usefixtures("hasty")
-def test_nobody_is_left_behind_while_it_is_held(hub: MemoryHub, worlds: Worlds) -> None:
-    """What starting takes is not known: the time-out holds for later ticks only."""
-    world = worlds("robot_0", timeout=0.5 * SHORT)
-    robot = Player(hub, "robot_0").appear()
+def test_no_participant_is_dropped_while_it_is_held(hub: MemoryHub, new_harness: HarnessFactory) -> None:
+    """A start may take any time: the time-out counts in later ticks only."""
+    harness = new_harness("robot_0", timeout=0.5 * SHORT)
+    robot = ScriptedParticipant(hub, "robot_0").appear()
     robot.awake = False
     repeats: list[int] = []
 
     def count() -> None:
         repeats.append(1)
-        world.on_resend = count if len(repeats) < 5 else robot.answer
+        harness.on_resend = count if len(repeats) < 5 else robot.answer
 
-    world.on_resend = count
-    world.open(1)
-    assert world.wait()
-    assert (world.step.hung, world.step.participants) == ([], ["robot_0"])
+    harness.on_resend = count
+    harness.open(1)
+    assert harness.wait()
+    assert (harness.lockstep.hung, harness.lockstep.participants) == ([], ["robot_0"])
 
 
 @pytest.mark.usefixtures("patient")
-def test_a_standing_go_is_withheld_too(hub: MemoryHub, worlds: Worlds) -> None:
-    """A monitor that outlives the simulator has given GO before the first tick: it is told when all are in."""
-    GateKeeper(hub).give_go(3)
-    world = worlds("robot_0", "tf", gate=True)
-    world.open(1)
-    world.begin()
-    robot = Player(hub, "robot_0").appear()
+def test_an_earlier_go_is_withheld_too(hub: MemoryHub, new_harness: HarnessFactory) -> None:
+    """A monitor may have given GO before the first tick: it is announced when all take part."""
+    ScriptedMonitor(hub).give_go(3)
+    harness = new_harness("robot_0", "tf", gate=True)
+    harness.open(1)
+    harness.begin()
+    robot = ScriptedParticipant(hub, "robot_0").appear()
     robot.wait_until_heard()
-    Player(hub, "tf").appear()
-    assert world.end()
+    ScriptedParticipant(hub, "tf").appear()
+    assert harness.end()
     assert {tuple(tick.participants) for tick in robot.heard if tick.epoch} == {("robot_0", "tf")}
 
 
 @pytest.mark.usefixtures("hasty")
 @pytest.mark.parametrize("lost", [names.TICK, names.done_key("robot_0")])
-def test_a_lost_message_does_not_hold_it_for_ever(hub: MemoryHub, worlds: Worlds, lost: str) -> None:
-    """Whether the newcomer misses the held tick or its word is lost, it hears the tick again until it is in."""
-    # The first two come by themselves, with the token and with the news of it.
+def test_a_lost_message_does_not_hold_it_for_ever(hub: MemoryHub, new_harness: HarnessFactory, lost: str) -> None:
+    """If a process misses the held tick, or its answer is lost, the tick is repeated until the process has joined."""
+    # Two ticks are sent without a repeat: with the token, and when the held tick is opened again.
     bus = lossy_bus(hub, lose_first(lost, 4))
-    world = worlds("robot_0", bus=None if lost == names.TICK else bus)
-    world.open(1)
-    Player(hub, "robot_0", bus=bus if lost == names.TICK else None).appear()
-    assert world.wait()
+    harness = new_harness("robot_0", bus=None if lost == names.TICK else bus)
+    harness.open(1)
+    ScriptedParticipant(hub, "robot_0", bus=bus if lost == names.TICK else None).appear()
+    assert harness.wait()
 
 
 @pytest.mark.usefixtures("hasty")
-def test_asking_to_be_let_in_again_is_no_news(hub: MemoryHub, worlds: Worlds) -> None:
-    """While somebody is absent, the held tick comes at its own pace, not with every word of those who are there."""
-    world = worlds("robot_0", "tf")
-    world.open(1)
-    robot = Player(hub, "robot_0").appear()
-    with listening() as log:
-        world.begin()
+def test_repeated_requests_to_join_do_not_repeat_the_tick(hub: MemoryHub, new_harness: HarnessFactory) -> None:
+    """While a process is absent, the held tick is repeated on schedule, not with every answer of the others."""
+    harness = new_harness("robot_0", "tf")
+    harness.open(1)
+    robot = ScriptedParticipant(hub, "robot_0").appear()
+    with captured_log() as log:
+        harness.begin()
         log.wait_for("the first tick is held")
         heard = len(robot.heard)
-    # One a SHORT after a few at once, and the first complaint comes after one SHORT.
+    # A few ticks come at once, then one in SHORT; the first warning comes after one SHORT.
     assert heard < 12
-    Player(hub, "tf").appear()
-    assert world.end()
+    ScriptedParticipant(hub, "tf").appear()
+    assert harness.end()

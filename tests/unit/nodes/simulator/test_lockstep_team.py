@@ -1,4 +1,4 @@
-"""A whole team in lock-step: the same run, bit for bit, whatever does not matter, and another one for what does."""
+"""A whole team in lock-step: which circumstances leave a run the same bit for bit, and which change it."""
 
 import hashlib
 import itertools
@@ -7,37 +7,37 @@ import struct
 
 import pytest
 
-from support.in_process_team import NAMES, ROBOTS, Crew, CrewOptions, load_scene, run
+from support.in_process_team import NAMES, ROBOTS, InProcessTeam, TeamOptions, load_scene, run
 from support.lockstep_doubles import lossy_bus
 from zteam import names
 from zteam.bus import Bus, MemoryHub
 from zteam.messages import Bool, LaserScan, Odometry, Tick, Twist, Vector3
-from zteam.nodes.simulator import lockstep
+from zteam.nodes.simulator import patience
 from zteam.services.simulator import SimReport
 from zteam.sim import Engine
 
 
 @pytest.fixture(scope="module")
 def usual() -> SimReport:
-    """The run that others are compared with."""
+    """The run with which others are compared."""
     return run()
 
 
 @pytest.fixture(scope="module")
-def calm_office() -> SimReport:
-    """A run elsewhere."""
+def office() -> SimReport:
+    """A run in another world."""
     return run(scene="office")
 
 
 def test_a_run_can_be_repeated(usual: SimReport) -> None:
-    """All processes anew, and every pose of every tick is the same to the last bit."""
+    """With new processes every pose of every tick is the same to the last bit."""
     again = run()
     assert again.trajectory_sha256 == usual.trajectory_sha256
     assert [robot.pose for robot in again.robots] == [robot.pose for robot in usual.robots]
 
 
 def test_the_team_has_done_something(usual: SimReport) -> None:
-    """Ten seconds are counted from the tick of GO on, nobody was late or left behind, and all have driven."""
+    """Ten seconds count from the tick of GO on, no robot was late or dropped, and all have driven."""
     assert (usual.finished, usual.sim_seconds, usual.ticks) == (True, 10.0, 101)
     assert (usual.lockstep, usual.resends, usual.hung, usual.external_commands) == (True, 0, [], 0)
     assert [robot.late_steps for robot in usual.robots] == [0] * ROBOTS
@@ -45,20 +45,20 @@ def test_the_team_has_done_something(usual: SimReport) -> None:
     assert usual.trajectory_sha256 != hashlib.sha256().hexdigest()
 
 
-def test_another_world_is_another_run(usual: SimReport, calm_office: SimReport) -> None:
-    """The same team in the office: repeatable there too."""
-    assert run(scene="office").trajectory_sha256 == calm_office.trajectory_sha256 != usual.trajectory_sha256
+def test_another_world_is_another_run(usual: SimReport, office: SimReport) -> None:
+    """The same team in the office: that run can be repeated too."""
+    assert run(scene="office").trajectory_sha256 == office.trajectory_sha256 != usual.trajectory_sha256
 
 
 @pytest.mark.parametrize("order", [*itertools.permutations(NAMES)][1::5])
 def test_the_order_of_processes_does_not_matter(usual: SimReport, order: tuple[str, ...]) -> None:
-    """Whoever comes up first."""
+    """Any of them may come up first."""
     assert run(order=order).trajectory_sha256 == usual.trajectory_sha256
 
 
 @pytest.mark.parametrize("order", [NAMES, NAMES[::-1], ("robot_1", "tf", "robot_2", "robot_0")])
 def test_it_does_not_matter_when_processes_come(usual: SimReport, order: tuple[str, ...]) -> None:
-    """They may come one by one to a world that holds its first tick."""
+    """They may come one by one while the first tick is held."""
     assert run(order=order, staggered=True).trajectory_sha256 == usual.trajectory_sha256
 
 
@@ -71,8 +71,8 @@ def test_it_does_not_matter_when_processes_come(usual: SimReport, order: tuple[s
     ],
 )
 @pytest.mark.parametrize("gate", [True, False])
-def test_nor_does_it_with_a_standing_go(usual: SimReport, order: tuple[str, ...], gate: bool) -> None:
-    """The same where GO stands from before, or where nobody waits for one."""
+def test_it_does_not_matter_with_an_earlier_go(usual: SimReport, order: tuple[str, ...], gate: bool) -> None:
+    """The same with a GO that was given before, and without the gate."""
     report = run(order=order, staggered=True, standing_go=True, gate=gate)
     assert report.trajectory_sha256 == usual.trajectory_sha256
 
@@ -85,16 +85,16 @@ def test_the_pace_does_not_matter(usual: SimReport, pace: float) -> None:
 
 def test_steps_do_not_matter(usual: SimReport) -> None:
     """A run in steps, with breaks, is the run in one go."""
-    with Crew(CrewOptions(paused=True)) as crew:
+    with InProcessTeam(TeamOptions(paused=True)) as team:
         for ticks in (1, 2, 30, 7):
-            crew.step(ticks)
-        crew.ask("resume")
-        assert crew.finish().trajectory_sha256 == usual.trajectory_sha256
+            team.step(ticks)
+        team.ask("resume")
+        assert team.finish().trajectory_sha256 == usual.trajectory_sha256
 
 
 def test_spectators_do_not_matter(usual: SimReport) -> None:
-    """Whether anybody listens to what no command hangs on makes no difference."""
-    with Crew() as crew:
+    """Subscribers of data on which no command depends make no difference."""
+    with InProcessTeam() as team:
         seen: set[str] = set()
         for topic, kind in (
             (names.GROUND_TRUTH, Odometry),
@@ -103,22 +103,22 @@ def test_spectators_do_not_matter(usual: SimReport) -> None:
             (names.STALL, Bool),
             (names.CMD_VEL, Twist),
         ):
-            crew.hub.bus().subscribe(names.all_robots_key(topic), kind, lambda key, _: seen.add(key))
-        assert crew.finish().trajectory_sha256 == usual.trajectory_sha256
+            team.hub.bus().subscribe(names.all_robots_key(topic), kind, lambda key, _: seen.add(key))
+        assert team.finish().trajectory_sha256 == usual.trajectory_sha256
         assert len(seen) == 5 * ROBOTS
 
 
 @pytest.mark.parametrize("share", [0.02, 0.1])
 def test_lost_messages_do_not_matter(usual: SimReport, monkeypatch: pytest.MonkeyPatch, share: float) -> None:
-    """Ticks, answers, scans and transforms may be lost: they are sent again, and nobody acts on half of them."""
-    monkeypatch.setattr(lockstep, "RESEND", 0.002)
-    monkeypatch.setattr(lockstep, "MAX_RESEND", 0.01)
+    """Lost ticks, answers, scans and transforms are sent again, and no robot acts on a part of its inputs."""
+    monkeypatch.setattr(patience, "RESEND", 0.002)
+    monkeypatch.setattr(patience, "MAX_RESEND", 0.01)
     chance = random.Random(1)
     lost: set[str] = set()
     heard: list[Tick] = []
 
     def loses(key: str) -> bool:
-        # The start has tests of its own.
+        # Other tests cover losses during the start.
         if not heard or heard[-1].tick < 2 or chance.random() >= share:
             return False
         lost.add(key.rpartition("/")[2])
@@ -129,26 +129,26 @@ def test_lost_messages_do_not_matter(usual: SimReport, monkeypatch: pytest.Monke
             hub.bus().subscribe(names.TICK, Tick, lambda _, tick: heard.append(tick))
         return lossy_bus(hub, loses)
 
-    with Crew(open_bus=open_bus) as crew:
-        report = crew.finish()
+    with InProcessTeam(open_bus=open_bus) as team:
+        report = team.finish()
     assert report.trajectory_sha256 == usual.trajectory_sha256
     assert report.resends > 0
     assert lost >= {"tick", "done", "base_scan", "tf"}
 
 
 def test_foreign_commands_do_not_matter_but_are_counted(usual: SimReport) -> None:
-    """What somebody else puts on `cmd_vel` moves no robot that answers; the report says that it was there."""
-    with Crew(CrewOptions(paused=True)) as crew:
-        crew.step(50)
-        crew.hub.bus().publisher(names.robot_key(1, names.CMD_VEL), Twist).put(Twist(Vector3(1.0)))
-        crew.ask("resume")
-        report = crew.finish()
+    """Commands of another process on `cmd_vel` do not move a robot that answers; the report counts them."""
+    with InProcessTeam(TeamOptions(paused=True)) as team:
+        team.step(50)
+        team.hub.bus().publisher(names.robot_key(1, names.CMD_VEL), Twist).put(Twist(Vector3(1.0)))
+        team.ask("resume")
+        report = team.finish()
     assert report.external_commands == 1
     assert report.trajectory_sha256 == usual.trajectory_sha256
 
 
 def test_the_seed_matters(usual: SimReport) -> None:
-    """The wanderer turns elsewhere, and those behind it follow."""
+    """The wanderer turns elsewhere, and the others follow it."""
     assert run(seed=2).trajectory_sha256 != usual.trajectory_sha256
 
 
@@ -163,18 +163,18 @@ def test_the_hash_is_that_of_the_poses(usual: SimReport) -> None:
 
     x, y, yaw as little-endian 64-bit floats, by robot id, for every tick from that of GO on.
     """
-    with Crew() as crew:
-        report = crew.finish()
+    with InProcessTeam() as team:
+        report = team.finish()
     commands: dict[int, dict[int, Twist]] = {}
-    for name, done in crew.dones:
+    for name, done in team.dones:
         robot_id = names.robot_id_of(name)
         if robot_id is not None and done.has_command:
             commands.setdefault(done.tick, {})[robot_id] = done.command
     world, robots = load_scene()
     engine = Engine(world, seed=1, robots=robots)
     trajectory = hashlib.sha256()
-    go = min(tick.tick for tick in crew.ticks if tick.epoch > 0)
-    for tick in range(1, max(tick.tick for tick in crew.ticks) + 1):
+    go = min(tick.tick for tick in team.ticks if tick.epoch > 0)
+    for tick in range(1, max(tick.tick for tick in team.ticks) + 1):
         engine.move(commands.get(tick - 1, {}))
         if tick >= go:
             for robot_id in sorted(robots):

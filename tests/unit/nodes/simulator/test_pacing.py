@@ -1,4 +1,4 @@
-"""When ticks are due: real time, factors of it, as fast as possible, standing still, steps, and falling behind."""
+"""When ticks are due: in real time, at a multiple of it, as fast as possible, paused, in steps, and when late."""
 
 import math
 from collections.abc import Iterable
@@ -13,15 +13,15 @@ TICK = 100_000_000
 S = TICK / 1e9
 
 
-class Host:
-    """A host on which ticks cost what the test says."""
+class ScriptedHost:
+    """A host on which each tick takes the time that the test gives."""
 
     def __init__(self, pacer: Pacer, now: float = 1000.0) -> None:
         self.pacer, self.now = pacer, now
         self.starts: list[float] = []
 
     def run(self, costs: Iterable[float]) -> list[float]:
-        """Tick once for each cost; when these ticks began."""
+        """Take one tick for each cost (s); the times at which these ticks began."""
         first = len(self.starts)
         for cost in costs:
             remaining = self.pacer.remaining(self.now)
@@ -33,7 +33,7 @@ class Host:
         return self.starts[first:]
 
     def steps(self, limit: int = 1000) -> int:
-        """Tick until the world stands still; how often."""
+        """Tick until the world stands still; the number of ticks."""
         for count in range(limit):
             if self.pacer.remaining(self.now) is None:
                 return count
@@ -49,7 +49,7 @@ def gaps(starts: list[float]) -> list[float]:
 @pytest.mark.parametrize("speed", [1.0, 0.5, 2.0, 10.0, 0.001])
 def test_ticks_are_evenly_spaced(speed: float) -> None:
     """While the host keeps up, a tick is due every interval / speed, however long each one took."""
-    host = Host(Pacer(TICK, speed))
+    host = ScriptedHost(Pacer(TICK, speed))
     starts = host.run([share * S / speed for share in (0.0, 0.9, 0.1, 0.5, 0.0, 0.7, 0.99, 0.2)])
     assert starts[0] == 1000.0
     assert gaps(starts) == pytest.approx([S / speed] * 7, rel=1e-6)
@@ -59,8 +59,8 @@ def test_ticks_are_evenly_spaced(speed: float) -> None:
 
 
 def test_the_schedule_does_not_drift() -> None:
-    """After a thousand ticks of any length the thousandth is due where it was due from the beginning."""
-    host = Host(Pacer(TICK, 1.0), now=0.0)
+    """The thousandth tick is due when it was due from the beginning, however long ticks took."""
+    host = ScriptedHost(Pacer(TICK, 1.0), now=0.0)
     starts = host.run([0.031] * 1000)
     assert starts[-1] == pytest.approx(999 * S, abs=1e-9)
 
@@ -72,7 +72,7 @@ def test_the_first_tick_is_due_at_once() -> None:
 
 
 def test_remaining_counts_down_to_the_due_time() -> None:
-    """It never is below zero, however late it is."""
+    """It is never below zero, however late the tick is."""
     pacer = Pacer(TICK, 1.0)
     pacer.start(10.0)
     assert [pacer.remaining(10.0 + t) for t in (0.0, 0.03, 0.1, 0.2, 50.0)] == pytest.approx([0.1, 0.07, 0.0, 0.0, 0.0])
@@ -80,7 +80,7 @@ def test_remaining_counts_down_to_the_due_time() -> None:
 
 def test_as_fast_as_possible_never_waits() -> None:
     """With no speed there is no schedule, so there is nothing to be late for or behind."""
-    host = Host(Pacer(TICK, None))
+    host = ScriptedHost(Pacer(TICK, None))
     starts = host.run([0.001] * 60)
     assert gaps(starts) == pytest.approx([0.001] * 59)
     assert host.pacer.factor == pytest.approx(100.0)
@@ -90,7 +90,7 @@ def test_as_fast_as_possible_never_waits() -> None:
 
 def test_a_short_delay_is_made_up_for() -> None:
     """One slow tick delays the ones after it until the schedule is reached again; no tick is skipped."""
-    host = Host(Pacer(TICK, 1.0), now=0.0)
+    host = ScriptedHost(Pacer(TICK, 1.0), now=0.0)
     starts = host.run([0.0, 0.25, 0.0, 0.0, 0.0, 0.0])
     assert starts == pytest.approx([0.0, 0.1, 0.35, 0.35, 0.4, 0.5])
     assert host.pacer.lateness_p99_ms == pytest.approx(150.0)
@@ -98,14 +98,14 @@ def test_a_short_delay_is_made_up_for() -> None:
 
 def test_a_long_delay_starts_the_schedule_anew() -> None:
     """More than MAX_LAG late, it goes on from now on at its speed instead of rushing to catch up."""
-    host = Host(Pacer(TICK, 1.0), now=0.0)
+    host = ScriptedHost(Pacer(TICK, 1.0), now=0.0)
     starts = host.run([0.0, S + MAX_LAG + 0.05, 0.0, 0.0, 0.0])
     assert starts == pytest.approx([0.0, 0.1, 1.25, 1.35, 1.45])
 
 
 def test_a_delay_of_just_under_the_limit_is_made_up_for() -> None:
-    """Up to MAX_LAG the ticks that are due follow at once, every one of them."""
-    host = Host(Pacer(TICK, 1.0), now=0.0)
+    """Up to MAX_LAG of lateness, all ticks that are due follow at once."""
+    host = ScriptedHost(Pacer(TICK, 1.0), now=0.0)
     starts = host.run([0.0, MAX_LAG, *[0.0] * 12])
     assert starts[2:11] == pytest.approx([1.1] * 9)
     assert starts[11:] == pytest.approx([1.1, 1.2, 1.3])
@@ -113,7 +113,7 @@ def test_a_delay_of_just_under_the_limit_is_made_up_for() -> None:
 
 def test_behind_is_said_while_it_is_so() -> None:
     """A host that is slower than asked for is behind; so it is no more, once it keeps up for a while."""
-    host = Host(Pacer(TICK, 2.0))
+    host = ScriptedHost(Pacer(TICK, 2.0))
     host.run([0.1] * 60)
     assert host.pacer.factor == pytest.approx(1.0)
     assert host.pacer.behind
@@ -135,7 +135,7 @@ def test_the_factor_is_one_until_it_is_known() -> None:
 
 def test_a_paused_world_stands_still() -> None:
     """The tick at hand is the last one, whenever it was paused."""
-    host = Host(Pacer(TICK, 1.0))
+    host = ScriptedHost(Pacer(TICK, 1.0))
     host.run([0.0] * 3)
     host.pacer.pause()
     assert host.pacer.paused
@@ -150,12 +150,12 @@ def test_a_world_may_begin_paused() -> None:
     pacer.start(0.0)
     assert (pacer.steps, pacer.remaining(0.0)) == (0, None)
     pacer.step(2)
-    assert Host(pacer).steps() == 2
+    assert ScriptedHost(pacer).steps() == 2
 
 
 def test_resuming_goes_on_at_once_and_at_speed() -> None:
     """The time it stood still is neither made up for nor counted as slowness."""
-    host = Host(Pacer(TICK, 1.0))
+    host = ScriptedHost(Pacer(TICK, 1.0))
     host.run([0.0] * 3)
     host.pacer.pause()
     host.now += 3600.0
@@ -171,7 +171,7 @@ def test_resuming_goes_on_at_once_and_at_speed() -> None:
 @pytest.mark.parametrize("speed", [1.0, 0.01, None])
 def test_so_many_steps_and_no_more(speed: float | None) -> None:
     """Steps are taken as fast as possible at any speed, from a running world or a paused one, and they add up."""
-    host = Host(Pacer(TICK, speed))
+    host = ScriptedHost(Pacer(TICK, speed))
     host.run([0.0] * 2)
     host.pacer.step(3)
     assert host.steps() == 3
@@ -184,7 +184,7 @@ def test_so_many_steps_and_no_more(speed: float | None) -> None:
 
 def test_pausing_ends_the_steps() -> None:
     """Steps that were still to go are not taken, not even later."""
-    host = Host(Pacer(TICK, 1.0))
+    host = ScriptedHost(Pacer(TICK, 1.0))
     host.pacer.step(100)
     host.run([0.0] * 10)
     host.pacer.pause()
@@ -195,7 +195,7 @@ def test_pausing_ends_the_steps() -> None:
 
 def test_resuming_ends_the_steps() -> None:
     """A world that was resumed in the middle of its steps runs on, evenly."""
-    host = Host(Pacer(TICK, 1.0))
+    host = ScriptedHost(Pacer(TICK, 1.0))
     host.pacer.step(5)
     host.run([0.0] * 2)
     host.pacer.resume()
@@ -204,7 +204,7 @@ def test_resuming_ends_the_steps() -> None:
 
 def test_a_new_speed_holds_from_now_on() -> None:
     """The old schedule and the old speed's ticks are forgotten; the next tick is due at once."""
-    host = Host(Pacer(TICK, 0.1))
+    host = ScriptedHost(Pacer(TICK, 0.1))
     host.run([0.0] * 3)
     host.pacer.set_speed(4.0)
     assert host.pacer.remaining(host.now) == 0.0
@@ -217,7 +217,7 @@ def test_a_new_speed_holds_from_now_on() -> None:
 
 def test_a_new_speed_does_not_wake_a_paused_world() -> None:
     """It holds when the world goes on."""
-    host = Host(Pacer(TICK, 1.0, paused=True))
+    host = ScriptedHost(Pacer(TICK, 1.0, paused=True))
     host.pacer.set_speed(2.0)
     assert host.steps() == 0
     host.pacer.resume()
@@ -239,8 +239,8 @@ def test_lateness_is_the_99th_percentile() -> None:
 
 
 def test_the_latest_ticks_count_too() -> None:
-    """A world whose every tick begins more than MAX_LAG late says so."""
-    host = Host(Pacer(TICK, 1.0))
+    """The percentile shows ticks that begin more than MAX_LAG late."""
+    host = ScriptedHost(Pacer(TICK, 1.0))
     host.run([S + MAX_LAG + 0.1] * 10)
     lateness = host.pacer.lateness_p99_ms
     assert lateness is not None

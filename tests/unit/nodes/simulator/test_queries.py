@@ -1,15 +1,15 @@
-"""The simulator's queries with a world by script: steps, pace, changes between ticks, the end of a run, resets."""
+"""The simulator's queries with a scripted simulation: steps, pace, changes between ticks, the end of a run, resets."""
 
 from collections.abc import Callable, Iterator
 
 import pytest
 
-from support.control_harness import TICK, Desk
+from support.control_harness import TICK, ControlHarness
 from support.lockstep_doubles import LIMIT
 from zteam.bus import Change
 from zteam.clock import wait_until
 from zteam.errors import BusError
-from zteam.nodes.simulator import queries as control_module
+from zteam.nodes.simulator import queries
 from zteam.nodes.simulator.pacing import Pacer
 from zteam.services.simulator import (
     FinishReply,
@@ -26,98 +26,98 @@ from zteam.services.simulator import (
     StepRequest,
 )
 
-Make = Callable[..., Desk]
+Make = Callable[..., ControlHarness]
 
 
 @pytest.fixture
 def make() -> Iterator[Make]:
-    """Makes desks that end with the test."""
-    made: list[Desk] = []
+    """Makes harnesses that end with the test."""
+    made: list[ControlHarness] = []
 
-    def make_desk(speed: float | None = None, *, paused: bool = True) -> Desk:
-        made.append(Desk(Pacer(TICK, speed, paused=paused)))
+    def make_harness(speed: float | None = None, *, paused: bool = True) -> ControlHarness:
+        made.append(ControlHarness(Pacer(TICK, speed, paused=paused)))
         return made[-1]
 
-    yield make_desk
-    for desk in made:
-        desk.close()
+    yield make_harness
+    for harness in made:
+        harness.close()
 
 
 def test_steps_are_answered_when_the_world_stands_again(make: Make) -> None:
     """After the first tick, which is sent in any case, it goes exactly as far as it is told."""
-    desk = make()
+    harness = make()
     for ticks, reached in ((1, 2), (3, 5), (100, 105)):
-        status = desk.ask("step", SimStatus, StepRequest(ticks))
+        status = harness.ask("step", SimStatus, StepRequest(ticks))
         assert (status.tick, status.paused) == (reached, True)
-        assert not desk.world.ticking
-    assert desk.ask("status").tick == 105
+        assert not harness.world.ticking
+    assert harness.ask("status").tick == 105
 
 
 def test_a_step_is_not_answered_before_its_tick_is_over(make: Make) -> None:
-    """The tick at hand, which somebody may hold, belongs to the step."""
-    desk = make()
-    desk.ask("step", SimStatus, StepRequest(1))
-    desk.free.clear()
-    answers = desk.ask_aside("step", SimStatus, StepRequest(2))
-    desk.wait_for_tick(3)
+    """The open tick, which a participant may hold, belongs to the step."""
+    harness = make()
+    harness.ask("step", SimStatus, StepRequest(1))
+    harness.free.clear()
+    answers = harness.ask_aside("step", SimStatus, StepRequest(2))
+    harness.wait_for_tick(3)
     assert answers == []
-    desk.free.set()
-    desk.join()
+    harness.free.set()
+    harness.join()
     assert [status.tick for status in answers] == [4]
 
 
 def test_steps_of_several_askers_add_up(make: Make) -> None:
     """Each is answered when the world stands, which is when all their ticks are done."""
-    desk = make()
-    desk.ask("step", SimStatus, StepRequest(1))
-    desk.free.clear()
-    first = desk.ask_aside("step", SimStatus, StepRequest(10))
-    desk.wait_for_tick(3)
-    second = desk.ask_aside("step", SimStatus, StepRequest(20))
-    with desk.node.changed:
-        assert wait_until(desk.node.changed, lambda: desk.pacer.steps == 29, LIMIT)
+    harness = make()
+    harness.ask("step", SimStatus, StepRequest(1))
+    harness.free.clear()
+    first = harness.ask_aside("step", SimStatus, StepRequest(10))
+    harness.wait_for_tick(3)
+    second = harness.ask_aside("step", SimStatus, StepRequest(20))
+    with harness.node.changed:
+        assert wait_until(harness.node.changed, lambda: harness.pacer.steps == 29, LIMIT)
     assert (first, second) == ([], [])
-    desk.free.set()
-    desk.join()
+    harness.free.set()
+    harness.join()
     assert (first[0].tick, second[0].tick) == (32, 32)
 
 
 def test_a_step_stops_a_running_world(make: Make) -> None:
-    """It goes so many ticks on and then stands, though nobody paused it."""
-    desk = make(paused=False)
-    desk.wait_for_tick(10)
-    desk.free.clear()
-    with desk.world.changed:
-        assert wait_until(desk.world.changed, lambda: desk.world.ticking, LIMIT)
-    before = desk.world.tick
-    answers = desk.ask_aside("step", SimStatus, StepRequest(5))
-    with desk.node.changed:
-        assert wait_until(desk.node.changed, lambda: desk.pacer.paused, LIMIT)
-    desk.free.set()
-    desk.join()
+    """It takes so many more ticks and then stands still, without a pause request."""
+    harness = make(paused=False)
+    harness.wait_for_tick(10)
+    harness.free.clear()
+    with harness.world.changed:
+        assert wait_until(harness.world.changed, lambda: harness.world.ticking, LIMIT)
+    before = harness.world.tick
+    answers = harness.ask_aside("step", SimStatus, StepRequest(5))
+    with harness.node.changed:
+        assert wait_until(harness.node.changed, lambda: harness.pacer.paused, LIMIT)
+    harness.free.set()
+    harness.join()
     assert answers[0].paused
     assert before + 5 <= answers[0].tick <= before + 6
-    assert desk.ask("status").tick == answers[0].tick
+    assert harness.ask("status").tick == answers[0].tick
 
 
 def test_pause_and_resume(make: Make) -> None:
-    """A running world stands after the tick at hand, and goes on when told; the answers say how it is."""
-    desk = make(paused=False)
-    desk.wait_for_tick(5)
-    assert desk.ask("pause").paused
-    stood = desk.ask("step", SimStatus, StepRequest(1)).tick
-    assert desk.ask("status").tick == stood
-    assert not desk.ask("resume").paused
-    desk.wait_for_tick(stood + 5)
+    """A running world stands still after the open tick, and resumes; each answer has the new state."""
+    harness = make(paused=False)
+    harness.wait_for_tick(5)
+    assert harness.ask("pause").paused
+    stood = harness.ask("step", SimStatus, StepRequest(1)).tick
+    assert harness.ask("status").tick == stood
+    assert not harness.ask("resume").paused
+    harness.wait_for_tick(stood + 5)
 
 
 def test_the_next_tick_may_be_due_in_centuries(make: Make) -> None:
     """No wait overflows, and another speed ends it."""
-    desk = make(speed=1e-300, paused=False)
-    desk.wait_for_tick(1)
-    assert not desk.ask("stand", StandReply, StandRequest(0.1)).stands
-    desk.ask("speed", SimStatus, SpeedRequest(1000.0))
-    desk.wait_for_tick(5)
+    harness = make(speed=1e-300, paused=False)
+    harness.wait_for_tick(1)
+    assert not harness.ask("stand", StandReply, StandRequest(0.1)).stands
+    harness.ask("speed", SimStatus, SpeedRequest(1000.0))
+    harness.wait_for_tick(5)
 
 
 @pytest.mark.parametrize(
@@ -131,159 +131,159 @@ def test_the_next_tick_may_be_due_in_centuries(make: Make) -> None:
     ],
 )
 def test_numbers_without_bounds_are_refused(make: Make, service: str, request_: Change) -> None:
-    """Whoever asks without a client of ours hears of the bound; nothing is changed."""
-    desk = make()
+    """The error names the bound, also for clients other than zteam's; nothing is changed."""
+    harness = make()
     with pytest.raises(BusError, match="bad request: Expected `float`"):
-        desk.ask(service, SimStatus, request_)
-    assert desk.world.made == []
-    assert desk.pacer.speed is None
+        harness.ask(service, SimStatus, request_)
+    assert harness.world.made == []
+    assert harness.pacer.speed is None
 
 
 def test_a_status_tells_the_instance(make: Make) -> None:
-    """The id that changes have to carry."""
-    desk = make()
-    assert desk.ask("status").instance == desk.node.bus.instance
+    """Requests for changes have to carry this id."""
+    harness = make()
+    assert harness.ask("status").instance == harness.node.bus.instance
 
 
 def test_a_new_speed_is_taken_at_once(make: Make) -> None:
     """A world that waits long for its next tick does not wait for that first."""
-    desk = make(speed=1e-9, paused=False)
-    desk.wait_for_tick(1)
-    assert desk.ask("speed", SimStatus, SpeedRequest(1000.0)).speed == 1000.0
-    desk.wait_for_tick(20)
-    assert desk.ask("speed", SimStatus, SpeedRequest(None)).speed is None
-    desk.wait_for_tick(desk.world.tick + 20)
+    harness = make(speed=1e-9, paused=False)
+    harness.wait_for_tick(1)
+    assert harness.ask("speed", SimStatus, SpeedRequest(1000.0)).speed == 1000.0
+    harness.wait_for_tick(20)
+    assert harness.ask("speed", SimStatus, SpeedRequest(None)).speed is None
+    harness.wait_for_tick(harness.world.tick + 20)
 
 
-def test_looking_does_not_wait_for_the_tick_at_hand(make: Make) -> None:
-    """Status and report are answered while somebody holds the world."""
-    desk = make()
-    desk.free.clear()
-    desk.ask_aside("step", SimStatus, StepRequest(1))
-    desk.wait_for_tick(2)
-    assert desk.ask("status").tick == 2
-    assert desk.ask("report", SimReport).ticks == 2
+def test_status_and_report_do_not_wait_for_the_open_tick(make: Make) -> None:
+    """They are answered while a participant holds the world."""
+    harness = make()
+    harness.free.clear()
+    harness.ask_aside("step", SimStatus, StepRequest(1))
+    harness.wait_for_tick(2)
+    assert harness.ask("status").tick == 2
+    assert harness.ask("report", SimReport).ticks == 2
 
 
 def test_changes_are_made_between_two_ticks(make: Make) -> None:
-    """They wait for the tick at hand, and are made in the order of asking, all in the main loop's thread."""
-    desk = make()
-    desk.free.clear()
-    step = desk.ask_aside("step", SimStatus, StepRequest(1))
-    desk.wait_for_tick(2)
-    spawned = desk.ask_aside("spawn", SpawnReply, SpawnRequest(1.5, 2.0))
-    desk.wait_for_tick(2)
-    assert desk.world.made == []
-    desk.free.set()
-    desk.join()
+    """They wait for the end of the open tick; the main loop makes them in the order of the requests."""
+    harness = make()
+    harness.free.clear()
+    step = harness.ask_aside("step", SimStatus, StepRequest(1))
+    harness.wait_for_tick(2)
+    spawned = harness.ask_aside("spawn", SpawnReply, SpawnRequest(1.5, 2.0))
+    harness.wait_for_tick(2)
+    assert harness.world.made == []
+    harness.free.set()
+    harness.join()
     assert step[0].tick == 2
     assert spawned == [SpawnReply(7)]
     for service, request in (("move", MoveRequest(3, 0.0, 0.0)), ("remove", RemoveRequest(3))):
-        assert desk.ask(service, SimStatus, request).tick == 2
-    assert desk.ask("repeat").tick == 2
-    assert desk.world.made == [("spawn 1.5", 2), ("move 3", 2), ("remove 3", 2), ("repeat", 2)]
-    assert desk.world.places == {(desk.thread.ident, False)}
+        assert harness.ask(service, SimStatus, request).tick == 2
+    assert harness.ask("repeat").tick == 2
+    assert harness.world.made == [("spawn 1.5", 2), ("move 3", 2), ("remove 3", 2), ("repeat", 2)]
+    assert harness.world.places == {(harness.thread.ident, False)}
 
 
 def test_a_running_world_is_changed_too(make: Make) -> None:
-    """It need not be paused."""
-    desk = make(paused=False)
+    """Changes do not need a paused world."""
+    harness = make(paused=False)
     for i in range(20):
-        desk.ask("spawn", SpawnReply, SpawnRequest(float(i), 0.0))
-    assert [what for what, _ in desk.world.made] == [f"spawn {i}" for i in range(20)]
-    assert desk.world.places == {(desk.thread.ident, False)}
+        harness.ask("spawn", SpawnReply, SpawnRequest(float(i), 0.0))
+    assert [what for what, _ in harness.world.made] == [f"spawn {i}" for i in range(20)]
+    assert harness.world.places == {(harness.thread.ident, False)}
 
 
 def test_what_cannot_be_done_comes_back_as_text(make: Make) -> None:
-    """The asker reads why, and the world goes on."""
-    desk = make()
+    """The error says why, and the world goes on."""
+    harness = make()
     with pytest.raises(BusError, match="no robot 9 in this world"):
-        desk.ask("remove", SimStatus, RemoveRequest(9))
+        harness.ask("remove", SimStatus, RemoveRequest(9))
     with pytest.raises(BusError, match="bad request"):
-        desk.ask("step", SimStatus, StepRequest(0))
+        harness.ask("step", SimStatus, StepRequest(0))
     with pytest.raises(BusError, match="bad request"):
-        desk.ask("speed", SimStatus, SpeedRequest(-1.0))
-    assert desk.ask("step", SimStatus, StepRequest(2)).tick == 3
+        harness.ask("speed", SimStatus, SpeedRequest(-1.0))
+    assert harness.ask("step", SimStatus, StepRequest(2)).tick == 3
 
 
 def test_a_change_does_not_wait_for_ever(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
-    """When the tick at hand does not end, the asker is told where to look."""
-    monkeypatch.setattr(control_module, "BOUNDARY_LIMIT", 0.05)
-    desk = make()
-    desk.free.clear()
-    desk.ask_aside("step", SimStatus, StepRequest(1))
-    desk.wait_for_tick(2)
+    """When the open tick does not end, the error names the command that shows why."""
+    monkeypatch.setattr(queries, "BOUNDARY_LIMIT", 0.05)
+    harness = make()
+    harness.free.clear()
+    harness.ask_aside("step", SimStatus, StepRequest(1))
+    harness.wait_for_tick(2)
     with pytest.raises(BusError, match=r"did not end within 0\.05 s: see 'zteam sim status'"):
-        desk.ask("spawn", SpawnReply, SpawnRequest(0.0, 0.0))
+        harness.ask("spawn", SpawnReply, SpawnRequest(0.0, 0.0))
 
 
-def test_whoever_waits_for_the_end_hears_of_it(make: Make) -> None:
-    """`finish` waits as long as it is told, answers no, or yes as soon as it is so."""
-    desk = make()
-    assert desk.ask("finish", FinishReply, FinishRequest(0.0)) == FinishReply(False)
-    assert desk.ask("finish", FinishReply, FinishRequest(0.05)) == FinishReply(False)
-    desk.last = 10
-    waiting = desk.ask_aside("finish", FinishReply, FinishRequest(LIMIT))
-    assert desk.ask("step", SimStatus, StepRequest(8)).tick == 9
+def test_finish_waits_for_the_end_of_the_run(make: Make) -> None:
+    """It answers False after its time-out, and True as soon as the run is over."""
+    harness = make()
+    assert harness.ask("finish", FinishReply, FinishRequest(0.0)) == FinishReply(False)
+    assert harness.ask("finish", FinishReply, FinishRequest(0.05)) == FinishReply(False)
+    harness.last = 10
+    waiting = harness.ask_aside("finish", FinishReply, FinishRequest(LIMIT))
+    assert harness.ask("step", SimStatus, StepRequest(8)).tick == 9
     assert waiting == []
-    desk.ask("step", SimStatus, StepRequest(1))
-    desk.join()
+    harness.ask("step", SimStatus, StepRequest(1))
+    harness.join()
     assert waiting == [FinishReply(True)]
-    assert desk.ask("finish", FinishReply, FinishRequest(0.0)) == FinishReply(True)
+    assert harness.ask("finish", FinishReply, FinishRequest(0.0)) == FinishReply(True)
 
 
 def test_a_finished_world_stands_still(make: Make) -> None:
-    """Steps that reach beyond the end are answered there; going on is refused, and the way out is told."""
-    desk = make()
-    desk.last = 10
-    assert desk.ask("step", SimStatus, StepRequest(50)).tick == 10
+    """Steps beyond the end are answered at the end; further steps are refused, with the way out."""
+    harness = make()
+    harness.last = 10
+    assert harness.ask("step", SimStatus, StepRequest(50)).tick == 10
     with pytest.raises(BusError, match="the run is over: 'zteam sim reset'"):
-        desk.ask("step", SimStatus, StepRequest(1))
-    desk.ask("resume")
-    desk.ask("remove", SimStatus, RemoveRequest(1))
-    assert desk.ask("status").tick == 10
+        harness.ask("step", SimStatus, StepRequest(1))
+    harness.ask("resume")
+    harness.ask("remove", SimStatus, RemoveRequest(1))
+    assert harness.ask("status").tick == 10
 
 
 def test_a_reset_sends_the_first_tick_even_while_paused(make: Make) -> None:
-    """Nobody would know of it otherwise; then the world stands as it stood."""
-    desk = make()
-    assert desk.ask("step", SimStatus, StepRequest(4)).tick == 5
-    status = desk.ask("reset")
+    """Otherwise no process would learn of the reset. After that tick the world stands still again."""
+    harness = make()
+    assert harness.ask("step", SimStatus, StepRequest(4)).tick == 5
+    status = harness.ask("reset")
     assert (status.tick, status.paused) == (0, True)
-    desk.wait_for_tick(1)
-    assert desk.ask("repeat").tick == 1
-    assert desk.ask("step", SimStatus, StepRequest(4)).tick == 5
-    assert desk.world.made[0] == ("reset", 5)
+    harness.wait_for_tick(1)
+    assert harness.ask("repeat").tick == 1
+    assert harness.ask("step", SimStatus, StepRequest(4)).tick == 5
+    assert harness.world.made[0] == ("reset", 5)
 
 
 def test_a_reset_lets_a_finished_world_run_again(make: Make) -> None:
     """The run is not over any more, and ends again."""
-    desk = make()
-    desk.last = 10
-    desk.ask("resume")
-    assert desk.ask("finish", FinishReply, FinishRequest(LIMIT)).finished
-    desk.last = 15
-    desk.ask("reset")
-    assert desk.ask("finish", FinishReply, FinishRequest(LIMIT)).finished
-    assert desk.ask("status").tick == 15
-    assert desk.world.made == [("reset", 10)]
+    harness = make()
+    harness.last = 10
+    harness.ask("resume")
+    assert harness.ask("finish", FinishReply, FinishRequest(LIMIT)).finished
+    harness.last = 15
+    harness.ask("reset")
+    assert harness.ask("finish", FinishReply, FinishRequest(LIMIT)).finished
+    assert harness.ask("status").tick == 15
+    assert harness.world.made == [("reset", 10)]
 
 
 def test_steps_that_the_end_cut_off_are_not_made_up_for(make: Make) -> None:
     """After a reset a paused world stands at its first tick, whatever was asked of the run before."""
-    desk = make()
-    desk.last = 10
-    desk.ask("step", SimStatus, StepRequest(50))
-    desk.last = 30
-    desk.ask("reset")
-    desk.wait_for_tick(1)
-    assert desk.ask("step", SimStatus, StepRequest(1)).tick == 2
+    harness = make()
+    harness.last = 10
+    harness.ask("step", SimStatus, StepRequest(50))
+    harness.last = 30
+    harness.ask("reset")
+    harness.wait_for_tick(1)
+    assert harness.ask("step", SimStatus, StepRequest(1)).tick == 2
 
 
 def test_a_stop_request_ends_the_main_loop(make: Make) -> None:
-    """However long the world would have stood still, and whoever waits for its end."""
-    desk = make()
-    desk.wait_for_tick(1)
-    desk.stop.request("test")
-    desk.thread.join(LIMIT)
-    assert not desk.thread.is_alive()
+    """Also while the world stands still."""
+    harness = make()
+    harness.wait_for_tick(1)
+    harness.stop.request("test")
+    harness.thread.join(LIMIT)
+    assert not harness.thread.is_alive()

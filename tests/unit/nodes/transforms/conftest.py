@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import pytest
 
 from support.aggregator_desk import Desk
-from support.lockstep_doubles import Log, listening
+from support.log_capture import LogCapture, captured_log
 from zteam.bus import MemoryHub
 
 
@@ -18,7 +18,7 @@ def desk(hub: MemoryHub) -> Iterator[Desk]:
 
 
 @pytest.fixture
-def log() -> Iterator[Log]:
+def log() -> Iterator[LogCapture]:
     """What is logged during the test."""
-    with listening() as lines:
+    with captured_log() as lines:
         yield lines

@@ -3,7 +3,7 @@
 import pytest
 
 from support.aggregator_desk import Base, Desk, Listener, S, look_up, transform
-from support.lockstep_doubles import Log
+from support.log_capture import LogCapture
 from zteam import names
 from zteam.bus import MemoryHub
 from zteam.messages import Clock, TFMessage, time_from_ns
@@ -102,7 +102,7 @@ def test_the_frames_are_listed(hub: MemoryHub) -> None:
     assert (fixed.parent, fixed.static) == ("map", True)
 
 
-def test_a_conflict_is_logged_once_with_both_sides(hub: MemoryHub, log: Log) -> None:
+def test_a_conflict_is_logged_once_with_both_sides(hub: MemoryHub, log: LogCapture) -> None:
     """Robot 0 contradicts the team file many times: one line names both, and the file's frame stays."""
     desk, listener = Desk(hub, (transform("robot_0/base_link", "robot_0/camera", 0, 0.1),)), Listener(hub)
     base, other = Base(hub, 0), Base(hub, 1)
@@ -122,7 +122,7 @@ def test_a_conflict_is_logged_once_with_both_sides(hub: MemoryHub, log: Log) -> 
 
 
 @pytest.mark.usefixtures("desk")
-def test_a_jump_back_forgets_what_moves(hub: MemoryHub, log: Log) -> None:
+def test_a_jump_back_forgets_what_moves(hub: MemoryHub, log: LogCapture) -> None:
     """A restarted simulator's transforms are taken at once, the fixed ones stay, and the log says so."""
     clock = hub.bus().publisher(names.CLOCK, Clock)
     listener, base = Listener(hub), Base(hub, 0)

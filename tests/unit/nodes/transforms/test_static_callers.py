@@ -5,7 +5,7 @@ import itertools
 import pytest
 
 from support.aggregator_desk import Desk, Listener, S, ask_static, transform
-from support.lockstep_doubles import Log
+from support.log_capture import LogCapture
 from zteam import names
 from zteam.bus import MemoryHub
 from zteam.errors import BusError
@@ -92,7 +92,7 @@ def test_a_lost_router_takes_no_frames(hub: MemoryHub, desk: Desk) -> None:
 
 
 def test_callers_have_time_to_find_the_router(
-    hub: MemoryHub, desk: Desk, log: Log, monkeypatch: pytest.MonkeyPatch
+    hub: MemoryHub, desk: Desk, log: LogCapture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """However long the router is away, frames go only with callers that stay away when it is back."""
     now = [1000.0]

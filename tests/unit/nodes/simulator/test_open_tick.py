@@ -1,0 +1,132 @@
+"""The rules by which a tick of lock-step begins and ends, without a bus."""
+
+import pytest
+
+from zteam.messages import Done, Twist, Vector3
+from zteam.nodes.simulator.open_tick import OpenTick
+
+
+def join(tick: OpenTick, *names: str) -> None:
+    """Let processes take these names and ask to join."""
+    for name in names:
+        tick.take_token(name, f"session-{name}", True)
+        assert tick.take_done(name, Done())
+
+
+def answer(tick: OpenTick, *names: str) -> None:
+    """Answer the open tick."""
+    for name in names:
+        assert tick.take_done(name, Done(tick.message.epoch, tick.message.tick))
+
+
+def begun(*names: str) -> OpenTick:
+    """Tick 2 is open, and these take part."""
+    tick = OpenTick(gate=False)
+    join(tick, *names)
+    tick.open(0, 1, [])
+    tick.held = False
+    tick.open(0, 2, [])
+    return tick
+
+
+def test_a_tick_is_over_with_the_last_answer() -> None:
+    """And not before."""
+    tick = begun("robot_0", "tf")
+    answer(tick, "tf")
+    assert (tick.is_over, tick.needs_attention, tick.waiting_for()) == (False, False, "robot_0")
+    answer(tick, "robot_0")
+    assert (tick.is_over, tick.needs_attention, tick.waiting_for()) == (True, True, "")
+
+
+def test_a_held_tick_admits_no_process_before_all_expected_are_there() -> None:
+    """The participants are then the same whatever the order in which they came."""
+    tick = OpenTick(["robot_0", "tf"], gate=False)
+    join(tick, "robot_0")
+    assert tick.open(0, 1, []).participants == []
+    assert not tick.is_over
+    join(tick, "tf")
+    assert tick.must_reopen
+    assert tick.reopen().participants == ["robot_0", "tf"]
+    answer(tick, "robot_0", "tf")
+    assert tick.is_over
+
+
+def test_a_held_tick_carries_no_go_before_all_expected_are_there() -> None:
+    """GO is announced to all in the same tick, and the highest epoch counts."""
+    tick = OpenTick(["robot_0"])
+    tick.take_go(3)
+    tick.take_go(2)
+    assert tick.open(0, 1, []).epoch == 0
+    join(tick, "robot_0")
+    assert (tick.reopen().epoch, tick.message.participants) == (3, ["robot_0"])
+
+
+def test_the_gate_holds_the_first_tick_until_go() -> None:
+    """Without the gate it is over at once."""
+    held, free = OpenTick(gate=True), OpenTick(gate=False)
+    for tick in (held, free):
+        tick.open(0, 1, [])
+    assert (held.is_over, free.is_over) == (False, True)
+    assert held.waiting_for().startswith("the monitor's GO")
+    held.take_go(1)
+    held.reopen()
+    assert held.is_over
+
+
+def test_only_a_held_tick_is_opened_again() -> None:
+    """Later a process that joins waits for the next tick."""
+    tick = begun("tf")
+    join(tick, "robot_0")
+    assert not tick.must_reopen
+    assert tick.open(0, 3, []).participants == ["robot_0", "tf"]
+
+
+def test_asking_to_join_again_is_no_news() -> None:
+    """Otherwise every answer of a process that waits to be let in would repeat the held tick."""
+    tick = OpenTick(["robot_0", "tf"], gate=False)
+    join(tick, "robot_0")
+    tick.open(0, 1, [])
+    answer(tick, "robot_0")
+    assert not tick.must_reopen
+
+
+@pytest.mark.parametrize(
+    ("name", "alive", "repeats"), [("new", True, True), ("tf", False, True), ("new", False, False)]
+)
+def test_a_token_repeats_the_tick_for_those_that_must_know(name: str, alive: bool, repeats: bool) -> None:
+    """A new process must hear it to join; participants must hear that another one has left."""
+    assert begun("robot_0", "tf").take_token(name, f"session-{name}", alive) is repeats
+
+
+def test_no_token_repeats_a_tick_that_was_never_opened() -> None:
+    """Before the first tick there is nothing to send."""
+    assert not OpenTick().take_token("tf", "a", True)
+
+
+@pytest.mark.parametrize(
+    ("missing", "dropped"), [(["robot_0", "tf"], ["tf"]), (["robot_0", "robot_1"], ["robot_0", "robot_1"])]
+)
+def test_a_silent_aggregator_is_dropped_before_the_robots(missing: list[str], dropped: list[str]) -> None:
+    """Robots wait for its transforms, so that their silence may follow from its silence."""
+    tick = begun("robot_0", "robot_1", "tf")
+    assert tick.drop_silent(missing) == dropped
+    assert tick.refreshed().participants == sorted({"robot_0", "robot_1", "tf"} - {*dropped})
+
+
+def test_commands_are_those_of_robots_in_the_world() -> None:
+    """By id; an answer without a command gives none."""
+    tick = begun("robot_10", "robot_2", "robot_3", "tf")
+    for robot_id in (10, 2):
+        tick.take_done(f"robot_{robot_id}", Done(0, 2, True, Twist(Vector3(0.1 * robot_id))))
+    answer(tick, "robot_3", "tf")
+    assert list(tick.commands({2, 3, 10}).items()) == [(2, Twist(Vector3(0.2))), (10, Twist(Vector3(1.0)))]
+    assert list(tick.commands({10})) == [10]
+
+
+def test_after_a_restart_of_the_world_old_answers_do_not_count() -> None:
+    """The tick of the same number has to be answered again."""
+    tick = begun("tf")
+    answer(tick, "tf")
+    tick.start_anew()
+    tick.open(0, 2, [])
+    assert not tick.is_over

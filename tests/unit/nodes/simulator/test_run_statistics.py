@@ -1,0 +1,139 @@
+"""The simulator's count of a run."""
+
+import hashlib
+import math
+import struct
+
+import pytest
+
+from zteam.geometry import Pose2
+from zteam.nodes.simulator.run_statistics import RunStatistics, percentile
+from zteam.services.simulator import Gap, Latency
+
+START = {0: Pose2(0.0, 0.0, 0.0), 1: Pose2(0.0, 2.0, 0.0)}
+
+
+def started(tick: int = 10) -> RunStatistics:
+    """A run of two robots, of which 1 follows 0, since `tick`."""
+    statistics = RunStatistics({1: 0})
+    statistics.start(tick * 100, tick, START)
+    return statistics
+
+
+def test_nothing_counts_before_go() -> None:
+    """Late steps, latencies and foreign commands of the time before are ignored."""
+    statistics = RunStatistics({})
+    statistics.add_late_steps(50, [0])
+    statistics.add_latency(0.1)
+    statistics.add_external_command()
+    assert (statistics.robots(), statistics.external_commands) == ([], 0)
+    assert statistics.latency() == Latency(None, None, 0)
+
+
+def test_distance_is_the_length_of_the_path() -> None:
+    """It sums the moves between ticks, not the way from start to end."""
+    statistics = started()
+    for x in (3.0, 0.0):
+        statistics.add_tick({0: Pose2(x, 0.0, 0.0), 1: START[1]}, [], {})
+    assert [robot.distance_m for robot in statistics.robots()] == [6.0, 0.0]
+
+
+def test_a_stall_counts_once_however_long_it_lasts() -> None:
+    """It counts again after the robot was free."""
+    statistics = started()
+    for stalled in ([0], [0], [], [0]):
+        statistics.add_tick(START, stalled, {})
+    assert [robot.stalls for robot in statistics.robots()] == [2, 0]
+
+
+def test_scans_are_summed() -> None:
+    """By robot."""
+    statistics = started()
+    for _ in range(3):
+        statistics.add_tick(START, [], {0: 2})
+    assert [robot.scans for robot in statistics.robots()] == [6, 0]
+
+
+def test_a_gap_has_mean_maximum_and_end() -> None:
+    """The follower has it, in metres between the centres."""
+    statistics = started()
+    for y in (1.0, 4.0, 1.0):
+        statistics.add_tick({0: START[0], 1: Pose2(0.0, y, 0.0)}, [], {})
+    leader, follower = statistics.robots()
+    assert (leader.gap_m, follower.gap_m) == (None, Gap(2.0, 4.0, 1.0))
+    assert (leader.follow, follower.follow) == (None, 0)
+
+
+def test_late_steps_count_from_the_second_tick_after_go() -> None:
+    """GO may arrive after the scans of two ticks, so that before that a robot may rightly have sent no command."""
+    statistics = started(tick=10)
+    for tick in (10, 11):
+        statistics.add_late_steps(tick, [0, 1])
+    assert [robot.late_steps for robot in statistics.robots()] == [0, 0]
+    statistics.add_late_steps(12, [0, 1])
+    statistics.add_late_steps(13, [1, 7])
+    assert [robot.late_steps for robot in statistics.robots()] == [1, 2]
+
+
+def test_a_robot_that_comes_later_counts_from_then_on() -> None:
+    """Its first pose is no move."""
+    statistics = started()
+    statistics.add_tick({**START, 5: Pose2(7.0, 7.0, 0.0)}, [], {5: 1})
+    assert [(robot.id, robot.distance_m, robot.scans) for robot in statistics.robots()][-1] == (5, 0.0, 1)
+
+
+def test_the_trajectory_is_that_of_all_poses_by_id() -> None:
+    """x, y, yaw as little-endian 64-bit floats, whatever the order in which the poses are given."""
+    statistics = started()
+    statistics.add_tick(dict(reversed(START.items())), [], {})
+    expected = hashlib.sha256(struct.pack("<6d", *START[0], *START[1])).hexdigest()
+    assert statistics.trajectory_sha256 == expected
+
+
+def test_latencies_are_given_in_milliseconds() -> None:
+    """The median and the 99th percentile of all."""
+    statistics = started()
+    for i in range(100, 0, -1):
+        statistics.add_latency(i / 1000)
+    latency = statistics.latency()
+    assert latency.p50 == pytest.approx(51.0)
+    assert latency.p99 == pytest.approx(100.0)
+    assert latency.count == 100
+
+
+def test_wall_time_needs_two_ticks() -> None:
+    """With one there is no time between the first and the last."""
+    statistics = started()
+    statistics.add_tick(START, [], {})
+    assert statistics.wall_seconds == 0.0
+    statistics.add_tick(START, [], {})
+    assert statistics.wall_seconds > 0.0
+    assert statistics.ticks == 2
+
+
+def test_starting_anew_forgets_the_run() -> None:
+    """The next GO counts from zero."""
+    statistics = started()
+    statistics.add_tick(START, [0], {0: 1})
+    statistics.add_external_command()
+    statistics.add_latency(1.0)
+    statistics.start_anew()
+    assert statistics.go_stamp is None
+    assert (statistics.ticks, statistics.external_commands, statistics.robots()) == (0, 0, [])
+    assert statistics.latency().count == 0
+    assert statistics.trajectory_sha256 == hashlib.sha256().hexdigest()
+
+
+@pytest.mark.parametrize(("share", "value"), [(0.0, 1.0), (0.5, 3.0), (0.99, 4.0), (1.0, 4.0)])
+def test_a_percentile_is_one_of_the_values(share: float, value: float) -> None:
+    """Of none there is none."""
+    assert percentile([1.0, 2.0, 3.0, 4.0], share) == value
+    assert percentile([], share) is None
+
+
+def test_a_gap_that_was_never_measured_is_none() -> None:
+    """Without its leader in the world a follower has no gap, not one of NaN."""
+    statistics = started()
+    statistics.add_tick({1: START[1]}, [], {})
+    assert statistics.robots()[1].gap_m is None
+    assert not any(math.isnan(robot.distance_m) for robot in statistics.robots())

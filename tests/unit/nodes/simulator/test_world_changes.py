@@ -1,0 +1,64 @@
+"""Changes of the world: the engine, the publishers and the count of a run follow."""
+
+from collections.abc import Iterator
+
+import pytest
+
+from support.simulator_parts import SimulatorParts
+from zteam import names
+from zteam.bus import MemoryHub
+from zteam.errors import UsageError
+from zteam.messages import LaserScan, TFMessage
+from zteam.services.simulator import MoveRequest, SpawnRequest
+
+
+@pytest.fixture
+def parts(hub: MemoryHub) -> Iterator[SimulatorParts]:
+    """A simulator after its first tick, without a main loop."""
+    made = SimulatorParts(hub)
+    made.tick()
+    yield made
+    made.close()
+
+
+def test_a_new_robot_gets_the_lowest_free_id_and_publishers(parts: SimulatorParts) -> None:
+    """Its scans come with the next tick."""
+    scans = parts.record(names.scan_key(3, 0), LaserScan)
+    assert parts.changes.spawn(SpawnRequest(-3.5, -1.5)) == 3
+    assert list(parts.outputs) == [0, 1, 2, 3]
+    parts.tick()
+    assert scans == [names.scan_key(3, 0)]
+
+
+def test_a_robot_that_leaves_publishes_no_more(parts: SimulatorParts) -> None:
+    """Its id is free again, and a repeat does not send it either."""
+    scans = parts.record(names.scan_key(1, 0), LaserScan)
+    parts.changes.remove(1)
+    parts.sender.repeat()
+    parts.tick()
+    assert (list(parts.outputs), scans) == ([0, 2], [])
+    assert parts.changes.spawn(SpawnRequest(-3.5, -1.5)) == 1
+
+
+def test_a_moved_robot_has_new_fixed_frames(parts: SimulatorParts) -> None:
+    """Its `odom` frame has another origin in `map`."""
+    frames = parts.record(names.robot_key(0, names.TF_STATIC), TFMessage)
+    parts.changes.move(MoveRequest(0, -3.5, -1.5))
+    assert frames[-1:] == [names.robot_key(0, names.TF_STATIC)]
+    assert parts.engine.truth(0)[:2] == (-3.5, -1.5)
+
+
+def test_a_refused_change_changes_nothing(parts: SimulatorParts) -> None:
+    """A place without room, and an id that is taken."""
+    for request in (SpawnRequest(40.0, 0.0), SpawnRequest(-3.5, -1.5, id=1)):
+        with pytest.raises(UsageError):
+            parts.changes.spawn(request)
+    assert list(parts.outputs) == [0, 1, 2]
+
+
+def test_a_reset_tells_every_part(parts: SimulatorParts) -> None:
+    """Robots that came are gone, and the next tick is the first one."""
+    parts.changes.spawn(SpawnRequest(-3.5, -1.5))
+    parts.changes.reset()
+    assert (parts.engine.tick, list(parts.outputs), parts.resets) == (0, [0, 1, 2], ["reset"])
+    assert parts.sender.is_first

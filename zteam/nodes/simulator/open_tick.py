@@ -1,0 +1,125 @@
+"""The open tick of lock-step, and whether the first one is still held. Pure: no bus, no threads, no time.
+
+The first tick is held until all expected processes take part in it and, with the gate, until the monitor has given GO.
+"""
+
+from collections.abc import Container, Iterable
+
+import numpy as np
+
+from zteam import names
+from zteam.messages import Done, Tick, Twist, time_from_ns
+from zteam.nodes.simulator.barrier import Barrier
+
+
+class OpenTick:
+    """The tick that the participants are to answer, and the rules by which it ends."""
+
+    def __init__(self, expected: Iterable[str] = (), *, gate: bool = True) -> None:
+        self.barrier = Barrier(expected)
+        self.held = True
+        """Whether this is the first tick and may not end yet."""
+        self._gate = gate
+        self._go_epoch = 0
+        self._changed = False
+        """Whether a token, a joining process or GO came since the tick was opened."""
+        self.message = Tick()
+        """The tick as it was sent last; number 0 before the first one."""
+
+    def take_token(self, name: str, instance: str, alive: bool) -> bool:
+        """Take a presence token. True if the tick has to be sent again because of it."""
+        self.barrier.take_token(name, instance, alive)
+        self._changed = True
+        if self.message.tick == 0:
+            return False
+        # A new process joins by answering a tick, and the next one may be far away. The other participants must learn
+        # that the process that left is not to be waited for.
+        return alive or name in self.message.participants
+
+    def take_done(self, name: str, done: Done) -> bool:
+        """Take an answer. False if no process holds `name`."""
+        joining = len(self.barrier.joining)
+        if not self.barrier.take_done(name, done):
+            return False
+        if len(self.barrier.joining) > joining:
+            self._changed = True
+        return True
+
+    def take_go(self, epoch: int) -> None:
+        """The monitor gave GO; the highest epoch counts."""
+        self._go_epoch = max(self._go_epoch, epoch)
+        self._changed = True
+
+    def open(self, stamp: int, tick: int, robots: list[int]) -> Tick:
+        """Open tick `tick` at simulated time `stamp` (ns), with these robots in the world."""
+        # A held tick admits no process and carries no GO until all can: an answer that was given with half the team
+        # present would depend on the order in which the processes came.
+        whole = not (self.held and self.barrier.absent)
+        epoch = self._go_epoch if whole else 0
+        participants = list(self.barrier.open(epoch, tick, admit=whole))
+        self.message = Tick(time_from_ns(stamp), epoch, tick, np.array(robots, np.int32), participants)
+        self._changed = False
+        return self.message
+
+    def reopen(self) -> Tick:
+        """Open the held tick again, because processes joined or left or GO came."""
+        # GO is announced when all expected processes take part, so that all hear it in the same tick.
+        whole = not self.barrier.absent
+        epoch = self._go_epoch if whole else self.message.epoch
+        self.message.epoch = epoch
+        self.barrier.open(epoch, self.message.tick, admit=whole)
+        self._changed = False
+        return self.refreshed()
+
+    def refreshed(self) -> Tick:
+        """The open tick with its current participants."""
+        self.message.participants = list(self.barrier.members)
+        return self.message
+
+    def start_anew(self) -> None:
+        """The world returns to its start: answers to earlier ticks no longer count."""
+        self.barrier.open(0, 0)
+
+    @property
+    def must_reopen(self) -> bool:
+        """Whether the tick is held and has to be opened again."""
+        return self.held and self._changed
+
+    @property
+    def needs_attention(self) -> bool:
+        """Whether the wait for the answers may be over, or the tick may have to be opened again."""
+        return self._changed or self.barrier.complete
+
+    @property
+    def is_over(self) -> bool:
+        """Whether every participant has answered and the tick is not held."""
+        return self.barrier.complete and not (self.held and (self._changed or not self._may_begin))
+
+    @property
+    def _may_begin(self) -> bool:
+        released = self.message.epoch > 0 or not self._gate
+        return released and not self.barrier.expected.difference(self.barrier.members)
+
+    def drop_silent(self, missing: list[str]) -> list[str]:
+        """Drop the participants that are to blame for the silence of `missing`; their names."""
+        # Robots wait for the aggregator's transforms: if it is silent, the robots' silence follows from that.
+        culprits = [names.AGGREGATOR] if names.AGGREGATOR in missing else missing
+        for name in culprits:
+            self.barrier.drop(name)
+        return culprits
+
+    def waiting_for(self) -> str:
+        """What holds the world, in words; empty for nothing."""
+        silent = sorted({*self.barrier.missing(), *(self.barrier.absent if self.held else ())})
+        if self.held and self._gate and not self._go_epoch:
+            silent.append("the monitor's GO (zteam-monitor; zteam-sim --no-gate begins without)")
+        return ", ".join(silent)
+
+    def commands(self, robots: Container[int]) -> dict[int, Twist]:
+        """The commands in the answers of robots that are in the world, by id."""
+        found: dict[int, Twist] = {}
+        for name, done in self.barrier.answers.items():
+            robot_id = names.robot_id_of(name)
+            if done.has_command and robot_id is not None and robot_id in robots:
+                found[robot_id] = done.command
+        return dict(sorted(found.items()))

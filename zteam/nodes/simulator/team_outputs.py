@@ -1,0 +1,78 @@
+"""The publishers of all robots that are in the world."""
+
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+
+from zteam.messages import Twist
+from zteam.nodes.simulator.publishers import RobotOutputs
+from zteam.runtime.node import Node
+from zteam.sim import Engine, Observation
+
+
+class TeamOutputs(Collection[int]):
+    """The ids of the robots in the world, in the order in which they came, each with its publishers."""
+
+    def __init__(self, node: Node, engine: Engine) -> None:
+        self._node = node
+        self._engine = engine
+        self._outputs: dict[int, RobotOutputs] = {}
+
+    def __contains__(self, robot_id: object) -> bool:
+        return robot_id in self._outputs
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(self._outputs)
+
+    def __len__(self) -> int:
+        return len(self._outputs)
+
+    def match_robots(self) -> None:
+        """Make publishers for new robots, and close those of robots that have left the world."""
+        robots = self._engine.robots
+        for robot_id in [known for known in self._outputs if known not in robots]:
+            self._outputs.pop(robot_id).close()
+        for robot_id, robot in robots.items():
+            if robot_id not in self._outputs:
+                self._outputs[robot_id] = RobotOutputs(self._node, robot_id, robot)
+                self.put_statics(robot_id)
+
+    def put_statics(self, robot_id: int) -> None:
+        """Send a robot's fixed frames."""
+        self._outputs[robot_id].put_statics(self._engine.odom_origin(robot_id))
+
+    def put_transforms(self, robot_ids: Iterable[int]) -> None:
+        """Send these robots' odom -> base_footprint at the engine's time."""
+        for robot_id in robot_ids:
+            self._outputs[robot_id].put_transforms(self._engine.now, self._engine.odom(robot_id))
+
+    def put_sensors(
+        self,
+        robot_ids: Iterable[int],
+        observation: Observation,
+        on_scan: Callable[[int], None],
+        *,
+        again: bool = False,
+    ) -> None:
+        """Send what these robots' behaviours need; `again` also without a known subscriber.
+
+        `on_scan(robot_id)` is called before the scans of a robot leave.
+        """
+        for robot_id in robot_ids:
+            output = self._outputs[robot_id]
+            output.put_odometry(observation, again=again)
+            if output.scans:
+                on_scan(robot_id)
+                output.put_scans(observation, again=again)
+
+    def put_rest(self, robot_ids: Iterable[int], observation: Observation) -> None:
+        """Send what no robot's next command depends on."""
+        for robot_id in robot_ids:
+            self._outputs[robot_id].put_rest(observation)
+
+    def put_commands(self, commands: Mapping[int, Twist]) -> None:
+        """Send, on `cmd_vel`, the commands that came with the answers of lock-step."""
+        for robot_id, command in commands.items():
+            self._outputs[robot_id].put_command(command)
+
+    def scan_counts(self) -> dict[int, int]:
+        """Scans in a tick, by robot."""
+        return {robot_id: len(output.scans) for robot_id, output in self._outputs.items()}
