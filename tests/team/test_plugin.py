@@ -87,7 +87,7 @@ def test_teams_of_two_workers_are_separate(pytester: pytest.Pytester) -> None:
     )
     result = pytester.runpytest_subprocess("-n", "2", "-rP")
     result.assert_outcomes(passed=2)
-    where = [line.split()[1:] for line in result.polygons if line.startswith("WHERE")]
+    where = [line.split()[1:] for line in result.outlines if line.startswith("WHERE")]
     assert len({endpoint for endpoint, _ in where}) == 2
     assert len({namespace for _, namespace in where}) == 2
 

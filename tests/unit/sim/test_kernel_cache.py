@@ -9,7 +9,7 @@ from zteam.sim import kernel_cache
 
 
 def test_each_version_of_the_code_has_a_folder_and_old_ones_go(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Kernels of other code are not even looked at; when a version is whole, the newest four versions stay."""
+    """Kernels of other code are not even looked at; when a version is complete, the newest versions stay."""
     for age in range(6):
         old = tmp_path / f"version-{age}"
         (old / "sim_0").mkdir(parents=True)
@@ -18,6 +18,7 @@ def test_each_version_of_the_code_has_a_folder_and_old_ones_go(tmp_path: Path, m
     (own / "sim_0").mkdir(parents=True)
     (own / "sim_0" / "kernel.nbi").write_bytes(b"")
     monkeypatch.setattr(kernel_cache, "FOLDER", own)
+    monkeypatch.setattr(kernel_cache, "_KEPT", 4)
     assert not kernel_cache.is_complete()
     kernel_cache.mark_complete(own / "sim_0")
     assert kernel_cache.is_complete()

@@ -63,17 +63,19 @@ class Pacer:
     def start(self, now: float, *, counts: bool = True) -> None:
         """A tick begins. If it does not count, it takes no step: so does the first tick, which is sent in any case."""
         self._starts.append(now)
+        # A query may change it meanwhile, on a thread of the bus.
+        speed = self.speed
         if self.paused:
             with self._lock:
                 self.steps = max(0, self.steps - counts)
             self._due = None
-        elif self.speed is not None:
+        elif speed is not None:
             due = self._due
             if due is not None:
                 self._lateness.append(now - due)
             if due is None or now - due > MAX_LAG:
                 due = now
-            self._due = due + self._interval / self.speed
+            self._due = due + self._interval / speed
 
     @property
     def factor(self) -> float:

