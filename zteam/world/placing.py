@@ -14,6 +14,9 @@ from zteam.world.model import Floorplan, Point2, Robot, Shape, World
 Floats = NDArray[np.float64]
 REACH = 1e6
 """Metres from the origin of `map` to the end of an open world."""
+WALL_RIM = 0.05
+"""Metres that a robot may stand in the cells of a bitmap: poses measured by hand and pixels are no more exact, and a robot
+in contact sinks in as far (`zteam.sim.dynamic`)."""
 _TOUCH = 1e-9
 """Metres that bodies may overlap and still only touch."""
 _INWARD = 1e-6
@@ -23,7 +26,7 @@ _INWARD = 1e-6
 def find_hindrance(world: World, robot: Robot, others: Mapping[int, Robot]) -> str:
     """What keeps `robot` from standing at its pose, as `it would …`; empty if nothing does.
 
-    `others` are the robots that stand there, by id. Touching is allowed. A body of part of a cell of a bitmap counts.
+    `others` are the robots that stand there, by id. Touching is allowed, and so are WALL_RIM metres of a bitmap's wall.
     """
     outside = _find_outside(world, robot.pose)
     if outside:
@@ -96,16 +99,17 @@ def _heights_overlap(one: Shape | Floorplan, other: Shape | Floorplan) -> bool:
 
 
 def _meets_plan(plan: Floorplan, polygon: Floats) -> bool:
-    """Whether a polygon covers a part of an occupied cell."""
+    """Whether a polygon covers a part of an occupied cell without its rim."""
     local = _place(inverse2(plan.pose), polygon) / plan.cell
     rows, columns = plan.occupied.shape
     low = np.clip(np.floor(local.min(axis=0)), 0, (columns, rows)).astype(int)
     high = np.clip(np.ceil(local.max(axis=0)), 0, (columns, rows)).astype(int)
     row, column = np.nonzero(plan.occupied[low[1] : high[1], low[0] : high[0]])
     row, column = row + low[1], column + low[0]
-    touch = _TOUCH / min(plan.cell)
+    # Of small cells their middles are left.
+    rim = min(0.5, WALL_RIM / min(plan.cell))
     return bool(_contains(local, column + 0.5, row + 0.5).any()) or any(
-        _edge_meets_cells((ax, ay), (bx, by), (column + touch, row + touch), 1.0 - 2.0 * touch)
+        _edge_meets_cells((ax, ay), (bx, by), (column + rim, row + rim), 1.0 - 2.0 * rim)
         for (ax, ay), (bx, by) in zip(local.tolist(), np.roll(local, 1, axis=0).tolist(), strict=True)
     )
 

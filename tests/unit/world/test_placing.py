@@ -89,12 +89,12 @@ def test_the_walls_of_a_bitmap_are_in_the_way(yaw: float) -> None:
 
 
 def test_a_part_of_a_cell_is_in_the_way() -> None:
-    """A nose that covers a corner of a coarse cell collides, although the middle of the cell stays free."""
+    """A corner of a coarse cell is in the way, although the middle of the cell stays free; its rim of 5 cm is not."""
     cells = np.zeros((4, 4), bool)
     cells[2, 2] = True
     coarse = Floorplan("blocks", cells, (1.0, 1.0), Pose2(0.0, 0.0, 0.0), 0.0, 1.0)
-    assert find_hindrance(world(plans=(coarse,)), robot(1.81, 2.1), {}) == "it would stand in a wall of 'blocks'"
-    assert find_hindrance(world(plans=(coarse,)), robot(1.8, 2.1), {}) == ""
+    assert find_hindrance(world(plans=(coarse,)), robot(1.86, 2.1), {}) == "it would stand in a wall of 'blocks'"
+    assert find_hindrance(world(plans=(coarse,)), robot(1.84, 2.1), {}) == ""
 
 
 def test_there_is_room_in_the_hollow_of_a_thing() -> None:
