@@ -15,8 +15,8 @@ Floats = NDArray[np.float64]
 REACH = 1e6
 """Metres from the origin of `map` to the end of an open world."""
 WALL_RIM = 0.05
-"""Metres that a robot may stand in the cells of a bitmap: poses measured by hand and pixels are no more exact, and a robot
-in contact sinks in as far (`zteam.sim.dynamic`)."""
+"""Metres that a robot may stand in the cells of a bitmap: poses measured by hand are no more exact, and a robot that
+touches a wall sinks in as far (`zteam.sim.dynamic`)."""
 _TOUCH = 1e-9
 """Metres that bodies may overlap and still only touch."""
 _INWARD = 1e-6
