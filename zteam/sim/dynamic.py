@@ -21,7 +21,6 @@ from zteam.sim.holding import Cores
 from zteam.sim.motion import follow_arcs
 from zteam.sim.polygons import find_slabs, group_shapes, place_shape
 from zteam.world.model import Floorplan, Obstacle, Robot, Shape
-from zteam.world.placing import WALL_RIM
 from zteam.world.shapes import is_convex
 
 Floats = NDArray[np.float64]
@@ -35,7 +34,7 @@ _SLOP = 0.001
 """Metres that bodies may overlap at rest."""
 _RIM = 0.01
 """Metres that a body may sink into another at most, where there is something to push."""
-_WIDE_RIM = WALL_RIM
+_WIDE_RIM = 0.05
 """Likewise where nothing can be pushed: there the solver alone keeps robots out of walls but for rare leaps."""
 _BLOCKED = 0.5
 """A robot stalls when it touches something and makes less than this share of the speed it was told."""
