@@ -6,7 +6,7 @@ import msgspec
 
 from zteam.behaviors.view import View
 from zteam.errors import BehaviorError
-from zteam.messages import Twist
+from zteam.messages import Twist, Vector3
 
 
 class NoParams(msgspec.Struct, forbid_unknown_fields=True):
@@ -16,7 +16,9 @@ class NoParams(msgspec.Struct, forbid_unknown_fields=True):
 def checked_command(command: Any, what: str) -> Twist:
     """`command`, returned by `what`. Raises BehaviorError if it is no velocity."""
     if isinstance(command, Twist):
-        return command
+        if isinstance(command.linear, Vector3) and isinstance(command.angular, Vector3):
+            return command
+        raise BehaviorError(f"{what} returned {command!r}; return a Twist(Vector3(forward), Vector3(z=turn))")
     shown = "None" if command is None else f"a {type(command).__name__}"
     raise BehaviorError(f"{what} returned {shown}; return a Twist")
 

@@ -73,10 +73,10 @@ def _import(spec: str, module: str, name: str) -> Any:
         imported = importlib.import_module(module)
     except (Exception, SystemExit) as error:
         # Importing runs the user's own code, which may raise anything. One line is enough to mend it.
-        raise UsageError(
-            f"behaviour {spec!r}: cannot import {module}: {type(error).__name__}: {_one_line(error)} "
-            "(is it beside the team file, in the current folder or on PYTHONPATH?)"
-        ) from error
+        place = " (is it beside the team file, in the current folder or on PYTHONPATH?)"
+        hint = place if isinstance(error, ModuleNotFoundError) else ""
+        text = f"cannot import {module}: {type(error).__name__}: {_one_line(error)}{hint}"
+        raise UsageError(f"behaviour {spec!r}: {text}") from error
     found = getattr(imported, name, None)
     if found is None:
         known = [name for name, value in vars(imported).items() if _is_behavior(value) and value is not Behavior]
@@ -92,6 +92,11 @@ def _checked(spec: str, found: Any) -> type[Behavior]:
         raise UsageError(f"behaviour {spec!r} is not a subclass of zteam.behaviors.Behavior")
     if not _takes_parameters(found):
         raise UsageError(f"behaviour {spec!r}: give it a class Params(msgspec.Struct, forbid_unknown_fields=True)")
+    try:
+        inspect.signature(found).bind(None)
+    except TypeError:
+        text = "its __init__ must take the parameters: def __init__(self, params): super().__init__(params)"
+        raise UsageError(f"behaviour {spec!r}: {text}") from None
     return found  # type: ignore[no-any-return]
 
 

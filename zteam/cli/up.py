@@ -145,11 +145,17 @@ def _up(args: argparse.Namespace) -> int:
 def _run(team_run: "Run", stop: "Stop", args: argparse.Namespace) -> int:
     import msgspec
 
+    from zteam.bus.options import DEFAULT_ENDPOINT
     from zteam.launch.report import format_report, write_report
 
     try:
         team_run.start()
         log.info("%d processes, router at %s; Ctrl+C stops them", len(team_run.plan.commands), team_run.endpoint)
+        if args.connect is None and team_run.endpoint != DEFAULT_ENDPOINT:
+            log.warning(
+                "%s is in use; for tools and nodes of this team: export ZTEAM_CONNECT=%s",
+                DEFAULT_ENDPOINT, team_run.endpoint,
+            )  # fmt: skip
         team_run.watch()
         report = team_run.finish()
     except ZteamError as error:

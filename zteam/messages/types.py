@@ -116,6 +116,27 @@ class Bool(Message):
     data: bool_ = False
 
 
+class Int32(Message):
+    """A whole number."""
+
+    ros_type: ClassVar[str] = "std_msgs/msg/Int32"
+    data: int32 = 0
+
+
+class Float32(Message):
+    """A number."""
+
+    ros_type: ClassVar[str] = "std_msgs/msg/Float32"
+    data: float32 = 0.0
+
+
+class Float64(Message):
+    """A number."""
+
+    ros_type: ClassVar[str] = "std_msgs/msg/Float64"
+    data: float = 0.0
+
+
 class String(Message):
     """A text."""
 

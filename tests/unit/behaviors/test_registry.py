@@ -30,6 +30,10 @@ class Bare(Behavior):
 class Odd(Behavior):
     Params = 7
 
+class Closed(Behavior):
+    def __init__(self):
+        self.sides = 0
+
 class Stranger:
     pass
 """
@@ -93,6 +97,7 @@ def test_a_users_class_is_found() -> None:
         ("my_robots.mine:Stranger", "is not a subclass"),
         ("my_robots.mine:MINE", "has no MINE"),
         ("my_robots.mine:Odd", "give it a class Params"),
+        ("my_robots.mine:Closed", "def __init__(self, params): super().__init__(params)"),
     ],
 )
 def test_what_is_no_behaviour_is_refused_on_one_line(spec: str, text: str) -> None:

@@ -20,6 +20,9 @@ class OpenTick:
         self.held = True
         """Whether this is the first tick and may not end yet."""
         self._gate = gate
+        self._complete = False
+        """Whether the held tick has been sent with all expected processes, and with GO if there is a gate. A process that
+        ends from then on is not waited for."""
         self._go_epoch = 0
         self._changed = False
         """Whether a token, a joining process or GO came since the tick was opened."""
@@ -54,20 +57,22 @@ class OpenTick:
         """Open tick `tick` at simulated time `stamp` (ns), with these robots in the world."""
         # A held tick admits no process and carries no GO until all can: an answer that was given with half the team
         # present would depend on the order in which the processes came.
-        whole = not (self.held and self.barrier.absent)
+        whole = self._complete or not (self.held and self.barrier.absent)
         epoch = self._go_epoch if whole else 0
         participants = list(self.barrier.open(epoch, tick, admit=whole))
         self.message = Tick(time_from_ns(stamp), epoch, tick, np.array(robots, np.int32), participants)
+        self._note_complete()
         self._changed = False
         return self.message
 
     def reopen(self) -> Tick:
         """Open the held tick again, because processes joined or left or GO came."""
         # GO is announced when all expected processes take part, so that all hear it in the same tick.
-        whole = not self.barrier.absent
+        whole = self._complete or not self.barrier.absent
         epoch = self._go_epoch if whole else self.message.epoch
         self.message.epoch = epoch
         self.barrier.open(epoch, self.message.tick, admit=whole)
+        self._note_complete()
         self._changed = False
         return self.refreshed()
 
@@ -93,12 +98,12 @@ class OpenTick:
     @property
     def is_over(self) -> bool:
         """Whether every participant has answered and the tick is not held."""
-        return self.barrier.complete and not (self.held and (self._changed or not self._may_begin))
+        return self.barrier.complete and not (self.held and (self._changed or not self._complete))
 
-    @property
-    def _may_begin(self) -> bool:
+    def _note_complete(self) -> None:
         released = self.message.epoch > 0 or not self._gate
-        return released and not self.barrier.expected.difference(self.barrier.members)
+        if released and not self.barrier.expected.difference(self.barrier.members):
+            self._complete = True
 
     def drop_silent(self, missing: list[str]) -> list[str]:
         """Drop the participants that are to blame for the silence of `missing`; their names."""
@@ -110,7 +115,7 @@ class OpenTick:
 
     def waiting_for(self) -> str:
         """What holds the world, in words; empty for nothing."""
-        silent = sorted({*self.barrier.missing(), *(self.barrier.absent if self.held else ())})
+        silent = sorted({*self.barrier.missing(), *(self.barrier.absent if self.held and not self._complete else ())})
         if self.held and self._gate and not self._go_epoch:
             silent.append("the monitor's GO (zteam-monitor; zteam-sim --no-gate begins without)")
         return ", ".join(silent)

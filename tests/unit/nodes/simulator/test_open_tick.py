@@ -130,3 +130,30 @@ def test_after_a_restart_of_the_world_old_answers_do_not_count() -> None:
     tick.start_anew()
     tick.open(0, 2, [])
     assert not tick.is_over
+
+
+def test_a_process_that_ends_in_the_held_tick_after_go_is_not_waited_for() -> None:
+    """Once all expected processes have the tick with GO, an end in it counts as in any later tick."""
+    tick = OpenTick(["robot_0", "robot_1"])
+    join(tick, "robot_0", "robot_1")
+    tick.take_go(1)
+    assert tick.open(0, 1, [0, 1]).epoch == 1
+    answer(tick, "robot_1")
+    assert tick.take_token("robot_0", "session-robot_0", False)
+    assert tick.must_reopen
+    assert tick.reopen().participants == ["robot_1"]
+    answer(tick, "robot_1")
+    assert (tick.is_over, tick.waiting_for()) == (True, "")
+
+
+def test_a_process_that_ends_in_the_held_tick_before_go_is_waited_for() -> None:
+    """Without it the team is not complete."""
+    tick = OpenTick(["robot_0", "robot_1"])
+    join(tick, "robot_0", "robot_1")
+    tick.open(0, 1, [0, 1])
+    tick.take_token("robot_0", "session-robot_0", False)
+    tick.take_go(1)
+    assert tick.reopen().epoch == 0
+    answer(tick, "robot_1")
+    assert not tick.is_over
+    assert tick.waiting_for().startswith("robot_0")
