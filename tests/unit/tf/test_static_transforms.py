@@ -30,7 +30,7 @@ def _x(buffer: Buffer, child: str = ODOM, parent: str = "map") -> float:
     return buffer.lookup_pose2(parent, child, 0)[0].x
 
 
-@pytest.mark.parametrize(("first", "second"), permutations(SOURCES, 2))
+@pytest.mark.parametrize(("first", "second"), list(permutations(SOURCES, 2)))
 def test_the_source_of_the_highest_rank_gives_the_start_pose(first: Rank, second: Rank) -> None:
     """Whichever comes first, the higher rank holds, without a conflict between two different ranks."""
     buffer = Buffer()
