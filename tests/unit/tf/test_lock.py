@@ -53,7 +53,7 @@ def _fix(parent: str, child: str) -> Call:
 
 
 def _look(buffer: Buffer) -> object:
-    """A call's result: the tip's pose at 1.25 s, or the error of its look-up."""
+    """The tip's place in the map at 1.25 s, or the text of the look-up's exception."""
     try:
         found = buffer.lookup_transform("map", "tip", 5 * S // 4)
     except TransformException as error:
