@@ -1,4 +1,4 @@
-"""Every world that is here: loaded, run for ten simulated seconds, and drawn."""
+"""Every available world is loaded, run for ten simulated seconds and drawn."""
 
 import math
 from pathlib import Path
@@ -29,7 +29,7 @@ THEIRS = [
     "path", [*OWN, *(THEIRS if SHARED.is_dir() else [])], ids=lambda path: f"{path.parent.name}/{path.stem}"
 )
 def test_it_loads_runs_and_is_drawn(path: Path, tmp_path: Path) -> None:
-    """Robots drive, numbers stay finite, and the picture has something in it."""
+    """Robots drive, numbers stay finite, and the picture is not empty."""
     world = load_world(path)
     engine = Engine(world)
     start = [engine.truth(i) for i in engine.robots]

@@ -1,4 +1,4 @@
-"""The worlds that Stage and stage_ros ship, judged by what Stage made of them."""
+"""The worlds of Stage and stage_ros give what was recorded from Stage."""
 
 import math
 
@@ -38,7 +38,7 @@ WORLDS = SHARED / "worlds"
     ],
 )
 def test_worlds_load_as_they_are(name: str, robots: int, rangers: int, cells: tuple[int, int]) -> None:
-    """Every world that Stage loads is loaded, with its robots, the sensors of the first, and the cropped bitmap."""
+    """Each world that Stage loads is loaded, with its robots, the first robot's sensors and the cropped bitmap."""
     world = load_world(WORLDS / f"{name}.world")
     assert len(world.robots) == robots
     assert len(world.robots[0].rangers) == rangers
@@ -56,7 +56,7 @@ def test_worlds_load_as_they_are(name: str, robots: int, rangers: int, cells: tu
     ],
 )
 def test_what_is_not_simulated_is_remarked(name: str, text: str) -> None:
-    """Devices and controllers that zteam has not are said with their file, line and column."""
+    """Remarks name the devices and controllers that zteam lacks, with file, line and column."""
     assert any(text in str(remark) for remark in load_world(WORLDS / "stage" / f"{name}.world").warnings)
 
 
@@ -64,12 +64,12 @@ def test_what_is_not_simulated_is_remarked(name: str, text: str) -> None:
     "name", ["stage_ros/willow-lesson3", "stage_ros/willow-erratic", "stage_ros/willow-four-erratics"]
 )
 def test_a_world_that_asks_for_nothing_else_has_no_remarks(name: str) -> None:
-    """The lectures' worlds are loaded without a word."""
+    """The lectures' worlds are loaded without remarks."""
     assert load_world(WORLDS / f"{name}.world").warnings == ()
 
 
 def test_worlds_that_cannot_run_are_clear_errors() -> None:
-    """A type that Stage does not know either is named; a file of macros has no robot."""
+    """The error names a type that Stage does not know either; a file with macros only has no robot."""
     with pytest.raises(WorldError, match=r"wifi\.world:26:1: unknown model type 'map'"):
         load_world(WORLDS / "stage" / "wifi.world")
     assert load_world(WORLDS / "stage_ros" / "erratic-inc.world").robots == ()
@@ -86,7 +86,7 @@ def test_worlds_that_cannot_run_are_clear_errors() -> None:
 def test_the_box_of_black_pixels_is_stages(
     bitmap: str, shape: tuple[int, int], columns: tuple[int, int], rows_from_top: tuple[int, int]
 ) -> None:
-    """The crop is the box that was measured in Stage."""
+    """The bitmap is cropped to the box that was measured in Stage."""
     grid = read_bitmap(WORLDS / bitmap)
     assert grid.shape == shape
     height = shape[0]
@@ -94,7 +94,7 @@ def test_the_box_of_black_pixels_is_stages(
 
 
 def test_willow_is_stretched_or_honest() -> None:
-    """Read like Stage the map is 1.5 % and 2.8 % too large; read whole, its cells are those of the lectures' map."""
+    """Cropped as in Stage the map is 1.5 % and 2.8 % too large; uncropped, its cells equal the lectures' map."""
     path = WORLDS / "stage_ros" / "willow-lesson3.world"
     (stage,), (whole,) = load_world(path).floorplans, load_world(path, whole_bitmaps=True).floorplans
     assert stage.pose == whole.pose == (-27, -29.35, 0)
@@ -104,7 +104,7 @@ def test_willow_is_stretched_or_honest() -> None:
 
 
 def test_a_turned_map_keeps_its_cells() -> None:
-    """In stage_ros's world the map is turned by 90°: only its pose says so, and robots start on free cells."""
+    """stage_ros's map is rotated by 90° by its pose only: its cells are unchanged, and robots start on free ones."""
     world = load_world(WORLDS / "stage_ros" / "willow-erratic.world")
     (floor,) = world.floorplans
     assert floor.pose == pytest.approx((0.0, 0.0, math.pi / 2))
@@ -146,7 +146,7 @@ def assert_origin(found: list[float], expected: list[float]) -> None:
 
 
 def test_sensors_of_a_pioneer_are_where_stage_had_them() -> None:
-    """16 sonars and a SICK on stacked bodies: every recorded origin, field of view and range agrees with Stage's."""
+    """Origins, fields of view and ranges of 16 sonars and a SICK on stacked bodies agree with Stage's."""
     robot = load_world(WORLDS / "stage" / "simple.world").robots[0]
     (simple,) = (world for world in stage("full", "scans")["worlds"] if world["name"] == "simple")
     groups = {"r0.ranger:0": robot.rangers[:16], "r0.ranger:1": robot.rangers[16:]}

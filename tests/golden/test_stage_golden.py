@@ -1,4 +1,4 @@
-"""The laser, the heights and the motion against what was recorded from Stage itself (tolerances: its FORMAT.md)."""
+"""Laser, heights and motion agree with recordings from Stage itself (their FORMAT.md gives the tolerances)."""
 
 import hashlib
 import math
@@ -18,7 +18,7 @@ on_every_set = pytest.mark.parametrize("which", SETS)
 
 
 def _load(tmp_path: Path, text: str, bitmap: Path | None = None) -> World:
-    """A world from its text, with its bitmap beside it."""
+    """Load a world from its text, with its bitmap in the same directory."""
     if bitmap is not None and not (tmp_path / bitmap.name).exists():
         (tmp_path / bitmap.name).symlink_to(bitmap)
     path = tmp_path / "recorded.world"
@@ -27,7 +27,7 @@ def _load(tmp_path: Path, text: str, bitmap: Path | None = None) -> World:
 
 
 def _scan(engine: Engine, poses: list[list[float]], robot: int, ranger: int) -> np.ndarray:
-    """What a ranger reads with its robot at each of the poses (x, y, yaw_deg)."""
+    """The ranges of a ranger with its robot at each of the poses (x, y, yaw_deg)."""
     found = []
     for x, y, yaw_deg in poses:
         engine.place(robot, Pose2(x, y, math.radians(yaw_deg)))
@@ -53,7 +53,7 @@ def _open(which: str, name: str, folder: Path) -> tuple[Any, World]:
 
 @pytest.mark.parametrize(("which", "name"), [(which, name) for which in SETS for name in NAMED[which]])
 def test_scans_are_exact_and_agree_with_stage(which: str, name: str, tmp_path: Path) -> None:
-    """99.9 % of the rays lie within 1 mm of the exact caster, and Stage agrees as often as it does with that one."""
+    """99.9 % of the rays are within 1 mm of an exact caster, and Stage agrees with zteam as often as with it."""
     recorded, world = _open(which, name, tmp_path)
     engine = Engine(world)
     for kind in KINDS:
@@ -70,7 +70,7 @@ def test_scans_are_exact_and_agree_with_stage(which: str, name: str, tmp_path: P
 
 @pytest.mark.parametrize("name", NAMED["own"])
 def test_stage_reads_what_is_seen_from_two_cells_around(name: str, tmp_path: Path) -> None:
-    """Where Stage's raster reads otherwise, an exact laser within 4 cm of the place does so too (every third scan)."""
+    """Where Stage's range differs, an exact laser within 4 cm of the pose gives Stage's range (every third scan)."""
     recorded, world = _open("own", name, tmp_path)
     engine = Engine(world)
     shifts = [(x, y) for x in (-2 * CELL, 0.0, 2 * CELL) for y in (-2 * CELL, 0.0, 2 * CELL)]
@@ -100,7 +100,7 @@ def _find_ranger(world: World, samples: int) -> tuple[int, int]:
 
 @on_every_set
 def test_heights_decide_what_a_laser_sees(which: str, tmp_path: Path) -> None:
-    """In every recorded scene a laser hits other robots and boxes where Stage's does, as often as an exact one."""
+    """In every recorded scene a laser's hits on robots and boxes agree with Stage's as often as an exact laser's."""
     recorded = stage(which, "scenes")
     close: dict[str, list[np.ndarray]] = {}
     for scene in recorded["scenes"]:
@@ -124,7 +124,7 @@ def test_heights_decide_what_a_laser_sees(which: str, tmp_path: Path) -> None:
 
 @on_every_set
 def test_sensors_are_where_stage_had_them(which: str, tmp_path: Path) -> None:
-    """In every scene of robots, boxes and heights every ray's origin agrees with Stage's."""
+    """In every recorded scene with heights, the origin of each ray agrees with Stage's."""
     checked = 0
     for scene in stage(which, "scenes")["scenes"]:
         robots = {robot.name: robot for robot in _load(tmp_path, scene["world"]).robots}
@@ -141,7 +141,7 @@ def test_sensors_are_where_stage_had_them(which: str, tmp_path: Path) -> None:
 
 @on_every_set
 def test_free_motion_follows_the_exact_arc(which: str, tmp_path: Path) -> None:
-    """A robot in free space drives exact arcs, which is as far from Stage's Euler steps as was recorded."""
+    """A robot in free space drives exact arcs; they differ from Stage's Euler steps as much as was recorded."""
     for run in stage(which, "motion")["free"]:
         engine = Engine(_load(tmp_path, run["world"]))
         expected = engine.truth(0)
@@ -154,7 +154,7 @@ def test_free_motion_follows_the_exact_arc(which: str, tmp_path: Path) -> None:
 
 
 def _arc(pose: Pose2, v: float, vy: float, w: float) -> Pose2:
-    """0.1 s at constant velocity, within Stage's default limits."""
+    """The pose after 0.1 s at constant velocity, which is limited to Stage's default limits."""
     v, vy = max(-1.0, min(1.0, v)), max(-1.0, min(1.0, vy))
     w = max(-math.pi / 2, min(math.pi / 2, w))
     turn = 0.1 * w
@@ -205,7 +205,7 @@ def test_collisions_are_those_of_a_fine_raster(physics: str, tmp_path: Path) -> 
 
 
 def _collide(run: Any, physics: str, folder: Path) -> dict[str, list[Any]]:
-    """What every robot of a recorded run is and does here, tick by tick."""
+    """The states of all robots in zteam's repetition of a recorded run, for each tick."""
     world = _load(folder, run["world"])
     ids = {robot.name: i for i, robot in enumerate(world.robots)}
     engine = Engine(world, options=Options(physics=physics))  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""The buffer against everything that was recorded from tf2 itself."""
+"""The buffer gives the results that were recorded from tf2 itself."""
 
 from typing import Any
 
@@ -10,7 +10,7 @@ from zteam.tf import Buffer, TransformException
 
 
 def _run(buffer: Buffer, operation: list[Any]) -> bool:
-    """Whether one recorded operation comes out as tf2 had it."""
+    """Whether the buffer's result of one recorded operation equals tf2's."""
     kind, *arguments, recorded = operation
     if kind in {"set", "static"}:
         put = buffer.set_transform if kind == "set" else buffer.set_transform_static
@@ -29,7 +29,7 @@ def _run(buffer: Buffer, operation: list[Any]) -> bool:
 
 @pytest.mark.parametrize("which", SETS)
 def test_every_recorded_case_holds(which: str) -> None:
-    """Values to 1e-9, stamps to the nanosecond, the class of every exception and every refusal are tf2's."""
+    """Values agree to 1e-9, stamps to the nanosecond; exceptions and refusals are tf2's."""
     cases = tf2(which)
     wrong = []
     for case in cases:

@@ -1,4 +1,4 @@
-"""The buffer against tf2 itself, random trees side by side; Debian's python3-tf2 where it can be imported."""
+"""The buffer and tf2 itself answer alike on random trees, if Debian's python3-tf2 can be imported."""
 
 import importlib
 import math
@@ -17,16 +17,16 @@ FRAMES = 8
 
 @pytest.fixture(scope="module")
 def ros() -> dict[str, Any]:
-    """tf2's buffer and the types that it takes."""
+    """The modules with tf2's buffer and its message types."""
     with warnings.catch_warnings():
-        # What ROS 1's own modules warn about on new Pythons is not ours.
+        # ROS 1's own modules raise warnings on new Python versions.
         warnings.simplefilter("ignore")
         pytest.importorskip("tf2_py", reason="tf2 (Debian's python3-tf2) is not here")
         return {name: importlib.import_module(name) for name in ("tf2_py", "genpy", "geometry_msgs.msg")}
 
 
 class _Twins:
-    """tf2's buffer and ours, fed and asked alike."""
+    """A tf2 buffer and a zteam buffer that get the same samples and look-ups."""
 
     def __init__(self, ros: dict[str, Any], cache: float) -> None:
         self._genpy = ros["genpy"]
@@ -52,7 +52,7 @@ class _Twins:
             self.ours.set_transform(stamped(parent, child, stamp, xf), "test")
 
     def agree(self, target: str, source: str, stamp: int) -> bool:
-        """Whether both answer, or refuse to, alike; a frame that only a refused sample named may be unknown to us."""
+        """Whether both give the same answer or exception; zteam may not know a frame of a refused sample."""
         recorded: list[Any]
         try:
             found = self.theirs.lookup_transform_core(target, source, self.time(stamp))
@@ -69,12 +69,12 @@ class _Twins:
 
 
 def _run(twins: _Twins, seed: int, reparenting: bool) -> list[str]:
-    """Feed one random tree's life to both; where they disagree."""
+    """Give the samples and look-ups of a random tree to both, and return where they disagree."""
     pick = random.Random(seed)
     frames = [f"f{i}" for i in range(pick.randint(2, FRAMES))]
     static = {i for i in range(1, len(frames)) if pick.random() < 0.25}
     usual = [pick.randrange(max(i, 1)) for i in range(len(frames))]
-    # tf2_py takes times through doubles: they are exact to the nanosecond for small ones only.
+    # tf2_py converts times to doubles, which are exact to the nanosecond only for small times.
     step = pick.choice([50_000_000, 10**9, 3 * 10**9])
     stamps, wrong = [10**9], []
     for tick in range(pick.randint(5, 100)):
@@ -95,12 +95,12 @@ def _run(twins: _Twins, seed: int, reparenting: bool) -> list[str]:
 
 
 def test_random_trees_answer_as_tf2(ros: dict[str, Any]) -> None:
-    """Values to 1e-9, stamps and the class of every exception, over frames with fixed parents."""
+    """With fixed parents, values agree to 1e-9, and stamps and exception classes are equal."""
     wrong = [w for seed in range(CASES) for w in _run(_Twins(ros, 10.0), seed, reparenting=False)]
     assert wrong == []
 
 
 def test_random_trees_with_changing_parents_answer_as_tf2(ros: dict[str, Any]) -> None:
-    """The same where frames change their parents."""
+    """Both agree also if frames change their parents."""
     wrong = [w for seed in range(CASES) for w in _run(_Twins(ros, 10.0), seed, reparenting=True)]
     assert wrong == []

@@ -1,4 +1,4 @@
-"""World files of zteam's own: a small one for each feature of the language, and those that zteam ships."""
+"""zteam's own world files: a small one for each feature of the language, and the shipped ones."""
 
 import math
 import runpy
@@ -41,7 +41,7 @@ def load(name: str) -> World:
 def test_worlds_load_as_they_are(
     name: str, robots: int, rangers: int, obstacles: int, cells: list[tuple[int, int]], remarks: int
 ) -> None:
-    """Robots, the sensors of the first, obstacles, bitmaps and remarks are those that the file asks for."""
+    """Robots, the first robot's sensors, obstacles, bitmaps and remarks are those of the file."""
     world = load(name)
     assert (len(world.robots), len(world.obstacles), len(world.warnings)) == (robots, obstacles, remarks)
     assert len(world.robots[0].rangers if world.robots else ()) == rangers
@@ -49,7 +49,7 @@ def test_worlds_load_as_they_are(
 
 
 def test_a_type_that_stage_does_not_know_is_an_error_with_its_place() -> None:
-    """The line at fault is named, not the file's end."""
+    """The error names the line of the unknown type, not the end of the file."""
     with pytest.raises(WorldError, match=r"unknown\.world:3:1: unknown model type 'map'"):
         load("unknown")
 
@@ -66,12 +66,12 @@ def test_a_type_that_stage_does_not_know_is_an_error_with_its_place() -> None:
     ],
 )
 def test_what_is_not_simulated_is_remarked(name: str, text: str) -> None:
-    """Devices and controllers that zteam has not, and odd values, are said with their file, line and column."""
+    """Remarks name devices and controllers that zteam lacks, and odd values, with file, line and column."""
     assert any(text in str(remark) for remark in load(name).warnings)
 
 
 def test_a_bitmap_is_cropped_or_whole() -> None:
-    """Cropped to its dark pixels it fills its size; whole, its margins count, and no cell is lost."""
+    """A bitmap cropped to its dark pixels fills the given size; an uncropped one keeps its margins and all cells."""
     (crop,), (whole,) = load("crop").floorplans, load("whole").floorplans
     assert (crop.pose, crop.cell) == ((-5, -3, 0), (0.5, 0.5))
     assert (whole.pose, whole.cell) == ((-5.75, -4, 0), (0.5, 0.5))
@@ -80,7 +80,7 @@ def test_a_bitmap_is_cropped_or_whole() -> None:
 
 
 def test_a_turned_map_keeps_its_cells() -> None:
-    """Only its pose says that it is turned; its origin turns with it, and the robot starts on free cells."""
+    """A map is rotated by its pose only; its origin rotates with it, and the robot starts on free cells."""
     world = load("turned")
     (floor,) = world.floorplans
     assert floor.pose == pytest.approx((4, -2.5, math.pi / 2))
@@ -89,7 +89,7 @@ def test_a_turned_map_keeps_its_cells() -> None:
 
 
 def test_heights_of_what_is_stacked() -> None:
-    """Sonars leave half-way up their body, a scanner above its own, and bodies stand on each other."""
+    """Bodies are stacked; sonars are at half of their body's height, and a scanner is above its body."""
     carrier = load("stacked").robots[0]
     assert [ranger.z for ranger in carrier.rangers] == pytest.approx([0.13] * 4 + [0.35])
     heights = [(shape.z_min, shape.z_max) for shape in carrier.shapes]
@@ -97,7 +97,7 @@ def test_heights_of_what_is_stacked() -> None:
 
 
 def test_macros_of_an_included_file_make_further_robots() -> None:
-    """A robot macro that the file itself never uses makes a robot, with the macros defined after it."""
+    """A robot macro that its file does not use can make a robot, with macros that are defined after it."""
     robot = add_robot(load("crop"), "cart", Pose2(1, 2, 0), "robot_5")
     assert (robot.localization, len(robot.rangers), robot.rangers[0].x) == ("odom", 1, 0.1)
     with pytest.raises(WorldError, match=r"no robot macro 'house' .* there are: base, cart, erratic"):
@@ -106,7 +106,7 @@ def test_macros_of_an_included_file_make_further_robots() -> None:
 
 @pytest.mark.parametrize(("name", "robots"), [("office", 4), ("arena", 2)])
 def test_shipped_worlds_load_without_remarks(name: str, robots: int) -> None:
-    """What zteam ships uses nothing that zteam has not; lasers are low enough to see the other robots."""
+    """Shipped worlds use only what zteam supports; lasers are low enough to see the other robots."""
     world = load_world(worlds_folder() / f"{name}.world")
     assert (world.name, len(world.robots), world.warnings) == (name, robots, ())
     for robot in world.robots:
@@ -166,7 +166,7 @@ def reachable(free: np.ndarray[Any, np.dtype[np.bool_]], start: tuple[int, int])
 
 
 def test_a_robot_can_drive_into_every_room_of_the_office() -> None:
-    """With 0.4 m kept from all that is solid (doors are 1.1 m wide), every room is connected with the start."""
+    """Every room can be reached from the start 0.4 m away from all obstacles (doors are 1.1 m wide)."""
     world = load_world(worlds_folder() / "office.world")
     occupied = world.floorplans[0].occupied
     near = occupied.copy()

@@ -1,4 +1,4 @@
-"""The codec against an independent one, and against arbitrary bytes; parts of a TFMessage against the whole."""
+"""The codec agrees with rosbags, refuses wrong bytes, and reads parts of a TFMessage like the whole."""
 
 import math
 import tracemalloc
@@ -57,7 +57,7 @@ def _to_rosbags(message: Any) -> Any:
 @given(data=st.data())
 @settings(max_examples=40)
 def test_bytes_equal_those_of_rosbags(ros_type: str, data: st.DataObject) -> None:
-    """Every message is encoded to the very bytes that rosbags writes, and those decode to the message again."""
+    """Each message is encoded to the same bytes as by rosbags, and these decode to the same message."""
     message = data.draw(messages(all_types()[ros_type]))
     theirs = bytes(_store().serialize_cdr(_to_rosbags(message), ros_type))
     assert encode(message) == theirs
@@ -78,7 +78,7 @@ def test_big_endian_bytes_of_rosbags_decode(ros_type: str, data: st.DataObject) 
 @given(payload=st.binary(max_size=200), header=st.sampled_from([b"", b"\0\1\0\0", b"\0\0\0\0"]))
 @settings(max_examples=60)
 def test_arbitrary_bytes_raise_only_the_codecs_error(ros_type: str, payload: bytes, header: bytes) -> None:
-    """Whatever arrives either decodes or raises DecodeError."""
+    """Any bytes either decode or raise DecodeError."""
     try:
         decode(all_types()[ros_type], header + payload)
     except DecodeError:
@@ -103,7 +103,7 @@ def test_damaged_messages_raise_only_the_codecs_error(ros_type: str, data: st.Da
 
 @pytest.mark.parametrize("ros_type", _TYPES)
 def test_a_cut_message_is_refused(ros_type: str) -> None:
-    """No proper prefix shorter than the padding allows is taken for a whole message."""
+    """Every proper prefix of an encoded message raises DecodeError."""
     kind = all_types()[ros_type]
     payload = encode(kind())
     for cut in range(len(payload)):
@@ -113,7 +113,7 @@ def test_a_cut_message_is_refused(ros_type: str) -> None:
 
 @pytest.mark.parametrize("ros_type", _TYPES)
 def test_absurd_lengths_allocate_nothing(ros_type: str) -> None:
-    """A short payload that claims 2³² − 1 elements is refused without memory for them."""
+    """A short payload that claims 2³² − 1 elements is refused before memory is allocated for them."""
     kind = all_types()[ros_type]
     payload = b"\0\1\0\0" + b"\xff" * 4096
     tracemalloc.start()
@@ -135,7 +135,7 @@ def test_sequences_are_views_of_the_payload() -> None:
 
 
 def _read_parts(layout: Layout, payload: bytes) -> list[TransformStamped]:
-    """Every transform by itself, after a check of its stamp."""
+    """Read each transform by itself, and check its stamp."""
     found = [layout.transform(payload, index) for index in range(len(layout.children))]
     for index, transform in enumerate(found):
         assert layout.stamp(payload, index) == ns_from_time(transform.header.stamp)
@@ -148,7 +148,7 @@ def _frames(message: TFMessage) -> list[tuple[str, str]]:
 
 @given(message=messages(TFMessage), little=st.booleans())
 def test_parts_of_a_tfmessage_are_those_of_the_whole(message: TFMessage, little: bool) -> None:
-    """Of any message, in either byte order, each transform read by itself is the one that `decode` finds."""
+    """In either byte order, each transform read by itself equals the one that `decode` reads."""
     payload = bytes(_store().serialize_cdr(_to_rosbags(message), TFMessage.ros_type, little_endian=little))
     layout = Layout(payload)
     assert layout.fits(payload)
@@ -158,7 +158,7 @@ def test_parts_of_a_tfmessage_are_those_of_the_whole(message: TFMessage, little:
 
 @given(one=messages(TFMessage), other=messages(TFMessage), taken=st.lists(st.booleans(), min_size=3, max_size=3))
 def test_a_layout_fits_messages_with_the_same_frames(one: TFMessage, other: TFMessage, taken: list[bool]) -> None:
-    """A payload fits exactly if all its frames are those of the learnt one; then its transforms are read right."""
+    """A payload fits a layout if and only if it has the same frames; then its transforms are read right."""
     for a, b, same in zip(one.transforms, other.transforms, taken, strict=False):
         if same:
             b.header.frame_id, b.child_frame_id = a.header.frame_id, a.child_frame_id
@@ -170,7 +170,7 @@ def test_a_layout_fits_messages_with_the_same_frames(one: TFMessage, other: TFMe
 
 @given(data=st.data())
 def test_damaged_payloads_that_fit_differ_in_stamps_and_numbers(data: st.DataObject) -> None:
-    """With any bytes overwritten, what fits is read as `decode` reads it, or holds a number that is not finite."""
+    """A damaged payload that fits is read as by `decode`, or has a number that is not finite."""
     whole = encode(data.draw(messages(TFMessage)))
     layout, payload = Layout(whole), bytearray(whole)
     for _ in range(data.draw(st.integers(0, 4))):

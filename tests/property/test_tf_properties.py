@@ -1,4 +1,4 @@
-"""Laws that hold for any tree, any samples and any order in which they come."""
+"""Laws of the buffer for any tree, any samples and any order of arrival."""
 
 import itertools
 import math
@@ -21,7 +21,7 @@ _stamps = st.one_of(st.integers(S, 9 * S), st.integers(1, 9).map(lambda s: s * S
 
 @st.composite
 def _floats(draw: st.DrawFn) -> Floats:
-    """Any rigid transform, turns by nothing and by half a circle included."""
+    """Any rigid transform, also with rotations by 0 and by pi."""
     axis = draw(st.tuples(*[st.floats(-1.0, 1.0)] * 3).filter(lambda a: math.hypot(*a) > 1e-3))
     half = draw(st.one_of(st.sampled_from([0.0, math.pi / 2, math.pi]), st.floats(-math.pi, math.pi)))
     scale = math.sin(half) / math.hypot(*axis)
@@ -30,7 +30,7 @@ def _floats(draw: st.DrawFn) -> Floats:
 
 
 class Said(NamedTuple):
-    """One sample as it is handed to a buffer: a frame hangs under one of a lower number, so no loop arises."""
+    """One sample for a buffer; the parent has a lower number than the child, so there is no loop."""
 
     child: int
     parent: int
@@ -56,7 +56,7 @@ def _sample(draw: st.DrawFn, moves: bool) -> Said:
 
 
 def _histories(moves: bool) -> st.SearchStrategy[list[Said]]:
-    """Samples with different (frame, stamp), all within one cache; `moves` = frames may change their parents."""
+    """Samples with different (frame, stamp) within one cache; with `moves`, frames may change parents."""
     return st.lists(_sample(moves), min_size=1, max_size=25, unique_by=lambda s: (s.child, s.stamp))
 
 
@@ -93,14 +93,14 @@ def _same_place(a: Floats, b: Floats) -> bool:
 
 
 def _times(history: list[Said]) -> list[int]:
-    """Every sample's own time, and one between neighbours."""
+    """The time of every sample, and one between each two neighbours."""
     stamps = sorted({said.stamp for said in history})
     return [*stamps, *((a + b) // 2 for a, b in itertools.pairwise(stamps))]
 
 
 @given(_floats(), _floats(), _floats())
 def test_transforms_form_a_group(a: Floats, b: Floats, c: Floats) -> None:
-    """Inverse and identity do nothing together, and brackets do not matter."""
+    """A transform times its inverse is the identity, and the product is associative."""
     assert _same_place(compose(a, invert(a)), IDENTITY)
     assert _same_place(compose(invert(a), a), IDENTITY)
     assert _same_place(compose(a, IDENTITY), a)
@@ -109,7 +109,7 @@ def test_transforms_form_a_group(a: Floats, b: Floats, c: Floats) -> None:
 
 @given(_floats(), _floats(), st.floats(0.0, 1.0))
 def test_between_two_samples(a: Floats, b: Floats, fraction: float) -> None:
-    """The translation divides the line, the rotation the shorter of the two turns, and stays a unit quaternion."""
+    """Translation is linear, rotation takes its share of the shorter turn, the quaternion stays a unit one."""
     middle = interpolate(a, b, fraction)
     for p, q, m in zip(a[:3], b[:3], middle[:3], strict=True):
         assert abs(p + fraction * (q - p) - m) < TOLERANCE
@@ -120,14 +120,14 @@ def test_between_two_samples(a: Floats, b: Floats, fraction: float) -> None:
 
 
 def _turn(a: Floats, b: Floats) -> float:
-    """Angle (rad, 0 to pi) by which b is turned against a."""
+    """The angle (rad, 0 to pi) between the rotations a and b."""
     between = compose(invert((0.0, 0.0, 0.0, *a[3:])), (0.0, 0.0, 0.0, *b[3:]))
     return 2.0 * math.atan2(math.hypot(*between[3:6]), abs(between[6]))
 
 
 @given(_histories(moves=True), _static, _frame, _frame)
 def test_there_and_back_is_nowhere(history: list[Said], static: frozenset[int], a: str, b: str) -> None:
-    """Either both directions answer, with one stamp and inverse numbers, or neither does."""
+    """Either both directions answer, with equal stamps and inverse transforms, or neither does."""
     buffer = _buffer(history, static)
     for time in _times(history):
         there, back = _ask(buffer, a, b, time), _ask(buffer, b, a, time)
@@ -141,7 +141,7 @@ def test_there_and_back_is_nowhere(history: list[Said], static: frozenset[int], 
 
 @given(_histories(moves=True), _static, _frame, _frame, _frame)
 def test_the_way_over_a_third_frame(history: list[Said], static: frozenset[int], a: str, b: str, c: str) -> None:
-    """Where both legs answer at a time, the whole does, with their product."""
+    """If two consecutive look-ups answer at a time, the whole look-up answers with their product."""
     buffer = _buffer(history, static)
     for time in _times(history):
         first, second, whole = _ask(buffer, a, b, time), _ask(buffer, b, c, time), _ask(buffer, a, c, time)
@@ -153,14 +153,14 @@ def test_the_way_over_a_third_frame(history: list[Said], static: frozenset[int],
 @given(st.data(), _histories(moves=True), _static)
 @settings(max_examples=50)
 def test_the_order_of_arrival_does_not_matter(data: st.DataObject, history: list[Said], static: frozenset[int]) -> None:
-    """The same moving samples in any order answer every question alike, whatever was asked in between."""
+    """The order of moving samples, and look-ups between them, do not change any answer."""
     history = [said for said in history if said.child not in static]
     shuffled = data.draw(st.permutations(history))
     straight, other = _buffer(history), Buffer(cache_time=10.0)
     frames = [f"f{i}" for i in range(FRAMES)]
     for said in shuffled:
         said.put(other, frozenset())
-        # Questions in between fill the path cache with what may be wrong later.
+        # Look-ups between the samples prepare paths that later samples make invalid.
         _ask(other, frames[0], f"f{said.child}", 0)
         _ask(other, f"f{said.parent}", frames[-1], said.stamp)
     for time in (0, *_times(history)):
@@ -171,7 +171,7 @@ def test_the_order_of_arrival_does_not_matter(data: st.DataObject, history: list
 
 @given(_histories(moves=False), _static, _frame, _frame)
 def test_latest_is_the_answer_at_its_own_stamp(history: list[Said], static: frozenset[int], a: str, b: str) -> None:
-    """A look-up at 0 says a time, and the same look-up at that time says the same."""
+    """A look-up at 0 equals the look-up at the stamp that it returns."""
     _latest_is_consistent(_buffer(history, static), a, b)
 
 
@@ -179,7 +179,7 @@ def test_latest_is_the_answer_at_its_own_stamp(history: list[Said], static: froz
 def test_latest_is_consistent_across_changes_of_parent(
     history: list[Said], static: frozenset[int], a: str, b: str
 ) -> None:
-    """The same where frames change their parents within the history."""
+    """The look-up at 0 equals that at its stamp, also if frames change their parents."""
     _latest_is_consistent(_buffer(history, static), a, b)
 
 
@@ -193,7 +193,7 @@ def _latest_is_consistent(buffer: Buffer, a: str, b: str) -> None:
 
 @given(_floats(), _floats(), st.floats(0.9951, 1.0049))
 def test_the_length_of_a_quaternion_means_nothing(a: Floats, b: Floats, length: float) -> None:
-    """A rotation that is not quite a unit one turns, and neither stretches nor shrinks, what hangs under it."""
+    """A quaternion whose length is nearly 1 rotates the frames below it and does not scale them."""
     stretched = (*a[:3], *(length * q for q in a[3:]))
     both = [_buffer([Said(1, 0, S, first), Said(2, 1, S, b)]) for first in (a, stretched)]
     answers = [_ask(buffer, "f0", "f2", S) for buffer in both]
@@ -205,8 +205,8 @@ def test_the_length_of_a_quaternion_means_nothing(a: Floats, b: Floats, length: 
 
 @given(_histories(moves=True), _frame, _frame)
 def test_two_times_of_one_frame_agree_with_one(history: list[Said], a: str, b: str) -> None:
-    """A look-up over a fixed frame with both times alike is the plain one."""
-    # The fixed frame is known to the buffer even if no sample names it.
+    """A look-up through a fixed frame with two equal times equals the plain look-up."""
+    # This makes the fixed frame known to the buffer even if no sample names it.
     buffer = _buffer([*history, Said(FRAMES, 0, S, IDENTITY)])
     for time in _times(history):
         plain = _ask(buffer, a, b, time)

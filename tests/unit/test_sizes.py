@@ -19,7 +19,6 @@ ALLOWED = {
     ("sim/kernels.py", "cast_edges"): "a compiled kernel: its loops share their local variables",
     ("sim/numpy_kernels.py", "cast_squares"): "mirrors the compiled kernel of the same name, step by step",
     ("tf/buffer.py", "Buffer"): "tf2's whole interface in one class, as its users know it",
-    ("tf/merge.py", "Merger"): "to be split",
     ("tf/paths.py", "PlanarPath.solve"): "every look-up runs it: a call for each kind of step would slow it down",
 }
 """(file, qualified name of a class or function, or empty for the file): the reason for its size."""

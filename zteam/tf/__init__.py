@@ -1,4 +1,4 @@
-"""The transform buffer and tree: tf2's contract without its faults. No bus."""
+"""The transform buffer and tree: they behave like tf2, without its faults. They do not use the bus."""
 
 from zteam.tf.buffer import Buffer
 from zteam.tf.errors import (

@@ -1,15 +1,16 @@
-"""The transform buffer: tf2's contract, pure Python, no bus.
+"""The transform buffer: it behaves like tf2's, in pure Python, without the bus.
 
 Times are integer nanoseconds; 0 means the latest common time. `lookup_transform(target, source, t)` takes data from
-`source` into `target`: it is the pose of `source` in `target`. Where this differs from tf2 on purpose, docs/transforms
-has the table: quaternions are normalised, inf, NaN and loops are refused when they come, a refused sample leaves no
-trace, exact duplicates are counted silently, dynamic data on a static frame is refused, no error text is empty.
+`source` into `target`: it is the pose of `source` in `target`. The intended differences from tf2 are
+listed in docs/transforms: quaternions are normalised; inf, NaN and loops are refused when they arrive; a refused sample
+changes nothing; exact duplicates are counted silently; moving data for a static frame is refused; no error text is
+empty.
 
-One lock guards everything: each public call takes it, look-ups included, and what it calls (`Tree`, `TimeCache`, paths)
-is plain code for one thread.
+One lock guards everything. Each public call takes it, also a look-up. `Tree`, `TimeCache` and the paths do not lock.
 
-Two short cuts carry nearly all of the work, and both fall back on the tree: a planar sample that is newer than the last
-one is appended on the spot, and a look-up goes along the path that the first look-up of that pair prepared.
+Two short cuts do nearly all of the work. A planar sample that is newer than the last one is appended at once. A look-up
+uses the path that the first look-up of the same two frames prepared. Where a short cut does not apply, the tree does
+the work.
 """
 
 import logging
@@ -61,7 +62,7 @@ _NS = 1_000_000_000
 
 
 class Buffer:
-    """Transforms over time. Thread-safe; `lock` makes several calls one."""
+    """Transforms over time. Thread-safe; while a thread holds `lock`, the calls of other threads wait."""
 
     def __init__(self, cache_time: float = DEFAULT_CACHE) -> None:
         self.lock = threading.RLock()
@@ -79,12 +80,12 @@ class Buffer:
         return self._tree.cache
 
     def set_transform(self, transform: TransformStamped, authority: str) -> Rejection | None:
-        """Store one sample of a moving edge; None, or why not."""
+        """Store one sample of a moving edge; None, or why it was refused."""
         header, pose = transform.header, transform.transform
         p, q, stamp = pose.translation, pose.rotation, header.stamp
         x, y, k, w = p.x, p.y, q.z, q.w
         time = stamp.sec * 1_000_000_000 + stamp.nanosec
-        # `with` is slower, by a twentieth of the whole call.
+        # A `with` statement would make the whole call 5 % slower.
         self._acquire()
         try:
             edge = self._edges.get(transform.child_frame_id)
@@ -95,10 +96,10 @@ class Buffer:
                 and edge.z == p.z
                 and not q.x
                 and not q.y
-                # A unit quaternion, and x and y finite: the product is NaN else.
+                # A unit quaternion and finite x and y: with inf or NaN, the product and so the sum are NaN.
                 and 0.999999999999999 < k * k + w * w + (x + y) * 0.0 < 1.000000000000001
             ):
-                # One flat list: a tuple for each sample would be work for the garbage collector.
+                # One flat list, because the garbage collector would have to visit a tuple for each sample.
                 edge.fresh.extend((time, x, y, k, w))
                 edge.newest = time
                 edge.authority = authority
@@ -110,7 +111,7 @@ class Buffer:
         return self._set(transform, time, authority, static=False)
 
     def set_transform_static(self, transform: TransformStamped, authority: str) -> Rejection | None:
-        """Store an edge that holds at all times; None, or why not."""
+        """Store an edge that holds at all times; None, or why it was refused."""
         return self._set(transform, 0, authority, static=True)
 
     def _set(self, transform: TransformStamped, stamp: int, authority: str, static: bool) -> Rejection | None:
@@ -130,11 +131,11 @@ class Buffer:
             return refused
 
     def set_all_static(self, transforms: Iterable[TransformStamped], authority: str) -> list[Rejection]:
-        """Take the full set of an authority's static transforms: what it no longer has is forgotten."""
+        """Store the full set of an authority's static transforms; edges that the set no longer has are forgotten."""
         with self.lock:
             kept = {strip_slash(t.child_frame_id): t for t in transforms}
             for child, edge in list(self._edges.items()):
-                # An edge that hangs elsewhere from now on must not make a loop of the new set.
+                # An old edge whose parent changes could make the new set look like a loop.
                 if edge.static and edge.authority == authority and _parent_in(kept.get(child)) != edge.parent:
                     self.forget(child)
             refused = [self.set_transform_static(t, authority) for t in kept.values()]
@@ -146,7 +147,7 @@ class Buffer:
             self._tree.forget(child)
 
     def clear(self) -> None:
-        """Forget all moving data; static transforms and the names of frames stay (as in tf2)."""
+        """Forget all moving data; static transforms and the names of the frames stay, as in tf2."""
         with self.lock:
             self._tree.clear()
 
@@ -171,7 +172,7 @@ class Buffer:
         )
 
     def lookup_pose2(self, target_frame: str, source_frame: str, time: int) -> tuple[Pose2, int]:
-        """The same in the plane, with its stamp: (x, y, yaw) of `source_frame` in `target_frame`."""
+        """The planar pose of `source_frame` in `target_frame`, and its stamp (ns). Raises tf2's exceptions."""
         with self.lock:
             stamp, x, y, _, i, j, k, w = self._tree.solve(target_frame, source_frame, time)
         return Pose2(x, y, yaw_from_quaternion(i, j, k, w)), stamp
@@ -179,7 +180,10 @@ class Buffer:
     def lookup_transform_full(
         self, target_frame: str, target_time: int, source_frame: str, source_time: int, fixed_frame: str
     ) -> TransformStamped:
-        """target(target_time)_from_source(source_time), both tied together by `fixed_frame`, which does not move."""
+        """The pose of the source at `source_time` in the target at `target_time`.
+
+        Both are looked up relative to `fixed_frame`, which does not move between the two times.
+        """
         with self.lock:
             self._tree.check_frames(target_frame=target_frame, source_frame=source_frame, fixed_frame=fixed_frame)
             source = self._tree.solve(fixed_frame, source_frame, source_time)
@@ -193,7 +197,7 @@ class Buffer:
         )
 
     def can_transform(self, target_frame: str, source_frame: str, time: int) -> tuple[bool, str]:
-        """Whether `lookup_transform` would answer, and if not why."""
+        """Whether `lookup_transform` would answer; if not, also its error text."""
         try:
             with self.lock:
                 self._tree.solve(target_frame, source_frame, time)
@@ -204,7 +208,7 @@ class Buffer:
     def can_transform_full(
         self, target_frame: str, target_time: int, source_frame: str, source_time: int, fixed_frame: str
     ) -> tuple[bool, str]:
-        """Whether `lookup_transform_full` would answer, and if not why."""
+        """Whether `lookup_transform_full` would answer; if not, also its error text."""
         try:
             self.lookup_transform_full(target_frame, target_time, source_frame, source_time, fixed_frame)
         except TransformException as error:
@@ -222,12 +226,12 @@ class Buffer:
         return PointStamped(Header(found.header.stamp, target_frame), apply_to_point(found.transform, point.point))
 
     def transform_vector(self, vector: Vector3Stamped, target_frame: str) -> Vector3Stamped:
-        """A stamped direction in another frame: turned, not moved."""
+        """A stamped direction in another frame: it is rotated, not translated."""
         found = self._found_for(vector.header, target_frame)
         return Vector3Stamped(Header(found.header.stamp, target_frame), apply_to_vector(found.transform, vector.vector))
 
     def transform_scan(self, scan: LaserScan, target_frame: str) -> NDArray[np.float64]:
-        """Where a scan's beams end, (beams, 3) metres in another frame; beams without a hit are NaN."""
+        """The end points of a scan's beams in another frame, (beams, 3) metres; NaN for a beam without a hit."""
         return apply_to_points(self._found_for(scan.header, target_frame).transform, scan_points(scan))
 
     def transform_poses(
@@ -242,10 +246,10 @@ class Buffer:
     def lookup_twist(
         self, tracking_frame: str, observation_frame: str, time: int, averaging_interval: float = 0.1
     ) -> Twist:
-        """The mean velocity of one frame seen from another, in the latter's axes, over an interval about `time`.
+        """The mean velocity of `tracking_frame` in the axes of `observation_frame`, over an interval centred on `time`.
 
-        The interval (seconds) ends at the latest common time if it would lie beyond it, as in tf. Raises tf2's
-        exceptions, and InvalidArgumentException for an interval that is not above 0.
+        An interval (seconds) that would end after the latest common time is moved back to end there, as in tf. Raises
+        tf2's exceptions, and InvalidArgumentException for an interval that is not above 0.
         """
         if not averaging_interval > 0.0:
             raise InvalidArgumentException(f"an averaging interval of {averaging_interval:g} s is not above 0")
@@ -258,7 +262,7 @@ class Buffer:
         return twist_between(before[1:], after[1:], averaging_interval)
 
     def wait_for_transform(self, target_frame: str, source_frame: str, time: int, timeout: float) -> TransformStamped:
-        """The look-up's answer as soon as it has one; after `timeout` host seconds, its exception."""
+        """Wait until the look-up answers and return its answer; after `timeout` host seconds, raise its exception."""
         with self.lock:
             self._waiting += 1
             try:
@@ -268,7 +272,7 @@ class Buffer:
             return self.lookup_transform(target_frame, source_frame, time)
 
     def latest_common_time(self, target_frame: str, source_frame: str) -> int | None:
-        """Stamp (ns) up to which the two frames are connected; 0 if all is static, None if they are not."""
+        """The newest stamp (ns) that all moving edges between two frames have; 0 if none moves, None if unconnected."""
         with self.lock:
             try:
                 return self._tree.latest(target_frame, source_frame)
@@ -276,12 +280,12 @@ class Buffer:
                 return None
 
     def chain(self, frame: str) -> list[str]:
-        """A frame and all above it, by the newest parents; the frame alone if it is not known."""
+        """The frame and its ancestors by the newest parents; an unknown frame is returned alone."""
         with self.lock:
             return self._tree.chain(frame)
 
     def frames(self) -> dict[str, FrameInfo]:
-        """Every child frame, sorted by name."""
+        """The figures of every child frame, sorted by name."""
         with self.lock:
             return {child: edge.info(self._tree.cache) for child, edge in sorted(self._edges.items()) if edge.parent}
 

@@ -1,4 +1,4 @@
-"""Transforms put to use: points, poses and scans in another frame, and velocities from two look-ups."""
+"""Functions that apply transforms to points, poses and scans, and that compute velocities from two look-ups."""
 
 import math
 
@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 
 
 def floats_of(transform: Transform) -> Floats:
-    """x, y, z, qx, qy, qz, qw."""
+    """The seven numbers x, y, z, qx, qy, qz, qw of a transform."""
     t, r = transform.translation, transform.rotation
     return (t.x, t.y, t.z, r.x, r.y, r.z, r.w)
 
@@ -31,7 +31,7 @@ def apply_to_point(target_from_source: Transform, point: Point) -> Point:
 
 
 def apply_to_vector(target_from_source: Transform, vector: Vector3) -> Vector3:
-    """A direction in `source` as one in `target`: turned, not moved."""
+    """A direction in `source` as one in `target`: it is rotated, not translated."""
     r = target_from_source.rotation
     x, y, z, *_ = compose((0.0, 0.0, 0.0, r.x, r.y, r.z, r.w), (vector.x, vector.y, vector.z, 0.0, 0.0, 0.0, 1.0))
     return Vector3(x, y, z)
@@ -57,7 +57,7 @@ def _matrix(i: float, j: float, k: float, w: float) -> Array:
 def apply_to_poses(target_from_source: Transform, poses: Array) -> Array:
     """(N, 3) planar poses (x, y, yaw) in `source` as planar poses in `target`, all at once.
 
-    Yaws come out in [-pi, pi]. Of a transform that tilts, the heading of each pose is projected onto the plane.
+    Yaws are in [-pi, pi]. If the transform tilts, the heading of each pose is projected onto the plane.
     """
     x, y, _, *rotation = floats_of(target_from_source)
     matrix = _matrix(*rotation)
@@ -77,11 +77,11 @@ def scan_points(scan: LaserScan) -> Array:
 
 
 def twist_between(start: Floats, end: Floats, seconds: float) -> Twist:
-    """The mean velocity that leads from one pose to another, both in the frame that the twist is in."""
+    """The mean velocity between two poses of a frame; poses and twist are in the same observing frame."""
     turn = compose((0.0, 0.0, 0.0, *end[3:]), invert((0.0, 0.0, 0.0, *start[3:])))
     i, j, k, w = turn[3:]
     sine = math.sqrt(i * i + j * j + k * k)
-    # The short way round.
+    # The rotation by at most half a turn.
     angle = 2.0 * math.atan2(sine, w if w >= 0.0 else -w) * (1.0 if w >= 0.0 else -1.0)
     share = angle / sine / seconds if sine > 0.0 else 0.0
     x, y, z = ((b - a) / seconds for a, b in zip(start[:3], end[:3], strict=True))

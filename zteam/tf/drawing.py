@@ -1,4 +1,4 @@
-"""The tree as a picture: what view_frames drew, as SVG or as a Graphviz file."""
+"""Drawings of the tree like those of view_frames, as SVG or as a Graphviz file."""
 
 from collections.abc import Mapping
 from xml.sax.saxutils import escape
@@ -6,13 +6,13 @@ from xml.sax.saxutils import escape
 from zteam.tf.time_cache import FrameInfo
 
 STALE = 1.0
-"""Seconds without news after which a moving edge is drawn as broken."""
+"""Seconds without a sample after which a moving edge is drawn as broken."""
 
 _BOX_WIDTH, _BOX_HEIGHT, _GAP_X, _GAP_Y, _MARGIN = 190, 30, 16, 62, 14
 
 
 def is_broken(info: FrameInfo, now: int) -> bool:
-    """Whether a moving edge has been silent for longer than STALE at time `now` (ns; 0 = unknown)."""
+    """Whether a moving edge has had no sample for longer than STALE at time `now` (ns; 0 = unknown)."""
     return not info.static and now > 0 and now - info.newest > STALE * 1e9
 
 
@@ -25,7 +25,7 @@ def describe_edge(info: FrameInfo, now: int) -> list[str]:
 
 
 def tree_as_dot(frames: Mapping[str, FrameInfo], now: int) -> str:
-    """Graphviz: `dot -Tpdf frames.dot -o frames.pdf` makes a page of it."""
+    """The tree as a Graphviz file, which `dot -Tpdf frames.dot -o frames.pdf` turns into a PDF."""
     lines = ["digraph frames {", "  node [shape=box, fontname=sans]; edge [fontname=sans, fontsize=10];"]
     for child, info in sorted(frames.items()):
         color = ', color=red, fontcolor=red, style="dashed"' if is_broken(info, now) else ""
@@ -39,7 +39,7 @@ def _quoted(text: str) -> str:
 
 
 def tree_as_svg(frames: Mapping[str, FrameInfo], now: int) -> str:
-    """Parents above their children; broken edges red and dashed."""
+    """The tree as SVG: parents are above their children, broken edges are red and dashed."""
     places = _lay_out(frames)
     width = max((x for x, _ in places.values()), default=0) + _BOX_WIDTH + 2 * _MARGIN
     height = max((y for _, y in places.values()), default=0) + _BOX_HEIGHT + 2 * _MARGIN

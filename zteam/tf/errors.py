@@ -4,7 +4,7 @@ from zteam.errors import ZteamError
 
 
 class TransformException(ZteamError):  # noqa: N818 - tf2's name
-    """Base of everything a look-up can raise."""
+    """The base class of all exceptions of a look-up."""
 
 
 class LookupException(TransformException):
@@ -20,19 +20,19 @@ class ExtrapolationException(TransformException):
 
 
 class BackwardExtrapolationException(ExtrapolationException):
-    """It lies before the earliest data."""
+    """The time asked for lies before the earliest data."""
 
 
 class ForwardExtrapolationException(ExtrapolationException):
-    """It lies after the latest data."""
+    """The time asked for lies after the latest data."""
 
 
 class NoDataForExtrapolationException(ExtrapolationException):
-    """There is one sample only, and it is of another time."""
+    """The buffer holds no sample, or only one, which has another time."""
 
 
 class InvalidArgumentException(TransformException):
-    """A frame name that no frame can have."""
+    """An argument is invalid, such as an empty frame name or one with a leading slash."""
 
 
 class TimeoutException(TransformException):

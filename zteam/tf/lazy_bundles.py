@@ -1,9 +1,10 @@
-"""The aggregator's bundles, of which a robot reads only the frames that it looks up.
+"""The aggregator's bundles: a robot decodes only the frames that it looks up.
 
-A bundle holds the whole team. A follower needs two frames of it, and to decode the other ninety-eight of fifty robots'
-takes most of its time. Usually every tick brings one bundle with the same frames in the same order. So payloads of one
-layout are kept as they came, and a look-up reads its frames from those payloads that it has not read yet. A bundle of
-another layout is decoded as a whole and begins a new list.
+A bundle holds the transforms of the whole team. With fifty robots it has a hundred frames, of which a follower needs
+two; decoding the others would take most of its time. Usually each tick's bundle has the same frames in the same order,
+which is called its layout. Payloads of one layout are kept as bytes. A look-up decodes its own frames from the payloads
+that arrived since these frames were decoded last. A bundle of another layout is decoded as a whole and begins a new
+list of payloads.
 """
 
 import threading
@@ -15,11 +16,11 @@ from zteam.names import strip_slash
 from zteam.tf.buffer import Buffer
 
 _PRUNE = 64
-"""Payloads between looks for those that are too old."""
+"""After this many payloads, those that are too old are dropped."""
 
 
 class Bundles:
-    """Bundles on their way into a buffer. Safe to use from several threads."""
+    """Bundles whose transforms are stored in a buffer when a look-up needs them. Thread-safe."""
 
     def __init__(self, buffer: Buffer, authority: str) -> None:
         self._buffer = buffer
@@ -28,15 +29,15 @@ class Bundles:
         self._payloads: list[bytes] = []
         """All of one layout, oldest first."""
         self._layout: Layout | None = None
-        """None until a bundle came in which no frame is there twice."""
+        """None until a bundle arrives that has each of its frames once."""
         self._indices: dict[str, int] = {}
-        """Of each frame in the layout."""
+        """The position of each frame in the layout."""
         self._read: dict[str, int] = {}
-        """How many of the payloads each frame has been read from."""
+        """For each frame, the number of payloads from which it has been decoded."""
         self._paths: dict[tuple[str, str], list[str]] = {}
 
     def take(self, payload: bytes) -> int:
-        """Keep or store a bundle that came; the stamp (ns) of its last transform, 0 if it is empty.
+        """Keep or store a bundle; return the stamp (ns) of its last transform, 0 if it is empty.
 
         Raises DecodeError.
         """
@@ -49,7 +50,7 @@ class Bundles:
             return self._layout.stamp(payload, -1)
 
     def _take_other(self, payload: bytes) -> int:
-        """Store what is not read of the old layout, and all of a bundle of another one."""
+        """Store all kept transforms of the old layout and then those of a bundle with another layout."""
         transforms = decode(TFMessage, payload).transforms
         self._settle(self._indices)
         for transform in transforms:
@@ -64,7 +65,7 @@ class Bundles:
         return ns_from_time(transforms[-1].header.stamp)
 
     def settle(self, target_frame: str, source_frame: str) -> None:
-        """Bring every frame between these two up to date in the buffer."""
+        """Store the kept transforms of every frame between these two in the buffer."""
         with self._lock:
             path = self._paths.get((target_frame, source_frame))
             if path is None:
@@ -72,12 +73,12 @@ class Bundles:
             self._settle(path)
 
     def clear(self) -> None:
-        """Forget what was not read: time has gone back."""
+        """Forget all kept payloads, because time went back."""
         with self._lock:
             self._forget()
 
     def forget_paths(self) -> None:
-        """The tree's fixed part may have changed."""
+        """Forget which frames each look-up needs, because static transforms may have changed."""
         with self._lock:
             self._paths.clear()
 
@@ -86,12 +87,12 @@ class Bundles:
         self._paths.clear()
 
     def _find_path(self, *frames: str) -> list[str]:
-        """The frames from these up to their roots that are in the layout."""
+        """Those of the frames and their ancestors that are in the layout."""
         chains = (self._buffer.chain(frame) for frame in frames)
         return sorted(self._indices.keys() & {frame for chain in chains for frame in chain})
 
     def _settle(self, children: Iterable[str]) -> None:
-        """Store what has not been read yet of these frames, which are all in the layout."""
+        """Store the transforms of these frames that were not decoded yet; all frames are in the layout."""
         layout, count = self._layout, len(self._payloads)
         if layout is None:
             return
@@ -104,7 +105,7 @@ class Bundles:
                     self._buffer.set_transform(layout.transform(payload, index), self._authority)
 
     def _prune(self, layout: Layout) -> None:
-        """Drop payloads that the buffer would not keep either."""
+        """Drop payloads that are older than what the buffer remembers."""
         oldest = layout.stamp(self._payloads[-1], -1) - self._buffer.cache
         cut = 0
         while layout.stamp(self._payloads[cut], -1) < oldest:

@@ -1,38 +1,23 @@
-"""One tree from many robots: names resolved at the boundary, every frame with its authority, conflicts by name.
+"""The transforms of all robots merged into one tree: the work of the aggregator process, without the bus.
 
-What the aggregator process does, without the bus. Robots say their transforms with local names (`odom`), prefixed
-ones (`robot_1/odom`) or a leading slash; all mean the same here. Stamps are never changed.
+`own_frames` resolves names and refuses frames that are not the robot's own, `static_transforms` chooses the authority
+of each static transform, and `conflicts` records what was refused. Stamps are never changed.
 """
 
-import logging
 from collections.abc import Iterable
-from typing import NamedTuple
 
 from zteam import names
-from zteam.messages import Header, TFMessage, TransformStamped, ns_from_time
+from zteam.messages import TFMessage, TransformStamped, ns_from_time
 from zteam.tf.buffer import Buffer
+from zteam.tf.conflicts import Conflicts
+from zteam.tf.own_frames import is_start_pose, keep_own, resolve
+from zteam.tf.static_transforms import Rank, Static, StaticTransforms
 from zteam.tf.validation import Rejection
-
-log = logging.getLogger("zteam.tf")
 
 TEAM_FILE = "team file"
 
-_FILE, _LOCALISER, _SIMULATOR, _CALLER, _DESCRIPTION = 0, 1, 2, 3, 4
-"""Ranks of the sources of `map -> robot_N/odom`: the lower number wins and shadows the other, which is no conflict.
-
-A robot description gives way to every other source: the base itself knows best where its laser is.
-"""
-
-_MAX_CONFLICTS = 1000
-
 MAX_APART = 10_000_000_000
-"""Nanoseconds that a stamp may differ from the team's clock: as much as a buffer remembers."""
-
-
-class _Static(NamedTuple):
-    rank: int
-    transform: TransformStamped
-    authority: str
+"""Nanoseconds that a stamp may differ from the team's clock: as long as a buffer remembers."""
 
 
 class Merger:
@@ -40,194 +25,105 @@ class Merger:
 
     def __init__(self, configured: Iterable[TransformStamped] = ()) -> None:
         self.buffer = Buffer()
-        self._statics: dict[str, _Static] = {}
-        self._localised: set[str] = set()
-        """`robot_N/odom` frames that a localiser places."""
+        self._conflicts = Conflicts()
+        self._statics = StaticTransforms(self.buffer)
         self._pending: list[TransformStamped] = []
-        self._conflicts: dict[tuple[str, str, str], str] = {}
-        self._unread_conflicts: list[str] = []
-        self.statics_changed = False
         for transform in configured:
-            self._say_static(_with_names("", transform), _FILE, TEAM_FILE)
+            self._put_static(Static(Rank.TEAM_FILE, resolve("", transform), TEAM_FILE))
 
     def take(self, robot_id: int, message: TFMessage, now: int = 0) -> None:
-        """Moving transforms from `robot_N/tf`; `now` (ns) is the team's clock, 0 = not known."""
-        for transform in self._own(robot_id, message):
-            child, authority = transform.child_frame_id, names.robot_name(robot_id)
-            apart = ns_from_time(transform.header.stamp) - now
-            if now and abs(apart) > MAX_APART:
-                # One such sample would make all that follow too old, or never be the latest of anything.
-                side = "ahead of" if apart > 0 else "behind"
-                text = f"{child} from {authority} is {abs(apart) / 1e9:.1f} s {side} the team's clock: set its clock"
-                self._report(child, authority, f"clock {side}", text)
-                continue
-            refused = self._take_moving(transform, authority)
+        """Store moving transforms from `robot_N/tf`; `now` (ns) is the team's clock, 0 = not known."""
+        authority = names.robot_name(robot_id)
+        for transform in keep_own(robot_id, message.transforms, self._conflicts):
+            refused = _check_clock(transform, authority, now) or self._store_moving(transform, authority)
             if refused is not None:
-                self._report(child, authority, refused.code, refused.text)
+                self._conflicts.report(transform.child_frame_id, authority, refused.code, refused.text)
 
-    def _take_moving(self, transform: TransformStamped, authority: str) -> Rejection | None:
-        child = transform.child_frame_id
-        shadowed = None
-        if _is_start_pose(transform) and child not in self._localised:
-            shadowed = self._statics.get(child)
-            if shadowed is not None and shadowed.rank == _FILE:
+    def _store_moving(self, transform: TransformStamped, authority: str) -> Rejection | None:
+        """Store a moving sample and keep it for the next bundle, unless it is an exact duplicate."""
+        store = self.buffer.set_transform
+        if is_start_pose(transform):
+            if self._statics.is_fixed_by_team_file(transform.child_frame_id):
                 return None
+            store = self._statics.localise
         with self.buffer.lock:
             duplicates = self.buffer.duplicates
-            if shadowed is not None:
-                self.buffer.forget(child)
-            refused = self.buffer.set_transform(transform, authority)
-            if refused is not None:
-                if shadowed is not None:
-                    # A refused sample replaces nothing.
-                    self.buffer.set_transform_static(shadowed.transform, shadowed.authority)
-                return refused
-            if self.buffer.duplicates == duplicates:
+            refused = store(transform, authority)
+            if refused is None and self.buffer.duplicates == duplicates:
                 self._pending.append(transform)
-        if _is_start_pose(transform):
-            self._localised.add(child)
-            self.statics_changed |= shadowed is not None
-        return None
+        return refused
 
     def describe(self, robot_id: int, transforms: Iterable[TransformStamped]) -> None:
-        """The fixed joints of a robot's description, with the description's own names."""
-        prefix = names.robot_name(robot_id)
-        for transform in self._own(robot_id, TFMessage(list(transforms))):
-            self._say_static(transform, _DESCRIPTION, f"{prefix}'s description")
+        """Store the fixed joints of a robot's description; their frames have the description's own names."""
+        authority = f"{names.robot_name(robot_id)}'s description"
+        for transform in keep_own(robot_id, transforms, self._conflicts):
+            self._put_static(Static(Rank.DESCRIPTION, transform, authority))
 
     def take_static(self, robot_id: int, message: TFMessage) -> None:
-        """The full set of fixed transforms from `robot_N/tf_static`."""
+        """Store the full set of static transforms from `robot_N/tf_static`; it replaces the robot's last set."""
         authority = names.robot_name(robot_id)
-        own = {t.child_frame_id: t for t in self._own(robot_id, message)}
-        for child, static in list(self._statics.items()):
-            if static.authority == authority and static.rank == _SIMULATOR:
-                # An edge that hangs elsewhere from now on must not make a loop of the new set.
-                new = own.get(child)
-                if new is None or new.header.frame_id != static.transform.header.frame_id:
-                    self._drop_static(child)
-        for transform in own.values():
-            self._say_static(transform, _SIMULATOR, authority)
+        new = {t.child_frame_id: t for t in keep_own(robot_id, message.transforms, self._conflicts)}
+        self._statics.drop_replaced(authority, Rank.SIMULATOR, new)
+        for transform in new.values():
+            self._put_static(Static(Rank.SIMULATOR, transform, authority))
+
+    def _put_static(self, static: Static) -> None:
+        refused = self._statics.put(static)
+        if refused is not None:
+            self._conflicts.report(static.transform.child_frame_id, static.authority, refused.code, refused.text)
 
     def add_static(self, transform: TransformStamped, authority: str) -> str | None:
-        """Store a static transform on request; None, or the reason of the refusal."""
-        resolved = _with_names("", transform)
+        """Store a static transform that a tool asks for; None, or the reason of the refusal."""
+        resolved = resolve("", transform)
         child = resolved.child_frame_id
         known = self._statics.get(child) or self.buffer.frames().get(child)
         if known is not None and known.authority != authority:
             return f"{child} is said by {known.authority} already"
-        refused = self._put_static(resolved, _CALLER, authority)
+        refused = self._statics.put(Static(Rank.CALLER, resolved, authority))
         return refused.text if refused else None
 
     def drop_authority(self, authority: str) -> None:
-        """Forget the fixed transforms that `authority` asked for."""
-        for child, static in list(self._statics.items()):
-            if static.authority == authority:
-                self._drop_static(child)
+        """Forget the static transforms that `authority` asked for."""
+        self._statics.drop_authority(authority)
 
     def take_pending(self) -> list[TransformStamped]:
-        """The moving transforms since the last call, for one bundled message."""
+        """The moving transforms stored since the last call, for one bundled message."""
         pending, self._pending = self._pending, []
         return pending
 
+    @property
+    def statics_changed(self) -> bool:
+        """Whether the static transforms differ from those that `statics` returned last."""
+        return self._statics.changed
+
     def statics(self) -> TFMessage:
-        """The full set of fixed transforms, sorted by child."""
-        self.statics_changed = False
-        shown = [s.transform for child, s in sorted(self._statics.items()) if not self._is_shadowed(child, s)]
-        return TFMessage(shown)
+        """The full set of static transforms, sorted by child frame."""
+        return self._statics.message()
 
     def conflicts(self) -> list[str]:
-        """All conflicts seen so far."""
-        return list(self._conflicts.values())
+        """All conflicts so far, each reported once."""
+        return self._conflicts.all()
 
     def take_conflicts(self) -> list[str]:
-        """Conflicts seen since the last call, each reported once."""
-        found, self._unread_conflicts = self._unread_conflicts, []
-        return found
+        """The conflicts since the last call."""
+        return self._conflicts.take_unread()
 
     def jump_back(self) -> None:
-        """Time went back: moving data is forgotten."""
+        """Forget all moving data, because time went back."""
         self.buffer.clear()
         self._pending.clear()
-        for child in self._localised:
-            # The start pose holds again until the localiser speaks.
-            self.buffer.forget(child)
-            shadowed = self._statics.get(child)
-            if shadowed is not None:
-                self.buffer.set_transform_static(shadowed.transform, shadowed.authority)
-                self.statics_changed = True
-        self._localised.clear()
-
-    def _own(self, robot_id: int, message: TFMessage) -> list[TransformStamped]:
-        """The message's transforms with their tree's names; a robot's frames lie under its own prefix."""
-        prefix, found = names.robot_name(robot_id), []
-        for transform in message.transforms:
-            resolved = _with_names(prefix, transform)
-            child, parent = resolved.child_frame_id, resolved.header.frame_id
-            if not _is_below(prefix, child):
-                self._report(child, prefix, "foreign", f"{prefix} may not say where {child or 'nothing'} is")
-            elif not _is_below(prefix, parent) and parent not in names.GLOBAL_FRAMES:
-                self._report(child, prefix, "foreign", f"{prefix} may not hang {child} under {parent or 'nothing'}")
-            else:
-                found.append(resolved)
-        return found
-
-    def _say_static(self, transform: TransformStamped, rank: int, authority: str) -> None:
-        refused = self._put_static(transform, rank, authority)
-        if refused is not None:
-            self._report(transform.child_frame_id, authority, refused.code, refused.text)
-
-    def _put_static(self, transform: TransformStamped, rank: int, authority: str) -> Rejection | None:
-        child = transform.child_frame_id
-        known = self._statics.get(child)
-        if known is not None and known.authority != authority and _DESCRIPTION in (known.rank, rank):
-            if rank > known.rank:
-                return None
-            # It may hang elsewhere now, which must not make a loop with what the description said.
-            self._drop_static(child)
-        elif known is not None and known.authority != authority:
-            if known.rank < rank and _is_start_pose(transform):
-                return None
-            if not (rank < known.rank and _is_start_pose(transform)):
-                text = f"{child} is said by {known.authority} and by {authority}: {known.authority} stays"
-                return Rejection("second authority", text)
-        static = _Static(rank, transform, authority)
-        if self._is_shadowed(child, static):
-            self._statics[child] = static
-            return None
-        if known is not None and known.transform == transform and known.authority == authority:
-            return None
-        refused = self.buffer.set_transform_static(transform, authority)
-        if refused is None:
-            self._statics[child] = static
-            self.statics_changed = True
-        return refused
-
-    def _drop_static(self, child: str) -> None:
-        del self._statics[child]
-        if child not in self._localised:
-            self.buffer.forget(child)
-        self.statics_changed = True
-
-    def _is_shadowed(self, child: str, static: _Static) -> bool:
-        return static.rank > _LOCALISER and child in self._localised
-
-    def _report(self, child: str, authority: str, code: str, text: str) -> None:
-        key = (child, authority, code)
-        if key not in self._conflicts and len(self._conflicts) < _MAX_CONFLICTS:
-            self._conflicts[key] = text
-            self._unread_conflicts.append(text)
+        self._statics.restore_start_poses()
 
 
-def _is_below(prefix: str, frame: str) -> bool:
-    """Whether `frame` is a frame, and the robot's own."""
-    return frame.startswith(prefix + "/") and len(frame) > len(prefix) + 1
+def _check_clock(transform: TransformStamped, authority: str, now: int) -> Rejection | None:
+    """Refuse a stamp that is too far from the team's clock `now` (ns; 0 = not known).
 
-
-def _is_start_pose(transform: TransformStamped) -> bool:
-    """Whether this is a `map -> robot_N/odom`, which has several sources by design."""
-    return transform.header.frame_id == names.MAP_FRAME and names.is_robot_frame(transform.child_frame_id, names.ODOM)
-
-
-def _with_names(prefix: str, transform: TransformStamped) -> TransformStamped:
-    header = Header(transform.header.stamp, names.resolve_frame(prefix, transform.header.frame_id))
-    return TransformStamped(header, names.resolve_frame(prefix, transform.child_frame_id), transform.transform)
+    With one stamp far ahead, all later samples would be too old; a sample far behind would never be the latest one.
+    """
+    apart = ns_from_time(transform.header.stamp) - now
+    if not now or abs(apart) <= MAX_APART:
+        return None
+    side = "ahead of" if apart > 0 else "behind"
+    child = transform.child_frame_id
+    text = f"{child} from {authority} is {abs(apart) / 1e9:.1f} s {side} the team's clock: set its clock"
+    return Rejection(f"clock {side}", text)

@@ -1,8 +1,8 @@
-"""The way between two frames, prepared once: runs of static transforms are one, and planar edges stay planar.
+"""A path between two frames, prepared once: consecutive static transforms are composed, planar edges stay planar.
 
 A path is valid as long as every edge on it keeps its parent and its form; the tree drops its paths when that changes.
-`solve` returns None where an edge has no data at that time, only samples older than the cache, or stamps of 0: then the
-tree searches, and raises the right exception.
+`solve` returns None if an edge has no data at that time, only samples older than the cache, or stamps of 0. The tree
+then searches without the path, and raises the right exception.
 
 Callers hold the buffer's lock.
 """
@@ -29,13 +29,13 @@ class Legs(NamedTuple):
 class _Step(NamedTuple):
     edge: TimeCache
     down: bool
-    """Whether the edge is passed from parent to child."""
+    """Whether the path leads from the parent to the child, not from the child to the parent."""
     after: Floats
-    """The static transforms that follow."""
+    """The product of the static transforms between this edge and the next moving one."""
 
 
 class ConstantPath:
-    """Nothing moves."""
+    """A path without a moving edge."""
 
     __slots__ = ("_floats",)
 
@@ -43,12 +43,12 @@ class ConstantPath:
         self._floats = floats
 
     def solve(self, time: int) -> Answer | None:
-        """The same at every time."""
+        """The answer at `time`: the transform is the same at every time."""
         return (time, *self._floats)
 
 
 class PlanarPath:
-    """Everything turns about z alone."""
+    """A path whose edges all rotate about z only."""
 
     __slots__ = ("_cache", "_edges", "_first", "_place", "_steps", "_turn", "_z")
 
@@ -93,7 +93,7 @@ class PlanarPath:
                 p, h = places[at - 1], turns[at - 1]
                 if stamp != time:
                     q, g = places[at], turns[at]
-                    # A robot that drives straight ahead, stands or repeats its pose needs no slerp, the slow part.
+                    # Slerp is slow, and a robot that drives straight ahead or stands still does not need it.
                     if g != h:
                         part = (time - stamp) / (stamps[at] - stamp)
                         p += (q - p) * part
@@ -118,7 +118,7 @@ def _planar(floats: Floats) -> tuple[complex, complex, float]:
 
 
 class SpatialPath:
-    """Something on the way turns about other axes too."""
+    """A path with an edge that also rotates about another axis than z."""
 
     __slots__ = ("_cache", "_edges", "_first", "_steps")
 
@@ -149,7 +149,7 @@ Path = ConstantPath | PlanarPath | SpatialPath
 
 
 def find_floats(edge: TimeCache, time: int, cache: int) -> Floats | None:
-    """A moving edge of one parent at `time`; None outside of its history."""
+    """The transform of a moving edge with one parent at `time`; None outside of its history."""
     stamps = edge.history[0]
     last = stamps[-1]
     at = bisect_right(stamps, time)
@@ -163,7 +163,7 @@ def find_floats(edge: TimeCache, time: int, cache: int) -> Floats | None:
 
 
 def prepare_path(legs: Legs, cache: int) -> Path:
-    """The path of edges that have one parent each."""
+    """Prepare the path along edges that have one parent each."""
     first, steps = IDENTITY, list[_Step]()
     for edge, down in [(edge, False) for edge in legs.source] + [(edge, True) for edge in reversed(legs.target)]:
         if not edge.static:

@@ -1,4 +1,4 @@
-"""Rigid transforms as seven plain floats: no numpy, no objects."""
+"""Rigid transforms as tuples of seven floats, which is faster than numpy arrays or objects."""
 
 import math
 
@@ -9,7 +9,7 @@ IDENTITY: Floats = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 
 def compose(a_from_b: Floats, b_from_c: Floats) -> Floats:
-    """a_from_c."""
+    """The product a_from_c of two transforms."""
     x, y, z, i, j, k, w = a_from_b
     px, py, pz, qi, qj, qk, qw = b_from_c
     if i == j == qi == qj == 0.0:
@@ -31,7 +31,7 @@ def compose(a_from_b: Floats, b_from_c: Floats) -> Floats:
 
 
 def invert(a_from_b: Floats) -> Floats:
-    """b_from_a."""
+    """The inverse b_from_a of a transform."""
     x, y, z, i, j, k, w = a_from_b
     i, j, k = -i, -j, -k
     cx = j * z - k * y + w * x
@@ -49,14 +49,14 @@ def invert(a_from_b: Floats) -> Floats:
 
 
 def interpolate(a: Floats, b: Floats, fraction: float) -> Floats:
-    """Between two samples: straight line and the short great arc (slerp), as tf2."""
+    """The transform at a fraction (0 to 1) between two: linear in place, shortest slerp in rotation, as in tf2."""
     ax, ay, az, ai, aj, ak, aw = a
     bx, by, bz, bi, bj, bk, bw = b
     dot = ai * bi + aj * bj + ak * bk + aw * bw
     sign = -1.0 if dot < 0.0 else 1.0
     dot *= sign
     if dot > 1.0 - 1e-12:
-        # So near to each other that sin(angle) has no digits left; the straight line is exact here.
+        # For so small an angle sin(angle) loses all its digits, and linear interpolation is exact enough.
         fa, fb = 1.0 - fraction, fraction
     else:
         angle = math.acos(dot)

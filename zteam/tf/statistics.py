@@ -1,4 +1,4 @@
-"""Figures of a stream of transforms: how often, how late, how evenly each frame comes."""
+"""Figures of a stream of transforms: the rate, delay and jitter of each frame."""
 
 import itertools
 import math
@@ -10,17 +10,17 @@ import msgspec
 from zteam.messages import TransformStamped, ns_from_time
 
 WINDOW = 1000
-"""Samples of a frame that its jitter is counted from: the newest ones."""
+"""The jitter of a frame is computed from this many of its newest samples."""
 
 
 class FrameFigures(msgspec.Struct):
-    """One child frame; seconds and Hz. None where there were too few samples."""
+    """The figures of one child frame in seconds and Hz; None if there were too few samples."""
 
     parent: str
     child: str
     count: int
     rate: float | None
-    """By the stamps."""
+    """Computed from the stamps."""
     jitter: float | None
     """Standard deviation of the time between stamps, of the last `WINDOW`."""
     mean_delay: float | None
@@ -29,7 +29,7 @@ class FrameFigures(msgspec.Struct):
 
 
 class _Stream:
-    """What is kept of one child frame, however many samples it has."""
+    """The sums and newest stamps of one child frame; their memory is bounded."""
 
     def __init__(self) -> None:
         self.parent = ""
@@ -45,7 +45,7 @@ class _Stream:
         self.count += 1
         self.recent.append(stamp)
         if now:
-            # A simulator's clock leaves after the transforms of its tick: those are in time, not early.
+            # The simulator publishes a tick's clock after its transforms: these arrive in time, not early.
             delay = max(0, now - stamp) / 1e9
             self.delays += 1
             self.total_delay += delay
@@ -67,18 +67,18 @@ class _Stream:
 
 
 class Watch:
-    """Counts what it is shown. It takes no more memory the longer it watches."""
+    """Computes figures of the transforms that `take` gets. Its memory does not grow with their number."""
 
     def __init__(self) -> None:
         self._streams = defaultdict[str, _Stream](_Stream)
 
     def take(self, transforms: Iterable[TransformStamped], now: int) -> None:
-        """Transforms that arrived when the team's clock read `now` (ns; 0 = it has not spoken)."""
+        """Count transforms that arrived when the team's clock was `now` (ns; 0 = not known yet)."""
         for transform in transforms:
             stream = self._streams[transform.child_frame_id]
             stream.parent = transform.header.frame_id
             stream.take(ns_from_time(transform.header.stamp), now)
 
     def figures(self) -> list[FrameFigures]:
-        """Of every frame seen, by name."""
+        """The figures of every frame so far, sorted by name."""
         return [stream.figures(child) for child, stream in sorted(self._streams.items())]

@@ -1,4 +1,4 @@
-"""Transforms for people: tf_echo's block, and the tree."""
+"""Transforms as text: tf_echo's block, and the tree."""
 
 import math
 from collections.abc import Mapping
@@ -30,12 +30,12 @@ def _row(*values: float) -> str:
 
 
 def format_tree(frames: Mapping[str, FrameInfo], now: int) -> str:
-    """The tree, a frame a line, with rate, age and authority; several roots one after the other."""
+    """The tree with one frame on each line, with its rate, age and authority; several roots follow one another."""
     children: dict[str, list[str]] = {}
     for child, info in sorted(frames.items()):
         children.setdefault(info.parent, []).append(child)
     lines: list[str] = []
-    # A stack of (frame, what its line begins with, what its children's lines begin with), the next one on top.
+    # A stack of (frame, indent of its own line, indent of its children's lines); the next frame is on top.
     todo = [(root, "", "") for root in sorted(set(children) - set(frames), reverse=True)]
     while todo:
         frame, own, lead = todo.pop()

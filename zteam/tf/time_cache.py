@@ -1,9 +1,9 @@
 """The samples of one child frame in order of time, or its static transform (tf2's TimeCache and StaticCache).
 
-Nearly all robots move in a plane, so an edge keeps its samples in one of two forms: as long as it turns about z alone
-and z stays what it is, two complex numbers each (see `pack`), else seven floats.
+Nearly all robots move in a plane, so an edge keeps its samples in one of two forms. While the edge rotates about z only
+and its z is constant, a sample is two complex numbers (see `pack`). Otherwise it is seven floats.
 
-New planar samples are kept raw until a look-up needs them: in a large team most frames are never looked up.
+New planar samples are kept raw until a look-up needs them, because in a large team most frames are never looked up.
 
 Callers hold the buffer's lock.
 """
@@ -15,29 +15,29 @@ from typing import Any, NamedTuple
 from zteam.tf.rigid import Floats
 
 History = tuple[list[int], list[Any], list[complex]]
-"""Stamps in ns, ascending; the places and turns of planar samples, or seven floats each and an empty list."""
+"""Ascending stamps in ns; then places and turns of planar samples, or tuples of seven floats and an empty list."""
 
 
 def is_planar(floats: Floats) -> bool:
-    """Whether a transform turns about z alone."""
+    """Whether a transform rotates about z only."""
     return floats[3] == 0.0 == floats[4]
 
 
 def pack(floats: Floats) -> tuple[complex, complex]:
-    """Place x + iy and turn of a planar transform: it takes a point p to place + turn * p."""
+    """Place (x + iy) and turn of a planar transform, which maps a point p to place + turn * p."""
     x, y, _, _, _, k, w = floats
     half = complex(w, k)
     return complex(x, y), half * half
 
 
 def unpack(place: complex, turn: complex, z: float) -> Floats:
-    """Seven floats again; the quaternion has w >= 0."""
+    """The inverse of `pack`: seven floats; the quaternion has w >= 0."""
     half = sqrt(turn)
     return place.real, place.imag, z, 0.0, 0.0, half.imag, half.real
 
 
 class FrameInfo(NamedTuple):
-    """One child frame; times in ns, rate in Hz."""
+    """The figures of one child frame; times in ns, rate in Hz."""
 
     parent: str
     authority: str
@@ -49,7 +49,7 @@ class FrameInfo(NamedTuple):
 
 
 class TimeCache:
-    """One child frame under its parent."""
+    """The edge from one child frame to its parent: all its samples, or its static transform."""
 
     __slots__ = (
         *("authority", "due", "fresh", "newest", "parent", "parents", "plain_parent"),
@@ -59,23 +59,23 @@ class TimeCache:
     def __init__(self, static: bool, planar: bool, z: float = 0.0) -> None:
         self.static = static
         self.planar = planar
-        """In which form the samples are."""
+        """Whether the samples have the planar form."""
         self.z = z
-        """Of all samples, if they are planar."""
+        """The z of all samples, if they are planar."""
         self.parent = ""
-        """By the newest sample; empty if there is none."""
+        """The parent in the newest sample; empty without a sample."""
         self.parents: list[str] | None = None
-        """The parent of every sample, if they differ."""
+        """The parent of every sample, or None if all have the same one."""
         self.authority = ""
         self.settled: History = ([], [], [])
-        """All samples but the fresh ones; read `history` instead."""
+        """All samples except the fresh ones; read `history` to get all."""
         self.fresh: list[Any] = []
         """The raw samples: stamp, x, y, qz, qw, stamp, …; each is newer than all before it."""
         self.newest = 0
         self.due = 0
-        """The first sample after this time prunes the history; until then it may hold samples that are too old."""
+        """A sample newer than this prunes the history; until then it may hold samples older than the cache."""
         self.plain_parent: str | None = None
-        """The parent with which the next planar sample can simply be appended."""
+        """The parent that the next planar sample must have to be appended without further checks."""
 
     def settle(self) -> None:
         """Append the fresh samples to the history."""
@@ -100,7 +100,7 @@ class TimeCache:
         self.parent = parent
 
     def insert(self, stamp: int, floats: Floats, parent: str, cache: int) -> None:
-        """Put a sample in its place; its stamp is not there yet, and it fits the edge's form."""
+        """Insert a sample by its stamp. The caller checked that the stamp is new and that the sample fits the form."""
         stamps, places, turns = self.history
         at = bisect_left(stamps, stamp)
         if at == len(stamps):
@@ -131,7 +131,7 @@ class TimeCache:
                 self.parents = None
                 self.plain_parent = self.parent if self.planar else None
         first, slack = stamps[0], cache // 8
-        # No slack for a short history: the last two samples are never further apart than the cache.
+        # A short history gets no slack, so that its last two samples are never further apart than the cache.
         self.due = first + cache + (slack if self.newest >= first + slack else 0)
 
     def takes(self, floats: Floats) -> bool:
@@ -145,13 +145,13 @@ class TimeCache:
         return at if at < len(stamps) and stamps[at] == stamp else -1
 
     def has(self, at: int, floats: Floats, parent: str) -> bool:
-        """Whether the sample `at` says just this."""
+        """Whether the sample `at` has exactly this transform and parent."""
         _, places, turns = self.history
         same = (places[at], turns[at]) == pack(floats) if self.planar else places[at] == floats
         return same and self.takes(floats) and self.parent_of(at) == parent
 
     def floats_of(self, at: int) -> Floats:
-        """A sample as seven floats."""
+        """The sample `at` as seven floats."""
         _, places, turns = self.history
         if self.planar:
             return unpack(places[at], turns[at], self.z)
@@ -159,7 +159,7 @@ class TimeCache:
         return floats
 
     def info(self, cache: int) -> FrameInfo:
-        """The edge's figures; it has a sample."""
+        """The edge's figures. The edge must have a sample."""
         self.prune(cache)
         stamps = self.history[0]
         oldest, newest, count = stamps[0], stamps[-1], len(stamps)
@@ -167,11 +167,11 @@ class TimeCache:
         return FrameInfo(self.parent, self.authority, self.static, rate, oldest, newest, count)
 
     def parent_of(self, at: int) -> str:
-        """The parent by a sample."""
+        """The parent in the sample `at`."""
         return self.parents[at] if self.parents is not None else self.parent
 
     def reshape(self, planar: bool, mixed: bool) -> None:
-        """Change the form of all samples (`planar`), or get ready for samples of several parents (`mixed`).
+        """Change the form of all samples (`planar`), or prepare for samples with several parents (`mixed`).
 
         A path that was prepared through this edge is no longer valid.
         """

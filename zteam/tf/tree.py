@@ -1,4 +1,4 @@
-"""The frames and how they hang together: what may be stored where, and the walk from one frame to another."""
+"""The tree of frames: it checks and stores samples, and finds the transform between two frames."""
 
 from collections.abc import Mapping
 
@@ -15,7 +15,7 @@ from zteam.tf.validation import Rejection
 from zteam.tf.walk import Walk, latest_common
 
 DUPLICATE = Rejection("DUPLICATE", "")
-"""The very sample is there already."""
+"""The edge already has exactly this sample."""
 
 
 class Tree:
@@ -25,14 +25,14 @@ class Tree:
         self.cache = cache
         self.edges: dict[str, TimeCache] = {}
         self.paths: dict[tuple[str, str], Path] = {}
-        """By target and source; emptied when a frame, a parent, a static transform or the form of an edge changes."""
+        """Prepared paths by target and source; cleared if a frame, parent, static transform or edge's form changes."""
         self._frames: set[str] = set()
         """Every frame that was ever a child or a parent."""
 
     def put(
         self, child: str, parent: str, stamp: int, floats: Floats, authority: str, static: bool
     ) -> Rejection | None:
-        """Store a sample whose names and numbers are in order; None, or why not."""
+        """Store a sample whose names and numbers were checked; None, or why it was refused."""
         edge = self.edges.get(child)
         refused = self._check(edge, child, parent, stamp, floats, authority, static)
         if refused is not None:
@@ -50,7 +50,7 @@ class Tree:
         return None
 
     def _ready(self, edge: TimeCache | None, child: str, parent: str, floats: Floats) -> TimeCache:
-        """The edge that a moving sample of this parent and form goes into."""
+        """Prepare the edge for a moving sample with this parent and form, and return it."""
         if edge is None or edge.static or not edge.parent:
             edge = TimeCache(False, is_planar(floats), floats[2])
             self._replace(child, edge)
@@ -94,9 +94,9 @@ class Tree:
         return Rejection("TF_LOOP", f"{parent} -> {child} by {authority} closes a loop with {other}'s transforms")
 
     def chain(self, frame: str) -> list[str]:
-        """A frame and all above it, by the newest parents."""
+        """A frame and its ancestors, by the newest parents."""
         found = [frame]
-        # No sample is stored that closes a loop with the newest parents.
+        # This ends: a sample that would close a loop with the newest parents is refused.
         while (edge := self.edges.get(found[-1])) is not None and edge.parent:
             found.append(edge.parent)
         return found
@@ -136,7 +136,7 @@ class Tree:
         return answer if answer is not None else self._search(target, source, time)
 
     def _search(self, target: str, source: str, time: int) -> Answer:
-        """The same without a prepared path, which it leaves behind where the tree's shape allows one."""
+        """`solve` without a prepared path; it prepares one if each edge on the way has one parent."""
         if target == source:
             return (time or self.newest(target), *IDENTITY)
         self.check_frames(target_frame=target, source_frame=source)
@@ -145,7 +145,7 @@ class Tree:
         except ConnectivityException:
             if not time:
                 raise
-            # What is not connected now may have been so then.
+            # Frames that are not connected by the newest parents may have been connected at that time.
             legs = Walk(self.edges, self.cache, target, source, time).find_legs()
         if all(edge.parents is None for edge in (*legs.source, *legs.target)):
             path = self.paths[target, source] = prepare_path(legs, self.cache)
@@ -155,20 +155,20 @@ class Tree:
             time = time or latest_common(legs)
             walk = Walk(self.edges, self.cache, target, source, time)
         else:
-            # At that time other parents may have held than now.
+            # The parents at that time may differ from the newest ones.
             time = time or latest_common(legs)
             walk = Walk(self.edges, self.cache, target, source, time)
             legs = walk.find_legs()
         try:
             return (time, *walk.evaluate(legs, time))
         except ExtrapolationException:
-            # Of several edges without data, tf2 names the one that a walk through the tree comes upon.
+            # If several edges lack data, tf2 names the one that its walk through the tree reaches.
             walk.find_legs()
             raise
 
 
 def _check_frames(known: set[str], arguments: Mapping[str, str]) -> None:
-    """`Tree.check_frames` for the frames that are known."""
+    """Raise tf2's exception if an argument is not the name of a known frame."""
     for argument, name in arguments.items():
         what = f"passed to lookupTransform argument {argument}"
         if not name:

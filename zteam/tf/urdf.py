@@ -1,7 +1,7 @@
-"""Robot descriptions: URDF files as transforms, what robot_state_publisher did.
+"""Robot descriptions: transforms from URDF files, as robot_state_publisher makes them.
 
-Fixed joints are static transforms; revolute, continuous and prismatic ones follow `robot_N/joint_states`, mimics
-included. Frames have the file's own names; a robot's prefix is put before them where its transforms are merged.
+Fixed joints become static transforms. Revolute, continuous and prismatic joints, also mimics, follow
+`robot_N/joint_states`. Frames have the file's own names; the merger puts a robot's prefix before them.
 """
 
 import math
@@ -18,11 +18,11 @@ from zteam.tf.rigid import Floats, compose
 MAX_BYTES = 8 * 2**20
 _TURNING, _SLIDING, _FIXED = ("revolute", "continuous"), ("prismatic",), ("fixed",)
 _SKIPPED = ("floating", "planar")
-"""Joints that no single number describes: another node has to publish where their children are, as in ROS."""
+"""Joints with more than one coordinate: another node has to publish the transforms of their children, as in ROS."""
 
 
 class Mimic(NamedTuple):
-    """A joint that follows another one: multiplier times its position, and an offset."""
+    """The rule of a joint that follows another: position = multiplier * position of `joint` + offset."""
 
     joint: str
     multiplier: float
@@ -30,7 +30,7 @@ class Mimic(NamedTuple):
 
 
 class Joint(NamedTuple):
-    """How a link hangs on another."""
+    """A joint between a parent link and a child link."""
 
     name: str
     kind: str
@@ -38,7 +38,7 @@ class Joint(NamedTuple):
     child: str
     parent_from_joint: Floats
     axis: tuple[float, float, float]
-    """Of length 1, in the joint's frame."""
+    """A unit vector in the joint's frame."""
     mimic: Mimic | None
 
 
@@ -49,11 +49,11 @@ class Description(NamedTuple):
     joints: tuple[Joint, ...]
 
     def static_transforms(self) -> list[TransformStamped]:
-        """What never moves."""
+        """The transforms of the fixed joints."""
         return [_stamped(joint, Time(), joint.parent_from_joint) for joint in self.joints if joint.kind in _FIXED]
 
     def moving_transforms(self, state: JointState) -> list[TransformStamped]:
-        """What moves, as far as the message says; names and positions that do not match are not looked at."""
+        """The transforms of the moving joints whose position is in the message; other names in it are ignored."""
         known = dict(zip(state.name, state.position.tolist(), strict=False))
         found = []
         for joint in self.joints:
@@ -66,7 +66,7 @@ class Description(NamedTuple):
 
 
 def _position_of(joint: Joint, known: Mapping[str, float]) -> float | None:
-    """Radians or metres; None if it is not known or not finite."""
+    """The joint's position in radians or metres; None if it is not known or not finite."""
     position = known.get(joint.name)
     if joint.mimic is not None and joint.mimic.joint in known:
         position = joint.mimic.multiplier * known[joint.mimic.joint] + joint.mimic.offset
@@ -177,7 +177,7 @@ def _parse(place: str, what: str, text: str, count: int) -> list[float]:
 
 
 def _check_tree(path: Path, joints: tuple[Joint, ...]) -> None:
-    """Every link hangs on one joint at most, and no joints go round in a circle."""
+    """Refuse a link that is the child of two joints, and joints that form a loop."""
     parents: dict[str, str] = {}
     for joint in joints:
         if joint.child in parents:

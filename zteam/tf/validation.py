@@ -1,4 +1,4 @@
-"""What a transform must be to be stored, whatever the tree: names, numbers, a rotation."""
+"""The checks of a single transform before it is stored: its names, its numbers and its rotation."""
 
 import math
 from typing import NamedTuple
@@ -9,7 +9,7 @@ UNIT_TOLERANCE = 0.01
 """tf2 refuses a quaternion whose squared length is this far from 1."""
 
 ROUNDING = 1e-15
-"""A squared length that is this near to 1 is as near as doubles get: it is left alone."""
+"""A quaternion whose squared length differs from 1 by less than this is not scaled: that is rounding of doubles."""
 
 
 class Rejection(NamedTuple):
@@ -20,7 +20,7 @@ class Rejection(NamedTuple):
 
 
 def check_names(parent: str, child: str, authority: str) -> Rejection | None:
-    """Names without their leading slash."""
+    """Check two frame names without a leading slash; None, or why they are refused."""
     if not child:
         return Rejection("TF_NO_CHILD_FRAME_ID", f"a transform from {authority} has no child_frame_id")
     if not parent:
@@ -31,7 +31,7 @@ def check_names(parent: str, child: str, authority: str) -> Rejection | None:
 
 
 def check_numbers(floats: Floats, child: str, authority: str) -> Rejection | None:
-    """Finite, and a quaternion that is nearly a unit one."""
+    """Check that all numbers are finite and the quaternion is nearly a unit one; None, or why they are refused."""
     if not all(map(math.isfinite, floats)):
         return Rejection("TF_NAN_INPUT", f"{child} from {authority} holds a number that is not finite")
     _, _, _, i, j, k, w = floats
@@ -43,7 +43,7 @@ def check_numbers(floats: Floats, child: str, authority: str) -> Rejection | Non
 
 
 def normalise(floats: Floats) -> Floats:
-    """The same with a unit quaternion."""
+    """The same transform with its quaternion scaled to length 1."""
     x, y, z, i, j, k, w = floats
     square = i * i + j * j + k * k + w * w
     if abs(square - 1.0) < ROUNDING:

@@ -1,4 +1,4 @@
-"""The walk from one frame to another, edge by edge, at any time and with tf2's errors: right for every tree, not fast.
+"""The walk from one frame to another, edge by edge, with tf2's errors. It is slow, and right for every tree.
 
 Callers hold the buffer's lock.
 """
@@ -20,7 +20,7 @@ from zteam.tf.time_cache import TimeCache
 
 
 class Walk:
-    """One question: `source` in `target` at `time` (None = by the newest parents)."""
+    """One look-up: `source` in `target` at `time` (None = by the newest parents)."""
 
     def __init__(self, edges: Mapping[str, TimeCache], cache: int, target: str, source: str, time: int | None) -> None:
         self._edges = edges
@@ -30,7 +30,7 @@ class Walk:
         self._time = time
 
     def find_legs(self) -> Legs:
-        """The edges on the way. Raises tf2's exceptions where there is no way."""
+        """The edges between the two frames. Raises tf2's exceptions if the frames are not connected."""
         up = self._ancestors()
         depth = {name: i for i, (name, _) in enumerate(up)}
         down: list[TimeCache] = []
@@ -48,7 +48,7 @@ class Walk:
         return Legs(tuple(edge for _, edge in up[: depth[frame]] if edge is not None), tuple(down))
 
     def _ancestors(self) -> list[tuple[str, TimeCache | None]]:
-        """The source and everything above it, each with the edge that leads further up (None at the top)."""
+        """The source and its ancestors, each with the edge to its parent (None for the root)."""
         found: list[tuple[str, TimeCache | None]] = []
         frame = self._source
         while True:
@@ -61,12 +61,12 @@ class Walk:
             frame = parent
 
     def _refuse_loop(self, steps: int) -> None:
-        # No sample closes a loop with the newest parents, but parents of different times can.
+        # The newest parents never form a loop, but parents at different times can.
         if steps > len(self._edges) + 1:
             raise LookupException("The tf tree is invalid because it contains a loop.")
 
     def _first_failure(self) -> TransformException | None:
-        """The extrapolation that ended the walk up from the source, if one did."""
+        """The exception that ended the walk up from the source; None if the walk reached a root."""
         frame = self._source
         while True:
             parent, problem = self._parent(self._edges.get(frame))
@@ -75,7 +75,7 @@ class Walk:
             frame = parent
 
     def _parent(self, edge: TimeCache | None) -> tuple[str, TransformException | None]:
-        """The edge's parent at the time, or empty with the reason."""
+        """The edge's parent at the time; without one, an empty name and the exception that says why."""
         if edge is None:
             return "", None
         if self._time is None or edge.static:
@@ -101,7 +101,7 @@ class Walk:
         stamps = edge.history[0]
         older, stamp = edge.floats_of(at), stamps[at]
         if stamp == time or edge.parent_of(at) != edge.parent_of(at + 1):
-            # Nothing lies between two parents: the older sample holds until the change.
+            # Samples with different parents cannot be interpolated: the older one holds until the newer one.
             return older
         return interpolate(older, edge.floats_of(at + 1), (time - stamp) / (stamps[at + 1] - stamp))
 
@@ -143,6 +143,6 @@ def latest_common(legs: Legs) -> int:
 
 
 def _seconds(nanoseconds: int) -> str:
-    """To the nanosecond: a double's digits do not reach that far."""
+    """Nanoseconds as seconds with nine decimals; a double does not have enough digits for that."""
     whole, rest = divmod(nanoseconds, 10**9)
     return f"{whole}.{rest:09d}"

@@ -1,4 +1,4 @@
-"""The buffer's public calls, by hand: look-ups, names, clearing; what is tf2's own is in the golden tests."""
+"""The buffer's public calls: look-ups, names and clearing. The golden tests compare with tf2 itself."""
 
 import math
 
@@ -23,7 +23,7 @@ from zteam.tf import (
 
 
 def test_the_pose_of_a_source_in_a_target() -> None:
-    """A look-up gives where the source is, seen from the target, and its inverse the other way round."""
+    """A look-up returns the pose of the source in the target; with the frames exchanged, it returns the inverse."""
     buffer = Buffer()
     buffer.set_transform_static(stamped("map", "odom", 0, 6.5, 18.5, math.pi / 2), "test")
     buffer.set_transform(stamped("odom", "base", S, 1.0, 0.0), "test")
@@ -34,7 +34,7 @@ def test_the_pose_of_a_source_in_a_target() -> None:
 
 
 def test_a_sample_between_two_is_interpolated() -> None:
-    """Half way in time is half way in space and angle, the short way round."""
+    """Halfway in time, place and angle are halfway too; the rotation takes the shorter way."""
     buffer = Buffer()
     buffer.set_transform(stamped("map", "base", S, 0.0, 0.0, math.radians(170)), "test")
     buffer.set_transform(stamped("map", "base", 3 * S, 2.0, 4.0, math.radians(-170)), "test")
@@ -44,7 +44,7 @@ def test_a_sample_between_two_is_interpolated() -> None:
 
 
 def test_extrapolation_has_three_names() -> None:
-    """Before, after, and with one sample only are told apart, as in ROS 2."""
+    """A time before the data, one after it, and a single sample raise three different exceptions, as in ROS 2."""
     buffer = Buffer()
     buffer.set_transform(stamped("map", "base", 2 * S), "test")
     with pytest.raises(NoDataForExtrapolationException):
@@ -57,7 +57,7 @@ def test_extrapolation_has_three_names() -> None:
 
 
 def test_names_are_as_strict_as_tf2s() -> None:
-    """No leading slash and no empty name in a look-up; a slash is stripped when a transform is stored."""
+    """A look-up refuses empty names and leading slashes; a stored transform loses its leading slash."""
     buffer = Buffer()
     buffer.set_transform_static(stamped("/map", "/odom", 0, 1.0), "test")
     assert buffer.lookup_pose2("map", "odom", 0)[0].x == 1.0
@@ -91,7 +91,7 @@ def test_the_exceptions_form_tf2s_family(kind: type[Exception], base: type[Excep
 
 
 def test_clear_keeps_static_transforms() -> None:
-    """After a jump back the fixed part of the tree still answers, the moving part says why not."""
+    """After a clear, static transforms still answer, and a look-up of moving ones raises with a reason."""
     buffer = Buffer()
     buffer.set_transform_static(stamped("map", "odom", 0, 1.0), "test")
     buffer.set_transform(stamped("odom", "base", 5 * S, 1.0), "test")
@@ -106,7 +106,7 @@ def test_clear_keeps_static_transforms() -> None:
 
 
 def test_after_a_clear_a_time_is_an_extrapolation() -> None:
-    """As in tf2 the frames are still known, and it is their data that is missing; the text says so."""
+    """As in tf2 the frames stay known after a clear, and the text says that their data is missing."""
     buffer = Buffer()
     buffer.set_transform(stamped("map", "base", S), "test")
     buffer.clear()
@@ -117,7 +117,7 @@ def test_after_a_clear_a_time_is_an_extrapolation() -> None:
 
 
 def test_fixed_transforms_hold_at_any_time_and_carry_the_time_asked_for() -> None:
-    """Past, present and future give the same place; the answer's stamp is the question's."""
+    """A static transform is the same in past and future, and is stamped with the time asked for."""
     buffer = chain(3)
     for time in (0, 1, S, 10**18):
         transform = buffer.lookup_transform("f3", "f0", time)
@@ -127,7 +127,7 @@ def test_fixed_transforms_hold_at_any_time_and_carry_the_time_asked_for() -> Non
 
 
 def test_a_frame_seen_from_itself() -> None:
-    """Identity, stamped with the time asked for or with the frame's newest sample."""
+    """The answer is the identity, stamped with the time asked for or with the frame's newest sample."""
     buffer = Buffer()
     buffer.set_transform(stamped("map", "base", 3 * S, 5.0), "test")
     assert buffer.lookup_pose2("base", "base", 0) == (Pose2(0.0, 0.0, 0.0), 3 * S)
@@ -135,7 +135,7 @@ def test_a_frame_seen_from_itself() -> None:
 
 
 def test_where_something_was_seen_from_where_i_am_now() -> None:
-    """Two times tied together by a fixed frame; the stamp is the target's time."""
+    """A fixed frame connects two times, and the answer has the target's time as its stamp."""
     buffer = Buffer()
     for second in range(1, 11):
         buffer.set_transform(stamped("map", "me", second * S, float(second)), "test")
@@ -151,7 +151,7 @@ def test_where_something_was_seen_from_where_i_am_now() -> None:
 
 
 def test_why_not_is_always_said() -> None:
-    """can_transform's text is the exception's own, and never empty."""
+    """can_transform returns the text of the look-up's exception, which is never empty."""
     buffer = Buffer()
     buffer.set_transform(stamped("map", "base", S), "test")
     buffer.set_transform(stamped("moon", "crater", S), "test")
@@ -171,7 +171,7 @@ def test_why_not_is_always_said() -> None:
 
 
 def test_error_texts_are_tf2s() -> None:
-    """Nanoseconds in full, so that a look-up a nanosecond late does not say 'requested 1.0, latest 1.0'."""
+    """Error texts print all nanoseconds: one nanosecond too late does not read 'requested 1.0, latest 1.0'."""
     buffer = Buffer()
     for stamp in (S, 2 * S):
         buffer.set_transform(stamped("map", "base", stamp), "test")
@@ -187,7 +187,7 @@ def test_error_texts_are_tf2s() -> None:
 
 
 def test_time_that_goes_back_clears_the_buffer(caplog: pytest.LogCaptureFixture) -> None:
-    """time_backwards: moving data is forgotten, fixed data stays, the log says by how much; new data is taken."""
+    """tf2's time_backwards: moving data goes, static data stays, the jump is logged, and new data is stored."""
     buffer = Buffer()
     buffer.set_transform_static(stamped("map", "odom", 0, 1.0), "test")
     buffer.set_transform(stamped("odom", "base", 100 * S, 1.0), "test")

@@ -1,4 +1,4 @@
-"""Transforms put to use: stamped points, poses, vectors, scans, arrays, velocities; and a clock that jumps."""
+"""Points, poses, vectors, scans, arrays and velocities in other frames; and a clock that jumps back."""
 
 import logging
 import math
@@ -50,7 +50,7 @@ def test_points_are_moved_and_vectors_only_turned() -> None:
 
 
 def test_a_pose_keeps_its_place_in_the_world() -> None:
-    """There and back is the same pose; headings add up."""
+    """Headings add up, and a pose transformed to another frame and back is the same pose."""
     buffer = turned_buffer()
     pose = PoseStamped(header("robot", S), Pose(Point(1.0, -1.0, 0.0), Quaternion(0.0, 0.0, TURNED, TURNED)))
     there = buffer.transform_pose(pose, "map")
@@ -64,7 +64,7 @@ def test_a_pose_keeps_its_place_in_the_world() -> None:
 
 
 def test_a_scan_becomes_points_where_its_beams_ended() -> None:
-    """Beams with a hit are points in the target; misses, NaN and what is too near are NaN."""
+    """A beam with a hit becomes a point in the target; a miss, NaN or too short a range becomes NaN."""
     ranges = np.array([1.0, 2.0, 8.0, np.nan, 0.01], np.float32)
     scan = LaserScan(
         header=header("robot", S),
@@ -80,7 +80,7 @@ def test_a_scan_becomes_points_where_its_beams_ended() -> None:
 
 
 def test_arrays_of_poses_agree_with_single_ones() -> None:
-    """A thousand planar poses at once are the same as one after the other."""
+    """A thousand planar poses transformed at once equal those transformed one by one."""
     buffer = turned_buffer()
     poses = np.random.default_rng(1).uniform(-3, 3, (1000, 3))
     moved = buffer.transform_poses(poses, "map", "robot", 0)
@@ -95,7 +95,7 @@ def test_arrays_of_poses_agree_with_single_ones() -> None:
 
 
 def test_a_twist_is_the_mean_velocity_about_a_time() -> None:
-    """A frame that drives at 0.5 m/s and turns at 0.2 rad/s has that twist; the latest ends at the newest data."""
+    """A frame that drives at 0.5 m/s and turns at 0.2 rad/s has this twist, also at the newest data."""
     buffer = Buffer()
     for k in range(21):
         buffer.set_transform(stamped("map", "robot", S + k * S // 10, 0.05 * k, 0.0, 0.02 * k), "t")
@@ -110,7 +110,7 @@ def test_a_twist_is_the_mean_velocity_about_a_time() -> None:
 
 
 def test_a_jump_back_clears_and_says_so(caplog: pytest.LogCaptureFixture) -> None:
-    """Moving data of a time that is yet to come is forgotten; static data stays."""
+    """After a jump back, moving data is forgotten and static data stays."""
     buffer = turned_buffer()
     buffer.set_transform_static(stamped("robot", "laser", 0, 0.1), "t")
     assert not buffer.take_time(5 * S)

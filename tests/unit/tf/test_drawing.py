@@ -14,7 +14,7 @@ FRAMES = {
 
 
 def test_the_svg_is_well_formed_and_shows_what_is_broken() -> None:
-    """A box for every frame, a line for every edge, red for the one without news; names are escaped."""
+    """Each frame has a box and each edge a line; an edge without recent samples is red; names are escaped."""
     root = ET.fromstring(tree_as_svg(FRAMES, 9 * S))
     texts = [element.text for element in root.iter() if element.tag.endswith("text")]
     assert {"map", "odom", "base", 'odd "name"'} <= set(texts)
@@ -27,7 +27,7 @@ def test_the_svg_is_well_formed_and_shows_what_is_broken() -> None:
 
 
 def test_children_lie_below_their_parents_and_side_by_side() -> None:
-    """No two boxes are in one place, and every child is further down than its parent."""
+    """No two boxes overlap, and every child is below its parent."""
     root = ET.fromstring(tree_as_svg(FRAMES, 0))
     boxes = [e for e in root if e.tag.endswith("rect") and e.get("rx")]
     places = [(float(str(b.get("x"))), float(str(b.get("y")))) for b in boxes]
@@ -47,6 +47,6 @@ def test_the_dot_file_names_every_edge() -> None:
 
 
 def test_a_deep_chain_is_drawn() -> None:
-    """Two thousand frames in a row need no stack."""
+    """A chain of two thousand frames is drawn without recursion."""
     frames = {f"f{i}": FrameInfo(f"f{i - 1}", "t", True, 0.0, 0, 0, 1) for i in range(1, 2001)}
     assert tree_as_svg(frames, 0).count('rx="6"') == 2001

@@ -1,4 +1,4 @@
-"""Bundles of which only looked-up frames are read: what is found must be what a buffer that reads everything finds."""
+"""Bundles from which only looked-up frames are decoded answer like a buffer that decodes everything."""
 
 import random
 
@@ -28,7 +28,7 @@ def starts(buffer: Buffer) -> None:
 
 
 class Pair:
-    """The same bundles in a buffer that reads all, and in one that reads what is asked for."""
+    """One buffer that decodes whole bundles, and one that decodes only looked-up frames."""
 
     def __init__(self) -> None:
         self.whole, self.lazy = Buffer(), Buffer()
@@ -37,13 +37,13 @@ class Pair:
         self.bundles = Bundles(self.lazy, "test")
 
     def take(self, transforms: list[TransformStamped]) -> int:
-        """A bundle arrives."""
+        """Give one bundle to both buffers."""
         for one in transforms:
             self.whole.set_transform(one, "test")
         return self.bundles.take(encode(TFMessage(transforms)))
 
     def look(self, target: str, source: str, time: int = 0) -> list[object]:
-        """What both buffers answer."""
+        """The answers of the full buffer and of the lazy one, in this order."""
         self.bundles.settle(target, source)
         answers: list[object] = []
         for buffer in (self.whole, self.lazy):
@@ -61,7 +61,7 @@ def pair() -> Pair:
 
 
 def test_what_is_asked_for_is_what_was_said(pair: Pair) -> None:
-    """After any number of bundles, newest and past look-ups between any two robots are those of a whole buffer."""
+    """After any number of bundles, newest and past look-ups between any two robots equal those of a full buffer."""
     chance = random.Random(1)
     for tick in range(1, 400):
         assert pair.take(bundle(tick)) == tick * S // 10
@@ -74,7 +74,7 @@ def test_what_is_asked_for_is_what_was_said(pair: Pair) -> None:
 
 
 def test_other_frames_are_noticed(pair: Pair) -> None:
-    """Robots that come and go, other orders, and other names of the same length change nothing about the answers."""
+    """Answers stay right when robots come and go, and with another order or other names of the same length."""
     shapes = [range(ROBOTS), range(3), [4, 3, 2, 1, 0], [0, 2, 4]]
     for tick in range(1, 200):
         name = "rover" if tick // 25 % 2 else "robot"
@@ -86,7 +86,7 @@ def test_other_frames_are_noticed(pair: Pair) -> None:
 
 
 def test_another_robot_in_the_middle_is_noticed(pair: Pair) -> None:
-    """Robots 1 and 2 take turns in bundles of one length: each one's newest pose is seen after each bundle."""
+    """Robots 1 and 2 alternate in bundles of equal length, and each one's newest pose is found after each bundle."""
     for tick in range(1, 41):
         pair.take(bundle(tick, [0, 1 + tick % 2, 3]))
         for robot in (1, 2):
@@ -95,7 +95,7 @@ def test_another_robot_in_the_middle_is_noticed(pair: Pair) -> None:
 
 
 def test_robots_that_miss_some_bundles_are_seen(pair: Pair) -> None:
-    """Each robot is in 85 % of the bundles, each bundle has its own order: newest and past look-ups are right."""
+    """Look-ups are right when each robot is in 85 % of the bundles and each bundle has its own order."""
     chance = random.Random(3)
     for tick in range(1, 400):
         present = [robot for robot in range(ROBOTS) if chance.random() < 0.85]
@@ -120,7 +120,7 @@ def test_names_may_have_a_leading_slash(pair: Pair) -> None:
 
 
 def test_frames_that_are_not_looked_up_are_not_read(pair: Pair) -> None:
-    """The buffer holds the samples of the two robots that were asked for, and of the others only the first."""
+    """The buffer holds all samples of the two looked-up robots, and only the first sample of the others."""
     for tick in range(1, 51):
         pair.take(bundle(tick))
         pair.look("robot_0/base", "robot_1/base")
@@ -129,7 +129,7 @@ def test_frames_that_are_not_looked_up_are_not_read(pair: Pair) -> None:
 
 
 def test_old_bundles_go(pair: Pair) -> None:
-    """An hour of bundles is not kept: a look-up then reaches back as far as a buffer does."""
+    """Old bundles are dropped: after an hour, a look-up reaches back as far as a buffer does."""
     for tick in range(1, 36_000):
         pair.bundles.take(encode(TFMessage(bundle(tick, [0]))))
     pair.bundles.settle("map", "robot_0/base")
@@ -139,7 +139,7 @@ def test_old_bundles_go(pair: Pair) -> None:
 
 
 def test_time_starts_anew(pair: Pair) -> None:
-    """After a jump back nothing of before comes up again."""
+    """After a jump back, no data from before it is found."""
     for tick in range(50, 60):
         pair.take(bundle(tick))
     pair.bundles.clear()
@@ -153,7 +153,7 @@ def test_time_starts_anew(pair: Pair) -> None:
 
 @pytest.mark.parametrize("payload", [b"", b"\0\1\0\0", b"\0\1\0\0" + b"\xff" * 60])
 def test_garbage_is_refused(pair: Pair, payload: bytes) -> None:
-    """A payload that is no bundle raises and leaves the others as they were."""
+    """A payload that is no bundle raises DecodeError and leaves the kept bundles unchanged."""
     pair.take(bundle(1))
     with pytest.raises(DecodeError):
         pair.bundles.take(payload)
@@ -162,7 +162,7 @@ def test_garbage_is_refused(pair: Pair, payload: bytes) -> None:
 
 
 def test_garbage_of_the_right_length_moves_no_robot(pair: Pair) -> None:
-    """Bytes as long as a bundle, one that is torn at its beginning, and NaN in one's numbers are passed over."""
+    """Random bytes of a bundle's length, a bundle with a damaged beginning, and NaN change no answer."""
     pair.take(bundle(1))
     length = len(encode(TFMessage(bundle(1))))
     with pytest.raises(DecodeError):
@@ -181,7 +181,7 @@ def test_garbage_of_the_right_length_moves_no_robot(pair: Pair) -> None:
 
 
 def test_an_empty_bundle_says_nothing(pair: Pair) -> None:
-    """No stamp, no harm."""
+    """An empty bundle gives the stamp 0 and changes nothing."""
     assert pair.take([]) == 0
     pair.take(bundle(1))
     assert pair.take([]) == 0

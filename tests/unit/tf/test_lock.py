@@ -1,4 +1,4 @@
-"""The buffer's lock: whatever line a thread is interrupted at, another sees all of a change or nothing of it."""
+"""The buffer's lock: at whatever line a thread is interrupted, another thread sees a whole change or none."""
 
 import sys
 import threading
@@ -53,7 +53,7 @@ def _fix(parent: str, child: str) -> Call:
 
 
 def _look(buffer: Buffer) -> object:
-    """The tip's place at 1.25 s, or why it is not known."""
+    """The tip's place in the map at 1.25 s, or the text of the look-up's exception."""
     try:
         found = buffer.lookup_transform("map", "tip", 5 * S // 4)
     except TransformException as error:
@@ -62,7 +62,7 @@ def _look(buffer: Buffer) -> object:
 
 
 def _filled(roll: float) -> tuple[Buffer, _TellingLock]:
-    """map → base → tip with samples at 1, 2 and 3 s, of which the last is still raw; the path is known."""
+    """A buffer with map → base → tip at 1, 2 and 3 s; the path is prepared, and the last sample is still raw."""
     lock = _TellingLock()
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("zteam.tf.buffer.threading.RLock", lambda: lock)
@@ -77,9 +77,9 @@ def _filled(roll: float) -> tuple[Buffer, _TellingLock]:
 
 
 def _interrupt(outer: Call, inner: Call, line: int, roll: float) -> tuple[object, object] | None:
-    """What two calls return if the second begins, in a thread of its own, at the `line`-th line of the first.
+    """Interrupt the call `outer` at its `line`-th line in zteam.tf by `inner` in another thread; return both results.
 
-    The first goes on when the second has ended or waits for the lock. None if the first has fewer lines in zteam.tf.
+    `outer` continues when `inner` has ended or waits for the lock. None if `outer` runs fewer lines than `line`.
     """
     buffer, lock = _filled(roll)
     stopped, answers, lines = threading.Event(), list[object](), 0
@@ -135,7 +135,7 @@ def _interrupt(outer: Call, inner: Call, line: int, roll: float) -> tuple[object
     ],
 )
 def test_a_look_up_comes_before_a_change_or_after_it(change: Call, order: str, roll: float) -> None:
-    """At whatever line one thread is interrupted by another, both get what they would get one after the other."""
+    """At whatever line one call interrupts the other, both return what they return one after the other."""
     before, after = _filled(roll)[0], _filled(roll)[0]
     seen, done = _look(before), change(before)
     assert change(after) == done
@@ -168,7 +168,7 @@ def test_a_look_up_comes_before_a_change_or_after_it(change: Call, order: str, r
     ids=["transform", "pose", "full", "twist", "can", "common time", "chain", "frames", "set"],
 )
 def test_every_call_waits_for_the_lock(call: Call) -> None:
-    """A thread that holds `lock` makes several calls one: the other threads' calls come after it."""
+    """While a thread holds `lock`, every call of another thread waits."""
     buffer, lock = _filled(0.0)
     order: list[str] = []
     stopped = threading.Event()

@@ -1,4 +1,4 @@
-"""Merging the robots' transforms: names, permitted authorities, conflicts by name."""
+"""The merger: names, permitted frames, conflicts and bundles of the robots' transforms."""
 
 import math
 
@@ -29,7 +29,7 @@ def _without_rotation(transform: TransformStamped) -> TransformStamped:
     ids=["local", "full"],
 )
 def test_all_spellings_mean_the_same_frame(parent: str, child: str) -> None:
-    """Local names, prefixed ones and leading slashes lead to one tree."""
+    """A local name, a prefixed one and one with a leading slash give the same frame."""
     merger = Merger()
     merger.take(1, TFMessage([stamped(parent, child, S, 2.0)]))
     (sent,) = merger.take_pending()
@@ -53,7 +53,7 @@ def test_a_robot_speaks_for_itself_only(parent: str, child: str) -> None:
 
 
 def test_a_second_authority_is_refused_and_named() -> None:
-    """The first authority stays; the text names both."""
+    """The first authority of a static frame stays, and the conflict names both."""
     merger = Merger([stamped("robot_0/base_link", "robot_0/camera", 0, 0.1)])
     merger.take_static(0, TFMessage([stamped("base_link", "camera", 0, 0.2)]))
     (conflict,) = merger.take_conflicts()
@@ -63,7 +63,7 @@ def test_a_second_authority_is_refused_and_named() -> None:
 
 
 def test_a_robot_is_seen_from_another() -> None:
-    """The tree of a team: start poses, odometry and fixed legs of two robots make one path."""
+    """Start poses, odometry and static transforms of two robots form one path between them."""
     merger = Merger()
     for robot, y in ((0, 1.0), (3, 4.0)):
         start = [stamped("map", "odom", 0, 0.0, y), stamped("base_footprint", "base_link", 0, 0.1)]
@@ -76,7 +76,7 @@ def test_a_robot_is_seen_from_another() -> None:
 
 
 def test_stamps_and_numbers_are_passed_on_as_they_came() -> None:
-    """The bundle holds every robot's transforms in the order in which they came, never restamped."""
+    """The bundle has all robots' transforms in the order of their arrival, with their own stamps."""
     merger = Merger()
     for robot, stamp in ((2, 7 * S + 1), (0, 5 * S), (2, 7 * S + 2)):
         merger.take(robot, TFMessage([stamped("odom", "base_footprint", stamp, 0.25, 0.5, 1.0)]))
@@ -87,7 +87,7 @@ def test_stamps_and_numbers_are_passed_on_as_they_came() -> None:
 
 
 def test_what_is_refused_is_not_passed_on() -> None:
-    """Old samples, other values for a known time, and numbers that are none stay out of the bundle."""
+    """Samples that are too old, contradict a stored one or are not finite stay out of the bundle."""
     merger = Merger()
     merger.take(0, TFMessage([stamped("odom", "base", 50 * S, 1.0)]))
     merger.take_pending()
@@ -105,7 +105,7 @@ def test_what_is_refused_is_not_passed_on() -> None:
 
 
 def test_one_bad_transform_does_not_spoil_a_message() -> None:
-    """Its neighbours in the message are taken."""
+    """The other transforms of the message are stored."""
     merger = Merger()
     good, bad = stamped("odom", "base_footprint", S), stamped("map", "/robot_1/odom", S)
     merger.take(0, TFMessage([bad, good]))
@@ -115,7 +115,7 @@ def test_one_bad_transform_does_not_spoil_a_message() -> None:
 
 
 def test_a_robot_may_not_bend_the_map() -> None:
-    """No robot may move the global frames, nor a robot whose name only begins alike."""
+    """No robot may publish a global frame, or a frame of a robot whose name begins with its own."""
     merger = Merger()
     for parent, child in (("earth", "map"), ("robot_1/base", "/map"), ("map", "/robot_10/odom"), ("/robot_10/x", "y")):
         merger.take(1, TFMessage([stamped(parent, child, S)]))
@@ -127,7 +127,7 @@ def test_a_robot_may_not_bend_the_map() -> None:
 
 
 def test_a_robots_loop_is_refused_and_reported_once() -> None:
-    """A loop never reaches the tree, and the text names the robot."""
+    """A transform that closes a loop is refused, and the conflict names the robot."""
     merger = Merger()
     for _ in range(3):
         merger.take(4, TFMessage([stamped("odom", "a", S), stamped("a", "b", S), stamped("b", "odom", S)]))
@@ -139,7 +139,7 @@ def test_a_robots_loop_is_refused_and_reported_once() -> None:
 
 @pytest.mark.parametrize(("parent", "child"), [("", "base"), ("odom", "")])
 def test_a_robots_nameless_frames_are_refused(parent: str, child: str) -> None:
-    """An empty name is no frame, whatever the prefix."""
+    """An empty name is refused, although a prefix would be put before it."""
     merger = Merger()
     merger.take(0, TFMessage([stamped(parent, child, S)]))
     merger.take_static(0, TFMessage([stamped(parent, child, 0)]))
@@ -148,7 +148,7 @@ def test_a_robots_nameless_frames_are_refused(parent: str, child: str) -> None:
 
 
 def test_two_publishers_of_one_edge_are_reported() -> None:
-    """Two values for one frame at one time can only come from two sources."""
+    """Two values for one frame at one time are a conflict: they must come from two sources."""
     merger = Merger()
     merger.take(0, TFMessage([stamped("odom", "base_footprint", S, 1.0)]))
     merger.take(0, TFMessage([stamped("odom", "base_footprint", S, 2.0)]))
@@ -157,7 +157,7 @@ def test_two_publishers_of_one_edge_are_reported() -> None:
 
 
 def test_an_exact_duplicate_is_not_sent_again() -> None:
-    """What the tree has already need not travel again."""
+    """A sample that is stored already is not bundled again."""
     merger = Merger()
     for _ in range(2):
         merger.take(0, TFMessage([stamped("odom", "base_footprint", S, 1.0)]))
@@ -165,7 +165,7 @@ def test_an_exact_duplicate_is_not_sent_again() -> None:
 
 
 def test_a_clock_that_runs_apart_is_refused_and_named() -> None:
-    """A stamp from another time is reported once and refused; the robot's true samples still count."""
+    """A stamp far from the team's clock is refused and reported once; the robot's right samples are stored."""
     merger = Merger()
     for wrong in (100 * S, 100 * S + 1, 20 * S):
         merger.take(1, TFMessage([stamped("odom", "base_footprint", wrong)]), now=50 * S)

@@ -1,4 +1,4 @@
-"""Prepared paths: they say what the plain walk says, and are given up when what they rest on changes."""
+"""Prepared paths: they give the same answers as the walk, and are dropped when an edge changes its form or parent."""
 
 import math
 
@@ -12,7 +12,7 @@ from zteam.tf import BackwardExtrapolationException, Buffer, NoDataForExtrapolat
 
 @pytest.mark.parametrize("roll", [0.0, 0.1], ids=["planar", "spatial"])
 def test_what_is_older_than_the_cache_is_not_used(roll: float) -> None:
-    """Old samples are forgotten in blocks; until then nothing of them shows, to the nanosecond."""
+    """Samples older than the cache are deleted in blocks; before that, no look-up uses them, to the nanosecond."""
     buffer = Buffer(cache_time=1.0)
     step = S // 50
     for tick in range(50, 400):
@@ -30,7 +30,7 @@ def test_what_is_older_than_the_cache_is_not_used(roll: float) -> None:
 
 
 def test_after_a_long_silence_there_is_one_sample() -> None:
-    """Nothing is interpolated across a gap that is longer than the cache, however short the history was."""
+    """A gap longer than the cache is never interpolated, even with a short history."""
     for count in (1, 2, 60, 120):
         buffer = Buffer(cache_time=1.0)
         for tick in range(count):
@@ -43,7 +43,7 @@ def test_after_a_long_silence_there_is_one_sample() -> None:
 
 
 def test_a_robot_may_leave_the_plane() -> None:
-    """A step in z and a pitch in the middle of a stream are followed, and what came before stays as it was."""
+    """A look-up follows a change of z and pitch in the middle of a stream; earlier samples stay unchanged."""
     buffer = Buffer()
     buffer.set_transform_static(stamped("base", "tip", 0, 1.0), "test")
     for second in (1, 2):
@@ -64,7 +64,7 @@ def test_a_robot_may_leave_the_plane() -> None:
 
 
 def test_a_tilted_sensor_on_a_planar_robot() -> None:
-    """A fixed rotation about another axis is part of the way: what the camera sees ahead lies below the robot."""
+    """A static rotation about y is applied: a point ahead of the tilted camera lies below the robot."""
     buffer = Buffer()
     camera = stamped("base", "camera", 0, 0.5)
     camera.transform.rotation = Quaternion(*quaternion_from_rpy(0.0, math.pi / 2, 0.0))
@@ -80,7 +80,7 @@ def test_a_tilted_sensor_on_a_planar_robot() -> None:
 
 
 def test_a_changed_parent_is_forgotten_with_its_samples() -> None:
-    """When only one parent is left in the history, the frame is as any other; a new change is noticed again."""
+    """Look-ups follow each change of parent, also after the samples of the former parent were forgotten."""
     buffer = Buffer(cache_time=1.0)
     buffer.set_transform_static(stamped("map", "room", 0, 100.0), "test")
     parents = ["map"] * 20 + ["room"] * 100 + ["map"] * 20
@@ -93,7 +93,7 @@ def test_a_changed_parent_is_forgotten_with_its_samples() -> None:
 
 
 def test_samples_that_come_late_are_used_on_a_known_path() -> None:
-    """A look-up before and after: the late sample in the middle counts."""
+    """A sample that arrives after a look-up, between two others, changes the next look-up."""
     buffer = Buffer()
     for second in (1, 5):
         buffer.set_transform(stamped("map", "base", second * S, float(second)), "test")
@@ -105,7 +105,7 @@ def test_samples_that_come_late_are_used_on_a_known_path() -> None:
 
 @pytest.mark.parametrize("still", ["x", "yaw", "both"])
 def test_what_stands_still_between_two_samples(still: str) -> None:
-    """Equal places or turns are taken as they are, the other half is still interpolated."""
+    """If only the place or only the yaw changes between two samples, it is still interpolated."""
     buffer = Buffer()
     x, yaw = (0.0 if still != "yaw" else 2.0), (0.0 if still != "x" else 1.0)
     buffer.set_transform(stamped("map", "base", S, 5.0, 6.0, 0.5), "test")

@@ -1,4 +1,4 @@
-"""Where a robot starts, of which several may speak; fixed sets and what becomes of them in time."""
+"""Start poses from several sources, and full sets of static transforms that change in time."""
 
 from support.transforms import S, stamped
 from zteam.messages import Quaternion, TFMessage, TransformStamped
@@ -15,14 +15,14 @@ def _without_rotation(transform: TransformStamped) -> TransformStamped:
 
 
 def test_map_is_never_prefixed() -> None:
-    """The start pose hangs under the team's own map."""
+    """A robot's start pose has the team's `map` as its parent, without the robot's prefix."""
     merger = Merger()
     merger.take_static(2, TFMessage([stamped("map", "odom", 0, 6.5, 16.5)]))
     assert merger.buffer.lookup_pose2("map", "robot_2/odom", 0)[0][:2] == (6.5, 16.5)
 
 
 def test_the_team_file_wins_over_everyone() -> None:
-    """Its start pose shadows the simulator's and a localiser's, and neither is a conflict."""
+    """The team file's start pose replaces the simulator's and a localiser's, without a conflict."""
     merger = Merger([stamped("map", "robot_0/odom", 0, 1.0)])
     merger.take_static(0, TFMessage([stamped("map", "robot_0/odom", 0, 2.0)]))
     merger.take(0, TFMessage([stamped("map", "robot_0/odom", S, 3.0)]))
@@ -32,7 +32,7 @@ def test_the_team_file_wins_over_everyone() -> None:
 
 
 def test_a_localiser_wins_over_the_simulator() -> None:
-    """From its first transform on the start pose leaves the static set, whichever came first."""
+    """From the localiser's first transform on, the start pose is not in the static set, in either order of arrival."""
     for localiser_first in (False, True):
         merger = Merger()
         start = TFMessage([stamped("map", "odom", 0, 2.0), stamped("base_footprint", "base_link", 0)])
@@ -50,7 +50,7 @@ def test_a_localiser_wins_over_the_simulator() -> None:
 
 
 def test_a_callers_frames_live_as_long_as_the_caller() -> None:
-    """A fixed transform that a tool adds goes when the tool goes."""
+    """A tool's static transforms are forgotten when the tool ends."""
     merger = Merger()
     assert merger.add_static(stamped("map", "table", 0, 4.0), "tool") is None
     assert "tool already" in (merger.add_static(stamped("map", "table", 0, 5.0), "other") or "")
@@ -60,7 +60,7 @@ def test_a_callers_frames_live_as_long_as_the_caller() -> None:
 
 
 def test_a_moved_start_pose_replaces_the_old_one() -> None:
-    """The simulator may say a new start pose (after a move), and the set follows it."""
+    """A new start pose from the simulator, as after a move, replaces the old one."""
     merger = Merger()
     merger.take_static(0, TFMessage([stamped("map", "odom", 0, 1.0)]))
     merger.statics()
@@ -70,7 +70,7 @@ def test_a_moved_start_pose_replaces_the_old_one() -> None:
 
 
 def test_moving_data_for_a_frame_of_the_team_file_is_a_conflict() -> None:
-    """A fixed frame of the file stays, and both sides are named."""
+    """The team file's static transform stays, and the conflict names both sources."""
     merger = Merger([stamped("robot_0/base_link", "robot_0/camera", 0, 0.1)])
     merger.take(0, TFMessage([stamped("base_link", "camera", S, 0.5)]))
     assert merger.take_pending() == []
@@ -81,7 +81,7 @@ def test_moving_data_for_a_frame_of_the_team_file_is_a_conflict() -> None:
 
 
 def test_what_left_a_robots_fixed_set_leaves_the_tree() -> None:
-    """Only that robot's own frames go, and the full set is sent again."""
+    """Only edges of this robot are forgotten, and the full set is published again."""
     merger = Merger([stamped("robot_0/base_link", "robot_0/camera", 0)])
     merger.take_static(0, TFMessage([stamped("map", "odom", 0), stamped("odom", "mark", 0)]))
     merger.take_static(1, TFMessage([stamped("map", "odom", 0)]))
@@ -96,7 +96,7 @@ def test_what_left_a_robots_fixed_set_leaves_the_tree() -> None:
 
 
 def test_an_unchanged_fixed_set_is_not_sent_again() -> None:
-    """A repeated static message changes nothing."""
+    """A repeated static message does not mark the set as changed."""
     merger = Merger()
     statics = TFMessage([stamped("map", "odom", 0, 1.0), stamped("base_footprint", "base_link", 0)])
     merger.take_static(0, statics)
@@ -106,7 +106,7 @@ def test_an_unchanged_fixed_set_is_not_sent_again() -> None:
 
 
 def test_a_localised_robot_keeps_its_place_when_its_fixed_set_goes() -> None:
-    """A shadowed start pose may come and go without touching what the localiser says."""
+    """A shadowed start pose that is added or removed does not change the localiser's transform."""
     merger = Merger()
     merger.take(0, TFMessage([stamped("map", "odom", S, 3.0)]))
     merger.take_static(0, TFMessage([stamped("map", "odom", 0, 2.0)]))
@@ -117,7 +117,7 @@ def test_a_localised_robot_keeps_its_place_when_its_fixed_set_goes() -> None:
 
 
 def test_a_jump_back_keeps_what_does_not_move() -> None:
-    """Moving data and what waits to be sent are forgotten; the fixed set stays, and new data is taken at once."""
+    """A jump back forgets moving and pending data; the static set stays, and new data is stored."""
     merger = Merger()
     merger.take_static(0, TFMessage([stamped("map", "odom", 0, 2.0)]))
     merger.take(0, TFMessage([stamped("odom", "base", 100 * S, 1.0)]))
@@ -142,7 +142,7 @@ def test_a_tools_frame_may_have_any_name_but_a_bad_one() -> None:
 
 
 def test_a_tools_start_pose_gives_way_to_the_simulators() -> None:
-    """The simulator knows better where a robot stands; the tool's end takes nothing away."""
+    """The simulator's start pose replaces a tool's, and stays when the tool ends."""
     merger = Merger()
     assert merger.add_static(stamped("map", "robot_0/odom", 0, 9.0), "tool") is None
     merger.take_static(0, TFMessage([stamped("map", "odom", 0, 2.0)]))
@@ -152,7 +152,7 @@ def test_a_tools_start_pose_gives_way_to_the_simulators() -> None:
 
 
 def test_a_bad_localiser_does_not_take_a_robots_place_away() -> None:
-    """A transform that is refused (here: an empty rotation) leaves the simulator's start pose where it is."""
+    """A refused transform (here: a zero quaternion) does not replace the simulator's start pose."""
     merger = Merger()
     merger.take_static(0, TFMessage([stamped("map", "odom", 0, 2.0)]))
     merger.take(0, TFMessage([_without_rotation(stamped("map", "odom", S, 3.0))]))
@@ -162,7 +162,7 @@ def test_a_bad_localiser_does_not_take_a_robots_place_away() -> None:
 
 
 def test_after_a_jump_back_the_start_pose_holds_until_a_localiser_speaks() -> None:
-    """A run that begins anew without its localiser does not lose its robots."""
+    """After a jump back, the simulator's start pose holds until the localiser publishes again."""
     merger = Merger()
     start = TFMessage([stamped("map", "odom", 0, 2.0)])
     merger.take_static(0, start)
@@ -175,7 +175,7 @@ def test_after_a_jump_back_the_start_pose_holds_until_a_localiser_speaks() -> No
 
 
 def test_a_tool_may_not_take_over_a_moving_frame() -> None:
-    """The robot that moves the frame is its authority; the tool is told so."""
+    """A tool's static transform for a robot's moving frame is refused, and the reason names the robot."""
     merger = Merger()
     merger.take(1, TFMessage([stamped("odom", "base_footprint", S, 1.0)]))
     why = merger.add_static(stamped("map", "robot_1/base_footprint", 0, 9.0), "tool")
@@ -184,7 +184,7 @@ def test_a_tool_may_not_take_over_a_moving_frame() -> None:
 
 
 def test_a_tool_is_refused_as_often_as_it_asks() -> None:
-    """The log has a conflict once, the caller each time."""
+    """The same request gets the same refusal each time."""
     merger = Merger()
     merger.add_static(stamped("map", "table", 0), "tool")
     for _ in range(2):
@@ -192,7 +192,7 @@ def test_a_tool_is_refused_as_often_as_it_asks() -> None:
 
 
 def test_a_robots_fixed_set_may_turn_round() -> None:
-    """What counts is the new set: an edge of the old one is no loop in it."""
+    """A new set with parent and child exchanged is stored: edges of the old set make no loop."""
     merger = Merger()
     merger.take_static(0, TFMessage([stamped("base_link", "camera", 0)]))
     merger.take_static(0, TFMessage([stamped("camera", "base_link", 0)]))

@@ -9,7 +9,7 @@ from zteam.tf.statistics import WINDOW, Watch
 
 
 def test_a_watch_measures_rate_jitter_and_delay() -> None:
-    """Stamps 0.1, 0.1 and 0.4 s apart: 5 Hz, their spread, and how late they came by the team's clock."""
+    """Stamps with gaps of 0.1, 0.1 and 0.4 s give 5 Hz, the jitter of the gaps, and delays by the team's clock."""
     watch = Watch()
     for stamp, now in ((S, 0), (S + S // 10, S + S // 5), (S + S // 5, S + S // 5), (S + 3 * S // 5, S)):
         watch.take([stamped("odom", "base", stamp)], now)
@@ -25,7 +25,7 @@ def test_a_watch_measures_rate_jitter_and_delay() -> None:
 
 
 def test_samples_in_any_order_give_the_same_figures() -> None:
-    """Late samples count as if they had come in time."""
+    """The order of arrival does not change the figures."""
     watches = Watch(), Watch()
     stamps = [S + i * i * S // 100 for i in range(20)]
     for watch, order in zip(watches, (stamps, sorted(stamps, key=lambda stamp: stamp % 7)), strict=True):
@@ -37,7 +37,7 @@ def test_samples_in_any_order_give_the_same_figures() -> None:
 
 
 def test_the_memory_of_a_watch_is_bounded() -> None:
-    """Count, rate and delays are those of the whole stream, but no more memory is taken for ten times as much of it."""
+    """Count, rate and delays cover the whole stream, and ten times the samples take no more memory."""
     watch, transform = Watch(), stamped("odom", "base", 0)
 
     def take(ticks: range) -> int:

@@ -1,4 +1,4 @@
-"""Transforms and trees as people read them."""
+"""Transforms and trees as text."""
 
 import math
 
@@ -10,7 +10,7 @@ from zteam.tf.text import format_transform, format_tree
 
 
 def test_tf_echos_block() -> None:
-    """The format of the lectures' tf_echo, with no -0.000."""
+    """The block has tf_echo's format, without -0.000."""
     text = format_transform(stamped("map", "robot_0/base_footprint", 3 * S // 2, 6.5, -0.0001))
     assert text.splitlines() == [
         "At time 1.500",
@@ -22,7 +22,7 @@ def test_tf_echos_block() -> None:
 
 
 def test_tf_echos_angles_are_fixed_axis() -> None:
-    """Radians, then degrees, of roll, pitch and yaw."""
+    """Roll, pitch and yaw are printed in radians, then in degrees."""
     transform = stamped("map", "base", 0, -1.0, 2.5, math.radians(-90))
     lines = format_transform(transform).splitlines()
     assert lines[1] == "- Translation: [-1.000, 2.500, 0.000]"
@@ -32,7 +32,7 @@ def test_tf_echos_angles_are_fixed_axis() -> None:
 
 
 def test_the_tree_in_a_terminal() -> None:
-    """Every frame on a line under its parent, with rate, age and authority."""
+    """Every frame is on a line below its parent, with rate, age and authority."""
     merger = Merger()
     merger.take_static(0, TFMessage([stamped("map", "odom", 0)]))
     for tick in range(1, 12):
@@ -45,7 +45,7 @@ def test_the_tree_in_a_terminal() -> None:
 
 
 def test_several_roots_and_branches_in_a_terminal() -> None:
-    """Unconnected trees stand one after the other, branches have their lines, and no frame is left out."""
+    """Unconnected trees follow one another, branches are drawn as lines, and every frame is printed."""
     buffer = Buffer()
     for parent, child in (("map", "a"), ("a", "a1"), ("a", "a2"), ("map", "b"), ("moon", "crater")):
         buffer.set_transform_static(stamped(parent, child, 0), "me")
@@ -62,7 +62,7 @@ def test_several_roots_and_branches_in_a_terminal() -> None:
 
 
 def test_a_tree_of_any_depth_is_drawn() -> None:
-    """A chain deeper than Python's stack is still text."""
+    """A chain deeper than Python's stack is printed."""
     buffer = Buffer()
     for i in range(1500):
         buffer.set_transform_static(stamped(f"f{i}", f"f{i + 1}", 0), "me")

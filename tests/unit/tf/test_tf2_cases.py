@@ -1,4 +1,4 @@
-"""The cases of tf2's own test suites that are not elsewhere, written anew for this buffer."""
+"""Cases of tf2's own test suites, written anew for this buffer; each docstring begins with tf2's name."""
 
 import itertools
 import math
@@ -27,7 +27,7 @@ MULTI = [*TREES["v"], ("f", "g"), ("g", "h")]
 
 
 def _tree(edges: list[tuple[str, str]], *stamps: int) -> Buffer:
-    """Every edge is one metre forward, at each of the stamps."""
+    """A buffer in which every edge is one metre along x, at each of the stamps."""
     buffer = Buffer()
     for stamp in stamps:
         for parent, child in edges:
@@ -44,7 +44,7 @@ def _depths(edges: list[tuple[str, str]]) -> dict[str, int]:
 
 @pytest.mark.parametrize("shape", TREES)
 def test_every_pair_of_a_tree(shape: str) -> None:
-    """one_link, i, v and y: any frame from any other, at samples, between them and at the latest time."""
+    """one_link, i, v and y: look-ups between all frames, at samples, between them and at the latest time."""
     buffer = _tree(TREES[shape], S, 3 * S)
     depths = _depths(TREES[shape])
     for (target, t), (source, s) in itertools.product(depths.items(), repeat=2):
@@ -55,7 +55,7 @@ def test_every_pair_of_a_tree(shape: str) -> None:
 
 
 def test_pairs_of_two_trees_are_not_connected() -> None:
-    """multi: within each tree everything is found, across them nothing is."""
+    """multi: frames of one tree are connected, frames of different trees are not."""
     buffer = _tree(MULTI, S, 2 * S)
     first, second = "abcde", "fgh"
     for target, source in itertools.product(first + second, repeat=2):
@@ -66,7 +66,7 @@ def test_pairs_of_two_trees_are_not_connected() -> None:
 
 @pytest.mark.parametrize("direction", ["forward", "inverse", "through the root"])
 def test_random_offsets_add_up(direction: str) -> None:
-    """ListOne, ListTwo, ThroughRoot: chains of pure offsets, each way, exact to the last digits of a double."""
+    """ListOne, ListTwo, ThroughRoot: translations add up in each direction, to the precision of doubles."""
     pick = random.Random(1)
     for _ in range(100):
         offsets = [[pick.uniform(-10.0, 10.0) for _ in range(3)] for _ in range(2)]
@@ -93,7 +93,7 @@ def _spatial(stamp: int, place: list[float], rpy: list[float]) -> TransformStamp
 
 
 def test_places_between_two_samples_lie_on_the_line() -> None:
-    """CartesianInterpolation: any two places, a hundred times between them."""
+    """CartesianInterpolation: places are linear at a hundred times between two random samples."""
     pick = random.Random(2)
     for _ in range(20):
         first, last = ([pick.uniform(-10.0, 10.0) for _ in range(3)] for _ in range(2))
@@ -108,7 +108,7 @@ def test_places_between_two_samples_lie_on_the_line() -> None:
 
 @pytest.mark.parametrize("axis", [0, 1, 2], ids=["roll", "pitch", "yaw"])
 def test_angles_between_two_samples_are_divided_evenly(axis: int) -> None:
-    """Slerp and AngularInterpolation: about each axis, the short way round, also across half a circle."""
+    """Slerp, AngularInterpolation: angles about each axis are linear in time, also where they pass pi."""
     pick = random.Random(3)
     for _ in range(20):
         begin, turn = pick.uniform(-3.0, 3.0), pick.uniform(-3.0, 3.0)
@@ -125,7 +125,7 @@ def test_angles_between_two_samples_are_divided_evenly(axis: int) -> None:
 
 @pytest.mark.parametrize("order", ["forward", "reverse", "random"])
 def test_the_order_of_insertion(order: str) -> None:
-    """Repeatability, ReverseInsertOrder, RandomInsertOrder: the same history, each sample found as it came."""
+    """Repeatability, ReverseInsertOrder, RandomInsertOrder: each order gives the same history."""
     stamps = list(range(S, 6 * S, S // 10))
     if order == "reverse":
         stamps.reverse()
@@ -141,7 +141,7 @@ def test_the_order_of_insertion(order: str) -> None:
 
 
 def test_repeated_samples_are_kept_once() -> None:
-    """RepeatedElements, RepeatedTimes: no zero division between them, the first value stays."""
+    """RepeatedElements, RepeatedTimes: equal stamps divide nothing by zero, and the first value stays."""
     buffer = Buffer()
     for stamp in (S, S, 2 * S, 2 * S):
         buffer.set_transform(stamped("a", "b", stamp, 1.0), "test")
@@ -152,7 +152,7 @@ def test_repeated_samples_are_kept_once() -> None:
 
 
 def test_zero_asks_for_the_newest() -> None:
-    """ZeroAtFront: also after a newer sample came."""
+    """ZeroAtFront: a look-up at 0 gives the newest sample, after each new one."""
     buffer = Buffer()
     for second in range(1, 10):
         buffer.set_transform(stamped("a", "b", second * S, float(second)), "test")
@@ -161,7 +161,7 @@ def test_zero_asks_for_the_newest() -> None:
 
 @pytest.mark.parametrize("seconds", range(2, 98, 19))
 def test_the_length_of_the_cache(seconds: int) -> None:
-    """cache_time: what is older raises, what is in it answers, to the nanosecond at its end."""
+    """cache_time: a time in the cache is answered, and an older one raises, to the nanosecond."""
     buffer = Buffer(cache_time=seconds)
     for second in range(1, 2 * seconds + 2):
         buffer.set_transform(stamped("a", "b", second * S, float(second)), "test")
@@ -175,7 +175,7 @@ def test_the_length_of_the_cache(seconds: int) -> None:
 @pytest.mark.parametrize("target_time", ["old", "zero", "valid", "future"])
 @pytest.mark.parametrize("source_time", ["old", "zero", "valid", "future"])
 def test_both_times_of_a_full_look_up_have_to_be_there(target_time: str, source_time: str) -> None:
-    """canTransform, lookupTransform: two branches, each at an old, the latest, a known or a future time."""
+    """canTransform, lookupTransform: two branches, each at an old, the latest, a stored or a future time."""
     times = {"old": S // 2, "zero": 0, "valid": 2 * S, "future": 4 * S}
     buffer = _tree(TREES["v"], S, 3 * S)
     able = {target_time, source_time} <= {"zero", "valid"}
@@ -203,7 +203,7 @@ def test_frames_that_nobody_named(time: int) -> None:
 
 
 def test_one_value_is_not_extrapolated() -> None:
-    """ExtrapolationFromOneValue: neither alone nor as a part of a longer way."""
+    """ExtrapolationFromOneValue: a single sample is not extrapolated, alone or within a longer path."""
     buffer = Buffer()
     buffer.set_transform(stamped("a", "b", 10 * S), "test")
     for stamp in (5 * S, 15 * S):
@@ -216,7 +216,7 @@ def test_one_value_is_not_extrapolated() -> None:
 
 
 def test_fixed_and_moving_links() -> None:
-    """test_static_publisher: fixed links at any time, a moving one on the way within its time, a fixed one rehung."""
+    """test_static_publisher: static links hold at any time, moving ones within their data; a parent may change."""
     buffer = chain(2)
     for stamp in (10 * S, 12 * S):
         buffer.set_transform(stamped("f2", "d", stamp, 1.0), "test")

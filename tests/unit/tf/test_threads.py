@@ -18,7 +18,7 @@ from zteam.tf import (
 
 
 def test_a_look_up_can_wait() -> None:
-    """A waiting look-up answers as soon as the sample is there, and raises its own error at the end of the wait."""
+    """A waiting look-up answers as soon as the sample is stored, and raises its own exception on time-out."""
     buffer = Buffer()
     buffer.set_transform(stamped("map", "base", S), "test")
     answers = []
@@ -32,7 +32,7 @@ def test_a_look_up_can_wait() -> None:
 
 
 def test_every_waiter_is_woken(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Waits for several pairs end as their own data comes, static data included, long before their time-out."""
+    """Each of several waiting look-ups ends when its own data is stored, static data included."""
     buffer = Buffer()
     buffer.set_transform(stamped("map", "slow", S), "test")
     answers: dict[str, float] = {}
@@ -62,7 +62,7 @@ def test_every_waiter_is_woken(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_wait_in_vain_ends_with_its_own_reason() -> None:
-    """The look-up's exception, not a time-out's."""
+    """On time-out, the look-up's own exception is raised, not a TimeoutException."""
     buffer = Buffer()
     buffer.set_transform(stamped("map", "base", S), "test")
     with pytest.raises(LookupException):
@@ -72,7 +72,7 @@ def test_a_wait_in_vain_ends_with_its_own_reason() -> None:
 
 
 def test_threads_may_store_and_look_up_at_once() -> None:
-    """A reader never sees a half-stored tree."""
+    """A look-up in one thread is right while other threads store samples."""
     buffer = Buffer()
     buffer.set_transform(stamped("map", "base", S, float(S)), "test")
     done = threading.Event()
@@ -91,9 +91,9 @@ def test_threads_may_store_and_look_up_at_once() -> None:
 
 
 def test_many_threads_see_one_tree() -> None:
-    """Writers, late samples, a changing parent and readers at once: every answer is right, or one of tf2's errors.
+    """With writers, late samples, a changing parent and readers at once, every answer is right or a tf2 exception.
 
-    Every edge says its own stamp as x, so along map → base → arm any time's answer is that time once per moving edge.
+    The x of every sample is its stamp, so x in a look-up's answer is its time multiplied by the number of moving edges.
     """
     buffer = Buffer(cache_time=1.0)
     ms = S // 1000
@@ -130,7 +130,7 @@ def test_many_threads_see_one_tree() -> None:
             stamp = ns_from_time(found.header.stamp) / ms
             if abs(found.transform.translation.x - stamp) > 1e-6:
                 failures.append(f"base → arm at {stamp}: {found.transform.translation.x}")
-            # Across a change of parent the older sample holds; its neighbour is at most four stamps of a block away.
+            # Across a change of parent the older sample holds; its neighbour is at most four stamps away.
             if not 2 * stamp - 5 <= whole.transform.translation.x <= 2 * stamp + 1e-6:
                 failures.append(f"room → arm at {stamp}: {whole.transform.translation.x}")
 

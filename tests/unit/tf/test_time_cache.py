@@ -1,4 +1,4 @@
-"""The history of one frame: how long it is kept, what counts as the same sample, how fast it comes."""
+"""The history of one frame: its length, duplicate samples and its rate."""
 
 import math
 
@@ -10,7 +10,7 @@ from zteam.tf import Buffer
 
 
 def test_exact_duplicates_are_counted_silently() -> None:
-    """The same sample twice is no error; another value for the same time is."""
+    """An equal sample is counted without an error; another value for the same time is refused."""
     buffer = Buffer()
     assert buffer.set_transform(stamped("map", "base", S, 1.0), "test") is None
     assert buffer.set_transform(stamped("map", "base", S, 1.0), "test") is None
@@ -21,7 +21,7 @@ def test_exact_duplicates_are_counted_silently() -> None:
 
 
 def test_old_samples_are_forgotten_and_refused() -> None:
-    """The cache is counted from the edge's own newest stamp."""
+    """Samples older than the cache, counted back from the edge's newest stamp, are forgotten or refused."""
     buffer = Buffer(cache_time=10.0)
     for second in range(1, 31):
         buffer.set_transform(stamped("map", "base", second * S, float(second)), "test")
@@ -34,7 +34,7 @@ def test_old_samples_are_forgotten_and_refused() -> None:
 
 
 def test_a_sample_exactly_as_old_as_the_cache_is_kept() -> None:
-    """The window is closed at its old end, on insertion and on pruning, to the nanosecond."""
+    """A sample exactly as old as the cache is stored and kept; one a nanosecond older is not."""
     buffer = Buffer(cache_time=10.0)
     buffer.set_transform(stamped("map", "base", 20 * S, 2.0), "test")
     assert buffer.set_transform(stamped("map", "base", 10 * S, 1.0), "test") is None
@@ -47,7 +47,7 @@ def test_a_sample_exactly_as_old_as_the_cache_is_kept() -> None:
 
 
 def test_the_cache_is_counted_per_frame() -> None:
-    """A fast frame's progress takes nothing from a slow frame's history."""
+    """New samples of one frame do not shorten the history of another frame."""
     buffer = Buffer(cache_time=2.0)
     buffer.set_transform(stamped("map", "slow", S, 1.0), "test")
     for second in range(1, 60):
@@ -57,7 +57,7 @@ def test_the_cache_is_counted_per_frame() -> None:
 
 
 def test_rates_are_counted_from_intervals() -> None:
-    """Twenty intervals in a second are 20 Hz, and one sample has no rate."""
+    """Twenty intervals in a second give 20 Hz; a single sample gives 0."""
     buffer = Buffer()
     buffer.set_transform(stamped("map", "base", S), "test")
     assert buffer.frames()["base"].rate == 0.0
@@ -67,7 +67,7 @@ def test_rates_are_counted_from_intervals() -> None:
 
 
 def test_a_helix_is_followed_between_its_samples() -> None:
-    """A moving and turning frame, sampled at 100 Hz, is where it should be between the samples."""
+    """Between samples at 100 Hz, a frame on a helix is interpolated close to its true pose."""
     buffer = Buffer()
 
     def pose_at(t: float) -> Pose2:
@@ -88,7 +88,7 @@ def test_a_helix_is_followed_between_its_samples() -> None:
 
 
 def test_the_authority_is_the_newest_samples() -> None:
-    """A change of authority is seen, though the samples go on as before."""
+    """The authority is that of the newest sample."""
     buffer = Buffer()
     for second, authority in enumerate(["first", "first", "second", "third"], start=1):
         buffer.set_transform(stamped("map", "base", second * S), authority)

@@ -1,4 +1,4 @@
-"""What hangs where: loops, changes of parent, fixed and moving frames, full sets of fixed transforms."""
+"""The tree of frames: loops, changes of parent, static and moving frames, full sets of static transforms."""
 
 from support.transforms import S, stamped
 from zteam.geometry import Pose2
@@ -6,7 +6,7 @@ from zteam.tf import Buffer
 
 
 def test_a_loop_names_both_authorities() -> None:
-    """What would close a loop is refused when it comes."""
+    """A sample that would close a loop is refused, and the text names both authorities."""
     buffer = Buffer()
     buffer.set_transform_static(stamped("a", "b", 0), "first")
     buffer.set_transform_static(stamped("b", "c", 0), "second")
@@ -18,7 +18,7 @@ def test_a_loop_names_both_authorities() -> None:
 
 
 def test_moving_data_on_a_static_frame_is_refused() -> None:
-    """A static frame stays where it is, and the message names its authority."""
+    """A moving sample for a static frame is refused, and the text names the static frame's authority."""
     buffer = Buffer()
     buffer.set_transform_static(stamped("map", "odom", 0, 1.0), "team file")
     refused = buffer.set_transform(stamped("map", "odom", S, 2.0), "robot_1")
@@ -28,7 +28,7 @@ def test_moving_data_on_a_static_frame_is_refused() -> None:
 
 
 def test_a_new_parent_takes_over_from_its_time_on() -> None:
-    """Past look-ups use the parent of that time, the newest one the new parent."""
+    """A past look-up uses the parent at that time, the newest look-up uses the new parent."""
     buffer = Buffer()
     buffer.set_transform_static(stamped("map", "room", 0, 100.0), "test")
     buffer.set_transform(stamped("map", "base", S, 1.0), "test")
@@ -40,7 +40,7 @@ def test_a_new_parent_takes_over_from_its_time_on() -> None:
 
 
 def test_a_late_sample_of_the_old_parent_goes_where_it_belongs() -> None:
-    """Out of order and across a change of parent: each time has its own parent, and old paths are not reused."""
+    """Each time has the parent of its own sample, also after a late sample; outdated paths are not used."""
     buffer = Buffer()
     buffer.set_transform_static(stamped("map", "room", 0, 100.0), "test")
     buffer.set_transform(stamped("map", "base", S, 1.0), "test")
@@ -53,7 +53,7 @@ def test_a_late_sample_of_the_old_parent_goes_where_it_belongs() -> None:
 
 
 def test_the_latest_look_up_uses_the_parents_of_its_time() -> None:
-    """'Latest' answers as a look-up at the time that it reports, also if a parent changed after that time."""
+    """A look-up at 0 equals one at the time that it returns, also if a parent changed after that time."""
     buffer = Buffer()
     for half in (2, 3):
         buffer.set_transform(stamped("map", "room", half * S // 2, 100.0), "test")
@@ -66,7 +66,7 @@ def test_the_latest_look_up_uses_the_parents_of_its_time() -> None:
 
 
 def test_the_full_static_set_forgets_what_it_no_longer_has() -> None:
-    """A latched set replaces the one before."""
+    """A full static set replaces the former one."""
     buffer = Buffer()
     buffer.set_all_static([stamped("map", "a", 0, 1.0), stamped("map", "b", 0, 2.0)], "tf")
     buffer.set_all_static([stamped("map", "b", 0, 3.0)], "tf")
@@ -76,7 +76,7 @@ def test_the_full_static_set_forgets_what_it_no_longer_has() -> None:
 
 
 def test_a_fixed_set_of_another_shape_replaces_the_old_one_whole() -> None:
-    """What counts is the new set: an edge of the old one is no loop in it."""
+    """A new set with parent and child exchanged is stored: edges of the old set make no loop."""
     buffer = Buffer()
     buffer.set_all_static([stamped("map", "a", 0, 1.0), stamped("a", "b", 0, 1.0)], "tf")
     assert buffer.set_all_static([stamped("b", "a", 0, 5.0), stamped("map", "b", 0, 5.0)], "tf") == []
@@ -84,7 +84,7 @@ def test_a_fixed_set_of_another_shape_replaces_the_old_one_whole() -> None:
 
 
 def test_a_fixed_edge_that_moves_is_not_remembered() -> None:
-    """A new value or a new parent of a static transform shows at once, also on a path that was used before."""
+    """A new value or parent of a static transform is used at once, also on a prepared path."""
     buffer = Buffer()
     buffer.set_transform_static(stamped("map", "room", 0, 100.0), "test")
     buffer.set_transform_static(stamped("map", "table", 0, 1.0), "test")
@@ -98,7 +98,7 @@ def test_a_fixed_edge_that_moves_is_not_remembered() -> None:
 
 
 def test_a_moving_frame_may_become_fixed() -> None:
-    """Static data takes a frame over, history and all, also after a clear."""
+    """A static transform replaces a moving frame and its history, also after a clear."""
     for clear in (False, True):
         buffer = Buffer()
         buffer.set_transform(stamped("map", "base", 5 * S, 1.0), "test")
@@ -110,7 +110,7 @@ def test_a_moving_frame_may_become_fixed() -> None:
 
 
 def test_a_forgotten_frame_may_come_back_elsewhere() -> None:
-    """Nothing of a forgotten edge answers, and nothing of it stands in the way."""
+    """A forgotten edge gives no answers, and its frame can be stored under another parent."""
     buffer = Buffer()
     buffer.set_transform_static(stamped("map", "a", 0, 1.0), "test")
     buffer.set_transform_static(stamped("a", "b", 0, 1.0), "test")

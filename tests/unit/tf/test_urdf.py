@@ -54,7 +54,7 @@ def by_child(transforms: list[TransformStamped]) -> dict[str, TransformStamped]:
 
 
 def test_fixed_joints_are_static(urdf: Path) -> None:
-    """Only those, with origin and angles."""
+    """Only fixed joints become static transforms, with their origin and angles."""
     (camera,) = read_description(urdf).static_transforms()
     assert (camera.header.frame_id, camera.child_frame_id) == ("base_link", "camera")
     t, r = camera.transform.translation, camera.transform.rotation
@@ -79,7 +79,7 @@ def test_moving_joints_follow_their_states(urdf: Path) -> None:
 
 
 def test_what_nobody_says_does_not_move(urdf: Path) -> None:
-    """Missing and infinite positions, and more names than positions, give no transform."""
+    """A joint with a missing or infinite position, or a name without a position, gives no transform."""
     description = read_description(urdf)
     assert description.moving_transforms(JointState(name=["lift"], position=np.array([math.inf]))) == []
     assert description.moving_transforms(JointState(name=["lift"])) == []
@@ -101,7 +101,7 @@ def test_what_nobody_says_does_not_move(urdf: Path) -> None:
     ],
 )
 def test_a_wrong_file_is_one_error(tmp_path: Path, text: str, error: str) -> None:
-    """File, joint and what is wrong."""
+    """The error names the file, the joint and the mistake."""
     path = tmp_path / "x.urdf"
     path.write_text(text)
     with pytest.raises(ConfigError, match=error) as caught:
@@ -112,7 +112,7 @@ def test_a_wrong_file_is_one_error(tmp_path: Path, text: str, error: str) -> Non
 
 
 def test_a_description_gives_way_to_the_base(urdf: Path) -> None:
-    """Its frames get the robot's prefix; what the base itself says of a frame wins, silently, whatever the order."""
+    """Frames get the robot's prefix; the base's own transform replaces the description's, without a conflict."""
     described = read_description(urdf).static_transforms()
     mine = TransformStamped(Header(frame_id="base_link"), "camera", described[0].transform)
     mine.transform.translation.x = 0.7

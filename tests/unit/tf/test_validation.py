@@ -1,4 +1,4 @@
-"""What is refused for its names and numbers, without a trace."""
+"""Samples that are refused for their names or numbers change nothing."""
 
 import math
 
@@ -10,7 +10,7 @@ from zteam.tf import Buffer, LookupException
 
 
 def test_a_quaternion_is_normalised() -> None:
-    """A rotation that is slightly too long does not stretch what it rotates (tf2 lets it)."""
+    """A quaternion that is slightly too long does not scale what it rotates (in tf2 it does)."""
     buffer = Buffer()
     long = stamped("map", "a", 0, 0.0, 0.0, 0.3)
     rotation = long.transform.rotation
@@ -23,7 +23,7 @@ def test_a_quaternion_is_normalised() -> None:
 
 @pytest.mark.parametrize("value", [math.inf, math.nan])
 def test_numbers_that_are_not_finite_are_refused(value: float) -> None:
-    """inf and NaN are refused when they come, and leave no frame behind."""
+    """A sample with inf or NaN is refused, and its frames stay unknown."""
     buffer = Buffer()
     refused = buffer.set_transform(stamped("map", "base", S, value), "robot_1")
     assert refused is not None
@@ -47,7 +47,7 @@ def test_numbers_that_are_not_finite_are_refused(value: float) -> None:
 )
 @pytest.mark.parametrize("static", [False, True], ids=["moving", "static"])
 def test_bad_names_are_refused_without_a_trace(parent: str, child: str, code: str, static: bool) -> None:
-    """tf2's code, a text that names the sender, and neither frame is known afterwards."""
+    """The refusal has tf2's code and names the authority; both frames stay unknown."""
     buffer = Buffer()
     put = buffer.set_transform_static if static else buffer.set_transform
     refused = put(stamped(parent, child, S), "robot_1")
@@ -61,7 +61,7 @@ def test_bad_names_are_refused_without_a_trace(parent: str, child: str, code: st
 
 @pytest.mark.parametrize(("square", "accepted"), [(0.985, False), (0.9901, True), (1.0099, True), (1.011, False)])
 def test_how_far_from_a_unit_quaternion_is_accepted(square: float, accepted: bool) -> None:
-    """tf2's tolerance on the squared length; what is accepted comes out as a unit quaternion."""
+    """The tolerance of the squared length is tf2's, and an accepted quaternion is normalised."""
     buffer = Buffer()
     transform = stamped("map", "base", S)
     transform.transform.rotation = Quaternion(0.0, 0.0, 0.0, math.sqrt(square))
@@ -75,7 +75,7 @@ def test_how_far_from_a_unit_quaternion_is_accepted(square: float, accepted: boo
 
 
 def test_a_refused_sample_changes_nothing() -> None:
-    """What is refused registers no frame, no authority, no parent."""
+    """A refused sample adds no frame and changes neither authority nor parent."""
     buffer = Buffer()
     buffer.set_transform(stamped("map", "base", 20 * S, 1.0), "first")
     before = buffer.frames()
@@ -91,7 +91,7 @@ def test_a_refused_sample_changes_nothing() -> None:
 
 
 def _second(**changes: float) -> TransformStamped:
-    """What follows a planar sample of 1 s, with one thing changed."""
+    """A sample that follows a planar one at 1 s, with one number changed."""
     message = stamped("map", "base", 2 * S, 2.0, 0.0, 0.3)
     for name, value in changes.items():
         part, field = name.split("_")
@@ -103,7 +103,7 @@ def _second(**changes: float) -> TransformStamped:
 @pytest.mark.parametrize("field", ["t_x", "t_y", "t_z", "r_x", "r_y", "r_z", "r_w"])
 @pytest.mark.parametrize("value", [math.inf, -math.inf, math.nan])
 def test_a_stream_is_checked_as_its_first_sample_was(field: str, value: float) -> None:
-    """Every number of every sample counts: the short cut for samples in order lets nothing through."""
+    """Every sample of a stream is checked as its first one was, also in the short cut for new samples."""
     buffer = Buffer()
     assert buffer.set_transform(stamped("map", "base", S, 1.0), "test") is None
     refused = buffer.set_transform(_second(**{field: value}), "robot_1")
@@ -115,7 +115,7 @@ def test_a_stream_is_checked_as_its_first_sample_was(field: str, value: float) -
 
 
 def test_numbers_of_any_size_are_kept() -> None:
-    """Two coordinates whose sum is more than a double holds are finite all the same."""
+    """Two finite coordinates are stored although their sum overflows."""
     buffer = Buffer()
     buffer.set_transform(stamped("map", "base", S), "test")
     assert buffer.set_transform(_second(t_x=1.5e308, t_y=1.5e308), "test") is None
@@ -123,7 +123,7 @@ def test_numbers_of_any_size_are_kept() -> None:
 
 
 def test_a_quaternion_is_normalised_in_a_stream_too() -> None:
-    """A slightly long one turns and does not stretch; one that is too long is refused, whatever came before."""
+    """After other samples too, a slightly long quaternion is normalised and a much longer one refused."""
     buffer = Buffer()
     buffer.set_transform(stamped("map", "base", S), "test")
     buffer.set_transform_static(stamped("base", "tip", 0, 10.0), "test")
@@ -139,7 +139,7 @@ def test_a_quaternion_is_normalised_in_a_stream_too() -> None:
 
 
 def test_a_slash_is_stripped_from_every_sample() -> None:
-    """A stream may spell its frames either way, also in turns."""
+    """Samples of one stream may have names with and without a leading slash."""
     buffer = Buffer()
     for second, (parent, child) in enumerate([("map", "base"), ("/map", "base"), ("map", "/base"), ("/map", "/base")]):
         assert buffer.set_transform(stamped(parent, child, second * S + S, float(second)), "test") is None

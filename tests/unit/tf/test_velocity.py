@@ -25,7 +25,7 @@ from zteam.tf.rigid import Floats, compose
 
 
 def _tilted() -> tuple[Buffer, Floats]:
-    """map → tool, anything but planar, at 1 s; and its numbers."""
+    """A buffer with a tilted map → tool at 1 s, and that transform as floats."""
     numbers: Floats = (1.0, 2.0, 3.0, *quaternion_from_rpy(0.3, -0.8, 2.0))
     buffer = Buffer()
     pose = Transform(Vector3(*numbers[:3]), Quaternion(*numbers[3:]))
@@ -34,7 +34,7 @@ def _tilted() -> tuple[Buffer, Floats]:
 
 
 def test_a_pose_in_another_frame() -> None:
-    """The product of the two, stamped with the look-up's time; there and back is where it was."""
+    """The pose is multiplied by the transform and has the look-up's stamp; the way back restores it."""
     buffer, map_from_tool = _tilted()
     tool_from_thing: Floats = (0.5, -0.25, 0.125, *quaternion_from_rpy(1.0, 0.2, -0.4))
     pose = Pose(Point(*tool_from_thing[:3]), Quaternion(*tool_from_thing[3:]))
@@ -48,7 +48,7 @@ def test_a_pose_in_another_frame() -> None:
 
 
 def test_a_scan_in_the_map() -> None:
-    """Every beam's end at the scan's own stamp; NaN for what a laser does not see."""
+    """Each beam's end is transformed at the scan's own stamp; a beam without a hit is NaN."""
     buffer = Buffer()
     buffer.set_transform_static(stamped("base", "laser", 0, 0.5), "test")
     buffer.set_transform(stamped("map", "base", S, 0.0, 0.0, 0.0), "test")
@@ -68,7 +68,7 @@ def test_a_scan_in_the_map() -> None:
 
 
 def _moving(speed: float, turn_rate: float) -> Buffer:
-    """map → base along y and turning, map → camera fixed and turned, base → arm 1 m ahead; 10 Hz for 4 s."""
+    """map → base moves along y and rotates, at 10 Hz for 4 s; a rotated camera and an arm 1 m ahead are static."""
     buffer = Buffer()
     buffer.set_transform_static(stamped("map", "camera", 0, 1.0, 1.0, math.pi / 2), "test")
     buffer.set_transform_static(stamped("base", "arm", 0, 1.0), "test")
@@ -79,7 +79,7 @@ def _moving(speed: float, turn_rate: float) -> Buffer:
 
 
 def test_the_velocity_of_a_frame() -> None:
-    """velocity_test: along a line, in the map's and in a turned observer's axes."""
+    """tf's velocity_test: a linear velocity in the map's axes and in those of a rotated observer."""
     buffer = _moving(3.0, 0.0)
     for time in (2 * S, 0):
         twist = buffer.lookup_twist("base", "map", time, 0.2)
@@ -90,7 +90,7 @@ def test_the_velocity_of_a_frame() -> None:
 
 
 def test_the_velocity_of_a_turning_frame() -> None:
-    """transform_twist_test: turning on the spot moves what is offset, at right angles to the offset."""
+    """tf's transform_twist_test: rotation moves an offset frame at right angles to its offset."""
     buffer = _moving(0.0, 0.5)
     twist = buffer.lookup_twist("base", "map", 3 * S, 0.2)
     assert twist.angular.z == pytest.approx(0.5)
@@ -103,7 +103,7 @@ def test_the_velocity_of_a_turning_frame() -> None:
 
 @pytest.mark.parametrize("rate", [-2.0, 2.0])
 def test_the_velocity_through_half_a_circle(rate: float) -> None:
-    """Where the yaw jumps from pi to -pi the velocity does not."""
+    """The velocity stays the same where the yaw jumps from pi to -pi."""
     buffer = _moving(0.0, rate)
     for tick in range(5, 36):
         assert buffer.lookup_twist("base", "map", S + tick * S // 10, 0.4).angular.z == pytest.approx(rate)
@@ -121,7 +121,7 @@ def test_a_velocity_about_any_axis() -> None:
 
 
 def test_a_velocity_ends_with_the_data() -> None:
-    """The interval moves back to end at the latest common time; before the data it is an extrapolation."""
+    """The interval is moved back to end at the latest data; an interval before the data raises an exception."""
     buffer = _moving(3.0, 0.0)
     assert buffer.lookup_twist("base", "map", 99 * S, 0.5).linear.y == pytest.approx(3.0)
     with pytest.raises(BackwardExtrapolationException):

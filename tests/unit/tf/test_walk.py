@@ -1,4 +1,4 @@
-"""Ways through the tree: rings, deep chains, common ancestors, and the newest time that all edges have."""
+"""Walks through the tree: rings, deep chains, common ancestors and the latest common time."""
 
 import itertools
 import math
@@ -11,7 +11,7 @@ from zteam.tf import BackwardExtrapolationException, Buffer, ExtrapolationExcept
 
 
 def test_a_ring_of_frames_seen_from_everywhere() -> None:
-    """Eight frames at 45 degrees: each seen from each other one, at sampled times and between them."""
+    """Look-ups between eight frames at 45 degrees are right, at sampled times and between them."""
     step = Pose2(math.cos(math.pi / 4) - 1.0, math.sin(math.pi / 4), math.pi / 4)
     buffer = Buffer()
     for stamp in (S, 2 * S):
@@ -27,14 +27,14 @@ def test_a_ring_of_frames_seen_from_everywhere() -> None:
 
 
 def test_a_very_deep_chain_is_not_called_a_loop() -> None:
-    """Depth alone is no fault (tf2 gives up at a thousand)."""
+    """A chain of any depth is walked (tf2 stops at a thousand frames)."""
     buffer = chain(1500)
     assert buffer.lookup_pose2("f0", "f1500", 0)[0].x == 1500.0
     assert buffer.lookup_pose2("f1500", "f700", S)[0].x == -800.0
 
 
 def test_what_is_missing_above_the_common_ancestor_does_not_matter() -> None:
-    """Two frames of one robot are connected at a time of which the robot's place is not known."""
+    """Two frames of one robot are connected also at a time without data for the robot's own pose."""
     buffer = Buffer()
     buffer.set_transform(stamped("map", "base", S, 50.0), "test")
     for stamp in (S, 5 * S):
@@ -48,7 +48,7 @@ def test_what_is_missing_above_the_common_ancestor_does_not_matter() -> None:
 
 
 def test_the_latest_common_time_is_the_slowest_edges_newest() -> None:
-    """The minimum over the path, fixed edges not counted; 0 if all are fixed, None where there is no path."""
+    """It is the minimum over the path's moving edges; 0 if all are static, None without a path."""
     buffer = Buffer()
     buffer.set_transform_static(stamped("map", "odom", 0), "test")
     buffer.set_transform_static(stamped("base", "laser", 0), "test")
@@ -63,13 +63,13 @@ def test_the_latest_common_time_is_the_slowest_edges_newest() -> None:
 
 
 def test_a_moving_frame_stamped_0_does_not_hold_back_the_others() -> None:
-    """As in tf2, data without a stamp does not count for the latest common time; it holds at 0 and then only."""
+    """As in tf2, a sample stamped 0 does not count for the latest common time, and is valid only at 0."""
     buffer = Buffer()
     buffer.set_transform(stamped("map", "odom", 0, 1.0), "test")
     assert buffer.lookup_pose2("map", "odom", 0) == (Pose2(1.0, 0.0, 0.0), 0)
     buffer.set_transform(stamped("odom", "base", 3 * S), "test")
     assert buffer.latest_common_time("map", "base") == 3 * S
-    # Not even where the others have data of time 0 as well.
+    # It is not used in a longer path, even if the other edges have data at time 0.
     buffer.set_transform(stamped("odom", "base", 0, 1.0), "test")
     for _ in range(2):
         with pytest.raises(NoDataForExtrapolationException):
@@ -77,7 +77,7 @@ def test_a_moving_frame_stamped_0_does_not_hold_back_the_others() -> None:
 
 
 def test_the_latest_common_time_may_lie_before_an_edges_history() -> None:
-    """A one-shot edge keeps 'latest' at a time that a fast edge has forgotten: that is an extrapolation."""
+    """If one edge's only sample is older than another edge's history, the latest look-up is an extrapolation."""
     buffer = Buffer(cache_time=1.0)
     buffer.set_transform(stamped("map", "odom", S), "test")
     for second in (5, 6):
@@ -87,7 +87,7 @@ def test_the_latest_common_time_may_lie_before_an_edges_history() -> None:
 
 
 def test_a_frames_latest_common_time_with_itself_is_its_newest() -> None:
-    """As tf2's, and as the stamp of the look-up itself."""
+    """The time equals tf2's, which is the stamp of the frame's newest sample."""
     buffer = Buffer()
     buffer.set_transform(stamped("map", "base", 3 * S), "test")
     assert buffer.latest_common_time("base", "base") == 3 * S

@@ -1,0 +1,63 @@
+"""The frames that a robot may publish, and the spellings of their names."""
+
+import pytest
+
+from support.transforms import S, stamped
+from zteam.tf.conflicts import Conflicts
+from zteam.tf.own_frames import is_start_pose, keep_own, resolve
+
+
+@pytest.mark.parametrize(
+    ("parent", "child"), [("odom", "laser"), ("robot_2/odom", "robot_2/laser"), ("/robot_2/odom", "/robot_2/laser")]
+)
+def test_names_are_resolved_and_the_rest_stays(parent: str, child: str) -> None:
+    """Every spelling gives the full names; stamp and numbers stay as they are."""
+    assert resolve("robot_2", stamped(parent, child, S, 1.0)) == stamped("robot_2/odom", "robot_2/laser", S, 1.0)
+
+
+def test_without_a_prefix_only_slashes_are_stripped() -> None:
+    """The names of a team file or a tool are full names already."""
+    assert resolve("", stamped("/map", "table", S)) == stamped("map", "table", S)
+
+
+def test_own_frames_are_kept_in_their_order() -> None:
+    """A robot may publish its own frames, under its own frames or under `map`."""
+    conflicts = Conflicts()
+    kept = keep_own(3, [stamped("odom", "base_footprint", S), stamped("map", "odom", S)], conflicts)
+    assert kept == [stamped("robot_3/odom", "robot_3/base_footprint", S), stamped("map", "robot_3/odom", S)]
+    assert conflicts.all() == []
+
+
+@pytest.mark.parametrize(
+    ("parent", "child", "text"),
+    [
+        ("odom", "/robot_4/base_link", "robot_3 may not say where robot_4/base_link is"),
+        ("odom", "/robot_33/base_link", "robot_3 may not say where robot_33/base_link is"),
+        ("earth", "map", "robot_3 may not say where map is"),
+        ("odom", "", "robot_3 may not say where robot_3/ is"),
+        ("odom", "/", "robot_3 may not say where nothing is"),
+        ("/robot_4/odom", "base_link", "robot_3 may not hang robot_3/base_link under robot_4/odom"),
+        ("", "base_link", "robot_3 may not hang robot_3/base_link under robot_3/"),
+        ("/", "base_link", "robot_3 may not hang robot_3/base_link under nothing"),
+    ],
+)
+def test_other_frames_are_left_out_and_reported(parent: str, child: str, text: str) -> None:
+    """The text names the robot and the frame that is not its own; the next transform is kept."""
+    conflicts = Conflicts()
+    kept = keep_own(3, [stamped(parent, child, S), stamped("odom", "base_footprint", S)], conflicts)
+    assert kept == [stamped("robot_3/odom", "robot_3/base_footprint", S)]
+    assert conflicts.all() == [text]
+
+
+@pytest.mark.parametrize(
+    ("parent", "child", "expected"),
+    [
+        ("map", "robot_3/odom", True),
+        ("map", "robot_3/base_link", False),
+        ("robot_3/base_link", "robot_3/odom", False),
+        ("map", "odom", False),
+    ],
+)
+def test_a_start_pose_leads_from_the_map_to_a_robots_odom(parent: str, child: str, expected: bool) -> None:
+    """Both frames must match."""
+    assert is_start_pose(stamped(parent, child, S)) is expected
