@@ -21,8 +21,10 @@ class OpenTick:
         """Whether this is the first tick and may not end yet."""
         self._gate = gate
         self._complete = False
-        """Whether the held tick has been sent with all expected processes, and with GO if there is a gate. A process that
-        ends from then on is not waited for."""
+        """Whether the held tick was sent with all expected processes, and with GO if there is a gate.
+
+        A process that ends after that is not waited for.
+        """
         self._go_epoch = 0
         self._changed = False
         """Whether a token, a joining process or GO came since the tick was opened."""
