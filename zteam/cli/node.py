@@ -12,6 +12,7 @@ from zteam.bus.presence import ProcessInfo
 from zteam.cli.listening import Waiter, open_bus
 from zteam.cli.options import Parser, add_bus_options, bus_options, run
 from zteam.clock import wall_ns
+from zteam.runtime.tokens import TokenSet
 
 _SETTLE = 0.3
 """Seconds to wait for all tokens: a session that was just opened may have none yet."""
@@ -19,21 +20,20 @@ _SETTLE = 0.3
 
 def find_nodes(bus: Bus) -> list[ProcessInfo]:
     """Every process with a presence token; one that does not answer has pid 0."""
-    tokens: dict[str, str] = {}
+    tokens = TokenSet()
 
     def take(key: str, alive: bool) -> None:
         token = names.split_token_key(key)
-        if token and alive:
-            tokens[token[1]] = token[0]
-        elif token:
-            tokens.pop(token[1], None)
+        if token:
+            tokens.take(*token, alive)
 
     watch = bus.watch_tokens([names.tokens_key()], take)
     Waiter().wait(lambda: False, _SETTLE, "")
     for handle in watch:
         handle.close()
     infos = {info.instance: info for _, info in bus.query(names.info_key("*"), ProcessInfo)}
-    found = [infos.get(i, ProcessInfo(name, "does not answer", 0, 0, i)) for i, name in tokens.items()]
+    held = [(name, instance) for name in tokens for instance in tokens.instances(name)]
+    found = [infos.get(i, ProcessInfo(name, "does not answer", 0, 0, i)) for name, i in held]
     return sorted(found, key=lambda info: (info.name, info.instance))
 
 

@@ -134,7 +134,7 @@ class Float64(Message):
     """A number."""
 
     ros_type: ClassVar[str] = "std_msgs/msg/Float64"
-    data: float = 0.0
+    data: float64 = 0.0
 
 
 class String(Message):

@@ -21,6 +21,7 @@ from zteam.messages import (
     Twist,
     ns_from_time,
 )
+from zteam.runtime.tokens import TokenSet
 
 M = TypeVar("M", bound=Message)
 
@@ -119,7 +120,7 @@ class TeamView:
         """Simulated ns."""
         self.team_status: TeamStatus | None = None
         self._robots: dict[int, RobotView] = {}
-        self._tokens: dict[str, set[str]] = {}
+        self._tokens = TokenSet()
         bus.subscribe(names.CLOCK, Clock, self._on_clock)
         bus.subscribe(names.TEAM_STATUS, TeamStatus, self._on_team_status, latched=True)
         for topic, kind in ((names.GROUND_TRUTH, Odometry), (names.STATUS, RobotStatus)):
@@ -168,7 +169,7 @@ class TeamView:
 
     def alive(self, name: str) -> bool:
         """Whether a process holds this name."""
-        return bool(self._tokens.get(name))
+        return name in self._tokens
 
     def _on_clock(self, _key: str, message: Clock) -> None:
         with self.changed:
@@ -201,6 +202,5 @@ class TeamView:
         if token is None:
             return
         with self.changed:
-            held = self._tokens.setdefault(token[0], set())
-            (held.add if alive else held.discard)(token[1])
+            self._tokens.take(*token, alive)
             self._tell()
