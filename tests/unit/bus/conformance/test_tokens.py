@@ -104,5 +104,7 @@ def test_an_error_in_a_watch_ends_nothing(sessions: Sessions, first: bool) -> No
             holder.declare_token("a")
         holder.declare_token("b")
         failing.wait_count(2)
-        assert sorted(inbox.wait_count(2)) == [("a", True), ("b", True)]
+        # Zenoh may tell a watch twice of a token that was there before it.
+        inbox.wait_for(("a", True))
+        inbox.wait_for(("b", True))
     assert any("error in a callback of the bus" in line for line in log.lines)
