@@ -19,9 +19,11 @@ from zteam.messages.tf_layout import Layout
 
 _ZTEAM_MSGS = {
     "zteam_msgs/msg/RobotStatus": "std_msgs/Header header\nint32 robot_id\nbool is_ready\nuint8 state\n"
-    "uint32 epoch\nstring text\n",
+    "uint32 epoch\nstring text\nstring behavior\nstring driver\nstring reason\nint32 leader\nfloat64 speed\n",
+    "zteam_msgs/msg/BaseInfo": "string model\nstring drive\ngeometry_msgs/Polygon footprint\nfloat64 max_vel_x\n"
+    "float64 min_vel_x\nfloat64 max_vel_theta\nfloat64 acc_lim_x\nfloat64 decel_lim_x\nfloat64 acc_lim_theta\n",
     "zteam_msgs/msg/TeamStatus": "std_msgs/Header header\nuint8 state\nuint32 epoch\nbuiltin_interfaces/Time go_stamp\n"
-    "int32 team_size\nint32[] ready\nint32[] missing\nint32[] lost\n",
+    "int32 team_size\nint32[] ready\nint32[] missing\nint32[] lost\nstring waiting_for\n",
     "zteam_msgs/msg/Fiducial": "int32 id\nfloat32 range\nfloat32 bearing\nfloat32 orientation\n",
     "zteam_msgs/msg/Fiducials": "std_msgs/Header header\nzteam_msgs/Fiducial[] fiducials\n",
     "zteam_msgs/msg/Bumper": "std_msgs/Header header\nbool[] pressed\n",

@@ -17,7 +17,7 @@ from zteam.cli.topic import format_message
 from zteam.entry_points import load_offered
 from zteam.errors import UsageError
 from zteam.messages import decode, encode, encoding_of, from_text, message_type, registry, to_json, type_of_encoding
-from zteam.messages.types import REGISTERED
+from zteam.messages.message import REGISTERED
 
 PATROL = """
     from zteam import Behavior

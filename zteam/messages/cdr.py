@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from zteam.errors import DecodeError, EncodeError
-from zteam.messages.types import Message
+from zteam.messages.message import Message
 from zteam.messages.wire_fields import SIZES, Field, fields_of, least_size
 
 M = TypeVar("M", bound=Message)

@@ -7,7 +7,7 @@ import msgspec
 import numpy as np
 
 from zteam.errors import UsageError
-from zteam.messages.types import Message
+from zteam.messages.message import Message
 from zteam.messages.wire_fields import wire_form
 
 M = TypeVar("M", bound=Message)

@@ -6,7 +6,8 @@ from functools import cache, lru_cache
 
 from zteam.entry_points import MESSAGES, load_offered, offered
 from zteam.errors import UsageError
-from zteam.messages.types import REGISTERED, Message, Time
+from zteam.messages.message import REGISTERED, Message
+from zteam.messages.std_msgs import Time
 
 log = logging.getLogger("zteam")
 

@@ -7,7 +7,8 @@ places. A `Layout` learns those places from one payload and reads any other payl
 import struct
 from typing import NamedTuple
 
-from zteam.messages.types import Header, Quaternion, Time, Transform, TransformStamped, Vector3
+from zteam.messages.geometry_msgs import Quaternion, Transform, TransformStamped, Vector3
+from zteam.messages.std_msgs import Header, Time
 
 _HEADER = 4
 """Bytes of CDR's header; alignment is counted from its end."""

@@ -4,17 +4,20 @@ import typing
 from typing import Any, get_args, get_origin
 
 from zteam.errors import UsageError
-from zteam.messages.types import Message
+from zteam.messages.message import Message
 
 CODES = {
     "bool": "B", "int8": "b", "uint8": "B", "int32": "i", "uint32": "I", "uint64": "Q", "float32": "f", "float64": "d",
 }  # fmt: skip
 SIZES = {"B": 1, "b": 1, "i": 4, "I": 4, "Q": 8, "f": 4, "d": 8}
-DTYPES = {"bool": "b1", "int8": "i1", "int32": "i4", "float32": "f4", "float64": "f8"}
+DTYPES = {"bool": "b1", "int8": "i1", "uint8": "u1", "int32": "i4", "float32": "f4", "float64": "f8"}
 
-_MAY_BE_INFINITE = {"LaserScan.range_max", "Range.min_range", "Range.max_range", "Range.range"}
-"""Scalars that ROS allows to be inf or NaN (fixed-distance rangers, lasers without a limit). In any other, a NaN
-makes the payload undecodable."""
+_MAY_BE_INFINITE = {
+    "LaserScan.range_max", "Range.min_range", "Range.max_range", "Range.range",
+    "BaseInfo.acc_lim_x", "BaseInfo.decel_lim_x", "BaseInfo.acc_lim_theta",
+}  # fmt: skip
+"""Scalars that may be inf or NaN: fixed-distance rangers, lasers and bases without a limit. In any other, a NaN makes
+the payload undecodable."""
 
 Field = tuple[str, str, Any]
 """(kind, expression, detail); kinds: number, str, sequence, array, list."""

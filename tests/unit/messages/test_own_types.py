@@ -7,7 +7,7 @@ import pytest
 
 from zteam.errors import UsageError
 from zteam.messages import Message, Twist, decode, encode, float64, from_text, message_type
-from zteam.messages.types import REGISTERED
+from zteam.messages.message import REGISTERED
 
 
 @pytest.fixture(autouse=True)

@@ -10,8 +10,8 @@ import pytest
 from zteam.bus import MemoryHub
 from zteam.bus.topics import type_of_key
 from zteam.messages import Header, Message, TFMessage
+from zteam.messages.message import float64
 from zteam.messages.registry import all_types
-from zteam.messages.types import float64
 from zteam.nodes.simulator.publishers import RobotOutputs
 from zteam.runtime.node import Node
 from zteam.runtime.shutdown import Stop

@@ -1,0 +1,164 @@
+"""Types of geometry_msgs and tf2_msgs, as in ROS 2 Jazzy."""
+
+from typing import ClassVar
+
+import msgspec
+
+from zteam.messages.message import NO_COVARIANCE, Covariance, Message, float32, float64
+from zteam.messages.std_msgs import Header
+
+
+class Vector3(Message):
+    """A free vector."""
+
+    ros_type: ClassVar[str] = "geometry_msgs/msg/Vector3"
+    x: float64 = 0.0
+    y: float64 = 0.0
+    z: float64 = 0.0
+
+
+class Point(Message):
+    """A position in metres."""
+
+    ros_type: ClassVar[str] = "geometry_msgs/msg/Point"
+    x: float64 = 0.0
+    y: float64 = 0.0
+    z: float64 = 0.0
+
+
+class Quaternion(Message):
+    """An orientation; identity by default."""
+
+    ros_type: ClassVar[str] = "geometry_msgs/msg/Quaternion"
+    x: float64 = 0.0
+    y: float64 = 0.0
+    z: float64 = 0.0
+    w: float64 = 1.0
+
+
+class Pose(Message):
+    """Position and orientation."""
+
+    ros_type: ClassVar[str] = "geometry_msgs/msg/Pose"
+    position: Point = msgspec.field(default_factory=Point)
+    orientation: Quaternion = msgspec.field(default_factory=Quaternion)
+
+
+class PoseWithCovariance(Message):
+    """A pose and its 6 by 6 covariance, row by row (x, y, z, roll, pitch, yaw)."""
+
+    ros_type: ClassVar[str] = "geometry_msgs/msg/PoseWithCovariance"
+    pose: Pose = msgspec.field(default_factory=Pose)
+    covariance: Covariance = msgspec.field(default_factory=lambda: NO_COVARIANCE)
+
+
+class PoseStamped(Message):
+    """A pose in a frame at a time."""
+
+    ros_type: ClassVar[str] = "geometry_msgs/msg/PoseStamped"
+    header: Header = msgspec.field(default_factory=Header)
+    pose: Pose = msgspec.field(default_factory=Pose)
+
+
+class PoseWithCovarianceStamped(Message):
+    """A pose and its covariance in a frame at a time."""
+
+    ros_type: ClassVar[str] = "geometry_msgs/msg/PoseWithCovarianceStamped"
+    header: Header = msgspec.field(default_factory=Header)
+    pose: PoseWithCovariance = msgspec.field(default_factory=PoseWithCovariance)
+
+
+class PoseArray(Message):
+    """Poses in one frame at one time, such as the particles of a localiser."""
+
+    ros_type: ClassVar[str] = "geometry_msgs/msg/PoseArray"
+    header: Header = msgspec.field(default_factory=Header)
+    poses: list[Pose] = msgspec.field(default_factory=list)
+
+
+class Point32(Message):
+    """A position in metres, in less space."""
+
+    ros_type: ClassVar[str] = "geometry_msgs/msg/Point32"
+    x: float32 = 0.0
+    y: float32 = 0.0
+    z: float32 = 0.0
+
+
+class Polygon(Message):
+    """A closed outline in metres: the last point is joined to the first."""
+
+    ros_type: ClassVar[str] = "geometry_msgs/msg/Polygon"
+    points: list[Point32] = msgspec.field(default_factory=list)
+
+
+class PolygonStamped(Message):
+    """An outline in a frame at a time, such as a robot's footprint."""
+
+    ros_type: ClassVar[str] = "geometry_msgs/msg/PolygonStamped"
+    header: Header = msgspec.field(default_factory=Header)
+    polygon: Polygon = msgspec.field(default_factory=Polygon)
+
+
+class PointStamped(Message):
+    """A point in a frame at a time."""
+
+    ros_type: ClassVar[str] = "geometry_msgs/msg/PointStamped"
+    header: Header = msgspec.field(default_factory=Header)
+    point: Point = msgspec.field(default_factory=Point)
+
+
+class Vector3Stamped(Message):
+    """A direction or a difference in a frame at a time: turned by transforms, not moved."""
+
+    ros_type: ClassVar[str] = "geometry_msgs/msg/Vector3Stamped"
+    header: Header = msgspec.field(default_factory=Header)
+    vector: Vector3 = msgspec.field(default_factory=Vector3)
+
+
+class Twist(Message):
+    """Velocity: linear in m/s, angular in rad/s."""
+
+    ros_type: ClassVar[str] = "geometry_msgs/msg/Twist"
+    linear: Vector3 = msgspec.field(default_factory=Vector3)
+    angular: Vector3 = msgspec.field(default_factory=Vector3)
+
+
+class TwistStamped(Message):
+    """A velocity in a frame at a time."""
+
+    ros_type: ClassVar[str] = "geometry_msgs/msg/TwistStamped"
+    header: Header = msgspec.field(default_factory=Header)
+    twist: Twist = msgspec.field(default_factory=Twist)
+
+
+class TwistWithCovariance(Message):
+    """A velocity and its 6 by 6 covariance, row by row."""
+
+    ros_type: ClassVar[str] = "geometry_msgs/msg/TwistWithCovariance"
+    twist: Twist = msgspec.field(default_factory=Twist)
+    covariance: Covariance = msgspec.field(default_factory=lambda: NO_COVARIANCE)
+
+
+class Transform(Message):
+    """A rigid transform."""
+
+    ros_type: ClassVar[str] = "geometry_msgs/msg/Transform"
+    translation: Vector3 = msgspec.field(default_factory=Vector3)
+    rotation: Quaternion = msgspec.field(default_factory=Quaternion)
+
+
+class TransformStamped(Message):
+    """The pose of `child_frame_id` in `header.frame_id` at `header.stamp`."""
+
+    ros_type: ClassVar[str] = "geometry_msgs/msg/TransformStamped"
+    header: Header = msgspec.field(default_factory=Header)
+    child_frame_id: str = ""
+    transform: Transform = msgspec.field(default_factory=Transform)
+
+
+class TFMessage(Message):
+    """Transforms that were sent together."""
+
+    ros_type: ClassVar[str] = "tf2_msgs/msg/TFMessage"
+    transforms: list[TransformStamped] = msgspec.field(default_factory=list)

@@ -1,0 +1,106 @@
+"""Types of std_msgs, builtin_interfaces, rosgraph_msgs and rcl_interfaces, as in ROS 2 Jazzy."""
+
+from typing import ClassVar
+
+import msgspec
+
+from zteam.messages.message import Message, bool_, float32, float64, int32, uint8, uint32
+
+
+class Time(Message):
+    """A point in time."""
+
+    ros_type: ClassVar[str] = "builtin_interfaces/msg/Time"
+    sec: int32 = 0
+    nanosec: uint32 = 0
+
+
+class Duration(Message):
+    """A span of time."""
+
+    ros_type: ClassVar[str] = "builtin_interfaces/msg/Duration"
+    sec: int32 = 0
+    nanosec: uint32 = 0
+
+
+class Header(Message):
+    """When and in which frame a message holds."""
+
+    ros_type: ClassVar[str] = "std_msgs/msg/Header"
+    stamp: Time = msgspec.field(default_factory=Time)
+    frame_id: str = ""
+
+
+class Bool(Message):
+    """A truth value."""
+
+    ros_type: ClassVar[str] = "std_msgs/msg/Bool"
+    data: bool_ = False
+
+
+class Int32(Message):
+    """A whole number."""
+
+    ros_type: ClassVar[str] = "std_msgs/msg/Int32"
+    data: int32 = 0
+
+
+class Float32(Message):
+    """A number."""
+
+    ros_type: ClassVar[str] = "std_msgs/msg/Float32"
+    data: float32 = 0.0
+
+
+class Float64(Message):
+    """A number."""
+
+    ros_type: ClassVar[str] = "std_msgs/msg/Float64"
+    data: float64 = 0.0
+
+
+class String(Message):
+    """A text."""
+
+    ros_type: ClassVar[str] = "std_msgs/msg/String"
+    data: str = ""
+
+
+class ColorRGBA(Message):
+    """A colour; channels 0 to 1."""
+
+    ros_type: ClassVar[str] = "std_msgs/msg/ColorRGBA"
+    r: float32 = 0.0
+    g: float32 = 0.0
+    b: float32 = 0.0
+    a: float32 = 1.0
+
+
+class Clock(Message):
+    """Simulated time."""
+
+    ros_type: ClassVar[str] = "rosgraph_msgs/msg/Clock"
+    clock: Time = msgspec.field(default_factory=Time)
+
+
+class Log(Message):
+    """A line of a process's log; `level` is one of LogLevel, `name` the process."""
+
+    ros_type: ClassVar[str] = "rcl_interfaces/msg/Log"
+    stamp: Time = msgspec.field(default_factory=Time)
+    level: uint8 = 0
+    name: str = ""
+    msg: str = ""
+    file: str = ""
+    function: str = ""
+    line: uint32 = 0
+
+
+class LogLevel:
+    """Values of Log.level."""
+
+    DEBUG = 10
+    INFO = 20
+    WARN = 30
+    ERROR = 40
+    FATAL = 50

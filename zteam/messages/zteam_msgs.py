@@ -1,0 +1,176 @@
+"""zteam's own types (docs/time.md, docs/api.md)."""
+
+from typing import ClassVar
+
+import msgspec
+
+from zteam.messages.geometry_msgs import Polygon, Twist
+from zteam.messages.message import (
+    NO_BOOL,
+    NO_INT32,
+    BoolSeq,
+    Int32Seq,
+    Message,
+    bool_,
+    float32,
+    float64,
+    int32,
+    uint8,
+    uint32,
+    uint64,
+)
+from zteam.messages.std_msgs import ColorRGBA, Header, Time
+
+
+class Fiducial(Message):
+    """A marked model in sight: metres and radians in the frame of the finder; id 0 is too far to be read."""
+
+    ros_type: ClassVar[str] = "zteam_msgs/msg/Fiducial"
+    id: int32 = 0
+    range: float32 = 0.0
+    bearing: float32 = 0.0
+    orientation: float32 = 0.0
+
+
+class Fiducials(Message):
+    """All that a fiducial finder sees."""
+
+    ros_type: ClassVar[str] = "zteam_msgs/msg/Fiducials"
+    header: Header = msgspec.field(default_factory=Header)
+    fiducials: list[Fiducial] = msgspec.field(default_factory=list)
+
+
+class Bumper(Message):
+    """Which pieces of a robot's bumpers are pressed, in file order."""
+
+    ros_type: ClassVar[str] = "zteam_msgs/msg/Bumper"
+    header: Header = msgspec.field(default_factory=Header)
+    pressed: BoolSeq = msgspec.field(default_factory=lambda: NO_BOOL)
+
+
+class Blob(Message):
+    """Neighbouring pixels of one colour: middle and width in radians, range of the nearest in metres."""
+
+    ros_type: ClassVar[str] = "zteam_msgs/msg/Blob"
+    color: ColorRGBA = msgspec.field(default_factory=ColorRGBA)
+    name: str = ""
+    bearing: float32 = 0.0
+    width: float32 = 0.0
+    range: float32 = 0.0
+
+
+class Blobs(Message):
+    """All that a blob finder sees, from right to left."""
+
+    ros_type: ClassVar[str] = "zteam_msgs/msg/Blobs"
+    header: Header = msgspec.field(default_factory=Header)
+    blobs: list[Blob] = msgspec.field(default_factory=list)
+
+
+class RobotStatus(Message):
+    """What one robot says of itself; `state` is one of RobotState.
+
+    `behavior` and `leader` (-1 = none) are what it was started with. `driver` is one of RobotDriver. `reason` says why
+    the robot stands; it is empty while it does not. `speed` is that of its newest command in m/s, negative backwards.
+    """
+
+    ros_type: ClassVar[str] = "zteam_msgs/msg/RobotStatus"
+    header: Header = msgspec.field(default_factory=Header)
+    robot_id: int32 = 0
+    is_ready: bool_ = False
+    state: uint8 = 0
+    epoch: uint32 = 0
+    text: str = ""
+    behavior: str = ""
+    driver: str = ""
+    reason: str = ""
+    leader: int32 = -1
+    speed: float64 = 0.0
+
+
+class TeamStatus(Message):
+    """What the monitor says of the team; `state` is one of TeamState, GO holds from `go_stamp` on.
+
+    `waiting_for` says in words what the gate waits for; it is empty after GO.
+    """
+
+    ros_type: ClassVar[str] = "zteam_msgs/msg/TeamStatus"
+    header: Header = msgspec.field(default_factory=Header)
+    state: uint8 = 0
+    epoch: uint32 = 0
+    go_stamp: Time = msgspec.field(default_factory=Time)
+    team_size: int32 = 0
+    ready: Int32Seq = msgspec.field(default_factory=lambda: NO_INT32)
+    missing: Int32Seq = msgspec.field(default_factory=lambda: NO_INT32)
+    lost: Int32Seq = msgspec.field(default_factory=lambda: NO_INT32)
+    waiting_for: str = ""
+
+
+class BaseInfo(Message):
+    """What a robot's base is: its outline in `base_footprint` (metres) and its limits, under Nav2's names.
+
+    `drive` is `diff`, `omni` or `car`. Speeds in m/s and rad/s, accelerations in m/s^2 and rad/s^2; `min_vel_x` is
+    negative for a base that drives backwards, `decel_lim_x` is negative as in Nav2. An infinite acceleration is no limit.
+    """
+
+    ros_type: ClassVar[str] = "zteam_msgs/msg/BaseInfo"
+    model: str = ""
+    drive: str = ""
+    footprint: Polygon = msgspec.field(default_factory=Polygon)
+    max_vel_x: float64 = 0.0
+    min_vel_x: float64 = 0.0
+    max_vel_theta: float64 = 0.0
+    acc_lim_x: float64 = 0.0
+    decel_lim_x: float64 = 0.0
+    acc_lim_theta: float64 = 0.0
+
+
+class Tick(Message):
+    """Lock-step: the world stands at tick `tick`, with these robots and participants."""
+
+    ros_type: ClassVar[str] = "zteam_msgs/msg/Tick"
+    stamp: Time = msgspec.field(default_factory=Time)
+    epoch: uint32 = 0
+    tick: uint64 = 0
+    robots: Int32Seq = msgspec.field(default_factory=lambda: NO_INT32)
+    participants: list[str] = msgspec.field(default_factory=list)
+
+
+class Done(Message):
+    """Lock-step: a participant has finished `tick`."""
+
+    ros_type: ClassVar[str] = "zteam_msgs/msg/Done"
+    epoch: uint32 = 0
+    tick: uint64 = 0
+    has_command: bool_ = False
+    command: Twist = msgspec.field(default_factory=Twist)
+
+
+class RobotState:
+    """Values of RobotStatus.state."""
+
+    BOOT = 0
+    READY = 1
+    RUNNING = 2
+    STOPPED = 3
+    FAULT = 4
+
+    TEXT: ClassVar[tuple[str, ...]] = ("boot", "ready", "running", "stopped", "fault")
+
+
+class RobotDriver:
+    """Values of RobotStatus.driver: what commands the wheels."""
+
+    NONE = "none"
+    BEHAVIOR = "behavior"
+    NAVIGATION = "navigation"
+    TELEOP = "teleop"
+
+
+class TeamState:
+    """Values of TeamStatus.state."""
+
+    WAITING = 0
+    GO = 1
+
+    TEXT: ClassVar[tuple[str, ...]] = ("waiting", "go")
