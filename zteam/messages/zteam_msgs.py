@@ -110,7 +110,8 @@ class BaseInfo(Message):
     """What a robot's base is: its outline in `base_footprint` (metres) and its limits, under Nav2's names.
 
     `drive` is `diff`, `omni` or `car`. Speeds in m/s and rad/s, accelerations in m/s^2 and rad/s^2; `min_vel_x` is
-    negative for a base that drives backwards, `decel_lim_x` is negative as in Nav2. An infinite acceleration is no limit.
+    negative for a base that drives backwards, `decel_lim_x` is negative as in Nav2. An infinite acceleration means that
+    there is no limit.
     """
 
     ros_type: ClassVar[str] = "zteam_msgs/msg/BaseInfo"
