@@ -40,7 +40,10 @@ class LogKeeper:
         self._sinks: tuple[Sink, ...] = ()
 
     def begin(self) -> Callable[[], None]:
-        """Keep lines from here on; returns a function that ends this. While lines are kept it does nothing."""
+        """Keep lines from here on; returns a function that ends this, and forgets them.
+
+        A second begin, and its end, do nothing.
+        """
         if self._keeping:
             return lambda: None
         self._keeping = active = True
@@ -55,6 +58,7 @@ class LogKeeper:
         def end() -> None:
             nonlocal active
             self._keeping = active = False
+            self._kept.clear()
             # Other code may have wrapped it since; then it stays, and does nothing.
             if logging.getLogRecordFactory() is make_record:
                 logging.setLogRecordFactory(make)

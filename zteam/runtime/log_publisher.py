@@ -1,7 +1,5 @@
 """The log of this process on the bus: `<name>/log` carries each new line, and the query of that key the newest ones."""
 
-from collections.abc import Callable
-
 from zteam import names
 from zteam.bus import Bus, NoRequest
 from zteam.messages import Log, time_from_ns
@@ -9,17 +7,36 @@ from zteam.runtime.log_keeper import KEEPER
 from zteam.services.log_lines import LogLine
 
 
-def publish_log(bus: Bus, name: str) -> Callable[[], None]:
-    """Publish this process's log under `name` until the bus is closed; returns a function that forgets the bus."""
-    key = names.log_key(name)
-    publisher = bus.publisher(key, Log)
+class LogPublisher:
+    """Publishes this process's log under `name` until the bus is closed."""
 
-    def send(line: LogLine) -> None:
-        if publisher.has_subscribers:
-            publisher.put(message_of(name, line))
+    def __init__(self, bus: Bus, name: str) -> None:
+        self._name = name
+        self._publisher = bus.publisher(names.log_key(name), Log)
+        self._first_sent: int | None = None
+        """Stamp of the first line that was sent, ns."""
+        self._caught_up = False
+        bus.serve(names.log_key(name), NoRequest, lambda _: KEEPER.kept(name))
+        self.close = KEEPER.pass_to(self._send)
+        """Forget the bus."""
 
-    bus.serve(key, NoRequest, lambda _: KEEPER.kept(name))
-    return KEEPER.pass_to(send)
+    def catch_up(self) -> None:
+        """Send the lines from before the first one that was sent, to the subscribers that are there; once.
+
+        A process that ends soon after its start may be gone before a reader asks it.
+        """
+        if self._caught_up:
+            return
+        self._caught_up = True
+        first = self._first_sent
+        for line in KEEPER.kept(self._name):
+            if first is None or line.time_ns < first:
+                self._send(line)
+
+    def _send(self, line: LogLine) -> None:
+        if self._publisher.has_subscribers:
+            self._first_sent = self._first_sent or line.time_ns
+            self._publisher.put(message_of(self._name, line))
 
 
 def message_of(process: str, line: LogLine) -> Log:

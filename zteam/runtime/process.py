@@ -11,7 +11,7 @@ from zteam.bus import Bus, BusOptions, connect
 from zteam.errors import ZteamError
 from zteam.runtime.faults import log_fault
 from zteam.runtime.log_keeper import KEEPER
-from zteam.runtime.log_publisher import publish_log
+from zteam.runtime.log_publisher import LogPublisher
 from zteam.runtime.node import ClockMode, Node
 from zteam.runtime.shutdown import Stop, exit_hard_later
 
@@ -32,16 +32,19 @@ def open_node(
         ends.callback(KEEPER.begin())
         bus = connect(options, stopping=stop)
         try:
-            ends.callback(publish_log(bus, name))
+            lines = LogPublisher(bus, name)
+            ends.callback(lines.close)
             node = make(name, bus, stop, clock)
         except BaseException:
             bus.close()
             raise
+        node.on_present(lines.catch_up)
         try:
             yield node
         finally:
             # From here on the hard exit watches: closing must not hang.
             stop.request("the process ends")
+            lines.catch_up()
             node.close()
 
 
