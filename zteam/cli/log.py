@@ -15,13 +15,11 @@ from zteam.cli.arguments import one_of, whole
 from zteam.cli.listening import Waiter, check_key, open_bus
 from zteam.cli.options import Parser, add_bus_options, bus_options, run
 from zteam.clock import local_time_text
-from zteam.errors import BusError, UsageError, ZteamError
+from zteam.errors import UsageError, ZteamError
 from zteam.names import is_wildcard
 from zteam.runtime.logs import LEVELS
 from zteam.services.log_lines import LogLine, level_name
 from zteam.services.log_reader import LogReader
-
-log = logging.getLogger("zteam")
 
 _MAX_LINES = 1_000_000
 _COLORS = ((logging.ERROR, 31), (logging.WARNING, 33), (logging.INFO, 0), (logging.NOTSET, 2))
@@ -105,42 +103,43 @@ def _log(args: argparse.Namespace) -> int:
         reader = LogReader(bus, patterns, waiter.notify, logging.getLevelName(args.level.upper()))
         if not args.once:
             reader.follow()
-        answered = _fetch(bus, reader, patterns)
+        found = _fetch(bus, reader, patterns)
         kept = reader.ready(math.inf)
-        _print(kept if args.tail is None else kept[len(kept) - min(args.tail, len(kept)) :], args.json)
+        _print(kept if args.tail is None else kept[max(0, len(kept) - args.tail) :], args.json)
         if not args.once:
-            _follow(reader, waiter, args.json, bool(answered))
-        elif not answered:
+            _follow(reader, waiter, args.json, found)
+        elif not found:
             print("no processes (start a team with 'zteam up')", file=sys.stderr)
     finally:
         bus.close()
     return 0
 
 
-def _fetch(bus: Bus, reader: LogReader, patterns: Sequence[str]) -> set[str]:
-    """Take what the processes keep; the names of those that answered. Raises ZteamError for an unknown name."""
+def _fetch(bus: Bus, reader: LogReader, patterns: Sequence[str]) -> bool:
+    """Take what the processes keep; whether there are any. Raises ZteamError for an unknown name."""
+    answered = reader.fetch()
+    silent = [pattern for pattern in patterns if not any(_matches(pattern, name) for name in answered)]
+    if not silent:
+        return True
     from zteam.cli.node import find_nodes
 
-    try:
-        answered = reader.fetch()
-    except BusError as error:
-        # Such as a process that is frozen: the others' new lines come all the same.
-        log.warning("%s", error)
-        answered = set()
-    silent = [name for name in patterns if not any(fnmatch.fnmatchcase(a, name.replace("$*", "*")) for a in answered)]
-    if silent:
-        check_names(silent, [node.name for node in find_nodes(bus)])
-    return answered
+    alive = sorted({node.name for node in find_nodes(bus)})
+    check_names(silent, alive)
+    quiet = [name for name in alive if any(_matches(pattern, name) for pattern in silent)]
+    for name in quiet:
+        print(f"{name} does not answer: only its new lines are shown", file=sys.stderr)
+    return bool(answered or quiet)
 
 
-def _follow(reader: LogReader, waiter: Waiter, as_json: bool, heard: bool) -> None:
+def _matches(pattern: str, name: str) -> bool:
+    return fnmatch.fnmatchcase(name, pattern.replace("$*", "*"))
+
+
+def _follow(reader: LogReader, waiter: Waiter, as_json: bool, found: bool) -> None:
     """Print new lines, and those that joining processes keep, until Ctrl+C."""
     while True:
-        waiter.wait(reader.pending, None, "" if heard else "a process")
-        try:
-            heard = bool(reader.fetch_joined()) or heard
-        except BusError as error:
-            log.warning("%s", error)
+        waiter.wait(reader.pending, None, "" if found else "a process")
+        found = bool(reader.fetch_joined()) or found
         # Older lines of other processes may still be on their way.
         waiter.wait(lambda: reader.left() == 0.0, reader.left(), "")
         _print(reader.ready(), as_json)

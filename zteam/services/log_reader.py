@@ -1,13 +1,17 @@
 """The logs of processes on the bus: what they keep, and each new line."""
 
+import logging
 import threading
 from collections.abc import Callable, Sequence
 
 from zteam import names
 from zteam.bus import Bus
 from zteam.clock import monotonic
+from zteam.errors import BusError
 from zteam.messages import Log, ns_from_time
 from zteam.services.log_lines import LogLine, LogOrder
+
+log = logging.getLogger("zteam")
 
 HOLD = 0.2
 """Host seconds for which a new line waits for older ones of other processes."""
@@ -42,20 +46,22 @@ class LogReader:
             self._bus.watch_tokens([names.tokens_key(pattern)], self._on_token)
 
     def fetch(self) -> set[str]:
-        """Take what all the processes keep; the names of those that answered. Raises BusError."""
+        """Take what all the processes keep; the names of those that answered."""
         return {name for pattern in self._patterns for name in self._fetch(pattern)}
 
     def fetch_joined(self) -> set[str]:
-        """Take what the processes keep that joined since the last call; the names of those that answered.
-
-        Raises BusError.
-        """
+        """Take what the processes keep that joined since the last call; the names of those that answered."""
         with self._lock:
             joined, self._joined = self._joined, set()
         return {name for pattern in sorted(joined) for name in self._fetch(pattern)}
 
     def _fetch(self, pattern: str) -> set[str]:
-        answers = self._bus.query(names.log_key(pattern), list[LogLine])
+        try:
+            answers = self._bus.query(names.log_key(pattern), list[LogLine])
+        except BusError as error:
+            # Such as a process that is frozen.
+            log.debug("%s", error)
+            return set()
         for _, lines in answers:
             self._take(lines)
         return {name for key, _ in answers if (name := names.split_log_key(key))}

@@ -17,13 +17,14 @@ LOGGER = logging.getLogger("somewhere.deep")
 @pytest.fixture
 def keeper(monkeypatch: pytest.MonkeyPatch) -> Iterator[LogKeeper]:
     """A keeper that keeps the lines of this test, from a logger without any output."""
-    monkeypatch.setattr(LOGGER, "level", logging.INFO)
     monkeypatch.setattr(LOGGER, "propagate", False)
     monkeypatch.setattr(LOGGER, "handlers", [logging.NullHandler()])
+    LOGGER.setLevel(logging.INFO)
     made = LogKeeper()
     end = made.begin()
     yield made
     end()
+    LOGGER.setLevel(logging.NOTSET)
 
 
 def texts(keeper: LogKeeper) -> list[str]:
@@ -211,20 +212,19 @@ def test_the_end_forgets_the_lines(keeper: LogKeeper) -> None:
 
 
 @pytest.mark.filterwarnings("ignore:.*multi-threaded:DeprecationWarning")
-def test_a_forked_child_sends_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_forked_child_sends_nothing() -> None:
     """A forked child that logs neither uses its parent's session nor waits for a lock that a lost thread held."""
     passed: list[str] = []
-    monkeypatch.setattr(LOGGER, "level", logging.INFO)
     ends = KEEPER.begin(), KEEPER.pass_to(lambda line: passed.append(line.text))
     with KEEPER._lock:
         child = os.fork()
         if child == 0:
-            logger = threading.Thread(target=LOGGER.info, args=("child",), daemon=True)
+            logger = threading.Thread(target=LOGGER.warning, args=("child",), daemon=True)
             logger.start()
             logger.join(LIMIT)
             os._exit(len(passed) + 2 * logger.is_alive())
     assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
-    LOGGER.info("parent")
+    LOGGER.warning("parent")
     for end in ends:
         end()
     assert passed == ["parent"]

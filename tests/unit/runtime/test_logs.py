@@ -21,8 +21,8 @@ def keeper(monkeypatch: pytest.MonkeyPatch) -> Iterator[LogKeeper]:
     yield made
     logging.setLogRecordFactory(factory)
     for log, level, handlers, propagate in before:
-        log.level, log.handlers, log.propagate = level, handlers, propagate
-        log.manager._clear_cache()  # type: ignore[attr-defined]
+        log.setLevel(level)
+        log.handlers, log.propagate = handlers, propagate
 
 
 def test_a_users_module_logs_like_zteam(capsys: pytest.CaptureFixture[str]) -> None:

@@ -121,3 +121,16 @@ def test_news_wake_the_caller(hub: MemoryHub) -> None:
     assert len(calls) == 2
     robot.bus.close()
     assert len(calls) == 2
+
+
+def test_a_process_without_an_answer_does_not_stop_the_reader(hub: MemoryHub) -> None:
+    """A query that fails leaves the name out; the others are read."""
+
+    def fail(_request: NoRequest) -> None:
+        raise ValueError("broken")
+
+    hub.bus().serve(names.log_key("robot_0"), NoRequest, fail)
+    Talker(hub, "sim", "a")
+    reader = read(hub, "robot_0", "sim")
+    assert reader.fetch() == {"sim"}
+    assert texts(reader) == ["a"]
