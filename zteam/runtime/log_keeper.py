@@ -1,4 +1,4 @@
-"""The newest log lines of this process, from the start of its log on, and who else wants each new one.
+"""The newest log lines of this process, from the start of its log on, and the functions that get each new one.
 
 Lines are taken where Python makes its log records (`logging.setLogRecordFactory`), not by a handler: a handler at the
 root of a user's program would switch off `logging.basicConfig` and Python's own output of warnings, and would miss
