@@ -13,6 +13,7 @@ COMMANDS = {
     "tf": ("tf", "echo | tree | monitor | positions | static: show and set transforms"),
     "sim": ("sim", "pause | resume | step | speed | reset | spawn | remove | move | status: control the simulator"),
     "node": ("node", "list: list the processes that are alive"),
+    "log": ("log", "print the logs of all processes in order of time, and follow them"),
     "world": ("world", "check | show | scan: check and draw world files, and scan in them"),
     "doctor": ("doctor", "diagnose problems and print the next step for each"),
     "bench": ("bench", "measure zteam on this machine"),
