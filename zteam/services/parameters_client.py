@@ -1,0 +1,53 @@
+"""The parameters of robots as calls, for `zteam param` and users' programs."""
+
+from typing import Any
+
+from zteam import names
+from zteam.bus import Bus
+from zteam.errors import BusError, UsageError
+from zteam.problems import did_you_mean
+from zteam.services.parameters import DESCRIBE, SET, DescribeReply, SetReply, SetRequest
+
+ANSWER_LIMIT = 10.0
+"""Host seconds for an answer, which waits for the step at hand in lock-step."""
+
+
+class ParametersClient:
+    """Reads and sets the parameters of the behaviours that run."""
+
+    def __init__(self, bus: Bus, answer_limit: float = ANSWER_LIMIT) -> None:
+        """`answer_limit` is host seconds."""
+        self._bus = bus
+        self._limit = answer_limit
+
+    def describe(self, robot: str) -> DescribeReply:
+        """The parameters of `robot_N` and their values. Raises BusError if there is no such robot."""
+        answers = self._bus.query(names.service_key(robot, DESCRIBE), DescribeReply, timeout=self._limit)
+        if not answers:
+            raise self._missing(robot)
+        return answers[0][1]
+
+    def describe_all(self) -> dict[str, DescribeReply]:
+        """The parameters of all robots, by name."""
+        answers = self._bus.query(names.service_key("*", DESCRIBE), DescribeReply, timeout=self._limit)
+        return {key.removesuffix(f"/{DESCRIBE}"): reply for key, reply in answers}
+
+    def set(self, robot: str, parameters: dict[str, Any]) -> dict[str, Any]:
+        """Set all of these parameters of `robot_N` from its next step on; returns the values of all its parameters.
+
+        Raises UsageError if one of them is refused: then none is set. Raises BusError if there is no such robot.
+        """
+        request = SetRequest(parameters=parameters)
+        answers = self._bus.query(names.service_key(robot, SET), SetReply, request, timeout=self._limit)
+        if not answers:
+            raise self._missing(robot)
+        reply = answers[0][1]
+        if reply.refused:
+            raise UsageError(f"{robot}: {reply.refused}")
+        return reply.values
+
+    def _missing(self, robot: str) -> BusError:
+        known = sorted(self.describe_all(), key=lambda name: names.robot_id_of(name) or 0)
+        if not known:
+            return BusError(f"no process {robot}, and no other robot is there: start a team with 'zteam up'")
+        return BusError(f"no process {robot} with parameters{did_you_mean(robot, known)}; there is {', '.join(known)}")
