@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from zteam import names
-from zteam.cli.arguments import add_seed_option
+from zteam.cli.arguments import add_seed_option, parse_value
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, fail, run
 from zteam.errors import UsageError, ZteamError
 
@@ -45,15 +45,10 @@ def build_parser() -> argparse.ArgumentParser:
 
 def parse_param(text: str) -> tuple[str, Any]:
     """(key, value) of KEY=VALUE; the value is TOML as in a team file (0.4, true, "text", [1, 2]), else a string."""
-    import tomllib
-
     key, equals, value = text.partition("=")
     if not equals or not key.isidentifier():
         raise UsageError(f"--param {text!r} is not KEY=VALUE, e.g. speed=0.4")
-    try:
-        return key, tomllib.loads(f"v = {value}")["v"]
-    except tomllib.TOMLDecodeError:
-        return key, value
+    return key, parse_value(value)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

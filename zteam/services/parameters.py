@@ -1,4 +1,4 @@
-"""Requests and replies of the queries for parameters: ROS's `<name>/describe_parameters` and `<name>/set_parameters`."""
+"""Requests and replies of the queries for parameters; the queries have the names of ROS's services."""
 
 from typing import Any
 
