@@ -16,6 +16,7 @@ from zteam.nodes.robot.node import RobotNode, RobotOptions
 from zteam.resources import shipped_world
 from zteam.runtime.node import Node
 from zteam.runtime.shutdown import Stop
+from zteam.services.parameters_client import ParametersClient
 from zteam.sim import to_messages
 from zteam.world import load_world
 
@@ -75,6 +76,10 @@ class RealTimeRobot:
         with self.changed:
             self.statuses += 1
             self.changed.notify_all()
+
+    def parameters(self) -> ParametersClient:
+        """A client of the robot's parameters."""
+        return ParametersClient(self._hub.bus())
 
     def say_monitor(self) -> None:
         """The presence token of a monitor."""

@@ -46,7 +46,7 @@ def _show(args: argparse.Namespace) -> int:
     if args.name is None:
         return _list(as_json=args.json)
     info = describe_behavior(args.name)
-    print(msgspec.json.encode(info).decode() if args.json else _text(info))
+    print(msgspec.json.encode(info).decode() if args.json else format_behavior(info))
     return 0
 
 
@@ -68,7 +68,8 @@ def _list(*, as_json: bool) -> int:
     return 0
 
 
-def _text(info: BehaviorInfo) -> str:
+def format_behavior(info: BehaviorInfo) -> str:
+    """What it does, and the table of its parameters."""
     lines = [f"{info.name}: {info.summary or 'its class has no docstring'}", f"class {info.source}", ""]
     lines.append(format_parameters(info.parameters) if info.parameters else "  no parameters")
     return "\n".join(lines)

@@ -121,18 +121,25 @@ def _fields(reply: DescribeReply) -> dict[str, Any]:
 
 
 def _get(args: argparse.Namespace, _client: ParametersClient, robots: Robots) -> int:
-    for name, reply in robots.items():
-        if args.parameter not in reply.values:
-            takes = ", ".join(reply.values) or "no parameters"
-            hint = did_you_mean(args.parameter, reply.values)
-            raise UsageError(f"{name}: no parameter {args.parameter!r}{hint}; {reply.behavior} takes {takes}")
-    found = {name: reply.values[args.parameter] for name, reply in robots.items()}
+    found = {name: reply.values[args.parameter] for name, reply in robots.items() if args.parameter in reply.values}
     if args.json:
         print(msgspec.json.encode(found).decode())
-        return 0
-    for name, value in found.items():
-        print(_exact(value) if len(found) == 1 else f"{name}: {_exact(value)}")
+    else:
+        for name, value in found.items():
+            print(_exact(value) if len(robots) == 1 else f"{name}: {_exact(value)}")
+    _raise_all([_lack(name, robots[name], args.parameter) for name in robots if name not in found])
     return 0
+
+
+def _lack(robot: str, reply: DescribeReply, parameter: str) -> str:
+    takes = ", ".join(reply.values) or "no parameters"
+    return f"{robot}: no parameter {parameter!r}{did_you_mean(parameter, reply.values)}; {reply.behavior} takes {takes}"
+
+
+def _raise_all(refused: Sequence[str]) -> None:
+    """Raise UsageError if anything was refused: the other robots have been served."""
+    if refused:
+        raise UsageError("\n".join(refused))
 
 
 def _set(args: argparse.Namespace, client: ParametersClient, robots: Robots) -> int:
@@ -150,8 +157,7 @@ def _set(args: argparse.Namespace, client: ParametersClient, robots: Robots) -> 
     else:
         for robot, now in done.items():
             print(f"{robot}: {', '.join(f'{name} = {_exact(value)}' for name, value in now.items())}")
-    if refused:
-        raise UsageError("\n".join(refused))
+    _raise_all(refused)
     return 0
 
 

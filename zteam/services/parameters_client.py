@@ -5,7 +5,6 @@ from typing import Any
 from zteam import names
 from zteam.bus import Bus
 from zteam.errors import BusError, UsageError
-from zteam.problems import did_you_mean
 from zteam.services.parameters import DESCRIBE, SET, DescribeReply, SetReply, SetRequest
 
 ANSWER_LIMIT = 10.0
@@ -50,4 +49,4 @@ class ParametersClient:
         known = sorted(self.describe_all(), key=lambda name: names.robot_id_of(name) or 0)
         if not known:
             return BusError(f"no process {robot}, and no other robot is there: start a team with 'zteam up'")
-        return BusError(f"no process {robot} with parameters{did_you_mean(robot, known)}; there is {', '.join(known)}")
+        return BusError(f"no process {robot} with parameters; there is {', '.join(known)}")
