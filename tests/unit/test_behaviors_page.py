@@ -19,7 +19,7 @@ PAGE = (Path(__file__).resolve().parents[2] / "docs" / "behaviors.md").read_text
 
 def section(heading: str) -> str:
     """The text below a heading, up to the next one of any level."""
-    return re.split(r"^#+ ", PAGE.split(f"# {heading}\n", 1)[1], maxsplit=1, flags=re.MULTILINE)[0].strip()
+    return re.split(r"^##+ ", PAGE.split(f"# {heading}\n", 1)[1], maxsplit=1, flags=re.MULTILINE)[0].strip()
 
 
 def test_the_page_lists_what_a_view_has() -> None:

@@ -49,13 +49,13 @@ class Follow(Behavior):
 
     def __init__(self, params: FollowParams) -> None:
         super().__init__(params)
-        self.on_params()
+        self.leader: int = params.leader
         self._side = 0.0
         """1 while going round something on its left, -1 on its right, 0 with a clear way."""
 
     def on_params(self) -> None:
         """Follow the robot that `params` names."""
-        self.leader: int = self.params.leader
+        self.leader = self.params.leader
 
     def step(self, view: View) -> Twist:
         """Towards the leader, or zero where it stands near or its place is not known for certain."""

@@ -1,14 +1,20 @@
 """The parameters of robots as calls, for `zteam param` and users' programs."""
 
-from typing import Any
+from typing import Any, TypeVar
+
+import msgspec
 
 from zteam import names
 from zteam.bus import Bus
 from zteam.errors import BusError, UsageError
 from zteam.services.parameters import DESCRIBE, SET, DescribeReply, SetReply, SetRequest
 
+T = TypeVar("T")
+
 ANSWER_LIMIT = 10.0
 """Host seconds for an answer, which waits for the step at hand in lock-step."""
+_TIMED_OUT = "Timeout"
+"""Zenoh's own word."""
 
 
 class ParametersClient:
@@ -21,10 +27,7 @@ class ParametersClient:
 
     def describe(self, robot: str) -> DescribeReply:
         """The parameters of `robot_N` and their values. Raises BusError if there is no such robot."""
-        answers = self._bus.query(names.service_key(robot, DESCRIBE), DescribeReply, timeout=self._limit)
-        if not answers:
-            raise self._missing(robot)
-        return answers[0][1]
+        return self._ask(robot, DESCRIBE, DescribeReply)
 
     def describe_all(self) -> dict[str, DescribeReply]:
         """The parameters of all robots, by name."""
@@ -36,14 +39,23 @@ class ParametersClient:
 
         Raises UsageError if one of them is refused: then none is set. Raises BusError if there is no such robot.
         """
-        request = SetRequest(parameters=parameters)
-        answers = self._bus.query(names.service_key(robot, SET), SetReply, request, timeout=self._limit)
-        if not answers:
-            raise self._missing(robot)
-        reply = answers[0][1]
+        reply = self._ask(robot, SET, SetReply, SetRequest(parameters=parameters))
         if reply.refused:
             raise UsageError(f"{robot}: {reply.refused}")
         return reply.values
+
+    def _ask(self, robot: str, service: str, reply_type: type[T], request: msgspec.Struct | None = None) -> T:
+        key = names.service_key(robot, service)
+        try:
+            answers = self._bus.query(key, reply_type, request, timeout=self._limit)
+        except BusError as error:
+            why = str(error).removeprefix(f"{key}: ")
+            if why == _TIMED_OUT:
+                why = f"does not answer within {self._limit:g} s: see 'zteam doctor'"
+            raise BusError(f"{robot}: {why}") from None
+        if not answers:
+            raise self._missing(robot)
+        return answers[0][1]
 
     def _missing(self, robot: str) -> BusError:
         known = sorted(self.describe_all(), key=lambda name: names.robot_id_of(name) or 0)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from support.installed_packages import install
 from zteam.behaviors.registry import BEHAVIORS
 from zteam.cli import main as zteam
 
@@ -80,6 +81,18 @@ def test_scripts_get_json(capsys: pytest.CaptureFixture[str]) -> None:
         "required": True,
         "default": None,
     }
+
+
+def test_offers_of_installed_packages_are_listed(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """They come after the shipped ones; one that cannot be imported is named after the list, with exit code 2."""
+    sys.path.append(str(folder))
+    points = "[zteam.behaviors]\nacme_spin = my_spinner:Spin\nacme_gone = my_spinner:Gone\n"
+    install(folder, "acme-robots", points, {})
+    assert zteam.main(["behaviors"]) == 2
+    out, errors = capsys.readouterr()
+    assert out.splitlines()[1 + len(BEHAVIORS)] == "acme_spin  Turn on the spot, for ever."
+    assert errors.startswith("zteam behaviors: 'acme_gone' of the entry points zteam.behaviors: cannot import ")
+    assert len(errors.splitlines()) == 1
 
 
 def test_an_unknown_name_gets_the_nearest(capsys: pytest.CaptureFixture[str]) -> None:

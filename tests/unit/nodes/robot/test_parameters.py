@@ -8,13 +8,15 @@ import msgspec
 import pytest
 
 from support.real_time_robot import LIMIT, RealTimeRobot
+from zteam import names
 from zteam.behaviors import Behavior, View
 from zteam.bus import MemoryHub
-from zteam.errors import BusError, UsageError
+from zteam.errors import UsageError
 from zteam.messages import Twist, Vector3
 from zteam.nodes.robot.parameters import Parameters
 from zteam.runtime.node import Node
 from zteam.runtime.shutdown import Stop
+from zteam.services.parameters import SET
 from zteam.services.parameters_client import ParametersClient
 
 NAME = "robot_1"
@@ -180,16 +182,6 @@ def test_a_follower_is_told_another_leader() -> None:
         robot.close()
 
 
-def test_a_robot_that_is_not_there_is_named(robot: RealTimeRobot) -> None:
-    """The error lists the robots that there are."""
-    client = robot.parameters()
-    for ask in (client.describe, lambda name: client.set(name, {"speed": 0.1})):
-        with pytest.raises(BusError, match=r"^no process robot_7 with parameters; there is robot_1$"):
-            ask("robot_7")
-    with pytest.raises(BusError, match="no other robot is there: start a team with 'zteam up'"):
-        ParametersClient(MemoryHub().bus()).describe(NAME)
-
-
 class OpenParams(msgspec.Struct):
     """Forbids no unknown fields."""
 
@@ -208,3 +200,12 @@ def test_an_unknown_name_is_refused_where_params_do_not_forbid_it() -> None:
     Parameters(Node(NAME, hub.bus(), Stop()), Open, "Open", {"further": 1})
     with pytest.raises(UsageError, match="sped: unknown key; Open takes speed"):
         ParametersClient(hub.bus()).set(NAME, {"sped": 0.3})
+
+
+def test_a_set_on_a_wildcard_is_refused(robot: RealTimeRobot) -> None:
+    """A request that reaches every robot names none of them, and changes nothing."""
+    client = robot.parameters()
+    request = b'{"parameters": {"speed": 1}}'
+    replies = client._bus.transport.get(names.service_key("*", SET), request, LIMIT)
+    assert [reply.error for reply in replies] == [True]
+    assert client.describe(NAME).values["speed"] == 0.1
