@@ -20,6 +20,11 @@ def text_loader(folder: Path) -> LoadText:
     return load_text
 
 
+def box_points(half: float) -> tuple[tuple[float, float], ...]:
+    """The corners of a square of 2 * `half` about the origin."""
+    return ((-half, -half), (half, -half), (half, half), (-half, half))
+
+
 def box_of(shape: Shape) -> tuple[float, float, float, float]:
     """The smallest and largest x and y of a shape: left, bottom, right, top."""
     xs, ys = zip(*shape.points, strict=True)

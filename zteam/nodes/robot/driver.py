@@ -22,6 +22,8 @@ class Turn(NamedTuple):
     """The GO that holds, 0 = none."""
     jumps: int
     """How often time had jumped back when the turn began."""
+    missing: list[str]
+    """What the robot lacks that its view does not show, as nouns."""
 
 
 class Driver:
@@ -78,9 +80,10 @@ class Driver:
             scan=inputs.scan,
             odom=inputs.odom,
             lookup=inputs.lookup,
+            base=inputs.base_input.base,
             seed=self._seed,
         )
-        return Turn(view, epoch, self.jumps)
+        return Turn(view, epoch, self.jumps, inputs.base_input.missing())
 
     def step(self, turn: Turn) -> Twist | None:
         """The command of this turn; None while the gate is shut, or if time jumped back meanwhile."""
@@ -100,7 +103,7 @@ class Driver:
             self.behavior = self._make_behavior()
             self._made_at = turn.jumps
         was_released = self.readiness.released
-        lacking = [] if was_released else missing(turn.view, self.behavior)
+        lacking = [] if was_released else missing(turn.view, self.behavior) + turn.missing
         with self._node.changed:
             if turn.jumps != self.jumps:
                 return False
