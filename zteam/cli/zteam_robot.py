@@ -78,7 +78,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     return run(names.robot_name(robot_id), args, lambda: _drive(robot_id, args))
 
 
-def _read_base(entries: Sequence[str]) -> "BaseOverride":
+def read_base(entries: Sequence[str]) -> "BaseOverride":
+    """What the options `--base KEY=VALUE` set; values are as with `--param`. Raises UsageError."""
     import msgspec
 
     from zteam.base import BaseOverride
@@ -118,7 +119,7 @@ def _drive(robot_id: int, args: argparse.Namespace) -> int:
         raise
     except Exception as error:
         return log_fault(error)
-    options = RobotOptions(robot_id=robot_id, gate=not args.no_gate, seed=args.seed, base=_read_base(args.base))
+    options = RobotOptions(robot_id=robot_id, gate=not args.no_gate, seed=args.seed, base=read_base(args.base))
 
     def body(node: Node) -> None:
         run_robot(node, make_behavior, options)

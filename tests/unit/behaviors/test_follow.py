@@ -103,7 +103,7 @@ def test_its_own_stale_pose_stops_it_first() -> None:
 
 @pytest.mark.parametrize(("half", "turns"), [(0.1, False), (0.175, True), (0.3, True)])
 def test_a_post_is_passed_at_the_width_of_the_base(half: float, turns: bool) -> None:
-    """A post 0.22 m beside the way to the leader is gone round by a base that would brush it, and not by a narrow one."""
+    """A post 0.22 m beside the way to the leader is gone round by a base that would brush it, not by a narrow one."""
     view = seeing(Pose2(2.0, 0.0, 0.0))
     ranges = [30.0] * 541
     ranges[270 + round(math.degrees(math.atan2(0.22, 0.4)) * 2)] = math.hypot(0.22, 0.4)
