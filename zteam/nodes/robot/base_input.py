@@ -10,7 +10,7 @@ from zteam.messages import BaseInfo
 log = logging.getLogger("zteam")
 
 PATIENCE = 2.0
-"""Host seconds from its first turn on for which a robot in real time waits for `base_info`. The simulator publishes it
+"""Host seconds from its first scan on for which a robot in real time waits for `base_info`. The simulator publishes it
 before the first scan; a base that does not publish it never will."""
 
 
@@ -26,7 +26,7 @@ class BaseInput:
         """Whether `base_info` has come."""
         self._given_up = False
         self._waits_since = 0.0
-        """Host time of the first turn in real time; 0 before."""
+        """Host time of the first scan in real time; 0 before."""
 
     def take(self, message: BaseInfo) -> None:
         """`base_info` has come: the first one, or another one because the base has changed."""
@@ -38,7 +38,7 @@ class BaseInput:
         return [] if self.has_come or self._given_up else [f"its footprint ({self._key})"]
 
     def wait_no_longer(self) -> None:
-        """A turn in real time begins: from PATIENCE after the first one on, do without `base_info`."""
+        """A scan is acted on in real time: from PATIENCE after the first one on, do without `base_info`."""
         if self.has_come or self._given_up:
             return
         self._waits_since = self._waits_since or monotonic()

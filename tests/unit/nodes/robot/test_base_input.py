@@ -43,7 +43,7 @@ def test_the_newest_message_counts_below_the_override() -> None:
 def test_a_base_that_tells_nothing_is_waited_for_two_seconds(
     seconds: list[float], caplog: pytest.LogCaptureFixture
 ) -> None:
-    """From the first turn on, not from the start; then the default holds, which is said once."""
+    """From the first scan on, not from the start; then the default holds, which is said once."""
     known = BaseInput(0, BaseOverride())
     with caplog.at_level(logging.WARNING, "zteam"):
         for now in (100.0, 101.0, 102.0):
