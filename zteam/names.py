@@ -42,6 +42,7 @@ BUMPER = "bumper"
 BLOBS = "blobs"
 JOINT_STATES = "joint_states"
 STATUS = "status"
+BASE_INFO = "base_info"
 
 BASE_FOOTPRINT = "base_footprint"
 BASE_LINK = "base_link"

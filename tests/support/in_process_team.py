@@ -154,7 +154,8 @@ class InProcessTeam:
 
     def ask(self, service: str, reply: Any = SimStatus, request: msgspec.Struct | None = None) -> Any:
         """Query `sim/<service>`."""
-        return self.bus.ask(names.service_key(names.SIMULATOR, service), reply, request or Change())
+        # The simulator's own limits end a request earlier, and say why.
+        return self.bus.ask(names.service_key(names.SIMULATOR, service), reply, request or Change(), timeout=3 * LIMIT)
 
     def step(self, ticks: int) -> SimStatus:
         """Take so many ticks; the status after them."""

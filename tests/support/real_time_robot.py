@@ -11,7 +11,7 @@ from zteam.behaviors.follow import Follow
 from zteam.bus import MemoryHub
 from zteam.clock import wait_until
 from zteam.geometry import Pose2
-from zteam.messages import Clock, Header, LaserScan, Odometry, RobotStatus, TFMessage, Twist, time_from_ns
+from zteam.messages import BaseInfo, Clock, Header, LaserScan, Odometry, RobotStatus, TFMessage, Twist, time_from_ns
 from zteam.nodes.robot.node import RobotNode, RobotOptions
 from zteam.resources import shipped_world
 from zteam.runtime.node import Node
@@ -19,6 +19,7 @@ from zteam.runtime.shutdown import Stop
 from zteam.services.parameters_client import ParametersClient
 from zteam.sim import to_messages
 from zteam.world import load_world
+from zteam.world.bases import base_info
 
 LIMIT = 20.0
 """Host seconds after which a wait has failed."""
@@ -31,7 +32,7 @@ NEVER = 600.0
 class RealTimeRobot:
     """Robot 1, by default a follower, in a thread; `say_*` publishes, and returns when that is handled."""
 
-    def __init__(self, kind: type[Behavior] = Follow, **params: Any) -> None:
+    def __init__(self, kind: type[Behavior] = Follow, *, gate: bool = False, **params: Any) -> None:
         if kind is Follow:
             params.setdefault("leader", 0)
         self._hub = MemoryHub()
@@ -39,14 +40,17 @@ class RealTimeRobot:
         self.changed = threading.Condition()
         self.commands: list[Twist] = []
         self.statuses = 0
+        self.text = ""
+        """Of its newest status."""
         world = load_world(str(shipped_world("arena")))
         self._robots = dict(enumerate(world.robots[:2]))
         self._publishers = {
-            key: self._bus.publisher(key, kind, latched=key == names.TF_STATIC)
+            key: self._bus.publisher(key, kind, latched=kind is BaseInfo or key == names.TF_STATIC)
             for key, kind in (
                 (names.CLOCK, Clock),
                 (names.TF, TFMessage),
                 (names.TF_STATIC, TFMessage),
+                (names.robot_key(1, names.BASE_INFO), BaseInfo),
                 (names.robot_key(1, names.ODOM), Odometry),
                 (names.robot_key(1, names.BASE_SCAN), LaserScan),
             )
@@ -56,7 +60,7 @@ class RealTimeRobot:
         self._stop = Stop()
         node = Node(names.robot_name(1), self._hub.bus(), self._stop)
         self.failures: list[BaseException] = []
-        self._robot = RobotNode(node, kind, RobotOptions(1, kind.__name__, params, gate=False))
+        self._robot = RobotNode(node, kind, RobotOptions(1, kind.__name__, params, gate=gate))
         node.become_present()
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
@@ -72,9 +76,10 @@ class RealTimeRobot:
             self.commands.append(command)
             self.changed.notify_all()
 
-    def _on_status(self, _key: str, _status: RobotStatus) -> None:
+    def _on_status(self, _key: str, status: RobotStatus) -> None:
         with self.changed:
             self.statuses += 1
+            self.text = status.text
             self.changed.notify_all()
 
     def parameters(self) -> ParametersClient:
@@ -95,6 +100,14 @@ class RealTimeRobot:
         ]
         self._publishers[names.TF_STATIC].put(TFMessage(fixed))
 
+    def say_base_info(self) -> None:
+        """What its base is."""
+        self._publishers[names.robot_key(1, names.BASE_INFO)].put(base_info(self._robots[1]))
+
+    def say_odometry(self, tick: int) -> None:
+        """Where its wheels have brought it."""
+        self._publishers[names.robot_key(1, names.ODOM)].put(Odometry(Header(time_from_ns(tick * TICK))))
+
     def say_time(self, tick: int) -> None:
         """The time."""
         self._publishers[names.CLOCK].put(Clock(time_from_ns(tick * TICK)))
@@ -114,6 +127,11 @@ class RealTimeRobot:
             ranges=np.full(31, 9.0, np.float32),
         )  # fmt: skip
         self._publishers[names.robot_key(1, names.BASE_SCAN)].put(scan)
+
+    def wait_for_text(self, text: str) -> None:
+        """Wait until the robot's status says this."""
+        with self.changed:
+            assert wait_until(self.changed, lambda: text == self.text, LIMIT), self.text
 
     def wait_for_commands(self, count: int) -> None:
         """Wait until the robot has published so many."""

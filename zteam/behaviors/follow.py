@@ -22,8 +22,8 @@ REACH = 0.6
 """Metres ahead of the laser that have to be clear."""
 LEADER_ROOM = 0.3
 """Metres before the leader's base where its own body begins to be seen."""
-HALF_WIDTH = 0.25
-"""Metres: an erratic's half width of 0.175 m and a margin."""
+SIDE_MARGIN = 0.075
+"""Metres that have to be free on either side of the base."""
 DETOUR_STEP = math.radians(10.0)
 DETOUR_STEPS = 12
 """It looks for a way round up to so far from the leader's bearing."""
@@ -67,26 +67,26 @@ class Follow(Behavior):
             return Twist()
         angle = math.atan2(leader.y, leader.x)
         if view.scan is not None:
-            angle = self._way_round(view.scan, angle, distance)
+            angle = self._way_round(view.scan, angle, distance, view.base.half_width + SIDE_MARGIN)
         # A leader behind is turned to on the spot: driving would lead away from it.
         speed = 0.0 if abs(angle) > 0.5 * math.pi else min(LINEAR_GAIN * distance, self.params.max_linear)
         limit = self.params.max_angular
         turn = max(-limit, min(limit, ANGULAR_GAIN * angle))
         return Twist(linear=Vector3(x=speed), angular=Vector3(z=turn))
 
-    def _way_round(self, scan: LaserScan, bearing: float, distance: float) -> float:
+    def _way_round(self, scan: LaserScan, bearing: float, distance: float, half_width: float) -> float:
         """The heading to take: the leader's bearing, or the nearest to it that is clear where something stands between.
 
         It goes round on the side it chose until the leader's bearing is clear again, so it does not swing in front of
         a post; without any clear heading it keeps to the bearing.
         """
         reach = min(REACH, distance - LEADER_ROOM)
-        if first_clear(scan, HALF_WIDTH, (bearing,), reach) is not None:
+        if first_clear(scan, half_width, (bearing,), reach) is not None:
             self._side = 0.0
             return bearing
-        heading = first_clear(scan, HALF_WIDTH, _detours(bearing, (self._side,)), reach) if self._side else None
+        heading = first_clear(scan, half_width, _detours(bearing, (self._side,)), reach) if self._side else None
         if heading is None:
-            heading = first_clear(scan, HALF_WIDTH, _detours(bearing, (1.0, -1.0)), reach)
+            heading = first_clear(scan, half_width, _detours(bearing, (1.0, -1.0)), reach)
         if heading is None:
             self._side = 0.0
             return bearing

@@ -1,7 +1,18 @@
 """Which message goes over which key, for tools that receive a payload without an encoding."""
 
 from zteam import names
-from zteam.messages import Clock, Done, Log, Message, OccupancyGrid, RobotStatus, TeamStatus, TFMessage, Tick, Twist
+from zteam.messages import (
+    BaseInfo,
+    Clock,
+    Done,
+    Log, Message,
+    OccupancyGrid,
+    RobotStatus,
+    TeamStatus,
+    TFMessage,
+    Tick,
+    Twist,
+)
 from zteam.world.devices import KINDS
 
 _TEAM: dict[str, type[Message]] = {
@@ -14,6 +25,7 @@ _TEAM: dict[str, type[Message]] = {
 }
 
 _ROBOT: dict[str, type[Message]] = {
+    names.BASE_INFO: BaseInfo,
     names.CMD_VEL: Twist,
     names.STATUS: RobotStatus,
     names.TELEOP: Twist,

@@ -25,6 +25,8 @@ class Turn(NamedTuple):
     """How often time had jumped back when the turn began."""
     given: dict[str, Any]
     """The behaviour's parameters, as in `Parameters`."""
+    missing: list[str]
+    """What the robot lacks that its view does not show, as nouns."""
 
 
 class Driver:
@@ -83,9 +85,10 @@ class Driver:
             scan=inputs.scan,
             odom=inputs.odom,
             lookup=inputs.lookup,
+            base=inputs.base_input.base,
             seed=self._seed,
         )
-        return Turn(view, epoch, self.jumps, self._parameters.given)
+        return Turn(view, epoch, self.jumps, self._parameters.given, inputs.base_input.missing())
 
     def step(self, turn: Turn) -> Twist | None:
         """The command of this turn; None while the gate is shut, or if time jumped back meanwhile."""
@@ -103,7 +106,7 @@ class Driver:
         """Whether the robot may drive: when nothing is missing and GO has come, and from then on for good."""
         self._prepare_behavior(turn)
         was_released = self.readiness.released
-        lacking = [] if was_released else missing(turn.view, self.behavior)
+        lacking = [] if was_released else missing(turn.view, self.behavior) + turn.missing
         with self._node.changed:
             if turn.jumps != self.jumps:
                 return False

@@ -10,9 +10,10 @@ from typing import Any
 import msgspec
 
 from zteam import names
+from zteam.base import BaseOverride
 from zteam.behaviors import Behavior
 from zteam.clock import Every, monotonic
-from zteam.messages import LaserScan, Odometry, TeamStatus, TFMessage, Tick, Twist, ns_from_time
+from zteam.messages import BaseInfo, LaserScan, Odometry, TeamStatus, TFMessage, Tick, Twist, ns_from_time
 from zteam.nodes.robot.driver import Driver
 from zteam.nodes.robot.inputs import Inputs
 from zteam.nodes.robot.pacing import ScanPacing
@@ -35,6 +36,8 @@ class RobotOptions(msgspec.Struct, frozen=True):
     gate: bool = True
     """Wait for the monitor's GO."""
     seed: int = 1
+    base: BaseOverride = BaseOverride()
+    """What holds instead of `base_info`."""
 
 
 class RobotNode:
@@ -44,7 +47,7 @@ class RobotNode:
         """`kind` is the class of the behaviour, which is made anew after time has jumped back."""
         self._node = node
         self._id = options.robot_id
-        self._inputs = Inputs(self._id)
+        self._inputs = Inputs(self._id, options.base)
         readiness = Readiness(gated=options.gate)
         parameters = Parameters(node, kind, options.behavior, options.params)
         self._driver = Driver(node, self._inputs, parameters, readiness, self._id, options.seed)
@@ -66,6 +69,7 @@ class RobotNode:
         node.clock.sim.on_jump_back(self._on_jump_back)
         node.subscribe(self._key(names.BASE_SCAN), LaserScan, self._on_scan, wake=False)
         node.subscribe(names.TEAM_STATUS, TeamStatus, self._on_team_status, latched=True)
+        node.subscribe(self._key(names.BASE_INFO), BaseInfo, self._on_base_info, latched=True)
         self._odom_input = node.subscribe(self._key(names.ODOM), Odometry, self._on_odom, wake=False)
         self._tf_input = node.subscribe_payloads(names.TF, TFMessage, self._on_tf)
         node.subscribe(names.TF_STATIC, TFMessage, self._on_tf_static, latched=True)
@@ -91,6 +95,10 @@ class RobotNode:
 
     def _on_tf_static(self, _key: str, message: TFMessage) -> None:
         self._inputs.take_static(message)
+        self._on_input()
+
+    def _on_base_info(self, _key: str, message: BaseInfo) -> None:
+        self._inputs.base_input.take(message)
         self._on_input()
 
     def _on_monitor(self, _key: str, alive: bool) -> None:
