@@ -111,7 +111,14 @@ def _drive(robot_id: int, args: argparse.Namespace) -> int:
     except Exception as error:
         return log_fault(error)
     kind = find_behavior(spec)
-    options = RobotOptions(robot_id=robot_id, behavior=spec, params=params, gate=not args.no_gate, seed=args.seed, base=read_base(args.base))
+    options = RobotOptions(
+        robot_id=robot_id,
+        behavior=spec,
+        params=params,
+        gate=not args.no_gate,
+        seed=args.seed,
+        base=read_base(args.base),
+    )
 
     def body(node: Node) -> None:
         run_robot(node, kind, options)
