@@ -25,6 +25,8 @@ LAUNCHER = "up"
 TICK = "sim/tick"
 """Lock-step: key of the simulator's numbered ticks."""
 DONE = "done"
+LACKING = "lacking"
+"""Lock-step: query for the inputs of the open tick that a participant waits for."""
 
 STATIC_CALLER = "static"
 """Name in the token of a process that asked the aggregator for a static transform."""
