@@ -94,7 +94,7 @@ def _drive(robot_id: int, args: argparse.Namespace) -> int:
         raise
     except Exception as error:
         return log_fault(error)
-    options = RobotOptions(robot_id=robot_id, gate=not args.no_gate, seed=args.seed)
+    options = RobotOptions(robot_id=robot_id, gate=not args.no_gate, seed=args.seed, behavior=spec)
 
     def body(node: Node) -> None:
         run_robot(node, make_behavior, options)

@@ -13,10 +13,12 @@ from zteam import names
 from zteam.behaviors import Behavior
 from zteam.clock import Every, monotonic
 from zteam.messages import LaserScan, Odometry, TeamStatus, TFMessage, Tick, Twist, ns_from_time
-from zteam.nodes.robot.driver import Driver
+from zteam.nodes.robot.driver import Driver, Turn
 from zteam.nodes.robot.inputs import Inputs
 from zteam.nodes.robot.pacing import ScanPacing
 from zteam.nodes.robot.readiness import Readiness
+from zteam.nodes.robot.status import StatusReport
+from zteam.nodes.robot.waiting import Waiting
 from zteam.runtime.node import Node
 from zteam.runtime.participant import Participant
 
@@ -30,6 +32,8 @@ class RobotOptions(msgspec.Struct, frozen=True):
     gate: bool = True
     """Wait for the monitor's GO."""
     seed: int = 1
+    behavior: str = ""
+    """What its behaviour is called on the command line, for its status."""
 
 
 class RobotNode:
@@ -40,8 +44,8 @@ class RobotNode:
         self._node = node
         self._id = options.robot_id
         self._inputs = Inputs(self._id)
-        readiness = Readiness(gated=options.gate)
-        self._driver = Driver(node, self._inputs, make_behavior, readiness, self._id, options.seed)
+        self._status = StatusReport(node, self._id, options.behavior, Readiness(gated=options.gate))
+        self._driver = Driver(node, self._inputs, make_behavior, self._status, self._id, options.seed)
         self._driver.on_release = self._drop_idle_inputs
         self._first_data = 0.0
         """Host time of the first scan; 0 before."""
@@ -50,6 +54,7 @@ class RobotNode:
         # First: latched messages come while it subscribes, and look whether this is lock-step.
         self._part = Participant(node, self._has_inputs, self._act)
         self._pacing = ScanPacing(node, self._inputs, self._driver, self._part)
+        self._waiting = Waiting(node, self._inputs, self._driver, self._part)
         self._subscribe()
 
     def _key(self, topic: str) -> str:
@@ -90,7 +95,7 @@ class RobotNode:
     def _on_monitor(self, _key: str, alive: bool) -> None:
         if alive:
             # A monitor that has just come must not wait for the next heartbeat to know this robot.
-            self._driver.publish_status()
+            self._status.publish()
 
     def _on_jump_back(self, _old: int, _new: int) -> None:
         log.warning("time jumped back (the simulator started anew): old data is forgotten")
@@ -116,19 +121,23 @@ class RobotNode:
             if self._node.stopping:
                 return
             self._node.decide_clock(self._first_data)
-            self._take_turn()
+            self._take_turn(self._pacing.begin_turn, self._driver.step)
+            if not self._heartbeat.due():
+                continue
+            self._waiting.find_absence()
+            self._take_turn(self._waiting.begin_look, self._driver.look)
             with self._node.changed:
-                if self._heartbeat.due():
-                    self._driver.publish_status()
+                self._waiting.tell()
+                self._status.publish()
 
-    def _take_turn(self) -> None:
-        """Real time: step if there is a reason to. The behaviour is asked without `node.changed`."""
+    def _take_turn(self, begin: Callable[[], Turn | None], step: Callable[[Turn], Twist | None]) -> None:
+        """Real time: take the turn that is due. The behaviour is asked without `node.changed`."""
         with self._node.changed:
-            turn = self._pacing.begin_turn()
+            turn = begin()
             if turn is None:
                 return
             self._driver.busy = True
-        command = self._driver.step(turn)
+        command = step(turn)
         with self._node.changed:
             self._driver.busy = False
             if self._part.active:
@@ -169,7 +178,8 @@ class RobotNode:
         with self._node.changed:
             self._cmd_vel.put(Twist())
             self._driver.readiness.stop()
-            self._driver.publish_status()
+            self._status.command = None
+            self._status.publish()
         log.info("%s stopped", names.robot_name(self._id))
 
 
