@@ -15,7 +15,7 @@ log = logging.getLogger("zteam")
 
 _ANSWER_LIMIT = 0.5
 """Host seconds for the simulator to say which robots it has."""
-_PATIENCE = 2
+_PATIENCE = 3
 """Looks, a second apart, until something that does not come is missing."""
 _TELL_EVERY = 5
 """Seconds between two lines about the others that GO waits for."""

@@ -8,8 +8,8 @@ from zteam import names
 from zteam.bus import MemoryHub
 from zteam.clock import wall_ns
 from zteam.messages import Clock, RobotState, RobotStatus, TeamState, TeamStatus, Tick, ns_from_time, time_from_ns
+from zteam.nodes.monitor.display import LEAVE_AFTER, JsonLines, Lines
 from zteam.nodes.monitor.members import Event
-from zteam.nodes.monitor.node import LEAVE_AFTER, print_event, print_json
 
 
 def test_go_reaches_the_early_and_the_late(hub: MemoryHub, open_desk: Open) -> None:
@@ -209,11 +209,11 @@ def test_the_bus_does_not_wait_for_the_terminal(hub: MemoryHub, open_desk: Open)
 def test_lines_for_users_and_for_programs(capsys: pytest.CaptureFixture[str]) -> None:
     """The same events as text, and as one JSON object a line."""
     events = [Event("ready", 1, 'ready (1 of 2; "x"\n)'), Event("go", None, "All robots GO!")]
-    print_event(Event("lost", 3, "lost"))
-    print_event(events[1])
+    Lines().show(Event("lost", 3, "lost"))
+    Lines().show(events[1])
     assert capsys.readouterr().out == "robot_3 lost\nAll robots GO!\n"
     for event in events:
-        print_json(event)
+        JsonLines().show(event)
     lines = capsys.readouterr().out.splitlines()
     assert [msgspec.json.decode(line) for line in lines] == [
         {"event": "ready", "robot": 1, "text": 'ready (1 of 2; "x"\n)'},

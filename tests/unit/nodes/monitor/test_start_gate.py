@@ -136,7 +136,7 @@ def test_ids_learnt_later_hold_from_then_on() -> None:
     gate.expect([5, 0])
     come(gate, 1)
     assert not gate.try_go(1)
-    assert gate.waiting_for() == "robot_5"
+    assert gate.waiting_for() == "robot_5: no process yet"
     come(gate, 5)
     assert gate.try_go(1)
 
