@@ -23,6 +23,8 @@ LEAVE_AFTER = 5.0
 """`--exit-on-go` waits this long at most for every robot to obey."""
 _PIPE_WIDTH = 80
 """Characters of a line of the table where there is no terminal."""
+_STATUSES = 1.5
+"""Host seconds after which every robot has said its status; before that a table would be empty."""
 
 Contents = Callable[[], tuple[list[Row], list[str]]]
 """The rows of the table and the notes below it, as they are now."""
@@ -36,7 +38,7 @@ class MonitorOptions(msgspec.Struct, frozen=True):
     json: bool = False
     exit_on_go: bool = False
     table: float | None = None
-    """Host seconds between two tables where there is no terminal; None = no table."""
+    """Host seconds between two tables where there is no terminal; None = no table, infinity = a single one."""
 
 
 class Output(Protocol):
@@ -122,6 +124,7 @@ class Display:
         self._nag.due()
         self._poses: Poses | None = None
         self._table = Every(options.table or 0.0)
+        self._table_from = monotonic() + _STATUSES
         if options.table is not None or output.draws_itself:
             self._poses = Poses(node, self._robots)
         output.watch(self._contents)
@@ -135,6 +138,11 @@ class Display:
         with self._node.changed:
             return make_rows(self._team, poses, monotonic()), team_notes(self._team, self._watch.notes())
 
+    def _is_table_due(self) -> bool:
+        if self._options.table is None or self._output.draws_itself:
+            return False
+        return monotonic() >= self._table_from and self._table.due()
+
     def update(self) -> bool:
         """Show what is new. True if the process may leave: GO is out, with `exit_on_go`."""
         with self._node.changed:
@@ -144,11 +152,11 @@ class Display:
         for event in events:
             # Without the lock: a terminal can be slow, and the live table takes the lock to draw itself.
             self._output.show(event)
-        if self._options.table is not None and not self._output.draws_itself and self._table.due():
+        if self._is_table_due():
             self._output.print_table()
         if gone and self._options.exit_on_go:
             self._leave_at = self._leave_at or monotonic() + LEAVE_AFTER
             return running or monotonic() > self._leave_at
-        if not gone and self._nag.due():
+        if not gone and not self._output.draws_itself and self._nag.due():
             log.warning("waiting for %s", waiting_for)
         return False

@@ -73,10 +73,11 @@ class FollowedTeam:
         """How the running monitor's team differs from the one asked for; empty if it does not."""
         if self.status is None:
             return ""
-        wanted = f"{team_size} robots" if team_size != 1 else "1 robot"
-        if self.status.team_size != team_size:
-            return f"the running monitor waits for {self.status.team_size}, not for {wanted} as asked here"
+        size = self.status.team_size
+        if size != team_size:
+            has = f"{size} robots" if size != 1 else "1 robot"
+            return f"the running monitor's team has {has}, not {team_size} as asked for here"
         if ids is not None and self.ids and self.ids != sorted(ids):
             has, asked = names.ids_text(self.ids), names.ids_text(ids)
-            return f"the running monitor waits for the robots {has}, not for {asked} as asked here"
+            return f"the running monitor's team is {has}, not {asked} as asked for here"
         return ""

@@ -31,19 +31,12 @@ class Poses:
         self._stop = threading.Event()
         self.newest: dict[int, Pose2] = {}
         """By id; a robot whose pose is not known has none. Replaced as a whole."""
-        self._asked = threading.Event()
         node.stop.on_request(self._stop.set)
         threading.Thread(target=self._run, name="poses", daemon=True).start()
-
-    def wait_for_first(self, timeout: float) -> None:
-        """Wait until the first answer has come, for at most `timeout` host seconds."""
-        self._asked.wait(timeout)
 
     def _run(self) -> None:
         while not self._stop.is_set():
             self.newest = self._ask(self._robots())
-            if self.newest:
-                self._asked.set()
             self._stop.wait(PERIOD)
 
     def _ask(self, robots: list[int]) -> dict[int, Pose2]:

@@ -57,6 +57,12 @@ def _row(robot_id: int, member: Member, pose: Pose2 | None, now: float) -> Row:
     row.behavior = printable(_behavior(status.behavior, status.leader, status.driver))
     row.age = now - member.heard
     row.speed = status.speed
+    if member.silent:
+        row.reason = member.why_not_ready
+        return row
+    if status.state == RobotState.READY:
+        # What GO waits for stands below the table.
+        return row
     # A robot of an older version says only in its text why it does not drive.
     row.reason = printable(status.reason or ("" if status.state == RobotState.RUNNING else status.text))
     return row

@@ -1,4 +1,4 @@
-"""What the monitor and its views know of a team, whoever gives GO."""
+"""What a monitor knows of its team, whether it gives GO itself or shows another one's team."""
 
 from collections.abc import Sequence
 from typing import Protocol

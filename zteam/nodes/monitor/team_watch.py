@@ -1,4 +1,4 @@
-"""Feeds a team from the bus: the robots' statuses, who holds which name, and the link to the router."""
+"""Feeds a team from the bus: the robots' statuses, the holders of the names, and the link to the router."""
 
 from zteam import names
 from zteam.clock import monotonic
@@ -29,7 +29,7 @@ class TeamWatch:
         """Those processes that were there and are gone, by name: what that means, in words."""
         self.link_up = True
         self.simulator_came = False
-        """Whether a simulator's token has come; who acts on it sets it back."""
+        """Whether a simulator's token has come; set back by the caller that acts on it."""
         self.writers = WriterWatch(node, team)
         node.bus.watch_link(self._on_link)
         node.subscribe(names.all_robots_key(names.STATUS), RobotStatus, self._on_status)

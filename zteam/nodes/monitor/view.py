@@ -1,6 +1,9 @@
 """A view of a monitor that runs already: its table and its GO, without a gate of its own."""
 
 import logging
+import math
+
+import msgspec
 
 from zteam import names
 from zteam.bus.presence import ProcessInfo
@@ -67,6 +70,9 @@ def run_view(node: Node, options: MonitorOptions) -> None:
         "a monitor is running already (process %d on %s, for %.0f s): this shows its team; Ctrl+C ends this view only",
         info.pid, info.host, since,
     )  # fmt: skip
+    if options.table is None and not options.exit_on_go:
+        # Where there is no terminal the table is shown at least once: it is what was asked for.
+        options = msgspec.structs.replace(options, table=math.inf)
     view = View(node, options)
     with showing(options) as output:
         view.run(output)

@@ -48,6 +48,7 @@ def test_every_robot_has_a_state() -> None:
     rows = make_rows(gate, {}, SILENT_AFTER + 2)
     assert [row.state for row in rows] == ["silent", "lost", "stopped", "silent", "absent", "absent"]
     assert [row.reason for row in rows[1:3]] == ["its process is gone"] * 2
+    assert rows[0].reason == rows[3].reason == "does not answer"
     assert rows[4].reason == "no status yet"
     assert rows[5].reason.startswith("robot_5 is not in the world; it has 0-4 ('zteam sim spawn --id 5")
 
