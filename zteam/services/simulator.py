@@ -134,10 +134,10 @@ class SimStatus(msgspec.Struct):
 
 
 def absence_text(robot_id: int, robots: Sequence[int]) -> str:
-    """That the world lacks a robot, which robots it has, and the way out."""
+    """What is said of a robot that the world lacks: which robots it has, and the way out."""
     has = names.ids_text(robots) if robots else "no robot"
     spawn = f"'zteam sim spawn --id {robot_id} --pose X Y YAW' adds it"
-    return f"{names.robot_name(robot_id)} is not in the world; it has {has} ({spawn})"
+    return f"not in the world; it has {has} ({spawn})"
 
 
 class StandRequest(msgspec.Struct):

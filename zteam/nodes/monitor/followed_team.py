@@ -36,7 +36,7 @@ class FollowedTeam:
         self.members.take_status(robot_id, status, now)
         return True
 
-    def take_world(self, robots: Sequence[int]) -> None:
+    def take_world(self, robots: Sequence[int] | None) -> None:
         """The running monitor says which robots the world lacks."""
 
     def take_team(self, status: TeamStatus) -> None:

@@ -37,7 +37,7 @@ class Member(msgspec.Struct):
     stopped: bool = False
     """Whether it said that it stops before it went."""
     absence: str = ""
-    """That the world lacks it, in words; empty if it does not, or if there is no simulator."""
+    """That the world lacks it, in words; empty while nothing is known of that."""
 
     @property
     def ready(self) -> bool:

@@ -66,10 +66,10 @@ class Gate:
             text = f"is not expected: GO waits for {names.ids_text(self.expected)} only, and counts for it too"
             self.members.tell("unexpected", robot_id, text)
 
-    def take_world(self, robots: Sequence[int]) -> None:
-        """The simulator has these robots."""
+    def take_world(self, robots: Sequence[int] | None) -> None:
+        """The simulator has these robots; None if there is no simulator."""
         for robot_id, member in self.members.by_id.items():
-            member.absence = "" if robot_id in robots else absence_text(robot_id, robots)
+            member.absence = "" if robots is None or robot_id in robots else absence_text(robot_id, robots)
 
     def take_token(self, robot_id: int, instance: str, alive: bool) -> None:
         """A process took or lost the name `robot_N`."""
@@ -138,7 +138,7 @@ class Gate:
         unready = self.missing
         if self.expected is None:
             unready = sorted(i for i, member in self.members.by_id.items() if member.alive and not member.ready)
-        parts = [_with_reason(i, self.members.get(i)) for i in unready[:_NAMED]]
+        parts = [f"{names.robot_name(i)}: {self.members.get(i).why_not_ready}" for i in unready[:_NAMED]]
         if len(unready) > _NAMED:
             parts.append(f"and {len(unready) - _NAMED} more robots")
         if self.expected is None and len(self.ready) < self.team_size:
@@ -167,8 +167,3 @@ class Gate:
             lost=np.array(self.lost, np.int32),
             waiting_for="" if self.gone else self.waiting_for(),
         )
-
-
-def _with_reason(robot_id: int, member: Member) -> str:
-    # The text of an absence names the robot itself.
-    return member.absence or f"{names.robot_name(robot_id)}: {member.why_not_ready}"

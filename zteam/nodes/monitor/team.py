@@ -25,8 +25,8 @@ class Team(Protocol):
         """A robot's status, heard at host time `now` on its own key; False if it speaks for another robot."""
         ...
 
-    def take_world(self, robots: Sequence[int]) -> None:
-        """The simulator has these robots."""
+    def take_world(self, robots: Sequence[int] | None) -> None:
+        """The simulator has these robots; None if there is no simulator."""
         ...
 
     def all_running(self) -> bool:

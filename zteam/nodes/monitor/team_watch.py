@@ -64,6 +64,8 @@ class TeamWatch:
             self._team.take_token(robot_id, instance, alive)
         elif self._servers.take(name, instance, alive):
             what, meaning = _SERVERS[name]
+            if name == names.SIMULATOR and not alive:
+                self._team.take_world(None)
             if not alive:
                 self.servers_gone[name] = f"{what} is gone: {meaning}"
                 self._team.members.tell("process", None, self.servers_gone[name])

@@ -51,7 +51,8 @@ class Waiting:
             return
         robot_id = self._driver.robot_id
         lacks = [status for _, status in answers if robot_id not in status.robots]
-        self._driver.absence = absence_text(robot_id, lacks[0].robots) if lacks else ""
+        name = names.robot_name(robot_id)
+        self._driver.absence = f"{name} is {absence_text(robot_id, lacks[0].robots)}" if lacks else ""
 
     def begin_look(self) -> Turn | None:
         """A turn to find out what is missing: while nothing comes there is no other (under `node.changed`)."""

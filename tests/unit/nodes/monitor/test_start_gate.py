@@ -347,12 +347,14 @@ def test_a_robot_that_the_world_lacks_is_named() -> None:
     come(gate, 0, 1)
     gate.take_world([0, 1, 2, 3])
     assert gate.waiting_for() == (
-        "robot_9 is not in the world; it has 0-3 ('zteam sim spawn --id 9 --pose X Y YAW' adds it)"
+        "robot_9: not in the world; it has 0-3 ('zteam sim spawn --id 9 --pose X Y YAW' adds it)"
     )
     gate.take_world([])
     assert "; it has no robot (" in gate.waiting_for()
-    gate.take_world([0, 1, 2, 3, 9])
-    assert gate.waiting_for() == "robot_9: no process yet"
+    for world in ([0, 1, 2, 3, 9], None):
+        gate.take_world([])
+        gate.take_world(world)
+        assert gate.waiting_for() == "robot_9: no process yet"
 
 
 def test_a_robot_that_is_not_expected_is_named_once() -> None:

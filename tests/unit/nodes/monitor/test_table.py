@@ -50,7 +50,7 @@ def test_every_robot_has_a_state() -> None:
     assert [row.reason for row in rows[1:3]] == ["its process is gone"] * 2
     assert rows[0].reason == rows[3].reason == "does not answer"
     assert rows[4].reason == "no status yet"
-    assert rows[5].reason.startswith("robot_5 is not in the world; it has 0-4 ('zteam sim spawn --id 5")
+    assert rows[5].reason.startswith("not in the world; it has 0-4 ('zteam sim spawn --id 5")
 
 
 def test_a_long_reason_stands_below_its_row() -> None:
