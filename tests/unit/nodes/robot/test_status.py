@@ -148,6 +148,7 @@ def test_a_ready_robot_tells_whom_go_waits_for(monkeypatch: pytest.MonkeyPatch) 
         robot = RealTimeRobot(Asks, gate=True)
         try:
             robot.say_team(TeamStatus(waiting_for="robot_2: no process yet"))
+            robot.say_base_info()
             robot.say_statics()
             robot.say_odometry(1)
             robot.say_transforms(1)
