@@ -40,7 +40,8 @@ class Facts(msgspec.Struct, frozen=True, kw_only=True):
     """Whether the simulator's tick was the same at the begin and at the end of the look."""
     map: OccupancyGrid | None = None
     """The map that a late subscriber gets; its cells are left out."""
-    map_writers: Sequence[str] = ()
+    map_writer: str = ""
+    """The process that published it, by name."""
     namespace: str = ""
     """Where the look was made; empty for no namespace."""
     elsewhere: Mapping[str, Sequence[str]] = {}

@@ -60,12 +60,13 @@ def _refusals(counts: Mapping[str, Mapping[str, KeyCount]]) -> list[tuple[str, s
 def _of_fault(fault: Fault, refusals: list[tuple[str, str, KeyCount]]) -> Finding:
     by = f"; refused by {', '.join(name for _, name, _ in refusals)}" if refusals else ""
     text = f"{fault.key}: {fault.writer} sends {fault.reason}{by}"
-    return problem("refusals", text, f"mend or end {fault.writer}, which writes {fault.key}")
+    return problem("refusals", text, "end or mend what sends it: 'zteam node list' has the processes")
 
 
 def _of_count(facts: Facts, key: str, name: str, count: KeyCount) -> Finding:
     writers = ", ".join(facts.writers.get(key, ()))
-    step = f"{key} is written by {writers}" if writers else f"'zteam topic info {key}' names the writers"
+    past = f"{HISTORY_AFTER:g} s after the last refusal this is history"
+    step = f"look at {writers}, which writes {key} now; {past}" if writers else f"no process writes {key} now; {past}"
     return problem("refusals", f"{key}: {name}: {format_refusals(count)}", step)
 
 
