@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from support.transports import RouterProcess
 from zteam import BusOptions, connect, names
 from zteam.messages import Header, LaserScan, MapMetaData, OccupancyGrid, Point, Pose, Range
 from zteam.testing.team import TeamFixture
@@ -27,7 +28,7 @@ def problems(team: TeamFixture, *words: str) -> dict[str, str]:
     """Text and next step of each problem, by its subject."""
     code, found = doctor(team, *words)
     bad = {row["what"]: f"{row['text']} -> {row['next_step']}" for row in found if not row["good"]}
-    assert code == (1 if bad else 0)
+    assert code == (1 if bad else 0), found
     return bad
 
 
@@ -97,7 +98,7 @@ def test_doctor_names_causes_in_a_running_team(team: TeamFixture, tmp_path: Path
 
 
 def test_doctor_names_what_a_team_lacks(team: TeamFixture) -> None:
-    """An id that the world lacks, a gate that waits for it, a frozen process and the wrong namespace are named."""
+    """An id that the world lacks, a gate that waits for it, and the wrong namespace are named."""
     team.spawn("zteam-sim", "arena", name="sim")
     team.spawn("zteam-monitor", "--ids", "0,7", name="monitor")
     team.spawn("zteam-robot", "--id", "7", name="robot_7")
@@ -112,6 +113,21 @@ def test_doctor_names_what_a_team_lacks(team: TeamFixture) -> None:
     assert list(missing) == ["namespace"]
     assert "there are processes in the namespace " in missing["namespace"]
     assert "monitor, robot_7, sim" in missing["namespace"]
+
+
+def test_doctor_names_the_router_where_the_team_is(team: TeamFixture) -> None:
+    """At a router without processes, the other routers of this machine are told with their processes."""
+    team.spawn("zteam-sim", "arena", name="sim")
+    team.wait_for_processes("sim")
+    empty = RouterProcess()
+    try:
+        code, found = doctor(team, "--connect", empty.endpoint)
+    finally:
+        empty.kill()
+    told = {row["next_step"]: row["text"] for row in found if row["what"] == "router"}
+    assert code == 1
+    text = told[f"--connect {team.endpoint} (or export ZTEAM_CONNECT={team.endpoint})"]
+    assert text == f"another router of this machine, at {team.endpoint}, has processes: {team.namespace}/sim"
 
 
 def test_doctor_names_what_holds_lock_step(team: TeamFixture) -> None:

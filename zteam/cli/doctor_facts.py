@@ -3,21 +3,24 @@
 import threading
 from collections import defaultdict
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
 import msgspec
 
 from zteam import names
-from zteam.bus import Bus, BusOptions
+from zteam.bus import Bus, BusOptions, connect
 from zteam.bus.connection import read_admin
 from zteam.bus.counters import KeyCount
+from zteam.bus.local_routers import find_local_routers
 from zteam.bus.presence import ProcessInfo
 from zteam.bus.topics import type_of_key
 from zteam.bus.transport import RawSample
-from zteam.cli.listening import SURVEY, Waiter, open_bus
+from zteam.cli.listening import SURVEY, Waiter
 from zteam.cli.node import find_nodes, writer_names
 from zteam.diagnosis.facts import Facts, Fault
 from zteam.errors import BusError, DecodeError
+from zteam.launch import kinds
 from zteam.messages import Message, OccupancyGrid, RobotStatus, TeamStatus, decode, type_of_encoding
 from zteam.messages.message import NO_INT8
 from zteam.services.simulator import SimStatus
@@ -28,6 +31,8 @@ LONGER = 3.0
 """Host seconds for which the status of a robot that has not been heard is waited for: it comes once a second."""
 _SETTLE = 0.3
 """Host seconds to wait for the tokens of other namespaces."""
+_MAX_ROUTERS = 32
+"""Other routers that are asked."""
 
 
 def collect_facts(bus: Bus, options: BusOptions) -> Facts:
@@ -36,7 +41,9 @@ def collect_facts(bus: Bus, options: BusOptions) -> Facts:
     nodes = find_nodes(bus)
     heard = _listen(bus, nodes)
     after = _ask_simulator(bus)
-    namer = _namer(nodes, options)
+    admin = read_admin(options.endpoint)
+    router_id = admin.zid if admin else ""
+    namer = _namer(nodes, router_id)
     newest_map = _newest(heard, names.MAP, OccupancyGrid)
     return Facts(
         nodes=nodes,
@@ -51,6 +58,7 @@ def collect_facts(bus: Bus, options: BusOptions) -> Facts:
         map_writer=namer(newest_map.source) if newest_map else "",
         namespace=options.namespace or "",
         elsewhere={} if nodes else _elsewhere(options),
+        routers={} if _is_complete(nodes) else _at_other_routers(options, router_id),
     )
 
 
@@ -60,12 +68,10 @@ Namer = Callable[[str], str]
 """The name of the process that has a session."""
 
 
-def _namer(nodes: list[ProcessInfo], options: BusOptions) -> Namer:
-    admin = read_admin(options.endpoint)
-
+def _namer(nodes: list[ProcessInfo], router_id: str) -> Namer:
     def name(session: str) -> str:
         # The router stamps the samples of sessions that do not.
-        if admin is not None and session == admin.zid:
+        if session and session == router_id:
             return "a client without time stamps (plain Zenoh)"
         return writer_names(nodes, [session])[0]
 
@@ -156,19 +162,52 @@ def _without_cells(grid: OccupancyGrid | None) -> OccupancyGrid | None:
     return None if grid is None else msgspec.structs.replace(grid, data=NO_INT8)
 
 
+def _is_complete(nodes: list[ProcessInfo]) -> bool:
+    """Whether a team has every kind of process."""
+    return all(any(map(kind.includes, (node.name for node in nodes))) for kind in kinds.KINDS if kind.on_bus)
+
+
 def _elsewhere(options: BusOptions) -> dict[str, list[str]]:
     """The processes in other namespaces of the same router."""
     found: dict[str, set[str]] = defaultdict(set)
+    for namespace, name in _find_processes(options):
+        if namespace != (options.namespace or ""):
+            found[namespace].add(name)
+    return {namespace: sorted(processes) for namespace, processes in found.items()}
+
+
+def _at_other_routers(options: BusOptions, router_id: str) -> dict[str, list[str]]:
+    """The processes at other routers of this machine, by endpoint."""
+
+    def ask(endpoint: str) -> list[str]:
+        admin = read_admin(endpoint)
+        if admin is None or admin.zid == router_id:
+            return []
+        try:
+            places = _find_processes(msgspec.structs.replace(options, connect=endpoint))
+        except BusError:
+            # It has just ended.
+            return []
+        return sorted({f"{namespace}/{name}" if namespace else name for namespace, name in places})
+
+    endpoints = find_local_routers()[:_MAX_ROUTERS]
+    with ThreadPoolExecutor(_MAX_ROUTERS) as pool:
+        return {endpoint: found for endpoint, found in zip(endpoints, pool.map(ask, endpoints), strict=True) if found}
+
+
+def _find_processes(options: BusOptions) -> list[tuple[str, str]]:
+    """(namespace, name) of every process at a router."""
+    found = []
 
     def take(key: str, alive: bool) -> None:
         token = names.split_namespaced_token_key(key)
-        if alive and token is not None and token[0] != (options.namespace or ""):
-            found[token[0]].add(token[1])
+        if alive and token is not None:
+            found.append(token[:2])
 
-    bus = open_bus(msgspec.structs.replace(options, connect=options.endpoint, namespace=None))
+    bus = connect(msgspec.structs.replace(options, connect=options.endpoint, namespace=None), patience=1.0)
     try:
         bus.watch_tokens([names.all_tokens_key()], take)
         Waiter().wait(lambda: False, _SETTLE, "")
     finally:
         bus.close()
-    return {namespace: sorted(processes) for namespace, processes in found.items()}
+    return found

@@ -46,6 +46,8 @@ class Facts(msgspec.Struct, frozen=True, kw_only=True):
     """Where the look was made; empty for no namespace."""
     elsewhere: Mapping[str, Sequence[str]] = {}
     """Names of the processes in other namespaces of the same router; "" is no namespace."""
+    routers: Mapping[str, Sequence[str]] = {}
+    """Names of the processes at other routers of this machine, by endpoint; `namespace/name` in a namespace."""
 
     @property
     def alive(self) -> frozenset[str]:

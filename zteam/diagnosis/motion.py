@@ -9,9 +9,11 @@ from zteam.robot_ids import format_robot_ids
 
 
 def stands_still(facts: Facts) -> bool:
-    """Whether the simulator sends no data because the world stands."""
+    """Whether the simulator sends no data: the world stands, or the simulator does not answer."""
     sim = facts.sim
-    return sim is not None and (sim.paused or sim.finished or is_held(facts))
+    if sim is None:
+        return names.SIMULATOR in facts.alive
+    return sim.paused or sim.finished or is_held(facts)
 
 
 def is_held(facts: Facts) -> bool:

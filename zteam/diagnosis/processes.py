@@ -9,18 +9,25 @@ from zteam.launch import kinds
 from zteam.robot_ids import format_robot_ids
 
 _SHOWN = 6
-"""Processes of another namespace that are named."""
+"""Processes of another namespace or router that are named."""
 
 
-def check_namespace(facts: Facts) -> list[Finding]:
-    """Whether a team runs in other namespaces only."""
-    if facts.nodes or not facts.elsewhere:
-        return []
+def check_elsewhere(facts: Facts) -> list[Finding]:
+    """Whether processes that are missing here run in another namespace, or at another router of this machine."""
+    found = [] if facts.nodes or not facts.elsewhere else [_of_namespaces(facts)]
+    tell = note if facts.nodes or facts.elsewhere else problem
+    for endpoint, processes in sorted(facts.routers.items()):
+        text = f"another router of this machine, at {endpoint}, has processes: {_listed(processes)}"
+        found.append(tell("router", text, f"--connect {endpoint} (or export ZTEAM_CONNECT={endpoint})"))
+    return found
+
+
+def _of_namespaces(facts: Facts) -> Finding:
     here = f"in the namespace {facts.namespace!r}" if facts.namespace else "outside of namespaces"
     places = [f"{_place(name)}: {_listed(found)}" for name, found in sorted(facts.elsewhere.items())]
-    first = next(iter(sorted(facts.elsewhere)))
+    first = min(facts.elsewhere)
     step = f"--namespace {first}" if first else "--namespace '' (and unset ZTEAM_NAMESPACE)"
-    return [problem("namespace", f"no process is {here}; there are processes {'; '.join(places)}", step)]
+    return problem("namespace", f"no process is {here}; there are processes {'; '.join(places)}", step)
 
 
 def _place(namespace: str) -> str:

@@ -5,7 +5,7 @@ from zteam.diagnosis.facts import Facts
 from zteam.diagnosis.finding import Finding
 from zteam.diagnosis.maps import check_map
 from zteam.diagnosis.motion import check_gate, check_readiness, check_silence, check_world
-from zteam.diagnosis.processes import check_namespace, check_processes, check_robots_of_world
+from zteam.diagnosis.processes import check_elsewhere, check_processes, check_robots_of_world
 from zteam.diagnosis.refusals import check_refusals
 
 _CHECKS = (
@@ -23,5 +23,8 @@ _CHECKS = (
 
 
 def check_team(facts: Facts) -> list[Finding]:
-    """What is good and what is wrong with the team; only the namespace if the team is in another one."""
-    return check_namespace(facts) or [finding for check in _CHECKS for finding in check(facts)]
+    """What is good and what is wrong with the team; only where the processes are if none is here."""
+    found = check_elsewhere(facts)
+    if found and not facts.nodes:
+        return found
+    return [*found, *(finding for check in _CHECKS for finding in check(facts))]

@@ -6,7 +6,7 @@ import pytest
 from support.team_facts import nodes, problems, robot_status, sim_status, team_facts
 from zteam.diagnosis.facts import Facts
 from zteam.diagnosis.finding import Finding
-from zteam.diagnosis.processes import check_namespace, check_processes, check_robots_of_world
+from zteam.diagnosis.processes import check_elsewhere, check_processes, check_robots_of_world
 from zteam.diagnosis.team import check_team
 from zteam.launch import kinds
 from zteam.launch.arguments import no_arguments
@@ -127,7 +127,7 @@ def test_another_namespace_is_named() -> None:
         "in the namespace 'lab': robot_1, sim"
     )
     assert step == "--namespace '' (and unset ZTEAM_NAMESPACE)"
-    (told,) = check_namespace(Facts(elsewhere={"lab": [f"robot_{i}" for i in range(10)]}))
+    (told,) = check_elsewhere(Facts(elsewhere={"lab": [f"robot_{i}" for i in range(10)]}))
     assert told.text.startswith("no process is outside of namespaces; there are processes in the namespace 'lab': ")
     assert told.text.endswith(" and 4 more")
     assert told.next_step == "--namespace lab"
@@ -135,4 +135,25 @@ def test_another_namespace_is_named() -> None:
 
 def test_a_team_here_is_not_compared_with_other_namespaces() -> None:
     """Other teams on the same router are no problem."""
-    assert check_namespace(team_facts(elsewhere={"lab": ["sim"]})) == []
+    assert check_elsewhere(team_facts(elsewhere={"lab": ["sim"]})) == []
+
+
+def test_another_router_of_this_machine_is_named() -> None:
+    """If nothing is here, that is the problem; if part of a team is here, it is a note."""
+    routers = {"tcp/127.0.0.1:7448": ["lab/tf", "sim"]}
+    text = "another router of this machine, at tcp/127.0.0.1:7448, has processes: lab/tf, sim"
+    step = "--connect tcp/127.0.0.1:7448 (or export ZTEAM_CONNECT=tcp/127.0.0.1:7448)"
+    assert problems(check_team(Facts(routers=routers))) == [("router", text, step)]
+    told = check_team(Facts(nodes=nodes("robot_0"), routers=routers))
+    assert (told[0].level, told[0].text) == ("note", text)
+    assert "no process sim" in {finding.text for finding in told}
+    both = check_team(Facts(routers=routers, elsewhere={"lab": ["sim"]}))
+    assert [(finding.what, finding.level) for finding in both] == [("namespace", "problem"), ("router", "note")]
+
+
+def test_a_simulator_that_hangs_is_the_only_cause_that_is_told() -> None:
+    """Scans that therefore do not come are not told too."""
+    facts = team_facts(
+        nodes=nodes("monitor", "robot_0", "robot_1", "sim", "tf", silent=("sim",)), sim=None, writers={"map": ["sim"]}
+    )
+    assert [what for what, _, _ in problems(check_team(facts))] == ["process"]
