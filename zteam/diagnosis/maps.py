@@ -60,17 +60,18 @@ def compare_with_world(name: str, found: MapInfo, world: MapInfo, world_name: st
 
 def find_differences(found: MapInfo, world: MapInfo) -> list[str]:
     """What differs in where a map lies, in words; a finer or coarser map of the same area does not differ."""
-    cell = max(found.resolution, world.resolution)
+    cell = max(world.resolution, found.resolution)
     dx, dy, turn = found.x - world.x, found.y - world.y, normalize_angle(found.yaw - world.yaw)
     differences = []
-    if math.hypot(dx, dy) > cell / 2:
+    # `not <=`: a number that is none differs.
+    if not math.hypot(dx, dy) <= cell / 2:
         at, due = f"({found.x:.6g}, {found.y:.6g})", f"({world.x:.6g}, {world.y:.6g})"
         differences.append(f"origin {at} instead of {due} m, shifted by {dx:+.2f} m in x and {dy:+.2f} m in y")
-    if abs(turn) > _TURN:
+    if not abs(turn) <= _TURN:
         differences.append(f"turned by {turn:+.3f} rad")
     if not _has_size_of(found, world):
         size, due = (f"{m.columns * m.resolution:.6g} x {m.rows * m.resolution:.6g}" for m in (found, world))
-        if abs(found.resolution - world.resolution) > _RESOLUTION * world.resolution:
+        if not abs(found.resolution - world.resolution) <= _RESOLUTION * world.resolution:
             differences.append(f"resolution {found.resolution:.6g} instead of {world.resolution:.6g} m")
         differences.append(f"size {size} instead of {due} m")
     return differences

@@ -1,5 +1,7 @@
 """Whether a map lies where the world is."""
 
+import math
+
 import msgspec
 import pytest
 
@@ -51,6 +53,9 @@ def test_a_map_of_the_same_area_is_good(found: MapInfo) -> None:
         (changed(y=-3.0, resolution=0.1, columns=100, rows=80), "problem", "+1.00 m in y"),
         (changed(x=-4.0, columns=100), "note", "size 5 x 8 instead of 10 x 8 m"),
         (changed(x=400.0, columns=100), "problem", "origin (400, -4)"),
+        (changed(x=math.nan), "problem", "origin (nan, -4)"),
+        (changed(yaw=math.nan), "problem", "turned by +nan rad"),
+        (changed(resolution=math.nan), "problem", "resolution nan instead of 0.05 m"),
     ],
 )
 def test_what_differs_is_told(found: MapInfo, level: str, text: str) -> None:
