@@ -62,7 +62,8 @@ def check_gate(facts: Facts) -> list[Finding]:
         found.append(problem("gate", text, _gate_step(facts, missing)))
     lost = [int(i) for i in team.lost if int(i) not in facts.robots and (facts.sim is None or i in facts.sim.robots)]
     if lost:
-        text = f"the process of {', '.join(map(names.robot_name, lost))} was there and is gone"
+        gone = ", ".join(map(names.robot_name, lost))
+        text = f"the process of {gone} was there and is gone: it has ended, or is stopped (Ctrl+Z)"
         found.append(problem("gate", text, f"start it again: zteam-robot --id {lost[0]}, with its behaviour"))
     return found
 

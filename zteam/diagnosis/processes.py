@@ -6,6 +6,7 @@ from zteam import names
 from zteam.diagnosis.facts import Facts
 from zteam.diagnosis.finding import Finding, note, ok, problem
 from zteam.launch import kinds
+from zteam.messages import RobotState
 from zteam.robot_ids import format_robot_ids
 
 _SHOWN = 6
@@ -63,7 +64,19 @@ def _of_kind(kind: kinds.Kind, facts: Facts) -> Finding:
         text += _followers(facts)
     # A team of fewer robots than the world has would leave some of them without GO.
     in_world = len(facts.sim.robots) if facts.sim else 0
-    return problem(kind.title, text, kind.hint.format(robots=max(1, len(facts.robots), in_world)))
+    step = kind.hint.format(robots=max(1, len(facts.robots), in_world))
+    works = _works_without(kind, facts)
+    return note(kind.title, f"{text}: {works}", step) if works and step else problem(kind.title, text, step)
+
+
+def _works_without(kind: kinds.Kind, facts: Facts) -> str:
+    """Why the team works without a kind of process; empty if it does not."""
+    if kind.name == names.SIMULATOR and any(names.scan_key(robot_id, 0) in facts.writers for robot_id in facts.robots):
+        return "the robots get scans of other processes"
+    if kind.name == names.MONITOR and facts.statuses:
+        running = all(status.state == RobotState.RUNNING for status in facts.statuses.values())
+        return "all robots run, but their health is not watched" if running else ""
+    return ""
 
 
 def _followers(facts: Facts) -> str:

@@ -84,7 +84,7 @@ def test_a_lost_robot_is_told_while_it_is_in_the_world() -> None:
     team = team_status(ready=[0, 1], missing=[], lost=[1])
     facts = team_facts(nodes=nodes("monitor", "robot_0", "sim", "tf"), team=team)
     ((_, text, step),) = problems(check_gate(facts))
-    assert text == "the process of robot_1 was there and is gone"
+    assert text == "the process of robot_1 was there and is gone: it has ended, or is stopped (Ctrl+Z)"
     assert step.startswith("start it again: zteam-robot --id 1")
     assert check_gate(team_facts(nodes=facts.nodes, team=team, sim=sim_status(robots=[0]))) == []
 

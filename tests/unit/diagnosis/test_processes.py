@@ -11,6 +11,7 @@ from zteam.diagnosis.team import check_team
 from zteam.launch import kinds
 from zteam.launch.arguments import no_arguments
 from zteam.launch.kinds import KINDS, Kind
+from zteam.messages import RobotState
 
 PLANNER = Kind("planner", "planner", "zteam-planner", no_arguments, 0, "start the planner of {robots} robots")
 
@@ -157,3 +158,23 @@ def test_a_simulator_that_hangs_is_the_only_cause_that_is_told() -> None:
         nodes=nodes("monitor", "robot_0", "robot_1", "sim", "tf", silent=("sim",)), sim=None, writers={"map": ["sim"]}
     )
     assert [what for what, _, _ in problems(check_team(facts))] == ["process"]
+
+
+def test_real_robots_need_no_simulator() -> None:
+    """If other processes publish the scans, the missing simulator is a note."""
+    facts = team_facts(nodes=nodes("monitor", "robot_0", "robot_1", "tf"), sim=None, map=None)
+    found = {finding.what: finding for finding in check_processes(facts)}
+    assert (found["simulator"].level, found["simulator"].good) == ("note", True)
+    assert found["simulator"].text == "no process sim: the robots get scans of other processes"
+    assert problems(check_team(facts)) == []
+
+
+def test_a_running_team_without_a_monitor_is_a_note() -> None:
+    """After GO, or with --no-gate, the robots drive without it; before, they wait for it."""
+    alive = nodes("robot_0", "robot_1", "sim", "tf")
+    (finding,) = (found for found in check_processes(team_facts(nodes=alive)) if found.level != "ok")
+    assert (finding.what, finding.level) == ("monitor", "note")
+    assert finding.text == "no process monitor: all robots run, but their health is not watched"
+    waiting = {0: robot_status(0), 1: robot_status(1, RobotState.READY)}
+    told = problems(check_processes(team_facts(nodes=alive, statuses=waiting)))
+    assert told == [("monitor", "no process monitor", "zteam-monitor --team-size 2")]
