@@ -131,7 +131,7 @@ def test_doctor_names_the_router_where_the_team_is(team: TeamFixture) -> None:
 
 
 def test_doctor_names_what_holds_lock_step(team: TeamFixture) -> None:
-    """A frozen robot holds the world, and both are told."""
+    """A frozen robot holds the world, and both are told; a world that goes on has no problem."""
     team.start("arena", robots=2, behavior="forward", params=SLOW, lockstep_timeout=600.0)
     team.wait_for_go()
     team.pause_process("robot_1")
@@ -141,3 +141,6 @@ def test_doctor_names_what_holds_lock_step(team: TeamFixture) -> None:
     assert "it waits for robot_1" in told["world"]
     assert told["process"].startswith("robot_1 is alive but does not answer: it is stopped")
     team.resume_process("robot_1")
+    stuck = team.sim_status.tick
+    team.wait_for(lambda: team.sim_status.tick > stuck + 1)
+    assert problems(team) == {}
