@@ -1,13 +1,13 @@
 """A robot in real time on a bus in memory: its main loop in a thread, and by hand what it hears."""
 
 import threading
-from collections.abc import Callable
-from functools import partial
+from typing import Any
 
 import numpy as np
 
 from zteam import names
-from zteam.behaviors import Behavior, load_behavior
+from zteam.behaviors import Behavior
+from zteam.behaviors.follow import Follow
 from zteam.bus import MemoryHub
 from zteam.clock import wait_until
 from zteam.geometry import Pose2
@@ -16,6 +16,7 @@ from zteam.nodes.robot.node import RobotNode, RobotOptions
 from zteam.resources import shipped_world
 from zteam.runtime.node import Node
 from zteam.runtime.shutdown import Stop
+from zteam.services.parameters_client import ParametersClient
 from zteam.sim import to_messages
 from zteam.world import load_world
 from zteam.world.bases import base_info
@@ -26,13 +27,14 @@ TICK = 100_000_000
 """Nanoseconds."""
 NEVER = 600.0
 """Host seconds: a patience that ends in no test."""
-FOLLOW = partial(load_behavior, "follow", {"leader": 0}, 1)
 
 
 class RealTimeRobot:
     """Robot 1, by default a follower, in a thread; `say_*` publishes, and returns when that is handled."""
 
-    def __init__(self, make_behavior: Callable[[], Behavior] = FOLLOW, *, gate: bool = False) -> None:
+    def __init__(self, kind: type[Behavior] = Follow, *, gate: bool = False, **params: Any) -> None:
+        if kind is Follow:
+            params.setdefault("leader", 0)
         self._hub = MemoryHub()
         self._bus = self._hub.bus()
         self.changed = threading.Condition()
@@ -58,7 +60,7 @@ class RealTimeRobot:
         self._stop = Stop()
         node = Node(names.robot_name(1), self._hub.bus(), self._stop)
         self.failures: list[BaseException] = []
-        self._robot = RobotNode(node, make_behavior, RobotOptions(1, gate=gate))
+        self._robot = RobotNode(node, kind, RobotOptions(1, kind.__name__, params, gate=gate))
         node.become_present()
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
@@ -79,6 +81,10 @@ class RealTimeRobot:
             self.statuses += 1
             self.text = status.text
             self.changed.notify_all()
+
+    def parameters(self) -> ParametersClient:
+        """A client of the robot's parameters."""
+        return ParametersClient(self._hub.bus())
 
     def say_monitor(self) -> None:
         """The presence token of a monitor."""

@@ -3,7 +3,7 @@
 import math
 from typing import Annotated
 
-import msgspec
+from msgspec import Meta, Struct
 
 from zteam import names
 from zteam.behaviors.behavior import Behavior
@@ -29,19 +29,14 @@ DETOUR_STEPS = 12
 """It looks for a way round up to so far from the leader's bearing."""
 
 
-class FollowParams(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class FollowParams(Struct, frozen=True, forbid_unknown_fields=True):
     """Parameters of `follow`; only the leader has to be given."""
 
-    leader: Annotated[int, msgspec.Meta(ge=0, le=names.MAX_ROBOT_ID)]
-    """Id of the robot to follow."""
-    min_dist: Annotated[float, msgspec.Meta(ge=0.0, le=100.0)] = 0.8
-    """It stands while the leader is at most this far away, metres between base frames."""
-    max_linear: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] = 0.7
-    """m/s."""
-    max_angular: Annotated[float, msgspec.Meta(ge=0.0, le=math.pi)] = 3.14
-    """rad/s."""
-    stale_after: Annotated[float, msgspec.Meta(ge=0.0, le=10.0)] = 0.5
-    """It stands while the leader's newest pose is older than this, seconds."""
+    leader: Annotated[int, Meta(ge=0, le=names.MAX_ROBOT_ID, description="id of the robot to follow")]
+    min_dist: Annotated[float, Meta(ge=0.0, le=100.0, description="m; it stands while the leader is nearer")] = 0.8
+    max_linear: Annotated[float, Meta(ge=0.0, le=1.0, description="m/s")] = 0.7
+    max_angular: Annotated[float, Meta(ge=0.0, le=math.pi, description="rad/s")] = 3.14
+    stale_after: Annotated[float, Meta(ge=0.0, le=10.0, description="s; it stands on older poses of the leader")] = 0.5
 
 
 class Follow(Behavior):
@@ -57,6 +52,10 @@ class Follow(Behavior):
         self.leader: int = params.leader
         self._side = 0.0
         """1 while going round something on its left, -1 on its right, 0 with a clear way."""
+
+    def on_params(self) -> None:
+        """Follow the robot that `params` names."""
+        self.leader = self.params.leader
 
     def step(self, view: View) -> Twist:
         """Towards the leader, or zero where it stands near or its place is not known for certain."""

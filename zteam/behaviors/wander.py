@@ -3,7 +3,7 @@
 import math
 from typing import Annotated
 
-import msgspec
+from msgspec import Meta, Struct
 
 from zteam.behaviors.behavior import Behavior
 from zteam.behaviors.scans import Cone, look_ahead, look_along
@@ -27,17 +27,17 @@ SIDE_MARGIN = 0.015
 through."""
 
 
-class WanderParams(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class WanderParams(Struct, frozen=True, forbid_unknown_fields=True):
     """Parameters of `wander`."""
 
-    speed: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] = 0.4
-    """m/s."""
-    turn_rate: Annotated[float, msgspec.Meta(ge=0.1, le=math.pi)] = 1.0
-    """rad/s."""
-    stop_distance: Annotated[float, msgspec.Meta(ge=0.0, le=100.0)] = 0.5
-    """Metres that are left to the laser after it has stopped."""
-    max_invalid: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] = 0.25
-    """It turns away while a larger share of the beams says nothing."""
+    speed: Annotated[float, Meta(ge=0.0, le=1.0, description="m/s")] = 0.4
+    turn_rate: Annotated[float, Meta(ge=0.1, le=math.pi, description="rad/s")] = 1.0
+    stop_distance: Annotated[float, Meta(ge=0.0, le=100.0, description="m; left ahead of the laser when it stands")] = (
+        0.5
+    )
+    max_invalid: Annotated[
+        float, Meta(ge=0.0, le=1.0, description="it turns while a larger share of beams says nothing")
+    ] = 0.25
 
 
 class Wander(Behavior):

@@ -5,6 +5,7 @@ from zteam.messages import (
     BaseInfo,
     Clock,
     Done,
+    Log,
     Message,
     OccupancyGrid,
     RobotStatus,
@@ -39,6 +40,8 @@ def type_of_key(key: str) -> type[Message] | None:
     """The type of the messages of a key (docs/architecture.md), or None for a key that zteam does not use."""
     if names.split_done_key(key) is not None:
         return Done
+    if names.split_log_key(key) is not None:
+        return Log
     target = names.split_robot_key(key)
     if target is None:
         return _TEAM.get(key)

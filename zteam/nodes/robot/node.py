@@ -5,7 +5,7 @@ only watches for data that has grown old. In lock-step it acts once a tick, when
 """
 
 import logging
-from collections.abc import Callable
+from typing import Any
 
 import msgspec
 
@@ -17,6 +17,7 @@ from zteam.messages import BaseInfo, LaserScan, Odometry, TeamStatus, TFMessage,
 from zteam.nodes.robot.driver import Driver
 from zteam.nodes.robot.inputs import Inputs
 from zteam.nodes.robot.pacing import ScanPacing
+from zteam.nodes.robot.parameters import Parameters
 from zteam.nodes.robot.readiness import Readiness
 from zteam.runtime.node import Node
 from zteam.runtime.participant import Participant
@@ -28,6 +29,10 @@ class RobotOptions(msgspec.Struct, frozen=True):
     """What the command line says about the robot."""
 
     robot_id: int
+    behavior: str
+    """Its name."""
+    params: dict[str, Any] = {}
+    """Of the behaviour, by name."""
     gate: bool = True
     """Wait for the monitor's GO."""
     seed: int = 1
@@ -38,13 +43,14 @@ class RobotOptions(msgspec.Struct, frozen=True):
 class RobotNode:
     """One robot on the bus. Handlers of messages run under `node.changed`."""
 
-    def __init__(self, node: Node, make_behavior: Callable[[], Behavior], options: RobotOptions) -> None:
-        """`make_behavior()` makes the behaviour, and makes it anew after time has jumped back."""
+    def __init__(self, node: Node, kind: type[Behavior], options: RobotOptions) -> None:
+        """`kind` is the class of the behaviour, which is made anew after time has jumped back."""
         self._node = node
         self._id = options.robot_id
         self._inputs = Inputs(self._id, options.base)
         readiness = Readiness(gated=options.gate)
-        self._driver = Driver(node, self._inputs, make_behavior, readiness, self._id, options.seed)
+        parameters = Parameters(node, kind, options.behavior, options.params)
+        self._driver = Driver(node, self._inputs, parameters, readiness, self._id, options.seed)
         self._driver.on_release = self._drop_idle_inputs
         self._first_data = 0.0
         """Host time of the first scan; 0 before."""
@@ -181,9 +187,9 @@ class RobotNode:
         log.info("%s stopped", names.robot_name(self._id))
 
 
-def run_robot(node: Node, make_behavior: Callable[[], Behavior], options: RobotOptions) -> None:
+def run_robot(node: Node, kind: type[Behavior], options: RobotOptions) -> None:
     """Be robot `options.robot_id` until asked to stop."""
-    robot = RobotNode(node, make_behavior, options)
+    robot = RobotNode(node, kind, options)
     node.become_present()
     # Only the process that holds the name may publish commands, so not before this.
     node.on_stop(robot.halt)

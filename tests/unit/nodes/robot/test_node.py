@@ -108,7 +108,7 @@ def test_a_long_step_keeps_no_message_waiting(monkeypatch: pytest.MonkeyPatch) -
     """While the behaviour works, time, scans, transforms and tokens are handled, and a monitor gets its status."""
     for name in ("entered", "release"):
         monkeypatch.setattr(Held, name, threading.Event())
-    robot = RealTimeRobot(lambda: Held(None))
+    robot = RealTimeRobot(Held)
     try:
         robot.say_statics()
         robot.say_time(50)
