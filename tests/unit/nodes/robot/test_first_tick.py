@@ -18,7 +18,7 @@ from zteam.runtime.shutdown import Stop
 class Seen(Behavior):
     """Notes the models of the bases that it sees."""
 
-    models: ClassVar[list[str]] = []
+    models: ClassVar[list[str]]
 
     def step(self, view: View) -> Twist:
         """Stand."""
@@ -33,9 +33,10 @@ def simulator(hub: MemoryHub) -> ScriptedSimulator:
 
 
 @pytest.fixture
-def models(hub: MemoryHub, simulator: ScriptedSimulator) -> Iterator[list[str]]:
+def models(hub: MemoryHub, simulator: ScriptedSimulator, monkeypatch: pytest.MonkeyPatch) -> Iterator[list[str]]:
     """What the behaviour of robot 0 saw. The robot takes part in tick 2, which is open."""
-    Seen.models.clear()
+    seen: list[str] = []
+    monkeypatch.setattr(Seen, "models", seen, raising=False)
     node = Node("robot_0", hub.bus(), Stop())
     RobotNode(node, Seen, RobotOptions(0, "Seen", gate=False))
     simulator.appear()
@@ -43,7 +44,7 @@ def models(hub: MemoryHub, simulator: ScriptedSimulator) -> Iterator[list[str]]:
     simulator.tick(1, robots=(0,))
     simulator.tick(2, "robot_0", robots=(0,))
     simulator.take()
-    yield Seen.models
+    yield seen
     node.close()
 
 
