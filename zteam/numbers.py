@@ -1,4 +1,4 @@
-"""Numbers that users type, and percentiles.
+"""Numbers that users type, numbers in words, and percentiles.
 
 A typed number has bounds: a number that is too large would fail far from the place where it was typed.
 """
@@ -42,6 +42,11 @@ def is_number(text: str, limit: float = math.inf) -> bool:
         return abs(float(text)) <= limit
     except ValueError:
         return False
+
+
+def counted(count: int, noun: str, plural: str = "") -> str:
+    """A count and its noun: `1 robot`, `2 robots`; `plural` is for a noun that does not only take an s."""
+    return f"{count} {noun if count == 1 else plural or f'{noun}s'}"
 
 
 def percentile(values: Iterable[float], share: float) -> float | None:

@@ -94,7 +94,7 @@ def test_a_report_that_cannot_be_written_is_refused_before_the_run(
 def printed(monkeypatch: pytest.MonkeyPatch, output: io.StringIO, *lines: tuple[str, str]) -> str:
     """The output of a Printer for (process, line) pairs."""
     monkeypatch.setattr("sys.stdout", output)
-    printer = Printer()
+    printer = Printer(print)
     for name, line in lines:
         printer.line(name, line)
     return output.getvalue()
