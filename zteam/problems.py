@@ -11,6 +11,14 @@ from zteam.toml_lines import Path
 
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 _STEP = re.compile(r"\.([^.\[]+)|\[(\d+)\]")
+_EXPECTED = re.compile(r"Expected `([^`]+)`(?: of length)?(?: (<=|>=|<|>) (\S+)| (\d+))?(?:, got .+)?")
+"""What msgspec says of a value of a wrong type, out of bounds, or of a wrong length."""
+_WORDS = {
+    "float": "a number", "int": "a whole number", "str": "a text", "bool": "true or false", "array": "a list",
+    "object": "a table",
+}  # fmt: skip
+_BOUNDS = {"<=": "of at most", ">=": "of at least", "<": "below", ">": "above"}
+_UNITS = {"str": " characters", "array": " values"}
 
 
 class Problem(NamedTuple):
@@ -76,8 +84,31 @@ def _problem(value: Any, kind: Any, path: Path) -> list[Problem]:
     except msgspec.ValidationError as error:
         text, at, place = " ".join(str(error).split()).rpartition(" - at `")
         inner = [int(index) if index else name for name, index in _STEP.findall(place)] if at else []
-        return [Problem((*path, *inner), (text if at else place) + _choices(place, kind))]
+        for step in inner:
+            value = value[step]
+        return [Problem((*path, *inner), _in_words(text if at else place, value) + _choices(place, kind))]
     return []
+
+
+def _in_words(text: str, value: Any) -> str:
+    """msgspec's text about `value` in plain words; a text of another form is left as it is."""
+    found = _EXPECTED.fullmatch(text)
+    if found is None:
+        return text
+    kinds = [kind for kind in found[1].split(" | ") if kind != "null"]
+    if any(kind not in _WORDS for kind in kinds):
+        return text
+    what = " or ".join(_WORDS[kind] for kind in kinds)
+    if found[2] or found[4]:
+        bound = found[3] or found[4]
+        unit = _UNITS.get(kinds[0], "")
+        what += f" {_BOUNDS.get(found[2], 'of')} {float(bound):g}{unit.removesuffix('s') if bound == '1' else unit}"
+    return f"{what} is expected, not {_shown(value)}"
+
+
+def _shown(value: Any) -> str:
+    text = json.dumps(value, default=str, ensure_ascii=False)
+    return text if len(text) <= 40 else f"{text[:39]}…"
 
 
 def _choices(text: str, kind: Any) -> str:
