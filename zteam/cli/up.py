@@ -88,12 +88,6 @@ def _pace(args: argparse.Namespace, world: Path | None) -> "Pace":
     return Pace(args.speed, args.lockstep, args.lockstep_timeout, tuple(args.expect))
 
 
-def _check_writable(path: Path) -> None:
-    """Raise UsageError before the run if the report cannot be written after it."""
-    if path.is_dir() or not path.parent.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK):
-        raise UsageError(f"--report {path}: cannot write a file there")
-
-
 class Printer:
     """Prints the lines of all processes, each after the name of its process; coloured on a terminal."""
 
@@ -125,6 +119,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _up(args: argparse.Namespace) -> int:
     from zteam.cli.up_display import open_display
     from zteam.launch.check import check_team
+    from zteam.launch.report import check_writable
     from zteam.launch.run import Run, RunOptions
     from zteam.runtime.shutdown import Stop
     from zteam.team_file import read_team_file
@@ -133,7 +128,7 @@ def _up(args: argparse.Namespace) -> int:
         raise UsageError("--report needs --for SECONDS: only a run with an end has a report")
     bus = bus_options(args)
     if args.report:
-        _check_writable(Path(args.report))
+        check_writable(Path(args.report))
     file = read_team_file(find_team(args.team))
     world = check_team(file, find_world(args.world) if args.world else None)
     if world is None and args.run_for is not None:

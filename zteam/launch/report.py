@@ -1,6 +1,8 @@
 """The report of a run, which `zteam up --report` writes."""
 
+import errno
 import os
+import tempfile
 from pathlib import Path
 
 import msgspec
@@ -8,8 +10,9 @@ import msgspec
 from zteam import names
 from zteam.bus import Bus
 from zteam.bus.counters import KeyCount
-from zteam.errors import ZteamError
+from zteam.errors import UsageError, ZteamError
 from zteam.launch.process import Process, Usage
+from zteam.resources import is_folder
 from zteam.runtime.participant import RoundTiming
 from zteam.services.simulator import RunFigures, SimReport
 
@@ -109,6 +112,21 @@ def _row(name: str, pid: int, code: int | None, usage: Usage) -> ProcessReport:
     memory = round(usage.rss_mb, 1), round(usage.pss_mb, 1)
     # No process is restarted today, so `restarts` is 0.
     return ProcessReport(name, pid, code, 0, *memory, round(usage.cpu_seconds, 2))
+
+
+def check_writable(path: Path) -> None:
+    """Raise UsageError before the run if the report cannot be written after it."""
+    if is_folder(path):
+        raise UsageError(f"--report {path}: that is a folder; name a file in it")
+    if not is_folder(path.parent):
+        raise UsageError(f"--report {path}: there is no folder {path.parent}; make it first")
+    try:
+        if not path.exists():
+            tempfile.TemporaryFile(dir=path.parent).close()
+        elif not os.access(path, os.W_OK):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+    except OSError as error:
+        raise UsageError(f"--report {path}: cannot write: {error.strerror or error}; name another file") from None
 
 
 def write_report(path: Path, text: bytes) -> None:

@@ -15,12 +15,13 @@ import pytest
 
 from zteam.bus.memory import MemoryHub
 from zteam.clock import monotonic
-from zteam.errors import BusError, ZteamError
+from zteam.errors import BusError, UsageError, ZteamError
 from zteam.launch.process import Usage, measure_usage
 from zteam.launch.report import (
     Counts,
     ProcessReport,
     RunReport,
+    check_writable,
     format_report,
     make_report,
     read_dropped,
@@ -94,6 +95,19 @@ def test_a_report_is_written_through_a_link_or_to_a_device(tmp_path: Path) -> No
     assert Path(os.devnull).is_char_device()
     with pytest.raises(ZteamError, match="No space left on device"):
         write_report(Path("/dev/full"), b"{}")
+
+
+def test_a_place_for_the_report_is_tried_before_the_run(tmp_path: Path) -> None:
+    """A file that is there, a device and a folder with room are no mistake, and nothing is left or changed."""
+    path = tmp_path / "r.json"
+    check_writable(path)
+    assert list(tmp_path.iterdir()) == []
+    path.write_bytes(b"old")
+    check_writable(path)
+    assert path.read_bytes() == b"old"
+    check_writable(Path(os.devnull))
+    with pytest.raises(UsageError, match="there is no folder"):
+        check_writable(tmp_path / "no" / "r.json")
 
 
 COUNTED = SimReport(
