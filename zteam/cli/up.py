@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from zteam.launch.report import RunReport
     from zteam.launch.run import Run
     from zteam.runtime.shutdown import Stop
+    from zteam.team_file import Team
 
 log = logging.getLogger("zteam")
 
@@ -133,6 +134,8 @@ def _up(args: argparse.Namespace) -> int:
     world = check_team(file, find_world(args.world) if args.world else None)
     if world is None and args.run_for is not None:
         raise UsageError('--for needs a simulator: this team has none (world = "none")')
+    if args.seed is not None:
+        _note_unused_seed(args.seed, file.team, world)
     options = RunOptions(
         file.team, file.path, world.resolve() if world else None, bus, args.seed, args.run_for, _pace(args, world)
     )
@@ -148,6 +151,17 @@ def _up(args: argparse.Namespace) -> int:
                 return 0
             raise
     return _conclude(team_run, report, stop, args)
+
+
+def _note_unused_seed(seed: int, team: "Team", world: Path | None) -> None:
+    from zteam.launch.randomness import random_parts
+    from zteam.world import load_world
+
+    if not random_parts(team, load_world(world) if world else None):
+        log.info(
+            "--seed %d changes nothing: this team draws no random numbers (noise of lasers or odometry, dazzle, wander, "
+            "behaviours of your own)", seed,
+        )  # fmt: skip
 
 
 def _run(team_run: "Run", display: "Display", connect: str | None) -> "RunReport | None":
