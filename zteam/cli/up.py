@@ -159,9 +159,10 @@ def _note_unused_seed(seed: int, team: "Team", world: Path | None) -> None:
 
     if not random_parts(team, load_world(world) if world else None):
         log.info(
-            "--seed %d changes nothing: this team draws no random numbers (noise of lasers or odometry, dazzle, wander, "
-            "behaviours of your own)", seed,
-        )  # fmt: skip
+            "--seed %d changes nothing: this team draws no random numbers (noise of lasers or odometry, dazzle, "
+            "the behaviour wander, behaviours of your own)",
+            seed,
+        )
 
 
 def _run(team_run: "Run", display: "Display", connect: str | None) -> "RunReport | None":

@@ -6,7 +6,6 @@ from pathlib import Path
 import pytest
 
 from support.commands import exit_code
-from support.log_capture import captured_log
 from zteam.cli import up
 from zteam.cli.up import Printer
 
@@ -171,16 +170,21 @@ def test_a_new_users_mistakes_are_named_with_the_way_out(
     [("arena --seed 7", 1), ("arena", 0), ("mine.toml --seed 7", 0), ("real.toml --seed 7", 1)],
 )
 def test_a_seed_that_changes_nothing_is_noted_once(
-    arguments: str, count: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    arguments: str,
+    count: int,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     """A note that says what a seed is for, and the team starts; none without --seed or where something is random."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "mine.toml").write_text(TEAM + 'id = 0\nbehavior = "wander"\n')
     (tmp_path / "real.toml").write_text(TEAM.replace("arena", "none") + "id = 0\n")
-    with captured_log() as log, pytest.raises(AssertionError, match="a process was started"):
+    with pytest.raises(AssertionError, match="a process was started"):
         up.main(arguments.split())
-    assert log.count("--seed 7 changes nothing: this team draws no random numbers (noise of lasers") == count
-    assert log.count("--seed") == count
+    told = capsys.readouterr().err
+    assert told.count("[up] --seed 7 changes nothing: this team draws no random numbers (noise of lasers") == count
+    assert told.count("--seed") == count
 
 
 def printed(monkeypatch: pytest.MonkeyPatch, output: io.StringIO, *lines: tuple[str, str]) -> str:
