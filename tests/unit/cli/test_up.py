@@ -167,7 +167,7 @@ def test_a_new_users_mistakes_are_named_with_the_way_out(
 
 @pytest.mark.parametrize(
     ("arguments", "count"),
-    [("arena --seed 7", 1), ("arena", 0), ("mine.toml --seed 7", 0), ("real.toml --seed 7", 1)],
+    [("ok.toml --seed 7", 1), ("ok.toml", 0), ("mine.toml --seed 7", 0), ("real.toml --seed 7", 1)],
 )
 def test_a_seed_that_changes_nothing_is_noted_once(
     arguments: str,
@@ -178,6 +178,7 @@ def test_a_seed_that_changes_nothing_is_noted_once(
 ) -> None:
     """A note that says what a seed is for, and the team starts; none without --seed or where something is random."""
     monkeypatch.chdir(tmp_path)
+    (tmp_path / "ok.toml").write_text(FILES["ok.toml"])
     (tmp_path / "mine.toml").write_text(TEAM + 'id = 0\nbehavior = "wander"\n')
     (tmp_path / "real.toml").write_text(TEAM.replace("arena", "none") + "id = 0\n")
     with pytest.raises(AssertionError, match="a process was started"):
