@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from zteam.launch.overview import Overview
-from zteam.numbers import counted
+from zteam.numbers import counted, format_factor
 
 _BAR = (8, 40)
 """The fewest and the most columns of a bar."""
@@ -66,14 +66,9 @@ def _time_text(elapsed: float, run_for: float | None) -> str:
 
 
 def _pace(elapsed: float, run_for: float | None, factor: float) -> Iterator[str]:
-    yield f"{factor_text(factor)} x real time"
+    yield f"{format_factor(factor)} x real time"
     if run_for is not None and factor > 0.0:
         yield f"{duration_text(max(0.0, run_for - elapsed) / factor)} left"
-
-
-def factor_text(factor: float) -> str:
-    """A real-time factor with no more digits than it is known to."""
-    return f"{factor:.2f}" if factor < 10.0 else f"{factor:.1f}" if factor < 100.0 else f"{factor:.0f}"
 
 
 def duration_text(seconds: float) -> str:

@@ -8,9 +8,10 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import Protocol
 
 from zteam.cli.live_line import LiveLine, has_live_line
-from zteam.cli.progress_text import duration_text, factor_text, progress_line
+from zteam.cli.progress_text import duration_text, progress_line
 from zteam.clock import Every
 from zteam.launch.overview import Overview, TeamWatch
+from zteam.numbers import format_factor
 
 log = logging.getLogger("zteam")
 
@@ -91,7 +92,7 @@ class _Plain:
             self._tenth = tenth
             factor = simulator.real_time_factor
             left = f", {duration_text((self._run_for - elapsed) / factor)} left" if factor > 0.0 else ""
-            pace = f"{factor_text(factor)} x real time{left}"
+            pace = f"{format_factor(factor)} x real time{left}"
             log.info("%d %% of %g simulated seconds, %s", 10 * tenth, self._run_for, pace)
 
 

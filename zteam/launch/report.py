@@ -12,6 +12,7 @@ from zteam.bus import Bus
 from zteam.bus.counters import KeyCount
 from zteam.errors import UsageError, ZteamError
 from zteam.launch.process import Process, Usage
+from zteam.numbers import counted, format_factor
 from zteam.resources import is_folder
 from zteam.runtime.participant import RoundTiming
 from zteam.services.simulator import RunFigures, SimReport
@@ -150,8 +151,8 @@ def write_report(path: Path, text: bytes) -> None:
 def format_report(report: RunReport) -> str:
     """A short table for a reader."""
     factor = report.real_time_factor
-    pace = "" if factor is None else f", {factor:.3g} x real time"
-    lines = [f"{report.sim_seconds:.1f} simulated seconds after GO, seed {report.seed}{pace}"]
+    pace = "" if factor is None else f", {format_factor(factor)} x real time"
+    lines = [f"{counted(report.sim_seconds, 'simulated second')} after GO, seed {report.seed}{pace}"]
     lines.append(f"{'robot':8}{'follows':>8}{'driven m':>10}{'gap end m':>10}{'stalls':>8}{'late':>6}")
     for robot in report.robots:
         follows = "-" if robot.follow is None else str(robot.follow)
@@ -161,5 +162,5 @@ def format_report(report: RunReport) -> str:
     if report.lockstep:
         lines.append(f"lock-step: trajectory {report.trajectory_sha256}")
     memory = sum(p.pss_mb for p in report.processes)
-    lines.append(f"{len(report.processes)} processes, {memory:.0f} MB together (PSS)")
+    lines.append(f"{counted(len(report.processes), 'process', 'processes')}, {memory:.0f} MB together (PSS)")
     return "\n".join(lines)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from zteam.cli.progress_text import duration_text, factor_text, progress_line
+from zteam.cli.progress_text import duration_text, progress_line
 from zteam.launch.overview import Overview
 from zteam.messages import TeamState, TeamStatus, time_from_ns
 from zteam.services.simulator import SimStatus
@@ -90,9 +90,3 @@ def test_words_from_the_bus_are_plain_ascii() -> None:
 def test_durations(seconds: float, text: str) -> None:
     """No more than two units."""
     assert duration_text(seconds) == text
-
-
-@pytest.mark.parametrize(("factor", "text"), [(0.98765, "0.99"), (12.3456, "12.3"), (1234.5, "1234")])
-def test_factors(factor: float, text: str) -> None:
-    """Two decimals at most."""
-    assert factor_text(factor) == text

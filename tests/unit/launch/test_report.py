@@ -201,10 +201,20 @@ def test_every_row_of_a_process_has_its_keys() -> None:
 def test_the_table_has_a_row_per_robot() -> None:
     """One row per robot, with its gap if it follows, and the memory of all processes together."""
     lines = format_report(REPORT).splitlines()
-    assert lines[0] == "30.0 simulated seconds after GO, seed 4"
+    assert lines[0] == "30 simulated seconds after GO, seed 4"
     assert lines[2].split() == ["0", "-", "6.00", "-", "0", "1"]
     assert lines[3].split() == ["1", "0", "5.00", "1.25", "2", "0"]
     assert lines[4] == "2 processes, 110 MB together (PSS)"
+
+
+def test_the_table_of_a_short_run_has_no_noise() -> None:
+    """One is singular, and a factor has the digits that mean something."""
+    short = msgspec.structs.replace(REPORT, sim_seconds=1.0, real_time_factor=1234.5678, processes=REPORT.processes[:1])
+    lines = format_report(short).splitlines()
+    assert lines[0] == "1 simulated second after GO, seed 4, 1235 x real time"
+    assert lines[-1] == "1 process, 90 MB together (PSS)"
+    noisy = msgspec.structs.replace(REPORT, sim_seconds=0.1 + 0.2, real_time_factor=1.00321)
+    assert format_report(noisy).startswith("0.3 simulated seconds after GO, seed 4, 1.00 x real time\n")
 
 
 def test_drops_are_summed_over_all_processes() -> None:
