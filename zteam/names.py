@@ -25,6 +25,7 @@ LAUNCHER = "up"
 TICK = "sim/tick"
 """Lock-step: key of the simulator's numbered ticks."""
 DONE = "done"
+LOG = "log"
 
 STATIC_CALLER = "static"
 """Name in the token of a process that asked the aggregator for a static transform."""
@@ -41,6 +42,7 @@ BUMPER = "bumper"
 BLOBS = "blobs"
 JOINT_STATES = "joint_states"
 STATUS = "status"
+BASE_INFO = "base_info"
 
 BASE_FOOTPRINT = "base_footprint"
 BASE_LINK = "base_link"
@@ -169,8 +171,22 @@ def done_key(name: str = "*") -> str:
 
 def split_done_key(key: str) -> str | None:
     """The participant's name in `<name>/done`, or None."""
+    return _process_of(key, DONE)
+
+
+def log_key(name: str = "*") -> str:
+    """Key of the log of the process `name`, and of the query for its newest lines; by default of all processes."""
+    return f"{name}/{LOG}"
+
+
+def split_log_key(key: str) -> str | None:
+    """The process's name in `<name>/log`, or None."""
+    return _process_of(key, LOG)
+
+
+def _process_of(key: str, topic: str) -> str | None:
     name, _, rest = key.rpartition("/")
-    return name if rest == DONE and name and "/" not in name and not is_wildcard(name) else None
+    return name if rest == topic and name and "/" not in name and not is_wildcard(name) else None
 
 
 def info_key(name: str) -> str:

@@ -54,7 +54,8 @@ def problems_of(
     found = []
     for key, value in table.items():
         if key in fields:
-            found += _problem(value, fields[key].type, (*path, key))
+            inner = fields[key].type
+            found += (problems_of if _is_table(inner) else _problem)(value, inner, (*path, key))
         elif kind.__struct_config__.forbid_unknown_fields:
             listed = f"{takes} {', '.join(fields) or 'no parameters'}"
             found.append(Problem((*path, key), f"unknown key{did_you_mean(key, [*near, *fields])}; {listed}"))
@@ -62,6 +63,14 @@ def problems_of(
         if field.required and name not in table:
             found.append(Problem(path, f"the key {name} is missing"))
     return found or [_at_its_key(problem, fields) for problem in _problem(table, kind, path)]
+
+
+def _is_table(kind: Any) -> bool:
+    """Whether a key of this type holds a table of known keys."""
+    if not (isinstance(kind, type) and issubclass(kind, msgspec.Struct)):
+        return False
+    config = kind.__struct_config__
+    return config.tag is None and not config.array_like
 
 
 def _at_its_key(problem: Problem, keys: Iterable[str]) -> Problem:

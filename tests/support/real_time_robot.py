@@ -1,23 +1,25 @@
 """A robot in real time on a bus in memory: its main loop in a thread, and by hand what it hears."""
 
 import threading
-from collections.abc import Callable
-from functools import partial
+from typing import Any
 
 import numpy as np
 
 from zteam import names
-from zteam.behaviors import Behavior, load_behavior
+from zteam.behaviors import Behavior
+from zteam.behaviors.follow import Follow
 from zteam.bus import MemoryHub
 from zteam.clock import wait_until
 from zteam.geometry import Pose2
-from zteam.messages import Clock, Header, LaserScan, Odometry, RobotStatus, TFMessage, Twist, time_from_ns
+from zteam.messages import BaseInfo, Clock, Header, LaserScan, Odometry, RobotStatus, TFMessage, Twist, time_from_ns
 from zteam.nodes.robot.node import RobotNode, RobotOptions
 from zteam.resources import shipped_world
 from zteam.runtime.node import Node
 from zteam.runtime.shutdown import Stop
+from zteam.services.parameters_client import ParametersClient
 from zteam.sim import to_messages
 from zteam.world import load_world
+from zteam.world.bases import base_info
 
 LIMIT = 20.0
 """Host seconds after which a wait has failed."""
@@ -25,26 +27,30 @@ TICK = 100_000_000
 """Nanoseconds."""
 NEVER = 600.0
 """Host seconds: a patience that ends in no test."""
-FOLLOW = partial(load_behavior, "follow", {"leader": 0}, 1)
 
 
 class RealTimeRobot:
     """Robot 1, by default a follower, in a thread; `say_*` publishes, and returns when that is handled."""
 
-    def __init__(self, make_behavior: Callable[[], Behavior] = FOLLOW) -> None:
+    def __init__(self, kind: type[Behavior] = Follow, *, gate: bool = False, **params: Any) -> None:
+        if kind is Follow:
+            params.setdefault("leader", 0)
         self._hub = MemoryHub()
         self._bus = self._hub.bus()
         self.changed = threading.Condition()
         self.commands: list[Twist] = []
         self.statuses = 0
+        self.text = ""
+        """Of its newest status."""
         world = load_world(str(shipped_world("arena")))
         self._robots = dict(enumerate(world.robots[:2]))
         self._publishers = {
-            key: self._bus.publisher(key, kind, latched=key == names.TF_STATIC)
+            key: self._bus.publisher(key, kind, latched=kind is BaseInfo or key == names.TF_STATIC)
             for key, kind in (
                 (names.CLOCK, Clock),
                 (names.TF, TFMessage),
                 (names.TF_STATIC, TFMessage),
+                (names.robot_key(1, names.BASE_INFO), BaseInfo),
                 (names.robot_key(1, names.ODOM), Odometry),
                 (names.robot_key(1, names.BASE_SCAN), LaserScan),
             )
@@ -54,7 +60,7 @@ class RealTimeRobot:
         self._stop = Stop()
         node = Node(names.robot_name(1), self._hub.bus(), self._stop)
         self.failures: list[BaseException] = []
-        self._robot = RobotNode(node, make_behavior, RobotOptions(1, gate=False))
+        self._robot = RobotNode(node, kind, RobotOptions(1, kind.__name__, params, gate=gate))
         node.become_present()
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
@@ -70,10 +76,15 @@ class RealTimeRobot:
             self.commands.append(command)
             self.changed.notify_all()
 
-    def _on_status(self, _key: str, _status: RobotStatus) -> None:
+    def _on_status(self, _key: str, status: RobotStatus) -> None:
         with self.changed:
             self.statuses += 1
+            self.text = status.text
             self.changed.notify_all()
+
+    def parameters(self) -> ParametersClient:
+        """A client of the robot's parameters."""
+        return ParametersClient(self._hub.bus())
 
     def say_monitor(self) -> None:
         """The presence token of a monitor."""
@@ -88,6 +99,14 @@ class RealTimeRobot:
             for transform in to_messages.static_transforms(i, robot, Pose2(float(i), 0.0, 0.0)).transforms
         ]
         self._publishers[names.TF_STATIC].put(TFMessage(fixed))
+
+    def say_base_info(self) -> None:
+        """What its base is."""
+        self._publishers[names.robot_key(1, names.BASE_INFO)].put(base_info(self._robots[1]))
+
+    def say_odometry(self, tick: int) -> None:
+        """Where its wheels have brought it."""
+        self._publishers[names.robot_key(1, names.ODOM)].put(Odometry(Header(time_from_ns(tick * TICK))))
 
     def say_time(self, tick: int) -> None:
         """The time."""
@@ -108,6 +127,11 @@ class RealTimeRobot:
             ranges=np.full(31, 9.0, np.float32),
         )  # fmt: skip
         self._publishers[names.robot_key(1, names.BASE_SCAN)].put(scan)
+
+    def wait_for_text(self, text: str) -> None:
+        """Wait until the robot's status says this."""
+        with self.changed:
+            assert wait_until(self.changed, lambda: text == self.text, LIMIT), self.text
 
     def wait_for_commands(self, count: int) -> None:
         """Wait until the robot has published so many."""

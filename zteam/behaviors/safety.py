@@ -14,13 +14,13 @@ from zteam.messages import LaserScan, Twist, Vector3, ns_from_time
 STALE_AFTER = 0.5
 """Seconds after which a scan, or the robot's own pose, is too old to move on."""
 MAX_LINEAR = 1.0
-"""m/s, forwards and backwards: Stage's own limit for a position model."""
+"""m/s, forwards and backwards, also for a base that could go faster: Stage's own limit for a position model."""
 MAX_ANGULAR = math.pi
-"""rad/s, both ways."""
+"""rad/s, both ways, likewise."""
 STOP_AHEAD = 0.35
 """Metres from the laser: 0.25 m ahead of the front of an erratic; its laser sits 0.1 m behind the front."""
-HALF_WIDTH = 0.2
-"""Metres: an erratic's half width of 0.175 m and a margin."""
+SIDE_MARGIN = 0.025
+"""Metres that have to be free on either side of the base."""
 BLIND_ANGLE = math.radians(30.0)
 BLIND_SHARE = 0.5
 """A robot is blind when more than this share of the beams within BLIND_ANGLE of straight ahead says nothing."""
@@ -46,10 +46,13 @@ def make_safe(wanted: Twist, view: View) -> tuple[Twist, str]:
     x, turn = wanted.linear.x, wanted.angular.z
     if not (math.isfinite(x) and math.isfinite(turn)):
         return Twist(), "the behaviour asks for a velocity that is no number"
+    base = view.base
     if x > 0.0:
-        trouble = _ahead(view.scan)
-    x = 0.0 if trouble else max(-MAX_LINEAR, min(MAX_LINEAR, x))
-    return Twist(linear=Vector3(x=x), angular=Vector3(z=max(-MAX_ANGULAR, min(MAX_ANGULAR, turn)))), trouble
+        trouble = _ahead(view.scan, base.half_width + SIDE_MARGIN)
+    x = 0.0 if trouble else max(-MAX_LINEAR, base.min_vel_x, min(MAX_LINEAR, base.max_vel_x, x))
+    # A car's command is an angle of its wheels.
+    limit = MAX_ANGULAR if base.drive == "car" else min(MAX_ANGULAR, base.max_vel_theta)
+    return Twist(linear=Vector3(x=x), angular=Vector3(z=max(-limit, min(limit, turn)))), trouble
 
 
 def missing(view: View, behavior: Behavior) -> list[str]:
@@ -77,8 +80,8 @@ def _old_data(view: View, uses_tf: bool) -> str:
     return "" if not own[1] or view.is_fresh(own[1], STALE_AFTER) else f"its own pose in {names.MAP_FRAME} is stale"
 
 
-def _ahead(scan: LaserScan) -> str:
+def _ahead(scan: LaserScan, half_width: float) -> str:
     cone = look_ahead(scan, BLIND_ANGLE)
     if cone is None or cone.invalid > BLIND_SHARE:
         return "blind ahead"
-    return "obstacle ahead" if first_clear(scan, HALF_WIDTH, (0.0,), STOP_AHEAD) is None else ""
+    return "obstacle ahead" if first_clear(scan, half_width, (0.0,), STOP_AHEAD) is None else ""

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import msgspec
 
+from zteam.cli.tables import format_table
 from zteam.numbers import counted
 
 if TYPE_CHECKING:
@@ -30,21 +31,12 @@ class _Column(NamedTuple):
 
 
 def _table(columns: Sequence[_Column], rows: Iterable[Any]) -> list[str]:
-    """The first column is left-aligned, the others right-aligned."""
-    cells = [[column.heading for column in columns], *([column.cell(row) for column in columns] for row in rows)]
-    widths = [max(map(len, texts)) for texts in zip(*cells, strict=True)]
-    return [
-        "  ".join(
-            text.rjust(width) if i else text.ljust(width)
-            for i, (text, width) in enumerate(zip(line, widths, strict=True))
-        )
-        for line in cells
-    ]
+    header = [column.heading for column in columns]
+    return format_table(header, [[c.cell(row) for c in columns] for row in rows], numeric=True).splitlines()
 
 
 def _pairs(pairs: Sequence[tuple[str, str]]) -> list[str]:
-    width = max(len(name) for name, _ in pairs)
-    return [f"{name.ljust(width)}  {value}" for name, value in pairs]
+    return format_table(pairs[0], pairs[1:]).splitlines()
 
 
 def format_codec(rows: "Sequence[CodecFigures]") -> str:

@@ -51,6 +51,24 @@ def test_wrong_transforms_are_refused(tmp_path: Path, table: str, told: str) -> 
     assert told in error_of(tmp_path, f"[[robots]]\nid=0\n[[static_transforms]]\n{table}")
 
 
+@pytest.mark.parametrize(
+    ("table", "told"),
+    [
+        ("[robots.base]\nmax_vel_x = 0", "4: robots[0].base.max_vel_x: Expected `float` > 0.0"),
+        ("[robots.base]\nspeed = 1", "4: robots[0].base.speed: unknown key; known: footprint, max_vel_x, min_vel_x"),
+        (
+            "[robots.base]\nfootprint = [\n[0, 0], [1, 0], [2, 0]]",
+            "4: robots[0].base.footprint: must enclose an area",
+        ),
+        ("base = {footprint = [[0, 0], [1, 0], [1, 'a']]}", "3: robots[0].base.footprint[2][1]: Expected `float`"),
+        ("base = 'wide'", "3: robots[0].base: a table is expected, not 'wide'"),
+    ],
+)
+def test_a_wrong_base_is_refused(tmp_path: Path, table: str, told: str) -> None:
+    """The error has the line of the key within the table."""
+    assert error_of(tmp_path, f"[[robots]]\nid = 0\n{table}").startswith(told)
+
+
 def test_a_leader_with_mistakes_still_exists(tmp_path: Path) -> None:
     """A mistake in the leader's table is not also reported as a missing leader."""
     told = error_of(tmp_path, robots("id = 0\nbehavior = 3", "id = 1\nfollow = 0"))

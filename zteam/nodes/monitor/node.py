@@ -19,7 +19,13 @@ from zteam.runtime.token_loss import TokenLossFilter
 from zteam.services.simulator import SimStatus
 
 log = logging.getLogger("zteam")
+_event_log = logging.getLogger("zteam.monitor.events")
+"""Events in the log on the bus. The monitor shows them itself, so this logger has no output."""
+_event_log.propagate = False
+_event_log.addHandler(logging.NullHandler())
 
+_TROUBLE = frozenset({"fault", "lost", "silent"})
+"""Kinds of events that are warnings."""
 LEAVE_AFTER = 5.0
 """`--exit-on-go` waits this long at most for every robot to obey."""
 
@@ -108,6 +114,7 @@ class Monitor:
                 running = self.gate.all_running()
             for event in events:
                 # Without the lock: a terminal can be slow, and the live table takes the lock to draw itself.
+                _event_log.log(logging.WARNING if event.kind in _TROUBLE else logging.INFO, "%s", sentence(event))
                 self._show(event)
             if leaving:
                 leave_at = leave_at or monotonic() + LEAVE_AFTER
@@ -162,10 +169,15 @@ class Monitor:
             self._publisher.put(status)
 
 
+def sentence(event: Event) -> str:
+    """An event as a line for a user."""
+    subject = "" if event.robot is None else f"{names.robot_name(event.robot)} "
+    return f"{subject}{event.text}"
+
+
 def print_event(event: Event) -> None:
     """Print one line for a user."""
-    subject = "" if event.robot is None else f"{names.robot_name(event.robot)} "
-    print(f"{subject}{event.text}", flush=True)  # noqa: T201
+    print(sentence(event), flush=True)  # noqa: T201
 
 
 def print_json(event: Event) -> None:

@@ -2,12 +2,13 @@
 
 import logging
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from zteam import names
-from zteam.behaviors import Behavior, View, decide, missing
+from zteam.behaviors import View, decide, missing
 from zteam.messages import Header, RobotState, RobotStatus, Twist, time_from_ns
 from zteam.nodes.robot.inputs import Inputs
+from zteam.nodes.robot.parameters import Parameters
 from zteam.nodes.robot.readiness import Readiness
 from zteam.runtime.node import Node
 
@@ -22,6 +23,10 @@ class Turn(NamedTuple):
     """The GO that holds, 0 = none."""
     jumps: int
     """How often time had jumped back when the turn began."""
+    given: dict[str, Any]
+    """The behaviour's parameters, as in `Parameters`."""
+    missing: list[str]
+    """What the robot lacks that its view does not show, as nouns."""
 
 
 class Driver:
@@ -37,15 +42,17 @@ class Driver:
         self,
         node: Node,
         inputs: Inputs,
-        make_behavior: Callable[[], Behavior],
+        parameters: Parameters,
         readiness: Readiness,
         robot_id: int,
         seed: int,
     ) -> None:
         self._node = node
         self._inputs = inputs
-        self._make_behavior = make_behavior
-        self.behavior = make_behavior()
+        self._parameters = parameters
+        self._given = parameters.given
+        """The parameters that the behaviour has."""
+        self.behavior = parameters.make_behavior(self._given)
         self.readiness = readiness
         self._id = robot_id
         self._seed = seed
@@ -78,9 +85,10 @@ class Driver:
             scan=inputs.scan,
             odom=inputs.odom,
             lookup=inputs.lookup,
+            base=inputs.base_input.base,
             seed=self._seed,
         )
-        return Turn(view, epoch, self.jumps)
+        return Turn(view, epoch, self.jumps, self._parameters.given, inputs.base_input.missing())
 
     def step(self, turn: Turn) -> Twist | None:
         """The command of this turn; None while the gate is shut, or if time jumped back meanwhile."""
@@ -96,11 +104,9 @@ class Driver:
 
     def pass_gate(self, turn: Turn) -> bool:
         """Whether the robot may drive: when nothing is missing and GO has come, and from then on for good."""
-        if self._made_at != turn.jumps:
-            self.behavior = self._make_behavior()
-            self._made_at = turn.jumps
+        self._prepare_behavior(turn)
         was_released = self.readiness.released
-        lacking = [] if was_released else missing(turn.view, self.behavior)
+        lacking = [] if was_released else missing(turn.view, self.behavior) + turn.missing
         with self._node.changed:
             if turn.jumps != self.jumps:
                 return False
@@ -111,6 +117,17 @@ class Driver:
                 self.on_release()
                 log.info("GO: driving")
         return True
+
+    def _prepare_behavior(self, turn: Turn) -> None:
+        """Make the behaviour anew if time has jumped back; give it the parameters that were set since its last step."""
+        if self._made_at != turn.jumps:
+            self.behavior = self._parameters.make_behavior(turn.given)
+        elif self._given is not turn.given:
+            self.behavior.params = self._parameters.read(turn.given)
+            self.behavior.on_params()
+            with self._node.changed:
+                self.publish_status()
+        self._made_at, self._given = turn.jumps, turn.given
 
     def _tell(self) -> None:
         """Log and publish the state if it is another one than before."""

@@ -5,17 +5,19 @@ only watches for data that has grown old. In lock-step it acts once a tick, when
 """
 
 import logging
-from collections.abc import Callable
+from typing import Any
 
 import msgspec
 
 from zteam import names
+from zteam.base import BaseOverride
 from zteam.behaviors import Behavior
 from zteam.clock import Every, monotonic
-from zteam.messages import LaserScan, Odometry, TeamStatus, TFMessage, Tick, Twist, ns_from_time
+from zteam.messages import BaseInfo, LaserScan, Odometry, TeamStatus, TFMessage, Tick, Twist, ns_from_time
 from zteam.nodes.robot.driver import Driver
 from zteam.nodes.robot.inputs import Inputs
 from zteam.nodes.robot.pacing import ScanPacing
+from zteam.nodes.robot.parameters import Parameters
 from zteam.nodes.robot.readiness import Readiness
 from zteam.runtime.node import Node
 from zteam.runtime.participant import Participant
@@ -27,21 +29,28 @@ class RobotOptions(msgspec.Struct, frozen=True):
     """What the command line says about the robot."""
 
     robot_id: int
+    behavior: str
+    """Its name."""
+    params: dict[str, Any] = {}
+    """Of the behaviour, by name."""
     gate: bool = True
     """Wait for the monitor's GO."""
     seed: int = 1
+    base: BaseOverride = BaseOverride()
+    """What holds instead of `base_info`."""
 
 
 class RobotNode:
     """One robot on the bus. Handlers of messages run under `node.changed`."""
 
-    def __init__(self, node: Node, make_behavior: Callable[[], Behavior], options: RobotOptions) -> None:
-        """`make_behavior()` makes the behaviour, and makes it anew after time has jumped back."""
+    def __init__(self, node: Node, kind: type[Behavior], options: RobotOptions) -> None:
+        """`kind` is the class of the behaviour, which is made anew after time has jumped back."""
         self._node = node
         self._id = options.robot_id
-        self._inputs = Inputs(self._id)
+        self._inputs = Inputs(self._id, options.base)
         readiness = Readiness(gated=options.gate)
-        self._driver = Driver(node, self._inputs, make_behavior, readiness, self._id, options.seed)
+        parameters = Parameters(node, kind, options.behavior, options.params)
+        self._driver = Driver(node, self._inputs, parameters, readiness, self._id, options.seed)
         self._driver.on_release = self._drop_idle_inputs
         self._first_data = 0.0
         """Host time of the first scan; 0 before."""
@@ -60,6 +69,7 @@ class RobotNode:
         node.clock.sim.on_jump_back(self._on_jump_back)
         node.subscribe(self._key(names.BASE_SCAN), LaserScan, self._on_scan, wake=False)
         node.subscribe(names.TEAM_STATUS, TeamStatus, self._on_team_status, latched=True)
+        node.subscribe(self._key(names.BASE_INFO), BaseInfo, self._on_base_info, latched=True)
         self._odom_input = node.subscribe(self._key(names.ODOM), Odometry, self._on_odom, wake=False)
         self._tf_input = node.subscribe_payloads(names.TF, TFMessage, self._on_tf)
         node.subscribe(names.TF_STATIC, TFMessage, self._on_tf_static, latched=True)
@@ -85,6 +95,10 @@ class RobotNode:
 
     def _on_tf_static(self, _key: str, message: TFMessage) -> None:
         self._inputs.take_static(message)
+        self._on_input()
+
+    def _on_base_info(self, _key: str, message: BaseInfo) -> None:
+        self._inputs.base_input.take(message)
         self._on_input()
 
     def _on_monitor(self, _key: str, alive: bool) -> None:
@@ -173,9 +187,9 @@ class RobotNode:
         log.info("%s stopped", names.robot_name(self._id))
 
 
-def run_robot(node: Node, make_behavior: Callable[[], Behavior], options: RobotOptions) -> None:
+def run_robot(node: Node, kind: type[Behavior], options: RobotOptions) -> None:
     """Be robot `options.robot_id` until asked to stop."""
-    robot = RobotNode(node, make_behavior, options)
+    robot = RobotNode(node, kind, options)
     node.become_present()
     # Only the process that holds the name may publish commands, so not before this.
     node.on_stop(robot.halt)

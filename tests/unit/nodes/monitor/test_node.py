@@ -1,8 +1,11 @@
 """The monitor on a bus in memory: what it publishes, when it gives GO, what it tells, how it ends."""
 
+import logging
+
 import msgspec
 import pytest
 
+from support.log_capture import captured_log
 from support.monitor_desk import LIMIT, LOSS, Open, Robot, serve_simulator
 from zteam import names
 from zteam.bus import MemoryHub
@@ -10,6 +13,7 @@ from zteam.clock import wall_ns
 from zteam.messages import Clock, RobotState, RobotStatus, TeamState, TeamStatus, Tick, ns_from_time, time_from_ns
 from zteam.nodes.monitor.members import Event
 from zteam.nodes.monitor.node import LEAVE_AFTER, print_event, print_json
+from zteam.runtime.log_keeper import LogKeeper
 
 
 def test_go_reaches_the_early_and_the_late(hub: MemoryHub, open_desk: Open) -> None:
@@ -31,6 +35,25 @@ def test_go_reaches_the_early_and_the_late(hub: MemoryHub, open_desk: Open) -> N
         assert (status.state, status.epoch, status.team_size) == (TeamState.GO, 1, 2)
         assert ns_from_time(status.go_stamp) == 7_300_000_000
         assert list(status.ready) == [0, 1]
+
+
+def test_events_are_lines_of_the_log(hub: MemoryHub, open_desk: Open, capsys: pytest.CaptureFixture[str]) -> None:
+    """What the monitor shows is in its log on the bus as well, trouble as a warning, and is not written to stderr."""
+    kept: list[tuple[int, str]] = []
+    keeper = LogKeeper()
+    keeper.pass_to(lambda line: kept.append((line.level, line.text)))
+    end = keeper.begin()
+    with captured_log():
+        desk = open_desk(0)
+        robot = Robot(hub, 0)
+        robot.say()
+        desk.wait_for("go")
+        robot.say(RobotState.FAULT, text="no laser")
+        desk.wait_for("fault", 0)
+    end()
+    assert (logging.INFO, "All robots GO!") in kept
+    assert (logging.WARNING, "robot_0 fault: no laser") in kept
+    assert "All robots GO!" not in capsys.readouterr().err
 
 
 def test_a_team_that_was_there_first_goes(hub: MemoryHub, open_desk: Open) -> None:

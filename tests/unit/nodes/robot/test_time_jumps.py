@@ -50,7 +50,7 @@ def watched(monkeypatch: pytest.MonkeyPatch) -> type[Watched]:
 @pytest.fixture
 def interrupted(watched: type[Watched]) -> Iterator[RealTimeRobot]:
     """A robot that still steps for tick 50 while time jumps back to tick 1."""
-    robot = RealTimeRobot(lambda: watched(None))
+    robot = RealTimeRobot(watched)
     try:
         robot.say_statics()
         robot.say_time(50)
@@ -137,7 +137,7 @@ def test_an_error_of_the_behaviour_ends_the_robot(monkeypatch: pytest.MonkeyPatc
     """The main loop raises it, whether the behaviour steps or is made anew."""
     monkeypatch.setattr(Broken, "made", 0)
     monkeypatch.setattr(Broken, "fails_in", where, raising=False)
-    robot = RealTimeRobot(lambda: Broken(None))
+    robot = RealTimeRobot(Broken)
     try:
         robot.say_statics()
         robot.say_time(50)
