@@ -1,6 +1,7 @@
 """Key expressions and frame ids (docs/architecture.md). No other module builds or parses them."""
 
 import re
+from collections.abc import Iterable
 
 from zteam.errors import UsageError
 
@@ -26,6 +27,8 @@ TICK = "sim/tick"
 """Lock-step: key of the simulator's numbered ticks."""
 DONE = "done"
 LOG = "log"
+LACKING = "lacking"
+"""Lock-step: query for the inputs of the open tick that a participant waits for."""
 
 STATIC_CALLER = "static"
 """Name in the token of a process that asked the aggregator for a static transform."""
@@ -59,6 +62,17 @@ def parse_robot_id(text: str) -> int:
         shown = text if len(text) <= 20 else text[:20] + "…"
         raise UsageError(f"robot id {shown!r} is not a whole number from 0 to {MAX_ROBOT_ID}")
     return int(text)
+
+
+def ids_text(ids: Iterable[int]) -> str:
+    """Robot ids as users write them: `0-3`, `0,2-4`."""
+    runs: list[list[int]] = []
+    for robot_id in sorted(set(ids)):
+        if runs and robot_id == runs[-1][1] + 1:
+            runs[-1][1] = robot_id
+        else:
+            runs.append([robot_id, robot_id])
+    return ",".join(str(low) if low == high else f"{low}-{high}" for low, high in runs)
 
 
 def robot_name(robot_id: int) -> str:

@@ -1,6 +1,7 @@
 """A robot in real time on a bus in memory: its main loop in a thread, and by hand what it hears."""
 
 import threading
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -8,15 +9,27 @@ import numpy as np
 from zteam import names
 from zteam.behaviors import Behavior
 from zteam.behaviors.follow import Follow
-from zteam.bus import MemoryHub
+from zteam.bus import MemoryHub, NoRequest
 from zteam.clock import wait_until
 from zteam.geometry import Pose2
-from zteam.messages import BaseInfo, Clock, Header, LaserScan, Odometry, RobotStatus, TFMessage, Twist, time_from_ns
+from zteam.messages import (
+    BaseInfo,
+    Clock,
+    Header,
+    LaserScan,
+    Odometry,
+    RobotStatus,
+    TeamStatus,
+    TFMessage,
+    Twist,
+    time_from_ns,
+)
 from zteam.nodes.robot.node import RobotNode, RobotOptions
 from zteam.resources import shipped_world
 from zteam.runtime.node import Node
 from zteam.runtime.shutdown import Stop
 from zteam.services.parameters_client import ParametersClient
+from zteam.services.simulator import SimStatus
 from zteam.sim import to_messages
 from zteam.world import load_world
 from zteam.world.bases import base_info
@@ -39,9 +52,7 @@ class RealTimeRobot:
         self._bus = self._hub.bus()
         self.changed = threading.Condition()
         self.commands: list[Twist] = []
-        self.statuses = 0
-        self.text = ""
-        """Of its newest status."""
+        self.said: list[RobotStatus] = []
         world = load_world(str(shipped_world("arena")))
         self._robots = dict(enumerate(world.robots[:2]))
         self._publishers = {
@@ -57,6 +68,7 @@ class RealTimeRobot:
         }
         self._hub.bus().subscribe(names.robot_key(1, names.CMD_VEL), Twist, self._on_command)
         self._hub.bus().subscribe(names.robot_key(1, names.STATUS), RobotStatus, self._on_status)
+        self._team = self._bus.publisher(names.TEAM_STATUS, TeamStatus, latched=True)
         self._stop = Stop()
         node = Node(names.robot_name(1), self._hub.bus(), self._stop)
         self.failures: list[BaseException] = []
@@ -78,9 +90,33 @@ class RealTimeRobot:
 
     def _on_status(self, _key: str, status: RobotStatus) -> None:
         with self.changed:
-            self.statuses += 1
-            self.text = status.text
+            self.said.append(status)
             self.changed.notify_all()
+
+    @property
+    def statuses(self) -> int:
+        """How often it has published its status."""
+        return len(self.said)
+
+    @property
+    def text(self) -> str:
+        """Of its newest status."""
+        return self.said[-1].text if self.said else ""
+
+    def wait_for_status(self, condition: Callable[[RobotStatus], bool]) -> RobotStatus:
+        """Wait until its newest status makes this true; return that status."""
+        with self.changed:
+            assert wait_until(self.changed, lambda: bool(self.said) and condition(self.said[-1]), LIMIT), self.said[-1:]
+            return self.said[-1]
+
+    def say_world(self, *robot_ids: int) -> None:
+        """A simulator serves its status: it has these robots."""
+        status = SimStatus("scripted", [*robot_ids], TICK, 1, 0, 0, 1.0)
+        self._bus.serve(names.service_key(names.SIMULATOR, "status"), NoRequest, lambda _: status)
+
+    def say_team(self, status: TeamStatus) -> None:
+        """What the monitor says of the team."""
+        self._team.put(status)
 
     def parameters(self) -> ParametersClient:
         """A client of the robot's parameters."""
@@ -119,12 +155,12 @@ class RealTimeRobot:
         ]
         self._publishers[names.TF].put(TFMessage(found))
 
-    def say_scan(self, tick: int) -> None:
-        """A scan with nothing near."""
+    def say_scan(self, tick: int, distance: float = 9.0) -> None:
+        """A scan with something at this distance all around."""
         header = Header(time_from_ns(tick * TICK), names.robot_frame(1, names.BASE_LASER_LINK))
         scan = LaserScan(
             header, angle_min=-1.5, angle_max=1.5, angle_increment=0.1, range_max=30.0,
-            ranges=np.full(31, 9.0, np.float32),
+            ranges=np.full(31, distance, np.float32),
         )  # fmt: skip
         self._publishers[names.robot_key(1, names.BASE_SCAN)].put(scan)
 
@@ -148,6 +184,10 @@ class RealTimeRobot:
                     return
                 changed.wait(0.01)
         raise AssertionError("the robot does not wait")
+
+    def halt(self) -> None:
+        """What the process does last."""
+        self._robot.halt()
 
     def close(self) -> None:
         """End the thread."""

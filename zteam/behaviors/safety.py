@@ -4,10 +4,11 @@ Pure functions. Text that says why is the same from step to step, so that a robo
 """
 
 import math
+from collections.abc import Callable
 
 from zteam import names
 from zteam.behaviors.behavior import Behavior, checked_command
-from zteam.behaviors.scans import first_clear, look_ahead
+from zteam.behaviors.scans import first_clear, look_ahead, look_along
 from zteam.behaviors.view import View
 from zteam.messages import LaserScan, Twist, Vector3, ns_from_time
 
@@ -26,12 +27,20 @@ BLIND_SHARE = 0.5
 """A robot is blind when more than this share of the beams within BLIND_ANGLE of straight ahead says nothing."""
 
 
-def decide(behavior: Behavior, view: View) -> tuple[Twist, str]:
+OBSTACLE = "obstacle ahead"
+
+Note = Callable[[Twist, str, View], None]
+"""`note(wanted, trouble, view)`: what the behaviour wanted, and why the safety layer stopped it ("" if it did not)."""
+
+
+def decide(behavior: Behavior, view: View, note: Note = lambda wanted, trouble, view: None) -> tuple[Twist, str]:
     """The safe velocity of a step, and why it is not what the behaviour is for ("" if it is)."""
     trouble = _old_data(view, behavior.uses_tf)
     if trouble:
         return Twist(), trouble
-    command, trouble = make_safe(checked_command(behavior.step(view), f"{type(behavior).__name__}.step"), view)
+    wanted = checked_command(behavior.step(view), f"{type(behavior).__name__}.step")
+    command, trouble = make_safe(wanted, view)
+    note(wanted, trouble, view)
     return command, trouble or behavior.reason
 
 
@@ -84,4 +93,9 @@ def _ahead(scan: LaserScan, half_width: float) -> str:
     cone = look_ahead(scan, BLIND_ANGLE)
     if cone is None or cone.invalid > BLIND_SHARE:
         return "blind ahead"
-    return "obstacle ahead" if first_clear(scan, half_width, (0.0,), STOP_AHEAD) is None else ""
+    return OBSTACLE if first_clear(scan, half_width, (0.0,), STOP_AHEAD) is None else ""
+
+
+def obstacle_distance(scan: LaserScan, half_width: float) -> float:
+    """Metres from the laser to what stands in the way of a base of this half width, inf where it is clear."""
+    return look_along(scan, half_width + SIDE_MARGIN)

@@ -4,10 +4,12 @@ A request that is refused is answered with an error that says why. A request tha
 that it is meant for.
 """
 
+from collections.abc import Sequence
 from typing import Annotated
 
 import msgspec
 
+from zteam import names
 from zteam.bus import Change
 from zteam.names import MAX_ROBOT_ID
 
@@ -129,6 +131,13 @@ class SimStatus(msgspec.Struct):
     """This simulator's session id: a request that changes something carries it."""
     writers: dict[int, list[str]] = {}
     """Robots that more than one process commands, and the session ids of these."""
+
+
+def absence_text(robot_id: int, robots: Sequence[int]) -> str:
+    """What is said of a robot that the world lacks: which robots it has, and the way out."""
+    has = names.ids_text(robots) if robots else "no robot"
+    spawn = f"'zteam sim spawn --id {robot_id} --pose X Y YAW' adds it"
+    return f"not in the world; it has {has} ({spawn})"
 
 
 class StandRequest(msgspec.Struct):

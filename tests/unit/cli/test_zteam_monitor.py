@@ -13,18 +13,18 @@ from zteam.errors import UsageError
         (None, ["0", "2", "7"], (3, (0, 2, 7))),
         ("2", ["5", "0"], (2, (5, 0))),
         ("1", None, (1, None)),
+        (None, None, (0, None)),
         ("10000", None, (10000, None)),
     ],
 )
 def test_team_sizes(size: str | None, ids: list[str] | None, team: tuple[int, tuple[int, ...] | None]) -> None:
-    """A number, a list, or both if they agree."""
+    """A number, a list, or both if they agree; size 0, to look at the monitor that runs, without either."""
     assert parse_team(size, ids) == team
 
 
 @pytest.mark.parametrize(
     ("size", "ids", "text"),
     [
-        (None, None, "--team-size 4"),
         ("3", ["0", "1"], "disagree"),
         (None, ["0", "1", "0"], "twice"),
         (None, ["0", "00"], "twice"),

@@ -5,6 +5,7 @@ only watches for data that has grown old. In lock-step it acts once a tick, when
 """
 
 import logging
+from collections.abc import Callable
 from typing import Any
 
 import msgspec
@@ -14,11 +15,13 @@ from zteam.base import BaseOverride
 from zteam.behaviors import Behavior
 from zteam.clock import Every, monotonic
 from zteam.messages import BaseInfo, LaserScan, Odometry, TeamStatus, TFMessage, Tick, Twist, ns_from_time
-from zteam.nodes.robot.driver import Driver
+from zteam.nodes.robot.driver import Driver, Turn
 from zteam.nodes.robot.inputs import Inputs
 from zteam.nodes.robot.pacing import ScanPacing
 from zteam.nodes.robot.parameters import Parameters
 from zteam.nodes.robot.readiness import Readiness
+from zteam.nodes.robot.status import StatusReport
+from zteam.nodes.robot.waiting import Waiting
 from zteam.runtime.node import Node
 from zteam.runtime.participant import Participant
 
@@ -48,9 +51,9 @@ class RobotNode:
         self._node = node
         self._id = options.robot_id
         self._inputs = Inputs(self._id, options.base)
-        readiness = Readiness(gated=options.gate)
+        self._status = StatusReport(node, self._id, options.behavior, Readiness(gated=options.gate))
         parameters = Parameters(node, kind, options.behavior, options.params)
-        self._driver = Driver(node, self._inputs, parameters, readiness, self._id, options.seed)
+        self._driver = Driver(node, self._inputs, parameters, self._status, self._id, options.seed)
         self._driver.on_release = self._drop_idle_inputs
         self._first_data = 0.0
         """Host time of the first scan; 0 before."""
@@ -59,6 +62,7 @@ class RobotNode:
         # First: latched messages come while it subscribes, and look whether this is lock-step.
         self._part = Participant(node, self._has_inputs, self._act)
         self._pacing = ScanPacing(node, self._inputs, self._driver, self._part)
+        self._waiting = Waiting(node, self._inputs, self._driver, self._part)
         self._subscribe()
 
     def _key(self, topic: str) -> str:
@@ -104,7 +108,7 @@ class RobotNode:
     def _on_monitor(self, _key: str, alive: bool) -> None:
         if alive:
             # A monitor that has just come must not wait for the next heartbeat to know this robot.
-            self._driver.publish_status()
+            self._status.publish()
 
     def _on_jump_back(self, _old: int, _new: int) -> None:
         log.warning("time jumped back (the simulator started anew): old data is forgotten")
@@ -130,19 +134,23 @@ class RobotNode:
             if self._node.stopping:
                 return
             self._node.decide_clock(self._first_data)
-            self._take_turn()
+            self._take_turn(self._pacing.begin_turn, self._driver.step)
+            if not self._heartbeat.due():
+                continue
+            self._waiting.find_absence()
+            self._take_turn(self._waiting.begin_look, self._driver.look)
             with self._node.changed:
-                if self._heartbeat.due():
-                    self._driver.publish_status()
+                self._waiting.tell()
+                self._status.publish()
 
-    def _take_turn(self) -> None:
-        """Real time: step if there is a reason to. The behaviour is asked without `node.changed`."""
+    def _take_turn(self, begin: Callable[[], Turn | None], step: Callable[[Turn], Twist | None]) -> None:
+        """Real time: take the turn that is due. The behaviour is asked without `node.changed`."""
         with self._node.changed:
-            turn = self._pacing.begin_turn()
+            turn = begin()
             if turn is None:
                 return
             self._driver.busy = True
-        command = self._driver.step(turn)
+        command = step(turn)
         with self._node.changed:
             self._driver.busy = False
             if self._part.active:
@@ -183,7 +191,8 @@ class RobotNode:
         with self._node.changed:
             self._cmd_vel.put(Twist())
             self._driver.readiness.stop()
-            self._driver.publish_status()
+            self._status.command = None
+            self._status.publish()
         log.info("%s stopped", names.robot_name(self._id))
 
 

@@ -11,8 +11,9 @@ from zteam import names
 from zteam.bus import MemoryHub
 from zteam.clock import wall_ns
 from zteam.messages import Clock, RobotState, RobotStatus, TeamState, TeamStatus, Tick, ns_from_time, time_from_ns
+from zteam.nodes.monitor import writer_watch
+from zteam.nodes.monitor.display import LEAVE_AFTER, JsonLines, Lines
 from zteam.nodes.monitor.members import Event
-from zteam.nodes.monitor.node import LEAVE_AFTER, print_event, print_json
 from zteam.runtime.log_keeper import LogKeeper
 
 
@@ -232,13 +233,22 @@ def test_the_bus_does_not_wait_for_the_terminal(hub: MemoryHub, open_desk: Open)
 def test_lines_for_users_and_for_programs(capsys: pytest.CaptureFixture[str]) -> None:
     """The same events as text, and as one JSON object a line."""
     events = [Event("ready", 1, 'ready (1 of 2; "x"\n)'), Event("go", None, "All robots GO!")]
-    print_event(Event("lost", 3, "lost"))
-    print_event(events[1])
+    Lines().show(Event("lost", 3, "lost"))
+    Lines().show(events[1])
     assert capsys.readouterr().out == "robot_3 lost\nAll robots GO!\n"
     for event in events:
-        print_json(event)
+        JsonLines().show(event)
     lines = capsys.readouterr().out.splitlines()
     assert [msgspec.json.decode(line) for line in lines] == [
         {"event": "ready", "robot": 1, "text": 'ready (1 of 2; "x"\n)'},
         {"event": "go", "robot": None, "text": "All robots GO!"},
     ]
+
+
+def test_the_world_says_which_robots_it_lacks(hub: MemoryHub, open_desk: Open, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An id that the simulator does not have is named in the published status, with the way out."""
+    monkeypatch.setattr(writer_watch, "LOOK", 0.0)
+    serve_simulator(hub, [0, 1])
+    desk = open_desk(0, 9)
+    lacks = "robot_9: not in the world; it has 0-1 ('zteam sim spawn --id 9 --pose X Y YAW' adds it)"
+    desk.wait(lambda: bool(desk.published) and desk.published[-1].waiting_for == f"robot_0: no process yet; {lacks}")

@@ -2,7 +2,7 @@
 
 import threading
 from collections.abc import Iterator
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import pytest
 
@@ -84,9 +84,9 @@ def test_nothing_of_the_old_time_is_done_after_a_jump(monkeypatch: pytest.Monkey
     """A robot that waits for the transforms of a scan when time jumps back does not act on that scan any more."""
     ticks: list[int] = []
 
-    def note(behavior: Behavior, view: View) -> tuple[Twist, str]:
+    def note(behavior: Behavior, view: View, *rest: Any) -> tuple[Twist, str]:
         ticks.append(view.now // TICK)
-        return decide(behavior, view)
+        return decide(behavior, view, *rest)
 
     monkeypatch.setattr(driver, "decide", note)
     monkeypatch.setattr(pacing, "TF_PATIENCE", NEVER)
