@@ -1,4 +1,4 @@
-"""Numbers that users type, and percentiles.
+"""Numbers that users type, numbers in words, and percentiles.
 
 A typed number has bounds: a number that is too large would fail far from the place where it was typed.
 """
@@ -42,6 +42,17 @@ def is_number(text: str, limit: float = math.inf) -> bool:
         return abs(float(text)) <= limit
     except ValueError:
         return False
+
+
+def counted(count: float, noun: str, plural: str = "") -> str:
+    """A count and its noun: `1 robot`, `2 robots`; `plural` is for a noun that does not only take an s."""
+    shown = f"{count}" if isinstance(count, int) else f"{count:g}"
+    return f"{shown} {noun if count == 1 else plural or f'{noun}s'}"
+
+
+def format_factor(factor: float) -> str:
+    """A real-time factor with no more digits than are known: `0.98`, `20.7`, `1234`."""
+    return f"{factor:.2f}" if factor < 10.0 else f"{factor:.1f}" if factor < 100.0 else f"{factor:.0f}"
 
 
 def percentile(values: Iterable[float], share: float) -> float | None:

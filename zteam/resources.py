@@ -1,6 +1,8 @@
 """Worlds and team files that come with zteam: inside the wheel, or beside the package in a checkout."""
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 from zteam.errors import UsageError
 
@@ -33,21 +35,56 @@ def shipped_team(name: str) -> Path | None:
     return _find(teams_folder(), name, ".toml")
 
 
+class _Kind(NamedTuple):
+    """Files that a user names."""
+
+    what: str
+    suffix: str
+    folder: Callable[[], Path]
+    use: str
+    """Where a user gives such a file."""
+
+
+_WORLD = _Kind("world", ".world", worlds_folder, "give it to 'zteam up TEAM --world' or to 'zteam-sim'")
+_TEAM = _Kind("team", ".toml", teams_folder, "give it to 'zteam up' as the team")
+
+
 def find_world(text: str | Path) -> Path:
     """The world file that a user names: a path, else a shipped world. Raises UsageError with the shipped names."""
-    return _find_named(str(text), "world", worlds_folder(), ".world")
+    return _find_named(str(text), _WORLD, _TEAM)
 
 
 def find_team(text: str | Path) -> Path:
     """The team file that a user names: a path, else a shipped team. Raises UsageError with the shipped names."""
-    return _find_named(str(text), "team", teams_folder(), ".toml")
+    return _find_named(str(text), _TEAM, _WORLD)
 
 
-def _find_named(text: str, what: str, folder: Path, suffix: str) -> Path:
-    found = existing_file(Path(text)) or _find(folder, text, suffix)
-    if found is None:
-        raise UsageError(f"{what} {text!r}: no such file, nor a shipped {what} ({', '.join(names(folder, suffix))})")
+def _find_named(text: str, kind: _Kind, other: _Kind) -> Path:
+    found = existing_file(Path(text)) or _find(kind.folder(), text, kind.suffix)
+    if found is None or text.endswith(other.suffix):
+        raise UsageError(f"{kind.what} {text!r}: {_why_not(text, kind, other)}")
     return found
+
+
+def _why_not(text: str, kind: _Kind, other: _Kind) -> str:
+    if text.endswith(other.suffix) or _find(other.folder(), text, other.suffix):
+        return f"that is a {other.what}; {other.use}"
+    if text and is_folder(Path(text)):
+        return f"that is a folder; name the {kind.what} file in it (*{kind.suffix})"
+    import difflib
+
+    known = names(kind.folder(), kind.suffix)
+    near = difflib.get_close_matches(text.removesuffix(kind.suffix).lower(), known, n=1)
+    hint = f"; did you mean {near[0]}?" if near else ""
+    return f"no such file, nor a shipped {kind.what} ({', '.join(known)}){hint}"
+
+
+def is_folder(path: Path) -> bool:
+    """Whether `path` is a folder; it is not where no file can have such a name."""
+    try:
+        return path.is_dir()
+    except (OSError, ValueError):
+        return False
 
 
 def existing_file(path: Path) -> Path | None:

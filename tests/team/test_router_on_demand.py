@@ -190,7 +190,8 @@ def test_a_router_that_finds_its_port_taken_ends_quietly(endpoint: str) -> None:
         bus.close()
 
 
-def test_a_port_of_another_program_is_named(endpoint: str) -> None:
+@pytest.mark.parametrize("is_given", [False, True], ids=["on demand", "with --connect"])
+def test_a_port_of_another_program_is_named(endpoint: str, is_given: bool) -> None:
     """If a program that is no Zenoh router has the port, one line names the port and the way out."""
     port = int(endpoint.rpartition(":")[2])
     with socket.create_server(("127.0.0.1", port)) as server:
@@ -205,7 +206,7 @@ def test_a_port_of_another_program_is_named(endpoint: str) -> None:
         thread = threading.Thread(target=hang_up, daemon=True)
         thread.start()
         with pytest.raises(BusError, match=r"does not speak Zenoh.*--connect"):
-            connect(BusOptions())
+            connect(BusOptions(connect=endpoint if is_given else None), patience=0.2)
         server.shutdown(socket.SHUT_RDWR)
         thread.join(LIMIT)
 

@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 import zenoh
 
+from support.terminal import CONTROLLED
 from zteam import names
 from zteam.bus.presence import ProcessInfo
 from zteam.launch.process import zteam_command
@@ -99,10 +100,6 @@ def test_a_dead_robot_is_reported_and_the_others_go_on(team: TeamFixture) -> Non
         code, output = finish(launcher)
     assert "robot_1 ended: killed by SIGKILL" in output
     assert code == 1, output
-
-
-CONTROLLED = "import fcntl, os, sys, termios\nfcntl.ioctl(0, termios.TIOCSCTTY, 0)\nos.execv(sys.argv[1], sys.argv[1:])"
-"""Makes standard input the controlling terminal, as in a shell, and runs the command in this process."""
 
 
 def test_ctrl_c_on_a_terminal_stops_in_order(team: TeamFixture) -> None:

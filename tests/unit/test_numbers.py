@@ -1,9 +1,9 @@
-"""Numbers that users type."""
+"""Numbers that users type and read."""
 
 import pytest
 
 from zteam.errors import UsageError
-from zteam.numbers import is_number, parse_number, parse_whole, percentile
+from zteam.numbers import counted, format_factor, is_number, parse_number, parse_whole, percentile
 
 
 def test_the_bounds_belong_to_the_range() -> None:
@@ -63,3 +63,29 @@ def test_a_single_value_is_every_percentile() -> None:
 def test_no_values_have_no_percentile() -> None:
     """None, not 0."""
     assert percentile([], 0.5) is None
+
+
+@pytest.mark.parametrize(
+    ("count", "noun", "text"),
+    [
+        (0, "robot", "0 robots"),
+        (1, "robot", "1 robot"),
+        (1_000_000, "tick", "1000000 ticks"),
+        (1.0, "second", "1 second"),
+        (0.1 + 0.2, "second", "0.3 seconds"),
+    ],
+)
+def test_one_thing_is_singular(count: float, noun: str, text: str) -> None:
+    """Every other number is plural, and a number that was computed has no noise."""
+    assert counted(count, noun) == text
+
+
+def test_a_noun_may_have_a_plural_of_its_own() -> None:
+    """It is given with the noun."""
+    assert [counted(i, "process", "processes") for i in (1, 2)] == ["1 process", "2 processes"]
+
+
+@pytest.mark.parametrize(("factor", "text"), [(0.98765, "0.99"), (12.3456, "12.3"), (1234.5, "1234")])
+def test_a_factor_has_the_digits_that_are_known(factor: float, text: str) -> None:
+    """Two decimals at most."""
+    assert format_factor(factor) == text

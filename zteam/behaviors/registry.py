@@ -21,6 +21,8 @@ from zteam.errors import UsageError
 from zteam.problems import Problem, did_you_mean, problems_of
 
 BEHAVIORS: dict[str, type[Behavior]] = {"forward": Forward, "avoid": Avoid, "wander": Wander, "follow": Follow}
+DETERMINISTIC = frozenset({"forward", "avoid", "follow"})
+"""Those that draw no random numbers: with them, every seed gives the same run."""
 
 
 def load_behavior(spec: str, params: dict[str, Any], robot_id: int | None = None) -> Behavior:

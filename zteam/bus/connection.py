@@ -75,15 +75,28 @@ def _open_patiently(options: BusOptions, patience: float | None, stopping: Calla
             return session
         waited = monotonic() - start
         if patience is not None and waited > patience:
-            raise BusError(
-                f"no Zenoh router answers at {options.endpoint}: start one with "
-                f"'zteam-router --listen {options.endpoint}', or leave --connect out"
-            )
+            raise BusError(_no_router(options.endpoint))
         if waited > 1.0 and say.due():
             log.warning("waiting for a Zenoh router at %s (Ctrl+C to give up)", options.endpoint)
         pause(delay)
         delay = min(0.5, delay * 1.5)
     raise BusError(f"stopped while waiting for a Zenoh router at {options.endpoint}")
+
+
+def _no_router(endpoint: str) -> str:
+    if port_accepts(endpoint):
+        return _foreign_listener(endpoint)
+    return (
+        f"no Zenoh router answers at {endpoint}: start one with 'zteam-router --listen {endpoint}', "
+        "or leave --connect out"
+    )
+
+
+def _foreign_listener(endpoint: str) -> str:
+    return (
+        f"{endpoint} is held by something that does not speak Zenoh: "
+        "end it, or run a router elsewhere and name it with --connect"
+    )
 
 
 def _open_on_demand(options: BusOptions, stopping: Callable[[], bool]) -> zenoh.Session:
@@ -102,10 +115,7 @@ def _open_on_demand(options: BusOptions, stopping: Callable[[], bool]) -> zenoh.
             return session
         refused_handshakes += 1
         if refused_handshakes >= 3:
-            raise BusError(
-                f"{options.endpoint} is held by something that does not speak Zenoh: "
-                "end it, or run a router elsewhere and name it with --connect"
-            )
+            raise BusError(_foreign_listener(options.endpoint))
     raise BusError(
         f"no router came up at {options.endpoint} within {ON_DEMAND_DEADLINE:.0f} s: "
         f"see {router_log_path(options.endpoint)}, or start 'zteam-router' by hand"

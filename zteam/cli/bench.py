@@ -8,12 +8,22 @@ from typing import Any
 
 import msgspec
 
+from zteam.cli import bench_tables
 from zteam.cli.arguments import number, whole
 from zteam.cli.interrupts import raise_from_now
 from zteam.cli.options import Parser, add_log_options, run
 from zteam.numbers import MAX_SECONDS
 from zteam.resources import find_world
 from zteam.simulation_options import PHYSICS, Options
+
+FORMATS: dict[str, Callable[[Sequence[Any]], str]] = {
+    "sim": bench_tables.format_simulation,
+    "kernel": bench_tables.format_kernels,
+    "tf": bench_tables.format_transforms,
+    "team": bench_tables.format_team,
+    "codec": bench_tables.format_codec,
+}
+"""Verb -> what makes a text of its figures."""
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -70,13 +80,8 @@ def _bench(args: argparse.Namespace) -> int:
     if args.json:
         print(msgspec.json.encode(rows[0] if args.verb in ("sim", "team") else rows).decode())
         return 0
-    for row in rows:
-        print("  ".join(f"{name} {_shown(value)}" for name, value in msgspec.to_builtins(row).items()))
+    print(FORMATS[args.verb](rows))
     return 0
-
-
-def _shown(value: Any) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 def _measure(args: argparse.Namespace) -> list[Any]:

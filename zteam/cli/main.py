@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Sequence
 from functools import partial
+from pathlib import Path
 
 from zteam.cli.interrupts import INTERRUPTED, ignore_from_now, leave_at_once
 from zteam.cli.output import guarded
@@ -21,6 +22,10 @@ COMMANDS = {
     "bench": ("bench", "measure zteam on this machine"),
 }
 """Command -> (module in zteam.cli, one line)."""
+
+
+_UP_ELSEWHERE = ("run", "start", "launch")
+"""What other programs call `up`."""
 
 
 def _usage() -> str:
@@ -72,6 +77,10 @@ def _main(arguments: list[str]) -> int:
         print(f"zteam {__version__}")
         return 0
     name, *rest = arguments
+    meant = "" if name in COMMANDS else _meant(name, rest)
+    if meant:
+        print(f"zteam: no command {name!r}: {meant}", file=sys.stderr)
+        return 2
     if name not in COMMANDS:
         import difflib
 
@@ -80,6 +89,23 @@ def _main(arguments: list[str]) -> int:
         print(f"zteam: no command {name!r}: {hint}", file=sys.stderr)
         return 2
     return _run(COMMANDS[name][0], rest)
+
+
+def _meant(name: str, rest: Sequence[str]) -> str:
+    """What a word that is no command may stand for; empty if it is not known to stand for anything."""
+    from zteam.resources import existing_file, shipped_team
+
+    if name in _UP_ELSEWHERE:
+        return f"did you mean 'zteam {' '.join(['up', *rest])}'?"
+    if name == "stop":
+        return "press Ctrl+C where 'zteam up' runs"
+    if name.startswith("zteam-"):
+        return f"the processes are separate commands: {' '.join([name, *rest])}"
+    if name.endswith(".world"):
+        return f"a team drives in a world: 'zteam up --world {name}'"
+    if shipped_team(name) or existing_file(Path(name)):
+        return f"did you mean 'zteam {' '.join(['up', name, *rest])}'?"
+    return ""
 
 
 if __name__ == "__main__":

@@ -3,11 +3,15 @@
 from collections.abc import Sequence
 
 
-def format_table(header: Sequence[str], rows: Sequence[Sequence[str]], indent: str = "") -> str:
-    """The header and the rows as lines; no line ends with blanks."""
+def format_table(
+    header: Sequence[str], rows: Sequence[Sequence[str]], indent: str = "", *, numeric: bool = False
+) -> str:
+    """The header and the rows as lines; no line ends with blanks. `numeric`: columns after the first align right."""
     lines = [header, *rows]
     widths = [max(len(line[column]) for line in lines) for column in range(len(header))]
-    return "\n".join(
-        (indent + "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True))).rstrip()
-        for line in lines
-    )
+    right = [numeric and column > 0 for column in range(len(header))]
+    return "\n".join((indent + "  ".join(map(_aligned, line, widths, right))).rstrip() for line in lines)
+
+
+def _aligned(cell: str, width: int, right: bool) -> str:
+    return cell.rjust(width) if right else cell.ljust(width)

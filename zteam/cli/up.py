@@ -5,20 +5,24 @@ import logging
 import os
 import sys
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from zteam.cli.arguments import LOCKSTEP_TIMEOUTS, MAX_SEED, MIN_RUN, MIN_SEED, number, parse_speed, whole
 from zteam.cli.options import Parser, add_bus_options, bus_options, run
 from zteam.errors import UsageError, ZteamError
-from zteam.numbers import MAX_SECONDS
+from zteam.numbers import MAX_SECONDS, counted
 from zteam.resources import find_team, find_world
 
 if TYPE_CHECKING:
+    from zteam.cli.up_display import Display
     from zteam.launch.arguments import Pace
+    from zteam.launch.report import RunReport
     from zteam.launch.run import Run
     from zteam.runtime.shutdown import Stop
+    from zteam.team_file import Team
 
 log = logging.getLogger("zteam")
 
@@ -85,16 +89,11 @@ def _pace(args: argparse.Namespace, world: Path | None) -> "Pace":
     return Pace(args.speed, args.lockstep, args.lockstep_timeout, tuple(args.expect))
 
 
-def _check_writable(path: Path) -> None:
-    """Raise UsageError before the run if the report cannot be written after it."""
-    if path.is_dir() or not path.parent.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK):
-        raise UsageError(f"--report {path}: cannot write a file there")
-
-
 class Printer:
     """Prints the lines of all processes, each after the name of its process; coloured on a terminal."""
 
-    def __init__(self) -> None:
+    def __init__(self, write: Callable[[str], None]) -> None:
+        self._write = write
         self._lock = threading.Lock()
         self._color = sys.stdout.isatty() and "NO_COLOR" not in os.environ
         self._seen: dict[str, int] = {}
@@ -105,7 +104,7 @@ class Printer:
             number = self._seen.setdefault(name, len(self._seen))
             color = _COLORS[number % len(_COLORS)]
             prefix = f"\033[{color}m[{name}]\033[0m" if self._color else f"[{name}]"
-            print(f"{prefix} {_without_own_name(name, text)}", flush=True)
+            self._write(f"{prefix} {_without_own_name(name, text)}")
 
 
 def _without_own_name(name: str, text: str) -> str:
@@ -119,7 +118,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _up(args: argparse.Namespace) -> int:
+    from zteam.cli.up_display import open_display
     from zteam.launch.check import check_team
+    from zteam.launch.report import check_writable
     from zteam.launch.run import Run, RunOptions
     from zteam.runtime.shutdown import Stop
     from zteam.team_file import read_team_file
@@ -128,40 +129,65 @@ def _up(args: argparse.Namespace) -> int:
         raise UsageError("--report needs --for SECONDS: only a run with an end has a report")
     bus = bus_options(args)
     if args.report:
-        _check_writable(Path(args.report))
+        check_writable(Path(args.report))
     file = read_team_file(find_team(args.team))
     world = check_team(file, find_world(args.world) if args.world else None)
     if world is None and args.run_for is not None:
         raise UsageError('--for needs a simulator: this team has none (world = "none")')
+    if args.seed is not None:
+        _note_unused_seed(args.seed, file.team, world)
     options = RunOptions(
         file.team, file.path, world.resolve() if world else None, bus, args.seed, args.run_for, _pace(args, world)
     )
     stop = Stop()
-    with Run(options, stop, Printer().line) as team_run:
+    with ExitStack() as stack:
+        display = stack.enter_context(open_display(args.log_format, args.run_for))
+        team_run = stack.enter_context(Run(options, stop, Printer(display.print).line))
         stop.install(on_repeat=team_run.hurry)
-        return _run(team_run, stop, args)
+        try:
+            report = _run(team_run, display, args.connect)
+        except ZteamError:
+            if stop.requested:
+                return 0
+            raise
+    return _conclude(team_run, report, stop, args)
 
 
-def _run(team_run: "Run", stop: "Stop", args: argparse.Namespace) -> int:
+def _note_unused_seed(seed: int, team: "Team", world: Path | None) -> None:
+    from zteam.launch.randomness import random_parts
+    from zteam.world import load_world
+
+    if not random_parts(team, load_world(world) if world else None):
+        log.info(
+            "--seed %d changes nothing: this team draws no random numbers (noise of lasers or odometry, dazzle, "
+            "the behaviour wander, behaviours of your own)",
+            seed,
+        )
+
+
+def _run(team_run: "Run", display: "Display", connect: str | None) -> "RunReport | None":
+    from zteam.bus.options import DEFAULT_ENDPOINT
+
+    processes = counted(len(team_run.plan.commands), "process", "processes")
+    display.say(f"starting {processes}")
+    team_run.start()
+    log.info("%s, router at %s; Ctrl+C stops them", processes, team_run.endpoint)
+    if connect is None and team_run.endpoint != DEFAULT_ENDPOINT:
+        log.warning(
+            "%s is in use; for tools and nodes of this team: export ZTEAM_CONNECT=%s",
+            DEFAULT_ENDPOINT, team_run.endpoint,
+        )  # fmt: skip
+    with display.following(team_run.team_watch):
+        team_run.watch()
+    display.say("stopping")
+    return team_run.finish()
+
+
+def _conclude(team_run: "Run", report: "RunReport | None", stop: "Stop", args: argparse.Namespace) -> int:
     import msgspec
 
-    from zteam.bus.options import DEFAULT_ENDPOINT
     from zteam.launch.report import format_report, write_report
 
-    try:
-        team_run.start()
-        log.info("%d processes, router at %s; Ctrl+C stops them", len(team_run.plan.commands), team_run.endpoint)
-        if args.connect is None and team_run.endpoint != DEFAULT_ENDPOINT:
-            log.warning(
-                "%s is in use; for tools and nodes of this team: export ZTEAM_CONNECT=%s",
-                DEFAULT_ENDPOINT, team_run.endpoint,
-            )  # fmt: skip
-        team_run.watch()
-        report = team_run.finish()
-    except ZteamError as error:
-        if stop.requested:
-            return 0
-        raise error
     if stop.requested and args.run_for is not None:
         # There is no report: a script must not take this for success.
         return 130

@@ -14,6 +14,7 @@ from zteam.cli.options import Parser, add_log_options, run
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.names import BASE_SCAN, MAX_ROBOT_ID
+from zteam.numbers import counted
 from zteam.resources import find_world
 
 if TYPE_CHECKING:
@@ -87,7 +88,7 @@ def _check(args: argparse.Namespace, world: "World") -> int:
     for obstacle in summary["obstacles"]:
         x, y, yaw = obstacle["pose"]
         kind = "pushable  " if obstacle["mass"] is not None else "obstacle  "
-        print(f"  {kind} {obstacle['name']:18} at {x:.3f} {y:.3f}, {yaw:.1f}°, {obstacle['shapes']} shapes")
+        print(f"  {kind} {obstacle['name']:18} at {x:.3f} {y:.3f}, {yaw:.1f}°, {counted(obstacle['shapes'], 'shape')}")
     for robot in summary["robots"]:
         x, y, yaw = robot["pose"]
         lasers = ", ".join(robot["sensors"]) or "no sensors"
@@ -97,9 +98,9 @@ def _check(args: argparse.Namespace, world: "World") -> int:
         print(f"  base       {base['model']:18} {_base_text(base)}")
     for warning in summary["warnings"]:
         print(warning)
-    count = len(summary["warnings"])
-    print(f"{len(world.robots)} robots, {len(world.obstacles)} obstacles, {len(world.floorplans)} floor plans; "
-          + (f"{count} warnings" if count else "no warnings"))  # fmt: skip
+    counts = counted(len(world.robots), "robot"), counted(len(world.obstacles), "obstacle")
+    warnings = counted(len(summary["warnings"]), "warning") if summary["warnings"] else "no warnings"
+    print(f"{', '.join(counts)}, {counted(len(world.floorplans), 'floor plan')}; {warnings}")
     return 0
 
 
@@ -187,7 +188,7 @@ def _show(args: argparse.Namespace, world: "World") -> int:
 
         fans = {robot_id: _fans(seen) for robot_id, seen in Engine(world).observe().robots.items()}
     draw_world(world, robots, Path(args.output), width=args.width, fans=fans)
-    print(f"{args.output}: {world.name}, {len(robots)} robots")
+    print(f"{args.output}: {world.name}, {counted(len(robots), 'robot')}")
     return 0
 
 

@@ -26,7 +26,8 @@ def refuse_second_team(bus: Bus, needed: Iterable[str]) -> None:
     for name in (names.LAUNCHER, *needed):
         if name in found:
             info = found[name]
+            what = "a team" if name == names.LAUNCHER else name
             raise BusError(
-                f"a team is already running here (pid {info.pid}, since {local_time_text(info.start)}); "
+                f"{what} is already running here (pid {info.pid}, since {local_time_text(info.start)}); "
                 "stop it, or use --namespace"
             )

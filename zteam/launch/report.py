@@ -1,6 +1,8 @@
 """The report of a run, which `zteam up --report` writes."""
 
+import errno
 import os
+import tempfile
 from pathlib import Path
 
 import msgspec
@@ -8,8 +10,10 @@ import msgspec
 from zteam import names
 from zteam.bus import Bus
 from zteam.bus.counters import KeyCount
-from zteam.errors import ZteamError
+from zteam.errors import UsageError, ZteamError
 from zteam.launch.process import Process, Usage
+from zteam.numbers import counted, format_factor
+from zteam.resources import is_folder
 from zteam.runtime.participant import RoundTiming
 from zteam.services.simulator import RunFigures, SimReport
 
@@ -111,6 +115,21 @@ def _row(name: str, pid: int, code: int | None, usage: Usage) -> ProcessReport:
     return ProcessReport(name, pid, code, 0, *memory, round(usage.cpu_seconds, 2))
 
 
+def check_writable(path: Path) -> None:
+    """Raise UsageError before the run if the report cannot be written after it."""
+    if is_folder(path):
+        raise UsageError(f"--report {path}: that is a folder; name a file in it")
+    if not is_folder(path.parent):
+        raise UsageError(f"--report {path}: there is no folder {path.parent}; make it first")
+    try:
+        if not path.exists():
+            tempfile.TemporaryFile(dir=path.parent).close()
+        elif not os.access(path, os.W_OK):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+    except OSError as error:
+        raise UsageError(f"--report {path}: cannot write: {error.strerror or error}; name another file") from None
+
+
 def write_report(path: Path, text: bytes) -> None:
     """Write the whole of `text`, or nothing: on a failure an older file stays as it was. Raises ZteamError."""
     path = path.resolve()
@@ -132,8 +151,8 @@ def write_report(path: Path, text: bytes) -> None:
 def format_report(report: RunReport) -> str:
     """A short table for a reader."""
     factor = report.real_time_factor
-    pace = "" if factor is None else f", {factor:.3g} x real time"
-    lines = [f"{report.sim_seconds:.1f} simulated seconds after GO, seed {report.seed}{pace}"]
+    pace = "" if factor is None else f", {format_factor(factor)} x real time"
+    lines = [f"{counted(report.sim_seconds, 'simulated second')} after GO, seed {report.seed}{pace}"]
     lines.append(f"{'robot':8}{'follows':>8}{'driven m':>10}{'gap end m':>10}{'stalls':>8}{'late':>6}")
     for robot in report.robots:
         follows = "-" if robot.follow is None else str(robot.follow)
@@ -143,5 +162,5 @@ def format_report(report: RunReport) -> str:
     if report.lockstep:
         lines.append(f"lock-step: trajectory {report.trajectory_sha256}")
     memory = sum(p.pss_mb for p in report.processes)
-    lines.append(f"{len(report.processes)} processes, {memory:.0f} MB together (PSS)")
+    lines.append(f"{counted(len(report.processes), 'process', 'processes')}, {memory:.0f} MB together (PSS)")
     return "\n".join(lines)

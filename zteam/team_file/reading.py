@@ -65,7 +65,9 @@ def read_team_file(path: Path) -> TeamFile:
     except tomllib.TOMLDecodeError as error:
         found = re.search(r" \(at line (\d+), column (\d+)\)$", str(error))
         place = f"{path}:{found[1]}:{found[2]}" if found else f"{path}"
-        raise ConfigError(f"{place}: not TOML: {str(error)[: found.start()] if found else error}") from None
+        told = str(error)[: found.start()] if found else str(error)
+        hint = "; text needs quotes" if told == "Invalid value" else ""
+        raise ConfigError(f"{place}: not TOML: {told}{hint}") from None
     except ValueError as error:
         # A number of thousands of digits.
         raise ConfigError(f"{path}: not a team file: {' '.join(str(error).split())}") from None
@@ -83,8 +85,9 @@ def team_world(file: TeamFile) -> Path | None:
         return None
     found = resources.existing_file(file.path.parent / world) or resources.shipped_world(world)
     if found is None:
-        known = ", ".join(resources.names(resources.worlds_folder(), ".world"))
-        text = f"{world!r} is neither a file beside the team file nor a shipped world ({known})"
+        known = resources.names(resources.worlds_folder(), ".world")
+        shipped = f"a shipped world ({', '.join(known)}){did_you_mean(world, known)}"
+        text = f"{world!r} is neither a file beside the team file nor {shipped}"
         raise file.error([Problem(("team", "world"), text)])
     return found
 

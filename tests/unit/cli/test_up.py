@@ -78,23 +78,120 @@ def test_mistakes_are_one_line(
     assert text in line
 
 
+TEAM = '[team]\nworld = "arena"\n[[robots]]\n'
+FILES = {
+    "ok.toml": TEAM + "id = 0\n",
+    "empty.toml": "",
+    "ids.toml": TEAM + "id = 7\n[[robots]]\nid = 0\n[[robots]]\nid = 0\n",
+    "wonder.toml": TEAM + 'id = 0\nbehavior = "wonder"\n',
+    "garden.toml": TEAM.replace("arena", "aren") + "id = 0\n",
+    "bare.toml": TEAM.replace('"', "") + "id = 0\n",
+    "boom.toml": TEAM + 'id = 0\nbehavior = "boom_at_import:Boom"\n',
+    "boom_at_import.py": "raise ValueError('the map is missing')\n",
+    "utf16.toml": TEAM + "id = 0\n",
+    "lost.world": 'include "nowhere.inc"\n',
+    "folder/team.toml": TEAM + "id = 0\n",
+}
+"""What a new user has in the current folder."""
+
+
 @pytest.mark.parametrize(
-    "report",
-    ["nowhere/r.json", "."],
+    ("arguments", "lines"),
+    [
+        ("aren", ["team 'aren': no such file, nor a shipped team (arena, line, willow); did you mean arena?"]),
+        ("no/team.toml", ["team 'no/team.toml': no such file, nor a shipped team (arena, line, willow)"]),
+        ("office", ["team 'office': that is a world; give it to 'zteam up TEAM --world' or to 'zteam-sim'"]),
+        ("worlds/office.world", ["team 'worlds/office.world': that is a world; give it to 'zteam up TEAM --world' or"]),
+        ("lost.world", ["team 'lost.world': that is a world; give it to"]),
+        ("folder", ["team 'folder': that is a folder; name the team file in it (*.toml)"]),
+        (
+            "ok.toml --world ofice",
+            ["world 'ofice': no such file, nor a shipped world (arena, office); did you mean"],
+        ),
+        ("ok.toml --world folder", ["world 'folder': that is a folder; name the world file in it (*.world)"]),
+        ("line --world ok.toml", ["world 'ok.toml': that is a team; give it to 'zteam up' as the team"]),
+        ("ok.toml --world lost.world", ["lost.world:1:9: included file 'nowhere.inc' not found in . or $STAGEPATH"]),
+        (
+            "garden.toml",
+            ["garden.toml:2: team.world: 'aren' is neither a file beside the team file nor a ship"],
+        ),
+        (
+            "empty.toml",
+            [
+                "empty.toml: the key robots is missing: add a table [[robots]]",
+                "empty.toml: team: the key world is missing",
+            ],
+        ),
+        (
+            "ids.toml",
+            [
+                "ids.toml:4: robots[0].id: the world has no robot 7 (it has 0, 1); model and pose add one",
+                "ids.toml:8: robots[2].id: robot 0 is robots[1] already; give each robot its own id",
+            ],
+        ),
+        ("wonder.toml", ["wonder.toml:5: robots[0].behavior: no behaviour 'wonder' (did you mean wander?): use"]),
+        (
+            "boom.toml",
+            ["boom.toml:5: robots[0].behavior: behaviour 'boom_at_import:Boom': cannot import boom"],
+        ),
+        ("bare.toml", ["bare.toml:2:9: not TOML: Invalid value; text needs quotes"]),
+        ("utf16.toml", ["utf16.toml: not UTF-8 text (byte 0); save it as UTF-8"]),
+        ("ok.toml --for 1 --report no/r.json", ["--report no/r.json: there is no folder no; make it first"]),
+        ("ok.toml --for 1 --report folder", ["--report folder: that is a folder; name a file in it"]),
+        (
+            "ok.toml --for 1 --report /proc/r.json",
+            ["--report /proc/r.json: cannot write: "],
+        ),
+    ],
 )
-def test_a_report_that_cannot_be_written_is_refused_before_the_run(
-    report: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+def test_a_new_users_mistakes_are_named_with_the_way_out(
+    arguments: str,
+    lines: list[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """A report's path is checked before the run, not at its end."""
+    """Each mistake is one line with its place, its cause and what to do; the command ends with 2 and starts nothing."""
     monkeypatch.chdir(tmp_path)
-    assert up.main(["arena", "--for", "1", "--report", report]) == 2
-    assert "--report" in capsys.readouterr().err
+    for name, text in FILES.items():
+        path = tmp_path / name
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(text, encoding="utf-16" if name == "utf16.toml" else "utf-8")
+    assert exit_code(up.main, arguments.split()) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    told = captured.err.splitlines()
+    assert len(told) == len(lines), told
+    assert all(line.startswith(f"up: {start}") for line, start in zip(told, lines, strict=True)), told
+
+
+@pytest.mark.parametrize(
+    ("arguments", "count"),
+    [("ok.toml --seed 7", 1), ("ok.toml", 0), ("mine.toml --seed 7", 0), ("real.toml --seed 7", 1)],
+)
+def test_a_seed_that_changes_nothing_is_noted_once(
+    arguments: str,
+    count: int,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """A note that says what a seed is for, and the team starts; none without --seed or where something is random."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "ok.toml").write_text(FILES["ok.toml"])
+    (tmp_path / "mine.toml").write_text(TEAM + 'id = 0\nbehavior = "wander"\n')
+    (tmp_path / "real.toml").write_text(TEAM.replace("arena", "none") + "id = 0\n")
+    with pytest.raises(AssertionError, match="a process was started"):
+        up.main(arguments.split())
+    told = capsys.readouterr().err
+    assert told.count("[up] --seed 7 changes nothing: this team draws no random numbers (noise of lasers") == count
+    assert told.count("--seed") == count
 
 
 def printed(monkeypatch: pytest.MonkeyPatch, output: io.StringIO, *lines: tuple[str, str]) -> str:
     """The output of a Printer for (process, line) pairs."""
     monkeypatch.setattr("sys.stdout", output)
-    printer = Printer()
+    printer = Printer(print)
     for name, line in lines:
         printer.line(name, line)
     return output.getvalue()

@@ -2,12 +2,23 @@
 
 import threading
 
+import pytest
+
 from zteam.bus.memory import MemoryHub
 from zteam.bus.presence import Claim
 from zteam.errors import BusError
-from zteam.launch.namespace import claim_namespace
+from zteam.launch.namespace import claim_namespace, refuse_second_team
 
 LIMIT = 30.0
+
+
+def test_a_process_of_the_team_is_named(hub: MemoryHub) -> None:
+    """A robot that was started by hand keeps its name, and the launcher tells which process is in the way."""
+    claim = Claim(hub.bus(), "robot_0")
+    claim.win(lambda _: None)
+    refuse_second_team(hub.bus(), ["robot_1"])
+    with pytest.raises(BusError, match=r"^robot_0 is already running here \(pid \d+, since .*; stop it"):
+        refuse_second_team(hub.bus(), ["robot_0"])
 
 
 def test_of_two_launchers_at_once_one_stays(hub: MemoryHub) -> None:

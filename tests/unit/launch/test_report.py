@@ -15,12 +15,13 @@ import pytest
 
 from zteam.bus.memory import MemoryHub
 from zteam.clock import monotonic
-from zteam.errors import BusError, ZteamError
+from zteam.errors import BusError, UsageError, ZteamError
 from zteam.launch.process import Usage, measure_usage
 from zteam.launch.report import (
     Counts,
     ProcessReport,
     RunReport,
+    check_writable,
     format_report,
     make_report,
     read_dropped,
@@ -94,6 +95,19 @@ def test_a_report_is_written_through_a_link_or_to_a_device(tmp_path: Path) -> No
     assert Path(os.devnull).is_char_device()
     with pytest.raises(ZteamError, match="No space left on device"):
         write_report(Path("/dev/full"), b"{}")
+
+
+def test_a_place_for_the_report_is_tried_before_the_run(tmp_path: Path) -> None:
+    """A file that is there, a device and a folder with room are no mistake, and nothing is left or changed."""
+    path = tmp_path / "r.json"
+    check_writable(path)
+    assert list(tmp_path.iterdir()) == []
+    path.write_bytes(b"old")
+    check_writable(path)
+    assert path.read_bytes() == b"old"
+    check_writable(Path(os.devnull))
+    with pytest.raises(UsageError, match="there is no folder"):
+        check_writable(tmp_path / "no" / "r.json")
 
 
 COUNTED = SimReport(
@@ -187,10 +201,20 @@ def test_every_row_of_a_process_has_its_keys() -> None:
 def test_the_table_has_a_row_per_robot() -> None:
     """One row per robot, with its gap if it follows, and the memory of all processes together."""
     lines = format_report(REPORT).splitlines()
-    assert lines[0] == "30.0 simulated seconds after GO, seed 4"
+    assert lines[0] == "30 simulated seconds after GO, seed 4"
     assert lines[2].split() == ["0", "-", "6.00", "-", "0", "1"]
     assert lines[3].split() == ["1", "0", "5.00", "1.25", "2", "0"]
     assert lines[4] == "2 processes, 110 MB together (PSS)"
+
+
+def test_the_table_of_a_short_run_has_no_noise() -> None:
+    """One is singular, and a factor has the digits that mean something."""
+    short = msgspec.structs.replace(REPORT, sim_seconds=1.0, real_time_factor=1234.5678, processes=REPORT.processes[:1])
+    lines = format_report(short).splitlines()
+    assert lines[0] == "1 simulated second after GO, seed 4, 1235 x real time"
+    assert lines[-1] == "1 process, 90 MB together (PSS)"
+    noisy = msgspec.structs.replace(REPORT, sim_seconds=0.1 + 0.2, real_time_factor=1.00321)
+    assert format_report(noisy).startswith("0.3 simulated seconds after GO, seed 4, 1.00 x real time\n")
 
 
 def test_drops_are_summed_over_all_processes() -> None:

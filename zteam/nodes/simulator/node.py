@@ -27,6 +27,7 @@ from zteam.nodes.simulator.tick_profile import TickProfile
 from zteam.nodes.simulator.tick_sender import TickSender
 from zteam.nodes.simulator.turns import Turns
 from zteam.nodes.simulator.world_changes import WorldChanges
+from zteam.numbers import counted
 from zteam.runtime.node import Node
 from zteam.services.simulator import map_info
 from zteam.sim import Engine, Options
@@ -170,7 +171,8 @@ class Simulator:
         if self._counter.count():
             self._turns.finish()
             trajectory = f"; trajectory {self._statistics.trajectory_sha256}" if self._lockstep is not None else ""
-            log.info("%g simulated seconds after GO: the world stands still%s", self._options.run_for, trajectory)
+            seconds = counted(self._options.run_for or 0.0, "simulated second")
+            log.info("%s after GO: the world stands still%s", seconds, trajectory)
 
     def _on_team_status(self, _key: str, status: TeamStatus) -> None:
         if status.state == TeamState.GO:
@@ -192,7 +194,7 @@ def run_simulator(
     simulator = Simulator(node, world, robots, options, kernels)
     simulator.publish_statics()
     node.become_present()
-    log.info("%s: %d robots, a tick every %g ms", world.name, len(robots), world.interval / 1e6)
+    log.info("%s: %s, a tick every %g ms", world.name, counted(len(robots), "robot"), world.interval / 1e6)
     if kernels is not None:
         # Not earlier: the processes that start at the same time need the processors now.
         kernels.start()

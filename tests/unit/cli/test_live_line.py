@@ -1,0 +1,176 @@
+"""A live line on a pseudo-terminal, as a reader sees it."""
+
+import fcntl
+import logging
+import os
+import pty
+import struct
+import sys
+import termios
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TextIO
+
+import pytest
+
+from support.terminal import Screen
+from zteam.cli.live_line import LiveLine, has_live_line
+from zteam.runtime.logs import start_logging
+
+MARK = "\x05"
+
+
+class PseudoTerminal:
+    """A terminal of this process, and what is on its screen."""
+
+    def __init__(self, columns: int) -> None:
+        self._master, slave = pty.openpty()
+        self.stream: TextIO = os.fdopen(slave, "w")
+        self.screen = Screen(columns)
+        self._set_size(columns)
+
+    def _set_size(self, columns: int) -> None:
+        fcntl.ioctl(self._master, termios.TIOCSWINSZ, struct.pack("HHHH", 24, columns, 0, 0))
+
+    def resize(self, columns: int) -> None:
+        """Change the width, as a user does with the mouse."""
+        self.rows()
+        self._set_size(columns)
+        self.screen.resize(columns)
+
+    def rows(self) -> list[str]:
+        """The rows of the screen now."""
+        # A terminal delivers later than it is written to: the mark shows that everything has come.
+        self.stream.write(MARK)
+        self.stream.flush()
+        text = ""
+        while not text.endswith(MARK):
+            text += os.read(self._master, 1 << 16).decode()
+        self.screen.feed(text.removesuffix(MARK))
+        return self.screen.rows
+
+    def close(self) -> None:
+        """Close both ends."""
+        self.stream.close()
+        os.close(self._master)
+
+
+@pytest.fixture
+def terminal(monkeypatch: pytest.MonkeyPatch) -> Iterator[PseudoTerminal]:
+    """A terminal of 80 columns."""
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    made = PseudoTerminal(80)
+    yield made
+    made.close()
+
+
+def test_the_line_is_rewritten_in_place(terminal: PseudoTerminal) -> None:
+    """A new text replaces the old one, also where it is shorter, and leaving the context erases it."""
+    with LiveLine(terminal.stream) as live:
+        live.show(lambda columns: "a long text")
+        assert terminal.rows() == ["a long text"]
+        live.show(lambda columns: "short")
+        assert terminal.rows() == ["short"]
+    assert terminal.rows() == [""]
+
+
+def test_lines_scroll_by_above(terminal: PseudoTerminal) -> None:
+    """Printed lines stay whole, many and long ones too, and the live line is below them."""
+    lines = [f"line {i} " + "x" * (300 if i % 7 == 0 else 5) for i in range(200)]
+    with LiveLine(terminal.stream) as live:
+        live.show(lambda columns: "live")
+        for line in lines:
+            live.print(line)
+            assert terminal.rows()[-1] == "live"
+        assert "live" not in terminal.rows()[:-1]
+    assert "".join(terminal.rows()) == "".join(lines)
+
+
+def test_a_resized_terminal_keeps_its_lines(terminal: PseudoTerminal) -> None:
+    """On a terminal made narrower the wrapped live line is erased as a whole, nothing else is, and the text fits."""
+    with LiveLine(terminal.stream) as live:
+        live.print("above")
+        live.show(lambda columns: "#" * columns)
+        assert len(terminal.rows()[-1]) == 77
+        terminal.resize(30)
+        live.print("more")
+        assert terminal.rows() == ["above", "more", "#" * 27]
+        terminal.resize(100)
+        live.show(lambda columns: "#" * columns)
+        assert terminal.rows() == ["above", "more", "#" * 97]
+
+
+def test_an_echoed_ctrl_c_is_erased(terminal: PseudoTerminal) -> None:
+    """The terminal writes ^C behind the line, which has room for it, and the next text erases both."""
+    with LiveLine(terminal.stream) as live:
+        live.show(lambda columns: "#" * columns)
+        terminal.rows()
+        terminal.screen.feed("^C")
+        live.print("stopped")
+        assert terminal.rows() == ["stopped", "#" * 77]
+    assert terminal.rows() == ["stopped", ""]
+
+
+def test_standard_error_prints_above(terminal: PseudoTerminal, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A log line and a text written in parts come above the live line; afterwards standard error is as before."""
+    monkeypatch.setattr(sys, "stderr", terminal.stream)
+    logger = logging.getLogger("zteam")
+    before = list(logger.handlers), logger.level, logger.propagate
+    try:
+        start_logging("up")
+        with LiveLine(terminal.stream) as live:
+            live.show(lambda columns: "live")
+            logger.warning("a log line")
+            sys.stderr.write("in ")
+            sys.stderr.write("parts\n")
+            rows = terminal.rows()
+            assert rows[0].endswith("[up] warning: a log line")
+            assert rows[1:] == ["in parts", "live"]
+            sys.stderr.write("no end")
+    finally:
+        logger.handlers[:], logger.level, logger.propagate = before
+    assert terminal.rows()[1:] == ["in parts", "no end", ""]
+    assert sys.stderr is terminal.stream
+
+
+@pytest.mark.parametrize("setting", ["", "1"])
+def test_no_color_leaves_the_text_plain(
+    setting: str, terminal: PseudoTerminal, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With NO_COLOR set, even to nothing, no attribute is written."""
+    monkeypatch.setenv("NO_COLOR", setting)
+    written: list[str] = []
+    monkeypatch.setattr(terminal.screen, "feed", lambda text: written.append(text) or terminal.screen)
+    with LiveLine(terminal.stream) as live:
+        live.show(lambda columns: "live")
+        live.print("line")
+    terminal.rows()
+    assert "live" in "".join(written)
+    assert "m" not in "".join(written)
+
+
+def test_only_a_terminal_that_can_erase_has_a_live_line(
+    terminal: PseudoTerminal, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A file has none, nor has a terminal that TERM calls dumb or does not name."""
+    assert has_live_line(terminal.stream)
+    with Path(os.devnull).open("w") as file:
+        assert not has_live_line(file)
+    monkeypatch.setenv("TERM", "dumb")
+    assert not has_live_line(terminal.stream)
+    monkeypatch.delenv("TERM")
+    assert not has_live_line(terminal.stream)
+
+
+def test_a_process_in_the_background_draws_nothing(terminal: PseudoTerminal, monkeypatch: pytest.MonkeyPatch) -> None:
+    """While the shell has the terminal, lines are printed and nothing of the shell's is erased."""
+    monkeypatch.setattr(os, "tcgetpgrp", lambda descriptor: os.getpgrp() + 1)
+    with LiveLine(terminal.stream) as live:
+        terminal.screen.feed("$ ")
+        live.show(lambda columns: "live")
+        live.print("line")
+        assert terminal.rows() == ["$ line", ""]
+        monkeypatch.setattr(os, "tcgetpgrp", lambda descriptor: os.getpgrp())
+        live.show(lambda columns: "live")
+        assert terminal.rows() == ["$ line", "live"]

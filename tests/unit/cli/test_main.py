@@ -1,0 +1,34 @@
+"""`zteam COMMAND`."""
+
+from pathlib import Path
+
+import pytest
+
+from zteam.cli.main import main
+
+
+@pytest.mark.parametrize(
+    ("words", "hint"),
+    [
+        ("run", "did you mean 'zteam up'?"),
+        ("start arena", "did you mean 'zteam up arena'?"),
+        ("launch", "did you mean 'zteam up'?"),
+        ("stop", "press Ctrl+C where 'zteam up' runs"),
+        ("arena", "did you mean 'zteam up arena'?"),
+        ("mine.toml --for 3", "did you mean 'zteam up mine.toml --for 3'?"),
+        ("office.world", "a team drives in a world: 'zteam up --world office.world'"),
+        ("zteam-sim office", "the processes are separate commands: zteam-sim office"),
+        ("toppic", "did you mean topic?"),
+        ("qqq", "commands: up, topic, "),
+    ],
+)
+def test_a_word_that_is_no_command_gets_the_command_that_was_meant(
+    words: str, hint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One line with the command to type; the exit code is 2."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.toml").touch()
+    assert main(words.split()) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"zteam: no command {words.split()[0]!r}")
+    assert hint in line

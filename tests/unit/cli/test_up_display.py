@@ -1,0 +1,73 @@
+"""What `zteam up` shows of a running team where its output is no terminal: lines, and now and then how far it is."""
+
+import threading
+from collections.abc import Iterable
+from typing import cast
+
+import pytest
+
+from support.log_capture import captured_log
+from zteam.cli import up_display
+from zteam.cli.up_display import open_display
+from zteam.launch.overview import Overview, TeamWatch
+from zteam.messages import TeamState, TeamStatus
+from zteam.services.simulator import SimStatus
+
+GO = TeamStatus(state=TeamState.GO)
+LIMIT = 30.0
+
+
+class Looks:
+    """A watch that sees the world at these simulated times, and the last of them for ever."""
+
+    def __init__(self, seconds: Iterable[float]) -> None:
+        self._seconds = list(seconds)
+        self.over = threading.Event()
+
+    def look(self) -> Overview:
+        """The next look."""
+        if len(self._seconds) == 1:
+            self.over.set()
+        seconds = self._seconds.pop(0) if len(self._seconds) > 1 else self._seconds[0]
+        return Overview(
+            robots=1, team=GO, simulator=SimStatus("w", [0], 1, 1, round(seconds * 1e9), 5, real_time_factor=2.0)
+        )
+
+
+def told(looks: Looks, run_for: float | None, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """What is logged while a run of `run_for` simulated seconds is looked at."""
+    monkeypatch.setattr(up_display, "_LOG_PERIOD", 0.0)
+    monkeypatch.setattr(up_display, "_LIVE_PERIOD", 0.0)
+    with captured_log() as captured, open_display("text", run_for) as display:
+        display.say("not shown")
+        display.print("a line")
+        with display.following(lambda: cast(TeamWatch, looks)):
+            assert run_for is None or looks.over.wait(LIMIT)
+    return list(captured.lines)
+
+
+def test_a_long_run_is_logged_at_every_tenth(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One line for each tenth that was passed, none at the end, and nothing but the lines on standard output."""
+    monkeypatch.setattr(up_display, "_LOG_PAUSE", 0.0)
+    lines = told(Looks([5, 10, 12, 19.9, 20, 58, 59, 100, 100]), 100.0, monkeypatch)
+    assert lines == [
+        "10 % of 100 simulated seconds, 2.00 x real time, 45 s left",
+        "20 % of 100 simulated seconds, 2.00 x real time, 40 s left",
+        "50 % of 100 simulated seconds, 2.00 x real time, 21 s left",
+        "90 % of 100 simulated seconds, 2.00 x real time, 0 s left",
+    ]
+    assert capsys.readouterr().out == "a line\n"
+
+
+def test_a_short_run_is_not_logged(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ten host seconds lie between the start, one line and the next."""
+    assert told(Looks([5, 15, 25, 35, 45]), 50.0, monkeypatch) == []
+
+
+def test_a_run_without_an_end_is_not_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nobody would see it, so the simulator is not asked."""
+    looks = Looks([1.0, 2.0])
+    assert told(looks, None, monkeypatch) == []
+    assert not looks.over.is_set()

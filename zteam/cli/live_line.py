@@ -1,0 +1,117 @@
+"""The last line of a terminal, rewritten in place, while other lines scroll by above it."""
+
+import os
+import sys
+import threading
+from collections.abc import Callable
+from contextlib import ExitStack, redirect_stderr
+from types import TracebackType
+from typing import Any, TextIO, cast
+
+_MARGIN = 3
+"""Columns that stay free, for the ^C that a terminal echoes: a line that wraps could not be erased."""
+_COLUMNS = 80
+"""Width of a terminal that does not tell its own."""
+
+
+def has_live_line(stream: TextIO) -> bool:
+    """Whether a line of `stream` can be rewritten: on a terminal that knows how to erase."""
+    return stream.isatty() and os.environ.get("TERM", "dumb") != "dumb"
+
+
+class LiveLine:
+    """The live line of a terminal. In its context standard error prints above it; leaving erases it."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+        self._lock = threading.Lock()
+        self._render: Callable[[int], str] = lambda columns: ""
+        self._drawn = 0
+        self._bold = ("", "") if "NO_COLOR" in os.environ else ("\033[1m", "\033[0m")
+        self._redirection = ExitStack()
+
+    def __enter__(self) -> "LiveLine":
+        if sys.stderr.isatty():
+            above = self._redirection.enter_context(_Above(self, sys.stderr))
+            self._redirection.enter_context(redirect_stderr(cast(TextIO, above)))
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._redirection.close()
+        self.show(lambda columns: "")
+
+    def show(self, render: Callable[[int], str]) -> None:
+        """Show what `render(columns)` returns, from now on and after every resize of the terminal."""
+        with self._lock:
+            self._render = render
+            self._write("", self._stream)
+
+    def print(self, text: str, stream: TextIO | None = None) -> None:
+        """Print a line above, on `stream` if that is another one on the same terminal."""
+        with self._lock:
+            self._write(f"{text}\n", stream or self._stream)
+
+    def _write(self, text: str, stream: TextIO) -> None:
+        columns = self._columns()
+        if not self._in_foreground():
+            # The shell has the line now.
+            self._drawn = 0
+            if text:
+                stream.write(text)
+                stream.flush()
+            return
+        line = self._render(columns - _MARGIN)
+        # A terminal that was made narrower has wrapped the line.
+        rows = max(0, self._drawn - 1) // columns
+        erase = f"\r\033[{rows}A\033[J" if rows else "\r\033[J" if self._drawn else ""
+        shown = f"{self._bold[0]}{line}{self._bold[1]}" if line else ""
+        if stream is not self._stream:
+            stream.write(erase + text)
+            stream.flush()
+            erase = text = ""
+        self._stream.write(erase + text + shown)
+        self._stream.flush()
+        self._drawn = len(line)
+
+    def _columns(self) -> int:
+        try:
+            return os.get_terminal_size(self._stream.fileno()).columns or _COLUMNS
+        except (OSError, ValueError):
+            return _COLUMNS
+
+    def _in_foreground(self) -> bool:
+        try:
+            return os.tcgetpgrp(self._stream.fileno()) == os.getpgrp()
+        except (OSError, ValueError):
+            # It is not the controlling terminal, so no shell writes on it.
+            return True
+
+
+class _Above:
+    """A stream whose whole lines are printed above a live line."""
+
+    def __init__(self, live: LiveLine, stream: TextIO) -> None:
+        self._live, self._stream, self._part = live, stream, ""
+
+    def __enter__(self) -> "_Above":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._part:
+            self._live.print(self._part, self._stream)
+
+    def __getattr__(self, name: str) -> Any:
+        # Such as encoding, fileno and isatty.
+        return getattr(self._stream, name)
+
+    def write(self, text: str) -> int:
+        """Print what is a whole line now; keep the rest."""
+        lines, newline, self._part = (self._part + text).rpartition("\n")
+        if newline:
+            self._live.print(lines, self._stream)
+        return len(text)
+
+    def flush(self) -> None:
+        """Nothing: a line is printed when it is whole."""

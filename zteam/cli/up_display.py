@@ -1,0 +1,117 @@
+"""What `zteam up` shows of a running team: on a terminal one live line, elsewhere a log line now and then."""
+
+import logging
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from typing import Protocol
+
+from zteam.cli.live_line import LiveLine, has_live_line
+from zteam.cli.progress_text import duration_text, progress_line
+from zteam.clock import Every
+from zteam.launch.overview import Overview, TeamWatch
+from zteam.numbers import format_factor
+
+log = logging.getLogger("zteam")
+
+_LIVE_PERIOD = 0.5
+"""Host seconds between two looks at the team for the live line."""
+_LOG_PERIOD = 2.0
+"""Host seconds between two looks at the team for the log."""
+_LOG_PAUSE = 10.0
+"""Host seconds between two log lines on the progress of a run, at least."""
+
+
+class Display(Protocol):
+    """Prints the lines of the processes and shows how the team does."""
+
+    def print(self, line: str) -> None:
+        """Print a line."""
+
+    def say(self, text: str) -> None:
+        """Show what the launcher does."""
+
+    def following(self, watch: Callable[[], TeamWatch]) -> AbstractContextManager[None]:
+        """Show the team in this context."""
+
+
+@contextmanager
+def open_display(log_format: str, run_for: float | None) -> Iterator[Display]:
+    """The display for this standard output; `run_for` is simulated seconds from GO."""
+    if log_format == "text" and has_live_line(sys.stdout):
+        with LiveLine(sys.stdout) as line:
+            yield _Live(line, run_for)
+    else:
+        yield _Plain(run_for)
+
+
+class _Live:
+    """Lines with the live line below them."""
+
+    def __init__(self, line: LiveLine, run_for: float | None) -> None:
+        self._line, self._run_for = line, run_for
+
+    def print(self, line: str) -> None:
+        self._line.print(line)
+
+    def say(self, text: str) -> None:
+        self._line.show(lambda columns: text[:columns])
+
+    def following(self, watch: Callable[[], TeamWatch]) -> AbstractContextManager[None]:
+        return _looking(watch(), self._show, _LIVE_PERIOD)
+
+    def _show(self, seen: Overview) -> None:
+        self._line.show(lambda columns: progress_line(seen, self._run_for, columns))
+
+
+class _Plain:
+    """Lines alone, and a log line on every tenth of a run with an end, but not too often."""
+
+    def __init__(self, run_for: float | None) -> None:
+        self._run_for = run_for
+        self._tenth = 0
+        self._pause = Every(_LOG_PAUSE)
+        self._pause.due()
+
+    def print(self, line: str) -> None:
+        print(line, flush=True)
+
+    def say(self, text: str) -> None:
+        """Nothing."""
+
+    def following(self, watch: Callable[[], TeamWatch]) -> AbstractContextManager[None]:
+        return nullcontext() if self._run_for is None else _looking(watch(), self._tell, _LOG_PERIOD)
+
+    def _tell(self, seen: Overview) -> None:
+        simulator, elapsed = seen.simulator, seen.elapsed
+        if simulator is None or elapsed is None or self._run_for is None:
+            return
+        tenth = min(9, int(10.0 * elapsed / self._run_for))
+        if tenth > self._tenth and self._pause.due():
+            self._tenth = tenth
+            factor = simulator.real_time_factor
+            left = f", {duration_text((self._run_for - elapsed) / factor)} left" if factor > 0.0 else ""
+            pace = f"{format_factor(factor)} x real time{left}"
+            log.info("%d %% of %g simulated seconds, %s", 10 * tenth, self._run_for, pace)
+
+
+@contextmanager
+def _looking(watch: TeamWatch, show: Callable[[Overview], None], period: float) -> Iterator[None]:
+    """Pass a look at the team to `show` every `period` host seconds, on a thread of its own."""
+    closed, lock = threading.Event(), threading.Lock()
+
+    def look() -> None:
+        while not closed.is_set():
+            seen = watch.look()
+            with lock:
+                if not closed.is_set():
+                    show(seen)
+            closed.wait(period)
+
+    threading.Thread(target=look, name="progress", daemon=True).start()
+    try:
+        yield
+    finally:
+        with lock:
+            closed.set()
