@@ -16,7 +16,7 @@ from zteam.behaviors import View
 from zteam.bus import Bus, MemoryHub, NoRequest
 from zteam.clock import to_ns, to_seconds
 from zteam.errors import BusError, ZteamError
-from zteam.geometry import Pose2, compose2, inverse2
+from zteam.geometry import Pose2
 from zteam.messages import Done, Header, LaserScan, Message, Odometry, Tick, Twist, time_from_ns
 from zteam.runtime.node import ClockMode
 from zteam.runtime.shutdown import Stop
@@ -53,7 +53,7 @@ def make_view(
     def lookup(target: str, source: str) -> tuple[Pose2, int] | None:
         if target not in known or source not in known:
             return None
-        return compose2(inverse2(known[target]), known[source]), stamp
+        return known[target].inverse().compose(known[source]), stamp
 
     return View(
         now=stamp,
