@@ -25,7 +25,7 @@ LANGUAGES = {"python": "example.py", "toml": "team.toml", "xml": "example.xml", 
 NOTES = {"file", "needs", "process", "shows", "run"}
 
 _BLOCK = re.compile(
-    r"(?:^<!-- (?P<notes>.*) -->\n)?^(?P<indent> *)```(?P<language>\w*)\n(?P<code>.*?)^ *```$", re.MULTILINE | re.DOTALL
+    r"(?:^<!-- (?P<notes>[^\n]*) -->\n)?^ *```(?P<language>\w*)\n(?P<code>.*?)^ *```$", re.MULTILINE | re.DOTALL
 )
 
 

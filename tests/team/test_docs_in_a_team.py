@@ -6,7 +6,6 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -19,18 +18,6 @@ pytestmark = pytest.mark.team
 
 LIMIT = 60.0
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
-
-
-@pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """An empty folder, in which the test stands. What is imported from it is forgotten."""
-    known = set(sys.modules)
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.syspath_prepend(tmp_path)
-    yield tmp_path
-    for name in set(sys.modules) - known:
-        if str(tmp_path) in str(getattr(sys.modules[name], "__file__", "")):
-            del sys.modules[name]
 
 
 def environment(extra: dict[str, str]) -> dict[str, str]:
@@ -48,10 +35,10 @@ def environment(extra: dict[str, str]) -> dict[str, str]:
         for name in block.tests
     ],
 )
-def test_a_test_of_a_page_passes(block: Block, name: str, team: TeamFixture, folder: Path) -> None:
+def test_a_test_of_a_page_passes(block: Block, name: str, team: TeamFixture, empty_folder: Path) -> None:
     """The test works as it stands, in a folder that holds only the files that the page names."""
     importlib.invalidate_caches()
-    test = getattr(importlib.import_module(block.save(folder).stem), name)
+    test = getattr(importlib.import_module(block.save(empty_folder).stem), name)
     test(**{"team": team} if "team" in inspect.signature(test).parameters else {})
 
 
@@ -68,15 +55,14 @@ def beside_the_team(page: Path) -> list[Block]:
 
 @pytest.mark.parametrize("page", [page for page in PAGES if beside_the_team(page)], ids=lambda page: page.name)
 def test_blocks_work_beside_a_team(page: Path, team: TeamFixture, tmp_path: Path) -> None:
-    """Nodes, scripts and commands of a page do beside a running team what the page says, each in a folder of its own."""
-    team.start("arena", robots=2, follow={1: 0})
+    """Nodes, scripts and commands of a page do what it says beside a running team, each in a folder of its own."""
+    team.launch("line")
     team.wait_for_go()
     for block in beside_the_team(page):
         folder = tmp_path / f"line_{block.line}"
         folder.mkdir()
         path = block.save(folder)
         path.write_text(for_this_team(path.read_text(), team))
-        print(block.id)
         if "process" in block.notes:
             run_process(block, path, team)
         else:
