@@ -127,12 +127,33 @@ def test_a_command_works(block: Block, tmp_path: Path) -> None:
     run(block, block.save(tmp_path), {})
 
 
-def test_a_robots_own_process_joins_the_gate(team: TeamFixture, tmp_path: Path) -> None:
+def test_a_follower_of_a_published_frame_repeats(team: TeamFixture, empty_folder: Path) -> None:
+    """In lock-step the behaviour of a page follows the frame of a page, and a second run gives the same hash."""
+    carrot = find_file("carrot.py", PAGES[0]).save(empty_folder)
+    find_file("donkey.py", PAGES[0]).save(empty_folder)
+    with subprocess.Popen([sys.executable, carrot.name], env=environment(team.environment)) as process:
+        try:
+            team.start("arena", robots=2, behavior="donkey:Donkey", expect=["carrot"])
+            team.wait_for_go()
+            hashes = []
+            for _ in range(2):
+                team.run(10.0)
+                assert team.robot(1).distance_travelled > 1.0
+                hashes.append(team.report.trajectory_sha256)
+                team.sim.reset()
+        finally:
+            process.terminate()
+            assert process.wait(LIMIT) == 0
+    assert hashes[0] == hashes[1]
+
+
+@pytest.mark.parametrize("mode", ["real time", "lock-step"])
+def test_a_robots_own_process_joins_the_gate(mode: str, team: TeamFixture, tmp_path: Path) -> None:
     """The node of the page is ready when it has a scan, waits for GO, and drives from GO on."""
-    block = find_file("racer.py", PAGES[0])
-    path = block.save(tmp_path)
+    path = find_file("racer.py", PAGES[0]).save(tmp_path)
+    lockstep = ["--lockstep", "--expect", "tf", "robot_0", "robot_1"] if mode == "lock-step" else []
     team.spawn("zteam-tf", name=names.AGGREGATOR)
-    team.spawn("zteam-sim", "arena", "--lockstep", "--expect", "tf", "robot_0", "robot_1", name=names.SIMULATOR)
+    team.spawn("zteam-sim", "arena", *lockstep, name=names.SIMULATOR)
     team.spawn("zteam-robot", "--id", "0", "--behavior", "wander", name="robot_0")
     with subprocess.Popen(
         [sys.executable, path.name], cwd=tmp_path, env=environment(team.environment), stdout=subprocess.PIPE

@@ -91,6 +91,17 @@ class Merger:
         pending, self._pending = self._pending, []
         return pending
 
+    def take_pending_of(self, tick: int, robots: int) -> list[TransformStamped]:
+        """The same for the tick of stamp `tick` (ns) with so many robots: their bases, and older samples of all else.
+
+        A frame that a user's process adds comes at any moment of the tick, so it is part of the next bundle.
+        """
+        pending = self.take_pending()
+        if len(pending) > robots:
+            self._pending = [t for t in pending if ns_from_time(t.header.stamp) >= tick and not _is_base(t)]
+            pending = [t for t in pending if ns_from_time(t.header.stamp) < tick or _is_base(t)]
+        return pending
+
     @property
     def statics_changed(self) -> bool:
         """Whether the static transforms differ from those that `statics` returned last."""
@@ -113,6 +124,10 @@ class Merger:
         self.buffer.clear()
         self._pending.clear()
         self._statics.restore_start_poses()
+
+
+def _is_base(transform: TransformStamped) -> bool:
+    return names.is_robot_frame(transform.child_frame_id, names.BASE_FOOTPRINT)
 
 
 def _check_clock(transform: TransformStamped, authority: str, now: int) -> Rejection | None:

@@ -76,11 +76,7 @@ class Bundle:
         return len(self._fresh) >= len(robots) and robots <= self._fresh and robots <= self._placed
 
     def may_leave(self, robots: AbstractSet[int]) -> bool:
-        """Lock-step: whether it is complete and has not left yet.
-
-        What comes after that, from a user's process that adds a frame to a robot, is part of the next tick's bundle:
-        otherwise it would depend on a race whether others see it in this tick.
-        """
+        """Lock-step: whether it is complete and has not left yet."""
         return self.has_all(robots) and self._fresh != self._left
 
     def restart(self) -> None:

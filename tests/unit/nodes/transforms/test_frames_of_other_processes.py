@@ -41,7 +41,7 @@ def test_it_travels_in_the_bundle_of_the_next_tick(first: str) -> None:
         team.bring(["tf"])
     with team:
         team.finish()
-    # In the first tick alone the tick comes before the transforms. A tick that is sent again brings its bundle again.
+    # Before its first tick the aggregator does not know of lock-step. A tick that comes again brings its bundle again.
     later = [bundle for bundle, _ in groupby(bundles) if max(bundle.values()) > 2 * INTERVAL]
     assert [max(bundle.values()) // INTERVAL for bundle in later] == [*range(3, 102)]
     assert all(bundle["robot_0/base_footprint"] - bundle["robot_0/carrot"] == INTERVAL for bundle in later)
