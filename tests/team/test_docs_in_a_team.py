@@ -127,6 +127,32 @@ def test_a_command_works(block: Block, tmp_path: Path) -> None:
     run(block, block.save(tmp_path), {})
 
 
+DRIVERS = [
+    block
+    for block in all_blocks("python")
+    if names.robot_id_of(block.notes.get("process", "")) is not None and block.file != "racer.py"
+]
+
+
+@pytest.mark.parametrize("block", DRIVERS, ids=lambda block: block.id)
+def test_a_robots_own_process_drives_it(block: Block, team: TeamFixture, tmp_path: Path) -> None:
+    """A process with a robot's name, whose number it gets as its argument, moves the robot until it is stopped."""
+    robot_id = names.robot_id_of(block.notes["process"])
+    assert robot_id is not None
+    path = block.save(tmp_path)
+    team.spawn("zteam-sim", "office", name=names.SIMULATOR)
+    team.wait_for_processes(names.SIMULATOR)
+    command = [sys.executable, path.name, str(robot_id)]
+    with subprocess.Popen(command, cwd=tmp_path, env=environment(team.environment)) as process:
+        try:
+            team.wait_for(lambda: team.robot(robot_id).truth is not None)
+            team.until(lambda: team.robot(robot_id).distance_travelled > 0.1, within=60.0)
+        finally:
+            process.terminate()
+            assert process.wait(LIMIT) == 0
+    team.until(lambda: team.robot(robot_id).speed == 0.0, within=10.0)
+
+
 def test_a_follower_of_a_published_frame_repeats(team: TeamFixture, empty_folder: Path) -> None:
     """In lock-step the behaviour of a page follows the frame of a page, and a second run gives the same hash."""
     carrot = find_file("carrot.py", PAGES[0]).save(empty_folder)
