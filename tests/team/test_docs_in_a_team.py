@@ -53,13 +53,19 @@ def beside_the_team(page: Path) -> list[Block]:
     ]
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES if beside_the_team(page)], ids=lambda page: page.name)
-def test_blocks_work_beside_a_team(page: Path, team: TeamFixture, tmp_path: Path) -> None:
-    """Nodes, scripts and commands of a page do what it says beside a running team, each in a folder of its own."""
+COURSE = [page for page in PAGES if page.name == "course.md"]
+OTHERS = [page for page in PAGES if page.name != "course.md"]
+
+
+@pytest.mark.parametrize("pages", [COURSE, OTHERS], ids=["course", "others"])
+def test_blocks_work_beside_a_team(pages: list[Path], team: TeamFixture, tmp_path: Path) -> None:
+    """Nodes, scripts and commands of the pages do beside a team what the page says, each in a folder of its own."""
     team.launch("line")
     team.wait_for_go()
-    for block in beside_the_team(page):
-        folder = tmp_path / f"line_{block.line}"
+    blocks = [block for page in pages for block in beside_the_team(page)]
+    assert len(blocks) > 4
+    for block in blocks:
+        folder = tmp_path / block.id.replace(":", "_")
         folder.mkdir()
         path = block.save(folder)
         path.write_text(for_this_team(path.read_text(), team))

@@ -86,20 +86,17 @@ class Merger:
         """Forget the static transforms that `authority` asked for."""
         self._statics.drop_authority(authority)
 
-    def take_pending(self) -> list[TransformStamped]:
-        """The moving transforms stored since the last call, for one bundled message."""
-        pending, self._pending = self._pending, []
-        return pending
+    def take_pending(self, tick: int = 0) -> list[TransformStamped]:
+        """The moving transforms stored since the last call, for one bundled message.
 
-    def take_pending_of(self, tick: int, robots: int) -> list[TransformStamped]:
-        """The same for the tick of stamp `tick` (ns) with so many robots: their bases, and older samples of all else.
-
-        A frame that a user's process adds comes at any moment of the tick, so it is part of the next bundle.
+        With the stamp of a tick (ns, 0 = none), of that tick only those of the bases: a frame of a user's process
+        comes at any moment of the tick, so it is taken with the next one.
         """
-        pending = self.take_pending()
-        if len(pending) > robots:
-            self._pending = [t for t in pending if ns_from_time(t.header.stamp) >= tick and not _is_base(t)]
-            pending = [t for t in pending if ns_from_time(t.header.stamp) < tick or _is_base(t)]
+        pending, self._pending = self._pending, []
+        if tick:
+            self._pending = [t for t in pending if not _is_base(t) and ns_from_time(t.header.stamp) >= tick]
+        if self._pending:
+            pending = [t for t in pending if _is_base(t) or ns_from_time(t.header.stamp) < tick]
         return pending
 
     @property
