@@ -28,7 +28,21 @@ if threading.current_thread() is threading.main_thread():
 
 
 @pytest.fixture
-def empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+def own_types() -> Iterator[None]:
+    """Message types that the test defines are forgotten at its end."""
+    from zteam.messages import registry
+    from zteam.messages.message import REGISTERED
+
+    before = dict(REGISTERED)
+    registry._offered_type.cache_clear()
+    yield
+    REGISTERED.clear()
+    REGISTERED.update(before)
+    registry._offered_type.cache_clear()
+
+
+@pytest.fixture
+def empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, own_types: None) -> Iterator[Path]:
     """An empty folder in which the test stands. What is imported from it is forgotten at the end."""
     known = set(sys.modules)
     monkeypatch.chdir(tmp_path)

@@ -3,7 +3,6 @@
 import importlib.metadata
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -16,7 +15,7 @@ from zteam.cli.listening import kind_of
 from zteam.cli.topic import format_message
 from zteam.entry_points import load_offered
 from zteam.errors import UsageError
-from zteam.messages import decode, encode, encoding_of, from_text, message_type, registry, to_json, type_of_encoding
+from zteam.messages import decode, encode, encoding_of, from_text, message_type, to_json, type_of_encoding
 from zteam.messages.message import REGISTERED
 
 PATROL = """
@@ -47,16 +46,11 @@ BATTERY = """
 
 
 @pytest.fixture
-def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, own_types: None) -> Path:
     """A folder of installed packages, forgotten after the test, with the message types that it defined."""
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr(sys, "modules", sys.modules.copy())
-    before = dict(REGISTERED)
-    registry._offered_type.cache_clear()
-    yield tmp_path
-    REGISTERED.clear()
-    REGISTERED.update(before)
-    registry._offered_type.cache_clear()
+    return tmp_path
 
 
 @pytest.fixture

@@ -13,14 +13,15 @@ import msgspec
 from zteam import names
 from zteam.base import BaseOverride
 from zteam.behaviors import Behavior
-from zteam.clock import Every, monotonic
-from zteam.messages import BaseInfo, LaserScan, Odometry, TeamStatus, TFMessage, Tick, Twist, ns_from_time
+from zteam.clock import Every
+from zteam.messages import Tick, Twist, ns_from_time
 from zteam.nodes.robot.driver import Driver, Turn
 from zteam.nodes.robot.inputs import Inputs
 from zteam.nodes.robot.pacing import ScanPacing
 from zteam.nodes.robot.parameters import Parameters
 from zteam.nodes.robot.readiness import Readiness
 from zteam.nodes.robot.status import StatusReport
+from zteam.nodes.robot.subscriptions import Subscriptions
 from zteam.nodes.robot.waiting import Waiting
 from zteam.runtime.node import Node
 from zteam.runtime.participant import Participant
@@ -54,56 +55,16 @@ class RobotNode:
         self._status = StatusReport(node, self._id, options.behavior, Readiness(gated=options.gate))
         parameters = Parameters(node, kind, options.behavior, options.params)
         self._driver = Driver(node, self._inputs, parameters, self._status, self._id, options.seed)
-        self._driver.on_release = self._drop_idle_inputs
-        self._first_data = 0.0
-        """Host time of the first scan; 0 before."""
         self._heartbeat = Every(1.0)
-        self._cmd_vel = node.bus.publisher(self._key(names.CMD_VEL), Twist)
+        self._cmd_vel = node.bus.publisher(names.robot_key(self._id, names.CMD_VEL), Twist)
         # First: latched messages come while it subscribes, and look whether this is lock-step.
         self._part = Participant(node, self._has_inputs, self._act)
         self._pacing = ScanPacing(node, self._inputs, self._driver, self._part)
         self._waiting = Waiting(node, self._inputs, self._driver, self._part)
-        self._subscribe()
-
-    def _key(self, topic: str) -> str:
-        return names.robot_key(self._id, topic)
-
-    def _subscribe(self) -> None:
-        node = self._node
         node.clock.sim.on_jump_back(self._on_jump_back)
-        node.subscribe(self._key(names.BASE_SCAN), LaserScan, self._on_scan, wake=False)
-        node.subscribe(names.TEAM_STATUS, TeamStatus, self._on_team_status, latched=True)
-        node.subscribe(self._key(names.BASE_INFO), BaseInfo, self._on_base_info, latched=True)
-        self._odom_input = node.subscribe(self._key(names.ODOM), Odometry, self._on_odom, wake=False)
-        self._tf_input = node.subscribe_payloads(names.TF, TFMessage, self._on_tf)
-        node.subscribe(names.TF_STATIC, TFMessage, self._on_tf_static, latched=True)
+        self._subscriptions = Subscriptions(node, self._id, self._inputs, self._part, self._on_input)
+        self._driver.on_release = lambda: self._subscriptions.drop_idle(self._driver.behavior)
         node.watch_tokens(names.tokens_key(names.MONITOR), self._on_monitor)
-
-    def _on_scan(self, _key: str, scan: LaserScan) -> None:
-        self._inputs.scan = scan
-        self._part.take_stamp(ns_from_time(scan.header.stamp))
-        self._first_data = self._first_data or monotonic()
-        self._on_input()
-
-    def _on_odom(self, _key: str, odom: Odometry) -> None:
-        self._inputs.odom = odom
-        if self._part.active:
-            self._on_input()
-
-    def _on_team_status(self, _key: str, status: TeamStatus) -> None:
-        self._inputs.team = status
-
-    def _on_tf(self, _key: str, payload: bytes) -> None:
-        self._inputs.take_bundle(payload)
-        self._on_input()
-
-    def _on_tf_static(self, _key: str, message: TFMessage) -> None:
-        self._inputs.take_static(message)
-        self._on_input()
-
-    def _on_base_info(self, _key: str, message: BaseInfo) -> None:
-        self._inputs.base_input.take(message)
-        self._on_input()
 
     def _on_monitor(self, _key: str, alive: bool) -> None:
         if alive:
@@ -133,7 +94,7 @@ class RobotNode:
             self._node.wait(self._pacing.is_due, 0.1)
             if self._node.stopping:
                 return
-            self._node.decide_clock(self._first_data)
+            self._node.decide_clock(self._subscriptions.first_data)
             self._take_turn(self._pacing.begin_turn, self._driver.step)
             if not self._heartbeat.due():
                 continue
@@ -176,15 +137,6 @@ class RobotNode:
         turn = self._driver.turn(self._pacing.acted, tick.epoch)
         self._driver.stepped = self._pacing.acted
         return self._driver.step(turn)
-
-    def _drop_idle_inputs(self) -> None:
-        """Close the inputs that only the gate needed: every message wakes the process."""
-        if not self._driver.behavior.uses_odom:
-            self._inputs.needs_odom = False
-            self._odom_input.close()
-        if not self._driver.behavior.uses_tf:
-            self._inputs.needs_tf = False
-            self._tf_input.close()
 
     def halt(self) -> None:
         """Publish zero velocity, then the status; both leave before the session closes."""
