@@ -59,6 +59,7 @@ if TYPE_CHECKING:
     from zteam.resources import shipped_team, shipped_world
     from zteam.runtime.step_node import StepNode as Node
     from zteam.runtime.step_node import run
+    from zteam.runtime.transform_listener import TransformListener
     from zteam.services.parameters_client import ParametersClient
     from zteam.services.simulator_client import SimulatorClient
     from zteam.services.transforms import HistoryRequest, Lookup
@@ -81,6 +82,7 @@ __all__ = [
     "SimulatorClient",
     "Team",
     "TransformClient",
+    "TransformListener",
     "View",
     "ZteamError",
     "__version__",
@@ -107,6 +109,7 @@ _HOMES = {
     "SimulatorClient": "services.simulator_client",
     "Team": "team_file.entries",
     "TransformClient": "services.transforms_client",
+    "TransformListener": "runtime.transform_listener",
     "View": "behaviors.view",
     "ZteamError": "errors",
     "connect": "bus.connection",

@@ -9,11 +9,28 @@ from typing import NamedTuple
 
 
 class Pose2(NamedTuple):
-    """A pose in the plane: metres and radians."""
+    """A pose in the plane: metres and radians.
+
+    The pose of `b` in `a` is also the transform `a_from_b`, so `a_from_b.compose(b_from_c)` is `a_from_c`.
+    """
 
     x: float
     y: float
     yaw: float
+
+    def compose(self, b_from_c: "Pose2") -> "Pose2":
+        """The pose of `c` in `a`: this is the pose of `b` in `a`, the argument is that of `c` in `b`."""
+        c, s = math.cos(self.yaw), math.sin(self.yaw)
+        return Pose2(
+            self.x + c * b_from_c.x - s * b_from_c.y,
+            self.y + s * b_from_c.x + c * b_from_c.y,
+            normalize_angle(self.yaw + b_from_c.yaw),
+        )
+
+    def inverse(self) -> "Pose2":
+        """The pose of `a` in `b`: this is the pose of `b` in `a`."""
+        c, s = math.cos(self.yaw), math.sin(self.yaw)
+        return Pose2(-c * self.x - s * self.y, s * self.x - c * self.y, normalize_angle(-self.yaw))
 
 
 Quat = tuple[float, float, float, float]
@@ -28,26 +45,6 @@ def normalize_angle(angle: float) -> float:
     if wrapped <= -math.pi:
         return wrapped + math.tau
     return wrapped
-
-
-def compose2(a_from_b: Pose2, b_from_c: Pose2) -> Pose2:
-    """The pose of `c` in `a`, from those of `b` in `a` and of `c` in `b`."""
-    c, s = math.cos(a_from_b.yaw), math.sin(a_from_b.yaw)
-    return Pose2(
-        a_from_b.x + c * b_from_c.x - s * b_from_c.y,
-        a_from_b.y + s * b_from_c.x + c * b_from_c.y,
-        normalize_angle(a_from_b.yaw + b_from_c.yaw),
-    )
-
-
-def inverse2(a_from_b: Pose2) -> Pose2:
-    """The pose of `a` in `b`, from that of `b` in `a`."""
-    c, s = math.cos(a_from_b.yaw), math.sin(a_from_b.yaw)
-    return Pose2(
-        -c * a_from_b.x - s * a_from_b.y,
-        s * a_from_b.x - c * a_from_b.y,
-        normalize_angle(-a_from_b.yaw),
-    )
 
 
 def quaternion_from_yaw(yaw: float) -> Quat:

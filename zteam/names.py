@@ -165,6 +165,18 @@ def tokens_key(name: str = "*") -> str:
     return f"{name}/alive/*"
 
 
+def all_tokens_key() -> str:
+    """Wildcard over the presence tokens of all namespaces, for a session without a namespace."""
+    return "**/alive/*"
+
+
+def split_namespaced_token_key(key: str) -> tuple[str, str, str] | None:
+    """(namespace, name, instance) of a token's key as a session without a namespace sees it, or None."""
+    parts = key.rsplit("/", 3)
+    token = split_token_key("/".join(parts[-3:]))
+    return None if token is None else (parts[0] if len(parts) == 4 else "", *token)
+
+
 def claims_key(name: str) -> str:
     """Wildcard over the claims on `name`."""
     return f"{name}/claim/*"

@@ -111,7 +111,10 @@ def _in_words(text: str, value: Any) -> str:
     if found[2] or found[4]:
         bound = found[3] or found[4]
         unit = _UNITS.get(kinds[0], "")
-        what += f" {_BOUNDS.get(found[2], 'of')} {float(bound):g}{unit.removesuffix('s') if bound == '1' else unit}"
+        # msgspec writes "below 0" as -0.0.
+        what += (
+            f" {_BOUNDS.get(found[2], 'of')} {float(bound) + 0.0:g}{unit.removesuffix('s') if bound == '1' else unit}"
+        )
     return f"{what} is expected, not {_shown(value)}"
 
 

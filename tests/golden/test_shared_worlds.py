@@ -7,7 +7,7 @@ import pytest
 from support.recordings import SHARED, stage
 from support.small_worlds import is_occupied
 from zteam.errors import WorldError
-from zteam.geometry import Pose2, compose2
+from zteam.geometry import Pose2
 from zteam.world import Ranger, Robot, add_robot, load_world
 from zteam.world.bitmap import occupied_box, read_bitmap
 
@@ -136,7 +136,7 @@ def test_the_files_own_macros_make_further_robots() -> None:
 
 def sensor_pose(robot: Robot, ranger: Ranger, pose: Pose2) -> list[float]:
     """[x, y, z, yaw] of a sensor in the map when its robot is at `pose`."""
-    x, y, yaw = compose2(pose, Pose2(ranger.x, ranger.y, ranger.yaw))
+    x, y, yaw = pose.compose(Pose2(ranger.x, ranger.y, ranger.yaw))
     return [x, y, ranger.z, yaw]
 
 

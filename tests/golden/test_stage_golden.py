@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from support.recordings import SETS, bitmaps, stage
-from zteam.geometry import Pose2, compose2
+from zteam.geometry import Pose2
 from zteam.messages import Twist, Vector3
 from zteam.sim import Engine, Options
 from zteam.world import World, load_world
@@ -131,7 +131,7 @@ def test_sensors_are_where_stage_had_them(which: str, tmp_path: Path) -> None:
         for scan in scene["scans"]:
             (ranger,) = robots[scan["robot"]].rangers
             x, y, degrees = scan["pose"]
-            at = compose2(Pose2(x, y, math.radians(degrees)), Pose2(ranger.x, ranger.y, ranger.yaw))
+            at = Pose2(x, y, math.radians(degrees)).compose(Pose2(ranger.x, ranger.y, ranger.yaw))
             assert [at.x, at.y, ranger.z] == pytest.approx(scan["origin"][:3], abs=1e-8)
             assert abs(math.remainder(at.yaw - scan["origin"][3], math.tau)) < 1e-8
             assert (ranger.samples, math.degrees(ranger.fov)) == (scan["samples"], pytest.approx(scan["fov_deg"]))

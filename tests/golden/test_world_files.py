@@ -12,7 +12,7 @@ from PIL import Image
 from support.recordings import WORLDS
 from support.small_worlds import is_occupied
 from zteam.errors import WorldError
-from zteam.geometry import Pose2, compose2
+from zteam.geometry import Pose2
 from zteam.resources import worlds_folder
 from zteam.world import World, add_robot, load_world
 
@@ -134,7 +134,7 @@ def test_no_robot_of_the_arena_starts_in_an_obstacle() -> None:
     """Every obstacle is farther from every start pose than a robot is wide, and the walls close the arena."""
     world = load_world(worlds_folder() / "arena.world")
     corners = [
-        compose2(obstacle.pose, Pose2(x, y, 0))[:2]
+        obstacle.pose.compose(Pose2(x, y, 0))[:2]
         for obstacle in world.obstacles
         for shape in obstacle.shapes
         for x, y in shape.points

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zteam.behaviors import Behavior, View, decide
-from zteam.geometry import Pose2, compose2, inverse2
+from zteam.geometry import Pose2
 from zteam.messages import Header, LaserScan, Odometry, Twist, time_from_ns
 
 Segment = tuple[float, float, float, float]
@@ -80,9 +80,9 @@ def drive(pose: Pose2, command: Twist, seconds: float) -> Pose2:
     speed, turn = command.linear.x, command.angular.z
     angle = turn * seconds
     if abs(angle) < 1e-9:
-        return compose2(pose, Pose2(speed * seconds, 0.0, 0.0))
+        return pose.compose(Pose2(speed * seconds, 0.0, 0.0))
     radius = speed / turn
-    return compose2(pose, Pose2(radius * math.sin(angle), radius * (1.0 - math.cos(angle)), angle))
+    return pose.compose(Pose2(radius * math.sin(angle), radius * (1.0 - math.cos(angle)), angle))
 
 
 class Floor:
@@ -110,7 +110,7 @@ class Floor:
     def view(self, robot_id: int) -> View:
         """What one robot knows now."""
         now = self.ticks * TICK
-        lasers = [compose2(pose, LASER) for pose in self.poses]
+        lasers = [pose.compose(LASER) for pose in self.poses]
         others = [(laser.x, laser.y) for i, laser in enumerate(lasers) if i != robot_id]
         scan = make_scan(cast(lasers[robot_id], self.walls, others), now)
         return make_view(scan, now=now, robot_id=robot_id, lookup=self._lookup(), seed=self.seed)
@@ -122,4 +122,4 @@ class Floor:
         def map_from(frame: str) -> Pose2:
             return Pose2(0.0, 0.0, 0.0) if frame == "map" else self._past[at][int(frame.split("/")[0][6:])]
 
-        return lambda target, source: (compose2(inverse2(map_from(target)), map_from(source)), stamp)
+        return lambda target, source: (map_from(target).inverse().compose(map_from(source)), stamp)

@@ -8,12 +8,10 @@ from typing import Any
 import pytest
 
 from support.flat_floor import make_scan, make_view
+from support.pages import DOCS, PAGES, ROOT, all_blocks, find_file
 from zteam.world import vocabulary
 from zteam.world.devices import device_models
 
-ROOT = Path(__file__).resolve().parents[2]
-DOCS = ROOT / "docs"
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(DOCS.glob("*.md"))]
 PACKAGES = ["behaviors", "errors", "messages", "planning", "sim", "testing", "tf", "world"]
 PUBLIC = {"zteam", *(f"zteam.{package}" for package in PACKAGES)}
 
@@ -29,11 +27,6 @@ QUESTIONS = [
     "Where is `late_steps` counted?",
     "How do I add a behaviour, a sensor, a process?",
 ]
-
-
-def code_blocks(page: Path, language: str = "python") -> list[str]:
-    """The code blocks of a page in one language."""
-    return re.findall(rf"```{language}\n(.*?)```", page.read_text(), re.DOTALL)
 
 
 def prose(page: Path) -> str:
@@ -108,12 +101,11 @@ def test_the_ten_questions_are_answered() -> None:
     assert not missing
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_examples_import_public_names_only(page: Path) -> None:
+def test_examples_import_public_names_only() -> None:
     """No example of a page imports an internal module of zteam."""
     internal = []
-    for block in code_blocks(page):
-        for node in ast.walk(ast.parse(block)):
+    for block in all_blocks("python"):
+        for node in ast.walk(ast.parse(block.code)):
             if isinstance(node, ast.ImportFrom) and node.module:
                 modules = [node.module]
             elif isinstance(node, ast.Import):
@@ -127,19 +119,10 @@ def test_examples_import_public_names_only(page: Path) -> None:
 def test_the_behaviour_of_the_readme_works() -> None:
     """The README's first example drives on where there is room, and turns where there is none."""
     scope: dict[str, Any] = {}
-    exec(code_blocks(ROOT / "README.md")[0], scope)
+    exec(find_file("my_robot.py", ROOT / "README.md").code, scope)
     turner = scope["Turner"](scope["Turner"].Params(speed=0.5))
     assert turner.step(make_view(make_scan([3.0] * 9))).linear.x == 0.5
     assert turner.step(make_view(make_scan([0.5] * 9))).angular.z == 0.8
-
-
-def test_the_notebook_example_runs() -> None:
-    """The code of the simulator's page works as it stands there."""
-    (code,) = code_blocks(DOCS / "simulator.md")
-    scope: dict[str, Any] = {}
-    exec(code, scope)
-    assert scope["robot"].truth.x == pytest.approx(15.0)
-    assert sorted(scope["engine"].robots) == [0, 2, 3, 7]
 
 
 def test_every_property_is_in_the_reference() -> None:

@@ -259,13 +259,15 @@ def _info(args: argparse.Namespace) -> int:
 
 
 def _print_info(row: dict[str, Any]) -> None:
+    from zteam.diagnosis.refusals import format_refusals
+
     print(row["key"])
     print(f"  type      {row['type'] or '?'}")
     print(f"  rate      {'latched' if row['latched'] else str(row['rate']) + ' Hz'}, {row['bytes']} bytes")
     for writer in row["writers"]:
         print(f"  writer    {writer}")
     for name, count in row["receivers"].items():
-        print(f"  receiver  {name}: {count['received']} received, {count['dropped']} refused")
+        print(f"  receiver  {name}: {count['received']} received, {format_refusals(KeyCount(**count))}")
 
 
 def _pub(args: argparse.Namespace) -> int:

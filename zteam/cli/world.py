@@ -193,12 +193,11 @@ def _show(args: argparse.Namespace, world: "World") -> int:
 
 
 def _fans(seen: "RobotObservation") -> "list[Fan]":
-    from zteam.geometry import compose2
     from zteam.world.drawing import Fan
 
     found = []
     for ranger, reading in zip(seen.robot.rangers, seen.readings, strict=True):
-        at = compose2(seen.truth, Pose2(ranger.x, ranger.y, ranger.yaw))
+        at = seen.truth.compose(Pose2(ranger.x, ranger.y, ranger.yaw))
         first = -ranger.fov / 2 if ranger.samples > 1 else 0.0
         angles = [at.yaw + first + i * ranger.angle_increment for i in range(ranger.samples)]
         ranges = reading.ranges.tolist()

@@ -9,13 +9,14 @@ from zteam import names
 from zteam.cli.arguments import number
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, run
 from zteam.errors import UsageError
+from zteam.robot_ids import parse_robot_ids
 
 
 def build_parser() -> argparse.ArgumentParser:
     """The command line."""
     parser = Parser(prog="zteam-monitor", description=__doc__)
     parser.add_argument("--team-size", metavar="N", help="wait for this many robots")
-    parser.add_argument("--ids", nargs="+", metavar="ID", help="wait for these robots, e.g. --ids 0 1 2 3")
+    parser.add_argument("--ids", nargs="+", metavar="ID", help="wait for these robots, e.g. --ids 0 1 2 3, --ids 0-3")
     parser.add_argument("--json", action="store_true", help="print events as JSON lines: event, robot, text")
     parser.add_argument("--exit-on-go", action="store_true", help="end with 0 once GO is sent and every robot runs")
     parser.add_argument(
@@ -34,9 +35,7 @@ def parse_team(size: str | None, ids: Sequence[str] | None) -> tuple[int, tuple[
 
     Raises UsageError if they contradict each other.
     """
-    chosen = None if ids is None else tuple(names.parse_robot_id(text) for text in ids)
-    if chosen is not None and len(set(chosen)) != len(chosen):
-        raise UsageError(f"--ids names a robot twice: {' '.join(ids or ())}")
+    chosen = None if ids is None else parse_robot_ids(ids, "--ids")
     if size is None:
         return (0, None) if chosen is None else (len(chosen), chosen)
     if not size.isascii() or not size.isdigit() or len(size) > 5 or not 1 <= int(size) <= names.MAX_ROBOT_ID + 1:

@@ -31,7 +31,7 @@ class StepNode(Node):
 
     def __init__(self, name: str, bus: Bus, stop: Stop, clock: ClockMode = "auto") -> None:
         super().__init__(name, bus, stop, clock)
-        self._every_tick: list[str] = []
+        self._needs: list[Callable[[Tick], list[str]]] = []
         self._stamps: dict[str, int] = {}
         """Of the newest message, by key."""
         self._step: Step = lambda now: None
@@ -55,12 +55,12 @@ class StepNode(Node):
 
         With `every_tick`, a lock-step's `step` waits for the tick's own message: of the key, or of every robot in the
         world if the key is `robot_$*/topic`. Such a message needs a header with the stamp of its tick; `tf` may be
-        waited for as well.
+        waited for as well, which ends with the aggregator.
         """
         if every_tick and "header" not in message_type.__struct_fields__ and message_type is not TFMessage:
             raise UsageError(f"{key_expr}: {message_type.__name__} has no header, so its tick cannot be told")
         if every_tick:
-            self._every_tick.append(key_expr)
+            self.need(lambda tick: self._not_come(key_expr, tick))
 
         def handle(key: str, message: Any) -> None:
             self._first_data = self._first_data or monotonic()
@@ -69,9 +69,13 @@ class StepNode(Node):
             if every_tick:
                 self._stamps[key] = _stamp_of(message)
                 self._part.take_stamp(self._stamps[key])
-                self._part.advance()
+            self._part.advance()
 
         return super().subscribe(key_expr, message_type, handle, latched=latched, wake=wake)
+
+    def need(self, lacks: Callable[[Tick], list[str]]) -> None:
+        """In lock-step, let `step` wait while `lacks(tick)` names keys; it is asked after each message."""
+        self._needs.append(lacks)
 
     def watch_tokens(self, key_expr: str, callback: Callable[[str, bool], None]) -> None:
         """Call `callback(key, alive)` for presence tokens, never at the same time as `step`."""
@@ -124,18 +128,18 @@ class StepNode(Node):
         return not self._lacks(tick)
 
     def _lacks(self, tick: Tick) -> list[str]:
-        stamp = ns_from_time(tick.stamp)
-        return [key for key in self._needed() if self._stamps.get(key, -1) < stamp]
+        return [key for lacks in self._needs for key in lacks(tick)]
 
-    def _needed(self) -> list[str]:
-        needed = []
-        for key_expr in self._every_tick:
-            prefix, topic = names.all_robots_key(""), key_expr.partition("/")[2]
-            if key_expr.startswith(prefix):
-                needed += [names.robot_key(robot_id, topic) for robot_id in self._part.robots]
-            else:
-                needed.append(key_expr)
-        return needed
+    def _not_come(self, key_expr: str, tick: Tick) -> list[str]:
+        """The `every_tick` key, or that key of each robot, whose message of the tick has not come."""
+        if key_expr == names.TF and names.AGGREGATOR not in tick.participants:
+            # Nothing sends the transforms of this tick.
+            return []
+        keys = [key_expr]
+        if key_expr.startswith(names.all_robots_key("")):
+            keys = [names.robot_key(robot_id, key_expr.partition("/")[2]) for robot_id in self._part.robots]
+        stamp = ns_from_time(tick.stamp)
+        return [key for key in keys if self._stamps.get(key, -1) < stamp]
 
     def _act(self, tick: Tick) -> Twist | None:
         return self._ask_step(ns_from_time(tick.stamp))

@@ -11,6 +11,8 @@ import msgspec
 
 from zteam import names
 from zteam.bus import Change
+from zteam.geometry import yaw_from_quaternion
+from zteam.messages import MapMetaData
 from zteam.names import MAX_ROBOT_ID
 
 RobotId = Annotated[int, msgspec.Meta(ge=0, le=MAX_ROBOT_ID)]
@@ -100,6 +102,25 @@ class Timing(msgspec.Struct):
     """Until the next tick was due."""
 
 
+class MapInfo(msgspec.Struct, frozen=True):
+    """Where an occupancy grid lies in `map`: the pose of the lower left corner of its first cell, and its size."""
+
+    x: float
+    y: float
+    yaw: float
+    resolution: float
+    """Metres a cell."""
+    columns: int
+    rows: int
+
+
+def map_info(metadata: MapMetaData) -> MapInfo:
+    """Where a grid lies, of the metadata in its message."""
+    position, turn = metadata.origin.position, metadata.origin.orientation
+    yaw = yaw_from_quaternion(turn.x, turn.y, turn.z, turn.w)
+    return MapInfo(position.x, position.y, yaw, metadata.resolution, metadata.width, metadata.height)
+
+
 class SimStatus(msgspec.Struct):
     """Answer to `sim/status`."""
 
@@ -131,6 +152,8 @@ class SimStatus(msgspec.Struct):
     """This simulator's session id: a request that changes something carries it."""
     writers: dict[int, list[str]] = {}
     """Robots that more than one process commands, and the session ids of these."""
+    map: MapInfo | None = None
+    """The grid of the world, as the simulator publishes it on `map`."""
 
 
 def absence_text(robot_id: int, robots: Sequence[int]) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zteam import names
-from zteam.geometry import Pose2, compose2, normalize_angle
+from zteam.geometry import Pose2, normalize_angle
 from zteam.messages import Blob as BlobMessage
 from zteam.messages import Blobs, ColorRGBA, Fiducial, Fiducials, Header, Message, time_from_ns
 from zteam.messages import Bumper as BumperMessage
@@ -92,7 +92,7 @@ class _Target(NamedTuple):
     def place(self, poses: Floats) -> Pose2:
         """In `map`."""
         model = self.fixed if self.mover == NO_MOVER else Pose2(*poses[self.mover].tolist())
-        return compose2(model, Pose2(self.marker.x, self.marker.y, self.marker.yaw))
+        return model.compose(Pose2(self.marker.x, self.marker.y, self.marker.yaw))
 
 
 def _targets(robots: Sequence[Robot], obstacles: Sequence[Obstacle]) -> list[_Target]:

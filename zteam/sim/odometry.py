@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zteam.counter_random import gaussians, stream, streams
-from zteam.geometry import Pose2, compose2, inverse2
+from zteam.geometry import Pose2
 from zteam.sim.jit import compiled
 from zteam.world.model import Robot
 
@@ -108,7 +108,7 @@ class Odometry:
 
     def carry(self, i: int, pose: Pose2) -> None:
         """Robot `i` is placed at `pose`: its wheels did not turn, so its `odom` frame moves along."""
-        self._start[i] = compose2(pose, inverse2(Pose2(*self.poses[i].tolist())))
+        self._start[i] = pose.compose(Pose2(*self.poses[i].tolist()).inverse())
 
     def start(self, i: int) -> Pose2:
         """The pose in `map` of robot `i`'s `odom` frame, as if its odometry were exact."""

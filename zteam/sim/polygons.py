@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.geometry import Pose2, compose2
+from zteam.geometry import Pose2
 from zteam.sim.jit import compiled
 from zteam.world.model import Obstacle, Robot, Shape
 
@@ -87,7 +87,7 @@ def group_shapes(robots: Sequence[Robot], obstacles: Sequence[Obstacle]) -> list
 
 def place_shape(pose: Pose2, shape: Shape) -> Shape:
     """A shape in `map` whose owner stands at `pose`."""
-    points = tuple(compose2(pose, Pose2(x, y, 0.0))[:2] for x, y in shape.points)
+    points = tuple(pose.compose(Pose2(x, y, 0.0))[:2] for x, y in shape.points)
     return Shape(points, shape.z_min, shape.z_max, shape.ranger_return, shape.obstacle, shape.color)
 
 

@@ -17,7 +17,7 @@ from zteam.behaviors import View
 from zteam.bus import Bus, MemoryHub, NoRequest
 from zteam.clock import to_ns, to_seconds
 from zteam.errors import BusError, ZteamError
-from zteam.geometry import Pose2, compose2, inverse2
+from zteam.geometry import Pose2
 from zteam.messages import Done, Header, LaserScan, Message, Odometry, Tick, Twist, time_from_ns
 from zteam.runtime.node import ClockMode
 from zteam.runtime.shutdown import Stop
@@ -55,7 +55,7 @@ def make_view(
     def lookup(target: str, source: str) -> tuple[Pose2, int] | None:
         if target not in known or source not in known:
             return None
-        return compose2(inverse2(known[target]), known[source]), stamp
+        return known[target].inverse().compose(known[source]), stamp
 
     return View(
         now=stamp,
@@ -156,8 +156,9 @@ class RunningNode:
 
     def publish(self, key: str, message: Message) -> None:
         """Publish a message, with the coming tick's stamp where it has a header. Its callbacks have run then."""
-        if hasattr(message, "header"):
-            message.header.stamp = time_from_ns(to_ns(self.next_time))
+        for stamped in (message, *getattr(message, "transforms", ())):
+            if hasattr(stamped, "header"):
+                stamped.header.stamp = time_from_ns(to_ns(self.next_time))
         self.bus.publisher(key, type(message)).put(message)
 
     def tick(self) -> Twist | None:
@@ -165,24 +166,31 @@ class RunningNode:
 
         Raises what `step` or a callback raised, and BusError where an input declared with `every_tick` is missing.
         """
-        stamp = time_from_ns(to_ns(self.next_time))
-        self._tick += 1
         self._answers.clear()
-        self._ticks.put(Tick(stamp, self._epoch, self._tick, self._robots, [self.node.name]))
+        self._send_tick(self.node.name)
+        self._tick += 1
         if not self.node.speaks:
             self._thread.join(LIMIT)
             self._raise_failure()
         if not self._answers:
             raise BusError(
                 f"{self.node.name} waits for inputs of {to_seconds(self._tick * to_ns(0.1)):g} s: "
-                "publish all that it declares with every_tick before tick()"
+                "publish all that it declares with every_tick before tick(), "
+                "and for a TransformListener the transforms from map to the base_footprint of each robot in `robots`"
             )
         answer = self._answers[-1]
         return answer.command if answer.has_command else None
 
     def reset(self) -> None:
-        """Let simulated time begin again with the next tick."""
+        """Let simulated time begin again with the next tick. The node has heard of it when this returns."""
         self._epoch, self._tick = self._epoch + 1, 0
+        # A tick that does not list the node only tells the time: the new time comes before its data.
+        self._send_tick()
+
+    def _send_tick(self, *listed: str) -> None:
+        """Send the coming tick. The aggregator is listed, as in a team: inputs on `tf` are waited for."""
+        stamp = time_from_ns(to_ns(self.next_time))
+        self._ticks.put(Tick(stamp, self._epoch, self._tick + 1, self._robots, [*listed, names.AGGREGATOR]))
 
 
 def run_node(

@@ -86,9 +86,17 @@ class Merger:
         """Forget the static transforms that `authority` asked for."""
         self._statics.drop_authority(authority)
 
-    def take_pending(self) -> list[TransformStamped]:
-        """The moving transforms stored since the last call, for one bundled message."""
+    def take_pending(self, tick: int = 0) -> list[TransformStamped]:
+        """The moving transforms stored since the last call, for one bundled message.
+
+        With the stamp of a tick (ns, 0 = none), of that tick only those of the bases: a frame of a user's process
+        comes at any moment of the tick, so it is taken with the next one.
+        """
         pending, self._pending = self._pending, []
+        if tick:
+            self._pending = [t for t in pending if not _is_base(t) and ns_from_time(t.header.stamp) >= tick]
+        if self._pending:
+            pending = [t for t in pending if _is_base(t) or ns_from_time(t.header.stamp) < tick]
         return pending
 
     @property
@@ -113,6 +121,10 @@ class Merger:
         self.buffer.clear()
         self._pending.clear()
         self._statics.restore_start_poses()
+
+
+def _is_base(transform: TransformStamped) -> bool:
+    return names.is_robot_frame(transform.child_frame_id, names.BASE_FOOTPRINT)
 
 
 def _check_clock(transform: TransformStamped, authority: str, now: int) -> Rejection | None:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import msgspec
 
 from zteam.errors import WorldError
-from zteam.geometry import Pose2, compose2
+from zteam.geometry import Pose2
 from zteam.world.bitmap import MAX_PIXELS, Box, Grid, occupied_box, read_bitmap, rectangles
 from zteam.world.colors import random_color
 from zteam.world.devices import device_models
@@ -157,20 +157,20 @@ def solid_blocks(body: Body, place: Place, settings: Settings) -> list[Block]:
 
 def place_body(body: Body, blocks: list[Block], owner_from_model: Pose2, z: float) -> tuple[Shape, ...]:
     """A model's blocks as shapes of their owner; the model's foot is `z` above the ground."""
-    owner_from_body = compose2(owner_from_model, body.origin.planar)
+    owner_from_body = owner_from_model.compose(body.origin.planar)
     return place_blocks(blocks, owner_from_body, z + body.origin.z, body.surface)
 
 
 def place_floorplan(body: Body, occupied: Grid, map_from_model: Pose2, z: float, name: str) -> Floorplan:
     """A bitmap that stands still: its cells fill the box of the model's size."""
     rows, columns = occupied.shape
-    map_from_body = compose2(map_from_model, body.origin.planar)
+    map_from_body = map_from_model.compose(body.origin.planar)
     foot = z + body.origin.z
     return Floorplan(
         name=name,
         occupied=occupied,
         cell=(body.size.x / columns, body.size.y / rows),
-        pose=compose2(map_from_body, Pose2(-body.size.x / 2, -body.size.y / 2, 0.0)),
+        pose=map_from_body.compose(Pose2(-body.size.x / 2, -body.size.y / 2, 0.0)),
         z_min=foot,
         z_max=foot + body.size.z,
         ranger_return=body.surface.ranger_return,

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import msgspec
 
 from zteam import names
-from zteam.geometry import Pose2, compose2
+from zteam.geometry import Pose2
 from zteam.simulation_options import PHYSICS
 from zteam.world import vocabulary
 from zteam.world.bodies import Body, Settings, place_body, place_floorplan, read_body, solid_blocks
@@ -125,12 +125,12 @@ class Builder:
         body = read_body(entity, self._settings)
         if body.home is not None and not reader.has("pose"):
             pose = Pose3(body.home.x, body.home.y, 0.0, body.home.yaw)
-        owner_from_model = compose2(mount.owner_from_mount, pose.planar)
+        owner_from_model = mount.owner_from_mount.compose(pose.planar)
         foot = mount.z + pose.z
         name = self._name(reader, mount)
         chassis = mount.chassis
         if entity.type == "position" or (reader.flag("pushable", False) and chassis is None):
-            map_from_base = compose2(chassis.map_from_base, owner_from_model) if chassis else owner_from_model
+            map_from_base = chassis.map_from_base.compose(owner_from_model) if chassis else owner_from_model
             chassis = self._add_chassis(reader, body, map_from_base, name)
             owner_from_model = Pose2(0.0, 0.0, 0.0)
         markers = self._read_markers(reader, body, owner_from_model if chassis else Pose2(0.0, 0.0, 0.0), chassis)
@@ -212,7 +212,7 @@ class Builder:
         if chassis is None or chassis.drive is None:
             reader.remark_entity(f"a {kind} that no robot carries is not simulated")
             return
-        seat = Seat(compose2(base_from_model, body.origin.planar), foot + body.origin.z)
+        seat = Seat(base_from_model.compose(body.origin.planar), foot + body.origin.z)
         chassis.devices.extend(device_models()[kind].read(reader, name, seat))
 
     def _add_children(self, entity: Entity, mount: Mount) -> None:

@@ -9,7 +9,6 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal, NamedTuple
 
 from zteam import names
-from zteam.geometry import compose2
 from zteam.messages import Blobs, Bool, Fiducials, JointState, LaserScan, Message, Odometry, Range
 from zteam.messages import Bumper as BumperMessage
 from zteam.world.model import Device, Robot
@@ -85,7 +84,7 @@ def read_bumpers(reader: Reader, name: str, seat: Seat) -> list[Bumper]:
             name_of_length = f"blength[{i}]" if reader.has(f"blength[{i}]") else "blength"
             reader.remark(name_of_length, f"piece {i} of this bumper has no length: it is left out")
             continue
-        x, y, yaw = compose2(seat.base_from_device, pose.planar)
+        x, y, yaw = seat.base_from_device.compose(pose.planar)
         found.append(Bumper(f"{name}.{i}", x, y, seat.z + pose.z, yaw, length))
     return found
 

@@ -11,7 +11,7 @@ from xml.sax.saxutils import escape
 import numpy as np
 
 from zteam.errors import UsageError
-from zteam.geometry import Pose2, compose2
+from zteam.geometry import Pose2
 from zteam.world.colors import find_color
 from zteam.world.model import Floorplan, Point2, Robot, Shape, World
 
@@ -127,7 +127,7 @@ def _corners(plan: Floorplan) -> list[Point2]:
 
 
 def _at(pose: Pose2, point: Point2) -> Point2:
-    return compose2(pose, Pose2(*point, 0.0))[:2]
+    return pose.compose(Pose2(*point, 0.0))[:2]
 
 
 def _placed(pose: Pose2, shape: Shape) -> list[Point2]:

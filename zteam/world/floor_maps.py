@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from zteam.errors import WorldError
-from zteam.geometry import Pose2, compose2
+from zteam.geometry import Pose2
 from zteam.world.bitmap import Grid, read_levels
 from zteam.world.properties import MAX_LENGTH
 
@@ -38,7 +38,7 @@ class FloorMap(NamedTuple):
     @property
     def map_from_middle(self) -> Pose2:
         """Pose of the middle of the map, which is a model's origin."""
-        return compose2(self.map_from_corner, Pose2(self.width / 2, self.height / 2, 0.0))
+        return self.map_from_corner.compose(Pose2(self.width / 2, self.height / 2, 0.0))
 
 
 def is_floor_map(path: Path) -> bool:

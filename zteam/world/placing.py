@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.geometry import Pose2, inverse2
+from zteam.geometry import Pose2
 from zteam.world.model import Floorplan, Point2, Robot, Shape, World
 
 Floats = NDArray[np.float64]
@@ -100,7 +100,7 @@ def _heights_overlap(one: Shape | Floorplan, other: Shape | Floorplan) -> bool:
 
 def _meets_plan(plan: Floorplan, polygon: Floats) -> bool:
     """Whether a polygon covers a part of an occupied cell without its rim."""
-    local = _place(inverse2(plan.pose), polygon) / plan.cell
+    local = _place(plan.pose.inverse(), polygon) / plan.cell
     rows, columns = plan.occupied.shape
     low = np.clip(np.floor(local.min(axis=0)), 0, (columns, rows)).astype(int)
     high = np.clip(np.ceil(local.max(axis=0)), 0, (columns, rows)).astype(int)

@@ -2,7 +2,7 @@
 
 import math
 
-from zteam.geometry import Pose2, compose2
+from zteam.geometry import Pose2
 from zteam.world.model import Ranger
 from zteam.world.properties import Pose3, Reader, Seat, Size3
 
@@ -65,7 +65,7 @@ def _ranger(
     samples: int = 1,
 ) -> Ranger | None:
     """`pose` is in the ranger's frame, its z above the ground; `fov` and `samples` are defaults."""
-    base_from_sensor = compose2(base_from_ranger, pose.planar)
+    base_from_sensor = base_from_ranger.compose(pose.planar)
     fov = reader.angle("fov", fov)
     samples = reader.whole("samples", samples, 0, MAX_SAMPLES)
     if samples == 0:

@@ -54,13 +54,16 @@ def test_wrong_transforms_are_refused(tmp_path: Path, table: str, told: str) -> 
 @pytest.mark.parametrize(
     ("table", "told"),
     [
-        ("[robots.base]\nmax_vel_x = 0", "4: robots[0].base.max_vel_x: Expected `float` > 0.0"),
+        ("[robots.base]\nmax_vel_x = 0", "4: robots[0].base.max_vel_x: a number above 0 is expected, not 0"),
         ("[robots.base]\nspeed = 1", "4: robots[0].base.speed: unknown key; known: footprint, max_vel_x, min_vel_x"),
         (
             "[robots.base]\nfootprint = [\n[0, 0], [1, 0], [2, 0]]",
             "4: robots[0].base.footprint: must enclose an area",
         ),
-        ("base = {footprint = [[0, 0], [1, 0], [1, 'a']]}", "3: robots[0].base.footprint[2][1]: Expected `float`"),
+        (
+            "base = {footprint = [[0, 0], [1, 0], [1, 'a']]}",
+            '3: robots[0].base.footprint[2][1]: a number is expected, not "a"',
+        ),
         ("base = 'wide'", "3: robots[0].base: a table is expected, not 'wide'"),
     ],
 )

@@ -79,6 +79,19 @@ def test_time_begins_again_with_a_reset() -> None:
     assert seen == [100_000_000, 200_000_000, "reset", 100_000_000]
 
 
+def test_inputs_of_the_new_time_count_after_a_reset() -> None:
+    """An input that is published between the reset and the first tick belongs to that tick."""
+    hub, heard = MemoryHub(), []
+    hub.bus().subscribe("crowd/alarm", Bool, lambda _, message: heard.append(message.data))
+    with run_node(crowd, hub, name="crowd", robots=[0, 1]) as running:
+        for distance in (2.0, 0.5):
+            running.publish("robot_0/base_pose_ground_truth", at(0.0))
+            running.publish("robot_1/base_pose_ground_truth", at(distance))
+            running.tick()
+            running.reset()
+    assert heard == [False, True]
+
+
 @pytest.mark.parametrize("where", ["body", "step", "callback"])
 def test_an_error_of_the_node_is_the_tests(where: str) -> None:
     """What the user's code raises comes out of `tick`, or of the end of the `with`."""

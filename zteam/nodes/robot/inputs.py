@@ -2,6 +2,7 @@
 
 from zteam import names
 from zteam.base import BaseOverride
+from zteam.errors import BehaviorError
 from zteam.geometry import Pose2
 from zteam.messages import LaserScan, Odometry, TeamState, TeamStatus, TFMessage, ns_from_time
 from zteam.nodes.robot.base_input import BaseInput
@@ -77,7 +78,12 @@ class Inputs:
         return team.epoch
 
     def lookup(self, target: str, source: str) -> tuple[Pose2, int] | None:
-        """The newest `target_from_source` in the plane and its stamp; None if it is unknown."""
+        """The newest `target_from_source` in the plane and its stamp; None if it is unknown.
+
+        Raises BehaviorError if no transforms come any more: the answer would be that of long ago.
+        """
+        if not self.needs_tf:
+            raise BehaviorError("a behaviour that looks transforms up says so: set `uses_tf = True` in its class")
         self._bundles.settle(target, source)
         try:
             return self._buffer.lookup_pose2(target, source, 0)

@@ -23,6 +23,8 @@ class Bundle:
         """Real time: robots that a bundle waits for, and the stamp that each spoke for last."""
         self._fresh: set[int] = set()
         """Lock-step: robots that have spoken for `stamp`."""
+        self._left: set[int] = set()
+        """Lock-step: robots whose transforms of `stamp` have left."""
         self._placed: set[int] = set()
         """Robots that have sent their fixed transforms."""
 
@@ -50,6 +52,7 @@ class Bundle:
     def close(self) -> None:
         """It has left."""
         self._opened = None
+        self._left = {*self._fresh}
 
     def forget_silent(self) -> None:
         """Do not wait any more for robots that have not spoken for this tick."""
@@ -60,6 +63,7 @@ class Bundle:
         if stamp > self.stamp:
             self.stamp = stamp
             self._fresh.clear()
+            self._left.clear()
         if stamp == self.stamp:
             self._fresh.add(robot_id)
 
@@ -71,8 +75,13 @@ class Bundle:
         """Lock-step: whether all these robots have spoken for `stamp`, and their fixed transforms have come."""
         return len(self._fresh) >= len(robots) and robots <= self._fresh and robots <= self._placed
 
+    def may_leave(self, robots: AbstractSet[int]) -> bool:
+        """Lock-step: whether it is complete and has not left yet."""
+        return self.has_all(robots) and self._fresh != self._left
+
     def restart(self) -> None:
         """Time jumped back: begin with an empty bundle. The robots' fixed transforms stay."""
         self._spoken.clear()
         self._fresh.clear()
+        self._left.clear()
         self._opened, self.stamp = None, 0

@@ -48,7 +48,7 @@ class Aggregator:
         """The bundle that was sent last."""
         self._tf = node.bus.publisher(names.TF, TFMessage)
         self._tf_static = node.bus.publisher(names.TF_STATIC, TFMessage, latched=True)
-        self._part = Participant(node, self._has_inputs, lambda _: self._flush(), self._repeat)
+        self._part = Participant(node, self._has_inputs, lambda _: self._flush(self._bundle.stamp), self._repeat)
         node.clock.sim.on_jump_back(self._on_jump_back)
         node.subscribe(names.all_robots_key(names.TF), TFMessage, self._on_tf, wake=False)
         node.subscribe(names.all_robots_key(names.TF_STATIC), TFMessage, self._on_tf_static, latched=True)
@@ -106,8 +106,8 @@ class Aggregator:
     def _take_in_lockstep(self, robot_id: int, message: TFMessage, stamp: int) -> None:
         self._merger.take(robot_id, message, self._node.clock.now())
         self._bundle.take_in_lockstep(robot_id, stamp)
-        if not self._part.advance() and self._bundle.has_all(self._part.robots):
-            self._flush()
+        if not self._part.advance() and self._bundle.may_leave(self._part.robots):
+            self._flush(self._bundle.stamp)
 
     def _has_inputs(self, tick: Tick) -> bool:
         return self._bundle.stamp >= ns_from_time(tick.stamp) and self._bundle.has_all(self._part.robots)
@@ -134,8 +134,8 @@ class Aggregator:
         self._bundle.forget_silent()
         self._flush()
 
-    def _flush(self) -> None:
-        pending = self._merger.take_pending()
+    def _flush(self, tick: int = 0) -> None:
+        pending = self._merger.take_pending(tick)
         self._bundle.close()
         if pending:
             if self._last.transforms and self._last.transforms[-1].header.stamp == pending[-1].header.stamp:

@@ -1,6 +1,7 @@
 """A robot's first tick of lock-step: what it waits for."""
 
 from collections.abc import Iterator
+from typing import ClassVar
 
 import pytest
 
@@ -17,9 +18,11 @@ from zteam.runtime.shutdown import Stop
 class Seen(Behavior):
     """Notes the models of the bases that it sees."""
 
+    models: ClassVar[list[str]]
+
     def step(self, view: View) -> Twist:
         """Stand."""
-        self.params.append(view.base.model)
+        self.models.append(view.base.model)
         return Twist()
 
 
@@ -30,11 +33,12 @@ def simulator(hub: MemoryHub) -> ScriptedSimulator:
 
 
 @pytest.fixture
-def models(hub: MemoryHub, simulator: ScriptedSimulator) -> Iterator[list[str]]:
+def models(hub: MemoryHub, simulator: ScriptedSimulator, monkeypatch: pytest.MonkeyPatch) -> Iterator[list[str]]:
     """What the behaviour of robot 0 saw. The robot takes part in tick 2, which is open."""
     seen: list[str] = []
+    monkeypatch.setattr(Seen, "models", seen, raising=False)
     node = Node("robot_0", hub.bus(), Stop())
-    RobotNode(node, lambda: Seen(seen), RobotOptions(0, gate=False))
+    RobotNode(node, Seen, RobotOptions(0, "Seen", gate=False))
     simulator.appear()
     node.become_present()
     simulator.tick(1, robots=(0,))

@@ -3,6 +3,7 @@
 import pytest
 
 from support.transforms import S, stamped
+from zteam.errors import BehaviorError
 from zteam.messages import (
     BaseInfo,
     Header,
@@ -120,3 +121,12 @@ def test_go_holds_from_its_stamp_on(inputs: Inputs, state: int, now: int, epoch:
     assert inputs.go_epoch(now) == 0
     inputs.team = TeamStatus(state=state, epoch=4, go_stamp=time_from_ns(2 * S))
     assert inputs.go_epoch(now) == epoch
+
+
+def test_a_look_up_without_transforms_is_an_error(inputs: Inputs) -> None:
+    """Once the robot has closed its input of transforms, a look-up says what to do instead of giving an old pose."""
+    give(inputs, S)
+    assert inputs.lookup("map", "robot_1/base_footprint") is not None
+    inputs.needs_tf = False
+    with pytest.raises(BehaviorError, match="set `uses_tf = True` in its class"):
+        inputs.lookup("map", "robot_1/base_footprint")

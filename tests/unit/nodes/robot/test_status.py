@@ -62,10 +62,10 @@ def tick_to(robot: RealTimeRobot, first: int, last: int, distance: float = 9.0) 
 def test_it_says_what_drives_it_and_why_it_stands(wants: Callable[..., None], monkeypatch: pytest.MonkeyPatch) -> None:
     """Behaviour, driver, speed and reason follow the newest command; the old text stays what it was."""
     monkeypatch.setattr(robot_module, "Every", EveryBeat)
-    robot = RealTimeRobot(lambda: Asks(None))
+    robot = RealTimeRobot(Asks)
     try:
         before = robot.wait_for_status(lambda status: True)
-        assert (before.behavior, before.driver, before.leader) == ("follow", RobotDriver.NONE, -1)
+        assert (before.behavior, before.driver, before.leader) == ("Asks", RobotDriver.NONE, -1)
         for tick, (speed, turn, reason) in enumerate(
             [(0.4, 0.0, ""), (0.0, 0.7, ""), (-0.2, 0.0, ""), (0.0, 0.0, "the behaviour commands zero velocity")], 1
         ):
@@ -95,7 +95,7 @@ def test_a_follower_names_its_leader() -> None:
 def test_a_new_speed_is_no_reason_to_publish(wants: Callable[..., None], monkeypatch: pytest.MonkeyPatch) -> None:
     """Speeds that change with every tick go out with the heartbeat alone."""
     monkeypatch.setattr(robot_module, "Every", NoBeat)
-    robot = RealTimeRobot(lambda: Asks(None))
+    robot = RealTimeRobot(Asks)
     try:
         wants(0.1)
         tick_to(robot, 1, 1)
@@ -145,11 +145,12 @@ def test_a_ready_robot_tells_whom_go_waits_for(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(robot_module, "Every", EveryBeat)
     monkeypatch.setattr(waiting, "_TELL_EVERY", 2)
     with captured_log() as log:
-        robot = RealTimeRobot(lambda: Asks(None), gate=True)
+        robot = RealTimeRobot(Asks, gate=True)
         try:
             robot.say_team(TeamStatus(waiting_for="robot_2: no process yet"))
+            robot.say_base_info()
             robot.say_statics()
-            robot.say_odom(1)
+            robot.say_odometry(1)
             robot.say_transforms(1)
             robot.say_time(1)
             robot.say_scan(1)

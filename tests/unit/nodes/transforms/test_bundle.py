@@ -92,6 +92,25 @@ def test_lockstep_waits_for_fixed_transforms() -> None:
     assert bundle.has_all({0})
 
 
+def test_a_bundle_of_lockstep_leaves_once() -> None:
+    """What comes for a tick whose bundle has left waits for the next one; a robot that is new in the tick does not."""
+    bundle = Bundle()
+    for robot_id in (0, 1):
+        bundle.place(robot_id)
+    bundle.take_in_lockstep(0, 1)
+    assert bundle.may_leave({0})
+    bundle.close()
+    bundle.take_in_lockstep(0, 1)
+    assert not bundle.may_leave({0})
+    bundle.take_in_lockstep(1, 1)
+    assert bundle.may_leave({0, 1})
+    bundle.close()
+    bundle.take_in_lockstep(0, 2)
+    assert not bundle.may_leave({0, 1})
+    bundle.take_in_lockstep(1, 2)
+    assert bundle.may_leave({0, 1})
+
+
 def test_after_a_jump_back_a_bundle_begins_anew() -> None:
     """Earlier stamps count again, no robot is waited for, and fixed transforms need not come again."""
     bundle = spoken(0, 1, stamp=500)
