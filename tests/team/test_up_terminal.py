@@ -65,6 +65,12 @@ class Shown:
             continue
         return self._launcher.wait(LIMIT), self.screen.rows
 
+    def hang_up(self) -> int:
+        """Close the terminal, as a user closes a window; the exit code."""
+        os.close(self._master)
+        self._master = os.open(os.devnull, os.O_RDWR)
+        return self._launcher.wait(LIMIT)
+
     def close(self) -> None:
         """End the command if it still runs."""
         with suppress(ProcessLookupError):
@@ -109,6 +115,18 @@ def test_ctrl_c_leaves_a_clean_terminal(team: TeamFixture) -> None:
     assert rows[-1] == ""
     assert not any("simulated" in row or "^C" in row for row in rows), rows
     assert sum(row.endswith(" stopped") for row in rows) == 2
+
+
+def test_a_closed_terminal_ends_the_team(team: TeamFixture) -> None:
+    """The hang-up stops the team in order, although nothing can be written any more."""
+    shown = Shown(team, "arena")
+    try:
+        shown.wait_for(lambda rows: re.search("[12] of 2 robots driving", rows[-1]) is not None)
+        code = shown.hang_up()
+    finally:
+        shown.close()
+    assert code == 0
+    team.wait_for(lambda: not any(team.alive(name) for name in ("robot_0", "robot_1", "sim")))
 
 
 def test_a_paused_world_is_said_so(team: TeamFixture) -> None:

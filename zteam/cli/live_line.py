@@ -24,7 +24,8 @@ class LiveLine:
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
-        self._lock = threading.Lock()
+        # Reentrant: the report of a failed write is printed above the line too.
+        self._lock = threading.RLock()
         self._render: Callable[[int], str] = lambda columns: ""
         self._drawn = 0
         self._bold = ("", "") if "NO_COLOR" in os.environ else ("\033[1m", "\033[0m")

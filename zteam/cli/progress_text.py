@@ -32,15 +32,14 @@ def _joined(parts: Iterator[str], columns: int) -> str:
 
 
 def _before_go(seen: Overview) -> Iterator[str]:
+    """One part, because a long list of what is missing is worth being cut."""
     team = seen.team
     if team is None:
         yield "starting"
         return
-    yield f"before GO: {len(team.ready)} of {counted(seen.robots, 'robot')} ready"
-    if team.waiting_for:
-        yield f"waiting for {team.waiting_for}"
-    if seen.simulator is not None and seen.simulator.paused:
-        yield "paused"
+    paused = ", paused" if seen.simulator is not None and seen.simulator.paused else ""
+    waiting = f", waiting for {team.waiting_for}" if team.waiting_for else ""
+    yield f"before GO: {len(team.ready)} of {counted(seen.robots, 'robot')} ready{paused}{waiting}"
 
 
 def _after_go(seen: Overview, run_for: float | None) -> Iterator[str]:

@@ -1,23 +1,28 @@
 """A live line on a pseudo-terminal, as a reader sees it."""
 
+import errno
 import fcntl
+import io
 import logging
 import os
 import pty
 import struct
 import sys
 import termios
+import threading
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TextIO
+from typing import TextIO, cast
 
 import pytest
 
 from support.terminal import Screen
 from zteam.cli.live_line import LiveLine, has_live_line
+from zteam.cli.output import Output
 from zteam.runtime.logs import start_logging
 
 MARK = "\x05"
+LIMIT = 20.0
 
 
 class PseudoTerminal:
@@ -132,6 +137,39 @@ def test_standard_error_prints_above(terminal: PseudoTerminal, monkeypatch: pyte
         logger.handlers[:], logger.level, logger.propagate = before
     assert terminal.rows()[1:] == ["in parts", "no end", ""]
     assert sys.stderr is terminal.stream
+
+
+def test_a_terminal_that_is_gone_is_reported_once(monkeypatch: pytest.MonkeyPatch, terminal: PseudoTerminal) -> None:
+    """The report of a failed write is itself a line on standard error, above the live line."""
+    told: list[str] = []
+
+    class Gone(io.StringIO):
+        """A terminal whose window was closed."""
+
+        def write(self, text: str) -> int:
+            raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+        def isatty(self) -> bool:
+            return True
+
+    def tell(error: OSError) -> None:
+        told.append(str(error))
+        sys.stderr.write("cannot write\n")
+
+    monkeypatch.setattr(sys, "stderr", terminal.stream)
+    stream = cast(TextIO, Output(Gone(), tell))
+
+    def run() -> None:
+        with LiveLine(stream) as live:
+            live.show(lambda columns: "live")
+            live.print("line")
+
+    thread = threading.Thread(target=run, daemon=True)
+    thread.start()
+    thread.join(LIMIT)
+    assert not thread.is_alive()
+    assert len(told) == 1
+    assert terminal.rows() == ["cannot write", ""]
 
 
 @pytest.mark.parametrize("setting", ["", "1"])

@@ -33,6 +33,7 @@ def test_before_go_the_line_says_what_is_missing() -> None:
     assert line(team=WAITING) == "before GO: 2 of 4 robots ready"
     words = TeamStatus(state=TeamState.WAITING, waiting_for="robot_1 (no scan)")
     assert line(team=words) == "before GO: 0 of 4 robots ready, waiting for robot_1 (no scan)"
+    assert line(columns=40, team=words) == "before GO: 0 of 4 robots ready, waiting "
     assert line(team=WAITING, simulator=world(1.0, paused=True)) == "before GO: 2 of 4 robots ready, paused"
 
 
