@@ -1,6 +1,7 @@
 """Key expressions and frame ids (docs/architecture.md). No other module builds or parses them."""
 
 import re
+from collections.abc import Iterable
 
 from zteam.errors import UsageError
 
@@ -80,6 +81,16 @@ def robot_key(robot_id: int, topic: str) -> str:
 def all_robots_key(topic: str) -> str:
     """The wildcard for `topic` of every robot (`robot_*` is not a valid key expression)."""
     return f"robot_$*/{topic}"
+
+
+def keys_in(key_expr: str, robot_ids: Iterable[int]) -> list[str]:
+    """The keys that a key expression means to a team of these robots; none for a wildcard over anything but robots."""
+    prefix, slash, topic = key_expr.partition("/")
+    if not is_wildcard(key_expr):
+        return [key_expr]
+    if is_wildcard(topic) or f"{prefix}{slash}" != all_robots_key(""):
+        return []
+    return [robot_key(robot_id, topic) for robot_id in robot_ids]
 
 
 def split_robot_key(key: str) -> tuple[int, str] | None:

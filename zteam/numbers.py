@@ -1,4 +1,4 @@
-"""Numbers that users type, and percentiles.
+"""Numbers that users type and read, and percentiles.
 
 A typed number has bounds: a number that is too large would fail far from the place where it was typed.
 """
@@ -42,6 +42,16 @@ def is_number(text: str, limit: float = math.inf) -> bool:
         return abs(float(text)) <= limit
     except ValueError:
         return False
+
+
+def counted(count: int, noun: str) -> str:
+    """`1 robot`, `2 robots`."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
+def format_rate(rate: float) -> str:
+    """A rate in Hz without digits that are only jitter."""
+    return f"{rate:.1f} Hz" if rate >= 1.0 else f"{rate:.2g} Hz"
 
 
 def percentile(values: Iterable[float], share: float) -> float | None:

@@ -3,7 +3,7 @@
 import pytest
 
 from zteam.errors import UsageError
-from zteam.numbers import is_number, parse_number, parse_whole, percentile
+from zteam.numbers import counted, format_rate, is_number, parse_number, parse_whole, percentile
 
 
 def test_the_bounds_belong_to_the_range() -> None:
@@ -63,3 +63,16 @@ def test_a_single_value_is_every_percentile() -> None:
 def test_no_values_have_no_percentile() -> None:
     """None, not 0."""
     assert percentile([], 0.5) is None
+
+
+def test_counts_are_written_with_the_right_noun() -> None:
+    """One thing has no plural."""
+    assert [counted(count, "robot") for count in (0, 1, 2)] == ["0 robots", "1 robot", "2 robots"]
+
+
+@pytest.mark.parametrize(
+    ("rate", "text"), [(10.0021, "10.0 Hz"), (999.96, "1000.0 Hz"), (1.0, "1.0 Hz"), (0.333, "0.33 Hz"), (0.0, "0 Hz")]
+)
+def test_rates_have_no_digits_of_jitter(rate: float, text: str) -> None:
+    """A tenth of a hertz is enough; a slow rate keeps two digits."""
+    assert format_rate(rate) == text

@@ -18,7 +18,7 @@ _TIMEOUT = 1.0
 
 
 class _Sources(msgspec.Struct):
-    """Who declared one key, as a router tells it; each session appears at the router to which it is connected."""
+    """The sessions that declared one key, as a router lists them; each appears at its own router."""
 
     peers: list[str] = []
     clients: list[str] = []

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 from zteam import names
 from zteam.bus import Bus
-from zteam.cli.arguments import MAX_RATE, number
+from zteam.cli.arguments import MAX_RATE, negative_numbers, number
 from zteam.cli.listening import Waiter, open_bus
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, run
 from zteam.cli.tf_displays import TreeListener, show_figures, show_positions, show_tree
-from zteam.cli.tool_clock import ticker
+from zteam.cli.tool_clock import open_clock, ticker
 from zteam.errors import UsageError, ZteamError
 from zteam.geometry import quaternion_from_rpy
 from zteam.messages import to_json
@@ -35,8 +35,9 @@ def build_parser() -> argparse.ArgumentParser:
     static = verbs.add_parser(
         "static",
         help="hold a fixed transform until Ctrl+C",
-        usage="zteam tf static X Y Z YAW PITCH ROLL PARENT CHILD  (or QX QY QZ QW for the angles)",
+        usage="zteam tf static X Y Z YAW PITCH ROLL PARENT CHILD (or QX QY QZ QW for the angles)",
     )
+    static.add_argument("words", nargs="*", default=[], help="metres and radians, then the two frames")
     _add_echo_options(echo)
     tree.add_argument("-o", "--output", metavar="FILE.svg|dot", help="draw it; frames older than 1 s are red")
     monitor.add_argument(
@@ -86,14 +87,15 @@ def _add_echo_options(parser: argparse.ArgumentParser) -> None:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point."""
-    # argparse would take the negative numbers of `static` for options.
-    args, rest = build_parser().parse_known_args(argv)
-    if args.verb == "static":
-        return run("zteam tf", args, lambda: _static(args, rest))
-    if rest:
-        build_parser().error(f"unrecognized arguments: {' '.join(rest)}")
-    verb = {"echo": _echo, "tree": show_tree, "monitor": show_figures, "positions": show_positions}[args.verb]
-    return run("zteam tf", args, lambda: verb(args))
+    args = build_parser().parse_args(negative_numbers(sys.argv[1:] if argv is None else argv))
+    verbs = {
+        "echo": _echo,
+        "tree": show_tree,
+        "monitor": show_figures,
+        "positions": show_positions,
+        "static": _static,
+    }
+    return run("zteam tf", args, lambda: verbs[args.verb](args))
 
 
 def _echo(args: argparse.Namespace) -> int:
@@ -113,7 +115,7 @@ def _echo(args: argparse.Namespace) -> int:
         if not listener.waiter.wait(is_known, args.timeout, f"the transform from {source} to {target}"):
             why = listener.buffer.can_transform(target, source, 0)[1]
             raise ZteamError(f"no transform within {args.timeout:g} s: {why.strip()} (see 'zteam tf tree')")
-        wait = None if args.once else ticker(bus, 1.0 / args.rate, args.clock)
+        wait = None if args.once else ticker(open_clock(bus, args.clock), 1.0 / args.rate)
         while True:
             transform = listener.buffer.lookup_transform(target, source, 0)
             print(to_json(transform).decode() if args.json else format_transform(transform), flush=True)
@@ -170,8 +172,8 @@ def _hold(bus: Bus, request: StaticRequest) -> None:
         print(f"{request.parent} -> {request.child} holds until Ctrl+C", flush=True)
 
 
-def _static(args: argparse.Namespace, words: Sequence[str]) -> int:
-    request = parse_static(words, "")
+def _static(args: argparse.Namespace) -> int:
+    request = parse_static(args.words, "")
     bus = open_bus(bus_options(args))
     try:
         request.caller = bus.instance

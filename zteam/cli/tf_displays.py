@@ -10,7 +10,7 @@ from zteam import names
 from zteam.bus import Bus
 from zteam.cli.listening import SURVEY, Waiter, open_bus
 from zteam.cli.options import bus_options
-from zteam.cli.tool_clock import ticker
+from zteam.cli.tool_clock import open_clock, ticker
 from zteam.errors import BusError, UsageError
 from zteam.messages import Clock, TFMessage, ns_from_time
 from zteam.services.transforms import FrameReply
@@ -140,7 +140,7 @@ def show_positions(args: argparse.Namespace) -> int:
     try:
         listener = TreeListener(bus)
         listener.waiter.wait(lambda: False, SURVEY, "")
-        wait = None if args.rate is None else ticker(bus, 1.0 / args.rate, args.clock)
+        wait = None if args.rate is None else ticker(open_clock(bus, args.clock), 1.0 / args.rate)
         while True:
             rows = _find_positions(listener.buffer)
             if args.json:

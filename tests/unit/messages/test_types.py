@@ -143,7 +143,7 @@ def test_now_is_the_time_of_the_caller(text: str) -> None:
 def test_now_is_a_word_of_stamps_only() -> None:
     """A text field keeps the word, and any other message refuses it."""
     assert from_text(messages.String, "{data: now}", Time).data == "now"
-    with pytest.raises(UsageError, match="Twist.linear: expected fields"):
+    with pytest.raises(UsageError, match=r"Twist\.linear: expected fields"):
         from_text(Twist, "{linear: now}", Time)
 
 
