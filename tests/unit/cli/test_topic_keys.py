@@ -88,7 +88,7 @@ def test_without_the_router_the_list_has_what_is_heard(
     assert topic.main(["list"]) == 0
     assert capsys.readouterr().out.splitlines() == [
         "key   type                   rate  pubs  subs",
-        "lamp  std_msgs/msg/Bool  latched     1     ?",
+        "lamp  std_msgs/msg/Bool   latched     1     ?",
     ]
 
 
