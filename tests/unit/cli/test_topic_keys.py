@@ -4,11 +4,10 @@ import json
 
 import pytest
 
+from support.named_sessions import ignore, open_named
 from support.transports import Inbox
 from zteam import names
-from zteam.bus import Bus, MemoryHub, NoRequest
-from zteam.bus.presence import own_info
-from zteam.bus.transport import RawSample
+from zteam.bus import MemoryHub
 from zteam.cli import listening, topic, topic_keys
 from zteam.cli.key_users import near_keys
 from zteam.messages import Bool, Odometry, Twist
@@ -25,28 +24,15 @@ def hub(monkeypatch: pytest.MonkeyPatch) -> MemoryHub:
     return hub
 
 
-def process(hub: MemoryHub, name: str) -> Bus:
-    """The session of a process that tells its name."""
-    bus = hub.bus()
-    bus.serve(names.info_key(name), NoRequest, lambda _: own_info(name, bus.instance, 0))
-    bus.serve_stats(name)
-    bus.declare_token(names.token_key(name, bus.instance))
-    return bus
-
-
-def ignore(_sample: RawSample) -> None:
-    """Take a sample."""
-
-
 @pytest.fixture
 def team(hub: MemoryHub) -> MemoryHub:
     """A simulator of two robots that takes commands, a latched map of its own, and one silent robot process."""
-    simulator = process(hub, "sim")
+    simulator = open_named(hub, "sim")
     for robot_id in (0, 1):
         simulator.publisher(names.robot_key(robot_id, names.ODOM), Odometry)
     simulator.subscribe_raw("robot_$*/cmd_vel", ignore)
     simulator.publisher("lamp", Bool, latched=True).put(Bool(True))
-    robot = process(hub, "robot_1")
+    robot = open_named(hub, "robot_1")
     robot.publisher("robot_1/cmd_vel", Twist)
     robot.subscribe_raw("robot_1/odom", ignore)
     # As a recorder does.
@@ -120,7 +106,7 @@ def test_info_of_an_unknown_key_names_near_ones(
     key: str, hint: str, hub: MemoryHub, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A mistyped key is answered with the keys that may be meant."""
-    bus = process(hub, "sim")
+    bus = open_named(hub, "sim")
     for robot_id in (0, 1):
         bus.publisher(names.robot_key(robot_id, names.ODOM), Odometry)
         bus.subscribe_raw(names.robot_key(robot_id, names.CMD_VEL), ignore)

@@ -5,10 +5,10 @@ from collections.abc import Iterator
 
 import pytest
 
+from support.named_sessions import ignore, open_named
 from support.transports import Inbox, wait_until_true
 from zteam import names
 from zteam.bus import Bus, MemoryHub, NoRequest
-from zteam.bus.presence import own_info
 from zteam.bus.transport import RawSample
 from zteam.cli import topic, topic_pub
 from zteam.clock import to_ns
@@ -25,26 +25,15 @@ def hub(monkeypatch: pytest.MonkeyPatch) -> MemoryHub:
     return hub
 
 
-def process(hub: MemoryHub, name: str) -> Bus:
-    """The session of a process that tells its name."""
-    bus = hub.bus()
-    bus.serve(names.info_key(name), NoRequest, lambda _: own_info(name, bus.instance, 0))
-    return bus
-
-
 def simulator(hub: MemoryHub, now: float) -> Bus:
     """A simulator that stands still at `now`, with two robots."""
-    bus = process(hub, names.SIMULATOR)
+    bus = open_named(hub, names.SIMULATOR)
     status = SimStatus("scripted", [0, 1], to_ns(0.1), 1, to_ns(now), round(now / 0.1), 1.0)
     bus.serve(names.service_key(names.SIMULATOR, "status"), NoRequest, lambda _: status)
     bus.publisher(names.CLOCK, Clock)
     for robot_id in (0, 1):
         bus.publisher(names.robot_key(robot_id, names.STALL), Bool)
     return bus
-
-
-def ignore(_sample: RawSample) -> None:
-    """Take a sample."""
 
 
 def test_it_names_its_subscribers(hub: MemoryHub, capsys: pytest.CaptureFixture[str]) -> None:
@@ -63,7 +52,7 @@ def test_it_names_its_subscribers(hub: MemoryHub, capsys: pytest.CaptureFixture[
 
 def test_it_warns_at_none_and_publishes(hub: MemoryHub, capsys: pytest.CaptureFixture[str]) -> None:
     """Without a subscriber it names the key that may be meant, and exits with 0."""
-    process(hub, "sim").subscribe_raw("robot_0/cmd_vel", ignore)
+    open_named(hub, "sim").subscribe_raw("robot_0/cmd_vel", ignore)
     assert topic.main(["pub", "--once", "robot_0/cmdvel", "Twist"]) == 0
     printed = capsys.readouterr()
     assert printed.out == "publishing geometry_msgs/msg/Twist on robot_0/cmdvel once to no subscriber yet\n"
@@ -73,7 +62,7 @@ def test_it_warns_at_none_and_publishes(hub: MemoryHub, capsys: pytest.CaptureFi
 
 def test_it_tells_when_a_subscriber_comes(hub: MemoryHub, capsys: pytest.CaptureFixture[str]) -> None:
     """While it publishes, the first subscriber to come is named."""
-    heard, late = Inbox(), process(hub, "robot_7")
+    heard, late = Inbox(), open_named(hub, "robot_7")
     codes: list[int] = []
     words = ["pub", "-r", "200", "--times", "400", "--clock", "wall", "lamp", "Bool", "{data: true}"]
     thread = threading.Thread(target=lambda: codes.append(topic.main(words)), daemon=True)
@@ -93,7 +82,7 @@ def test_it_tells_when_a_subscriber_comes(hub: MemoryHub, capsys: pytest.Capture
 def test_it_warns_of_other_publishers_and_of_absent_robots(hub: MemoryHub, capsys: pytest.CaptureFixture[str]) -> None:
     """Two publishers of one command fight over a robot, and a robot that is not there moves nowhere."""
     simulator(hub, 1.0).subscribe_raw("robot_$*/cmd_vel", ignore)
-    process(hub, "robot_1").publisher("robot_1/cmd_vel", Twist)
+    open_named(hub, "robot_1").publisher("robot_1/cmd_vel", Twist)
     assert topic.main(["pub", "-1", "robot_1/cmd_vel", "Twist"]) == 0
     assert capsys.readouterr().err == "zteam topic pub: robot_1/cmd_vel is published by robot_1 too\n"
     assert topic.main(["pub", "-1", "robot_9/cmd_vel", "Twist"]) == 0
@@ -117,7 +106,7 @@ def test_a_type_that_the_key_does_not_carry_is_refused(
 @pytest.fixture(params=[True, False], ids=["latched", "live"])
 def lamp(request: pytest.FixtureRequest, hub: MemoryHub) -> Iterator[None]:
     """A process that publishes Bool on a key of its own, once and latched, or all the time."""
-    publisher, over = process(hub, "lamp").publisher("lamp", Bool, latched=request.param), threading.Event()
+    publisher, over = open_named(hub, "lamp").publisher("lamp", Bool, latched=request.param), threading.Event()
 
     def publish() -> None:
         while not over.wait(0.005):
