@@ -194,7 +194,7 @@ def _move(args: argparse.Namespace) -> Ask:
     def ask(client: SimulatorClient) -> Answer:
         x, y, yaw = pose
         status = _change(lambda: client.move(robot_id, *pose, force=args.force))
-        return status, f"robot {robot_id} is at x {x:g}, y {y:g}, yaw {yaw:g}"
+        return status, f"robot {robot_id} is at x {x + 0.0:g}, y {y + 0.0:g}, yaw {yaw + 0.0:g}"
 
     return ask
 
@@ -252,7 +252,9 @@ def _held(status: SimStatus) -> str:
 
 
 def _pace(status: SimStatus) -> str:
-    return "as fast as possible" if status.speed is None else f"{status.speed:g} simulated seconds a second"
+    if status.speed is None:
+        return "as fast as possible"
+    return f"{status.speed:g} simulated second{'s' * (status.speed != 1.0)} a second"
 
 
 def _listed(items: Sequence[object]) -> str:

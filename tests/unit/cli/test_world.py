@@ -119,7 +119,7 @@ def test_a_world_without_robots_is_checked(tmp_path: Path, capsys: pytest.Captur
     path = tmp_path / "floor.world"
     path.write_text("model ( size [1 1 1] )")
     assert main(["check", str(path)]) == 0
-    assert "0 robots, 1 obstacles, 0 floor plans; no warnings" in capsys.readouterr().out
+    assert "0 robots, 1 obstacle, 0 floor plans; no warnings" in capsys.readouterr().out
 
 
 def test_a_broken_world_is_one_line_with_its_place(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
