@@ -72,7 +72,7 @@ def why_no_transform(bus: Bus, listener: TreeListener, target: str, source: str)
     known = _names(frames)
     missing = [frame for frame in (target, source) if frame not in known]
     if missing:
-        return "; ".join(f"no frame {frame!r}{did_you_mean(frame, known)}" for frame in missing) + _SEE_TREE
+        return "; ".join(f"frame {frame!r} does not exist{did_you_mean(frame, known)}" for frame in missing) + _SEE_TREE
     return listener.buffer.can_transform(target, source, 0)[1].strip() + _SEE_TREE
 
 

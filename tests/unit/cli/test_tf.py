@@ -77,7 +77,8 @@ def test_an_unknown_frame_is_named_with_near_ones(capsys: pytest.CaptureFixture[
     """A mistyped frame is answered with the frames that may be meant."""
     assert tf.main(["echo", "mapp", "robot_0/base_lnk", "--timeout", "0.01"]) == 1
     (line,) = capsys.readouterr().err.splitlines()
-    assert "no frame 'mapp': did you mean map?; no frame 'robot_0/base_lnk': did you mean robot_0/base_link" in line
+    assert "frame 'mapp' does not exist: did you mean map?; " in line
+    assert "frame 'robot_0/base_lnk' does not exist: did you mean robot_0/base_link" in line
     assert line.endswith("(see 'zteam tf tree')")
 
 
