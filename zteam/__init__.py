@@ -59,6 +59,7 @@ if TYPE_CHECKING:
     from zteam.resources import shipped_team, shipped_world
     from zteam.runtime.step_node import StepNode as Node
     from zteam.runtime.step_node import run
+    from zteam.services.parameters_client import ParametersClient
     from zteam.services.simulator_client import SimulatorClient
     from zteam.services.transforms import HistoryRequest, Lookup
     from zteam.services.transforms_client import TransformClient
@@ -74,6 +75,7 @@ __all__ = [
     "Lookup",
     "NoRequest",
     "Node",
+    "ParametersClient",
     "Pose2",
     "Publisher",
     "SimulatorClient",
@@ -99,6 +101,7 @@ _HOMES = {
     "Lookup": "services.transforms",
     "NoRequest": "bus.queries",
     "Node": "runtime.step_node:StepNode",
+    "ParametersClient": "services.parameters_client",
     "Pose2": "geometry",
     "Publisher": "bus.bus",
     "SimulatorClient": "services.simulator_client",

@@ -26,6 +26,9 @@ LAUNCHER = "up"
 TICK = "sim/tick"
 """Lock-step: key of the simulator's numbered ticks."""
 DONE = "done"
+LOG = "log"
+LACKING = "lacking"
+"""Lock-step: query for the inputs of the open tick that a participant waits for."""
 
 STATIC_CALLER = "static"
 """Name in the token of a process that asked the aggregator for a static transform."""
@@ -42,6 +45,7 @@ BUMPER = "bumper"
 BLOBS = "blobs"
 JOINT_STATES = "joint_states"
 STATUS = "status"
+BASE_INFO = "base_info"
 
 BASE_FOOTPRINT = "base_footprint"
 BASE_LINK = "base_link"
@@ -58,6 +62,17 @@ def parse_robot_id(text: str) -> int:
         shown = text if len(text) <= 20 else text[:20] + "…"
         raise UsageError(f"robot id {shown!r} is not a whole number from 0 to {MAX_ROBOT_ID}")
     return int(text)
+
+
+def ids_text(ids: Iterable[int]) -> str:
+    """Robot ids as users write them: `0-3`, `0,2-4`."""
+    runs: list[list[int]] = []
+    for robot_id in sorted(set(ids)):
+        if runs and robot_id == runs[-1][1] + 1:
+            runs[-1][1] = robot_id
+        else:
+            runs.append([robot_id, robot_id])
+    return ",".join(str(low) if low == high else f"{low}-{high}" for low, high in runs)
 
 
 def robot_name(robot_id: int) -> str:
@@ -160,6 +175,18 @@ def tokens_key(name: str = "*") -> str:
     return f"{name}/alive/*"
 
 
+def all_tokens_key() -> str:
+    """Wildcard over the presence tokens of all namespaces, for a session without a namespace."""
+    return "**/alive/*"
+
+
+def split_namespaced_token_key(key: str) -> tuple[str, str, str] | None:
+    """(namespace, name, instance) of a token's key as a session without a namespace sees it, or None."""
+    parts = key.rsplit("/", 3)
+    token = split_token_key("/".join(parts[-3:]))
+    return None if token is None else (parts[0] if len(parts) == 4 else "", *token)
+
+
 def claims_key(name: str) -> str:
     """Wildcard over the claims on `name`."""
     return f"{name}/claim/*"
@@ -180,8 +207,22 @@ def done_key(name: str = "*") -> str:
 
 def split_done_key(key: str) -> str | None:
     """The participant's name in `<name>/done`, or None."""
+    return _process_of(key, DONE)
+
+
+def log_key(name: str = "*") -> str:
+    """Key of the log of the process `name`, and of the query for its newest lines; by default of all processes."""
+    return f"{name}/{LOG}"
+
+
+def split_log_key(key: str) -> str | None:
+    """The process's name in `<name>/log`, or None."""
+    return _process_of(key, LOG)
+
+
+def _process_of(key: str, topic: str) -> str | None:
     name, _, rest = key.rpartition("/")
-    return name if rest == DONE and name and "/" not in name and not is_wildcard(name) else None
+    return name if rest == topic and name and "/" not in name and not is_wildcard(name) else None
 
 
 def info_key(name: str) -> str:

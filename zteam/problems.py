@@ -11,6 +11,14 @@ from zteam.toml_lines import Path
 
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 _STEP = re.compile(r"\.([^.\[]+)|\[(\d+)\]")
+_EXPECTED = re.compile(r"Expected `([^`]+)`(?: of length)?(?: (<=|>=|<|>) (\S+)| (\d+))?(?:, got .+)?")
+"""What msgspec says of a value of a wrong type, out of bounds, or of a wrong length."""
+_WORDS = {
+    "float": "a number", "int": "a whole number", "str": "a text", "bool": "true or false", "array": "a list",
+    "object": "a table",
+}  # fmt: skip
+_BOUNDS = {"<=": "of at most", ">=": "of at least", "<": "below", ">": "above"}
+_UNITS = {"str": " characters", "array": " values"}
 
 
 class Problem(NamedTuple):
@@ -46,7 +54,8 @@ def problems_of(
     found = []
     for key, value in table.items():
         if key in fields:
-            found += _problem(value, fields[key].type, (*path, key))
+            inner = fields[key].type
+            found += (problems_of if _is_table(inner) else _problem)(value, inner, (*path, key))
         elif kind.__struct_config__.forbid_unknown_fields:
             listed = f"{takes} {', '.join(fields) or 'no parameters'}"
             found.append(Problem((*path, key), f"unknown key{did_you_mean(key, [*near, *fields])}; {listed}"))
@@ -54,6 +63,14 @@ def problems_of(
         if field.required and name not in table:
             found.append(Problem(path, f"the key {name} is missing"))
     return found or [_at_its_key(problem, fields) for problem in _problem(table, kind, path)]
+
+
+def _is_table(kind: Any) -> bool:
+    """Whether a key of this type holds a table of known keys."""
+    if not (isinstance(kind, type) and issubclass(kind, msgspec.Struct)):
+        return False
+    config = kind.__struct_config__
+    return config.tag is None and not config.array_like
 
 
 def _at_its_key(problem: Problem, keys: Iterable[str]) -> Problem:
@@ -76,8 +93,31 @@ def _problem(value: Any, kind: Any, path: Path) -> list[Problem]:
     except msgspec.ValidationError as error:
         text, at, place = " ".join(str(error).split()).rpartition(" - at `")
         inner = [int(index) if index else name for name, index in _STEP.findall(place)] if at else []
-        return [Problem((*path, *inner), (text if at else place) + _choices(place, kind))]
+        for step in inner:
+            value = value[step]
+        return [Problem((*path, *inner), _in_words(text if at else place, value) + _choices(place, kind))]
     return []
+
+
+def _in_words(text: str, value: Any) -> str:
+    """msgspec's text about `value` in plain words; a text of another form is left as it is."""
+    found = _EXPECTED.fullmatch(text)
+    if found is None:
+        return text
+    kinds = [kind for kind in found[1].split(" | ") if kind != "null"]
+    if any(kind not in _WORDS for kind in kinds):
+        return text
+    what = " or ".join(_WORDS[kind] for kind in kinds)
+    if found[2] or found[4]:
+        bound = found[3] or found[4]
+        unit = _UNITS.get(kinds[0], "")
+        what += f" {_BOUNDS.get(found[2], 'of')} {float(bound):g}{unit.removesuffix('s') if bound == '1' else unit}"
+    return f"{what} is expected, not {_shown(value)}"
+
+
+def _shown(value: Any) -> str:
+    text = json.dumps(value, default=str, ensure_ascii=False)
+    return text if len(text) <= 40 else f"{text[:39]}…"
 
 
 def _choices(text: str, kind: Any) -> str:

@@ -12,7 +12,7 @@ import msgspec
 
 from support.lockstep_doubles import LIMIT, ScriptedMonitor
 from zteam import names
-from zteam.behaviors import load_behavior
+from zteam.behaviors.registry import find_behavior
 from zteam.bus import Bus, Change, MemoryHub
 from zteam.geometry import Pose2
 from zteam.messages import Done, RobotStatus, Tick
@@ -143,8 +143,8 @@ class InProcessTeam:
         behavior, params = ("follow", {"leader": robot_id - 1}) if robot_id else ("wander", {"speed": options.speed})
         RobotNode(
             node,
-            lambda: load_behavior(behavior, params, robot_id),
-            RobotOptions(robot_id, options.gate, options.seed),
+            find_behavior(behavior),
+            RobotOptions(robot_id, behavior, params, options.gate, options.seed),
         )
         return node
 
@@ -154,7 +154,8 @@ class InProcessTeam:
 
     def ask(self, service: str, reply: Any = SimStatus, request: msgspec.Struct | None = None) -> Any:
         """Query `sim/<service>`."""
-        return self.bus.ask(names.service_key(names.SIMULATOR, service), reply, request or Change())
+        # The simulator's own limits end a request earlier, and say why.
+        return self.bus.ask(names.service_key(names.SIMULATOR, service), reply, request or Change(), timeout=3 * LIMIT)
 
     def step(self, ticks: int) -> SimStatus:
         """Take so many ticks; the status after them."""

@@ -8,8 +8,9 @@ from zteam import names
 from zteam.bus import MemoryHub, NoRequest
 from zteam.clock import wait_until
 from zteam.messages import RobotState, RobotStatus, TeamStatus
+from zteam.nodes.monitor.display import Lines, MonitorOptions
 from zteam.nodes.monitor.members import Event
-from zteam.nodes.monitor.node import Monitor, MonitorOptions
+from zteam.nodes.monitor.node import Monitor
 from zteam.runtime.node import Node
 from zteam.runtime.shutdown import Stop
 from zteam.services.simulator import SimStatus
@@ -72,15 +73,16 @@ class Desk:
         self.stop = Stop()
         self.node = Node(names.MONITOR, bus, self.stop)
         hub.bus().subscribe(names.TEAM_STATUS, TeamStatus, self._on_team_status)
-        self.monitor = Monitor(self.node, options, self._show)
-        self.thread = threading.Thread(target=self.monitor.run)
+        self.monitor = Monitor(self.node, options)
+        self.thread = threading.Thread(target=self.monitor.run, args=[_Shown(self)])
 
     def _on_team_status(self, _key: str, status: TeamStatus) -> None:
         with self.changed:
             self.published.append(status)
             self.changed.notify_all()
 
-    def _show(self, event: Event) -> None:
+    def show(self, event: Event) -> None:
+        """Note an event, and whether the node's lock is free."""
         probe = threading.Thread(target=self._try_lock)
         probe.start()
         probe.join()
@@ -133,6 +135,17 @@ class Desk:
             self.thread.join(LIMIT)
         self.node.close()
         assert not self.thread.is_alive()
+
+
+class _Shown(Lines):
+    """An output that the desk notes."""
+
+    def __init__(self, desk: Desk) -> None:
+        self._desk = desk
+
+    def show(self, event: Event) -> None:
+        """Note an event."""
+        self._desk.show(event)
 
 
 Open = Callable[..., Desk]

@@ -2,22 +2,37 @@
 
 import threading
 from collections.abc import Callable
-from functools import partial
+from typing import Any
 
 import numpy as np
 
 from zteam import names
-from zteam.behaviors import Behavior, load_behavior
-from zteam.bus import MemoryHub
+from zteam.behaviors import Behavior
+from zteam.behaviors.follow import Follow
+from zteam.bus import MemoryHub, NoRequest
 from zteam.clock import wait_until
 from zteam.geometry import Pose2
-from zteam.messages import Clock, Header, LaserScan, Odometry, RobotStatus, TFMessage, Twist, time_from_ns
+from zteam.messages import (
+    BaseInfo,
+    Clock,
+    Header,
+    LaserScan,
+    Odometry,
+    RobotStatus,
+    TeamStatus,
+    TFMessage,
+    Twist,
+    time_from_ns,
+)
 from zteam.nodes.robot.node import RobotNode, RobotOptions
 from zteam.resources import shipped_world
 from zteam.runtime.node import Node
 from zteam.runtime.shutdown import Stop
+from zteam.services.parameters_client import ParametersClient
+from zteam.services.simulator import SimStatus
 from zteam.sim import to_messages
 from zteam.world import load_world
+from zteam.world.bases import base_info
 
 LIMIT = 20.0
 """Host seconds after which a wait has failed."""
@@ -25,36 +40,39 @@ TICK = 100_000_000
 """Nanoseconds."""
 NEVER = 600.0
 """Host seconds: a patience that ends in no test."""
-FOLLOW = partial(load_behavior, "follow", {"leader": 0}, 1)
 
 
 class RealTimeRobot:
     """Robot 1, by default a follower, in a thread; `say_*` publishes, and returns when that is handled."""
 
-    def __init__(self, make_behavior: Callable[[], Behavior] = FOLLOW) -> None:
+    def __init__(self, kind: type[Behavior] = Follow, *, gate: bool = False, **params: Any) -> None:
+        if kind is Follow:
+            params.setdefault("leader", 0)
         self._hub = MemoryHub()
         self._bus = self._hub.bus()
         self.changed = threading.Condition()
         self.commands: list[Twist] = []
-        self.statuses = 0
+        self.said: list[RobotStatus] = []
         world = load_world(str(shipped_world("arena")))
         self._robots = dict(enumerate(world.robots[:2]))
         self._publishers = {
-            key: self._bus.publisher(key, kind, latched=key == names.TF_STATIC)
+            key: self._bus.publisher(key, kind, latched=kind is BaseInfo or key == names.TF_STATIC)
             for key, kind in (
                 (names.CLOCK, Clock),
                 (names.TF, TFMessage),
                 (names.TF_STATIC, TFMessage),
+                (names.robot_key(1, names.BASE_INFO), BaseInfo),
                 (names.robot_key(1, names.ODOM), Odometry),
                 (names.robot_key(1, names.BASE_SCAN), LaserScan),
             )
         }
         self._hub.bus().subscribe(names.robot_key(1, names.CMD_VEL), Twist, self._on_command)
         self._hub.bus().subscribe(names.robot_key(1, names.STATUS), RobotStatus, self._on_status)
+        self._team = self._bus.publisher(names.TEAM_STATUS, TeamStatus, latched=True)
         self._stop = Stop()
         node = Node(names.robot_name(1), self._hub.bus(), self._stop)
         self.failures: list[BaseException] = []
-        self._robot = RobotNode(node, make_behavior, RobotOptions(1, gate=False))
+        self._robot = RobotNode(node, kind, RobotOptions(1, kind.__name__, params, gate=gate))
         node.become_present()
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
@@ -70,10 +88,39 @@ class RealTimeRobot:
             self.commands.append(command)
             self.changed.notify_all()
 
-    def _on_status(self, _key: str, _status: RobotStatus) -> None:
+    def _on_status(self, _key: str, status: RobotStatus) -> None:
         with self.changed:
-            self.statuses += 1
+            self.said.append(status)
             self.changed.notify_all()
+
+    @property
+    def statuses(self) -> int:
+        """How often it has published its status."""
+        return len(self.said)
+
+    @property
+    def text(self) -> str:
+        """Of its newest status."""
+        return self.said[-1].text if self.said else ""
+
+    def wait_for_status(self, condition: Callable[[RobotStatus], bool]) -> RobotStatus:
+        """Wait until its newest status makes this true; return that status."""
+        with self.changed:
+            assert wait_until(self.changed, lambda: bool(self.said) and condition(self.said[-1]), LIMIT), self.said[-1:]
+            return self.said[-1]
+
+    def say_world(self, *robot_ids: int) -> None:
+        """A simulator serves its status: it has these robots."""
+        status = SimStatus("scripted", [*robot_ids], TICK, 1, 0, 0, 1.0)
+        self._bus.serve(names.service_key(names.SIMULATOR, "status"), NoRequest, lambda _: status)
+
+    def say_team(self, status: TeamStatus) -> None:
+        """What the monitor says of the team."""
+        self._team.put(status)
+
+    def parameters(self) -> ParametersClient:
+        """A client of the robot's parameters."""
+        return ParametersClient(self._hub.bus())
 
     def say_monitor(self) -> None:
         """The presence token of a monitor."""
@@ -89,6 +136,14 @@ class RealTimeRobot:
         ]
         self._publishers[names.TF_STATIC].put(TFMessage(fixed))
 
+    def say_base_info(self) -> None:
+        """What its base is."""
+        self._publishers[names.robot_key(1, names.BASE_INFO)].put(base_info(self._robots[1]))
+
+    def say_odometry(self, tick: int) -> None:
+        """Where its wheels have brought it."""
+        self._publishers[names.robot_key(1, names.ODOM)].put(Odometry(Header(time_from_ns(tick * TICK))))
+
     def say_time(self, tick: int) -> None:
         """The time."""
         self._publishers[names.CLOCK].put(Clock(time_from_ns(tick * TICK)))
@@ -100,14 +155,19 @@ class RealTimeRobot:
         ]
         self._publishers[names.TF].put(TFMessage(found))
 
-    def say_scan(self, tick: int) -> None:
-        """A scan with nothing near."""
+    def say_scan(self, tick: int, distance: float = 9.0) -> None:
+        """A scan with something at this distance all around."""
         header = Header(time_from_ns(tick * TICK), names.robot_frame(1, names.BASE_LASER_LINK))
         scan = LaserScan(
             header, angle_min=-1.5, angle_max=1.5, angle_increment=0.1, range_max=30.0,
-            ranges=np.full(31, 9.0, np.float32),
+            ranges=np.full(31, distance, np.float32),
         )  # fmt: skip
         self._publishers[names.robot_key(1, names.BASE_SCAN)].put(scan)
+
+    def wait_for_text(self, text: str) -> None:
+        """Wait until the robot's status says this."""
+        with self.changed:
+            assert wait_until(self.changed, lambda: text == self.text, LIMIT), self.text
 
     def wait_for_commands(self, count: int) -> None:
         """Wait until the robot has published so many."""
@@ -124,6 +184,10 @@ class RealTimeRobot:
                     return
                 changed.wait(0.01)
         raise AssertionError("the robot does not wait")
+
+    def halt(self) -> None:
+        """What the process does last."""
+        self._robot.halt()
 
     def close(self) -> None:
         """End the thread."""

@@ -15,6 +15,7 @@ from zteam.nodes.simulator.tick_sender import TickSender
 from zteam.nodes.simulator.world_changes import WorldChanges
 from zteam.runtime.node import Node
 from zteam.runtime.shutdown import Stop
+from zteam.services.simulator import MapInfo
 from zteam.sim import Engine
 
 
@@ -42,7 +43,16 @@ class SimulatorParts:
             [self.counter.start_anew, self.sender.start_anew, lambda: self.resets.append("reset")],
         )
         self.reporter = Reporter(
-            self.world, 1, "session", self.engine, self.commands, self.pacer, None, self.statistics, self.profile
+            self.world,
+            MapInfo(0.0, 0.0, 0.0, 0.05, 1, 1),
+            1,
+            "session",
+            self.engine,
+            self.commands,
+            self.pacer,
+            None,
+            self.statistics,
+            self.profile,
         )
         self._hub = hub
         self.outputs.match_robots()

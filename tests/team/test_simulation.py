@@ -87,3 +87,26 @@ def test_a_team_file_says_how_its_world_is_simulated(team: TeamFixture, tmp_path
     assert side[0] == math.inf
     ahead = [float(scan.ranges[5]) for scan in scans if math.isfinite(scan.ranges[5])]
     assert len(set(ahead)) == len(ahead)
+
+
+def test_a_team_file_sets_what_a_base_can_do(team: TeamFixture, tmp_path: Path) -> None:
+    """Two robots want the same speed; the one whose table [robots.base] sets a lower limit keeps to it.
+
+    `base_info` stays as the world has it.
+    """
+    (tmp_path / "yard.world").write_text(WORLD)
+    slow = "[robots.base]\nmax_vel_x = 0.1\n"
+    robots = f"behavior = 'forward'\nspeed = 0.4\n{slow}[[robots]]\nid = 1\nbehavior = 'forward'\nspeed = 0.4\n"
+    (tmp_path / "team.toml").write_text(TEAM + robots)
+    team.launch(tmp_path / "team.toml")
+    team.wait_for_go()
+    team.run(2.0)
+    assert team.robot(0).distance_travelled == pytest.approx(0.2, abs=0.05)
+    assert team.robot(1).distance_travelled == pytest.approx(0.8, abs=0.1)
+    info = json.loads(team.command("topic", "echo", "robot_0/base_info", "--once", "--json").stdout)
+    assert (info["model"], info["max_vel_x"], info["acc_lim_x"], len(info["footprint"]["points"])) == (
+        "bot",
+        1.0,
+        None,
+        4,
+    )

@@ -76,7 +76,7 @@ def check_node_tools(team: TeamFixture) -> None:
 def test_the_tools_see_a_running_team(team: TeamFixture, tmp_path: Path) -> None:
     """Every tool prints the state of the same team as JSON (one team, because its start is slow)."""
     slow = {0: {"speed": 0.05}, 1: {"speed": 0.05}}
-    team.start("arena", robots=2, behavior="forward", params=slow, lockstep=False)
+    team.start("arena", robots="0-1", behavior="forward", params=slow, lockstep=False)
     team.wait_for_go()
     check_topic_tools(team)
     check_tf_tools(team, tmp_path / "frames.svg")

@@ -1,5 +1,6 @@
 """What robots do: pure, deterministic, observations in, velocities out."""
 
+from zteam.base import Base
 from zteam.behaviors.behavior import Behavior
 from zteam.behaviors.registry import load_behavior
 from zteam.behaviors.safety import decide, make_safe, missing
@@ -7,6 +8,7 @@ from zteam.behaviors.scans import Cone, first_clear, look_ahead, look_along, rea
 from zteam.behaviors.view import FindPose, View
 
 __all__ = [
+    "Base",
     "Behavior",
     "Cone",
     "FindPose",

@@ -3,7 +3,7 @@
 import math
 from typing import Annotated
 
-import msgspec
+from msgspec import Meta, Struct
 
 from zteam.behaviors.behavior import Behavior
 from zteam.behaviors.scans import look_ahead
@@ -11,17 +11,19 @@ from zteam.behaviors.view import View
 from zteam.messages import Twist, Vector3
 
 
-class AvoidParams(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class AvoidParams(Struct, frozen=True, forbid_unknown_fields=True):
     """Parameters of `avoid`."""
 
-    speed: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] = 0.2
-    """m/s."""
-    stop_distance: Annotated[float, msgspec.Meta(ge=0.0, le=100.0)] = 0.5
-    """It stands while something is nearer than this to the laser, metres."""
-    half_angle: Annotated[float, msgspec.Meta(ge=0.0, le=math.pi)] = math.radians(60.0)
-    """It looks this far to either side, radians."""
-    max_invalid: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] = 0.25
-    """It stands while a larger share of the beams says nothing."""
+    speed: Annotated[float, Meta(ge=0.0, le=1.0, description="m/s")] = 0.2
+    stop_distance: Annotated[
+        float, Meta(ge=0.0, le=100.0, description="m to the laser; it stands while something is nearer")
+    ] = 0.5
+    half_angle: Annotated[float, Meta(ge=0.0, le=math.pi, description="rad; it looks this far to either side")] = (
+        math.radians(60.0)
+    )
+    max_invalid: Annotated[
+        float, Meta(ge=0.0, le=1.0, description="it stands while a larger share of beams says nothing")
+    ] = 0.25
 
 
 class Avoid(Behavior):

@@ -27,7 +27,7 @@ class Behavior:
     """Observations in, a velocity out: no bus, no sleeping, no clock but the view's, nothing random but the view's.
 
     A subclass writes `step`. If it takes parameters, it names their type in `Params`, a msgspec.Struct that forbids
-    unknown fields.
+    unknown fields. `zteam param set` replaces `params` between two steps; nothing else of the object changes.
     The safety layer (`decide`) lies under every behaviour and stops it on old data and in front of obstacles.
     """
 
@@ -49,6 +49,9 @@ class Behavior:
     def step(self, view: View) -> Twist:
         """The velocity from now on, in the base frame: m/s and rad/s."""
         raise BehaviorError(f"{type(self).__name__} has no step(view)")
+
+    def on_params(self) -> None:
+        """Do what a change of `params` needs; called before the next step. A `step` that reads them needs nothing."""
 
     def missing(self, view: View) -> list[str]:
         """What the behaviour itself still needs before the robot may call itself ready."""

@@ -3,7 +3,7 @@
 import math
 from typing import Annotated
 
-import msgspec
+from msgspec import Meta, Struct
 
 from zteam import names
 from zteam.behaviors.behavior import Behavior
@@ -22,26 +22,21 @@ REACH = 0.6
 """Metres ahead of the laser that have to be clear."""
 LEADER_ROOM = 0.3
 """Metres before the leader's base where its own body begins to be seen."""
-HALF_WIDTH = 0.25
-"""Metres: an erratic's half width of 0.175 m and a margin."""
+SIDE_MARGIN = 0.075
+"""Metres that have to be free on either side of the base."""
 DETOUR_STEP = math.radians(10.0)
 DETOUR_STEPS = 12
 """It looks for a way round up to so far from the leader's bearing."""
 
 
-class FollowParams(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class FollowParams(Struct, frozen=True, forbid_unknown_fields=True):
     """Parameters of `follow`; only the leader has to be given."""
 
-    leader: Annotated[int, msgspec.Meta(ge=0, le=names.MAX_ROBOT_ID)]
-    """Id of the robot to follow."""
-    min_dist: Annotated[float, msgspec.Meta(ge=0.0, le=100.0)] = 0.8
-    """It stands while the leader is at most this far away, metres between base frames."""
-    max_linear: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] = 0.7
-    """m/s."""
-    max_angular: Annotated[float, msgspec.Meta(ge=0.0, le=math.pi)] = 3.14
-    """rad/s."""
-    stale_after: Annotated[float, msgspec.Meta(ge=0.0, le=10.0)] = 0.5
-    """It stands while the leader's newest pose is older than this, seconds."""
+    leader: Annotated[int, Meta(ge=0, le=names.MAX_ROBOT_ID, description="id of the robot to follow")]
+    min_dist: Annotated[float, Meta(ge=0.0, le=100.0, description="m; it stands while the leader is nearer")] = 0.8
+    max_linear: Annotated[float, Meta(ge=0.0, le=1.0, description="m/s")] = 0.7
+    max_angular: Annotated[float, Meta(ge=0.0, le=math.pi, description="rad/s")] = 3.14
+    stale_after: Annotated[float, Meta(ge=0.0, le=10.0, description="s; it stands on older poses of the leader")] = 0.5
 
 
 class Follow(Behavior):
@@ -58,6 +53,10 @@ class Follow(Behavior):
         self._side = 0.0
         """1 while going round something on its left, -1 on its right, 0 with a clear way."""
 
+    def on_params(self) -> None:
+        """Follow the robot that `params` names."""
+        self.leader = self.params.leader
+
     def step(self, view: View) -> Twist:
         """Towards the leader, or zero where it stands near or its place is not known for certain."""
         leader, self.reason = self._find_leader(view)
@@ -68,26 +67,26 @@ class Follow(Behavior):
             return Twist()
         angle = math.atan2(leader.y, leader.x)
         if view.scan is not None:
-            angle = self._way_round(view.scan, angle, distance)
+            angle = self._way_round(view.scan, angle, distance, view.base.half_width + SIDE_MARGIN)
         # A leader behind is turned to on the spot: driving would lead away from it.
         speed = 0.0 if abs(angle) > 0.5 * math.pi else min(LINEAR_GAIN * distance, self.params.max_linear)
         limit = self.params.max_angular
         turn = max(-limit, min(limit, ANGULAR_GAIN * angle))
         return Twist(linear=Vector3(x=speed), angular=Vector3(z=turn))
 
-    def _way_round(self, scan: LaserScan, bearing: float, distance: float) -> float:
+    def _way_round(self, scan: LaserScan, bearing: float, distance: float, half_width: float) -> float:
         """The heading to take: the leader's bearing, or the nearest to it that is clear where something stands between.
 
         It goes round on the side it chose until the leader's bearing is clear again, so it does not swing in front of
         a post; without any clear heading it keeps to the bearing.
         """
         reach = min(REACH, distance - LEADER_ROOM)
-        if first_clear(scan, HALF_WIDTH, (bearing,), reach) is not None:
+        if first_clear(scan, half_width, (bearing,), reach) is not None:
             self._side = 0.0
             return bearing
-        heading = first_clear(scan, HALF_WIDTH, _detours(bearing, (self._side,)), reach) if self._side else None
+        heading = first_clear(scan, half_width, _detours(bearing, (self._side,)), reach) if self._side else None
         if heading is None:
-            heading = first_clear(scan, HALF_WIDTH, _detours(bearing, (1.0, -1.0)), reach)
+            heading = first_clear(scan, half_width, _detours(bearing, (1.0, -1.0)), reach)
         if heading is None:
             self._side = 0.0
             return bearing

@@ -2,18 +2,17 @@
 
 from typing import Annotated
 
-import msgspec
+from msgspec import Meta, Struct
 
 from zteam.behaviors.behavior import Behavior
 from zteam.behaviors.view import View
 from zteam.messages import Twist, Vector3
 
 
-class ForwardParams(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class ForwardParams(Struct, frozen=True, forbid_unknown_fields=True):
     """Parameters of `forward`."""
 
-    speed: Annotated[float, msgspec.Meta(ge=-1.0, le=1.0)] = 0.2
-    """m/s; below 0 it drives backwards, where no laser looks."""
+    speed: Annotated[float, Meta(ge=-1.0, le=1.0, description="m/s; below 0 backwards, where no laser looks")] = 0.2
 
 
 class Forward(Behavior):

@@ -30,13 +30,18 @@ def load_behavior(spec: str, params: dict[str, Any], robot_id: int | None = None
     `robot_id`, a robot that would follow itself is refused. Raises UsageError.
     """
     kind = find_behavior(spec)
+    return kind(read_params(spec, kind, params, robot_id))
+
+
+def read_params(spec: str, kind: type[Behavior], params: dict[str, Any], robot_id: int | None = None) -> Any:
+    """The parameters of the behaviour `spec` as its `Params`. Raises UsageError that names every mistake."""
     problems = parameter_problems(spec, kind, params)
     if problems:
         raise UsageError(f"behaviour {spec}: {'; '.join(map(str, problems))}")
-    behavior = kind(msgspec.convert(params, kind.Params))
-    if robot_id is not None and behavior.leader == robot_id:
+    read = msgspec.convert(params, kind.Params)
+    if robot_id is not None and getattr(read, "leader", None) == robot_id:
         raise UsageError(f"behaviour {spec}: robot {robot_id} cannot follow itself; name another robot")
-    return behavior
+    return read
 
 
 def parameter_problems(

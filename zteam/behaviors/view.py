@@ -5,6 +5,7 @@ from collections.abc import Callable
 import msgspec
 
 from zteam import names
+from zteam.base import DEFAULT_BASE, Base
 from zteam.counter_random import uniform
 from zteam.geometry import Pose2
 from zteam.messages import LaserScan, Odometry
@@ -25,6 +26,8 @@ class View(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     scan: LaserScan | None
     odom: Odometry | None
     lookup: FindPose
+    base: Base = DEFAULT_BASE
+    """Its outline and limits."""
     team: tuple[int, ...] = ()
     """Ids of the robots that are alive, as far as known."""
     seed: int = 1

@@ -3,7 +3,7 @@
 import math
 from typing import Annotated
 
-import msgspec
+from msgspec import Meta, Struct
 
 from zteam.behaviors.behavior import Behavior
 from zteam.behaviors.scans import Cone, look_ahead, look_along
@@ -22,21 +22,22 @@ AWAY = 0.8
 """How often it turns away from what is nearest; always would be a circle in many a room."""
 SHORT_DRIVE = 1.0
 """Metres: where it has to turn again after less than this, the place is narrow."""
-HALF_WIDTH = 0.3
-"""Metres: half of what it needs to squeeze through; an erratic's rear corners reach out 0.285 m when it turns."""
+SIDE_MARGIN = 0.015
+"""Metres on either side of the circle that the base's corners describe when it turns: what it needs to squeeze
+through."""
 
 
-class WanderParams(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class WanderParams(Struct, frozen=True, forbid_unknown_fields=True):
     """Parameters of `wander`."""
 
-    speed: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] = 0.4
-    """m/s."""
-    turn_rate: Annotated[float, msgspec.Meta(ge=0.1, le=math.pi)] = 1.0
-    """rad/s."""
-    stop_distance: Annotated[float, msgspec.Meta(ge=0.0, le=100.0)] = 0.5
-    """Metres that are left to the laser after it has stopped."""
-    max_invalid: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] = 0.25
-    """It turns away while a larger share of the beams says nothing."""
+    speed: Annotated[float, Meta(ge=0.0, le=1.0, description="m/s")] = 0.4
+    turn_rate: Annotated[float, Meta(ge=0.1, le=math.pi, description="rad/s")] = 1.0
+    stop_distance: Annotated[float, Meta(ge=0.0, le=100.0, description="m; left ahead of the laser when it stands")] = (
+        0.5
+    )
+    max_invalid: Annotated[
+        float, Meta(ge=0.0, le=1.0, description="it turns while a larger share of beams says nothing")
+    ] = 0.25
 
 
 class Wander(Behavior):
@@ -72,7 +73,7 @@ class Wander(Behavior):
         else:
             self._driven += self.params.speed * view.dt
         cone = look_ahead(view.scan, HALF_ANGLE)
-        if cone and self._may_drive(cone, view.scan):
+        if cone and self._may_drive(cone, view.scan, view.base.radius + SIDE_MARGIN):
             self._driven = 0.0 if self._side else self._driven
             self._side = 0.0
             return Twist(linear=Vector3(x=self.params.speed))
@@ -88,12 +89,12 @@ class Wander(Behavior):
         self._wanted = 0.0 if self._squeezing else MAX_TURN * view.random(1)
         self._turned = 0.0
 
-    def _may_drive(self, cone: Cone, scan: LaserScan) -> bool:
+    def _may_drive(self, cone: Cone, scan: LaserScan, half_width: float) -> bool:
         speed = self.params.speed
         reach = self.params.stop_distance + REACTION_TIME * speed + 0.5 * speed * speed / BRAKING
         if cone.invalid > self.params.max_invalid:
             return False
         if self._side and self._turned >= math.tau:
             self._squeezing = True
-        clear = look_along(scan, HALF_WIDTH) >= reach and (self._squeezing or cone.nearest >= reach)
+        clear = look_along(scan, half_width) >= reach and (self._squeezing or cone.nearest >= reach)
         return clear and (not self._side or self._turned >= self._wanted)

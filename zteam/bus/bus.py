@@ -10,7 +10,7 @@ from zteam.bus.counters import Counters
 from zteam.bus.queries import NoRequest, Request, query_handler, read_replies
 from zteam.bus.receiving import Receiver
 from zteam.bus.transport import Closeable, Declaration, RawPublisher, RawSample, Transport
-from zteam.errors import BusError
+from zteam.errors import BusError, UsageError
 from zteam.messages import Message, encode, encoding_of
 from zteam.names import stats_key
 
@@ -21,8 +21,10 @@ T = TypeVar("T")
 class Publisher(Generic[M]):
     """Publishes messages of one type on one key."""
 
-    def __init__(self, raw: RawPublisher) -> None:
+    def __init__(self, raw: RawPublisher, key: str, message_type: type[M]) -> None:
         self._raw = raw
+        self._key = key
+        self._type = message_type
 
     @property
     def has_subscribers(self) -> bool:
@@ -33,7 +35,12 @@ class Publisher(Generic[M]):
         return self._raw.has_subscribers
 
     def put(self, message: M) -> None:
-        """Send without waiting: a message that finds no room in the queue is dropped. After `close` nothing is sent."""
+        """Send without waiting: a message that finds no room in the queue is dropped. After `close` nothing is sent.
+
+        Raises UsageError if it is no message of the publisher's type.
+        """
+        if type(message) is not self._type:
+            raise UsageError(f"{self._key} carries {self._type.__name__}: put was given a {type(message).__name__}")
         self._raw.put(encode(message))
 
     def close(self) -> None:
@@ -65,7 +72,8 @@ class Bus:
 
         With `to_others`, subscribers of the same session get nothing from it and do not count as its subscribers.
         """
-        return Publisher(self.transport.declare_publisher(key, encoding_of(message_type), latched, to_others))
+        raw = self.transport.declare_publisher(key, encoding_of(message_type), latched, to_others)
+        return Publisher(raw, key, message_type)
 
     def subscribe(
         self, key_expr: str, message_type: type[M], callback: Callable[[str, M], None], *, latched: bool = False

@@ -136,6 +136,7 @@ class RouterMetadata(msgspec.Struct):
 
 
 class _Admin(msgspec.Struct):
+    zid: str = ""
     locators: list[str] = msgspec.field(default_factory=list)
     metadata: RouterMetadata | None = None
     version: str = ""

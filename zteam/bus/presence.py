@@ -83,11 +83,7 @@ class Claim:
         if a healed network shows an older holder: this process must then stop.
         """
         self._on_rival = on_rival
-        with self._changed:
-            remaining = CLAIM_WAIT - (monotonic() - self._since)
-            wait_until(self._changed, lambda: bool(self._alive), max(0.0, remaining))
-            rivals = sorted(self._alive)
-            earlier = [c for c in self._claims if c < self._instance]
+        rivals, earlier = self._find_rivals()
         if rivals or earlier:
             self._claim.close()
             self._server.close()
@@ -100,6 +96,17 @@ class Claim:
             rivals = sorted(self._alive)
         for instance in rivals:
             self._meet_aside(instance)
+
+    def is_taken(self) -> bool:
+        """Whether another process holds the name or claimed it earlier. Waits as long as `win`, which then does not."""
+        return any(self._find_rivals())
+
+    def _find_rivals(self) -> tuple[list[str], list[str]]:
+        """Holders of the name, and earlier claims on it."""
+        with self._changed:
+            remaining = CLAIM_WAIT - (monotonic() - self._since)
+            wait_until(self._changed, lambda: bool(self._alive), max(0.0, remaining))
+            return sorted(self._alive), [c for c in self._claims if c < self._instance]
 
     def _refusal(self, rivals: list[str]) -> str:
         what = f"{self.name} is taken"

@@ -84,7 +84,8 @@ class Receiver:
             self._counters.drop(sample.key, "its key is a wildcard, not the name of one topic")
             return None
         if sample.encoding.startswith(_CDR + ";") and sample.encoding != expected:
-            self._counters.drop(sample.key, f"it is {sample.encoding}, not {expected}")
+            given, due = sample.encoding.removeprefix(_CDR + ";"), message_type.ros_type
+            self._counters.drop(sample.key, f"wrong type: it is {given}, {due} is due")
             return None
         try:
             found = read(sample)

@@ -1,7 +1,19 @@
 """Which message goes over which key, for tools that receive a payload without an encoding."""
 
 from zteam import names
-from zteam.messages import Clock, Done, Message, OccupancyGrid, RobotStatus, TeamStatus, TFMessage, Tick, Twist
+from zteam.messages import (
+    BaseInfo,
+    Clock,
+    Done,
+    Log,
+    Message,
+    OccupancyGrid,
+    RobotStatus,
+    TeamStatus,
+    TFMessage,
+    Tick,
+    Twist,
+)
 from zteam.world.devices import KINDS
 
 _TEAM: dict[str, type[Message]] = {
@@ -14,6 +26,7 @@ _TEAM: dict[str, type[Message]] = {
 }
 
 _ROBOT: dict[str, type[Message]] = {
+    names.BASE_INFO: BaseInfo,
     names.CMD_VEL: Twist,
     names.STATUS: RobotStatus,
     names.TELEOP: Twist,
@@ -27,6 +40,8 @@ def type_of_key(key: str) -> type[Message] | None:
     """The type of the messages of a key (docs/architecture.md), or None for a key that zteam does not use."""
     if names.split_done_key(key) is not None:
         return Done
+    if names.split_log_key(key) is not None:
+        return Log
     target = names.split_robot_key(key)
     if target is None:
         return _TEAM.get(key)

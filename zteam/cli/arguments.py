@@ -2,7 +2,7 @@
 
 import argparse
 from collections.abc import Callable, Sequence
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from zteam.errors import UsageError
 from zteam.numbers import is_number, parse_number, parse_whole
@@ -70,6 +70,16 @@ def parse_speed(text: str) -> float | None:
         return parse_number(text, MIN_SPEED, MAX_SPEED, "simulated seconds a second")
     except UsageError as error:
         raise UsageError(f"speed {error}, or max") from None
+
+
+def parse_value(text: str) -> Any:
+    """The value of a parameter as in a team file: TOML (0.4, true, "text", [1, 2]), else the text itself."""
+    import tomllib
+
+    try:
+        return tomllib.loads(f"v = {text}")["v"]
+    except tomllib.TOMLDecodeError:
+        return text
 
 
 def negative_numbers(words: Sequence[str]) -> list[str]:

@@ -12,7 +12,10 @@ COMMANDS = {
     "topic": ("topic", "list | echo | hz | info | pub: inspect and publish messages"),
     "tf": ("tf", "echo | tree | monitor | positions | static: show and set transforms"),
     "sim": ("sim", "pause | resume | step | speed | reset | spawn | remove | move | status: control the simulator"),
+    "param": ("param", "list | get | set | dump: a behaviour's parameters while it runs"),
+    "behaviors": ("behaviors", "list the behaviours, and the parameters of each"),
     "node": ("node", "list: list the processes that are alive"),
+    "log": ("log", "print the logs of all processes in order of time, and follow them"),
     "world": ("world", "check | show | scan: check and draw world files, and scan in them"),
     "doctor": ("doctor", "diagnose problems and print the next step for each"),
     "bench": ("bench", "measure zteam on this machine"),
@@ -21,7 +24,7 @@ COMMANDS = {
 
 
 def _usage() -> str:
-    rows = "\n".join(f"  {name:8}{text}" for name, (_, text) in COMMANDS.items())
+    rows = "\n".join(f"  {name:11}{text}" for name, (_, text) in COMMANDS.items())
     return (
         f"usage: zteam COMMAND ...\n\n{rows}\n\n"
         "The processes are separate commands: zteam-sim, zteam-robot, zteam-tf, zteam-monitor, zteam-router.\n"

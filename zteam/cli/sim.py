@@ -12,9 +12,11 @@ from zteam import names
 from zteam.cli.arguments import negative_numbers, parse_speed
 from zteam.cli.listening import Waiter, open_bus
 from zteam.cli.options import Parser, add_bus_options, bus_options, run
-from zteam.clock import Every, monotonic, to_seconds
-from zteam.errors import UsageError
+from zteam.cli.sim_status import format_hold, format_pace, format_status, format_when
+from zteam.clock import Every, monotonic
+from zteam.errors import BusError, UsageError
 from zteam.numbers import parse_number, parse_whole
+from zteam.robot_ids import format_robot_ids, parse_robot_ids
 from zteam.services.simulator import MAX_PLACE, MAX_TICKS, SimStatus, SpawnReply
 from zteam.services.simulator_client import SimulatorClient
 
@@ -54,7 +56,9 @@ def build_parser() -> argparse.ArgumentParser:
     spawn.add_argument("--pose", nargs=3, required=True, metavar=("X", "Y", "YAW"), help="pose in map: metres, radians")
     spawn.add_argument("--model", default="erratic", help="a model that the world file defines (default: %(default)s)")
     spawn.add_argument("--id", metavar="N", help="robot id (default: the lowest free one)")
-    verb("remove", "remove a robot from the world").add_argument("id", metavar="ID", help="robot id")
+    verb("remove", "remove robots from the world").add_argument(
+        "ids", nargs="+", metavar="ID", help="robot ids, e.g. 3, or 0,2-4"
+    )
     move = verb("move", "put a robot at another pose")
     move.add_argument("id", metavar="ID", help="robot id")
     for name, unit in (("x", "metres"), ("y", "metres"), ("yaw", "radians")):
@@ -116,7 +120,7 @@ def parse_ticks(text: str) -> int:
 def _pause(_args: argparse.Namespace) -> Ask:
     def ask(client: SimulatorClient) -> Answer:
         status = client.pause()
-        return status, f"paused {_when(status)}{_held(status)}"
+        return status, f"paused {format_when(status)}{format_hold(status)}"
 
     return ask
 
@@ -125,8 +129,8 @@ def _resume(_args: argparse.Namespace) -> Ask:
     def ask(client: SimulatorClient) -> Answer:
         status = client.resume()
         if status.finished:
-            return status, f"the run is over {_when(status)}: 'zteam sim reset' starts it again"
-        return status, f"resumed {_when(status)}, {_pace(status)}"
+            return status, f"the run is over {format_when(status)}: 'zteam sim reset' starts it again"
+        return status, f"resumed {format_when(status)}, {format_pace(status)}"
 
     return ask
 
@@ -140,7 +144,7 @@ def _step(args: argparse.Namespace) -> Ask:
             status = client.step(ticks, on_progress=progress.report)
         except KeyboardInterrupt:
             # The user gave up: cancel the remaining ticks.
-            print(f"\npaused {_when(client.pause())}", file=sys.stderr)
+            print(f"\npaused {format_when(client.pause())}", file=sys.stderr)
             raise
         finally:
             progress.end()
@@ -154,7 +158,8 @@ def _speed(args: argparse.Namespace) -> Ask:
 
     def ask(client: SimulatorClient) -> Answer:
         status = client.set_speed(speed)
-        return status, _pace(status) + (", after 'zteam sim resume': the world is paused" if status.paused else "")
+        later = ", after 'zteam sim resume': the world is paused" if status.paused else ""
+        return status, format_pace(status) + later
 
     return ask
 
@@ -162,7 +167,7 @@ def _speed(args: argparse.Namespace) -> Ask:
 def _reset(_args: argparse.Namespace) -> Ask:
     def ask(client: SimulatorClient) -> Answer:
         status = _change(client.reset)
-        return status, f"reset, {'paused ' + _when(status) if status.paused else _pace(status)}"
+        return status, f"reset, {'paused ' + format_when(status) if status.paused else format_pace(status)}"
 
     return ask
 
@@ -179,13 +184,22 @@ def _spawn(args: argparse.Namespace) -> Ask:
 
 
 def _remove(args: argparse.Namespace) -> Ask:
-    robot_id = names.parse_robot_id(args.id.strip())
+    ids = parse_robot_ids(args.ids, "remove")
 
     def ask(client: SimulatorClient) -> Answer:
-        status = _change(lambda: client.remove(robot_id))
-        return status, f"robot {robot_id} is removed; robots left: {_listed(status.robots)}"
+        for i, robot_id in enumerate(ids):
+            try:
+                status = _change(lambda robot_id=robot_id: client.remove(robot_id))  # type: ignore[misc]
+            except BusError as error:
+                raise BusError(f"{error}; removed before: {format_robot_ids(ids[:i])}" if i else str(error)) from None
+        are = "is" if len(ids) == 1 else "are"
+        return status, f"{_robots_text(ids)} {are} removed; robots left: {format_robot_ids(status.robots) or '-'}"
 
     return ask
+
+
+def _robots_text(ids: Sequence[int]) -> str:
+    return f"robot{'' if len(ids) == 1 else 's'} {format_robot_ids(ids)}"
 
 
 def _move(args: argparse.Namespace) -> Ask:
@@ -220,47 +234,6 @@ _VERBS: dict[str, Callable[[argparse.Namespace], Ask]] = {
 }
 
 
-def format_status(status: SimStatus) -> str:
-    """The simulator's status as a table, one line per value."""
-    paused = "run over" if status.finished else "yes" if status.paused else "no"
-    rows = [
-        ("world", f"{status.world}, seed {status.seed}"),
-        ("time", f"{to_seconds(status.now):.3f} s"),
-        ("tick", f"{status.tick}, {status.interval / 1e6:g} ms each"),
-        ("speed", _pace(status)),
-        ("real-time factor", f"{status.real_time_factor:.3g}"),
-        ("paused", paused),
-        ("lock-step", "yes" if status.lockstep else "no"),
-    ]
-    if status.lockstep:
-        rows += [
-            ("  participants", _listed(status.participants)),
-            ("  joining", _listed(status.joining)),
-            ("  waiting for", status.waiting_for or "-"),
-            ("  hung", _listed(status.hung)),
-        ]
-    rows.append(("robots", _listed(status.robots)))
-    return "\n".join(f"{name:18}{value}" for name, value in rows)
-
-
-def _when(status: SimStatus) -> str:
-    return f"at {to_seconds(status.now):.3f} s (tick {status.tick})"
-
-
-def _held(status: SimStatus) -> str:
-    return f", which waits for {status.waiting_for}" if status.waiting_for else ""
-
-
-def _pace(status: SimStatus) -> str:
-    if status.speed is None:
-        return "as fast as possible"
-    return f"{status.speed:g} simulated second{'s' * (status.speed != 1.0)} a second"
-
-
-def _listed(items: Sequence[object]) -> str:
-    return ", ".join(map(str, items)) or "-"
-
-
 class _Progress:
     """Reports the progress of a long step on stderr; on a terminal each line overwrites the last."""
 
@@ -278,12 +251,12 @@ class _Progress:
         if self._first is None:
             self._first = status.tick
         # Every participant is waited for between two ticks: name one only if it still holds the same tick.
-        held = _held(status) if status.tick == self._tick else ""
+        held = format_hold(status) if status.tick == self._tick else ""
         self._tick = status.tick
         if monotonic() - self._start < PATIENCE or not (self._overwrites or self._due.due()):
             return
         text = (
-            f"{status.tick - self._first} of {self._ticks} ticks, now {_when(status)}{held}, "
+            f"{status.tick - self._first} of {self._ticks} ticks, now {format_when(status)}{held}, "
             f"real-time factor {status.real_time_factor:.3g} (Ctrl+C pauses)"
         )
         self._open = self._overwrites

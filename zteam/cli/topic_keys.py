@@ -115,9 +115,11 @@ def show_info(args: argparse.Namespace) -> int:
 
 
 def _format_info(row: KeyRow, info: dict[str, Any]) -> str:
+    from zteam.diagnosis.refusals import format_refusals
+
     heard: Sequence[str] = info["writers"]
     received = {
-        name: f"{name}: {count['received']} received, {count['dropped']} refused"
+        name: f"{name}: {count['received']} received, {format_refusals(KeyCount(**count))}"
         for name, count in info["receivers"].items()
     }
     silent = [f"{name} (nothing heard of it)" for name in row.publishers if name not in heard]

@@ -94,6 +94,8 @@ def _check(args: argparse.Namespace, world: "World") -> int:
         lasers = ", ".join(robot["sensors"]) or "no sensors"
         print(f"  robot {robot['id']:<4} {robot['name']:18} at {_place(x, y, yaw)}: "
               f"{robot['model']}, {robot['drive']}, {lasers}")  # fmt: skip
+    for base in summary["bases"]:
+        print(f"  base       {base['model']:18} {_base_text(base)}")
     for warning in summary["warnings"]:
         print(warning)
     counts = [
@@ -137,8 +139,36 @@ def _summary(world: "World") -> dict[str, Any]:
             }
             for robot_id, robot in enumerate(world.robots)
         ],
+        "bases": _bases(world),
         "warnings": list(map(str, world.warnings)),
     }
+
+
+def _bases(world: "World") -> list[dict[str, Any]]:
+    """What `base_info` tells of the robots: each kind of base once, in file order."""
+    from zteam.messages import to_plain
+    from zteam.world.bases import base_info
+
+    found: list[dict[str, Any]] = []
+    for robot in world.robots:
+        base = to_plain(base_info(robot))
+        base["footprint"] = [[round(point["x"], 6), round(point["y"], 6)] for point in base["footprint"]["points"]]
+        if base not in found:
+            found.append(base)
+    return found
+
+
+def _base_text(base: dict[str, Any]) -> str:
+    """The outline's extent and the limits in words; what has no limit is left out."""
+    from zteam.base import LIMITS
+
+    corners = base["footprint"]
+    if not corners:
+        return "no footprint"
+    (left, right), (low, high) = ((min(side), max(side)) for side in zip(*corners, strict=True))
+    extent = f"x {left:.3g} to {right:.3g} m, y {low:.3g} to {high:.3g} m ({len(corners)} corners)"
+    limits = [f"{name} {base[name]:.3g}" for name in LIMITS if base[name] is not None]
+    return f"footprint {extent}; {', '.join(limits)}"
 
 
 def _sensors(robot: "Robot") -> list[str]:

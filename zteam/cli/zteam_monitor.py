@@ -1,35 +1,43 @@
-"""`zteam-monitor --team-size N`: run the start gate ("All robots GO!") and watch the team's health."""
+"""`zteam-monitor --team-size N`: run the start gate ("All robots GO!") and watch the team's health; with a monitor
+running already, show that one's team."""
 
 import argparse
 import sys
 from collections.abc import Sequence
 
 from zteam import names
+from zteam.cli.arguments import number
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, run
 from zteam.errors import UsageError
+from zteam.robot_ids import parse_robot_ids
 
 
 def build_parser() -> argparse.ArgumentParser:
     """The command line."""
     parser = Parser(prog="zteam-monitor", description=__doc__)
     parser.add_argument("--team-size", metavar="N", help="wait for this many robots")
-    parser.add_argument("--ids", nargs="+", metavar="ID", help="wait for these robots, e.g. --ids 0 1 2 3")
+    parser.add_argument("--ids", nargs="+", metavar="ID", help="wait for these robots, e.g. --ids 0 1 2 3, --ids 0-3")
     parser.add_argument("--json", action="store_true", help="print events as JSON lines: event, robot, text")
     parser.add_argument("--exit-on-go", action="store_true", help="end with 0 once GO is sent and every robot runs")
+    parser.add_argument(
+        "--table",
+        type=number(0.1, 86400.0, "seconds"),
+        metavar="SECONDS",
+        help="also print the table this often, in host time, where the output is no terminal",
+    )
     add_clock_option(parser)
     add_bus_options(parser)
     return parser
 
 
 def parse_team(size: str | None, ids: Sequence[str] | None) -> tuple[int, tuple[int, ...] | None]:
-    """(team size, ids or None) of `--team-size` and `--ids`. Raises UsageError if they contradict each other."""
-    chosen = None if ids is None else tuple(names.parse_robot_id(text) for text in ids)
-    if chosen is not None and len(set(chosen)) != len(chosen):
-        raise UsageError(f"--ids names a robot twice: {' '.join(ids or ())}")
+    """(team size, ids or None) of `--team-size` and `--ids`; size 0 without either: look at the monitor that runs.
+
+    Raises UsageError if they contradict each other.
+    """
+    chosen = None if ids is None else parse_robot_ids(ids, "--ids")
     if size is None:
-        if chosen is None:
-            raise UsageError("give the number of robots to wait for (--team-size 4) or their ids (--ids 0 1 2 3)")
-        return len(chosen), chosen
+        return (0, None) if chosen is None else (len(chosen), chosen)
     if not size.isascii() or not size.isdigit() or len(size) > 5 or not 1 <= int(size) <= names.MAX_ROBOT_ID + 1:
         raise UsageError(f"--team-size {size}: give a whole number from 1 to {names.MAX_ROBOT_ID + 1}")
     if chosen is not None and len(chosen) != int(size):
@@ -44,11 +52,12 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _monitor(args: argparse.Namespace) -> int:
-    from zteam.nodes.monitor.node import MonitorOptions, run_monitor
+    from zteam.nodes.monitor.display import MonitorOptions
+    from zteam.nodes.monitor.node import run_monitor
     from zteam.runtime.process import run_node
 
     team_size, ids = parse_team(args.team_size, args.ids)
-    options = MonitorOptions(team_size, ids, args.json, args.exit_on_go)
+    options = MonitorOptions(team_size, ids, args.json, args.exit_on_go, args.table)
     return run_node(names.MONITOR, bus_options(args, small=True), lambda node: run_monitor(node, options), args.clock)
 
 

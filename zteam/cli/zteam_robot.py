@@ -3,12 +3,17 @@
 import argparse
 import sys
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from zteam import names
-from zteam.cli.arguments import add_seed_option
+from zteam.cli.arguments import add_seed_option, parse_value
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, fail, run
 from zteam.errors import UsageError, ZteamError
+
+if TYPE_CHECKING:
+    from zteam.base import BaseOverride
+
+_EXAMPLES = {"--param": "speed=0.4", "--base": "max_vel_x=0.4"}
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -30,6 +35,13 @@ def build_parser() -> argparse.ArgumentParser:
         help="set a parameter of the behaviour, e.g. speed=0.4 (repeatable)",
     )
     parser.add_argument(
+        "--base",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="set footprint or a limit instead of what base_info tells, e.g. max_vel_x=0.4 (repeatable)",
+    )
+    parser.add_argument(
         "--path",
         action="append",
         default=[],
@@ -43,17 +55,12 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def parse_param(text: str) -> tuple[str, Any]:
+def parse_param(text: str, option: str = "--param") -> tuple[str, Any]:
     """(key, value) of KEY=VALUE; the value is TOML as in a team file (0.4, true, "text", [1, 2]), else a string."""
-    import tomllib
-
     key, equals, value = text.partition("=")
     if not equals or not key.isidentifier():
-        raise UsageError(f"--param {text!r} is not KEY=VALUE, e.g. speed=0.4")
-    try:
-        return key, tomllib.loads(f"v = {value}")["v"]
-    except tomllib.TOMLDecodeError:
-        return key, value
+        raise UsageError(f"{option} {text!r} is not KEY=VALUE, e.g. {_EXAMPLES[option]}")
+    return key, parse_value(value)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -66,11 +73,21 @@ def main(argv: Sequence[str] | None = None) -> int:
     return run(names.robot_name(robot_id), args, lambda: _drive(robot_id, args))
 
 
-def _drive(robot_id: int, args: argparse.Namespace) -> int:
-    from functools import partial
+def read_base(entries: Sequence[str]) -> "BaseOverride":
+    """What the options `--base KEY=VALUE` set; values are as with `--param`. Raises UsageError."""
+    import msgspec
 
-    from zteam.behaviors import load_behavior
-    from zteam.behaviors.registry import look_in
+    from zteam.base import BaseOverride
+    from zteam.problems import problems_of
+
+    given = dict(parse_param(text, "--base") for text in entries)
+    for problem in problems_of(given, BaseOverride):
+        raise UsageError(f"--base {problem}")
+    return msgspec.convert(given, BaseOverride)
+
+
+def _drive(robot_id: int, args: argparse.Namespace) -> int:
+    from zteam.behaviors.registry import find_behavior, load_behavior, look_in
     from zteam.nodes.robot.node import RobotOptions, run_robot
     from zteam.runtime.faults import log_fault
     from zteam.runtime.node import Node
@@ -86,18 +103,25 @@ def _drive(robot_id: int, args: argparse.Namespace) -> int:
             raise UsageError("--follow names the leader already: leave --param leader out")
         spec, params = "follow", {"leader": leader, **params}
     look_in([*args.path, ""])
-    make_behavior = partial(load_behavior, spec, params, robot_id)
     # Report a mistake before waiting for the router.
     try:
-        make_behavior()
+        load_behavior(spec, params, robot_id)
     except ZteamError:
         raise
     except Exception as error:
         return log_fault(error)
-    options = RobotOptions(robot_id=robot_id, gate=not args.no_gate, seed=args.seed)
+    kind = find_behavior(spec)
+    options = RobotOptions(
+        robot_id=robot_id,
+        behavior=spec,
+        params=params,
+        gate=not args.no_gate,
+        seed=args.seed,
+        base=read_base(args.base),
+    )
 
     def body(node: Node) -> None:
-        run_robot(node, make_behavior, options)
+        run_robot(node, kind, options)
 
     return run_node(names.robot_name(robot_id), bus_options(args, small=True), body, args.clock)
 

@@ -12,6 +12,7 @@ from zteam.behaviors.registry import BEHAVIORS
 from zteam.errors import ConfigError, WorldError
 from zteam.launch.own_behaviors import Answer, Inquiry, Question, answer
 from zteam.problems import Problem
+from zteam.robot_ids import format_robot_ids
 from zteam.team_file import RobotEntry, TeamFile, behavior_of, team_world
 from zteam.world import add_robot, load_world
 from zteam.world.model import Robot, World
@@ -95,6 +96,4 @@ def _world_problems(file: TeamFile, world: World) -> Iterator[Problem]:
 
 
 def _lack(robot_id: int, standing: Mapping[int, Robot]) -> str:
-    ids = sorted(standing)
-    known = f"{ids[0]} to {ids[-1]}" if len(ids) > 2 and len(ids) == ids[-1] + 1 else ", ".join(map(str, ids))
-    return f"the world has no robot {robot_id} (it has {known or 'none'})"
+    return f"the world has no robot {robot_id} (it has {format_robot_ids(standing) or 'none'})"

@@ -22,6 +22,7 @@ from zteam.launch.progress import Progress
 from zteam.launch.report import Counts, RunReport, make_report, read_counts, report_processes, seconds_since_start
 from zteam.launch.router import ANY_PORT, start_router, wait_for_endpoint
 from zteam.launch.supervisor import Supervisor
+from zteam.runtime.log_publisher import LogPublisher
 from zteam.runtime.shutdown import Stop
 from zteam.team_file import Team
 
@@ -99,6 +100,7 @@ class Run:
         self._progress: Progress | None = None
         self._bus: Bus | None = None
         self._claim: Claim | None = None
+        self._log: LogPublisher | None = None
         self.endpoint = options.bus.connect or ""
         self.plan = _plan(options)
         self.supervisor = Supervisor(on_line, self._on_failure)
@@ -115,6 +117,8 @@ class Run:
                 self._progress.close()
             if self._claim is not None:
                 self._claim.release()
+            if self._log is not None:
+                self._log.close()
             if self._bus is not None:
                 self._bus.close()
             self.supervisor.close()
@@ -160,7 +164,9 @@ class Run:
 
     def _connect(self) -> Bus:
         bus = BusOptions(connect=self.endpoint, namespace=self._options.bus.namespace, config=self._options.bus.config)
-        return connect(bus, stopping=self._stop, patience=ROUTER_DEADLINE)
+        session = connect(bus, stopping=self._stop, patience=ROUTER_DEADLINE)
+        self._log = LogPublisher(session, names.LAUNCHER)
+        return session
 
     def _on_rival(self, info: ProcessInfo) -> None:
         log.error("process %d on %s runs a team here too, and is older: stopping", info.pid, info.host)

@@ -6,8 +6,11 @@ import sys
 import msgspec
 
 from zteam.clock import local_time_text, wall_ns
+from zteam.runtime.log_keeper import KEEPER
 
 LEVELS = ("debug", "info", "warning", "error")
+_TALKATIVE = ("PIL", "numba")
+"""Libraries of zteam whose debug lines are thousands."""
 
 
 class _Text(logging.Formatter):
@@ -50,10 +53,15 @@ class _Stderr(logging.Handler):
 
 
 def start_logging(name: str, level: str = "info", form: str = "text") -> None:
-    """Send zteam's log to stderr under the process's name."""
+    """Send the log of zteam and of a user's modules to stderr under the process's name, and begin to keep its lines."""
     handler = _Stderr()
     handler.setFormatter(_Json(name) if form == "json" else _Text(name))
-    root = logging.getLogger("zteam")
-    root.handlers[:] = [handler]
-    root.setLevel(level.upper())
-    root.propagate = False
+    own, everything = logging.getLogger("zteam"), logging.getLogger()
+    own.handlers[:] = [handler]
+    own.propagate = False
+    everything.handlers[:] = [*(other for other in everything.handlers if not isinstance(other, _Stderr)), handler]
+    for logger in (own, everything):
+        logger.setLevel(level.upper())
+    for library in _TALKATIVE:
+        logging.getLogger(library).setLevel(logging.WARNING)
+    KEEPER.begin()

@@ -35,6 +35,12 @@ class RoundTiming(msgspec.Struct):
     """The tick's work and the sending of the answer."""
 
 
+class Lacking(msgspec.Struct):
+    """Answer to `<name>/lacking`: the keys whose message of the open tick has not come."""
+
+    keys: list[str]
+
+
 class Participant:
     """Answers ticks for `node`. Callbacks run under `node.changed`, on the bus's threads: no thread is woken to act."""
 
@@ -44,14 +50,17 @@ class Participant:
         ready: Callable[[Tick], bool],
         act: Callable[[Tick], Twist | None],
         repeat: Callable[[], None] = lambda: None,
+        lacks: Callable[[Tick], list[str]] = lambda tick: [],
     ) -> None:
         """`ready(tick)`: whether the inputs of that tick are there. `act(tick)`: do the tick's work; a robot's command
         comes back. `repeat()`: send what was sent for the last tick once more, because a subscriber may lack it.
+        `lacks(tick)`: the keys whose message of that tick has not come; asked without the lock, for the log.
         """
         self._node = node
         self._ready = ready
         self._act = act
         self._repeat = repeat
+        self._lacks = lacks
         self.robots: frozenset[int] = frozenset()
         """In the world at the newest tick."""
         self._robots_seen = b""
@@ -68,6 +77,7 @@ class Participant:
         self._inputs: deque[float] = deque(maxlen=_WINDOW)
         self._acts: deque[float] = deque(maxlen=_WINDOW)
         node.bus.serve(names.service_key(node.name, "timing"), NoRequest, lambda _: self._timing())
+        node.bus.serve(names.service_key(node.name, names.LACKING), NoRequest, lambda _: self._lacking())
         self._done = node.bus.publisher(names.done_key(node.name), Done)
         node.follow_clock()
         node.on_simulator_lost(self._forget)
@@ -112,6 +122,10 @@ class Participant:
     def _timing(self) -> RoundTiming:
         count = max(1, len(self._acts))
         return RoundTiming(len(self._acts), 1e3 * sum(self._inputs) / count, 1e3 * sum(self._acts) / count)
+
+    def _lacking(self) -> Lacking:
+        tick = self._open
+        return Lacking([] if tick is None else self._lacks(tick))
 
     def _on_tick(self, tick: Tick) -> None:
         if not self._node.speaks:

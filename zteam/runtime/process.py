@@ -4,12 +4,14 @@ import gc
 import logging
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from typing import TypeVar
 
 from zteam.bus import Bus, BusOptions, connect
 from zteam.errors import ZteamError
 from zteam.runtime.faults import log_fault
+from zteam.runtime.log_keeper import KEEPER
+from zteam.runtime.log_publisher import LogPublisher
 from zteam.runtime.node import ClockMode, Node
 from zteam.runtime.shutdown import Stop, exit_hard_later
 
@@ -26,18 +28,24 @@ def open_node(
     name: str, options: BusOptions, stop: Stop, clock: ClockMode, make: Callable[[str, Bus, Stop, ClockMode], N]
 ) -> Iterator[N]:
     """Open a session, make a node on it with `make`, and close it on every way out."""
-    bus = connect(options, stopping=stop)
-    try:
-        node = make(name, bus, stop, clock)
-    except BaseException:
-        bus.close()
-        raise
-    try:
-        yield node
-    finally:
-        # From here on the hard exit watches: closing must not hang.
-        stop.request("the process ends")
-        node.close()
+    with ExitStack() as ends:
+        ends.callback(KEEPER.begin())
+        bus = connect(options, stopping=stop)
+        try:
+            lines = LogPublisher(bus, name)
+            ends.callback(lines.close)
+            node = make(name, bus, stop, clock)
+        except BaseException:
+            bus.close()
+            raise
+        node.on_present(lines.catch_up)
+        try:
+            yield node
+        finally:
+            # From here on the hard exit watches: closing must not hang.
+            stop.request("the process ends")
+            lines.catch_up()
+            node.close()
 
 
 def run_node(

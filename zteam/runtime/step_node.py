@@ -38,7 +38,7 @@ class StepNode(Node):
         self._cmd_vel: Publisher[Twist] | None = None
         self._first_data = 0.0
         """Host time of the first message; 0 before."""
-        self._part = Participant(self, self._has_inputs, self._act)
+        self._part = Participant(self, self._has_inputs, self._act, lacks=self._lacks)
         self.on_time_reset(self._stamps.clear)
 
     def subscribe(
@@ -121,8 +121,11 @@ class StepNode(Node):
             self._cmd_vel.put(command)
 
     def _has_inputs(self, tick: Tick) -> bool:
+        return not self._lacks(tick)
+
+    def _lacks(self, tick: Tick) -> list[str]:
         stamp = ns_from_time(tick.stamp)
-        return all(self._stamps.get(key, -1) >= stamp for key in self._needed())
+        return [key for key in self._needed() if self._stamps.get(key, -1) < stamp]
 
     def _needed(self) -> list[str]:
         needed = []

@@ -4,11 +4,15 @@ A request that is refused is answered with an error that says why. A request tha
 that it is meant for.
 """
 
+from collections.abc import Sequence
 from typing import Annotated
 
 import msgspec
 
+from zteam import names
 from zteam.bus import Change
+from zteam.geometry import yaw_from_quaternion
+from zteam.messages import MapMetaData
 from zteam.names import MAX_ROBOT_ID
 
 RobotId = Annotated[int, msgspec.Meta(ge=0, le=MAX_ROBOT_ID)]
@@ -98,6 +102,25 @@ class Timing(msgspec.Struct):
     """Until the next tick was due."""
 
 
+class MapInfo(msgspec.Struct, frozen=True):
+    """Where an occupancy grid lies in `map`: the pose of the lower left corner of its first cell, and its size."""
+
+    x: float
+    y: float
+    yaw: float
+    resolution: float
+    """Metres a cell."""
+    columns: int
+    rows: int
+
+
+def map_info(metadata: MapMetaData) -> MapInfo:
+    """Where a grid lies, of the metadata in its message."""
+    position, turn = metadata.origin.position, metadata.origin.orientation
+    yaw = yaw_from_quaternion(turn.x, turn.y, turn.z, turn.w)
+    return MapInfo(position.x, position.y, yaw, metadata.resolution, metadata.width, metadata.height)
+
+
 class SimStatus(msgspec.Struct):
     """Answer to `sim/status`."""
 
@@ -129,6 +152,15 @@ class SimStatus(msgspec.Struct):
     """This simulator's session id: a request that changes something carries it."""
     writers: dict[int, list[str]] = {}
     """Robots that more than one process commands, and the session ids of these."""
+    map: MapInfo | None = None
+    """The grid of the world, as the simulator publishes it on `map`."""
+
+
+def absence_text(robot_id: int, robots: Sequence[int]) -> str:
+    """What is said of a robot that the world lacks: which robots it has, and the way out."""
+    has = names.ids_text(robots) if robots else "no robot"
+    spawn = f"'zteam sim spawn --id {robot_id} --pose X Y YAW' adds it"
+    return f"not in the world; it has {has} ({spawn})"
 
 
 class StandRequest(msgspec.Struct):

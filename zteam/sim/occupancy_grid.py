@@ -24,15 +24,8 @@ def map_message(world: World, resolution: float) -> OccupancyGrid:
     thinner than a cell stands, else 0. Raises UsageError for a map of more than MAX_CELLS.
     """
     polygons = _standing(world)
-    corners = [robot.pose[:2] for robot in world.robots]
-    low, high = find_bounds(world) or (np.min(corners, axis=0), np.max(corners, axis=0))
-    columns, rows = (max(1, math.ceil(n)) for n in (high - low) / resolution - 1e-9)
-    if columns * rows > MAX_CELLS:
-        coarser = resolution * math.sqrt(columns * rows / MAX_CELLS)
-        raise UsageError(
-            f"the map of a world of {high[0] - low[0]:g} x {high[1] - low[1]:g} m is too large at {resolution:g} m a "
-            f"cell: give --map-resolution {coarser:.2g} or more"
-        )
+    info = map_metadata(world, resolution)
+    columns, rows, low = info.width, info.height, np.array((info.origin.position.x, info.origin.position.y))
     x = low[0] + (np.arange(columns) + 0.5) * resolution
     y = low[1] + (np.arange(rows) + 0.5) * resolution
     grid = np.zeros((rows, columns), np.int8)
@@ -47,10 +40,22 @@ def map_message(world: World, resolution: float) -> OccupancyGrid:
         _draw_polygon(grid, x, y, polygon)
         if _thickness(polygon) < resolution:
             _mark(grid, low, resolution, *_along(polygon, resolution))
-    info = MapMetaData(
-        resolution=resolution, width=columns, height=rows, origin=Pose(Point(float(low[0]), float(low[1]), 0.0))
-    )
     return OccupancyGrid(Header(time_from_ns(0), names.MAP_FRAME), info, grid.ravel())
+
+
+def map_metadata(world: World, resolution: float) -> MapMetaData:
+    """Origin and size of the map of everything that stands still. Raises UsageError for more than MAX_CELLS."""
+    corners = [robot.pose[:2] for robot in world.robots]
+    low, high = find_bounds(world) or (np.min(corners, axis=0), np.max(corners, axis=0))
+    columns, rows = (max(1, math.ceil(n)) for n in (high - low) / resolution - 1e-9)
+    if columns * rows > MAX_CELLS:
+        coarser = resolution * math.sqrt(columns * rows / MAX_CELLS)
+        raise UsageError(
+            f"the map of a world of {high[0] - low[0]:g} x {high[1] - low[1]:g} m is too large at {resolution:g} m a "
+            f"cell: give --map-resolution {coarser:.2g} or more"
+        )
+    origin = Pose(Point(float(low[0]), float(low[1]), 0.0))
+    return MapMetaData(resolution=resolution, width=columns, height=rows, origin=origin)
 
 
 def _standing(world: World) -> list[tuple[Shape, np.ndarray]]:

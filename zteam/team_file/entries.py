@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import msgspec
 
 from zteam import names
+from zteam.base import BaseOverride
 from zteam.geometry import Pose2, quaternion_from_rpy
 from zteam.messages import Header, Quaternion, Transform, TransformStamped, Vector3
 from zteam.simulation_options import Options
@@ -40,6 +41,8 @@ class RobotEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     model: Text | None = None
     """With `pose`: add a robot of this model to the world."""
     pose: Pose2 | None = None
+    base: BaseOverride = BaseOverride()
+    """The table [robots.base]: what holds for this robot instead of its `base_info`."""
     description: Text | None = None
     """A URDF file, relative to the team file; the aggregator publishes its joints."""
     params: dict[str, Any] = {}
@@ -89,6 +92,8 @@ def robot_arguments(entry: RobotEntry) -> list[str]:
         arguments += ["--follow", str(entry.follow)]
     elif entry.behavior is not None:
         arguments += ["--behavior", entry.behavior]
+    for key, value in msgspec.to_builtins(entry.base).items():
+        arguments += ["--base", f"{key}={toml_text(value)}"]
     for key, value in entry.params.items():
         arguments += ["--param", f"{key}={toml_text(value)}"]
     return arguments

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 
 from zteam import names
 from zteam.problems import Problem
+from zteam.robot_ids import format_robot_ids
 from zteam.team_file.entries import RobotEntry, StaticTransform, quaternion, toml_text
 from zteam.toml_lines import Path
 
@@ -71,7 +72,7 @@ def _check_follow(robot: RobotEntry, ids: set[int]) -> tuple[str, str]:
     if robot.follow == robot.id:
         return "follow", f"robot {robot.id} cannot follow itself; name another robot"
     if robot.follow not in ids:
-        return "follow", f"no robot {robot.follow} in this file (it has {', '.join(map(str, sorted(ids)))})"
+        return "follow", f"no robot {robot.follow} in this file (it has {format_robot_ids(ids)})"
     return "follow", ""
 
 

@@ -12,6 +12,7 @@ import msgspec
 import numpy as np
 
 from zteam import names
+from zteam.base import DEFAULT_BASE, Base
 from zteam.behaviors import View
 from zteam.bus import Bus, MemoryHub, NoRequest
 from zteam.clock import to_ns, to_seconds
@@ -37,6 +38,7 @@ def make_view(
     now: float = 1.0,
     dt: float = 0.1,
     odom: Odometry | None = None,
+    base: Base = DEFAULT_BASE,
     seed: int = 1,
 ) -> View:
     """What robot `robot_id` sees `now` (seconds), for `behavior.step(view)`.
@@ -62,6 +64,7 @@ def make_view(
         scan=None if ranges is None else _make_scan(ranges, fov, Header(time_from_ns(stamp), _laser_frame(robot_id))),
         odom=odom,
         lookup=lookup,
+        base=base,
         team=tuple(sorted(poses or ())),
         seed=seed,
     )

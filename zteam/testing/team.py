@@ -17,6 +17,7 @@ from zteam.launch.kinds import kind_of
 from zteam.launch.plan import Plan, plan_team
 from zteam.launch.run import lease_for
 from zteam.resources import find_team, find_world
+from zteam.robot_ids import parse_robot_ids
 from zteam.team_file import RobotEntry, Team, read_team_file
 from zteam.testing.processes import START_LIMIT, TeamTimeout
 from zteam.testing.stepping import SteppedTeam
@@ -48,7 +49,7 @@ class TeamFixture(SteppedTeam):
     def start(
         self,
         world: str | Path = "arena",
-        robots: int | Sequence[int] = 1,
+        robots: int | str | Sequence[int] = 1,
         *,
         behavior: str = "wander",
         follow: Mapping[int, int] | None = None,
@@ -60,13 +61,13 @@ class TeamFixture(SteppedTeam):
     ) -> None:
         """Start a team in `world` and wait until all its processes are there.
 
-        `robots` is a number or a list of ids. A robot in `follow` follows the robot named there, the others run
-        `behavior`; `params` gives behaviour parameters by robot. With `lockstep` the world stands still until `run`,
-        `until` or `at` let it go on, as fast as the processes can; own nodes in `expect` take part from the first tick
-        on; a living process that does not answer is left behind after `lockstep_timeout` host seconds. Without
-        `lockstep` the team runs in real time.
+        `robots` is a number, a list of ids, or ids as text such as "0,2-4". A robot in `follow` follows the robot named
+        there, the others run `behavior`; `params` gives behaviour parameters by robot. With `lockstep` the world stands
+        still until `run`, `until` or `at` let it go on, as fast as the processes can; own nodes in `expect` take part
+        from the first tick on; a living process that does not answer is left behind after `lockstep_timeout` host
+        seconds. Without `lockstep` the team runs in real time.
         """
-        ids = range(robots) if isinstance(robots, int) else robots
+        ids = parse_robot_ids([robots], "robots") if isinstance(robots, str) else robots
         leaders, given = follow or {}, params or {}
         entries = [
             RobotEntry(
@@ -75,7 +76,7 @@ class TeamFixture(SteppedTeam):
                 behavior=None if i in leaders else behavior,
                 params=dict(given.get(i, {})),
             )
-            for i in ids
+            for i in (range(ids) if isinstance(ids, int) else ids)
         ]
         pace = Pace(lockstep=lockstep, timeout=lockstep_timeout, expect=tuple(expect), paused=lockstep)
         chosen = find_world(world).resolve()

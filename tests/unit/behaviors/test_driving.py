@@ -5,6 +5,8 @@ import math
 import pytest
 
 from support.flat_floor import Floor, Segment, clearance, make_scan, make_view
+from support.world_texts import box_points
+from zteam.base import Base
 from zteam.behaviors import load_behavior
 from zteam.geometry import Pose2
 from zteam.messages import LaserScan
@@ -116,6 +118,15 @@ def test_wander_gets_about_and_touches_nothing(seed: int, speed: float) -> None:
         seen.add((int(pose.x), int(pose.y)))
     assert nearest > BODY
     assert len(seen) >= 12  # of 30 square metres
+
+
+@pytest.mark.parametrize(("half", "drives"), [(0.175, True), (0.3, False)])
+def test_wander_needs_the_room_that_its_base_turns_in(half: float, drives: bool) -> None:
+    """Something 0.35 m to the side, outside the cone, turns a base away whose corners would reach it."""
+    ranges = list(FREE)
+    ranges[135 + round(math.degrees(math.atan2(0.35, 0.15)))] = math.hypot(0.35, 0.15)
+    view = make_view(make_scan(ranges, fov=math.radians(270.0)), base=Base(footprint=box_points(half)))
+    assert (load_behavior("wander", {}).step(view).linear.x > 0.0) is drives
 
 
 @pytest.mark.parametrize("seed", range(1, 6))

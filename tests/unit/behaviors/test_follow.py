@@ -3,9 +3,12 @@
 import math
 from itertools import pairwise
 
+import msgspec
 import pytest
 
 from support.flat_floor import TICK, Floor, Segment, clearance, make_scan, make_view
+from support.world_texts import box_points
+from zteam.base import Base
 from zteam.behaviors import Behavior, View, decide, load_behavior
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
@@ -96,6 +99,17 @@ def test_its_own_stale_pose_stops_it_first() -> None:
     assert (command.linear.x, reason) == (0.0, "its own pose in map is stale")
     command, reason = decide(follower(), seeing(Pose2(2.0, 0.0, 0.0), age=0.6))
     assert (command.linear.x, reason) == (0.0, "leader robot_0 not seen for 0.5 s")
+
+
+@pytest.mark.parametrize(("half", "turns"), [(0.1, False), (0.175, True), (0.3, True)])
+def test_a_post_is_passed_at_the_width_of_the_base(half: float, turns: bool) -> None:
+    """A post 0.22 m beside the way to the leader is gone round by a base that would brush it, not by a narrow one."""
+    view = seeing(Pose2(2.0, 0.0, 0.0))
+    ranges = [30.0] * 541
+    ranges[270 + round(math.degrees(math.atan2(0.22, 0.4)) * 2)] = math.hypot(0.22, 0.4)
+    base = Base(footprint=box_points(half))
+    command = follower().step(msgspec.structs.replace(view, scan=make_scan(ranges, NOW), base=base))
+    assert (command.angular.z < 0.0) is turns
 
 
 def test_nobody_follows_itself() -> None:

@@ -6,6 +6,8 @@ from typing import Any
 import pytest
 
 from support.flat_floor import TICK, make_scan, make_view
+from support.world_texts import box_points
+from zteam.base import Base
 from zteam.behaviors import Behavior, View, decide, load_behavior, make_safe, missing
 from zteam.errors import ZteamError
 from zteam.geometry import Pose2
@@ -62,6 +64,24 @@ def test_limits_hold_both_ways(x: float, turn: float, got: tuple[float, float]) 
     assert (command.linear.x, command.angular.z) == got
 
 
+@pytest.mark.parametrize(
+    ("base", "x", "turn", "got"),
+    [
+        (Base(max_vel_x=0.3, max_vel_theta=0.5), 1.0, 2.0, (0.3, 0.5)),
+        (Base(min_vel_x=-0.2, max_vel_theta=0.5), -1.0, -2.0, (-0.2, -0.5)),
+        (Base(min_vel_x=0.0), -1.0, 0.0, (0.0, 0.0)),
+        (Base(max_vel_x=5.0, min_vel_x=-5.0, max_vel_theta=9.0), 5.0, 9.0, (1.0, math.pi)),
+        (Base(drive="car", max_vel_theta=0.1), 1.0, 0.5, (1.0, 0.5)),
+    ],
+)
+def test_a_base_with_lower_limits_is_asked_for_no_more(
+    base: Base, x: float, turn: float, got: tuple[float, float]
+) -> None:
+    """The smaller limit counts, the layer's or the base's; a car's second number is the angle of its wheels."""
+    command, _ = decide(asks(x, turn), make_view(make_scan(FREE), base=base))
+    assert (command.linear.x, command.angular.z) == got
+
+
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
 def test_what_is_no_number_is_zero(value: float) -> None:
     """NaN or inf in either part of a command stops the robot and is told."""
@@ -93,6 +113,15 @@ def test_forward_stops_for_what_is_swept(x: float, y: float, stops: bool) -> Non
     command, reason = decide(asks(0.4, 0.5), make_view(in_front(x, y), now=NOW))
     assert (command.linear.x, reason) == ((0.0, "obstacle ahead") if stops else (0.4, ""))
     assert command.angular.z == 0.5  # turning away stays possible
+
+
+@pytest.mark.parametrize(("half", "stops"), [(0.1, False), (0.35, True)])
+def test_a_wider_base_sweeps_more(half: float, stops: bool) -> None:
+    """A wide base is stopped by what an erratic passes by, and a narrow one passes by what stops an erratic."""
+    base = Base(footprint=box_points(half))
+    for y in (0.15, 0.3):
+        command, _ = decide(asks(0.4), make_view(in_front(0.3, y), now=NOW, base=base))
+        assert (command.linear.x == 0.0) is stops
 
 
 def test_an_obstacle_ahead_does_not_hold_a_robot_that_backs_off() -> None:

@@ -10,7 +10,7 @@ from zteam.bus import Bus, Change, MemoryHub, NoRequest, payloads, receiving
 from zteam.bus.memory import MemoryTransport
 from zteam.bus.presence import own_info
 from zteam.bus.transport import Closeable, RawSample, SampleHandler
-from zteam.errors import BusError
+from zteam.errors import BusError, UsageError
 from zteam.messages import Bool, MapMetaData, OccupancyGrid, encode, encoding_of
 from zteam.names import info_key
 from zteam.sim.occupancy_grid import MAX_CELLS
@@ -143,3 +143,12 @@ def test_the_largest_map_is_small_enough() -> None:
     """What a simulator publishes is not refused for its size."""
     largest = OccupancyGrid(info=MapMetaData(width=MAX_CELLS, height=1), data=np.zeros(MAX_CELLS, np.int8))
     assert len(encode(largest)) <= payloads.MAX_PAYLOAD
+
+
+def test_a_message_of_another_type_is_refused(hub: MemoryHub) -> None:
+    """Put refuses what is no message of the publisher's type: it names the key and both types."""
+    publisher = hub.bus().publisher("robot_0/seen", Bool)
+    for wrong, shown in ((MapMetaData(), "MapMetaData"), (True, "bool"), (None, "NoneType")):
+        with pytest.raises(UsageError) as caught:
+            publisher.put(wrong)  # type: ignore[arg-type]
+        assert str(caught.value) == f"robot_0/seen carries Bool: put was given a {shown}"

@@ -1,65 +1,51 @@
-"""What `zteam doctor` says about the processes of a team, kind by kind."""
+"""How `zteam doctor` prints its findings."""
 
-import msgspec
-import pytest
+from zteam.cli.doctor import format_findings
+from zteam.diagnosis.finding import note, ok, problem
 
-from zteam.bus.memory import MemoryHub
-from zteam.bus.presence import Claim
-from zteam.cli.doctor import Finding, check_processes, find_nodes
-from zteam.launch import kinds
-from zteam.launch.arguments import no_arguments
-from zteam.launch.kinds import KINDS, Kind
-
-PLANNER = Kind("planner", "planner", "zteam-planner", no_arguments, 0, "start the planner of {robots} robots")
+FINDINGS = [
+    ok("data", "7 keys carry data"),
+    problem("transforms", "no process tf", "zteam-tf"),
+    note("refusals", "none within 60 s"),
+]
 
 
-def findings(*alive: str) -> dict[str, Finding]:
-    """What doctor finds, by kind, where processes of these names are alive."""
-    hub = MemoryHub()
-    for name in alive:
-        Claim(hub.bus(), name).win(lambda _: None)
-    return {finding.what: finding for finding in check_processes(find_nodes(hub.bus()))}
-
-
-@pytest.fixture
-def planner(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A further row in the table of kinds."""
-    monkeypatch.setattr(kinds, "KINDS", (*KINDS, PLANNER))
-
-
-def test_every_kind_of_the_table_has_a_finding() -> None:
-    """Without any process, each kind is missed with its own hint, in the order of the table."""
-    assert [(f.what, f.text, f.next_step) for f in findings().values()] == [
-        ("simulator", "no process sim", "zteam-sim WORLD (or real robots that publish the same keys)"),
-        ("transforms", "no process tf", "zteam-tf"),
-        ("monitor", "no process monitor", "zteam-monitor --team-size 1"),
-        ("robots", "none", "zteam-robot --id 0"),
+def test_findings_are_columns() -> None:
+    """Level, subject and text are aligned, a next step stands below its text, and the last line counts the problems."""
+    assert format_findings(FINDINGS).splitlines() == [
+        "ok      data        7 keys carry data",
+        "problem transforms  no process tf",
+        "                    -> zteam-tf",
+        "note    refusals    none within 60 s",
+        "1 problem",
     ]
 
 
-def test_robots_are_listed_by_number() -> None:
-    """robot_10 comes after robot_2."""
-    assert findings("robot_10", "robot_2")["robots"].text == "robot_2, robot_10"
+def test_the_last_line_is_right_for_any_number() -> None:
+    """None, one and more."""
+    assert format_findings([FINDINGS[0], FINDINGS[2]]).splitlines()[-1] == "no problems"
+    assert format_findings([FINDINGS[1], FINDINGS[1]]).splitlines()[-1] == "2 problems"
 
 
-def test_the_hint_of_the_monitor_has_the_size_of_the_team() -> None:
-    """The user can type the hint as it is."""
-    assert findings("robot_10", "robot_2")["monitor"].next_step == "zteam-monitor --team-size 2"
+def test_only_the_level_is_coloured() -> None:
+    """Colour adds escape codes around the level and moves nothing."""
+    plain, coloured = format_findings(FINDINGS), format_findings(FINDINGS, color=True)
+    assert coloured.count("\033[") == 6
+    assert "\033[31mproblem\033[0m transforms" in coloured
+    for code in ("\033[0m", "\033[31m", "\033[32m", "\033[33m"):
+        coloured = coloured.replace(code, "")
+    assert coloured == plain
 
 
-def test_a_missing_process_of_a_further_kind_is_told(planner: None) -> None:
-    """Doctor gives the hint of the new row."""
-    finding = findings()["planner"]
-    assert (finding.good, finding.next_step) == (False, "start the planner of 1 robots")
+def test_long_lines_are_wrapped_in_a_terminal() -> None:
+    """A long text goes on below itself, and is whole where there is no terminal."""
+    long = [ok("data", "word " * 30), problem("world", "short", "step " * 30)]
+    wrapped = format_findings(long, columns=60).splitlines()
+    assert max(map(len, wrapped)) <= 60
+    assert wrapped[1].startswith(" " * 15 + "word")
+    assert len(format_findings(long).splitlines()) == 4
 
 
-def test_a_live_process_of_a_further_kind_is_good(planner: None) -> None:
-    """Doctor finds the new kind by the name in its row."""
-    finding = findings("planner")["planner"]
-    assert (finding.good, finding.text, finding.next_step) == (True, "alive", "")
-
-
-def test_a_kind_without_a_hint_is_not_missed(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A team works without such a kind, so its absence is no problem."""
-    monkeypatch.setattr(kinds, "KINDS", (*KINDS, msgspec.structs.replace(PLANNER, hint="")))
-    assert "planner" not in findings()
+def test_a_level_is_good_or_not() -> None:
+    """Notes are good: only a problem of now makes the exit code 1."""
+    assert [finding.good for finding in FINDINGS] == [True, False, True]

@@ -145,7 +145,8 @@ def test_json_of_spawn_is_the_new_id(output: Output) -> None:
         (("move", "0", "1", "2", "nan"), "pose '1 2 nan': give X Y YAW in metres and radians"),
         (("move", "0", "-inf", "2", "0"), "pose '-inf 2 0': give X Y YAW"),
         (("move", "-1", "1", "2", "3"), "robot id '-1' is not a whole number"),
-        (("remove", "robot_0"), "robot id 'robot_0' is not a whole number"),
+        (("remove", "robot_0"), "remove: 'robot_0': give robot ids from 0 to 9999"),
+        (("remove", "3-1"), "remove: '3-1': the first id is above the last"),
         (("spawn", "--pose", "a", "0", "0"), "pose 'a 0 0': give X Y YAW"),
         (("spawn", "--id", "10000", "--pose", "0", "0", "0"), "robot id '10000' is not"),
     ],
@@ -157,6 +158,19 @@ def test_mistakes_end_with_two(words: tuple[str, ...], text: str, capsys: pytest
     assert said.out == ""
     assert len(said.err.splitlines()) == 1
     assert text in said.err
+
+
+def test_several_robots_are_removed(desk: ControlHarness, output: Output) -> None:
+    """Ids and ranges name the robots, which are removed in this order."""
+    assert output("remove", "4,0-2", "7") == "robots 0-2, 4, 7 are removed; robots left: -"
+    assert [what for what, _ in desk.world.made] == [f"remove {i}" for i in (4, 0, 1, 2, 7)]
+
+
+@pytest.mark.usefixtures("desk")
+def test_a_refusal_within_a_list_tells_what_was_removed(capsys: pytest.CaptureFixture[str]) -> None:
+    """The robots before the one that is refused are gone, and the error names them."""
+    assert zteam.main(["sim", "remove", "3-9"]) == 1
+    assert capsys.readouterr().err == "zteam sim: no robot 9 in this world; removed before: 3-8\n"
 
 
 @pytest.mark.usefixtures("desk")

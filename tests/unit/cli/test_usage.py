@@ -39,7 +39,7 @@ def leaves() -> Iterator[tuple[str, list[str], argparse.ArgumentParser]]:
 
 def required_by(parser: argparse.ArgumentParser) -> list[argparse.Action]:
     """The arguments without which a command is refused."""
-    return [action for action in parser._actions if action.required]
+    return [action for action in parser._actions if action.required and action.nargs != "*"]
 
 
 LEAVES = [pytest.param(*leaf, id=leaf[2].prog) for leaf in leaves()]

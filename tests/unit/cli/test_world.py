@@ -46,6 +46,25 @@ def test_check_prints_json(world: str, capsys: pytest.CaptureFixture[str]) -> No
     assert len(summary["warnings"]) == 1
 
 
+def test_check_prints_the_base_of_each_model_once(
+    world: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Outline and limits are those of `base_info`; robots of one macro share a line, and no limit is no word."""
+    assert main(["check", world]) == 0
+    lines = [line.split() for line in capsys.readouterr().out.splitlines() if line.startswith("  base ")]
+    (words,) = lines
+    assert " ".join(words[1:]) == (
+        "rob footprint x -0.2 to 0.2 m, y -0.2 to 0.2 m (4 corners); max_vel_x 1, min_vel_x -1, max_vel_theta 1.57"
+    )
+    path = tmp_path / "ghost.world"
+    path.write_text("position ( size [0 0 0] acceleration_bounds [-3 1 0 0 0 0 -90 90] )")
+    assert main(["check", str(path), "--json"]) == 0
+    (base,) = json.loads(capsys.readouterr().out)["bases"]
+    assert (base["footprint"], base["acc_lim_x"], base["decel_lim_x"]) == ([], 1.0, -3.0)
+    assert main(["check", str(path)]) == 0
+    assert "no footprint" in capsys.readouterr().out
+
+
 def test_scan_prints_all_lasers_of_a_robot(world: str, capsys: pytest.CaptureFixture[str]) -> None:
     """The scans of all lasers are printed in file order, taken at the robot's pose in the file."""
     assert main(["scan", world, "--robot", "0", "--json"]) == 0

@@ -12,24 +12,28 @@ from zteam.errors import UsageError
         ("4", None, (4, None)),
         (None, ["0", "2", "7"], (3, (0, 2, 7))),
         ("2", ["5", "0"], (2, (5, 0))),
+        (None, ["0,2-4"], (4, (0, 2, 3, 4))),
+        ("4", ["0", "2-4"], (4, (0, 2, 3, 4))),
         ("1", None, (1, None)),
+        (None, None, (0, None)),
         ("10000", None, (10000, None)),
     ],
 )
 def test_team_sizes(size: str | None, ids: list[str] | None, team: tuple[int, tuple[int, ...] | None]) -> None:
-    """A number, a list, or both if they agree."""
+    """A number, a list, or both if they agree; size 0, to look at the monitor that runs, without either."""
     assert parse_team(size, ids) == team
 
 
 @pytest.mark.parametrize(
     ("size", "ids", "text"),
     [
-        (None, None, "--team-size 4"),
         ("3", ["0", "1"], "disagree"),
         (None, ["0", "1", "0"], "twice"),
         (None, ["0", "00"], "twice"),
         *[(size, None, f"--team-size {size}") for size in ("0", "-1", "4x", "", "²", "1.0", "10001", "9" * 40, " 4")],
-        *[(None, [robot_id], repr(robot_id)) for robot_id in ("abc", "1x", "-1", "10000", "", "٣", "1 ")],
+        *[(None, [robot_id], repr(robot_id)) for robot_id in ("abc", "1x", "-1", "10000", "٣")],
+        (None, ["3-1"], "--ids: '3-1': the first id is above the last"),
+        (None, [""], "--ids: no id is given"),
     ],
 )
 def test_bad_teams_are_refused(size: str | None, ids: list[str] | None, text: str) -> None:

@@ -76,7 +76,7 @@ TOLD = [
     "4: team.sede: unknown key (did you mean seed?); known: world, seed, world_robots",
     "8: robots[0].behaviour: unknown key (did you mean behavior?); forward takes speed",
     "9: robots[0].sped: unknown key (did you mean speed?); forward takes speed",
-    "14: robots[1].min_dist: Expected `float`, got `str`",
+    '14: robots[1].min_dist: a number is expected, not "near"',
     "17: robots[2].id: the world has no robot 5 (it has 0, 1); model and pose add one",
     "18: robots[2].behavior: behaviour 'my_stopper:Stoper': module my_stopper (…) has no Stoper (did you mean …?)",
     "23: robots[3].pose: it would stand in 'crate_0'; give a free place as x, y, yaw",
@@ -157,7 +157,7 @@ def test_real_robots_need_no_world(tmp_path: Path) -> None:
     path = write(tmp_path, '[team]\nworld = "none"\n[[robots]]\nid = 70\n')
     assert check_team(read_team_file(path)) is None
     path = write(tmp_path, '[team]\nworld = "none"\n[[robots]]\nid = 70\nspeed = "fast"\n')
-    with pytest.raises(ConfigError, match=r":5: robots\[0\]\.speed: Expected `float`"):
+    with pytest.raises(ConfigError, match=r":5: robots\[0\]\.speed: a number is expected"):
         check_team(read_team_file(path))
 
 

@@ -14,8 +14,9 @@ import pytest
 import zteam
 from support.lockstep_doubles import LIMIT
 from zteam.bus import BusOptions, MemoryHub
-from zteam.messages import Bool
-from zteam.runtime import process, shutdown
+from zteam.messages import Bool, Log, LogLevel
+from zteam.runtime import log_publisher, process, shutdown
+from zteam.runtime.log_keeper import LogKeeper
 from zteam.runtime.node import Node
 
 
@@ -23,6 +24,9 @@ from zteam.runtime.node import Node
 def offline(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> None:
     """`zteam.run` opens its sessions in memory, in a program that has not set up any log."""
     monkeypatch.setattr(process, "connect", lambda options, stopping: hub.bus())
+    keeper = LogKeeper()
+    for module in (process, log_publisher):
+        monkeypatch.setattr(module, "KEEPER", keeper)
     log = logging.getLogger("zteam")
     monkeypatch.setattr(log, "handlers", [])
     monkeypatch.setattr(log, "propagate", True)
@@ -92,6 +96,28 @@ def test_run_leaves_the_program_as_it_is() -> None:
     before = _settings()
     assert zteam.run("planner", main) == 0
     assert [*seen, _settings()] == [before, before]
+
+
+@pytest.mark.usefixtures("offline")
+def test_the_log_of_a_users_process_is_on_the_bus(hub: MemoryHub, caplog: pytest.LogCaptureFixture) -> None:
+    """Lines of any logger, and the error that ends the process, reach a subscriber; afterwards nothing is published."""
+    heard: list[Log] = []
+    hub.bus().subscribe("planner/log", Log, lambda _key, message: heard.append(message))
+    factory = logging.getLogRecordFactory()
+
+    def main(_node: zteam.Node) -> None:
+        logging.getLogger("my.plans").warning("no way")
+        raise ValueError("out of plans")
+
+    with pytest.raises(SystemExit, match="1"):
+        zteam.run("planner", main)
+    logging.getLogger("my.plans").warning("over")
+    assert caplog.messages[-1] == "over"
+    first, last = heard
+    assert (first.name, first.level, first.msg) == ("planner", LogLevel.WARN, "no way")
+    assert last.level == LogLevel.ERROR
+    assert last.msg.endswith("ValueError: out of plans")
+    assert logging.getLogRecordFactory() is factory
 
 
 @pytest.fixture

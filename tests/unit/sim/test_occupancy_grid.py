@@ -6,7 +6,7 @@ import pytest
 from support.small_worlds import make_box, make_robot
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
-from zteam.sim.occupancy_grid import map_message
+from zteam.sim.occupancy_grid import map_message, map_metadata
 from zteam.world.model import Floorplan, Obstacle, Shape, World
 from zteam.world.properties import Size3
 from zteam.world.shapes import Surface, boundary_slabs, place_blocks
@@ -60,3 +60,10 @@ def test_a_map_too_large_names_the_way_out() -> None:
     """Boxes a thousand kilometres apart do not end in a MemoryError."""
     with pytest.raises(UsageError, match="--map-resolution"):
         occupied(make_box("a", -5e5, -5e5), make_box("b", 5e5, 5e5), resolution=0.05)
+
+
+def test_the_metadata_is_that_of_the_message() -> None:
+    """Origin and size can be asked for without the cells."""
+    info = map_metadata(World("w", 100_000_000, (), (make_box("box", 2.0, 1.0),), (make_robot(),)), 0.07)
+    assert (info.width, info.height, info.resolution) == (6, 6, 0.07)
+    assert (info.origin.position.x, info.origin.position.y) == pytest.approx((1.8, 0.8))

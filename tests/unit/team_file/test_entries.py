@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from support.team_files import WHOLE, load
-from zteam.cli.zteam_robot import build_parser, parse_param
+from zteam.cli.zteam_robot import build_parser, parse_param, read_base
+from zteam.errors import UsageError
 from zteam.geometry import yaw_from_quaternion
 from zteam.team_file import RobotEntry, robot_arguments, static_transform
 
@@ -46,6 +47,46 @@ def test_arguments_bring_the_same_parameters_to_the_robot(tmp_path: Path) -> Non
     assert (args.id, args.behavior, args.follow) == ("3", "my.robots:Dance", None)
     assert dict(map(parse_param, args.param)) == robot.params
     assert len(robot.params) == 8
+
+
+BASES = """
+[[robots]]
+id = 0
+speed = 0.2
+[robots.base]
+footprint = [[-0.3, -0.2], [0.4, -0.2], [0.4, 0.2], [-0.3, 0.2]]
+max_vel_x = 0.5
+decel_lim_x = -inf
+
+[[robots]]
+id = 1
+base = {min_vel_x = 0}
+"""
+
+
+def test_arguments_bring_the_base_to_the_robot(tmp_path: Path) -> None:
+    """zteam-robot reads from its command line what the table [robots.base] sets, and no more."""
+    for robot in load(tmp_path, BASES).robots:
+        assert read_base(build_parser().parse_args(robot_arguments(robot)).base) == robot.base
+    first, second = load(tmp_path, BASES).robots
+    assert (first.base.max_vel_x, first.base.decel_lim_x, first.base.max_vel_theta) == (0.5, -math.inf, None)
+    assert robot_arguments(second) == ["--id", "1", "--base", "min_vel_x=0.0"]
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("max_vel_x", "--base 'max_vel_x' is not KEY=VALUE, e.g. max_vel_x=0.4"),
+        ("max_vel_y=1.0", "--base max_vel_y: unknown key (did you mean max_vel_x?); known: footprint, max_vel_x"),
+        ("max_vel_x=fast", "--base max_vel_x: Expected `float | null`, got `str`"),
+        ("footprint=[[0, 0], [1, 0], [2, 0]]", "--base footprint: must enclose an area"),
+    ],
+)
+def test_a_wrong_base_on_the_command_line_is_told(text: str, told: str) -> None:
+    """One line that names the option and the key."""
+    with pytest.raises(UsageError) as caught:
+        read_base([text])
+    assert str(caught.value).startswith(told)
 
 
 def test_a_robot_without_a_behaviour_has_only_its_id() -> None:

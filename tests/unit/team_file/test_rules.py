@@ -34,7 +34,7 @@ def test_a_follower_has_one_leader_and_one_behaviour(tmp_path: Path) -> None:
         ("parent='map'\nchild='a'\nw=1", "6: static_transforms[0].w: unknown key; known: parent"),
         ("parent='map'\nchild='/map'", "parent and child must be the names of two frames"),
         ("parent='map'\nchild='/'", "parent and child must be the names of two frames"),
-        ("parent='map'\nchild=''", "static_transforms[0].child: Expected `str` of length >= 1"),
+        ("parent='map'\nchild=''", 'static_transforms[0].child: a text of at least 1 character is expected, not ""'),
         ("parent='map'\nchild='a'\nx=nan", "static_transforms[0].x: nan is no number to place a frame with"),
         ("parent='map'\nchild='a'\nqw=1", "a quaternion needs all of qx, qy, qz, qw"),
         ("parent='map'\nchild='a'\nqx=0\nqy=0\nqz=0\nqw=0", "its length is not 1"),
@@ -51,7 +51,25 @@ def test_wrong_transforms_are_refused(tmp_path: Path, table: str, told: str) -> 
     assert told in error_of(tmp_path, f"[[robots]]\nid=0\n[[static_transforms]]\n{table}")
 
 
+@pytest.mark.parametrize(
+    ("table", "told"),
+    [
+        ("[robots.base]\nmax_vel_x = 0", "4: robots[0].base.max_vel_x: Expected `float` > 0.0"),
+        ("[robots.base]\nspeed = 1", "4: robots[0].base.speed: unknown key; known: footprint, max_vel_x, min_vel_x"),
+        (
+            "[robots.base]\nfootprint = [\n[0, 0], [1, 0], [2, 0]]",
+            "4: robots[0].base.footprint: must enclose an area",
+        ),
+        ("base = {footprint = [[0, 0], [1, 0], [1, 'a']]}", "3: robots[0].base.footprint[2][1]: Expected `float`"),
+        ("base = 'wide'", "3: robots[0].base: a table is expected, not 'wide'"),
+    ],
+)
+def test_a_wrong_base_is_refused(tmp_path: Path, table: str, told: str) -> None:
+    """The error has the line of the key within the table."""
+    assert error_of(tmp_path, f"[[robots]]\nid = 0\n{table}").startswith(told)
+
+
 def test_a_leader_with_mistakes_still_exists(tmp_path: Path) -> None:
     """A mistake in the leader's table is not also reported as a missing leader."""
     told = error_of(tmp_path, robots("id = 0\nbehavior = 3", "id = 1\nfollow = 0"))
-    assert told == "3: robots[0].behavior: Expected `str | null`, got `int`"
+    assert told == "3: robots[0].behavior: a text is expected, not 3"

@@ -36,11 +36,27 @@ class Member(msgspec.Struct):
     silent: bool = False
     stopped: bool = False
     """Whether it said that it stops before it went."""
+    absence: str = ""
+    """That the world lacks it, in words; empty while nothing is known of that."""
 
     @property
     def ready(self) -> bool:
         """Whether it lives, answers and says it is ready."""
         return self.alive and not self.silent and self.status is not None and self.status.is_ready
+
+    @property
+    def why_not_ready(self) -> str:
+        """What is known of why it is not ready."""
+        if self.absence:
+            return self.absence
+        if not self.alive:
+            return "its process is gone" if self.was_lost else "no process yet"
+        if self.status is None:
+            return "no status yet"
+        if self.silent:
+            return "does not answer"
+        text = printable(self.status.text) or "not ready"
+        return f"fault: {text}" if self.status.state == RobotState.FAULT else text
 
 
 class Members:

@@ -4,13 +4,17 @@ The monitor feeds it with tokens and statuses and publishes what `status` return
 back; a monitor that starts in the middle of a run adopts the GO that the robots obey.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from zteam import names
 from zteam.messages import Header, RobotState, RobotStatus, TeamState, TeamStatus, time_from_ns
 from zteam.nodes.monitor.members import Member, Members
+from zteam.services.simulator import absence_text
+
+_NAMED = 8
+"""Robots that the text of what GO waits for names at most."""
 
 
 class Gate:
@@ -54,10 +58,25 @@ class Gate:
         self.expected = sorted(set(ids))
         for robot_id in self.expected:
             self.members.get(robot_id)
+        for robot_id in sorted(i for i, member in self.members.by_id.items() if member.alive):
+            self._tell_unexpected(robot_id)
+
+    def _tell_unexpected(self, robot_id: int) -> None:
+        if self.expected is not None and robot_id not in self.expected and not self.gone:
+            text = f"is not expected: GO waits for {names.ids_text(self.expected)} only, and counts for it too"
+            self.members.tell("unexpected", robot_id, text)
+
+    def take_world(self, robots: Sequence[int] | None) -> None:
+        """The simulator has these robots; None if there is no simulator."""
+        for robot_id, member in self.members.by_id.items():
+            member.absence = "" if robots is None or robot_id in robots else absence_text(robot_id, robots)
 
     def take_token(self, robot_id: int, instance: str, alive: bool) -> None:
         """A process took or lost the name `robot_N`."""
+        was_alive = self.members.get(robot_id).alive
         self.members.take_token(robot_id, instance, alive, late=self.gone)
+        if alive and not was_alive:
+            self._tell_unexpected(robot_id)
 
     def take_status(self, robot_id: int, status: RobotStatus, now: float) -> bool:
         """A robot's status, heard at host time `now` on its own key; False if it speaks for another robot."""
@@ -115,14 +134,25 @@ class Gate:
         return self.gone and all(m.status is not None and m.status.epoch >= self.epoch for m in counted)
 
     def waiting_for(self) -> str:
-        """The missing robots, in words."""
-        if self.expected is not None:
-            return ", ".join(names.robot_name(i) for i in self.missing)
+        """What GO waits for, in words: each missing robot with the reason. Empty when all are ready."""
+        unready = self.missing
+        if self.expected is None:
+            unready = sorted(i for i, member in self.members.by_id.items() if member.alive and not member.ready)
+        parts = [f"{names.robot_name(i)}: {self.members.get(i).why_not_ready}" for i in unready[:_NAMED]]
+        if len(unready) > _NAMED:
+            parts.append(f"and {len(unready) - _NAMED} more robots")
+        if self.expected is None and len(self.ready) < self.team_size:
+            parts.insert(0, self._count())
+        return "; ".join(parts)
+
+    def _count(self) -> str:
         return f"{self.team_size - len(self.ready)} more of any id"
 
     def _progress(self) -> str:
         done = f"{len(self.ready)} of {self.team_size}"
-        return done if len(self.ready) >= self.team_size else f"{done}; waiting for {self.waiting_for()}"
+        if len(self.ready) >= self.team_size:
+            return done
+        return f"{done}; waiting for {', '.join(map(names.robot_name, self.missing)) or self._count()}"
 
     def status(self, stamp: int) -> TeamStatus:
         """What to publish, at time `stamp` (ns)."""
@@ -135,4 +165,5 @@ class Gate:
             ready=np.array(self.ready, np.int32),
             missing=np.array(self.missing, np.int32),
             lost=np.array(self.lost, np.int32),
+            waiting_for="" if self.gone else self.waiting_for(),
         )

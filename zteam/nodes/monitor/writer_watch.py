@@ -7,7 +7,7 @@ from zteam import names
 from zteam.bus.transport import RawSample
 from zteam.clock import Every, monotonic
 from zteam.errors import BusError
-from zteam.nodes.monitor.start_gate import Gate
+from zteam.nodes.monitor.team import Team
 from zteam.runtime.node import Node
 from zteam.runtime.tokens import TokenSet
 from zteam.runtime.writers import Writers
@@ -22,15 +22,15 @@ _ANSWER_LIMIT = 0.5
 
 
 class WriterWatch:
-    """Tells of robots that more than one process commands.
+    """Tells of robots that more than one process commands, and the team which robots the simulator has.
 
     The simulator tells which ones they are: a subscription to all commands would slow down every tick of lock-step.
     Where there is no simulator, the watch subscribes to the commands itself.
     """
 
-    def __init__(self, node: Node, gate: Gate) -> None:
+    def __init__(self, node: Node, team: Team) -> None:
         self._node = node
-        self._gate = gate
+        self._team = team
         self._tokens = TokenSet()
         self._due = Every(LOOK)
         self._heard: Writers | None = None
@@ -53,10 +53,13 @@ class WriterWatch:
     def _ask(self) -> Mapping[int, Sequence[str]] | None:
         try:
             key = names.service_key(names.SIMULATOR, "status")
-            return self._node.bus.ask(key, SimStatus, timeout=_ANSWER_LIMIT).writers
+            status = self._node.bus.ask(key, SimStatus, timeout=_ANSWER_LIMIT)
         except BusError as error:
             log.debug("%s", error)
             return None
+        with self._node.changed:
+            self._team.take_world(status.robots)
+        return status.writers
 
     def _listen(self) -> Mapping[int, Sequence[str]] | None:
         clock = self._node.clock
@@ -81,7 +84,7 @@ class WriterWatch:
                 writers = ", ".join(self._tokens.name_of(session) or f"session {session}" for session in sessions)
                 key = names.robot_key(robot_id, names.CMD_VEL)
                 text = f"is commanded by {len(sessions)} processes: {writers} (see 'zteam topic info {key}')"
-                self._gate.members.tell("writers", robot_id, text)
+                self._team.members.tell("writers", robot_id, text)
         for robot_id in self._told.keys() - found.keys():
-            self._gate.members.tell("writers", robot_id, "is commanded by one process again")
+            self._team.members.tell("writers", robot_id, "is commanded by one process again")
         self._told = {robot_id: list(sessions) for robot_id, sessions in found.items()}

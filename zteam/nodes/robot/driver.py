@@ -2,13 +2,14 @@
 
 import logging
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from zteam import names
-from zteam.behaviors import Behavior, View, decide, missing
-from zteam.messages import Header, RobotState, RobotStatus, Twist, time_from_ns
+from zteam.behaviors import View, decide, missing
+from zteam.messages import Twist
 from zteam.nodes.robot.inputs import Inputs
-from zteam.nodes.robot.readiness import Readiness
+from zteam.nodes.robot.parameters import Parameters
+from zteam.nodes.robot.safety_log import SafetyLog
+from zteam.nodes.robot.status import StatusReport
 from zteam.runtime.node import Node
 
 log = logging.getLogger("zteam")
@@ -22,10 +23,14 @@ class Turn(NamedTuple):
     """The GO that holds, 0 = none."""
     jumps: int
     """How often time had jumped back when the turn began."""
+    given: dict[str, Any]
+    """The behaviour's parameters, as in `Parameters`."""
+    missing: list[str]
+    """What the robot lacks that its view does not show, as nouns."""
 
 
 class Driver:
-    """Asks the behaviour of robot `robot_id`, and publishes the robot's status.
+    """Asks the behaviour of a robot, and has its status told.
 
     One thread at a time steps: the main loop in real time, and then without `node.changed`, so that a behaviour that
     works long keeps no message waiting; the bus's thread in lock-step, with that lock. `busy` says that a step is under
@@ -37,18 +42,25 @@ class Driver:
         self,
         node: Node,
         inputs: Inputs,
-        make_behavior: Callable[[], Behavior],
-        readiness: Readiness,
+        parameters: Parameters,
+        status: StatusReport,
         robot_id: int,
         seed: int,
     ) -> None:
         self._node = node
         self._inputs = inputs
-        self._make_behavior = make_behavior
-        self.behavior = make_behavior()
-        self.readiness = readiness
-        self._id = robot_id
+        self._parameters = parameters
+        self._given = parameters.given
+        """The parameters that the behaviour has."""
+        self.behavior = parameters.make_behavior(self._given)
+        self.status = status
+        status.leader = self.behavior.leader
+        self.readiness = status.readiness
+        self.robot_id = robot_id
         self._seed = seed
+        self._safety = SafetyLog(status.behavior)
+        self.absence = ""
+        """Why no scan can come; empty if nothing is known of that."""
         self.busy = False
         """Whether the main loop steps: no other thread may (read it under `node.changed`)."""
         self.jumps = 0
@@ -57,8 +69,6 @@ class Driver:
         """`jumps` when the behaviour was made."""
         self.stepped = 0
         """Time of the last step in ns."""
-        self._told: tuple[int, str] = (readiness.state, readiness.reason)
-        self._status = node.bus.publisher(names.robot_key(robot_id, names.STATUS), RobotStatus)
         self.on_release: Callable[[], None] = lambda: None
         """Called under `node.changed` when GO releases the robot."""
 
@@ -74,65 +84,67 @@ class Driver:
         view = View(
             now=now,
             dt=dt,
-            robot_id=self._id,
+            robot_id=self.robot_id,
             scan=inputs.scan,
             odom=inputs.odom,
             lookup=inputs.lookup,
+            base=inputs.base_input.base,
             seed=self._seed,
         )
-        return Turn(view, epoch, self.jumps)
+        return Turn(view, epoch, self.jumps, self._parameters.given, inputs.base_input.missing())
 
     def step(self, turn: Turn) -> Twist | None:
         """The command of this turn; None while the gate is shut, or if time jumped back meanwhile."""
         if not self.pass_gate(turn):
             return None
-        command, reason = decide(self.behavior, turn.view)
+        command, reason = decide(self.behavior, turn.view, self._safety.take)
+        if turn.view.scan is None:
+            reason = self.absence or reason
         with self._node.changed:
             if turn.jumps != self.jumps:
                 return None
             self.readiness.drive(reason)
-            self._tell()
+            self.status.command = command
+            # What the safety layer stops has lines of its own.
+            self.status.tell(logged=not self._safety.stopped_at(turn.view.now))
         return command
+
+    def look(self, turn: Turn) -> None:
+        """Say what the robot waits for, without a step."""
+        self.pass_gate(turn)
 
     def pass_gate(self, turn: Turn) -> bool:
         """Whether the robot may drive: when nothing is missing and GO has come, and from then on for good."""
-        if self._made_at != turn.jumps:
-            self.behavior = self._make_behavior()
-            self._made_at = turn.jumps
+        self._prepare_behavior(turn)
         was_released = self.readiness.released
-        lacking = [] if was_released else missing(turn.view, self.behavior)
+        lacking = [] if was_released else self._lacking(turn)
         with self._node.changed:
             if turn.jumps != self.jumps:
                 return False
             if not self.readiness.take(lacking, turn.epoch):
-                self._tell()
+                self.status.tell()
                 return False
             if not was_released:
                 self.on_release()
                 log.info("GO: driving")
         return True
 
-    def _tell(self) -> None:
-        """Log and publish the state if it is another one than before."""
-        now = self.readiness.state, self.readiness.reason
-        if now == self._told:
+    def _prepare_behavior(self, turn: Turn) -> None:
+        """Make the behaviour anew if time has jumped back; give it the parameters that were set since its last step."""
+        if self._made_at != turn.jumps:
+            self.behavior = self._parameters.make_behavior(turn.given)
+            self._safety = SafetyLog(self.status.behavior)
+        elif self._given is not turn.given:
+            self.behavior.params = self._parameters.read(turn.given)
+            self.behavior.on_params()
+        else:
             return
-        state, reason = now
-        if reason and reason != self._told[1]:
-            log.info("%s: %s", RobotState.TEXT[state], reason)
-        self._told = now
-        self.publish_status()
+        self._made_at, self._given = turn.jumps, turn.given
+        with self._node.changed:
+            self.status.leader = self.behavior.leader
+            self.status.publish()
 
-    def publish_status(self) -> None:
-        """Publish the robot's state (under `node.changed`)."""
-        readiness = self.readiness
-        self._status.put(
-            RobotStatus(
-                header=Header(time_from_ns(self._node.clock.now()), names.robot_name(self._id)),
-                robot_id=self._id,
-                is_ready=readiness.is_ready,
-                state=readiness.state,
-                epoch=readiness.epoch,
-                text=readiness.reason,
-            )
-        )
+    def _lacking(self, turn: Turn) -> list[str]:
+        if self.absence and turn.view.scan is None:
+            return [f"its first scan: {self.absence}"]
+        return missing(turn.view, self.behavior) + turn.missing

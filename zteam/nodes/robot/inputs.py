@@ -1,8 +1,10 @@
 """What has come for one robot: the newest scan, odometry, transforms and team status. It knows no bus."""
 
 from zteam import names
+from zteam.base import BaseOverride
 from zteam.geometry import Pose2
 from zteam.messages import LaserScan, Odometry, TeamState, TeamStatus, TFMessage, ns_from_time
+from zteam.nodes.robot.base_input import BaseInput
 from zteam.tf import Buffer, TransformException
 from zteam.tf.lazy_bundles import Bundles
 
@@ -13,7 +15,9 @@ class Inputs:
     The caller holds a lock for everything but `lookup`, which any thread may call.
     """
 
-    def __init__(self, robot_id: int) -> None:
+    def __init__(self, robot_id: int, override: BaseOverride | None = None) -> None:
+        """`override` holds instead of what `base_info` tells."""
+        self.base_input = BaseInput(robot_id, override or BaseOverride())
         self.scan: LaserScan | None = None
         self.odom: Odometry | None = None
         self.team: TeamStatus | None = None
@@ -47,12 +51,12 @@ class Inputs:
         self._bundles.forget_paths()
 
     def complete_for(self, stamp: int, *, tf: bool = True, connected: bool = False) -> bool:
-        """Whether all needed data of time `stamp` has come.
+        """Whether all needed data of time `stamp` has come, and `base_info` at all.
 
         `tf` = False leaves the transforms out. With `connected` the transforms must lead from the map to the robot: the
         fixed ones may come later than the first bundle.
         """
-        if self.scan is None or self.scan_stamp < stamp:
+        if not self.base_input.has_come or self.scan is None or self.scan_stamp < stamp:
             return False
         if self.needs_odom and (self.odom is None or self.odom_stamp < stamp):
             return False
@@ -81,7 +85,7 @@ class Inputs:
             return None
 
     def forget(self) -> None:
-        """Time jumped back: forget everything but the fixed transforms and GO."""
+        """Time jumped back: forget everything but the base, the fixed transforms and GO."""
         # First: a look-up on another thread must not bring old bundles into the empty buffer.
         self._bundles.clear()
         self._buffer.clear()

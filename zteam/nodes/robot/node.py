@@ -6,17 +6,22 @@ only watches for data that has grown old. In lock-step it acts once a tick, when
 
 import logging
 from collections.abc import Callable
+from typing import Any
 
 import msgspec
 
 from zteam import names
+from zteam.base import BaseOverride
 from zteam.behaviors import Behavior
 from zteam.clock import Every, monotonic
-from zteam.messages import LaserScan, Odometry, TeamStatus, TFMessage, Tick, Twist, ns_from_time
-from zteam.nodes.robot.driver import Driver
+from zteam.messages import BaseInfo, LaserScan, Odometry, TeamStatus, TFMessage, Tick, Twist, ns_from_time
+from zteam.nodes.robot.driver import Driver, Turn
 from zteam.nodes.robot.inputs import Inputs
 from zteam.nodes.robot.pacing import ScanPacing
+from zteam.nodes.robot.parameters import Parameters
 from zteam.nodes.robot.readiness import Readiness
+from zteam.nodes.robot.status import StatusReport
+from zteam.nodes.robot.waiting import Waiting
 from zteam.runtime.node import Node
 from zteam.runtime.participant import Participant
 
@@ -27,21 +32,28 @@ class RobotOptions(msgspec.Struct, frozen=True):
     """What the command line says about the robot."""
 
     robot_id: int
+    behavior: str
+    """Its name."""
+    params: dict[str, Any] = {}
+    """Of the behaviour, by name."""
     gate: bool = True
     """Wait for the monitor's GO."""
     seed: int = 1
+    base: BaseOverride = BaseOverride()
+    """What holds instead of `base_info`."""
 
 
 class RobotNode:
     """One robot on the bus. Handlers of messages run under `node.changed`."""
 
-    def __init__(self, node: Node, make_behavior: Callable[[], Behavior], options: RobotOptions) -> None:
-        """`make_behavior()` makes the behaviour, and makes it anew after time has jumped back."""
+    def __init__(self, node: Node, kind: type[Behavior], options: RobotOptions) -> None:
+        """`kind` is the class of the behaviour, which is made anew after time has jumped back."""
         self._node = node
         self._id = options.robot_id
-        self._inputs = Inputs(self._id)
-        readiness = Readiness(gated=options.gate)
-        self._driver = Driver(node, self._inputs, make_behavior, readiness, self._id, options.seed)
+        self._inputs = Inputs(self._id, options.base)
+        self._status = StatusReport(node, self._id, options.behavior, Readiness(gated=options.gate))
+        parameters = Parameters(node, kind, options.behavior, options.params)
+        self._driver = Driver(node, self._inputs, parameters, self._status, self._id, options.seed)
         self._driver.on_release = self._drop_idle_inputs
         self._first_data = 0.0
         """Host time of the first scan; 0 before."""
@@ -50,6 +62,7 @@ class RobotNode:
         # First: latched messages come while it subscribes, and look whether this is lock-step.
         self._part = Participant(node, self._has_inputs, self._act)
         self._pacing = ScanPacing(node, self._inputs, self._driver, self._part)
+        self._waiting = Waiting(node, self._inputs, self._driver, self._part)
         self._subscribe()
 
     def _key(self, topic: str) -> str:
@@ -60,6 +73,7 @@ class RobotNode:
         node.clock.sim.on_jump_back(self._on_jump_back)
         node.subscribe(self._key(names.BASE_SCAN), LaserScan, self._on_scan, wake=False)
         node.subscribe(names.TEAM_STATUS, TeamStatus, self._on_team_status, latched=True)
+        node.subscribe(self._key(names.BASE_INFO), BaseInfo, self._on_base_info, latched=True)
         self._odom_input = node.subscribe(self._key(names.ODOM), Odometry, self._on_odom, wake=False)
         self._tf_input = node.subscribe_payloads(names.TF, TFMessage, self._on_tf)
         node.subscribe(names.TF_STATIC, TFMessage, self._on_tf_static, latched=True)
@@ -87,10 +101,14 @@ class RobotNode:
         self._inputs.take_static(message)
         self._on_input()
 
+    def _on_base_info(self, _key: str, message: BaseInfo) -> None:
+        self._inputs.base_input.take(message)
+        self._on_input()
+
     def _on_monitor(self, _key: str, alive: bool) -> None:
         if alive:
             # A monitor that has just come must not wait for the next heartbeat to know this robot.
-            self._driver.publish_status()
+            self._status.publish()
 
     def _on_jump_back(self, _old: int, _new: int) -> None:
         log.warning("time jumped back (the simulator started anew): old data is forgotten")
@@ -116,19 +134,23 @@ class RobotNode:
             if self._node.stopping:
                 return
             self._node.decide_clock(self._first_data)
-            self._take_turn()
+            self._take_turn(self._pacing.begin_turn, self._driver.step)
+            if not self._heartbeat.due():
+                continue
+            self._waiting.find_absence()
+            self._take_turn(self._waiting.begin_look, self._driver.look)
             with self._node.changed:
-                if self._heartbeat.due():
-                    self._driver.publish_status()
+                self._waiting.tell()
+                self._status.publish()
 
-    def _take_turn(self) -> None:
-        """Real time: step if there is a reason to. The behaviour is asked without `node.changed`."""
+    def _take_turn(self, begin: Callable[[], Turn | None], step: Callable[[Turn], Twist | None]) -> None:
+        """Real time: take the turn that is due. The behaviour is asked without `node.changed`."""
         with self._node.changed:
-            turn = self._pacing.begin_turn()
+            turn = begin()
             if turn is None:
                 return
             self._driver.busy = True
-        command = self._driver.step(turn)
+        command = step(turn)
         with self._node.changed:
             self._driver.busy = False
             if self._part.active:
@@ -169,13 +191,14 @@ class RobotNode:
         with self._node.changed:
             self._cmd_vel.put(Twist())
             self._driver.readiness.stop()
-            self._driver.publish_status()
+            self._status.command = None
+            self._status.publish()
         log.info("%s stopped", names.robot_name(self._id))
 
 
-def run_robot(node: Node, make_behavior: Callable[[], Behavior], options: RobotOptions) -> None:
+def run_robot(node: Node, kind: type[Behavior], options: RobotOptions) -> None:
     """Be robot `options.robot_id` until asked to stop."""
-    robot = RobotNode(node, make_behavior, options)
+    robot = RobotNode(node, kind, options)
     node.become_present()
     # Only the process that holds the name may publish commands, so not before this.
     node.on_stop(robot.halt)

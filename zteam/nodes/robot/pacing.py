@@ -45,6 +45,7 @@ class ScanPacing:
             self.acted = self._inputs.scan_stamp
             # A scan that was held up on its way is as old as the clock says.
             now = max(self.acted, now)
+            self._inputs.base_input.wait_no_longer()
         if self._driver.behavior.uses_tf and not self._wait_for_transforms(now):
             return None
         turn = self._driver.turn(now, self._inputs.go_epoch(now))

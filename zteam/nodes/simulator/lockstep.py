@@ -12,15 +12,20 @@ import msgspec
 
 from zteam import names
 from zteam.clock import monotonic, wait_until
+from zteam.errors import BusError
 from zteam.messages import Done, TeamState, TeamStatus, Tick, Twist
 from zteam.nodes.simulator.open_tick import OpenTick
 from zteam.nodes.simulator.patience import TIMEOUT, Patience, Silence
 from zteam.runtime.node import Node
+from zteam.runtime.participant import Lacking
 
 log = logging.getLogger("zteam")
 
 Resend = Callable[[list[str]], None]
 """Send the open tick's inputs again, to these participants."""
+
+_LACKING_LIMIT = 0.5
+"""Host seconds for the participants to say which inputs they wait for; the world is held meanwhile."""
 
 
 class LockStepOptions(msgspec.Struct, frozen=True):
@@ -154,10 +159,10 @@ class LockStep:
         verdict = patience.judge(waited, held)
         if verdict is Silence.DROP:
             self._drop(missing, waited)
-        elif verdict is Silence.NAME and held:
-            log.warning("the first tick is held: waiting for %s", self.waiting_for())
         elif verdict is Silence.NAME:
-            log.warning("tick %d waits for %s for %.0f s", self._tick.message.tick, ", ".join(missing), waited)
+            lacking = _ask_lacking(self._node)
+            with self._lock:
+                log.warning("%s", self._tick.complaint(waited, lacking))
 
     def _repeat(self, resend: Resend, missing: list[str]) -> None:
         self.resends += bool(missing)
@@ -178,3 +183,13 @@ class LockStep:
                 name, self._tick.message.tick, waited,
             )  # fmt: skip
         self._opened = monotonic()
+
+
+def _ask_lacking(node: Node) -> dict[str, str]:
+    """The inputs that participants wait for, in words, by the participant's name."""
+    try:
+        answers = node.bus.query(names.service_key("*", names.LACKING), Lacking, timeout=_LACKING_LIMIT)
+    except BusError as error:
+        log.debug("%s", error)
+        return {}
+    return {key.partition("/")[0]: ", ".join(answer.keys) for key, answer in answers}

@@ -28,8 +28,9 @@ from zteam.nodes.simulator.tick_sender import TickSender
 from zteam.nodes.simulator.turns import Turns
 from zteam.nodes.simulator.world_changes import WorldChanges
 from zteam.runtime.node import Node
+from zteam.services.simulator import map_info
 from zteam.sim import Engine, Options
-from zteam.sim.occupancy_grid import map_message
+from zteam.sim.occupancy_grid import map_message, map_metadata
 from zteam.sim.takeover import Takeover
 from zteam.world import Robot, World
 
@@ -85,6 +86,7 @@ class Simulator:
     def _serve_queries(self) -> None:
         reporter = Reporter(
             self._world,
+            map_info(map_metadata(self._world, self._options.map_resolution)),
             self._options.seed,
             self._node.bus.instance,
             self._engine,

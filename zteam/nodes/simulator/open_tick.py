@@ -3,7 +3,7 @@
 The first tick is held until all expected processes take part in it and, with the gate, until the monitor has given GO.
 """
 
-from collections.abc import Container, Iterable
+from collections.abc import Container, Iterable, Mapping
 
 import numpy as np
 
@@ -115,12 +115,20 @@ class OpenTick:
             self.barrier.drop(name)
         return culprits
 
-    def waiting_for(self) -> str:
-        """What holds the world, in words; empty for nothing."""
-        silent = sorted({*self.barrier.missing(), *(self.barrier.absent if self.held and not self._complete else ())})
+    def waiting_for(self, lacking: Mapping[str, str] | None = None) -> str:
+        """What holds the world, in words; empty for nothing. `lacking` says what some participants wait for."""
+        absent = self.barrier.absent if self.held and not self._complete else ()
+        silent = [_with_need(name, lacking) for name in sorted({*self.barrier.missing(), *absent})]
         if self.held and self._gate and not self._go_epoch:
             silent.append("the monitor's GO (zteam-monitor; zteam-sim --no-gate begins without)")
         return ", ".join(silent)
+
+    def complaint(self, waited: float, lacking: Mapping[str, str]) -> str:
+        """What holds the world for `waited` host seconds, as a line of the log; `lacking` as above."""
+        holders = self.waiting_for(lacking)
+        if self.held:
+            return f"the first tick is held: waiting for {holders}"
+        return f"tick {self.message.tick} waits for {holders} for {waited:.0f} s"
 
     def commands(self, robots: Container[int]) -> dict[int, Twist]:
         """The commands in the answers of robots that are in the world, by id."""
@@ -130,3 +138,8 @@ class OpenTick:
             if done.has_command and robot_id is not None and robot_id in robots:
                 found[robot_id] = done.command
         return dict(sorted(found.items()))
+
+
+def _with_need(name: str, lacking: Mapping[str, str] | None) -> str:
+    need = lacking.get(name) if lacking else None
+    return f"{name}, which waits for {need}" if need else name

@@ -6,10 +6,11 @@ from typing import Any, NamedTuple
 from zteam import names
 from zteam.bus import Publisher
 from zteam.geometry import Pose2
-from zteam.messages import Message, TFMessage, Twist
+from zteam.messages import BaseInfo, Message, TFMessage, Twist
 from zteam.runtime.node import Node
 from zteam.sim import Observation, to_messages
 from zteam.world import Robot
+from zteam.world.bases import base_info
 
 _BEFORE_COMMANDS = (names.ODOM, names.BASE_SCAN)
 """What robots compute their next command from: it is published first."""
@@ -29,9 +30,10 @@ class RobotOutputs:
 
     def __init__(self, node: Node, robot_id: int, robot: Robot, *, lockstep: bool = False) -> None:
         bus = node.bus
-        self._id, self._robot = robot_id, robot
+        self._id, self.robot = robot_id, robot
         self._tf = bus.publisher(names.robot_key(robot_id, names.TF), TFMessage)
         self._tf_static = bus.publisher(names.robot_key(robot_id, names.TF_STATIC), TFMessage, latched=True)
+        self._base_info = bus.publisher(names.robot_key(robot_id, names.BASE_INFO), BaseInfo, latched=True)
         command_key = names.robot_key(robot_id, names.CMD_VEL)
         # In real time the robot itself publishes its command.
         self._command = bus.publisher(command_key, Twist, to_others=True) if lockstep else None
@@ -50,9 +52,13 @@ class RobotOutputs:
         self.scans = sensed[names.BASE_SCAN]
         self._rest = [out for topic, outputs in sensed.items() if topic not in _BEFORE_COMMANDS for out in outputs]
 
+    def put_base_info(self) -> None:
+        """Publish what the robot's base is."""
+        self._base_info.put(base_info(self.robot))
+
     def put_statics(self, origin: Pose2) -> None:
         """Publish the robot's fixed frames; `origin` is where its `odom` frame is in `map`."""
-        self._tf_static.put(to_messages.static_transforms(self._id, self._robot, origin))
+        self._tf_static.put(to_messages.static_transforms(self._id, self.robot, origin))
 
     def put_transforms(self, stamp: int, odom: Pose2) -> None:
         """Publish odom -> base_footprint at `stamp` (ns)."""
@@ -77,7 +83,7 @@ class RobotOutputs:
 
     def close(self) -> None:
         """The robot is removed from the world."""
-        for publisher in (self._tf, self._tf_static, self._command):
+        for publisher in (self._tf, self._tf_static, self._base_info, self._command):
             if publisher is not None:
                 publisher.close()
         for output in (*self._odom, *self.scans, *self._rest):

@@ -8,7 +8,7 @@ from zteam.nodes.simulator.lockstep import LockStep
 from zteam.nodes.simulator.pacing import Pacer
 from zteam.nodes.simulator.run_statistics import RunStatistics
 from zteam.nodes.simulator.tick_profile import TickProfile
-from zteam.services.simulator import SimReport, SimStatus
+from zteam.services.simulator import MapInfo, SimReport, SimStatus
 from zteam.sim import Engine
 from zteam.world import World
 
@@ -17,6 +17,7 @@ class Reporter(NamedTuple):
     """The parts of a simulator that its status and its report tell of."""
 
     world: World
+    map: MapInfo
     seed: int
     instance: str
     """The simulator's session id."""
@@ -48,6 +49,7 @@ class Reporter(NamedTuple):
             finished=finished,
             instance=self.instance,
             writers=self.commands.writers(),
+            map=self.map,
         )
 
     def report(self, finished: bool) -> SimReport:

@@ -27,13 +27,14 @@ class TeamOutputs(Collection[int]):
         return len(self._outputs)
 
     def match_robots(self) -> None:
-        """Make publishers for new robots, and close those of robots that have left the world."""
+        """Make publishers for new robots, and close those of robots that have left the world or are other ones now."""
         robots = self._engine.robots
-        for robot_id in [known for known in self._outputs if known not in robots]:
+        for robot_id in [known for known, output in self._outputs.items() if robots.get(known) is not output.robot]:
             self._outputs.pop(robot_id).close()
         for robot_id, robot in robots.items():
             if robot_id not in self._outputs:
                 self._outputs[robot_id] = RobotOutputs(self._node, robot_id, robot, lockstep=self._lockstep)
+                self._outputs[robot_id].put_base_info()
                 self.put_statics(robot_id)
 
     def put_statics(self, robot_id: int) -> None:

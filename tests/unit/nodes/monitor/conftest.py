@@ -6,15 +6,16 @@ import pytest
 
 from support.monitor_desk import Desk, HostTime, Open
 from zteam.bus import MemoryHub
-from zteam.nodes.monitor import node as monitor_module
-from zteam.nodes.monitor.node import MonitorOptions
+from zteam.nodes.monitor import display, team_watch
+from zteam.nodes.monitor.display import MonitorOptions
 
 
 @pytest.fixture
 def open_desk(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> Iterator[Open]:
     """Starts monitors that wait for `ids` or `team_size` robots."""
     time, desks = HostTime(), []
-    monkeypatch.setattr(monitor_module, "monotonic", time)
+    for module in (display, team_watch):
+        monkeypatch.setattr(module, "monotonic", time)
 
     def make(*ids: int, team_size: int = 0, run: bool = True, exit_on_go: bool = False) -> Desk:
         options = MonitorOptions(team_size or len(ids), ids or None, exit_on_go=exit_on_go)

@@ -1,6 +1,9 @@
 """What the monitor tells of lost robots, hung robots and a lost router."""
 
+import pytest
+
 from support.monitor_desk import FLICKER, LOSS, RETURN, Open, Robot
+from zteam import names
 from zteam.bus import MemoryHub
 from zteam.nodes.monitor.members import SILENT_AFTER
 
@@ -103,3 +106,41 @@ def test_a_hung_robot_is_named(hub: MemoryHub, open_desk: Open) -> None:
     robot.say()
     desk.wait_for("answers", 0)
     assert desk.told("lost") == []
+
+
+@pytest.mark.parametrize(
+    ("name", "gone", "back"),
+    [
+        (names.SIMULATOR, "the simulator is gone: time stands still", "the simulator is back"),
+        (names.AGGREGATOR, "the aggregator is gone: there are no new transforms", "the aggregator is back"),
+    ],
+)
+def test_a_server_that_is_gone_is_named(hub: MemoryHub, open_desk: Open, name: str, gone: str, back: str) -> None:
+    """The simulator and the aggregator are told as gone and as back; the table's notes have it meanwhile."""
+    desk = open_desk(0)
+    bus = hub.bus()
+    token = bus.declare_token(names.token_key(name, bus.instance))
+    desk.look()
+    token.close()
+    desk.pass_by(FLICKER)
+    assert desk.told("process") == []
+    desk.pass_by(LOSS)
+    assert [event.text for event in desk.events if event.kind == "process"] == [gone]
+    assert gone in desk.monitor.watch.notes()
+    bus.declare_token(names.token_key(name, bus.instance))
+    desk.look()
+    assert [event.text for event in desk.events if event.kind == "process"] == [gone, back]
+    assert gone not in desk.monitor.watch.notes()
+
+
+def test_an_aggregator_that_never_came_is_named(hub: MemoryHub, open_desk: Open) -> None:
+    """Without one no poses are known; without a simulator nothing is wrong."""
+    desk = open_desk(0)
+    assert desk.monitor.watch.notes() == ["no aggregator yet (zteam-tf): poses are not known"]
+    bus = hub.bus()
+    bus.declare_token(names.token_key(names.AGGREGATOR, bus.instance))
+    desk.look()
+    assert desk.monitor.watch.notes() == []
+    desk.link.set_link(False)
+    desk.look()
+    assert desk.monitor.watch.notes() == ["the router is lost: nothing can be heard"]

@@ -1,15 +1,20 @@
 """The monitor on a bus in memory: what it publishes, when it gives GO, what it tells, how it ends."""
 
+import logging
+
 import msgspec
 import pytest
 
+from support.log_capture import captured_log
 from support.monitor_desk import LIMIT, LOSS, Open, Robot, serve_simulator
 from zteam import names
 from zteam.bus import MemoryHub
 from zteam.clock import wall_ns
 from zteam.messages import Clock, RobotState, RobotStatus, TeamState, TeamStatus, Tick, ns_from_time, time_from_ns
+from zteam.nodes.monitor import writer_watch
+from zteam.nodes.monitor.display import LEAVE_AFTER, JsonLines, Lines
 from zteam.nodes.monitor.members import Event
-from zteam.nodes.monitor.node import LEAVE_AFTER, print_event, print_json
+from zteam.runtime.log_keeper import LogKeeper
 
 
 def test_go_reaches_the_early_and_the_late(hub: MemoryHub, open_desk: Open) -> None:
@@ -31,6 +36,25 @@ def test_go_reaches_the_early_and_the_late(hub: MemoryHub, open_desk: Open) -> N
         assert (status.state, status.epoch, status.team_size) == (TeamState.GO, 1, 2)
         assert ns_from_time(status.go_stamp) == 7_300_000_000
         assert list(status.ready) == [0, 1]
+
+
+def test_events_are_lines_of_the_log(hub: MemoryHub, open_desk: Open, capsys: pytest.CaptureFixture[str]) -> None:
+    """What the monitor shows is in its log on the bus as well, trouble as a warning, and is not written to stderr."""
+    kept: list[tuple[int, str]] = []
+    keeper = LogKeeper()
+    keeper.pass_to(lambda line: kept.append((line.level, line.text)))
+    end = keeper.begin()
+    with captured_log():
+        desk = open_desk(0)
+        robot = Robot(hub, 0)
+        robot.say()
+        desk.wait_for("go")
+        robot.say(RobotState.FAULT, text="no laser")
+        desk.wait_for("fault", 0)
+    end()
+    assert (logging.INFO, "All robots GO!") in kept
+    assert (logging.WARNING, "robot_0 fault: no laser") in kept
+    assert "All robots GO!" not in capsys.readouterr().err
 
 
 def test_a_team_that_was_there_first_goes(hub: MemoryHub, open_desk: Open) -> None:
@@ -209,13 +233,22 @@ def test_the_bus_does_not_wait_for_the_terminal(hub: MemoryHub, open_desk: Open)
 def test_lines_for_users_and_for_programs(capsys: pytest.CaptureFixture[str]) -> None:
     """The same events as text, and as one JSON object a line."""
     events = [Event("ready", 1, 'ready (1 of 2; "x"\n)'), Event("go", None, "All robots GO!")]
-    print_event(Event("lost", 3, "lost"))
-    print_event(events[1])
+    Lines().show(Event("lost", 3, "lost"))
+    Lines().show(events[1])
     assert capsys.readouterr().out == "robot_3 lost\nAll robots GO!\n"
     for event in events:
-        print_json(event)
+        JsonLines().show(event)
     lines = capsys.readouterr().out.splitlines()
     assert [msgspec.json.decode(line) for line in lines] == [
         {"event": "ready", "robot": 1, "text": 'ready (1 of 2; "x"\n)'},
         {"event": "go", "robot": None, "text": "All robots GO!"},
     ]
+
+
+def test_the_world_says_which_robots_it_lacks(hub: MemoryHub, open_desk: Open, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An id that the simulator does not have is named in the published status, with the way out."""
+    monkeypatch.setattr(writer_watch, "LOOK", 0.0)
+    serve_simulator(hub, [0, 1])
+    desk = open_desk(0, 9)
+    lacks = "robot_9: not in the world; it has 0-1 ('zteam sim spawn --id 9 --pose X Y YAW' adds it)"
+    desk.wait(lambda: bool(desk.published) and desk.published[-1].waiting_for == f"robot_0: no process yet; {lacks}")

@@ -4,6 +4,7 @@ import pytest
 
 from support.transforms import S, stamped
 from zteam.messages import (
+    BaseInfo,
     Header,
     LaserScan,
     Odometry,
@@ -28,8 +29,9 @@ def give(inputs: Inputs, stamp: int, *, scan: bool = True, odom: bool = True, tf
 
 @pytest.fixture
 def inputs() -> Inputs:
-    """Those of robot 1, which stands at x = 1 m on the map, without data."""
+    """Those of robot 1, which stands at x = 1 m on the map, without data; its base is known."""
     made = Inputs(1)
+    made.base_input.take(BaseInfo())
     made.take_static(TFMessage([stamped("map", "robot_1/odom", 0, 1.0)]))
     return made
 
@@ -72,11 +74,21 @@ def test_data_that_is_not_needed_is_not_waited_for(inputs: Inputs) -> None:
 def test_a_connected_tick_needs_the_fixed_transforms() -> None:
     """A bundle without a way from the map to the robot completes a tick only where that is not asked for."""
     inputs = Inputs(1)
+    inputs.base_input.take(BaseInfo())
     give(inputs, S)
     assert inputs.complete_for(S)
     assert not inputs.complete_for(S, connected=True)
     inputs.take_static(TFMessage([stamped("map", "robot_1/odom", 0, 1.0)]))
     assert inputs.complete_for(S, connected=True)
+
+
+def test_no_tick_is_complete_without_the_base() -> None:
+    """The first step of a run must not depend on whether `base_info` or the scan is faster."""
+    inputs = Inputs(1)
+    give(inputs, S)
+    assert not inputs.complete_for(S)
+    inputs.base_input.take(BaseInfo())
+    assert inputs.complete_for(S)
 
 
 def test_look_ups_give_the_newest_pose(inputs: Inputs) -> None:
@@ -90,7 +102,7 @@ def test_look_ups_give_the_newest_pose(inputs: Inputs) -> None:
 
 
 def test_after_a_jump_only_what_is_fixed_stays(inputs: Inputs) -> None:
-    """Scan, odometry and moving transforms are forgotten, also those that no look-up has read; the start pose stays."""
+    """Scan, odometry and moving transforms are forgotten, also those that no look-up has read; the rest stays."""
     give(inputs, 9 * S)
     inputs.forget()
     assert (inputs.scan, inputs.odom, inputs.tf_stamp, inputs.scan_stamp) == (None, None, 0, 0)

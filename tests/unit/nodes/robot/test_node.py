@@ -8,7 +8,7 @@ import pytest
 from support.real_time_robot import LIMIT, NEVER, RealTimeRobot
 from zteam.behaviors import Behavior, View
 from zteam.messages import Twist
-from zteam.nodes.robot import pacing
+from zteam.nodes.robot import base_input, pacing
 from zteam.runtime.node import Node
 
 
@@ -67,6 +67,30 @@ def test_a_robot_acts_once_a_scan(robot: RealTimeRobot) -> None:
     assert len(robot.commands) == 5
 
 
+@pytest.mark.parametrize("told", [True, False])
+def test_a_robot_is_ready_with_its_base(told: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With all else there it waits for `base_info`; a base that does not publish it is waited for only so long."""
+    monkeypatch.setattr(base_input, "PATIENCE", NEVER)
+    robot = RealTimeRobot(gate=True)
+    try:
+        robot.say_statics()
+        robot.say_time(1)
+        robot.say_odometry(1)
+        robot.say_transforms(1)
+        robot.say_scan(1)
+        robot.wait_for_text("waiting for its footprint (robot_1/base_info)")
+        if told:
+            robot.say_base_info()
+        else:
+            monkeypatch.setattr(base_input, "PATIENCE", 0.0)
+        robot.say_time(2)
+        robot.say_transforms(2)
+        robot.say_scan(2)
+        robot.wait_for_text("waiting for the monitor's GO (zteam-monitor; --no-gate drives at once)")
+    finally:
+        robot.close()
+
+
 class Held(Behavior):
     """Steps until it is let go."""
 
@@ -84,7 +108,7 @@ def test_a_long_step_keeps_no_message_waiting(monkeypatch: pytest.MonkeyPatch) -
     """While the behaviour works, time, scans, transforms and tokens are handled, and a monitor gets its status."""
     for name in ("entered", "release"):
         monkeypatch.setattr(Held, name, threading.Event())
-    robot = RealTimeRobot(lambda: Held(None))
+    robot = RealTimeRobot(Held)
     try:
         robot.say_statics()
         robot.say_time(50)

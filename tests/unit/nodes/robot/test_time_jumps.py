@@ -2,7 +2,7 @@
 
 import threading
 from collections.abc import Iterator
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import pytest
 
@@ -50,7 +50,7 @@ def watched(monkeypatch: pytest.MonkeyPatch) -> type[Watched]:
 @pytest.fixture
 def interrupted(watched: type[Watched]) -> Iterator[RealTimeRobot]:
     """A robot that still steps for tick 50 while time jumps back to tick 1."""
-    robot = RealTimeRobot(lambda: watched(None))
+    robot = RealTimeRobot(watched)
     try:
         robot.say_statics()
         robot.say_time(50)
@@ -84,9 +84,9 @@ def test_nothing_of_the_old_time_is_done_after_a_jump(monkeypatch: pytest.Monkey
     """A robot that waits for the transforms of a scan when time jumps back does not act on that scan any more."""
     ticks: list[int] = []
 
-    def note(behavior: Behavior, view: View) -> tuple[Twist, str]:
+    def note(behavior: Behavior, view: View, *rest: Any) -> tuple[Twist, str]:
         ticks.append(view.now // TICK)
-        return decide(behavior, view)
+        return decide(behavior, view, *rest)
 
     monkeypatch.setattr(driver, "decide", note)
     monkeypatch.setattr(pacing, "TF_PATIENCE", NEVER)
@@ -137,7 +137,7 @@ def test_an_error_of_the_behaviour_ends_the_robot(monkeypatch: pytest.MonkeyPatc
     """The main loop raises it, whether the behaviour steps or is made anew."""
     monkeypatch.setattr(Broken, "made", 0)
     monkeypatch.setattr(Broken, "fails_in", where, raising=False)
-    robot = RealTimeRobot(lambda: Broken(None))
+    robot = RealTimeRobot(Broken)
     try:
         robot.say_statics()
         robot.say_time(50)

@@ -1,11 +1,24 @@
 """The first tick of lock-step is held for all expected processes and for the monitor's GO."""
 
+import threading
+
 import pytest
 
-from support.lockstep_doubles import SHORT, HarnessFactory, ScriptedMonitor, ScriptedParticipant, lose_first, lossy_bus
+import zteam
+from support.lockstep_doubles import (
+    LIMIT,
+    SHORT,
+    HarnessFactory,
+    ScriptedMonitor,
+    ScriptedParticipant,
+    lose_first,
+    lossy_bus,
+)
 from support.log_capture import captured_log
 from zteam import names
 from zteam.bus import MemoryHub
+from zteam.messages import Odometry
+from zteam.runtime.shutdown import Stop
 
 NO_GO = "the monitor's GO"
 
@@ -252,3 +265,24 @@ def test_repeated_requests_to_join_do_not_repeat_the_tick(hub: MemoryHub, new_ha
     assert heard < 12
     ScriptedParticipant(hub, "tf").appear()
     assert harness.end()
+
+
+@pytest.mark.usefixtures("hasty")
+def test_the_log_names_the_input_that_does_not_come(hub: MemoryHub, new_harness: HarnessFactory) -> None:
+    """A user's node that waits for a message of the tick is named together with the key of that message."""
+    stop = Stop()
+    node = zteam.Node("planner", hub.bus(), stop)
+    node.subscribe("robot_0/sonar_7", Odometry, lambda key, odom: None, every_tick=True)
+    thread = threading.Thread(target=lambda: node.run(lambda now: None))
+    harness = new_harness("planner")
+    with captured_log() as log:
+        thread.start()
+        harness.open(1)
+        harness.begin()
+        log.wait_for("the first tick is held: waiting for planner, which waits for robot_0/sonar_7")
+        assert harness.lockstep.waiting_for() == "planner"
+        harness.stop.request("test")
+        assert harness.end() is False
+    stop.request("test")
+    thread.join(LIMIT)
+    node.close()

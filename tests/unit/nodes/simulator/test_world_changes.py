@@ -2,13 +2,14 @@
 
 from collections.abc import Iterator
 
+import msgspec
 import pytest
 
 from support.simulator_parts import SimulatorParts
 from zteam import names
 from zteam.bus import MemoryHub
 from zteam.errors import UsageError
-from zteam.messages import LaserScan, TFMessage
+from zteam.messages import BaseInfo, LaserScan, TFMessage
 from zteam.services.simulator import MoveRequest, SpawnRequest
 
 
@@ -46,6 +47,22 @@ def test_a_moved_robot_has_new_fixed_frames(parts: SimulatorParts) -> None:
     parts.changes.move(MoveRequest(0, -3.5, -1.5))
     assert frames[-1:] == [names.robot_key(0, names.TF_STATIC)]
     assert parts.engine.truth(0)[:2] == (-3.5, -1.5)
+
+
+def test_every_robot_tells_its_base_and_a_new_one_anew(parts: SimulatorParts, hub: MemoryHub) -> None:
+    """A late subscriber gets it; a robot of the same id and another model tells its own, also when a reset makes it."""
+    told: list[str] = []
+    hub.bus().subscribe(names.robot_key(1, names.BASE_INFO), BaseInfo, lambda _, m: told.append(m.model), latched=True)
+    assert told == ["erratic"]
+    small = msgspec.structs.replace(parts.engine.robots[1], model="small")
+    parts.changes.remove(1)
+    parts.engine.spawn(1, small)
+    parts.outputs.match_robots()
+    assert told == ["erratic", "small"]
+    parts.changes.reset()
+    assert told == ["erratic", "small", "erratic"]
+    parts.changes.move(MoveRequest(1, -3.5, -1.5))
+    assert told == ["erratic", "small", "erratic"]
 
 
 def test_a_refused_change_changes_nothing(parts: SimulatorParts) -> None:

@@ -1,0 +1,128 @@
+"""`world = "none"`: a team without a simulator, with the team file and the base driver of docs/real-robots.md."""
+
+import os
+import re
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from zteam.clock import wait_until
+from zteam.messages import BaseInfo, Odometry, RobotStatus
+from zteam.testing.team import START_LIMIT, TeamFixture
+
+pytestmark = pytest.mark.team
+
+PAGE = Path(__file__).parents[2] / "docs" / "real-robots.md"
+WALL = 2.0
+"""Metres ahead of the start: the wall of the page's simulated base."""
+
+
+def block(language: str, name: str) -> str:
+    """The page's code block that begins with a comment of this file name."""
+    (found,) = re.findall(rf"```{language}\n(# {name}.*?)```", PAGE.read_text(), re.DOTALL)
+    return str(found)
+
+
+class Watched:
+    """What a real team tells: the newest message of each kind."""
+
+    def __init__(self, team: TeamFixture) -> None:
+        self.changed = threading.Condition()
+        self.odom = Odometry()
+        self.status = RobotStatus()
+        self.bases: list[str] = []
+        for key, kind in (("odom", Odometry), ("status", RobotStatus), ("base_info", BaseInfo)):
+            team.bus.subscribe(f"robot_0/{key}", kind, self._take, latched=kind is BaseInfo)
+
+    def _take(self, _key: str, message: Odometry | RobotStatus | BaseInfo) -> None:
+        with self.changed:
+            if isinstance(message, Odometry):
+                self.odom = message
+            elif isinstance(message, RobotStatus):
+                self.status = message
+            else:
+                self.bases.append(message.model)
+            self.changed.notify_all()
+
+    @property
+    def x(self) -> float:
+        """Metres from the start, by the base's own odometry."""
+        return self.odom.pose.pose.position.x
+
+    @property
+    def speed(self) -> float:
+        """m/s, by the base's own odometry."""
+        return self.odom.twist.twist.linear.x
+
+    def wait_for_x(self, x: float) -> None:
+        """Wait until the robot is so far."""
+        with self.changed:
+            assert wait_until(self.changed, lambda: self.x > x, START_LIMIT), (self.x, self.status)
+
+    def wait_for_stand(self) -> None:
+        """Wait until the wheels stand."""
+        with self.changed:
+            assert wait_until(self.changed, lambda: self.speed == 0.0, START_LIMIT), self.x
+
+
+@pytest.fixture
+def base(team: TeamFixture, tmp_path: Path) -> Iterator["subprocess.Popen[str]"]:
+    """The page's base driver, as a process of its own beside the team."""
+    path = tmp_path / "base_0.py"
+    path.write_text(block("python", "base_0.py"))
+    with subprocess.Popen(
+        [sys.executable, str(path)],
+        env={**os.environ, **team.environment},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    ) as process:
+        yield process
+        process.kill()
+
+
+def test_a_base_of_ones_own_drives_and_stops(team: TeamFixture, base: "subprocess.Popen[str]", tmp_path: Path) -> None:
+    """It drives after GO, stands while its robot's process is frozen, and stops in front of the wall."""
+    (tmp_path / "real.toml").write_text(block("toml", "real.toml"))
+    watched = Watched(team)
+    team.launch(tmp_path / "real.toml")
+    watched.wait_for_x(0.05)
+    team.pause_process("robot_0")
+    watched.wait_for_stand()
+    # The watchdog, and not the wall.
+    stood = watched.x
+    assert stood < WALL - 0.6
+    team.resume_process("robot_0")
+    watched.wait_for_x(stood + 0.1)
+    with watched.changed:
+        assert wait_until(watched.changed, lambda: watched.status.text == "obstacle ahead", START_LIMIT)
+    watched.wait_for_stand()
+    assert WALL - 0.6 < watched.x < WALL - 0.3
+    assert watched.bases == ["cart"]
+    assert not [line for line in team.lines("robot_0") if "base_info" in line]
+    base.terminate()
+    assert base.communicate(timeout=START_LIMIT) == ("", None)
+    assert base.returncode == 0
+
+
+def test_a_base_without_base_info_is_not_waited_for(team: TeamFixture, tmp_path: Path) -> None:
+    """An older base: the robot says once that it takes the default footprint, and drives."""
+    code = block("python", "base_0.py")
+    silent = re.sub(r"\n    node\.publisher\(.*base_info.*\n", "\n", code)
+    assert silent != code
+    (tmp_path / "base_0.py").write_text(silent)
+    (tmp_path / "real.toml").write_text(block("toml", "real.toml"))
+    watched = Watched(team)
+    with subprocess.Popen([sys.executable, tmp_path / "base_0.py"], env={**os.environ, **team.environment}) as process:
+        try:
+            team.launch(tmp_path / "real.toml")
+            watched.wait_for_x(0.05)
+            team.wait_for_line("robot_0", "its footprint (robot_0/base_info)")
+            told = [line for line in team.lines("robot_0") if "no robot_0/base_info: an erratic's footprint" in line]
+            assert len(told) == 1
+        finally:
+            process.kill()

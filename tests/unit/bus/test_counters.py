@@ -1,0 +1,60 @@
+"""What a process remembers of the messages that it received and dropped."""
+
+import pytest
+
+from zteam.bus import counters
+from zteam.bus.counters import OTHER, Counters, KeyCount
+
+
+@pytest.fixture
+def now(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """The host's time, as the counters read it."""
+    time = [100.0]
+    monkeypatch.setattr(counters, "monotonic", lambda: time[0])
+    return time
+
+
+def test_a_drop_has_an_age_and_a_reason(now: list[float]) -> None:
+    """The age grows with host time, and good messages do not change it."""
+    found = Counters()
+    found.drop("a", "broken")
+    found.receive("a")
+    now[0] += 61.5
+    assert found.snapshot() == {"a": KeyCount(1, 1, 61.5, "broken")}
+
+
+def test_the_last_drop_counts(now: list[float]) -> None:
+    """A further drop replaces age and reason of its key, and of no other."""
+    found = Counters()
+    found.drop("a", "broken")
+    found.drop("b", "too large")
+    now[0] += 10.0
+    found.drop("a", "wrong type")
+    assert found.snapshot() == {"a": KeyCount(0, 2, 0.0, "wrong type"), "b": KeyCount(0, 1, 10.0, "too large")}
+
+
+def test_without_a_drop_there_is_no_age() -> None:
+    """A key with good messages only has neither age nor reason."""
+    found = Counters()
+    found.receive("a")
+    assert found.snapshot() == {"a": KeyCount(1, 0, None, "")}
+
+
+def test_drops_beyond_the_bound_of_keys_are_told_together(now: list[float], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Keys that a sender invents have one count, age and reason in common."""
+    monkeypatch.setattr(counters, "MAX_KEYS", 1)
+    found = Counters()
+    found.receive("a")
+    found.drop("b", "first")
+    now[0] += 3.0
+    found.drop("c", "second")
+    now[0] += 1.0
+    assert found.snapshot()[OTHER] == KeyCount(0, 2, 1.0, "second")
+    assert set(found.snapshot()) == {"a", OTHER}
+
+
+def test_a_long_reason_is_cut() -> None:
+    """A reason that repeats what a sender wrote does not fill the memory of its receivers."""
+    found = Counters()
+    found.drop("a", "x" * 10_000)
+    assert len(found.snapshot()["a"].last_drop_reason) == 300

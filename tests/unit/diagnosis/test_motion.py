@@ -1,0 +1,141 @@
+"""Why a team does not drive."""
+
+import pytest
+
+from support.team_facts import nodes, problems, robot_status, sim_status, team_facts, team_status
+from zteam.diagnosis.motion import check_gate, check_readiness, check_silence, check_world
+from zteam.diagnosis.team import check_team
+from zteam.messages import RobotState
+
+
+def test_a_paused_world_is_named_as_the_cause() -> None:
+    """Only the pause is told, not the scans that therefore do not come."""
+    facts = team_facts(sim=sim_status(paused=True), writers={"robot_0/status": ["robot_0"]})
+    assert problems(check_team(facts)) == [
+        ("world", "the simulator is paused at 5.000 s (tick 50)", "zteam sim resume"),
+    ]
+
+
+def test_a_run_that_is_over_is_a_note() -> None:
+    """A world that stands at the end of its run is as it was asked for."""
+    (finding,) = check_world(team_facts(sim=sim_status(finished=True, paused=True)))
+    assert (finding.level, finding.text) == ("note", "the run is over at 5.000 s (tick 50): the world stands still")
+
+
+@pytest.mark.parametrize(
+    ("waiting_for", "step"),
+    [
+        ("robot_1", "look at the log of robot_1"),
+        ("robot_4", "zteam-robot --id 4"),
+        ("planner, robot_1", "start planner"),
+        ("the monitor's GO (zteam-monitor; zteam-sim --no-gate begins without)", "start the monitor"),
+    ],
+)
+def test_what_holds_lock_step_is_named(waiting_for: str, step: str) -> None:
+    """A tick that stays the same while the simulator waits is held, and the step depends on what holds it."""
+    facts = team_facts(sim=sim_status(lockstep=True, waiting_for=waiting_for), holds=True)
+    ((what, text, told),) = problems(check_world(facts))
+    assert what == "world"
+    assert text == f"lock-step is held at 5.000 s (tick 50): it waits for {waiting_for}"
+    assert told.startswith(step)
+
+
+def test_a_tick_that_goes_on_is_not_held() -> None:
+    """Lock-step waits for a moment in every tick."""
+    assert check_world(team_facts(sim=sim_status(lockstep=True, waiting_for="robot_1"), holds=False)) == []
+
+
+def test_the_gate_names_the_robots_that_it_waits_for() -> None:
+    """A robot without a process is to be started."""
+    team = team_status(ready=[0], missing=[1])
+    facts = team_facts(nodes=nodes("monitor", "robot_0", "sim", "tf"), team=team)
+    assert problems(check_gate(facts)) == [
+        ("gate", "the start gate waits for robot_1 (1 of 2 ready)", "zteam-robot --id 1")
+    ]
+
+
+def test_the_gate_waits_for_a_robot_that_the_world_lacks() -> None:
+    """The next step has the ids that the world has."""
+    team = team_status(ready=[0, 1], missing=[7], size=3)
+    ((_, text, step),) = problems(check_gate(team_facts(team=team)))
+    assert text == "the start gate waits for robot_7 (2 of 3 ready)"
+    assert step == "the world has no robot 7: zteam-monitor --ids 0,1"
+
+
+def test_a_team_size_above_the_world_is_told_with_the_size_of_the_world() -> None:
+    """The advice is never below the robots in the world, and the user can type it."""
+    team = team_status(ready=[0], missing=[], size=4)
+    facts = team_facts(team=team, nodes=nodes("monitor", "robot_0", "sim", "tf"))
+    ((_, text, step),) = problems(check_gate(facts))
+    assert text == "the start gate waits for 3 more of any id (1 of 4 ready)"
+    assert step == "the world has 2 robots: zteam-monitor --team-size 2, or zteam sim spawn"
+
+
+def test_the_words_of_the_monitor_are_kept() -> None:
+    """If the monitor says what it waits for, that is what is told."""
+    team = team_status(ready=[0], missing=[1])
+    team.waiting_for = "robot_1 (boot)"
+    ((_, text, _),) = problems(check_gate(team_facts(team=team)))
+    assert text == "the start gate waits for robot_1 (boot) (1 of 2 ready)"
+
+
+def test_a_lost_robot_is_told_while_it_is_in_the_world() -> None:
+    """Its process was there and is gone; a robot that was taken out of the world is not missed."""
+    team = team_status(ready=[0, 1], missing=[], lost=[1])
+    facts = team_facts(nodes=nodes("monitor", "robot_0", "sim", "tf"), team=team)
+    ((_, text, step),) = problems(check_gate(facts))
+    assert text == "the process of robot_1 was there and is gone: it has ended, or is stopped (Ctrl+Z)"
+    assert step.startswith("start it again: zteam-robot --id 1")
+    assert check_gate(team_facts(nodes=facts.nodes, team=team, sim=sim_status(robots=[0]))) == []
+
+
+def test_the_word_of_a_monitor_that_is_gone_does_not_count() -> None:
+    """The monitor's absence is told instead."""
+    facts = team_facts(nodes=nodes("robot_0", "robot_1", "sim", "tf"), team=team_status(ready=[0], missing=[1]))
+    assert check_gate(facts) == []
+
+
+@pytest.mark.parametrize(
+    ("text", "alive", "step"),
+    [
+        ("waiting for its own pose in map", ("robot_0", "sim"), "zteam-tf"),
+        ("waiting for its own pose in map", ("robot_0", "sim", "tf"), "'zteam topic info robot_0/base_scan' names"),
+        ("waiting for a first scan (robot_0/base_scan)", ("robot_0", "tf"), "start what publishes its data"),
+    ],
+)
+def test_a_robot_in_boot_tells_what_it_waits_for(text: str, alive: tuple[str, ...], step: str) -> None:
+    """Its own words are told, and the next step for them."""
+    sim = sim_status() if "sim" in alive else None
+    facts = team_facts(nodes=nodes(*alive), statuses={0: robot_status(0, RobotState.BOOT, text=text)}, sim=sim)
+    ((what, told, next_step),) = problems(check_readiness(facts))
+    assert (what, told) == ("robots", f"robot_0 is not ready (boot): {text}")
+    assert next_step.startswith(step)
+
+
+def test_a_robot_that_failed_tells_why() -> None:
+    """A fault is a problem."""
+    facts = team_facts(statuses={0: robot_status(0, RobotState.FAULT, text="no laser")})
+    assert problems(check_readiness(facts)) == [
+        ("robots", "robot_0 has failed: no laser", "see its log, then start robot_0 again")
+    ]
+
+
+def test_a_running_robot_that_stands_is_a_note() -> None:
+    """Its reason may be an obstacle, which is no problem of the team."""
+    (finding,) = check_readiness(team_facts(statuses={1: robot_status(1, text="leader robot_0 not seen")}))
+    assert (finding.level, finding.text) == ("note", "robot_1 stands: leader robot_0 not seen")
+
+
+def test_the_status_of_a_process_that_is_gone_is_not_told() -> None:
+    """A last status of a robot that ended is no state of now."""
+    facts = team_facts(nodes=nodes("sim", "tf"), statuses={0: robot_status(0, RobotState.BOOT, text="waiting")})
+    assert check_readiness(facts) == []
+
+
+def test_a_robot_without_a_status_hangs() -> None:
+    """A process that answers but publishes no status hangs in its behaviour; one that does not answer is frozen."""
+    facts = team_facts(statuses={0: robot_status(0)})
+    ((what, text, step),) = problems(check_silence(facts))
+    assert (what, text) == ("process", "robot_1 is alive but publishes no status: its behaviour hangs")
+    assert "process 1002 on host" in step
+    assert check_silence(team_facts(statuses={}, nodes=nodes("robot_1", silent=("robot_1",)))) == []

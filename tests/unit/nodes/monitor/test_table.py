@@ -1,0 +1,95 @@
+"""The monitor's table as text: what its rows say, at which width."""
+
+import pytest
+
+from support.gate_feed import come
+from zteam.geometry import Pose2
+from zteam.messages import RobotDriver, RobotState, RobotStatus
+from zteam.nodes.monitor.members import SILENT_AFTER
+from zteam.nodes.monitor.start_gate import Gate
+from zteam.nodes.monitor.table import Row, format_table, make_rows, team_notes
+
+POSE = Pose2(-12.345, 8.5, -3.1)
+
+
+def lines_of(rows: list[Row], notes: tuple[str, ...] = (), width: int = 80) -> list[str]:
+    """The table's lines."""
+    return [line.text for line in format_table(rows, notes, width)]
+
+
+def test_a_row_says_state_behaviour_pose_speed_age_and_reason() -> None:
+    """Behaviour and leader, pose in `map`, speed of the newest command, age of the status, and why it stands."""
+    gate = Gate([0, 1], 2)
+    for i, (speed, reason) in enumerate([(0.4, ""), (0.0, "obstacle ahead")]):
+        gate.take_token(i, "a", True)
+        status = RobotStatus(
+            robot_id=i, is_ready=True, state=RobotState.RUNNING, text=reason, behavior="follow" if i else "wander",
+            driver=RobotDriver.BEHAVIOR, reason=reason, leader=i - 1, speed=speed,
+        )  # fmt: skip
+        gate.take_status(i, status, 10.0)
+    assert lines_of(make_rows(gate, {0: POSE}, 10.25), width=120) == [
+        "robot    state    behaviour            x     y    yaw   m/s    age",
+        "robot_0  running  wander          -12.35  8.50  -3.10  0.40  0.2 s",
+        "robot_1  running  follow robot_0       -     -      -  0.00  0.2 s  obstacle ahead",
+    ]
+
+
+def test_every_robot_has_a_state() -> None:
+    """Robots without a process, lost, stopped, hung ones and those at fault, each with what is known of it."""
+    gate = Gate([0, 1, 2, 3, 4, 5], 6)
+    come(gate, 0, state=RobotState.FAULT)
+    come(gate, 1, 2, 3)
+    come(gate, 2, state=RobotState.STOPPED)
+    gate.take_token(1, "first-1", False)
+    gate.take_token(2, "first-2", False)
+    gate.take_token(4, "a", True)
+    gate.members.check_silence(SILENT_AFTER + 1)
+    gate.take_world([0, 1, 2, 3, 4])
+    rows = make_rows(gate, {}, SILENT_AFTER + 2)
+    assert [row.state for row in rows] == ["silent", "lost", "stopped", "silent", "absent", "absent"]
+    assert [row.reason for row in rows[1:3]] == ["its process is gone"] * 2
+    assert rows[0].reason == rows[3].reason == "does not answer"
+    assert rows[4].reason == "no status yet"
+    assert rows[5].reason.startswith("not in the world; it has 0-4 ('zteam sim spawn --id 5")
+
+
+def test_a_long_reason_stands_below_its_row() -> None:
+    """At 80 columns nothing is cut or wider; the reason is wrapped below its row, under the state."""
+    reason = "waiting for a first scan (robot_3/base_scan), odometry (robot_3/odom), its own pose in map"
+    row = Row("robot_3", "boot", "follow robot_2", POSE, 0.0, 0.4, reason)
+    shown = lines_of([row], ("waiting for robot_3: " + reason,))
+    assert max(map(len, shown)) <= 80
+    assert shown[2:4] == [
+        "         waiting for a first scan (robot_3/base_scan), odometry (robot_3/odom),",
+        "         its own pose in map",
+    ]
+    assert " ".join(shown[4:]) == "waiting for robot_3: " + reason
+
+
+def test_the_widest_row_fits_a_terminal() -> None:
+    """A long behaviour is cut, so that a row with wide numbers has 80 characters at most."""
+    row = Row("robot_10", "running", "my_package.robots:TurnerOfTables", Pose2(-100.0, -100.0, -3.14), -0.55, 12.3)
+    shown = lines_of([row])
+    assert max(map(len, shown)) <= 80
+    assert "my_package.robots:T…" in shown[1]
+
+
+@pytest.mark.parametrize("driver", [RobotDriver.NAVIGATION, RobotDriver.TELEOP])
+def test_another_driver_is_named(driver: str) -> None:
+    """Where something else than the behaviour commands the wheels, the row says so."""
+    gate = Gate([0], 1)
+    gate.take_token(0, "a", True)
+    gate.take_status(0, RobotStatus(state=RobotState.RUNNING, behavior="wander", driver=driver), 0.0)
+    assert make_rows(gate, {}, 0.0)[0].behavior == f"{driver} (wander)"
+
+
+def test_the_notes_tell_of_go_and_of_what_is_wrong() -> None:
+    """Before GO what it waits for, then that it is out, and below it what else is wrong."""
+    gate = Gate([0], 1)
+    assert team_notes(gate, ["the simulator is gone"]) == [
+        "waiting for robot_0: no process yet",
+        "the simulator is gone",
+    ]
+    come(gate, 0)
+    gate.try_go(1)
+    assert team_notes(gate, []) == ["GO is out"]

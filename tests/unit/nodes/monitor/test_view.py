@@ -1,0 +1,171 @@
+"""A view of a monitor that runs already: on a bus in memory, beside the real monitor."""
+
+import json
+import threading
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+
+from support.log_capture import captured_log
+from support.monitor_desk import LIMIT, Desk, Open, Robot
+from zteam import names
+from zteam.bus import MemoryHub
+from zteam.clock import wait_until
+from zteam.errors import UsageError
+from zteam.messages import RobotState, TeamState, TeamStatus
+from zteam.nodes.monitor import display, view
+from zteam.nodes.monitor.display import MonitorOptions
+from zteam.nodes.monitor.followed_team import FollowedTeam
+from zteam.nodes.monitor.node import run_monitor
+from zteam.runtime.node import Node
+from zteam.runtime.shutdown import Stop
+
+
+class Second:
+    """A second `zteam-monitor` in a thread, with its lines on standard output."""
+
+    def __init__(self, hub: MemoryHub, options: MonitorOptions, capsys: pytest.CaptureFixture[str]) -> None:
+        self.stop = Stop()
+        self.node = Node(names.MONITOR, hub.bus(), self.stop)
+        self._capsys = capsys
+        self._shown = ""
+        self._thread = threading.Thread(target=run_monitor, args=[self.node, options], daemon=True)
+        self._thread.start()
+
+    @property
+    def shown(self) -> str:
+        """What it has printed so far."""
+        self._shown += self._capsys.readouterr().out
+        return self._shown
+
+    def wait_for(self, text: str) -> None:
+        """Wait until it has printed that."""
+        with self.node.changed:
+            # It prints without the lock, so nothing notifies: look again from time to time.
+            for _ in range(int(LIMIT / 0.05)):
+                if text in self.shown:
+                    return
+                wait_until(self.node.changed, lambda: False, 0.05)
+        raise AssertionError(self.shown)
+
+    def join(self) -> None:
+        """Wait for its end."""
+        self._thread.join(LIMIT)
+        assert not self._thread.is_alive(), self.shown
+
+    def close(self) -> None:
+        """Stop it."""
+        self.stop.request("test over")
+        self.join()
+        self.node.close()
+
+
+@pytest.fixture
+def first(open_desk: Open) -> Desk:
+    """A monitor that runs and waits for robots 0 and 1."""
+    desk = open_desk(0, 1, run=False)
+    desk.node.become_present()
+    desk.thread.start()
+    return desk
+
+
+@pytest.fixture
+def open_second(
+    hub: MemoryHub, first: Desk, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> Iterator[Callable[..., Second]]:
+    """Starts further monitors."""
+    monkeypatch.setattr(display, "_STATUSES", 0.0)
+    made: list[Second] = []
+
+    def start(team_size: int = 0, ids: tuple[int, ...] | None = None, **more: bool) -> Second:
+        made.append(Second(hub, MonitorOptions(team_size, ids, **more), capsys))
+        return made[-1]
+
+    yield start
+    for second in made:
+        second.close()
+
+
+def test_it_shows_the_running_monitors_team(hub: MemoryHub, first: Desk, open_second: Callable[..., Second]) -> None:
+    """It says that it is a view, prints the table, tells what the gate waits for, and GO; it gives none itself."""
+    with captured_log() as log:
+        second = open_second()
+        log.wait_for("a monitor is running already (process ")
+        second.wait_for("0 of 2 ready; waiting for robot_0: no process yet; robot_1: no process yet\n")
+        second.wait_for("robot_1  absent")
+        robots = [Robot(hub, 0), Robot(hub, 1)]
+        robots[0].say()
+        robots[1].say(RobotState.BOOT, text="waiting for its scan")
+        second.wait_for("1 of 2 ready; waiting for robot_1: waiting for its scan\n")
+        robots[1].say()
+        second.wait_for("All robots GO!\n")
+    assert first.told("go") == [("go", None)]
+    assert [status.state for status in first.published].count(TeamState.GO) == 1
+    assert hub.bus().query(names.stats_key(names.MONITOR), dict[str, object])[1:] == []
+
+
+def test_exit_on_go_waits_for_the_running_monitors_go(
+    hub: MemoryHub, first: Desk, open_second: Callable[..., Second]
+) -> None:
+    """It ends when GO is out and the robots run; at once if that is so already."""
+    second = open_second(exit_on_go=True)
+    robots = [Robot(hub, 0), Robot(hub, 1)]
+    for robot in robots:
+        robot.say()
+    second.wait_for("All robots GO!")
+    for robot in robots:
+        robot.say(RobotState.RUNNING, epoch=1)
+    second.join()
+    third = open_second(exit_on_go=True)
+    third.wait_for("GO is out; 2 of 2 ready")
+    first.time.now += display.LEAVE_AFTER + 1
+    third.join()
+
+
+@pytest.mark.parametrize(
+    ("size", "ids", "told"),
+    [
+        (4, None, "the running monitor's team has 2 robots, not 4 as asked for here"),
+        (2, (0, 3), "the running monitor's team is 0-1, not 0,3 as asked for here"),
+        (2, (1, 0), ""),
+        (2, None, ""),
+    ],
+)
+def test_another_team_than_asked_for_is_named(
+    open_second: Callable[..., Second], size: int, ids: tuple[int, ...] | None, told: str
+) -> None:
+    """The sizes, or the ids if the sizes agree; nothing is said of a team that is the one asked for."""
+    second = open_second(size, ids)
+    second.wait_for("robot_1  absent")
+    assert ("as asked for here" in second.shown) == bool(told)
+    assert told in second.shown
+
+
+def test_its_lines_as_json(first: Desk, open_second: Callable[..., Second]) -> None:
+    """Events and the table are one JSON object each."""
+    second = open_second(json=True)
+    second.wait_for('"event":"table"')
+    status, table = (json.loads(line) for line in second.shown.splitlines()[:2])
+    assert (status["event"], status["robot"]) == ("status", None)
+    assert status["text"].startswith("0 of 2 ready; waiting for robot_0")
+    assert [(row["robot"], row["state"], row["pose"]) for row in table["robots"]] == [
+        ("robot_0", "absent", None),
+        ("robot_1", "absent", None),
+    ]
+
+
+def test_without_a_monitor_and_a_team_there_is_nothing_to_show(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The error says how to be the monitor."""
+    monkeypatch.setattr(view, "LOOK_FOR", 0.0)
+    node = Node(names.MONITOR, hub.bus(), Stop())
+    with pytest.raises(UsageError, match=r"no monitor is running: give .*--team-size 4"):
+        run_monitor(node, MonitorOptions(0))
+    node.close()
+
+
+def test_a_monitor_of_an_older_version_names_the_missing() -> None:
+    """Its status has no words for what it waits for."""
+    team = FollowedTeam()
+    team.take_team(TeamStatus(team_size=2, missing=np.array([1, 4], np.int32)))
+    assert team.waiting_for() == "robot_1, robot_4"

@@ -1,0 +1,191 @@
+"""The ticks of a simulator by script: the time that they tell, which of them count, and what ends lock-step."""
+
+from collections.abc import Iterator
+
+import pytest
+
+from support.lockstep_doubles import INTERVAL, LIMIT, ScriptedSimulator, show_simulator
+from support.log_capture import LogCapture, captured_log
+from support.participant_desk import NAME, Desk
+from zteam import names
+from zteam.bus import MemoryHub, NoRequest
+from zteam.clock import wait_until
+from zteam.messages import Done, Tick, ns_from_time, time_from_ns
+from zteam.runtime import participant as module
+from zteam.services.simulator import SimStatus
+
+REFUSED = "dropped a message on sim/tick"
+
+
+@pytest.fixture
+def log() -> Iterator[LogCapture]:
+    """What is logged during the test."""
+    with captured_log() as lines:
+        yield lines
+
+
+def test_time_goes_with_the_ticks(desk: Desk, script: ScriptedSimulator) -> None:
+    """In lock-step each tick sets the time; the clock, which would only wake the process once more, is not heard."""
+    times: list[int] = []
+    desk.command = lambda _: times.append(desk.node.clock.now())
+    for tick in (2, 3, 4):
+        script.tick(tick, NAME)
+    assert times == [2 * INTERVAL, 3 * INTERVAL, 4 * INTERVAL]
+    script.tell(77 * INTERVAL)
+    assert desk.node.clock.now() == 4 * INTERVAL
+    assert desk.node.clock.simulated
+    assert desk.part.tick is not None
+    assert ns_from_time(desk.part.tick.stamp) == 4 * INTERVAL
+
+
+def test_the_clock_tells_the_time_outside_of_lock_step(hub: MemoryHub, script: ScriptedSimulator) -> None:
+    """Before the first tick the participant is idle and its node hears the clock as ever."""
+    desk = Desk(hub.bus())
+    desk.node.become_present()
+    script.tell(5 * INTERVAL)
+    assert (desk.node.clock.now(), desk.part.active) == (5 * INTERVAL, False)
+    desk.feed()
+    assert (desk.fed, desk.acted, script.answers) == (1, [], [])
+    desk.node.close()
+
+
+def test_the_clock_is_heard_again_when_the_simulator_is_gone(desk: Desk, script: ScriptedSimulator) -> None:
+    """The next simulator may not work in lock-step: the participant is idle, and the clock counts."""
+    script.tick(2, NAME)
+    script.vanish()
+    assert (desk.part.active, desk.part.tick) == (False, None)
+    assert desk.node.clock.now() == 2 * INTERVAL
+    script.appear()
+    script.tell(9 * INTERVAL)
+    assert desk.node.clock.now() == 9 * INTERVAL
+    assert not desk.part.active
+
+
+def test_the_next_simulators_ticks_are_new(desk: Desk, script: ScriptedSimulator) -> None:
+    """A simulator that starts anew numbers its ticks from 1: they are acted on, though they were answered before."""
+    script.tick(2, NAME)
+    assert script.take() == [Done(1, 2)]
+    script.vanish()
+    script.appear()
+    script.tick(2, NAME)
+    assert script.take() == [Done(1, 2)]
+    assert (desk.acted, desk.repeats) == ([2, 2], 0)
+
+
+def test_an_open_tick_ends_with_its_simulator(desk: Desk, script: ScriptedSimulator) -> None:
+    """Inputs that come after the simulator is gone cause no answer."""
+    desk.needs_food = True
+    script.tick(2, NAME, "cook")
+    script.vanish()
+    desk.feed()
+    desk.feed()
+    assert (script.take(), desk.acted) == ([], [])
+
+
+def test_a_jump_back_is_told_before_the_tick_is_acted_on(desk: Desk, script: ScriptedSimulator) -> None:
+    """After a reset the old data is forgotten first; the inputs are asked for when that is done."""
+    order: list[str] = []
+    desk.node.clock.sim.on_jump_back(lambda old, new: order.append(f"{old // INTERVAL} -> {new // INTERVAL}"))
+    desk.command = lambda tick: order.append(f"act {tick.tick}")
+    for tick in (8, 9, 2, 3):
+        script.tick(tick, NAME)
+    assert order == ["act 8", "act 9", "9 -> 2", "act 2", "act 3"]
+
+
+def test_a_repeated_tick_is_no_jump(desk: Desk, script: ScriptedSimulator) -> None:
+    """The time of a repeat is the time that it is."""
+    jumps: list[int] = []
+    desk.node.clock.sim.on_jump_back(lambda _old, new: jumps.append(new))
+    for tick in (2, 2, 3, 3, 3):
+        script.tick(tick, NAME)
+    assert jumps == []
+
+
+def forge(hub: MemoryHub, tick: int, *participants: str) -> None:
+    """A tick from a session that is no simulator."""
+    publisher = hub.bus().publisher(names.TICK, Tick)
+    publisher.put(Tick(time_from_ns(tick * INTERVAL), 1, tick, participants=list(participants)))
+
+
+def test_a_tick_that_no_simulator_sent_stops_no_team_in_real_time(hub: MemoryHub, log: LogCapture) -> None:
+    """It is neither answered nor taken for the time, and the log and the counters say that it came."""
+    script, desk = ScriptedSimulator(hub, NAME), Desk(hub.bus())
+    show_simulator(script.bus, lockstep=False)
+    desk.node.become_present()
+    script.tell(5 * INTERVAL)
+    forge(hub, 0, NAME)
+    forge(hub, 0)
+    log.wait_for(REFUSED)
+    assert (script.answers, desk.acted, desk.part.active) == ([], [], False)
+    script.tell(6 * INTERVAL)
+    assert desk.node.clock.now() == 6 * INTERVAL
+    assert desk.node.bus.counters.snapshot()[names.TICK].dropped == 1
+    desk.node.close()
+
+
+def test_a_tick_that_no_simulator_sent_does_not_count_in_lock_step(
+    hub: MemoryHub, desk: Desk, script: ScriptedSimulator, log: LogCapture
+) -> None:
+    """Beside a simulator in lock-step, only that one's ticks are answered."""
+    script.tick(2, NAME)
+    forge(hub, 900, NAME)
+    log.wait_for(REFUSED)
+    script.tick(3, NAME)
+    assert (script.take(), desk.acted) == ([Done(1, 2), Done(1, 3)], [2, 3])
+    assert desk.node.clock.now() == 3 * INTERVAL
+
+
+def test_a_tick_may_come_before_the_simulators_token(hub: MemoryHub) -> None:
+    """Nothing orders the two: the tick is kept, and answered when its simulator has said that this is lock-step."""
+    script, desk = ScriptedSimulator(hub, NAME), Desk(hub.bus())
+    desk.node.become_present()
+    script.tick(1)
+    assert script.take() == []
+    script.appear()
+    assert script.take() == [Done(1, 1)]
+    desk.node.close()
+
+
+def test_a_simulator_that_did_not_answer_is_asked_again(hub: MemoryHub) -> None:
+    """Its next tick brings the question anew, and is answered when that is."""
+    script, desk = ScriptedSimulator(hub, NAME), Desk(hub.bus())
+    desk.node.become_present()
+    script.bus.declare_token(names.token_key(names.SIMULATOR, script.bus.instance))
+    status = SimStatus("scripted", [], INTERVAL, 1, 0, 0, 1.0, lockstep=True)
+    script.bus.serve(names.service_key(names.SIMULATOR, "status"), NoRequest, lambda _: status)
+    assert script.take() == []
+    script.tick(1)
+    with desk.node.changed:
+        assert wait_until(desk.node.changed, lambda: script.answers == [Done(1, 1)], LIMIT)
+    desk.node.close()
+
+
+def test_data_that_goes_on_without_ticks_is_of_real_time(
+    desk: Desk, script: ScriptedSimulator, log: LogCapture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The participant is idle again, and the clock counts; a tick takes it back into lock-step."""
+    monkeypatch.setattr(module, "TICKLESS", 0.0, raising=False)
+    script.tick(2, NAME)
+    # Of the tick itself, and of the next one, which may come before it.
+    for stamp in (2, 2, 3, 3, 3):
+        desk.hear(stamp)
+        assert desk.part.active
+    desk.hear(4)
+    assert not desk.part.active
+    assert log.count("not in lock-step any more") == 1
+    script.tell(9 * INTERVAL)
+    assert desk.node.clock.now() == 9 * INTERVAL
+    script.take()
+    script.tick(10, NAME)
+    with desk.node.changed:
+        assert wait_until(desk.node.changed, lambda: script.answers == [Done(1, 10)], LIMIT)
+    assert desk.part.active
+
+
+def test_data_before_its_tick_does_not_end_lock_step(desk: Desk, script: ScriptedSimulator) -> None:
+    """Scans come a moment before their tick, for as long as there are ticks."""
+    for tick in range(2, 50):
+        desk.hear(tick)
+        desk.hear(tick)
+        script.tick(tick, NAME)
+    assert desk.acted == [*range(2, 50)]

@@ -1,0 +1,38 @@
+"""Mistakes in a table, in words that name the value and what is expected."""
+
+from typing import Annotated, Any
+
+import msgspec
+import pytest
+
+from zteam.problems import problems_of
+
+
+class Table(msgspec.Struct, forbid_unknown_fields=True):
+    """One key of each kind."""
+
+    share: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0
+    name: Annotated[str, msgspec.Meta(min_length=1)] = "x"
+    pose: tuple[float, float, float] = (0, 0, 0)
+    on: bool = False
+    leader: int | None = None
+    few: Annotated[list[int], msgspec.Meta(max_length=2)] = []
+
+
+@pytest.mark.parametrize(
+    ("table", "told"),
+    [
+        ({"share": "fast"}, 'share: a number is expected, not "fast"'),
+        ({"share": 2.5}, "share: a number of at most 1 is expected, not 2.5"),
+        ({"name": ""}, 'name: a text of at least 1 character is expected, not ""'),
+        ({"pose": [1, 2]}, "pose: a list of 3 values is expected, not [1, 2]"),
+        ({"pose": [1, 2, "x"]}, 'pose[2]: a number is expected, not "x"'),
+        ({"on": 1}, "on: true or false is expected, not 1"),
+        ({"leader": "s"}, 'leader: a whole number is expected, not "s"'),
+        ({"few": [1, 2, 3]}, "few: a list of at most 2 values is expected, not [1, 2, 3]"),
+        ({"share": "x" * 99}, f'share: a number is expected, not "{"x" * 38}…'),
+    ],
+)
+def test_a_mistake_names_the_value_and_what_is_expected(table: dict[str, Any], told: str) -> None:
+    """The words are those of a team file's author, not those of a type checker."""
+    assert list(map(str, problems_of(table, Table))) == [told]

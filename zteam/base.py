@@ -1,0 +1,118 @@
+"""What a robot's base is: its outline and its limits, as `base_info` tells them and the team file overrides them."""
+
+import math
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Annotated, Any
+
+import msgspec
+
+from zteam.messages import BaseInfo
+from zteam.problems import problems_of
+
+Point2 = tuple[float, float]
+
+MAX_EXTENT = 100.0
+"""Metres: no outline reaches further from the base's origin."""
+_DIGITS = 6
+"""Decimals of a metre that the float32 of a footprint holds."""
+_LEAST_AREA = 1e-6
+"""m², twice: less than a square millimetre is a mistake, not a base."""
+
+Positive = Annotated[float, msgspec.Meta(gt=0.0)]
+Negative = Annotated[float, msgspec.Meta(lt=0.0)]
+
+
+class BaseOverride(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
+    """The table `base` of a robot in a team file, and `zteam-robot --base`: what holds instead of `base_info`.
+
+    None leaves a value as `base_info` tells it. Raises ValueError for an outline that no base can have.
+    """
+
+    footprint: Annotated[tuple[Point2, ...], msgspec.Meta(min_length=3, max_length=1000)] | None = None
+    """Corners of the outline in `base_footprint`, metres."""
+    max_vel_x: Positive | None = None
+    """m/s."""
+    min_vel_x: Annotated[float, msgspec.Meta(le=0.0)] | None = None
+    """m/s; 0 = the base does not drive backwards."""
+    max_vel_theta: Positive | None = None
+    """rad/s."""
+    acc_lim_x: Positive | None = None
+    """m/s²; so is the next."""
+    decel_lim_x: Negative | None = None
+    acc_lim_theta: Positive | None = None
+    """rad/s²."""
+
+    def __post_init__(self) -> None:
+        if self.footprint is not None and not _is_outline(self.footprint):
+            raise ValueError(f"footprint must enclose an area, with corners [x, y] of at most {MAX_EXTENT:g} m")
+
+
+LIMITS = tuple(name for name in BaseOverride.__struct_fields__ if name != "footprint")
+"""Names of the limits, Nav2's, in `Base`, `BaseOverride` and `BaseInfo`."""
+
+
+class Base(msgspec.Struct, frozen=True, kw_only=True, eq=False, dict=True):
+    """One robot's base. Everything is in `base_footprint`: x forward, y left, the origin where it turns about.
+
+    The defaults are those of an erratic, the robot of Stage's worlds and of the lectures.
+    """
+
+    model: str = "erratic"
+    drive: str = "diff"
+    """`diff`, `omni` or `car`."""
+    footprint: tuple[Point2, ...] = ((-0.225, -0.175), (0.125, -0.175), (0.125, 0.175), (-0.225, 0.175))
+    """Corners of the outline, metres."""
+    max_vel_x: float = 1.0
+    """m/s."""
+    min_vel_x: float = -1.0
+    """m/s; 0 = it does not drive backwards."""
+    max_vel_theta: float = math.pi
+    """rad/s, both ways."""
+    acc_lim_x: float = math.inf
+    """m/s²; inf = no limit."""
+    decel_lim_x: float = -math.inf
+    """m/s², negative."""
+    acc_lim_theta: float = math.inf
+    """rad/s²."""
+
+    @cached_property
+    def half_width(self) -> float:
+        """Metres that the outline reaches to either side: half of the corridor that it needs straight ahead."""
+        return max(abs(y) for _, y in self.footprint)
+
+    @cached_property
+    def radius(self) -> float:
+        """Metres to the furthest corner: what the base needs to turn on the spot."""
+        return max(math.hypot(x, y) for x, y in self.footprint)
+
+
+DEFAULT_BASE = Base()
+"""What holds until `base_info` comes, and for a base that does not publish it."""
+
+
+def base_of(message: BaseInfo) -> Base:
+    """The base that `base_info` tells; a value that no base can have, such as 0 for a speed, is as in DEFAULT_BASE."""
+    told: dict[str, Any] = {"model": message.model, "drive": message.drive or DEFAULT_BASE.drive}
+    footprint = tuple((round(point.x, _DIGITS), round(point.y, _DIGITS)) for point in message.footprint.points)
+    if _is_outline(footprint):
+        told["footprint"] = footprint
+    for name in LIMITS:
+        value = getattr(message, name)
+        if not problems_of({name: value}, BaseOverride):
+            told[name] = value
+    return Base(**told)
+
+
+def override_base(base: Base, override: BaseOverride) -> Base:
+    """`base` with the values that `override` has."""
+    given = {name: getattr(override, name) for name in override.__struct_fields__}
+    return msgspec.structs.replace(base, **{name: value for name, value in given.items() if value is not None})
+
+
+def _is_outline(points: Sequence[Point2]) -> bool:
+    """Whether the points are finite, near, and enclose an area."""
+    if len(points) < 3 or not all(abs(part) <= MAX_EXTENT for point in points for part in point):
+        return False
+    pairs = zip(points, (*points[1:], points[0]), strict=True)
+    return abs(sum(ax * by - bx * ay for (ax, ay), (bx, by) in pairs)) > _LEAST_AREA

@@ -1,0 +1,79 @@
+"""`zteam behaviors [NAME]`: list the behaviours that robots can run, and the parameters of one of them."""
+
+import argparse
+import sys
+from collections.abc import Sequence
+
+import msgspec
+
+from zteam.behaviors.catalog import BehaviorInfo, behavior_names, describe_behavior
+from zteam.behaviors.registry import look_in
+from zteam.cli.options import Parser, add_log_options, run
+from zteam.cli.parameter_table import format_parameters
+from zteam.cli.tables import format_table
+from zteam.errors import UsageError
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """The command line."""
+    parser = Parser(prog="zteam behaviors", description=__doc__)
+    parser.add_argument(
+        "name",
+        nargs="?",
+        metavar="NAME",
+        help="a behaviour, also package.module:Class: what it does, and its parameters (default: list all)",
+    )
+    parser.add_argument(
+        "--path",
+        action="append",
+        default=[],
+        metavar="FOLDER",
+        help="also search this folder for package.module (repeatable)",
+    )
+    parser.add_argument("--json", action="store_true", help="print JSON")
+    add_log_options(parser)
+    return parser
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point."""
+    args = build_parser().parse_args(argv)
+    return run("zteam behaviors", args, lambda: _show(args))
+
+
+def _show(args: argparse.Namespace) -> int:
+    look_in([*args.path, ""])
+    if args.name is None:
+        return _list(as_json=args.json)
+    info = describe_behavior(args.name)
+    print(msgspec.json.encode(info).decode() if args.json else format_behavior(info))
+    return 0
+
+
+def _list(*, as_json: bool) -> int:
+    """List all behaviours; one that cannot be imported is an error, after the others."""
+    found, broken = [], []
+    for name in behavior_names():
+        try:
+            found.append(describe_behavior(name))
+        except UsageError as error:
+            broken.append(str(error))
+    if as_json:
+        print(msgspec.json.encode(found).decode())
+    else:
+        print(format_table(("behaviour", "does"), [(info.name, info.summary) for info in found]))
+        print("\nParameters: zteam behaviors NAME. Your own class: zteam behaviors package.module:Class.")
+    if broken:
+        raise UsageError("\n".join(broken))
+    return 0
+
+
+def format_behavior(info: BehaviorInfo) -> str:
+    """What it does, and the table of its parameters."""
+    lines = [f"{info.name}: {info.summary or 'its class has no docstring'}", f"class {info.source}", ""]
+    lines.append(format_parameters(info.parameters) if info.parameters else "  no parameters")
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

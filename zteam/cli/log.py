@@ -1,0 +1,156 @@
+"""`zteam log [NAME …]`: print the logs of a team's processes, merged in order of time, and follow them until Ctrl+C."""
+
+import argparse
+import fnmatch
+import logging
+import math
+import os
+import sys
+from collections.abc import Sequence
+
+import msgspec
+
+from zteam.bus import Bus
+from zteam.cli.arguments import one_of, whole
+from zteam.cli.listening import Waiter, check_key, open_bus
+from zteam.cli.options import Parser, add_bus_options, bus_options, run
+from zteam.clock import local_time_text
+from zteam.errors import UsageError, ZteamError
+from zteam.names import is_wildcard
+from zteam.runtime.logs import LEVELS
+from zteam.services.log_lines import LogLine, level_name
+from zteam.services.log_reader import LogReader
+
+_MAX_LINES = 1_000_000
+_COLORS = ((logging.ERROR, 31), (logging.WARNING, 33), (logging.INFO, 0), (logging.NOTSET, 2))
+"""(level, colour of its lines and of those above it): red, yellow, none, faint."""
+_CONTROLS = {code: f"\\x{code:02x}" for code in (*range(9), *range(11, 32), 127)}
+"""Characters that could control the terminal; tabs and ends of lines are kept."""
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """The command line."""
+    parser = Parser(prog="zteam log", description=__doc__)
+    parser.add_argument(
+        "names",
+        nargs="*",
+        metavar="NAME",
+        help="print only these processes, such as robot_1, sim, 'robot_*' (default: all)",
+    )
+    parser.add_argument(
+        "--level",
+        type=one_of(LEVELS),
+        choices=LEVELS,
+        default="debug",
+        help="print lines from this level up (default: all that the processes log)",
+    )
+    parser.add_argument(
+        "-n",
+        "--tail",
+        type=whole(0, _MAX_LINES, "lines"),
+        metavar="N",
+        help="begin with the newest N lines (default: all that the processes keep)",
+    )
+    until = parser.add_mutually_exclusive_group()
+    until.add_argument("-f", "--follow", action="store_true", help="go on with new lines until Ctrl+C (the default)")
+    until.add_argument("--once", action="store_true", help="print the lines that the processes keep, and end")
+    parser.add_argument("--json", action="store_true", help="print JSON, one object per line")
+    add_bus_options(parser)
+    return parser
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point."""
+    args = build_parser().parse_args(argv)
+    return run("zteam log", args, lambda: _log(args))
+
+
+def name_pattern(text: str) -> str:
+    """The part of a key that stands for the names that a user typed; `*` is any text. Raises UsageError."""
+    pattern = check_key(text.replace("$*", "*").replace("*", "$*") if text != "*" else text)
+    if "/" in pattern:
+        raise UsageError(f"{text!r} is not the name of a process, such as robot_1, sim or 'robot_*'")
+    return pattern
+
+
+def format_line(line: LogLine, color: bool) -> str:
+    """The line as its process prints it, with milliseconds; further lines of its text are indented."""
+    level = "" if level_name(line.level) == "info" else f"{level_name(line.level)}: "
+    text = line.text.translate(_CONTROLS).replace("\n", "\n    ")
+    millisecond = line.time_ns // 1_000_000 % 1000
+    shown = f"{local_time_text(line.time_ns)}.{millisecond:03d} [{line.process}] {level}{text}"
+    code = next(code for bound, code in _COLORS if line.level >= bound)
+    return f"\033[{code}m{shown}\033[0m" if color and code else shown
+
+
+def format_json(line: LogLine) -> str:
+    """The line as one JSON object, with the name of its level."""
+    return msgspec.json.encode({**msgspec.structs.asdict(line), "level": level_name(line.level)}).decode()
+
+
+def check_names(patterns: Sequence[str], alive: Sequence[str]) -> None:
+    """Raise ZteamError if a name is not one of a living process; a pattern with `*` may match none."""
+    unknown = [name for name in patterns if not is_wildcard(name) and name not in alive]
+    if unknown:
+        living = f"alive: {', '.join(sorted(set(alive)))}" if alive else "none is alive (start a team with 'zteam up')"
+        raise ZteamError(f"no process {', '.join(unknown)}; {living}")
+
+
+def _log(args: argparse.Namespace) -> int:
+    patterns = [name_pattern(name) for name in args.names] or ["*"]
+    bus, waiter = open_bus(bus_options(args)), Waiter()
+    try:
+        reader = LogReader(bus, patterns, waiter.notify, logging.getLevelName(args.level.upper()))
+        if not args.once:
+            reader.follow()
+        found = _fetch(bus, reader, patterns)
+        kept = reader.ready(math.inf)
+        _print(kept if args.tail is None else kept[max(0, len(kept) - args.tail) :], args.json)
+        if not args.once:
+            _follow(reader, waiter, args.json, found)
+        elif not found:
+            print("no processes (start a team with 'zteam up')", file=sys.stderr)
+    finally:
+        bus.close()
+    return 0
+
+
+def _fetch(bus: Bus, reader: LogReader, patterns: Sequence[str]) -> bool:
+    """Take what the processes keep; whether there are any. Raises ZteamError for an unknown name."""
+    answered = reader.fetch()
+    silent = [pattern for pattern in patterns if not any(_matches(pattern, name) for name in answered)]
+    if not silent:
+        return True
+    from zteam.cli.node import find_nodes
+
+    alive = sorted({node.name for node in find_nodes(bus)})
+    check_names(silent, alive)
+    quiet = [name for name in alive if any(_matches(pattern, name) for pattern in silent)]
+    for name in quiet:
+        print(f"{name} does not answer: only its new lines are shown", file=sys.stderr)
+    return bool(answered or quiet)
+
+
+def _matches(pattern: str, name: str) -> bool:
+    return fnmatch.fnmatchcase(name, pattern.replace("$*", "*"))
+
+
+def _follow(reader: LogReader, waiter: Waiter, as_json: bool, found: bool) -> None:
+    """Print new lines, and those that joining processes keep, until Ctrl+C."""
+    while True:
+        waiter.wait(reader.pending, None, "" if found else "a process")
+        found = bool(reader.fetch_joined()) or found
+        # Older lines of other processes may still be on their way.
+        waiter.wait(lambda: reader.left() == 0.0, reader.left(), "")
+        _print(reader.ready(), as_json)
+
+
+def _print(lines: Sequence[LogLine], as_json: bool) -> None:
+    color = sys.stdout.isatty() and "NO_COLOR" not in os.environ
+    for line in lines:
+        print(format_json(line) if as_json else format_line(line, color))
+    sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,197 @@
+"""`zteam param list | get | set | dump`: a behaviour's parameters while it runs."""
+
+import argparse
+import math
+import sys
+from collections.abc import Callable, Sequence
+from fnmatch import fnmatchcase
+from typing import Any
+
+import msgspec
+
+from zteam import names
+from zteam.cli.arguments import negative_numbers, parse_value
+from zteam.cli.listening import open_bus
+from zteam.cli.options import Parser, add_bus_options, bus_options, run
+from zteam.cli.parameter_table import format_parameters
+from zteam.errors import BusError, UsageError
+from zteam.problems import did_you_mean
+from zteam.robot_ids import parse_robot_ids
+from zteam.services.parameters import DescribeReply
+from zteam.services.parameters_client import ParametersClient
+
+Robots = dict[str, DescribeReply]
+"""What each robot told, by name."""
+_ROBOTS = "robots: robot_0, 'robot_*', or ids such as 0 or 0-3"
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """The command line."""
+    parser = Parser(prog="zteam param", description=__doc__)
+    verbs = parser.add_subparsers(dest="verb", required=True, metavar="|".join(_VERBS))
+
+    def verb(name: str, text: str) -> argparse.ArgumentParser:
+        sub = verbs.add_parser(name, help=text, description=text)
+        sub.add_argument("--json", action="store_true", help="print JSON")
+        add_bus_options(sub)
+        return sub
+
+    verb("list", "list the parameters of robots and their values").add_argument(
+        "robots", nargs="?", default="*", metavar="NAME", help=f"{_ROBOTS} (default: all)"
+    )
+    get = verb("get", "print the value of a parameter")
+    get.add_argument("robots", metavar="NAME", help=_ROBOTS)
+    get.add_argument("parameter", metavar="PARAM")
+    change = verb("set", "set parameters from the robot's next step on: all of them, or none if one is refused")
+    change.add_argument("robots", metavar="NAME", help=_ROBOTS)
+    change.add_argument(
+        "pairs", nargs="+", metavar="PARAM VALUE", help="the value as in a team file: 0.4, true, text, [1, 2]"
+    )
+    dump = verb("dump", "print the parameters as TOML, for the robot's table in a team file")
+    dump.add_argument("robots", metavar="NAME", help="one robot: robot_0 or 0")
+    return parser
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point."""
+    args = build_parser().parse_args(negative_numbers(sys.argv[1:] if argv is None else argv))
+    return run("zteam param", args, lambda: _answer(args))
+
+
+def _answer(args: argparse.Namespace) -> int:
+    if args.verb == "set":
+        # A mistake is reported before the router is waited for.
+        args.values = parse_pairs(args.pairs)
+    bus = open_bus(bus_options(args))
+    try:
+        client = ParametersClient(bus)
+        return _VERBS[args.verb](args, client, find_robots(client, args.robots))
+    finally:
+        bus.close()
+
+
+def parse_pairs(words: Sequence[str]) -> dict[str, Any]:
+    """The values by name of the words PARAM VALUE [PARAM VALUE …]. Raises UsageError."""
+    values: dict[str, Any] = {}
+    if len(words) % 2:
+        raise UsageError(f"set {' '.join(words)!r}: give each parameter a value, e.g. speed 0.3 turn_rate 1.0")
+    for name, text in zip(words[::2], words[1::2], strict=True):
+        if name in values:
+            raise UsageError(f"set {name}: it is given twice")
+        values[name] = parse_value(text.strip())
+        if isinstance(values[name], float) and not math.isfinite(values[name]):
+            raise UsageError(f"set {name} {text.strip()}: give a finite number")
+    return values
+
+
+def find_robots(client: ParametersClient, text: str) -> Robots:
+    """The robots that a user names, in the order of their ids, and their parameters. Raises UsageError, BusError."""
+    pattern = names.strip_slash(text).replace("$*", "*")
+    if pattern[:1].isdigit():
+        wanted = [names.robot_name(robot_id) for robot_id in parse_robot_ids([pattern], "NAME")]
+    elif "*" not in pattern:
+        wanted = [pattern]
+    else:
+        found = client.describe_all()
+        matching = sorted(filter(lambda name: fnmatchcase(name, pattern), found), key=_order)
+        if not matching:
+            there = f"there is {', '.join(sorted(found, key=_order))}" if found else "start a team with 'zteam up'"
+            raise BusError(f"no robot {text}: {there}")
+        return {name: found[name] for name in matching}
+    return {name: client.describe(name) for name in wanted}
+
+
+def _order(name: str) -> tuple[int, str]:
+    return names.robot_id_of(name) or 0, name
+
+
+def _list(args: argparse.Namespace, _client: ParametersClient, robots: Robots) -> int:
+    if args.json:
+        print(msgspec.json.encode([{"name": name, **_fields(reply)} for name, reply in robots.items()]).decode())
+        return 0
+    for name, reply in robots.items():
+        print(f"{name}: {reply.behavior}")
+        print(format_parameters(reply.parameters, reply.values) if reply.parameters else "  no parameters")
+    return 0
+
+
+def _fields(reply: DescribeReply) -> dict[str, Any]:
+    rows = [{**msgspec.structs.asdict(each), "value": reply.values.get(each.name)} for each in reply.parameters]
+    return {"behavior": reply.behavior, "parameters": rows}
+
+
+def _get(args: argparse.Namespace, _client: ParametersClient, robots: Robots) -> int:
+    found = {name: reply.values[args.parameter] for name, reply in robots.items() if args.parameter in reply.values}
+    if args.json:
+        print(msgspec.json.encode(found).decode())
+    else:
+        for name, value in found.items():
+            print(_exact(value) if len(robots) == 1 else f"{name}: {_exact(value)}")
+    _raise_all([_lack(name, robots[name], args.parameter) for name in robots if name not in found])
+    return 0
+
+
+def _lack(robot: str, reply: DescribeReply, parameter: str) -> str:
+    takes = ", ".join(reply.values) or "no parameters"
+    return f"{robot}: no parameter {parameter!r}{did_you_mean(parameter, reply.values)}; {reply.behavior} takes {takes}"
+
+
+def _raise_all(refused: Sequence[str]) -> None:
+    """Raise UsageError if anything was refused: the other robots have been served."""
+    if refused:
+        raise UsageError("\n".join(refused))
+
+
+def _set(args: argparse.Namespace, client: ParametersClient, robots: Robots) -> int:
+    done: dict[str, dict[str, Any]] = {}
+    refused = []
+    for robot in robots:
+        try:
+            now = client.set(robot, args.values)
+        except UsageError as error:
+            refused.append(str(error))
+        else:
+            done[robot] = {name: now[name] for name in args.values}
+    if args.json:
+        print(msgspec.json.encode(done).decode())
+    else:
+        for robot, now in done.items():
+            print(f"{robot}: {', '.join(f'{name} = {_exact(value)}' for name, value in now.items())}")
+    _raise_all(refused)
+    return 0
+
+
+def _dump(args: argparse.Namespace, _client: ParametersClient, robots: Robots) -> int:
+    if len(robots) > 1:
+        raise UsageError(f"dump {args.robots}: name one robot")
+    (reply,) = robots.values()
+    # TOML has no null: a parameter that is none is left out.
+    table = {name: value for name, value in reply.values.items() if value is not None}
+    if reply.behavior == "follow":
+        table = {"follow": table.pop("leader"), **table}
+    else:
+        table = {"behavior": reply.behavior, **table}
+    if args.json:
+        print(msgspec.json.encode(table).decode())
+        return 0
+    for name, value in table.items():
+        print(f"{name} = {_exact(value)}")
+    return 0
+
+
+def _exact(value: Any) -> str:
+    from zteam.team_file.entries import toml_text
+
+    return "none" if value is None else toml_text(value)
+
+
+_VERBS: dict[str, Callable[[argparse.Namespace, ParametersClient, Robots], int]] = {
+    "list": _list,
+    "get": _get,
+    "set": _set,
+    "dump": _dump,
+}
+
+
+if __name__ == "__main__":
+    sys.exit(main())

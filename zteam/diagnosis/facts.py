@@ -1,0 +1,60 @@
+"""What the checks judge: everything that was learned of one team within a moment, as plain data."""
+
+from collections.abc import Mapping, Sequence
+
+import msgspec
+
+from zteam import names
+from zteam.bus.counters import KeyCount
+from zteam.bus.presence import ProcessInfo
+from zteam.messages import OccupancyGrid, RobotStatus, TeamStatus
+from zteam.services.simulator import SimStatus
+
+
+class Fault(msgspec.Struct, frozen=True):
+    """Messages that no process of zteam can use."""
+
+    key: str
+    writer: str
+    """The name of the process that sends them, or its session."""
+    reason: str
+    """What is wrong with them: `sends <reason>`."""
+
+
+class Facts(msgspec.Struct, frozen=True, kw_only=True):
+    """One team. An empty field says that nothing of the kind was heard."""
+
+    nodes: Sequence[ProcessInfo] = ()
+    """Every process with a presence token; one that does not answer has pid 0."""
+    writers: Mapping[str, Sequence[str]] = {}
+    """The processes that published on each key, by name."""
+    faults: Sequence[Fault] = ()
+    counts: Mapping[str, Mapping[str, KeyCount]] = {}
+    """What each process received and refused, by process and key."""
+    statuses: Mapping[int, RobotStatus] = {}
+    """What each robot's process says of itself."""
+    team: TeamStatus | None = None
+    """What the monitor says of the team."""
+    sim: SimStatus | None = None
+    holds: bool = False
+    """Whether the simulator's tick was the same at the begin and at the end of the look."""
+    map: OccupancyGrid | None = None
+    """The map that a late subscriber gets; its cells are left out."""
+    map_writer: str = ""
+    """The process that published it, by name."""
+    namespace: str = ""
+    """Where the look was made; empty for no namespace."""
+    elsewhere: Mapping[str, Sequence[str]] = {}
+    """Names of the processes in other namespaces of the same router; "" is no namespace."""
+    routers: Mapping[str, Sequence[str]] = {}
+    """Names of the processes at other routers of this machine, by endpoint; `namespace/name` in a namespace."""
+
+    @property
+    def alive(self) -> frozenset[str]:
+        """The names that are held."""
+        return frozenset(node.name for node in self.nodes)
+
+    @property
+    def robots(self) -> list[int]:
+        """Ids of the robots that have a process."""
+        return sorted({i for i in map(names.robot_id_of, self.alive) if i is not None})

@@ -1,0 +1,175 @@
+"""What a user sees of a watched team: events as lines or JSON, and the table, live on a terminal."""
+
+import logging
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Protocol
+
+import msgspec
+
+from zteam import names
+from zteam.clock import Every, monotonic
+from zteam.nodes.monitor.members import Event
+from zteam.nodes.monitor.poses import Poses
+from zteam.nodes.monitor.table import Line, Row, format_table, make_rows, team_notes
+from zteam.nodes.monitor.team import Team
+from zteam.nodes.monitor.team_watch import TeamWatch
+from zteam.runtime.node import Node
+
+log = logging.getLogger("zteam")
+_event_log = logging.getLogger("zteam.monitor.events")
+"""Events in the log on the bus. The monitor shows them itself, so this logger has no output."""
+_event_log.propagate = False
+_event_log.addHandler(logging.NullHandler())
+
+_TROUBLE = frozenset({"fault", "lost", "silent"})
+"""Kinds of events that are warnings."""
+
+LEAVE_AFTER = 5.0
+"""`--exit-on-go` waits this long at most for every robot to obey."""
+_PIPE_WIDTH = 80
+"""Characters of a line of the table where there is no terminal."""
+_STATUSES = 1.5
+"""Host seconds after which every robot has said its status; before that a table would be empty."""
+
+Contents = Callable[[], tuple[list[Row], list[str]]]
+"""The rows of the table and the notes below it, as they are now."""
+
+
+class MonitorOptions(msgspec.Struct, frozen=True):
+    """What the command line asks for."""
+
+    team_size: int
+    ids: tuple[int, ...] | None = None
+    json: bool = False
+    exit_on_go: bool = False
+    table: float | None = None
+    """Host seconds between two tables where there is no terminal; None = no table, infinity = a single one."""
+
+
+def sentence(event: Event) -> str:
+    """An event as a line for a user."""
+    subject = "" if event.robot is None else f"{names.robot_name(event.robot)} "
+    return f"{subject}{event.text}"
+
+
+class Output(Protocol):
+    """Where events and tables go."""
+
+    draws_itself: bool
+    """Whether it draws the table whenever it wants to; otherwise it is told when."""
+
+    def show(self, event: Event) -> None:
+        """Show an event."""
+        ...
+
+    def watch(self, contents: Contents) -> None:
+        """From now on these are the contents of the table."""
+        ...
+
+    def print_table(self) -> None:
+        """Show the table as it is now."""
+        ...
+
+
+class Lines:
+    """Lines of text on standard output."""
+
+    draws_itself = False
+    _contents: Contents
+
+    def show(self, event: Event) -> None:
+        """Print one line for a user."""
+        print(sentence(event), flush=True)  # noqa: T201
+
+    def watch(self, contents: Contents) -> None:
+        """From now on these are the contents of the table."""
+        self._contents = contents
+
+    def print_table(self) -> None:
+        """Print the table."""
+        lines: list[Line] = format_table(*self._contents(), _PIPE_WIDTH)
+        print("\n".join(line.text for line in lines), flush=True)  # noqa: T201
+
+
+class JsonLines(Lines):
+    """One JSON object a line."""
+
+    def show(self, event: Event) -> None:
+        """Print {"event", "robot" (or null), "text"}."""
+        line = {"event": event.kind, "robot": event.robot, "text": event.text}
+        print(msgspec.json.encode(line).decode(), flush=True)  # noqa: T201
+
+    def print_table(self) -> None:
+        """Print {"event": "table", "robots": [one object a robot], "text": what stands below the table}."""
+        rows, notes = self._contents()
+        line = {"event": "table", "robot": None, "text": "; ".join(notes), "robots": rows}
+        print(msgspec.json.encode(line).decode(), flush=True)  # noqa: T201
+
+
+@contextmanager
+def showing(options: MonitorOptions) -> Iterator[Output]:
+    """The output that the options and standard output call for."""
+    if options.json:
+        yield JsonLines()
+    elif not sys.stdout.isatty() or options.exit_on_go:
+        yield Lines()
+    else:
+        from zteam.nodes.monitor.live_table import LiveTable
+
+        with LiveTable() as table:
+            yield table
+
+
+class Display:
+    """Shows a watched team on an output. The main loop calls it, without `node.changed`."""
+
+    def __init__(self, node: Node, team: Team, watch: TeamWatch, options: MonitorOptions, output: Output) -> None:
+        self._node = node
+        self._team = team
+        self._watch = watch
+        self._options = options
+        self._output = output
+        self._leave_at: float | None = None
+        self._nag = Every(5.0)
+        self._nag.due()
+        self._poses: Poses | None = None
+        self._table = Every(options.table or 0.0)
+        self._table_from = monotonic() + _STATUSES
+        if options.table is not None or output.draws_itself:
+            self._poses = Poses(node, self._robots)
+        output.watch(self._contents)
+
+    def _robots(self) -> list[int]:
+        with self._node.changed:
+            return sorted(i for i, member in self._team.members.by_id.items() if member.alive)
+
+    def _contents(self) -> tuple[list[Row], list[str]]:
+        poses = self._poses.newest if self._poses else {}
+        with self._node.changed:
+            return make_rows(self._team, poses, monotonic()), team_notes(self._team, self._watch.notes())
+
+    def _is_table_due(self) -> bool:
+        if self._options.table is None or self._output.draws_itself:
+            return False
+        return monotonic() >= self._table_from and self._table.due()
+
+    def update(self) -> bool:
+        """Show what is new. True if the process may leave: GO is out, with `exit_on_go`."""
+        with self._node.changed:
+            events = self._team.members.take_events()
+            gone, running = self._team.gone, self._team.all_running()
+            waiting_for = self._team.waiting_for()
+        for event in events:
+            # Without the lock: a terminal can be slow, and the live table takes the lock to draw itself.
+            _event_log.log(logging.WARNING if event.kind in _TROUBLE else logging.INFO, "%s", sentence(event))
+            self._output.show(event)
+        if self._is_table_due():
+            self._output.print_table()
+        if gone and self._options.exit_on_go:
+            self._leave_at = self._leave_at or monotonic() + LEAVE_AFTER
+            return running or monotonic() > self._leave_at
+        if not gone and not self._output.draws_itself and self._nag.due():
+            log.warning("waiting for %s", waiting_for)
+        return False

@@ -1,0 +1,66 @@
+"""One grammar for the ids of several robots, wherever a user types them: `0 1 2 3`, `0-3`, `0,2-4`, `0 2-4`."""
+
+import re
+from collections.abc import Iterable, Sequence
+
+from zteam import names
+from zteam.errors import UsageError
+
+_SEPARATOR = re.compile(r"\s*,\s*|\s+")
+_SHOWN = 20
+"""Characters of a refused item that the error repeats."""
+
+
+def parse_robot_ids(words: Sequence[str], place: str) -> tuple[int, ...]:
+    """The ids that the words of a user name, in their order; commas and spaces separate them, and `A-B` is a range.
+
+    Raises UsageError that begins with `place`, such as "--ids". No id may come twice, so there are MAX_ROBOT_ID + 1 at
+    most.
+    """
+    text = " ".join(words).strip()
+    if not text:
+        raise UsageError(f"{place}: no id is given: give robot ids such as 0 2 5, 0-3 or 0,2-4")
+    found: dict[int, None] = {}
+    for item in _SEPARATOR.split(text):
+        for robot_id in _parse_item(item, place):
+            if robot_id in found:
+                raise UsageError(f"{place} names a robot twice: {robot_id}")
+            found[robot_id] = None
+    return tuple(found)
+
+
+def format_robot_ids(ids: Iterable[int]) -> str:
+    """The ids, sorted, in the grammar that `parse_robot_ids` reads, with ranges where three or more follow each other.
+
+    For example `0-3, 7, 8`; empty for no ids.
+    """
+    runs: list[tuple[int, int]] = []
+    for robot_id in sorted(set(ids)):
+        if runs and robot_id == runs[-1][1] + 1:
+            runs[-1] = (runs[-1][0], robot_id)
+        else:
+            runs.append((robot_id, robot_id))
+    return ", ".join(_format_run(first, last) for first, last in runs)
+
+
+def _format_run(first: int, last: int) -> str:
+    if last - first >= 2:
+        return f"{first}-{last}"
+    return str(first) if first == last else f"{first}, {last}"
+
+
+def _parse_item(item: str, place: str) -> range:
+    first_text, dash, last_text = item.partition("-")
+    try:
+        first = names.parse_robot_id(first_text)
+        last = names.parse_robot_id(last_text) if dash else first
+    except UsageError:
+        text = f"give robot ids from 0 to {names.MAX_ROBOT_ID}, such as 0 2 5, 0-3 or 0,2-4"
+        raise UsageError(f"{place}: {_shown(item)}: {text}") from None
+    if first > last:
+        raise UsageError(f"{place}: {_shown(item)}: the first id is above the last")
+    return range(first, last + 1)
+
+
+def _shown(item: str) -> str:
+    return repr(item if len(item) <= _SHOWN else item[:_SHOWN] + "…")

@@ -1,0 +1,145 @@
+"""The newest log lines of this process, from the start of its log on, and the functions that get each new one.
+
+Lines are taken where Python makes its log records (`logging.setLogRecordFactory`), not by a handler: a handler at the
+root of a user's program would switch off `logging.basicConfig` and Python's own output of warnings, and would miss
+loggers that do not propagate.
+"""
+
+import logging
+import os
+import threading
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+import msgspec
+
+from zteam.clock import wall_ns
+from zteam.services.log_lines import KEPT, LogLine
+
+MAX_TEXT = 8192
+"""Characters of a line's text that are kept."""
+
+Sink = Callable[[LogLine], None]
+
+
+class LogKeeper:
+    """Keeps the newest KEPT lines and passes each new one on. Thread-safe; it never raises in a call that logs."""
+
+    def __init__(self) -> None:
+        self._keeping = False
+        self._thread = threading.local()
+        self._kept: deque[LogLine] = deque(maxlen=KEPT)
+        self._last = 0
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the sinks, and the lock: a forked child has neither its parent's session nor its threads."""
+        # Reentrant: the garbage collector may run code that logs while a line is taken.
+        self._lock = threading.RLock()
+        self._sinks: tuple[Sink, ...] = ()
+
+    def begin(self) -> Callable[[], None]:
+        """Keep lines from here on; returns a function that ends this, and forgets them.
+
+        A second begin, and its end, do nothing.
+        """
+        if self._keeping:
+            return lambda: None
+        self._keeping = active = True
+        make = logging.getLogRecordFactory()
+
+        def make_record(*args: Any, **kwargs: Any) -> logging.LogRecord:
+            record = make(*args, **kwargs)
+            if active:
+                self._take(record)
+            return record
+
+        def end() -> None:
+            nonlocal active
+            self._keeping = active = False
+            self._kept.clear()
+            # Other code may have wrapped it since; then it stays, and does nothing.
+            if logging.getLogRecordFactory() is make_record:
+                logging.setLogRecordFactory(make)
+
+        logging.setLogRecordFactory(make_record)
+        return end
+
+    def kept(self, process: str) -> list[LogLine]:
+        """The newest lines, the oldest first, under the name of the process."""
+        with self._lock:
+            lines = list(self._kept)
+        return [msgspec.structs.replace(line, process=process) for line in lines]
+
+    def pass_to(self, sink: Sink) -> Callable[[], None]:
+        """Call `sink(line)` for each new line, in the thread that logs; returns a function that ends this."""
+        with self._lock:
+            self._sinks = (*self._sinks, sink)
+
+        def end() -> None:
+            with self._lock:
+                self._sinks = tuple(other for other in self._sinks if other is not sink)
+
+        return end
+
+    def _take(self, record: logging.LogRecord) -> None:
+        # None: `logging.makeLogRecord` makes an empty record first, to fill it with one of another process.
+        if record.name is None:
+            return
+        try:
+            # Without the lock: the arguments' own code makes the text.
+            text = _text_of(record)
+            with self._lock:
+                line = self._keep(record, text)
+            self._pass(line)
+        except Exception:
+            # Its handlers still get the record; a line about this one would fail as well.
+            return
+
+    def _keep(self, record: logging.LogRecord, text: str) -> LogLine:
+        now = wall_ns()
+        # Equal lines differ in their time: readers take what they know for a repetition.
+        self._last = now + 1 if now == self._last else now
+        level = max(0, min(record.levelno, 255))
+        function = record.funcName or ""
+        line = LogLine(self._last, "", level, text, _encodable(record.pathname), function, record.lineno)
+        self._kept.append(line)
+        return line
+
+    def _pass(self, line: LogLine) -> None:
+        """Give the line to the sinks; not a line that a sink logs itself, which would have no end."""
+        if not self._sinks or getattr(self._thread, "passing", False):
+            return
+        self._thread.passing = True
+        try:
+            for sink in self._sinks:
+                sink(line)
+        finally:
+            self._thread.passing = False
+
+
+def _text_of(record: logging.LogRecord) -> str:
+    """The message with the traceback of its exception, cut to MAX_TEXT."""
+    try:
+        text = record.getMessage()
+    except Exception:
+        # Arguments that do not fit: Python's handlers report that.
+        text = str(record.msg)
+    if record.exc_info and record.exc_info[0] is not None:
+        text = f"{text}\n{logging.Formatter().formatException(record.exc_info)}"
+    if len(text) > MAX_TEXT:
+        text = f"{text[:MAX_TEXT]}… ({len(text)} characters)"
+    return _encodable(text)
+
+
+def _encodable(text: str) -> str:
+    """The text with escapes for what neither JSON in UTF-8 nor CDR can carry."""
+    if text.isascii() and "\0" not in text:
+        return text
+    return text.replace("\0", "\\x00").encode("utf-8", "backslashreplace").decode()
+
+
+KEEPER = LogKeeper()
+"""The one of this process, as the log is the process's."""
+os.register_at_fork(after_in_child=KEEPER.reset)
