@@ -98,6 +98,16 @@ def all_robots_key(topic: str) -> str:
     return f"robot_$*/{topic}"
 
 
+def keys_in(key_expr: str, robot_ids: Iterable[int]) -> list[str]:
+    """The keys that a key expression means to a team of these robots; none for a wildcard over anything but robots."""
+    prefix, slash, topic = key_expr.partition("/")
+    if not is_wildcard(key_expr):
+        return [key_expr]
+    if is_wildcard(topic) or f"{prefix}{slash}" != all_robots_key(""):
+        return []
+    return [robot_key(robot_id, topic) for robot_id in robot_ids]
+
+
 def split_robot_key(key: str) -> tuple[int, str] | None:
     """(robot id, topic) of `robot_N/topic`, or None for any other key, wildcards included."""
     name, slash, topic = key.partition("/")

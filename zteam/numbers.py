@@ -55,6 +55,11 @@ def format_factor(factor: float) -> str:
     return f"{factor:.2f}" if factor < 10.0 else f"{factor:.1f}" if factor < 100.0 else f"{factor:.0f}"
 
 
+def format_rate(rate: float) -> str:
+    """A rate in Hz without digits that are only jitter."""
+    return f"{rate:.1f} Hz" if rate >= 1.0 else f"{rate:.2g} Hz"
+
+
 def percentile(values: Iterable[float], share: float) -> float | None:
     """The value at a `share` (0 to 1) of the way through the sorted values; None where there are no values."""
     ordered = sorted(values)

@@ -23,9 +23,12 @@ def check_topic_tools(team: TeamFixture) -> None:
     grid = json.loads(team.command("topic", "echo", "map", "--once", "--json").stdout)
     assert len(grid["data"]) == grid["info"]["width"] * grid["info"]["height"]
 
-    listed = {row["key"]: row["type"] for row in json.loads(team.command("topic", "list", "--json").stdout)}
-    assert listed["robot_1/cmd_vel"] == "geometry_msgs/msg/Twist"
-    assert listed["tf_static"] == "tf2_msgs/msg/TFMessage"
+    rows = {row["key"]: row for row in json.loads(team.command("topic", "list", "--json").stdout)}
+    assert rows["robot_1/cmd_vel"]["type"] == "geometry_msgs/msg/Twist"
+    assert rows["tf_static"]["type"] == "tf2_msgs/msg/TFMessage"
+    assert (rows["robot_1/cmd_vel"]["publishers"], rows["robot_1/cmd_vel"]["subscribers"]) == (["robot_1"], ["sim"])
+    assert rows["robot_1/base_scan"]["subscribers"] == ["robot_1"]
+    assert rows["robot_1/tf"]["subscribers"] == ["tf"]
 
     info = json.loads(team.command("topic", "info", "robot_1/cmd_vel", "--json").stdout)
     assert info["writers"] == ["robot_1"]
@@ -109,10 +112,18 @@ def test_a_published_message_arrives(team: TeamFixture) -> None:
     team.spawn("zteam-sim", "arena", name="sim")
     team.wait_for_processes("sim")
     start = team.robot(0).commands
+    listed = json.loads(team.command("topic", "list", "--json").stdout)
+    (row,) = (row for row in listed if row["key"] == "robot_0/cmd_vel")
+    assert (row["count"], row["publishers"]) == (0, [])
+    assert "sim" in row["subscribers"]
     done = team.command(
-        "topic", "pub", "robot_0/cmd_vel", "Twist", "{angular: {z: 0.5}}", "--rate", "10", "--times", "5"
+        "topic", "pub", "-r", "10", "robot_0/cmd_vel", "Twist", "[0, 0, 0]", "[0, 0, 0.5]", "--times", "5"
     )
     assert done.returncode == 0
+    # The fixture subscribes as well.
+    assert done.stdout.startswith("publishing geometry_msgs/msg/Twist on robot_0/cmd_vel 5 times at 10 Hz to 2 ")
+    assert done.stdout.endswith(", sim\n")
+    assert done.stderr == ""
     team.until(lambda: team.robot(0).commands >= start + 5, within=5)
     assert team.robot(0).commands == start + 5
     assert team.robot(0).pose.yaw > 0.1
@@ -125,6 +136,10 @@ def test_a_published_message_arrives(team: TeamFixture) -> None:
         (("topic", "pub", "a", "Twitst"), "did you mean Twist"),
         (("topic", "pub", "robot_0/cmd_vel", "Twist", "{linear: {q: 1}}"), "no field 'q'"),
         (("tf", "static", "1", "2"), "give X Y Z"),
+        (
+            ("topic", "pub", "robot_0/cmd_vel", "String"),
+            "cmd_vel carries geometry_msgs/msg/Twist, not std_msgs",
+        ),
         (("topics",), "did you mean topic"),
     ],
 )

@@ -1,8 +1,26 @@
-"""Keys of presence tokens."""
+"""Key expressions, and keys of presence tokens."""
 
 import pytest
 
+from zteam import names
 from zteam.names import split_namespaced_token_key, token_key
+
+
+@pytest.mark.parametrize(
+    ("key_expr", "keys"),
+    [
+        ("robot_0/odom", ["robot_0/odom"]),
+        ("robot_$*/odom", ["robot_1/odom", "robot_3/odom"]),
+        ("robot_$*/camera/image", ["robot_1/camera/image", "robot_3/camera/image"]),
+        ("robot_$*", []),
+        ("robot_$*/*", []),
+        ("*/done", []),
+        ("**", []),
+    ],
+)
+def test_a_wildcard_over_robots_is_a_key_of_each(key_expr: str, keys: list[str]) -> None:
+    """Only the wildcard over all robots can be resolved: what other wildcards mean is not known."""
+    assert names.keys_in(key_expr, [1, 3]) == keys
 
 
 @pytest.mark.parametrize("namespace", ["", "lab", "floor/2"])

@@ -3,7 +3,7 @@
 import pytest
 
 from zteam.errors import UsageError
-from zteam.numbers import counted, format_factor, is_number, parse_number, parse_whole, percentile
+from zteam.numbers import counted, format_factor, format_rate, is_number, parse_number, parse_whole, percentile
 
 
 def test_the_bounds_belong_to_the_range() -> None:
@@ -89,3 +89,11 @@ def test_a_noun_may_have_a_plural_of_its_own() -> None:
 def test_a_factor_has_the_digits_that_are_known(factor: float, text: str) -> None:
     """Two decimals at most."""
     assert format_factor(factor) == text
+
+
+@pytest.mark.parametrize(
+    ("rate", "text"), [(10.0021, "10.0 Hz"), (999.96, "1000.0 Hz"), (1.0, "1.0 Hz"), (0.333, "0.33 Hz"), (0.0, "0 Hz")]
+)
+def test_rates_have_no_digits_of_jitter(rate: float, text: str) -> None:
+    """A tenth of a hertz is enough; a slow rate keeps two digits."""
+    assert format_rate(rate) == text

@@ -9,7 +9,7 @@ from zteam.bus.changes import Addressees, Change
 from zteam.bus.counters import Counters
 from zteam.bus.queries import NoRequest, Request, query_handler, read_replies
 from zteam.bus.receiving import Receiver
-from zteam.bus.transport import Closeable, RawPublisher, RawSample, Transport
+from zteam.bus.transport import Closeable, Declaration, RawPublisher, RawSample, Transport
 from zteam.errors import BusError, UsageError
 from zteam.messages import Message, encode, encoding_of
 from zteam.names import stats_key
@@ -147,6 +147,11 @@ class Bus:
     def watch_tokens(self, key_exprs: Sequence[str], callback: Callable[[str, bool], None]) -> list[Closeable]:
         """Call `callback(key, alive)` for tokens that are there, come or go."""
         return [self.transport.watch_tokens(key_expr, callback) for key_expr in key_exprs]
+
+    def declarations(self) -> list[Declaration] | None:
+        """The publishers and subscribers of all other sessions; None if the router does not tell of them."""
+        found = self.transport.declarations()
+        return found and [declaration for declaration in found if declaration.session != self.instance]
 
     def watch_link(self, callback: Callable[[bool], None]) -> None:
         """Call `callback(up)` when the link to the router is lost or back."""

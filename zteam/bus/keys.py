@@ -19,6 +19,11 @@ def problem_of(key: str) -> str:
     return ""
 
 
+def matches(key_expr: str, other: str) -> bool:
+    """Whether some key is in both key expressions."""
+    return bool(zenoh.KeyExpr(key_expr).intersects(zenoh.KeyExpr(other)))
+
+
 def check_use(action: str, key: str, closed: bool) -> None:
     """Raise BusError if the session is closed or `key` is no key expression; `action` is a verb, such as "ask"."""
     problem = "the session is closed" if closed else problem_of(key)

@@ -12,19 +12,22 @@ from collections.abc import Callable
 from functools import lru_cache, partial
 from typing import Any
 
-import zenoh
-
 from zteam.bus.answering import DeferredAnswers, error_reply, make_answer
 from zteam.bus.bus import Bus
-from zteam.bus.keys import check_use
-from zteam.bus.transport import Closeable, QueryHandler, RawPublisher, RawSample, Reply, SampleHandler, TokenHandler
+from zteam.bus.keys import check_use, matches
+from zteam.bus.transport import (
+    Closeable,
+    Declaration,
+    QueryHandler,
+    RawPublisher,
+    RawSample,
+    Reply,
+    SampleHandler,
+    TokenHandler,
+)
 from zteam.clock import monotonic, wait_until
 
 log = logging.getLogger("zteam.bus")
-
-
-def _matches(key_expr: str, key: str) -> bool:
-    return bool(zenoh.KeyExpr(key_expr).intersects(zenoh.KeyExpr(key)))
 
 
 class _Handle:
@@ -42,9 +45,10 @@ class _Handle:
 class _Subscriber:
     def __init__(self, session: str, key_expr: str, handler: SampleHandler) -> None:
         self.session = session
+        self.key_expr = key_expr
         self.handler = handler
         # A key expression is compared with every key that is put, so each pair is compared once.
-        self.matches = lru_cache(maxsize=1024)(lambda key: _matches(key_expr, key))
+        self.matches = lru_cache(maxsize=1024)(lambda key: matches(key_expr, key))
 
 
 class _Queryable:
@@ -67,6 +71,7 @@ class MemoryHub:
         """How many sessions hold each token."""
         self.watchers: dict[int, tuple[str, TokenHandler]] = {}
         self.latched: dict[int, RawSample] = {}
+        self.publishers: dict[int, Declaration] = {}
 
     def bus(self) -> Bus:
         """A new session on this hub."""
@@ -81,6 +86,12 @@ class MemoryHub:
         with self.lock:
             return [s for s in self.subscribers.values() if s.session != but_session and s.matches(key)]
 
+    def declarations(self) -> list[Declaration]:
+        """The publishers and subscribers of all sessions."""
+        with self.lock:
+            subscribers = [Declaration(s.key_expr, s.session, False) for s in self.subscribers.values()]
+            return [*self.publishers.values(), *subscribers]
+
     def change_token(self, key: str, by: int) -> None:
         """Count a token up or down, and tell the watchers when it comes or goes."""
         with self.lock:
@@ -89,7 +100,7 @@ class MemoryHub:
             alive = self.tokens[key] > 0
             if alive == (before > 0):
                 return
-            told = [handler for expr, handler in self.watchers.values() if _matches(expr, key)]
+            told = [handler for expr, handler in self.watchers.values() if matches(expr, key)]
         for handler in told:
             _tell(handler, key, alive)
 
@@ -114,6 +125,7 @@ class _Publisher:
         self._latched = latched
         self._passed_over = session if to_others else None
         self._closed = False
+        hub.publishers[self._number] = Declaration(key, session, True)
 
     @property
     def has_subscribers(self) -> bool:
@@ -137,6 +149,7 @@ class _Publisher:
         with self._hub.lock:
             self._closed = True
             self._hub.latched.pop(self._number, None)
+            self._hub.publishers.pop(self._number, None)
 
 
 class MemoryTransport:
@@ -162,7 +175,7 @@ class MemoryTransport:
         hub, number = self._hub, self._hub.new_id()
         with hub.lock:
             hub.subscribers[number] = _Subscriber(self.instance, key_expr, handler)
-            history = [s for s in hub.latched.values() if latched and _matches(key_expr, s.key)]
+            history = [s for s in hub.latched.values() if latched and matches(key_expr, s.key)]
         for sample in history:
             handler(sample)
         return self._handle(hub.subscribers, number)
@@ -184,7 +197,7 @@ class MemoryTransport:
                 replies.append(reply)
                 changed.notify_all()
 
-        asked = [q for q in list(self._hub.queryables.values()) if _matches(key_expr, q.key)]
+        asked = [q for q in list(self._hub.queryables.values()) if matches(key_expr, q.key)]
         for queryable in asked:
             answer = make_answer(queryable.key, partial(queryable.handler, payload))
             if isinstance(answer, Reply):
@@ -195,6 +208,9 @@ class MemoryTransport:
             if not wait_until(changed, lambda: len(replies) == len(asked), max(0.0, end - monotonic())):
                 return [*replies, error_reply("Timeout")]
             return replies
+
+    def declarations(self) -> list[Declaration] | None:
+        return self._hub.declarations()
 
     def declare_token(self, key: str) -> Closeable:
         check_use("declare the token", key, self._closed)
@@ -208,7 +224,7 @@ class MemoryTransport:
         hub, number = self._hub, self._hub.new_id()
         with hub.lock:
             hub.watchers[number] = (key_expr, handler)
-            there = [key for key, count in hub.tokens.items() if count and _matches(key_expr, key)]
+            there = [key for key, count in hub.tokens.items() if count and matches(key_expr, key)]
         for key in there:
             _tell(handler, key, True)
         return self._handle(hub.watchers, number)

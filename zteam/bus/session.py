@@ -13,7 +13,16 @@ import zenoh.ext
 
 from zteam.bus.answering import DeferredAnswers, error_reply, make_answer
 from zteam.bus.keys import check_use, first_line
-from zteam.bus.transport import Closeable, QueryHandler, RawPublisher, RawSample, Reply, SampleHandler, TokenHandler
+from zteam.bus.transport import (
+    AskDeclarations,
+    Closeable,
+    QueryHandler,
+    RawPublisher,
+    RawSample,
+    Reply,
+    SampleHandler,
+    TokenHandler,
+)
 from zteam.clock import monotonic
 from zteam.errors import BusError
 
@@ -26,8 +35,6 @@ _BYTES = "zenoh/bytes"
 _MOST = 0.9
 """Of a time-out: a query that ends after this share of it without a reply has timed out."""
 _HISTORY = zenoh.ext.HistoryConfig(detect_late_publishers=True)
-
-
 _THREAD = threading.local()
 
 
@@ -156,8 +163,10 @@ def _sample_callback(handler: SampleHandler, stamped: bool) -> Any:
 class ZenohTransport:
     """An open Zenoh session seen as a Transport."""
 
-    def __init__(self, session: zenoh.Session) -> None:
+    def __init__(self, session: zenoh.Session, declarations: AskDeclarations = lambda: None) -> None:
+        """`declarations()` asks the router: a session does not know those of others."""
         self._session = session
+        self.declarations = declarations
         self.instance = str(session.zid())
         self._declared: set[_Declared] = set()
         self._link_handlers: list[Callable[[bool], None]] = []

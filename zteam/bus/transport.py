@@ -26,6 +26,15 @@ class Reply(NamedTuple):
     error: bool
 
 
+class Declaration(NamedTuple):
+    """A publisher or a subscriber of some session."""
+
+    key: str
+    """A key expression."""
+    session: str
+    publishes: bool
+
+
 class Closeable(Protocol):
     """A declaration on the bus that can be taken back."""
 
@@ -51,6 +60,9 @@ SampleHandler = Callable[[RawSample], None]
 QueryHandler = Callable[[bytes], bytes | Callable[[], bytes]]
 """Answers a query's payload at once, or with a call that may take its time."""
 TokenHandler = Callable[[str, bool], None]
+
+
+AskDeclarations = Callable[[], list[Declaration] | None]
 
 
 class Transport(Protocol):
@@ -97,6 +109,10 @@ class Transport(Protocol):
 
     def watch_tokens(self, key_expr: str, handler: TokenHandler) -> Closeable:
         """Call `handler(key, alive)` for tokens that are there, come or go."""
+        ...
+
+    def declarations(self) -> list[Declaration] | None:
+        """The publishers and subscribers of all sessions; None if the router does not tell of them."""
         ...
 
     def watch_link(self, handler: Callable[[bool], None]) -> None:

@@ -10,6 +10,7 @@ from zteam.bus import Bus, BusOptions, connect
 from zteam.bus.topics import type_of_key
 from zteam.bus.transport import RawSample
 from zteam.cli.interrupts import raise_from_now
+from zteam.cli.key_users import find_key_users, near_keys
 from zteam.clock import monotonic, wait_until
 from zteam.errors import UsageError
 from zteam.messages import Message, message_type, type_of_encoding
@@ -92,7 +93,7 @@ class KeySurvey(msgspec.Struct):
     sources: list[str] = []
     """Sessions that published on it, in order of their first message; empty for a session that sends no time stamp."""
     rate: float = 0.0
-    """Hz over the survey."""
+    """Hz during the survey."""
 
 
 class _Survey:
@@ -101,12 +102,16 @@ class _Survey:
     def __init__(self) -> None:
         self._found: dict[str, KeySurvey] = {}
         self._latched_keys: set[str] = set()
+        self._times: dict[str, tuple[float, float]] = {}
+        """Of the first and the newest live sample of each key."""
         self._lock = threading.Lock()
 
     def take_live(self, sample: RawSample) -> None:
         """Count a sample published during the survey."""
+        now = monotonic()
         with self._lock:
             self._entry(sample).count += 1
+            self._times[sample.key] = (self._times.get(sample.key, (now, now))[0], now)
 
     def take_latched(self, sample: RawSample) -> None:
         """Note the latched sample of a key.
@@ -129,12 +134,37 @@ class _Survey:
         return entry
 
     def entries(self, elapsed: float) -> list[KeySurvey]:
-        """All keys, sorted, with their rates over `elapsed` seconds."""
+        """All keys, sorted, with their rates; that of a single message over the `elapsed` seconds."""
         with self._lock:
             for entry in self._found.values():
-                entry.rate = entry.count / elapsed
+                first, last = self._times.get(entry.key, (0.0, 0.0))
+                entry.rate = (entry.count - 1) / (last - first) if last > first else entry.count / elapsed
                 entry.latched = entry.latched and entry.count == 0
             return sorted(self._found.values(), key=lambda entry: entry.key)
+
+
+def wait_for_message(bus: Bus, waiter: Waiter, ready: Callable[[], bool], timeout: float | None, key: str) -> bool:
+    """Wait until `ready()`, for at most `timeout` s if given; return whether it is ready.
+
+    When no message has come for a while, say on stderr whether anything publishes on `key`.
+    """
+    if timeout is not None and timeout <= SURVEY:
+        return waiter.wait(ready, timeout, "")
+    if waiter.wait(ready, SURVEY, ""):
+        return True
+    print(f"{silence(bus, key)} (waiting for a message; Ctrl+C to give up)", file=sys.stderr)
+    return waiter.wait(ready, None if timeout is None else timeout - SURVEY, "")
+
+
+def silence(bus: Bus, key: str) -> str:
+    """Why no message may have come on `key`: its publishers, or the published keys that are near."""
+    users = find_key_users(bus)
+    if users is None:
+        return f"nothing has come on {key} yet"
+    if publishers := users.publishers(key):
+        return f"{key} is published by {', '.join(publishers)}, but nothing has come yet"
+    published = [other for other in users.known_keys() if users.publishers(other)]
+    return f"nothing publishes {key}{near_keys(key, published)}"
 
 
 def survey(bus: Bus, key_expr: str, seconds: float = SURVEY) -> list[KeySurvey]:

@@ -82,11 +82,10 @@ def _main(arguments: list[str]) -> int:
         print(f"zteam: no command {name!r}: {meant}", file=sys.stderr)
         return 2
     if name not in COMMANDS:
-        import difflib
+        from zteam.cli.usage import did_you_mean
 
-        near = difflib.get_close_matches(name, COMMANDS, n=2)
-        hint = f"did you mean {' or '.join(near)}?" if near else f"commands: {', '.join(COMMANDS)}"
-        print(f"zteam: no command {name!r}: {hint}", file=sys.stderr)
+        hint = did_you_mean(name, COMMANDS) or f": commands: {', '.join(COMMANDS)}"
+        print(f"zteam: no command {name!r}{hint}", file=sys.stderr)
         return 2
     return _run(COMMANDS[name][0], rest)
 

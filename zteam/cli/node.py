@@ -73,9 +73,18 @@ def _list(args: argparse.Namespace) -> int:
     if not found:
         print("no processes (start a team with 'zteam up')")
     for info in found:
-        age = "" if not info.pid else f"pid {info.pid}, up {(wall_ns() - info.start) / 1e9:.0f} s, zteam {info.version}"
+        age = "" if not info.pid else f"pid {info.pid}, up {_age(wall_ns() - info.start)}, zteam {info.version}"
         print(f"{info.name:12} {info.host:16} {age}")
     return 0
+
+
+def _age(nanoseconds: int) -> str:
+    """`45 s`, `12 min`, `3 h 5 min`."""
+    seconds = max(0, nanoseconds // 10**9)
+    if seconds < 120:
+        return f"{seconds} s"
+    hours, minutes = divmod(seconds // 60, 60)
+    return f"{hours} h {minutes} min" if hours else f"{minutes} min"
 
 
 if __name__ == "__main__":

@@ -3,14 +3,15 @@
 import argparse
 import os
 import sys
-from collections.abc import Callable
-from typing import TYPE_CHECKING, NoReturn
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from zteam.bus import BusOptions
 from zteam.bus.options import FROM_STDIN, LEASE_BOUNDS, check_endpoint
 from zteam.cli.arguments import number, one_of
 from zteam.cli.interrupts import INTERRUPTED
 from zteam.cli.output import OutputError, guarded
+from zteam.cli.usage import answer, did_you_mean, in_short, unknown_words
 from zteam.errors import UsageError, ZteamError
 from zteam.names import strip_slash
 from zteam.runtime.logs import LEVELS, start_logging
@@ -25,9 +26,25 @@ FORMATS = ("text", "json")
 class Parser(argparse.ArgumentParser):
     """A command line: it reports a mistake on one line, and help that it cannot write like any other output."""
 
+    _words: Sequence[str] = ()
+    """What is parsed."""
+
     def error(self, message: str) -> NoReturn:
         """End with 2."""
-        self.exit(2, f"{self.prog}: {message} (see '{self.prog} --help')\n")
+        self.exit(2, answer(self, in_short(self, message, self._words)) + "\n")
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Parse as argparse does, and end with 2 on an unknown word: only this parser knows what was meant."""
+        self._words = list(sys.argv[1:] if args is None else args)
+        found, unknown = super().parse_known_args(args, namespace)
+        if unknown:
+            self.error(unknown_words(self, unknown))
+        return found, unknown
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        if isinstance(action, argparse._SubParsersAction) and value not in action.choices:
+            self.error(f"no subcommand {value!r}{did_you_mean(value, action.choices)}")
+        super()._check_value(action, value)
 
     def print_help(self, file: "SupportsWrite[str] | None" = None) -> None:
         """Print the help text. End with 1 if it goes to standard output and that cannot be written."""

@@ -208,7 +208,7 @@ def _move(args: argparse.Namespace) -> Ask:
     def ask(client: SimulatorClient) -> Answer:
         x, y, yaw = pose
         status = _change(lambda: client.move(robot_id, *pose, force=args.force))
-        return status, f"robot {robot_id} is at x {x:g}, y {y:g}, yaw {yaw:g}"
+        return status, f"robot {robot_id} is at x {x + 0.0:g}, y {y + 0.0:g}, yaw {yaw + 0.0:g}"
 
     return ask
 

@@ -41,7 +41,9 @@ def format_hold(status: SimStatus) -> str:
 
 def format_pace(status: SimStatus) -> str:
     """The speed that was asked for."""
-    return "as fast as possible" if status.speed is None else f"{status.speed:g} simulated seconds a second"
+    if status.speed is None:
+        return "as fast as possible"
+    return f"{status.speed:g} simulated second{'s' * (status.speed != 1.0)} a second"
 
 
 def _listed(items: Sequence[object]) -> str:

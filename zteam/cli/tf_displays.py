@@ -10,14 +10,18 @@ from zteam import names
 from zteam.bus import Bus
 from zteam.cli.listening import SURVEY, Waiter, open_bus
 from zteam.cli.options import bus_options
-from zteam.cli.tool_clock import ticker
-from zteam.errors import BusError, UsageError
+from zteam.cli.tool_clock import open_clock, ticker
+from zteam.cli.usage import did_you_mean
+from zteam.errors import BusError, UsageError, ZteamError
 from zteam.messages import Clock, TFMessage, ns_from_time
+from zteam.numbers import counted, format_rate
 from zteam.services.transforms import FrameReply
 from zteam.tf import Buffer, FrameInfo, TransformException
-from zteam.tf.drawing import tree_as_dot, tree_as_svg
+from zteam.tf.drawing import PICTURES, draw_tree
 from zteam.tf.statistics import Watch
 from zteam.tf.text import format_tree
+
+_SEE_TREE = " (see 'zteam tf tree')"
 
 
 class TreeListener:
@@ -48,7 +52,10 @@ class TreeListener:
         self.waiter.notify()
 
 
-def _ask_frames(bus: Bus) -> dict[str, FrameInfo] | None:
+NO_AGGREGATOR = "no aggregator runs: start one with 'zteam-tf' (a team of 'zteam up' has one)"
+
+
+def ask_frames(bus: Bus) -> dict[str, FrameInfo] | None:
     """The aggregator's own data on every frame; None without an aggregator."""
     try:
         replies = bus.ask(names.service_key(names.AGGREGATOR, "frames"), dict[str, FrameReply])
@@ -57,30 +64,46 @@ def _ask_frames(bus: Bus) -> dict[str, FrameInfo] | None:
     return {child: FrameInfo(*msgspec.structs.astuple(frame)) for child, frame in replies.items()}
 
 
+def why_no_transform(bus: Bus, listener: TreeListener, target: str, source: str) -> str:
+    """Why there is no transform between two frames: no aggregator, a frame that no process publishes, or two trees."""
+    frames = ask_frames(bus)
+    if frames is None:
+        return NO_AGGREGATOR
+    known = _names(frames)
+    missing = [frame for frame in (target, source) if frame not in known]
+    if missing:
+        return "; ".join(f"frame {frame!r} does not exist{did_you_mean(frame, known)}" for frame in missing) + _SEE_TREE
+    return listener.buffer.can_transform(target, source, 0)[1].strip() + _SEE_TREE
+
+
+def _names(frames: Mapping[str, FrameInfo]) -> set[str]:
+    """The frames of a tree, its roots included."""
+    return {*frames, *(info.parent for info in frames.values())}
+
+
 def show_tree(args: argparse.Namespace) -> int:
     """Print the tree, as text or JSON, or draw it into a file."""
-    drawings = {".svg": tree_as_svg, ".dot": tree_as_dot}
     path = Path(args.output) if args.output else None
-    if path is not None and path.suffix not in drawings:
-        raise UsageError(f"{path}: name a .svg or .dot file")
+    if path is not None and path.suffix.lower() not in PICTURES:
+        raise UsageError(f"{path}: name a {', '.join(PICTURES[:-1])} or {PICTURES[-1]} file")
     bus = open_bus(bus_options(args))
     try:
         listener = TreeListener(bus)
         listener.waiter.wait(lambda: False, SURVEY, "")
         # Without an aggregator, use what was received.
-        frames = _ask_frames(bus) or listener.buffer.frames()
+        asked = ask_frames(bus)
+        frames = asked or listener.buffer.frames()
     finally:
         bus.close()
     if path is not None:
-        try:
-            path.write_text(drawings[path.suffix](frames, listener.now), encoding="utf-8")
-        except OSError as error:
-            raise UsageError(f"{path}: cannot write the tree: {error.strerror or error}") from None
-        print(f"{path}: {len(frames)} frames")
+        if not frames:
+            raise ZteamError(_nothing(asked is not None, "no frames to draw"))
+        draw_tree(frames, listener.now, path)
+        print(f"{path}: {counted(len(_names(frames)), 'frame')}")
     elif args.json:
         print(msgspec.json.encode({child: info._asdict() for child, info in frames.items()}).decode())
     elif not frames:
-        print("no frames (is zteam-tf running? see 'zteam doctor')")
+        print(_nothing(asked is not None, "no frames yet"))
     else:
         print(format_tree(frames, listener.now))
     return 0
@@ -92,7 +115,8 @@ def show_figures(args: argparse.Namespace) -> int:
     try:
         watch = Watch()
         TreeListener(bus, watch).waiter.wait(lambda: False, args.seconds, "")
-        frames = _ask_frames(bus) or {}
+        asked = ask_frames(bus)
+        frames = asked or {}
         try:
             conflicts = bus.ask(names.service_key(names.AGGREGATOR, "conflicts"), list[str])
         except BusError:
@@ -104,12 +128,13 @@ def show_figures(args: argparse.Namespace) -> int:
         rows = [{**msgspec.to_builtins(f), "authority": _authority(frames, f.child)} for f in figures]
         print(msgspec.json.encode({"frames": rows, "conflicts": conflicts}).decode())
         return 0
-    print(f"{'frame':34} {'authority':12} {'rate':>9} {'jitter':>9} {'delay':>9} {'max':>9}")
+    if figures:
+        print(f"{'frame':34} {'authority':12} {'rate':>9} {'jitter':>9} {'delay':>9} {'max':>9}")
     for f in figures:
-        cells = _cell(f.rate, "Hz"), _cell(f.jitter, "s"), _cell(f.mean_delay, "s"), _cell(f.max_delay, "s")
+        cells = format_rate(f.rate) if f.rate is not None else "-", _ms(f.jitter), _ms(f.mean_delay), _ms(f.max_delay)
         print(f"{f.child:34} {_authority(frames, f.child):12} " + " ".join(f"{cell:>9}" for cell in cells))
     if not figures:
-        print("no moving frame (is zteam-tf running? see 'zteam doctor')")
+        print(_nothing(asked is not None, "no moving frame"))
     for conflict in conflicts:
         print(f"conflict: {conflict}")
     return 0
@@ -119,8 +144,12 @@ def _authority(frames: Mapping[str, FrameInfo], child: str) -> str:
     return frames[child].authority if child in frames else "unknown"
 
 
-def _cell(value: float | None, unit: str) -> str:
-    return "-" if value is None else f"{value:.3f} {unit}"
+def _ms(seconds: float | None) -> str:
+    return "-" if seconds is None else f"{seconds * 1e3:.1f} ms"
+
+
+def _nothing(has_aggregator: bool, text: str) -> str:
+    return f"{text} (see 'zteam doctor')" if has_aggregator else NO_AGGREGATOR
 
 
 class _Position(msgspec.Struct):
@@ -140,13 +169,14 @@ def show_positions(args: argparse.Namespace) -> int:
     try:
         listener = TreeListener(bus)
         listener.waiter.wait(lambda: False, SURVEY, "")
-        wait = None if args.rate is None else ticker(bus, 1.0 / args.rate, args.clock)
+        wait = None if args.rate is None else ticker(open_clock(bus, args.clock), 1.0 / args.rate)
         while True:
             rows = _find_positions(listener.buffer)
             if args.json:
                 print(msgspec.json.encode(rows).decode(), flush=True)
             else:
-                print("\n".join(map(_position_line, rows)) or "no robots (see 'zteam node list')", flush=True)
+                none = "" if rows else _nothing(ask_frames(bus) is not None, "no robots")
+                print("\n".join(map(_position_line, rows)) or none, flush=True)
             if wait is None:
                 return 0
             wait()
@@ -171,4 +201,6 @@ def _find_positions(buffer: Buffer) -> list[_Position]:
 def _position_line(row: _Position) -> str:
     if row.x is None or row.y is None or row.yaw is None or row.stamp is None:
         return f"{row.robot:10} unknown: {row.why}"
-    return f"{row.robot:10} x {row.x:8.3f}  y {row.y:8.3f}  yaw {row.yaw:7.3f}  at {row.stamp:.1f} s"
+    # Adding 0.0 turns a rounded -0.000 into 0.000.
+    x, y, yaw = (round(value, 3) + 0.0 for value in (row.x, row.y, row.yaw))
+    return f"{row.robot:10} x {x:8.3f}  y {y:8.3f}  yaw {yaw:7.3f}  at {row.stamp:.1f} s"

@@ -52,12 +52,11 @@ def _ask_time(bus: Bus) -> int | None:
     return answers[0][1].now if answers else None
 
 
-def ticker(bus: Bus, period: float, mode: ClockMode) -> Callable[[], None]:
+def ticker(clock: AutoClock, period: float) -> Callable[[], None]:
     """A function that waits for the next moment, `period` seconds after the last one (the first: after this call).
 
     It says once on stderr when simulated time stands still.
     """
-    clock = open_clock(bus, mode)
     ticks, warned = Ticker(period, clock), False
 
     def warn() -> None:

@@ -5,22 +5,23 @@ import itertools
 import statistics
 import sys
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import msgspec
 
-from zteam import names
-from zteam.bus.counters import KeyCount
 from zteam.bus.transport import RawSample
 from zteam.cli.arguments import MAX_RATE, number, whole
-from zteam.cli.listening import Waiter, check_key, given_type, kind_of, open_bus, survey
+from zteam.cli.listening import Waiter, check_key, given_type, kind_of, open_bus, silence, wait_for_message
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, run
-from zteam.cli.tool_clock import open_clock, ticker
+from zteam.cli.tool_clock import open_clock
+from zteam.cli.topic_keys import show_info, show_list
+from zteam.cli.topic_pub import publish
 from zteam.clock import monotonic, to_seconds
 from zteam.errors import DecodeError, UsageError, ZteamError
-from zteam.messages import Message, decode, from_text, message_type, to_json, to_plain
-from zteam.numbers import MAX_SECONDS
+from zteam.messages import Message, decode, to_json, to_plain
+from zteam.numbers import MAX_SECONDS, format_rate
 
 _SHORT = 12
 """Elements of an array that the text output shows without --full."""
@@ -37,7 +38,7 @@ def build_parser() -> argparse.ArgumentParser:
             sub.add_argument("key", metavar="KEY", help="key expression, e.g. robot_0/odom")
         return sub
 
-    listing = verb("list", "list the keys that carry data, with type and rate", key=False)
+    listing = verb("list", "list the keys with type, rate, and numbers of publishers and subscribers", key=False)
     echo = verb("echo", "print messages")
     rate = verb("hz", "measure the publish rate")
     info = verb("info", "print type, rate, size, publishers and subscribers of a key")
@@ -74,41 +75,30 @@ def _add_echo_options(parser: argparse.ArgumentParser) -> None:
 
 def _add_pub_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("type", metavar="TYPE", help="ROS type, e.g. geometry_msgs/msg/Twist")
-    parser.add_argument("values", nargs="?", default="{}", metavar="'{…}'", help="fields as JSON or YAML")
     parser.add_argument(
+        "values",
+        nargs="*",
+        default=[],
+        metavar="'{…}'",
+        help="fields as JSON or YAML, or as in ROS 1 a list for each field; a stamp may be `now`, a header `auto`",
+    )
+    parser.add_argument(
+        "-r",
         "--rate",
         type=number(1e-3, MAX_RATE, "messages a second"),
         default=1.0,
         metavar="HZ",
         help="publish at this rate (default: %(default)s)",
     )
-    parser.add_argument("--times", type=whole(1, 10**12, "messages"), metavar="N", help="end after N messages")
-    parser.add_argument("--once", action="store_true", help="end after one message")
+    parser.add_argument("-t", "--times", type=whole(1, 10**12, "messages"), metavar="N", help="end after N messages")
+    parser.add_argument("-1", "--once", action="store_true", help="end after one message")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point."""
     args = build_parser().parse_args(argv)
-    verbs = {"list": _list, "echo": _echo, "hz": _hz, "info": _info, "pub": _pub}
+    verbs = {"list": show_list, "echo": _echo, "hz": _hz, "info": show_info, "pub": publish}
     return run("zteam topic", args, lambda: verbs[args.verb](args))
-
-
-def _list(args: argparse.Namespace) -> int:
-    bus = open_bus(bus_options(args))
-    try:
-        found = survey(bus, "**")
-    finally:
-        bus.close()
-    if args.json:
-        print(msgspec.json.encode(found).decode())
-        return 0
-    if not found:
-        print("no key carries data (is a simulator running? see 'zteam doctor')")
-    width = max((len(entry.key) for entry in found), default=0)
-    for entry in found:
-        rate = "latched" if entry.latched else f"{entry.rate:.1f} Hz"
-        print(f"{entry.key:{width}}  {rate:>9}  {entry.type or '?'}")
-    return 0
 
 
 def format_message(message: Message, full: bool) -> str:
@@ -155,11 +145,15 @@ def _echo(args: argparse.Namespace) -> int:
 
     try:
         bus.subscribe_raw(key, take, latched=True)
+        wait: Callable[[Callable[[], bool]], bool] = partial(
+            wait_for_message, bus, waiter, timeout=args.timeout, key=key
+        )
         while True:
-            if not waiter.wait(lambda: bool(queue), args.timeout, f"a message on {key}"):
-                raise ZteamError(f"no message on {key} within {args.timeout:g} s: see 'zteam topic list'")
+            if not wait(lambda: bool(queue)):
+                raise ZteamError(f"no message on {key} within {args.timeout:g} s: {silence(bus, key)}")
             if _print_sample(queue.popleft(), given, args) and args.once:
                 return 0
+            wait = partial(waiter.wait, timeout=args.timeout, what=f"a message on {key}")
     finally:
         bus.close()
 
@@ -200,9 +194,8 @@ def _hz(args: argparse.Namespace) -> int:
             waiter.notify()
 
         bus.subscribe_raw(key, take)
+        wait_for_message(bus, waiter, lambda: total >= 2, None, key)
         while True:
-            enough = total + 2
-            waiter.wait(lambda least=enough: total >= least, None, f"messages on {key}")  # type: ignore[misc]
             waiter.wait(lambda: False, 1.0, "")
             stamps = list(times)
             if len(stamps) < 2:
@@ -210,6 +203,8 @@ def _hz(args: argparse.Namespace) -> int:
             print(_format_rate(stamps, clock.simulated, args.json), flush=True)
             if args.once:
                 return 0
+            enough = total + 2
+            waiter.wait(lambda least=enough: total >= least, None, f"messages on {key}")  # type: ignore[misc]
     finally:
         bus.close()
 
@@ -222,74 +217,13 @@ def _format_rate(times: list[float], simulated: bool, as_json: bool) -> str:
         values = {"rate": rate, "min": min(gaps), "max": max(gaps), "std": spread, "window": len(times)}
         return msgspec.json.encode({**values, "clock": "sim" if simulated else "wall"}).decode()
     return (
-        f"average rate: {rate:.3f} ({'simulated' if simulated else 'host'} time)\n"
-        f"        min: {min(gaps):.3f}s max: {max(gaps):.3f}s std dev: {spread:.5f}s window: {len(times)}"
+        f"average rate: {format_rate(rate)} ({'simulated' if simulated else 'host'} time)\n"
+        f"        min: {_ms(min(gaps))}  max: {_ms(max(gaps))}  std dev: {_ms(spread)}  window: {len(times)}"
     )
 
 
-def _info(args: argparse.Namespace) -> int:
-    from zteam.cli.node import find_nodes, writer_names
-
-    key = check_key(args.key)
-    bus = open_bus(bus_options(args))
-    try:
-        found = survey(bus, key)
-        nodes = find_nodes(bus)
-        counts = bus.query(names.stats_key("*"), dict[str, KeyCount])
-    finally:
-        bus.close()
-    if not found:
-        raise ZteamError(f"nothing on {key}: see 'zteam topic list'")
-    for entry in found:
-        stats = {key.removesuffix("/stats"): per_key[entry.key] for key, per_key in counts if entry.key in per_key}
-        row = {
-            "key": entry.key,
-            "type": entry.type,
-            "rate": round(entry.rate, 2),
-            "latched": entry.latched,
-            "bytes": entry.bytes,
-            "writers": writer_names(nodes, entry.sources),
-            "receivers": {name: msgspec.structs.asdict(count) for name, count in stats.items()},
-        }
-        if args.json:
-            print(msgspec.json.encode(row).decode())
-        else:
-            _print_info(row)
-    return 0
-
-
-def _print_info(row: dict[str, Any]) -> None:
-    from zteam.diagnosis.refusals import format_refusals
-
-    print(row["key"])
-    print(f"  type      {row['type'] or '?'}")
-    print(f"  rate      {'latched' if row['latched'] else str(row['rate']) + ' Hz'}, {row['bytes']} bytes")
-    for writer in row["writers"]:
-        print(f"  writer    {writer}")
-    for name, count in row["receivers"].items():
-        print(f"  receiver  {name}: {count['received']} received, {format_refusals(KeyCount(**count))}")
-
-
-def _pub(args: argparse.Namespace) -> int:
-    key = check_key(args.key)
-    if names.is_wildcard(key):
-        raise UsageError(f"{args.key!r} is a wildcard: give one key")
-    message = from_text(message_type(args.type), args.values)
-    times = 1 if args.once else args.times
-    bus = open_bus(bus_options(args))
-    try:
-        publisher = bus.publisher(key, type(message))
-        if times == 1:
-            publisher.put(message)
-            return 0
-        wait = ticker(bus, 1.0 / args.rate, args.clock)
-        publisher.put(message)
-        for _ in itertools.count() if times is None else range(times - 1):
-            wait()
-            publisher.put(message)
-    finally:
-        bus.close()
-    return 0
+def _ms(seconds: float) -> str:
+    return f"{seconds * 1e3:.1f} ms"
 
 
 if __name__ == "__main__":

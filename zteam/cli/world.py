@@ -88,20 +88,27 @@ def _check(args: argparse.Namespace, world: "World") -> int:
     for obstacle in summary["obstacles"]:
         x, y, yaw = obstacle["pose"]
         kind = "pushable  " if obstacle["mass"] is not None else "obstacle  "
-        print(f"  {kind} {obstacle['name']:18} at {x:.3f} {y:.3f}, {yaw:.1f}°, {counted(obstacle['shapes'], 'shape')}")
+        print(f"  {kind} {obstacle['name']:18} at {_place(x, y, yaw)}, {counted(obstacle['shapes'], 'shape')}")
     for robot in summary["robots"]:
         x, y, yaw = robot["pose"]
         lasers = ", ".join(robot["sensors"]) or "no sensors"
-        print(f"  robot {robot['id']:<4} {robot['name']:18} at {x:.3f} {y:.3f}, {yaw:.1f}°: "
+        print(f"  robot {robot['id']:<4} {robot['name']:18} at {_place(x, y, yaw)}: "
               f"{robot['model']}, {robot['drive']}, {lasers}")  # fmt: skip
     for base in summary["bases"]:
         print(f"  base       {base['model']:18} {_base_text(base)}")
     for warning in summary["warnings"]:
         print(warning)
-    counts = counted(len(world.robots), "robot"), counted(len(world.obstacles), "obstacle")
-    warnings = counted(len(summary["warnings"]), "warning") if summary["warnings"] else "no warnings"
-    print(f"{', '.join(counts)}, {counted(len(world.floorplans), 'floor plan')}; {warnings}")
+    counts = [
+        counted(len(things), noun)
+        for things, noun in ((world.robots, "robot"), (world.obstacles, "obstacle"), (world.floorplans, "floor plan"))
+    ]
+    print(f"{', '.join(counts)}; {counted(len(world.warnings), 'warning') if world.warnings else 'no warnings'}")
     return 0
+
+
+def _place(x: float, y: float, yaw_deg: float) -> str:
+    # Adding 0.0 turns a rounded -0.000 into 0.000.
+    return f"{round(x, 3) + 0.0:.3f} {round(y, 3) + 0.0:.3f}, {round(yaw_deg, 1) + 0.0:.1f}°"
 
 
 def _summary(world: "World") -> dict[str, Any]:
@@ -228,7 +235,7 @@ def _scan(args: argparse.Namespace, world: "World") -> int:
         ranges = laser["ranges"]
         hits = sum(r < laser["range_max"] for r in ranges)
         print(f"{laser['name']:24} {len(ranges):5} beams  min {min(ranges):7.3f}  mean {sum(ranges) / len(ranges):7.3f}"
-              f"  max {max(ranges):7.3f} m  {hits} hits")  # fmt: skip
+              f"  max {max(ranges):7.3f} m  {counted(hits, 'hit')}")  # fmt: skip
     return 0
 
 

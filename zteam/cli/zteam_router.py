@@ -11,8 +11,8 @@ from zteam.nodes.router.node import run_router
 from zteam.numbers import MAX_SECONDS
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point."""
+def build_parser() -> argparse.ArgumentParser:
+    """The command line."""
     parser = Parser(prog="zteam-router", description=__doc__)
     parser.add_argument(
         "--listen", metavar="ENDPOINT", default=DEFAULT_ENDPOINT, help="listen here (default: %(default)s)"
@@ -23,7 +23,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         "--detached", type=number(0.0, MAX_SECONDS, "seconds"), metavar="SECONDS", help=argparse.SUPPRESS
     )
     add_log_options(parser)
-    args = parser.parse_args(argv)
+    return parser
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point."""
+    args = build_parser().parse_args(argv)
     return run(
         "router",
         args,

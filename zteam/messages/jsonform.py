@@ -1,6 +1,7 @@
 """Messages as JSON, for tools and scripts: ROS's field names, arrays as lists, inf and NaN as null."""
 
 import math
+from collections.abc import Callable, Sequence
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 import msgspec
@@ -8,9 +9,16 @@ import numpy as np
 
 from zteam.errors import UsageError
 from zteam.messages.message import Message
+from zteam.messages.std_msgs import Header, Time
 from zteam.messages.wire_fields import wire_form
 
 M = TypeVar("M", bound=Message)
+
+_STAMPS: dict[tuple[type[Message], str], Callable[[Time], Message]] = {
+    (Time, "now"): lambda now: now,
+    (Header, "auto"): Header,
+}
+"""The words for the time, by the type in whose place they stand, and what they become."""
 
 
 def to_plain(value: Any) -> Any:
@@ -34,19 +42,34 @@ def to_json(message: Message) -> bytes:
     return msgspec.json.encode(to_plain(message))
 
 
-def from_text(kind: type[M], text: str) -> M:
+Now = Callable[[], Time]
+"""The time that a user means by the words `now` for a stamp and `auto` for a header, as ROS 2's tools know them."""
+
+
+def from_text(kind: type[M], text: str, now: Now | None = None) -> M:
     """The message that a user typed as JSON or as YAML (`{linear: {x: 0.2}}`); missing fields keep their defaults.
 
     Raises UsageError that names the field.
     """
+    plain = _read(kind, text)
+    return from_plain(kind, {} if plain is None else plain, now=now)
+
+
+def from_words(kind: type[M], words: Sequence[str], now: Now | None = None) -> M:
+    """The message of the words of a command line: one with its fields, or, as in ROS 1, one for each field."""
+    if len(words) < 2:
+        return from_text(kind, "".join(words), now)
+    return from_plain(kind, _by_name(kind, [_read(kind, word) for word in words], kind.__name__), now=now)
+
+
+def _read(kind: type[Message], text: str) -> Any:
     try:
-        plain = _read(text)
+        return _parse(text)
     except RecursionError:
         raise UsageError(f"{kind.__name__}: it is nested too deeply") from None
-    return from_plain(kind, {} if plain is None else plain)
 
 
-def _read(text: str) -> Any:
+def _parse(text: str) -> Any:
     try:
         return msgspec.json.decode(text)
     except msgspec.DecodeError:
@@ -58,25 +81,36 @@ def _read(text: str) -> Any:
             raise UsageError(f"neither JSON nor YAML: {' '.join(str(error).split())}") from None
 
 
-def from_plain(kind: type[M], plain: Any, path: str = "") -> M:
-    """The message of type `kind` from dicts and lists."""
+def from_plain(kind: type[M], plain: Any, path: str = "", now: Now | None = None) -> M:
+    """The message of type `kind` from dicts and lists. As in ROS 1, a list can hold all fields of a nested message."""
     where = path or kind.__name__
+    if isinstance(plain, str) and now is not None and (stamp := _STAMPS.get((kind, plain))):
+        plain = to_plain(stamp(now()))
+    if isinstance(plain, list) and path:
+        plain = _by_name(kind, plain, where)
     if not isinstance(plain, dict):
         raise UsageError(f"{where}: expected fields such as {{{', '.join(kind.__struct_fields__)}}}, got {plain!r}")
     unknown = [str(name) for name in plain if name not in kind.__struct_fields__]
     if unknown:
         raise UsageError(f"{where} has no field {unknown[0]!r}: its fields are {', '.join(kind.__struct_fields__)}")
     hints = get_type_hints(kind, include_extras=True)
-    return kind(**{name: _value(hints[name], item, f"{where}.{name}") for name, item in plain.items()})
+    return kind(**{name: _value(hints[name], item, f"{where}.{name}", now) for name, item in plain.items()})
 
 
-def _value(hint: Any, item: Any, path: str) -> Any:
+def _by_name(kind: type[Message], values: list[Any], where: str) -> dict[str, Any]:
+    fields = kind.__struct_fields__
+    if len(values) != len(fields):
+        raise UsageError(f"{where}: expected the values of {', '.join(fields)}, got {values!r}")
+    return dict(zip(fields, values, strict=True))
+
+
+def _value(hint: Any, item: Any, path: str, now: Now | None) -> Any:
     if isinstance(hint, type) and issubclass(hint, Message):
-        return from_plain(hint, item, path)
+        return from_plain(hint, item, path, now)
     if get_origin(hint) is list:
         if not isinstance(item, list):
             raise UsageError(f"{path}: expected a list, got {item!r}")
-        return [_value(get_args(hint)[0], entry, f"{path}[{i}]") for i, entry in enumerate(item)]
+        return [_value(get_args(hint)[0], entry, f"{path}[{i}]", now) for i, entry in enumerate(item)]
     if hint is str:
         if not isinstance(item, str):
             raise UsageError(f"{path}: expected a text, got {item!r}")

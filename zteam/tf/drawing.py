@@ -1,14 +1,65 @@
-"""Drawings of the tree like those of view_frames, as SVG or as a Graphviz file."""
+"""Drawings of the tree like those of view_frames: SVG, PNG, PDF, or a Graphviz file."""
 
 from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
 from xml.sax.saxutils import escape
 
+from zteam.errors import UsageError
 from zteam.tf.time_cache import FrameInfo
 
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+PICTURES = (".svg", ".png", ".pdf", ".dot")
+"""Endings of the files that `draw_tree` can write."""
 STALE = 1.0
 """Seconds without a sample after which a moving edge is drawn as broken."""
 
 _BOX_WIDTH, _BOX_HEIGHT, _GAP_X, _GAP_Y, _MARGIN = 190, 30, 16, 62, 14
+_INK, _BROKEN, _FILL = "#445566", "#cc0000", "#eef3fb"
+_OVERSAMPLING = 2
+"""Pixels of a PNG or PDF for each of the drawing, so that it can be enlarged."""
+_MAX_SIDE, _MAX_PIXELS = 65_000, 200_000_000
+"""Bounds of a PNG or PDF: of formats, and of memory."""
+
+Place = tuple[float, float]
+
+
+class _Edge(NamedTuple):
+    """The line from a parent to a child, and the text beside it."""
+
+    points: list[Place]
+    text: list[str]
+    is_broken: bool
+
+    @property
+    def text_place(self) -> Place:
+        """Where the first line of text begins: beside the line, above the child."""
+        return self.points[-1][0] + 5, self.points[1][1] + 14
+
+
+class _Drawing(NamedTuple):
+    """The tree in pixels; the place of a box is its upper left corner."""
+
+    width: float
+    height: float
+    boxes: list[tuple[str, Place]]
+    edges: list[_Edge]
+
+
+def draw_tree(frames: Mapping[str, FrameInfo], now: int, path: Path) -> None:
+    """Draw the tree at time `now` (ns; 0 = unknown) into a file of one of PICTURES. Raises UsageError."""
+    kind = path.suffix.lower()
+    try:
+        if kind == ".dot":
+            path.write_text(tree_as_dot(frames, now), encoding="utf-8")
+        elif kind == ".svg":
+            path.write_text(tree_as_svg(frames, now), encoding="utf-8")
+        else:
+            _as_image(_compose(frames, now)).save(path, resolution=72.0 * _OVERSAMPLING)
+    except OSError as error:
+        raise UsageError(f"{path}: cannot write the tree: {error.strerror or error}") from None
 
 
 def is_broken(info: FrameInfo, now: int) -> bool:
@@ -38,40 +89,77 @@ def _quoted(text: str) -> str:
     return text.replace("\\", "\\\\").replace('"', '\\"')
 
 
+def _compose(frames: Mapping[str, FrameInfo], now: int) -> _Drawing:
+    """Boxes for frames with edges between them: parents are above their children."""
+    places = {frame: (x + _MARGIN, y + _MARGIN) for frame, (x, y) in _lay_out(frames).items()}
+    width = max((x for x, _ in places.values()), default=0) + _BOX_WIDTH + _MARGIN
+    height = max((y for _, y in places.values()), default=0) + _BOX_HEIGHT + _MARGIN
+    edges = []
+    for child, info in sorted(frames.items()):
+        (x0, y0), (x1, y1) = places[info.parent], places[child]
+        x0, y0, x1 = x0 + _BOX_WIDTH / 2, y0 + _BOX_HEIGHT, x1 + _BOX_WIDTH / 2
+        bend = y0 + 14
+        points = [(x0, y0), (x0, bend), (x1, bend), (x1, y1)]
+        edges.append(_Edge(points, describe_edge(info, now), is_broken(info, now)))
+    return _Drawing(width, height, sorted(places.items()), edges)
+
+
 def tree_as_svg(frames: Mapping[str, FrameInfo], now: int) -> str:
     """The tree as SVG: parents are above their children, broken edges are red and dashed."""
-    places = _lay_out(frames)
-    width = max((x for x, _ in places.values()), default=0) + _BOX_WIDTH + 2 * _MARGIN
-    height = max((y for _, y in places.values()), default=0) + _BOX_HEIGHT + 2 * _MARGIN
+    drawing = _compose(frames, now)
+    size = f'width="{drawing.width:.0f}" height="{drawing.height:.0f}"'
     lines = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:.0f}" height="{height:.0f}" font-family="sans-serif">',
+        f'<svg xmlns="http://www.w3.org/2000/svg" {size} font-family="sans-serif">',
         '<rect width="100%" height="100%" fill="white"/>',
     ]
-    for child, info in sorted(frames.items()):
-        lines += _svg_edge(places[info.parent], places[child], info, now)
-    for frame, (x, y) in sorted(places.items()):
+    for edge in drawing.edges:
+        lines += _svg_edge(edge)
+    for frame, (x, y) in drawing.boxes:
         lines.append(
-            f'<rect x="{x + _MARGIN:.0f}" y="{y + _MARGIN:.0f}" width="{_BOX_WIDTH}" height="{_BOX_HEIGHT}" rx="6" '
-            'fill="#eef3fb" stroke="#456"/>'
+            f'<rect x="{x:.0f}" y="{y:.0f}" width="{_BOX_WIDTH}" height="{_BOX_HEIGHT}" rx="6" '
+            f'fill="{_FILL}" stroke="{_INK}"/>'
         )
         lines.append(
-            f'<text x="{x + _MARGIN + _BOX_WIDTH / 2:.0f}" y="{y + _MARGIN + 20:.0f}" font-size="13" '
+            f'<text x="{x + _BOX_WIDTH / 2:.0f}" y="{y + 20:.0f}" font-size="13" '
             f'text-anchor="middle">{escape(frame)}</text>'
         )
     return "\n".join([*lines, "</svg>", ""])
 
 
-def _svg_edge(parent: tuple[float, float], child: tuple[float, float], info: FrameInfo, now: int) -> list[str]:
-    x0, y0 = parent[0] + _MARGIN + _BOX_WIDTH / 2, parent[1] + _MARGIN + _BOX_HEIGHT
-    x1, y1 = child[0] + _MARGIN + _BOX_WIDTH / 2, child[1] + _MARGIN
-    broken = is_broken(info, now)
-    color, dash = ("#c00", ' stroke-dasharray="5 4"') if broken else ("#456", "")
-    middle = y0 + 14
-    lines = [f'<path d="M{x0:.0f} {y0:.0f}V{middle:.0f}H{x1:.0f}V{y1:.0f}" fill="none" stroke="{color}"{dash}/>']
-    for row, text in enumerate(describe_edge(info, now)):
-        at = f'x="{x1 + 5:.0f}" y="{middle + 14 + 13 * row:.0f}"'
+def _svg_edge(edge: _Edge) -> list[str]:
+    color, dash = (_BROKEN, ' stroke-dasharray="5 4"') if edge.is_broken else (_INK, "")
+    path = "M" + "L".join(f"{x:.0f} {y:.0f}" for x, y in edge.points)
+    lines = [f'<path d="{path}" fill="none" stroke="{color}"{dash}/>']
+    x, y = edge.text_place
+    for row, text in enumerate(edge.text):
+        at = f'x="{x:.0f}" y="{y + 13 * row:.0f}"'
         lines.append(f'<text {at} font-size="10" fill="{color}">{escape(text)}</text>')
     return lines
+
+
+def _as_image(drawing: _Drawing) -> "Image":
+    """The drawing in pixels. Raises UsageError if it would be too large."""
+    from PIL import Image, ImageDraw, ImageFont
+
+    scale = _OVERSAMPLING
+    width, height = round(drawing.width * scale), round(drawing.height * scale)
+    if max(width, height) > _MAX_SIDE or width * height > _MAX_PIXELS:
+        raise UsageError(f"the tree has {len(drawing.boxes)} frames, too many for pixels: name a .svg or .dot file")
+    image = Image.new("RGB", (width, height), "white")
+    pen = ImageDraw.Draw(image)
+    small, large = (ImageFont.load_default(size * scale) for size in (10, 13))
+    for edge in drawing.edges:
+        color = _BROKEN if edge.is_broken else _INK
+        pen.line([(x * scale, y * scale) for x, y in edge.points], fill=color, width=scale)
+        x, y = edge.text_place
+        for row, text in enumerate(edge.text):
+            pen.text((x * scale, (y + 13 * row) * scale), text, fill=color, font=small, anchor="ls")
+    for frame, (x, y) in drawing.boxes:
+        corners = (x * scale, y * scale, (x + _BOX_WIDTH) * scale, (y + _BOX_HEIGHT) * scale)
+        pen.rounded_rectangle(corners, 6 * scale, fill=_FILL, outline=_INK, width=scale)
+        middle = ((x + _BOX_WIDTH / 2) * scale, (y + _BOX_HEIGHT / 2) * scale)
+        pen.text(middle, frame, fill="black", font=large, anchor="mm")
+    return image
 
 
 def _lay_out(frames: Mapping[str, FrameInfo]) -> dict[str, tuple[float, float]]:

@@ -11,7 +11,9 @@ from zteam.errors import UsageError
 from zteam.messages import (
     LaserScan,
     Odometry,
+    PoseStamped,
     TFMessage,
+    Time,
     Twist,
     all_types,
     encoding_of,
@@ -22,6 +24,7 @@ from zteam.messages import (
     to_json,
     type_of_encoding,
 )
+from zteam.messages.jsonform import from_words
 
 
 @pytest.mark.parametrize("name", ["sensor_msgs/msg/LaserScan", "sensor_msgs/LaserScan", "LaserScan"])
@@ -105,6 +108,43 @@ def test_wrong_input_names_the_field(kind: type[messages.Message], text: str, pl
     """A mistake in a typed message is answered with the field and what it takes."""
     with pytest.raises(UsageError, match=place):
         from_text(kind, text)
+
+
+def test_the_words_of_ros_1_are_the_fields_in_order() -> None:
+    """`rostopic pub` takes a list for each field; a list also fills a nested message."""
+    command = from_words(Twist, ["[0.5, 0, 0]", "[0, 0, -1.5]"])
+    assert (command.linear.x, command.angular.z) == (0.5, -1.5)
+    assert from_words(Twist, ["{linear: [0.5, 0, 0]}"]).linear.x == 0.5
+    assert from_words(Twist, []) == Twist()
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (["[0.5, 0, 0]", "[0, 0, 0]", "[]"], "Twist: expected the values of linear, angular, got"),
+        (["[0.5, 0]", "[0, 0, 0]"], "Twist.linear: expected the values of x, y, z, got"),
+        (["0.5", "[0, 0, 0]"], "Twist.linear: expected fields"),
+    ],
+)
+def test_too_few_or_too_many_words_are_refused(words: list[str], text: str) -> None:
+    """The error names the fields whose values are expected."""
+    with pytest.raises(UsageError, match=text):
+        from_words(Twist, words)
+
+
+@pytest.mark.parametrize("text", ["{header: {stamp: now}}", "{header: auto}", '{"header": {"stamp": "now"}}'])
+def test_now_is_the_time_of_the_caller(text: str) -> None:
+    """The words `now` for a stamp and `auto` for a header become the given time; without one they are refused."""
+    assert from_text(PoseStamped, text, lambda: Time(12, 5)).header.stamp == Time(12, 5)
+    with pytest.raises(UsageError, match=r"PoseStamped\.header.*: expected fields"):
+        from_text(PoseStamped, text)
+
+
+def test_now_is_a_word_of_stamps_only() -> None:
+    """A text field keeps the word, and any other message refuses it."""
+    assert from_text(messages.String, "{data: now}", Time).data == "now"
+    with pytest.raises(UsageError, match=r"Twist\.linear: expected fields"):
+        from_text(Twist, "{linear: now}", Time)
 
 
 def test_json_round_trip() -> None:

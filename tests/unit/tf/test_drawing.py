@@ -1,10 +1,15 @@
 """The tree as a picture."""
 
 import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pytest
+from PIL import Image
 
 from support.transforms import S
+from zteam.errors import UsageError
 from zteam.tf import FrameInfo
-from zteam.tf.drawing import tree_as_dot, tree_as_svg
+from zteam.tf.drawing import PICTURES, draw_tree, tree_as_dot, tree_as_svg
 
 FRAMES = {
     "odom": FrameInfo("map", "sim", True, 0.0, 0, 0, 1),
@@ -50,3 +55,37 @@ def test_a_deep_chain_is_drawn() -> None:
     """A chain of two thousand frames is drawn without recursion."""
     frames = {f"f{i}": FrameInfo(f"f{i - 1}", "t", True, 0.0, 0, 0, 1) for i in range(1, 2001)}
     assert tree_as_svg(frames, 0).count('rx="6"') == 2001
+
+
+@pytest.mark.parametrize("ending", PICTURES)
+def test_every_kind_of_file_is_written(ending: str, tmp_path: Path) -> None:
+    """Each ending gives a file of that kind, also in capitals."""
+    begins = {".svg": b"<svg ", ".png": b"\x89PNG", ".pdf": b"%PDF", ".dot": b"digraph"}
+    for path in (tmp_path / f"tree{ending}", tmp_path / f"TREE{ending.upper()}"):
+        draw_tree(FRAMES, 9 * S, path)
+        assert path.read_bytes().startswith(begins[ending])
+
+
+def test_a_png_shows_boxes_and_what_is_broken(tmp_path: Path) -> None:
+    """The picture has the colour of boxes, and red where an edge has had no recent sample."""
+    for name, now in (("fresh", 5 * S), ("stale", 9 * S)):
+        draw_tree(FRAMES, now, tmp_path / f"{name}.png")
+    fresh, stale = (Image.open(tmp_path / f"{name}.png").convert("RGB") for name in ("fresh", "stale"))
+    counts = [{color: count for count, color in picture.getcolors(1 << 20) or ()} for picture in (fresh, stale)]
+    box, red = (0xEE, 0xF3, 0xFB), (0xCC, 0, 0)
+    assert all(colors[box] > 4 * 190 * 30 for colors in counts)
+    assert red not in counts[0]
+    assert counts[1][red] > 50
+
+
+def test_a_tree_too_large_for_pixels_is_refused(tmp_path: Path) -> None:
+    """A chain of two thousand frames has no PNG; the error names the kinds of file without pixels."""
+    frames = {f"f{i}": FrameInfo(f"f{i - 1}", "t", True, 0.0, 0, 0, 1) for i in range(1, 2001)}
+    with pytest.raises(UsageError, match=r"2001 frames, too many for pixels: name a \.svg or \.dot file"):
+        draw_tree(frames, 0, tmp_path / "tree.png")
+
+
+def test_a_file_that_cannot_be_written_is_a_usage_error(tmp_path: Path) -> None:
+    """The error names the file."""
+    with pytest.raises(UsageError, match="cannot write the tree"):
+        draw_tree(FRAMES, 0, tmp_path / "missing" / "tree.png")

@@ -71,7 +71,7 @@ class Simulator:
         self._profile = TickProfile()
         self._pacer = Pacer(world.interval, options.speed, paused=options.paused)
         self._statistics = RunStatistics(options.follows)
-        self._outputs = TeamOutputs(node, self._engine)
+        self._outputs = TeamOutputs(node, self._engine, lockstep=bool(options.lockstep))
         self._commands = Commands(node, self._outputs.__contains__, self._statistics)
         self._lockstep = LockStep(node, options.lockstep, self._commands.answered) if options.lockstep else None
         self._counter = RunCounter(

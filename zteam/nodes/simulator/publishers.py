@@ -28,13 +28,15 @@ class _Output(NamedTuple):
 class RobotOutputs:
     """One robot's publishers."""
 
-    def __init__(self, node: Node, robot_id: int, robot: Robot) -> None:
+    def __init__(self, node: Node, robot_id: int, robot: Robot, *, lockstep: bool = False) -> None:
         bus = node.bus
         self._id, self.robot = robot_id, robot
         self._tf = bus.publisher(names.robot_key(robot_id, names.TF), TFMessage)
         self._tf_static = bus.publisher(names.robot_key(robot_id, names.TF_STATIC), TFMessage, latched=True)
         self._base_info = bus.publisher(names.robot_key(robot_id, names.BASE_INFO), BaseInfo, latched=True)
-        self._command = bus.publisher(names.robot_key(robot_id, names.CMD_VEL), Twist, to_others=True)
+        command_key = names.robot_key(robot_id, names.CMD_VEL)
+        # In real time the robot itself publishes its command.
+        self._command = bus.publisher(command_key, Twist, to_others=True) if lockstep else None
         sensed = {
             topic: [
                 _Output(
@@ -72,7 +74,7 @@ class RobotOutputs:
 
     def put_command(self, command: Twist) -> None:
         """Publish what the wheels are commanded in lock-step, where commands do not come over `cmd_vel`."""
-        if self._command.has_subscribers:
+        if self._command is not None and self._command.has_subscribers:
             self._command.put(command)
 
     def put_rest(self, observation: Observation) -> None:
@@ -82,7 +84,8 @@ class RobotOutputs:
     def close(self) -> None:
         """The robot is removed from the world."""
         for publisher in (self._tf, self._tf_static, self._base_info, self._command):
-            publisher.close()
+            if publisher is not None:
+                publisher.close()
         for output in (*self._odom, *self.scans, *self._rest):
             output.publisher.close()
 

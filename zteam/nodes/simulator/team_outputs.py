@@ -11,9 +11,10 @@ from zteam.sim import Engine, Observation
 class TeamOutputs(Collection[int]):
     """The ids of the robots in the world, in the order in which they came, each with its publishers."""
 
-    def __init__(self, node: Node, engine: Engine) -> None:
+    def __init__(self, node: Node, engine: Engine, *, lockstep: bool = False) -> None:
         self._node = node
         self._engine = engine
+        self._lockstep = lockstep
         self._outputs: dict[int, RobotOutputs] = {}
 
     def __contains__(self, robot_id: object) -> bool:
@@ -32,7 +33,7 @@ class TeamOutputs(Collection[int]):
             self._outputs.pop(robot_id).close()
         for robot_id, robot in robots.items():
             if robot_id not in self._outputs:
-                self._outputs[robot_id] = RobotOutputs(self._node, robot_id, robot)
+                self._outputs[robot_id] = RobotOutputs(self._node, robot_id, robot, lockstep=self._lockstep)
                 self._outputs[robot_id].put_base_info()
                 self.put_statics(robot_id)
 

@@ -1,0 +1,152 @@
+"""`zteam tf` on a bus in memory: what it says when something is missing, and of a frame that is taken."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from support.aggregator_desk import Base, Desk, transform
+from support.named_sessions import open_named
+from zteam import names
+from zteam.bus import MemoryHub
+from zteam.cli import tf, tf_displays, tf_static
+from zteam.messages import TFMessage
+
+START = "no aggregator runs: start one with 'zteam-tf' (a team of 'zteam up' has one)"
+
+
+@pytest.fixture(autouse=True)
+def opened(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The tool is on the bus in memory, and surveys are short: what is there was published before."""
+    for module in (tf, tf_displays, tf_static):
+        monkeypatch.setattr(module, "open_bus", lambda _options: hub.bus())
+    for module in (tf, tf_displays):
+        monkeypatch.setattr(module, "SURVEY", 0.02)
+
+
+@pytest.fixture
+def desk(hub: MemoryHub) -> Iterator[Desk]:
+    """An aggregator with a table from its team file, and the simulator's robot 0."""
+    desk = Desk(hub, (transform("map", "table"),))
+    simulator = open_named(hub, names.SIMULATOR)
+    moving = simulator.publisher("robot_0/tf", TFMessage)
+    fixed = simulator.publisher("robot_0/tf_static", TFMessage, latched=True)
+    base = transform("odom", "base_footprint", x=-2.0002)
+    fixed.put(TFMessage([transform("map", "odom", x=2.0), base, transform("base_footprint", "base_link")]))
+    desk.node.bus.declare_token(names.token_key(names.AGGREGATOR, desk.node.bus.instance))
+    desk.start()
+    moving.put(TFMessage([transform("base_link", "arm", 1)]))
+    yield desk
+    desk.end()
+
+
+@pytest.mark.parametrize(
+    ("words", "code"),
+    [
+        (["echo", "map", "robot_0/base_link", "--timeout", "0.05"], 1),
+        (["echo", "map", "robot_0/base_link", "--timeout", "0.01"], 1),
+        (["echo", "map", "robot_0/base_link", "--at", "5"], 1),
+        (["tree"], 0),
+        (["tree", "-o", "tree.png"], 1),
+        (["monitor", "--for", "0.01"], 0),
+        (["positions"], 0),
+        (["positions", "--once"], 0),
+    ],
+)
+def test_without_an_aggregator_each_verb_names_it(
+    words: list[str], code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The answer names the command that starts an aggregator; no empty picture is drawn."""
+    monkeypatch.chdir(tmp_path)
+    assert tf.main(words) == code
+    printed = capsys.readouterr()
+    assert (printed.out + printed.err).splitlines()[-1].endswith(START)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_long_wait_for_the_aggregator_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    """`tf echo` says what it waits for before its time is over."""
+    assert tf.main(["echo", "map", "robot_0/base_link", "--timeout", "0.05"]) == 1
+    first, _ = capsys.readouterr().err.splitlines()
+    assert first == f"{START} (waiting for it; Ctrl+C to give up)"
+
+
+@pytest.mark.usefixtures("desk")
+def test_an_unknown_frame_is_named_with_near_ones(capsys: pytest.CaptureFixture[str]) -> None:
+    """A mistyped frame is answered with the frames that may be meant."""
+    assert tf.main(["echo", "mapp", "robot_0/base_lnk", "--timeout", "0.01"]) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "frame 'mapp' does not exist: did you mean map?; " in line
+    assert "frame 'robot_0/base_lnk' does not exist: did you mean robot_0/base_link" in line
+    assert line.endswith("(see 'zteam tf tree')")
+
+
+@pytest.mark.parametrize("words", [["positions"], ["positions", "--once"]])
+@pytest.mark.usefixtures("desk")
+def test_positions_are_printed_once(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    """Without --rate the command ends after one table, and no zero has a sign."""
+    assert tf.main(words) == 0
+    assert capsys.readouterr().out == "robot_0    x    0.000  y    0.000  yaw   0.000  at 0.0 s\n"
+    assert tf.main([*words, "--json"]) == 0
+    (row,) = json.loads(capsys.readouterr().out)
+    assert (row["robot"], row["x"]) == ("robot_0", pytest.approx(-0.0002))
+
+
+@pytest.mark.usefixtures("desk")
+def test_the_number_of_frames_counts_the_root(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The line names the file and all frames that are drawn."""
+    path = tmp_path / "tree.pdf"
+    assert tf.main(["tree", "-o", str(path)]) == 0
+    assert capsys.readouterr().out == f"{path}: 6 frames\n"
+    assert path.read_bytes().startswith(b"%PDF")
+
+
+@pytest.mark.parametrize(
+    ("parent", "child", "text"),
+    [
+        (
+            "map",
+            "robot_0/odom",
+            "sim publishes map -> robot_0/odom already, on robot_0/tf_static: to set a start pose, put it into",
+        ),
+        (
+            "robot_0/base_footprint",
+            "/robot_0/base_link",
+            "sim publishes robot_0/base_footprint -> robot_0/base_link already, on robot_0/tf_static: nothing is left",
+        ),
+        ("map", "robot_0/arm", "sim publishes robot_0/base_link -> robot_0/arm already, on robot_0/tf:"),
+        ("map", "table", "the team file of zteam-tf has map -> table already: change it there"),
+        ("table", "map", "closes a loop"),
+    ],
+)
+@pytest.mark.usefixtures("desk")
+def test_a_frame_that_is_taken_is_refused_with_its_publisher(
+    parent: str, child: str, text: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The refusal names the process and the key that have the frame, and what to do."""
+    assert tf.main(["static", "1", "0", "0", "0", "0", "0", parent, child]) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("zteam tf: refused: ")
+    assert text in line
+
+
+def test_a_base_without_a_name_is_told_by_its_session(
+    hub: MemoryHub, desk: Desk, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A publisher that is no process of zteam is named by its session."""
+    base = Base(hub, 3)
+    base.stand(1.0)
+    assert tf.main(["static", "1", "0", "0", "0", "0", "0", "map", "robot_3/odom"]) == 1
+    assert f"session {base.bus.instance} publishes map -> robot_3/odom already" in capsys.readouterr().err
+
+
+def test_the_holder_of_a_frame_is_named(hub: MemoryHub, desk: Desk, capsys: pytest.CaptureFixture[str]) -> None:
+    """A frame of another `zteam tf static` is refused, and the answer says that this command must end first."""
+    holder = hub.bus()
+    holder.declare_token(names.token_key(names.STATIC_CALLER, holder.instance))
+    request = tf_static.parse_static(["1", "0", "0", "0", "0", "0", "map", "camera"], holder.instance)
+    holder.ask(names.service_key(names.AGGREGATOR, "static"), tf_static.StaticReply, request)
+    assert tf.main(["static", "2", "0", "0", "0", "0", "0", "map", "camera"]) == 1
+    line = capsys.readouterr().err
+    assert f"another 'zteam tf static', session {holder.instance} has map -> camera already: end that one" in line

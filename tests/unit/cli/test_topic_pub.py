@@ -1,0 +1,183 @@
+"""`zteam topic pub` on a bus in memory: which subscribers it reaches, what it refuses, and stamps."""
+
+import threading
+from collections.abc import Iterator
+
+import pytest
+
+from support.named_sessions import ignore, open_named
+from support.transports import Inbox, wait_until_true
+from zteam import names
+from zteam.bus import Bus, MemoryHub, NoRequest
+from zteam.bus.transport import RawSample
+from zteam.cli import topic, topic_pub
+from zteam.clock import to_ns
+from zteam.messages import Bool, Clock, PoseStamped, String, Time, Twist, time_from_ns
+from zteam.services.simulator import SimStatus
+
+
+@pytest.fixture
+def hub(monkeypatch: pytest.MonkeyPatch) -> MemoryHub:
+    """The bus of the tool and of everything else."""
+    hub = MemoryHub()
+    monkeypatch.setattr(topic_pub, "open_bus", lambda _options: hub.bus())
+    monkeypatch.setattr(topic_pub, "SURVEY", 0.05)
+    return hub
+
+
+def simulator(hub: MemoryHub, now: float) -> Bus:
+    """A simulator that stands still at `now`, with two robots."""
+    bus = open_named(hub, names.SIMULATOR)
+    status = SimStatus("scripted", [0, 1], to_ns(0.1), 1, to_ns(now), round(now / 0.1), 1.0)
+    bus.serve(names.service_key(names.SIMULATOR, "status"), NoRequest, lambda _: status)
+    bus.publisher(names.CLOCK, Clock)
+    for robot_id in (0, 1):
+        bus.publisher(names.robot_key(robot_id, names.STALL), Bool)
+    return bus
+
+
+def test_it_names_its_subscribers(hub: MemoryHub, capsys: pytest.CaptureFixture[str]) -> None:
+    """Each subscriber counts once and is named, through a wildcard too; a session without a name by its id."""
+    simulator(hub, 1.0).subscribe_raw("robot_$*/cmd_vel", ignore)
+    stranger = hub.bus()
+    for _ in range(2):
+        stranger.subscribe_raw("robot_0/cmd_vel", ignore)
+    assert topic.main(["pub", "-1", "/robot_0/cmd_vel", "geometry_msgs/Twist", "{}"]) == 0
+    printed = capsys.readouterr()
+    names_told = f"session {stranger.instance}, sim"
+    expected = f"publishing geometry_msgs/msg/Twist on robot_0/cmd_vel once to 2 subscribers: {names_told}"
+    assert printed.out == expected + "\n"
+    assert printed.err == ""
+
+
+def test_it_warns_at_none_and_publishes(hub: MemoryHub, capsys: pytest.CaptureFixture[str]) -> None:
+    """Without a subscriber it names the key that may be meant, and exits with 0."""
+    open_named(hub, "sim").subscribe_raw("robot_0/cmd_vel", ignore)
+    assert topic.main(["pub", "--once", "robot_0/cmdvel", "Twist"]) == 0
+    printed = capsys.readouterr()
+    assert printed.out == "publishing geometry_msgs/msg/Twist on robot_0/cmdvel once to no subscriber yet\n"
+    (line,) = printed.err.splitlines()
+    assert line == "zteam topic pub: nothing subscribes to robot_0/cmdvel: did you mean robot_0/cmd_vel?"
+
+
+def test_it_tells_when_a_subscriber_comes(hub: MemoryHub, capsys: pytest.CaptureFixture[str]) -> None:
+    """While it publishes, the first subscriber to come is named."""
+    heard, late = Inbox(), open_named(hub, "robot_7")
+    codes: list[int] = []
+    words = ["pub", "-r", "200", "--times", "400", "--clock", "wall", "lamp", "Bool", "{data: true}"]
+    thread = threading.Thread(target=lambda: codes.append(topic.main(words)), daemon=True)
+    thread.start()
+    wait_until_true(lambda: "lamp" in {d.key for d in hub.declarations()})
+    late.subscribe("lamp", Bool, heard)
+    heard.wait_for(("lamp", Bool(True)))
+    thread.join(20.0)
+    assert codes == [0]
+    lines = capsys.readouterr().out.splitlines()
+    assert lines == [
+        "publishing std_msgs/msg/Bool on lamp 400 times at 200 Hz to no subscriber yet",
+        "publishing on lamp to 1 subscriber: robot_7",
+    ]
+
+
+def test_it_warns_of_other_publishers_and_of_absent_robots(hub: MemoryHub, capsys: pytest.CaptureFixture[str]) -> None:
+    """Two publishers of one command fight over a robot, and a robot that is not there moves nowhere."""
+    simulator(hub, 1.0).subscribe_raw("robot_$*/cmd_vel", ignore)
+    open_named(hub, "robot_1").publisher("robot_1/cmd_vel", Twist)
+    assert topic.main(["pub", "-1", "robot_1/cmd_vel", "Twist"]) == 0
+    assert capsys.readouterr().err == "zteam topic pub: robot_1/cmd_vel is published by robot_1 too\n"
+    assert topic.main(["pub", "-1", "robot_9/cmd_vel", "Twist"]) == 0
+    assert capsys.readouterr().err == "zteam topic pub: no process has data of robot_9; robots: 0, 1\n"
+
+
+@pytest.mark.parametrize("key", ["robot_0/cmd_vel", "tf", "robot_3/base_scan_1"])
+def test_a_type_that_the_key_does_not_carry_is_refused(
+    key: str, hub: MemoryHub, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The keys of zteam have one type each: another one ends with 2 and nothing is published."""
+    heard: list[RawSample] = []
+    hub.bus().subscribe_raw("**", heard.append)
+    assert topic.main(["pub", "-1", key, "String"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"zteam topic: {key} carries ")
+    assert line.endswith(", not std_msgs/msg/String")
+    assert heard == []
+
+
+@pytest.fixture(params=[True, False], ids=["latched", "live"])
+def lamp(request: pytest.FixtureRequest, hub: MemoryHub) -> Iterator[None]:
+    """A process that publishes Bool on a key of its own, once and latched, or all the time."""
+    publisher, over = open_named(hub, "lamp").publisher("lamp", Bool, latched=request.param), threading.Event()
+
+    def publish() -> None:
+        while not over.wait(0.005):
+            publisher.put(Bool(True))
+
+    publisher.put(Bool(True))
+    thread = threading.Thread(target=publish, daemon=True)
+    if not request.param:
+        thread.start()
+    yield
+    over.set()
+    if not request.param:
+        thread.join(20.0)
+
+
+def test_a_type_that_is_not_heard_on_the_key_is_refused(
+    lamp: None, hub: MemoryHub, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A key of the user's own carries what its publishers send; the same type is accepted."""
+    monkeypatch.setattr(topic_pub, "SURVEY", 20.0)
+    assert topic.main(["pub", "-1", "lamp", "String"]) == 2
+    assert capsys.readouterr().err == "zteam topic: lamp carries std_msgs/msg/Bool, not std_msgs/msg/String\n"
+    assert topic.main(["pub", "-1", "lamp", "Bool"]) == 0
+
+
+def test_a_new_key_carries_any_type(hub: MemoryHub) -> None:
+    """A key that nothing publishes takes the first type that comes, and so does one whose publisher is silent."""
+    heard = Inbox()
+    hub.bus().subscribe("note", String, heard)
+    hub.bus().publisher("note", Bool)
+    assert topic.main(["pub", "-1", "note", "String", "{data: now}"]) == 0
+    heard.wait_for(("note", String("now")))
+
+
+@pytest.mark.parametrize("text", ["{header: {stamp: now}}", "{header: auto}"])
+def test_now_is_the_teams_time(text: str, hub: MemoryHub) -> None:
+    """With a simulator a stamp of `now` is simulated time; with `--clock wall`, the host's."""
+    heard = Inbox()
+    simulator(hub, 12.5)
+    hub.bus().subscribe("goal", PoseStamped, lambda _key, message: heard(message.header.stamp))
+    assert topic.main(["pub", "-1", "goal", "PoseStamped", text]) == 0
+    assert heard.items == [Time(12, 500_000_000)]
+    assert topic.main(["pub", "-1", "goal", "PoseStamped", text, "--clock", "wall"]) == 0
+    assert heard.items[1].sec > 1_000_000_000
+
+
+def test_every_message_has_its_own_stamp(hub: MemoryHub) -> None:
+    """A repeated message is stamped anew, at the moment of its publication."""
+    heard = Inbox()
+    clock = simulator(hub, 12.5).publisher(names.CLOCK, Clock)
+    hub.bus().subscribe("time", Time, lambda _key, message: heard(message))
+    words = ["pub", "time", "Time", "now", "-r", "10", "--times", "2"]
+    thread = threading.Thread(target=topic.main, args=(words,), daemon=True)
+    thread.start()
+    heard.wait_for(Time(12, 500_000_000))
+    tick = 126
+    while thread.is_alive():
+        clock.put(Clock(time_from_ns(tick * 100_000_000)))
+        tick += 1
+        thread.join(0.01)
+    assert len(heard.items) == 2
+    assert heard.items[1].sec * 10 + heard.items[1].nanosec // 100_000_000 >= 126
+
+
+def test_without_the_router_it_still_warns(
+    hub: MemoryHub, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """If the router does not tell of subscribers, a publisher knows at least whether it has one."""
+    monkeypatch.setattr(MemoryHub, "declarations", lambda _hub: None)
+    assert topic.main(["pub", "-1", "lamp", "Bool"]) == 0
+    assert "nothing subscribes to lamp" in capsys.readouterr().err
+    hub.bus().subscribe_raw("lamp", ignore)
+    assert topic.main(["pub", "-1", "lamp", "Bool"]) == 0
+    assert "(the router does not tell to which subscribers)" in capsys.readouterr().out

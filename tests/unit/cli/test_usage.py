@@ -1,0 +1,129 @@
+"""Mistakes on the command line of every command: one line with the cause and the usage, and exit code 2."""
+
+import argparse
+from collections.abc import Iterator
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+from zteam import cli
+from zteam.cli.main import COMMANDS, main
+
+PROCESSES = ("zteam_sim", "zteam_robot", "zteam_tf", "zteam_monitor", "zteam_router")
+MODULES = sorted({module for module, _ in COMMANDS.values()} | set(PROCESSES))
+
+
+def parser_of(module: str) -> argparse.ArgumentParser:
+    """The parser of a command."""
+    built = import_module(f"zteam.cli.{module}").build_parser()
+    assert isinstance(built, argparse.ArgumentParser)
+    return built
+
+
+def subcommands(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
+    """The subcommands of a command by name."""
+    groups = (action for action in parser._actions if isinstance(action, argparse._SubParsersAction))
+    return {name: sub for group in groups for name, sub in group.choices.items()}
+
+
+def leaves() -> Iterator[tuple[str, list[str], argparse.ArgumentParser]]:
+    """(module, the words that choose the subcommand, its parser) of everything that can be called."""
+    for module in MODULES:
+        parser = parser_of(module)
+        subs = subcommands(parser)
+        yield from ((module, [name], sub) for name, sub in subs.items())
+        if not subs:
+            yield module, [], parser
+
+
+def required_by(parser: argparse.ArgumentParser) -> list[argparse.Action]:
+    """The arguments without which a command is refused."""
+    return [action for action in parser._actions if action.required and action.nargs != "*"]
+
+
+LEAVES = [pytest.param(*leaf, id=leaf[2].prog) for leaf in leaves()]
+DEMANDING = [pytest.param(*leaf, id=leaf[2].prog) for leaf in leaves() if required_by(leaf[2])]
+
+
+def refused(module: str, words: list[str], capsys: pytest.CaptureFixture[str]) -> str:
+    """The one line with which a command refuses `words`."""
+    with pytest.raises(SystemExit) as end:
+        import_module(f"zteam.cli.{module}").main(words)
+    assert end.value.code == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    return str(line)
+
+
+def test_every_command_is_checked() -> None:
+    """Each file of `cli/` that has a `main` is in this test."""
+    files = Path(cli.__file__).parent.glob("*.py")
+    commands = {file.stem for file in files if "\ndef main(" in file.read_text(encoding="utf-8")}
+    assert commands - {"main"} == set(MODULES)
+
+
+@pytest.mark.parametrize(("module", "words", "parser"), LEAVES)
+def test_an_unknown_option_is_refused_with_the_usage(
+    module: str, words: list[str], parser: argparse.ArgumentParser, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The line begins with the subcommand, names the option and ends with the subcommand's usage."""
+    line = refused(module, [*words, "--no-such-option"], capsys)
+    assert line.startswith(f"{parser.prog}: ")
+    assert "no option '--no-such-option'" in line
+    assert f"; usage: {parser.prog}" in line
+
+
+@pytest.mark.parametrize(("module", "words", "parser"), DEMANDING)
+def test_a_missing_argument_is_named(
+    module: str, words: list[str], parser: argparse.ArgumentParser, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Without the arguments that it requires, a command names them, and the usage shows them without brackets."""
+    required = required_by(parser)
+    line = refused(module, words, capsys)
+    assert line.startswith(f"{parser.prog}: ")
+    told, _, usage = line.partition("; usage: ")
+    assert told.endswith(" is missing" if len(required) == 1 else " are missing")
+    for action in required:
+        name = action.option_strings[-1] if action.option_strings else str(action.metavar or action.dest)
+        assert name in told
+        assert f"[{name}" not in usage
+
+
+@pytest.mark.parametrize("module", [module for module in MODULES if subcommands(parser_of(module))])
+def test_a_wrong_subcommand_is_answered_with_the_right_one(module: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """A mistyped subcommand is recognized; without a subcommand the usage lists them."""
+    for name in subcommands(parser_of(module)):
+        assert f"no subcommand '{name}e': did you mean {name}" in refused(module, [f"{name}e"], capsys)
+    line = refused(module, [], capsys)
+    assert ": a subcommand is missing; usage: " in line
+    assert all(name in line for name in subcommands(parser_of(module)))
+
+
+def test_a_wrong_command_is_answered_with_the_right_one(capsys: pytest.CaptureFixture[str]) -> None:
+    """A mistyped command is recognized."""
+    for name in COMMANDS:
+        assert main([f"{name}e"]) == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        assert line.startswith(f"zteam: no command '{name}e': did you mean ")
+        assert name in line
+
+
+@pytest.mark.parametrize(
+    ("module", "words", "line"),
+    [
+        (
+            "topic",
+            ["pub", "robot_0/cmd_vel"],
+            "zteam topic pub: TYPE is missing; usage: zteam topic pub KEY TYPE ['{…}' …] [--rate HZ]",
+        ),
+        ("world", ["show", "arena", "--otput=x"], "missing; no option '--otput': did you mean --output?; usage:"),
+        ("up", ["line", "arena"], "zteam up: 'arena' is too much; usage: zteam up [TEAM]"),
+        ("tf", ["static", "1", "--pos"], "zteam tf static: no option '--pos'; usage: zteam tf static X Y Z YAW"),
+        ("sim", ["speed"], "zteam sim speed: X|max is missing; usage: zteam sim speed X|max [--json]"),
+    ],
+)
+def test_the_line_says_what_to_type(
+    module: str, words: list[str], line: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Examples of whole answers."""
+    assert line in refused(module, words, capsys)

@@ -1,0 +1,68 @@
+"""Which processes publish and subscribe to which key, and the keys near a mistyped one."""
+
+import difflib
+from collections.abc import Collection, Iterable, Sequence
+
+from zteam import names
+from zteam.bus import Bus
+from zteam.bus.keys import matches
+from zteam.bus.presence import ProcessInfo
+from zteam.bus.transport import Declaration
+from zteam.errors import BusError
+
+_PATIENCE = 0.5
+"""Host seconds for processes to tell their names; one that hangs is shown by its session."""
+
+
+class KeyUsers:
+    """The publishers and subscribers of all sessions but the tool's own, by the names of their processes."""
+
+    def __init__(self, declarations: Sequence[Declaration], processes: dict[str, str]) -> None:
+        """`processes` has the name of each session that is a process of zteam."""
+        self._declarations = declarations
+        self._processes = processes
+
+    def publishers(self, key_expr: str) -> list[str]:
+        """The processes that publish on keys of `key_expr`."""
+        return self._names(key_expr, publishes=True)
+
+    def subscribers(self, key_expr: str) -> list[str]:
+        """The processes that subscribe to keys of `key_expr`."""
+        return self._names(key_expr, publishes=False)
+
+    def _names(self, key_expr: str, *, publishes: bool) -> list[str]:
+        sessions = {d.session for d in self._declarations if d.publishes == publishes and matches(d.key, key_expr)}
+        return self.name_sessions(sessions)
+
+    def name_sessions(self, sessions: Iterable[str]) -> list[str]:
+        """The sessions by name, sorted; one that is no process of zteam by its id."""
+        return sorted(self._processes.get(session) or f"session {session}" for session in sessions)
+
+    def known_keys(self, heard: Iterable[str] = ()) -> list[str]:
+        """Every key with a publisher or a subscriber. A wildcard is a key of each robot here and in `heard`."""
+        robots = self.robots(heard)
+        return sorted({key for d in self._declarations for key in names.keys_in(d.key, robots)})
+
+    def robots(self, heard: Iterable[str] = ()) -> list[int]:
+        """The ids of the robots that have a key of their own, declared or `heard`."""
+        keys = (*(declaration.key for declaration in self._declarations), *heard)
+        return sorted({target[0] for target in map(names.split_robot_key, keys) if target is not None})
+
+
+def find_key_users(bus: Bus) -> KeyUsers | None:
+    """The users of all keys now; None if the router does not tell of them."""
+    declarations = bus.declarations()
+    if declarations is None:
+        return None
+    try:
+        infos = bus.query(names.info_key("*"), ProcessInfo, timeout=_PATIENCE)
+    except BusError:
+        infos = []
+    return KeyUsers(declarations, {info.instance: info.name for _, info in infos})
+
+
+def near_keys(key: str, known: Collection[str]) -> str:
+    """`: did you mean X or Y?`: the keys that end with `key`, else those with a similar spelling; else nothing."""
+    near = [other for other in sorted(known) if other.endswith(f"/{key}")][:3]
+    near = near or sorted(difflib.get_close_matches(key, list(known), n=3, cutoff=0.8))
+    return f": did you mean {' or '.join(near)}?" if near else ""

@@ -1,0 +1,134 @@
+"""The output of `zteam topic list` and `info`: keys, what is on them, their publishers and subscribers."""
+
+import argparse
+from collections.abc import Sequence
+from typing import Any
+
+import msgspec
+
+from zteam import names
+from zteam.bus import Bus
+from zteam.bus.counters import KeyCount
+from zteam.bus.keys import matches
+from zteam.bus.topics import type_of_key
+from zteam.cli.key_users import KeyUsers, find_key_users, near_keys
+from zteam.cli.listening import KeySurvey, check_key, open_bus, survey
+from zteam.cli.node import find_nodes, writer_names
+from zteam.cli.options import bus_options
+from zteam.errors import ZteamError
+from zteam.numbers import format_rate
+
+NO_KEYS = "no key has a publisher or a subscriber (is a simulator running? see 'zteam doctor')"
+
+
+class KeyRow(KeySurvey):
+    """A key, the messages received on it, and its users."""
+
+    publishers: list[str] = msgspec.field(default_factory=list)
+    """Names of processes, also of those that publish nothing now."""
+    subscribers: list[str] | None = None
+    """None if the router does not tell."""
+
+
+def find_rows(bus: Bus, key_expr: str) -> tuple[list[KeyRow], KeyUsers | None]:
+    """The keys of `key_expr` that carry data or have a publisher or a subscriber, and all users of keys."""
+    users = find_key_users(bus)
+    heard = {entry.key: entry for entry in survey(bus, key_expr)}
+    declared = users.known_keys(heard) if users is not None else []
+    keys = heard.keys() | {key for key in declared if matches(key_expr, key)}
+    return [_row(heard.get(key) or _silent(key), users) for key in sorted(keys)], users
+
+
+def _silent(key: str) -> KeySurvey:
+    kind = type_of_key(key)
+    return KeySurvey(key, kind.ros_type if kind else "")
+
+
+def _row(entry: KeySurvey, users: KeyUsers | None) -> KeyRow:
+    row = KeyRow(**msgspec.structs.asdict(entry))
+    if users is not None:
+        # A sender that declares no publisher is heard all the same.
+        row.publishers = users.publishers(entry.key) or users.name_sessions(entry.sources)
+        row.subscribers = users.subscribers(entry.key)
+    return row
+
+
+def _rate(row: KeyRow) -> str:
+    if row.latched:
+        return "latched"
+    # One message in the time of a survey says little about a rate.
+    return {0: "-", 1: "~1 Hz"}.get(row.count) or format_rate(row.rate)
+
+
+def show_list(args: argparse.Namespace) -> int:
+    """Print a table of all keys."""
+    bus = open_bus(bus_options(args))
+    try:
+        rows, _ = find_rows(bus, "**")
+    finally:
+        bus.close()
+    if args.json:
+        print(msgspec.json.encode(rows).decode())
+        return 0
+    if not rows:
+        print(NO_KEYS)
+        return 0
+    cells = [("key", "type", "rate", "pubs", "subs")]
+    for row in rows:
+        subscribers = "?" if row.subscribers is None else str(len(row.subscribers))
+        cells.append((row.key, row.type or "?", _rate(row), str(len(row.publishers) or len(row.sources)), subscribers))
+    keys, types = (max(len(line[column]) for line in cells) for column in (0, 1))
+    for key, kind, rate, publishers, listeners in cells:
+        print(f"{key:{keys}}  {kind:{types}}  {rate:>8}  {publishers:>4}  {listeners:>4}")
+    return 0
+
+
+def show_info(args: argparse.Namespace) -> int:
+    """Print everything known about the keys of a key expression."""
+    key = check_key(args.key)
+    bus = open_bus(bus_options(args))
+    try:
+        rows, users = find_rows(bus, key)
+        nodes = find_nodes(bus)
+        counts = bus.query(names.stats_key("*"), dict[str, KeyCount])
+    finally:
+        bus.close()
+    if not rows:
+        known = users.known_keys() if users is not None else []
+        hint = near_keys(key, known) or (": see 'zteam topic list'" if known else f": {NO_KEYS}")
+        raise ZteamError(f"nothing publishes {key} or subscribes to it{hint}")
+    for row in rows:
+        stats = {key.removesuffix("/stats"): per_key[row.key] for key, per_key in counts if row.key in per_key}
+        info = {
+            "key": row.key,
+            "type": row.type,
+            "rate": round(row.rate, 2),
+            "latched": row.latched,
+            "bytes": row.bytes,
+            "writers": writer_names(nodes, row.sources),
+            "receivers": {name: msgspec.structs.asdict(count) for name, count in stats.items()},
+            "publishers": row.publishers,
+            "subscribers": row.subscribers,
+        }
+        print(msgspec.json.encode(info).decode() if args.json else _format_info(row, info))
+    return 0
+
+
+def _format_info(row: KeyRow, info: dict[str, Any]) -> str:
+    from zteam.diagnosis.refusals import format_refusals
+
+    heard: Sequence[str] = info["writers"]
+    received = {
+        name: f"{name}: {count['received']} received, {format_refusals(KeyCount(**count))}"
+        for name, count in info["receivers"].items()
+    }
+    silent = [f"{name} (nothing heard of it)" for name in row.publishers if name not in heard]
+    subscribers = [received.get(name, name) for name in row.subscribers or received]
+    lines = [
+        row.key,
+        f"  type      {row.type or '?'}",
+        f"  rate      {_rate(row)}" + (f", {row.bytes} bytes" if row.count or row.latched else ""),
+        *(f"  writer    {name}" for name in [*heard, *silent] or ["none"]),
+        *(f"  receiver  {text}" for text in subscribers or ["none"]),
+    ]
+    return "\n".join(lines)
