@@ -59,11 +59,11 @@ OTHERS = [page for page in PAGES if page.name != "course.md"]
 
 @pytest.mark.parametrize("pages", [COURSE, OTHERS], ids=["course", "others"])
 def test_blocks_work_beside_a_team(pages: list[Path], team: TeamFixture, tmp_path: Path) -> None:
-    """Nodes, scripts and commands of the pages do beside a team what the page says, each in a folder of its own."""
+    """Nodes, scripts and commands of the pages do beside a team what their page says, each in a folder of its own."""
     team.launch("line")
     team.wait_for_go()
     blocks = [block for page in pages for block in beside_the_team(page)]
-    assert len(blocks) > 4
+    assert len(blocks) >= 4
     for block in blocks:
         folder = tmp_path / block.id.replace(":", "_")
         folder.mkdir()
