@@ -55,7 +55,7 @@ class Member(msgspec.Struct):
             return "no status yet"
         if self.silent:
             return "does not answer"
-        text = printable(self.status.text) or "not ready"
+        text = printable(self.status.text) or "not ready yet"
         return f"fault: {text}" if self.status.state == RobotState.FAULT else text
 
 

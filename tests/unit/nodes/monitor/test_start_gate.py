@@ -332,7 +332,7 @@ def test_without_ids_the_reasons_are_those_of_the_robots_that_are_there() -> Non
     gate = Gate(None, 3)
     come(gate, 0)
     come(gate, 4, state=BOOT)
-    assert gate.waiting_for() == "2 more of any id; robot_4: not ready"
+    assert gate.waiting_for() == "2 more of any id; robot_4: not ready yet"
 
 
 def test_a_large_team_is_not_told_in_full() -> None:
