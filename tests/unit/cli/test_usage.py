@@ -119,6 +119,12 @@ def test_a_wrong_command_is_answered_with_the_right_one(capsys: pytest.CaptureFi
         ("world", ["show", "arena", "--otput=x"], "missing; no option '--otput': did you mean --output?; usage:"),
         ("up", ["line", "arena"], "zteam up: 'arena' is too much; usage: zteam up [TEAM]"),
         ("tf", ["static", "1", "--pos"], "zteam tf static: no option '--pos'; usage: zteam tf static X Y Z YAW"),
+        ("up", ["--robots", "4"], "zteam up: no option '--robots': a team file lists the robots, one table [[robots]] each; u"),
+        ("zteam_sim", ["arena", "--gui"], "zteam-sim: no option '--gui': there is no window; 'zteam world show' draws"),
+        ("zteam_robot", ["--id", "0", "--speed", "0.5"], "no option '--speed': say --param speed=VALUE; usage: zteam-r"),
+        ("zteam_robot", ["--id", "0", "--behaviour", "wander"], "did you mean --behavior?; usage: zteam-robot --id N"),
+        ("sim", ["unpause"], "no subcommand 'unpause': did you mean resume?; usage"),
+        ("topic", ["publish"], "no subcommand 'publish': did you mean pub?; usage"),
         ("sim", ["speed"], "zteam sim speed: X|max is missing; usage: zteam sim speed X|max [--json]"),
     ],
 )
