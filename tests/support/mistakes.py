@@ -47,8 +47,15 @@ ALONE = (
     _robot("[[robots]]\nid = 0", "robot 0 is robots[0] already", "its own id")._replace(
         told=("team.toml:6: robots[1].id: robot 0 is robots[0] already", "its own id")
     ),
-    _robot("[[robots]]\nid = 5", "")._replace(told=("the world has no robot 5 (it has 0, 1)", "model and pose add one")),
-    _team("zteam up team.toml", '[team]\nworld = "offce"\n[[robots]]\nid = 0\n', "team.toml:2: team.world", "arena, office"),
+    _robot("[[robots]]\nid = 5", "")._replace(
+        told=("the world has no robot 5 (it has 0, 1)", "model and pose add one")
+    ),
+    _team(
+        "zteam up team.toml",
+        '[team]\nworld = "offce"\n[[robots]]\nid = 0\n',
+        "team.toml:2: team.world",
+        "arena, office",
+    ),
     Mistake("zteam up --for abc", ("--for", "'abc'", "simulated seconds")),
     Mistake("zteam up --report no/such/run.json --for 1", ("--report no/such/run.json",)),
     Mistake("zteam up my.world", ("--world my.world",), file=("my.world", 'position( name "r0" )\n')),
@@ -62,7 +69,9 @@ ALONE = (
         file=("my.world", 'floorplan( bitmap "x.png" )\n'),
     ),
     Mistake(
-        "zteam world check my.world", ("my.world:1", "nothere.png"), file=("my.world", 'model( bitmap "nothere.png" )\n')
+        "zteam world check my.world",
+        ("my.world:1", "nothere.png"),
+        file=("my.world", 'model( bitmap "nothere.png" )\n'),
     ),
     # Single processes.
     Mistake("zteam-robot", ("--id",)),
@@ -98,6 +107,8 @@ BESIDE_A_TEAM = (
     Mistake("zteam log robot_9 --once", ("robot_9", "robot_0")),
     Mistake("zteam-robot --id 0", ("robot_0 is taken by process",), 1),
     Mistake("zteam-sim arena", ("sim is taken by process",), 1),
-    Mistake("zteam tf static 1 0 0 0 0 0 robot_0/odom robot_0/base_footprint", ("robot_0/base_footprint", "robot_0"), 1),
+    Mistake(
+        "zteam tf static 1 0 0 0 0 0 robot_0/odom robot_0/base_footprint", ("robot_0/base_footprint", "robot_0"), 1
+    ),
 )
 """Mistakes beside a running team of two robots in the arena."""

@@ -50,9 +50,8 @@ def _way_out(error: BaseException) -> str:
 
 def _name_of_zteam(name: str) -> str:
     """What a name that `zteam` lacks may stand for."""
-    import zteam
     from zteam import messages
 
     if name in dir(messages):
         return f" (from zteam.messages import {name})"
-    return did_you_mean(name, dir(zteam))
+    return did_you_mean(name, dir(sys.modules["zteam"]))

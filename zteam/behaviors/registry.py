@@ -155,5 +155,3 @@ def _is_behavior(found: object) -> bool:
 def _takes_parameters(kind: type[Behavior]) -> bool:
     params = getattr(kind, "Params", None)
     return inspect.isclass(params) and issubclass(params, msgspec.Struct)
-
-

@@ -80,5 +80,5 @@ def near_keys(key: str, known: Collection[str]) -> str:
 
 
 def where_to_look(key: str, known: Collection[str]) -> str:
-    """The end of a sentence about a `key` that nobody uses: the `known` keys that may be meant, else what to do."""
+    """The end of a sentence about a `key` without users: the `known` keys that may be meant, else what to do."""
     return near_keys(key, known) or (": see 'zteam topic list'" if known else f": {NO_KEYS}")

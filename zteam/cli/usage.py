@@ -11,7 +11,10 @@ _MAX_LINE = 190
 """Characters of an answer, as far as options can be left out of its usage."""
 _NO_WINDOW = "there is no window; 'zteam world show' draws a world, 'zteam tf positions' prints the poses"
 _MEANT = {
-    **{("zteam up", option): "a team file lists the robots, one table [[robots]] each" for option in ("--robots", "--ids")},
+    **{
+        ("zteam up", option): "a team file lists the robots, one table [[robots]] each"
+        for option in ("--robots", "--ids")
+    },
     **{
         (prog, option): _NO_WINDOW
         for prog in ("zteam up", "zteam-sim", "zteam-monitor")

@@ -10,7 +10,6 @@ from zteam.robot_ids import format_robot_ids
 from zteam.team_file.entries import RobotEntry, StaticTransform, quaternion, toml_text
 from zteam.toml_lines import Path
 
-
 _ANGLES = frozenset({"yaw", "pitch", "roll"})
 
 
@@ -70,6 +69,8 @@ def _check_follow(robot: RobotEntry, ids: set[int]) -> tuple[str, str]:
     if robot.follow is None:
         if robot.behavior == "follow":
             return "behavior", "to follow needs a leader; say follow = ID instead"
+        if robot.behavior is None and "leader" in robot.params:
+            return "leader", "a robot that follows says follow = ID"
         return "", ""
     if robot.behavior not in (None, "follow"):
         return "follow", f"both follow and behavior = {toml_text(robot.behavior)}; keep one of them"

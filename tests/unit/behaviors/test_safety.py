@@ -146,7 +146,11 @@ def test_ready_means_scan_odometry_and_pose() -> None:
     """Each thing that is missing is named, with the key it comes on."""
     bare = make_view(None, robot_id=3, odom=None)
     lacking = missing(bare, asks(0.0))
-    assert lacking == ["a first scan (robot_3/base_scan)", "odometry (robot_3/odom)", "its own pose in map"]
+    assert lacking == [
+        "a first scan (robot_3/base_scan)",
+        "odometry (robot_3/odom)",
+        "its own pose in map (tf, from zteam-tf)",
+    ]
     whole = make_view(make_scan(FREE), lookup=lambda _a, _b: (Pose2(0.0, 0.0, 0.0), 1))
     assert missing(whole, asks(0.0)) == []
 

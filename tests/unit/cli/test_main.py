@@ -13,7 +13,10 @@ from zteam.cli.main import main
         ("run", "did you mean 'zteam up'?"),
         ("start arena", "did you mean 'zteam up arena'?"),
         ("launch", "did you mean 'zteam up'?"),
-        ("--connect tcp/localhost:7447 topic list", "options stand behind the command, e.g. 'zteam topic list --connect"),
+        (
+            "--connect tcp/localhost:7447 topic list",
+            "options stand behind the command, e.g. 'zteam topic list --connect",
+        ),
         ("rostopic echo map", "did you mean 'zteam topic echo map'?"),
         ("tf_echo map odom", "did you mean 'zteam tf echo map odom'?"),
         ("pause", "did you mean 'zteam sim pause'?"),

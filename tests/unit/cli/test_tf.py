@@ -173,7 +173,7 @@ def test_a_transform_that_cannot_be_meant_is_refused(words: str, text: str, caps
 def test_a_parent_that_nobody_publishes_is_named(
     desk: Desk, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """`odom` instead of `robot_0/odom` makes a tree of its own: the command says so, and holds the frame all the same."""
+    """`odom` instead of `robot_0/odom` makes a tree of its own: a warning says so, and the frame holds all the same."""
     wait = tf_static.Waiter.wait
 
     def until_held(waiter: tf_static.Waiter, ready: Any, timeout: float | None, what: str) -> bool:
