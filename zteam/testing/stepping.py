@@ -13,6 +13,7 @@ from zteam.messages import Message
 from zteam.services.simulator import SimReport, SimStatus, StepRequest
 from zteam.services.simulator_client import SimulatorClient
 from zteam.testing.processes import START_LIMIT, TeamProcesses, TeamTimeout
+from zteam.testing.view import RobotView
 
 STALL_LIMIT = 60.0
 """Host seconds during which simulated time may stand still in a wait."""
@@ -35,6 +36,14 @@ class SteppedTeam(TeamProcesses):
             # A world that stands still publishes no more, so it is asked to publish its last tick again.
             self.sim.repeat()
             self._wait(arrived, START_LIMIT)
+
+    def robot(self, robot_id: int) -> RobotView:
+        """What the bus tells about a robot. Raises UsageError for one that neither the world nor a process has."""
+        if not self._view.knows(robot_id) and self.alive(names.SIMULATOR):
+            there = self.sim_status.robots
+            if robot_id not in there and not self.alive(names.robot_name(robot_id)):
+                raise UsageError(f"there is no robot {robot_id}; the world has {names.ids_text(there) or 'no robot'}")
+        return super().robot(robot_id)
 
     @property
     def sim(self) -> SimulatorClient:
@@ -125,8 +134,13 @@ class SteppedTeam(TeamProcesses):
             return
         while not condition():
             if self.now >= end:
-                raise TeamTimeout(f"not true within {within:g} simulated seconds (now {self.now:.1f} s)")
+                raise self._not_true(within)
             self._step(1)
+
+    def _not_true(self, within: float) -> TeamTimeout:
+        """The error of a condition that did not come true, with where the robots are."""
+        seconds = f"{within:g} simulated second{'' if within == 1 else 's'}"
+        return TeamTimeout(f"not true within {seconds} (now {self.now:.1f} s){self._view.describe()}")
 
     def _watch(self, condition: Callable[[], bool], end: float, within: float) -> None:
         """Wait in real time until `condition()`."""
@@ -137,7 +151,7 @@ class SteppedTeam(TeamProcesses):
             if condition():
                 return
             if self.now > end:
-                raise TeamTimeout(f"not true within {within:g} simulated seconds (now {self.now:.1f} s)")
+                raise self._not_true(within)
             if self.now != last:
                 last, quiet_since = self.now, monotonic()
             elif monotonic() - quiet_since > STALL_LIMIT:

@@ -11,6 +11,7 @@ from typing import Any
 
 from zteam import names
 from zteam.bus.options import LEASE
+from zteam.errors import UsageError
 from zteam.launch.arguments import LOCKSTEP_TIMEOUT, Pace
 from zteam.launch.check import check_team
 from zteam.launch.kinds import kind_of
@@ -90,6 +91,10 @@ class TeamFixture(SteppedTeam):
         self.wait_for_processes(*plan.commands)
         if names.SIMULATOR in plan.commands:
             known = self.sim_status.robots
+            lacking = {names.robot_id_of(name) for name in plan.commands} - {None, *known}
+            if lacking:
+                ids = names.ids_text(i for i in lacking if i is not None)
+                raise UsageError(f"the world has no robot {ids} (it has {names.ids_text(known) or 'none'})")
             # From here on a test may read any robot's pose.
             if not self._wait(lambda: all(self.robot(i).truth is not None for i in known), START_LIMIT):
                 raise TeamTimeout(f"the simulator shows no pose of some robot of {known}")

@@ -177,6 +177,7 @@ def test_lookups_that_fail_stop_only_those_that_need_them() -> None:
     [
         (None, "Circle.step returned None; return a Twist"),
         (0.4, "Circle.step returned a float; return a Twist"),
+        (Twist(Vector3("0.2")), "Circle.step returned the speed '0.2'; give numbers, m/s and rad/s"),  # type: ignore[arg-type]
         (
             Twist(0.3, 0.1),  # type: ignore[arg-type]
             "Circle.step returned Twist(linear=0.3, angular=0.1); return a Twist(Vector3(forward), Vector3(z=turn))",
