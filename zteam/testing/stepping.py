@@ -13,7 +13,7 @@ from zteam.messages import Message
 from zteam.services.simulator import SimReport, SimStatus, StepRequest
 from zteam.services.simulator_client import SimulatorClient
 from zteam.testing.processes import START_LIMIT, TeamProcesses, TeamTimeout
-from zteam.testing.view import RobotView
+from zteam.testing.view import TeamView
 
 STALL_LIMIT = 60.0
 """Host seconds during which simulated time may stand still in a wait."""
@@ -36,14 +36,6 @@ class SteppedTeam(TeamProcesses):
             # A world that stands still publishes no more, so it is asked to publish its last tick again.
             self.sim.repeat()
             self._wait(arrived, START_LIMIT)
-
-    def robot(self, robot_id: int) -> RobotView:
-        """What the bus tells about a robot. Raises UsageError for one that neither the world nor a process has."""
-        if not self._view.knows(robot_id) and self.alive(names.SIMULATOR):
-            there = self.sim_status.robots
-            if robot_id not in there and not self.alive(names.robot_name(robot_id)):
-                raise UsageError(f"there is no robot {robot_id}; the world has {names.ids_text(there) or 'no robot'}")
-        return super().robot(robot_id)
 
     @property
     def sim(self) -> SimulatorClient:
@@ -134,13 +126,8 @@ class SteppedTeam(TeamProcesses):
             return
         while not condition():
             if self.now >= end:
-                raise self._not_true(within)
+                raise _not_true(within, self.now, self._view)
             self._step(1)
-
-    def _not_true(self, within: float) -> TeamTimeout:
-        """The error of a condition that did not come true, with where the robots are."""
-        seconds = f"{within:g} simulated second{'' if within == 1 else 's'}"
-        return TeamTimeout(f"not true within {seconds} (now {self.now:.1f} s){self._view.describe()}")
 
     def _watch(self, condition: Callable[[], bool], end: float, within: float) -> None:
         """Wait in real time until `condition()`."""
@@ -151,7 +138,7 @@ class SteppedTeam(TeamProcesses):
             if condition():
                 return
             if self.now > end:
-                raise self._not_true(within)
+                raise _not_true(within, self.now, self._view)
             if self.now != last:
                 last, quiet_since = self.now, monotonic()
             elif monotonic() - quiet_since > STALL_LIMIT:
@@ -179,3 +166,9 @@ class SteppedTeam(TeamProcesses):
             self.sim.repeat()
             if not self._wait(arrived, START_LIMIT):
                 raise TeamTimeout(f"what the simulator sent at {status.now / 1e9:.1f} s did not arrive")
+
+
+def _not_true(within: float, now: float, view: TeamView) -> TeamTimeout:
+    """The error of a condition that did not come true, with where the robots are."""
+    seconds = f"{within:g} simulated second{'' if within == 1 else 's'}"
+    return TeamTimeout(f"not true within {seconds} (now {now:.1f} s){view.describe()}")

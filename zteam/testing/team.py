@@ -22,6 +22,7 @@ from zteam.robot_ids import parse_robot_ids
 from zteam.team_file import RobotEntry, Team, read_team_file
 from zteam.testing.processes import START_LIMIT, TeamTimeout
 from zteam.testing.stepping import SteppedTeam
+from zteam.testing.view import RobotView
 
 __all__ = ["START_LIMIT", "TeamFixture", "TeamTimeout"]
 
@@ -98,6 +99,14 @@ class TeamFixture(SteppedTeam):
             # From here on a test may read any robot's pose.
             if not self._wait(lambda: all(self.robot(i).truth is not None for i in known), START_LIMIT):
                 raise TeamTimeout(f"the simulator shows no pose of some robot of {known}")
+
+    def robot(self, robot_id: int) -> RobotView:
+        """What the bus tells about a robot. Raises UsageError for one that neither the world nor a process has."""
+        if not self._view.knows(robot_id) and self.alive(names.SIMULATOR):
+            there = self.sim_status.robots
+            if robot_id not in there and not self.alive(names.robot_name(robot_id)):
+                raise UsageError(f"there is no robot {robot_id}; the world has {names.ids_text(there) or 'no robot'}")
+        return super().robot(robot_id)
 
     def kill(self, name: str) -> None:
         """End a process at once (SIGKILL) and wait until it is gone."""
