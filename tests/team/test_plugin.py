@@ -168,7 +168,7 @@ def test_an_unnamed_process_gets_a_name_of_its_own(pytester: pytest.Pytester) ->
     pytester.makepyfile(
         """
         def test_names(team):
-            team.start("arena", robots=4, behavior="forward", params={i: {"speed": 0.0} for i in range(4)})
+            team.start("office", robots=4, behavior="forward", params={i: {"speed": 0.0} for i in range(4)})
             known = {name: team.pid(name) for name in ("robot_0", "robot_1", "robot_2", "robot_3")}
             for i in (21, 22, 23):
                 team.spawn("zteam-robot", "--id", str(i))
