@@ -138,7 +138,7 @@ def test_another_team_than_asked_for_is_named(
     """The sizes, or the ids if the sizes agree; nothing is said of a team that is the one asked for."""
     second = open_second(size, ids)
     second.wait_for("robot_1  absent")
-    assert ("as asked for here" in second.shown) == bool(told)
+    assert ("asked for here" in second.shown) == bool(told)
     assert told in second.shown
 
 
