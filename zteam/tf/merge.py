@@ -123,6 +123,11 @@ class Merger:
         self._statics.restore_start_poses()
 
 
+def base_stamp(message: TFMessage) -> int:
+    """Stamp (ns) of the base in a robot's message, -1 without one; other frames may have stamps of the future."""
+    return max((ns_from_time(t.header.stamp) for t in message.transforms if _is_base(t)), default=-1)
+
+
 def _is_base(transform: TransformStamped) -> bool:
     return names.is_robot_frame(transform.child_frame_id, names.BASE_FOOTPRINT)
 

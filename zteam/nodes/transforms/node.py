@@ -16,7 +16,7 @@ from zteam.nodes.transforms.queries import serve_queries
 from zteam.nodes.transforms.static_callers import StaticCallers
 from zteam.runtime.node import Node
 from zteam.runtime.participant import Participant
-from zteam.tf.merge import Merger
+from zteam.tf.merge import Merger, base_stamp
 from zteam.tf.urdf import Description
 
 log = logging.getLogger("zteam")
@@ -85,7 +85,7 @@ class Aggregator:
         stamp = max(ns_from_time(t.header.stamp) for t in message.transforms)
         self._part.take_stamp(stamp)
         if self._part.active:
-            self._take_in_lockstep(robot_id, message, stamp)
+            self._take_in_lockstep(robot_id, message)
         else:
             self._take(robot_id, message, stamp)
             self._node.changed.notify_all()
@@ -103,9 +103,9 @@ class Aggregator:
         if self._rate is None and is_whole:
             self._flush()
 
-    def _take_in_lockstep(self, robot_id: int, message: TFMessage, stamp: int) -> None:
+    def _take_in_lockstep(self, robot_id: int, message: TFMessage) -> None:
         self._merger.take(robot_id, message, self._node.clock.now())
-        self._bundle.take_in_lockstep(robot_id, stamp)
+        self._bundle.take_in_lockstep(robot_id, base_stamp(message))
         if not self._part.advance() and self._bundle.may_leave(self._part.robots):
             self._flush(self._bundle.stamp)
 
