@@ -1,12 +1,16 @@
 """The monitor's live table: what stands above it, and that no text breaks it."""
 
+import sys
+import threading
+
 import pytest
 
+from support.lockstep_doubles import LIMIT
 from zteam.messages import RobotState, RobotStatus
 from zteam.nodes.monitor.live_table import LiveTable
 from zteam.nodes.monitor.members import Event
 from zteam.nodes.monitor.start_gate import Gate
-from zteam.nodes.monitor.table import make_rows
+from zteam.nodes.monitor.table import Row, make_rows
 
 
 @pytest.fixture(autouse=True)
@@ -50,3 +54,28 @@ def test_any_text_of_a_robot_is_shown_as_it_is(capsys: pytest.CaptureFixture[str
     shown = capsys.readouterr().out
     assert "\x1b[2J" not in shown
     assert shown.count(text.replace("\x1b", "")) >= 2
+
+
+def test_a_line_of_the_log_does_not_wait_for_the_team(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A thread that logs while it holds the team's lock goes on, although the table is about to be drawn."""
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    team, asked = threading.Lock(), threading.Event()
+
+    def contents() -> tuple[list[Row], list[str]]:
+        asked.set()
+        with team:
+            return [], []
+
+    with LiveTable() as table:
+        drawing = threading.Thread(target=table.print_table)
+        writing = threading.Thread(target=lambda: sys.stderr.write("a line\n"))
+        with team:
+            table.watch(contents)
+            drawing.start()
+            assert asked.wait(LIMIT)
+            writing.start()
+            writing.join(LIMIT)
+            went_on = not writing.is_alive()
+        drawing.join(LIMIT)
+        writing.join(LIMIT)
+    assert went_on
