@@ -123,9 +123,11 @@ class Merger:
         self._statics.restore_start_poses()
 
 
-def base_stamp(message: TFMessage) -> int:
-    """Stamp (ns) of the base in a robot's message, -1 without one; other frames may have stamps of the future."""
-    return max((ns_from_time(t.header.stamp) for t in message.transforms if _is_base(t)), default=-1)
+def base_stamp(robot_id: int, message: TFMessage) -> int:
+    """Stamp (ns) of the base in a message of `robot_N/tf`; -1 without one."""
+    prefix, base = names.robot_name(robot_id), names.robot_frame(robot_id, names.BASE_FOOTPRINT)
+    stamps = [t.header.stamp for t in message.transforms if names.resolve_frame(prefix, t.child_frame_id) == base]
+    return max(map(ns_from_time, stamps), default=-1)
 
 
 def _is_base(transform: TransformStamped) -> bool:
