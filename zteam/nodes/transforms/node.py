@@ -16,7 +16,8 @@ from zteam.nodes.transforms.queries import serve_queries
 from zteam.nodes.transforms.static_callers import StaticCallers
 from zteam.runtime.node import Node
 from zteam.runtime.participant import Participant
-from zteam.tf.merge import Merger, base_stamp
+from zteam.tf.bases import base_stamp
+from zteam.tf.merge import Merger
 from zteam.tf.urdf import Description
 
 log = logging.getLogger("zteam")
