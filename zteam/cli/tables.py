@@ -4,12 +4,12 @@ from collections.abc import Sequence
 
 
 def format_table(
-    header: Sequence[str], rows: Sequence[Sequence[str]], indent: str = "", *, numeric: bool = False
+    header: Sequence[str], rows: Sequence[Sequence[str]], indent: str = "", *, numbers_from: int | None = None
 ) -> str:
-    """The header and the rows as lines; no line ends with blanks. `numeric`: columns after the first align right."""
+    """The header and the rows as lines; no line ends with blanks. The columns from `numbers_from` on align right."""
     lines = [header, *rows]
     widths = [max(len(line[column]) for line in lines) for column in range(len(header))]
-    right = [numeric and column > 0 for column in range(len(header))]
+    right = [numbers_from is not None and column >= numbers_from for column in range(len(header))]
     return "\n".join((indent + "  ".join(map(_aligned, line, widths, right))).rstrip() for line in lines)
 
 

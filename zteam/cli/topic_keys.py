@@ -15,6 +15,7 @@ from zteam.cli.key_users import KeyUsers, find_key_users, near_keys
 from zteam.cli.listening import KeySurvey, check_key, open_bus, survey
 from zteam.cli.node import find_nodes, writer_names
 from zteam.cli.options import bus_options
+from zteam.cli.tables import format_table
 from zteam.errors import ZteamError
 from zteam.numbers import format_rate
 
@@ -73,14 +74,13 @@ def show_list(args: argparse.Namespace) -> int:
     if not rows:
         print(NO_KEYS)
         return 0
-    cells = [("key", "type", "rate", "pubs", "subs")]
-    for row in rows:
-        subscribers = "?" if row.subscribers is None else str(len(row.subscribers))
-        cells.append((row.key, row.type or "?", _rate(row), str(len(row.publishers) or len(row.sources)), subscribers))
-    keys, types = (max(len(line[column]) for line in cells) for column in (0, 1))
-    for key, kind, rate, publishers, listeners in cells:
-        print(f"{key:{keys}}  {kind:{types}}  {rate:>8}  {publishers:>4}  {listeners:>4}")
+    print(format_table(("key", "type", "rate", "pubs", "subs"), list(map(_cells, rows)), numbers_from=2))
     return 0
+
+
+def _cells(row: KeyRow) -> tuple[str, ...]:
+    subscribers = "?" if row.subscribers is None else str(len(row.subscribers))
+    return row.key, row.type or "?", _rate(row), str(len(row.publishers) or len(row.sources)), subscribers
 
 
 def show_info(args: argparse.Namespace) -> int:

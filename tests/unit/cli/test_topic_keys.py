@@ -44,12 +44,12 @@ def test_the_list_has_keys_without_data(team: MemoryHub, capsys: pytest.CaptureF
     """A key is listed if it has a publisher or a subscriber; a wildcard over the robots is a key of each robot."""
     assert topic.main(["list"]) == 0
     assert capsys.readouterr().out.splitlines() == [
-        "key              type                         rate  pubs  subs",
-        "lamp             std_msgs/msg/Bool         latched     1     1",
-        "robot_0/cmd_vel  geometry_msgs/msg/Twist         -     0     2",
-        "robot_0/odom     nav_msgs/msg/Odometry           -     1     1",
-        "robot_1/cmd_vel  geometry_msgs/msg/Twist         -     1     2",
-        "robot_1/odom     nav_msgs/msg/Odometry           -     1     2",
+        "key              type                        rate  pubs  subs",
+        "lamp             std_msgs/msg/Bool        latched     1     1",
+        "robot_0/cmd_vel  geometry_msgs/msg/Twist        -     0     2",
+        "robot_0/odom     nav_msgs/msg/Odometry          -     1     1",
+        "robot_1/cmd_vel  geometry_msgs/msg/Twist        -     1     2",
+        "robot_1/odom     nav_msgs/msg/Odometry          -     1     2",
     ]
 
 
@@ -73,8 +73,8 @@ def test_without_the_router_the_list_has_what_is_heard(
     monkeypatch.setattr(MemoryHub, "declarations", lambda _hub: None)
     assert topic.main(["list"]) == 0
     assert capsys.readouterr().out.splitlines() == [
-        "key   type                   rate  pubs  subs",
-        "lamp  std_msgs/msg/Bool   latched     1     ?",
+        "key   type                  rate  pubs  subs",
+        "lamp  std_msgs/msg/Bool  latched     1     ?",
     ]
 
 

@@ -127,7 +127,7 @@ def test_exit_on_go_waits_for_the_running_monitors_go(
     ("size", "ids", "told"),
     [
         (4, None, "the running monitor's team has 2 robots, not 4 as asked for here"),
-        (2, (0, 3), "the running monitor's team is 0-1, not 0,3 as asked for here"),
+        (2, (0, 3), "the running monitor's team is 0, 1, not 0, 3 as asked for here"),
         (2, (1, 0), ""),
         (2, None, ""),
     ],

@@ -114,7 +114,7 @@ def test_a_robot_that_the_world_lacks_says_so(monkeypatch: pytest.MonkeyPatch, g
     """Which robots the world has, and how to add this one; once it has come, what else is missing."""
     monkeypatch.setattr(robot_module, "Every", EveryBeat)
     robot = RealTimeRobot(gate=gate)
-    lacks = "robot_1 is not in the world; it has 0,3-5 ('zteam sim spawn --id 1 --pose X Y YAW' adds it)"
+    lacks = "robot_1 is not in the world; it has 0, 3-5 ('zteam sim spawn --id 1 --pose X Y YAW' adds it)"
     try:
         robot.say_world(0, 3, 4, 5)
         for tick in () if gate else range(50, 80):
