@@ -11,7 +11,7 @@ import msgspec
 from zteam import names
 from zteam.cli.arguments import negative_numbers, parse_speed
 from zteam.cli.listening import Waiter, open_bus
-from zteam.cli.options import Parser, add_bus_options, bus_options, run
+from zteam.cli.options import Parser, add_bus_options, bus_options, checked, run
 from zteam.cli.sim_status import format_hold, format_pace, format_status, format_when
 from zteam.clock import Every, monotonic
 from zteam.errors import BusError, UsageError
@@ -72,11 +72,11 @@ def build_parser() -> argparse.ArgumentParser:
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point."""
     args = build_parser().parse_args(negative_numbers(sys.argv[1:] if argv is None else argv))
-    return run("zteam sim", args, lambda: _answer(args))
+    ask = checked(args, lambda: _VERBS[args.verb](args))
+    return run("zteam sim", args, lambda: _answer(args, ask))
 
 
-def _answer(args: argparse.Namespace) -> int:
-    ask = _VERBS[args.verb](args)
+def _answer(args: argparse.Namespace, ask: Ask) -> int:
     bus = open_bus(bus_options(args))
     try:
         reply, text = ask(SimulatorClient(bus))

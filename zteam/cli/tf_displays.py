@@ -13,7 +13,7 @@ from zteam.cli.options import bus_options
 from zteam.cli.tables import format_table
 from zteam.cli.tool_clock import open_clock, ticker
 from zteam.cli.usage import did_you_mean
-from zteam.errors import BusError, UsageError, ZteamError
+from zteam.errors import BusError, ZteamError
 from zteam.messages import Clock, TFMessage, ns_from_time
 from zteam.numbers import counted, format_rate
 from zteam.services.transforms import FrameReply
@@ -86,7 +86,7 @@ def show_tree(args: argparse.Namespace) -> int:
     """Print the tree, as text or JSON, or draw it into a file."""
     path = Path(args.output) if args.output else None
     if path is not None and path.suffix.lower() not in PICTURES:
-        raise UsageError(f"{path}: name a {', '.join(PICTURES[:-1])} or {PICTURES[-1]} file")
+        args.parser.error(f"--output {path}: name a {', '.join(PICTURES[:-1])} or {PICTURES[-1]} file")
     bus = open_bus(bus_options(args))
     try:
         listener = TreeListener(bus)
