@@ -192,14 +192,10 @@ def _remove(args: argparse.Namespace) -> Ask:
                 status = _change(lambda robot_id=robot_id: client.remove(robot_id))  # type: ignore[misc]
             except BusError as error:
                 raise BusError(f"{error}; removed before: {format_robot_ids(ids[:i])}" if i else str(error)) from None
-        are = "is" if len(ids) == 1 else "are"
-        return status, f"{_robots_text(ids)} {are} removed; robots left: {format_robot_ids(status.robots) or '-'}"
+        gone = f"robot {ids[0]} is" if len(ids) == 1 else f"robots {format_robot_ids(ids)} are"
+        return status, f"{gone} removed; robots left: {format_robot_ids(status.robots) or '-'}"
 
     return ask
-
-
-def _robots_text(ids: Sequence[int]) -> str:
-    return f"robot{'' if len(ids) == 1 else 's'} {format_robot_ids(ids)}"
 
 
 def _move(args: argparse.Namespace) -> Ask:
