@@ -94,8 +94,9 @@ def find_robots(client: ParametersClient, text: str) -> Robots:
         found = client.describe_all()
         matching = sorted(filter(lambda name: fnmatchcase(name, pattern), found), key=_order)
         if not matching:
-            there = f"there is {', '.join(sorted(found, key=_order))}" if found else "start a team with 'zteam up'"
-            raise BusError(f"no robot {text}: {there}")
+            if not found:
+                raise BusError("no robot tells its parameters: start a team with 'zteam up'")
+            raise BusError(f"no robot {text}: there is {', '.join(sorted(found, key=_order))}")
         return {name: found[name] for name in matching}
     return {name: client.describe(name) for name in wanted}
 
