@@ -55,7 +55,7 @@ def test_the_page_shows_no_other_behaviour() -> None:
 def test_the_example_works(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It drives and turns, takes new parameters, and is described as the page shows."""
     text = section("Your own")
-    code, shown = re.findall(r"```(?:python)?\n(.*?)```", text, re.DOTALL)
+    code, shown = re.findall(r"```(?:python|text)\n(.*?)```", text, re.DOTALL)
     (tmp_path / "patrol.py").write_text(code)
     monkeypatch.syspath_prepend(tmp_path)
     assert format_behavior(describe_behavior("patrol:Patrol")) == shown.rstrip("\n")

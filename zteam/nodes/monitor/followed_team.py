@@ -80,5 +80,5 @@ class FollowedTeam:
             return f"the running monitor's team has {counted(size, 'robot')}, not {team_size} as asked for here"
         if ids is not None and self.ids and self.ids != sorted(ids):
             has, asked = format_robot_ids(self.ids), format_robot_ids(ids)
-            return f"the running monitor's team is {has}, not {asked} as asked for here"
+            return f"the running monitor's team has robots {has}; asked for here: {asked}"
         return ""
