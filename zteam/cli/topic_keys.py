@@ -1,8 +1,7 @@
 """The output of `zteam topic list` and `info`: keys, what is on them, their publishers and subscribers."""
 
 import argparse
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
 
 import msgspec
 
@@ -106,22 +105,18 @@ def show_info(args: argparse.Namespace) -> int:
             "latched": row.latched,
             "bytes": row.bytes,
             "writers": writer_names(nodes, row.sources),
-            "receivers": {name: msgspec.structs.asdict(count) for name, count in stats.items()},
+            "receivers": stats,
             "publishers": row.publishers,
             "subscribers": row.subscribers,
         }
-        print(msgspec.json.encode(info).decode() if args.json else _format_info(row, info))
+        print(msgspec.json.encode(info).decode() if args.json else _format_info(row, info["writers"], stats))
     return 0
 
 
-def _format_info(row: KeyRow, info: dict[str, Any]) -> str:
+def _format_info(row: KeyRow, heard: Sequence[str], stats: Mapping[str, KeyCount]) -> str:
     from zteam.diagnosis.refusals import format_refusals
 
-    heard: Sequence[str] = info["writers"]
-    received = {
-        name: f"{name}: {count['received']} received, {format_refusals(KeyCount(**count))}"
-        for name, count in info["receivers"].items()
-    }
+    received = {name: f"{name}: {count.received} received, {format_refusals(count)}" for name, count in stats.items()}
     silent = [f"{name} (nothing heard of it)" for name in row.publishers if name not in heard]
     subscribers = [received.get(name, name) for name in row.subscribers or received]
     lines = [
