@@ -62,7 +62,9 @@ def find_key_users(bus: Bus) -> KeyUsers | None:
 
 
 def near_keys(key: str, known: Collection[str]) -> str:
-    """`: did you mean X or Y?`: the keys that end with `key`, else those with a similar spelling; else nothing."""
+    """`: did you mean X or Y?`: the keys that end with `key`, else the most similar ones; else nothing."""
     near = [other for other in sorted(known) if other.endswith(f"/{key}")][:3]
-    near = near or sorted(difflib.get_close_matches(key, list(known), n=3, cutoff=0.8))
+    if not near:
+        near = difflib.get_close_matches(key, list(known), n=3, cutoff=0.8)
+        near.sort(key=lambda other: (-difflib.SequenceMatcher(None, other, key).ratio(), other))
     return f": did you mean {' or '.join(near)}?" if near else ""

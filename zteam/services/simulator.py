@@ -158,7 +158,7 @@ class SimStatus(msgspec.Struct):
 
 def absence_text(robot_id: int, robots: Sequence[int]) -> str:
     """What is said of a robot that the world lacks: which robots it has, and the way out."""
-    has = format_robot_ids(robots) if robots else "no robot"
+    has = format_robot_ids(robots) or "no robot"
     spawn = f"'zteam sim spawn --id {robot_id} --pose X Y YAW' adds it"
     return f"not in the world; it has {has} ({spawn})"
 

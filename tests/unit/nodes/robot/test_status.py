@@ -130,6 +130,27 @@ def test_a_robot_that_the_world_lacks_says_so(monkeypatch: pytest.MonkeyPatch, g
         robot.close()
 
 
+def test_a_robot_that_was_taken_out_of_the_world_says_so(
+    wants: Callable[..., None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """While it runs, too: its scans have become stale because the world no longer has it."""
+    monkeypatch.setattr(robot_module, "Every", EveryBeat)
+    robot = RealTimeRobot(Asks)
+    try:
+        wants(0.4)
+        tick_to(robot, 1, 3)
+        robot.wait_for_status(lambda status: status.speed == 0.4)
+        robot.say_world(0)
+        for tick in range(50, 80):
+            robot.say_time(tick)
+            robot.wait_for_status(lambda status, count=robot.statuses: robot.statuses > count)  # type: ignore[misc]
+        robot.wait_for_status(lambda status: status.reason.startswith("robot_1 is not in the world; it has 0 ("))
+        robot.say_scan(80)
+        robot.wait_for_status(lambda status: status.reason == "" and status.speed == 0.4)
+    finally:
+        robot.close()
+
+
 def test_a_robot_without_any_data_says_what_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
     """Also before the first scan or tick, when there is no turn to take."""
     monkeypatch.setattr(robot_module, "Every", EveryBeat)

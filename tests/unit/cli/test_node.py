@@ -1,0 +1,26 @@
+"""`zteam node list` on a bus in memory."""
+
+import os
+
+import pytest
+
+from support.named_sessions import open_named
+from zteam import __version__, names
+from zteam.bus import MemoryHub
+from zteam.cli import node
+
+
+def test_the_list_is_a_table(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """It has a heading and a row a process, also with a long name; a process that does not answer says so."""
+    hub = MemoryHub()
+    open_named(hub, "a_process_with_a_long_name")
+    silent = hub.bus()
+    silent.declare_token(names.token_key("robot_0", silent.instance))
+    monkeypatch.setattr(node, "open_bus", lambda _options: hub.bus())
+    assert node.main(["list"]) == 0
+    heading, long, hung = capsys.readouterr().out.splitlines()
+    assert heading.split() == ["process", "host", "pid", "up", "zteam"]
+    assert str(os.getpid()) in long
+    assert long.endswith(f"  {__version__}")
+    assert hung.split() == ["robot_0", "does", "not", "answer", "-", "-", "-"]
+    assert heading.index("host") == hung.index("does")
