@@ -98,18 +98,19 @@ def show_info(args: argparse.Namespace) -> int:
         raise ZteamError(f"nothing publishes {key} or subscribes to it{hint}")
     for row in rows:
         stats = {key.removesuffix("/stats"): per_key[row.key] for key, per_key in counts if row.key in per_key}
+        heard = writer_names(nodes, row.sources)
         info = {
             "key": row.key,
             "type": row.type,
             "rate": round(row.rate, 2),
             "latched": row.latched,
             "bytes": row.bytes,
-            "writers": writer_names(nodes, row.sources),
+            "writers": heard,
             "receivers": stats,
             "publishers": row.publishers,
             "subscribers": row.subscribers,
         }
-        print(msgspec.json.encode(info).decode() if args.json else _format_info(row, info["writers"], stats))
+        print(msgspec.json.encode(info).decode() if args.json else _format_info(row, heard, stats))
     return 0
 
 
