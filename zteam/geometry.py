@@ -37,6 +37,13 @@ Quat = tuple[float, float, float, float]
 Vec3 = tuple[float, float, float]
 
 
+def turn_problem(angle: float) -> str:
+    """What is wrong with an angle that a user gave in radians; empty if it is at most one full turn."""
+    if abs(angle) <= 2.0 * math.pi + 1e-9:
+        return ""
+    return f"{angle:g} is more than a full turn; angles are radians ({angle:g} degrees are {math.radians(angle):.4f})"
+
+
 def normalize_angle(angle: float) -> float:
     """The equivalent angle in (-pi, pi], radians."""
     wrapped = math.fmod(angle, math.tau)

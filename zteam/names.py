@@ -60,7 +60,9 @@ def parse_robot_id(text: str) -> int:
     # More digits than the bound has are refused before int(), which is slow for thousands of digits.
     if not _ID.fullmatch(text) or len(text.lstrip("0")) > len(str(MAX_ROBOT_ID)) or int(text) > MAX_ROBOT_ID:
         shown = text if len(text) <= 20 else text[:20] + "…"
-        raise UsageError(f"robot id {shown!r} is not a whole number from 0 to {MAX_ROBOT_ID}")
+        named = robot_id_of(text)
+        hint = "" if named is None else f"; give {named}"
+        raise UsageError(f"robot id {shown!r} is not a whole number from 0 to {MAX_ROBOT_ID}{hint}")
     return int(text)
 
 

@@ -42,11 +42,11 @@ class _Kind(NamedTuple):
     suffix: str
     folder: Callable[[], Path]
     use: str
-    """Where a user gives such a file."""
+    """How a user uses such a file, {}."""
 
 
-_WORLD = _Kind("world", ".world", worlds_folder, "give it to 'zteam up TEAM --world' or to 'zteam-sim'")
-_TEAM = _Kind("team", ".toml", teams_folder, "give it to 'zteam up' as the team")
+_WORLD = _Kind("world", ".world", worlds_folder, "say 'zteam up --world {}' or 'zteam-sim {}'")
+_TEAM = _Kind("team", ".toml", teams_folder, "say 'zteam up {}'")
 
 
 def find_world(text: str | Path) -> Path:
@@ -68,7 +68,7 @@ def _find_named(text: str, kind: _Kind, other: _Kind) -> Path:
 
 def _why_not(text: str, kind: _Kind, other: _Kind) -> str:
     if text.endswith(other.suffix) or _find(other.folder(), text, other.suffix):
-        return f"that is a {other.what}; {other.use}"
+        return f"that is a {other.what}; {other.use.replace('{}', text)}"
     if text and is_folder(Path(text)):
         return f"that is a folder; name the {kind.what} file in it (*{kind.suffix})"
     import difflib

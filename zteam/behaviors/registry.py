@@ -14,6 +14,7 @@ from zteam.behaviors.avoid import Avoid
 from zteam.behaviors.behavior import Behavior
 from zteam.behaviors.follow import Follow
 from zteam.behaviors.forward import Forward
+from zteam.behaviors.import_errors import explain
 from zteam.behaviors.wander import Wander
 from zteam.entry_points import BEHAVIORS as GROUP
 from zteam.entry_points import load_offered, offered
@@ -21,6 +22,7 @@ from zteam.errors import UsageError
 from zteam.problems import Problem, did_you_mean, problems_of
 
 BEHAVIORS: dict[str, type[Behavior]] = {"forward": Forward, "avoid": Avoid, "wander": Wander, "follow": Follow}
+_STEP = "def step(self, view): return Twist(Vector3(0.2))"
 DETERMINISTIC = frozenset({"forward", "avoid", "follow"})
 """Those that draw no random numbers: with them, every seed gives the same run."""
 
@@ -65,6 +67,9 @@ def find_behavior(spec: str) -> type[Behavior]:
     if spec in BEHAVIORS:
         return BEHAVIORS[spec]
     module, colon, name = spec.partition(":")
+    if colon and module.endswith(".py"):
+        meant = f"{module.removesuffix('.py').replace('/', '.')}:{name}"
+        raise UsageError(f"no behaviour {spec!r} (did you mean {meant}?): a module is named without .py")
     if colon and name.isidentifier() and all(part.isidentifier() for part in module.split(".")):
         return _checked(spec, _import(spec, module, name))
     found = load_offered(GROUP, spec)
@@ -80,10 +85,7 @@ def _import(spec: str, module: str, name: str) -> Any:
         imported = importlib.import_module(module)
     except (Exception, SystemExit) as error:
         # Importing runs the user's own code, which may raise anything. One line is enough to mend it.
-        place = " (is it beside the team file, in the current folder or on PYTHONPATH?)"
-        hint = place if isinstance(error, ModuleNotFoundError) else ""
-        text = f"cannot import {module}: {type(error).__name__}: {_one_line(error)}{hint}"
-        raise UsageError(f"behaviour {spec!r}: {text}") from error
+        raise UsageError(f"behaviour {spec!r}: cannot import {module}: {explain(error)}") from error
     found = getattr(imported, name, None)
     if found is None:
         known = [name for name, value in vars(imported).items() if _is_behavior(value) and value is not Behavior]
@@ -104,12 +106,22 @@ def _checked(spec: str, found: Any) -> type[Behavior]:
     except TypeError:
         text = "its __init__ must take the parameters: def __init__(self, params): super().__init__(params)"
         raise UsageError(f"behaviour {spec!r}: {text}") from None
+    if found.step is Behavior.step:
+        raise UsageError(f"behaviour {spec!r} has no step: {_STEP}")
+    try:
+        inspect.signature(found.step).bind(None, None)
+    except TypeError:
+        raise UsageError(f"behaviour {spec!r}: its step must take the view: {_STEP}") from None
     return found  # type: ignore[no-any-return]
 
 
 def _suggestion(spec: str, known: Iterable[str]) -> str:
     """What may have been meant: a known name, or a class in the module of that name, which is not imported."""
+    spec = spec.removesuffix(".py")
     near = did_you_mean(spec, known)
+    module, dot, name = spec.rpartition(".")
+    if dot and name[:1].isupper():
+        return f" (did you mean {module}:{name}?)"
     if near or not spec.isidentifier():
         return near
     place = PathFinder.find_spec(spec)
@@ -143,7 +155,3 @@ def _is_behavior(found: object) -> bool:
 def _takes_parameters(kind: type[Behavior]) -> bool:
     params = getattr(kind, "Params", None)
     return inspect.isclass(params) and issubclass(params, msgspec.Struct)
-
-
-def _one_line(error: BaseException) -> str:
-    return " ".join(str(error).split())

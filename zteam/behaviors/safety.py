@@ -72,7 +72,7 @@ def missing(view: View, behavior: Behavior) -> list[str]:
     if view.odom is None:
         lacking.append(f"odometry ({names.robot_key(view.robot_id, names.ODOM)})")
     if view.map_from_base() is None:
-        lacking.append(f"its own pose in {names.MAP_FRAME}")
+        lacking.append(f"its own pose in {names.MAP_FRAME} ({names.TF}, from zteam-tf)")
     return lacking + behavior.missing(view)
 
 

@@ -18,6 +18,13 @@ M = TypeVar("M", bound=Message)
 T = TypeVar("T")
 
 
+def check_message_type(key: str, message_type: Any) -> None:
+    """Raise UsageError if `message_type`, which goes over `key`, is no class of messages."""
+    if not (isinstance(message_type, type) and issubclass(message_type, Message)):
+        shown = getattr(message_type, "__name__", None) or repr(message_type)
+        raise UsageError(f"{key}: {shown} is no message type; take a class of zteam.messages, such as Twist")
+
+
 class Publisher(Generic[M]):
     """Publishes messages of one type on one key."""
 
@@ -72,6 +79,7 @@ class Bus:
 
         With `to_others`, subscribers of the same session get nothing from it and do not count as its subscribers.
         """
+        check_message_type(key, message_type)
         raw = self.transport.declare_publisher(key, encoding_of(message_type), latched, to_others)
         return Publisher(raw, key, message_type)
 
@@ -83,6 +91,7 @@ class Bus:
         With `latched`, also call it with the last message of each key that was put before. A message that is older
         than one handled before is then skipped, such as that of a second writer.
         """
+        check_message_type(key_expr, message_type)
         make = self._receiver.latched_messages if latched else self._receiver.messages
         return self.transport.declare_subscriber(key_expr, make(message_type, callback), latched, latched)
 

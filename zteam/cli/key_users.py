@@ -61,10 +61,29 @@ def find_key_users(bus: Bus) -> KeyUsers | None:
     return KeyUsers(declarations, {info.instance: info.name for _, info in infos})
 
 
+NO_KEYS = "no key has a publisher or a subscriber (is a simulator running? see 'zteam doctor')"
+
+
 def near_keys(key: str, known: Collection[str]) -> str:
-    """`: did you mean X or Y?`: the keys that end with `key`, else the most similar ones; else nothing."""
-    near = [other for other in sorted(known) if other.endswith(f"/{key}")][:3]
-    if not near:
-        near = difflib.get_close_matches(key, list(known), n=3, cutoff=0.8)
-        near.sort(key=lambda other: (-difflib.SequenceMatcher(None, other, key).ratio(), other))
-    return f": did you mean {' or '.join(near)}?" if near else ""
+    """`: did you mean X or Y?`: the keys, or frames, that may be meant by `key`, the nearest first; else nothing.
+
+    They end or begin with `key`, are spelt like it, or have a longer last part, as `robot_0/base_scan` for `scan`.
+    """
+    ordered = sorted(known)
+    near = (
+        [other for other in ordered if other.endswith(f"/{key}")]
+        or [other for other in ordered if other.startswith(f"{key}/")]
+        or _most_alike(key, ordered)
+        or [other for other in ordered if other.endswith(f"_{key}")]
+    )
+    return f": did you mean {' or '.join(near[:3])}?" if near else ""
+
+
+def _most_alike(key: str, known: Sequence[str]) -> list[str]:
+    near = difflib.get_close_matches(key, known, n=3, cutoff=0.8)
+    return sorted(near, key=lambda other: (-difflib.SequenceMatcher(None, other, key).ratio(), other))
+
+
+def where_to_look(key: str, known: Collection[str]) -> str:
+    """The end of a sentence about a `key` without users: the `known` keys that may be meant, else what to do."""
+    return near_keys(key, known) or (": see 'zteam topic list'" if known else f": {NO_KEYS}")

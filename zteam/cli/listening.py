@@ -10,7 +10,7 @@ from zteam.bus import Bus, BusOptions, connect
 from zteam.bus.topics import type_of_key
 from zteam.bus.transport import RawSample
 from zteam.cli.interrupts import raise_from_now
-from zteam.cli.key_users import find_key_users, near_keys
+from zteam.cli.key_users import find_key_users, where_to_look
 from zteam.clock import monotonic, wait_until
 from zteam.errors import UsageError
 from zteam.messages import Message, message_type, type_of_encoding
@@ -35,8 +35,9 @@ def check_key(text: str) -> str:
     key = strip_slash(text)
     problem = keys.problem_of(key)
     if problem:
-        hint = f": write {key.replace('robot_*', 'robot_$*')!r}" if "robot_*" in key else ""
-        raise UsageError(f"{text!r} is not a key expression ({problem}){hint}")
+        meant = "/".join(filter(None, key.replace("robot_*", "robot_$*").split("/")))
+        hint = f": write {meant!r}" if meant and not keys.problem_of(meant) else ""
+        raise UsageError(f"{text!r} is not a key expression ({problem.partition(': ')[2] or problem}){hint}")
     return key
 
 
@@ -164,7 +165,7 @@ def silence(bus: Bus, key: str) -> str:
     if publishers := users.publishers(key):
         return f"{key} is published by {', '.join(publishers)}, but nothing has come yet"
     published = [other for other in users.known_keys() if users.publishers(other)]
-    return f"nothing publishes {key}{near_keys(key, published)}"
+    return f"nothing publishes {key}{where_to_look(key, published)}"
 
 
 def survey(bus: Bus, key_expr: str, seconds: float = SURVEY) -> list[KeySurvey]:

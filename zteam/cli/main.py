@@ -24,8 +24,21 @@ COMMANDS = {
 """Command -> (module in zteam.cli, one line)."""
 
 
-_UP_ELSEWHERE = ("run", "start", "launch")
-"""What other programs call `up`."""
+_ELSEWHERE = {
+    **dict.fromkeys(("run", "start", "launch", "roslaunch", "team"), "up"),
+    **dict.fromkeys(("rostopic", "topics"), "topic"),
+    **dict.fromkeys(("tf_echo", "tf2_echo"), "tf echo"),
+    **dict.fromkeys(("view_frames", "rqt_tf_tree"), "tf tree"),
+    **dict.fromkeys(("tf_monitor", "tf2_monitor"), "tf monitor"),
+    "static_transform_publisher": "tf static",
+    "rosnode": "node",
+    **dict.fromkeys(("rosparam", "params", "dynparam"), "param"),
+    **dict.fromkeys(("rosout", "logs"), "log"),
+    **dict.fromkeys(("roswtf", "wtf"), "doctor"),
+    **dict.fromkeys(("pause", "resume", "step", "reset", "spawn", "remove", "move", "status"), "sim {}"),
+    **dict.fromkeys(("echo", "hz", "pub"), "topic {}"),
+}
+"""What ROS and other programs call a command, and words that are a subcommand; {} is the word itself."""
 
 
 def _usage() -> str:
@@ -95,8 +108,10 @@ def _meant(name: str, rest: Sequence[str]) -> str:
     """What a word that is no command may stand for; empty if it is not known to stand for anything."""
     from zteam.resources import existing_file, shipped_team
 
-    if name in _UP_ELSEWHERE:
-        return f"did you mean 'zteam {' '.join(['up', *rest])}'?"
+    if name.startswith("-"):
+        return "options stand behind the command, e.g. 'zteam topic list --connect tcp/127.0.0.1:7447'"
+    if name in _ELSEWHERE:
+        return f"did you mean 'zteam {' '.join([_ELSEWHERE[name].format(name), *rest])}'?"
     if name == "stop":
         return "press Ctrl+C where 'zteam up' runs"
     if name.startswith("zteam-"):

@@ -25,7 +25,8 @@ def find_nodes(bus: Bus) -> list[ProcessInfo]:
 
     def take(key: str, alive: bool) -> None:
         token = names.split_token_key(key)
-        if token:
+        # `zteam tf static` holds a token for the aggregator alone.
+        if token and token[0] != names.STATIC_CALLER:
             tokens.take(*token, alive)
 
     watch = bus.watch_tokens([names.tokens_key()], take)

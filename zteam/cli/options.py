@@ -11,7 +11,7 @@ from zteam.bus.options import FROM_STDIN, LEASE_BOUNDS, check_endpoint
 from zteam.cli.arguments import number, one_of
 from zteam.cli.interrupts import INTERRUPTED
 from zteam.cli.output import OutputError, guarded
-from zteam.cli.usage import answer, did_you_mean, in_short, unknown_words
+from zteam.cli.usage import answer, in_short, unknown_subcommand, unknown_words
 from zteam.errors import UsageError, ZteamError
 from zteam.names import strip_slash
 from zteam.runtime.logs import LEVELS, start_logging
@@ -47,7 +47,7 @@ class Parser(argparse.ArgumentParser):
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if isinstance(action, argparse._SubParsersAction) and value not in action.choices:
-            self.error(f"no subcommand {value!r}{did_you_mean(value, action.choices)}")
+            self.error(unknown_subcommand(value, action.choices))
         super()._check_value(action, value)
 
     def print_help(self, file: "SupportsWrite[str] | None" = None) -> None:

@@ -15,6 +15,7 @@ from zteam.cli.options import Parser, add_bus_options, bus_options, checked, run
 from zteam.cli.sim_status import format_hold, format_pace, format_status, format_when
 from zteam.clock import Every, monotonic
 from zteam.errors import BusError, UsageError
+from zteam.geometry import turn_problem
 from zteam.numbers import parse_number, parse_whole
 from zteam.robot_ids import format_robot_ids, parse_robot_ids
 from zteam.services.simulator import MAX_PLACE, MAX_TICKS, SimStatus, SpawnReply
@@ -106,6 +107,8 @@ def parse_pose(words: Sequence[str]) -> tuple[float, float, float]:
     except UsageError as error:
         pose = " ".join(word.strip() for word in words)
         raise UsageError(f"pose {pose!r}: {str(error).partition(': ')[2]}") from None
+    if problem := turn_problem(yaw):
+        raise UsageError(f"YAW {problem}")
     return x, y, yaw
 
 

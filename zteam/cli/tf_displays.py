@@ -8,11 +8,11 @@ import msgspec
 
 from zteam import names
 from zteam.bus import Bus
+from zteam.cli.key_users import near_keys
 from zteam.cli.listening import SURVEY, Waiter, open_bus
 from zteam.cli.options import bus_options
 from zteam.cli.tables import format_table
 from zteam.cli.tool_clock import open_clock, ticker
-from zteam.cli.usage import did_you_mean
 from zteam.errors import BusError, ZteamError
 from zteam.messages import Clock, TFMessage, ns_from_time
 from zteam.numbers import counted, format_rate
@@ -73,7 +73,7 @@ def why_no_transform(bus: Bus, listener: TreeListener, target: str, source: str)
     known = _names(frames)
     missing = [frame for frame in (target, source) if frame not in known]
     if missing:
-        return "; ".join(f"frame {frame!r} does not exist{did_you_mean(frame, known)}" for frame in missing) + _SEE_TREE
+        return "; ".join(f"frame {frame!r} does not exist{near_keys(frame, known)}" for frame in missing) + _SEE_TREE
     return listener.buffer.can_transform(target, source, 0)[1].strip() + _SEE_TREE
 
 

@@ -1,16 +1,18 @@
 """`zteam tf static`: hold a fixed transform for as long as the command runs."""
 
 import argparse
+import math
+import sys
 from collections.abc import Sequence
 
 from zteam import names
 from zteam.bus import Bus
-from zteam.cli.key_users import find_key_users
+from zteam.cli.key_users import find_key_users, near_keys
 from zteam.cli.listening import Waiter, open_bus
 from zteam.cli.options import bus_options, checked
 from zteam.cli.tf_displays import ask_frames
 from zteam.errors import UsageError, ZteamError
-from zteam.geometry import quaternion_from_rpy
+from zteam.geometry import quaternion_from_rpy, turn_problem
 from zteam.numbers import is_number
 from zteam.services.transforms import MAX_COORDINATE, StaticReply, StaticRequest
 from zteam.tf.merge import TEAM_FILE
@@ -33,8 +35,15 @@ def parse_static(words: Sequence[str], caller: str) -> StaticRequest:
     x, y, z, *angles = map(float, values[:-2])
     if len(angles) == 3:
         yaw, pitch, roll = angles
+        for name, angle in zip(("YAW", "PITCH", "ROLL"), angles, strict=True):
+            if problem := turn_problem(angle):
+                raise UsageError(f"{name} {problem}")
         angles = list(quaternion_from_rpy(roll, pitch, yaw))
+    elif abs(math.hypot(*angles) - 1.0) > 0.01:
+        raise UsageError(f"QX QY QZ QW has the length {math.hypot(*angles):.3g}; a rotation has the length 1")
     parent, child = (names.strip_slash(name) for name in values[-2:])
+    if parent == child:
+        raise UsageError(f"PARENT and CHILD are both {child!r}: name two frames")
     return StaticRequest(parent, child, caller, x, y, z, *angles)
 
 
@@ -63,6 +72,16 @@ def _hold(bus: Bus, request: StaticRequest) -> None:
             raise ZteamError(f"refused: {_explain(bus, request, reply.refused)}")
         asked.update(fresh)
         print(f"{request.parent} -> {request.child} holds until Ctrl+C", flush=True)
+        _warn_of_an_unknown_parent(bus, request)
+
+
+def _warn_of_an_unknown_parent(bus: Bus, request: StaticRequest) -> None:
+    """Warn if no process publishes the parent: the new frame then is in a tree of its own."""
+    edges = {(frame.parent, child) for child, frame in (ask_frames(bus) or {}).items()}
+    known = {name for edge in edges - {(request.parent, request.child)} for name in edge}
+    if known and request.parent not in known:
+        text = f"no process publishes the frame {request.parent!r}{near_keys(request.parent, known)}"
+        print(f"zteam tf: {text} (see 'zteam tf tree')", file=sys.stderr, flush=True)
 
 
 def _explain(bus: Bus, request: StaticRequest, refused: str) -> str:

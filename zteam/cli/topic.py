@@ -20,7 +20,7 @@ from zteam.cli.topic_keys import show_info, show_list
 from zteam.cli.topic_pub import publish
 from zteam.clock import monotonic, to_seconds
 from zteam.errors import DecodeError, UsageError, ZteamError
-from zteam.messages import Message, decode, to_json, to_plain
+from zteam.messages import Message, decode, to_json, to_plain, type_of_encoding
 from zteam.numbers import MAX_SECONDS, format_rate
 
 _SHORT = 12
@@ -161,7 +161,9 @@ def _echo(args: argparse.Namespace) -> int:
 
 def _print_sample(sample: RawSample, given: type[Message] | None, args: argparse.Namespace) -> bool:
     """Print one message; return False if it could not be decoded."""
-    kind = kind_of(sample, given)
+    kind, sent = kind_of(sample, given), type_of_encoding(sample.encoding)
+    if given is not None and sent not in (None, given):
+        raise UsageError(f"{sample.key} carries {sent.ros_type}, not {given.ros_type}: leave --type out")
     if kind is None:
         raise UsageError(f"the type of {sample.key} is unknown: give it with --type")
     try:

@@ -10,15 +10,13 @@ from zteam.bus import Bus
 from zteam.bus.counters import KeyCount
 from zteam.bus.keys import matches
 from zteam.bus.topics import type_of_key
-from zteam.cli.key_users import KeyUsers, find_key_users, near_keys
+from zteam.cli.key_users import NO_KEYS, KeyUsers, find_key_users, where_to_look
 from zteam.cli.listening import KeySurvey, check_key, open_bus, survey
 from zteam.cli.node import find_nodes, writer_names
 from zteam.cli.options import bus_options
 from zteam.cli.tables import format_table
 from zteam.errors import ZteamError
 from zteam.numbers import format_rate
-
-NO_KEYS = "no key has a publisher or a subscriber (is a simulator running? see 'zteam doctor')"
 
 
 class KeyRow(KeySurvey):
@@ -94,8 +92,7 @@ def show_info(args: argparse.Namespace) -> int:
         bus.close()
     if not rows:
         known = users.known_keys() if users is not None else []
-        hint = near_keys(key, known) or (": see 'zteam topic list'" if known else f": {NO_KEYS}")
-        raise ZteamError(f"nothing publishes {key} or subscribes to it{hint}")
+        raise ZteamError(f"nothing publishes {key} or subscribes to it{where_to_look(key, known)}")
     for row in rows:
         stats = {key.removesuffix("/stats"): per_key[row.key] for key, per_key in counts if row.key in per_key}
         heard = writer_names(nodes, row.sources)

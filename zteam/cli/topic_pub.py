@@ -121,7 +121,7 @@ def _warn_of_others(key: str, users: KeyUsers | None) -> None:
     if users is None:
         return
     if others := users.publishers(key):
-        _say(f"{key} is published by {', '.join(others)} too")
+        _say(f"{key} is published by {', '.join(others)} too: subscribers get the messages of both; end one of them")
     target, robots = names.split_robot_key(key), users.robots()
     if target is not None and robots and target[0] not in robots:
         _say(f"no process publishes anything of {names.robot_name(target[0])}; robots: {format_robot_ids(robots)}")

@@ -9,6 +9,35 @@ _SHARED = frozenset({"help", "connect", "namespace", "config", "lease", "log_lev
 """Options that a usage line leaves out: every command has them."""
 _MAX_LINE = 190
 """Characters of an answer, as far as options can be left out of its usage."""
+_NO_WINDOW = "there is no window; 'zteam world show' draws a world, 'zteam tf positions' prints the poses"
+_MEANT = {
+    **{
+        ("zteam up", option): "a team file lists the robots, one table [[robots]] each"
+        for option in ("--robots", "--ids")
+    },
+    **{
+        (prog, option): _NO_WINDOW
+        for prog in ("zteam up", "zteam-sim", "zteam-monitor")
+        for option in ("--gui", "--headless", "--rviz", "--display")
+    },
+    **{
+        ("zteam-robot", f"--{name}"): f"say --param {name}=VALUE"
+        for name in ("speed", "leader", "turn_rate", "stop_distance", "min_dist", "max_linear", "max_angular")
+    },
+}
+"""What an option that a command lacks may stand for."""
+_VERBS = {
+    **dict.fromkeys(("unpause", "play", "start", "continue"), "resume"),
+    **dict.fromkeys(("stop", "halt"), "pause"),
+    **dict.fromkeys(("add", "create"), "spawn"),
+    **dict.fromkeys(("delete", "kill"), "remove"),
+    **dict.fromkeys(("teleport", "place"), "move"),
+    **dict.fromkeys(("publish", "send"), "pub"),
+    **dict.fromkeys(("print", "cat", "show"), "echo"),
+    **dict.fromkeys(("frames", "view_frames"), "tree"),
+    **dict.fromkeys(("draw", "view"), "show"),
+}
+"""What other programs call a subcommand."""
 _REQUIRED = "the following arguments are required: "
 _SHORT_NAME = re.compile(r"(?<!\S)-\w/--")
 """Of an option that argparse names as `-o/--output`."""
@@ -70,12 +99,28 @@ def _is_known(parser: argparse.ArgumentParser, word: str) -> bool:
 
 def unknown_words(parser: argparse.ArgumentParser, words: Iterable[str]) -> str:
     """What to say of words that a command does not take."""
-    options = parser._option_string_actions
-    names = [word.partition("=")[0] for word in words]
-    return ", ".join(
-        f"no option {name!r}{did_you_mean(name, options)}" if name.startswith("-") else f"{name!r} is too much"
-        for name in names
-    )
+    told, after_option = [], False
+    for word in words:
+        if word.startswith("-"):
+            told.append(_unknown_option(parser, word.partition("=")[0]))
+        elif not after_option:
+            told.append(f"{word!r} is too much")
+        # The word behind an unknown option is its value.
+        after_option = word.startswith("-") and "=" not in word
+    return ", ".join(told)
+
+
+def _unknown_option(parser: argparse.ArgumentParser, name: str) -> str:
+    meant = _MEANT.get((parser.prog, name))
+    hint = f": {meant}" if meant else did_you_mean(name, parser._option_string_actions)
+    return f"no option {name!r}{hint}"
+
+
+def unknown_subcommand(word: str, known: Iterable[str]) -> str:
+    """What to say of a word in the place of a subcommand."""
+    verb = _VERBS.get(word, "")
+    hint = f": did you mean {verb}?" if verb in known else did_you_mean(word, known)
+    return f"no subcommand {word!r}{hint}"
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:

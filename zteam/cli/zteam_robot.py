@@ -2,7 +2,7 @@
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from zteam import names
@@ -29,6 +29,7 @@ def build_parser() -> argparse.ArgumentParser:
     what.add_argument("--follow", metavar="ID", help="follow this robot")
     parser.add_argument(
         "--param",
+        type=_pair("--param"),
         action="append",
         default=[],
         metavar="KEY=VALUE",
@@ -36,6 +37,7 @@ def build_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--base",
+        type=_pair("--base"),
         action="append",
         default=[],
         metavar="KEY=VALUE",
@@ -59,8 +61,21 @@ def parse_param(text: str, option: str = "--param") -> tuple[str, Any]:
     """(key, value) of KEY=VALUE; the value is TOML as in a team file (0.4, true, "text", [1, 2]), else a string."""
     key, equals, value = text.partition("=")
     if not equals or not key.isidentifier():
-        raise UsageError(f"{option} {text!r} is not KEY=VALUE, e.g. {_EXAMPLES[option]}")
+        raise UsageError(f"{option} {text!r} is not KEY=VALUE, e.g. {option} {_EXAMPLES[option]}")
     return key, parse_value(value)
+
+
+def _pair(option: str) -> Callable[[str], str]:
+    """The `type` of an option that takes KEY=VALUE, which stays text."""
+
+    def check(text: str) -> str:
+        try:
+            parse_param(text, option)
+        except UsageError as error:
+            raise argparse.ArgumentTypeError(str(error).removeprefix(f"{option} ")) from None
+        return text
+
+    return check
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -96,7 +111,7 @@ def _read(args: argparse.Namespace) -> _Choice:
     """What the options say. Raises UsageError."""
     robot_id = _parse_id(args.id, "--id")
     params = dict(map(parse_param, args.param))
-    spec = args.behavior or "forward"
+    spec = "forward" if args.behavior is None else args.behavior
     if args.follow is not None:
         leader = _parse_id(args.follow, "--follow")
         if leader == robot_id:
@@ -104,6 +119,8 @@ def _read(args: argparse.Namespace) -> _Choice:
         if "leader" in params:
             raise UsageError("--follow names the leader already: leave --param leader out")
         spec, params = "follow", {"leader": leader, **params}
+    elif spec == "follow" and "leader" not in params:
+        raise UsageError("--behavior follow: the leader is missing; say --follow ID instead")
     return _Choice(robot_id, spec, params, read_base(args.base))
 
 

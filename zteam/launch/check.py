@@ -52,6 +52,11 @@ def check_team(file: TeamFile, world_file: Path | None = None) -> Path | None:
 
 def _question(entry: RobotEntry) -> Question:
     spec, params = behavior_of(entry)
+    # The rules of team files check the leaders.
+    if spec == "follow":
+        params = {"leader": 0, **params}
+    elif entry.behavior is None:
+        params = {key: value for key, value in params.items() if key != "leader"}
     return Question(spec, params, list(_ROBOT_KEYS))
 
 

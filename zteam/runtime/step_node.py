@@ -1,11 +1,13 @@
 """`zteam.Node` and `zteam.run`: a user's own process that keeps time with the team, in lock-step too."""
 
+import logging
 from collections.abc import Callable
 from typing import Any, TypeVar
 
 from zteam import names
 from zteam.behaviors.behavior import checked_command
 from zteam.bus import Bus, BusOptions, Publisher
+from zteam.bus.bus import check_message_type
 from zteam.bus.transport import Closeable
 from zteam.clock import Rate, monotonic, to_ns
 from zteam.errors import UsageError
@@ -15,6 +17,8 @@ from zteam.runtime.participant import Participant
 from zteam.runtime.process import run_body
 from zteam.runtime.shutdown import Stop, stopping_in_order
 from zteam.tf.bases import bases_stamp
+
+log = logging.getLogger("zteam")
 
 M = TypeVar("M", bound=Message)
 
@@ -39,8 +43,21 @@ class StepNode(Node):
         self._cmd_vel: Publisher[Twist] | None = None
         self._first_data = 0.0
         """Host time of the first message; 0 before."""
+        self._advance: Callable[[], object] = lambda: None
+        """Called after each message; the clock may come before the participant is made."""
         self._part = Participant(self, self._has_inputs, self._act, lacks=self._lacks)
+        self._advance = self._part.advance
         self.on_time_reset(self._stamps.clear)
+
+    def publisher(self, key: str, message_type: type[M], *, latched: bool = False) -> Publisher[M]:
+        """As in BaseNode. Raises UsageError for a type that a key of zteam does not carry: all would refuse it."""
+        from zteam.bus.topics import type_of_key
+
+        carried = type_of_key(key)
+        check_message_type(key, message_type)
+        if carried not in (None, message_type):
+            raise UsageError(f"{key} carries {carried.ros_type}, not {message_type.ros_type}")
+        return super().publisher(key, message_type, latched=latched)
 
     def subscribe(
         self,
@@ -70,7 +87,7 @@ class StepNode(Node):
             if every_tick:
                 self._stamps[key] = _stamp_of(message)
                 self._part.take_stamp(self._stamps[key])
-            self._part.advance()
+            self._advance()
 
         return super().subscribe(key_expr, message_type, handle, latched=latched, wake=wake)
 
@@ -163,6 +180,9 @@ def run(
     Stops in order on SIGINT and SIGTERM; nothing else of the program changes. Without `options` the environment says
     how to reach the bus, as for every command (`ZTEAM_CONNECT`, `ZTEAM_NAMESPACE`, `ZTEAM_CONFIG`, `ZTEAM_LEASE`).
     """
+    if not isinstance(name, str) or not callable(body):
+        log.error("zteam.run(name, body) takes a text and a function of the node, not %r and %r", name, body)
+        raise SystemExit(2)
     chosen = BusOptions.from_environment() if options is None else options
     stop = Stop()
     with stopping_in_order(stop):

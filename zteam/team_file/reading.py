@@ -98,7 +98,7 @@ def _read(path: Path) -> str:
             data = file.read(MAX_BYTES + 1)
         if len(data) > MAX_BYTES:
             raise ConfigError(f"{path}: a team file of more than {MAX_BYTES // 2**20} MB is refused")
-        return data.decode()
+        return data.decode("utf-8-sig")
     except OSError as error:
         raise ConfigError(f"{path}: cannot read the team file: {error.strerror or error}") from None
     except UnicodeDecodeError as error:
@@ -110,6 +110,7 @@ def _from_tables(path: Path, tables: dict[str, Any], lines: Mapping[KeyPath, int
     known = Team.__struct_fields__
     for key in [key for key in tables if key not in known]:
         problems.append(Problem((key,), f"unknown key{did_you_mean(key, known)}; known: {', '.join(known)}"))
+        tables, lines = _as_meant(tables, lines, key)
     if "robots" not in tables:
         problems.append(Problem((), "the key robots is missing: add a table [[robots]] with an id"))
     elif tables["robots"] == []:
@@ -122,6 +123,20 @@ def _from_tables(path: Path, tables: dict[str, Any], lines: Mapping[KeyPath, int
     simulation = _section(tables, "simulation", Options, problems)
     team = Team(list(robots.values()), section, list(transforms.values()), simulation)
     return TeamFile(path, team, robots, lines, problems)
+
+
+def _as_meant(
+    tables: dict[str, Any], lines: Mapping[KeyPath, int], key: str
+) -> tuple[dict[str, Any], Mapping[KeyPath, int]]:
+    """The tables and lines with `key` under the known name that it is like, unless the file has that one too.
+
+    So [[robot]] instead of [[robots]] is one mistake, and the tables below it are checked all the same.
+    """
+    meant = next((name for name in Team.__struct_fields__ if did_you_mean(key, [name]) and name not in tables), "")
+    if not meant:
+        return tables, lines
+    moved = {(meant, *path[1:]): line for path, line in lines.items() if path[:1] == (key,)}
+    return {**tables, meant: tables[key]}, {**lines, **moved}
 
 
 def _array(tables: dict[str, Any], name: str, kind: type[S], problems: list[Problem]) -> dict[int, S]:

@@ -4,10 +4,13 @@ import math
 from collections.abc import Mapping
 
 from zteam import names
+from zteam.geometry import turn_problem
 from zteam.problems import Problem
 from zteam.robot_ids import format_robot_ids
 from zteam.team_file.entries import RobotEntry, StaticTransform, quaternion, toml_text
 from zteam.toml_lines import Path
+
+_ANGLES = frozenset({"yaw", "pitch", "roll"})
 
 
 def check_robots(robots: Mapping[int, RobotEntry]) -> list[Problem]:
@@ -26,6 +29,8 @@ def check_robots(robots: Mapping[int, RobotEntry]) -> list[Problem]:
         if robot.pose is not None and not all(map(math.isfinite, robot.pose)):
             text = f"{toml_text(robot.pose)} is no pose; give finite x, y, yaw"
             found.append(Problem((*place, "pose"), text))
+        elif robot.pose is not None and (text := turn_problem(robot.pose.yaw)):
+            found.append(Problem((*place, "pose"), f"yaw {text}"))
         found += _check_params(place, robot)
     return found
 
@@ -64,6 +69,8 @@ def _check_follow(robot: RobotEntry, ids: set[int]) -> tuple[str, str]:
     if robot.follow is None:
         if robot.behavior == "follow":
             return "behavior", "to follow needs a leader; say follow = ID instead"
+        if robot.behavior is None and "leader" in robot.params:
+            return "leader", "a robot that follows says follow = ID"
         return "", ""
     if robot.behavior not in (None, "follow"):
         return "follow", f"both follow and behavior = {toml_text(robot.behavior)}; keep one of them"
@@ -109,6 +116,8 @@ def _check_numbers(place: Path, entry: StaticTransform) -> list[Problem]:
         value = getattr(entry, field)
         if value is not None and not math.isfinite(value):
             found.append(Problem((*place, field), f"{value} is no number to place a frame with"))
+        elif field in _ANGLES and (text := turn_problem(value or 0.0)):
+            found.append(Problem((*place, field), text))
     if found or all(q is None for q in (entry.qx, entry.qy, entry.qz, entry.qw)):
         return found
     given = quaternion(entry)

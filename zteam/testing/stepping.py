@@ -13,6 +13,7 @@ from zteam.messages import Message
 from zteam.services.simulator import SimReport, SimStatus, StepRequest
 from zteam.services.simulator_client import SimulatorClient
 from zteam.testing.processes import START_LIMIT, TeamProcesses, TeamTimeout
+from zteam.testing.view import TeamView
 
 STALL_LIMIT = 60.0
 """Host seconds during which simulated time may stand still in a wait."""
@@ -125,7 +126,7 @@ class SteppedTeam(TeamProcesses):
             return
         while not condition():
             if self.now >= end:
-                raise TeamTimeout(f"not true within {within:g} simulated seconds (now {self.now:.1f} s)")
+                raise _not_true(within, self.now, self._view)
             self._step(1)
 
     def _watch(self, condition: Callable[[], bool], end: float, within: float) -> None:
@@ -137,7 +138,7 @@ class SteppedTeam(TeamProcesses):
             if condition():
                 return
             if self.now > end:
-                raise TeamTimeout(f"not true within {within:g} simulated seconds (now {self.now:.1f} s)")
+                raise _not_true(within, self.now, self._view)
             if self.now != last:
                 last, quiet_since = self.now, monotonic()
             elif monotonic() - quiet_since > STALL_LIMIT:
@@ -165,3 +166,9 @@ class SteppedTeam(TeamProcesses):
             self.sim.repeat()
             if not self._wait(arrived, START_LIMIT):
                 raise TeamTimeout(f"what the simulator sent at {status.now / 1e9:.1f} s did not arrive")
+
+
+def _not_true(within: float, now: float, view: TeamView) -> TeamTimeout:
+    """The error of a condition that did not come true, with where the robots are."""
+    seconds = f"{within:g} simulated second{'' if within == 1 else 's'}"
+    return TeamTimeout(f"not true within {seconds} (now {now:.1f} s){view.describe()}")

@@ -11,16 +11,18 @@ from typing import Any
 
 from zteam import names
 from zteam.bus.options import LEASE
+from zteam.errors import UsageError
 from zteam.launch.arguments import LOCKSTEP_TIMEOUT, Pace
 from zteam.launch.check import check_team
 from zteam.launch.kinds import kind_of
 from zteam.launch.plan import Plan, plan_team
 from zteam.launch.run import lease_for
 from zteam.resources import find_team, find_world
-from zteam.robot_ids import parse_robot_ids
+from zteam.robot_ids import format_robot_ids, parse_robot_ids
 from zteam.team_file import RobotEntry, Team, read_team_file
 from zteam.testing.processes import START_LIMIT, TeamTimeout
 from zteam.testing.stepping import SteppedTeam
+from zteam.testing.view import RobotView
 
 __all__ = ["START_LIMIT", "TeamFixture", "TeamTimeout"]
 
@@ -90,9 +92,21 @@ class TeamFixture(SteppedTeam):
         self.wait_for_processes(*plan.commands)
         if names.SIMULATOR in plan.commands:
             known = self.sim_status.robots
+            lacking = {names.robot_id_of(name) for name in plan.commands} - {None, *known}
+            if lacking:
+                ids = format_robot_ids(i for i in lacking if i is not None)
+                raise UsageError(f"the world has no robot {ids} (it has {format_robot_ids(known) or 'none'})")
             # From here on a test may read any robot's pose.
             if not self._wait(lambda: all(self.robot(i).truth is not None for i in known), START_LIMIT):
                 raise TeamTimeout(f"the simulator shows no pose of some robot of {known}")
+
+    def robot(self, robot_id: int) -> RobotView:
+        """What the bus tells about a robot. Raises UsageError for one that neither the world nor a process has."""
+        if not self._view.knows(robot_id) and self.alive(names.SIMULATOR):
+            there = self.sim_status.robots
+            if robot_id not in there and not self.alive(names.robot_name(robot_id)):
+                raise UsageError(f"there is no robot {robot_id}; the world has {format_robot_ids(there) or 'no robot'}")
+        return super().robot(robot_id)
 
     def kill(self, name: str) -> None:
         """End a process at once (SIGKILL) and wait until it is gone."""

@@ -25,6 +25,9 @@ from zteam.runtime.tokens import TokenSet
 
 M = TypeVar("M", bound=Message)
 
+_DESCRIBED = 4
+"""Robots that the error of a condition names."""
+
 
 class RobotView:
     """The newest messages of one robot; None (or NaN) before the first."""
@@ -96,6 +99,11 @@ class RobotView:
         a, b = self.pose, self._team.robot(robot_id).pose
         return math.hypot(a.x - b.x, a.y - b.y)
 
+    def describe(self) -> str:
+        """Its place, and why it stands."""
+        reason = getattr(self.status, "reason", "")
+        return f"robot_{self.id} at x {self.pose.x:.2f}, y {self.pose.y:.2f}{f' ({reason})' if reason else ''}"
+
     def take_truth(self, message: Odometry) -> None:
         """Store a new true pose."""
         before = self.pose
@@ -166,6 +174,15 @@ class TeamView:
     def robot(self, robot_id: int) -> RobotView:
         """The view of one robot."""
         return self._robots.setdefault(robot_id, RobotView(robot_id, self))
+
+    def knows(self, robot_id: int) -> bool:
+        """Whether anything has been heard or asked of a robot."""
+        return robot_id in self._robots
+
+    def describe(self) -> str:
+        """Where the first robots are and why they stand, as the end of a sentence."""
+        known = [robot for _, robot in sorted(self._robots.items()) if robot.truth is not None]
+        return "".join(f"; {robot.describe()}" for robot in known[:_DESCRIBED])
 
     def alive(self, name: str) -> bool:
         """Whether a process holds this name."""

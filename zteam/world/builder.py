@@ -175,7 +175,8 @@ class Builder:
         known = vocabulary.TYPES | frozenset(sensing)
         if kind not in known:
             hint = vocabulary.did_you_mean(kind[:60], known | self._settings.macros)
-            raise place.error(f"unknown model type {kind!r:.60}{hint}: no type or macro has this name")
+            text = "no type or macro has this name; 'define' it, or 'include' the file that does"
+            raise place.error(f"unknown model type {kind!r:.60}{hint}: {text}")
         if kind in vocabulary.UNSUPPORTED:
             reader.remark_entity(f"{vocabulary.UNSUPPORTED[kind]} not simulated")
         else:

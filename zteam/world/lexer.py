@@ -119,4 +119,5 @@ def _skip_line(text: str, position: int, place: Place, remarks: Remarks) -> int:
 def _no_token(text: str, position: int, place: Place) -> Exception:
     if text[position] == '"':
         return place.error("this string is not closed on its line")
-    return place.error(f"unexpected character {text[position]!r}")
+    hint = {"{": "; write '('", "}": "; write ')'", "'": '; a string is quoted by "'}.get(text[position], "")
+    return place.error(f"unexpected character {text[position]!r}{hint}")

@@ -230,7 +230,8 @@ class _Parser:
         if self._token.kind in (Kind.NUMBER, Kind.STRING):
             return _property(name, [self._advance()], False)
         if self._token.kind is not Kind.OPEN_TUPLE:
-            raise self._token.place.error(f"expected the value of {name}, found {self._token}")
+            hint = "; text needs quotes" if self._token.kind is Kind.NAME else ""
+            raise self._token.place.error(f"expected the value of {name}, found {self._token}{hint}")
         self._advance()
         values: list[Token] = []
         while self._token.kind in (Kind.NUMBER, Kind.STRING):

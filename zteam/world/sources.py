@@ -1,5 +1,6 @@
 """World files as text: how they are found and read, and places in them."""
 
+import codecs
 import os
 from pathlib import Path
 from typing import NamedTuple
@@ -77,4 +78,6 @@ def read_text(path: Path) -> str:
         raise WorldError(f"{path}: cannot read this world file: {reason}") from None
     if len(data) > MAX_FILE_BYTES:
         raise WorldError(f"{path}: a world file of more than {MAX_FILE_BYTES // 2**20} MB is refused")
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        raise WorldError(f"{path}: UTF-16 text; save it as UTF-8")
     return data.decode("utf-8-sig", "replace")

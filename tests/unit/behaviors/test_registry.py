@@ -25,7 +25,15 @@ class Spin(Behavior):
         return Twist(angular=Vector3(z=self.params.rate))
 
 class Bare(Behavior):
+    def step(self, view):
+        return Twist()
+
+class Mute(Behavior):
     pass
+
+class Blind(Behavior):
+    def step(self):
+        return Twist()
 
 class Odd(Behavior):
     Params = 7
@@ -83,7 +91,7 @@ def test_a_users_class_is_found() -> None:
         ("empty", "no behaviour 'empty' (did you mean empty:Class?): use"),
         ("my_stopper:Stoper", "my_stopper.py) has no Stoper (did you mean Stopper?)"),
         ("ends", "no behaviour 'ends' (did you mean ends:Class?): use"),
-        ("ends:Robot", "cannot import ends: SystemExit: 3"),
+        ("ends:Robot", "ends.py:1: SystemExit: 3"),
         ("turn", "no behaviour 'turn': use forward, avoid, wander, follow or package.module:Class"),
         ("", "no behaviour ''"),
         ("my_robots.mine", "package.module:Class"),
@@ -92,10 +100,16 @@ def test_a_users_class_is_found() -> None:
         ("my_robots..mine:Spin", "package.module:Class"),
         ("no_such_package.mine:Spin", "cannot import no_such_package.mine: ModuleNotFoundError"),
         ("my_robots.broken:Spin", "cannot import my_robots.broken: SyntaxError"),
-        ("my_robots.raising:Spin", "RuntimeError: two lines"),
-        ("my_robots.mine:Swim", "mine.py) has no Swim; it has Spin, Bare"),
+        ("my_robots.raising:Spin", "raising.py:1: RuntimeError: two lines"),
+        ("my_robots.mine:Swim", "mine.py) has no Swim; it has Spin, Bare, Mute, Blind"),
         ("my_robots.mine:Stranger", "is not a subclass"),
         ("my_robots.mine:MINE", "has no MINE"),
+        ("my_robots.mine:Mute", "has no step: def step(self, view): return Twist("),
+        ("my_robots.mine:Blind", "its step must take the view: def step(self, view)"),
+        ("my_stopper.py:Stopper", "(did you mean my_stopper:Stopper?): a module is named without .py"),
+        ("my_robots/mine.py:Spin", "(did you mean my_robots.mine:Spin?)"),
+        ("my_stopper.py", "(did you mean my_stopper:Stopper or my_stopper:Slower?): use"),
+        ("my_stopper.Stopper", "(did you mean my_stopper:Stopper?): use"),
         ("my_robots.mine:Odd", "give it a class Params"),
         ("my_robots.mine:Closed", "def __init__(self, params): super().__init__(params)"),
     ],

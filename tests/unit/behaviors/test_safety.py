@@ -146,7 +146,11 @@ def test_ready_means_scan_odometry_and_pose() -> None:
     """Each thing that is missing is named, with the key it comes on."""
     bare = make_view(None, robot_id=3, odom=None)
     lacking = missing(bare, asks(0.0))
-    assert lacking == ["a first scan (robot_3/base_scan)", "odometry (robot_3/odom)", "its own pose in map"]
+    assert lacking == [
+        "a first scan (robot_3/base_scan)",
+        "odometry (robot_3/odom)",
+        "its own pose in map (tf, from zteam-tf)",
+    ]
     whole = make_view(make_scan(FREE), lookup=lambda _a, _b: (Pose2(0.0, 0.0, 0.0), 1))
     assert missing(whole, asks(0.0)) == []
 
@@ -173,6 +177,7 @@ def test_lookups_that_fail_stop_only_those_that_need_them() -> None:
     [
         (None, "Circle.step returned None; return a Twist"),
         (0.4, "Circle.step returned a float; return a Twist"),
+        (Twist(Vector3("0.2")), "Circle.step returned the speed '0.2'; give numbers, m/s and rad/s"),  # type: ignore[arg-type]
         (
             Twist(0.3, 0.1),  # type: ignore[arg-type]
             "Circle.step returned Twist(linear=0.3, angular=0.1); return a Twist(Vector3(forward), Vector3(z=turn))",

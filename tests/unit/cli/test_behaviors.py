@@ -25,8 +25,10 @@ class Spin(Behavior):
         rate: Annotated[float, msgspec.Meta(gt=0.0, description="rad/s")]
         label: str | None = None
 
+    def step(self, view): ...
+
 class Bare(Behavior):
-    pass
+    def step(self, view): ...
 '''
 
 

@@ -21,6 +21,13 @@ def test_the_list_of_commands_fits_a_terminal(capsys: pytest.CaptureFixture[str]
         ("run", "did you mean 'zteam up'?"),
         ("start arena", "did you mean 'zteam up arena'?"),
         ("launch", "did you mean 'zteam up'?"),
+        (
+            "--connect tcp/localhost:7447 topic list",
+            "options stand behind the command, e.g. 'zteam topic list --connect",
+        ),
+        ("rostopic echo map", "did you mean 'zteam topic echo map'?"),
+        ("tf_echo map odom", "did you mean 'zteam tf echo map odom'?"),
+        ("pause", "did you mean 'zteam sim pause'?"),
         ("stop", "press Ctrl+C where 'zteam up' runs"),
         ("arena", "did you mean 'zteam up arena'?"),
         ("mine.toml --for 3", "did you mean 'zteam up mine.toml --for 3'?"),

@@ -1,4 +1,4 @@
-"""`zteam node list` on a bus in memory."""
+"""`zteam node list` on a bus in memory, and the processes that it and `zteam doctor` see."""
 
 import os
 
@@ -24,3 +24,11 @@ def test_the_list_is_a_table(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Cap
     assert long.endswith(f"  {__version__}")
     assert hung.split() == ["robot_0", "does", "not", "answer", "-", "-", "-"]
     assert heading.index("host") == hung.index("does")
+
+
+def test_a_command_that_holds_a_frame_is_no_process_of_the_team(hub: MemoryHub) -> None:
+    """The token of `zteam tf static` is for the aggregator: it does not answer, and that is no problem."""
+    open_named(hub, "robot_0")
+    caller = hub.bus()
+    caller.declare_token(names.token_key(names.STATIC_CALLER, caller.instance))
+    assert [found.name for found in node.find_nodes(hub.bus())] == ["robot_0"]

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -166,3 +167,42 @@ def test_the_holder_of_a_frame_is_named(hub: MemoryHub, desk: Desk, capsys: pyte
     assert tf.main(["static", "2", "0", "0", "0", "0", "0", "map", "camera"]) == 1
     line = capsys.readouterr().err
     assert f"another 'zteam tf static', session {holder.instance} has map -> camera already: end that one" in line
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        ("0 0 0 180 0 0 map camera", "YAW 180 is more than a full turn; angles are radians (180 degrees are 3.1416)"),
+        ("0 0 0 0 -90 0 map camera", "PITCH -90 is more than a full turn"),
+        ("0 0 0 2 2 0 5 map camera", "QX QY QZ QW has the length 5.74; a rotation has the length 1"),
+        ("0 0 0 0 0 0 map /map", "PARENT and CHILD are both 'map': name two frames"),
+        ("map camera 0 0 0 0 0 0", "give X Y Z YAW PITCH ROLL PARENT CHILD"),
+    ],
+)
+def test_a_transform_that_cannot_be_meant_is_refused(words: str, text: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Degrees, a quaternion that is no rotation and a frame in itself end with 2, before the bus is opened."""
+    assert tf.main(["static", *words.split()]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"zteam tf: {text}")
+
+
+def test_a_parent_that_nobody_publishes_is_named(
+    desk: Desk, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`odom` instead of `robot_0/odom` makes a tree of its own: a warning says so, and the frame holds all the same."""
+    wait = tf_static.Waiter.wait
+
+    def until_held(waiter: tf_static.Waiter, ready: Any, timeout: float | None, what: str) -> bool:
+        if "holds" not in printed:
+            printed.append("holds")
+            return wait(waiter, ready, timeout, what)
+        raise KeyboardInterrupt
+
+    for parent, hint in (("odom", "'odom': did you mean robot_0/odom? (see"), ("robot_0/odom", "")):
+        printed: list[str] = []
+        monkeypatch.setattr(tf_static.Waiter, "wait", until_held)
+        assert tf.main(["static", "1", "0", "0", "0", "0", "0", parent, "camera"]) == 0
+        shown = capsys.readouterr()
+        assert shown.out == f"{parent} -> camera holds until Ctrl+C\n"
+        assert hint in shown.err
+        assert bool(hint) is bool(shown.err)

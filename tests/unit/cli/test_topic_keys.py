@@ -158,6 +158,8 @@ def test_the_rate_of_a_survey_is_that_between_messages(hub: MemoryHub) -> None:
 def test_near_keys_end_alike_or_are_spelt_alike() -> None:
     """A topic without its robot is found in every robot; anything else by its spelling, the nearest first."""
     known = ["robot_0/odom", "robot_1/odom", "tf", "robot_0/base_scan"]
+    assert near_keys("scan", known) == ": did you mean robot_0/base_scan?"
+    assert near_keys("robot_1", known) == ": did you mean robot_1/odom?"
     assert near_keys("odom", known) == ": did you mean robot_0/odom or robot_1/odom?"
     assert near_keys("robot_0/base_scn", known) == ": did you mean robot_0/base_scan?"
     assert near_keys("robot_0/odm", ["robot_0/log", *known]).startswith(": did you mean robot_0/odom or ")

@@ -100,16 +100,22 @@ FILES = {
     [
         ("aren", ["team 'aren': no such file, nor a shipped team (arena, line, willow); did you mean arena?"]),
         ("no/team.toml", ["team 'no/team.toml': no such file, nor a shipped team (arena, line, willow)"]),
-        ("office", ["team 'office': that is a world; give it to 'zteam up TEAM --world' or to 'zteam-sim'"]),
-        ("worlds/office.world", ["team 'worlds/office.world': that is a world; give it to 'zteam up TEAM --world' or"]),
-        ("lost.world", ["team 'lost.world': that is a world; give it to"]),
+        ("office", ["team 'office': that is a world; say 'zteam up --world office' or 'zteam-sim office'"]),
+        (
+            "worlds/office.world",
+            ["team 'worlds/office.world': that is a world; say 'zteam up --world worlds/office.world' or"],
+        ),
+        (
+            "lost.world",
+            ["team 'lost.world': that is a world; say 'zteam up --world lost.world' or 'zteam-sim lost.world'"],
+        ),
         ("folder", ["team 'folder': that is a folder; name the team file in it (*.toml)"]),
         (
             "ok.toml --world ofice",
             ["world 'ofice': no such file, nor a shipped world (arena, office); did you mean"],
         ),
         ("ok.toml --world folder", ["world 'folder': that is a folder; name the world file in it (*.world)"]),
-        ("line --world ok.toml", ["world 'ok.toml': that is a team; give it to 'zteam up' as the team"]),
+        ("line --world ok.toml", ["world 'ok.toml': that is a team; say 'zteam up ok.toml'"]),
         ("ok.toml --world lost.world", ["lost.world:1:9: included file 'nowhere.inc' not found in . or $STAGEPATH"]),
         (
             "garden.toml",

@@ -2,6 +2,7 @@
 
 import threading
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import pytest
 
@@ -23,6 +24,7 @@ from zteam.messages import (
     ns_from_time,
     time_from_ns,
 )
+from zteam.runtime import step_node
 from zteam.runtime.shutdown import Stop
 
 TICK = 100_000_000
@@ -299,3 +301,38 @@ def test_its_publishers_close_with_it(hub: MemoryHub, make: Callable[..., Own]) 
     own.node.close()
     bus.subscribe("plan/valid", Bool, lambda key, _: heard.append("afterwards"), latched=True)
     assert heard == ["while it lives"]
+
+
+def test_a_publisher_has_the_type_of_its_key(make: Callable[..., Own]) -> None:
+    """A class that is no message, and a type that every receiver of the key would refuse, are told at once."""
+    node = make().node
+    with pytest.raises(UsageError, match="goal: str is no message type; take a class"):
+        node.publisher("goal", str)  # type: ignore[type-var]
+    with pytest.raises(UsageError, match="goal: 7 is no message type"):
+        node.subscribe("goal", 7, lambda key, message: None)  # type: ignore[arg-type]
+    with pytest.raises(UsageError, match="robot_0/cmd_vel carries geometry_msgs/msg/Twist, not std_msgs/msg/Bool"):
+        node.publisher("robot_0/cmd_vel", Bool)
+
+
+def test_run_takes_a_name_and_a_function(caplog: pytest.LogCaptureFixture) -> None:
+    """Swapped arguments end with 2 and one line."""
+    with pytest.raises(SystemExit) as end:
+        zteam.run(lambda node: None, "mine")  # type: ignore[arg-type]
+    assert end.value.code == 2
+    assert "zteam.run(name, body) takes a text and a function of the node, not " in caplog.text
+
+
+def test_a_clock_that_comes_at_once_is_taken(
+    hub: MemoryHub, make: Callable[..., Own], monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A node that is made in the middle of a run takes a message that arrives while it still subscribes."""
+
+    class InARun(step_node.Participant):
+        def __init__(self, *arguments: Any, **options: Any) -> None:
+            super().__init__(*arguments, **options)
+            hub.bus().publisher(names.CLOCK, Clock).put(Clock(time_from_ns(7 * TICK)))
+
+    monkeypatch.setattr(step_node, "Participant", InARun)
+    node = make().node
+    assert wait_until(node.changed, lambda: node.clock.sim.now() == 7 * TICK, LIMIT)
+    assert "error" not in caplog.text

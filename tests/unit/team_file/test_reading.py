@@ -54,6 +54,7 @@ def test_a_whole_file(tmp_path: Path) -> None:
             "[simulation]\ngaussian_noise = -1\n[[robots]]\nid = 0",
             "2: simulation.gaussian_noise: must be from 0 to 1000, not -1",
         ),
+        ("[[robot]]\nid = 0", "1: robot: unknown key (did you mean robots?); known: robots, team"),
         ("[Team]\nseed = 1\n[[robots]]\nid = 0", "1: Team: unknown key (did you mean team?); known: robots, team"),
         ("[[robots]]\nid = 0\nfollow = 0", "robots[0].follow: robot 0 cannot follow itself"),
         ("[[robots]]\nid = 0\nfollow = 4", "robots[0].follow: no robot 4 in this file (it has 0)"),
@@ -64,6 +65,11 @@ def test_a_whole_file(tmp_path: Path) -> None:
         ("[[robots]]\nid = 7\npose = [1, 2, 3]", "3: robots[0].pose: model and pose go together"),
         ("[[robots]]\nid = 7\nmodel = 'e'\npose = [1, 2]", "pose: a list of 3 values is expected, not [1, 2]"),
         ("[[robots]]\nid = 7\nmodel = 'e'\npose = [1, nan, 2]", "robots[0].pose: [1.0, nan, 2.0] is no pose"),
+        (
+            "[[robots]]\nid = 7\nmodel = 'e'\npose = [1, 2, 90]",
+            "4: robots[0].pose: yaw 90 is more than a full turn; angles are radians (90 degrees are 1.5708)",
+        ),
+        ("[[robots]]\nid = 0\nleader = 1", "3: robots[0].leader: a robot that follows says follow = ID"),
         ("[[robots]]\nid = 7\nmodel = 'e'\npose = [inf, 1, 2]", "robots[0].pose: [inf, 1.0, 2.0] is no pose"),
         ("[[robots]]\nid = 0\nwhen = 1979-05-27", "robots[0].when: a parameter is a number, text"),
         ("[[robots]]\nid = 0\nx = 0xffffffffffffffffffff", "robots[0].x: a parameter is a number, text"),
@@ -176,3 +182,25 @@ def test_a_long_key_takes_no_memory(tmp_path: Path) -> None:
         assert tracemalloc.get_traced_memory()[1] < 20e6
     finally:
         tracemalloc.stop()
+
+
+@pytest.mark.parametrize("begin", ["[[robot]]", "[[robots]]"])
+def test_a_misspelt_table_is_checked_as_what_it_means(begin: str, tmp_path: Path) -> None:
+    """Its own mistakes are told in the same run, with their lines."""
+    (tmp_path / "team.toml").write_text(f"{begin}\nid = 0\n\nfollow = 7\n[teams]\nseed = 'x'\n")
+    with pytest.raises(ConfigError) as caught:
+        load_team(tmp_path / "team.toml")
+    told = str(caught.value).replace(f"{tmp_path}/team.toml:", "").splitlines()
+    assert told[-3:] == [
+        "4: robots[0].follow: no robot 7 in this file (it has 0)",
+        "5: teams: unknown key (did you mean team?); known: robots, team, static_transforms, simulation",
+        '6: team.seed: a whole number is expected, not "x"',
+    ]
+    assert len(told) == (4 if begin == "[[robot]]" else 3)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig"])
+def test_files_of_other_editors_are_read(encoding: str, tmp_path: Path) -> None:
+    """A byte order mark and Windows line ends change nothing."""
+    (tmp_path / "team.toml").write_bytes("[[robots]]\r\nid = 3\r\n".encode(encoding))
+    assert load_team(tmp_path / "team.toml").robots == [RobotEntry(id=3)]

@@ -36,6 +36,10 @@ def test_a_follower_has_one_leader_and_one_behaviour(tmp_path: Path) -> None:
         ("parent='map'\nchild='/'", "parent and child must be the names of two frames"),
         ("parent='map'\nchild=''", 'static_transforms[0].child: a text of at least 1 character is expected, not ""'),
         ("parent='map'\nchild='a'\nx=nan", "static_transforms[0].x: nan is no number to place a frame with"),
+        (
+            "parent='map'\nchild='a'\nroll=-45",
+            "static_transforms[0].roll: -45 is more than a full turn; angles are rad",
+        ),
         ("parent='map'\nchild='a'\nqw=1", "a quaternion needs all of qx, qy, qz, qw"),
         ("parent='map'\nchild='a'\nqx=0\nqy=0\nqz=0\nqw=0", "its length is not 1"),
         ("parent='map'\nchild='a'\nqx=0\nqy=0\nqz=0\nqw=inf", "static_transforms[0].qw: inf is no number"),

@@ -11,7 +11,10 @@ from zteam.world import load_world
 @pytest.mark.parametrize(
     ("text", "error"),
     [
-        ("map ()", r"1:1: unknown model type 'map'"),
+        (
+            "map ()",
+            r"1:1: unknown model type 'map': no type or macro has this name; 'define' it, or 'include' the file",
+        ),
         ("postion ()", r"1:1: unknown model type 'postion' \(did you mean 'position'\?\)"),
         ("define erratic position ()\neratic ()", r"2:1: .* \(did you mean 'erratic'\?\)"),
         ("sensor ()", r"1:1: a sensor belongs inside a ranger"),

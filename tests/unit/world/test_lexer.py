@@ -102,5 +102,5 @@ def test_an_open_string_ends_with_its_line() -> None:
 
 def test_a_foreign_character_is_named() -> None:
     """What no token begins with is an error that shows it."""
-    with pytest.raises(WorldError, match=r"w\.world:1:9: unexpected character '\{'"):
+    with pytest.raises(WorldError, match=r"w\.world:1:9: unexpected character '\{'; write '\('"):
         list(read_tokens("model (){", "w.world", Remarks()))

@@ -84,3 +84,13 @@ def test_importing_the_package_is_cheap() -> None:
     """Robot processes may import zteam.world: that loads neither Pillow nor numba, pymunk or zenoh."""
     code = "import sys, zteam.world; print({'PIL', 'numba', 'pymunk', 'zenoh'} & set(sys.modules))"
     assert subprocess.check_output([sys.executable, "-c", code], text=True).strip() == "set()"
+
+
+def test_utf_16_is_named(tmp_path: Path) -> None:
+    """What an editor saved as UTF-16 is refused with the way out; a byte order mark of UTF-8 changes nothing."""
+    path = tmp_path / "mine.world"
+    path.write_text("position()", encoding="utf-16")
+    with pytest.raises(WorldError, match=r"mine\.world: UTF-16 text; save it as UTF-8"):
+        load_world(path)
+    path.write_text("position()", encoding="utf-8-sig")
+    assert len(load_world(path).robots) == 1

@@ -126,7 +126,7 @@ def test_a_second_definition_is_remarked_and_ignored() -> None:
         ("model ( size\n1 )", r"w\.world:1:9: 'size' has neither a value on its line nor a body"),
         ("size", r"w\.world:1:5: expected the value of 'size', found the end of the file"),
         ("size )", r"w\.world:1:6: expected the value of 'size', found '\)'"),
-        ("size small", r"w\.world:1:6: expected the value of 'size', found 'small'"),
+        ("size small", r"w\.world:1:6: expected the value of 'size', found 'small'; text needs quotes"),
         (")", r"w\.world:1:1: expected a property, an entity, 'include' or 'define', found '\)'"),
         ("model ( 1 )", r"w\.world:1:9: expected a property, an entity or '\)', found 1"),
         ("model ( define a model () )", r"w\.world:1:9: 'define' belongs at the top level"),

@@ -1,0 +1,57 @@
+"""Why a user's module cannot be imported, on one line: the user's own file and line, and the way out."""
+
+import sys
+from pathlib import Path
+
+from zteam.problems import did_you_mean
+
+_ZTEAM = str(Path(__file__).parents[1])
+_OF_ROS = {
+    **dict.fromkeys(("rospy", "rclpy"), "a behaviour has step(view), a node of your own runs by zteam.run"),
+    **dict.fromkeys(("tf", "tf2_ros", "tf_transformations"), "zteam.TransformListener and zteam.Pose2 do its work"),
+    **dict.fromkeys(
+        ("geometry_msgs", "sensor_msgs", "nav_msgs", "std_msgs", "tf2_msgs", "visualization_msgs"),
+        "its message types are in zteam.messages",
+    ),
+}
+"""What stands for a module of ROS."""
+
+
+def explain(error: BaseException) -> str:
+    """`file:line: Type: text (way out)` of an error that importing a user's module raised."""
+    told = f"{type(error).__name__}: {' '.join(str(error).split())}".removesuffix(": ")
+    return f"{_place(error)}{told}{_way_out(error)}"
+
+
+def _place(error: BaseException) -> str:
+    """`file:line: ` of the user's own line that ended the import; empty if none was run."""
+    if isinstance(error, SyntaxError):
+        # Its text names the line.
+        return ""
+    import traceback
+
+    frames = traceback.extract_tb(error.__traceback__)
+    foreign = ("<frozen ", _ZTEAM, sys.prefix, sys.base_prefix)
+    own = [frame for frame in frames if not frame.filename.startswith(foreign)]
+    return f"{own[-1].filename}:{own[-1].lineno}: " if own else ""
+
+
+def _way_out(error: BaseException) -> str:
+    if not isinstance(error, ImportError):
+        return ""
+    of_ros = _OF_ROS.get((error.name or "").partition(".")[0])
+    if of_ros:
+        return f" (zteam works without ROS: {of_ros})"
+    if isinstance(error, ModuleNotFoundError):
+        return " (is it beside the team file, in the current folder or on PYTHONPATH?)"
+    quoted = str(error).split("'")
+    return _name_of_zteam(quoted[1]) if error.name == "zteam" and len(quoted) > 1 else ""
+
+
+def _name_of_zteam(name: str) -> str:
+    """What a name that `zteam` lacks may stand for."""
+    from zteam import messages
+
+    if name in dir(messages):
+        return f" (from zteam.messages import {name})"
+    return did_you_mean(name, dir(sys.modules["zteam"]))
