@@ -66,17 +66,6 @@ def parse_robot_id(text: str) -> int:
     return int(text)
 
 
-def ids_text(ids: Iterable[int]) -> str:
-    """Robot ids as users write them: `0-3`, `0,2-4`."""
-    runs: list[list[int]] = []
-    for robot_id in sorted(set(ids)):
-        if runs and robot_id == runs[-1][1] + 1:
-            runs[-1][1] = robot_id
-        else:
-            runs.append([robot_id, robot_id])
-    return ",".join(str(low) if low == high else f"{low}-{high}" for low, high in runs)
-
-
 def robot_name(robot_id: int) -> str:
     """`robot_N`: the robot's name on the bus and the prefix of its frames."""
     return f"robot_{robot_id}"

@@ -9,7 +9,7 @@ ROBOTS = 5
 def transform(robot: int, stamp: int, x: float, name: str = "robot") -> TransformStamped:
     """A robot's odometry."""
     pose = Transform(Vector3(x, float(robot)), Quaternion(0.0, 0.0, 0.0, 1.0))
-    return TransformStamped(Header(time_from_ns(stamp), f"{name}_{robot}/odom"), f"{name}_{robot}/base", pose)
+    return TransformStamped(Header(time_from_ns(stamp), f"{name}_{robot}/odom"), f"{name}_{robot}/base_footprint", pose)
 
 
 def bundle(tick: int, robots: range | list[int] = range(ROBOTS), name: str = "robot") -> list[TransformStamped]:

@@ -105,7 +105,9 @@ def test_doctor_names_what_a_team_lacks(team: TeamFixture) -> None:
     team.wait_for_processes("sim", "monitor", "robot_7")
     told = problems(team)
     assert "the world arena has no robot 7 (it has 0, 1)" in told["robots"]
-    assert told["gate"].startswith("the start gate waits for robot_0, robot_7")
+    assert told["gate"].startswith(
+        "the start gate waits for robot_0: no process yet; robot_7: not in the world; it has 0, 1"
+    )
     assert told["gate"].endswith("the world has no robot 7: zteam-monitor --ids 0,1")
     assert told["transforms"] == "no process tf -> zteam-tf"
 

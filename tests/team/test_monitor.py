@@ -29,7 +29,7 @@ def test_an_id_that_the_world_lacks_is_named(team: TeamFixture) -> None:
     team.spawn("zteam-tf", name=names.AGGREGATOR)
     team.spawn("zteam-robot", "--id", "9", "--behavior", "forward", name="robot_9")
     team.spawn("zteam-monitor", "--ids", "9", name=names.MONITOR)
-    lacks = "not in the world; it has 0-1 ('zteam sim spawn --id 9 --pose X Y YAW' adds it)"
+    lacks = "not in the world; it has 0, 1 ('zteam sim spawn --id 9 --pose X Y YAW' adds it)"
     team.wait_for_line("robot_9", f"boot: waiting for its first scan: robot_9 is {lacks}")
     team.wait_for_line(names.MONITOR, f"waiting for robot_9: {lacks}")
     team.wait_for(lambda: team.status.waiting_for == f"robot_9: {lacks}")

@@ -8,6 +8,7 @@ import pytest
 import zenoh
 
 from zteam import names
+from zteam.bus.counters import KeyCount
 from zteam.messages import Twist, Vector3, encode
 from zteam.testing.team import TeamFixture
 
@@ -136,8 +137,8 @@ def test_garbage_changes_nothing_but_the_counters(team: TeamFixture, outsider: z
     team.run(1.0)
     assert team.robot(0).pose == before
     assert [name for name in ("sim", "tf", "monitor", "robot_0") if team.exit_code(name) is not None] == []
-    dropped = team.bus.ask(names.stats_key(names.SIMULATOR), dict[str, dict[str, int]])
-    assert dropped["robot_0/cmd_vel"]["dropped"] >= len(GARBAGE)
+    dropped = team.bus.ask(names.stats_key(names.SIMULATOR), dict[str, KeyCount])
+    assert dropped["robot_0/cmd_vel"].dropped >= len(GARBAGE)
 
 
 @pytest.mark.parametrize("text", ["abc", "1x", "-1", "99999999999999999999", "²", ""])

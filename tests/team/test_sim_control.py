@@ -75,7 +75,7 @@ def test_robots_come_move_and_go(team: TeamFixture) -> None:
     assert sim(team, "remove", "2")["robots"] == [0, 1, 7]
     gone = team.command("sim", "remove", "2")
     assert (gone.returncode, gone.stdout) == (1, "")
-    assert gone.stderr == "zteam sim: no robot 2 in this world: it has [0, 1, 7]\n"
+    assert gone.stderr == "zteam sim: no robot 2 in this world: it has 0, 1, 7\n"
     taken = team.command("sim", "spawn", "--pose", "0", "0", "0", "--id", "7")
     assert taken.returncode == 1
     assert "remove it first, or take another id" in taken.stderr

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import msgspec
 
-from zteam.clock import Every, monotonic
+from zteam.clock import monotonic
 
 log = logging.getLogger("zteam.bus")
 
@@ -15,6 +15,8 @@ MAX_KEYS = 4096
 OTHER = "(other keys)"
 _MAX_REASON = 300
 """Characters; a reason may repeat what a sender wrote."""
+_FIRST_PAUSE, _LONGEST_PAUSE = 1.0, 60.0
+"""Host seconds between two warnings about a key: a cause that stays must not fill the log."""
 
 
 class KeyCount(msgspec.Struct):
@@ -29,19 +31,33 @@ class KeyCount(msgspec.Struct):
 
 
 class _Drop(NamedTuple):
+    """The last dropped message of a key, and the last warning about one. Times are the host's."""
+
     time: float
-    """Host time."""
     reason: str
+    warned: float
+    pause: float
+    """Seconds from that warning to the next; twice as long after each."""
+
+
+def _next_drop(last: _Drop | None, now: float, reason: str) -> _Drop:
+    """What follows `last`; it is warned about if `warned` is `now`."""
+    if last is None or now - last.time >= _LONGEST_PAUSE:
+        return _Drop(now, reason, now, _FIRST_PAUSE)
+    if reason != last.reason and now - last.warned >= _FIRST_PAUSE:
+        return _Drop(now, reason, now, _FIRST_PAUSE)
+    if now - last.warned >= last.pause:
+        return _Drop(now, reason, now, min(2.0 * last.pause, _LONGEST_PAUSE))
+    return last._replace(time=now, reason=reason)
 
 
 class Counters:
-    """Thread-safe counts; a drop is warned about at most once a second for each key."""
+    """Thread-safe counts. Drops of a key are warned about at most once a second, and ever less often for one reason."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._counts: dict[str, KeyCount] = {}
         self._last: dict[str, _Drop] = {}
-        self._warn: dict[str, Every] = {}
 
     def receive(self, key: str) -> None:
         """One good message came."""
@@ -54,10 +70,10 @@ class Counters:
             count = self._count(key)
             count.dropped += 1
             shown = key if key in self._counts else OTHER
-            self._last[shown] = _Drop(monotonic(), why[:_MAX_REASON])
-            due = self._warn.setdefault(shown, Every(1.0)).due()
+            now = monotonic()
+            last = self._last[shown] = _next_drop(self._last.get(shown), now, why[:_MAX_REASON])
             dropped = count.dropped
-        if due:
+        if last.warned == now:
             log.warning("dropped a message on %s: %s (%d so far)", key, why, dropped)
 
     def snapshot(self) -> dict[str, KeyCount]:

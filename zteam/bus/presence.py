@@ -61,6 +61,8 @@ class Claim:
         self._released = False
         self._info = own_info(name, bus.instance, self.start)
         self._server = bus.serve(names.info_key(name), NoRequest, lambda _: self._info)
+        self.under_name: list[Closeable] = []
+        """What else is published and answered under the name: it ends when the name is given back."""
         bus.watch_tokens([names.tokens_key(name), names.claims_key(name)], self._on_token)
         self._claim = bus.declare_token(names.claim_key(name, self._instance))
         self._since = monotonic()
@@ -145,10 +147,10 @@ class Claim:
                     return
 
     def release(self) -> None:
-        """Give the name back before the session closes."""
+        """Give the name back; the session may go on without it."""
         with self._changed:
             self._released = True
             self._changed.notify_all()
-        for handle in (self._token, self._claim, self._server):
+        for handle in (self._token, self._claim, self._server, *self.under_name):
             if handle:
                 handle.close()

@@ -10,7 +10,7 @@ from zteam.behaviors.catalog import BehaviorInfo, behavior_names, describe_behav
 from zteam.behaviors.registry import look_in
 from zteam.cli.options import Parser, add_log_options, run
 from zteam.cli.parameter_table import format_parameters
-from zteam.cli.tables import format_table
+from zteam.cli.tables import format_table, terminal_width
 from zteam.errors import UsageError
 
 
@@ -61,8 +61,9 @@ def _list(*, as_json: bool) -> int:
     if as_json:
         print(msgspec.json.encode(found).decode())
     else:
-        print(format_table(("behaviour", "does"), [(info.name, info.summary) for info in found]))
-        print("\nParameters: zteam behaviors NAME. Your own class: zteam behaviors package.module:Class.")
+        rows = [(info.name, info.summary) for info in found]
+        print(format_table(("behaviour", "does"), rows, width=terminal_width()))
+        print("\nParameters: zteam behaviors NAME. A class of your own: zteam behaviors module:Class")
     if broken:
         raise UsageError("\n".join(broken))
     return 0

@@ -32,7 +32,7 @@ class _Column(NamedTuple):
 
 def _table(columns: Sequence[_Column], rows: Iterable[Any]) -> list[str]:
     header = [column.heading for column in columns]
-    return format_table(header, [[c.cell(row) for c in columns] for row in rows], numeric=True).splitlines()
+    return format_table(header, [[c.cell(row) for c in columns] for row in rows], numbers_from=1).splitlines()
 
 
 def _pairs(pairs: Sequence[tuple[str, str]]) -> list[str]:

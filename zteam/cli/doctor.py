@@ -2,7 +2,6 @@
 
 import argparse
 import os
-import shutil
 import sys
 import textwrap
 from collections.abc import Sequence
@@ -15,9 +14,11 @@ from zteam.cli.doctor_facts import collect_facts
 from zteam.cli.doctor_host import check_lasers, check_router, check_versions
 from zteam.cli.listening import open_bus
 from zteam.cli.options import Parser, add_bus_options, bus_options, run
+from zteam.cli.tables import terminal_width
 from zteam.diagnosis.finding import Finding, Level
 from zteam.diagnosis.maps import check_map_file
 from zteam.diagnosis.team import check_team
+from zteam.numbers import counted
 from zteam.services.simulator import MapInfo
 
 _COLORS: dict[Level, int] = {"ok": 32, "note": 33, "problem": 31}
@@ -50,7 +51,9 @@ def _examine(args: argparse.Namespace) -> int:
             findings += _team(bus, options, args.map, map_file)
         finally:
             bus.close()
-    print(msgspec.json.encode(findings).decode() if args.json else format_findings(findings, _color(), _columns()))
+    print(
+        msgspec.json.encode(findings).decode() if args.json else format_findings(findings, _color(), terminal_width())
+    )
     return 0 if all(finding.good for finding in findings) else 1
 
 
@@ -73,11 +76,6 @@ def _read_map(path: Path) -> MapInfo:
 
 def _color() -> bool:
     return sys.stdout.isatty() and "NO_COLOR" not in os.environ
-
-
-def _columns() -> int | None:
-    """The width of the terminal; None where lines are not to be wrapped."""
-    return shutil.get_terminal_size().columns if sys.stdout.isatty() else None
 
 
 def format_findings(findings: Sequence[Finding], color: bool = False, columns: int | None = None) -> str:
@@ -105,7 +103,7 @@ def _wrap(text: str, first: str, rest: str, columns: int | None) -> list[str]:
 
 def _count(findings: Sequence[Finding]) -> str:
     problems = sum(not finding.good for finding in findings)
-    return "no problems" if not problems else f"{problems} problem{'' if problems == 1 else 's'}"
+    return counted(problems, "problem") if problems else "no problems"
 
 
 if __name__ == "__main__":

@@ -65,7 +65,7 @@ NO_KEYS = "no key has a publisher or a subscriber (is a simulator running? see '
 
 
 def near_keys(key: str, known: Collection[str]) -> str:
-    """`: did you mean X or Y?`: the keys, or frames, that may be meant by `key`; else nothing.
+    """`: did you mean X or Y?`: the keys, or frames, that may be meant by `key`, the nearest first; else nothing.
 
     They end or begin with `key`, are spelt like it, or have a longer last part, as `robot_0/base_scan` for `scan`.
     """
@@ -73,10 +73,15 @@ def near_keys(key: str, known: Collection[str]) -> str:
     near = (
         [other for other in ordered if other.endswith(f"/{key}")]
         or [other for other in ordered if other.startswith(f"{key}/")]
-        or sorted(difflib.get_close_matches(key, ordered, n=3, cutoff=0.8))
+        or _most_alike(key, ordered)
         or [other for other in ordered if other.endswith(f"_{key}")]
     )
     return f": did you mean {' or '.join(near[:3])}?" if near else ""
+
+
+def _most_alike(key: str, known: Sequence[str]) -> list[str]:
+    near = difflib.get_close_matches(key, known, n=3, cutoff=0.8)
+    return sorted(near, key=lambda other: (-difflib.SequenceMatcher(None, other, key).ratio(), other))
 
 
 def where_to_look(key: str, known: Collection[str]) -> str:

@@ -13,7 +13,7 @@ import msgspec
 from zteam.bus import Bus
 from zteam.cli.arguments import one_of, whole
 from zteam.cli.listening import Waiter, check_key, open_bus
-from zteam.cli.options import Parser, add_bus_options, bus_options, run
+from zteam.cli.options import Parser, add_bus_options, bus_options, checked, run
 from zteam.clock import local_time_text
 from zteam.errors import UsageError, ZteamError
 from zteam.names import is_wildcard
@@ -62,7 +62,8 @@ def build_parser() -> argparse.ArgumentParser:
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point."""
     args = build_parser().parse_args(argv)
-    return run("zteam log", args, lambda: _log(args))
+    patterns = checked(args, lambda: [name_pattern(name) for name in args.names] or ["*"])
+    return run("zteam log", args, lambda: _log(args, patterns))
 
 
 def name_pattern(text: str) -> str:
@@ -96,8 +97,7 @@ def check_names(patterns: Sequence[str], alive: Sequence[str]) -> None:
         raise ZteamError(f"no process {', '.join(unknown)}; {living}")
 
 
-def _log(args: argparse.Namespace) -> int:
-    patterns = [name_pattern(name) for name in args.names] or ["*"]
+def _log(args: argparse.Namespace, patterns: Sequence[str]) -> int:
     bus, waiter = open_bus(bus_options(args)), Waiter()
     try:
         reader = LogReader(bus, patterns, waiter.notify, logging.getLevelName(args.level.upper()))

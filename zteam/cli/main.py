@@ -12,7 +12,7 @@ COMMANDS = {
     "up": ("up", "start and supervise a whole team"),
     "topic": ("topic", "list | echo | hz | info | pub: inspect and publish messages"),
     "tf": ("tf", "echo | tree | monitor | positions | static: show and set transforms"),
-    "sim": ("sim", "pause | resume | step | speed | reset | spawn | remove | move | status: control the simulator"),
+    "sim": ("sim", "control the simulator: status, pause, step, reset, spawn, …"),
     "param": ("param", "list | get | set | dump: a behaviour's parameters while it runs"),
     "behaviors": ("behaviors", "list the behaviours, and the parameters of each"),
     "node": ("node", "list: list the processes that are alive"),
@@ -45,7 +45,8 @@ def _usage() -> str:
     rows = "\n".join(f"  {name:11}{text}" for name, (_, text) in COMMANDS.items())
     return (
         f"usage: zteam COMMAND ...\n\n{rows}\n\n"
-        "The processes are separate commands: zteam-sim, zteam-robot, zteam-tf, zteam-monitor, zteam-router.\n"
+        "The processes are separate commands:\n"
+        "  zteam-sim, zteam-robot, zteam-tf, zteam-monitor, zteam-router\n\n"
         "See zteam COMMAND --help."
     )
 

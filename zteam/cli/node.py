@@ -11,6 +11,7 @@ from zteam.bus import Bus
 from zteam.bus.presence import ProcessInfo
 from zteam.cli.listening import Waiter, open_bus
 from zteam.cli.options import Parser, add_bus_options, bus_options, run
+from zteam.cli.tables import format_table
 from zteam.clock import wall_ns
 from zteam.runtime.tokens import TokenSet
 
@@ -71,12 +72,14 @@ def _list(args: argparse.Namespace) -> int:
     if args.json:
         print(msgspec.json.encode(found).decode())
         return 0
-    if not found:
-        print("no processes (start a team with 'zteam up')")
-    for info in found:
-        age = "" if not info.pid else f"pid {info.pid}, up {_age(wall_ns() - info.start)}, zteam {info.version}"
-        print(f"{info.name:12} {info.host:16} {age}")
+    header = ("process", "host", "pid", "up", "zteam")
+    print(format_table(header, list(map(_cells, found))) if found else "no processes (start a team with 'zteam up')")
     return 0
+
+
+def _cells(info: ProcessInfo) -> tuple[str, ...]:
+    known = (str(info.pid), _age(wall_ns() - info.start), info.version) if info.pid else ("-", "-", "-")
+    return info.name, info.host, *known
 
 
 def _age(nanoseconds: int) -> str:

@@ -4,7 +4,7 @@ import argparse
 import os
 import sys
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 from zteam.bus import BusOptions
 from zteam.bus.options import FROM_STDIN, LEASE_BOUNDS, check_endpoint
@@ -18,6 +18,8 @@ from zteam.runtime.logs import LEVELS, start_logging
 
 if TYPE_CHECKING:
     from _typeshed import SupportsWrite
+
+T = TypeVar("T")
 
 FORMATS = ("text", "json")
 """Values of `--log-format`."""
@@ -39,6 +41,8 @@ class Parser(argparse.ArgumentParser):
         found, unknown = super().parse_known_args(args, namespace)
         if unknown:
             self.error(unknown_words(self, unknown))
+        # The parser of a subcommand has parsed before.
+        found.parser = getattr(found, "parser", self)
         return found, unknown
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
@@ -115,6 +119,15 @@ def add_clock_option(parser: argparse.ArgumentParser, default: str = "auto") -> 
         help="use simulated time (sim), the host's time (wall), or simulated time if a simulator runs (auto) "
         "(default: %(default)s)",
     )
+
+
+def checked(args: argparse.Namespace, parse: Callable[[], T]) -> T:
+    """What `parse()` makes of words of a parsed command line; a UsageError ends with 2, on one line with the usage."""
+    parser: Parser = args.parser
+    try:
+        return parse()
+    except UsageError as error:
+        parser.error(str(error))
 
 
 def bus_options(args: argparse.Namespace, *, small: bool = False) -> BusOptions:

@@ -12,7 +12,7 @@ import msgspec
 from zteam import names
 from zteam.cli.arguments import negative_numbers, parse_value
 from zteam.cli.listening import open_bus
-from zteam.cli.options import Parser, add_bus_options, bus_options, run
+from zteam.cli.options import Parser, add_bus_options, bus_options, checked, run
 from zteam.cli.parameter_table import format_parameters
 from zteam.errors import BusError, UsageError
 from zteam.problems import did_you_mean
@@ -55,13 +55,12 @@ def build_parser() -> argparse.ArgumentParser:
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point."""
     args = build_parser().parse_args(negative_numbers(sys.argv[1:] if argv is None else argv))
+    if args.verb == "set":
+        args.values = checked(args, lambda: parse_pairs(args.pairs))
     return run("zteam param", args, lambda: _answer(args))
 
 
 def _answer(args: argparse.Namespace) -> int:
-    if args.verb == "set":
-        # A mistake is reported before the router is waited for.
-        args.values = parse_pairs(args.pairs)
     bus = open_bus(bus_options(args))
     try:
         client = ParametersClient(bus)
@@ -95,8 +94,9 @@ def find_robots(client: ParametersClient, text: str) -> Robots:
         found = client.describe_all()
         matching = sorted(filter(lambda name: fnmatchcase(name, pattern), found), key=_order)
         if not matching:
-            there = f"there is {', '.join(sorted(found, key=_order))}" if found else "start a team with 'zteam up'"
-            raise BusError(f"no robot {text}: {there}")
+            if not found:
+                raise BusError("no robot tells its parameters: start a team with 'zteam up'")
+            raise BusError(f"no robot {text}: there is {', '.join(sorted(found, key=_order))}")
         return {name: found[name] for name in matching}
     return {name: client.describe(name) for name in wanted}
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from zteam.behaviors.parameters import Parameter
-from zteam.cli.tables import format_table
+from zteam.cli.tables import format_table, terminal_width
 
 _SINGLE = {
     "ge": "at least {}",
@@ -24,9 +24,8 @@ def format_parameters(parameters: Sequence[Parameter], values: Mapping[str, Any]
         (each.name, default_text(each) if values is None else value_text(values.get(each.name)), *_about(each))
         for each in parameters
     ]
-    return format_table(
-        ("parameter", "default" if values is None else "value", "type", "allowed", "description"), rows, "  "
-    )
+    header = ("parameter", "default" if values is None else "value", "type", "allowed", "description")
+    return format_table(header, rows, "  ", width=terminal_width())
 
 
 def default_text(parameter: Parameter) -> str:

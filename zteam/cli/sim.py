@@ -11,7 +11,7 @@ import msgspec
 from zteam import names
 from zteam.cli.arguments import negative_numbers, parse_speed
 from zteam.cli.listening import Waiter, open_bus
-from zteam.cli.options import Parser, add_bus_options, bus_options, run
+from zteam.cli.options import Parser, add_bus_options, bus_options, checked, run
 from zteam.cli.sim_status import format_hold, format_pace, format_status, format_when
 from zteam.clock import Every, monotonic
 from zteam.errors import BusError, UsageError
@@ -73,11 +73,11 @@ def build_parser() -> argparse.ArgumentParser:
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point."""
     args = build_parser().parse_args(negative_numbers(sys.argv[1:] if argv is None else argv))
-    return run("zteam sim", args, lambda: _answer(args))
+    ask = checked(args, lambda: _VERBS[args.verb](args))
+    return run("zteam sim", args, lambda: _answer(args, ask))
 
 
-def _answer(args: argparse.Namespace) -> int:
-    ask = _VERBS[args.verb](args)
+def _answer(args: argparse.Namespace, ask: Ask) -> int:
     bus = open_bus(bus_options(args))
     try:
         reply, text = ask(SimulatorClient(bus))
@@ -195,14 +195,10 @@ def _remove(args: argparse.Namespace) -> Ask:
                 status = _change(lambda robot_id=robot_id: client.remove(robot_id))  # type: ignore[misc]
             except BusError as error:
                 raise BusError(f"{error}; removed before: {format_robot_ids(ids[:i])}" if i else str(error)) from None
-        are = "is" if len(ids) == 1 else "are"
-        return status, f"{_robots_text(ids)} {are} removed; robots left: {format_robot_ids(status.robots) or '-'}"
+        gone = f"robot {ids[0]} is" if len(ids) == 1 else f"robots {format_robot_ids(ids)} are"
+        return status, f"{gone} removed; robots left: {format_robot_ids(status.robots) or '-'}"
 
     return ask
-
-
-def _robots_text(ids: Sequence[int]) -> str:
-    return f"robot{'' if len(ids) == 1 else 's'} {format_robot_ids(ids)}"
 
 
 def _move(args: argparse.Namespace) -> Ask:

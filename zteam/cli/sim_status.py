@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from zteam.clock import to_seconds
+from zteam.robot_ids import format_robot_ids
 from zteam.services.simulator import SimStatus
 
 
@@ -25,7 +26,7 @@ def format_status(status: SimStatus) -> str:
             ("  waiting for", status.waiting_for or "-"),
             ("  hung", _listed(status.hung)),
         ]
-    rows.append(("robots", _listed(status.robots)))
+    rows.append(("robots", format_robot_ids(status.robots) or "-"))
     return "\n".join(f"{name:18}{value}" for name, value in rows)
 
 

@@ -11,14 +11,15 @@ from zteam.bus import Bus
 from zteam.cli.key_users import near_keys
 from zteam.cli.listening import SURVEY, Waiter, open_bus
 from zteam.cli.options import bus_options
+from zteam.cli.tables import format_table
 from zteam.cli.tool_clock import open_clock, ticker
-from zteam.errors import BusError, UsageError, ZteamError
+from zteam.errors import BusError, ZteamError
 from zteam.messages import Clock, TFMessage, ns_from_time
 from zteam.numbers import counted, format_rate
 from zteam.services.transforms import FrameReply
 from zteam.tf import Buffer, FrameInfo, TransformException
 from zteam.tf.drawing import PICTURES, draw_tree
-from zteam.tf.statistics import Watch
+from zteam.tf.statistics import FrameFigures, Watch
 from zteam.tf.text import format_tree
 
 _SEE_TREE = " (see 'zteam tf tree')"
@@ -85,7 +86,7 @@ def show_tree(args: argparse.Namespace) -> int:
     """Print the tree, as text or JSON, or draw it into a file."""
     path = Path(args.output) if args.output else None
     if path is not None and path.suffix.lower() not in PICTURES:
-        raise UsageError(f"{path}: name a {', '.join(PICTURES[:-1])} or {PICTURES[-1]} file")
+        args.parser.error(f"--output {path}: name a {', '.join(PICTURES[:-1])} or {PICTURES[-1]} file")
     bus = open_bus(bus_options(args))
     try:
         listener = TreeListener(bus)
@@ -128,16 +129,17 @@ def show_figures(args: argparse.Namespace) -> int:
         rows = [{**msgspec.to_builtins(f), "authority": _authority(frames, f.child)} for f in figures]
         print(msgspec.json.encode({"frames": rows, "conflicts": conflicts}).decode())
         return 0
-    if figures:
-        print(f"{'frame':34} {'authority':12} {'rate':>9} {'jitter':>9} {'delay':>9} {'max':>9}")
-    for f in figures:
-        cells = format_rate(f.rate) if f.rate is not None else "-", _ms(f.jitter), _ms(f.mean_delay), _ms(f.max_delay)
-        print(f"{f.child:34} {_authority(frames, f.child):12} " + " ".join(f"{cell:>9}" for cell in cells))
-    if not figures:
-        print(_nothing(asked is not None, "no moving frame"))
+    header = ("frame", "authority", "rate", "jitter", "delay", "max delay")
+    cells = [(f.child, _authority(frames, f.child), *_figures_text(f)) for f in figures]
+    print(format_table(header, cells, numbers_from=2) if cells else _nothing(asked is not None, "no moving frame"))
     for conflict in conflicts:
         print(f"conflict: {conflict}")
     return 0
+
+
+def _figures_text(figures: FrameFigures) -> tuple[str, ...]:
+    rate = "-" if figures.rate is None else format_rate(figures.rate)
+    return rate, _ms(figures.jitter), _ms(figures.mean_delay), _ms(figures.max_delay)
 
 
 def _authority(frames: Mapping[str, FrameInfo], child: str) -> str:

@@ -9,7 +9,7 @@ from zteam import names
 from zteam.bus import Bus
 from zteam.cli.key_users import find_key_users, near_keys
 from zteam.cli.listening import Waiter, open_bus
-from zteam.cli.options import bus_options
+from zteam.cli.options import bus_options, checked
 from zteam.cli.tf_displays import ask_frames
 from zteam.errors import UsageError, ZteamError
 from zteam.geometry import quaternion_from_rpy, turn_problem
@@ -30,8 +30,7 @@ def parse_static(words: Sequence[str], caller: str) -> StaticRequest:
         values.pop()
     if len(values) not in _COUNTS or not all(map(_is_coordinate, values[:-2])):
         raise UsageError(
-            "give X Y Z YAW PITCH ROLL PARENT CHILD or X Y Z QX QY QZ QW PARENT CHILD, "
-            "e.g. zteam tf static 0.1 0 0.2 0 0 0 robot_0/base_link robot_0/camera"
+            "give X Y Z YAW PITCH ROLL PARENT CHILD, e.g. 0.1 0 0.2 0 0 0 robot_0/base_link robot_0/camera"
         )
     x, y, z, *angles = map(float, values[:-2])
     if len(angles) == 3:
@@ -108,7 +107,7 @@ def _explain(bus: Bus, request: StaticRequest, refused: str) -> str:
 
 def hold_static(args: argparse.Namespace) -> int:
     """Hold a fixed transform until Ctrl+C."""
-    request = parse_static(args.words, "")
+    request = checked(args, lambda: parse_static(args.words, ""))
     bus = open_bus(bus_options(args))
     try:
         request.caller = bus.instance

@@ -90,8 +90,9 @@ def _add_pub_options(parser: argparse.ArgumentParser) -> None:
         metavar="HZ",
         help="publish at this rate (default: %(default)s)",
     )
-    parser.add_argument("-t", "--times", type=whole(1, 10**12, "messages"), metavar="N", help="end after N messages")
-    parser.add_argument("-1", "--once", action="store_true", help="end after one message")
+    until = parser.add_mutually_exclusive_group()
+    until.add_argument("-t", "--times", type=whole(1, 10**12, "messages"), metavar="N", help="end after N messages")
+    until.add_argument("-1", "--once", action="store_true", help="end after one message")
 
 
 def main(argv: Sequence[str] | None = None) -> int:

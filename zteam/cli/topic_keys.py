@@ -1,8 +1,7 @@
 """The output of `zteam topic list` and `info`: keys, what is on them, their publishers and subscribers."""
 
 import argparse
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
 
 import msgspec
 
@@ -15,6 +14,7 @@ from zteam.cli.key_users import NO_KEYS, KeyUsers, find_key_users, where_to_look
 from zteam.cli.listening import KeySurvey, check_key, open_bus, survey
 from zteam.cli.node import find_nodes, writer_names
 from zteam.cli.options import bus_options
+from zteam.cli.tables import format_table
 from zteam.errors import ZteamError
 from zteam.numbers import format_rate
 
@@ -71,14 +71,13 @@ def show_list(args: argparse.Namespace) -> int:
     if not rows:
         print(NO_KEYS)
         return 0
-    cells = [("key", "type", "rate", "pubs", "subs")]
-    for row in rows:
-        subscribers = "?" if row.subscribers is None else str(len(row.subscribers))
-        cells.append((row.key, row.type or "?", _rate(row), str(len(row.publishers) or len(row.sources)), subscribers))
-    keys, types = (max(len(line[column]) for line in cells) for column in (0, 1))
-    for key, kind, rate, publishers, listeners in cells:
-        print(f"{key:{keys}}  {kind:{types}}  {rate:>8}  {publishers:>4}  {listeners:>4}")
+    print(format_table(("key", "type", "rate", "pubs", "subs"), list(map(_cells, rows)), numbers_from=2))
     return 0
+
+
+def _cells(row: KeyRow) -> tuple[str, ...]:
+    subscribers = "?" if row.subscribers is None else str(len(row.subscribers))
+    return row.key, row.type or "?", _rate(row), str(len(row.publishers) or len(row.sources)), subscribers
 
 
 def show_info(args: argparse.Namespace) -> int:
@@ -96,29 +95,26 @@ def show_info(args: argparse.Namespace) -> int:
         raise ZteamError(f"nothing publishes {key} or subscribes to it{where_to_look(key, known)}")
     for row in rows:
         stats = {key.removesuffix("/stats"): per_key[row.key] for key, per_key in counts if row.key in per_key}
+        heard = writer_names(nodes, row.sources)
         info = {
             "key": row.key,
             "type": row.type,
             "rate": round(row.rate, 2),
             "latched": row.latched,
             "bytes": row.bytes,
-            "writers": writer_names(nodes, row.sources),
-            "receivers": {name: msgspec.structs.asdict(count) for name, count in stats.items()},
+            "writers": heard,
+            "receivers": stats,
             "publishers": row.publishers,
             "subscribers": row.subscribers,
         }
-        print(msgspec.json.encode(info).decode() if args.json else _format_info(row, info))
+        print(msgspec.json.encode(info).decode() if args.json else _format_info(row, heard, stats))
     return 0
 
 
-def _format_info(row: KeyRow, info: dict[str, Any]) -> str:
+def _format_info(row: KeyRow, heard: Sequence[str], stats: Mapping[str, KeyCount]) -> str:
     from zteam.diagnosis.refusals import format_refusals
 
-    heard: Sequence[str] = info["writers"]
-    received = {
-        name: f"{name}: {count['received']} received, {format_refusals(KeyCount(**count))}"
-        for name, count in info["receivers"].items()
-    }
+    received = {name: f"{name}: {count.received} received, {format_refusals(count)}" for name, count in stats.items()}
     silent = [f"{name} (nothing heard of it)" for name in row.publishers if name not in heard]
     subscribers = [received.get(name, name) for name in row.subscribers or received]
     lines = [

@@ -19,6 +19,7 @@ from zteam.errors import UsageError
 from zteam.messages import Message, Time, encoding_of, message_type, time_from_ns
 from zteam.messages.jsonform import from_words
 from zteam.numbers import counted
+from zteam.robot_ids import format_robot_ids
 
 
 class _Words:
@@ -123,7 +124,7 @@ def _warn_of_others(key: str, users: KeyUsers | None) -> None:
         _say(f"{key} is published by {', '.join(others)} too: subscribers get the messages of both; end one of them")
     target, robots = names.split_robot_key(key), users.robots()
     if target is not None and robots and target[0] not in robots:
-        _say(f"no process has data of {names.robot_name(target[0])}; robots: {', '.join(map(str, robots))}")
+        _say(f"no process publishes anything of {names.robot_name(target[0])}; robots: {format_robot_ids(robots)}")
 
 
 def check_type(bus: Bus, key: str, kind: type[Message], users: KeyUsers | None) -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from zteam.cli.arguments import LOCKSTEP_TIMEOUTS, MAX_SEED, MIN_RUN, MIN_SEED, number, parse_speed, whole
-from zteam.cli.options import Parser, add_bus_options, bus_options, run
+from zteam.cli.options import Parser, add_bus_options, bus_options, checked, run
 from zteam.errors import UsageError, ZteamError
 from zteam.numbers import MAX_SECONDS, counted
 from zteam.resources import find_team, find_world
@@ -77,13 +77,19 @@ def _add_lockstep_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def _pace(args: argparse.Namespace, world: Path | None) -> "Pace":
-    from zteam.launch.arguments import Pace
-
+def _check_options(args: argparse.Namespace) -> None:
+    """Raise UsageError if an option is wrong, or needs another one."""
     if args.speed is not None:
         parse_speed(args.speed)
     if args.expect and not args.lockstep:
         raise UsageError("--expect needs --lockstep")
+    if args.report and args.run_for is None:
+        raise UsageError("--report needs --for SECONDS: only a run with an end has a report")
+
+
+def _pace(args: argparse.Namespace, world: Path | None) -> "Pace":
+    from zteam.launch.arguments import Pace
+
     if world is None and (args.lockstep or args.speed is not None):
         raise UsageError('--lockstep and --speed need a simulator: this team has none (world = "none")')
     return Pace(args.speed, args.lockstep, args.lockstep_timeout, tuple(args.expect))
@@ -114,6 +120,7 @@ def _without_own_name(name: str, text: str) -> str:
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point."""
     args = build_parser().parse_args(argv)
+    checked(args, lambda: _check_options(args))
     return run("up", args, lambda: _up(args), needs_output=False)
 
 
@@ -125,8 +132,6 @@ def _up(args: argparse.Namespace) -> int:
     from zteam.runtime.shutdown import Stop
     from zteam.team_file import read_team_file
 
-    if args.report and args.run_for is None:
-        raise UsageError("--report needs --for SECONDS: only a run with an end has a report")
     bus = bus_options(args)
     if args.report:
         check_writable(Path(args.report))

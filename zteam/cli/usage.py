@@ -80,7 +80,7 @@ def _argument(action: argparse.Action) -> str:
 
 def in_short(parser: argparse.ArgumentParser, message: str, words: Iterable[str]) -> str:
     """A message of argparse about `words` in fewer words: `TYPE is missing`."""
-    message = _SHORT_NAME.sub("--", message)
+    message = _SHORT_NAME.sub("--", message.removeprefix("argument "))
     if not message.startswith(_REQUIRED):
         return message
     *first, last = message.removeprefix(_REQUIRED).split(", ")

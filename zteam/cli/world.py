@@ -95,7 +95,9 @@ def _check(args: argparse.Namespace, world: "World") -> int:
         print(f"  robot {robot['id']:<4} {robot['name']:18} at {_place(x, y, yaw)}: "
               f"{robot['model']}, {robot['drive']}, {lasers}")  # fmt: skip
     for base in summary["bases"]:
-        print(f"  base       {base['model']:18} {_base_text(base)}")
+        print(f"  base       {base['model']:18} {_footprint_text(base)}")
+        if limits := _limits_text(base):
+            print(f"{'':32}{limits}")
     for warning in summary["warnings"]:
         print(warning)
     counts = [
@@ -158,17 +160,20 @@ def _bases(world: "World") -> list[dict[str, Any]]:
     return found
 
 
-def _base_text(base: dict[str, Any]) -> str:
-    """The outline's extent and the limits in words; what has no limit is left out."""
-    from zteam.base import LIMITS
-
+def _footprint_text(base: dict[str, Any]) -> str:
+    """The outline's extent in words."""
     corners = base["footprint"]
     if not corners:
         return "no footprint"
     (left, right), (low, high) = ((min(side), max(side)) for side in zip(*corners, strict=True))
-    extent = f"x {left:.3g} to {right:.3g} m, y {low:.3g} to {high:.3g} m ({len(corners)} corners)"
-    limits = [f"{name} {base[name]:.3g}" for name in LIMITS if base[name] is not None]
-    return f"footprint {extent}; {', '.join(limits)}"
+    return f"footprint x {left:.3g} to {right:.3g}, y {low:.3g} to {high:.3g} m"
+
+
+def _limits_text(base: dict[str, Any]) -> str:
+    """The limits by name; what has no limit is left out."""
+    from zteam.base import LIMITS
+
+    return ", ".join(f"{name} {base[name]:.3g}" for name in LIMITS if base[name] is not None)
 
 
 def _sensors(robot: "Robot") -> list[str]:
@@ -178,7 +183,7 @@ def _sensors(robot: "Robot") -> list[str]:
         f"laser {r.samples} x {math.degrees(r.fov):.0f}° to {r.range_max:g} m" for r in robot.rangers if r.samples > 1
     ]
     others = [(len(kind.of(robot)), kind.title) for kind in KINDS.values() if kind.topic != BASE_SCAN]
-    return lasers + [f"{count} {title}" for count, title in others if count and title]
+    return lasers + [counted(count, title) for count, title in others if count and title]
 
 
 def _degrees(pose: Pose2) -> list[float]:

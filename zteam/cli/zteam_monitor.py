@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from zteam import names
 from zteam.cli.arguments import number
-from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, run
+from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, checked, run
 from zteam.errors import UsageError
 from zteam.robot_ids import parse_robot_ids
 
@@ -48,15 +48,15 @@ def parse_team(size: str | None, ids: Sequence[str] | None) -> tuple[int, tuple[
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point."""
     args = build_parser().parse_args(argv)
-    return run(names.MONITOR, args, lambda: _monitor(args), needs_output=False)
+    team = checked(args, lambda: parse_team(args.team_size, args.ids))
+    return run(names.MONITOR, args, lambda: _monitor(args, *team), needs_output=False)
 
 
-def _monitor(args: argparse.Namespace) -> int:
+def _monitor(args: argparse.Namespace, team_size: int, ids: tuple[int, ...] | None) -> int:
     from zteam.nodes.monitor.display import MonitorOptions
     from zteam.nodes.monitor.node import run_monitor
     from zteam.runtime.process import run_node
 
-    team_size, ids = parse_team(args.team_size, args.ids)
     options = MonitorOptions(team_size, ids, args.json, args.exit_on_go, args.table)
     return run_node(names.MONITOR, bus_options(args, small=True), lambda node: run_monitor(node, options), args.clock)
 

@@ -3,11 +3,11 @@
 import argparse
 import sys
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from zteam import names
 from zteam.cli.arguments import add_seed_option, parse_value
-from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, fail, run
+from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, checked, run
 from zteam.errors import UsageError, ZteamError
 
 if TYPE_CHECKING:
@@ -81,11 +81,8 @@ def _pair(option: str) -> Callable[[str], str]:
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point."""
     args = build_parser().parse_args(argv)
-    try:
-        robot_id = names.parse_robot_id(args.id)
-    except UsageError as error:
-        return fail("zteam-robot", UsageError(f"--id: {error}"))
-    return run(names.robot_name(robot_id), args, lambda: _drive(robot_id, args))
+    choice = checked(args, lambda: _read(args))
+    return run(names.robot_name(choice.robot_id), args, lambda: _drive(choice, args))
 
 
 def read_base(entries: Sequence[str]) -> "BaseOverride":
@@ -101,17 +98,22 @@ def read_base(entries: Sequence[str]) -> "BaseOverride":
     return msgspec.convert(given, BaseOverride)
 
 
-def _drive(robot_id: int, args: argparse.Namespace) -> int:
-    from zteam.behaviors.registry import find_behavior, load_behavior, look_in
-    from zteam.nodes.robot.node import RobotOptions, run_robot
-    from zteam.runtime.faults import log_fault
-    from zteam.runtime.node import Node
-    from zteam.runtime.process import run_node
+class _Choice(NamedTuple):
+    """What a command line asks for."""
 
+    robot_id: int
+    behavior: str
+    params: dict[str, Any]
+    base: "BaseOverride"
+
+
+def _read(args: argparse.Namespace) -> _Choice:
+    """What the options say. Raises UsageError."""
+    robot_id = _parse_id(args.id, "--id")
     params = dict(map(parse_param, args.param))
     spec = "forward" if args.behavior is None else args.behavior
     if args.follow is not None:
-        leader = names.parse_robot_id(args.follow)
+        leader = _parse_id(args.follow, "--follow")
         if leader == robot_id:
             raise UsageError(f"--follow {leader}: a robot cannot follow itself")
         if "leader" in params:
@@ -119,28 +121,45 @@ def _drive(robot_id: int, args: argparse.Namespace) -> int:
         spec, params = "follow", {"leader": leader, **params}
     elif spec == "follow" and "leader" not in params:
         raise UsageError("--behavior follow: the leader is missing; say --follow ID instead")
+    return _Choice(robot_id, spec, params, read_base(args.base))
+
+
+def _parse_id(text: str, option: str) -> int:
+    try:
+        return names.parse_robot_id(text)
+    except UsageError as error:
+        raise UsageError(f"{option}: {error}") from None
+
+
+def _drive(choice: _Choice, args: argparse.Namespace) -> int:
+    from zteam.behaviors.registry import find_behavior, load_behavior, look_in
+    from zteam.nodes.robot.node import RobotOptions, run_robot
+    from zteam.runtime.faults import log_fault
+    from zteam.runtime.node import Node
+    from zteam.runtime.process import run_node
+
     look_in([*args.path, ""])
     # Report a mistake before waiting for the router.
     try:
-        load_behavior(spec, params, robot_id)
+        load_behavior(choice.behavior, choice.params, choice.robot_id)
     except ZteamError:
         raise
     except Exception as error:
         return log_fault(error)
-    kind = find_behavior(spec)
+    kind = find_behavior(choice.behavior)
     options = RobotOptions(
-        robot_id=robot_id,
-        behavior=spec,
-        params=params,
+        robot_id=choice.robot_id,
+        behavior=choice.behavior,
+        params=choice.params,
         gate=not args.no_gate,
         seed=args.seed,
-        base=read_base(args.base),
+        base=choice.base,
     )
 
     def body(node: Node) -> None:
         run_robot(node, kind, options)
 
-    return run_node(names.robot_name(robot_id), bus_options(args, small=True), body, args.clock)
+    return run_node(names.robot_name(choice.robot_id), bus_options(args, small=True), body, args.clock)
 
 
 if __name__ == "__main__":

@@ -4,11 +4,11 @@ import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from zteam import names
 from zteam.cli.arguments import LOCKSTEP_TIMEOUTS, MIN_RUN, add_seed_option, number, parse_speed
-from zteam.cli.options import Parser, add_bus_options, bus_options, run
+from zteam.cli.options import Parser, add_bus_options, bus_options, checked, run
 from zteam.errors import UsageError, ZteamError
 from zteam.geometry import Pose2
 from zteam.numbers import MAX_SECONDS, parse_number
@@ -171,24 +171,44 @@ def parse_addition(text: str) -> tuple[int, str, Pose2]:
         raise UsageError(f"--add {text!r}: {error}") from None
 
 
+class _Choice(NamedTuple):
+    """What a command line asks for."""
+
+    lockstep: "LockStepOptions | None"
+    speed: float | None
+    additions: list[tuple[int, str, Pose2]]
+    follows: dict[int, int]
+    engine: Options
+
+
+def _read(args: argparse.Namespace) -> _Choice:
+    """What the options say. Raises UsageError."""
+    return _Choice(
+        lockstep=lockstep_options(args),
+        speed=parse_speed(args.speed or ("max" if args.lockstep else "1")),
+        additions=list(map(parse_addition, args.add)),
+        follows=dict(map(parse_gap, args.gap)),
+        engine=simulation_options(args),
+    )
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point."""
     args = build_parser().parse_args(argv)
-    return run(names.SIMULATOR, args, lambda: _simulate(args))
+    choice = checked(args, lambda: _read(args))
+    return run(names.SIMULATOR, args, lambda: _simulate(args, choice))
 
 
-def _simulate(args: argparse.Namespace) -> int:
+def _simulate(args: argparse.Namespace, choice: _Choice) -> int:
     from zteam.nodes.simulator.node import SimOptions, run_simulator
     from zteam.runtime.node import Node
     from zteam.runtime.process import run_node
     from zteam.sim.takeover import begin, fill_cache, prepare
     from zteam.world import add_robot, load_world
 
-    lockstep = lockstep_options(args)
-    speed = parse_speed(args.speed or ("max" if lockstep else "1"))
     world = load_world(find_world(args.world))
     robots = {} if args.only_added else dict(enumerate(world.robots))
-    for robot_id, model, pose in map(parse_addition, args.add):
+    for robot_id, model, pose in choice.additions:
         if robot_id in robots:
             raise UsageError(f"--add {robot_id}: the world already has a robot {robot_id}")
         robots[robot_id] = add_robot(world, model, pose, names.robot_name(robot_id))
@@ -197,19 +217,19 @@ def _simulate(args: argparse.Namespace) -> int:
             raise ZteamError(f"the kernels are not in the cache: {reason}")
         return 0
     # A lock-step run keeps its first kernels: its result must not depend on the moment when others are compiled.
-    later = None if lockstep else begin()
-    if lockstep:
+    later = None if choice.lockstep else begin()
+    if choice.lockstep:
         prepare()
     options = SimOptions(
         world=Path(args.world),
         seed=args.seed,
         map_resolution=args.map_resolution,
-        follows=dict(map(parse_gap, args.gap)),
+        follows=choice.follows,
         run_for=args.run_for,
-        engine=simulation_options(args),
-        speed=speed,
+        engine=choice.engine,
+        speed=choice.speed,
         paused=args.paused,
-        lockstep=lockstep,
+        lockstep=choice.lockstep,
     )
 
     def body(node: Node) -> None:

@@ -4,6 +4,7 @@ from zteam import names
 from zteam.diagnosis.facts import Facts
 from zteam.diagnosis.finding import Finding, ok, problem
 from zteam.diagnosis.motion import stands_still
+from zteam.numbers import counted
 
 
 def check_data(facts: Facts) -> list[Finding]:
@@ -11,7 +12,7 @@ def check_data(facts: Facts) -> list[Finding]:
     count = len(facts.writers)
     if not count:
         return [problem("data", "no key carries data", "start a simulator or a robot")]
-    found = [ok("data", "1 key carries data" if count == 1 else f"{count} keys carry data")]
+    found = [ok("data", f"data on {counted(count, 'key')}")]
     if stands_still(facts):
         return found
     for robot_id in facts.robots:

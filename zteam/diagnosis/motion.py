@@ -5,6 +5,7 @@ from zteam.clock import to_seconds
 from zteam.diagnosis.facts import Facts
 from zteam.diagnosis.finding import Finding, note, problem
 from zteam.messages import RobotState, RobotStatus, TeamState
+from zteam.numbers import counted
 from zteam.robot_ids import format_robot_ids
 
 
@@ -82,8 +83,7 @@ def _gate_step(facts: Facts, missing: list[int]) -> str:
     team_size = facts.team.team_size if facts.team else 0
     most = max(len(facts.robots), len(there or ()))
     if there is not None and most < team_size:
-        noun = "robot" if most == 1 else "robots"
-        return f"the world has {most} {noun}: zteam-monitor --team-size {most}, or zteam sim spawn"
+        return f"the world has {counted(most, 'robot')}: zteam-monitor --team-size {most}, or zteam sim spawn"
     return "start further robots: zteam-robot --id N"
 
 

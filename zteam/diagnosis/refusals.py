@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 
+from zteam import names
 from zteam.bus.counters import KeyCount
 from zteam.diagnosis.facts import Facts, Fault
 from zteam.diagnosis.finding import Finding, note, ok, problem
@@ -37,7 +38,9 @@ def format_age(seconds: float) -> str:
 def check_refusals(facts: Facts) -> list[Finding]:
     """One problem for every key on which messages are refused now, with cause and writer; one note for all history."""
     rows = [(key, name, count) for name, key, count in _refusals(facts.counts)]
-    recent = [row for row in rows if is_recent(row[2])]
+    if not rows and not facts.faults:
+        return [ok("refusals", "no message was refused")]
+    recent = [row for row in rows if is_recent(row[2]) and not _lacks_its_robot(facts, row[0])]
     faults = {fault.key: fault for fault in reversed(facts.faults)}
     found = [_of_fault(fault, [r for r in recent if r[0] == key]) for key, fault in sorted(faults.items())]
     unexplained = {row[0]: row for row in reversed(recent) if row[0] not in faults}
@@ -45,7 +48,15 @@ def check_refusals(facts: Facts) -> list[Finding]:
     past = [row for row in rows if not is_recent(row[2])]
     if past:
         found.append(_of_history(past))
-    return found or [ok("refusals", "no message was refused")]
+    return found
+
+
+def _lacks_its_robot(facts: Facts, key: str) -> bool:
+    """Whether the world lacks the robot of a key that has a process: that is told already, as the cause."""
+    target = names.split_robot_key(key)
+    return (
+        target is not None and facts.sim is not None and target[0] in facts.robots and target[0] not in facts.sim.robots
+    )
 
 
 def _refusals(counts: Mapping[str, Mapping[str, KeyCount]]) -> list[tuple[str, str, KeyCount]]:

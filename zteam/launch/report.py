@@ -153,11 +153,11 @@ def format_report(report: RunReport) -> str:
     factor = report.real_time_factor
     pace = "" if factor is None else f", {format_factor(factor)} x real time"
     lines = [f"{counted(report.sim_seconds, 'simulated second')} after GO, seed {report.seed}{pace}"]
-    lines.append(f"{'robot':8}{'follows':>8}{'driven m':>10}{'gap end m':>10}{'stalls':>8}{'late':>6}")
+    lines.append(f"{'robot':8}{'follows':>8}{'driven, m':>11}{'last gap, m':>13}{'stalls':>8}{'late steps':>12}")
     for robot in report.robots:
         follows = "-" if robot.follow is None else str(robot.follow)
         gap = "-" if robot.gap_m is None else f"{robot.gap_m.end:.2f}"
-        row = f"{robot.id:<8}{follows:>8}{robot.distance_m:>10.2f}{gap:>10}{robot.stalls:>8}{robot.late_steps:>6}"
+        row = f"{robot.id:<8}{follows:>8}{robot.distance_m:>11.2f}{gap:>13}{robot.stalls:>8}{robot.late_steps:>12}"
         lines.append(row)
     if report.lockstep:
         lines.append(f"lock-step: trajectory {report.trajectory_sha256}")

@@ -80,7 +80,8 @@ def _parse(text: str) -> Any:
 
         try:
             return yaml.safe_load(text)
-        except yaml.YAMLError as error:
+        except (yaml.YAMLError, ValueError) as error:
+            # ValueError: a date that the calendar lacks.
             mark = getattr(error, "problem_mark", None)
             place = f" at character {mark.index + 1}" if mark is not None else ""
             told = " ".join(str(getattr(error, "problem", None) or error).split())
@@ -149,8 +150,11 @@ def _number(base: str, item: Any, path: str) -> Any:
             return math.nan
         raise UsageError(f"{path}: expected a number, got {item!r}")
     if base.startswith("float"):
-        return float(item)
+        try:
+            return float(item)
+        except OverflowError:
+            raise UsageError(f"{path}: expected a number below 1.8e308") from None
     limits = np.iinfo(base)
-    if item != int(item) or not limits.min <= item <= limits.max:
+    if not (isinstance(item, int) or item.is_integer()) or not limits.min <= item <= limits.max:
         raise UsageError(f"{path}: expected a whole number from {limits.min} to {limits.max}, got {item!r}")
     return int(item)

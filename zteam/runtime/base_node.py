@@ -39,7 +39,7 @@ class BaseNode:
         self._on_present: list[Callable[[], None]] = []
         self._on_stop: list[Callable[[], None]] = []
         self.claim = Claim(bus, name)
-        self.stats = bus.serve_stats(name)
+        self.claim.under_name.append(bus.serve_stats(name))
         stop.on_request(self.wake)
         bus.watch_link(self._on_link)
 

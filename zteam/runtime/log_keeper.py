@@ -27,7 +27,9 @@ class LogKeeper:
     """Keeps the newest KEPT lines and passes each new one on. Thread-safe; it never raises in a call that logs."""
 
     def __init__(self) -> None:
-        self._keeping = False
+        self._users = 0
+        """Begins without their ends."""
+        self._end: Callable[[], None] = lambda: None
         self._thread = threading.local()
         self._kept: deque[LogLine] = deque(maxlen=KEPT)
         self._last = 0
@@ -40,13 +42,26 @@ class LogKeeper:
         self._sinks: tuple[Sink, ...] = ()
 
     def begin(self) -> Callable[[], None]:
-        """Keep lines from here on; returns a function that ends this, and forgets them.
+        """Keep lines from here on; returns a function, to be called once, that ends this.
 
-        A second begin, and its end, do nothing.
+        The last of several ends forgets the lines: a program may have more than one node.
         """
-        if self._keeping:
-            return lambda: None
-        self._keeping = active = True
+        with self._lock:
+            self._users += 1
+            if self._users == 1:
+                self._end = self._take_records()
+        return self._leave
+
+    def _leave(self) -> None:
+        with self._lock:
+            self._users -= 1
+            if self._users == 0:
+                self._end()
+                self._kept.clear()
+
+    def _take_records(self) -> Callable[[], None]:
+        """Take each log record that Python makes; returns a function that ends this."""
+        active = True
         make = logging.getLogRecordFactory()
 
         def make_record(*args: Any, **kwargs: Any) -> logging.LogRecord:
@@ -57,8 +72,7 @@ class LogKeeper:
 
         def end() -> None:
             nonlocal active
-            self._keeping = active = False
-            self._kept.clear()
+            active = False
             # Other code may have wrapped it since; then it stays, and does nothing.
             if logging.getLogRecordFactory() is make_record:
                 logging.setLogRecordFactory(make)
@@ -100,7 +114,7 @@ class LogKeeper:
     def _keep(self, record: logging.LogRecord, text: str) -> LogLine:
         now = wall_ns()
         # Equal lines differ in their time: readers take what they know for a repetition.
-        self._last = now + 1 if now == self._last else now
+        self._last = self._last + 1 if now <= self._last < now + KEPT else now
         level = max(0, min(record.levelno, 255))
         function = record.funcName or ""
         line = LogLine(self._last, "", level, text, _encodable(record.pathname), function, record.lineno)

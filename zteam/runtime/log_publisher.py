@@ -8,7 +8,7 @@ from zteam.services.log_lines import LogLine
 
 
 class LogPublisher:
-    """Publishes this process's log under `name` until the bus is closed."""
+    """Publishes this process's log under `name` until it is closed."""
 
     def __init__(self, bus: Bus, name: str) -> None:
         self._name = name
@@ -16,9 +16,14 @@ class LogPublisher:
         self._first_sent: int | None = None
         """Stamp of the first line that was sent, ns."""
         self._caught_up = False
-        bus.serve(names.log_key(name), NoRequest, lambda _: KEEPER.kept(name))
-        self.close = KEEPER.pass_to(self._send)
-        """Forget the bus."""
+        self._server = bus.serve(names.log_key(name), NoRequest, lambda _: KEEPER.kept(name))
+        self._forget = KEEPER.pass_to(self._send)
+
+    def close(self) -> None:
+        """Publish and answer nothing more; also after the end of the session."""
+        self._forget()
+        self._server.close()
+        self._publisher.close()
 
     def catch_up(self) -> None:
         """Send the lines from before the first one that was sent, to the subscribers that are there; once.

@@ -38,6 +38,7 @@ def open_node(
         except BaseException:
             bus.close()
             raise
+        node.claim.under_name.append(lines)
         node.on_present(lines.catch_up)
         try:
             yield node

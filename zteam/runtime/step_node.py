@@ -16,6 +16,7 @@ from zteam.runtime.node import ClockMode, Node
 from zteam.runtime.participant import Participant
 from zteam.runtime.process import run_body
 from zteam.runtime.shutdown import Stop, stopping_in_order
+from zteam.tf.bases import bases_stamp
 
 log = logging.getLogger("zteam")
 
@@ -164,7 +165,7 @@ class StepNode(Node):
 
 def _stamp_of(message: Any) -> int:
     if isinstance(message, TFMessage):
-        return max((ns_from_time(transform.header.stamp) for transform in message.transforms), default=0)
+        return bases_stamp(message)
     return ns_from_time(message.header.stamp)
 
 

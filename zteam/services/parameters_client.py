@@ -15,6 +15,7 @@ ANSWER_LIMIT = 10.0
 """Host seconds for an answer, which waits for the step at hand in lock-step."""
 _TIMED_OUT = "Timeout"
 """Zenoh's own word."""
+_ALL = "*"
 
 
 class ParametersClient:
@@ -30,8 +31,8 @@ class ParametersClient:
         return self._ask(robot, DESCRIBE, DescribeReply)
 
     def describe_all(self) -> dict[str, DescribeReply]:
-        """The parameters of all robots, by name."""
-        answers = self._bus.query(names.service_key("*", DESCRIBE), DescribeReply, timeout=self._limit)
+        """The parameters of all robots that answer, by name. Raises BusError if robots are there and none answers."""
+        answers = self._query(_ALL, DESCRIBE, DescribeReply)
         return {key.removesuffix(f"/{DESCRIBE}"): reply for key, reply in answers}
 
     def set(self, robot: str, parameters: dict[str, Any]) -> dict[str, Any]:
@@ -45,20 +46,29 @@ class ParametersClient:
         return reply.values
 
     def _ask(self, robot: str, service: str, reply_type: type[T], request: msgspec.Struct | None = None) -> T:
-        key = names.service_key(robot, service)
-        try:
-            answers = self._bus.query(key, reply_type, request, timeout=self._limit)
-        except BusError as error:
-            why = str(error).removeprefix(f"{key}: ")
-            if why == _TIMED_OUT:
-                why = f"does not answer within {self._limit:g} s: see 'zteam doctor'"
-            raise BusError(f"{robot}: {why}") from None
+        answers = self._query(robot, service, reply_type, request)
         if not answers:
             raise self._missing(robot)
         return answers[0][1]
 
+    def _query(
+        self, robot: str, service: str, reply_type: type[T], request: msgspec.Struct | None = None
+    ) -> list[tuple[str, T]]:
+        key = names.service_key(robot, service)
+        try:
+            return self._bus.query(key, reply_type, request, timeout=self._limit)
+        except BusError as error:
+            why = str(error).removeprefix(f"{key}: ")
+            if why == _TIMED_OUT:
+                silent = "no robot answers" if robot == _ALL else f"{robot}: does not answer"
+                raise BusError(f"{silent} within {self._limit:g} s: see 'zteam doctor'") from None
+            raise BusError(why if robot == _ALL else f"{robot}: {why}") from None
+
     def _missing(self, robot: str) -> BusError:
-        known = sorted(self.describe_all(), key=lambda name: names.robot_id_of(name) or 0)
+        try:
+            known = sorted(self.describe_all(), key=lambda name: names.robot_id_of(name) or 0)
+        except BusError as error:
+            return BusError(f"no process {robot} with parameters; {error}")
         if not known:
             return BusError(f"no process {robot}, and no other robot is there: start a team with 'zteam up'")
         return BusError(f"no process {robot} with parameters; there is {', '.join(known)}")

@@ -9,11 +9,11 @@ from typing import Annotated
 
 import msgspec
 
-from zteam import names
 from zteam.bus import Change
 from zteam.geometry import yaw_from_quaternion
 from zteam.messages import MapMetaData
 from zteam.names import MAX_ROBOT_ID
+from zteam.robot_ids import format_robot_ids
 
 RobotId = Annotated[int, msgspec.Meta(ge=0, le=MAX_ROBOT_ID)]
 BOUNDARY_LIMIT = 60.0
@@ -158,7 +158,7 @@ class SimStatus(msgspec.Struct):
 
 def absence_text(robot_id: int, robots: Sequence[int]) -> str:
     """What is said of a robot that the world lacks: which robots it has, and the way out."""
-    has = names.ids_text(robots) if robots else "no robot"
+    has = format_robot_ids(robots) or "no robot"
     spawn = f"'zteam sim spawn --id {robot_id} --pose X Y YAW' adds it"
     return f"not in the world; it has {has} ({spawn})"
 

@@ -15,6 +15,7 @@ from zteam.clock import NS_PER_S, to_ns
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.messages import Twist
+from zteam.robot_ids import format_robot_ids
 from zteam.sim.bodies import Bodies, make_bodies
 from zteam.sim.devices import Devices
 from zteam.sim.fields import Fields, build_fields
@@ -185,7 +186,7 @@ class Engine:
         return i
 
     def _no_robot(self, robot_id: int) -> UsageError:
-        return UsageError(f"no robot {robot_id} in this world: it has {sorted(self._robots)}")
+        return UsageError(f"no robot {robot_id} in this world: it has {format_robot_ids(self._robots) or 'none'}")
 
 
 class _Team:

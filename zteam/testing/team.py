@@ -18,7 +18,7 @@ from zteam.launch.kinds import kind_of
 from zteam.launch.plan import Plan, plan_team
 from zteam.launch.run import lease_for
 from zteam.resources import find_team, find_world
-from zteam.robot_ids import parse_robot_ids
+from zteam.robot_ids import format_robot_ids, parse_robot_ids
 from zteam.team_file import RobotEntry, Team, read_team_file
 from zteam.testing.processes import START_LIMIT, TeamTimeout
 from zteam.testing.stepping import SteppedTeam
@@ -94,8 +94,8 @@ class TeamFixture(SteppedTeam):
             known = self.sim_status.robots
             lacking = {names.robot_id_of(name) for name in plan.commands} - {None, *known}
             if lacking:
-                ids = names.ids_text(i for i in lacking if i is not None)
-                raise UsageError(f"the world has no robot {ids} (it has {names.ids_text(known) or 'none'})")
+                ids = format_robot_ids(i for i in lacking if i is not None)
+                raise UsageError(f"the world has no robot {ids} (it has {format_robot_ids(known) or 'none'})")
             # From here on a test may read any robot's pose.
             if not self._wait(lambda: all(self.robot(i).truth is not None for i in known), START_LIMIT):
                 raise TeamTimeout(f"the simulator shows no pose of some robot of {known}")
@@ -105,7 +105,7 @@ class TeamFixture(SteppedTeam):
         if not self._view.knows(robot_id) and self.alive(names.SIMULATOR):
             there = self.sim_status.robots
             if robot_id not in there and not self.alive(names.robot_name(robot_id)):
-                raise UsageError(f"there is no robot {robot_id}; the world has {names.ids_text(there) or 'no robot'}")
+                raise UsageError(f"there is no robot {robot_id}; the world has {format_robot_ids(there) or 'no robot'}")
         return super().robot(robot_id)
 
     def kill(self, name: str) -> None:

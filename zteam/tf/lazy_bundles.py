@@ -13,6 +13,7 @@ from collections.abc import Iterable
 from zteam.messages import TFMessage, decode, ns_from_time
 from zteam.messages.tf_layout import Layout
 from zteam.names import strip_slash
+from zteam.tf.bases import is_base
 from zteam.tf.buffer import Buffer
 
 _PRUNE = 64
@@ -32,22 +33,21 @@ class Bundles:
         """None until a bundle arrives that has each of its frames once."""
         self._indices: dict[str, int] = {}
         """The position of each frame in the layout."""
+        self._last_base: int | None = None
+        """The position of the last base in the layout; None without one."""
         self._read: dict[str, int] = {}
         """For each frame, the number of payloads from which it has been decoded."""
         self._paths: dict[tuple[str, str], list[str]] = {}
 
     def take(self, payload: bytes) -> int:
-        """Keep or store a bundle; return the stamp (ns) of its last transform, 0 if it is empty.
-
-        Raises DecodeError.
-        """
+        """Keep or store a bundle; return the stamp (ns) of its last base, 0 if it has none. Raises DecodeError."""
         with self._lock:
             if self._layout is None or not self._layout.fits(payload):
                 return self._take_other(payload)
             self._payloads.append(payload)
             if len(self._payloads) % _PRUNE == 0:
                 self._prune(self._layout)
-            return self._layout.stamp(payload, -1)
+            return 0 if self._last_base is None else self._layout.stamp(payload, self._last_base)
 
     def _take_other(self, payload: bytes) -> int:
         """Store all kept transforms of the old layout and then those of a bundle with another layout."""
@@ -62,7 +62,9 @@ class Bundles:
         if len(indices) == len(transforms):
             self._layout, self._indices, self._payloads = Layout(payload), indices, [payload]
             self._read = dict.fromkeys(indices, 1)
-        return ns_from_time(transforms[-1].header.stamp)
+        bases = [index for index, transform in enumerate(transforms) if is_base(transform)]
+        self._last_base = bases[-1] if bases else None
+        return ns_from_time(transforms[bases[-1]].header.stamp) if bases else 0
 
     def settle(self, target_frame: str, source_frame: str) -> None:
         """Store the kept transforms of every frame between these two in the buffer."""

@@ -8,6 +8,7 @@ from collections.abc import Iterable
 
 from zteam import names
 from zteam.messages import TFMessage, TransformStamped, ns_from_time
+from zteam.tf.bases import is_base
 from zteam.tf.buffer import Buffer
 from zteam.tf.conflicts import Conflicts
 from zteam.tf.own_frames import is_start_pose, keep_own, resolve
@@ -93,10 +94,10 @@ class Merger:
         comes at any moment of the tick, so it is taken with the next one.
         """
         pending, self._pending = self._pending, []
-        if tick:
-            self._pending = [t for t in pending if not _is_base(t) and ns_from_time(t.header.stamp) >= tick]
-        if self._pending:
-            pending = [t for t in pending if _is_base(t) or ns_from_time(t.header.stamp) < tick]
+        others = [t for t in pending if not is_base(t)] if tick else []
+        if others:
+            self._pending = [t for t in others if ns_from_time(t.header.stamp) >= tick]
+            pending = [t for t in others if ns_from_time(t.header.stamp) < tick] + [t for t in pending if is_base(t)]
         return pending
 
     @property
@@ -121,10 +122,6 @@ class Merger:
         self.buffer.clear()
         self._pending.clear()
         self._statics.restore_start_poses()
-
-
-def _is_base(transform: TransformStamped) -> bool:
-    return names.is_robot_frame(transform.child_frame_id, names.BASE_FOOTPRINT)
 
 
 def _check_clock(transform: TransformStamped, authority: str, now: int) -> Rejection | None:

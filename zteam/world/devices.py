@@ -146,7 +146,7 @@ class DeviceKind(NamedTuple):
     numbers: Literal["from 1", "from 0", "joined"] = "from 1"
     """Topics are `base_scan`, `base_scan_1`, …, or `sonar_0`, `sonar_1`, …, or one for all devices of the kind."""
     title: str = ""
-    """What reports call several of them; empty for what every robot measures."""
+    """What reports call one of them; empty for what every robot measures."""
     models: Mapping[str, DeviceModel] = {}
     """By the type in world files."""
     latched: bool = False
@@ -185,7 +185,7 @@ KINDS: dict[str, DeviceKind] = {
             LaserScan,
             lambda robot: [ranger for ranger in robot.rangers if ranger.is_laser],
             link=names.BASE_LASER_LINK,
-            title="lasers",
+            title="laser",
             # A "laser" is the "ranger" of older worlds.
             models={"ranger": DeviceModel(read_rangers), "laser": DeviceModel(read_rangers, _RAYS)},
         ),
@@ -199,14 +199,14 @@ KINDS: dict[str, DeviceKind] = {
             lambda robot: [ranger for ranger in robot.rangers if not ranger.is_laser],
             link="sonar",
             numbers="from 0",
-            title="sonars",
+            title="sonar",
         ),
         DeviceKind(
             names.FIDUCIALS,
             Fiducials,
             lambda robot: robot.devices_of(Finder),
             link="fiducial_link",
-            title="fiducial finders",
+            title="fiducial finder",
             models={
                 "fiducial": DeviceModel(
                     read_finder, frozenset({"range_min", "range_max", "range_max_id", "fov", "ignore_zloc"})
@@ -218,7 +218,7 @@ KINDS: dict[str, DeviceKind] = {
             BumperMessage,
             lambda robot: robot.devices_of(Bumper),
             numbers="joined",
-            title="bumpers",
+            title="bumper",
             models={
                 "bumper": DeviceModel(
                     read_bumpers, frozenset({"bcount", "bpose[]", "blength", "blength[]"}), has_body=True
@@ -230,7 +230,7 @@ KINDS: dict[str, DeviceKind] = {
             Blobs,
             lambda robot: robot.devices_of(Blobfinder),
             link="blobfinder_link",
-            title="blob finders",
+            title="blob finder",
             models={
                 "blobfinder": DeviceModel(
                     read_blobfinder,

@@ -58,3 +58,28 @@ def test_a_long_reason_is_cut() -> None:
     found = Counters()
     found.drop("a", "x" * 10_000)
     assert len(found.snapshot()["a"].last_drop_reason) == 300
+
+
+def test_a_cause_that_stays_is_warned_about_ever_less_often(now: list[float], caplog: pytest.LogCaptureFixture) -> None:
+    """Ten messages a second for five minutes make ten warnings, not three hundred; a new reason is told at once."""
+    found = Counters()
+    told = []
+    for tenth in range(3000):
+        now[0] = 100.0 + 0.1 * tenth
+        found.drop("a", "no such robot")
+        if caplog.records:
+            told.append(tenth / 10)
+            caplog.clear()
+    assert told == [0.0, 1.0, 3.0, 7.0, 15.0, 31.0, 63.0, 123.0, 183.0, 243.0]
+    found.drop("a", "wrong type")
+    assert "wrong type (3001 so far)" in caplog.text
+
+
+def test_a_cause_that_returns_after_a_minute_is_warned_about_at_once(
+    now: list[float], caplog: pytest.LogCaptureFixture
+) -> None:
+    """The pauses begin anew."""
+    found = Counters()
+    for now[0] in (0.0, 1.5, 2.0, 62.0, 63.0, 63.5):
+        found.drop("a", "no such robot")
+    assert [record.args[-1] for record in caplog.records if isinstance(record.args, tuple)] == [1, 2, 4, 5]

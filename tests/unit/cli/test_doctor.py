@@ -4,7 +4,7 @@ from zteam.cli.doctor import format_findings
 from zteam.diagnosis.finding import note, ok, problem
 
 FINDINGS = [
-    ok("data", "7 keys carry data"),
+    ok("data", "data on 7 keys"),
     problem("transforms", "no process tf", "zteam-tf"),
     note("refusals", "none within 60 s"),
 ]
@@ -13,7 +13,7 @@ FINDINGS = [
 def test_findings_are_columns() -> None:
     """Level, subject and text are aligned, a next step stands below its text, and the last line counts the problems."""
     assert format_findings(FINDINGS).splitlines() == [
-        "ok      data        7 keys carry data",
+        "ok      data        data on 7 keys",
         "problem transforms  no process tf",
         "                    -> zteam-tf",
         "note    refusals    none within 60 s",

@@ -4,7 +4,15 @@ from pathlib import Path
 
 import pytest
 
-from zteam.cli.main import main
+from zteam.cli.main import COMMANDS, main
+
+
+def test_the_list_of_commands_fits_a_terminal(capsys: pytest.CaptureFixture[str]) -> None:
+    """`zteam --help` has a line for each command, and no line is longer than 80 columns."""
+    assert main(["--help"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert set(COMMANDS) <= {line.split()[0] for line in lines if line.startswith("  ")}
+    assert max(map(len, lines)) <= 80
 
 
 @pytest.mark.parametrize(

@@ -1,9 +1,29 @@
-"""The processes that `zteam node list` and `zteam doctor` see."""
+"""`zteam node list` on a bus in memory, and the processes that it and `zteam doctor` see."""
+
+import os
+
+import pytest
 
 from support.named_sessions import open_named
-from zteam import names
+from zteam import __version__, names
 from zteam.bus import MemoryHub
-from zteam.cli.node import find_nodes
+from zteam.cli import node
+
+
+def test_the_list_is_a_table(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """It has a heading and a row a process, also with a long name; a process that does not answer says so."""
+    hub = MemoryHub()
+    open_named(hub, "a_process_with_a_long_name")
+    silent = hub.bus()
+    silent.declare_token(names.token_key("robot_0", silent.instance))
+    monkeypatch.setattr(node, "open_bus", lambda _options: hub.bus())
+    assert node.main(["list"]) == 0
+    heading, long, hung = capsys.readouterr().out.splitlines()
+    assert heading.split() == ["process", "host", "pid", "up", "zteam"]
+    assert str(os.getpid()) in long
+    assert long.endswith(f"  {__version__}")
+    assert hung.split() == ["robot_0", "does", "not", "answer", "-", "-", "-"]
+    assert heading.index("host") == hung.index("does")
 
 
 def test_a_command_that_holds_a_frame_is_no_process_of_the_team(hub: MemoryHub) -> None:
@@ -11,4 +31,4 @@ def test_a_command_that_holds_a_frame_is_no_process_of_the_team(hub: MemoryHub) 
     open_named(hub, "robot_0")
     caller = hub.bus()
     caller.declare_token(names.token_key(names.STATIC_CALLER, caller.instance))
-    assert [node.name for node in find_nodes(hub.bus())] == ["robot_0"]
+    assert [found.name for found in node.find_nodes(hub.bus())] == ["robot_0"]

@@ -56,4 +56,4 @@ def test_a_wrong_environment_is_a_usage_error(
         node.build_parser().parse_args(["list"])
     assert end.value.code == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert f"argument {option}: 'loud': give " in line
+    assert f": {option}: 'loud': give " in line

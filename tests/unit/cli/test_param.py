@@ -107,9 +107,6 @@ def test_a_refusal_of_one_robot_does_not_stop_the_others(run: Run) -> None:
 @pytest.mark.parametrize(
     ("words", "code", "text"),
     [
-        (("set", "0", "speed"), 2, "set 'speed': give each parameter a value, e.g. speed 0.3 turn_rate 1.0"),
-        (("set", "0", "speed", "0.1", "speed", "0.2"), 2, "set speed: it is given twice"),
-        (("set", "0", "speed", "-inf"), 2, "set speed -inf: give a finite number"),
         (
             ("set", "0", "speed", "-1"),
             2,
@@ -132,6 +129,23 @@ def test_mistakes_are_one_line_with_the_way_out(run: Run, words: tuple[str, ...]
     assert (found, out) == (code, "")
     assert errors.startswith(f"zteam param: {text}")
     assert len(errors.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (["speed", "0.1", "speed", "0.2"], "set speed: it is given twice"),
+        (["speed", "-inf"], "set speed -inf: give a finite number"),
+    ],
+)
+def test_a_mistake_of_typing_is_told_with_the_usage(
+    words: list[str], text: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It is exit code 2 and one line, before any robot is asked."""
+    with pytest.raises(SystemExit) as end:
+        param.main(["set", "0", *words])
+    assert end.value.code == 2
+    assert capsys.readouterr().err.startswith(f"zteam param set: {text}; usage: zteam param set NAME PARAM VALUE")
 
 
 @pytest.mark.parametrize(("name", "expected"), [(name, TEAM[name]) for name in ("robot_0", "robot_10")])

@@ -155,12 +155,16 @@ def test_json_of_spawn_is_the_new_id(output: Output) -> None:
     ],
 )
 def test_mistakes_end_with_two(words: tuple[str, ...], text: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """A wrong command line ends with 2 and one line that names the fix, without a request."""
-    assert zteam.main(["sim", *words]) == 2
+    """A wrong command line ends with 2 and one line with the fix and the verb's usage, without a request."""
+    with pytest.raises(SystemExit) as end:
+        zteam.main(["sim", *words])
+    assert end.value.code == 2
     said = capsys.readouterr()
     assert said.out == ""
     assert len(said.err.splitlines()) == 1
+    assert said.err.startswith(f"zteam sim {words[0]}: ")
     assert text in said.err
+    assert f"; usage: zteam sim {words[0]} " in said.err
 
 
 def test_several_robots_are_removed(desk: ControlHarness, output: Output) -> None:

@@ -11,6 +11,26 @@ def test_columns_are_as_wide_as_their_widest_cell() -> None:
     )
 
 
+def test_columns_of_numbers_align_right() -> None:
+    """From the given column on, cells and headings end at one place; before it they begin at one place."""
+    shown = format_table(("key", "type", "rate"), [("a", "Bool", "9.9 Hz"), ("longer", "x", "-")], numbers_from=2)
+    assert shown.splitlines() == ["key     type    rate", "a       Bool  9.9 Hz", "longer  x          -"]
+
+
+def test_a_long_last_column_is_wrapped() -> None:
+    """On a terminal a text that would run over its edge goes on below its column; elsewhere it is one line."""
+    rows = [("wander", "Forward while the way is free, else a turn."), ("x", "")]
+    shown = format_table(("behaviour", "does"), rows, " ", width=36)
+    assert shown.splitlines() == [
+        " behaviour  does",
+        " wander     Forward while the way is",
+        "            free, else a turn.",
+        " x",
+    ]
+    assert len(format_table(("behaviour", "does"), rows).splitlines()) == 3
+    assert len(format_table(("behaviour", "does"), rows, width=20).splitlines()) == 3
+
+
 def test_limits_are_words() -> None:
     """A range where both ends are known, else each limit in words."""
     assert limits_text({"ge": 0.0, "le": 3.141592653589793}) == "0 to 3.14159"

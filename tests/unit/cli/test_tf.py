@@ -13,6 +13,7 @@ from zteam import names
 from zteam.bus import MemoryHub
 from zteam.cli import tf, tf_displays, tf_static
 from zteam.messages import TFMessage
+from zteam.tf.statistics import FrameFigures, Watch
 
 START = "no aggregator runs: start one with 'zteam-tf' (a team of 'zteam up' has one)"
 
@@ -92,6 +93,21 @@ def test_positions_are_printed_once(words: list[str], capsys: pytest.CaptureFixt
     assert tf.main([*words, "--json"]) == 0
     (row,) = json.loads(capsys.readouterr().out)
     assert (row["robot"], row["x"]) == ("robot_0", pytest.approx(-0.0002))
+
+
+@pytest.mark.usefixtures("hub")
+def test_figures_fit_a_terminal(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """The table of `zteam tf monitor` is no wider than 80 columns, and its columns of numbers align right."""
+    figures = [
+        FrameFigures("robot_0/odom", "robot_0/base_footprint", 9, 10.0, 0.00012, 0.0, 0.0),
+        FrameFigures("robot_10/odom", "robot_10/base_footprint", 9, 9.5, 0.012, 0.1, 0.25),
+    ]
+    monkeypatch.setattr(Watch, "figures", lambda _watch: figures)
+    assert tf.main(["monitor", "--for", "0.01"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 80
+    assert [line.split()[0] for line in lines] == ["frame", "robot_0/base_footprint", "robot_10/base_footprint"]
+    assert {len(line) for line in lines} == {len(lines[0])}
 
 
 @pytest.mark.usefixtures("desk")

@@ -44,12 +44,12 @@ def test_the_list_has_keys_without_data(team: MemoryHub, capsys: pytest.CaptureF
     """A key is listed if it has a publisher or a subscriber; a wildcard over the robots is a key of each robot."""
     assert topic.main(["list"]) == 0
     assert capsys.readouterr().out.splitlines() == [
-        "key              type                         rate  pubs  subs",
-        "lamp             std_msgs/msg/Bool         latched     1     1",
-        "robot_0/cmd_vel  geometry_msgs/msg/Twist         -     0     2",
-        "robot_0/odom     nav_msgs/msg/Odometry           -     1     1",
-        "robot_1/cmd_vel  geometry_msgs/msg/Twist         -     1     2",
-        "robot_1/odom     nav_msgs/msg/Odometry           -     1     2",
+        "key              type                        rate  pubs  subs",
+        "lamp             std_msgs/msg/Bool        latched     1     1",
+        "robot_0/cmd_vel  geometry_msgs/msg/Twist        -     0     2",
+        "robot_0/odom     nav_msgs/msg/Odometry          -     1     1",
+        "robot_1/cmd_vel  geometry_msgs/msg/Twist        -     1     2",
+        "robot_1/odom     nav_msgs/msg/Odometry          -     1     2",
     ]
 
 
@@ -73,8 +73,8 @@ def test_without_the_router_the_list_has_what_is_heard(
     monkeypatch.setattr(MemoryHub, "declarations", lambda _hub: None)
     assert topic.main(["list"]) == 0
     assert capsys.readouterr().out.splitlines() == [
-        "key   type                   rate  pubs  subs",
-        "lamp  std_msgs/msg/Bool   latched     1     ?",
+        "key   type                  rate  pubs  subs",
+        "lamp  std_msgs/msg/Bool  latched     1     ?",
     ]
 
 
@@ -156,10 +156,11 @@ def test_the_rate_of_a_survey_is_that_between_messages(hub: MemoryHub) -> None:
 
 
 def test_near_keys_end_alike_or_are_spelt_alike() -> None:
-    """A topic without its robot is found in every robot; anything else by its spelling."""
+    """A topic without its robot is found in every robot; anything else by its spelling, the nearest first."""
     known = ["robot_0/odom", "robot_1/odom", "tf", "robot_0/base_scan"]
     assert near_keys("scan", known) == ": did you mean robot_0/base_scan?"
     assert near_keys("robot_1", known) == ": did you mean robot_1/odom?"
     assert near_keys("odom", known) == ": did you mean robot_0/odom or robot_1/odom?"
     assert near_keys("robot_0/base_scn", known) == ": did you mean robot_0/base_scan?"
+    assert near_keys("robot_0/odm", ["robot_0/log", *known]).startswith(": did you mean robot_0/odom or ")
     assert near_keys("camera", known) == ""

@@ -87,7 +87,7 @@ def test_it_warns_of_other_publishers_and_of_absent_robots(hub: MemoryHub, capsy
     warning = "robot_1/cmd_vel is published by robot_1 too: subscribers get the messages of both; end one of them"
     assert capsys.readouterr().err == f"zteam topic pub: {warning}\n"
     assert topic.main(["pub", "-1", "robot_9/cmd_vel", "Twist"]) == 0
-    assert capsys.readouterr().err == "zteam topic pub: no process has data of robot_9; robots: 0, 1\n"
+    assert capsys.readouterr().err == "zteam topic pub: no process publishes anything of robot_9; robots: 0, 1\n"
 
 
 @pytest.mark.parametrize("key", ["robot_0/cmd_vel", "tf", "robot_3/base_scan_1"])

@@ -139,10 +139,25 @@ def test_a_wrong_command_is_answered_with_the_right_one(capsys: pytest.CaptureFi
         ("sim", ["unpause"], "no subcommand 'unpause': did you mean resume?; usage"),
         ("topic", ["publish"], "no subcommand 'publish': did you mean pub?; usage"),
         ("sim", ["speed"], "zteam sim speed: X|max is missing; usage: zteam sim speed X|max [--json]"),
+        ("up", ["--for"], "zteam up: --for: expected one argument; usage: zteam up [TEAM]"),
+        ("up", ["--report", "x.json"], "zteam up: --report needs --for SECONDS: only a run with an end has a report; "),
+        ("up", ["--speed", "fast"], "zteam up: speed 'fast': give simulated seconds a second from 1e-06 to 1e+06, or "),
+        ("param", ["set", "0", "speed"], "zteam param set: set 'speed': give each parameter a value, e.g. speed 0.3 "),
+        ("log", ["robot_0/odom"], "zteam log: 'robot_0/odom' is not the name of a process, such as robot_1, sim or "),
+        ("tf", ["static", "1", "2"], "zteam tf static: give X Y Z YAW PITCH ROLL PARENT CHILD, e.g. 0.1 0 0.2 0 0 0 "),
+        ("tf", ["tree", "-o", "x.gif"], "zteam tf tree: --output x.gif: name a .svg, .png, .pdf or .dot file; usage: "),
+        ("topic", ["pub", "a", "Bool", "-1", "-t", "2"], "--times: not allowed with argument --once; usage: zteam top"),
+        ("zteam_monitor", ["--ids", "0-"], "zteam-monitor: --ids: '0-': give robot ids from 0 to 9999, such as 0 2 5"),
+        ("zteam_robot", ["--id", "0", "--follow", "x"], "zteam-robot: --follow: robot id 'x' is not a whole number fr"),
+        ("zteam_robot", ["--id", "x"], "zteam-robot: --id: robot id 'x' is not a whole number from 0 to 9999"),
+        ("zteam_sim", ["arena", "--gap", "1"], "zteam-sim: --gap '1' is not FOLLOWER:LEADER, e.g. 1:0; usage: zteam-"),
+        ("zteam_sim", ["arena", "--no-gate"], "zteam-sim: --no-gate needs --lockstep; usage: zteam-sim WORLD"),
     ],
 )
 def test_the_line_says_what_to_type(
     module: str, words: list[str], line: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Examples of whole answers."""
-    assert line in refused(module, words, capsys)
+    told = refused(module, words, capsys)
+    assert line in told
+    assert "; usage: zteam" in told

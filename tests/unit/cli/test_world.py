@@ -35,6 +35,7 @@ def test_check_lists_models_and_warnings(world: str, capsys: pytest.CaptureFixtu
     assert "robot 0" in text and "ann" in text and "bob" in text and "pushable" in text
     assert "yard.world:7:33: ctrl is ignored" in text
     assert "2 robots, 2 obstacles" in text
+    assert "1 sonar\n" in text
 
 
 def test_check_prints_json(world: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -49,13 +50,13 @@ def test_check_prints_json(world: str, capsys: pytest.CaptureFixture[str]) -> No
 def test_check_prints_the_base_of_each_model_once(
     world: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Outline and limits are those of `base_info`; robots of one macro share a line, and no limit is no word."""
+    """Outline and limits are those of `base_info`; robots of one macro share it, and no limit is no word."""
     assert main(["check", world]) == 0
-    lines = [line.split() for line in capsys.readouterr().out.splitlines() if line.startswith("  base ")]
-    (words,) = lines
-    assert " ".join(words[1:]) == (
-        "rob footprint x -0.2 to 0.2 m, y -0.2 to 0.2 m (4 corners); max_vel_x 1, min_vel_x -1, max_vel_theta 1.57"
-    )
+    lines = capsys.readouterr().out.splitlines()
+    ((place, base),) = ((i, line) for i, line in enumerate(lines) if line.startswith("  base "))
+    assert base.split(maxsplit=2)[1:] == ["rob", "footprint x -0.2 to 0.2, y -0.2 to 0.2 m"]
+    assert lines[place + 1].strip() == "max_vel_x 1, min_vel_x -1, max_vel_theta 1.57"
+    assert len(base) <= 80
     path = tmp_path / "ghost.world"
     path.write_text("position ( size [0 0 0] acceleration_bounds [-3 1 0 0 0 0 -90 90] )")
     assert main(["check", str(path), "--json"]) == 0

@@ -2,10 +2,11 @@
 
 import pytest
 
-from support.team_facts import problems, team_facts
+from support.team_facts import problems, sim_status, team_facts
 from zteam.bus.counters import KeyCount
 from zteam.diagnosis.facts import Facts, Fault
 from zteam.diagnosis.refusals import HISTORY_AFTER, check_refusals, format_refusals, is_recent
+from zteam.diagnosis.team import check_team
 
 
 @pytest.mark.parametrize(
@@ -66,6 +67,15 @@ def test_a_refusal_of_now_without_a_fault_names_the_writer() -> None:
     assert step.startswith("look at teleop, which writes robot_9/cmd_vel now; 60 s after")
     ((_, _, step),) = problems(check_refusals(team_facts(counts=counts)))
     assert step.startswith("no process writes robot_9/cmd_vel now; 60 s after")
+
+
+def test_commands_of_a_robot_that_the_world_lacks_are_no_second_problem() -> None:
+    """The missing robot is told as the cause, so that its refused commands are not."""
+    counts = {"sim": {"robot_1/cmd_vel": KeyCount(0, 7, 2.0, "the world has no such robot")}}
+    facts = team_facts(counts=counts, sim=sim_status(robots=[0]))
+    assert [what for what, _, _ in problems(check_team(facts))] == ["robots"]
+    assert check_refusals(facts) == []
+    assert problems(check_refusals(team_facts(counts=counts)))
 
 
 def test_a_mended_refusal_is_a_note() -> None:

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import resource
 import subprocess
 import sys
@@ -202,6 +203,8 @@ def test_the_table_has_a_row_per_robot() -> None:
     """One row per robot, with its gap if it follows, and the memory of all processes together."""
     lines = format_report(REPORT).splitlines()
     assert lines[0] == "30 simulated seconds after GO, seed 4"
+    assert re.split("  +", lines[1]) == ["robot", "follows", "driven, m", "last gap, m", "stalls", "late steps"]
+    assert len({len(line) for line in lines[1:4]}) == 1
     assert lines[2].split() == ["0", "-", "6.00", "-", "0", "1"]
     assert lines[3].split() == ["1", "0", "5.00", "1.25", "2", "0"]
     assert lines[4] == "2 processes, 110 MB together (PSS)"

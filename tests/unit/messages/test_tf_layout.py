@@ -15,7 +15,7 @@ def payload_of(tick: int, robots: list[int]) -> bytes:
 def test_only_stamps_and_numbers_may_differ() -> None:
     """The same frames in the same order fit at any time; the transforms are those that were encoded."""
     layout, later = Layout(payload_of(1, [0, 1, 2])), payload_of(77, [0, 1, 2])
-    assert layout.children == ["robot_0/base", "robot_1/base", "robot_2/base"]
+    assert layout.children == ["robot_0/base_footprint", "robot_1/base_footprint", "robot_2/base_footprint"]
     assert layout.fits(later)
     assert [layout.transform(later, index) for index in range(3)] == bundle(77, [0, 1, 2])
     assert layout.stamp(later, -1) == 7_700_000_000

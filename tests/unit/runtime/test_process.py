@@ -14,6 +14,7 @@ import pytest
 import zteam
 from support.lockstep_doubles import LIMIT
 from zteam.bus import BusOptions, MemoryHub
+from zteam.errors import UsageError
 from zteam.messages import Bool, Log, LogLevel
 from zteam.runtime import log_publisher, process, shutdown
 from zteam.runtime.log_keeper import LogKeeper
@@ -118,6 +119,24 @@ def test_the_log_of_a_users_process_is_on_the_bus(hub: MemoryHub, caplog: pytest
     assert last.level == LogLevel.ERROR
     assert last.msg.endswith("ValueError: out of plans")
     assert logging.getLogRecordFactory() is factory
+
+
+@pytest.mark.usefixtures("offline")
+def test_a_process_without_its_name_is_silent(hub: MemoryHub) -> None:
+    """Once it has given its name back it answers nothing under it, and neither its lines nor its end are published."""
+    heard: list[Log] = []
+    hub.bus().subscribe("planner/log", Log, lambda _key, message: heard.append(message))
+    answers: list[list[tuple[str, object]]] = []
+
+    def main(node: zteam.Node) -> None:
+        node.claim.release()
+        logging.getLogger("my.plans").warning("I only look")
+        answers.extend(hub.bus().query(f"planner/{what}", object) for what in ("info", "stats", "log"))
+        raise UsageError("nothing to see")
+
+    with pytest.raises(SystemExit, match="2"):
+        zteam.run("planner", main)
+    assert (answers, heard) == ([[], [], []], [])
 
 
 @pytest.fixture

@@ -67,6 +67,20 @@ def test_a_step_waits_for_the_bundle_of_its_tick() -> None:
         assert watch.xs == [11.0]
 
 
+@pytest.mark.parametrize("ahead", [0, 5 * TICK])
+def test_a_step_does_not_take_a_frame_for_the_bundle(ahead: int) -> None:
+    """A frame that another process puts onto `tf`, of this tick or of the future, does not let the step run."""
+    watch = Watch()
+    with run_node(watch, MemoryHub(), name="watch", robots=[0]) as running:
+        running.publish("tf_static", start())
+        running.publish("tf", moved(1.0, 0))
+        running.tick()
+        running.publish("tf", TFMessage([stamped("map", "carrot", 2 * TICK + ahead)]))
+        with pytest.raises(BusError, match="watch waits for inputs"):
+            running.tick()
+        assert watch.xs == [11.0]
+
+
 def test_a_step_waits_for_the_fixed_transforms() -> None:
     """The first step waits until every robot of the world has a place in the map, whichever message comes last."""
     watch = Watch("robot_0/base_footprint", "robot_1/base_footprint")

@@ -37,5 +37,10 @@ def test_a_robot_that_does_not_answer_is_named(hub: MemoryHub) -> None:
         raise BusError("Timeout")
 
     hub.bus().serve(names.service_key(NAME, DESCRIBE), NoRequest, refuse)
+    client = ParametersClient(hub.bus())
     with pytest.raises(BusError, match=r"^robot_1: does not answer within 10 s: see 'zteam doctor'$"):
-        ParametersClient(hub.bus()).describe(NAME)
+        client.describe(NAME)
+    with pytest.raises(BusError, match=r"^no robot answers within 10 s: see 'zteam doctor'$"):
+        client.describe_all()
+    with pytest.raises(BusError, match=r"^no process robot_7 with parameters; no robot answers within 10 s"):
+        client.describe("robot_7")

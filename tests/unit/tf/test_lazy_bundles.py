@@ -69,7 +69,7 @@ def test_what_is_asked_for_is_what_was_said(pair: Pair) -> None:
             a, b = chance.sample(range(ROBOTS), 2)
             past = max(1, tick - chance.randrange(90)) * S // 10
             for time in (0, past):
-                whole, lazy = pair.look(f"robot_{a}/base", f"robot_{b}/base", time)
+                whole, lazy = pair.look(f"robot_{a}/base_footprint", f"robot_{b}/base_footprint", time)
                 assert whole == lazy
 
 
@@ -81,7 +81,7 @@ def test_other_frames_are_noticed(pair: Pair) -> None:
         pair.take(bundle(tick, shapes[tick // 10 % len(shapes)], name))
         if tick % 7 == 0:
             for name in ("robot", "rover"):
-                whole, lazy = pair.look("map", f"{name}_2/base")
+                whole, lazy = pair.look("map", f"{name}_2/base_footprint")
                 assert whole == lazy
 
 
@@ -90,7 +90,7 @@ def test_another_robot_in_the_middle_is_noticed(pair: Pair) -> None:
     for tick in range(1, 41):
         pair.take(bundle(tick, [0, 1 + tick % 2, 3]))
         for robot in (1, 2):
-            whole, lazy = pair.look("map", f"robot_{robot}/base")
+            whole, lazy = pair.look("map", f"robot_{robot}/base_footprint")
             assert whole == lazy
 
 
@@ -104,7 +104,7 @@ def test_robots_that_miss_some_bundles_are_seen(pair: Pair) -> None:
         pair.take(bundle(tick, present))
         a, b = chance.sample(range(ROBOTS), 2)
         for time in (0, max(1, tick - chance.randrange(60)) * S // 10):
-            whole, lazy = pair.look(f"robot_{a}/base", f"robot_{b}/base", time)
+            whole, lazy = pair.look(f"robot_{a}/base_footprint", f"robot_{b}/base_footprint", time)
             assert whole == lazy
 
 
@@ -115,7 +115,7 @@ def test_names_may_have_a_leading_slash(pair: Pair) -> None:
         for one in transforms:
             one.child_frame_id = "/" + one.child_frame_id
         pair.take(transforms)
-        whole, lazy = pair.look("map", "robot_2/base")
+        whole, lazy = pair.look("map", "robot_2/base_footprint")
         assert whole == lazy
 
 
@@ -123,17 +123,17 @@ def test_frames_that_are_not_looked_up_are_not_read(pair: Pair) -> None:
     """The buffer holds all samples of the two looked-up robots, and only the first sample of the others."""
     for tick in range(1, 51):
         pair.take(bundle(tick))
-        pair.look("robot_0/base", "robot_1/base")
-    counts = {child: info.samples for child, info in pair.lazy.frames().items() if child.endswith("base")}
-    assert counts == {f"robot_{i}/base": 50 if i < 2 else 1 for i in range(ROBOTS)}
+        pair.look("robot_0/base_footprint", "robot_1/base_footprint")
+    counts = {child: info.samples for child, info in pair.lazy.frames().items() if child.endswith("base_footprint")}
+    assert counts == {f"robot_{i}/base_footprint": 50 if i < 2 else 1 for i in range(ROBOTS)}
 
 
 def test_old_bundles_go(pair: Pair) -> None:
     """Old bundles are dropped: after an hour, a look-up reaches back as far as a buffer does."""
     for tick in range(1, 36_000):
         pair.bundles.take(encode(TFMessage(bundle(tick, [0]))))
-    pair.bundles.settle("map", "robot_0/base")
-    info = pair.lazy.frames()["robot_0/base"]
+    pair.bundles.settle("map", "robot_0/base_footprint")
+    info = pair.lazy.frames()["robot_0/base_footprint"]
     assert info.newest == 35_999 * S // 10
     assert info.samples <= 200
 
@@ -147,7 +147,7 @@ def test_time_starts_anew(pair: Pair) -> None:
     pair.lazy.clear()
     for tick in range(1, 5):
         pair.take(bundle(tick))
-    whole, lazy = pair.look("map", "robot_3/base")
+    whole, lazy = pair.look("map", "robot_3/base_footprint")
     assert whole == lazy
 
 
@@ -157,7 +157,7 @@ def test_garbage_is_refused(pair: Pair, payload: bytes) -> None:
     pair.take(bundle(1))
     with pytest.raises(DecodeError):
         pair.bundles.take(payload)
-    whole, lazy = pair.look("map", "robot_1/base")
+    whole, lazy = pair.look("map", "robot_1/base_footprint")
     assert whole == lazy
 
 
@@ -175,9 +175,9 @@ def test_garbage_of_the_right_length_moves_no_robot(pair: Pair) -> None:
     broken[-56:] = b"\xff" * 56
     pair.bundles.take(bytes(broken))
     for robot in range(ROBOTS):
-        pair.bundles.settle("map", f"robot_{robot}/base")
-    newest = {child: info.newest for child, info in pair.lazy.frames().items() if child.endswith("base")}
-    assert newest == {f"robot_{i}/base": (1 if i == ROBOTS - 1 else 3) * S // 10 for i in range(ROBOTS)}
+        pair.bundles.settle("map", f"robot_{robot}/base_footprint")
+    newest = {child: info.newest for child, info in pair.lazy.frames().items() if child.endswith("base_footprint")}
+    assert newest == {f"robot_{i}/base_footprint": (1 if i == ROBOTS - 1 else 3) * S // 10 for i in range(ROBOTS)}
 
 
 def test_an_empty_bundle_says_nothing(pair: Pair) -> None:
@@ -185,5 +185,5 @@ def test_an_empty_bundle_says_nothing(pair: Pair) -> None:
     assert pair.take([]) == 0
     pair.take(bundle(1))
     assert pair.take([]) == 0
-    whole, lazy = pair.look("map", "robot_1/base")
+    whole, lazy = pair.look("map", "robot_1/base_footprint")
     assert whole == lazy

@@ -86,6 +86,16 @@ def test_stamps_and_numbers_are_passed_on_as_they_came() -> None:
     assert pending[1].transform == stamped("", "", 0, 0.25, 0.5, 1.0).transform
 
 
+def test_a_ticks_bundle_ends_with_its_bases() -> None:
+    """A frame of the tick before stands before them, whenever it came; one of the tick waits for the next bundle."""
+    merger = Merger()
+    for frame, stamp in (("base_footprint", 2 * S), ("carrot", S), ("hat", 2 * S), ("flag", 3 * S)):
+        merger.take(0, TFMessage([stamped("odom", frame, stamp)]))
+    sent = merger.take_pending(2 * S)
+    assert [child for _, child in _names(sent)] == ["robot_0/carrot", "robot_0/base_footprint"]
+    assert [child for _, child in _names(merger.take_pending(3 * S))] == ["robot_0/hat"]
+
+
 def test_what_is_refused_is_not_passed_on() -> None:
     """Samples that are too old, contradict a stored one or are not finite stay out of the bundle."""
     merger = Merger()

@@ -30,6 +30,8 @@ LEAVE_AFTER = 5.0
 """`--exit-on-go` waits this long at most for every robot to obey."""
 _PIPE_WIDTH = 80
 """Characters of a line of the table where there is no terminal."""
+_LIVE_PERIOD = 0.5
+"""Host seconds between two drawings of the live table."""
 _STATUSES = 1.5
 """Host seconds after which every robot has said its status; before that a table would be empty."""
 
@@ -57,8 +59,8 @@ def sentence(event: Event) -> str:
 class Output(Protocol):
     """Where events and tables go."""
 
-    draws_itself: bool
-    """Whether it draws the table whenever it wants to; otherwise it is told when."""
+    is_live: bool
+    """Whether the table is always in sight; otherwise it is shown when the options ask for it."""
 
     def show(self, event: Event) -> None:
         """Show an event."""
@@ -76,7 +78,7 @@ class Output(Protocol):
 class Lines:
     """Lines of text on standard output."""
 
-    draws_itself = False
+    is_live = False
     _contents: Contents
 
     def show(self, event: Event) -> None:
@@ -135,9 +137,9 @@ class Display:
         self._nag = Every(5.0)
         self._nag.due()
         self._poses: Poses | None = None
-        self._table = Every(options.table or 0.0)
+        self._table = Every(_LIVE_PERIOD if output.is_live else options.table or 0.0)
         self._table_from = monotonic() + _STATUSES
-        if options.table is not None or output.draws_itself:
+        if options.table is not None or output.is_live:
             self._poses = Poses(node, self._robots)
         output.watch(self._contents)
 
@@ -151,9 +153,9 @@ class Display:
             return make_rows(self._team, poses, monotonic()), team_notes(self._team, self._watch.notes())
 
     def _is_table_due(self) -> bool:
-        if self._options.table is None or self._output.draws_itself:
-            return False
-        return monotonic() >= self._table_from and self._table.due()
+        if self._output.is_live:
+            return self._table.due()
+        return self._options.table is not None and monotonic() >= self._table_from and self._table.due()
 
     def update(self) -> bool:
         """Show what is new. True if the process may leave: GO is out, with `exit_on_go`."""
@@ -162,7 +164,7 @@ class Display:
             gone, running = self._team.gone, self._team.all_running()
             waiting_for = self._team.waiting_for()
         for event in events:
-            # Without the lock: a terminal can be slow, and the live table takes the lock to draw itself.
+            # Without the lock: a terminal can be slow.
             _event_log.log(logging.WARNING if event.kind in _TROUBLE else logging.INFO, "%s", sentence(event))
             self._output.show(event)
         if self._is_table_due():
@@ -170,6 +172,6 @@ class Display:
         if gone and self._options.exit_on_go:
             self._leave_at = self._leave_at or monotonic() + LEAVE_AFTER
             return running or monotonic() > self._leave_at
-        if not gone and not self._output.draws_itself and self._nag.due():
+        if not gone and not self._output.is_live and self._nag.due():
             log.warning("waiting for %s", waiting_for)
         return False

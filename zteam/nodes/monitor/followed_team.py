@@ -5,6 +5,8 @@ from collections.abc import Sequence
 from zteam import names
 from zteam.messages import RobotStatus, TeamState, TeamStatus
 from zteam.nodes.monitor.members import Members
+from zteam.numbers import counted
+from zteam.robot_ids import format_robot_ids
 
 
 class FollowedTeam:
@@ -75,9 +77,8 @@ class FollowedTeam:
             return ""
         size = self.status.team_size
         if size != team_size:
-            has = f"{size} robots" if size != 1 else "1 robot"
-            return f"the running monitor's team has {has}, not {team_size} as asked for here"
+            return f"the running monitor's team has {counted(size, 'robot')}, not {team_size} as asked for here"
         if ids is not None and self.ids and self.ids != sorted(ids):
-            has, asked = names.ids_text(self.ids), names.ids_text(ids)
-            return f"the running monitor's team is {has}, not {asked} as asked for here"
+            has, asked = format_robot_ids(self.ids), format_robot_ids(ids)
+            return f"the running monitor's team has robots {has}; asked for here: {asked}"
         return ""

@@ -19,15 +19,18 @@ _EVENTS = {"go": "bold green", "lost": "bold red", "fault": "red", "silent": "re
 
 
 class LiveTable:
-    """Shows events as lines, and below them the table, refreshed twice a second."""
+    """Shows events as lines, and below them the table as it was when it was drawn last.
 
-    draws_itself = True
+    It asks for the contents only while it holds no lock of Rich's: they need the node's lock, and a line that is logged
+    under that one needs Rich's, because the log goes through the display.
+    """
+
+    is_live = True
 
     def __init__(self) -> None:
         self._console = Console()
         self._contents: Contents = lambda: ([], [])
-        # Last: it renders at once.
-        self._live = Live(console=self._console, refresh_per_second=2, get_renderable=self._render)
+        self._live = Live(self._render(), console=self._console, auto_refresh=False)
 
     def __enter__(self) -> "LiveTable":
         self._live.start()
@@ -36,6 +39,7 @@ class LiveTable:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self._live.update(self._render())
         self._live.stop()
 
     def watch(self, contents: Contents) -> None:
@@ -43,8 +47,8 @@ class LiveTable:
         self._contents = contents
 
     def print_table(self) -> None:
-        """Draw it now."""
-        self._live.refresh()
+        """Draw it as it is now."""
+        self._live.update(self._render(), refresh=True)
 
     def show(self, event: Event) -> None:
         """Print an event above the table."""

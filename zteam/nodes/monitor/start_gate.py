@@ -11,6 +11,7 @@ import numpy as np
 from zteam import names
 from zteam.messages import Header, RobotState, RobotStatus, TeamState, TeamStatus, time_from_ns
 from zteam.nodes.monitor.members import Member, Members
+from zteam.robot_ids import format_robot_ids
 from zteam.services.simulator import absence_text
 
 _NAMED = 8
@@ -63,7 +64,7 @@ class Gate:
 
     def _tell_unexpected(self, robot_id: int) -> None:
         if self.expected is not None and robot_id not in self.expected and not self.gone:
-            text = f"is not expected: GO waits for {names.ids_text(self.expected)} only, and counts for it too"
+            text = f"is not expected: GO waits for {format_robot_ids(self.expected)} only; it obeys that GO too"
             self.members.tell("unexpected", robot_id, text)
 
     def take_world(self, robots: Sequence[int] | None) -> None:

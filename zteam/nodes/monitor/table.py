@@ -64,7 +64,8 @@ def _row(robot_id: int, member: Member, pose: Pose2 | None, now: float) -> Row:
         # What GO waits for stands below the table.
         return row
     # A robot of an older version says only in its text why it does not drive.
-    row.reason = printable(status.reason or ("" if status.state == RobotState.RUNNING else status.text))
+    reason = status.reason or ("" if status.state == RobotState.RUNNING else status.text)
+    row.reason = printable((member.absence or reason) if reason else "")
     return row
 
 

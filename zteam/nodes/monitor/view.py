@@ -57,9 +57,8 @@ class View:
 
 def run_view(node: Node, options: MonitorOptions) -> None:
     """Show the running monitor's team. Raises UsageError if none runs."""
-    # It answers no query as the monitor.
+    # It answers no query as the monitor, and its log is not the monitor's.
     node.claim.release()
-    node.stats.close()
     info = _find_monitor(node)
     if info is None:
         raise UsageError(

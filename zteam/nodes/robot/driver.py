@@ -60,7 +60,7 @@ class Driver:
         self._seed = seed
         self._safety = SafetyLog(status.behavior)
         self.absence = ""
-        """Why no scan can come; empty if nothing is known of that."""
+        """Why no scan comes; empty if nothing is known of that."""
         self.busy = False
         """Whether the main loop steps: no other thread may (read it under `node.changed`)."""
         self.jumps = 0
@@ -98,7 +98,7 @@ class Driver:
         if not self.pass_gate(turn):
             return None
         command, reason = decide(self.behavior, turn.view, self._safety.take)
-        if turn.view.scan is None:
+        if reason:
             reason = self.absence or reason
         with self._node.changed:
             if turn.jumps != self.jumps:

@@ -4,7 +4,7 @@ import logging
 
 from zteam import names
 from zteam.errors import BusError
-from zteam.messages import RobotState
+from zteam.messages import LaserScan, RobotState
 from zteam.nodes.robot.driver import Driver, Turn
 from zteam.nodes.robot.inputs import Inputs
 from zteam.runtime.node import Node
@@ -33,6 +33,8 @@ class Waiting:
         self._ready_for = 0
         """Seconds since the robot is ready, or since the last line."""
         self._told = ""
+        self._scan: LaserScan | None = None
+        """The newest at the last look."""
 
     def find_absence(self) -> None:
         """Ask the simulator whether it has this robot, if no scan comes. Not under `node.changed`."""
@@ -40,7 +42,8 @@ class Waiting:
         # At the start all is on its way.
         if self._looks < _PATIENCE:
             return
-        if self._inputs.scan is not None:
+        before, self._scan = self._scan, self._inputs.scan
+        if self._scan is not before:
             self._driver.absence = ""
             return
         try:

@@ -16,6 +16,7 @@ from zteam.nodes.transforms.queries import serve_queries
 from zteam.nodes.transforms.static_callers import StaticCallers
 from zteam.runtime.node import Node
 from zteam.runtime.participant import Participant
+from zteam.tf.bases import base_stamp
 from zteam.tf.merge import Merger
 from zteam.tf.urdf import Description
 
@@ -81,8 +82,8 @@ class Aggregator:
         target = names.split_robot_key(key)
         if target is None or not message.transforms:
             return
-        robot_id = target[0]
-        stamp = max(ns_from_time(t.header.stamp) for t in message.transforms)
+        # Frames of other processes say nothing of the tick: their stamps may be of the past or of the future.
+        robot_id, stamp = target[0], base_stamp(target[0], message)
         self._part.take_stamp(stamp)
         if self._part.active:
             self._take_in_lockstep(robot_id, message, stamp)
@@ -93,13 +94,13 @@ class Aggregator:
             self._publish_statics()
 
     def _take(self, robot_id: int, message: TFMessage, stamp: int) -> None:
-        """Real time: take a robot's transforms into the bundle of their tick."""
+        """Real time: take a robot's transforms into the bundle of their tick, or those without a base into any."""
         self._first_data = self._first_data or monotonic()
         if self._rate is None and self._bundle.ends_with(stamp):
             # Transforms of the tick before must not wait any longer.
             self._flush_late()
         self._merger.take(robot_id, message, self._node.clock.now())
-        is_whole = self._bundle.take(robot_id, stamp, monotonic())
+        is_whole = self._bundle.take(robot_id, stamp, monotonic()) if stamp >= 0 else not self._bundle.is_open
         if self._rate is None and is_whole:
             self._flush()
 

@@ -1,12 +1,20 @@
 """The monitor's live table: what stands above it, and that no text breaks it."""
 
+import sys
+import threading
+
 import pytest
 
+from support.monitor_desk import LIMIT, Open, Robot
+from zteam.bus import MemoryHub
+from zteam.clock import wait_until
 from zteam.messages import RobotState, RobotStatus
+from zteam.nodes.monitor import display
+from zteam.nodes.monitor.display import Contents, Lines
 from zteam.nodes.monitor.live_table import LiveTable
 from zteam.nodes.monitor.members import Event
 from zteam.nodes.monitor.start_gate import Gate
-from zteam.nodes.monitor.table import make_rows
+from zteam.nodes.monitor.table import Row, make_rows
 
 
 @pytest.fixture(autouse=True)
@@ -50,3 +58,67 @@ def test_any_text_of_a_robot_is_shown_as_it_is(capsys: pytest.CaptureFixture[str
     shown = capsys.readouterr().out
     assert "\x1b[2J" not in shown
     assert shown.count(text.replace("\x1b", "")) >= 2
+
+
+def test_a_line_of_the_log_does_not_wait_for_the_team(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A thread that logs while it holds the team's lock goes on, although the table is about to be drawn."""
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    team, asked = threading.Lock(), threading.Event()
+
+    def contents() -> tuple[list[Row], list[str]]:
+        asked.set()
+        with team:
+            return [], []
+
+    with LiveTable() as table:
+        drawing = threading.Thread(target=table.print_table)
+        writing = threading.Thread(target=lambda: sys.stderr.write("a line\n"))
+        with team:
+            table.watch(contents)
+            drawing.start()
+            assert asked.wait(LIMIT)
+            writing.start()
+            writing.join(LIMIT)
+            went_on = not writing.is_alive()
+        drawing.join(LIMIT)
+        writing.join(LIMIT)
+    assert went_on
+
+
+class Screen(Lines):
+    """A live output that notes the states of robot 0 that it draws."""
+
+    is_live = True
+
+    def __init__(self) -> None:
+        self.changed = threading.Condition()
+        self.drawn: list[str] = []
+
+    def watch(self, contents: Contents) -> None:
+        """These are to be drawn."""
+        self.contents = contents
+
+    def print_table(self) -> None:
+        """Draw."""
+        rows, _ = self.contents()
+        with self.changed:
+            self.drawn.append(rows[0].state)
+            self.changed.notify_all()
+
+    def wait_for(self, state: str) -> None:
+        """Wait until that is drawn."""
+        with self.changed:
+            assert wait_until(self.changed, lambda: state in self.drawn, LIMIT), self.drawn
+
+
+def test_the_monitor_draws_the_table_again_and_again(
+    hub: MemoryHub, open_desk: Open, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without an option, and also where there is no event: a robot's new state is in the table."""
+    monkeypatch.setattr(display, "_LIVE_PERIOD", 0.0)
+    desk, screen = open_desk(0, 1, run=False), Screen()
+    desk.thread = threading.Thread(target=desk.monitor.run, args=[screen])
+    desk.thread.start()
+    screen.wait_for("absent")
+    Robot(hub, 0).say(RobotState.BOOT)
+    screen.wait_for("boot")

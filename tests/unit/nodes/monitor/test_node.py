@@ -250,5 +250,5 @@ def test_the_world_says_which_robots_it_lacks(hub: MemoryHub, open_desk: Open, m
     monkeypatch.setattr(writer_watch, "LOOK", 0.0)
     serve_simulator(hub, [0, 1])
     desk = open_desk(0, 9)
-    lacks = "robot_9: not in the world; it has 0-1 ('zteam sim spawn --id 9 --pose X Y YAW' adds it)"
+    lacks = "robot_9: not in the world; it has 0, 1 ('zteam sim spawn --id 9 --pose X Y YAW' adds it)"
     desk.wait(lambda: bool(desk.published) and desk.published[-1].waiting_for == f"robot_0: no process yet; {lacks}")

@@ -362,7 +362,7 @@ def test_a_robot_that_is_not_expected_is_named_once() -> None:
     gate = Gate([0, 1, 2], 3)
     come(gate, 7, state=BOOT)
     come(gate, 7, state=BOOT)
-    unexpected = "robot_7 is not expected: GO waits for 0-2 only, and counts for it too"
+    unexpected = "robot_7 is not expected: GO waits for 0-2 only; it obeys that GO too"
     assert told(gate, "unexpected") == [unexpected]
     come(gate, 0, 1, 2)
     gate.try_go(1)

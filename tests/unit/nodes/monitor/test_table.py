@@ -53,6 +53,18 @@ def test_every_robot_has_a_state() -> None:
     assert rows[5].reason.startswith("not in the world; it has 0-4 ('zteam sim spawn --id 5")
 
 
+def test_a_robot_that_was_taken_out_of_the_world_is_told_as_that() -> None:
+    """Its own reason, such as a stale scan, follows from it; a robot with another source of scans stands for none."""
+    gate = Gate([0, 1], 2)
+    for i, reason in enumerate(["stale scan", ""]):
+        gate.take_token(i, "a", True)
+        gate.take_status(i, RobotStatus(robot_id=i, state=RobotState.RUNNING, reason=reason), 10.0)
+    gate.take_world([])
+    told, drives = make_rows(gate, {}, 10.0)
+    assert told.reason == "not in the world; it has no robot ('zteam sim spawn --id 0 --pose X Y YAW' adds it)"
+    assert drives.reason == ""
+
+
 def test_a_long_reason_stands_below_its_row() -> None:
     """At 80 columns nothing is cut or wider; the reason is wrapped below its row, under the state."""
     reason = "waiting for a first scan (robot_3/base_scan), odometry (robot_3/odom), its own pose in map"

@@ -127,7 +127,7 @@ def test_exit_on_go_waits_for_the_running_monitors_go(
     ("size", "ids", "told"),
     [
         (4, None, "the running monitor's team has 2 robots, not 4 as asked for here"),
-        (2, (0, 3), "the running monitor's team is 0-1, not 0,3 as asked for here"),
+        (2, (0, 3), "the running monitor's team has robots 0, 1; asked for here: 0, 3"),
         (2, (1, 0), ""),
         (2, None, ""),
     ],
@@ -138,7 +138,7 @@ def test_another_team_than_asked_for_is_named(
     """The sizes, or the ids if the sizes agree; nothing is said of a team that is the one asked for."""
     second = open_second(size, ids)
     second.wait_for("robot_1  absent")
-    assert ("as asked for here" in second.shown) == bool(told)
+    assert ("asked for here" in second.shown) == bool(told)
     assert told in second.shown
 
 

@@ -55,6 +55,19 @@ def test_without_data_no_tick_is_complete(inputs: Inputs, late: str) -> None:
     assert not inputs.complete_for(1)
 
 
+@pytest.mark.parametrize("stamp", [S, 2 * S, 9 * S])
+def test_a_frame_without_a_base_is_not_the_ticks_bundle(inputs: Inputs, stamp: int) -> None:
+    """A process of the user's may put a frame onto `tf` itself, also one of the past or of the future."""
+    give(inputs, S)
+    give(inputs, 2 * S, tf=False)
+    for _ in range(2):
+        inputs.take_bundle(encode(TFMessage([stamped("map", "carrot", stamp, 2.0)])))
+    assert not inputs.complete_for(2 * S)
+    give(inputs, 2 * S)
+    inputs.take_bundle(encode(TFMessage([stamped("map", "carrot", S, 2.0)])))
+    assert inputs.complete_for(2 * S)
+
+
 def test_newer_data_completes_a_tick(inputs: Inputs) -> None:
     """Data of a later time answers an earlier tick too."""
     give(inputs, 2 * S)

@@ -114,7 +114,7 @@ def test_a_robot_that_the_world_lacks_says_so(monkeypatch: pytest.MonkeyPatch, g
     """Which robots the world has, and how to add this one; once it has come, what else is missing."""
     monkeypatch.setattr(robot_module, "Every", EveryBeat)
     robot = RealTimeRobot(gate=gate)
-    lacks = "robot_1 is not in the world; it has 0,3-5 ('zteam sim spawn --id 1 --pose X Y YAW' adds it)"
+    lacks = "robot_1 is not in the world; it has 0, 3-5 ('zteam sim spawn --id 1 --pose X Y YAW' adds it)"
     try:
         robot.say_world(0, 3, 4, 5)
         for tick in () if gate else range(50, 80):
@@ -126,6 +126,27 @@ def test_a_robot_that_the_world_lacks_says_so(monkeypatch: pytest.MonkeyPatch, g
         if gate:
             robot.say_scan(51)
             robot.wait_for_status(lambda status: status.text.startswith("waiting for odometry (robot_1/odom)"))
+    finally:
+        robot.close()
+
+
+def test_a_robot_that_was_taken_out_of_the_world_says_so(
+    wants: Callable[..., None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """While it runs, too: its scans have become stale because the world no longer has it."""
+    monkeypatch.setattr(robot_module, "Every", EveryBeat)
+    robot = RealTimeRobot(Asks)
+    try:
+        wants(0.4)
+        tick_to(robot, 1, 3)
+        robot.wait_for_status(lambda status: status.speed == 0.4)
+        robot.say_world(0)
+        for tick in range(50, 80):
+            robot.say_time(tick)
+            robot.wait_for_status(lambda status, count=robot.statuses: robot.statuses > count)  # type: ignore[misc]
+        robot.wait_for_status(lambda status: status.reason.startswith("robot_1 is not in the world; it has 0 ("))
+        robot.say_scan(80)
+        robot.wait_for_status(lambda status: status.reason == "" and status.speed == 0.4)
     finally:
         robot.close()
 

@@ -3,9 +3,10 @@
 import pytest
 
 from support.aggregator_desk import LIMIT, Base, Desk, Listener, S
+from support.transforms import stamped
 from zteam import names
 from zteam.bus import MemoryHub
-from zteam.messages import Clock, time_from_ns
+from zteam.messages import Clock, TFMessage, time_from_ns
 
 
 @pytest.mark.usefixtures("desk")
@@ -136,3 +137,23 @@ def test_without_a_simulator_bundles_leave_at_a_rate(hub: MemoryHub) -> None:
     listener.wait_for_bundles(1)
     desk.end()
     assert len(listener.bundles[0]) == 6
+
+
+@pytest.mark.parametrize("stamp", [1, 9])
+def test_a_frame_of_another_process_delays_no_bundle(hub: MemoryHub, desk: Desk, stamp: int) -> None:
+    """A frame beside a robot, of the tick before or of the future, travels with the bundle that is being filled."""
+    listener, bases = Listener(hub), [Base(hub, i) for i in range(2)]
+    carrot = hub.bus().publisher("robot_0/tf", TFMessage)
+    for tick in (1, 2):
+        for base in bases:
+            base.drive(tick * S // 100)
+    desk.stop.request("nothing but the callbacks can send from here on")
+    count = len(listener.bundles)
+    bases[0].drive(3 * S // 100)
+    carrot.put(TFMessage([stamped("robot_0/base_link", "robot_0/carrot", stamp * S // 100)]))
+    assert len(listener.bundles) == count
+    bases[1].drive(3 * S // 100)
+    bundle = [("robot_0/base_footprint", 3 * S // 100), ("robot_0/carrot", stamp * S // 100)]
+    assert listener.bundles[count:] == [[*bundle, ("robot_1/base_footprint", 3 * S // 100)]]
+    carrot.put(TFMessage([stamped("robot_0/base_link", "robot_0/carrot", (stamp + 1) * S // 100)]))
+    assert listener.bundles[-1] == [("robot_0/carrot", (stamp + 1) * S // 100)]

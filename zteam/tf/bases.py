@@ -1,0 +1,24 @@
+"""The transforms of the robots' bases, which tell the tick that a message of transforms belongs to.
+
+Frames of other processes do not: their stamps may be of the tick before, or of the future.
+"""
+
+from zteam import names
+from zteam.messages import TFMessage, TransformStamped, ns_from_time
+
+
+def is_base(transform: TransformStamped) -> bool:
+    """Whether it places the base of a robot; its frames have their names of the team's tree."""
+    return names.is_robot_frame(names.strip_slash(transform.child_frame_id), names.BASE_FOOTPRINT)
+
+
+def bases_stamp(message: TFMessage) -> int:
+    """The newest stamp (ns) of a base in a message of `tf`; 0 without one."""
+    return max((ns_from_time(t.header.stamp) for t in message.transforms if is_base(t)), default=0)
+
+
+def base_stamp(robot_id: int, message: TFMessage) -> int:
+    """The stamp (ns) of the base in a message of `robot_N/tf`, in which names may be relative; -1 without one."""
+    prefix, base = names.robot_name(robot_id), names.robot_frame(robot_id, names.BASE_FOOTPRINT)
+    stamps = [t.header.stamp for t in message.transforms if names.resolve_frame(prefix, t.child_frame_id) == base]
+    return max(map(ns_from_time, stamps), default=-1)
