@@ -143,7 +143,7 @@ BESIDE_A_TEAM = (
     Mistake("zteam topic pub robot_0/cmd_vel Twist '{linear: {q: 1}}'", ("no field 'q'", "x, y, z")),
     Mistake("zteam topic pub robot_0/cmd_vel Twist {} --once", ("is published by robot_0 too", "end one"), 0, lines=2),
     Mistake(
-        "zteam topic pub robot_9/cmd_vel Twist {} --once", ("no process has data of robot_9", "robots: 0"), 0, lines=2
+        "zteam topic pub robot_8/cmd_vel Twist {} --once", ("no process has data of robot_8", "robots: 0"), 0, lines=2
     ),
     Mistake("zteam tf echo map base_link --once --timeout 1", ("'base_link'", "did you mean robot_0/base_link"), 1),
     Mistake("zteam tf echo map robot_9/base_link --once --timeout 1", ("robot_9/base_link", "did you mean robot_"), 1),
@@ -163,7 +163,7 @@ BESIDE_A_TEAM = (
     Mistake("zteam topic echo map --once --timeout 1 --namespace other", ("nothing publishes map", "zteam doctor"), 1),
     Mistake("zteam sim pause --namespace other", ("no simulator", "--namespace"), 1),
     Mistake("zteam tf positions --namespace other", ("no aggregator", "zteam-tf"), 0),
-    Mistake("zteam doctor --namespace other", ("no process is in the namespace", "--namespace test_"), 1, lines=9),
+    Mistake("zteam doctor --namespace other", ("no process is in the namespace", "--namespace test_"), 1, lines=99),
     _behavior(
         2, "def step(self, view): return Twist(Vector3(view.speed))", "mine.py", "line 4", "no attribute 'speed'"
     ),

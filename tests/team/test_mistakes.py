@@ -88,7 +88,7 @@ def test_a_process_that_waits_says_for_what(team: TeamFixture) -> None:
         team.spawn("zteam-robot", "--id", str(i), *words, name=f"robot_{i}")
     team.wait_for_line("robot_0", "waiting for its own pose in map (tf, from zteam-tf)")
     team.wait_for_line(
-        "robot_7", "robot_7 is not in the world; it has 0-1 ('zteam sim spawn --id 7 --pose X Y YAW' adds"
+        "robot_7", "robot_7 is not in the world; it has 0, 1 ('zteam sim spawn --id 7 --pose X Y YAW' adds"
     )
     team.spawn("zteam-tf", name="tf")
     team.wait_for_line("robot_0", "waiting for the monitor's GO (zteam-monitor; --no-gate drives at once)")
@@ -101,9 +101,9 @@ def test_mistakes_in_a_test_are_answered(team: TeamFixture) -> None:
         team.start("nowhere")
     with pytest.raises(UsageError, match=r"team 'missing.toml': no such file, nor a shipped team"):
         team.launch("missing.toml")
-    with pytest.raises(UsageError, match=r"the world has no robot 2-3 \(it has 0-1\)"):
+    with pytest.raises(UsageError, match=r"the world has no robot 2, 3 \(it has 0, 1\)"):
         team.start("arena", robots=4, behavior="forward")
-    with pytest.raises(UsageError, match="there is no robot 9; the world has 0-1"):
+    with pytest.raises(UsageError, match="there is no robot 9; the world has 0, 1"):
         team.robot(9)
     with pytest.raises(TeamTimeout, match=r"not true within 0.2 simulated seconds \(now .* s\); robot_0 at x -?\d"):
         team.until(lambda: team.robot(0).speed > 5.0, within=0.2)
