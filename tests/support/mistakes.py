@@ -143,7 +143,10 @@ BESIDE_A_TEAM = (
     Mistake("zteam topic pub robot_0/cmd_vel Twist '{linear: {q: 1}}'", ("no field 'q'", "x, y, z")),
     Mistake("zteam topic pub robot_0/cmd_vel Twist {} --once", ("is published by robot_0 too", "end one"), 0, lines=2),
     Mistake(
-        "zteam topic pub robot_8/cmd_vel Twist {} --once", ("no process has data of robot_8", "robots: 0"), 0, lines=2
+        "zteam topic pub robot_8/cmd_vel Twist {} --once",
+        ("no process publishes anything of robot_8", "robots: 0"),
+        0,
+        lines=2,
     ),
     Mistake("zteam tf echo map base_link --once --timeout 1", ("'base_link'", "did you mean robot_0/base_link"), 1),
     Mistake("zteam tf echo map robot_9/base_link --once --timeout 1", ("robot_9/base_link", "did you mean robot_"), 1),

@@ -95,14 +95,19 @@ def test_a_process_that_waits_says_for_what(team: TeamFixture) -> None:
     team.wait_for_line("robot_1", "waiting for the pose of its leader robot_5")
 
 
-def test_mistakes_in_a_test_are_answered(team: TeamFixture) -> None:
-    """A world, a team file or a robot that is not there, and a condition that never comes true, are named."""
+def test_a_team_that_cannot_be_started_is_answered(team: TeamFixture) -> None:
+    """A world, a team file and robots that are not there are named."""
     with pytest.raises(UsageError, match=r"world 'nowhere': no such file, nor a shipped world \(arena, office\)"):
         team.start("nowhere")
     with pytest.raises(UsageError, match=r"team 'missing.toml': no such file, nor a shipped team"):
         team.launch("missing.toml")
     with pytest.raises(UsageError, match=r"the world has no robot 2, 3 \(it has 0, 1\)"):
         team.start("arena", robots=4, behavior="forward")
+
+
+def test_mistakes_in_a_test_are_answered(team: TeamFixture) -> None:
+    """A robot that is not there is named, and a condition that never comes true tells where the robots are."""
+    team.start("arena", robots=1, behavior="forward")
     with pytest.raises(UsageError, match="there is no robot 9; the world has 0, 1"):
         team.robot(9)
     with pytest.raises(TeamTimeout, match=r"not true within 0.2 simulated seconds \(now .* s\); robot_0 at x -?\d"):
