@@ -133,7 +133,7 @@ def test_a_wrong_command_is_answered_with_the_right_one(capsys: pytest.CaptureFi
         (
             "zteam_robot",
             ["--id", "0", "--param", "speed", "0.5"],
-            "argument --param: 'speed' is not KEY=VALUE, e.g. --param speed=0.4; usage: zteam-robot --id N",
+            "--param: 'speed' is not KEY=VALUE, e.g. --param speed=0.4; usage: zteam-robot --id N",
         ),
         ("zteam_robot", ["--id", "0", "--behaviour", "wander"], "did you mean --behavior?; usage: zteam-robot --id N"),
         ("sim", ["unpause"], "no subcommand 'unpause': did you mean resume?; usage"),
