@@ -150,6 +150,17 @@ def test_the_way_over_a_third_frame(history: list[Said], static: frozenset[int],
             assert _same_place(compose(first[1], second[1]), whole[1])
 
 
+def _same_answer(one: tuple[int, Floats] | str, other: tuple[int, Floats] | str) -> bool:
+    """Equal to the last bit, but that all four numbers of a rotation may have the other sign: it is the same rotation.
+
+    A frame that was planar before it got a sample out of the plane has lost the sign of its earlier samples.
+    """
+    if one == other or isinstance(one, str) or isinstance(other, str):
+        return one == other
+    turn = tuple(-number for number in other[1][3:])
+    return (one[0], one[1]) == (other[0], (*other[1][:3], *turn))
+
+
 @given(st.data(), _histories(moves=True), _static)
 @settings(max_examples=50)
 def test_the_order_of_arrival_does_not_matter(data: st.DataObject, history: list[Said], static: frozenset[int]) -> None:
@@ -166,7 +177,7 @@ def test_the_order_of_arrival_does_not_matter(data: st.DataObject, history: list
     for time in (0, *_times(history)):
         for a in frames:
             for b in frames[:2]:
-                assert _ask(straight, a, b, time) == _ask(other, a, b, time)
+                assert _same_answer(_ask(straight, a, b, time), _ask(other, a, b, time))
 
 
 @given(_histories(moves=False), _static, _frame, _frame)

@@ -140,7 +140,7 @@ def test_a_published_message_arrives(team: TeamFixture) -> None:
             ("topic", "pub", "robot_0/cmd_vel", "String"),
             "cmd_vel carries geometry_msgs/msg/Twist, not std_msgs",
         ),
-        (("topics",), "did you mean topic"),
+        (("topics",), "did you mean 'zteam topic'"),
     ],
 )
 def test_mistakes_are_answered_on_one_line(team: TeamFixture, words: tuple[str, ...], text: str) -> None:

@@ -11,10 +11,10 @@ from zteam.launch.own_behaviors import Inquiry, Question
 @pytest.mark.parametrize(
     ("code", "told"),
     [
-        ("import sys; sys.exit('no GPU')", "cannot import bad: SystemExit: no GPU"),
+        ("import sys; sys.exit('no GPU')", "bad.py:1: SystemExit: no GPU"),
         ("import os; print('far too old', flush=True); os._exit(7)", "ended the process (exit code 7): far too old"),
         ("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)", "ended the process (killed by SIGSEGV)"),
-        ("raise RuntimeError('two\\nlines')", "cannot import bad: RuntimeError: two lines"),
+        ("raise RuntimeError('two\\nlines')", "bad.py:1: RuntimeError: two lines"),
         ("import sys; sys.stdout.close()", "module bad"),
         ("import threading, time; threading.Thread(target=time.sleep, args=(600,)).start()", "has no Robot"),
     ],
