@@ -6,15 +6,15 @@ import shlex
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
+from support.forks import Ended, Forks
 from support.mistakes import ALONE, BESIDE_A_TEAM, Mistake
 from zteam.errors import UsageError
-from zteam.launch.process import zteam_command
 from zteam.testing.team import START_LIMIT, TeamFixture, TeamTimeout
 
 pytestmark = pytest.mark.team
@@ -25,33 +25,39 @@ _PROGRESS = re.compile(r"\d\d:\d\d:\d\d \[[^]]+\] (?!error)|publishing ")
 """The beginning of a line that tells what goes on and no mistake."""
 
 
-def _words(command: str) -> list[str]:
-    first, *rest = shlex.split(command)
-    return [sys.executable, *rest] if first == "python" else zteam_command(first, *rest)
+@pytest.fixture(scope="module")
+def forks() -> Iterator[Forks]:
+    """Commands start fast."""
+    with Forks() as process:
+        yield process
 
 
-def faults_of(mistake: Mistake, environment: Mapping[str, str], folder: Path) -> str:
+def _run_script(words: Sequence[str], environment: Mapping[str, str], folder: Path) -> Ended:
+    done = subprocess.run(
+        [sys.executable, *words],
+        env={**os.environ, **environment},
+        cwd=folder,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        timeout=START_LIMIT,
+        check=False,
+        stdin=subprocess.DEVNULL,
+    )
+    return Ended(done.returncode, done.stdout)
+
+
+def faults_of(mistake: Mistake, forks: Forks, environment: Mapping[str, str], folder: Path) -> str:
     """What is wrong with the answer to a mistake that is made in an empty `folder`; empty if nothing is."""
     name, text = mistake.file
     if name:
         (folder / name).write_text(text)
-    try:
-        done = subprocess.run(
-            _words(mistake.command),
-            env={**os.environ, **environment},
-            cwd=folder,
-            capture_output=True,
-            text=True,
-            timeout=START_LIMIT,
-            check=False,
-            stdin=subprocess.DEVNULL,
-        )
-    except subprocess.TimeoutExpired as error:
-        return f"{mistake.label}: it still runs: {error.stderr!r}"
-    answer = done.stdout + done.stderr
+    first, *rest = shlex.split(mistake.command)
+    run, words = (_run_script, rest) if first == "python" else (forks.run, [first, *rest])
+    exit_code, answer = run(words, environment, folder)
     faults = [f"{told!r} is missing" for told in mistake.told if told not in answer]
-    if done.returncode != mistake.exit_code:
-        faults.append(f"exit code {done.returncode} instead of {mistake.exit_code}")
+    if exit_code != mistake.exit_code:
+        faults.append(f"exit code {exit_code} instead of {mistake.exit_code}")
     if len([line for line in answer.splitlines() if not _PROGRESS.match(line)]) > mistake.lines:
         faults.append(f"more than {mistake.lines} lines")
     if any(not line.partition('"')[2].startswith(str(folder)) for line in answer.splitlines() if '  File "' in line):
@@ -60,9 +66,9 @@ def faults_of(mistake: Mistake, environment: Mapping[str, str], folder: Path) ->
 
 
 @pytest.mark.parametrize("mistake", ALONE, ids=lambda mistake: mistake.label)
-def test_a_mistake_is_answered(mistake: Mistake, tmp_path: Path) -> None:
+def test_a_mistake_is_answered(mistake: Mistake, forks: Forks, tmp_path: Path) -> None:
     """The answer holds cause and way out in one line, and no traceback of zteam's own code."""
-    faults = faults_of(mistake, _NOBODY, tmp_path)
+    faults = faults_of(mistake, forks, _NOBODY, tmp_path)
     assert not faults, faults
 
 
@@ -72,10 +78,15 @@ def test_mistakes_beside_a_team_are_answered(team: TeamFixture, tmp_path: Path) 
     team.wait_for_go()
     for i, place in enumerate([(-4, -4), (-2, -4), (0, -4), (2, -4)]):
         assert team.sim.spawn(*place, 0.0) == i + 2
-    folders = [Path(tempfile.mkdtemp(dir=tmp_path)) for _ in BESIDE_A_TEAM]
-    with ThreadPoolExecutor(2) as pool:
-        answers = pool.map(faults_of, BESIDE_A_TEAM, [team.environment] * len(folders), folders)
-        faults = list(filter(None, answers))
+
+    def make(mistakes: Sequence[Mistake], forks: Forks) -> list[str]:
+        folders = [Path(tempfile.mkdtemp(dir=tmp_path)) for _ in mistakes]
+        return [faults_of(mistake, forks, team.environment, folders.pop()) for mistake in mistakes]
+
+    with Forks() as one, Forks() as other, ThreadPoolExecutor(2) as pool:
+        # Many of them wait for something; a process forks one command at a time.
+        answers = pool.map(make, (BESIDE_A_TEAM[::2], BESIDE_A_TEAM[1::2]), (one, other))
+        faults = [fault for half in answers for fault in half if fault]
     assert not faults, "\n".join(faults)
     assert team.alive("robot_0")
 
