@@ -19,7 +19,7 @@ from zteam.testing.team import START_LIMIT, TeamFixture, TeamTimeout
 
 pytestmark = pytest.mark.team
 
-_NOBODY = {"ZTEAM_CONNECT": "tcp/127.0.0.1:9", "ZTEAM_NAMESPACE": "nobody"}
+_NO_ROUTER = {"ZTEAM_CONNECT": "tcp/127.0.0.1:9", "ZTEAM_NAMESPACE": "empty"}
 """An address where nothing listens."""
 _PROGRESS = re.compile(r"\d\d:\d\d:\d\d \[[^]]+\] (?!error)|publishing ")
 """The beginning of a line that tells what goes on and no mistake."""
@@ -68,7 +68,7 @@ def faults_of(mistake: Mistake, forks: Forks, environment: Mapping[str, str], fo
 @pytest.mark.parametrize("mistake", ALONE, ids=lambda mistake: mistake.label)
 def test_a_mistake_is_answered(mistake: Mistake, forks: Forks, tmp_path: Path) -> None:
     """The answer holds cause and way out in one line, and no traceback of zteam's own code."""
-    faults = faults_of(mistake, forks, _NOBODY, tmp_path)
+    faults = faults_of(mistake, forks, _NO_ROUTER, tmp_path)
     assert not faults, faults
 
 

@@ -40,6 +40,11 @@ class ProcessInfo(msgspec.Struct):
     version: str = ""
 
 
+def holder_text(name: str | None, session: str) -> str:
+    """What people read for a session: the process that holds it, or the session's id where no process is known."""
+    return name or f"session {session}"
+
+
 def own_info(name: str, instance: str, start: int) -> ProcessInfo:
     """This process's answer."""
     return ProcessInfo(name, socket.gethostname(), os.getpid(), start, instance, __version__)

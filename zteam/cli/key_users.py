@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Sequence
 from zteam import names
 from zteam.bus import Bus
 from zteam.bus.keys import matches
-from zteam.bus.presence import ProcessInfo
+from zteam.bus.presence import ProcessInfo, holder_text
 from zteam.bus.transport import Declaration
 from zteam.errors import BusError
 
@@ -36,7 +36,7 @@ class KeyUsers:
 
     def name_sessions(self, sessions: Iterable[str]) -> list[str]:
         """The sessions by name, sorted; one that is no process of zteam by its id."""
-        return sorted(self._processes.get(session) or f"session {session}" for session in sessions)
+        return sorted(holder_text(self._processes.get(session), session) for session in sessions)
 
     def known_keys(self, heard: Iterable[str] = ()) -> list[str]:
         """Every key with a publisher or a subscriber. A wildcard is a key of each robot here and in `heard`."""

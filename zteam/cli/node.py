@@ -8,7 +8,7 @@ import msgspec
 
 from zteam import names
 from zteam.bus import Bus
-from zteam.bus.presence import ProcessInfo
+from zteam.bus.presence import ProcessInfo, holder_text
 from zteam.cli.listening import Waiter, open_bus
 from zteam.cli.options import Parser, add_bus_options, bus_options, run
 from zteam.cli.tables import format_table
@@ -42,9 +42,7 @@ def find_nodes(bus: Bus) -> list[ProcessInfo]:
 def writer_names(nodes: Sequence[ProcessInfo], sessions: Sequence[str]) -> list[str]:
     """Names of the processes that own these sessions; a session without a process name is shown by its id."""
     known = {node.instance: node.name for node in nodes}
-    return [
-        known.get(session) or (f"session {session}" if session else "unknown (no time stamp)") for session in sessions
-    ]
+    return [holder_text(known.get(session), session) if session else "unknown (no time stamp)" for session in sessions]
 
 
 def build_parser() -> argparse.ArgumentParser:

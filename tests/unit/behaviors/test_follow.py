@@ -112,7 +112,7 @@ def test_a_post_is_passed_at_the_width_of_the_base(half: float, turns: bool) -> 
     assert (command.angular.z < 0.0) is turns
 
 
-def test_nobody_follows_itself() -> None:
+def test_no_robot_follows_itself() -> None:
     """It is refused when it is made, or stands still where the robot's id was not known then."""
     with pytest.raises(UsageError, match="robot 1 cannot follow itself"):
         load_behavior("follow", {"leader": 1}, robot_id=1)

@@ -123,7 +123,7 @@ def test_the_bus_names_the_process_by_itself(hub: MemoryHub) -> None:
     assert (first.count, second.count) == (3, 6)
 
 
-def test_a_change_asked_of_nobody_has_no_answer(hub: MemoryHub) -> None:
+def test_a_change_that_reaches_no_process_has_no_answer(hub: MemoryHub) -> None:
     """As any other query has none."""
     assert hub.bus().query("box/add", Told, Counting()) == []
     service, asker = Service(hub), hub.bus()

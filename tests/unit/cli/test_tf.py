@@ -188,7 +188,7 @@ def test_a_transform_that_cannot_be_meant_is_refused(words: str, text: str, caps
     assert text in line
 
 
-def test_a_parent_that_nobody_publishes_is_named(
+def test_a_parent_without_a_publisher_is_named(
     desk: Desk, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """`odom` instead of `robot_0/odom` makes a tree of its own: a warning says so, and the frame holds all the same."""

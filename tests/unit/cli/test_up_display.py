@@ -67,7 +67,7 @@ def test_a_short_run_is_not_logged(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_run_without_an_end_is_not_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nobody would see it, so the simulator is not asked."""
+    """The line cannot be seen, so the simulator is not asked."""
     looks = Looks([1.0, 2.0])
     assert told(looks, None, monkeypatch) == []
     assert not looks.over.is_set()

@@ -130,7 +130,7 @@ def test_no_router_is_an_error(pretend: Pretend) -> None:
 
 def test_a_log_line_is_no_endpoint(pretend: Pretend) -> None:
     """The router logs its endpoint before it prints it: the launcher waits for the printed line."""
-    log_first = "import time\nprint('12:00:00 router at tcp/127.0.0.1:5', flush=True)\ntime.sleep(0.5)\n"
+    log_first = "print('12:00:00 router at tcp/127.0.0.1:5', flush=True)\n"
     pretend.routers = [log_first + ANNOUNCE]
     with pretend.run() as run:
         run.start()
@@ -139,6 +139,7 @@ def test_a_log_line_is_no_endpoint(pretend: Pretend) -> None:
 
 def test_a_router_whose_port_is_in_use_is_started_again(pretend: Pretend) -> None:
     """The real router logs the port that is in use and ends a moment later: the run uses any port."""
+    # The pause is the router's own. The launcher waits for the end, however long it takes.
     refused = (
         "import time\nprint('router: tcp/127.0.0.1:7447 is in use', flush=True)\ntime.sleep(0.5)\nraise SystemExit(1)"
     )

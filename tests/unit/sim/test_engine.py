@@ -127,7 +127,7 @@ def test_no_robot_ends_inside_a_bitmaps_wall() -> None:
             assert not occupied[row, column]
 
 
-def test_a_command_for_nobody_is_named() -> None:
+def test_a_command_for_no_robot_is_named() -> None:
     """An unknown id is an error that names the robots there are."""
     with pytest.raises(UsageError, match=r"no robot 3 in this world: it has 0$"):
         Engine(make_world(make_robot())).step({3: drive(1.0)})

@@ -189,7 +189,7 @@ def test_both_times_of_a_full_look_up_have_to_be_there(target_time: str, source_
 
 
 @pytest.mark.parametrize("time", [0, S])
-def test_frames_that_nobody_named(time: int) -> None:
+def test_frames_without_a_sample(time: int) -> None:
     """Nothing_Exists and One_Exists: LookupException names the missing frame, can_transform says the same."""
     buffer = Buffer()
     for put in (False, True):

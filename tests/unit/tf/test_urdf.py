@@ -78,7 +78,7 @@ def test_moving_joints_follow_their_states(urdf: Path) -> None:
     assert found["hook"].header.stamp == time_from_ns(5)
 
 
-def test_what_nobody_says_does_not_move(urdf: Path) -> None:
+def test_a_joint_without_a_state_does_not_move(urdf: Path) -> None:
     """A joint with a missing or infinite position, or a name without a position, gives no transform."""
     description = read_description(urdf)
     assert description.moving_transforms(JointState(name=["lift"], position=np.array([math.inf]))) == []

@@ -60,15 +60,15 @@ class FollowedTeam:
         if self.status is None or not self.gone:
             return False
         epoch = self.status.epoch
-        counted = [self.members.get(i) for i in self.ids]
-        return all(m.status is not None and m.status.epoch >= epoch for m in counted if m.alive)
+        there = [member for member in map(self.members.get, self.ids) if member.alive]
+        return all(member.status is not None and member.status.epoch >= epoch for member in there)
 
     def waiting_for(self) -> str:
         """What GO waits for, in words."""
         status = self.status
         if status is None:
             return "the running monitor"
-        # A monitor of an older version does not say why.
+        # A monitor that is not of zteam may leave the reasons out.
         return status.waiting_for or ", ".join(map(names.robot_name, status.missing.tolist()))
 
     def differs_from(self, team_size: int, ids: Sequence[int] | None) -> str:

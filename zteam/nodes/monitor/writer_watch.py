@@ -4,6 +4,7 @@ import logging
 from collections.abc import Mapping, Sequence
 
 from zteam import names
+from zteam.bus.presence import holder_text
 from zteam.bus.transport import RawSample
 from zteam.clock import Every, monotonic
 from zteam.errors import BusError
@@ -81,7 +82,7 @@ class WriterWatch:
     def _tell(self, found: Mapping[int, Sequence[str]]) -> None:
         for robot_id, sessions in found.items():
             if self._told.get(robot_id) != list(sessions):
-                writers = ", ".join(self._tokens.name_of(session) or f"session {session}" for session in sessions)
+                writers = ", ".join(holder_text(self._tokens.name_of(session), session) for session in sessions)
                 key = names.robot_key(robot_id, names.CMD_VEL)
                 text = f"is commanded by {len(sessions)} processes: {writers} (see 'zteam topic info {key}')"
                 self._team.members.tell("writers", robot_id, text)

@@ -1,9 +1,9 @@
-"""The start gate's logic: which robots count as ready, when GO is given, what is told, what outlives a restart."""
+"""The start gate's logic: which robots count as ready, when GO is given and holds."""
 
 import numpy as np
 import pytest
 
-from support.gate_feed import BOOT, FAULT, READY, RUNNING, STOPPED, come, status, told
+from support.gate_feed import BOOT, FAULT, RUNNING, STOPPED, come, status, told
 from zteam.messages import TeamState, TeamStatus, decode, encode, ns_from_time
 from zteam.nodes.monitor.members import SILENT_AFTER
 from zteam.nodes.monitor.start_gate import Gate
@@ -173,110 +173,6 @@ def test_go_is_never_taken_back() -> None:
     assert list(after.missing) == [0, 1]
 
 
-def test_a_robot_that_was_ready_in_time_is_not_late() -> None:
-    """A heartbeat between GO and the robot's first step is not told."""
-    gate = Gate([0], 1)
-    come(gate, 0)
-    gate.try_go(1)
-    told(gate)
-    gate.take_status(0, status(0), 1.0)
-    gate.take_status(0, status(0, RUNNING, 1), 2.0)
-    assert told(gate) == []
-
-
-def test_a_late_robot_is_told_once() -> None:
-    """A robot that becomes ready after GO is told GO, and the line says so once."""
-    gate = Gate(None, 1)
-    come(gate, 0)
-    gate.try_go(1)
-    told(gate)
-    come(gate, 1, state=BOOT)
-    assert told(gate) == []
-    gate.take_status(1, status(1), 1.0)
-    gate.take_status(1, status(1, RUNNING, 1), 2.0)
-    assert told(gate) == ["robot_1 is ready late: told GO"]
-
-
-@pytest.mark.parametrize(
-    "states",
-    [(BOOT, READY), (BOOT, RUNNING), (RUNNING,)],
-)
-def test_a_newcomer_is_told_of(states: tuple[int, ...]) -> None:
-    """A robot that starts after GO finds the latched GO, and the monitor says so once."""
-    gate = Gate(None, 1)
-    come(gate, 0)
-    gate.try_go(1)
-    told(gate)
-    gate.take_token(4, "a", True)
-    for state in (*states, RUNNING):
-        gate.take_status(4, status(4, state, int(state == RUNNING)), 1.0)
-    assert told(gate) == ["robot_4 is ready late: told GO"]
-
-
-@pytest.mark.parametrize("states", [(BOOT, READY, RUNNING), (BOOT, RUNNING), (RUNNING,)])
-def test_a_restarted_robot_is_told_again(states: tuple[int, ...]) -> None:
-    """It is told as lost, as back and as told GO, also if it obeys the latched GO before its first status."""
-    gate = Gate([0], 1)
-    come(gate, 0)
-    gate.try_go(1)
-    gate.take_status(0, status(0, RUNNING, 1), 0.5)
-    told(gate)
-    gate.take_token(0, "first-0", False)
-    gate.take_token(0, "second-0", True)
-    for state in states:
-        gate.take_status(0, status(0, state, int(state == RUNNING)), 1.0)
-    assert told(gate) == ["robot_0 lost", "robot_0 is back", "robot_0 is ready late: told GO"]
-    assert gate.lost == []
-
-
-def test_a_restarted_monitor_adopts_the_go() -> None:
-    """The GO that a running robot obeys is the team's: the same epoch, no second GO, and late robots get it."""
-    gate = Gate([0, 1], 2)
-    come(gate, 0, state=RUNNING, epoch=3)
-    assert (gate.gone, gate.epoch) == (True, 3)
-    assert told(gate) == ["the team is running already (epoch 3)"]
-    assert gate.status(1).state == TeamState.GO
-    come(gate, 1)
-    assert told(gate) == ["robot_1 is ready late: told GO"]
-    assert not gate.try_go(9)
-
-
-@pytest.mark.parametrize(("state", "epoch"), [(RUNNING, 0), (READY, 2), (STOPPED, 2)])
-def test_a_robot_that_runs_without_go_is_not_followed(state: int, epoch: int) -> None:
-    """A --no-gate robot runs in epoch 0, and an epoch counts from a running robot only."""
-    gate = Gate([0, 1], 2)
-    come(gate, 0, state=state, epoch=epoch)
-    assert not gate.gone
-
-
-def test_an_adopted_team_is_not_late() -> None:
-    """Robots that run already are not told GO again when the monitor restarts."""
-    gate = Gate([0, 1, 2], 3)
-    for robot_id in range(3):
-        gate.take_token(robot_id, f"first-{robot_id}", True)
-    come(gate, 0, 1, 2, state=RUNNING, epoch=1)
-    assert told(gate, "late") == []
-
-
-def test_the_highest_epoch_is_adopted() -> None:
-    """Of robots that obey different GOs the newest wins."""
-    gate = Gate([0, 1], 2)
-    come(gate, 0, state=RUNNING, epoch=1)
-    come(gate, 1, state=RUNNING, epoch=4)
-    assert gate.epoch == 4
-
-
-@pytest.mark.parametrize("case", ["not expected", "not alive"])
-def test_a_stranger_opens_no_gate(case: str) -> None:
-    """A running robot of another team, or a status without a process, gives this team no GO."""
-    gate = Gate([0, 1], 2)
-    if case == "not expected":
-        come(gate, 7, state=RUNNING, epoch=1)
-    else:
-        gate.take_status(1, status(1, RUNNING, 1), 0.0)
-    assert not gate.gone
-
-
 def test_a_jump_of_time_renews_a_standing_go_only() -> None:
     """After the simulator's restart GO holds from its new time on; before GO there is nothing to renew."""
     gate = Gate([0], 1)
@@ -301,74 +197,3 @@ def test_all_running_waits_for_the_robots_that_count() -> None:
     assert not gate.all_running()
     gate.take_token(2, "first-2", False)
     assert gate.all_running()
-
-
-def test_what_it_waits_for_has_a_reason_for_each_robot() -> None:
-    """No process yet, gone, no status yet, the robot's own text, a fault, hung; nothing once GO is out."""
-    gate = Gate([0, 1, 2, 3, 4, 5], 6)
-    come(gate, 1, 4, 5)
-    gate.take_token(1, "first-1", False)
-    gate.take_token(2, "a", True)
-    gate.take_token(3, "a", True)
-    gate.take_status(3, status(3, BOOT, text="waiting for base_scan"), 0.0)
-    gate.take_status(4, status(4, FAULT, text="laser dead"), 0.0)
-    assert gate.waiting_for() == gate.status(1).waiting_for
-    assert gate.waiting_for().split("; ") == [
-        "robot_0: no process yet",
-        "robot_1: its process is gone",
-        "robot_2: no status yet",
-        "robot_3: waiting for base_scan",
-        "robot_4: fault: laser dead",
-    ]
-    gate.members.check_silence(SILENT_AFTER + 1)
-    assert "robot_5: does not answer" in gate.waiting_for()
-    come(gate, *range(6))
-    gate.try_go(1)
-    assert gate.status(1).waiting_for == ""
-
-
-def test_without_ids_the_reasons_are_those_of_the_robots_that_are_there() -> None:
-    """How many are missing, and what the robots that came still wait for."""
-    gate = Gate(None, 3)
-    come(gate, 0)
-    come(gate, 4, state=BOOT)
-    assert gate.waiting_for() == "2 more of any id; robot_4: not ready yet"
-
-
-def test_a_large_team_is_not_told_in_full() -> None:
-    """A text that names a hundred robots is of no use to anybody."""
-    text = Gate(range(100), 100).waiting_for()
-    assert text.endswith("robot_7: no process yet; and 92 more robots")
-
-
-def test_a_robot_that_the_world_lacks_is_named() -> None:
-    """The text has the world's robots and how to add one; it is forgotten when the world has the robot."""
-    gate = Gate([0, 1, 9], 3)
-    come(gate, 0, 1)
-    gate.take_world([0, 1, 2, 3])
-    assert gate.waiting_for() == (
-        "robot_9: not in the world; it has 0-3 ('zteam sim spawn --id 9 --pose X Y YAW' adds it)"
-    )
-    gate.take_world([])
-    assert "; it has no robot (" in gate.waiting_for()
-    for world in ([0, 1, 2, 3, 9], None):
-        gate.take_world([])
-        gate.take_world(world)
-        assert gate.waiting_for() == "robot_9: no process yet"
-
-
-def test_a_robot_that_is_not_expected_is_named_once() -> None:
-    """Whether it comes before or after its ids are known; a robot that comes after GO is only late."""
-    gate = Gate([0, 1, 2], 3)
-    come(gate, 7, state=BOOT)
-    come(gate, 7, state=BOOT)
-    unexpected = "robot_7 is not expected: GO waits for 0-2 only; it obeys that GO too"
-    assert told(gate, "unexpected") == [unexpected]
-    come(gate, 0, 1, 2)
-    gate.try_go(1)
-    come(gate, 8)
-    assert told(gate, "unexpected") == []
-    learnt = Gate(None, 3)
-    come(learnt, 7)
-    learnt.expect([0, 1, 2])
-    assert told(learnt, "unexpected") == [unexpected]

@@ -1,0 +1,76 @@
+"""What the start gate says it waits for, and which robots it names."""
+
+from support.gate_feed import BOOT, FAULT, come, status, told
+from zteam.nodes.monitor.members import SILENT_AFTER
+from zteam.nodes.monitor.start_gate import Gate
+
+
+def test_what_it_waits_for_has_a_reason_for_each_robot() -> None:
+    """No process yet, gone, no status yet, the robot's own text, a fault, hung; nothing once GO is out."""
+    gate = Gate([0, 1, 2, 3, 4, 5], 6)
+    come(gate, 1, 4, 5)
+    gate.take_token(1, "first-1", False)
+    gate.take_token(2, "a", True)
+    gate.take_token(3, "a", True)
+    gate.take_status(3, status(3, BOOT, text="waiting for base_scan"), 0.0)
+    gate.take_status(4, status(4, FAULT, text="laser dead"), 0.0)
+    assert gate.waiting_for() == gate.status(1).waiting_for
+    assert gate.waiting_for().split("; ") == [
+        "robot_0: no process yet",
+        "robot_1: its process is gone",
+        "robot_2: no status yet",
+        "robot_3: waiting for base_scan",
+        "robot_4: fault: laser dead",
+    ]
+    gate.members.check_silence(SILENT_AFTER + 1)
+    assert "robot_5: does not answer" in gate.waiting_for()
+    come(gate, *range(6))
+    gate.try_go(1)
+    assert gate.status(1).waiting_for == ""
+
+
+def test_without_ids_the_reasons_are_those_of_the_robots_that_are_there() -> None:
+    """How many are missing, and what the robots that came still wait for."""
+    gate = Gate(None, 3)
+    come(gate, 0)
+    come(gate, 4, state=BOOT)
+    assert gate.waiting_for() == "2 more of any id; robot_4: not ready yet"
+
+
+def test_a_large_team_is_not_told_in_full() -> None:
+    """A text that names a hundred robots is of no use."""
+    text = Gate(range(100), 100).waiting_for()
+    assert text.endswith("robot_7: no process yet; and 92 more robots")
+
+
+def test_a_robot_that_the_world_lacks_is_named() -> None:
+    """The text has the world's robots and how to add one; it is forgotten when the world has the robot."""
+    gate = Gate([0, 1, 9], 3)
+    come(gate, 0, 1)
+    gate.take_world([0, 1, 2, 3])
+    assert gate.waiting_for() == (
+        "robot_9: not in the world; it has 0-3 ('zteam sim spawn --id 9 --pose X Y YAW' adds it)"
+    )
+    gate.take_world([])
+    assert "; it has no robot (" in gate.waiting_for()
+    for world in ([0, 1, 2, 3, 9], None):
+        gate.take_world([])
+        gate.take_world(world)
+        assert gate.waiting_for() == "robot_9: no process yet"
+
+
+def test_a_robot_that_is_not_expected_is_named_once() -> None:
+    """Whether it comes before or after its ids are known; a robot that comes after GO is only late."""
+    gate = Gate([0, 1, 2], 3)
+    come(gate, 7, state=BOOT)
+    come(gate, 7, state=BOOT)
+    unexpected = "robot_7 is not expected: GO waits for 0-2 only; it obeys that GO too"
+    assert told(gate, "unexpected") == [unexpected]
+    come(gate, 0, 1, 2)
+    gate.try_go(1)
+    come(gate, 8)
+    assert told(gate, "unexpected") == []
+    learnt = Gate(None, 3)
+    come(learnt, 7)
+    learnt.expect([0, 1, 2])
+    assert told(learnt, "unexpected") == [unexpected]
