@@ -10,6 +10,7 @@ from PIL import Image
 
 from support.transports import RouterProcess
 from zteam import BusOptions, connect, names
+from zteam.bus.counters import KeyCount
 from zteam.messages import Header, LaserScan, MapMetaData, OccupancyGrid, Point, Pose, Range
 from zteam.testing.team import TeamFixture
 
@@ -69,6 +70,11 @@ def check_maps(team: TeamFixture, folder: Path) -> None:
         bus.close()
 
 
+def refused(team: TeamFixture) -> int:
+    """How many scans robot 1 has refused."""
+    return team.bus.ask(names.stats_key("robot_1"), dict[str, KeyCount])["robot_1/base_scan"].dropped
+
+
 def check_refusals(team: TeamFixture) -> None:
     """A message of the wrong type is told with its sender's session and the process that refuses it."""
     bus = open_bus(team)
@@ -76,6 +82,7 @@ def check_refusals(team: TeamFixture) -> None:
         publisher = bus.publisher("robot_1/base_scan", Range)
         team.wait_for(lambda: publisher.has_subscribers)
         publisher.put(Range())
+        team.wait_for(lambda: refused(team) == 1)
         listed = team.command("topic", "info", "robot_1/base_scan", "--json")
         count = json.loads(listed.stdout)["receivers"]["robot_1"]
         assert count["last_drop_age"] < 60.0

@@ -10,7 +10,7 @@ from typing import Protocol
 from zteam.cli.live_line import LiveLine, has_live_line
 from zteam.cli.progress_text import duration_text, progress_line
 from zteam.clock import Every
-from zteam.launch.overview import Overview, TeamWatch
+from zteam.launch.overview import Overview, TeamOverview
 from zteam.numbers import format_factor
 
 log = logging.getLogger("zteam")
@@ -32,7 +32,7 @@ class Display(Protocol):
     def say(self, text: str) -> None:
         """Show what the launcher does."""
 
-    def following(self, watch: Callable[[], TeamWatch]) -> AbstractContextManager[None]:
+    def following(self, watch: Callable[[], TeamOverview]) -> AbstractContextManager[None]:
         """Show the team in this context."""
 
 
@@ -58,7 +58,7 @@ class _Live:
     def say(self, text: str) -> None:
         self._line.show(lambda columns: text[:columns])
 
-    def following(self, watch: Callable[[], TeamWatch]) -> AbstractContextManager[None]:
+    def following(self, watch: Callable[[], TeamOverview]) -> AbstractContextManager[None]:
         return _looking(watch(), self._show, _LIVE_PERIOD)
 
     def _show(self, seen: Overview) -> None:
@@ -80,7 +80,7 @@ class _Plain:
     def say(self, text: str) -> None:
         """Nothing."""
 
-    def following(self, watch: Callable[[], TeamWatch]) -> AbstractContextManager[None]:
+    def following(self, watch: Callable[[], TeamOverview]) -> AbstractContextManager[None]:
         return nullcontext() if self._run_for is None else _looking(watch(), self._tell, _LOG_PERIOD)
 
     def _tell(self, seen: Overview) -> None:
@@ -97,7 +97,7 @@ class _Plain:
 
 
 @contextmanager
-def _looking(watch: TeamWatch, show: Callable[[Overview], None], period: float) -> Iterator[None]:
+def _looking(watch: TeamOverview, show: Callable[[Overview], None], period: float) -> Iterator[None]:
     """Pass a look at the team to `show` every `period` host seconds, on a thread of its own."""
     closed, lock = threading.Event(), threading.Lock()
 

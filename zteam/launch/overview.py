@@ -46,7 +46,7 @@ class Overview(msgspec.Struct, frozen=True, kw_only=True):
         return max(0.0, to_seconds(self.simulator.now - ns_from_time(self.team.go_stamp)))
 
 
-class TeamWatch:
+class TeamOverview:
     """Listens to the monitor and to the robots `ids`, and asks the simulator, if there is one, at each look."""
 
     def __init__(self, bus: Bus, ids: Collection[int], is_simulated: bool) -> None:

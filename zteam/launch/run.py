@@ -16,7 +16,7 @@ from zteam.errors import BusError, ZteamError
 from zteam.launch.arguments import Pace
 from zteam.launch.kinds import kind_of
 from zteam.launch.namespace import claim_namespace, refuse_second_team
-from zteam.launch.overview import TeamWatch
+from zteam.launch.overview import TeamOverview
 from zteam.launch.plan import Plan, plan_team
 from zteam.launch.process import Process, Usage, exit_text, measure_usage
 from zteam.launch.progress import Progress
@@ -163,11 +163,11 @@ class Run:
         if self._stop.requested:
             self._wake()
 
-    def team_watch(self) -> TeamWatch:
+    def team_watch(self) -> TeamOverview:
         """A watch on the team that was started."""
         assert self._bus is not None
         ids = [robot.id for robot in self._options.team.robots]
-        return TeamWatch(self._bus, ids, is_simulated=self._options.world is not None)
+        return TeamOverview(self._bus, ids, is_simulated=self._options.world is not None)
 
     def _connect(self) -> Bus:
         bus = BusOptions(connect=self.endpoint, namespace=self._options.bus.namespace, config=self._options.bus.config)

@@ -9,7 +9,7 @@ import pytest
 from support.log_capture import captured_log
 from zteam.cli import up_display
 from zteam.cli.up_display import open_display
-from zteam.launch.overview import Overview, TeamWatch
+from zteam.launch.overview import Overview, TeamOverview
 from zteam.messages import TeamState, TeamStatus
 from zteam.services.simulator import SimStatus
 
@@ -41,7 +41,7 @@ def told(looks: Looks, run_for: float | None, monkeypatch: pytest.MonkeyPatch) -
     with captured_log() as captured, open_display("text", run_for) as display:
         display.say("not shown")
         display.print("a line")
-        with display.following(lambda: cast(TeamWatch, looks)):
+        with display.following(lambda: cast(TeamOverview, looks)):
             assert run_for is None or looks.over.wait(LIMIT)
     return list(captured.lines)
 

@@ -21,7 +21,7 @@ LOOK_FOR = 1.0
 """Host seconds in which a running monitor has to answer, and then to say what it waits for."""
 
 
-class View:
+class MonitorView:
     """The running monitor's team on the bus. Callbacks run under `node.changed`."""
 
     def __init__(self, node: Node, options: MonitorOptions) -> None:
@@ -72,7 +72,7 @@ def run_view(node: Node, options: MonitorOptions) -> None:
     if options.table is None and not options.exit_on_go:
         # Where there is no terminal the table is shown at least once: it is what was asked for.
         options = msgspec.structs.replace(options, table=math.inf)
-    view = View(node, options)
+    view = MonitorView(node, options)
     with showing(options) as output:
         view.run(output)
 
