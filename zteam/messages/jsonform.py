@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
+from functools import cache
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 import msgspec
@@ -21,23 +22,38 @@ _STAMPS: dict[tuple[type[Message], str], Callable[[Time], Message]] = {
 """The words for the time, by the type in whose place they stand, and what they become."""
 
 
+_MAX_FLOAT32 = float(np.finfo(np.float32).max)
+
 _QUOTES = "put all fields into one pair of single quotes, e.g. '{linear: {x: 0.5}}'"
 
 
 def to_plain(value: Any) -> Any:
     """The message as dicts, lists, numbers and texts; numbers that JSON lacks become None."""
     if isinstance(value, Message):
-        return {name: to_plain(getattr(value, name)) for name in value.__struct_fields__}
+        short = _float32_fields(type(value))
+        plain = {name: to_plain(getattr(value, name)) for name in value.__struct_fields__}
+        return {name: _shortened(item) if name in short else item for name, item in plain.items()}
     if isinstance(value, np.ndarray):
-        # float32 values as the shortest decimal that is the same float32: 0.1, not 0.10000000149.
         if value.dtype == np.float32:
-            return [float(str(x)) if math.isfinite(x) else None for x in value]
+            return [_shortened(x) if math.isfinite(x) else None for x in value]
         return [x if math.isfinite(x) else None for x in value.tolist()]
     if isinstance(value, list):
         return [to_plain(item) for item in value]
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
+
+
+@cache
+def _float32_fields(kind: type[Message]) -> frozenset[str]:
+    """The fields of a type that hold one float32."""
+    hints = get_type_hints(kind, include_extras=True)
+    return frozenset(name for name, hint in hints.items() if get_args(hint)[1:] == ("float32",))
+
+
+def _shortened(value: Any) -> Any:
+    """A float32 as the shortest decimal that is the same float32: 0.1, not 0.10000000149."""
+    return value if value is None or abs(value) > _MAX_FLOAT32 else float(str(np.float32(value)))
 
 
 def to_json(message: Message) -> bytes:

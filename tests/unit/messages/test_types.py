@@ -11,17 +11,23 @@ from zteam.errors import UsageError
 from zteam.messages import (
     LaserScan,
     Odometry,
+    Point32,
+    Polygon,
+    PolygonStamped,
     PoseStamped,
     TFMessage,
     Time,
     Twist,
     all_types,
+    decode,
+    encode,
     encoding_of,
     from_text,
     message_type,
     ns_from_time,
     time_from_ns,
     to_json,
+    to_plain,
     type_of_encoding,
 )
 from zteam.messages.jsonform import from_words
@@ -82,6 +88,17 @@ def test_json_has_no_infinity() -> None:
     plain = msgspec.json.decode(to_json(scan))
     assert plain["ranges"] == [0.1, None, None]
     assert plain["range_max"] is None
+
+
+def test_single_float32_values_have_their_short_form_too() -> None:
+    """Also in messages within messages, and the text leads back to the same bytes; float64 keeps all its digits."""
+    sent = PolygonStamped(polygon=Polygon([Point32(0.1, -0.225, 3.0), Point32(2.0, 0.0, 1.0)]))
+    arrived = decode(PolygonStamped, encode(sent))
+    assert arrived.polygon.points[0].x != 0.1
+    assert to_plain(arrived)["polygon"]["points"][0] == {"x": 0.1, "y": -0.225, "z": 3.0}
+    assert encode(from_text(PolygonStamped, to_json(arrived).decode())) == encode(sent)
+    assert to_plain(Point32(1e300, math.nan))["x"] == 1e300
+    assert to_plain(messages.Point(x=0.1 + 0.2))["x"] == 0.1 + 0.2
 
 
 @pytest.mark.parametrize("text", ['{"linear": {"x": 0.2}}', "{linear: {x: 0.2}}", "linear:\n  x: 0.2"])
