@@ -11,12 +11,20 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
+from zteam.messages import sharing
+from zteam.sim import jit
+
 # Speed is the machine's business, not a test's: a slow example is no failure.
 settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("any machine")
 
 # pytester gives the runs it starts a home of their own, where the simulator would compile its kernels once more.
 os.environ.setdefault("XDG_CACHE_HOME", str(Path.home() / ".cache"))
+
+# A kernel that is called with other types than it was compiled for would compute nonsense.
+jit.check_types()
+# A message that is handed over is not checked otherwise.
+sharing.check_adopted()
 
 # Under nohup, or as a shell's background job, pytest ignores these signals, and so would every process of a test that
 # is about them.

@@ -31,6 +31,11 @@ A script asks the running simulator, or looks up transforms:
     zteam.TransformClient(bus).lookup_transform("map", "robot_0/base_footprint", timeout=1.0)
     bus.close()
 
+A whole team also runs in a program of your own, without any other process:
+
+    report = zteam.run_team("line", seconds=60.0, seed=3)
+    print(report.trajectory_sha256, [robot.distance_m for robot in report.robots])
+
 A test starts a whole team with the pytest fixture `team`, or runs a node or a behaviour by itself with `zteam.testing`.
 
 Public packages:
@@ -56,6 +61,8 @@ if TYPE_CHECKING:
     from zteam.bus import Bus, BusOptions, Change, Deferred, NoRequest, Publisher, connect
     from zteam.errors import ZteamError
     from zteam.geometry import Pose2
+    from zteam.in_process.team_run import run_team
+    from zteam.launch.report import RunReport
     from zteam.resources import shipped_team, shipped_world
     from zteam.runtime.step_node import StepNode as Node
     from zteam.runtime.step_node import run
@@ -79,6 +86,7 @@ __all__ = [
     "ParametersClient",
     "Pose2",
     "Publisher",
+    "RunReport",
     "SimulatorClient",
     "Team",
     "TransformClient",
@@ -89,6 +97,7 @@ __all__ = [
     "connect",
     "load_team",
     "run",
+    "run_team",
     "shipped_team",
     "shipped_world",
 ]
@@ -106,6 +115,7 @@ _HOMES = {
     "ParametersClient": "services.parameters_client",
     "Pose2": "geometry",
     "Publisher": "bus.bus",
+    "RunReport": "launch.report",
     "SimulatorClient": "services.simulator_client",
     "Team": "team_file.entries",
     "TransformClient": "services.transforms_client",
@@ -115,6 +125,7 @@ _HOMES = {
     "connect": "bus.connection",
     "load_team": "team_file.reading",
     "run": "runtime.step_node",
+    "run_team": "in_process.team_run",
     "shipped_team": "resources",
     "shipped_world": "resources",
 }

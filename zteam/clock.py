@@ -6,7 +6,7 @@ router that does not answer); no decision of a robot may depend on it.
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Protocol
 
 NS_PER_S = 1_000_000_000
@@ -14,9 +14,18 @@ STILL = 2.0
 """Host seconds without a new simulated time after which a waiting tool tells its user."""
 
 
-def monotonic() -> float:
-    """Seconds on the host's monotonic clock."""
-    return time.monotonic()
+monotonic: Callable[[], float] = time.monotonic
+"""Seconds on the host's monotonic clock. Every tick asks for it often, so there is no function around it."""
+
+
+def monotonic_times() -> Iterator[int]:
+    """Nanoseconds on the host's monotonic clock, one at each `next`, from any thread."""
+    return iter(time.monotonic_ns, None)
+
+
+def thread_time() -> float:
+    """Processor time of this thread, in seconds."""
+    return time.thread_time()
 
 
 def process_time() -> float:
@@ -79,6 +88,7 @@ class SimClock:
     def __init__(self) -> None:
         self._now = 0
         self._changed = threading.Condition()
+        self._waiting = 0
         self._on_jump_back: list[Callable[[int, int], None]] = []
 
     def now(self) -> int:
@@ -91,9 +101,11 @@ class SimClock:
 
     def set(self, stamp: int) -> None:
         """Set the time to a new stamp (ns) of the `clock` key."""
-        with self._changed:
-            old, self._now = self._now, stamp
-            self._changed.notify_all()
+        old, self._now = self._now, stamp
+        # A thread that begins to wait now looks at the time after it has counted itself.
+        if self._waiting:
+            with self._changed:
+                self._changed.notify_all()
         if stamp < old:
             for callback in self._on_jump_back:
                 callback(old, stamp)
@@ -101,7 +113,11 @@ class SimClock:
     def wait_for_change(self, seen: int, timeout: float) -> bool:
         """Wait until the time differs from `seen`, for at most `timeout` host seconds; return whether it does."""
         with self._changed:
-            return self._changed.wait_for(lambda: self._now != seen, timeout)
+            self._waiting += 1
+            try:
+                return self._changed.wait_for(lambda: self._now != seen, timeout)
+            finally:
+                self._waiting -= 1
 
 
 class AutoClock:

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterable
+from functools import lru_cache
 
 from zteam.errors import UsageError
 
@@ -27,6 +28,8 @@ TICK = "sim/tick"
 """Lock-step: key of the simulator's numbered ticks."""
 DONE = "done"
 LOG = "log"
+RESTARTS = "restarts"
+"""Query of the launcher for what it has started again."""
 LACKING = "lacking"
 """Lock-step: query for the inputs of the open tick that a participant waits for."""
 
@@ -34,7 +37,9 @@ STATIC_CALLER = "static"
 """Name in the token of a process that asked the aggregator for a static transform."""
 
 CMD_VEL = "cmd_vel"
-TELEOP = "teleop"
+CMD_VEL_TELEOP = "cmd_vel_teleop"
+CMD_VEL_NAV = "cmd_vel_nav"
+GOAL_POSE = "goal_pose"
 BASE_SCAN = "base_scan"
 SONAR = "sonar"
 ODOM = "odom"
@@ -66,11 +71,13 @@ def parse_robot_id(text: str) -> int:
     return int(text)
 
 
+@lru_cache(maxsize=1024)
 def robot_name(robot_id: int) -> str:
     """`robot_N`: the robot's name on the bus and the prefix of its frames."""
     return f"robot_{robot_id}"
 
 
+@lru_cache(maxsize=1024)
 def robot_id_of(name: str) -> int | None:
     """The id in `robot_N`, or None if `name` is not a robot's."""
     match = _ROBOT.fullmatch(name)
@@ -89,6 +96,18 @@ def all_robots_key(topic: str) -> str:
     return f"robot_$*/{topic}"
 
 
+def input_key(robot_id: int, topic: str) -> str:
+    """The key that robot `robot_id` means by a topic: its own, unless `topic` is that of robots or begins with a slash.
+
+    `goal_pose` is its own; `robot_2/odom`, `robot_$*/status` and `/map` are keys.
+    """
+    if topic.startswith("/"):
+        return topic[1:]
+    if topic.startswith(all_robots_key("")) or split_robot_key(topic) is not None:
+        return topic
+    return robot_key(robot_id, topic)
+
+
 def keys_in(key_expr: str, robot_ids: Iterable[int]) -> list[str]:
     """The keys that a key expression means to a team of these robots; none for a wildcard over anything but robots."""
     prefix, slash, topic = key_expr.partition("/")
@@ -99,6 +118,7 @@ def keys_in(key_expr: str, robot_ids: Iterable[int]) -> list[str]:
     return [robot_key(robot_id, topic) for robot_id in robot_ids]
 
 
+@lru_cache(maxsize=1024)
 def split_robot_key(key: str) -> tuple[int, str] | None:
     """(robot id, topic) of `robot_N/topic`, or None for any other key, wildcards included."""
     name, slash, topic = key.partition("/")
@@ -128,11 +148,13 @@ def numbered(stem: str, index: int, *, always: bool = False) -> str:
     return stem if index == 0 and not always else f"{stem}_{index}"
 
 
+@lru_cache(maxsize=4096)
 def robot_frame(robot_id: int, local: str) -> str:
     """`robot_N/local`."""
     return f"robot_{robot_id}/{local}"
 
 
+@lru_cache(maxsize=4096)
 def is_robot_frame(frame: str, local: str) -> bool:
     """Whether `frame` is some robot's frame `local`."""
     owner, _, rest = frame.partition("/")
@@ -166,6 +188,11 @@ def tokens_key(name: str = "*") -> str:
     return f"{name}/alive/*"
 
 
+def robots_tokens_key() -> str:
+    """Wildcard over the presence tokens of all robots."""
+    return all_robots_key("alive/*")
+
+
 def all_tokens_key() -> str:
     """Wildcard over the presence tokens of all namespaces, for a session without a namespace."""
     return "**/alive/*"
@@ -196,6 +223,7 @@ def done_key(name: str = "*") -> str:
     return f"{name}/{DONE}"
 
 
+@lru_cache(maxsize=1024)
 def split_done_key(key: str) -> str | None:
     """The participant's name in `<name>/done`, or None."""
     return _process_of(key, DONE)
@@ -224,6 +252,14 @@ def info_key(name: str) -> str:
 def stats_key(name: str) -> str:
     """Query: received and dropped messages of the process `name`, per key."""
     return f"{name}/stats"
+
+
+def declarations_key(instance: str) -> str:
+    """Query: the publishers and subscribers of the session `instance`, or with `*` of each session.
+
+    No wildcard means a part that begins with @, and no process has such a name.
+    """
+    return f"@session/{instance}/declarations"
 
 
 def service_key(name: str, service: str) -> str:

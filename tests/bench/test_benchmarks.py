@@ -33,6 +33,16 @@ def test_the_codec_is_measured() -> None:
     assert all(row["encode_us"] > 0 and row["decode_us"] > 0 and row["bytes"] > 0 for row in rows)
 
 
+def test_steps_are_measured() -> None:
+    """Every scene has its costs, their ratio to a fixed piece of work, and the same commands in every round."""
+    rows = {row["scene"]: row for row in bench("steps", "--seconds", "1")}
+    assert {"teleop in the open", "teleop into a wall", "follow, 4 robots"} <= set(rows)
+    for row in rows.values():
+        assert row["same"]
+        assert 0.0 < row["safety_us"] <= row["total_us"] <= row["p90_us"] <= row["max_us"]
+        assert row["ratio"] > 0.0
+
+
 @pytest.mark.team
 def test_a_team_is_measured() -> None:
     """A short lock-step run of added robots has its speed, the ratio to bare Zenoh's, and the parts of a tick."""
@@ -42,6 +52,14 @@ def test_a_team_is_measured() -> None:
     assert set(figures["rounds"]) == {"tf", "robot_0", "robot_1", "robot_2"}
     assert all(cost > 0 for cost in figures["hops_us"].values())
     assert len(figures["trajectory_sha256"]) == 64
+
+
+@pytest.mark.team
+def test_a_team_is_measured_in_one_process_too() -> None:
+    """Beside the processes and the core alone, with the very trajectory that the processes drove."""
+    one = bench("team", "office", "--robots", "2", "--beams", "90", "--seconds", "2", "--in-process")["in_process"]
+    assert all(one[name] > 0 for name in ("rtf", "core_rtf", "robot_us", "memory_mb"))
+    assert one["same_trajectory"]
 
 
 @pytest.mark.team

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, reject
+from hypothesis import example, given, reject
 from hypothesis import strategies as st
 
 from support.flat_floor import TICK, make_view
@@ -15,6 +15,7 @@ from zteam.behaviors.scans import first_clear, look_ahead, look_along
 from zteam.errors import ConfigError, DecodeError
 from zteam.geometry import Pose2
 from zteam.messages import Header, LaserScan, Odometry, decode, encode, time_from_ns
+from zteam.resources import teams_folder
 from zteam.team_file import Team, load_team, read_team_file, robot_arguments, static_transform, team_world
 
 NOW = 100 * TICK
@@ -81,7 +82,7 @@ def test_what_a_scan_says_survives_the_wire(scan: LaserScan, half_angle: float) 
     headings = [half_angle * share for share in (0.0, 0.5, -0.5, 1.0, -1.0)]
     for reach in (-1.0, 0.1, 0.6, 5.0):
         clear = [heading for heading in headings if look_along(received, 0.2, heading) >= reach]
-        assert first_clear(received, 0.2, headings, reach) == (clear[0] if clear else None)
+        assert first_clear(received, 0.2, reach, 0.0, tuple(headings[1:])) == (clear[0] if clear else None)
 
 
 @given(st.integers(1, 300), st.floats(-math.pi, math.pi), st.floats(0.1, 9.0), st.floats(0.05, 1.5))
@@ -122,7 +123,9 @@ def texts_of(value: Any) -> str:
 
 def tables(*keys: str) -> st.SearchStrategy[dict[str, Any]]:
     """A table that has some of these keys, and perhaps others, with likely and unlikely values."""
-    likely = st.integers(-1, 3) | st.sampled_from(["follow", "avoid", "map", "office.world", "none"])
+    likely = st.integers(-1, 3) | st.sampled_from(
+        ["follow", "avoid", "map", "office.world", "none", "previous", "1-3", "${x:-2}", "${y}"]
+    )
     pose = st.lists(st.floats(-3.0, 3.0), min_size=3, max_size=3)
     return st.dictionaries(st.sampled_from(keys) | st.text(max_size=2), likely | pose | plain, max_size=5)
 
@@ -130,8 +133,11 @@ def tables(*keys: str) -> st.SearchStrategy[dict[str, Any]]:
 team_files = st.fixed_dictionaries(
     {},
     optional={
-        "team": tables("world", "seed") | plain,
-        "robots": st.lists(tables("id", "follow", "behavior", "pose", "model", "speed"), max_size=3) | plain,
+        "team": tables("world", "seed", "restart") | plain,
+        "robots": st.lists(tables("id", "ids", "follow", "behavior", "pose", "pose_step", "model"), max_size=3) | plain,
+        "defaults": tables("id", "follow", "behavior", "model", "speed", "base", "restart") | plain,
+        "nodes": st.lists(tables("name", "command", "folder", "expect"), max_size=2) | plain,
+        "include": st.lists(st.sampled_from(["line", "any.toml", "."]), max_size=2) | plain,
         "static_transforms": st.lists(tables("parent", "child", "x", "qw", "yaw"), max_size=2) | plain,
         "x": plain,
     },
@@ -151,16 +157,18 @@ def use(path: Path) -> Team:
 
 
 @given(team_files)
+@example({"include": ["line", "line"]})
 def test_any_tables_are_a_team_or_a_config_error(
     tmp_path_factory: pytest.TempPathFactory, file: dict[str, Any]
 ) -> None:
-    """Nothing but ConfigError, whose lines all begin with the file, ever comes out of a team file."""
+    """Nothing but ConfigError, whose lines all begin with the file or one that it includes, comes out."""
     path = tmp_path_factory.getbasetemp() / "any.toml"
     path.write_text("\n".join(f"{key} = {texts_of(value)}" for key, value in file.items()), encoding="utf-8")
     try:
         use(path)
     except ConfigError as error:
-        assert all(line.startswith(f"{path}:") for line in str(error).splitlines())
+        files = f"{path}:", f"{teams_folder()}/"
+        assert all(line.startswith(files) for line in str(error).splitlines())
 
 
 @given(st.binary(max_size=60) | st.text("[]{}\"'=.#\n\\,0aé-: ", max_size=60).map(lambda s: s.encode()))

@@ -1,8 +1,12 @@
 """The start gate under any order of tokens and statuses."""
 
+from unittest.mock import patch
+
 from hypothesis import given
 from hypothesis import strategies as st
 
+from support.start_protocols import ZteamTeam
+from zteam.bus import presence
 from zteam.messages import RobotState, RobotStatus, TeamState, TeamStatus, decode, encode
 from zteam.nodes.monitor.start_gate import Gate
 
@@ -53,3 +57,41 @@ def test_statuses_alone_give_no_go(steps: list[tuple[str, int, int, bool]]) -> N
     for _, robot_id, state, ready in steps:
         gate.take_status(robot_id, RobotStatus(robot_id=robot_id, is_ready=ready, state=state), 0.0)
         assert not gate.try_go(1)
+
+
+ACCIDENTS = st.lists(
+    st.tuples(st.sampled_from(["robot", "kill", "monitor", "end", "lose", "hear", "pass"]), ROBOTS), max_size=25
+)
+
+
+@given(accidents=ACCIDENTS)
+def test_in_the_end_all_drive(accidents: list[tuple[str, int]]) -> None:
+    """Whatever was started, killed and lost before: when all robots and a monitor live and are heard, all drive."""
+    with patch.object(presence, "CLAIM_WAIT", 0.0):
+        team, alive, monitored = ZteamTeam(range(4)), set[int](), False
+        for what, robot_id in accidents:
+            if what == "robot":
+                team.start_robot(robot_id)
+                alive.add(robot_id)
+            elif what == "kill" and robot_id in alive:
+                team.end_robot(robot_id)
+                alive.remove(robot_id)
+            elif what == "monitor":
+                team.start_monitor()
+                monitored = True
+            elif what == "end":
+                team.end_monitor()
+                monitored = False
+            elif what == "lose":
+                team.lossy.add(robot_id)
+            elif what == "hear":
+                team.lossy.discard(robot_id)
+            team.pass_seconds(1)
+        for robot_id in set(range(4)) - alive:
+            team.start_robot(robot_id)
+        if not monitored:
+            team.start_monitor()
+        team.lossy.clear()
+        team.pass_seconds(3)
+        assert team.driving == [0, 1, 2, 3]
+        assert team.counted == [0, 1, 2, 3]

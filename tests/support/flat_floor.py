@@ -6,9 +6,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.behaviors import Behavior, View, decide
-from zteam.geometry import Pose2
-from zteam.messages import Header, LaserScan, Odometry, Twist, time_from_ns
+from zteam import names
+from zteam.behaviors import Behavior, SafetyLayer, View, decide
+from zteam.geometry import Pose2, quaternion_from_yaw
+from zteam.messages import Header, LaserScan, Odometry, Quaternion, Twist, time_from_ns
 
 Segment = tuple[float, float, float, float]
 """x0, y0, x1, y1 in metres."""
@@ -39,6 +40,14 @@ def make_view(scan: LaserScan | None = None, *, now: int = TICK, **changes: obje
     """A view of robot 0 that knows nothing but a scan."""
     fields: dict[str, object] = {"dt": 0.1, "robot_id": 0, "odom": Odometry(), "lookup": lambda _a, _b: None}
     return View(now=now, scan=scan, **(fields | changes))  # type: ignore[arg-type]
+
+
+def make_odometry(pose: Pose2) -> Odometry:
+    """Odometry that says this pose."""
+    odom = Odometry()
+    odom.pose.pose.position.x, odom.pose.pose.position.y = pose.x, pose.y
+    odom.pose.pose.orientation = Quaternion(*quaternion_from_yaw(pose.yaw))
+    return odom
 
 
 def cast(laser: Pose2, walls: Sequence[Segment], discs: Sequence[tuple[float, float]] = ()) -> NDArray[np.float64]:
@@ -99,11 +108,12 @@ class Floor:
         self.commands: list[tuple[Twist, str]] = []
         self._delay = delay
         self._past = [self.poses]
+        self._layers = [SafetyLayer() for _ in poses]
 
     def step(self, behaviors: Sequence[Behavior]) -> None:
         """One tick."""
         self.ticks += 1
-        self.commands = [decide(b, self.view(i)) for i, b in enumerate(behaviors)]
+        self.commands = [decide(b, self.view(i), self._layers[i]) for i, b in enumerate(behaviors)]
         self.poses = [drive(p, c, TICK / 1e9) for p, (c, _) in zip(self.poses, self.commands, strict=True)]
         self._past.append(self.poses)
 
@@ -113,13 +123,19 @@ class Floor:
         lasers = [pose.compose(LASER) for pose in self.poses]
         others = [(laser.x, laser.y) for i, laser in enumerate(lasers) if i != robot_id]
         scan = make_scan(cast(lasers[robot_id], self.walls, others), now)
-        return make_view(scan, now=now, robot_id=robot_id, lookup=self._lookup(), seed=self.seed)
+        scan.header.frame_id = names.robot_frame(robot_id, names.BASE_LASER_LINK)
+        odom = make_odometry(self.poses[robot_id])
+        return make_view(scan, now=now, robot_id=robot_id, odom=odom, lookup=self._lookup(), seed=self.seed)
 
     def _lookup(self) -> Callable[[str, str], tuple[Pose2, int] | None]:
         at = max(0, len(self._past) - 1 - self._delay)
         stamp = max(1, (self.ticks - self._delay) * TICK)
 
         def map_from(frame: str) -> Pose2:
-            return Pose2(0.0, 0.0, 0.0) if frame == "map" else self._past[at][int(frame.split("/")[0][6:])]
+            if frame == "map":
+                return Pose2(0.0, 0.0, 0.0)
+            robot, _, local = frame.partition("/")
+            base = self._past[at][int(robot[6:])]
+            return base.compose(LASER) if local == names.BASE_LASER_LINK else base
 
         return lambda target, source: (map_from(target).inverse().compose(map_from(source)), stamp)

@@ -275,6 +275,6 @@ class ScriptedMonitor:
     def __init__(self, hub: MemoryHub) -> None:
         self._publisher = hub.bus().publisher(names.TEAM_STATUS, TeamStatus, latched=True)
 
-    def give_go(self, epoch: int = 1) -> None:
-        """Publish GO under this epoch."""
-        self._publisher.put(TeamStatus(state=TeamState.GO, epoch=epoch))
+    def give_go(self, epoch: int = 1, stamp: int = 0) -> None:
+        """Publish GO under this epoch, from time `stamp` (ns) on."""
+        self._publisher.put(TeamStatus(state=TeamState.GO, epoch=epoch, go_stamp=time_from_ns(stamp)))

@@ -51,7 +51,7 @@ def _node(body: str, *told: str, exit_code: int = 1, lines: int = 1) -> Mistake:
 
 ALONE = (
     # The command line.
-    Mistake("zteam", ("usage: zteam COMMAND",), lines=20),
+    Mistake("zteam", ("usage: zteam COMMAND",), lines=24),
     Mistake("zteam ups", ("no command 'ups'", "did you mean up?")),
     Mistake("zteam rostopic echo map", ("did you mean 'zteam topic echo map'?",)),
     Mistake("zteam --connect tcp/localhost:7447 topic list", ("behind the command",)),
@@ -64,6 +64,10 @@ ALONE = (
     Mistake("zteam topic list --connect 127.0.0.1:7447", ("give PROTOCOL/ADDRESS", "tcp/127.0.0.1:7447")),
     Mistake("zteam topic list --config no.json5", ("--config no.json5: no such file",)),
     Mistake("zteam up --robots 4", ("no option '--robots'", "[[robots]]")),
+    Mistake("zteam up chain --followers=1-3", ("no option '--followers'", "has no dashes: followers=1-3")),
+    Mistake("zteam up speed=0.3", ("name the team before its arguments", "zteam up line speed=0.3")),
+    Mistake("zteam up chain sped=0.3", ("no argument sped", "did you mean speed?", "it takes speed, followers")),
+    Mistake("zteam up chain speed=fast", ("chain.toml:19: robots[0].speed:", 'a number is expected, not "fast"')),
     Mistake("zteam up --for abc", ("--for", "'abc'", "simulated seconds")),
     Mistake("zteam sim move 0 1 1 90", ("YAW 90", "radians", "1.5708")),
     Mistake("zteam sim move robot_0 1 1 0", ("'robot_0'", "give 0")),
@@ -71,13 +75,13 @@ ALONE = (
     Mistake("zteam tf static 0 0 0 180 0 0 map camera", ("YAW 180", "radians")),
     Mistake("zteam tf static 0 0 0 0 0 0 map map", ("both 'map'", "two frames")),
     # Team files.
-    Mistake("zteam up missing.toml", ("no such file", "arena, line, willow")),
+    Mistake("zteam up missing.toml", ("no such file", "(arena, ", "line, ")),
     _team("zteam up team.toml", "[team\n", "team.toml:1:6: not TOML"),
     _team(
         "zteam up team.toml",
         '[team]\nworld = "offce"\n[[robots]]\nid = 0\n',
         "team.toml:2: team.world",
-        "arena, office",
+        "a shipped world (arena, ",
     ),
     _team(
         "zteam up team.toml", _TEAM.replace("[[robots]]", "[[robot]]"), "team.toml:3: robot:", "did you mean robots?"
@@ -89,9 +93,20 @@ ALONE = (
     _robot("sped = 0.2", "team.toml:5: robots[0].sped: unknown key", "did you mean speed?"),
     _robot('speed = "fast"', "team.toml:5: robots[0].speed:", 'a number is expected, not "fast"'),
     _robot("leader = 1", "team.toml:5: robots[0].leader:", "follow = ID"),
-    _robot('follow = "robot_0"', "team.toml:5: robots[0].follow:", 'a whole number is expected, not "robot_0"'),
+    _robot('follow = "robot_0"', "team.toml:5: robots[0].follow:", 'a robot id or "previous" is expected'),
     _robot("follow = 8", "team.toml:5: robots[0].follow:", "no robot 8 in this file (it has 0)"),
     _robot("follow = 0", "team.toml:5: robots[0].follow:", "cannot follow itself"),
+    _robot(
+        '[[nodes]]\nname = "a"\ncommand = ["python", "no.py"]', "team.toml:7: nodes[0].command[1]:", "no file 'no.py'"
+    ),
+    _robot('[[nodes]]\nname = "sim"\ncommand = ["true"]', "team.toml:6: nodes[0].name: sim is a process of the team"),
+    _robot('[[nodes]]\nname = "a"\ncommand = "true"', "team.toml:7: nodes[0].command: a list is expected"),
+    _robot('restart = "always"', "team.toml:5: robots[0].restart:", "one of no, on-failure"),
+    Mistake(
+        "zteam up team.toml --in-process --for 1",
+        ("team.toml:7: nodes[0].command: a node is a process", "say --bus too, or leave --in-process out"),
+        file=("team.toml", f'{_TEAM}[[nodes]]\nname = "a"\ncommand = ["true"]\n'),
+    ),
     _robot("[[robots]]\nid = 0", "team.toml:6: robots[1].id: robot 0 is robots[0] already", "its own id"),
     _robot("[[robots]]\nid = 5", "team.toml:6:", "the world has no robot 5 (it has 0, 1)", "model and pose add one"),
     _robot('[[robots]]\nid = 5\nmodel = "erratic"\npose = [1, 2, 90]', "team.toml:8:", "radians", "1.5708"),
@@ -100,7 +115,7 @@ ALONE = (
     # World files.
     Mistake("zteam-sim", ("WORLD", "usage: zteam-sim")),
     Mistake("zteam-sim arena --gui", ("no option '--gui'", "zteam world show")),
-    Mistake("zteam-sim no.world", ("no such file", "arena, office")),
+    Mistake("zteam-sim no.world", ("no such file", "(arena, ", "office")),
     Mistake("zteam-sim my.world", ("my.world:1:9: this '(' is never closed",), file=("my.world", "position( \n")),
     _world('floorplan( bitmap "x.png" )\n', "my.world:1:1: unknown model type 'floorplan'", "'include'"),
     _world('model( bitmap "nothere.png" )\n', "my.world:1", "nothere.png", "not found"),

@@ -7,6 +7,7 @@ from support.cuttable_transport import cut_bus
 from zteam import names
 from zteam.bus import MemoryHub, NoRequest
 from zteam.clock import wait_until
+from zteam.errors import ZteamError
 from zteam.messages import RobotState, RobotStatus, TeamStatus
 from zteam.nodes.monitor.display import Lines, MonitorOptions
 from zteam.nodes.monitor.members import Event
@@ -74,7 +75,15 @@ class Desk:
         self.node = Node(names.MONITOR, bus, self.stop)
         hub.bus().subscribe(names.TEAM_STATUS, TeamStatus, self._on_team_status)
         self.monitor = Monitor(self.node, options)
-        self.thread = threading.Thread(target=self.monitor.run, args=[_Shown(self)])
+        self.failure: ZteamError | None = None
+        """What ended the monitor, if that was an error for users."""
+        self.thread = threading.Thread(target=self._run)
+
+    def _run(self) -> None:
+        try:
+            self.monitor.run(_Shown(self))
+        except ZteamError as error:
+            self.failure = error
 
     def _on_team_status(self, _key: str, status: TeamStatus) -> None:
         with self.changed:

@@ -17,6 +17,7 @@ from zteam.messages import (
     Clock,
     Header,
     LaserScan,
+    Message,
     Odometry,
     RobotStatus,
     TeamStatus,
@@ -124,8 +125,7 @@ class RealTimeRobot:
 
     def say_monitor(self) -> None:
         """The presence token of a monitor."""
-        bus = self._hub.bus()
-        bus.declare_token(names.token_key(names.MONITOR, bus.instance))
+        self.say_token(names.MONITOR)
 
     def say_statics(self) -> None:
         """The fixed frames."""
@@ -143,6 +143,24 @@ class RealTimeRobot:
     def say_odometry(self, tick: int) -> None:
         """Where its wheels have brought it."""
         self._publishers[names.robot_key(1, names.ODOM)].put(Odometry(Header(time_from_ns(tick * TICK))))
+
+    def say(self, key: str, message: Message) -> None:
+        """A message that other processes send."""
+        self._bus.publisher(key, type(message)).put(message)
+
+    def say_token(self, name: str) -> None:
+        """The presence token of another process."""
+        bus = self._hub.bus()
+        bus.declare_token(names.token_key(name, bus.instance))
+
+    def ready(self, tick: int) -> None:
+        """All that a robot waits for at its start, with the stamp of a tick."""
+        self.say_base_info()
+        self.say_statics()
+        self.say_transforms(tick)
+        self.say_odometry(tick)
+        self.say_time(tick)
+        self.say_scan(tick)
 
     def say_time(self, tick: int) -> None:
         """The time."""

@@ -1,6 +1,7 @@
 """The two transports of the bus, Zenoh and memory, behind one way to open sessions."""
 
 import contextlib
+import itertools
 import subprocess
 import sys
 import threading
@@ -10,7 +11,8 @@ from contextlib import contextmanager
 from typing import Any
 
 from zteam.bus import Bus, BusOptions, MemoryHub, connect
-from zteam.clock import monotonic, pause
+from zteam.clock import monotonic, pause, wall_ns
+from zteam.in_process.hub import TeamHub
 
 LIMIT = 30.0
 """Host seconds after which a wait has failed."""
@@ -53,10 +55,24 @@ class Sessions:
         self._opened.close()
 
 
+class ZenohTimes:
+    """The host's time as Zenoh's timestamps, for several threads."""
+
+    def __init__(self) -> None:
+        self._last = 0
+
+    def __iter__(self) -> "ZenohTimes":
+        return self
+
+    def __next__(self) -> int:
+        self._last = max(self._last + 8, (wall_ns() << 32) // 10**9)
+        return self._last
+
+
 @contextmanager
 def memory_sessions() -> Iterator[Sessions]:
-    """Sessions on one hub."""
-    yield Sessions(MemoryHub().bus, "memory")
+    """Sessions on one hub, whose samples have Zenoh's timestamps."""
+    yield Sessions(MemoryHub(timestamps=ZenohTimes()).bus, "memory")
 
 
 @contextmanager
@@ -76,6 +92,23 @@ def wait_until_true(condition: Callable[[], bool]) -> None:
     while not condition():
         assert monotonic() < end, "the condition did not become true"
         pause(0.005)
+
+
+@contextmanager
+def bridged_sessions(outside: Sessions) -> Iterator[Sessions]:
+    """Sessions of which every other one is that of a node of a team in one process, and the rest are outside."""
+    hub, numbers = TeamHub(outside()), itertools.count()
+
+    def open_bus() -> Bus:
+        number = next(numbers)
+        return outside() if number % 2 else hub.bus(f"node_{number}")
+
+    sessions = Sessions(open_bus, f"bridge to {outside.kind}")
+    try:
+        yield sessions
+    finally:
+        sessions.close()
+        hub.close()
 
 
 class Inbox:

@@ -110,6 +110,8 @@ def test_doctor_names_what_a_team_lacks(team: TeamFixture) -> None:
     team.spawn("zteam-monitor", "--ids", "0,7", name="monitor")
     team.spawn("zteam-robot", "--id", "7", name="robot_7")
     team.wait_for_processes("sim", "monitor", "robot_7")
+    # The monitor asks the simulator for its robots a moment after it has come.
+    team.wait_for(lambda: team.status is not None and "not in the world" in team.status.waiting_for)
     told = problems(team)
     assert "the world arena has no robot 7 (it has 0, 1)" in told["robots"]
     assert told["gate"].startswith(

@@ -1,5 +1,7 @@
 """What a running team's processes say of themselves: statuses, the monitor's table, ids that the world lacks."""
 
+import pytest
+
 from zteam import names
 from zteam.testing.team import TeamFixture
 
@@ -41,9 +43,10 @@ def test_an_id_that_the_world_lacks_is_named(team: TeamFixture) -> None:
     assert (status.behavior, status.leader) == ("forward", -1)
 
 
-def test_the_status_says_why_a_robot_stands(team: TeamFixture) -> None:
+@pytest.mark.parametrize("in_process", [False, True])
+def test_the_status_says_why_a_robot_stands(team: TeamFixture, in_process: bool) -> None:
     """In front of a wall: driver, reason and speed in the status, and one line of the safety layer in the log."""
-    team.start("arena", robots=1, behavior="forward", params={0: {"speed": 0.5}})
+    team.start("arena", robots=1, behavior="forward", params={0: {"speed": 0.5}}, in_process=in_process)
     team.wait_for_go()
     team.until(lambda: team.robot(0).status.reason == "obstacle ahead", within=60.0)
     status = team.robot(0).status

@@ -50,10 +50,11 @@ def test_a_set_counts_from_the_next_tick_on(team: TeamFixture) -> None:
     assert team.command("param", "dump", "0").stdout == 'behavior = "forward"\nspeed = 0.3\n'
 
 
-def test_a_set_at_the_same_tick_gives_the_same_run(team: TeamFixture) -> None:
+@pytest.mark.parametrize("in_process", [False, True])
+def test_a_set_at_the_same_tick_gives_the_same_run(team: TeamFixture, in_process: bool) -> None:
     """A run with a set repeats bit for bit if the set comes at the same tick."""
     found: list[str] = []
-    team.start("arena", robots=2, follow={1: 0}, params={0: {"speed": 0.2}})
+    team.start("arena", robots=2, follow={1: 0}, params={0: {"speed": 0.2}}, in_process=in_process)
     team.wait_for_go()
     client = ParametersClient(team.bus)
     for _ in range(2):

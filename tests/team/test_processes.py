@@ -116,7 +116,7 @@ def test_a_bare_twist_moves_its_robot(team: TeamFixture, outsider: zenoh.Session
 
 GARBAGE = [b"", b"\0", b"\0\1\0\0", b"garbage on the wire", b"\0\1\0\0" + b"\xff" * 64, bytes(range(256)) * 8]
 KEYS = [
-    "robot_0/cmd_vel", "robot_0/teleop", "robot_0/base_scan", "robot_0/odom", "robot_0/base_pose_ground_truth",
+    "robot_0/cmd_vel", "robot_0/cmd_vel_teleop", "robot_0/base_scan", "robot_0/odom", "robot_0/base_pose_ground_truth",
     "robot_0/stall", "robot_0/tf", "robot_0/tf_static", "robot_0/base_info", "robot_0/status", "team_status", "tf",
     "tf_static", "clock", "map", "sim/tick", "robot_0/done", "robot_99/cmd_vel", "robot_01/cmd_vel",
     "robot_$*/cmd_vel", "**",

@@ -60,6 +60,8 @@ def test_a_described_robot_has_its_joints_in_the_tree(team: TeamFixture, tmp_pat
     client = TransformClient(team.bus)
     mast = client.lookup_transform("robot_0/base_link", "robot_0/mast", timeout=10.0)
     assert mast.transform.translation.z == 1.0
+    # What comes in a tick is in the tree from the next one on.
+    team.run(0.1)
     before = client.lookup_transform("robot_0/base_link", "robot_0/wheel_left", timeout=10.0).transform.rotation
     team.until(lambda: team.robot(0).distance_travelled > 0.2, within=20)
     after = client.lookup_transform("robot_0/base_link", "robot_0/wheel_left").transform.rotation

@@ -19,6 +19,7 @@ from support.terminal import CONTROLLED
 from zteam import names
 from zteam.bus.presence import ProcessInfo
 from zteam.launch.process import zteam_command
+from zteam.launch.warm_parent import can_fork
 from zteam.messages import Twist, Vector3, encode
 from zteam.testing.team import TeamFixture
 
@@ -74,7 +75,9 @@ def test_a_given_router_is_used(team: TeamFixture, outsider: zenoh.Session, tmp_
     code, output = finish(launcher)
     assert code == 0, output
     report = json.loads(path.read_text())
-    assert {row["name"] for row in report["processes"]} == {"sim", "tf", "monitor", "robot_0", "robot_1", "up"}
+    parent = {"warm_parent"} if can_fork() else set()
+    present = {row["name"] for row in report["processes"]}
+    assert present == {"sim", "tf", "monitor", "robot_0", "robot_1", "up"} | parent
     assert report["seed"] == 9
     assert report["external_commands"] == 1
     # The fixture listens too, but only the processes' own counters are in the report.
@@ -241,3 +244,13 @@ def test_output_without_a_reader_causes_no_traceback(team: TeamFixture) -> None:
         launcher.kill()
         launcher.wait()
     assert "Traceback" not in errors
+
+
+def test_a_team_that_is_not_ready_in_time_ends(team: TeamFixture, tmp_path: Path) -> None:
+    """With --go-timeout a team whose bases send nothing stops in order, and the error names the robot."""
+    path = tmp_path / "team.toml"
+    path.write_text('[team]\nworld = "none"\n[[robots]]\nid = 3\nbehavior = "wander"\n')
+    code, output = finish(launch(team, str(path), "--go-timeout", "10"))
+    assert code == 1, output
+    assert "no GO within 10 s: waiting for robot_3: " in output.splitlines()[-1]
+    assert any(line.endswith(" stopped") for line in output.splitlines()), output

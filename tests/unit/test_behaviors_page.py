@@ -32,19 +32,16 @@ def test_the_page_lists_what_a_view_has() -> None:
 
 @pytest.mark.parametrize("name", BEHAVIORS)
 def test_the_page_tells_what_a_shipped_behaviour_does_and_takes(name: str) -> None:
-    """Its section is its docstring and a table of its parameters, as the code has them."""
+    """Its section begins with its docstring and a table of its parameters, as the code has them."""
     info = describe_behavior(name)
-    rows = [
-        f"| `{each.name}` | {default_text(each)} | {each.type} | {limits_text(each.limits)} | {each.description} |"
+    cells = [
+        (f"`{each.name}`", default_text(each), each.type, limits_text(each.limits), each.description)
         for each in info.parameters
     ]
-    head = [
-        info.summary,
-        "",
-        "| parameter | default | type | allowed | description |",
-        "| --- | --- | --- | --- | --- |",
-    ]
-    assert section(f"`{name}`") == "\n".join([*head, *rows])
+    rows = ["| " + " | ".join(cell.replace("|", r"\|") for cell in row) + " |" for row in cells]
+    head = ["| parameter | default | type | allowed | description |", "| --- | --- | --- | --- | --- |"]
+    told = [info.summary, "", *([*head, *rows] if rows else ["It takes no parameters."]), ""]
+    assert f"{section(f'`{name}`')}\n".split("\n")[: len(told)] == told
 
 
 def test_the_page_shows_no_other_behaviour() -> None:

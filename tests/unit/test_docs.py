@@ -125,6 +125,12 @@ def test_the_behaviour_of_the_readme_works() -> None:
     assert turner.step(make_view(make_scan([0.5] * 9))).angular.z == 0.8
 
 
+def test_a_team_of_ones_own_is_short() -> None:
+    """The leader and its followers on the page of behaviours, with their team file, are at most 30 lines."""
+    code = "\n".join(find_file(name, DOCS / "behaviors.md").code for name in ("convoy.py", "convoy.toml"))
+    assert len([line for line in code.splitlines() if line.strip()]) <= 30
+
+
 def test_every_property_is_in_the_reference() -> None:
     """The tables hold all names that the parser reads, ignores or remarks, and every model type."""
     named = set(re.findall(r"[a-z_]+", " ".join(re.findall(r"`([^`]+)`", prose(DOCS / "world-files.md")))))

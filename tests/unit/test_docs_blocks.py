@@ -13,12 +13,12 @@ import pytest
 from support.installed_packages import install
 from support.pages import LANGUAGES, NOTES, PAGES, Block, all_blocks, blocks_of
 from zteam import entry_points
-from zteam.behaviors import Behavior, load_behavior
+from zteam.behaviors import Behavior
 from zteam.launch.check import check_team
-from zteam.messages import Odometry, Twist
 from zteam.resources import shipped_world
 from zteam.team_file import read_team_file
-from zteam.testing import make_view
+from zteam.trials.check import run_trials
+from zteam.trials.worlds import PLACES
 
 
 def name_of(block: Block) -> str:
@@ -54,13 +54,9 @@ def load(path: Path) -> ModuleType:
 
 
 def try_behavior(module: ModuleType, kind: type[Behavior]) -> None:
-    """The behaviour answers with a Twist where there is room, where there is none, and where nothing is known yet."""
-    behavior = load_behavior(f"{module.__name__}:{kind.__name__}", {})
-    poses = {i: (float(i), 0.0, 0.0) for i in range(4)}
-    for ranges in ([30.0] * 181, [0.3] * 181):
-        view = make_view(ranges, robot_id=1, poses=poses, odom=Odometry())
-        assert isinstance(behavior.step(view), Twist)
-    assert isinstance(behavior.step(make_view([30.0] * 181, odom=Odometry())), Twist)
+    """The behaviour passes what `zteam check` tries without a simulator."""
+    results = run_trials(f"{module.__name__}:{kind.__name__}", kind, {}, leave_out=PLACES)
+    assert not [fault for result in results if not result.is_good for fault in result.faults]
 
 
 @pytest.mark.parametrize(

@@ -84,7 +84,7 @@ def test_an_installed_behaviour_is_found_by_its_name() -> None:
 @pytest.mark.parametrize(
     ("spec", "text"),
     [
-        ("acme_patrl", r"no behaviour 'acme_patrl' \(did you mean acme_patrol\?\): use forward, .*, acme_patrol, "),
+        ("acme_patrl", r"no behaviour 'acme_patrl' \(did you mean acme_patrol\?\): use idle, .*, acme_patrol, "),
         ("acme_text", "behaviour 'acme_text' is not a subclass of zteam.behaviors.Behavior"),
         ("acme_gone", "cannot import acme_robots:Gone of acme-robots: AttributeError: "),
         ("acme_broken", "cannot import acme_broken:Patrol of acme-robots: SystemExit: no licence$"),

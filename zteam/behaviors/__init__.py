@@ -3,15 +3,17 @@
 from zteam.base import Base
 from zteam.behaviors.behavior import Behavior
 from zteam.behaviors.registry import load_behavior
-from zteam.behaviors.safety import decide, make_safe, missing
+from zteam.behaviors.safety import SafetyLayer, decide, make_safe, missing
 from zteam.behaviors.scans import Cone, first_clear, look_ahead, look_along, read_beams
-from zteam.behaviors.view import FindPose, View
+from zteam.behaviors.view import FindPose, Teammate, View
 
 __all__ = [
     "Base",
     "Behavior",
     "Cone",
     "FindPose",
+    "SafetyLayer",
+    "Teammate",
     "View",
     "decide",
     "first_clear",

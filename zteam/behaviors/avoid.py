@@ -31,7 +31,6 @@ class Avoid(Behavior):
 
     Params = AvoidParams
     params: AvoidParams
-    uses_odom = False
 
     def step(self, view: View) -> Twist:
         """Straight on, or zero."""

@@ -1,5 +1,6 @@
 """What a behaviour is."""
 
+from collections.abc import Mapping
 from numbers import Real
 from typing import Any, ClassVar
 
@@ -7,7 +8,7 @@ import msgspec
 
 from zteam.behaviors.view import View
 from zteam.errors import BehaviorError
-from zteam.messages import Twist, Vector3
+from zteam.messages import Message, Twist, Vector3
 
 
 class NoParams(msgspec.Struct, forbid_unknown_fields=True):
@@ -39,9 +40,10 @@ class Behavior:
     params: Any
     """Its parameters, a `Params`."""
     uses_tf: ClassVar[bool] = False
-    """Whether it looks anything up; if so, it is stopped while the robot's own pose is unknown or old."""
-    uses_odom: ClassVar[bool] = True
-    """Whether it looks at `view.odom`; without it the robot listens to its odometry only until it is ready."""
+    """Whether it drives by what it looks up; if so, it is stopped while the robot's own pose is unknown or old."""
+    inputs: ClassVar[Mapping[str, tuple[str, type[Message]]]] = {}
+    """What it looks at in `view.inputs` besides: by name, a topic of the own robot and its type, such as
+    `{"goal": ("goal_pose", PoseStamped)}`; `robot_$*/status` is that topic of every robot."""
     leader: int | None = None
     """The robot it follows."""
     reason: str = ""

@@ -20,7 +20,6 @@ class Forward(Behavior):
 
     Params = ForwardParams
     params: ForwardParams
-    uses_odom = False
 
     def step(self, view: View) -> Twist:
         """Straight on."""

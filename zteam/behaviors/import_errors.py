@@ -30,10 +30,13 @@ def _place(error: BaseException) -> str:
         return ""
     import traceback
 
-    frames = traceback.extract_tb(error.__traceback__)
-    foreign = ("<frozen ", _ZTEAM, sys.prefix, sys.base_prefix)
-    own = [frame for frame in frames if not frame.filename.startswith(foreign)]
+    own = [frame for frame in traceback.extract_tb(error.__traceback__) if is_own(frame.filename)]
     return f"{own[-1].filename}:{own[-1].lineno}: " if own else ""
+
+
+def is_own(filename: str) -> bool:
+    """Whether a file of code is the user's own, and neither zteam's, Python's nor an installed package's."""
+    return not filename.startswith(("<frozen ", _ZTEAM, sys.prefix, sys.base_prefix))
 
 
 def _way_out(error: BaseException) -> str:

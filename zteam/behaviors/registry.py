@@ -13,17 +13,31 @@ import msgspec
 from zteam.behaviors.avoid import Avoid
 from zteam.behaviors.behavior import Behavior
 from zteam.behaviors.follow import Follow
+from zteam.behaviors.formation import Formation
 from zteam.behaviors.forward import Forward
+from zteam.behaviors.go_to import GoTo
+from zteam.behaviors.idle import Idle
 from zteam.behaviors.import_errors import explain
+from zteam.behaviors.inputs import check_inputs
+from zteam.behaviors.path import FollowPath
 from zteam.behaviors.wander import Wander
 from zteam.entry_points import BEHAVIORS as GROUP
 from zteam.entry_points import load_offered, offered
 from zteam.errors import UsageError
 from zteam.problems import Problem, did_you_mean, problems_of
 
-BEHAVIORS: dict[str, type[Behavior]] = {"forward": Forward, "avoid": Avoid, "wander": Wander, "follow": Follow}
+BEHAVIORS: dict[str, type[Behavior]] = {
+    "idle": Idle,
+    "forward": Forward,
+    "avoid": Avoid,
+    "wander": Wander,
+    "follow": Follow,
+    "path": FollowPath,
+    "go_to": GoTo,
+    "formation": Formation,
+}
 _STEP = "def step(self, view): return Twist(Vector3(0.2))"
-DETERMINISTIC = frozenset({"forward", "avoid", "follow"})
+DETERMINISTIC = frozenset({"idle", "forward", "avoid", "follow", "path", "go_to", "formation"})
 """Those that draw no random numbers: with them, every seed gives the same run."""
 
 
@@ -106,6 +120,10 @@ def _checked(spec: str, found: Any) -> type[Behavior]:
     except TypeError:
         text = "its __init__ must take the parameters: def __init__(self, params): super().__init__(params)"
         raise UsageError(f"behaviour {spec!r}: {text}") from None
+    try:
+        check_inputs(found.inputs)
+    except UsageError as error:
+        raise UsageError(f"behaviour {spec!r}: {error}") from None
     if found.step is Behavior.step:
         raise UsageError(f"behaviour {spec!r} has no step: {_STEP}")
     try:

@@ -6,13 +6,14 @@ them) and finite values above `range_max` say nothing at all. A beam that says n
 """
 
 import math
-from collections.abc import Sequence
 from functools import lru_cache
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from zteam.behaviors.corridors import Corridor, Laser, find_corridor
 from zteam.messages import LaserScan
 
 Floats = NDArray[np.float64]
@@ -21,6 +22,8 @@ _ANGLE_TOLERANCE = 1e-5
 """Radians: the scan's angles are float32 sums, so a beam on the edge of a cone may come to lie beside it."""
 _TOUCHING = 1e-6
 """Metres: where a hit that is too close to measure is taken to be."""
+_EDGE = math.radians(5.0)
+"""The outermost beams see only one side of what is there."""
 _ROUNDING = 1e-6
 """Relative: limits and ranges may have been rounded to float32 or not."""
 
@@ -36,59 +39,102 @@ class Cone(msgspec.Struct, frozen=True):
     """Share of the cone's beams that say nothing, 0..1."""
 
 
-class _Beams(msgspec.Struct, frozen=True, eq=False):
-    """A scan read once."""
+class Directions(NamedTuple):
+    """Of a scan's beams: the same in every scan of a laser."""
 
     angles: Floats
+    """In [-pi, pi)."""
+    axes: Floats
+    """(2, n): their cosines and sines."""
+
+
+class Beams(NamedTuple):
+    """A scan read once."""
+
+    laser: Laser
+    """First angle, increment and number of beams."""
+    directions: Directions
     ranges: Floats
-    hit_x: Floats
-    """Where the beams that hit something ended, in the laser's frame."""
-    hit_y: Floats
-    hit_distance: Floats
+    distances: Floats
+    """`ranges`, but a hit that is too close to measure is at _TOUCHING: it still has the direction of its beam."""
+    nearest: float
+    """No hit is nearer (metres)."""
+    all_speak: bool
+    """Whether it is certain that every beam says something."""
+
+    def find_hits(self, bound: float) -> Floats:
+        """(2, m): where all beams that hit something nearer than `bound` ended, in the laser's frame."""
+        at = (self.distances < bound).nonzero()[0]
+        return self.directions.axes.take(at, axis=1) * self.distances.take(at)
 
 
-@lru_cache(maxsize=8)
-def _directions(start: float, step: float, count: int) -> tuple[Floats, Floats, Floats]:
-    """Angles in [-pi, pi) of a scan's beams, their cosines and sines: the same in every scan of a laser."""
+@lru_cache(maxsize=64)
+def _directions(start: float, step: float, count: int) -> Directions:
     angles = np.remainder(start + step * np.arange(count) + math.pi, math.tau) - math.pi
-    return angles, np.cos(angles), np.sin(angles)
+    return Directions(angles, np.array((np.cos(angles), np.sin(angles))))
 
 
-def _read(scan: LaserScan) -> _Beams | None:
+@lru_cache(maxsize=64)
+def _cone(start: float, step: float, count: int, half_angle: float) -> NDArray[np.int64]:
+    """The beams within `half_angle` of straight ahead."""
+    angles = _directions(start, step, count).angles
+    return (np.abs(angles) <= half_angle + _ANGLE_TOLERANCE).nonzero()[0]
+
+
+def _read(scan: LaserScan) -> Beams | None:
     ranges = np.array(scan.ranges, np.float64)
     step, start = scan.angle_increment, scan.angle_min
     if ranges.size == 0 or not (math.isfinite(start) and math.isfinite(step)) or (step == 0.0 and ranges.size > 1):
         return None
-    angles, cos, sin = _directions(start, step, ranges.size)
-    too_close = np.isneginf(ranges)
-    # NaN fails both comparisons, and so says nothing either.
-    in_range = (ranges >= scan.range_min * (1.0 - _ROUNDING)) & (ranges <= scan.range_max * (1.0 + _ROUNDING))
-    says_something = (in_range | np.isposinf(ranges)) & (ranges > 0.0)
-    ranges[~says_something] = np.nan
+    # Both find a NaN first, and are several times as fast as `min` and `max`.
+    low, high = ranges.item(ranges.argmin()), ranges.item(ranges.argmax())
+    at_least, at_most = scan.range_min * (1.0 - _ROUNDING), scan.range_max * (1.0 + _ROUNDING)
+    # A NaN among them fails the comparisons. Mostly every beam says something, and then no beam has to be looked at.
+    all_speak = low > 0.0 and low >= at_least and high <= at_most
+    too_close = None if all_speak else _silence(ranges, at_least, at_most)
     # A simulator without infinities writes range_max for "no hit".
-    ranges[ranges >= scan.range_max * (1.0 - _ROUNDING)] = np.inf
-    ranges[too_close] = 0.0
-    hit = np.isfinite(ranges)
-    # A hit too close to measure still has the direction of its beam.
-    distance = np.maximum(ranges[hit], _TOUCHING)
-    return _Beams(angles, ranges, distance * cos[hit], distance * sin[hit], distance)
+    no_hit = scan.range_max * (1.0 - _ROUNDING)
+    if not (all_speak and high < no_hit):
+        np.putmask(ranges, ranges >= no_hit, np.inf)
+    if too_close is not None:
+        ranges[too_close] = 0.0
+    laser = start, step, ranges.size
+    distances = ranges if low >= _TOUCHING else np.maximum(ranges, _TOUCHING)
+    return Beams(laser, _directions(*laser), ranges, distances, low if all_speak else 0.0, all_speak)
+
+
+def _silence(ranges: Floats, at_least: float, at_most: float) -> NDArray[np.bool_]:
+    """Make NaN of the ranges that say nothing; the beams that met something too close to measure."""
+    too_close: NDArray[np.bool_] = ranges == -np.inf
+    # NaN fails both comparisons, and so says nothing either.
+    in_range = (ranges >= at_least) & (ranges <= at_most)
+    says_something = (in_range | (ranges == np.inf)) & (ranges > 0.0)
+    ranges[~says_something] = np.nan
+    return too_close
+
+
+class _Read(NamedTuple):
+    scan: LaserScan
+    ranges: Any
+    beams: Beams | None
 
 
 class _Newest:
     """The scan that was read last: a behaviour and the safety layer look at the same one several times."""
 
-    scan: LaserScan | None = None
-    beams: _Beams | None = None
+    read: _Read | None = None
+    """One value, so that the threads of two robots do not mix their scans."""
 
 
-def _beams_of(scan: LaserScan) -> _Beams | None:
-    ranges = scan.ranges
-    if not isinstance(ranges, np.ndarray) or ranges.flags.writeable:
-        # It may still be changed.
-        return _read(scan)
-    if _Newest.scan is not scan:
-        _Newest.scan, _Newest.beams = scan, _read(scan)
-    return _Newest.beams
+def beams_of(scan: LaserScan) -> Beams | None:
+    newest, ranges = _Newest.read, scan.ranges
+    if newest is not None and newest.scan is scan and newest.ranges is ranges:
+        return newest.beams
+    beams = _read(scan)
+    if isinstance(ranges, np.ndarray) and not ranges.flags.writeable:
+        # It cannot be changed any more.
+        _Newest.read = _Read(scan, ranges, beams)
+    return beams
 
 
 def read_beams(scan: LaserScan) -> tuple[Floats, Floats] | None:
@@ -97,56 +143,105 @@ def read_beams(scan: LaserScan) -> tuple[Floats, Floats] | None:
     A distance is NaN where the beam says nothing, inf where it met nothing, 0 where something is too close to measure.
     Beams without usable angles are no beams. A scan may run either way round (`angle_increment` < 0) and beyond pi.
     """
-    beams = _beams_of(scan)
-    return None if beams is None else (beams.angles, beams.ranges)
+    beams = beams_of(scan)
+    return None if beams is None else (beams.directions.angles, beams.ranges)
 
 
 def look_ahead(scan: LaserScan, half_angle: float) -> Cone | None:
     """What stands within `half_angle` (radians) of straight ahead, or None where no beam looks there."""
-    beams = read_beams(scan)
+    beams = beams_of(scan)
     if beams is None:
         return None
-    angles, ranges = beams
-    inside = np.abs(angles) <= half_angle + _ANGLE_TOLERANCE
-    beams_inside = int(inside.sum())
-    if not beams_inside:
+    inside = _cone(*beams.laser, half_angle)
+    if not inside.size:
         return None
-    silent = int(np.isnan(ranges[inside]).sum())
-    # Beams outside and silent ones must not be taken for the nearest.
-    distances = np.where(inside & ~np.isnan(ranges), ranges, math.inf)
+    distances = beams.ranges.take(inside)
+    if not beams.all_speak:
+        # Silent beams must not be taken for the nearest.
+        distances[np.isnan(distances)] = np.inf
     at = int(distances.argmin())
     nearest = float(distances[at])
-    return Cone(nearest, float(angles[at]) if nearest < math.inf else 0.0, silent / beams_inside)
+    bearing = float(beams.directions.angles[inside[at]]) if nearest < math.inf else 0.0
+    return Cone(nearest, bearing, _silent_share(beams, inside))
+
+
+def silent_share(scan: LaserScan, half_angle: float) -> float | None:
+    """The share of the beams within `half_angle` (rad) of straight ahead that say nothing; None without such a beam."""
+    beams = beams_of(scan)
+    if beams is None:
+        return None
+    inside = _cone(*beams.laser, half_angle)
+    return _silent_share(beams, inside) if inside.size else None
+
+
+def _silent_share(beams: Beams, inside: NDArray[np.int64]) -> float:
+    return 0.0 if beams.all_speak else int(np.isnan(beams.ranges.take(inside)).sum()) / inside.size
 
 
 def look_along(scan: LaserScan, half_width: float, heading: float = 0.0) -> float:
     """Metres to the nearest hit in a corridor of 2 * `half_width` towards `heading` (rad), inf where it is clear."""
-    beams = _beams_of(scan)
+    beams = beams_of(scan)
     if beams is None:
         return math.inf
+    hit_x, hit_y = beams.find_hits(math.inf)
     cos, sin = math.cos(heading), math.sin(heading)
-    x = cos * beams.hit_x + sin * beams.hit_y
-    ahead = (x > 0.0) & (np.abs(cos * beams.hit_y - sin * beams.hit_x) <= half_width)
+    x = cos * hit_x + sin * hit_y
+    ahead = (x > 0.0) & (np.abs(cos * hit_y - sin * hit_x) <= half_width)
     return float(np.min(x, where=ahead, initial=math.inf))
 
 
-def first_clear(scan: LaserScan, half_width: float, headings: Sequence[float], reach: float) -> float | None:
-    """The first of the `headings` (rad) along which a corridor of 2 * `half_width` is clear for `reach` metres.
+def is_seen(scan: LaserScan, heading: float) -> bool:
+    """Whether beams look on both sides of a heading (rad)."""
+    ends = scan.angle_min, scan.angle_min + scan.angle_increment * (len(scan.ranges) - 1)
+    return max(ends) - min(ends) > math.tau - _EDGE or min(ends) + _EDGE <= heading <= max(ends) - _EDGE
 
-    None if there is no such heading. The same as asking `look_along` for each, at the cost of one.
+
+def is_clear(scan: LaserScan, half_width: float, reach: float, heading: float = 0.0) -> bool:
+    """Whether a corridor of 2 * `half_width` towards `heading` (rad) is clear for `reach` metres.
+
+    The same as asking `look_along`, but faster.
     """
-    beams = _beams_of(scan)
-    if beams is None or reach <= 0.0:
-        return headings[0]
-    # Only what is near can stand in any of the corridors, and mostly that is little.
-    near = (beams.hit_distance < math.hypot(reach, half_width) * (1.0 + _ROUNDING)).nonzero()[0]
-    if not near.size:
-        return headings[0]
-    hit_x, hit_y = beams.hit_x[near], beams.hit_y[near]
-    for heading in headings:
-        cos, sin = math.cos(heading), math.sin(heading)
-        x = cos * hit_x + sin * hit_y
-        blocked = (x > 0.0) & (x < reach) & (np.abs(cos * hit_y - sin * hit_x) <= half_width)
-        if not blocked.any():
-            return heading
+    beams = beams_of(scan)
+    if beams is None:
+        return True
+    corridor = _near_corridor(beams, half_width, reach)
+    return corridor is None or not _is_blocked(beams, corridor, heading)
+
+
+def first_clear(
+    scan: LaserScan, half_width: float, reach: float, heading: float, turns: tuple[float, ...]
+) -> float | None:
+    """`heading` (rad) if a corridor of 2 * `half_width` towards it is clear for `reach` metres, else the first clear
+    one of `heading` + each of the `turns`; None if there is none.
+
+    The same as asking `is_clear` for each, but faster.
+    """
+    beams = beams_of(scan)
+    corridor = None if beams is None else _near_corridor(beams, half_width, reach)
+    if beams is None or corridor is None or not _is_blocked(beams, corridor, heading):
+        return heading
+    blocked = corridor.are_blocked(beams.distances, heading, turns)
+    for turn, certain in zip(turns, blocked, strict=True):
+        if not certain and not _is_blocked(beams, corridor, heading + turn):
+            return heading + turn
     return None
+
+
+def _near_corridor(beams: Beams, half_width: float, reach: float) -> Corridor | None:
+    """The corridor of this half width and length; None if no hit is near enough to stand in it."""
+    if reach <= 0.0 or beams.nearest >= math.hypot(reach, half_width) * (1.0 + _ROUNDING):
+        return None
+    return find_corridor(beams.laser, half_width, reach)
+
+
+def _is_blocked(beams: Beams, corridor: Corridor, heading: float) -> bool:
+    """Whether a hit stands in the corridor towards `heading` (rad)."""
+    certain = corridor.is_blocked(beams.distances, heading)
+    if certain is not None:
+        return certain
+    half_width, reach = corridor.half_width, corridor.reach
+    # Only what is near can stand in it.
+    hit_x, hit_y = beams.find_hits(math.hypot(reach, half_width) * (1.0 + _ROUNDING))
+    cos, sin = math.cos(heading), math.sin(heading)
+    x = cos * hit_x + sin * hit_y
+    return bool(((x > 0.0) & (x < reach) & (np.abs(cos * hit_y - sin * hit_x) <= half_width)).any())

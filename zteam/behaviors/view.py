@@ -1,6 +1,9 @@
 """What a behaviour sees each step."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from functools import cached_property
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 import msgspec
 
@@ -13,9 +16,21 @@ from zteam.messages import LaserScan, Odometry
 FindPose = Callable[[str, str], tuple[Pose2, int] | None]
 """`find_pose(target_frame, source_frame)`: the newest target_from_source and its stamp (ns; 0 where nothing between the
 two frames moves), or None where the look-up failed."""
+NO_BASES: Mapping[int, Base] = MappingProxyType({})
 
 
-class View(msgspec.Struct, frozen=True, kw_only=True, eq=False):
+class Teammate(NamedTuple):
+    """Another robot of the team."""
+
+    robot_id: int
+    pose: Pose2
+    """In the own base frame."""
+    age: float
+    """Seconds since it was there."""
+    base: Base
+
+
+class View(msgspec.Struct, frozen=True, kw_only=True, eq=False, dict=True):
     """One robot's knowledge at `now`. Nothing in it changes while a behaviour looks at it."""
 
     now: int
@@ -29,8 +44,24 @@ class View(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     base: Base = DEFAULT_BASE
     """Its outline and limits."""
     team: tuple[int, ...] = ()
-    """Ids of the robots that are alive, as far as known."""
+    """Ids of the robots whose process is alive, as far as known; in lock-step those that take part in the tick."""
+    inputs: Mapping[str, Any] = {}
+    """What the behaviour declares in `inputs`, by name: the newest message or None; for a topic of every robot the
+    newest messages by robot id."""
     seed: int = 1
+    bases: Mapping[int, Base] = NO_BASES
+    """The bases of the robots that have told theirs, by id."""
+
+    @cached_property
+    def teammates(self) -> tuple[Teammate, ...]:
+        """All other robots of `team` and `bases` whose pose is known, by id; looked up when first asked for."""
+        found = []
+        for robot_id in sorted({*self.team, *self.bases} - {self.robot_id}):
+            at = self.base_from_robot(robot_id)
+            if at is not None:
+                age = max(0.0, (self.now - at[1]) / 1e9) if at[1] else 0.0
+                found.append(Teammate(robot_id, at[0], age, self.bases.get(robot_id, DEFAULT_BASE)))
+        return tuple(found)
 
     @property
     def base_frame(self) -> str:
@@ -39,7 +70,12 @@ class View(msgspec.Struct, frozen=True, kw_only=True, eq=False):
 
     def map_from_base(self) -> tuple[Pose2, int] | None:
         """The robot's own pose in `map` and its stamp, or None."""
-        return self.lookup(names.MAP_FRAME, self.base_frame)
+        # `cached_property` takes a lock: it would cost as much as the look-up.
+        known = self.__dict__
+        if "own_pose" not in known:
+            known["own_pose"] = self.lookup(names.MAP_FRAME, self.base_frame)
+        own_pose: tuple[Pose2, int] | None = known["own_pose"]
+        return own_pose
 
     def base_from_robot(self, robot_id: int) -> tuple[Pose2, int] | None:
         """Another robot's pose in the own base frame and its stamp, or None."""

@@ -6,7 +6,8 @@ from typing import Annotated
 from msgspec import Meta, Struct
 
 from zteam.behaviors.behavior import Behavior
-from zteam.behaviors.scans import Cone, look_ahead, look_along
+from zteam.behaviors.nearby import cannot_meet_before
+from zteam.behaviors.scans import Cone, is_clear, is_seen, look_ahead, look_along
 from zteam.behaviors.view import View
 from zteam.messages import LaserScan, Twist, Vector3
 
@@ -18,10 +19,22 @@ BRAKING = 1.0
 """m/s²: a base may not stop at once."""
 MAX_TURN = math.radians(120.0)
 """A turn goes at least as far as an angle drawn from 0 to this, and on until the way is free."""
+LEAST_TURN = math.radians(60.0)
+"""The same where the laser sees nothing that it could turn away from."""
 AWAY = 0.8
 """How often it turns away from what is nearest; always would be a circle in many a room."""
 SHORT_DRIVE = 1.0
 """Metres: where it has to turn again after less than this, the place is narrow."""
+HEADINGS = tuple(math.radians(10.0 * step) for step in range(-17, 19))
+"""Of which it draws one in a narrow place: always the first free one would be to and fro between two walls."""
+ROOMY = 3.0
+"""Metres; more room counts no more."""
+STUCK_AFTER = 1.0
+"""Seconds without moving, though it wants to drive, after which it turns: the safety layer knows more than it does."""
+MOVED = 0.02
+"""Metres of odometry that are a move."""
+FAR = 2.0
+"""Metres out of reach; what is farther away counts no more, so it looks again for teammates within a second."""
 SIDE_MARGIN = 0.015
 """Metres on either side of the circle that the base's corners describe when it turns: what it needs to squeeze
 through."""
@@ -49,7 +62,6 @@ class Wander(Behavior):
 
     Params = WanderParams
     params: WanderParams
-    uses_odom = False
 
     def __init__(self, params: WanderParams) -> None:
         super().__init__(params)
@@ -61,6 +73,12 @@ class Wander(Behavior):
         self._driven = SHORT_DRIVE
         """Metres since the last turn."""
         self._squeezing = False
+        self._stuck = 0.0
+        """Seconds for which it has not moved, though it wants to drive."""
+        self._place = math.nan, math.nan
+        """In odometry, where it has moved last."""
+        self._alone_until = 0
+        """Nanoseconds: before this no teammate can be in the way."""
 
     def step(self, view: View) -> Twist:
         """Straight on or a turn on the spot; zero without a scan."""
@@ -70,31 +88,80 @@ class Wander(Behavior):
         self.reason = ""
         if self._side:
             self._turned += self.params.turn_rate * view.dt
+            self._stuck = 0.0
         else:
             self._driven += self.params.speed * view.dt
+            self._watch_for_stuck(view)
         cone = look_ahead(view.scan, HALF_ANGLE)
-        if cone and self._may_drive(cone, view.scan, view.base.radius + SIDE_MARGIN):
+        mate = self._bearing_of_teammate(view)
+        if self._stuck > STUCK_AFTER and self.params.speed > 0.0:
+            self._start_turn(view, -1.0 if mate is None else mate)
+            self._wanted = max(self._wanted, LEAST_TURN)
+        elif cone and mate is None and self._may_drive(cone, view.scan, view.base.radius + SIDE_MARGIN):
             self._driven = 0.0 if self._side else self._driven
             self._side = 0.0
             return Twist(linear=Vector3(x=self.params.speed))
         if not self._side:
-            self._start_turn(view, cone)
+            self._start_turn(view, mate if mate is not None else cone.bearing if cone else -1.0)
         return Twist(angular=Vector3(z=self._side * self.params.turn_rate))
 
-    def _start_turn(self, view: View, cone: Cone | None) -> None:
-        away = -math.copysign(1.0, cone.bearing) if cone else 1.0
+    def _bearing_of_teammate(self, view: View) -> float | None:
+        """Of one in the way ahead (rad), which the laser may look over; None if there is none.
+
+        Both keep the room to turn in, or they might stand side by side for ever.
+        """
+        if view.now < self._alone_until:
+            return None
+        apart, found = math.inf, None
+        for mate in view.teammates:
+            x, y, room = mate.pose.x, mate.pose.y, view.base.radius + mate.base.radius + SIDE_MARGIN
+            apart = min(apart, math.hypot(x, y) - room - self._reach)
+            if 0.0 < x < room + self._reach and abs(y) < room:
+                found = math.atan2(y, x)
+        self._alone_until = cannot_meet_before(view.now, min(apart, FAR))
+        return found
+
+    def _watch_for_stuck(self, view: View) -> None:
+        if view.odom is None:
+            return
+        place = view.odom.pose.pose.position
+        if math.dist(self._place, (place.x, place.y)) < MOVED:
+            self._stuck += view.dt
+        else:
+            self._place, self._stuck = (place.x, place.y), 0.0
+
+    def _start_turn(self, view: View, bearing: float) -> None:
+        """Turn, mostly away from what is in this direction (rad)."""
+        away = -math.copysign(1.0, bearing)
         self._side = away if view.random(0) < AWAY else -away
-        self._squeezing = self._driven < SHORT_DRIVE
-        # In a narrow place the next free heading is the way out, and a large turn the way back in.
-        self._wanted = 0.0 if self._squeezing else MAX_TURN * view.random(1)
+        self._wanted = MAX_TURN * view.random(1)
         self._turned = 0.0
+        self._squeezing = self._driven < SHORT_DRIVE
+        if self._squeezing:
+            heading = self._draw_heading(view)
+            self._side, self._wanted = math.copysign(1.0, heading), abs(heading)
+
+    def _draw_heading(self, view: View) -> float:
+        """Of those that the laser sees (rad); the more room there is, the likelier."""
+        best, most = math.pi, -1.0
+        for draw, heading in enumerate(HEADINGS, 2):
+            if view.scan is not None and is_seen(view.scan, heading):
+                room = min(look_along(view.scan, view.base.radius + SIDE_MARGIN, heading), ROOMY)
+                weight = room * view.random(draw)
+                best, most = (heading, weight) if weight > most else (best, most)
+        return best
 
     def _may_drive(self, cone: Cone, scan: LaserScan, half_width: float) -> bool:
-        speed = self.params.speed
-        reach = self.params.stop_distance + REACTION_TIME * speed + 0.5 * speed * speed / BRAKING
+        reach = self._reach
         if cone.invalid > self.params.max_invalid:
             return False
         if self._side and self._turned >= math.tau:
             self._squeezing = True
-        clear = look_along(scan, half_width) >= reach and (self._squeezing or cone.nearest >= reach)
+        clear = is_clear(scan, half_width, reach) and (self._squeezing or cone.nearest >= reach)
         return clear and (not self._side or self._turned >= self._wanted)
+
+    @property
+    def _reach(self) -> float:
+        """Metres ahead of the laser that have to be free."""
+        speed = self.params.speed
+        return self.params.stop_distance + REACTION_TIME * speed + 0.5 * speed * speed / BRAKING

@@ -51,7 +51,7 @@ def _run(robots: int, beams: int, seconds: float) -> Exchanged:
     count = ["--robots", str(robots)]
     # START_LIMIT three times: the simulator's own start, its wait for the team, and the warm-up.
     limit = 3 * START_LIMIT + seconds + TICK_LIMIT
-    with Supervisor(lambda _name, _line: None, lambda _process: None) as supervisor:
+    with Supervisor(lambda _name, _line: None, lambda _process, _delay: None) as supervisor:
         try:
             endpoint = _start_router(supervisor)
             supervisor.start(names.AGGREGATOR, _command("aggregator", endpoint, *count))

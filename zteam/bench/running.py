@@ -4,19 +4,22 @@ import math
 import os
 import subprocess
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 import msgspec
 
+from zteam import names
 from zteam.bench.floor import measure_floor
 from zteam.bench.hops import measure_hops
-from zteam.bench.simulation import free_poses
+from zteam.bench.simulation import free_poses, measure_simulation
 from zteam.errors import ZteamError
 from zteam.geometry import Pose2
 from zteam.launch.process import zteam_command
 from zteam.launch.report import RunReport
 from zteam.runtime.participant import RoundTiming
 from zteam.services.simulator import Timing
+from zteam.simulation_options import Options
 from zteam.world import World, add_robot, load_world
 
 FLOOR_SECONDS = 4.0
@@ -30,6 +33,21 @@ define bench_robot position
   ranger ( pose [0.05 0 -0.1 0] size [0.05 0.05 0.1] sensor ( range [0 30] fov 270.25 samples {beams} ) )
 )
 """
+
+
+class InProcessFigures(msgspec.Struct):
+    """The same team in one process, and its parts."""
+
+    rtf: float | None
+    """Simulated seconds per host second, from GO on."""
+    core_rtf: float
+    """Of the simulator's core alone, with as many robots: simulated seconds per CPU second."""
+    robot_us: float
+    """Microseconds of a robot's step and its answer, on average over robots and ticks."""
+    same_trajectory: bool
+    """Whether the robots drove as in processes, to the bit."""
+    memory_mb: float
+    """PSS of the process at its peak."""
 
 
 class TeamFigures(msgspec.Struct):
@@ -65,25 +83,22 @@ class TeamFigures(msgspec.Struct):
     """The same exchange of messages on bare Zenoh (zteam.bench.bare_zenoh), measured right after the run."""
     floor_ratio: float | None = None
     """floor_rtf / rtf; 1 is as fast as the transport alone."""
+    in_process: InProcessFigures | None = None
+    """The same team in one process, where that was asked for."""
 
 
-def measure_team(world: Path, robots: int, beams: int, seconds: float, *, realtime: bool = False) -> TeamFigures:
+def measure_team(
+    world: Path, robots: int, beams: int, seconds: float, *, realtime: bool = False, in_process: bool = False
+) -> TeamFigures:
     """Run a line of `robots` robots with lasers of `beams` beams for `seconds` simulated seconds after GO.
 
     The robots are the world's own if it has enough with such a laser, else added ones at free poses near each other.
-    Each follows the one before. Raises ZteamError with the last lines of a run that fails.
+    Each follows the one before. With `in_process` the same team runs a second time, in one process, and the
+    simulator's core alone runs after it. Raises ZteamError with the last lines of a run that fails.
     """
     loaded = load_world(world)
-    with tempfile.TemporaryDirectory() as folder:
-        team = Path(folder) / "bench.toml"
-        own = _own_robots(loaded, robots, beams)
-        chosen = world.resolve() if own else Path(folder) / "bench.world"
-        if not own:
-            chosen.write_text(_ROBOT.format(world=msgspec.json.encode(str(world.resolve())).decode(), beams=beams))
-        team.write_text(_team(chosen, robots, None if own else chain(free_poses(loaded, robots, seed=1))))
-        search = os.pathsep.join([str(world.resolve().parent), os.environ.get("STAGEPATH", "")])
-        pace = [] if realtime else ["--lockstep"]
-        report = _run([str(team), "--for", str(seconds), *pace], Path(folder), {"STAGEPATH": search}, seconds)
+    ways = [[] if realtime else ["--lockstep"], *([["--lockstep", "--in-process"]] if in_process else [])]
+    report, *one = _run_line(world, loaded, robots, beams, seconds, ways)
     rtf = report.real_time_factor
     ticks_per_s = None if rtf is None else rtf * 1e9 / loaded.interval
     figures = TeamFigures(
@@ -97,6 +112,9 @@ def measure_team(world: Path, robots: int, beams: int, seconds: float, *, realti
         cpu_seconds={process.name: process.cpu_seconds for process in report.processes},
         dropped=sum(report.dropped.values()),
     )  # fmt: skip
+    if one:
+        core = measure_simulation(loaded, robots, beams, 270.25, 30.0, seconds, Options())
+        figures.in_process = _in_process(one[0], report, core.rtf)
     if robots > 1:
         model = loaded.robots[0] if loaded.robots else add_robot(loaded, "erratic", Pose2(0.0, 0.0, 0.0), "bench")
         figures.hops_us = measure_hops(model, robots, beams)
@@ -104,6 +122,33 @@ def measure_team(world: Path, robots: int, beams: int, seconds: float, *, realti
         figures.floor_rtf = measure_floor(robots, beams, FLOOR_SECONDS, loaded.interval / 1e9).rtf
         figures.floor_ratio = figures.floor_rtf / rtf
     return figures
+
+
+def _run_line(
+    world: Path, loaded: World, robots: int, beams: int, seconds: float, ways: Sequence[list[str]]
+) -> list[RunReport]:
+    """Run the same line of robots in several ways, each with further arguments for `zteam up`."""
+    with tempfile.TemporaryDirectory() as folder:
+        team = Path(folder) / "bench.toml"
+        own = _own_robots(loaded, robots, beams)
+        chosen = world.resolve() if own else Path(folder) / "bench.world"
+        if not own:
+            chosen.write_text(_ROBOT.format(world=msgspec.json.encode(str(world.resolve())).decode(), beams=beams))
+        team.write_text(_team(chosen, robots, None if own else chain(free_poses(loaded, robots, seed=1))))
+        search = {"STAGEPATH": os.pathsep.join([str(world.resolve().parent), os.environ.get("STAGEPATH", "")])}
+        common = [str(team), "--for", str(seconds)]
+        return [_run([*common, *way], Path(folder), search, seconds) for way in ways]
+
+
+def _in_process(one: RunReport, many: RunReport, core_rtf: float) -> InProcessFigures:
+    acts = [timing.act for name, timing in one.rounds.items() if names.robot_id_of(name) is not None]
+    return InProcessFigures(
+        rtf=one.real_time_factor,
+        core_rtf=core_rtf,
+        robot_us=1e3 * sum(acts) / max(1, len(acts)),
+        same_trajectory=one.trajectory_sha256 == many.trajectory_sha256,
+        memory_mb=round(sum(process.pss_mb for process in one.processes), 1),
+    )
 
 
 def _own_robots(world: World, robots: int, beams: int) -> bool:

@@ -7,15 +7,19 @@ import msgspec
 
 from zteam.bus.changes import Addressees, Change
 from zteam.bus.counters import Counters
+from zteam.bus.declarations import OpenDeclarations, Subscription
 from zteam.bus.queries import NoRequest, Request, query_handler, read_replies
 from zteam.bus.receiving import Receiver
-from zteam.bus.transport import Closeable, Declaration, RawPublisher, RawSample, Transport
+from zteam.bus.transport import Closeable, Declaration, RawPublisher, RawSample, SampleHandler, Transport
 from zteam.errors import BusError, UsageError
-from zteam.messages import Message, encode, encoding_of
-from zteam.names import stats_key
+from zteam.messages import Message, encoding_of
+from zteam.names import declarations_key, stats_key
 
 M = TypeVar("M", bound=Message)
 T = TypeVar("T")
+
+_PATIENCE = 1.0
+"""Host seconds that other sessions have to tell their declarations; those of a frozen process are missing."""
 
 
 def check_message_type(key: str, message_type: Any) -> None:
@@ -28,10 +32,18 @@ def check_message_type(key: str, message_type: Any) -> None:
 class Publisher(Generic[M]):
     """Publishes messages of one type on one key."""
 
-    def __init__(self, raw: RawPublisher, key: str, message_type: type[M]) -> None:
+    def __init__(self, raw: RawPublisher, key: str, message_type: type[M], forget: Callable[[], None]) -> None:
+        """`forget()` is called when it is closed."""
         self._raw = raw
+        self._forget = forget
         self._key = key
         self._type = message_type
+        self.hand_over: Callable[[M], None] = raw.hand_over
+        """As `put`, in less time, for a message that was made to be sent: neither it nor what it holds will be changed.
+
+        In memory its receivers get this very message, so its numbers are plain and finite ones; only float32 fields are
+        still narrowed, and arrays become read-only.
+        """
 
     @property
     def has_subscribers(self) -> bool:
@@ -48,10 +60,11 @@ class Publisher(Generic[M]):
         """
         if type(message) is not self._type:
             raise UsageError(f"{self._key} carries {self._type.__name__}: put was given a {type(message).__name__}")
-        self._raw.put(encode(message))
+        self._raw.put_message(message)
 
     def close(self) -> None:
         """Undeclare the publisher; from now on late subscribers of a latched key get nothing of it."""
+        self._forget()
         self._raw.close()
 
 
@@ -66,11 +79,18 @@ class Bus:
         self.counters = Counters()
         self._receiver = Receiver(self.counters)
         self._addressees = Addressees(self.query)
+        self._open = OpenDeclarations()
+        self.serve(declarations_key(self.instance), NoRequest, lambda _: self._open.read())
 
     @property
     def instance(self) -> str:
         """This session's id."""
         return self.transport.instance
+
+    @property
+    def matching_changes(self) -> int:
+        """While this stays the same, so does `has_subscribers` of every publisher: it saves asking many of them."""
+        return self.transport.matching_changes
 
     def publisher(
         self, key: str, message_type: type[M], *, latched: bool = False, to_others: bool = False
@@ -80,8 +100,18 @@ class Bus:
         With `to_others`, subscribers of the same session get nothing from it and do not count as its subscribers.
         """
         check_message_type(key, message_type)
-        raw = self.transport.declare_publisher(key, encoding_of(message_type), latched, to_others)
-        return Publisher(raw, key, message_type)
+        raw, forget = self._open.keep(
+            Declaration(key, self.instance, True),
+            lambda: self.transport.declare_publisher(key, encoding_of(message_type), latched, to_others),
+        )
+        return Publisher(raw, key, message_type, forget)
+
+    def _subscribe(self, key_expr: str, handler: SampleHandler, latched: bool, stamped: bool) -> Closeable:
+        handle, forget = self._open.keep(
+            Declaration(key_expr, self.instance, False),
+            lambda: self.transport.declare_subscriber(key_expr, handler, latched, stamped),
+        )
+        return Subscription(handle, forget)
 
     def subscribe(
         self, key_expr: str, message_type: type[M], callback: Callable[[str, M], None], *, latched: bool = False
@@ -93,24 +123,31 @@ class Bus:
         """
         check_message_type(key_expr, message_type)
         make = self._receiver.latched_messages if latched else self._receiver.messages
-        return self.transport.declare_subscriber(key_expr, make(message_type, callback), latched, latched)
+        return self._subscribe(key_expr, make(message_type, callback), latched, latched)
+
+    def subscribe_from(
+        self, key_expr: str, message_type: type[M], callback: Callable[[str, M, str], None]
+    ) -> Closeable:
+        """As `subscribe`, but call `callback(key, message, source)` with the id of the session that sent it."""
+        check_message_type(key_expr, message_type)
+        handler = self._receiver.messages_from(message_type, callback)
+        return self._subscribe(key_expr, handler, False, True)
 
     def subscribe_raw(
         self, key_expr: str, callback: Callable[[RawSample], None], *, latched: bool = False
     ) -> Closeable:
         """Call `callback` with undecoded samples: for tools that learn the type from the encoding."""
-        return self.transport.declare_subscriber(key_expr, self._receiver.guarded(callback), latched, True)
+        return self._subscribe(key_expr, self._receiver.guarded(callback), latched, True)
 
-    def subscribe_payloads(
-        self, key_expr: str, message_type: type[Message], callback: Callable[[str, bytes], None]
+    def subscribe_contents(
+        self, key_expr: str, message_type: type[M], callback: Callable[[str, bytes | M], None]
     ) -> Closeable:
-        """Call `callback(key, payload)` with undecoded messages of one type, for callers that decode them themselves.
+        """Call `callback(key, content)` with undecoded messages of one type, for callers that decode them themselves.
 
-        A payload for which `callback` raises DecodeError is counted as dropped.
+        Content is the message's bytes, or the message itself where it has none. Bytes for which `callback` raises
+        DecodeError are counted as dropped.
         """
-        return self.transport.declare_subscriber(
-            key_expr, self._receiver.payloads(message_type, callback), False, False
-        )
+        return self._subscribe(key_expr, self._receiver.contents(message_type, callback), False, False)
 
     def decode(self, sample: RawSample, message_type: type[M]) -> M | None:
         """The sample's message, counted; None if it is refused (the counters say why)."""
@@ -157,10 +194,19 @@ class Bus:
         """Call `callback(key, alive)` for tokens that are there, come or go."""
         return [self.transport.watch_tokens(key_expr, callback) for key_expr in key_exprs]
 
-    def declarations(self) -> list[Declaration] | None:
-        """The publishers and subscribers of all other sessions; None if the router does not tell of them."""
-        found = self.transport.declarations()
-        return found and [declaration for declaration in found if declaration.session != self.instance]
+    def declarations(self) -> list[Declaration]:
+        """The publishers and subscribers of all other sessions of zteam: each tells its own.
+
+        Those of other programs are missing: zteam does not ask the router for them (`zteam/bus/declarations.py`).
+        """
+        asked = declarations_key("*")
+        replies = self.transport.get(asked, b"", _PATIENCE, to_others=True)
+        try:
+            answers = read_replies(asked, replies, list[Declaration])
+        except BusError:
+            # There are other sessions, but no readable answer has come in time.
+            return []
+        return [declaration for _, told in answers for declaration in told]
 
     def watch_link(self, callback: Callable[[bool], None]) -> None:
         """Call `callback(up)` when the link to the router is lost or back."""

@@ -9,14 +9,12 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 
 import msgspec
 import zenoh
 
 from zteam.bus.bus import Bus
-from zteam.bus.declarations import read_declarations
 from zteam.bus.options import FROM_STDIN as FROM_STDIN
 from zteam.bus.options import BusOptions, client_config, open_session
 from zteam.bus.session import ZenohTransport
@@ -55,7 +53,7 @@ def connect(options: BusOptions, *, patience: float | None = None, stopping: Cal
         session = _open_on_demand(options, stopping)
     else:
         session = _open_patiently(options, patience, stopping)
-    transport = ZenohTransport(session, partial(read_declarations, options))
+    transport = ZenohTransport(session)
     if options.connect is None:
         _keep_router_alive(transport, options)
     return Bus(transport)

@@ -1,70 +1,62 @@
-"""Which sessions have declared publishers and subscribers: what the routers tell of it in Zenoh's admin space.
+"""What a session publishes and subscribes to: it keeps a list, and tells it to those that ask.
 
-A session itself learns only whether its own publisher has a subscriber.
+The router knows the declarations of all sessions, those of foreign programs too, but zteam never asks it for them. A
+router that answers such a query of its admin space, such as `@/*/router/publisher/**`, takes the lock of its tables a
+second time. If a session opens in between, the router stands still for ever, and with it the whole team
+(https://github.com/eclipse-zenoh/zenoh/pull/2619). Its own record, `@/*/router`, needs no such lock.
 """
 
-import logging
+import itertools
+import threading
+from collections.abc import Callable
+from typing import TypeVar
 
-import msgspec
-import zenoh
+from zteam.bus.transport import Closeable, Declaration
 
-from zteam.bus.options import BusOptions, client_config, open_session
-from zteam.bus.transport import Declaration
-
-log = logging.getLogger("zteam.bus")
-
-_TIMEOUT = 1.0
-"""Host seconds that the routers have for their answers."""
+C = TypeVar("C", bound=Closeable)
 
 
-class _Sources(msgspec.Struct):
-    """The sessions that declared one key, as a router lists them; each appears at its own router."""
+class OpenDeclarations:
+    """The open publishers and subscribers of one session."""
 
-    peers: list[str] = []
-    clients: list[str] = []
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._numbers = itertools.count()
+        self._open: dict[int, Declaration] = {}
 
+    def keep(self, declaration: Declaration, declare: Callable[[], C]) -> tuple[C, Callable[[], None]]:
+        """What `declare()` opens, and the call that takes it off the list again.
 
-def read_declarations(options: BusOptions) -> list[Declaration] | None:
-    """All publishers and subscribers in the namespace of `options`; None if no router tells of them.
+        It is listed before it is opened: when others notice it, they find it in the list.
+        """
+        number = next(self._numbers)
 
-    They are read through a session of its own without a namespace: one with a namespace gets no answer.
-    """
-    namespace = f"{options.namespace}/" if options.namespace else ""
-    try:
-        session = open_session(client_config(msgspec.structs.replace(options, namespace=None)), "small")
-    except zenoh.ZError as error:
-        log.debug("open: %s", error)
-        return None
-    try:
-        if not any(reply.ok for reply in session.get("@/*/router", timeout=_TIMEOUT)):
-            return None
-        return [
-            declaration
-            for kind in ("publisher", "subscriber")
-            for reply in session.get(f"@/*/router/{kind}/**", timeout=_TIMEOUT)
-            if reply.ok is not None
-            for declaration in _read(str(reply.ok.key_expr), reply.ok.payload.to_bytes(), kind, namespace)
-        ]
-    finally:
-        session.close()  # type: ignore[no-untyped-call]
+        def forget() -> None:
+            with self._lock:
+                self._open.pop(number, None)
 
+        with self._lock:
+            self._open[number] = declaration
+        try:
+            return declare(), forget
+        except BaseException:
+            forget()
+            raise
 
-def _read(admin_key: str, payload: bytes, kind: str, namespace: str) -> list[Declaration]:
-    """The declarations in one answer, which is about `@/<router>/router/<kind>/<key>`."""
-    key = _without(namespace, admin_key.partition(f"/router/{kind}/")[2])
-    # A part with an @ is Zenoh's own, such as the caches of latched publishers.
-    if not key or any(part.startswith("@") for part in key.split("/")):
-        return []
-    try:
-        sources = msgspec.json.decode(payload, type=_Sources)
-    except msgspec.DecodeError as error:
-        log.debug("admin space: %s: %s", admin_key, error)
-        return []
-    return [Declaration(key, session, kind == "publisher") for session in (*sources.clients, *sources.peers)]
+    def read(self) -> list[Declaration]:
+        """The list now."""
+        with self._lock:
+            return list(self._open.values())
 
 
-def _without(namespace: str, key: str) -> str:
-    """The key as the sessions of the namespace see it; empty for one that is not theirs."""
-    if key.startswith("**"):
-        return key
-    return key.removeprefix(namespace) if key.startswith(namespace) else ""
+class Subscription:
+    """A subscriber that leaves the list when it is closed."""
+
+    def __init__(self, handle: Closeable, forget: Callable[[], None]) -> None:
+        self._handle = handle
+        self._forget = forget
+
+    def close(self) -> None:
+        """Take it back; a second call does nothing."""
+        self._forget()
+        self._handle.close()

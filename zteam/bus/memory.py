@@ -1,23 +1,23 @@
-"""A bus in memory for unit tests and notebooks: the same bytes, keys and behaviour as over Zenoh, without processes.
+"""A bus in the memory of one process: the same keys and behaviour as over Zenoh, for teams and unit tests.
 
-`put` returns when every subscriber's callback has, and a query's handler runs on the asker's thread (a deferred answer
-has a thread of its own, as over Zenoh). Sessions share a `MemoryHub`.
+A message is not encoded: its receivers share one that is made of it (`share`), and which is not to be changed. `put`
+returns when every subscriber's callback has, and a query's handler runs on the asker's thread (a deferred answer has a
+thread of its own, as over Zenoh). Sessions share a `MemoryHub`.
 """
 
 import itertools
 import logging
 import threading
 from collections import Counter
-from collections.abc import Callable
-from functools import lru_cache, partial
-from typing import Any
+from collections.abc import Callable, Iterator
+from functools import partial
 
 from zteam.bus.answering import DeferredAnswers, error_reply, make_answer
 from zteam.bus.bus import Bus
 from zteam.bus.keys import check_use, matches
+from zteam.bus.memory_publisher import Deliver, MemoryPublisher, Receiver, Subscriber, deliver_now
 from zteam.bus.transport import (
     Closeable,
-    Declaration,
     QueryHandler,
     RawPublisher,
     RawSample,
@@ -33,8 +33,8 @@ log = logging.getLogger("zteam.bus")
 class _Handle:
     """A declaration; closing it twice does nothing."""
 
-    def __init__(self, close: Callable[[], None]) -> None:
-        self._close: Callable[[], None] | None = close
+    def __init__(self, close: Callable[[], object]) -> None:
+        self._close: Callable[[], object] | None = close
 
     def close(self) -> None:
         close, self._close = self._close, None
@@ -42,17 +42,9 @@ class _Handle:
             close()
 
 
-class _Subscriber:
-    def __init__(self, session: str, key_expr: str, handler: SampleHandler) -> None:
-        self.session = session
-        self.key_expr = key_expr
-        self.handler = handler
-        # A key expression is compared with every key that is put, so each pair is compared once.
-        self.matches = lru_cache(maxsize=1024)(lambda key: matches(key_expr, key))
-
-
 class _Queryable:
-    def __init__(self, key: str, handler: QueryHandler, deferred: DeferredAnswers) -> None:
+    def __init__(self, session: str, key: str, handler: QueryHandler, deferred: DeferredAnswers) -> None:
+        self.session = session
         self.key = key
         self.handler = handler
         self.deferred = deferred
@@ -61,17 +53,24 @@ class _Queryable:
 class MemoryHub:
     """What the router is to processes: all declarations of all sessions, and the latched payloads."""
 
-    def __init__(self) -> None:
+    def __init__(self, deliver: Deliver = deliver_now, timestamps: Iterator[int] | None = None) -> None:
+        """`deliver(receivers, news)` calls every receiver, in whatever thread.
+
+        `timestamps` are those of samples, if they meet samples of another bus.
+        """
+        self.deliver = deliver
         self.lock = threading.RLock()
         self._ids = itertools.count(1)
-        self.timestamps = itertools.count(1)
-        self.subscribers: dict[int, _Subscriber] = {}
+        self.timestamps = timestamps or itertools.count(1)
+        self.subscribers: dict[int, Subscriber] = {}
+        self.version = 0
+        """Changes with `subscribers`."""
         self.queryables: dict[int, _Queryable] = {}
         self.tokens = Counter[str]()
         """How many sessions hold each token."""
-        self.watchers: dict[int, tuple[str, TokenHandler]] = {}
+        self.watchers: dict[int, tuple[str, str, TokenHandler]] = {}
+        """Owner, key expression and handler."""
         self.latched: dict[int, RawSample] = {}
-        self.publishers: dict[int, Declaration] = {}
 
     def bus(self) -> Bus:
         """A new session on this hub."""
@@ -81,16 +80,25 @@ class MemoryHub:
         """A number for a declaration or a session."""
         return next(self._ids)
 
-    def matching(self, key: str, but_session: str | None) -> list[_Subscriber]:
-        """The subscribers of a key, without those of one session."""
+    def subscribe(self, subscriber: Subscriber, latched: bool) -> tuple[int, list[RawSample]]:
+        """Add a subscriber; its number, and with `latched` what was put before."""
         with self.lock:
-            return [s for s in self.subscribers.values() if s.session != but_session and s.matches(key)]
+            number = self.new_id()
+            self.subscribers[number] = subscriber
+            self.version += 1
+            return number, [s for s in self.latched.values() if latched and matches(subscriber.key_expr, s.key)]
 
-    def declarations(self) -> list[Declaration]:
-        """The publishers and subscribers of all sessions."""
+    def unsubscribe(self, number: int) -> None:
+        """Remove a subscriber."""
         with self.lock:
-            subscribers = [Declaration(s.key_expr, s.session, False) for s in self.subscribers.values()]
-            return [*self.publishers.values(), *subscribers]
+            self.subscribers.pop(number, None)
+            self.version += 1
+
+    def matching(self, key: str, but_session: str | None) -> tuple[list[Subscriber], int]:
+        """The subscribers of a key, without those of one session, and `version`."""
+        with self.lock:
+            found = [s for s in self.subscribers.values() if s.session != but_session and matches(s.key_expr, key)]
+            return found, self.version
 
     def change_token(self, key: str, by: int) -> None:
         """Count a token up or down, and tell the watchers when it comes or goes."""
@@ -100,9 +108,12 @@ class MemoryHub:
             alive = self.tokens[key] > 0
             if alive == (before > 0):
                 return
-            told = [handler for expr, handler in self.watchers.values() if matches(expr, key)]
-        for handler in told:
-            _tell(handler, key, alive)
+            told = [
+                Receiver(owner, partial(_tell, handler, key))
+                for owner, expr, handler in self.watchers.values()
+                if matches(expr, key)
+            ]
+        self.deliver(told, alive)
 
 
 def _tell(handler: TokenHandler, key: str, alive: bool) -> None:
@@ -113,58 +124,30 @@ def _tell(handler: TokenHandler, key: str, alive: bool) -> None:
         log.exception("error in a callback of the bus")
 
 
-class _Publisher:
-    """Puts payloads on one key of a hub."""
-
-    def __init__(self, hub: MemoryHub, session: str, key: str, encoding: str, latched: bool, to_others: bool) -> None:
-        self._hub = hub
-        self._number = hub.new_id()
-        self._session = session
-        self._key = key
-        self._encoding = encoding
-        self._latched = latched
-        self._passed_over = session if to_others else None
-        self._closed = False
-        hub.publishers[self._number] = Declaration(key, session, True)
-
-    @property
-    def has_subscribers(self) -> bool:
-        if self._closed:
-            return False
-        return self._latched or bool(self._hub.matching(self._key, self._passed_over))
-
-    def put(self, payload: bytes) -> None:
-        hub = self._hub
-        with hub.lock:
-            if self._closed:
-                return
-            sample = RawSample(self._key, bytes(payload), self._encoding, next(hub.timestamps), self._session)
-            if self._latched:
-                hub.latched[self._number] = sample
-            subscribers = hub.matching(self._key, self._passed_over)
-        for subscriber in subscribers:
-            subscriber.handler(sample)
-
-    def close(self) -> None:
-        with self._hub.lock:
-            self._closed = True
-            self._hub.latched.pop(self._number, None)
-            self._hub.publishers.pop(self._number, None)
-
-
 class MemoryTransport:
     """One session on a MemoryHub."""
 
-    def __init__(self, hub: MemoryHub) -> None:
+    def __init__(self, hub: MemoryHub, owner: str = "", instance: str = "") -> None:
+        """`owner` goes to the hub's `deliver` with each of this session's receivers.
+
+        `instance` is this session's id; empty for one that is unique on this hub.
+        """
         self._hub = hub
-        self.instance = f"{hub.new_id():032x}"
+        self._owner = owner
+        self.instance = instance or f"{hub.new_id():032x}"
         self._open: list[Closeable] = []
         self._deferred = DeferredAnswers()
         self._closed = False
 
-    def declare_publisher(self, key: str, encoding: str, latched: bool, to_others: bool = False) -> RawPublisher:
+    @property
+    def matching_changes(self) -> int:
+        return self._hub.version
+
+    def declare_publisher(
+        self, key: str, encoding: str, latched: bool, to_others: bool = False, source: str = ""
+    ) -> RawPublisher:
         check_use("publish on", key, self._closed)
-        publisher = _Publisher(self._hub, self.instance, key, encoding, latched, to_others)
+        publisher = MemoryPublisher(self._hub, self.instance, key, encoding, latched, to_others, source)
         self._open.append(publisher)
         return publisher
 
@@ -172,21 +155,19 @@ class MemoryTransport:
         self, key_expr: str, handler: SampleHandler, latched: bool, stamped: bool = True
     ) -> Closeable:
         check_use("subscribe to", key_expr, self._closed)
-        hub, number = self._hub, self._hub.new_id()
-        with hub.lock:
-            hub.subscribers[number] = _Subscriber(self.instance, key_expr, handler)
-            history = [s for s in hub.latched.values() if latched and matches(key_expr, s.key)]
+        hub = self._hub
+        number, history = hub.subscribe(Subscriber(self.instance, self._owner, key_expr, handler), latched)
         for sample in history:
-            handler(sample)
-        return self._handle(hub.subscribers, number)
+            hub.deliver([Receiver(self._owner, handler)], sample)
+        return self._keep(lambda: hub.unsubscribe(number))
 
     def declare_queryable(self, key: str, handler: QueryHandler) -> Closeable:
         check_use("serve", key, self._closed)
         number = self._hub.new_id()
-        self._hub.queryables[number] = _Queryable(key, handler, self._deferred)
-        return self._handle(self._hub.queryables, number)
+        self._hub.queryables[number] = _Queryable(self.instance, key, handler, self._deferred)
+        return self._keep(lambda: self._hub.queryables.pop(number, None))
 
-    def get(self, key_expr: str, payload: bytes, timeout: float) -> list[Reply]:
+    def get(self, key_expr: str, payload: bytes, timeout: float, to_others: bool = False) -> list[Reply]:
         check_use("ask", key_expr, self._closed)
         end = monotonic() + timeout
         replies: list[Reply] = []
@@ -197,7 +178,9 @@ class MemoryTransport:
                 replies.append(reply)
                 changed.notify_all()
 
-        asked = [q for q in list(self._hub.queryables.values()) if matches(key_expr, q.key)]
+        passed_over = self.instance if to_others else None
+        served = list(self._hub.queryables.values())
+        asked = [q for q in served if q.session != passed_over and matches(key_expr, q.key)]
         for queryable in asked:
             answer = make_answer(queryable.key, partial(queryable.handler, payload))
             if isinstance(answer, Reply):
@@ -209,25 +192,20 @@ class MemoryTransport:
                 return [*replies, error_reply("Timeout")]
             return replies
 
-    def declarations(self) -> list[Declaration] | None:
-        return self._hub.declarations()
-
     def declare_token(self, key: str) -> Closeable:
         check_use("declare the token", key, self._closed)
         self._hub.change_token(key, 1)
-        handle = _Handle(lambda: self._hub.change_token(key, -1))
-        self._open.append(handle)
-        return handle
+        return self._keep(lambda: self._hub.change_token(key, -1))
 
     def watch_tokens(self, key_expr: str, handler: TokenHandler) -> Closeable:
         check_use("watch", key_expr, self._closed)
         hub, number = self._hub, self._hub.new_id()
         with hub.lock:
-            hub.watchers[number] = (key_expr, handler)
+            hub.watchers[number] = self._owner, key_expr, handler
             there = [key for key, count in hub.tokens.items() if count and matches(key_expr, key)]
         for key in there:
-            _tell(handler, key, True)
-        return self._handle(hub.watchers, number)
+            hub.deliver([Receiver(self._owner, partial(_tell, handler, key))], True)
+        return self._keep(lambda: hub.watchers.pop(number, None))
 
     def watch_link(self, handler: Callable[[bool], None]) -> None:
         """The link to a hub is never lost, so `handler` is never called."""
@@ -238,10 +216,7 @@ class MemoryTransport:
         for handle in opened:
             handle.close()
 
-    def _handle(self, table: dict[int, Any], number: int) -> Closeable:
-        def remove() -> None:
-            table.pop(number, None)
-
-        handle = _Handle(remove)
+    def _keep(self, close: Callable[[], object]) -> Closeable:
+        handle = _Handle(close)
         self._open.append(handle)
         return handle

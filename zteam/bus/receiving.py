@@ -6,7 +6,7 @@ from typing import TypeVar
 
 from zteam.bus.counters import MAX_KEYS, Counters
 from zteam.bus.payloads import size_problem
-from zteam.bus.transport import RawSample, SampleHandler
+from zteam.bus.transport import DirectHandler, MessageHandler, RawSample, SampleHandler
 from zteam.errors import DecodeError
 from zteam.messages import Message, decode, encoding_of
 from zteam.names import is_wildcard
@@ -14,9 +14,9 @@ from zteam.names import is_wildcard
 log = logging.getLogger("zteam.bus")
 
 M = TypeVar("M", bound=Message)
-T = TypeVar("T")
 
-_CDR = "application/cdr"
+_CDR = "application/cdr;"
+_FAULT = "error while handling a message on %s"
 
 
 class Receiver:
@@ -27,7 +27,17 @@ class Receiver:
 
     def decode(self, sample: RawSample, message_type: type[M]) -> M | None:
         """The sample's message; None if it is refused (the counters say why)."""
-        return self._read(sample, message_type, lambda raw: decode(message_type, raw.payload))
+        if self._refuse(sample, message_type):
+            return None
+        message = sample.content
+        if not isinstance(message, message_type):
+            try:
+                message = decode(message_type, sample.payload)
+            except DecodeError as error:
+                self._counters.drop(sample.key, str(error))
+                return None
+        self._counters.receive(sample.key)
+        return message
 
     def messages(self, message_type: type[M], callback: Callable[[str, M], None]) -> SampleHandler:
         """Calls `callback(key, message)`."""
@@ -37,7 +47,17 @@ class Receiver:
             if message is not None:
                 callback(sample.key, message)
 
-        return self.guarded(handle)
+        return self._direct(message_type, handle, callback)
+
+    def messages_from(self, message_type: type[M], callback: Callable[[str, M, str], None]) -> SampleHandler:
+        """Calls `callback(key, message, source)`."""
+
+        def handle(sample: RawSample) -> None:
+            message = self.decode(sample, message_type)
+            if message is not None:
+                callback(sample.key, message, sample.source)
+
+        return self._direct(message_type, handle, callback, with_source=True)
 
     def latched_messages(self, message_type: type[M], callback: Callable[[str, M], None]) -> SampleHandler:
         """Calls `callback(key, message)` unless a newer message of the key was handled before."""
@@ -55,42 +75,80 @@ class Receiver:
 
         return self.guarded(handle)
 
-    def payloads(self, message_type: type[Message], callback: Callable[[str, bytes], None]) -> SampleHandler:
-        """Calls `callback(key, payload)`, which may raise DecodeError."""
+    def contents(self, message_type: type[M], callback: Callable[[str, bytes | M], None]) -> SampleHandler:
+        """Calls `callback(key, content)`, which may raise DecodeError."""
 
-        def take(sample: RawSample) -> None:
-            callback(sample.key, sample.payload)
+        def handle(sample: RawSample) -> None:
+            if self._refuse(sample, message_type):
+                return
+            content = sample.content
+            try:
+                callback(sample.key, content if isinstance(content, message_type) else sample.payload)
+            except DecodeError as error:
+                self._counters.drop(sample.key, str(error))
+                return
+            self._counters.receive(sample.key)
 
-        return self.guarded(lambda sample: self._read(sample, message_type, take))
+        return self._direct(message_type, handle, callback)
+
+    def _direct(
+        self,
+        message_type: type[M],
+        handle: SampleHandler,
+        callback: Callable[..., None],
+        *,
+        with_source: bool = False,
+    ) -> DirectHandler:
+        """A handler of samples that hands the messages of a bound publisher to `callback(key, message[, source])`."""
+        guarded = self.guarded(handle)
+
+        def bind(key: str, encoding: str, source: str) -> MessageHandler | None:
+            if is_wildcard(key) or encoding != encoding_of(message_type):
+                # Each sample is refused and counted.
+                return None
+            count = self._counters.count_of(key)
+            more = (source,) if with_source else ()
+
+            def take(message: Message) -> None:
+                if type(message) is not message_type:
+                    # Of a class that was defined anew since: the bytes count.
+                    guarded(RawSample(key, message, encoding, 0, source))
+                    return
+                count.received += 1
+                try:
+                    callback(key, message, *more)
+                except Exception:
+                    log.exception(_FAULT, key)
+
+            return take
+
+        return DirectHandler(guarded, bind)
 
     def guarded(self, callback: Callable[[RawSample], object]) -> SampleHandler:
         """Calls `callback(sample)` for samples of a permitted size, and logs its exceptions."""
 
         def handle(sample: RawSample) -> None:
-            if problem := size_problem(sample.payload):
+            # A message without bytes is a small one.
+            if isinstance(sample.content, bytes) and (problem := size_problem(sample.content)):
                 self._counters.drop(sample.key, problem)
                 return
             try:
                 callback(sample)
             except Exception:
                 # A fault in one callback must not end the subscription, and no other code sees it after the bus.
-                log.exception("error while handling a message on %s", sample.key)
+                log.exception(_FAULT, sample.key)
 
         return handle
 
-    def _read(self, sample: RawSample, message_type: type[Message], read: Callable[[RawSample], T]) -> T | None:
-        expected = encoding_of(message_type)
-        if is_wildcard(sample.key):
-            self._counters.drop(sample.key, "its key is a wildcard, not the name of one topic")
-            return None
-        if sample.encoding.startswith(_CDR + ";") and sample.encoding != expected:
-            given, due = sample.encoding.removeprefix(_CDR + ";"), message_type.ros_type
-            self._counters.drop(sample.key, f"wrong type: it is {given}, {due} is due")
-            return None
-        try:
-            found = read(sample)
-        except DecodeError as error:
-            self._counters.drop(sample.key, str(error))
-            return None
-        self._counters.receive(sample.key)
-        return found
+    def _refuse(self, sample: RawSample, message_type: type[Message]) -> bool:
+        """Whether a sample is no message of this type on one key, whatever it holds; it is then counted as dropped."""
+        key = sample.key
+        if is_wildcard(key):
+            self._counters.drop(key, "its key is a wildcard, not the name of one topic")
+            return True
+        encoding = sample.encoding
+        if encoding != encoding_of(message_type) and encoding.startswith(_CDR):
+            given, due = encoding.removeprefix(_CDR), message_type.ros_type
+            self._counters.drop(key, f"wrong type: it is {given}, {due} is due")
+            return True
+        return False

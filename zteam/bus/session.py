@@ -2,6 +2,7 @@
 
 import atexit
 import ctypes
+import itertools
 import logging
 import queue
 import threading
@@ -14,7 +15,6 @@ import zenoh.ext
 from zteam.bus.answering import DeferredAnswers, error_reply, make_answer
 from zteam.bus.keys import check_use, first_line
 from zteam.bus.transport import (
-    AskDeclarations,
     Closeable,
     QueryHandler,
     RawPublisher,
@@ -23,13 +23,14 @@ from zteam.bus.transport import (
     SampleHandler,
     TokenHandler,
 )
+from zteam.bus.zenoh_publisher import Declared, ZenohPublisher, stamping_as
 from zteam.clock import monotonic
 from zteam.errors import BusError
 
 log = logging.getLogger("zteam.bus")
 
 T = TypeVar("T")
-D = TypeVar("D", bound="_Declared")
+D = TypeVar("D", bound=Declared)
 
 _BYTES = "zenoh/bytes"
 _MOST = 0.9
@@ -51,8 +52,7 @@ def _stay() -> None:
 def _aside(handler: Callable[[T], None]) -> Any:
     """A Zenoh callback that calls `handler` on a thread of its own, in order, until it is undeclared.
 
-    Zenoh offers the same, but its thread is no daemon: at exit the interpreter would wait for that thread before
-    anything can close the session.
+    Zenoh offers the same, but its thread is no daemon: at exit the interpreter would wait for it.
     """
     waiting: queue.SimpleQueue[T | None] = queue.SimpleQueue()
 
@@ -68,59 +68,8 @@ def _call(handler: Callable[[T], None], event: T) -> None:
     try:
         handler(event)
     except Exception:
-        # A fault in one call must not end the calls that follow, and no other code sees it.
+        # It must not end the calls that follow, and no other code sees it.
         log.exception("error in a callback of the bus")
-
-
-class _Declared:
-    """A Zenoh declaration; undeclaring it twice, or after the session's end, does nothing."""
-
-    def __init__(self, entity: Any, forget: Callable[["_Declared"], None]) -> None:
-        self._entity = entity
-        self._forget = forget
-
-    def close(self) -> None:
-        entity, self._entity = self._entity, None
-        if entity is not None:
-            self._forget(self)
-            try:
-                entity.undeclare()
-            except zenoh.ZError as error:
-                log.debug("undeclare: %s", error)
-
-
-class _Publisher(_Declared):
-    def __init__(self, entity: Any, forget: Callable[[_Declared], None], latched: bool) -> None:
-        super().__init__(entity, forget)
-        self._matching = True
-        if not latched:
-            # A listener instead of a question for each message: every call into Zenoh releases the interpreter lock.
-            self._lock, self._told = threading.Lock(), False
-            callback: Any = zenoh.handlers.Callback(self._on_matching, indirect=False)
-            self._listener = entity.declare_matching_listener(callback)
-            now = entity.matching_status.matching
-            with self._lock:
-                # The listener's word is newer than the answer.
-                if not self._told:
-                    self._matching = now
-
-    @property
-    def has_subscribers(self) -> bool:
-        return self._matching and self._entity is not None
-
-    def _on_matching(self, status: Any) -> None:
-        with self._lock:
-            self._matching, self._told = status.matching, True
-
-    def put(self, payload: bytes) -> None:
-        entity = self._entity
-        if entity is None:
-            return
-        try:
-            entity.put(payload)
-        except zenoh.ZError as error:
-            # The session is closing: the message is dropped.
-            log.debug("put: %s", error)
 
 
 def _reply(query: zenoh.Query, reply: Reply) -> None:
@@ -155,35 +104,33 @@ def _sample_callback(handler: SampleHandler, stamped: bool) -> Any:
         time, _, source = str(sample.timestamp or "").partition("/")
         handler(RawSample(key, payload, encoding, int(time) if time else 0, source))
 
-    # On Zenoh's own thread: no other thread has to wake up, and messages of different keys are handled in the order in
-    # which they came, such as a frame's static transform before its moving children. Handlers must not wait.
+    # On Zenoh's own thread: no other has to wake up, and messages of all keys are handled in their order.
     return zenoh.handlers.Callback(on_sample, indirect=False)
 
 
 class ZenohTransport:
     """An open Zenoh session seen as a Transport."""
 
-    def __init__(self, session: zenoh.Session, declarations: AskDeclarations = lambda: None) -> None:
-        """`declarations()` asks the router: a session does not know those of others."""
+    def __init__(self, session: zenoh.Session) -> None:
         self._session = session
-        self.declarations = declarations
         self.instance = str(session.zid())
-        self._declared: set[_Declared] = set()
+        self._declared: set[Declared] = set()
+        self._changes = itertools.count(1)
+        self.matching_changes = 0
         self._link_handlers: list[Callable[[bool], None]] = []
         self._routers: set[str] = {str(zid) for zid in session.info.routers_zid()}
         self._events = session.info.declare_transport_events_listener(_aside(self._on_transport))
-        # Asked again: the listener does not tell of a router that connected between the first answer and it.
+        # Asked again: a router may have connected before the listener was there.
         self._routers |= {str(zid) for zid in session.info.routers_zid()}
         self._deferred = DeferredAnswers()
         self.up = True
         self.closed = False
-        # A script may end without closing, such as with an exception: then this closes the session at the interpreter's
-        # end, while Zenoh can still call into it.
+        # A script may end without closing: then this does it, while Zenoh can still call into the session.
         atexit.register(self.close)
 
     def _declare(self, action: str, key: str, declare: Callable[[], Any]) -> Closeable:
         """Keep what `declare()` makes until it is closed. Raises BusError."""
-        return self._keep(_Declared(self._make(action, key, declare), self._declared.discard))
+        return self._keep(Declared(self._make(action, key, declare), self._declared.discard))
 
     def _make(self, action: str, key: str, declare: Callable[[], Any]) -> Any:
         check_use(action, key, self.closed)
@@ -197,7 +144,9 @@ class ZenohTransport:
         self._declared.add(declared)
         return declared
 
-    def declare_publisher(self, key: str, encoding: str, latched: bool, to_others: bool = False) -> RawPublisher:
+    def declare_publisher(
+        self, key: str, encoding: str, latched: bool, to_others: bool = False, source: str = ""
+    ) -> RawPublisher:
         options: dict[str, Any] = {
             "encoding": zenoh.Encoding(encoding),
             "congestion_control": zenoh.CongestionControl.DROP,
@@ -213,7 +162,9 @@ class ZenohTransport:
                 self._session, key, cache=cache, publisher_detection=True, **options
             )
 
-        return self._keep(_Publisher(self._make("publish on", key, declare), self._declared.discard, latched))
+        entity = self._make("publish on", key, declare)
+        stamps = [stamping_as(self._session, source)] if source else []
+        return self._keep(ZenohPublisher(entity, self._declared.discard, latched, self._on_matching, *stamps))
 
     def declare_subscriber(
         self, key_expr: str, handler: SampleHandler, latched: bool, stamped: bool = True
@@ -241,7 +192,7 @@ class ZenohTransport:
 
         return self._declare("serve", key, declare)
 
-    def get(self, key_expr: str, payload: bytes, timeout: float) -> list[Reply]:
+    def get(self, key_expr: str, payload: bytes, timeout: float, to_others: bool = False) -> list[Reply]:
         def ask() -> Any:
             return self._session.get(
                 key_expr,
@@ -250,6 +201,7 @@ class ZenohTransport:
                 target=zenoh.QueryTarget.ALL,
                 # Every answer counts: two processes that claim one name both serve its keys.
                 consolidation=zenoh.ConsolidationMode.NONE,
+                allowed_destination=zenoh.Locality.REMOTE if to_others else zenoh.Locality.ANY,
             )
 
         replies, begin = [], monotonic()
@@ -274,6 +226,9 @@ class ZenohTransport:
             return self._session.liveliness().declare_subscriber(key_expr, _aside(on_token), history=True)
 
         return self._declare("watch", key_expr, declare)
+
+    def _on_matching(self) -> None:
+        self.matching_changes = next(self._changes)
 
     def watch_link(self, handler: Callable[[bool], None]) -> None:
         self._link_handlers.append(handler)

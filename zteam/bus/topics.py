@@ -8,11 +8,13 @@ from zteam.messages import (
     Log,
     Message,
     OccupancyGrid,
+    PoseStamped,
     RobotStatus,
     TeamStatus,
     TFMessage,
     Tick,
     Twist,
+    TwistStamped,
 )
 from zteam.world.devices import KINDS
 
@@ -28,12 +30,23 @@ _TEAM: dict[str, type[Message]] = {
 _ROBOT: dict[str, type[Message]] = {
     names.BASE_INFO: BaseInfo,
     names.CMD_VEL: Twist,
+    names.CMD_VEL_NAV: TwistStamped,
+    names.CMD_VEL_TELEOP: Twist,
+    names.GOAL_POSE: PoseStamped,
     names.STATUS: RobotStatus,
-    names.TELEOP: Twist,
     names.TF: TFMessage,
     names.TF_STATIC: TFMessage,
 }
 """What a robot publishes or receives besides what is measured of it (`zteam.world.devices`)."""
+
+_LATCHED = frozenset({names.MAP, names.TEAM_STATUS, names.TF_STATIC, names.BASE_INFO})
+
+
+def is_latched(key: str) -> bool:
+    """Whether a late subscriber of a key, or of that topic of every robot, gets the last message."""
+    single = names.keys_in(key, [0])[:1]
+    target = names.split_robot_key(single[0]) if single else None
+    return (key if target is None else target[1]) in _LATCHED
 
 
 def type_of_key(key: str) -> type[Message] | None:

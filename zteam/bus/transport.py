@@ -1,14 +1,19 @@
-"""What the typed bus needs of whatever carries its bytes: Zenoh, or memory in unit tests."""
+"""What the typed bus needs of whatever carries its messages: Zenoh, or the memory of one process."""
 
 from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
+import msgspec
 
-class RawSample(NamedTuple):
-    """One payload as it came."""
+from zteam.messages import Message, encode
+
+
+class RawSample(msgspec.Struct, eq=False, gc=False):
+    """One message as it came."""
 
     key: str
-    payload: bytes
+    content: bytes | Message
+    """Its bytes; within one process the message itself, which is not to be changed."""
     encoding: str
     """`application/cdr;sensor_msgs/msg/LaserScan`; empty where the sender named none."""
     timestamp: int = 0
@@ -16,6 +21,12 @@ class RawSample(NamedTuple):
     source: str = ""
     """Id of the session that stamped it; empty where there is none. A sender without time-stamping shows as the
     router."""
+
+    @property
+    def payload(self) -> bytes:
+        """Its bytes, which are made now if it has none."""
+        content = self.content
+        return content if isinstance(content, bytes) else encode(content)
 
 
 class Reply(NamedTuple):
@@ -44,7 +55,7 @@ class Closeable(Protocol):
 
 
 class RawPublisher(Closeable, Protocol):
-    """Puts payloads on one key."""
+    """Puts payloads or messages on one key."""
 
     @property
     def has_subscribers(self) -> bool:
@@ -55,14 +66,39 @@ class RawPublisher(Closeable, Protocol):
         """Send without waiting: a payload that finds no room is dropped."""
         ...
 
+    def put_message(self, message: Message) -> None:
+        """Send a message in the same way. What the caller changes in it afterwards is not sent. Raises EncodeError."""
+        ...
+
+    def hand_over(self, message: Message) -> None:
+        """Send a message that the caller has made for this and does not change any more, nor anything it holds.
+
+        Where it is not encoded it is not copied either, and the caller answers for its values (`sharing.adopt`).
+        """
+        ...
+
 
 SampleHandler = Callable[[RawSample], None]
+MessageHandler = Callable[[Message], None]
+
+
+class DirectHandler:
+    """A SampleHandler that can also take the messages of one publisher without a sample around each of them."""
+
+    __slots__ = ("_handle", "bind")
+
+    def __init__(self, handle: SampleHandler, bind: Callable[[str, str, str], MessageHandler | None]) -> None:
+        """`bind(key, encoding, source)` makes what takes the messages of a publisher; None if it takes only samples."""
+        self._handle = handle
+        self.bind = bind
+
+    def __call__(self, sample: RawSample) -> None:
+        self._handle(sample)
+
+
 QueryHandler = Callable[[bytes], bytes | Callable[[], bytes]]
 """Answers a query's payload at once, or with a call that may take its time."""
 TokenHandler = Callable[[str, bool], None]
-
-
-AskDeclarations = Callable[[], list[Declaration] | None]
 
 
 class Transport(Protocol):
@@ -76,10 +112,18 @@ class Transport(Protocol):
         """This session's id, unique among all sessions."""
         ...
 
-    def declare_publisher(self, key: str, encoding: str, latched: bool, to_others: bool = False) -> RawPublisher:
+    @property
+    def matching_changes(self) -> int:
+        """Another number than before when a publisher of this session may have got subscribers or lost them all."""
+        ...
+
+    def declare_publisher(
+        self, key: str, encoding: str, latched: bool, to_others: bool = False, source: str = ""
+    ) -> RawPublisher:
         """A publisher; a latched one keeps its last payload for late subscribers.
 
-        With `to_others` it does not reach subscribers of its own session.
+        With `to_others` it does not reach subscribers of its own session. `source` is the session id that its samples
+        carry, if it is not this session's.
         """
         ...
 
@@ -99,8 +143,11 @@ class Transport(Protocol):
         """
         ...
 
-    def get(self, key_expr: str, payload: bytes, timeout: float) -> list[Reply]:
-        """Ask and wait for all answers, `timeout` seconds at most; then an error reply says `Timeout`."""
+    def get(self, key_expr: str, payload: bytes, timeout: float, to_others: bool = False) -> list[Reply]:
+        """Ask and wait for all answers, `timeout` seconds at most; then an error reply says `Timeout`.
+
+        With `to_others` the own session is not asked.
+        """
         ...
 
     def declare_token(self, key: str) -> Closeable:
@@ -109,10 +156,6 @@ class Transport(Protocol):
 
     def watch_tokens(self, key_expr: str, handler: TokenHandler) -> Closeable:
         """Call `handler(key, alive)` for tokens that are there, come or go."""
-        ...
-
-    def declarations(self) -> list[Declaration] | None:
-        """The publishers and subscribers of all sessions; None if the router does not tell of them."""
         ...
 
     def watch_link(self, handler: Callable[[bool], None]) -> None:

@@ -2,7 +2,7 @@
 
 import argparse
 from collections.abc import Callable, Sequence
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from zteam.errors import UsageError
 from zteam.numbers import is_number, parse_number, parse_whole
@@ -14,6 +14,10 @@ MAX_RATE = 1e4
 """Hz at which a command can repeat something."""
 MIN_RUN = 1e-6
 """Simulated seconds of the shortest `--for`: the run ends with the tick of GO."""
+UNTIL_TICKS = (2, 10**12)
+"""Bounds of `--until`: the first tick is sent in any case."""
+GO_TIMEOUTS = (1e-3, 86400.0)
+"""Bounds of `--go-timeout`, host seconds."""
 LOCKSTEP_TIMEOUTS = (1e-3, 3600.0)
 """Bounds of `--lockstep-timeout`, host seconds."""
 
@@ -49,6 +53,27 @@ def _option_type(parse: Callable[[str], T]) -> Callable[[str], T]:
     return parse_option
 
 
+def add_go_timeout_option(parser: argparse.ArgumentParser) -> None:
+    """Add `--go-timeout`."""
+    parser.add_argument(
+        "--go-timeout",
+        type=number(*GO_TIMEOUTS, "host seconds"),
+        metavar="SECONDS",
+        help="without GO after so many host seconds, name the robots that are missing and end with 1",
+    )
+
+
+def add_path_option(parser: argparse.ArgumentParser) -> None:
+    """Add `--path`: folders for `zteam.behaviors.registry.look_in`."""
+    parser.add_argument(
+        "--path",
+        action="append",
+        default=[],
+        metavar="FOLDER",
+        help="also search this folder for package.module (repeatable)",
+    )
+
+
 def add_seed_option(parser: argparse.ArgumentParser) -> None:
     """Add `--seed`, by default 1."""
     parser.add_argument(
@@ -70,16 +95,6 @@ def parse_speed(text: str) -> float | None:
         return parse_number(text, MIN_SPEED, MAX_SPEED, "simulated seconds a second")
     except UsageError as error:
         raise UsageError(f"speed {error}, or max") from None
-
-
-def parse_value(text: str) -> Any:
-    """The value of a parameter as in a team file: TOML (0.4, true, "text", [1, 2]), else the text itself."""
-    import tomllib
-
-    try:
-        return tomllib.loads(f"v = {text}")["v"]
-    except tomllib.TOMLDecodeError:
-        return text
 
 
 def negative_numbers(words: Sequence[str]) -> list[str]:

@@ -8,6 +8,7 @@ import msgspec
 
 from zteam.behaviors.catalog import BehaviorInfo, behavior_names, describe_behavior
 from zteam.behaviors.registry import look_in
+from zteam.cli.arguments import add_path_option
 from zteam.cli.options import Parser, add_log_options, run
 from zteam.cli.parameter_table import format_parameters
 from zteam.cli.tables import format_table, terminal_width
@@ -23,13 +24,7 @@ def build_parser() -> argparse.ArgumentParser:
         metavar="NAME",
         help="a behaviour, also package.module:Class: what it does, and its parameters (default: list all)",
     )
-    parser.add_argument(
-        "--path",
-        action="append",
-        default=[],
-        metavar="FOLDER",
-        help="also search this folder for package.module (repeatable)",
-    )
+    add_path_option(parser)
     parser.add_argument("--json", action="store_true", help="print JSON")
     add_log_options(parser)
     return parser

@@ -1,17 +1,20 @@
-"""`zteam bench sim | kernel | tf | team | codec`: measure zteam on this machine."""
+"""`zteam bench sim | kernel | tf | team | robots | steps | codec`: measure zteam on this machine."""
 
 import argparse
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
 import msgspec
 
-from zteam.cli import bench_tables
+from zteam.cli import bench_robots_tables, bench_steps_tables, bench_tables
 from zteam.cli.arguments import number, whole
 from zteam.cli.interrupts import raise_from_now
+from zteam.cli.live_line import LiveLine, has_live_line
 from zteam.cli.options import Parser, add_log_options, run
+from zteam.errors import UsageError
 from zteam.numbers import MAX_SECONDS
 from zteam.resources import find_world
 from zteam.simulation_options import PHYSICS, Options
@@ -21,19 +24,27 @@ FORMATS: dict[str, Callable[[Sequence[Any]], str]] = {
     "kernel": bench_tables.format_kernels,
     "tf": bench_tables.format_transforms,
     "team": bench_tables.format_team,
+    "robots": bench_robots_tables.format_robots,
+    "steps": bench_steps_tables.format_steps,
     "codec": bench_tables.format_codec,
 }
 """Verb -> what makes a text of its figures."""
+CHAINS = ("lectures", "direct", "trail", "trail16", "disturbed")
+"""Rows of `zteam bench robots` (zteam.bench.chains.figures)."""
+FORMATIONS = "formations"
+"""Its table of all shapes (zteam.bench.formations)."""
 
 
 def build_parser() -> argparse.ArgumentParser:
     """The command line."""
     parser = Parser(prog="zteam bench", description=__doc__)
-    verbs = parser.add_subparsers(dest="verb", required=True, metavar="sim|kernel|tf|team|codec")
+    verbs = parser.add_subparsers(dest="verb", required=True, metavar="sim|kernel|tf|team|robots|steps|codec")
     sim = verbs.add_parser("sim", help="measure the simulator's core alone, as fast as it runs")
     kernel = verbs.add_parser("kernel", help="measure rays against a bitmap, beside a plain scalar grid traversal")
     transforms = verbs.add_parser("tf", help="measure the transform buffer, beside tf2_py if that is installed")
     team = verbs.add_parser("team", help="measure a line of robots in processes, in lock-step or in real time")
+    robots = verbs.add_parser("robots", help="measure how well robots follow each other, and hold formations")
+    steps = verbs.add_parser("steps", help="measure a robot's step: velocity mux, behaviour and safety layer")
     codec = verbs.add_parser("codec", help="measure encoding and decoding")
     sim.add_argument("world", metavar="WORLD", help="a world file, or the name of a shipped world")
     for sub in (kernel, team):
@@ -49,10 +60,36 @@ def build_parser() -> argparse.ArgumentParser:
     team.add_argument(
         "--realtime", action="store_true", help="run in real time; measure latency, lateness, CPU and memory"
     )
-    for sub in (sim, kernel, transforms, team, codec):
+    team.add_argument(
+        "--in-process",
+        action="store_true",
+        help="also run the same team in one process, and the simulator's core alone",
+    )
+    _add_robots(robots)
+    _add_number(steps, "--seconds", number(1.0, 600.0, "simulated seconds"), 20.0, "simulated seconds of each scene")
+    for sub in (sim, kernel, transforms, team, robots, steps, codec):
         sub.add_argument("--json", action="store_true", help="print JSON")
         add_log_options(sub, "warning")
     return parser
+
+
+def _add_robots(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "worlds", nargs="*", default=["office"], metavar="WORLD", help="worlds to drive in (default: office)"
+    )
+    rows = (*CHAINS, FORMATIONS)
+    parser.add_argument(
+        "--rows", nargs="+", choices=rows, default=rows, metavar="ROW", help=f"only these ({', '.join(rows)})"
+    )
+    parser.add_argument(
+        "--tours",
+        type=whole(1, 30, "tours"),
+        metavar="N",
+        help="drive only the first N tours; formations from the first N starts",
+    )
+    parser.add_argument(
+        "--in-process", action="store_true", help="run each team in one process, several at once: the same figures"
+    )
 
 
 def _add_team_size(parser: argparse.ArgumentParser, robots: int, seconds: float) -> None:
@@ -99,16 +136,45 @@ def _measure(args: argparse.Namespace) -> list[Any]:
 
         world = load_world(find_world(args.world))
         return [measure_kernels(world, 1081, 270.0), measure_kernels(world, 180, 180.0)]
+    if args.verb == "robots":
+        return _measure_robots(args)
+    if args.verb == "steps":
+        from zteam.bench.steps.figures import measure_steps
+
+        return list(measure_steps(args.seconds))
     if args.verb == "team":
         from zteam.bench.running import measure_team
 
-        return [measure_team(find_world(args.world), args.robots, args.beams, args.seconds, realtime=args.realtime)]
+        if args.realtime and args.in_process:
+            raise UsageError("--in-process compares teams in lock-step: leave --realtime out")
+        world_file, size = find_world(args.world), (args.robots, args.beams, args.seconds)
+        return [measure_team(world_file, *size, realtime=args.realtime, in_process=args.in_process)]
     from zteam.bench.simulation import measure_simulation
     from zteam.world import load_world
 
     world = load_world(find_world(args.world))
     options = Options(physics=args.physics)
     return [measure_simulation(world, args.robots, args.beams, args.fov_deg, args.range, args.seconds, options)]
+
+
+def _measure_robots(args: argparse.Namespace) -> list[Any]:
+    from zteam.bench.chains.figures import measure_chains
+    from zteam.bench.formations import measure_formations
+
+    chains = [row for row in args.rows if row != FORMATIONS]
+    worlds = [find_world(name) for name in args.worlds] if chains else []
+    with LiveLine(sys.stderr) if has_live_line(sys.stderr) else nullcontext() as live:
+
+        def show(row: str, done: int, total: int) -> None:
+            if live is not None:
+                live.show(lambda _columns: f"{row}: run {done} of {total}")
+
+        found: list[Any] = []
+        for world in worlds:
+            found += measure_chains(world, chains, args.tours, in_process=args.in_process, progress=show)
+        if FORMATIONS in args.rows:
+            found += measure_formations(args.tours, in_process=args.in_process, progress=show)
+    return found
 
 
 if __name__ == "__main__":

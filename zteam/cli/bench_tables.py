@@ -12,7 +12,7 @@ from zteam.numbers import counted
 if TYPE_CHECKING:
     from zteam.bench.casting import KernelFigures
     from zteam.bench.coding import CodecFigures
-    from zteam.bench.running import TeamFigures
+    from zteam.bench.running import InProcessFigures, TeamFigures
     from zteam.bench.simulation import SimulationFigures
     from zteam.bench.transforms import BufferFigures, ListenerFigures
 
@@ -121,6 +121,8 @@ def format_team(rows: "Sequence[TeamFigures]") -> str:
         f"{row.world}: {counted(row.robots, 'robot')} and {row.beams} beams a laser, {pace}",
         *_pairs(_run_of(row)),
     ]
+    if row.in_process is not None:
+        lines += ["", *_in_process_of(row, row.in_process)]
     if row.timing_ms is not None:
         parts = [(name, f"{figure(cost)} ms") for name, cost in msgspec.to_builtins(row.timing_ms).items()]
         lines += ["", "Parts of a tick in the simulator", *_pairs(parts)]
@@ -137,6 +139,26 @@ def format_team(rows: "Sequence[TeamFigures]") -> str:
         steps = [(name.replace("_", " "), f"{figure(cost)} µs") for name, cost in row.hops_us.items()]
         lines += ["", "Steps of a tick, each alone", *_pairs(steps)]
     return "\n".join(lines)
+
+
+def _in_process_of(row: "TeamFigures", one: "InProcessFigures") -> list[str]:
+    """The three ways to run the team, one row each."""
+    from zteam.bench.hops import ROBOT_BUDGET_US
+
+    ways = [("processes", row.rtf), ("one process", one.rtf), ("simulator's core alone", one.core_rtf)]
+    columns = [
+        _Column("the same team in", lambda way: way[0]),
+        _Column("real-time factor", lambda way: figure(way[1])),
+        _Column("to processes", lambda way: figure(way[1] / row.rtf if way[1] and row.rtf else None)),
+    ]
+    same = "the same in processes and in one" if one.same_trajectory else "NOT the same in one process"
+    alone = figure(row.hops_us.get("behavior_and_safety"))
+    budget = f"{alone} µs a robot and tick, alone (budget {ROBOT_BUDGET_US:g})"
+    return [
+        *_table(columns, ways),
+        f"trajectory: {same}; memory of the one process: {figure(one.memory_mb)} MB",
+        f"behaviour and safety: {budget}; {figure(one.robot_us)} µs in the team, with the answer",
+    ]
 
 
 def _run_of(row: "TeamFigures") -> list[tuple[str, str]]:

@@ -15,7 +15,7 @@ _PATIENCE = 0.5
 
 
 class KeyUsers:
-    """The publishers and subscribers of all sessions but the tool's own, by the names of their processes."""
+    """The publishers and subscribers of all sessions of zteam but the tool's own, by the names of their processes."""
 
     def __init__(self, declarations: Sequence[Declaration], processes: dict[str, str]) -> None:
         """`processes` has the name of each session that is a process of zteam."""
@@ -49,11 +49,9 @@ class KeyUsers:
         return sorted({target[0] for target in map(names.split_robot_key, keys) if target is not None})
 
 
-def find_key_users(bus: Bus) -> KeyUsers | None:
-    """The users of all keys now; None if the router does not tell of them."""
+def find_key_users(bus: Bus) -> KeyUsers:
+    """The users of all keys now."""
     declarations = bus.declarations()
-    if declarations is None:
-        return None
     try:
         infos = bus.query(names.info_key("*"), ProcessInfo, timeout=_PATIENCE)
     except BusError:

@@ -160,8 +160,6 @@ def wait_for_message(bus: Bus, waiter: Waiter, ready: Callable[[], bool], timeou
 def silence(bus: Bus, key: str) -> str:
     """Why no message may have come on `key`: its publishers, or the published keys that are near."""
     users = find_key_users(bus)
-    if users is None:
-        return f"nothing has come on {key} yet"
     if publishers := users.publishers(key):
         return f"{key} is published by {', '.join(publishers)}, but nothing has come yet"
     published = [other for other in users.known_keys() if users.publishers(other)]

@@ -28,6 +28,7 @@ class LiveLine:
         self._lock = threading.RLock()
         self._render: Callable[[int], str] = lambda columns: ""
         self._drawn = 0
+        self._left = False
         self._bold = ("", "") if "NO_COLOR" in os.environ else ("\033[1m", "\033[0m")
         self._redirection = ExitStack()
 
@@ -49,6 +50,12 @@ class LiveLine:
             self._render = render
             self._write("", self._stream)
 
+    def leave(self) -> None:
+        """Erase the line and draw it no more: the terminal belongs to a debugger from now on."""
+        with self._lock:
+            self._left = True
+            self._write("", self._stream)
+
     def print(self, text: str, stream: TextIO | None = None) -> None:
         """Print a line above, on `stream` if that is another one on the same terminal."""
         with self._lock:
@@ -63,7 +70,11 @@ class LiveLine:
                 stream.write(text)
                 stream.flush()
             return
-        line = self._render(columns - _MARGIN)
+        if self._left and not self._drawn:
+            stream.write(text)
+            stream.flush()
+            return
+        line = "" if self._left else self._render(columns - _MARGIN)
         # A terminal that was made narrower has wrapped the line.
         rows = max(0, self._drawn - 1) // columns
         erase = f"\r\033[{rows}A\033[J" if rows else "\r\033[J" if self._drawn else ""

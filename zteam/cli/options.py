@@ -15,6 +15,7 @@ from zteam.cli.usage import answer, in_short, unknown_subcommand, unknown_words
 from zteam.errors import UsageError, ZteamError
 from zteam.names import strip_slash
 from zteam.runtime.logs import LEVELS, start_logging
+from zteam.runtime.process_name import show_name
 
 if TYPE_CHECKING:
     from _typeshed import SupportsWrite
@@ -30,6 +31,8 @@ class Parser(argparse.ArgumentParser):
 
     _words: Sequence[str] = ()
     """What is parsed."""
+    takes_assignments = False
+    """Whether words NAME=VALUE may stand anywhere: argparse takes only those that stand together."""
 
     def error(self, message: str) -> NoReturn:
         """End with 2."""
@@ -39,6 +42,9 @@ class Parser(argparse.ArgumentParser):
         """Parse as argparse does, and end with 2 on an unknown word: only this parser knows what was meant."""
         self._words = list(sys.argv[1:] if args is None else args)
         found, unknown = super().parse_known_args(args, namespace)
+        if self.takes_assignments:
+            found.arguments += [word for word in unknown if _is_assignment(word)]
+            unknown = [word for word in unknown if not _is_assignment(word)]
         if unknown:
             self.error(unknown_words(self, unknown))
         # The parser of a subcommand has parsed before.
@@ -60,6 +66,10 @@ class Parser(argparse.ArgumentParser):
     def _write_help(self) -> int:
         sys.stdout.write(self.format_help())
         return 0
+
+
+def _is_assignment(word: str) -> bool:
+    return word.partition("=")[0].isidentifier() and "=" in word
 
 
 def add_bus_options(parser: argparse.ArgumentParser) -> None:
@@ -147,6 +157,7 @@ def run(name: str, args: argparse.Namespace, body: Callable[[], int], *, needs_o
 
     Set `needs_output` to False for a command that is useful without what it prints.
     """
+    show_name(args.parser.prog.partition(" ")[0])
     start_logging(name, args.log_level, args.log_format)
 
     def reported() -> int:

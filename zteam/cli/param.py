@@ -10,7 +10,7 @@ from typing import Any
 import msgspec
 
 from zteam import names
-from zteam.cli.arguments import negative_numbers, parse_value
+from zteam.cli.arguments import negative_numbers
 from zteam.cli.listening import open_bus
 from zteam.cli.options import Parser, add_bus_options, bus_options, checked, run
 from zteam.cli.parameter_table import format_parameters
@@ -19,6 +19,7 @@ from zteam.problems import did_you_mean
 from zteam.robot_ids import parse_robot_ids
 from zteam.services.parameters import DescribeReply
 from zteam.services.parameters_client import ParametersClient
+from zteam.toml_values import parse_value
 
 Robots = dict[str, DescribeReply]
 """What each robot told, by name."""
@@ -180,7 +181,7 @@ def _dump(args: argparse.Namespace, _client: ParametersClient, robots: Robots) -
 
 
 def _exact(value: Any) -> str:
-    from zteam.team_file.entries import toml_text
+    from zteam.toml_values import toml_text
 
     return "none" if value is None else toml_text(value)
 

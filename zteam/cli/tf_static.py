@@ -96,8 +96,7 @@ def _explain(bus: Bus, request: StaticRequest, refused: str) -> str:
         holder = frame.authority.replace(f"{names.STATIC_CALLER} ", "another 'zteam tf static', session ", 1)
         return f"{holder} has {edge} already: end that one, or name another child frame"
     key = names.robot_key(robot_id, names.TF_STATIC if frame.static else names.TF)
-    users = find_key_users(bus)
-    publishers = ", ".join(users.publishers(key) if users is not None else []) or frame.authority
+    publishers = ", ".join(find_key_users(bus).publishers(key)) or frame.authority
     if names.is_robot_frame(request.child, names.ODOM):
         way_out = "to set a start pose, put it into [[static_transforms]] of the team file that zteam-tf reads"
     else:

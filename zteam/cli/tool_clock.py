@@ -63,10 +63,14 @@ def ticker(clock: AutoClock, period: float) -> Callable[[], None]:
         nonlocal warned
         if not warned:
             warned = True
-            print(
-                f"simulated time stands still at {to_seconds(clock.now()):.3f} s: see 'zteam sim status' "
-                "(--clock wall uses the host's time)",
-                file=sys.stderr,
-            )
+            print(still_text(clock), file=sys.stderr)
 
     return lambda: ticks.wait(warn)
+
+
+def still_text(clock: AutoClock) -> str:
+    """What a tool says when simulated time stands still."""
+    return (
+        f"simulated time stands still at {to_seconds(clock.now()):.3f} s: see 'zteam sim status' "
+        "(--clock wall uses the host's time)"
+    )

@@ -24,16 +24,15 @@ class KeyRow(KeySurvey):
 
     publishers: list[str] = msgspec.field(default_factory=list)
     """Names of processes, also of those that publish nothing now."""
-    subscribers: list[str] | None = None
-    """None if the router does not tell."""
+    subscribers: list[str] = msgspec.field(default_factory=list)
+    """Names of processes; programs that are not zteam's are missing."""
 
 
-def find_rows(bus: Bus, key_expr: str) -> tuple[list[KeyRow], KeyUsers | None]:
+def find_rows(bus: Bus, key_expr: str) -> tuple[list[KeyRow], KeyUsers]:
     """The keys of `key_expr` that carry data or have a publisher or a subscriber, and all users of keys."""
     users = find_key_users(bus)
     heard = {entry.key: entry for entry in survey(bus, key_expr)}
-    declared = users.known_keys(heard) if users is not None else []
-    keys = heard.keys() | {key for key in declared if matches(key_expr, key)}
+    keys = heard.keys() | {key for key in users.known_keys(heard) if matches(key_expr, key)}
     return [_row(heard.get(key) or _silent(key), users) for key in sorted(keys)], users
 
 
@@ -42,12 +41,11 @@ def _silent(key: str) -> KeySurvey:
     return KeySurvey(key, kind.ros_type if kind else "")
 
 
-def _row(entry: KeySurvey, users: KeyUsers | None) -> KeyRow:
+def _row(entry: KeySurvey, users: KeyUsers) -> KeyRow:
     row = KeyRow(**msgspec.structs.asdict(entry))
-    if users is not None:
-        # A sender that declares no publisher is heard all the same.
-        row.publishers = users.publishers(entry.key) or users.name_sessions(entry.sources)
-        row.subscribers = users.subscribers(entry.key)
+    # A sender that tells no publisher, such as a program that is not zteam's, is heard all the same.
+    row.publishers = sorted({*users.publishers(entry.key), *users.name_sessions(entry.sources)})
+    row.subscribers = users.subscribers(entry.key)
     return row
 
 
@@ -76,8 +74,7 @@ def show_list(args: argparse.Namespace) -> int:
 
 
 def _cells(row: KeyRow) -> tuple[str, ...]:
-    subscribers = "?" if row.subscribers is None else str(len(row.subscribers))
-    return row.key, row.type or "?", _rate(row), str(len(row.publishers) or len(row.sources)), subscribers
+    return row.key, row.type or "?", _rate(row), str(len(row.publishers)), str(len(row.subscribers))
 
 
 def show_info(args: argparse.Namespace) -> int:
@@ -91,8 +88,7 @@ def show_info(args: argparse.Namespace) -> int:
     finally:
         bus.close()
     if not rows:
-        known = users.known_keys() if users is not None else []
-        raise ZteamError(f"nothing publishes {key} or subscribes to it{where_to_look(key, known)}")
+        raise ZteamError(f"nothing publishes {key} or subscribes to it{where_to_look(key, users.known_keys())}")
     for row in rows:
         stats = {key.removesuffix("/stats"): per_key[row.key] for key, per_key in counts if row.key in per_key}
         heard = writer_names(nodes, row.sources)

@@ -48,15 +48,17 @@ class _Audience:
         self._bus, self._key, self._publisher = bus, key, publisher
         self._matching = publisher.has_subscribers
         self._known: list[str] | None = None
-        """By name; None if the router does not tell."""
+        """By name; None if they tell no name."""
 
-    def tell(self, what: str, users: KeyUsers | None) -> None:
+    def tell(self, what: str, users: KeyUsers) -> None:
         """Print that `what` is published, and the subscribers; warn if there is none."""
-        self._known = self._find(users)
+        self._tell(what, users, self._find(users))
+
+    def _tell(self, what: str, users: KeyUsers, known: list[str] | None) -> None:
+        self._known = known
         print(f"publishing {what} {self._describe()}", flush=True)
         if self._known == []:
-            mistyped = users is not None and not users.publishers(self._key)
-            hint = near_keys(self._key, users.known_keys()) if users is not None and mistyped else ""
+            hint = "" if users.publishers(self._key) else near_keys(self._key, users.known_keys())
             _say(f"nothing subscribes to {self._key}{hint}")
 
     def look(self) -> None:
@@ -65,17 +67,21 @@ class _Audience:
             return
         self._matching = not self._matching
         users = find_key_users(self._bus)
-        if self._find(users) != self._known:
-            self.tell(f"on {self._key}", users)
+        # A session that closes may tell of a subscriber that it has no more.
+        known = self._find(users) if self._matching else []
+        if known != self._known:
+            self._tell(f"on {self._key}", users, known)
 
-    def _find(self, users: KeyUsers | None) -> list[str] | None:
-        if users is not None:
-            return users.subscribers(self._key)
-        return None if self._publisher.has_subscribers else []
+    def _find(self, users: KeyUsers) -> list[str] | None:
+        found = users.subscribers(self._key)
+        if found or not self._publisher.has_subscribers:
+            return found
+        # One that has come since `users` were asked tells its name now.
+        return find_key_users(self._bus).subscribers(self._key) or None
 
     def _describe(self) -> str:
         if self._known is None:
-            return "(the router does not tell to which subscribers)"
+            return "to subscribers that tell no name (frozen, or no processes of zteam)"
         subscribers = f"{counted(len(self._known), 'subscriber')}: {', '.join(self._known)}"
         return f"to {subscribers if self._known else 'no subscriber yet'}"
 
@@ -89,10 +95,11 @@ def publish(args: argparse.Namespace) -> int:
     times = 1 if args.once else args.times
     bus = open_bus(bus_options(args))
     try:
+        # Before the question: when that is answered, the publisher knows whether it has a subscriber.
+        publisher = bus.publisher(key, kind)
         users = find_key_users(bus)
         check_type(bus, key, kind, users)
         clock = open_clock(bus, args.clock) if times != 1 or words.hold_time else None
-        publisher = bus.publisher(key, kind)
         audience = _Audience(bus, key, publisher)
         how = (
             "once" if times == 1 else f"at {args.rate:g} Hz" if times is None else f"{times} times at {args.rate:g} Hz"
@@ -116,10 +123,8 @@ def _say(text: str) -> None:
     print(f"zteam topic pub: {text}", file=sys.stderr, flush=True)
 
 
-def _warn_of_others(key: str, users: KeyUsers | None) -> None:
+def _warn_of_others(key: str, users: KeyUsers) -> None:
     """Warn of other publishers, and of a robot that is not there: the simulator subscribes to the keys of any robot."""
-    if users is None:
-        return
     if others := users.publishers(key):
         _say(f"{key} is published by {', '.join(others)} too: subscribers get the messages of both; end one of them")
     target, robots = names.split_robot_key(key), users.robots()
@@ -127,11 +132,11 @@ def _warn_of_others(key: str, users: KeyUsers | None) -> None:
         _say(f"no process publishes anything of {names.robot_name(target[0])}; robots: {format_robot_ids(robots)}")
 
 
-def check_type(bus: Bus, key: str, kind: type[Message], users: KeyUsers | None) -> None:
+def check_type(bus: Bus, key: str, kind: type[Message], users: KeyUsers) -> None:
     """Raise UsageError if the key carries messages of another type, by its name or by what is heard on it."""
     known = type_of_key(key)
     carried = f"application/cdr;{known.ros_type}" if known is not None else ""
-    if known is None and (users is None or users.publishers(key)):
+    if known is None and users.publishers(key):
         carried = _heard_encoding(bus, key)
     expected = encoding_of(kind)
     if carried.startswith("application/cdr;") and carried != expected:

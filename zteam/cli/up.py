@@ -4,37 +4,43 @@ import argparse
 import logging
 import os
 import sys
-import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Collection, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from zteam.cli.arguments import LOCKSTEP_TIMEOUTS, MAX_SEED, MIN_RUN, MIN_SEED, number, parse_speed, whole
+from zteam.cli.arguments import (
+    LOCKSTEP_TIMEOUTS,
+    MAX_SEED,
+    MIN_RUN,
+    MIN_SEED,
+    UNTIL_TICKS,
+    add_go_timeout_option,
+    number,
+    parse_speed,
+    whole,
+)
 from zteam.cli.options import Parser, add_bus_options, bus_options, checked, run
 from zteam.errors import UsageError, ZteamError
 from zteam.numbers import MAX_SECONDS, counted
-from zteam.resources import find_team, find_world
+from zteam.resources import find_team, find_world, names, teams_folder
 
 if TYPE_CHECKING:
     from zteam.cli.up_display import Display
     from zteam.launch.arguments import Pace
     from zteam.launch.report import RunReport
-    from zteam.launch.run import Run
+    from zteam.launch.run import Run, RunOptions
+    from zteam.launch.warm_parent import WarmParent
     from zteam.runtime.shutdown import Stop
     from zteam.team_file import Team
 
 log = logging.getLogger("zteam")
 
-_COLORS = (36, 32, 33, 35, 34, 96, 92, 93, 95, 94)
-
 
 def build_parser() -> argparse.ArgumentParser:
     """The command line."""
-    parser = Parser(prog="zteam up", description=__doc__)
-    parser.add_argument(
-        "team", nargs="?", default="line", help="a team file, or the name of a shipped one (default: %(default)s)"
-    )
+    parser = Parser(prog="zteam up", description=__doc__, epilog="docs/team-files.md has every key of a team file.")
+    _add_team_arguments(parser)
     parser.add_argument(
         "--world", metavar="FILE", help="use this world file or shipped world (default: the team file's)"
     )
@@ -48,13 +54,41 @@ def build_parser() -> argparse.ArgumentParser:
         metavar="SECONDS",
         help="end this many simulated seconds after GO",
     )
-    parser.add_argument("--report", metavar="FILE", help="write the run's report as JSON; needs --for")
+    parser.add_argument(
+        "--until", type=whole(*UNTIL_TICKS, "a tick"), metavar="TICK", help="end before this tick of the simulator"
+    )
+    parser.add_argument("--report", metavar="FILE", help="write the run's report as JSON; needs --for or --until")
     parser.add_argument(
         "--speed", metavar="X", help="simulated seconds per host second, or max (default: 1; max in lock-step)"
     )
+    parser.add_argument(
+        "--in-process", action="store_true", help="run the whole team in this process, without a router (docs/time.md)"
+    )
+    parser.add_argument(
+        "--bus", action="store_true", help="open a team with --in-process to tools and other processes, at a router"
+    )
+    add_go_timeout_option(parser)
     _add_lockstep_options(parser)
     add_bus_options(parser)
     return parser
+
+
+def _add_team_arguments(parser: Parser) -> None:
+    shipped = ", ".join(names(teams_folder(), ".toml"))
+    parser.add_argument(
+        "team",
+        nargs="?",
+        default="line",
+        help=f"a team file, or the name of a shipped one: {shipped} (default: %(default)s)",
+    )
+    parser.takes_assignments = True
+    parser.add_argument(
+        "arguments",
+        nargs="*",
+        metavar="NAME=VALUE",
+        help="arguments of the team file, as in 'zteam up chain speed=0.3' (--help-args lists them)",
+    )
+    parser.add_argument("--help-args", action="store_true", help="list the arguments that the team file takes, and end")
 
 
 def _add_lockstep_options(parser: argparse.ArgumentParser) -> None:
@@ -79,42 +113,36 @@ def _add_lockstep_options(parser: argparse.ArgumentParser) -> None:
 
 def _check_options(args: argparse.Namespace) -> None:
     """Raise UsageError if an option is wrong, or needs another one."""
+    if "=" in args.team and not Path(args.team).exists():
+        raise UsageError(f"{args.team}: name the team before its arguments, as in 'zteam up line {args.team}'")
+    if args.arguments:
+        from zteam.team_file import parse_arguments
+
+        parse_arguments(args.arguments)
     if args.speed is not None:
         parse_speed(args.speed)
     if args.expect and not args.lockstep:
         raise UsageError("--expect needs --lockstep")
-    if args.report and args.run_for is None:
-        raise UsageError("--report needs --for SECONDS: only a run with an end has a report")
+    if args.report and args.run_for is None and args.until is None:
+        raise UsageError("--report needs --for SECONDS or --until TICK: only a run with an end has a report")
+    if args.bus and not args.in_process:
+        raise UsageError("--bus needs --in-process: a team of processes is open to tools without it")
+    if args.in_process and not args.bus:
+        _check_closed(args)
 
 
-def _pace(args: argparse.Namespace, world: Path | None) -> "Pace":
+def _check_closed(args: argparse.Namespace) -> None:
+    """Raise UsageError for options of a team that other processes can reach."""
+    if args.expect:
+        raise UsageError("--expect needs processes, or --bus: no other process can join a team with --in-process")
+    if args.connect is not None and args.connect != os.environ.get("ZTEAM_CONNECT"):
+        raise UsageError("--connect needs processes, or --bus: a team with --in-process has no router")
+
+
+def _pace(args: argparse.Namespace) -> "Pace":
     from zteam.launch.arguments import Pace
 
-    if world is None and (args.lockstep or args.speed is not None):
-        raise UsageError('--lockstep and --speed need a simulator: this team has none (world = "none")')
     return Pace(args.speed, args.lockstep, args.lockstep_timeout, tuple(args.expect))
-
-
-class Printer:
-    """Prints the lines of all processes, each after the name of its process; coloured on a terminal."""
-
-    def __init__(self, write: Callable[[str], None]) -> None:
-        self._write = write
-        self._lock = threading.Lock()
-        self._color = sys.stdout.isatty() and "NO_COLOR" not in os.environ
-        self._seen: dict[str, int] = {}
-
-    def line(self, name: str, text: str) -> None:
-        """Print one line of the process `name`."""
-        with self._lock:
-            number = self._seen.setdefault(name, len(self._seen))
-            color = _COLORS[number % len(_COLORS)]
-            prefix = f"\033[{color}m[{name}]\033[0m" if self._color else f"[{name}]"
-            self._write(f"{prefix} {_without_own_name(name, text)}")
-
-
-def _without_own_name(name: str, text: str) -> str:
-    return text.replace(f" [{name}]", "", 1)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -125,37 +153,82 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _up(args: argparse.Namespace) -> int:
-    from zteam.cli.up_display import open_display
-    from zteam.launch.check import check_team
+    if args.help_args:
+        return _print_arguments(args)
+    if args.in_process:
+        from zteam.cli.up_in_process import carry_out
+
+        return carry_out(_options(args), args)
+    from zteam.launch.warm_parent import WarmParent
+
+    with WarmParent() as parent:
+        # It imports while the team is checked.
+        parent.prepare()
+        return _start_processes(_options(args), args, parent)
+
+
+def _print_arguments(args: argparse.Namespace) -> int:
+    from zteam.cli.tables import format_table
+    from zteam.team_file import describe_arguments, read_team_file
+
+    rows = describe_arguments(read_team_file(find_team(args.team)).arguments)
+    print(format_table(("argument", "default", "read at"), rows) if rows else f"{args.team} takes no arguments")
+    return 0
+
+
+def _options(args: argparse.Namespace) -> "RunOptions":
+    """The run that the command line asks for. Raises UsageError."""
+    from zteam.launch.check import check_team, refuse_nodes
     from zteam.launch.report import check_writable
-    from zteam.launch.run import Run, RunOptions
-    from zteam.runtime.shutdown import Stop
-    from zteam.team_file import read_team_file
+    from zteam.launch.run import RunOptions
+    from zteam.team_file import parse_arguments, read_team_file
 
     bus = bus_options(args)
     if args.report:
         check_writable(Path(args.report))
-    file = read_team_file(find_team(args.team))
+    file = read_team_file(find_team(args.team), parse_arguments(args.arguments))
     world = check_team(file, find_world(args.world) if args.world else None)
-    if world is None and args.run_for is not None:
-        raise UsageError('--for needs a simulator: this team has none (world = "none")')
+    if args.in_process and not args.bus:
+        refuse_nodes(file, "say --bus too, or leave --in-process out")
+    if world is None:
+        _refuse_without_simulator(args)
     if args.seed is not None:
         _note_unused_seed(args.seed, file.team, world)
-    options = RunOptions(
-        file.team, file.path, world.resolve() if world else None, bus, args.seed, args.run_for, _pace(args, world)
-    )
+    resolved = world.resolve() if world else None
+    return RunOptions(file.team, file.path, resolved, bus, args.seed, args.run_for, args.until, _pace(args))
+
+
+def _refuse_without_simulator(args: argparse.Namespace) -> None:
+    given = {
+        "--for": args.run_for is not None,
+        "--until": args.until is not None,
+        "--in-process": args.in_process,
+        "--lockstep": args.lockstep,
+        "--speed": args.speed is not None,
+    }
+    for flag, is_given in given.items():
+        if is_given:
+            raise UsageError(f'{flag} needs a simulator: this team has none (world = "none")')
+
+
+def _start_processes(options: "RunOptions", args: argparse.Namespace, parent: "WarmParent") -> int:
+    from zteam.cli.up_display import Printer, open_display
+    from zteam.launch.run import Run
+    from zteam.runtime.shutdown import Stop
+
     stop = Stop()
     with ExitStack() as stack:
         display = stack.enter_context(open_display(args.log_format, args.run_for))
-        team_run = stack.enter_context(Run(options, stop, Printer(display.print).line))
+        team_run = stack.enter_context(Run(options, stop, Printer(display.print).line, parent))
         stop.install(on_repeat=team_run.hurry)
         try:
-            report = _run(team_run, display, args.connect)
+            report = _run(team_run, display, args)
         except ZteamError:
             if stop.requested:
                 return 0
             raise
-    return _conclude(team_run, report, stop, args)
+    failed = {process.name for process in team_run.supervisor.failures}
+    return conclude(failed, report, stop, options.has_end, args.report)
 
 
 def _note_unused_seed(seed: int, team: "Team", world: Path | None) -> None:
@@ -170,39 +243,35 @@ def _note_unused_seed(seed: int, team: "Team", world: Path | None) -> None:
         )
 
 
-def _run(team_run: "Run", display: "Display", connect: str | None) -> "RunReport | None":
-    from zteam.bus.options import DEFAULT_ENDPOINT
+def _run(team_run: "Run", display: "Display", args: argparse.Namespace) -> "RunReport | None":
+    from zteam.launch.run import warn_of_endpoint
 
-    processes = counted(len(team_run.plan.commands), "process", "processes")
+    processes = counted(len(team_run.plan.commands) + len(team_run.plan.nodes), "process", "processes")
     display.say(f"starting {processes}")
     team_run.start()
     log.info("%s, router at %s; Ctrl+C stops them", processes, team_run.endpoint)
-    if connect is None and team_run.endpoint != DEFAULT_ENDPOINT:
-        log.warning(
-            "%s is in use; for tools and nodes of this team: export ZTEAM_CONNECT=%s",
-            DEFAULT_ENDPOINT, team_run.endpoint,
-        )  # fmt: skip
-    with display.following(team_run.team_watch):
-        team_run.watch()
+    warn_of_endpoint(team_run.endpoint, args.connect)
+    with display.following(team_run.team_overview):
+        team_run.watch(args.go_timeout)
     display.say("stopping")
     return team_run.finish()
 
 
-def _conclude(team_run: "Run", report: "RunReport | None", stop: "Stop", args: argparse.Namespace) -> int:
+def conclude(failed: Collection[str], report: "RunReport | None", stop: "Stop", has_end: bool, file: str | None) -> int:
+    """Print the report of the run, and write it to `file`; the exit code. Raises ZteamError if processes `failed`."""
     import msgspec
 
     from zteam.launch.report import format_report, write_report
 
-    if stop.requested and args.run_for is not None:
+    if stop.requested and has_end:
         # There is no report: a script must not take this for success.
         return 130
-    if report is not None and args.run_for is not None:
+    if report is not None and has_end:
         print(format_report(report))
-        if args.report:
-            write_report(Path(args.report), msgspec.json.format(msgspec.json.encode(report), indent=2) + b"\n")
-    failed = sorted({process.name for process in team_run.supervisor.failures})
+        if file:
+            write_report(Path(file), msgspec.json.format(msgspec.json.encode(report), indent=2) + b"\n")
     if failed:
-        raise ZteamError(f"{', '.join(failed)} failed: see the log above")
+        raise ZteamError(f"{', '.join(sorted(failed))} failed: see the log above")
     return 0
 
 

@@ -1,6 +1,7 @@
 """What `zteam up` shows of a running team: on a terminal one live line, elsewhere a log line now and then."""
 
 import logging
+import os
 import sys
 import threading
 from collections.abc import Callable, Iterator
@@ -15,12 +16,35 @@ from zteam.numbers import format_factor
 
 log = logging.getLogger("zteam")
 
+_COLORS = (36, 32, 33, 35, 34, 96, 92, 93, 95, 94)
 _LIVE_PERIOD = 0.5
 """Host seconds between two looks at the team for the live line."""
 _LOG_PERIOD = 2.0
 """Host seconds between two looks at the team for the log."""
 _LOG_PAUSE = 10.0
 """Host seconds between two log lines on the progress of a run, at least."""
+
+
+class Printer:
+    """Prints the lines of all processes, each after the name of its process; coloured on a terminal."""
+
+    def __init__(self, write: Callable[[str], None]) -> None:
+        self._write = write
+        self._lock = threading.Lock()
+        self._color = sys.stdout.isatty() and "NO_COLOR" not in os.environ
+        self._seen: dict[str, int] = {}
+
+    def line(self, name: str, text: str) -> None:
+        """Print one line of the process `name`."""
+        with self._lock:
+            number = self._seen.setdefault(name, len(self._seen))
+            color = _COLORS[number % len(_COLORS)]
+            prefix = f"\033[{color}m[{name}]\033[0m" if self._color else f"[{name}]"
+            self._write(f"{prefix} {_without_own_name(name, text)}")
+
+
+def _without_own_name(name: str, text: str) -> str:
+    return text.replace(f" [{name}]", "", 1)
 
 
 class Display(Protocol):
@@ -34,6 +58,9 @@ class Display(Protocol):
 
     def following(self, watch: Callable[[], TeamOverview]) -> AbstractContextManager[None]:
         """Show the team in this context."""
+
+    def leave_terminal(self) -> None:
+        """From now on only print lines: a debugger has the terminal."""
 
 
 @contextmanager
@@ -61,6 +88,9 @@ class _Live:
     def following(self, watch: Callable[[], TeamOverview]) -> AbstractContextManager[None]:
         return _looking(watch(), self._show, _LIVE_PERIOD)
 
+    def leave_terminal(self) -> None:
+        self._line.leave()
+
     def _show(self, seen: Overview) -> None:
         self._line.show(lambda columns: progress_line(seen, self._run_for, columns))
 
@@ -82,6 +112,9 @@ class _Plain:
 
     def following(self, watch: Callable[[], TeamOverview]) -> AbstractContextManager[None]:
         return nullcontext() if self._run_for is None else _looking(watch(), self._tell, _LOG_PERIOD)
+
+    def leave_terminal(self) -> None:
+        """Nothing."""
 
     def _tell(self, seen: Overview) -> None:
         simulator, elapsed = seen.simulator, seen.elapsed

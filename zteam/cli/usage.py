@@ -102,7 +102,7 @@ def unknown_words(parser: argparse.ArgumentParser, words: Iterable[str]) -> str:
     told, after_option = [], False
     for word in words:
         if word.startswith("-"):
-            told.append(_unknown_option(parser, word.partition("=")[0]))
+            told.append(_unknown_option(parser, *word.partition("=")[::2]))
         elif not after_option:
             told.append(f"{word!r} is too much")
         # The word behind an unknown option is its value.
@@ -110,9 +110,11 @@ def unknown_words(parser: argparse.ArgumentParser, words: Iterable[str]) -> str:
     return ", ".join(told)
 
 
-def _unknown_option(parser: argparse.ArgumentParser, name: str) -> str:
+def _unknown_option(parser: argparse.ArgumentParser, name: str, value: str = "") -> str:
     meant = _MEANT.get((parser.prog, name))
     hint = f": {meant}" if meant else did_you_mean(name, parser._option_string_actions)
+    if value and parser.prog == "zteam up" and not meant:
+        hint += f"; an argument of the team file has no dashes: {name.lstrip('-')}={value}"
     return f"no option {name!r}{hint}"
 
 

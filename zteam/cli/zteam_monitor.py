@@ -6,7 +6,7 @@ import sys
 from collections.abc import Sequence
 
 from zteam import names
-from zteam.cli.arguments import number
+from zteam.cli.arguments import add_go_timeout_option, number
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, checked, run
 from zteam.errors import UsageError
 from zteam.robot_ids import parse_robot_ids
@@ -25,6 +25,7 @@ def build_parser() -> argparse.ArgumentParser:
         metavar="SECONDS",
         help="also print the table this often, in host time, where the output is no terminal",
     )
+    add_go_timeout_option(parser)
     add_clock_option(parser)
     add_bus_options(parser)
     return parser
@@ -57,7 +58,7 @@ def _monitor(args: argparse.Namespace, team_size: int, ids: tuple[int, ...] | No
     from zteam.nodes.monitor.node import run_monitor
     from zteam.runtime.process import run_node
 
-    options = MonitorOptions(team_size, ids, args.json, args.exit_on_go, args.table)
+    options = MonitorOptions(team_size, ids, args.json, args.exit_on_go, args.table, args.go_timeout)
     return run_node(names.MONITOR, bus_options(args, small=True), lambda node: run_monitor(node, options), args.clock)
 
 

@@ -6,9 +6,10 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from zteam import names
-from zteam.cli.arguments import add_seed_option, parse_value
+from zteam.cli.arguments import add_path_option, add_seed_option
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, checked, run
 from zteam.errors import UsageError, ZteamError
+from zteam.toml_values import parse_value
 
 if TYPE_CHECKING:
     from zteam.base import BaseOverride
@@ -19,6 +20,19 @@ _EXAMPLES = {"--param": "speed=0.4", "--base": "max_vel_x=0.4"}
 def build_parser() -> argparse.ArgumentParser:
     """The command line."""
     parser = Parser(prog="zteam-robot", description=__doc__)
+    _add_robot_options(parser)
+    parser.add_argument("--no-gate", action="store_true", help="drive without waiting for the monitor's GO")
+    parser.add_argument(
+        "--no-safety", action="store_true", help="drive without the safety layer: nothing stops it before obstacles"
+    )
+    add_seed_option(parser)
+    add_clock_option(parser)
+    add_bus_options(parser)
+    return parser
+
+
+def _add_robot_options(parser: argparse.ArgumentParser) -> None:
+    """Which robot it is, what it does and on which base."""
     parser.add_argument("--id", required=True, metavar="N", help=f"robot id, 0 to {names.MAX_ROBOT_ID}")
     what = parser.add_mutually_exclusive_group()
     what.add_argument(
@@ -28,13 +42,11 @@ def build_parser() -> argparse.ArgumentParser:
     )
     what.add_argument("--follow", metavar="ID", help="follow this robot")
     parser.add_argument(
-        "--param",
-        type=_pair("--param"),
-        action="append",
-        default=[],
-        metavar="KEY=VALUE",
-        help="set a parameter of the behaviour, e.g. speed=0.4 (repeatable)",
+        "--law",
+        choices=("trail", "direct"),
+        help="with --follow: along the trail of the head of the chain (default), or straight to the leader",
     )
+    add_param_option(parser)
     parser.add_argument(
         "--base",
         type=_pair("--base"),
@@ -43,18 +55,19 @@ def build_parser() -> argparse.ArgumentParser:
         metavar="KEY=VALUE",
         help="set footprint or a limit instead of what base_info tells, e.g. max_vel_x=0.4 (repeatable)",
     )
+    add_path_option(parser)
+
+
+def add_param_option(parser: argparse.ArgumentParser) -> None:
+    """Add `--param`; `parse_param` reads each of its values."""
     parser.add_argument(
-        "--path",
+        "--param",
+        type=_pair("--param"),
         action="append",
         default=[],
-        metavar="FOLDER",
-        help="also search this folder for package.module (repeatable)",
+        metavar="KEY=VALUE",
+        help="set a parameter of the behaviour, e.g. speed=0.4 (repeatable)",
     )
-    parser.add_argument("--no-gate", action="store_true", help="drive without waiting for the monitor's GO")
-    add_seed_option(parser)
-    add_clock_option(parser)
-    add_bus_options(parser)
-    return parser
 
 
 def parse_param(text: str, option: str = "--param") -> tuple[str, Any]:
@@ -112,6 +125,12 @@ def _read(args: argparse.Namespace) -> _Choice:
     robot_id = _parse_id(args.id, "--id")
     params = dict(map(parse_param, args.param))
     spec = "forward" if args.behavior is None else args.behavior
+    if args.law is not None:
+        if args.follow is None:
+            raise UsageError(f"--law {args.law} says how to follow: say --follow ID too")
+        if "law" in params:
+            raise UsageError("--law names the law already: leave --param law out")
+        params["law"] = args.law
     if args.follow is not None:
         leader = _parse_id(args.follow, "--follow")
         if leader == robot_id:
@@ -154,6 +173,7 @@ def _drive(choice: _Choice, args: argparse.Namespace) -> int:
         gate=not args.no_gate,
         seed=args.seed,
         base=choice.base,
+        safety=not args.no_safety,
     )
 
     def body(node: Node) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from zteam import names
-from zteam.cli.arguments import LOCKSTEP_TIMEOUTS, MIN_RUN, add_seed_option, number, parse_speed
+from zteam.cli.arguments import LOCKSTEP_TIMEOUTS, MIN_RUN, UNTIL_TICKS, add_seed_option, number, parse_speed, whole
 from zteam.cli.options import Parser, add_bus_options, bus_options, checked, run
 from zteam.errors import UsageError, ZteamError
 from zteam.geometry import Pose2
@@ -67,6 +67,12 @@ def _add_time_options(parser: argparse.ArgumentParser) -> None:
         type=number(MIN_RUN, MAX_SECONDS, "simulated seconds"),
         metavar="SECONDS",
         help="pause this many simulated seconds after GO, and keep answering queries",
+    )
+    group.add_argument(
+        "--until",
+        type=whole(*UNTIL_TICKS, "a tick"),
+        metavar="TICK",
+        help="pause before this tick, and keep answering queries",
     )
     group.add_argument(
         "--speed", metavar="X", help="simulated seconds per host second, or max (default: 1; max in lock-step)"
@@ -226,6 +232,7 @@ def _simulate(args: argparse.Namespace, choice: _Choice) -> int:
         map_resolution=args.map_resolution,
         follows=choice.follows,
         run_for=args.run_for,
+        until=args.until,
         engine=choice.engine,
         speed=choice.speed,
         paused=args.paused,

@@ -16,6 +16,7 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "team", nargs="?", metavar="TEAM.toml", help="read static transforms and robot descriptions from this team file"
     )
+    parser.add_argument("arguments", nargs="*", metavar="NAME=VALUE", help="arguments of the team file")
     parser.add_argument(
         "--rate",
         type=number(1e-3, MAX_RATE, "bundles a second"),
@@ -37,10 +38,10 @@ def _aggregate(args: argparse.Namespace) -> int:
     from zteam.nodes.transforms.node import run_aggregator
     from zteam.runtime.node import Node
     from zteam.runtime.process import run_node
-    from zteam.team_file import load_team, static_transform
+    from zteam.team_file import load_team, parse_arguments, static_transform
     from zteam.tf.urdf import read_description
 
-    team = load_team(Path(args.team)) if args.team else None
+    team = load_team(Path(args.team), parse_arguments(args.arguments)) if args.team else None
     configured = [static_transform(entry) for entry in team.static_transforms] if team else []
     described = {robot.id: robot.description for robot in team.robots if robot.description} if team else {}
     descriptions = {robot_id: read_description(Path(args.team).parent / name) for robot_id, name in described.items()}

@@ -39,9 +39,16 @@ class TeamLaunch(msgspec.Struct, frozen=True):
     team_file: Path | None = None
     run_for: float | None = None
     """Simulated seconds after GO."""
+    until: int | None = None
+    """The run ends before this tick."""
     pace: Pace = Pace()
     participants: tuple[str, ...] = ()
     """Names of the processes that the first tick of lock-step waits for."""
+
+    @property
+    def has_end(self) -> bool:
+        """Whether the run ends by itself."""
+        return self.run_for is not None or self.until is not None
 
 
 def no_arguments(_launch: TeamLaunch) -> Arguments:
@@ -58,6 +65,7 @@ def simulator_arguments(launch: TeamLaunch) -> Arguments:
         str(world),
         *("--seed", str(launch.seed)),
         *(() if launch.run_for is None else ("--for", str(launch.run_for))),
+        *(() if launch.until is None else ("--until", str(launch.until))),
         *_additions(team.robots),
         *(() if team.team.world_robots else ("--only-added",)),
         *_gaps(team.robots),
@@ -69,7 +77,7 @@ def simulator_arguments(launch: TeamLaunch) -> Arguments:
 
 def aggregator_arguments(launch: TeamLaunch) -> Arguments:
     """One aggregator, which publishes the static transforms of the team file."""
-    return {names.AGGREGATOR: [str(launch.team_file)] if launch.team_file else []}
+    return {names.AGGREGATOR: [str(launch.team_file), *launch.team.arguments] if launch.team_file else []}
 
 
 def monitor_arguments(launch: TeamLaunch) -> Arguments:
@@ -82,11 +90,16 @@ def robots_arguments(launch: TeamLaunch) -> Arguments:
     found = {}
     for robot in launch.team.robots:
         arguments = [*robot_arguments(robot), "--seed", str(launch.seed)]
-        if launch.team_file is not None and ":" in (robot.behavior or ""):
-            # The module of a user's behaviour may lie beside the team file.
-            arguments += ["--path", str(launch.team_file.resolve().parent)]
+        if ":" in (robot.behavior or ""):
+            arguments += [part for folder in module_folders(launch) for part in ("--path", str(folder))]
         found[names.robot_name(robot.id)] = arguments
     return found
+
+
+def module_folders(launch: TeamLaunch) -> list[Path]:
+    """Where the module of a user's behaviour may lie: beside the team file, and beside what it includes."""
+    own = [] if launch.team_file is None else [launch.team_file.resolve().parent]
+    return list(dict.fromkeys([*own, *map(Path, launch.team.folders)]))
 
 
 def _pace(launch: TeamLaunch) -> list[str]:

@@ -4,6 +4,8 @@ The check covers behaviours and their parameters, robot descriptions, and ids an
 imports the user's own modules; behaviours of zteam are checked here, because that takes a tenth of a second.
 """
 
+import os
+import shutil
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
@@ -11,14 +13,16 @@ from zteam import names
 from zteam.behaviors.registry import BEHAVIORS
 from zteam.errors import ConfigError, WorldError
 from zteam.launch.own_behaviors import Answer, Inquiry, Question, answer
+from zteam.launch.plan import is_python
 from zteam.problems import Problem
+from zteam.resources import existing_file, is_folder
 from zteam.robot_ids import format_robot_ids
-from zteam.team_file import RobotEntry, TeamFile, behavior_of, team_world
+from zteam.team_file import GROUP_KEYS, RobotEntry, TeamFile, behavior_of, team_world
 from zteam.world import add_robot, load_world
 from zteam.world.model import Robot, World
 from zteam.world.placing import find_hindrance
 
-_ROBOT_KEYS = tuple(name for name in RobotEntry.__struct_fields__ if name != "params")
+_ROBOT_KEYS = (*(name for name in RobotEntry.__struct_fields__ if name != "params"), *GROUP_KEYS)
 
 
 def check_team(file: TeamFile, world_file: Path | None = None) -> Path | None:
@@ -26,16 +30,15 @@ def check_team(file: TeamFile, world_file: Path | None = None) -> Path | None:
 
     Raises ConfigError of one line for each mistake, in the team file or in the world's.
     """
-    problems, told = list(file.problems), []
+    problems, told = list[Problem](), []
     own = {i: entry for i, entry in file.robots.items() if behavior_of(entry)[0] not in BEHAVIORS}
-    with Inquiry([_question(entry) for entry in own.values()], file.path.resolve().parent) as inquiry:
+    with Inquiry([_question(entry) for entry in own.values()], file.team.folders) as inquiry:
         for i, entry in file.robots.items():
             problems += _description_problems(file.path, i, entry)
             if i not in own:
                 problems += _behavior_problems(i, entry, answer(_question(entry)))
         try:
-            # If [team] has mistakes, one of them may be a misspelt `world`: do not also report a missing world.
-            if world_file is None and (file.team.team.world or not any(p.path[:1] == ("team",) for p in problems)):
+            if world_file is None and not _has_doubtful_world(file):
                 world_file = team_world(file)
             if world_file is not None:
                 problems += _world_problems(file, load_world(world_file))
@@ -43,11 +46,20 @@ def check_team(file: TeamFile, world_file: Path | None = None) -> Path | None:
             told.append(str(error))
         for (i, entry), answered in zip(own.items(), inquiry.answers(), strict=True):
             problems += _behavior_problems(i, entry, answered)
+    problems += _node_problems(file)
+    problems = [*file.problems, *(problem for problem in problems if not file.is_unfilled(problem.path))]
     if problems:
         told.insert(0, str(file.error(problems)))
     if told:
         raise ConfigError("\n".join(told))
     return world_file
+
+
+def _has_doubtful_world(file: TeamFile) -> bool:
+    """Whether a mistake that is told already may be about the world: a missing argument, or a misspelt key."""
+    if file.team.team.world is None:
+        return any(problem.path[:1] == ("team",) for problem in file.problems)
+    return file.is_unfilled(("team", "world"))
 
 
 def _question(entry: RobotEntry) -> Question:
@@ -65,6 +77,36 @@ def _behavior_problems(i: int, entry: RobotEntry, answered: Answer) -> Iterator[
         yield Problem(("robots", i, "behavior"), answered.refused)
     for path, text in answered.mistakes:
         yield Problem(("robots", i, *path), text)
+
+
+def _node_problems(file: TeamFile) -> Iterator[Problem]:
+    """Programs, scripts and folders that are not there."""
+    for i, node in file.nodes.items():
+        folder, (program, *arguments) = Path(node.folder), node.command
+        if not is_folder(folder):
+            yield Problem(("nodes", i, "folder"), f"there is no folder {folder}")
+        elif is_python(program):
+            script = arguments[0] if arguments else ""
+            if script.endswith(".py") and existing_file(folder / script) is None:
+                yield Problem(("nodes", i, "command", 1), f"there is no file {script!r} in {folder}")
+        elif not _find_program(program, folder):
+            where = f"in {folder}" if os.sep in program else "on PATH"
+            yield Problem(("nodes", i, "command", 0), f"there is no program {program!r} {where}")
+
+
+def _find_program(program: str, folder: Path) -> bool:
+    try:
+        return shutil.which(folder / program if os.sep in program else program) is not None
+    except ValueError:
+        # With a NUL.
+        return False
+
+
+def refuse_nodes(file: TeamFile, way_out: str) -> None:
+    """Raise ConfigError if a team that no other process can reach has nodes."""
+    text = f"a node is a process, which cannot reach a team in one process: {way_out}"
+    if file.nodes:
+        raise file.error([Problem(("nodes", i, "command"), text) for i in file.nodes])
 
 
 def _description_problems(team_file: Path, i: int, entry: RobotEntry) -> Iterator[Problem]:

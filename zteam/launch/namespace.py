@@ -1,16 +1,28 @@
 """One team per namespace: the launcher holds a name on the bus, like every other process."""
 
-from collections.abc import Callable, Iterable
+import logging
+from collections.abc import Iterable
 
 from zteam import names
 from zteam.bus import Bus
 from zteam.bus.presence import Claim, ProcessInfo
 from zteam.clock import local_time_text
 from zteam.errors import BusError, DuplicateNameError
+from zteam.runtime.shutdown import Stop
+
+log = logging.getLogger("zteam")
 
 
-def claim_namespace(bus: Bus, on_rival: Callable[[ProcessInfo], None]) -> Claim:
-    """Hold the launcher's name until the claim is released. Raises BusError if another launcher holds it."""
+def claim_namespace(bus: Bus, stop: Stop) -> Claim:
+    """Hold the launcher's name until the claim is released. Raises BusError if another launcher holds it.
+
+    Requests the stop if a healed network shows an older launcher.
+    """
+
+    def on_rival(info: ProcessInfo) -> None:
+        log.error("process %d on %s runs a team here too, and is older: stopping", info.pid, info.host)
+        stop.request("another team holds the namespace")
+
     claim = Claim(bus, names.LAUNCHER)
     try:
         claim.win(on_rival)

@@ -8,7 +8,6 @@ import base64
 import os
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -53,15 +52,15 @@ def answer(question: Question) -> Answer:
 class Inquiry:
     """Questions that a child process answers in the background. Leaving the context ends the child."""
 
-    def __init__(self, questions: Sequence[Question], folder: Path) -> None:
-        """The child imports from `folder` besides the installed packages and the current folder."""
+    def __init__(self, questions: Sequence[Question], folders: Sequence[str]) -> None:
+        """The child imports from `folders` besides the installed packages and the current folder."""
         self._questions = questions
         self._answers: list[Answer] = []
         self._last_line = ""
-        self._supervisor = Supervisor(self._take_line, lambda _process: None)
+        self._supervisor = Supervisor(self._take_line, lambda _process, _again: None)
         self._process: Process | None = None
         if questions:
-            command = [sys.executable, "-P", "-m", "zteam.launch.own_behaviors", str(folder)]
+            command = [sys.executable, "-P", "-m", "zteam.launch.own_behaviors", *folders]
             self._process = self._supervisor.start("behaviours", command)
             self._process.write_line(base64.b64encode(msgspec.msgpack.encode(questions)).decode())
 

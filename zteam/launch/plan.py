@@ -1,6 +1,7 @@
 """A team as commands: which processes, with which arguments, stopped in which order."""
 
-from collections.abc import Sequence
+import sys
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import msgspec
@@ -8,13 +9,20 @@ import msgspec
 from zteam import names
 from zteam.launch import kinds
 from zteam.launch.arguments import Pace, TeamLaunch
-from zteam.team_file import Team
+from zteam.launch.supervisor import Job
+from zteam.team_file import NodeEntry, Team
 
 
 class Plan(msgspec.Struct):
     """Commands by process name, in the order of starting, without the router."""
 
     commands: dict[str, list[str]]
+    nodes: dict[str, Job] = {}
+    """The user's own processes, which start when the router listens."""
+    restarts: frozenset[str] = frozenset()
+    """Names of the robots that are started again when they have failed."""
+    optional: frozenset[str] = frozenset()
+    """Names of the nodes without which the run begins."""
 
     @property
     def robots(self) -> list[str]:
@@ -23,13 +31,18 @@ class Plan(msgspec.Struct):
 
     def stop_order(self) -> list[list[str]]:
         """Groups of process names; each group is stopped after the one before it has ended."""
-        ranks = sorted({kind.stop_rank for kind in kinds.KINDS})
-        groups: dict[int, list[str]] = {rank: [] for rank in ranks}
-        for name in (*self.commands, kinds.ROUTER):
-            kind = kinds.kind_of(name)
-            # A user's own process may drive a robot, so it stops with the robots.
-            groups[kind.stop_rank if kind else ranks[0]].append(name)
-        return list(groups.values())
+        return stop_order((*self.commands, *self.nodes, kinds.ROUTER))
+
+
+def stop_order(processes: Iterable[str]) -> list[list[str]]:
+    """These processes in groups; each group is stopped after the one before it has ended."""
+    ranks = sorted({kind.stop_rank for kind in kinds.KINDS})
+    groups: dict[int, list[str]] = {rank: [] for rank in ranks}
+    for name in processes:
+        kind = kinds.kind_of(name)
+        # A user's own process may drive a robot, so it stops with the robots.
+        groups[kind.stop_rank if kind else ranks[0]].append(name)
+    return list(groups.values())
 
 
 def plan_team(
@@ -40,23 +53,61 @@ def plan_team(
     team_file: Path | None = None,
     seed: int | None = None,
     run_for: float | None = None,
+    until: int | None = None,
     pace: Pace | None = None,
 ) -> Plan:
     """The processes of a team. `bus` holds the connection options that all get; `world` None = real robots."""
+    return plan_of(launch_of(team, world, team_file=team_file, seed=seed, run_for=run_for, until=until, pace=pace), bus)
+
+
+def plan_of(launch: TeamLaunch, bus: Sequence[str]) -> Plan:
+    """The processes of a team. `bus` holds the connection options that all get."""
+    team = launch.team
+    commands = {
+        name: [*kind.command_line(*arguments), *bus]
+        for kind in kinds.KINDS
+        for name, arguments in kind.arguments(launch).items()
+    }
+    nodes = {
+        node.name: Job(node_command(node), folder=Path(node.folder), restarts=team.restarts(node), may_end=True)
+        for node in team.nodes
+    }
+    robots = (names.robot_name(robot.id) for robot in team.robots if team.restarts(robot))
+    awaited = launch.participants if launch.pace.lockstep else ()
+    return Plan(commands, nodes, frozenset(robots), frozenset(nodes).difference(awaited))
+
+
+def node_command(node: NodeEntry) -> list[str]:
+    """The command of a user's node; `python` is this interpreter, wherever the user's own is."""
+    program, *rest = node.command
+    return [sys.executable if is_python(program) else program, *rest]
+
+
+def is_python(program: str) -> bool:
+    """Whether the word stands for this interpreter."""
+    return program in ("python", "python3")
+
+
+def launch_of(
+    team: Team,
+    world: Path | None,
+    *,
+    team_file: Path | None = None,
+    seed: int | None = None,
+    run_for: float | None = None,
+    until: int | None = None,
+    pace: Pace | None = None,
+) -> TeamLaunch:
+    """What the processes of a team depend on; `seed` None = the team's own."""
     launch = TeamLaunch(
         team=team,
         world=world,
         seed=team.team.seed if seed is None else seed,
         team_file=team_file,
         run_for=run_for,
+        until=until,
         pace=pace or Pace(),
     )
     own = [name for kind in kinds.KINDS if kind.in_lockstep for name in kind.arguments(launch)]
-    launch = msgspec.structs.replace(launch, participants=(*own, *launch.pace.expect))
-    return Plan(
-        {
-            name: [*kind.command_line(*arguments), *bus]
-            for kind in kinds.KINDS
-            for name, arguments in kind.arguments(launch).items()
-        }
-    )
+    expected = dict.fromkeys((*(node.name for node in team.nodes if node.expect), *launch.pace.expect))
+    return msgspec.structs.replace(launch, participants=(*own, *expected))

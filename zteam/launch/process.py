@@ -3,16 +3,15 @@
 import logging
 import os
 import signal
-import subprocess
 import sys
 import threading
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import msgspec
 
-from zteam.runtime.shutdown import PARENT_PIPE
+from zteam.launch.children import StartChild, spawn
 
 log = logging.getLogger("zteam")
 
@@ -66,7 +65,9 @@ class Process:
         *,
         on_line: Callable[["Process", str], None],
         on_exit: Callable[["Process"], None],
-        environment: dict[str, str] | None = None,
+        environment: Mapping[str, str] | None = None,
+        folder: Path | None = None,
+        start_child: StartChild = spawn,
     ) -> None:
         self.name = name
         self.usage = Usage()
@@ -75,18 +76,7 @@ class Process:
         """Whether it was asked to end."""
         self._on_line = on_line
         self._on_exit = on_exit
-        self._popen = subprocess.Popen(
-            list(command),
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            pass_fds=(lifeline,),
-            env={**os.environ, **(environment or {}), PARENT_PIPE: str(lifeline), "PYTHONUNBUFFERED": "1"},
-            # Its own group: the terminal's Ctrl+C reaches the launcher alone, which stops the team in order.
-            process_group=0,
-            text=True,
-            errors="replace",
-        )
+        self._child = start_child(command, lifeline, environment or {}, folder)
         self._reader = threading.Thread(target=self._read, name=f"read {name}", daemon=True)
         self._reader.start()
         self._watcher = threading.Thread(target=self._watch, name=f"watch {name}", daemon=True)
@@ -95,21 +85,21 @@ class Process:
     @property
     def pid(self) -> int:
         """Process id."""
-        return self._popen.pid
+        return self._child.pid
 
     @property
     def exit_code(self) -> int | None:
         """As in subprocess: negative for a signal, None while it runs."""
-        return self._popen.returncode
+        return self._child.returncode
 
     @property
     def running(self) -> bool:
         """Whether it has not ended yet."""
-        return self._popen.poll() is None
+        return self._child.poll() is None
 
     def _read(self) -> None:
-        assert self._popen.stdout is not None
-        for line in self._popen.stdout:
+        assert self._child.stdout is not None
+        for line in self._child.stdout:
             text = line.rstrip("\n")
             self.lines.append(text)
             try:
@@ -117,35 +107,31 @@ class Process:
             except Exception:
                 # The reader of the output may be gone (`zteam up | head`); the process must still be watched.
                 log.debug("a line of %s could not be passed on", self.name, exc_info=True)
-        self._popen.stdout.close()
+        self._child.stdout.close()
 
     def _watch(self) -> None:
         """Wait until the process ends, kill the rest of its group, and call `on_exit`."""
-        try:
-            os.waitid(os.P_PID, self.pid, os.WEXITED | os.WNOWAIT)
-        except ChildProcessError:
-            # Another thread has called `running`, which collects the exit code.
-            pass
+        self._child.wait_for_end()
         self.kill()
-        self._popen.wait()
+        self._child.wait()
         self._reader.join()
         self._close_input()
         self._on_exit(self)
 
     def _close_input(self) -> None:
-        if self._popen.stdin is not None:
+        if self._child.stdin is not None:
             try:
-                self._popen.stdin.close()
+                self._child.stdin.close()
             except BrokenPipeError:
                 # Buffered text has no reader any more.
                 pass
 
     def write_line(self, text: str) -> None:
         """Write a line to its standard input, then close the input."""
-        assert self._popen.stdin is not None
+        assert self._child.stdin is not None
         try:
-            self._popen.stdin.write(text + "\n")
-            self._popen.stdin.close()
+            self._child.stdin.write(text + "\n")
+            self._child.stdin.close()
         except (BrokenPipeError, ValueError):
             # It has ended already (ValueError: its input is closed too); `on_exit` reports the end.
             pass
@@ -153,7 +139,7 @@ class Process:
     def signal(self, number: int) -> None:
         """Send it a signal if it still runs."""
         if self.running:
-            self._popen.send_signal(number)
+            self._child.send_signal(number)
 
     def terminate(self) -> None:
         """Ask it to stop."""
@@ -163,7 +149,7 @@ class Process:
     def kill(self) -> None:
         """End it and its whole process group at once."""
         try:
-            os.killpg(self._popen.pid, signal.SIGKILL)
+            os.killpg(self._child.pid, signal.SIGKILL)
         except (ProcessLookupError, PermissionError):
             # The group is gone already.
             pass

@@ -1,15 +1,20 @@
 """The progress of a run, heard on the bus by the launcher."""
 
 import logging
+import math
 import threading
+from collections.abc import Callable, Collection, Iterable
+from typing import NamedTuple
 
 from zteam import names
 from zteam.bus import Bus
 from zteam.clock import pause
 from zteam.errors import ZteamError
+from zteam.launch.kinds import kind_of
 from zteam.launch.report import seconds_since_start
 from zteam.messages import TeamState, TeamStatus
-from zteam.services.simulator import FinishReply, FinishRequest
+from zteam.runtime.shutdown import Stop
+from zteam.services.simulator import FinishReply, FinishRequest, SimStatus
 
 log = logging.getLogger("zteam")
 
@@ -17,14 +22,28 @@ _FINISH_WAIT = 5.0
 """Host seconds that one request for the end of the run waits."""
 
 
+class Watched(NamedTuple):
+    """A process of the run, or a node in this process."""
+
+    name: str
+    ended: bool
+    """Whether it has ended, and is not started again."""
+    needed: bool = True
+    """Whether GO waits for it."""
+
+
 class Progress:
     """When GO was given and when the run ended, in host seconds since the launcher's start; None before."""
 
-    def __init__(self, bus: Bus, has_end: bool) -> None:
+    def __init__(self, bus: Bus, has_end: bool, since_start: Callable[[], float] = seconds_since_start) -> None:
         self.changed = threading.Condition()
+        self.since_start = since_start
         self.go_after: float | None = None
         self.wall: float | None = None
         self._bus = bus
+        self._has_end = has_end
+        self._waiting_for = "the monitor's first message"
+        """What GO waits for, in the monitor's words."""
         self._closed = False
         bus.subscribe(names.TEAM_STATUS, TeamStatus, self._on_team_status, latched=True)
         if has_end:
@@ -32,9 +51,10 @@ class Progress:
             threading.Thread(target=self._watch_end, name="end of the run", daemon=True).start()
 
     def _on_team_status(self, _key: str, status: TeamStatus) -> None:
+        self._waiting_for = status.waiting_for
         if status.state == TeamState.GO and self.go_after is None:
             with self.changed:
-                self.go_after = seconds_since_start()
+                self.go_after = self.since_start()
                 self.changed.notify_all()
 
     def _watch_end(self) -> None:
@@ -47,7 +67,7 @@ class Progress:
                 answers = []
             if any(answer.finished for _, answer in answers):
                 with self.changed:
-                    self.wall = seconds_since_start()
+                    self.wall = self.since_start()
                     self.changed.notify_all()
                 return
             if not answers:
@@ -62,3 +82,68 @@ class Progress:
         """Make every waiter on `changed` check its condition."""
         with self.changed:
             self.changed.notify_all()
+
+    def watch(
+        self,
+        stop: Stop,
+        processes: Callable[[], Collection[Watched]],
+        last_words: Callable[[str], str],
+        go_timeout: float | None = None,
+    ) -> None:
+        """Wait for the end of the run, of all `processes()`, or for the stop request.
+
+        Raises ZteamError if the run cannot reach its end, or has not begun within `go_timeout` host seconds of the
+        launcher's start; `last_words(name)` says why a process ended.
+        """
+        patience = math.inf if go_timeout is None else go_timeout
+        while not self._is_over(stop, processes, last_words, patience):
+            self._check_begun(patience)
+            patience = math.inf
+
+    def _is_over(
+        self,
+        stop: Stop,
+        processes: Callable[[], Collection[Watched]],
+        last_words: Callable[[str], str],
+        patience: float,
+    ) -> bool:
+        """Wait for the end; False if it has not come within `patience` host seconds of the start."""
+        with self.changed:
+            while not stop.requested and self.wall is None:
+                known = processes()
+                ended = [process for process in known if process.ended]
+                if self._has_end:
+                    self._check_finishable(ended, last_words)
+                if len(ended) == len(known):
+                    return True
+                left = patience - self.since_start()
+                if left <= 0.0:
+                    return False
+                self.changed.wait(min(1.0, left))
+        return True
+
+    def _check_begun(self, seconds: float) -> None:
+        """Raise ZteamError without GO, or if lock-step still holds its first tick: it waits for nodes too."""
+        if self.go_after is None:
+            raise ZteamError(f"no GO within {seconds:g} s: waiting for {self._waiting_for}")
+        try:
+            answers = self._bus.query(names.service_key(names.SIMULATOR, "status"), SimStatus)
+        except ZteamError as error:
+            log.debug("%s", error)
+            return
+        held = [status.waiting_for for _, status in answers if status.lockstep and status.tick <= 1]
+        if any(held):
+            raise ZteamError(f"the first tick is held for {seconds:g} s: waiting for {', '.join(held)}")
+
+    def _check_finishable(self, ended: Iterable[Watched], last_words: Callable[[str], str]) -> None:
+        """Raise ZteamError if a run with a time limit cannot end: GO waits for every process of the team."""
+        begun = self.go_after is not None
+        missing = [each.name for each in ended if (_carries_run(each.name) if begun else each.needed)]
+        if missing:
+            told = "; ".join(f"{name} ended ({last_words(name)})" for name in missing)
+            raise ZteamError(f"{told}: the run cannot {'be finished' if begun else 'begin'}")
+
+
+def _carries_run(name: str) -> bool:
+    kind = kind_of(name)
+    return kind is not None and kind.carries_run

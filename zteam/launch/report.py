@@ -3,6 +3,7 @@
 import errno
 import os
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 
 import msgspec
@@ -11,7 +12,7 @@ from zteam import names
 from zteam.bus import Bus
 from zteam.bus.counters import KeyCount
 from zteam.errors import UsageError, ZteamError
-from zteam.launch.process import Process, Usage
+from zteam.launch.process import Process, Usage, measure_usage
 from zteam.numbers import counted, format_factor
 from zteam.resources import is_folder
 from zteam.runtime.participant import RoundTiming
@@ -44,6 +45,8 @@ class RunReport(RunFigures, kw_only=True):
     """Simulated seconds a second of the host, from GO to the last tick."""
     rounds: dict[str, RoundTiming] = msgspec.field(default_factory=dict)
     """Where the participants' time of a tick went, by name (lock-step)."""
+    restarts: dict[str, int] = msgspec.field(default_factory=dict)
+    """How often processes, or nodes in this process, were started again, by name."""
 
 
 class Counts(msgspec.Struct, frozen=True):
@@ -73,7 +76,11 @@ def read_counts(bus: Bus) -> Counts:
 
 
 def make_report(
-    counts: Counts, wall_seconds: float, go_after: float | None, processes: list[ProcessReport]
+    counts: Counts,
+    wall_seconds: float,
+    go_after: float | None,
+    processes: list[ProcessReport],
+    restarts: Mapping[str, int],
 ) -> RunReport:
     """The report of a run. `wall_seconds` and `go_after` are host seconds since the command's start."""
     figures = {name: getattr(counts.simulator, name) for name in RunFigures.__struct_fields__}
@@ -82,6 +89,7 @@ def make_report(
         wall_seconds=round(wall_seconds, 3),
         go_after_seconds=None if go_after is None else round(go_after, 3),
         processes=processes,
+        restarts=dict(restarts),
         dropped=counts.dropped,
         rounds=counts.rounds,
     )
@@ -103,16 +111,24 @@ def read_dropped(bus: Bus) -> dict[str, int]:
     return dict(sorted(dropped.items()))
 
 
-def report_processes(processes: dict[str, Process], launcher: str, own: Usage) -> list[ProcessReport]:
-    """One row for every child, and one for this process under the name `launcher`, with its usage `own`."""
-    found = [_row(p.name, p.pid, p.exit_code, p.usage) for p in processes.values()]
-    return [*found, _row(launcher, os.getpid(), 0, own)]
+def report_processes(processes: Mapping[str, Process], restarts: Mapping[str, int]) -> list[ProcessReport]:
+    """One row for every child: the newest of its name, and how often it was started again."""
+    return [_row(p.name, p.pid, p.exit_code, p.usage, restarts.get(p.name, 0)) for p in processes.values()]
 
 
-def _row(name: str, pid: int, code: int | None, usage: Usage) -> ProcessReport:
+def measure_processes(pids: Mapping[str, int]) -> list[ProcessReport]:
+    """One row for every other process, by name: its present usage."""
+    found = []
+    for name, pid in pids.items():
+        usage = Usage()
+        measure_usage(pid, usage)
+        found.append(_row(name, pid, 0, usage, 0))
+    return found
+
+
+def _row(name: str, pid: int, code: int | None, usage: Usage, restarts: int) -> ProcessReport:
     memory = round(usage.rss_mb, 1), round(usage.pss_mb, 1)
-    # No process is restarted today, so `restarts` is 0.
-    return ProcessReport(name, pid, code, 0, *memory, round(usage.cpu_seconds, 2))
+    return ProcessReport(name, pid, code, restarts, *memory, round(usage.cpu_seconds, 2))
 
 
 def check_writable(path: Path) -> None:
@@ -161,6 +177,9 @@ def format_report(report: RunReport) -> str:
         lines.append(row)
     if report.lockstep:
         lines.append(f"lock-step: trajectory {report.trajectory_sha256}")
+    restarted = [f"{name} {counted(count, 'time')}" for name, count in sorted(report.restarts.items())]
+    if restarted:
+        lines.append(f"started again: {', '.join(restarted)}")
     memory = sum(p.pss_mb for p in report.processes)
     lines.append(f"{counted(len(report.processes), 'process', 'processes')}, {memory:.0f} MB together (PSS)")
     return "\n".join(lines)

@@ -2,7 +2,7 @@
 
 import logging
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 
 import msgspec
@@ -11,18 +11,28 @@ from zteam import names
 from zteam.bus import Bus, BusOptions, connect
 from zteam.bus.connection import FROM_STDIN, port_accepts
 from zteam.bus.options import DEFAULT_ENDPOINT
-from zteam.bus.presence import Claim, ProcessInfo
-from zteam.errors import BusError, ZteamError
+from zteam.bus.presence import Claim
+from zteam.errors import BusError
 from zteam.launch.arguments import Pace
-from zteam.launch.kinds import kind_of
 from zteam.launch.namespace import claim_namespace, refuse_second_team
 from zteam.launch.overview import TeamOverview
 from zteam.launch.plan import Plan, plan_team
-from zteam.launch.process import Process, Usage, exit_text, measure_usage
-from zteam.launch.progress import Progress
-from zteam.launch.report import Counts, RunReport, make_report, read_counts, report_processes, seconds_since_start
+from zteam.launch.process import Process, exit_text
+from zteam.launch.progress import Progress, Watched
+from zteam.launch.report import (
+    Counts,
+    ProcessReport,
+    RunReport,
+    make_report,
+    measure_processes,
+    read_counts,
+    report_processes,
+    seconds_since_start,
+)
+from zteam.launch.restarts import Again, log_failure, serve_restarts
 from zteam.launch.router import ANY_PORT, start_router, wait_for_endpoint
-from zteam.launch.supervisor import Supervisor
+from zteam.launch.supervisor import Job, Supervisor
+from zteam.launch.warm_parent import WarmParent
 from zteam.runtime.log_publisher import LogPublisher
 from zteam.runtime.shutdown import Stop
 from zteam.team_file import Team
@@ -43,7 +53,14 @@ class RunOptions(msgspec.Struct, frozen=True):
     seed: int | None = None
     run_for: float | None = None
     """Simulated seconds after GO."""
+    until: int | None = None
+    """The tick before which the run ends."""
     pace: Pace = Pace()
+
+    @property
+    def has_end(self) -> bool:
+        """Whether the run ends by itself."""
+        return self.run_for is not None or self.until is not None
 
 
 _LAST_WORDS = 1.0
@@ -62,11 +79,29 @@ def choose_endpoint() -> str:
     return ANY_PORT if port_accepts(DEFAULT_ENDPOINT, timeout=0.2) else DEFAULT_ENDPOINT
 
 
+def warn_of_endpoint(endpoint: str, connect: str | None) -> None:
+    """Say how tools find a router at `endpoint` if they do not look there; `connect` is what the user asked for."""
+    if connect is None and endpoint != DEFAULT_ENDPOINT:
+        log.warning(
+            "%s is in use; for tools and nodes of this team: export ZTEAM_CONNECT=%s", DEFAULT_ENDPOINT, endpoint
+        )
+
+
 def _last_words(process: Process) -> str:
     """Why a process ended: its exit code and the last line of its output."""
     process.join(_LAST_WORDS)
     said = [line for line in process.lines if line.strip()]
     return exit_text(process.exit_code) + (f": {said[-1].strip()}" if said else "")
+
+
+def node_environment(endpoint: str, bus: BusOptions, pace: Pace) -> dict[str, str]:
+    """What lets a node join the team at this router."""
+    return {
+        "ZTEAM_CONNECT": endpoint,
+        "ZTEAM_NAMESPACE": bus.namespace or "",
+        "ZTEAM_CONFIG": bus.config or "",
+        "ZTEAM_LEASE": str(lease_for(pace, bus.lease)),
+    }
 
 
 def _plan(options: RunOptions) -> Plan:
@@ -80,23 +115,20 @@ def _plan(options: RunOptions) -> Plan:
         team_file=options.team_file,
         seed=options.seed,
         run_for=options.run_for,
+        until=options.until,
         pace=options.pace,
     )
-
-
-def _carries_run(process: Process) -> bool:
-    kind = kind_of(process.name)
-    return kind is not None and kind.carries_run
 
 
 class Run:
     """One run of a team. Use as: `with Run(...) as run: run.start(); run.watch(); report = run.finish()`."""
 
-    def __init__(self, options: RunOptions, stop: Stop, on_line: Callable[[str, str], None]) -> None:
+    def __init__(self, options: RunOptions, stop: Stop, on_line: Callable[[str, str], None], warm: WarmParent) -> None:
         self._options = options
         self._stop = stop
         self._hurry = False
-        self._own = Usage()
+        self._warm = warm
+        self._own: list[ProcessReport] = []
         self._router: Process | None = None
         self._progress: Progress | None = None
         self._bus: Bus | None = None
@@ -104,7 +136,7 @@ class Run:
         self._log: LogPublisher | None = None
         self.endpoint = options.bus.connect or ""
         self.plan = _plan(options)
-        self.supervisor = Supervisor(on_line, self._on_failure)
+        self.supervisor = Supervisor(on_line, self._on_failure, warm.start)
         stop.on_request(self._wake)
 
     def __enter__(self) -> "Run":
@@ -135,8 +167,8 @@ class Run:
         self._hurry = True
         self._wake()
 
-    def _on_failure(self, process: Process) -> None:
-        log.error("%s ended: %s; it is not started again", process.name, exit_text(process.exit_code))
+    def _on_failure(self, process: Process, again: Again) -> None:
+        log_failure(process.name, process.exit_code, again)
         self._wake()
 
     def start(self) -> None:
@@ -146,24 +178,27 @@ class Run:
             self._router = start_router(supervisor, choose_endpoint())
         else:
             self._bus = self._connect()
-            refuse_second_team(self._bus, self.plan.commands)
-            self._claim = claim_namespace(self._bus, self._on_rival)
+            refuse_second_team(self._bus, (*self.plan.commands, *self.plan.nodes))
+            self._claim = claim_namespace(self._bus, self._stop)
         for name, command in self.plan.commands.items():
-            supervisor.start(name, command)
+            supervisor.start_job(name, Job(command, restarts=name in self.plan.restarts))
         if self._options.bus.connect is None:
             self.endpoint = self._wait_for_router()
             for name in self.plan.commands:
-                supervisor.processes[name].write_line(self.endpoint)
+                supervisor.tell(name, self.endpoint)
             self._bus = self._connect()
         assert self._bus is not None
-        self._progress = Progress(self._bus, self._options.run_for is not None)
+        environment = node_environment(self.endpoint, self._options.bus, self._options.pace)
+        for name, job in self.plan.nodes.items():
+            supervisor.start_job(name, msgspec.structs.replace(job, environment=environment))
+        self._progress = Progress(self._bus, self._options.has_end)
         if self._claim is None:
             # On a router of its own the team has no rival yet, so subscribing to GO comes first.
-            self._claim = claim_namespace(self._bus, self._on_rival)
+            self._claim = claim_namespace(self._bus, self._stop)
         if self._stop.requested:
             self._wake()
 
-    def team_watch(self) -> TeamOverview:
+    def team_overview(self) -> TeamOverview:
         """A watch on the team that was started."""
         assert self._bus is not None
         ids = [robot.id for robot in self._options.team.robots]
@@ -173,11 +208,8 @@ class Run:
         bus = BusOptions(connect=self.endpoint, namespace=self._options.bus.namespace, config=self._options.bus.config)
         session = connect(bus, stopping=self._stop, patience=ROUTER_DEADLINE)
         self._log = LogPublisher(session, names.LAUNCHER)
+        serve_restarts(session, lambda: dict(self.supervisor.restarts.counts))
         return session
-
-    def _on_rival(self, info: ProcessInfo) -> None:
-        log.error("process %d on %s runs a team here too, and is older: stopping", info.pid, info.host)
-        self._stop.request("another team holds the namespace")
 
     def _wait_for_router(self) -> str:
         """The endpoint of the team's own router. Raises BusError if none listens."""
@@ -197,27 +229,18 @@ class Run:
     def _wait_for_endpoint(self, router: Process) -> str:
         return wait_for_endpoint(self.supervisor, router, ROUTER_DEADLINE, lambda: self._stop.requested)
 
-    def watch(self) -> None:
-        """Wait for the end of the run or for the stop request. Raises ZteamError if the run cannot reach its end."""
-        progress = self._progress
-        assert progress is not None
-        with progress.changed:
-            while not self._stop.requested and progress.wall is None:
-                ended = [p for p in self.supervisor.processes.values() if not p.running]
-                if self._options.run_for is not None:
-                    self._check_finishable(ended)
-                if len(ended) == len(self.supervisor.processes):
-                    return
-                progress.changed.wait(1.0)
+    def watch(self, go_timeout: float | None = None) -> None:
+        """Wait for the end of the run or for the stop request.
 
-    def _check_finishable(self, ended: Sequence[Process]) -> None:
-        """Raise ZteamError if a run with a time limit cannot end: GO waits for every process of the team."""
+        Raises ZteamError if the run cannot reach its end, or without GO within `go_timeout` host seconds.
+        """
         assert self._progress is not None
-        begun = self._progress.go_after is not None
-        missing = [process for process in ended if not begun or _carries_run(process)]
-        if missing:
-            told = "; ".join(f"{process.name} ended ({_last_words(process)})" for process in missing)
-            raise ZteamError(f"{told}: the run cannot {'be finished' if begun else 'begin'}")
+        processes = self.supervisor.processes
+        self._progress.watch(self._stop, self._watched, lambda name: _last_words(processes[name]), go_timeout)
+
+    def _watched(self) -> list[Watched]:
+        supervisor, optional = self.supervisor, self.plan.optional
+        return [Watched(name, name in supervisor.ended, name not in optional) for name in list(supervisor.processes)]
 
     def finish(self) -> RunReport | None:
         """Collect the counts, stop everything in order, and report; None after a stop or without a simulator."""
@@ -228,13 +251,14 @@ class Run:
         self._stop_all()
         if counts is None or progress is None:
             return None
-        processes = report_processes(self.supervisor.processes, names.LAUNCHER, self._own)
-        return make_report(counts, progress.wall or seconds_since_start(), progress.go_after, processes)
+        restarts = self.supervisor.restarts.counts
+        processes = [*report_processes(self.supervisor.processes, restarts), *self._own]
+        return make_report(counts, progress.wall or seconds_since_start(), progress.go_after, processes, restarts)
 
     def _stop_all(self) -> None:
         self.supervisor.measure()
         if any(process.running for process in self.supervisor.processes.values()):
             # Measured before the others end: then the pages that it shares with them would count as its own.
-            measure_usage(os.getpid(), self._own)
+            self._own = measure_processes({names.LAUNCHER: os.getpid(), **self._warm.pids})
         for group in self.plan.stop_order():
             self.supervisor.stop(group, lambda: self._hurry)

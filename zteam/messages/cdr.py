@@ -8,7 +8,7 @@ are views into the payload. On the wire everything is little endian; both are re
 
 import struct
 import typing
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Any, TypeVar
 
@@ -63,28 +63,31 @@ def _runs(codes: str, order: str) -> tuple[struct.Struct, ...]:
     return tuple(variants)
 
 
-class _Source:
-    """Lines of a generated function and the objects they use."""
+class Source:
+    """A generated function: its lines and the objects they use."""
 
     def __init__(self) -> None:
         self.lines: list[str] = []
         self.names: dict[str, Any] = {"np": np, "DecodeError": DecodeError}
 
     def add(self, line: str) -> None:
+        """Append a line."""
         self.lines.append("    " + line)
 
     def name(self, stem: str, value: Any) -> str:
+        """A new name that begins with `stem` for an object."""
         name = f"{stem}{len(self.names)}"
         self.names[name] = value
         return name
 
     def compile(self, head: str, label: str) -> Callable[..., Any]:
+        """The function; `head` is its first line, and tracebacks show `label`."""
         code = "\n".join([head, *self.lines])
         exec(compile(code, f"<cdr {label}>", "exec"), self.names)
         return typing.cast(Callable[..., Any], self.names["f"])
 
 
-def _write(source: _Source, fields: list[Field]) -> None:
+def _write(source: Source, fields: list[Field]) -> None:
     """Lines that append the fields to `parts` and move `p`, the position counted with the header."""
     run: list[tuple[str, str]] = []
 
@@ -97,7 +100,7 @@ def _write(source: _Source, fields: list[Field]) -> None:
 
     for number, (kind, place, detail) in enumerate(fields):
         if kind == "number":
-            run.append((detail[0], f"{source.name('B', _truth)}({place})" if detail[1] else place))
+            run.append((detail[0], f"{source.name('B', truth)}({place})" if detail[1] else place))
         elif kind == "str":
             source.add(f"s{number} = {place}.encode() + b'\\0'")
             run.append(("I", f"len(s{number})"))
@@ -120,14 +123,14 @@ def _write(source: _Source, fields: list[Field]) -> None:
     flush()
 
 
-def _truth(value: Any) -> bool:
+def truth(value: Any) -> bool:
     """A truth value, numpy's too: what a comparison of numpy numbers gives goes into a `Bool` as it is."""
     if isinstance(value, bool | np.bool_) or value in (0, 1):
         return bool(value)
     raise ValueError(f"{value!r} is neither true nor false")
 
 
-def _write_numbers(source: _Source, value: str, size: int) -> None:
+def _write_numbers(source: Source, value: str, size: int) -> None:
     """Lines for the numbers of a sequence, below its length."""
     if size > 4:
         # The length left the position at a multiple of 4; an empty sequence is not aligned.
@@ -136,7 +139,7 @@ def _write_numbers(source: _Source, value: str, size: int) -> None:
     source.add(f"b = {value}.tobytes(); parts.append(b); p += len(b)")
 
 
-def _write_array(source: _Source, place: str, dtype: str, count: int) -> None:
+def _write_array(source: Source, place: str, dtype: str, count: int) -> None:
     """Lines for an array of fixed length."""
     source.add(f"a = np.ascontiguousarray({place}, {source.name('D', np.dtype('<' + dtype))})")
     source.add(f"if a.shape != ({count},): raise ValueError('an array of {count} numbers is due')")
@@ -145,7 +148,7 @@ def _write_array(source: _Source, place: str, dtype: str, count: int) -> None:
 
 @cache
 def _element_writer(kind: Any) -> Callable[..., Any]:
-    source = _Source()
+    source = Source()
     _write(source, [("str", "m", None)] if kind is str else fields_of(kind, "m"))
     source.add("return p")
     return source.compile("def f(m, parts, p):", f"write {kind.__name__}")
@@ -153,14 +156,14 @@ def _element_writer(kind: Any) -> Callable[..., Any]:
 
 @cache
 def _encoder(message_type: type[Message]) -> Callable[[Message], bytes]:
-    source = _Source()
+    source = Source()
     source.add(f"parts = [{_HEADER!r}]; p = {len(_HEADER)}")
     _write(source, fields_of(message_type, "m"))
     source.add("return b''.join(parts)")
     return source.compile("def f(m):", f"encode {message_type.__name__}")
 
 
-def _read(source: _Source, fields: list[Field], order: str) -> dict[str, str]:
+def _read(source: Source, fields: list[Field], order: str) -> dict[str, str]:
     """Lines that read the fields from `buf` at `p`, up to `end`; the variable that holds each place's value."""
     values: dict[str, str] = {}
     run: list[tuple[str, str]] = []
@@ -193,12 +196,18 @@ def _read(source: _Source, fields: list[Field], order: str) -> dict[str, str]:
             _COUNTED[kind](source, value, detail, order)
     flush()
     if finite:
-        # 0 * x is 0 for every finite x and NaN for the others, and a sum of zeros cannot overflow.
-        source.add(f"if {' + '.join('0.0 * ' + v for v in finite)} != 0.0: raise DecodeError('a number is not finite')")
+        source.add(finite_check(finite))
     return values
 
 
-def _read_text(source: _Source, value: str, _detail: None, _order: str) -> None:
+def finite_check(values: Sequence[str]) -> str:
+    """A line that raises DecodeError if a number in one of these variables is not finite."""
+    # 0 * x is 0 for every finite x and NaN for the others, and a sum of zeros cannot overflow.
+    zeros = " + ".join("0.0 * " + value for value in values)
+    return f"if {zeros} != 0.0: raise DecodeError('a number is not finite')"
+
+
+def _read_text(source: Source, value: str, _detail: None, _order: str) -> None:
     source.add("if n > end - p: raise DecodeError('a text of %d bytes, more than it holds' % n)")
     # Some writers send the empty text without its NUL.
     source.add(f"if n == 0: {value} = ''")
@@ -213,12 +222,12 @@ def _bool_checks(value: str, place: str) -> list[str]:
     ]
 
 
-def _read_array(source: _Source, value: str, dtype: str, count: int, order: str) -> None:
+def _read_array(source: Source, value: str, dtype: str, count: int, order: str) -> None:
     source.add(f"p += ({len(_HEADER)} - p) % {int(dtype[1])}")
     _read_numbers(source, value, dtype, str(count), order)
 
 
-def _read_sequence(source: _Source, value: str, dtype: str, order: str) -> None:
+def _read_sequence(source: Source, value: str, dtype: str, order: str) -> None:
     size = int(dtype[1])
     if size > 4:
         source.add(f"if n: p += ({len(_HEADER)} - p) % {size}")
@@ -226,14 +235,14 @@ def _read_sequence(source: _Source, value: str, dtype: str, order: str) -> None:
     _read_numbers(source, value, dtype, "n", order)
 
 
-def _read_list(source: _Source, value: str, kind: Any, order: str) -> None:
+def _read_list(source: Source, value: str, kind: Any, order: str) -> None:
     reader = source.name("R", _element_reader(kind, order))
     source.add(f"if n * {least_size(kind)} > end - p: raise DecodeError('a length of %d, too many' % n)")
     source.add(f"{value} = []")
     source.add(f"for _ in range(n): e, p = {reader}(buf, p, end); {value}.append(e)")
 
 
-_COUNTED: dict[str, Callable[[_Source, str, Any, str], None]] = {
+_COUNTED: dict[str, Callable[[Source, str, Any, str], None]] = {
     "str": _read_text,
     "sequence": _read_sequence,
     "list": _read_list,
@@ -241,38 +250,38 @@ _COUNTED: dict[str, Callable[[_Source, str, Any, str], None]] = {
 """What reads a field that begins with its length, which is in `n`."""
 
 
-def _read_numbers(source: _Source, value: str, dtype: str, count: str, order: str) -> None:
+def _read_numbers(source: Source, value: str, dtype: str, count: str, order: str) -> None:
     wire = source.name("D", np.dtype(order + dtype))
     native = "" if order == "<" else f".astype({source.name('D', np.dtype('<' + dtype))})"
     source.add(f"{value} = np.frombuffer(buf, {wire}, {count}, p){native}; p += {count} * {int(dtype[1])}")
 
 
-def _build(message_type: type[Message], expression: str, values: dict[str, str], source: _Source) -> str:
+def build_expression(message_type: type[Message], expression: str, values: dict[str, str], source: Source) -> str:
     """The expression that makes the message from the variables."""
     hints = typing.get_type_hints(message_type, include_extras=True)
     arguments = []
     for name in message_type.__struct_fields__:
         place = f"{expression}.{name}"
-        arguments.append(values[place] if place in values else _build(hints[name], place, values, source))
+        arguments.append(values[place] if place in values else build_expression(hints[name], place, values, source))
     return f"{source.name('T', message_type)}({', '.join(arguments)})"
 
 
 @cache
 def _element_reader(kind: Any, order: str) -> Callable[..., Any]:
-    source = _Source()
+    source = Source()
     if kind is str:
         result = _read(source, [("str", "m", None)], order)["m"]
     else:
-        result = _build(kind, "m", _read(source, fields_of(kind, "m"), order), source)
+        result = build_expression(kind, "m", _read(source, fields_of(kind, "m"), order), source)
     source.add(f"return {result}, p")
     return source.compile("def f(buf, p, end):", f"read {kind.__name__}")
 
 
 @cache
 def _decoder(message_type: type[Message], little: bool) -> Callable[[bytes, int], Message]:
-    source = _Source()
+    source = Source()
     source.add(f"p = {len(_HEADER)}")
     values = _read(source, fields_of(message_type, "m"), "<" if little else ">")
     source.add(f"if end - p > {_MAX_PADDING}: raise DecodeError('%d bytes of garbage behind it' % (end - p))")
-    source.add(f"return {_build(message_type, 'm', values, source)}")
+    source.add(f"return {build_expression(message_type, 'm', values, source)}")
     return source.compile("def f(buf, end):", f"decode {message_type.__name__}")

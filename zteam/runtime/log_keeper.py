@@ -33,6 +33,8 @@ class LogKeeper:
         self._thread = threading.local()
         self._kept: deque[LogLine] = deque(maxlen=KEPT)
         self._last = 0
+        self.owner: Callable[[], str] = lambda: ""
+        """The node whose code logs now, where this process has several; else empty. Each record gets it as `node`."""
         self.reset()
 
     def reset(self) -> None:
@@ -67,6 +69,7 @@ class LogKeeper:
         def make_record(*args: Any, **kwargs: Any) -> logging.LogRecord:
             record = make(*args, **kwargs)
             if active:
+                record.node = self.owner()
                 self._take(record)
             return record
 
@@ -81,10 +84,10 @@ class LogKeeper:
         return end
 
     def kept(self, process: str) -> list[LogLine]:
-        """The newest lines, the oldest first, under the name of the process."""
+        """The newest lines of the process, or of the node of this name in it, the oldest first."""
         with self._lock:
             lines = list(self._kept)
-        return [msgspec.structs.replace(line, process=process) for line in lines]
+        return [msgspec.structs.replace(line, process=process) for line in lines if line.process in ("", process)]
 
     def pass_to(self, sink: Sink) -> Callable[[], None]:
         """Call `sink(line)` for each new line, in the thread that logs; returns a function that ends this."""
@@ -117,7 +120,9 @@ class LogKeeper:
         self._last = self._last + 1 if now <= self._last < now + KEPT else now
         level = max(0, min(record.levelno, 255))
         function = record.funcName or ""
-        line = LogLine(self._last, "", level, text, _encodable(record.pathname), function, record.lineno)
+        line = LogLine(
+            self._last, getattr(record, "node", ""), level, text, _encodable(record.pathname), function, record.lineno
+        )
         self._kept.append(line)
         return line
 

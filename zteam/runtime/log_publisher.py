@@ -39,7 +39,7 @@ class LogPublisher:
                 self._send(line)
 
     def _send(self, line: LogLine) -> None:
-        if self._publisher.has_subscribers:
+        if line.process in ("", self._name) and self._publisher.has_subscribers:
             self._first_sent = self._first_sent or line.time_ns
             self._publisher.put(message_of(self._name, line))
 

@@ -2,6 +2,8 @@
 
 import logging
 import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 import msgspec
 
@@ -13,6 +15,11 @@ _TALKATIVE = ("PIL", "numba")
 """Libraries of zteam whose debug lines are thousands."""
 
 
+def node_of(record: logging.LogRecord) -> str:
+    """The node whose line it is, where this process has several; else empty."""
+    return getattr(record, "node", "")
+
+
 class _Text(logging.Formatter):
     def __init__(self, name: str) -> None:
         super().__init__()
@@ -20,7 +27,7 @@ class _Text(logging.Formatter):
 
     def format(self, record: logging.LogRecord) -> str:
         level = "" if record.levelno == logging.INFO else f"{record.levelname.lower()}: "
-        text = f"{local_time_text()} [{self._name}] {level}{record.getMessage()}"
+        text = f"{local_time_text()} [{node_of(record) or self._name}] {level}{record.getMessage()}"
         return f"{text}\n{self.formatException(record.exc_info)}" if record.exc_info else text
 
 
@@ -32,7 +39,7 @@ class _Json(logging.Formatter):
     def format(self, record: logging.LogRecord) -> str:
         entry = {
             "time_ns": wall_ns(),
-            "process": self._name,
+            "process": node_of(record) or self._name,
             "level": record.levelname.lower(),
             "text": record.getMessage(),
         }
@@ -65,3 +72,36 @@ def start_logging(name: str, level: str = "info", form: str = "text") -> None:
     for library in _TALKATIVE:
         logging.getLogger(library).setLevel(logging.WARNING)
     KEEPER.begin()
+
+
+class _Lines(logging.Handler):
+    """Passes on the lines of the nodes in this process; those of the process itself go where they went before."""
+
+    def __init__(self, write: Callable[[str, str], None], before: logging.Handler, own: str) -> None:
+        super().__init__()
+        self._write, self._before, self._own = write, before, own
+        self.formatter = before.formatter
+
+    def emit(self, record: logging.LogRecord) -> None:
+        node = node_of(record)
+        if node in ("", self._own):
+            self._before.emit(record)
+            return
+        try:
+            self._write(node, self.format(record))
+        except Exception:
+            self.handleError(record)
+
+
+@contextmanager
+def passing_lines(write: Callable[[str, str], None], own: str) -> Iterator[None]:
+    """Within, `write(node, text)` gets the lines of the nodes in this process, which is called `own`."""
+    loggers = [logging.getLogger("zteam"), logging.getLogger()]
+    before = [logger.handlers[:] for logger in loggers]
+    for logger in loggers:
+        logger.handlers[:] = [_Lines(write, h, own) if isinstance(h, _Stderr) else h for h in logger.handlers]
+    try:
+        yield
+    finally:
+        for logger, handlers in zip(loggers, before, strict=True):
+            logger.handlers[:] = handlers

@@ -62,7 +62,8 @@ class Node(BaseNode):
     def take_time_from_clock(self) -> None:
         """Out of lock-step, take the time from the clock."""
         if self._clock_input is None:
-            self._clock_input = self.subscribe(names.CLOCK, Clock, self._on_clock, wake=False)
+            # Not as an input of a user's own node, which keeps some messages for later.
+            self._clock_input = super().subscribe(names.CLOCK, Clock, self._on_clock, wake=False)
 
     def set_time(self, stamp: int) -> None:
         """Take simulated time `stamp` (ns); an error of a callback for jumps ends the process."""
@@ -80,7 +81,7 @@ class Node(BaseNode):
         clock = self.clock
         left = to_seconds(pace.left(clock.steady()))
         # Simulated time wakes this as it goes on (see `wakes_with_clock`); it may stand still for long.
-        if not self.wait(lambda: pace.left(clock.steady()) == 0, 0.5 if clock.simulated else left):
+        if not self.wait(lambda: pace.left(clock.steady()) == 0, 0.5 if clock.simulated else min(left, 0.5)):
             return False
         pace.take(clock.steady())
         return True

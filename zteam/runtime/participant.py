@@ -6,7 +6,7 @@ nothing. The protocol in words: docs/time.md.
 
 import logging
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 
 import msgspec
 
@@ -41,8 +41,32 @@ class Lacking(msgspec.Struct):
     keys: list[str]
 
 
+def _timing(inputs: Collection[float], acts: Collection[float]) -> RoundTiming:
+    count = max(1, len(acts))
+    return RoundTiming(len(acts), 1e3 * sum(inputs) / count, 1e3 * sum(acts) / count)
+
+
 class Participant:
     """Answers ticks for `node`. Callbacks run under `node.changed`, on the bus's threads: no thread is woken to act."""
+
+    robots: frozenset[int] = frozenset()
+    """In the world at the newest tick."""
+    _robots_seen = b""
+    team: tuple[int, ...] = ()
+    """The robots whose processes took part when the newest tick was opened, ascending: the same for all of them, also
+    if one ends in the middle of the tick."""
+    _team_seen: tuple[tuple[int, int], list[str]] = (0, 0), []
+    tick: Tick | None = None
+    """The newest tick; None without a simulator in lock-step."""
+    _open: Tick | None = None
+    """To be answered."""
+    _heard = 0.0
+    _waits = False
+    """Whether the open tick's inputs had not come with it."""
+    stamp = 0
+    """Of the newest tick, in ns."""
+    _ahead: tuple[float, int] | None = None
+    """Host time and stamp of the first data that is newer than the newest tick."""
 
     def __init__(
         self,
@@ -51,34 +75,26 @@ class Participant:
         act: Callable[[Tick], Twist | None],
         repeat: Callable[[], None] = lambda: None,
         lacks: Callable[[Tick], list[str]] = lambda tick: [],
+        *,
+        gives_away: bool = False,
     ) -> None:
         """`ready(tick)`: whether the inputs of that tick are there. `act(tick)`: do the tick's work; a robot's command
         comes back. `repeat()`: send what was sent for the last tick once more, because a subscriber may lack it.
-        `lacks(tick)`: the keys whose message of that tick has not come; asked without the lock, for the log.
+        `lacks(tick)`: the keys whose message of that tick has not come; asked without the lock, for the log. With
+        `gives_away` the commands of `act` may be handed over: they have plain finite numbers and do not change.
         """
         self._node = node
         self._ready = ready
         self._act = act
         self._repeat = repeat
         self._lacks = lacks
-        self.robots: frozenset[int] = frozenset()
-        """In the world at the newest tick."""
-        self._robots_seen = b""
-        self.tick: Tick | None = None
-        """The newest tick; None without a simulator in lock-step."""
-        self._open: Tick | None = None
-        """To be answered."""
         self._answer = Done()
-        self._heard = 0.0
-        self._stamp = 0
-        """Of the newest tick, in ns."""
-        self._ahead: tuple[float, int] | None = None
-        """Host time and stamp of the first data that is newer than the newest tick."""
         self._inputs: deque[float] = deque(maxlen=_WINDOW)
         self._acts: deque[float] = deque(maxlen=_WINDOW)
-        node.bus.serve(names.service_key(node.name, "timing"), NoRequest, lambda _: self._timing())
+        node.bus.serve(names.service_key(node.name, "timing"), NoRequest, lambda _: _timing(self._inputs, self._acts))
         node.bus.serve(names.service_key(node.name, names.LACKING), NoRequest, lambda _: self._lacking())
         self._done = node.bus.publisher(names.done_key(node.name), Done)
+        self._send = self._done.hand_over if gives_away else self._done.put
         node.follow_clock()
         node.on_simulator_lost(self._forget)
         self._ticks = Ticks(node, self._on_tick)
@@ -88,17 +104,38 @@ class Participant:
         """Whether this is lock-step."""
         return self.tick is not None
 
+    @property
+    def expected(self) -> bool:
+        """Whether this is lock-step, or is going to be: then nothing may be done at other times than those of ticks."""
+        return self.active or self._ticks.expected
+
+    @property
+    def is_open(self) -> bool:
+        """Whether a tick waits for this process's answer."""
+        return self._open is not None
+
+    def is_simulator(self, session: str) -> bool:
+        """Whether this session's ticks count."""
+        return self._ticks.count_of(session)
+
     def advance(self) -> bool:
         """Answer the open tick if its last input has come; return whether it did. Call it under `node.changed`."""
         tick = self._open
         if tick is None or not self._node.speaks or not self._ready(tick):
             return False
         self._open = None
-        begin = monotonic()
+        begin = monotonic() if self._waits else self._heard
         with self._node.failing():
             command = self._act(tick)
-            self._answer = Done(tick.epoch, tick.tick, command is not None, command or Twist())
-            self._done.put(self._answer)
+            if self._node.stopping:
+                # The tick ends when the token has gone. With an answer, chance would say which comes first.
+                return True
+            if command is None:
+                self._answer = Done(tick.epoch, tick.tick)
+                self._done.hand_over(self._answer)
+            else:
+                self._answer = Done(tick.epoch, tick.tick, True, command)
+                self._send(self._answer)
         self._inputs.append(begin - self._heard)
         self._acts.append(monotonic() - begin)
         return True
@@ -108,7 +145,7 @@ class Participant:
 
         Its tick follows within moments. Data that goes on without ticks is of a simulator in real time.
         """
-        if self.tick is None or stamp <= self._stamp:
+        if self.tick is None or stamp <= self.stamp:
             return
         if self._ahead is None:
             self._ahead = monotonic(), stamp
@@ -118,10 +155,6 @@ class Participant:
             self._node.take_time_from_clock()
             self._ticks.doubt()
             self._node.wake()
-
-    def _timing(self) -> RoundTiming:
-        count = max(1, len(self._acts))
-        return RoundTiming(len(self._acts), 1e3 * sum(self._inputs) / count, 1e3 * sum(self._acts) / count)
 
     def _lacking(self) -> Lacking:
         tick = self._open
@@ -133,11 +166,11 @@ class Participant:
             return
         if self.tick is None:
             self._node.take_time_from_ticks()
-        self.tick, self._stamp, self._ahead = tick, ns_from_time(tick.stamp), None
+        self.tick, self.stamp, self._ahead = tick, ns_from_time(tick.stamp), None
         seen = tick.robots.tobytes()
         if seen != self._robots_seen:
             self._robots_seen, self.robots = seen, frozenset(tick.robots.tolist())
-        self._node.set_time(self._stamp)
+        self._node.set_time(self.stamp)
         if self._node.name not in tick.participants:
             # Asks to be let in. It is no answer: once it is listed, this tick may come again.
             self._open = None
@@ -146,10 +179,20 @@ class Participant:
             self._repeat()
             self._done.put(self._answer)
         else:
-            self._open = tick
-            self._heard = monotonic()
-            self.advance()
+            self._note_team(tick)
+            self._open, self._heard, self._waits = tick, monotonic(), False
+            self._waits = not self.advance()
+
+    def _note_team(self, tick: Tick) -> None:
+        seen, listed = self._team_seen
+        if (tick.epoch, tick.tick) == seen:
+            return
+        self._team_seen = (tick.epoch, tick.tick), tick.participants
+        if tick.participants != listed:
+            ids = map(names.robot_id_of, tick.participants)
+            self.team = tuple(sorted(robot_id for robot_id in ids if robot_id is not None))
 
     def _forget(self) -> None:
         self.tick = self._open = self._ahead = None
         self._answer = Done()
+        self._team_seen = (0, 0), []

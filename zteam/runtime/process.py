@@ -5,6 +5,7 @@ import logging
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from typing import TypeVar
 
 from zteam.bus import Bus, BusOptions, connect
@@ -25,12 +26,12 @@ SWITCH_INTERVAL = 0.0005
 
 @contextmanager
 def open_node(
-    name: str, options: BusOptions, stop: Stop, clock: ClockMode, make: Callable[[str, Bus, Stop, ClockMode], N]
+    name: str, open_bus: Callable[[], Bus], stop: Stop, clock: ClockMode, make: Callable[[str, Bus, Stop, ClockMode], N]
 ) -> Iterator[N]:
     """Open a session, make a node on it with `make`, and close it on every way out."""
     with ExitStack() as ends:
         ends.callback(KEEPER.begin())
-        bus = connect(options, stopping=stop)
+        bus = open_bus()
         try:
             lines = LogPublisher(bus, name)
             ends.callback(lines.close)
@@ -70,12 +71,12 @@ def run_node(
     stop = Stop()
     stop.install()
     exit_hard_later(stop)
-    return run_body(name, options, tuned, stop, clock, make)
+    return run_body(name, partial(connect, options, stopping=stop), tuned, stop, clock, make)
 
 
 def run_body(
     name: str,
-    options: BusOptions,
+    open_bus: Callable[[], Bus],
     body: Callable[[N], None],
     stop: Stop,
     clock: ClockMode,
@@ -86,7 +87,7 @@ def run_body(
     The process stays as its caller set it up: log, switch interval and garbage collector are untouched.
     """
     try:
-        with open_node(name, options, stop, clock, make) as node:
+        with open_node(name, open_bus, stop, clock, make) as node:
             try:
                 body(node)
             except ZteamError as error:

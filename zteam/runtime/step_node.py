@@ -2,21 +2,22 @@
 
 import logging
 from collections.abc import Callable
-from typing import Any, TypeVar
+from functools import partial
+from typing import TypeVar
 
 from zteam import names
 from zteam.behaviors.behavior import checked_command
-from zteam.bus import Bus, BusOptions, Publisher
+from zteam.bus import Bus, BusOptions, Publisher, connect
 from zteam.bus.bus import check_message_type
 from zteam.bus.transport import Closeable
-from zteam.clock import Rate, monotonic, to_ns
+from zteam.clock import Rate, to_ns
 from zteam.errors import UsageError
-from zteam.messages import Message, TFMessage, Tick, Twist, ns_from_time
+from zteam.messages import Message, Tick, Twist, ns_from_time
 from zteam.runtime.node import ClockMode, Node
-from zteam.runtime.participant import Participant
+from zteam.runtime.node_gate import NodeGate
+from zteam.runtime.node_inputs import NodeInputs
 from zteam.runtime.process import run_body
 from zteam.runtime.shutdown import Stop, stopping_in_order
-from zteam.tf.bases import bases_stamp
 
 log = logging.getLogger("zteam")
 
@@ -24,6 +25,27 @@ M = TypeVar("M", bound=Message)
 
 Step = Callable[[int], Twist | None]
 """`step(now)`: a robot's own process (`robot_N`) may return its command, which goes to the wheels."""
+
+
+class _HeldStep:
+    """The step of the first tick, which is held. GO opens that tick anew; chance decides if it was answered before."""
+
+    _now = -1
+    """In ns; -1 for no such step."""
+    _command: Twist | None = None
+
+    def forget(self) -> None:
+        """Time has begun anew."""
+        self._now = -1
+
+    def step(self, tick: Tick, step: Step) -> Twist | None:
+        """What `step(now)` returns, or has returned in the same tick before GO."""
+        now = ns_from_time(tick.stamp)
+        if now == self._now:
+            return self._command
+        command = step(now)
+        self._now, self._command = now if tick.epoch == 0 else -1, command
+        return command
 
 
 class StepNode(Node):
@@ -36,18 +58,13 @@ class StepNode(Node):
 
     def __init__(self, name: str, bus: Bus, stop: Stop, clock: ClockMode = "auto") -> None:
         super().__init__(name, bus, stop, clock)
-        self._needs: list[Callable[[Tick], list[str]]] = []
-        self._stamps: dict[str, int] = {}
-        """Of the newest message, by key."""
+        self._inputs = NodeInputs(self, self._act)
+        self._part = self._inputs.part
         self._step: Step = lambda now: None
         self._cmd_vel: Publisher[Twist] | None = None
-        self._first_data = 0.0
-        """Host time of the first message; 0 before."""
-        self._advance: Callable[[], object] = lambda: None
-        """Called after each message; the clock may come before the participant is made."""
-        self._part = Participant(self, self._has_inputs, self._act, lacks=self._lacks)
-        self._advance = self._part.advance
-        self.on_time_reset(self._stamps.clear)
+        self._gate: NodeGate | None = None
+        self._held = _HeldStep()
+        self.on_time_reset(self._held.forget)
 
     def publisher(self, key: str, message_type: type[M], *, latched: bool = False) -> Publisher[M]:
         """As in BaseNode. Raises UsageError for a type that a key of zteam does not carry: all would refuse it."""
@@ -71,29 +88,22 @@ class StepNode(Node):
     ) -> Closeable:
         """Call `callback(key, message)` for each message, never at the same time as `step`.
 
+        In lock-step messages of the simulator are handled in their tick, before `step`, and those of other processes in
+        the tick after the one in which they were sent (`TickMessages`); those of latched keys at once.
         With `every_tick`, a lock-step's `step` waits for the tick's own message: of the key, or of every robot in the
         world if the key is `robot_$*/topic`. Such a message needs a header with the stamp of its tick; `tf` may be
         waited for as well, which ends with the aggregator.
         """
-        if every_tick and "header" not in message_type.__struct_fields__ and message_type is not TFMessage:
-            raise UsageError(f"{key_expr}: {message_type.__name__} has no header, so its tick cannot be told")
         if every_tick:
-            self.need(lambda tick: self._not_come(key_expr, tick))
-
-        def handle(key: str, message: Any) -> None:
-            self._first_data = self._first_data or monotonic()
-            with self.failing():
-                callback(key, message)
-            if every_tick:
-                self._stamps[key] = _stamp_of(message)
-                self._part.take_stamp(self._stamps[key])
-            self._advance()
-
-        return super().subscribe(key_expr, message_type, handle, latched=latched, wake=wake)
+            self._inputs.of_ticks.declare(key_expr, message_type)
+        take = self._inputs.handler(callback, at_once=latched, every_tick=every_tick)
+        if latched:
+            return super().subscribe(key_expr, message_type, take, latched=True, wake=wake)
+        return self.subscribe_from(key_expr, message_type, take, wake=wake)
 
     def need(self, lacks: Callable[[Tick], list[str]]) -> None:
         """In lock-step, let `step` wait while `lacks(tick)` names keys; it is asked after each message."""
-        self._needs.append(lacks)
+        self._inputs.of_ticks.need(lacks)
 
     def watch_tokens(self, key_expr: str, callback: Callable[[str, bool], None]) -> None:
         """Call `callback(key, alive)` for presence tokens, never at the same time as `step`."""
@@ -104,8 +114,11 @@ class StepNode(Node):
 
         super().watch_tokens(key_expr, handle)
 
-    def run(self, step: Step, *, period: float = 0.1) -> None:
+    def run(self, step: Step, *, period: float = 0.1, gate: bool = False) -> None:
         """Call `step(now)` until the process is asked to stop. Raises what `step` raises.
+
+        With `gate` it calls `step` from the monitor's GO on. A robot's own process (`robot_N`) tells the monitor that
+        it is ready when all that it subscribes to with `every_tick` has come.
 
         `step` must not ask the bus (`bus.ask`, a TransformClient): no answer is taken until it returns.
         """
@@ -113,60 +126,65 @@ class StepNode(Node):
         robot_id = names.robot_id_of(self.name)
         if robot_id is not None:
             self._cmd_vel = self.bus.publisher(names.robot_key(robot_id, names.CMD_VEL), Twist)
-            self.on_stop(lambda: self._drive(Twist()))
+        if gate:
+            self._gate = NodeGate(self, self._lacking, lambda: self._part.active)
         self.wakes_with_clock = True
         self.become_present()
+        # Only the process that holds the name may publish under it, so not before this.
+        self.on_stop(self._halt)
+        self._keep_pace(period)
+
+    def _keep_pace(self, period: float) -> None:
         pace: Rate | None = None
+        is_open: Callable[[], bool] = (lambda: True) if self._gate is None else self._gate.is_open
         while not self.stopping:
-            self.decide_clock(self._first_data)
-            if pace is None and self.clock.decided and self.clock.now() > 0:
+            self.decide_clock(self._inputs.first_data)
+            if self._gate is not None:
+                self._gate.beat()
+            if not self.clock.decided or self.clock.now() == 0:
+                self.wait(lambda: self.clock.now() > 0, 0.1)
+            elif self._part.expected:
+                self.wait(lambda: not self._part.expected, 0.5)
+            elif not is_open():
+                self.wait(lambda: self._part.active or is_open(), 0.5)
+            elif pace is None:
                 # The first moment is now.
                 pace = Rate(to_ns(period), self.clock.steady() - to_ns(period))
-            if pace is None:
-                self.wait(lambda: self.clock.now() > 0, 0.1)
-            elif self._part.active:
-                self.wait(lambda: not self._part.active, 0.5)
             elif self.wait_for_moment(pace):
                 with self.changed:
-                    if self._part.active or self.stopping:
+                    if self._part.expected or self.stopping:
                         continue
+                    self._inputs.handle_rest()
                     self._drive(self._ask_step(self.clock.now()))
+
+    def _halt(self) -> None:
+        with self.changed:
+            self._drive(Twist())
+            if self._gate is not None:
+                self._gate.stop()
+
+    def _lacking(self) -> list[str]:
+        """The inputs that are missing: those of the newest tick, or those that never came where there are no ticks."""
+        tick = self._part.tick
+        return self._inputs.of_ticks.never_came() if tick is None else self._inputs.of_ticks.lacking(tick)
 
     def _ask_step(self, now: int) -> Twist | None:
         command = self._step(now)
-        if self._cmd_vel is None:
+        if self._cmd_vel is None or command is None:
             return None
-        return None if command is None else checked_command(command, f"{self.name}: step")
+        command = checked_command(command, f"{self.name}: step")
+        if self._gate is not None:
+            self._gate.take(command)
+        return command
 
     def _drive(self, command: Twist | None) -> None:
         if command is not None and self._cmd_vel is not None:
             self._cmd_vel.put(command)
 
-    def _has_inputs(self, tick: Tick) -> bool:
-        return not self._lacks(tick)
-
-    def _lacks(self, tick: Tick) -> list[str]:
-        return [key for lacks in self._needs for key in lacks(tick)]
-
-    def _not_come(self, key_expr: str, tick: Tick) -> list[str]:
-        """The `every_tick` key, or that key of each robot, whose message of the tick has not come."""
-        if key_expr == names.TF and names.AGGREGATOR not in tick.participants:
-            # Nothing sends the transforms of this tick.
-            return []
-        keys = [key_expr]
-        if key_expr.startswith(names.all_robots_key("")):
-            keys = [names.robot_key(robot_id, key_expr.partition("/")[2]) for robot_id in self._part.robots]
-        stamp = ns_from_time(tick.stamp)
-        return [key for key in keys if self._stamps.get(key, -1) < stamp]
-
     def _act(self, tick: Tick) -> Twist | None:
-        return self._ask_step(ns_from_time(tick.stamp))
-
-
-def _stamp_of(message: Any) -> int:
-    if isinstance(message, TFMessage):
-        return bases_stamp(message)
-    return ns_from_time(message.header.stamp)
+        if self._gate is not None and not self._gate.passes([], tick.epoch):
+            return None
+        return self._held.step(tick, self._ask_step)
 
 
 def run(
@@ -186,7 +204,7 @@ def run(
     chosen = BusOptions.from_environment() if options is None else options
     stop = Stop()
     with stopping_in_order(stop):
-        code = run_body(name, chosen, body, stop, clock, make=StepNode)
+        code = run_body(name, partial(connect, chosen, stopping=stop), body, stop, clock, make=StepNode)
     if code:
         raise SystemExit(code)
     return code

@@ -7,11 +7,12 @@ So `sim/status` is asked once for each simulator, when its presence token comes,
 import logging
 import threading
 from collections.abc import Callable
+from typing import NamedTuple
 
 import msgspec
 
 from zteam import names
-from zteam.bus.transport import Closeable, RawSample
+from zteam.bus.transport import Closeable
 from zteam.clock import wait_until
 from zteam.errors import BusError
 from zteam.messages import Tick
@@ -31,6 +32,11 @@ class _Mode(msgspec.Struct):
     """Session of the simulator that answers."""
 
 
+class _Early(NamedTuple):
+    source: str
+    tick: Tick
+
+
 class Ticks:
     """Calls `take(tick)` under `node.changed` for each tick of a simulator in lock-step."""
 
@@ -39,7 +45,7 @@ class Ticks:
         self._take = take
         self._lockstep: dict[str, bool | None] = {}
         """Of each living simulator, by session: whether it works in lock-step; None until it has said so."""
-        self._early: RawSample | None = None
+        self._early: _Early | None = None
         """The newest tick of a session that is not known to be a simulator in lock-step."""
         self._settling = False
         self._asking = 0
@@ -51,7 +57,7 @@ class Ticks:
     def listen(self) -> None:
         """Hear ticks; nothing if they are heard already."""
         if self._input is None:
-            self._input = self._node.bus.subscribe_raw(names.TICK, self._on_sample)
+            self._input = self._node.bus.subscribe_from(names.TICK, Tick, self._on_tick)
 
     def deafen(self) -> None:
         """Hear no ticks until `listen`."""
@@ -59,9 +65,18 @@ class Ticks:
             self._input.close()
             self._input = None
 
+    def count_of(self, session: str) -> bool:
+        """Whether this session is a simulator in lock-step."""
+        return self._lockstep.get(session) is True
+
     def doubt(self) -> None:
         """Ask every simulator again before its next tick counts."""
         self._lockstep = dict.fromkeys(self._lockstep)
+
+    @property
+    def expected(self) -> bool:
+        """Whether a simulator in lock-step is there, or one that has not said yet whether it is."""
+        return self._asking > 0 or self._early is not None or True in self._lockstep.values()
 
     def _on_token(self, key: str, alive: bool) -> None:
         # Tokens have a thread of their own, which may wait for an answer.
@@ -93,23 +108,18 @@ class Ticks:
             early = self._early
             if early is not None and early.source == instance and self._lockstep[instance]:
                 self._early = None
-                self._decode(early)
+                self._take(early.tick)
 
-    def _on_sample(self, sample: RawSample) -> None:
-        with self._node.changed:
-            if self._lockstep.get(sample.source):
-                self._decode(sample)
+    def _on_tick(self, _key: str, tick: Tick, source: str) -> None:
+        with self._node.lock:
+            if self._lockstep.get(source):
+                self._take(tick)
                 return
             # Its token, or the answer, may be on its way.
-            self._early = sample
+            self._early = _Early(source, tick)
             if not self._settling:
                 self._settling = True
                 threading.Thread(target=self._settle, name="ticks", daemon=True).start()
-
-    def _decode(self, sample: RawSample) -> None:
-        tick = self._node.bus.decode(sample, Tick)
-        if tick is not None:
-            self._take(tick)
 
     def _settle(self) -> None:
         """Find out what to do with a tick of a session that is not known as a simulator in lock-step."""

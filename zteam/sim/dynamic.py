@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.sim.fields import Fields
-from zteam.sim.grids import Line, find_borders
+from zteam.sim.grids import Lines, find_borders
 from zteam.sim.holding import Cores
-from zteam.sim.motion import follow_arcs
+from zteam.sim.motion import find_ways
 from zteam.sim.polygons import find_slabs, group_shapes, place_shape
 from zteam.world.model import Floorplan, Obstacle, Robot, Shape
 from zteam.world.shapes import is_convex
@@ -65,29 +65,29 @@ class _Builder:
         self._slabs = slabs
 
     def add_plans(self, plans: Sequence[Floorplan]) -> None:
-        borders: dict[int, list[Line]] = {}
+        borders: dict[int, Lines | None] = {}
         left = _MAX_WALLS
         for plan in plans:
-            lines = borders.get(id(plan.occupied)) or find_borders(plan.occupied, _MAX_WALLS)
-            left -= len(lines or ())
+            if id(plan.occupied) not in borders:
+                borders[id(plan.occupied)] = find_borders(plan.occupied, _MAX_WALLS)
+            lines = borders[id(plan.occupied)]
+            left -= 0 if lines is None else len(lines)
             if lines is None or left < 0:
                 raise UsageError(
                     f"with the bitmap of {plan.name!r} this world has more than {_MAX_WALLS} straight pieces of wall: "
                     "smooth it, or take the physics stage or kinematic"
                 )
-            borders[id(plan.occupied)] = lines
             self._add_plan(plan, lines)
 
-    def _add_plan(self, plan: Floorplan, lines: Sequence[Line]) -> None:
+    def _add_plan(self, plan: Floorplan, lines: Lines) -> None:
         cos, sin = math.cos(plan.pose.yaw), math.sin(plan.pose.yaw)
         (u, v), (x, y) = plan.cell, plan.pose[:2]
-        category = self._filter(plan.z_min, plan.z_max)
-        walls = []
-        for ends in lines:
-            a, b = ((x + cos * i * u - sin * j * v, y + sin * i * u + cos * j * v) for i, j in ends)
-            wall = pymunk.Segment(self._space.static_body, a, b, 0.0)
-            wall.filter, wall.friction = category, 0.0
-            walls.append(wall)
+        category, ground = self._filter(plan.z_min, plan.z_max), self._space.static_body
+        i, j = lines[:, 0::2], lines[:, 1::2]
+        ends = np.stack([x + cos * i * u - sin * j * v, y + sin * i * u + cos * j * v], axis=2).tolist()
+        walls = [pymunk.Segment(ground, a, b, 0.0) for a, b in ends]
+        for wall in walls:
+            wall.filter = category
         self._space.add(*walls)
 
     def add_shapes(self, body: pymunk.Body, shapes: Sequence[Shape]) -> None:
@@ -142,7 +142,7 @@ class DynamicBodies:
         self._inertia = [(body.mass, body.moment) for body in self._bodies]
         self.stalled = np.zeros(len(robots), bool)
         self._touching = [False] * len(robots)
-        self._held = np.zeros(len(robots), bool)
+        self._held: set[int] = set()
         self._cores = Cores(groups, floorplans, self.poses, _RIM if pushed else _WIDE_RIM, apart=bool(pushed))
         self._least = float(self._cores.half[: len(robots)].min(initial=math.inf))
         self._stride = max(_RIM, float(self._cores.half[len(robots) :].min(initial=_STRIDE)))
@@ -150,7 +150,7 @@ class DynamicBodies:
         self._anchored = np.zeros(len(self._bodies), bool)
         self._anchor()
         self._space.on_collision(begin=self._on_begin)
-        self._ends = np.empty((len(robots), 3))
+        self._ways = np.empty((len(robots), 3))
 
     def _on_begin(self, arbiter: pymunk.Arbiter, _space: pymunk.Space, _data: object) -> None:
         for body in arbiter.bodies:
@@ -161,16 +161,16 @@ class DynamicBodies:
     def step(self, seconds: float, velocity: Floats) -> None:
         """Advance by `seconds` with body velocities `velocity` (robots, 3): vx, vy in m/s, yaw rate in rad/s."""
         count = len(self._robots)
-        before = self.poses[:count].copy()
-        follow_arcs(before, velocity, seconds, self._ends)
-        way = self._ends - before
-        length = float(np.abs(way[:, :2]).max(initial=0.0))
+        before, way = self.poses[:count], self._ways
+        length = find_ways(before, velocity, seconds, way)
         steps = min(max(1, math.ceil(seconds / SUBSTEP - 1e-9), math.ceil(length / self._stride)), _MAX_SUBSTEPS)
         if length > self._stride * steps:
             way *= self._stride * steps / length
-        targets = (np.where(self._cores.in_wall[:count, None], 0.0, way) / seconds).tolist()
+        targets = (way / seconds).tolist()
+        for i in (i for i in self._cores.stuck if i < count):
+            targets[i] = [0.0, 0.0, 0.0]
         dt = seconds / steps
-        self._held[:] = False
+        self._held.clear()
         for body, touching, (vx, vy, w) in zip(self._robots, self._touching, targets, strict=True):
             _set_angular_velocity(body, w)
             if touching:
@@ -183,9 +183,8 @@ class DynamicBodies:
             self._space.step(dt)
             if self._pushed or step == steps:
                 self._hold(length > self._least)
-        for i, touching in enumerate(self._touching):
-            if touching:
-                self._touching[i] = _touches(self._robots[i])
+        if True in self._touching:
+            self._touching = [touching and _touches(self._robots[i]) for i, touching in enumerate(self._touching)]
         self._note_stalls(before, way)
 
     def _push(self, targets: Sequence[Sequence[float]], dt: float, again: bool) -> None:
@@ -198,24 +197,22 @@ class DynamicBodies:
             _slide(body, dt)
 
     def _hold(self, leaps: bool) -> None:
-        """Take over the bodies' new poses, within the limits of `zteam.sim.holding`.
+        """Take over the bodies' new poses (in a new array), within the limits of `zteam.sim.holding`.
 
         Where nothing can be pushed, a robot that touches nothing is tested only if a robot `leaps`: it goes farther
         than half its width, and may have passed a wall without a contact.
         """
         if not self._bodies:
             return
-        start = self.poses.copy()
-        self.poses[:] = [(*_get_position(body), _get_angle(body)) for body in self._bodies]
-        count = len(self._robots)
-        suspects = np.full(len(self._bodies), leaps or bool(self._pushed))
-        if not suspects.all():
-            suspects[:count] = self._touching
-            if not suspects.any():
-                return
+        start, self.poses = self.poses, np.array([(*_get_position(body), _get_angle(body)) for body in self._bodies])
+        every = leaps or bool(self._pushed)
+        if not every and True not in self._touching:
+            return
+        suspects = np.ones(len(self._bodies), bool) if every else np.array(self._touching)
         shares = self._cores.hold(start, self.poses, suspects)
-        self._held |= shares[:count] < 1.0
-        for i in np.flatnonzero(shares < 1.0).tolist():
+        cut = np.flatnonzero(shares < 1.0).tolist()
+        self._held.update(cut)
+        for i in cut:
             body = self._bodies[i]
             x, y, yaw = self.poses[i].tolist()
             body.position, body.angle = (x, y), yaw
@@ -223,10 +220,11 @@ class DynamicBodies:
             self._space.reindex_shapes_for_body(body)
 
     def _note_stalls(self, before: Floats, way: Floats) -> None:
-        stopped = np.array(self._touching, bool) | self._held | self._cores.in_wall[: len(before)]
-        if not stopped.any():
+        if not (self._held or self._cores.stuck or True in self._touching):
             self.stalled[:] = False
             return
+        met = [touching or i in self._held for i, touching in enumerate(self._touching)]
+        stopped = np.array(met, bool) | self._cores.in_wall[: len(before)]
         told = np.hypot(way[:, 0], way[:, 1])
         moved = np.hypot(*(self.poses[: len(before)] - before)[:, :2].T)
         self.stalled = stopped & (told > _STILL * SUBSTEP) & (moved < _BLOCKED * told)

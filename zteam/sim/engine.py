@@ -5,7 +5,8 @@ sense at its end. The same world, seed and commands give the same bytes.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from msgspec.structs import replace
@@ -35,6 +36,16 @@ __all__ = ["WATCHDOG", "Engine", "Observation", "Options", "Reading", "RobotObse
 
 WATCHDOG = to_ns(0.2)
 """A command moves its robot for this long (simulated ns); then the wheels stop."""
+
+
+class Standing(NamedTuple):
+    """How all robots stand, in the order of their ids. The arrays are the engine's own: they change with it."""
+
+    ids: Collection[int]
+    poses: Floats
+    """(robots, 3): x, y, yaw in `map`; yaws are not wrapped."""
+    stalled: NDArray[np.bool_]
+    """Whether each is blocked."""
 
 
 class Engine:
@@ -114,10 +125,10 @@ class Engine:
         team = self._assembled()
         return pose_of(team.bodies.poses, self._index(team, robot_id))
 
-    def stalled(self, robot_id: int) -> bool:
-        """Whether a robot is blocked."""
+    def standing(self) -> Standing:
+        """How all robots stand."""
         team = self._assembled()
-        return bool(team.bodies.stalled[self._index(team, robot_id)])
+        return Standing(team.ids.keys(), team.bodies.poses[: len(team.ids)], team.bodies.stalled)
 
     def reset(self) -> None:
         """Set everything back to the start: time, the set of robots, and things that were pushed."""

@@ -11,8 +11,8 @@ from zteam.sim.fields import Fields
 from zteam.world.model import Floorplan
 
 Floats = NDArray[np.float64]
-Line = tuple[tuple[int, int], tuple[int, int]]
-"""From x, y to x, y in cells."""
+Lines = NDArray[np.intp]
+"""(lines, 4): from x, y to x, y in cells."""
 
 
 class Grids(NamedTuple):
@@ -52,13 +52,13 @@ def is_occupied(plan: Floorplan, x: float, y: float) -> bool:
     return 0 <= row < rows and 0 <= column < columns and bool(plan.occupied[row, column])
 
 
-def find_borders(occupied: NDArray[np.bool_], limit: int) -> list[Line] | None:
+def find_borders(occupied: NDArray[np.bool_], limit: int) -> Lines | None:
     """The border of the occupied cells as maximal straight runs; None if there are more than `limit`."""
-    across, along = _runs(occupied), _runs(occupied.T)
-    if len(across[0]) + len(along[0]) > limit:
+    y, left, right = _runs(occupied)
+    x, low, high = _runs(occupied.T)
+    if len(x) + len(y) > limit:
         return None
-    runs = [((x, a), (x, b)) for x, a, b in zip(*(values.tolist() for values in along), strict=True)]
-    return runs + [((a, y), (b, y)) for y, a, b in zip(*(values.tolist() for values in across), strict=True)]
+    return np.concatenate([np.stack([x, low, x, high], axis=1), np.stack([left, y, right, y], axis=1)])
 
 
 def _runs(occupied: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:

@@ -162,6 +162,8 @@ class Cores:
         self._apart = apart
         self.in_wall, self._tangled = np.zeros((2, len(poses)), bool)
         """(movers): whether its core stands in something that stands still, from where no way is free."""
+        self.stuck: list[int] = []
+        """The movers of `in_wall`."""
         self.look(poses)
 
     def look(self, poses: Floats) -> None:
@@ -175,6 +177,7 @@ class Cores:
             uncounted = np.full(len(poses), ignored)
             for group in np.flatnonzero(o.owner != NO_MOVER).tolist():
                 found[o.owner[group]] = find_overlap(o, group, self._grids, 0.0, uncounted, px, py) != NOTHING
+        self.stuck = np.flatnonzero(self.in_wall).tolist()
 
     def hold(self, poses: Floats, ends: Floats, suspects: Flags) -> Floats:
         """Cut the ways of `suspects` from `poses` to `ends` (movers, 3) short; the shares (movers) that are left."""

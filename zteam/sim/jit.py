@@ -13,7 +13,7 @@ from functools import cached_property, update_wrapper
 from importlib.util import find_spec
 from typing import Any, TypeVar, cast
 
-from zteam.sim import kernel_cache
+from zteam.sim import kept_kernels, kernel_cache
 
 log = logging.getLogger("zteam.sim")
 
@@ -30,6 +30,10 @@ class _Choice:
     """None until it is chosen."""
     caches = True
     """Whether compiled code is read from the cache and kept in it."""
+    kept = False
+    """Whether compiled code is run as it is kept, without numba, where that can be had."""
+    checks = False
+    """Whether the types of all arguments are checked."""
     running = False
     """Whether a kernel runs uncompiled: the kernels that it calls are compiled as parts of it."""
 
@@ -38,7 +42,10 @@ _choice = _Choice()
 
 
 class Kernel:
-    """A function of arrays and numbers that runs compiled or plain; the change takes effect with its next call."""
+    """A function of arrays and numbers that runs compiled or plain; the change takes effect with its next call.
+
+    All its calls must have arguments of the same types, and the same order of arrays in memory.
+    """
 
     def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
         update_wrapper(self, function)
@@ -48,6 +55,7 @@ class Kernel:
         self.sample: tuple[Any, ...] | None = None
         """Arguments of the last call from outside of kernels that ran plain: their types are what to compile for."""
         self._function = function
+        self._kept: Callable[..., Any] | None = None
         self._options = options
         self._run: Callable[..., Any] = self._run_first
         if _choice.compiled is not None:
@@ -64,7 +72,7 @@ class Kernel:
 
     def use(self, compiled: bool) -> None:
         """Run compiled, or plain, from the next call on."""
-        self._run = self.dispatcher if compiled else self._run_plain
+        self._run = self._run_plain if not compiled else self._run_kept if _choice.kept else self.dispatcher
 
     @cached_property
     def dispatcher(self) -> Any:
@@ -84,12 +92,30 @@ class Kernel:
         assert self.sample is not None
         self.dispatcher.compile(tuple(typeof(arg) for arg in self.sample))  # type: ignore[no-untyped-call]
 
+    def keep(self) -> None:
+        """Write what was compiled so that it runs without numba. Raises OSError."""
+        assert self.sample is not None
+        kept_kernels.keep(self.dispatcher, self.sample, self.name)
+
+    def load(self, args: tuple[Any, ...]) -> bool:
+        """Load what is kept; return whether there is something for arguments of these types."""
+        path = kernel_cache.find_kept(self.name + kept_kernels.SUFFIX) if self._kept is None else None
+        if path is not None:
+            self._kept = kept_kernels.load(path, args)
+        return self._kept is not None
+
     def forget(self) -> None:
         """Drop what was compiled."""
         self.__dict__.pop("dispatcher", None)
 
     def _run_first(self, *args: Any) -> Any:
         use_compiled()
+        return self._run(*args)
+
+    def _run_kept(self, *args: Any) -> Any:
+        self._run = (self.load(args) and self._kept) or self.dispatcher
+        if _choice.checks and self._run is self._kept:
+            self._run = kept_kernels.checked(self._run, args)
         return self._run(*args)
 
     def _run_plain(self, *args: Any) -> Any:
@@ -126,6 +152,28 @@ def vectorized(function: F) -> F:
     return cast(F, Kernel(function, {"fastmath": {"nnan", "ninf", "nsz"}}))
 
 
+def unlocked(function: F) -> F:
+    """As `compiled`, for what runs beside the interpreter: it does not hold the interpreter's lock."""
+    return cast(F, Kernel(function, {"nogil": True}))
+
+
+class External:
+    """A function of the C library for compiled kernels: it takes an address and returns an int."""
+
+    def __init__(self, symbol: str) -> None:
+        self._symbol = symbol
+
+    def __call__(self, address: Any) -> int:
+        """Only compiled code calls it."""
+        raise NotImplementedError(self._symbol)
+
+    @property
+    def _numba_type_(self) -> Any:
+        from numba import types
+
+        return types.ExternalFunction(self._symbol, types.int32(types.uintp))
+
+
 def plainly(substitute: F) -> Callable[[F], F]:
     """Decorates a kernel: `substitute` (on numpy) runs where nothing is compiled, instead of the kernel's own loops."""
 
@@ -146,6 +194,11 @@ def is_chosen() -> bool:
     return _choice.compiled is not None
 
 
+def is_compiled() -> bool:
+    """Whether kernels run compiled from their next call on."""
+    return bool(_choice.compiled)
+
+
 def use_plain() -> None:
     """Run all kernels without numba from now on."""
     _use(False)
@@ -153,6 +206,11 @@ def use_plain() -> None:
 
 def use_compiled() -> None:
     """Run all kernels compiled from now on; without numba plain, with a warning."""
+    if has_numba() and _choice.caches and kernel_cache.is_complete() and not kernel_cache.find_obstacle():
+        _choice.kept = True
+        _use(True)
+        return
+    _choice.kept = False
     try:
         _njit()
     except ImportError as error:
@@ -166,11 +224,19 @@ def use_compiled() -> None:
     _use(True)
 
 
+def check_types() -> None:
+    """Raise TypeError when a kernel is called with other types than at first. It costs time: use it in tests.
+
+    A compiled kernel that is kept trusts its callers.
+    """
+    _choice.checks = True
+
+
 def give_up_cache(reason: str) -> None:
     """Compile in memory from now on, with a warning the first time."""
     if _choice.caches:
         warn_of_cache(reason, "compiling anew in memory")
-    _choice.caches = False
+    _choice.caches = _choice.kept = False
     for kernel in KERNELS:
         kernel.forget()
     if _choice.compiled:

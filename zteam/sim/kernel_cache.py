@@ -11,8 +11,14 @@ import platform
 import shutil
 import sys
 import tempfile
-from importlib.metadata import PackageNotFoundError, version
+from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
+
+_FORMAT = "numba's files and .nbo 2"
+"""What is kept of a kernel."""
+_VERSIONS = {"numba": "_version.py", "llvmlite": "_version.py", "numpy": "version.py"}
+"""The packages that compiled code depends on, and the file in which each notes its version."""
 
 
 def _processor() -> str:
@@ -24,6 +30,16 @@ def _processor() -> str:
     return "\n".join(line for line in lines if line.startswith(("model name", "flags", "Features", "CPU ")))
 
 
+def _read_beside(package: str, file: str) -> bytes:
+    """A file of an installed package, which is not imported; empty if there is none."""
+    # importlib.metadata would take a hundredth of a second to tell the version.
+    found = find_spec(package)
+    try:
+        return b"" if found is None or not found.origin else (Path(found.origin).parent / file).read_bytes()
+    except OSError:
+        return b""
+
+
 def _make_digest() -> str:
     """Of everything that compiled kernels depend on: the code of all of them, interpreter, compiler, processor."""
     digest = hashlib.sha256()
@@ -32,12 +48,10 @@ def _make_digest() -> str:
         # The modules that hold kernels, whether they have been imported yet or not.
         if b"from zteam.sim.jit import" in text:
             digest.update(f"{source}\n".encode() + text)
-    try:
-        compiler = f"{version('numba')} {version('llvmlite')}"
-    except PackageNotFoundError:
-        compiler = ""
+    for package, file in _VERSIONS.items():
+        digest.update(f"{package}\n".encode() + _read_beside(package, file))
     chosen = "".join(f"{name}={value}\n" for name, value in sorted(os.environ.items()) if name.startswith("NUMBA_CPU"))
-    digest.update(f"{sys.version}\n{compiler}\n{chosen}{_processor()}".encode())
+    digest.update(f"{_FORMAT}\n{sys.version}\n{chosen}{_processor()}".encode())
     return digest.hexdigest()[:16]
 
 
@@ -96,11 +110,26 @@ def is_complete() -> bool:
         return False
 
 
+def find_kept(name: str) -> Path | None:
+    """The file of this kernel that runs without numba, if all kernels have been kept."""
+    marker = _marker()
+    try:
+        return None if marker is None else _kept_files(marker, marker.stat().st_mtime_ns).get(name)
+    except OSError:
+        return None
+
+
+@cache
+def _kept_files(marker: Path, _changed: int) -> dict[str, Path]:
+    """The files that the marker names, by their own names. Read once: a simulator begins with twenty questions."""
+    return {Path(line).name: marker.parent / line for line in marker.read_text().splitlines()}
+
+
 def mark_complete(folder: Path) -> None:
     """Note that all kernels are kept, in this subfolder. Raises OSError."""
     marker = _marker()
     assert marker is not None
-    names = [f"{path.relative_to(marker.parent)}\n" for path in sorted(folder.glob("*.nb[ci]"))]
+    names = [f"{path.relative_to(marker.parent)}\n" for path in sorted(folder.glob("*.nb[cio]"))]
     # Simulators may start at this moment: they must not see half of it.
     unfinished = marker.with_suffix(f".{os.getpid()}")
     unfinished.write_text("".join(names))

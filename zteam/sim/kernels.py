@@ -16,8 +16,10 @@ from zteam.sim import numpy_kernels
 from zteam.sim.jit import compiled, plainly, vectorized
 from zteam.sim.polygons import NO_MOVER, Polygons, bin_at, contains
 
-_LANES = 32
-"""Beams that advance together, so that the loops over them become vector code; 16, 48 and 64 were slower."""
+_LANES = 64
+"""Beams that advance together, so that the loops over them become vector code; 32, 96 and 128 were slower."""
+_GROUP = 16
+"""Lanes that rest together, once all of them have arrived. Loops over 8 do not become vector code."""
 _TINY = 1e-9
 """Direction components are kept off zero, so that no division gives inf; 30 m away that is 30 nm."""
 _EDGE = 1e-12
@@ -26,8 +28,7 @@ _ROUGH = 4e-5
 """Radians that the difference of two rough bearings may be off."""
 _WIDE = 1e-6
 """Metres by which a single ray must miss a disc for the disc to be skipped."""
-_SECTORS = 64
-"""A scan's beams in groups, with the farthest range of each, which rejects what lies behind it."""
+_SECTOR = numpy_kernels.SECTOR
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -38,45 +39,64 @@ _OX, _OY = 0, 1 * _LANES
 _DX, _DY = 2 * _LANES, 3 * _LANES
 _UX, _UY = 4 * _LANES, 5 * _LANES
 _IX, _IY = 6 * _LANES, 7 * _LANES
-_T, _BASE, _SIDE = 8 * _LANES, 9 * _LANES, 10 * _LANES
-_STATES = 11 * _LANES
+_T, _BASE = 8 * _LANES, 9 * _LANES
+_STATES = 10 * _LANES
+
+
+@vectorized
+def _look(lanes: Floats, index: Ints, flat: NDArray[np.uint8], columns: float) -> int:
+    """Find the side of the square at every lane: 0 in an occupied cell, and where the lane is parked."""
+    for i in range(_LANES):
+        index[i] = np.int32(lanes[_BASE + i] + lanes[_IY + i] * columns + lanes[_IX + i])
+    moving = 0
+    for group in range(_LANES // _GROUP):
+        some = 0
+        for j in range(_GROUP):
+            i = group * _GROUP + j
+            # Without a sign: an index that may be negative is compared with 0 first, which costs as much again.
+            side_of_cell = flat[np.uint32(index[i])]
+            some |= side_of_cell
+            index[_LANES + i] = side_of_cell
+        index[2 * _LANES + group] = some
+        moving |= some
+    return moving
 
 
 @vectorized
 def _advance(
     lanes: Floats, index: Ints, flat: NDArray[np.uint8], rows: float, columns: float, park: float, limit: float
 ) -> None:
-    """Leap from empty square to empty square until every lane stands in an occupied cell or is parked."""
+    """Leap from empty square to empty square until every lane stands in an occupied cell or is parked.
+
+    `index` has room for every lane's place in `flat`, for the side of the square there, and for each group's sides.
+    """
     while True:
-        for i in range(_LANES):
-            index[i] = np.int32(lanes[_BASE + i] + lanes[_IY + i] * columns + lanes[_IX + i])
-        moving = 0
-        for i in range(_LANES):
-            side_of_cell = flat[index[i]]
-            moving |= side_of_cell
-            lanes[_SIDE + i] = side_of_cell
-        if moving == 0:
+        if _look(lanes, index, flat, columns) == 0:
             return
-        for i in range(_LANES):
-            side, ix, iy = lanes[_SIDE + i], lanes[_IX + i], lanes[_IY + i]
-            ox, oy, dx, dy = lanes[_OX + i], lanes[_OY + i], lanes[_DX + i], lanes[_DY + i]
-            edge_x, edge_y = ix + side, iy + side
-            tx, ty = (edge_x - ox) * lanes[_UX + i], (edge_y - oy) * lanes[_UY + i]
-            by_x = tx <= ty
-            t = tx if by_x else ty
-            # Where the other coordinate has got to; rounding must not carry it out of the square.
-            along_x, along_y = math.floor(ox + t * dx), math.floor(oy + t * dy)
-            along_x = along_x if along_x > ix else ix
-            along_x = along_x if along_x < edge_x - 1.0 else edge_x - 1.0
-            along_y = along_y if along_y > iy else iy
-            along_y = along_y if along_y < edge_y - 1.0 else edge_y - 1.0
-            next_x = edge_x if by_x else along_x
-            next_y = along_y if by_x else edge_y
-            gone = (next_x >= columns) | (next_y >= rows) | (t >= limit)
-            next_x, next_y, t = park if gone else next_x, 0.0 if gone else next_y, limit if gone else t
-            lanes[_IX + i] = next_x if side > 0.0 else ix
-            lanes[_IY + i] = next_y if side > 0.0 else iy
-            lanes[_T + i] = t if side > 0.0 else lanes[_T + i]
+        for group in range(_LANES // _GROUP):
+            if index[2 * _LANES + group] == 0:
+                continue
+            for j in range(_GROUP):
+                i = group * _GROUP + j
+                side, ix, iy = float(index[_LANES + i]), lanes[_IX + i], lanes[_IY + i]
+                ox, oy, dx, dy = lanes[_OX + i], lanes[_OY + i], lanes[_DX + i], lanes[_DY + i]
+                edge_x, edge_y = ix + side, iy + side
+                tx, ty = (edge_x - ox) * lanes[_UX + i], (edge_y - oy) * lanes[_UY + i]
+                by_x = tx <= ty
+                t = tx if by_x else ty
+                # Where the other coordinate has got to; rounding must not carry it out of the square.
+                along_x, along_y = np.floor(ox + t * dx), np.floor(oy + t * dy)
+                along_x = along_x if along_x > ix else ix
+                along_x = along_x if along_x < edge_x - 1.0 else edge_x - 1.0
+                along_y = along_y if along_y > iy else iy
+                along_y = along_y if along_y < edge_y - 1.0 else edge_y - 1.0
+                next_x = edge_x if by_x else along_x
+                next_y = along_y if by_x else edge_y
+                gone = (next_x >= columns) | (next_y >= rows) | (t >= limit)
+                next_x, next_y, t = park if gone else next_x, 0.0 if gone else next_y, limit if gone else t
+                lanes[_IX + i] = next_x if side > 0.0 else ix
+                lanes[_IY + i] = next_y if side > 0.0 else iy
+                lanes[_T + i] = t if side > 0.0 else lanes[_T + i]
 
 
 @compiled
@@ -116,7 +136,7 @@ def cast_squares(
     # On a cache line's border: a vector that lies across two costs twice, and where numpy puts an array is chance.
     room = np.empty(_STATES + 8)
     skip = -(room.ctypes.data // 8) % 8
-    lanes, index = room[skip : skip + _STATES], np.empty(_LANES, np.int32)
+    lanes, index = room[skip : skip + _STATES], np.empty(2 * _LANES + _LANES // _GROUP, np.int32)
     # The beams' directions, padded to whole blocks: plain loads, no choice of a beam within the loop.
     padded_cos, padded_sin = np.ones(beams + _LANES), np.zeros(beams + _LANES)
     padded_cos[:beams], padded_sin[:beams] = cos[0], sin[0]
@@ -194,7 +214,7 @@ def _beams_between(
 @compiled
 def _is_hidden(
     distance: float, bearing: float, radius: float, angle_min: float, increment: float, slack: float, beams: int,
-    tops: Floats, size: int,
+    tops: Floats,
 ) -> bool:  # fmt: skip
     """Whether a disc lies behind all that the beams towards it have met, or between no beams."""
     sine = radius / distance
@@ -203,7 +223,7 @@ def _is_hidden(
     for turn in range(2):
         begin, end = _beams_between(start, 2.0 * half, increment, slack, beams, turn)
         if begin < end:
-            for sector in range(begin // size, (end - 1) // size + 1):
+            for sector in range(begin // _SECTOR, (end - 1) // _SECTOR + 1):
                 if tops[sector] > distance - radius:
                     return False
     return True
@@ -211,15 +231,19 @@ def _is_hidden(
 
 @plainly(numpy_kernels.find_tops)
 @vectorized
-def find_tops(ranges: Floats, tops: Floats, size: int) -> float:
-    """The longest range of every sector of `size` beams, and of all."""
-    farthest = 0.0
-    for sector in range(tops.shape[0]):
+def find_tops(ranges: Floats, tops: Floats) -> float:
+    """The longest range of every sector, and of all."""
+    farthest, whole = 0.0, ranges.shape[0] // _SECTOR
+    for sector in range(whole):
         top = 0.0
-        for beam in range(sector * size, min(ranges.shape[0], (sector + 1) * size)):
+        for i in range(_SECTOR):
+            beam = sector * _SECTOR + i
             top = ranges[beam] if ranges[beam] > top else top
         tops[sector] = top
         farthest = max(farthest, top)
+    for beam in range(whole * _SECTOR, ranges.shape[0]):
+        tops[whole] = ranges[beam] if beam == whole * _SECTOR else max(tops[whole], ranges[beam])
+        farthest = max(farthest, tops[whole])
     return farthest
 
 
@@ -243,9 +267,19 @@ def cast_edge(
 
 
 @compiled
+def _next_run(tops: Floats, near: float, begin: int, end: int) -> tuple[int, bool]:
+    """The end of the sectors from beam `begin` on that reach as far as `near`, or that do not; and which they do."""
+    reaches, stop = tops[begin // _SECTOR] >= near, begin
+    while stop < end and (tops[stop // _SECTOR] >= near) == reaches:
+        stop = min(end, (stop // _SECTOR + 1) * _SECTOR)
+    return stop, reaches
+
+
+@compiled
 def _cast_shape(
     o: Polygons, shape: int, px: float, py: float, yaw: float, cos: Floats, sin: Floats,
-    angle_min: float, increment: float, slack: float, outside: bool, ranges: Floats, hit: Ints,
+    angle_min: float, increment: float, slack: float, outside: bool, far: float, tops: Floats, ranges: Floats,
+    hit: Ints,
 ) -> None:  # fmt: skip
     """Shorten one scan's ranges to one polygon, to 0 in its interior; if the sensor is certainly `outside`, only edges
     that face it are met first."""
@@ -266,7 +300,9 @@ def _cast_shape(
         wx, wy = c0 * dx + s0 * dy, c0 * dy - s0 * dx
         ex, ey = wx - ux, wy - uy
         cross = ux * ey - uy * ex
-        if cross < 0.0 or not outside:
+        # No point of the edge is nearer than the line through it; less what rounding may be worth.
+        near = (1.0 - 1e-9) * abs(cross) / math.sqrt(ex * ex + ey * ey) if cross != 0.0 else 0.0
+        if (cross < 0.0 or not outside) and near <= far:
             # Counter-clockwise polygons show their edges clockwise.
             right, left = (_bearing(wy, wx), _bearing(uy, ux)) if cross < 0.0 else (_bearing(uy, ux), _bearing(wy, wx))
             start, width = _after(right, angle_min), _after(left, right)
@@ -274,7 +310,11 @@ def _cast_shape(
             width = 0.0 if width > 1.5 * math.pi else width
             for turn in range(2):
                 begin, end = _beams_between(start, width, increment, slack, beams, turn)
-                cast_edge(ux, uy, ex, ey, cos, sin, begin, end, shape, ranges, hit)
+                while begin < end:
+                    stop, reaches = _next_run(tops, near, begin, end)
+                    if reaches:
+                        cast_edge(ux, uy, ex, ey, cos, sin, begin, stop, shape, ranges, hit)
+                    begin = stop
         ux, uy = wx, wy
 
 
@@ -290,13 +330,12 @@ def cast_edges(
     """
     beams = cos.shape[1]
     slack = jitter + 1e-6 + (_ROUGH / increment if increment > 0.0 else 0.0)
-    size = (beams + _SECTORS - 1) // _SECTORS
-    tops = np.zeros((beams + size - 1) // size)
+    tops = np.zeros((beams + _SECTOR - 1) // _SECTOR)
     for scan in range(x.shape[0]):
         table = scan if cos.shape[0] > 1 else 0
         row_cos, row_sin, row_ranges, row_hit = cos[table], sin[table], ranges[scan], hit[scan]
         px, py, own = x[scan], y[scan], sensor_owner[scan]
-        far = find_tops(row_ranges, tops, size)
+        far = find_tops(row_ranges, tops)
         # Where a lone ray goes.
         c0, s0 = math.cos(yaw[scan]), math.sin(yaw[scan])
         ux, uy = c0 * row_cos[0] - s0 * row_sin[0], s0 * row_cos[0] + c0 * row_sin[0]
@@ -319,14 +358,14 @@ def cast_edges(
                 distance = math.sqrt(square)
                 outside = distance > radius
                 if outside and _is_hidden(
-                    distance, _bearing(dy, dx) - yaw[scan], radius, angle_min, increment, slack, beams, tops, size
+                    distance, _bearing(dy, dx) - yaw[scan], radius, angle_min, increment, slack, beams, tops
                 ):
                     continue
                 for shape in range(o.first_shape[group], o.first_shape[group + 1]):
                     if o.z_min[shape] <= z[scan] <= o.z_max[shape]:
                         _cast_shape(
                             o, shape, px, py, yaw[scan], row_cos, row_sin, angle_min, increment, slack,
-                            outside, row_ranges, row_hit,
+                            outside, far, tops, row_ranges, row_hit,
                         )  # fmt: skip
 
 

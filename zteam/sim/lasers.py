@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from zteam.counter_random import gaussians, stream, streams, uniforms
 from zteam.geometry import Pose2
+from zteam.sim.cast_pair import WORTH, CastPair
 from zteam.sim.casting import Beams, Caster, Rays, ScanBuffers, finish, make_buffers
 from zteam.sim.interference import Emitter, Interference, find_interference
 from zteam.sim.jit import compiled
@@ -22,7 +23,7 @@ _RANGE_NOISE, _SHARE_NOISE, _UNIFORM_NOISE, _ANGLE_NOISE, _INTERFERENCE = range(
 
 
 class Reading(NamedTuple):
-    """What one ranger measured: metres and intensities (0 = no hit), both float32."""
+    """What one ranger measured: metres and intensities (0 = no hit), both float32 and read-only."""
 
     ranges: NDArray[np.float32]
     intensities: NDArray[np.float32]
@@ -75,6 +76,8 @@ class Batch(NamedTuple):
     range_min: NDArray[np.float32]
     """(scans, 1)"""
     noise: _Noise | None
+    rays: Rays
+    """Where the sensors are at present."""
     buffers: ScanBuffers
 
 
@@ -111,11 +114,16 @@ def place_mounts(poses: Floats, at: Mounts, x: Floats, y: Floats, yaw: Floats) -
         yaw[i] = heading + at.yaw[i]
 
 
+def _make_rays(at: Mounts) -> Rays:
+    x, y, yaw = np.empty((3, len(at.owner)))
+    return Rays(x, y, at.z, yaw, at.owner)
+
+
 def rays_of(poses: Floats, at: Mounts) -> Rays:
     """The sensors' rays with the robots at `poses` (rows x, y, yaw in `map`)."""
-    x, y, yaw = np.empty((3, len(at.owner)))
-    place_mounts(poses, at, x, y, yaw)
-    return Rays(x, y, at.z, yaw, at.owner)
+    rays = _make_rays(at)
+    place_mounts(poses, at, rays.x, rays.y, rays.yaw)
+    return rays
 
 
 class Lasers:
@@ -133,20 +141,26 @@ class Lasers:
             for row, mount in enumerate(batch.mounts)
         }
         self._intensity = np.array([s.ranger_return if s else 0.0 for s in caster.surfaces], np.float32)
+        self._pairs = [_make_pair(caster, batch) for batch in self._batches]
         self._interference = Interference(options.dazzle_angle, options.dazzle_probability)
 
     def measure(self, poses: Floats, tick: int) -> Scans:
         """Readings with the robots at `poses` (rows x, y, yaw in `map`); the caster has been moved there."""
-        placed = [rays_of(poses, batch.at) for batch in self._batches]
-        arrays = [self._measure(batch, rays, tick) for batch, rays in zip(self._batches, placed, strict=True)]
+        for batch in self._batches:
+            place_mounts(poses, batch.at, batch.rays.x, batch.rays.y, batch.rays.yaw)
+        arrays = [self._measure(batch, pair, tick) for batch, pair in zip(self._batches, self._pairs, strict=True)]
         if self._options.dazzle != "off":
-            self._interfere(placed, arrays, tick)
-        return Scans(arrays, self._rows)
+            self._interfere(arrays, tick)
+        return Scans([Reading(*map(_read_only, reading)) for reading in arrays], self._rows)
 
-    def _measure(self, batch: Batch, rays: Rays, tick: int) -> Reading:
+    def _measure(self, batch: Batch, pair: CastPair | None, tick: int) -> Reading:
         noise = batch.noise
-        beams = batch.beams if noise is None else _jittered(batch, noise, tick)
-        exact, hit = self._caster.cast(rays, beams, batch.buffers)
+        if pair is not None:
+            beams, (exact, hit) = batch.beams, batch.buffers
+            pair.cast()
+        else:
+            beams = batch.beams if noise is None else _jittered(batch, noise, tick)
+            exact, hit = self._caster.cast(batch.rays, beams, batch.buffers)
         if noise is not None:
             hits = hit != self._caster.nothing
             exact[hits] = np.clip(_disturbed(exact, noise, tick), 0.0, beams.limit)[hits]
@@ -159,17 +173,17 @@ class Lasers:
             reading.ranges[hit == self._caster.nothing] = np.inf
         return reading
 
-    def _interfere(self, placed: Sequence[Rays], arrays: Sequence[Reading], tick: int) -> None:
+    def _interfere(self, arrays: Sequence[Reading], tick: int) -> None:
         emitters = [
             Emitter(
                 number,
                 row,
                 mount.states[_INTERFERENCE],
                 mount.robot,
-                Pose2(float(rays.x[row]), float(rays.y[row]), float(rays.yaw[row])),
+                Pose2(float(batch.rays.x[row]), float(batch.rays.y[row]), float(batch.rays.yaw[row])),
                 mount.ranger,
             )
-            for number, (batch, rays) in enumerate(zip(self._batches, placed, strict=True))
+            for number, batch in enumerate(self._batches)
             for row, mount in enumerate(batch.mounts)
             if mount.ranger.samples > 1
         ]
@@ -188,6 +202,21 @@ class Lasers:
                 ranges[struck] = (low + share * np.maximum(true - low, 0.0))[struck]
             else:
                 ranges[struck] = np.nan
+
+
+def _make_pair(caster: Caster, batch: Batch) -> CastPair | None:
+    # Beams that jitter are others in each tick.
+    if batch.buffers.ranges.size < WORTH or (batch.noise is not None and batch.noise.angular.any()):
+        return None
+    job = caster.make_job(batch.rays, batch.beams, batch.buffers)
+    return None if job is None else CastPair(job)
+
+
+def _read_only(array: NDArray[np.float32]) -> NDArray[np.float32]:
+    # A view: the array itself is a sample of what a kernel writes to (`jit.Kernel.sample`).
+    view = array.view()
+    view.flags.writeable = False
+    return view
 
 
 def _jittered(batch: Batch, noise: _Noise, tick: int) -> Beams:
@@ -231,7 +260,8 @@ def _make_batch(mounts: list[Mount], options: Options) -> Batch:
     beams = Beams(np.cos(angles)[None, :], np.sin(angles)[None, :], angle_min, ranger.angle_increment, ranger.range_max)
     at = mount_devices([(m.robot, m.ranger) for m in mounts])
     range_min = np.array([[m.ranger.range_min] for m in mounts], np.float32)
-    return Batch(mounts, at, beams, angles, range_min, _make_noise(mounts, options), make_buffers(len(mounts), beams))
+    rays, buffers = _make_rays(at), make_buffers(len(mounts), beams)
+    return Batch(mounts, at, beams, angles, range_min, _make_noise(mounts, options), rays, buffers)
 
 
 def _make_noise(mounts: Sequence[Mount], options: Options) -> _Noise | None:

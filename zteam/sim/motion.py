@@ -89,6 +89,18 @@ def follow_arcs(poses: Floats, velocity: Floats, seconds: float, ends: Floats) -
 
 
 @compiled
+def find_ways(poses: Floats, velocity: Floats, seconds: float, ways: Floats) -> float:
+    """The same as differences from `poses`, into `ways`; the longest of them along x or y."""
+    follow_arcs(poses, velocity, seconds, ways)
+    longest = 0.0
+    for i in range(velocity.shape[0]):
+        for axis in range(3):
+            ways[i, axis] -= poses[i, axis]
+        longest = max(longest, abs(ways[i, 0]), abs(ways[i, 1]))
+    return longest
+
+
+@compiled
 def follow_tangents(poses: Floats, velocity: Floats, seconds: float, ends: Floats) -> None:
     """As Stage steps (Euler): straight ahead by the old heading, then the turn."""
     for i in range(velocity.shape[0]):

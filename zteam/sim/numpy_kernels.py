@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
+SECTOR = 8
+"""Beams in a sector of a scan: the farthest range of each rejects what lies behind it."""
 _TINY = 1e-9
 _EDGE = 1e-12
 
@@ -81,9 +83,9 @@ def cast_edge(
     hit[begin:end][nearer] = shape
 
 
-def find_tops(ranges: Floats, tops: Floats, size: int) -> float:
+def find_tops(ranges: Floats, tops: Floats) -> float:
     """See `zteam.sim.kernels.find_tops`."""
-    tops[:] = np.maximum(np.maximum.reduceat(ranges, np.arange(0, len(ranges), size)), 0.0)
+    tops[:] = np.maximum(np.maximum.reduceat(ranges, np.arange(0, len(ranges), SECTOR)), 0.0)
     return float(tops.max())
 
 

@@ -25,23 +25,76 @@ class Joints(NamedTuple):
     velocities: tuple[float, ...]
 
 
-class RobotObservation(msgspec.Struct, frozen=True, eq=False):
-    """What one robot senses at a tick's end."""
+class Snapshot(NamedTuple):
+    """The state from which observations of single robots are made, each at its first use."""
 
-    robot: Robot
-    readings: tuple[Reading, ...]
-    """Of its rangers, in file order, as all devices."""
-    truth: Pose2
-    """In `map`."""
-    odom: Pose2
-    """Since the start, by its own wheels: starts at zero, and follows what the base did."""
-    velocity: tuple[float, float, float]
-    """In its own frame: forward and left in m/s, yaw rate in rad/s; what the base did, not what was commanded."""
-    stall: bool
-    """Commanded to move, but blocked."""
-    joints: Joints
-    detections: Detections = msgspec.field(default_factory=dict)
-    """What its other devices detect, by topic."""
+    ids: Mapping[int, int]
+    """Robot id -> index."""
+    robots: Sequence[Robot]
+    scans: Scans
+    poses: Floats
+    odom: Floats
+    velocity: Floats
+    stalled: NDArray[np.bool_]
+    wheels: Wheels
+    detections: Mapping[int, Detections]
+    """By index; robots without devices are left out."""
+
+
+class RobotObservation:
+    """What one robot senses at a tick's end; each part is made when it is asked for."""
+
+    __slots__ = ("_index", "_snapshot")
+
+    def __init__(self, snapshot: Snapshot, index: int) -> None:
+        self._snapshot, self._index = snapshot, index
+
+    @property
+    def robot(self) -> Robot:
+        """What it is."""
+        return self._snapshot.robots[self._index]
+
+    @property
+    def readings(self) -> tuple[Reading, ...]:
+        """Of its rangers, in file order, as all devices."""
+        return tuple(self.reading(place) for place in range(len(self.robot.rangers)))
+
+    def reading(self, place: int) -> Reading:
+        """Of one of its rangers."""
+        return self._snapshot.scans.reading(self._index, place)
+
+    @property
+    def truth(self) -> Pose2:
+        """In `map`."""
+        return pose_of(self._snapshot.poses, self._index)
+
+    @property
+    def odom(self) -> Pose2:
+        """Since the start, by its own wheels: starts at zero, and follows what the base did."""
+        return pose_of(self._snapshot.odom, self._index)
+
+    @property
+    def velocity(self) -> tuple[float, float, float]:
+        """In its own frame: forward and left in m/s, yaw rate in rad/s; what the base did, not what was commanded."""
+        vx, vy, w = self._snapshot.velocity[self._index].tolist()
+        return vx, vy, w
+
+    @property
+    def stall(self) -> bool:
+        """Commanded to move, but blocked."""
+        return bool(self._snapshot.stalled[self._index])
+
+    @property
+    def joints(self) -> Joints:
+        """Its wheels."""
+        wheels, i = self._snapshot.wheels, self._index
+        own = slice(wheels.first[i], wheels.first[i + 1])
+        return Joints(wheels.names[i], tuple(wheels.angles[own].tolist()), tuple(wheels.rates[own].tolist()))
+
+    @property
+    def detections(self) -> Detections:
+        """What its other devices detect, by topic."""
+        return self._snapshot.detections.get(self._index, {})
 
     @property
     def fiducials(self) -> tuple[tuple[Sighting, ...], ...]:
@@ -59,22 +112,6 @@ class RobotObservation(msgspec.Struct, frozen=True, eq=False):
         return self.detections.get(names.BLOBS, ())
 
 
-class Snapshot(NamedTuple):
-    """The state from which observations of single robots are made, each at its first use."""
-
-    ids: Mapping[int, int]
-    """Robot id -> index."""
-    robots: Sequence[Robot]
-    scans: Scans
-    poses: Floats
-    odom: Floats
-    velocity: Floats
-    stalled: NDArray[np.bool_]
-    wheels: Wheels
-    detections: Mapping[int, Detections]
-    """By index; robots without devices are left out."""
-
-
 class Robots(Mapping[int, RobotObservation]):
     """Observations by robot id, ascending; each is made when it is first asked for."""
 
@@ -89,29 +126,10 @@ class Robots(Mapping[int, RobotObservation]):
         return len(self._snapshot.ids)
 
     def __getitem__(self, robot_id: int) -> RobotObservation:
-        if robot_id not in self._made:
-            self._made[robot_id] = self._make(self._snapshot.ids[robot_id])
-        return self._made[robot_id]
-
-    def _make(self, i: int) -> RobotObservation:
-        s = self._snapshot
-        robot = s.robots[i]
-        vx, vy, w = s.velocity[i].tolist()
-        return RobotObservation(
-            robot,
-            tuple(s.scans.reading(i, place) for place in range(len(robot.rangers))),
-            pose_of(s.poses, i),
-            pose_of(s.odom, i),
-            (vx, vy, w),
-            bool(s.stalled[i]),
-            self._joints(i),
-            s.detections.get(i, {}),
-        )
-
-    def _joints(self, i: int) -> Joints:
-        wheels = self._snapshot.wheels
-        own = slice(wheels.first[i], wheels.first[i + 1])
-        return Joints(wheels.names[i], tuple(wheels.angles[own].tolist()), tuple(wheels.rates[own].tolist()))
+        found = self._made.get(robot_id)
+        if found is None:
+            found = self._made[robot_id] = RobotObservation(self._snapshot, self._snapshot.ids[robot_id])
+        return found
 
 
 def pose_of(poses: Floats, i: int) -> Pose2:

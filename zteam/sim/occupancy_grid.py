@@ -13,8 +13,8 @@ from zteam.world.placing import find_bounds, place_shape
 
 MAX_CELLS = 64_000_000
 """A byte each: the message stays below the bus's largest payload."""
-_STRIP = 64
-"""Rows of a map that are drawn at once."""
+_STRIP = 16
+"""Rows of a map that are drawn at once: few enough that their arrays stay in the processor's cache."""
 
 
 def map_message(world: World, resolution: float) -> OccupancyGrid:
@@ -30,10 +30,12 @@ def map_message(world: World, resolution: float) -> OccupancyGrid:
     y = low[1] + (np.arange(rows) + 0.5) * resolution
     grid = np.zeros((rows, columns), np.int8)
     for plan in world.floorplans:
+        # With a free border, for all that lies outside.
+        framed = np.pad(plan.occupied * np.int8(100), 1)
         # In strips: whole arrays of coordinates would be the largest thing that a simulator ever holds.
         for first in range(0, rows, _STRIP):
             strip = slice(first, first + _STRIP)
-            _draw_plan(grid[strip], x, y[strip], plan.pose, plan.occupied, plan.cell)
+            _draw_plan(grid[strip], x, y[strip], plan.pose, framed, plan.cell)
         if min(plan.cell) < resolution:
             _mark(grid, low, resolution, *_middles(plan))
     for _, polygon in polygons:
@@ -64,15 +66,22 @@ def _standing(world: World) -> list[tuple[Shape, np.ndarray]]:
 
 
 def _draw_plan(
-    grid: np.ndarray, x: np.ndarray, y: np.ndarray, pose: Pose2, occupied: np.ndarray, cell: tuple[float, float]
+    grid: np.ndarray, x: np.ndarray, y: np.ndarray, pose: Pose2, framed: np.ndarray, cell: tuple[float, float]
 ) -> None:
     cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
     dx, dy = x[None, :] - pose.x, y[:, None] - pose.y
-    column = np.floor((cos * dx + sin * dy) / cell[0]).astype(np.int32)
-    row = np.floor((cos * dy - sin * dx) / cell[1]).astype(np.int32)
-    rows, columns = occupied.shape
-    inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
-    grid[inside] |= np.where(occupied[row[inside], column[inside]], 100, 0).astype(np.int8)
+    # Without a turn the column depends on x alone and the row on y alone: then these are no whole grids.
+    across, along = (cos * dx + sin * dy, cos * dy - sin * dx) if sin else (cos * dx, cos * dy)
+    rows, columns = framed.shape
+    grid |= framed[_number(along, cell[1], rows), _number(across, cell[0], columns)]
+
+
+def _number(places: np.ndarray, size: float, count: int) -> np.ndarray:
+    """The rows or columns of these places in a framed bitmap with `count` of them. Spoils `places`."""
+    places /= size
+    np.floor(places, out=places)
+    places += 1.0
+    return np.clip(places, 0.0, count - 1.0, out=places).astype(np.int32)
 
 
 def _mark(grid: np.ndarray, low: np.ndarray, resolution: float, x: np.ndarray, y: np.ndarray) -> None:

@@ -89,6 +89,7 @@ class Odometry:
         chosen = [alphas or robot.odom_alphas for robot in robots]
         self._noise = OdometryNoise(np.array(bias, float).reshape(-1, 3), np.array(chosen, float).reshape(-1, 4))
         self._wrong = np.array([any(row) for row in np.hstack(self._noise).tolist()], bool)
+        self._is_wrong = bool(self._wrong.any())
         self._noisy = bool(self._noise.alphas.any())
         self._states = np.array([stream(seed, robot_id, _STREAM) for robot_id in ids], np.uint64)
         self._start = np.array([robot.pose for robot in robots], float).reshape(-1, 3)
@@ -97,7 +98,7 @@ class Odometry:
     def advance(self, after: Floats, velocity: Floats, seconds: float, tick: int) -> None:
         """One tick; `after` are the true poses at its end, `velocity` what the bases did in it."""
         see_from_start(after, self._start, self._wrong, self.poses)
-        if self._wrong.any():
+        if self._is_wrong:
             draws = gaussians(streams(self._states, tick), 3) if self._noisy else np.zeros((len(after), 3))
             integrate(velocity, seconds, self._wrong, self._noise, draws, self.poses)
 

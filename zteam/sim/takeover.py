@@ -125,7 +125,7 @@ class Takeover:
         gc.disable()
         try:
             for kernel in jit.KERNELS:
-                if kernel.sample is not None and not self._closing:
+                if kernel.sample is not None and not self._closing and not kernel.load(kernel.sample):
                     kernel.compile()
         finally:
             gc.freeze()

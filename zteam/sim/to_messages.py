@@ -1,5 +1,7 @@
 """Observations of the base and of rangers as ROS messages, and the robots' transforms."""
 
+import math
+
 import numpy as np
 
 from zteam import names
@@ -39,18 +41,16 @@ def _place(robot: Robot, lasers: bool, index: int) -> int:
 def scan_message(observation: Observation, robot_id: int, index: int) -> LaserScan:
     """The scan of the robot's `index`-th laser, in `robot_N/base_laser_link[_i]`; no hit is `range_max`."""
     robot = observation.robots[robot_id]
-    place = _place(robot.robot, True, index)
-    ranger, reading = robot.robot.rangers[place], robot.readings[place]
+    carrier = robot.robot
+    place = _place(carrier, True, index) if len(carrier.rangers) > 1 else 0
+    ranger, (ranges, intensities) = carrier.rangers[place], robot.reading(place)
+    half = ranger.fov / 2
+    step, low, high = ranger.angle_increment, ranger.range_min, ranger.range_max
+    # By place: keywords take time.
     return LaserScan(
-        header=header(observation, KINDS[names.BASE_SCAN], robot_id, index),
-        angle_min=-ranger.fov / 2,
-        angle_max=ranger.fov / 2,
-        angle_increment=ranger.angle_increment,
-        range_min=ranger.range_min,
-        range_max=ranger.range_max,
-        ranges=reading.ranges,
-        intensities=reading.intensities,
-    )
+        header(observation, KINDS[names.BASE_SCAN], robot_id, index),
+        -half, half, step, 0.0, 0.0, low, high, ranges, intensities,
+    )  # fmt: skip
 
 
 def range_message(observation: Observation, robot_id: int, index: int) -> Range:
@@ -64,7 +64,7 @@ def range_message(observation: Observation, robot_id: int, index: int) -> Range:
         field_of_view=ranger.fov,
         min_range=ranger.range_min,
         max_range=ranger.range_max,
-        range=float(robot.readings[place].ranges[0]),
+        range=float(robot.reading(place).ranges[0]),
     )
 
 
@@ -126,7 +126,7 @@ def all_sensors() -> dict[str, Sensor]:
 
 def transforms(stamp: int, robot_id: int, odom: Pose2) -> TFMessage:
     """odom -> base_footprint at `stamp` (ns)."""
-    parent, child = (names.robot_frame(robot_id, f) for f in (names.ODOM, names.BASE_FOOTPRINT))
+    parent, child = names.robot_frame(robot_id, names.ODOM), names.robot_frame(robot_id, names.BASE_FOOTPRINT)
     return TFMessage([_transform(stamp, parent, child, odom, 0.0)])
 
 
@@ -149,5 +149,7 @@ def static_transforms(robot_id: int, robot: Robot, odom_origin: Pose2) -> TFMess
 
 
 def _transform(stamp: int, parent: str, child: str, pose: Pose2, z: float) -> TransformStamped:
-    rotation = Quaternion(*quaternion_from_yaw(normalize_angle(pose.yaw)))
-    return TransformStamped(Header(time_from_ns(stamp), parent), child, Transform(Vector3(pose.x, pose.y, z), rotation))
+    x, y, yaw = pose
+    half = 0.5 * normalize_angle(yaw)
+    rotation = Quaternion(0.0, 0.0, math.sin(half), math.cos(half))
+    return TransformStamped(Header(time_from_ns(stamp), parent), child, Transform(Vector3(x, y, z), rotation))

@@ -3,9 +3,11 @@
 Every error is a ConfigError with one line per mistake: file, line, key, what is wrong and what is allowed.
 """
 
+from zteam.team_file.arguments import argument_texts, describe_arguments, parse_arguments
 from zteam.team_file.entries import (
     DEFAULT_BEHAVIOR,
     NO_WORLD,
+    NodeEntry,
     RobotEntry,
     StaticTransform,
     Team,
@@ -14,18 +16,24 @@ from zteam.team_file.entries import (
     robot_arguments,
     static_transform,
 )
+from zteam.team_file.groups import GROUP_KEYS
 from zteam.team_file.reading import TeamFile, load_team, read_team_file, team_world
 
 __all__ = [
     "DEFAULT_BEHAVIOR",
+    "GROUP_KEYS",
     "NO_WORLD",
+    "NodeEntry",
     "RobotEntry",
     "StaticTransform",
     "Team",
     "TeamFile",
     "TeamSection",
+    "argument_texts",
     "behavior_of",
+    "describe_arguments",
     "load_team",
+    "parse_arguments",
     "read_team_file",
     "robot_arguments",
     "static_transform",

@@ -1,9 +1,7 @@
 """The contents of a team file as structs, and what they become: arguments and messages."""
 
-import json
 import math
-from collections.abc import Mapping, Sequence
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import msgspec
 
@@ -12,6 +10,7 @@ from zteam.base import BaseOverride
 from zteam.geometry import Pose2, quaternion_from_rpy
 from zteam.messages import Header, Quaternion, Transform, TransformStamped, Vector3
 from zteam.simulation_options import Options
+from zteam.toml_values import toml_text
 
 NO_WORLD = "none"
 """`world = "none"`: real robots, no simulator."""
@@ -20,6 +19,8 @@ RobotId = Annotated[int, msgspec.Meta(ge=0, le=names.MAX_ROBOT_ID)]
 # argparse and the engine take any whole number, but TOML guarantees no more than 64 bits.
 Seed = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
 Text = Annotated[str, msgspec.Meta(min_length=1)]
+Restart = Literal["no", "on-failure"]
+"""Whether `zteam up` starts a process again that has failed."""
 
 
 class TeamSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -30,10 +31,12 @@ class TeamSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     seed: Seed = 1
     world_robots: bool = True
     """False: leave the world's own robots out, and simulate only those that the team adds with a `pose`."""
+    restart: Restart = "no"
+    """For the robots and nodes that do not say it themselves."""
 
 
 class RobotEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One [[robots]] table."""
+    """One robot: a [[robots]] table, or one of its `ids`."""
 
     id: RobotId
     behavior: Text | None = None
@@ -45,8 +48,25 @@ class RobotEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The table [robots.base]: what holds for this robot instead of its `base_info`."""
     description: Text | None = None
     """A URDF file, relative to the team file; the aggregator publishes its joints."""
+    safety: bool = True
+    """False: drive without the safety layer."""
+    restart: Restart | None = None
     params: dict[str, Any] = {}
     """Every other key of the table: the parameters of the behaviour, which the behaviour checks."""
+
+
+class NodeEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """One [[nodes]] table: a user's own process as a member of the team."""
+
+    name: Text
+    """As the process calls itself on the bus."""
+    command: Annotated[tuple[Text, ...], msgspec.Meta(min_length=1)]
+    """The program and its arguments; `python` is this interpreter."""
+    folder: Text = "."
+    """Where it runs, relative to the team file."""
+    expect: bool = False
+    """Whether the first tick of lock-step waits for it."""
+    restart: Restart | None = None
 
 
 class StaticTransform(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -66,13 +86,22 @@ class StaticTransform(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     qw: float | None = None
 
 
-class Team(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A whole team file."""
+class Team(msgspec.Struct, frozen=True):
+    """A whole team, with what its file includes."""
 
     robots: list[RobotEntry]
     team: TeamSection = TeamSection()
     static_transforms: list[StaticTransform] = []
     simulation: Options = Options()
+    nodes: list[NodeEntry] = []
+    arguments: tuple[str, ...] = ()
+    """NAME=VALUE, as they were given for its file."""
+    folders: tuple[str, ...] = ()
+    """Of its file and of those that it includes, absolute: modules of behaviours may lie there."""
+
+    def restarts(self, entry: RobotEntry | NodeEntry) -> bool:
+        """Whether this robot or node is started again when it has failed."""
+        return (entry.restart or self.team.restart) == "on-failure"
 
 
 DEFAULT_BEHAVIOR = "forward"
@@ -94,6 +123,8 @@ def robot_arguments(entry: RobotEntry) -> list[str]:
         arguments += ["--behavior", entry.behavior]
     for key, value in msgspec.to_builtins(entry.base).items():
         arguments += ["--base", f"{key}={toml_text(value)}"]
+    if not entry.safety:
+        arguments.append("--no-safety")
     for key, value in entry.params.items():
         arguments += ["--param", f"{key}={toml_text(value)}"]
     return arguments
@@ -119,19 +150,3 @@ def quaternion(entry: StaticTransform) -> tuple[float, float, float, float] | No
     if entry.qx is None or entry.qy is None or entry.qz is None or entry.qw is None:
         return None
     return entry.qx, entry.qy, entry.qz, entry.qw
-
-
-def toml_text(value: Any) -> str:
-    """The value as TOML on one line. Raises TypeError for a value that no parameter can have, such as a date."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, float) or (isinstance(value, int) and abs(value) < 2**63):
-        return repr(value)
-    if isinstance(value, str):
-        # A JSON string is a TOML string, except that TOML requires DEL to be escaped.
-        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
-    if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{toml_text(key)} = {toml_text(item)}" for key, item in value.items()) + "}"
-    if isinstance(value, Sequence):
-        return "[" + ", ".join(map(toml_text, value)) + "]"
-    raise TypeError(value)

@@ -1,7 +1,5 @@
 """Reads team files from disk: TOML with bounds, and every mistake with its line."""
 
-import re
-import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
@@ -12,66 +10,75 @@ from zteam import resources
 from zteam.errors import ConfigError
 from zteam.problems import Problem, did_you_mean, problems_of
 from zteam.simulation_options import Options
-from zteam.team_file.entries import NO_WORLD, RobotEntry, StaticTransform, Team, TeamSection
-from zteam.team_file.rules import check_follows, check_robots, check_transforms
+from zteam.team_file.arguments import Argument
+from zteam.team_file.entries import NO_WORLD, NodeEntry, RobotEntry, StaticTransform, Team, TeamSection
+from zteam.team_file.groups import expand
+from zteam.team_file.includes import Gathered, gather
+from zteam.team_file.rules import check_follows, check_nodes, check_robots, check_transforms
+from zteam.team_file.sources import Origins, Place, Tables, place_of
 from zteam.toml_lines import Path as KeyPath
-from zteam.toml_lines import TooDeepError, key_lines, line_of
+from zteam.toml_values import toml_text
 
 S = TypeVar("S", bound=msgspec.Struct)
 
-MAX_BYTES = 2 * 2**20
-"""The largest team, 10,000 robots, takes 1 MB."""
+KEYS = ("robots", "team", "nodes", "defaults", "static_transforms", "simulation", "include")
+"""Of a team file."""
 
 
 class TeamFile(msgspec.Struct):
-    """The correct part of a team file, and all its mistakes."""
+    """The correct part of a team file and of what it includes, and all mistakes."""
 
     path: Path
     team: Team
     robots: dict[int, RobotEntry]
-    """The team's robots by their index in the file, without the tables that have mistakes."""
-    lines: Mapping[KeyPath, int]
+    """The team's robots by their index in the expanded team, without those that have mistakes."""
+    nodes: dict[int, NodeEntry]
+    """Its nodes in the same way."""
+    origins: Origins
     problems: list[Problem]
+    arguments: list[Argument]
+    """What it takes."""
+    unfilled: frozenset[tuple[int, KeyPath]]
+    """Number of the file and path of each key whose argument is missing."""
+
+    def place(self, path: KeyPath) -> Place:
+        """Where a key of the team stands."""
+        return place_of(self.origins, path)
+
+    def is_unfilled(self, path: KeyPath) -> bool:
+        """Whether the value of this key is not known, because its argument is missing."""
+        place = self.place(path)
+        return (place.source.number, place.path) in self.unfilled
 
     def describe(self, problem: Problem) -> str:
         """`file:line: key: what is wrong`."""
-        line = line_of(self.lines, problem.path)
-        # On one line, also where a text of the file has line breaks.
-        told = " ".join(str(problem).split())
-        return f"{self.path}:{line}: {told}" if line else f"{self.path}: {told}"
+        return self.place(problem.path).describe(problem.text)
 
     def error(self, problems: Iterable[Problem]) -> ConfigError:
-        """An error with one line per problem, in the order of the file."""
-        ordered = sorted(problems, key=lambda problem: line_of(self.lines, problem.path) or 0)
-        return ConfigError("\n".join(map(self.describe, ordered)))
+        """An error with one line per problem, in the order of the files; what is told of a place twice is one line."""
+
+        def order(problem: Problem) -> tuple[int, int]:
+            place = self.place(problem.path)
+            return place.source.number, place.line or 0
+
+        return ConfigError("\n".join(dict.fromkeys(map(self.describe, sorted(problems, key=order)))))
 
 
-def load_team(path: Path) -> Team:
-    """The team file at `path`. Raises ConfigError with one line for each mistake in it."""
-    file = read_team_file(path)
+def load_team(path: Path, arguments: Mapping[str, str] | None = None) -> Team:
+    """The team file at `path`. Raises ConfigError with one line for each mistake in it.
+
+    `arguments` are TOML, or texts without quotes, by name.
+    """
+    file = read_team_file(path, arguments)
     if file.problems:
         raise file.error(file.problems)
     return file.team
 
 
-def read_team_file(path: Path) -> TeamFile:
-    """The team file at `path` with the mistakes in its keys. Raises ConfigError if the file is not TOML."""
-    text = _read(path)
-    try:
-        lines = key_lines(text)
-        tables = tomllib.loads(text)
-    except TooDeepError as error:
-        raise ConfigError(f"{path}:{error.line}: {error}") from None
-    except tomllib.TOMLDecodeError as error:
-        found = re.search(r" \(at line (\d+), column (\d+)\)$", str(error))
-        place = f"{path}:{found[1]}:{found[2]}" if found else f"{path}"
-        told = str(error)[: found.start()] if found else str(error)
-        hint = "; text needs quotes" if told == "Invalid value" else ""
-        raise ConfigError(f"{place}: not TOML: {told}{hint}") from None
-    except ValueError as error:
-        # A number of thousands of digits.
-        raise ConfigError(f"{path}: not a team file: {' '.join(str(error).split())}") from None
-    return _from_tables(path, tables, lines)
+def read_team_file(path: Path, arguments: Mapping[str, str] | None = None) -> TeamFile:
+    """The team file at `path` with the mistakes in its keys. Raises ConfigError if a file is not TOML."""
+    given = arguments or {}
+    return _from_files(path, gather(path, given), tuple(f"{name}={text}" for name, text in given.items()))
 
 
 def team_world(file: TeamFile) -> Path | None:
@@ -92,54 +99,64 @@ def team_world(file: TeamFile) -> Path | None:
     return found
 
 
-def _read(path: Path) -> str:
-    try:
-        with path.open("rb") as file:
-            data = file.read(MAX_BYTES + 1)
-        if len(data) > MAX_BYTES:
-            raise ConfigError(f"{path}: a team file of more than {MAX_BYTES // 2**20} MB is refused")
-        return data.decode("utf-8-sig")
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot read the team file: {error.strerror or error}") from None
-    except UnicodeDecodeError as error:
-        raise ConfigError(f"{path}: not UTF-8 text (byte {error.start}); save it as UTF-8") from None
-
-
-def _from_tables(path: Path, tables: dict[str, Any], lines: Mapping[KeyPath, int]) -> TeamFile:
+def _from_files(path: Path, files: Gathered, arguments: tuple[str, ...]) -> TeamFile:
+    tables, origins = files.layer
+    origins |= {(source.number,): Place(source, ()) for source in files.sources}
     problems: list[Problem] = []
-    known = Team.__struct_fields__
-    for key in [key for key in tables if key not in known]:
-        problems.append(Problem((key,), f"unknown key{did_you_mean(key, known)}; known: {', '.join(known)}"))
-        tables, lines = _as_meant(tables, lines, key)
+    for key in [key for key in tables if key not in KEYS]:
+        problems.append(Problem((key,), f"unknown key{did_you_mean(key, KEYS)}; known: {', '.join(KEYS)}"))
+        tables, origins = _as_meant(tables, origins, key)
     if "robots" not in tables:
         problems.append(Problem((), "the key robots is missing: add a table [[robots]] with an id"))
     elif tables["robots"] == []:
         problems.append(Problem(("robots",), "no robot is listed: add a table [[robots]] with an id"))
-    robots = _array(tables, "robots", RobotEntry, problems)
+    expanded = expand(tables, origins)
+    folders = dict.fromkeys(str(source.path.parent.resolve()) for source in files.sources)
+    known = Team([], arguments=arguments, folders=tuple(folders))
+    missing = frozenset((place.source.number, place.path) for place, _ in files.missing)
+    file = TeamFile(path, known, {}, {}, expanded.origins, [], files.arguments, missing)
+    problems += [*expanded.problems, *_read_entries(file, expanded.tables, ids_known=expanded.ids_known)]
+    told = [Problem((place.source.number, *place.path), text) for place, text in (*files.missing, *files.problems)]
+    file.problems = [*told, *(problem for problem in problems if not file.is_unfilled(problem.path))]
+    return file
+
+
+def _read_entries(file: TeamFile, tables: Tables, *, ids_known: bool) -> list[Problem]:
+    """Give `file` the entries of tables without groups; what is wrong with them."""
+    problems: list[Problem] = []
+    robots = file.robots = _array(tables, "robots", RobotEntry, problems)
+    nodes = _array(tables, "nodes", NodeEntry, problems)
     transforms = _array(tables, "static_transforms", StaticTransform, problems)
+    for i, entry in nodes.items():
+        folder = file.place(("nodes", i)).source.path.parent / entry.folder
+        file.nodes[i] = msgspec.structs.replace(entry, folder=str(folder.absolute()))
     ids = {table["id"] for table in _tables_of(tables, "robots") if isinstance(table.get("id"), int)}
-    problems += [*check_robots(robots), *check_follows(robots, ids), *check_transforms(transforms)]
-    section = _section(tables, "team", TeamSection, problems)
-    simulation = _section(tables, "simulation", Options, problems)
-    team = Team(list(robots.values()), section, list(transforms.values()), simulation)
-    return TeamFile(path, team, robots, lines, problems)
+    problems += [*check_robots(robots), *check_follows(robots, ids if ids_known else None)]
+    problems += [*check_nodes(nodes, ids), *check_transforms(transforms)]
+    file.team = msgspec.structs.replace(
+        file.team,
+        robots=list(robots.values()),
+        nodes=list(file.nodes.values()),
+        static_transforms=list(transforms.values()),
+        team=_section(tables, "team", TeamSection, problems),
+        simulation=_section(tables, "simulation", Options, problems),
+    )
+    return problems
 
 
-def _as_meant(
-    tables: dict[str, Any], lines: Mapping[KeyPath, int], key: str
-) -> tuple[dict[str, Any], Mapping[KeyPath, int]]:
-    """The tables and lines with `key` under the known name that it is like, unless the file has that one too.
+def _as_meant(tables: Tables, origins: Origins, key: str) -> tuple[Tables, Origins]:
+    """The tables and origins with `key` under the known name that it is like, unless the file has that one too.
 
     So [[robot]] instead of [[robots]] is one mistake, and the tables below it are checked all the same.
     """
-    meant = next((name for name in Team.__struct_fields__ if did_you_mean(key, [name]) and name not in tables), "")
+    meant = next((name for name in KEYS if did_you_mean(key, [name]) and name not in tables), "")
     if not meant:
-        return tables, lines
-    moved = {(meant, *path[1:]): line for path, line in lines.items() if path[:1] == (key,)}
-    return {**tables, meant: tables[key]}, {**lines, **moved}
+        return tables, origins
+    moved = {(meant, *path[1:]): place for path, place in origins.items() if path[:1] == (key,)}
+    return {**tables, meant: tables[key]}, {**origins, **moved}
 
 
-def _array(tables: dict[str, Any], name: str, kind: type[S], problems: list[Problem]) -> dict[int, S]:
+def _array(tables: Tables, name: str, kind: type[S], problems: list[Problem]) -> dict[int, S]:
     """The correct entries of a [[name]] array, by index."""
     value = tables.get(name, [])
     if not isinstance(value, list):
@@ -148,15 +165,15 @@ def _array(tables: dict[str, Any], name: str, kind: type[S], problems: list[Prob
         return {}
     found = {}
     for i, table in enumerate(value):
-        if kind is RobotEntry and isinstance(table, dict):
-            table = _with_params(table)
+        if isinstance(table, dict):
+            table = _with_params(table) if kind is RobotEntry else _with_words(table)
         entry = _convert(table, kind, (name, i), problems)
         if entry is not None:
             found[i] = entry
     return found
 
 
-def _section(tables: dict[str, Any], name: str, kind: type[S], problems: list[Problem]) -> S:
+def _section(tables: Tables, name: str, kind: type[S], problems: list[Problem]) -> S:
     """The correct part of a [name] table."""
     table = tables.get(name, {})
     found = problems_of(table, kind, (name,))
@@ -174,14 +191,27 @@ def _convert(table: Any, kind: type[S], path: KeyPath, problems: list[Problem]) 
     return None if found else msgspec.convert(table, kind)
 
 
-def _tables_of(tables: dict[str, Any], name: str) -> list[dict[str, Any]]:
+def _tables_of(tables: Tables, name: str) -> list[Tables]:
     value = tables.get(name)
     return [table for table in value if isinstance(table, dict)] if isinstance(value, list) else []
 
 
-def _with_params(robot: dict[str, Any]) -> dict[str, Any]:
+def _with_params(robot: Tables) -> Tables:
     """The table with the parameters of the behaviour collected under `params`."""
     ours = set(RobotEntry.__struct_fields__) - {"params"}
     return {key: value for key, value in robot.items() if key in ours} | {
         "params": {key: value for key, value in robot.items() if key not in ours}
     }
+
+
+def _with_words(node: Tables) -> Tables:
+    """The table with the numbers and truth values in its command as texts: an argument may be one."""
+    command = node.get("command")
+    if not isinstance(command, list):
+        return node
+    return {**node, "command": [_as_word(part) for part in command]}
+
+
+def _as_word(part: Any) -> Any:
+    is_number = isinstance(part, float) or (isinstance(part, int) and abs(part) < 2**63)
+    return toml_text(part) if is_number else part

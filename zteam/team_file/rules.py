@@ -1,28 +1,27 @@
 """The rules for the entries of a team file: ids, leaders, frames. Every rule returns all problems it finds."""
 
 import math
-from collections.abc import Mapping
+import re
+from collections.abc import Collection, Mapping
 
 from zteam import names
 from zteam.geometry import turn_problem
 from zteam.problems import Problem
 from zteam.robot_ids import format_robot_ids
-from zteam.team_file.entries import RobotEntry, StaticTransform, quaternion, toml_text
+from zteam.team_file.entries import NodeEntry, RobotEntry, StaticTransform, quaternion
 from zteam.toml_lines import Path
+from zteam.toml_values import toml_text
 
+_NODE_NAME = re.compile(r"[A-Za-z0-9_.-]{1,100}")
+_PROCESSES = frozenset({names.SIMULATOR, names.AGGREGATOR, names.MONITOR, names.LAUNCHER, "router"})
 _ANGLES = frozenset({"yaw", "pitch", "roll"})
 
 
 def check_robots(robots: Mapping[int, RobotEntry]) -> list[Problem]:
-    """Problems of single robots and repeated ids; `robots` by index in the file."""
+    """Problems of single robots; `robots` by index in the file."""
     found: list[Problem] = []
-    seen: dict[int, int] = {}
     for i, robot in robots.items():
         place: Path = ("robots", i)
-        if robot.id in seen:
-            text = f"robot {robot.id} is robots[{seen[robot.id]}] already; give each robot its own id"
-            found.append(Problem((*place, "id"), text))
-        seen.setdefault(robot.id, i)
         if (robot.model is None) != (robot.pose is None):
             text = "model and pose go together (they add a robot that the world lacks); give both or neither"
             found.append(Problem((*place, "pose" if robot.model is None else "model"), text))
@@ -48,8 +47,11 @@ def _check_params(place: Path, robot: RobotEntry) -> list[Problem]:
     return found
 
 
-def check_follows(robots: Mapping[int, RobotEntry], ids: set[int]) -> list[Problem]:
-    """Problems of leaders and followers; `ids` are all ids of the file, also those of tables with mistakes."""
+def check_follows(robots: Mapping[int, RobotEntry], ids: Collection[int] | None) -> list[Problem]:
+    """Problems of leaders and followers; `ids` are all ids of the team, also those of tables with mistakes.
+
+    None: some ids could not be read.
+    """
     found = []
     leaders = {robot.id: robot.follow for robot in robots.values()}
     circles: set[int] = set()
@@ -65,7 +67,7 @@ def check_follows(robots: Mapping[int, RobotEntry], ids: set[int]) -> list[Probl
     return found
 
 
-def _check_follow(robot: RobotEntry, ids: set[int]) -> tuple[str, str]:
+def _check_follow(robot: RobotEntry, ids: Collection[int] | None) -> tuple[str, str]:
     if robot.follow is None:
         if robot.behavior == "follow":
             return "behavior", "to follow needs a leader; say follow = ID instead"
@@ -78,7 +80,7 @@ def _check_follow(robot: RobotEntry, ids: set[int]) -> tuple[str, str]:
         return "leader", f"the leader is named by follow = {robot.follow}; drop the other key"
     if robot.follow == robot.id:
         return "follow", f"robot {robot.id} cannot follow itself; name another robot"
-    if robot.follow not in ids:
+    if ids is not None and robot.follow not in ids:
         return "follow", f"no robot {robot.follow} in this file (it has {format_robot_ids(ids)})"
     return "follow", ""
 
@@ -91,6 +93,24 @@ def _circle_from(robot_id: int, leaders: Mapping[int, int | None]) -> list[int]:
         chain.append(leader)
         leader = leaders.get(leader)
     return [*chain, robot_id] if leader == robot_id else []
+
+
+def check_nodes(nodes: Mapping[int, NodeEntry], ids: Collection[int]) -> list[Problem]:
+    """Problems of the names of nodes; `ids` are the ids of the team's robots."""
+    found = []
+    seen: dict[str, int] = {}
+    for i, node in nodes.items():
+        text = ""
+        if not _NODE_NAME.fullmatch(node.name):
+            text = f"{node.name!r} cannot be a name; use letters, digits, '_', '-' and '.'"
+        elif node.name in _PROCESSES or names.robot_id_of(node.name) in ids:
+            text = f"{node.name} is a process of the team already; give the node another name"
+        elif node.name in seen:
+            text = f"nodes[{seen[node.name]}] has this name already; give each node its own"
+        seen.setdefault(node.name, i)
+        if text:
+            found.append(Problem(("nodes", i, "name"), text))
+    return found
 
 
 def check_transforms(transforms: Mapping[int, StaticTransform]) -> list[Problem]:

@@ -17,16 +17,14 @@ from zteam.behaviors import View
 from zteam.bus import Bus, MemoryHub, NoRequest
 from zteam.clock import to_ns, to_seconds
 from zteam.errors import BusError, ZteamError
-from zteam.geometry import Pose2
-from zteam.messages import Done, Header, LaserScan, Message, Odometry, Tick, Twist, time_from_ns
+from zteam.messages import Done, Header, Message, Odometry, Tick, Twist, time_from_ns
 from zteam.runtime.node import ClockMode
 from zteam.runtime.shutdown import Stop
 from zteam.runtime.step_node import StepNode
+from zteam.trials.made_views import laser_frame, lookup_in, make_scan
 
 LIMIT = 30.0
 """Host seconds for the node's thread to begin or to end: many times what a crowded machine needs."""
-_RANGE_MAX = 30.0
-_MAP_FROM_MAP = Pose2(0.0, 0.0, 0.0)
 
 
 def make_view(
@@ -40,48 +38,26 @@ def make_view(
     odom: Odometry | None = None,
     base: Base = DEFAULT_BASE,
     seed: int = 1,
+    inputs: Mapping[str, Any] | None = None,
 ) -> View:
     """What robot `robot_id` sees `now` (seconds), for `behavior.step(view)`.
 
     `ranges` are the metres of a laser's beams, evenly spread over `fov` radians from right to left, of up to 30 m; None
     is no scan yet. `poses` has x, y (m), yaw (rad) in `map` of the robots that are known; without them every look-up
-    fails.
+    fails. `inputs` are what the behaviour declares, by name.
     """
     stamp = to_ns(now)
-    known = {names.robot_frame(i, names.BASE_FOOTPRINT): Pose2(*pose) for i, pose in (poses or {}).items()}
-    if known:
-        known[names.MAP_FRAME] = _MAP_FROM_MAP
-
-    def lookup(target: str, source: str) -> tuple[Pose2, int] | None:
-        if target not in known or source not in known:
-            return None
-        return known[target].inverse().compose(known[source]), stamp
-
     return View(
         now=stamp,
         dt=dt,
         robot_id=robot_id,
-        scan=None if ranges is None else _make_scan(ranges, fov, Header(time_from_ns(stamp), _laser_frame(robot_id))),
+        scan=None if ranges is None else make_scan(ranges, fov, Header(time_from_ns(stamp), laser_frame(robot_id))),
         odom=odom,
-        lookup=lookup,
+        lookup=lookup_in(poses or {}, stamp),
         base=base,
         team=tuple(sorted(poses or ())),
+        inputs=dict(inputs or {}),
         seed=seed,
-    )
-
-
-def _laser_frame(robot_id: int) -> str:
-    return names.robot_frame(robot_id, names.BASE_LASER_LINK)
-
-
-def _make_scan(ranges: Sequence[float], fov: float, header: Header) -> LaserScan:
-    return LaserScan(
-        header=header,
-        angle_min=-0.5 * fov,
-        angle_max=0.5 * fov,
-        angle_increment=fov / (len(ranges) - 1) if len(ranges) > 1 else 0.0,
-        range_max=_RANGE_MAX,
-        ranges=np.array(ranges, np.float32),
     )
 
 
@@ -104,7 +80,7 @@ class RunningNode:
         self.node = StepNode(name, hub.bus(), self._stop, clock)
         self._body = body
         self._robots = np.array(sorted(robots), np.int32)
-        self._epoch = self._tick = 0
+        self._epoch, self._tick = 1, 0
         self._failure: BaseException | None = None
         self._told = False
         self._up = threading.Event()
@@ -155,7 +131,7 @@ class RunningNode:
         return round(0.1 * (self._tick + 1), 9)
 
     def publish(self, key: str, message: Message) -> None:
-        """Publish a message, with the coming tick's stamp where it has a header. Its callbacks have run then."""
+        """Publish a message, with the coming tick's stamp where it has a header; its callbacks run in that tick."""
         for stamped in (message, *getattr(message, "transforms", ())):
             if hasattr(stamped, "header"):
                 stamped.header.stamp = time_from_ns(to_ns(self.next_time))

@@ -3,6 +3,7 @@
 Every pytest run on a machine with zteam loads this module, so it imports nothing of zteam until a test asks for a team.
 """
 
+import sys
 from collections.abc import Generator, Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -16,13 +17,12 @@ _TEAM = pytest.StashKey["TeamFixture"]()
 
 @pytest.fixture
 def team(request: pytest.FixtureRequest) -> Iterator["TeamFixture"]:
-    """A team of real processes with its own router and namespace; it ends with the test, also when the test fails."""
+    """A team with its own router and namespace, or in this process; it ends with the test, also when the test fails."""
     from zteam.testing.team import TeamFixture
 
     fixture = TeamFixture()
     request.node.stash[_TEAM] = fixture
     try:
-        fixture.open()
         yield fixture
     finally:
         fixture.close()
@@ -36,3 +36,10 @@ def pytest_runtest_makereport(item: pytest.Item, call: Any) -> Generator[None, p
     if fixture is not None and report.failed:
         report.sections.append(("processes of the team", fixture.report_log()))
     return report
+
+
+def pytest_unconfigure() -> None:
+    """End what the teams of this run had in common."""
+    session = sys.modules.get("zteam.testing.session")
+    if session is not None:
+        session.WARM_PARENT.close()

@@ -9,6 +9,7 @@ from typing import Any, Self
 from zteam import names
 from zteam.clock import monotonic
 from zteam.errors import BusError, UsageError
+from zteam.launch.kinds import kind_of
 from zteam.messages import Message
 from zteam.services.simulator import SimReport, SimStatus, StepRequest
 from zteam.services.simulator_client import SimulatorClient
@@ -86,16 +87,6 @@ class SteppedTeam(TeamProcesses):
         if self._interval and not self._wait(lambda: self.report.ticks > 0, START_LIMIT):
             raise TeamTimeout(f"the first tick is held: waiting for {self.sim_status.waiting_for}")
 
-    def _wait_for_participant(self, name: str) -> None:
-        """Wait until a process takes part in lock-step from the next tick on."""
-
-        def takes_part() -> bool:
-            status = self.sim_status
-            return name in status.joining or name in status.participants
-
-        if not self._wait(takes_part, START_LIMIT):
-            raise TeamTimeout(f"{name} does not take part in lock-step within {START_LIMIT:g} s")
-
     def run(self, seconds: float) -> None:
         """Let `seconds` of simulated time pass: in lock-step to the tick."""
         if self._interval:
@@ -172,3 +163,25 @@ def _not_true(within: float, now: float, view: TeamView) -> TeamTimeout:
     """The error of a condition that did not come true, with where the robots are."""
     seconds = f"{within:g} simulated second{'' if within == 1 else 's'}"
     return TeamTimeout(f"not true within {seconds} (now {now:.1f} s){view.describe()}")
+
+
+def wait_until_joined(team: SteppedTeam, name: str) -> None:
+    """Lock-step: wait until a process of the team takes part from the next tick on."""
+
+    def takes_part() -> bool:
+        status = team.sim_status
+        return name in status.joining or name in status.participants
+
+    kind = kind_of(name)
+    if team._interval and kind is not None and kind.in_lockstep and not team._wait(takes_part, START_LIMIT):
+        raise TeamTimeout(f"{name} does not take part in lock-step within {START_LIMIT:g} s")
+
+
+def wait_until_left(team: SteppedTeam, name: str) -> None:
+    """Lock-step: wait until a process that has ended takes no part any more, so that the next tick is without it."""
+    kind = kind_of(name)
+    may_take_part = kind is None or kind.in_lockstep
+    if not team._interval or not may_take_part or not team.alive(names.SIMULATOR):
+        return
+    if not team._wait(lambda: name not in team.sim_status.participants, START_LIMIT):
+        raise TeamTimeout(f"{name} has ended and still takes part in lock-step after {START_LIMIT:g} s")

@@ -3,6 +3,8 @@
 Frames of other processes do not: their stamps may be of the tick before, or of the future.
 """
 
+from functools import lru_cache
+
 from zteam import names
 from zteam.messages import TFMessage, TransformStamped, ns_from_time
 
@@ -19,6 +21,13 @@ def bases_stamp(message: TFMessage) -> int:
 
 def base_stamp(robot_id: int, message: TFMessage) -> int:
     """The stamp (ns) of the base in a message of `robot_N/tf`, in which names may be relative; -1 without one."""
-    prefix, base = names.robot_name(robot_id), names.robot_frame(robot_id, names.BASE_FOOTPRINT)
-    stamps = [t.header.stamp for t in message.transforms if names.resolve_frame(prefix, t.child_frame_id) == base]
-    return max(map(ns_from_time, stamps), default=-1)
+    newest = -1
+    for transform in message.transforms:
+        if _is_base_of(robot_id, transform.child_frame_id):
+            newest = max(newest, ns_from_time(transform.header.stamp))
+    return newest
+
+
+@lru_cache(maxsize=4096)
+def _is_base_of(robot_id: int, child: str) -> bool:
+    return names.resolve_frame(names.robot_name(robot_id), child) == names.robot_frame(robot_id, names.BASE_FOOTPRINT)

@@ -67,7 +67,8 @@ class Buffer:
     def __init__(self, cache_time: float = DEFAULT_CACHE) -> None:
         self.lock = threading.RLock()
         self._tree = Tree(round(cache_time * 1e9))
-        self._edges = self._tree.edges
+        self.edges, self.paths = self._tree.edges, self._tree.paths
+        """By child frame, and by target and source. Read them with the lock held, and change nothing."""
         self._acquire, self._release = self.lock.acquire, self.lock.release
         self._changed = threading.Condition(self.lock)
         self._waiting = 0
@@ -88,7 +89,7 @@ class Buffer:
         # A `with` statement would make the whole call 5 % slower.
         self._acquire()
         try:
-            edge = self._edges.get(transform.child_frame_id)
+            edge = self.edges.get(transform.child_frame_id)
             if (
                 edge is not None
                 and edge.newest < time <= edge.due
@@ -134,7 +135,7 @@ class Buffer:
         """Store the full set of an authority's static transforms; edges that the set no longer has are forgotten."""
         with self.lock:
             kept = {strip_slash(t.child_frame_id): t for t in transforms}
-            for child, edge in list(self._edges.items()):
+            for child, edge in list(self.edges.items()):
                 # An old edge whose parent changes could make the new set look like a loop.
                 if edge.static and edge.authority == authority and _parent_in(kept.get(child)) != edge.parent:
                     self.forget(child)
@@ -287,7 +288,7 @@ class Buffer:
     def frames(self) -> dict[str, FrameInfo]:
         """The figures of every child frame, sorted by name."""
         with self.lock:
-            return {child: edge.info(self._tree.cache) for child, edge in sorted(self._edges.items()) if edge.parent}
+            return {child: edge.info(self._tree.cache) for child, edge in sorted(self.edges.items()) if edge.parent}
 
 
 def _parent_in(transform: TransformStamped | None) -> str | None:

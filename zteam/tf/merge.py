@@ -5,9 +5,10 @@ of each static transform, and `conflicts` records what was refused. Stamps are n
 """
 
 from collections.abc import Iterable
+from typing import NamedTuple
 
 from zteam import names
-from zteam.messages import TFMessage, TransformStamped, ns_from_time
+from zteam.messages import TFMessage, TransformStamped, encode, ns_from_time
 from zteam.tf.bases import is_base
 from zteam.tf.buffer import Buffer
 from zteam.tf.conflicts import Conflicts
@@ -21,6 +22,15 @@ MAX_APART = 10_000_000_000
 """Nanoseconds that a stamp may differ from the team's clock: as long as a buffer remembers."""
 
 
+class _Held(NamedTuple):
+    """A frame of lock-step that is not in a bundle yet."""
+
+    tick: int
+    """The stamp (ns) of the tick in which it was sent."""
+    transform: TransformStamped
+    authority: str
+
+
 class Merger:
     """The tree of a whole team."""
 
@@ -28,30 +38,52 @@ class Merger:
         self.buffer = Buffer()
         self._conflicts = Conflicts()
         self._statics = StaticTransforms(self.buffer)
-        self._pending: list[TransformStamped] = []
+        self._bases: list[TransformStamped] = []
+        """For the next bundle."""
+        self._others: list[TransformStamped] = []
+        """Frames of the user's processes for the next bundle."""
+        self._held: list[_Held] = []
+        """Frames of the user's processes in lock-step, which are not stored before their bundle."""
         for transform in configured:
             self._put_static(Static(Rank.TEAM_FILE, resolve("", transform), TEAM_FILE))
 
-    def take(self, robot_id: int, message: TFMessage, now: int = 0) -> None:
-        """Store moving transforms from `robot_N/tf`; `now` (ns) is the team's clock, 0 = not known."""
+    def take(self, robot_id: int, message: TFMessage, now: int = 0, tick: int = 0) -> None:
+        """Store moving transforms from `robot_N/tf`; `now` (ns) is the team's clock, 0 = not known.
+
+        In lock-step `tick` is the stamp (ns) of the tick in which they were sent: see `take_pending`.
+        """
         authority = names.robot_name(robot_id)
         for transform in keep_own(robot_id, message.transforms, self._conflicts):
-            refused = _check_clock(transform, authority, now) or self._store_moving(transform, authority)
-            if refused is not None:
-                self._conflicts.report(transform.child_frame_id, authority, refused.code, refused.text)
+            stamp = transform.header.stamp
+            if now and not -MAX_APART <= stamp.sec * 1_000_000_000 + stamp.nanosec - now <= MAX_APART:
+                refused: Rejection | None = _refuse_stamp(transform, authority, now)
+            elif tick and not is_base(transform):
+                self._held.append(_Held(tick, transform, authority))
+                continue
+            else:
+                refused = self._store_moving(transform, authority)
+            self._note_refusal(transform, authority, refused)
+
+    def _note_refusal(self, transform: TransformStamped, authority: str, refused: Rejection | None) -> None:
+        if refused is not None:
+            self._conflicts.report(transform.child_frame_id, authority, refused.code, refused.text)
 
     def _store_moving(self, transform: TransformStamped, authority: str) -> Rejection | None:
         """Store a moving sample and keep it for the next bundle, unless it is an exact duplicate."""
-        store = self.buffer.set_transform
+        # Only this thread stores moving transforms, so the count needs no lock.
+        duplicates = self.buffer.duplicates
         if is_start_pose(transform):
             if self._statics.is_fixed_by_team_file(transform.child_frame_id):
                 return None
-            store = self._statics.localise
-        with self.buffer.lock:
-            duplicates = self.buffer.duplicates
-            refused = store(transform, authority)
-            if refused is None and self.buffer.duplicates == duplicates:
-                self._pending.append(transform)
+            with self.buffer.lock:
+                refused = self._statics.localise(transform, authority)
+        else:
+            refused = self.buffer.set_transform(transform, authority)
+        if refused is None and self.buffer.duplicates == duplicates:
+            if is_base(transform):
+                self._bases.append(transform)
+            else:
+                self._others.append(transform)
         return refused
 
     def describe(self, robot_id: int, transforms: Iterable[TransformStamped]) -> None:
@@ -91,14 +123,18 @@ class Merger:
         """The moving transforms stored since the last call, for one bundled message.
 
         With the stamp of a tick (ns, 0 = none), of that tick only those of the bases: a frame of a user's process
-        comes at any moment of the tick, so it is taken with the next one.
+        comes at any moment of the tick, so it is taken with the next one, in an order that does not depend on when.
         """
-        pending, self._pending = self._pending, []
-        others = [t for t in pending if not is_base(t)] if tick else []
-        if others:
-            self._pending = [t for t in others if ns_from_time(t.header.stamp) >= tick]
-            pending = [t for t in others if ns_from_time(t.header.stamp) < tick] + [t for t in pending if is_base(t)]
-        return pending
+        bases, self._bases = self._bases, []
+        if self._held:
+            due = [held for held in self._held if held.tick < tick or not tick]
+            self._held = [held for held in self._held if held.tick >= tick > 0]
+            for _, transform, authority in sorted(due, key=_order):
+                self._note_refusal(transform, authority, self._store_moving(transform, authority))
+        if not self._others:
+            return bases
+        others, self._others = self._others, []
+        return others + bases
 
     @property
     def statics_changed(self) -> bool:
@@ -120,18 +156,24 @@ class Merger:
     def jump_back(self) -> None:
         """Forget all moving data, because time went back."""
         self.buffer.clear()
-        self._pending.clear()
+        self._bases.clear()
+        self._others.clear()
+        self._held.clear()
         self._statics.restore_start_poses()
 
 
-def _check_clock(transform: TransformStamped, authority: str, now: int) -> Rejection | None:
-    """Refuse a stamp that is too far from the team's clock `now` (ns; 0 = not known).
+def _order(held: _Held) -> tuple[int, str, int, bytes]:
+    """In which order frames are stored: of two senders that disagree, the same one is refused in every run."""
+    transform = held.transform
+    return held.tick, transform.child_frame_id, ns_from_time(transform.header.stamp), encode(transform)
+
+
+def _refuse_stamp(transform: TransformStamped, authority: str, now: int) -> Rejection:
+    """Why a stamp that is too far from the team's clock `now` (ns) is refused.
 
     With one stamp far ahead, all later samples would be too old; a sample far behind would never be the latest one.
     """
     apart = ns_from_time(transform.header.stamp) - now
-    if not now or abs(apart) <= MAX_APART:
-        return None
     side = "ahead of" if apart > 0 else "behind"
     child = transform.child_frame_id
     text = f"{child} from {authority} is {abs(apart) / 1e9:.1f} s {side} the team's clock: set its clock"

@@ -5,6 +5,8 @@ spellings are resolved to the same full name here.
 """
 
 from collections.abc import Iterable
+from functools import lru_cache
+from typing import NamedTuple
 
 from zteam import names
 from zteam.messages import Header, TransformStamped
@@ -19,17 +21,40 @@ def resolve(prefix: str, transform: TransformStamped) -> TransformStamped:
 
 def keep_own(robot_id: int, transforms: Iterable[TransformStamped], conflicts: Conflicts) -> list[TransformStamped]:
     """The transforms that the robot may publish, with full names; the others are reported to `conflicts`."""
-    prefix, kept = names.robot_name(robot_id), []
+    kept = []
     for transform in transforms:
-        resolved = resolve(prefix, transform)
-        child, parent = resolved.child_frame_id, resolved.header.frame_id
-        if not _is_below(prefix, child):
-            conflicts.report(child, prefix, "foreign", f"{prefix} may not say where {child or 'nothing'} is")
-        elif not _is_below(prefix, parent) and parent not in names.GLOBAL_FRAMES:
-            conflicts.report(child, prefix, "foreign", f"{prefix} may not hang {child} under {parent or 'nothing'}")
+        parent, child = transform.header.frame_id, transform.child_frame_id
+        own = _own(robot_id, parent, child)
+        if own.problem:
+            conflicts.report(own.child, names.robot_name(robot_id), "foreign", own.problem)
+        elif own.child == child and own.parent == parent:
+            kept.append(transform)
         else:
-            kept.append(resolved)
+            header = Header(transform.header.stamp, own.parent)
+            kept.append(TransformStamped(header, own.child, transform.transform))
     return kept
+
+
+class _Own(NamedTuple):
+    """The full names of an edge, and why the robot may not publish it; empty if it may."""
+
+    parent: str
+    child: str
+    problem: str
+
+
+@lru_cache(maxsize=4096)
+def _own(robot_id: int, parent: str, child: str) -> _Own:
+    """What an edge of `robot_N/tf` is: nearly all messages have the frames of the one before."""
+    prefix = names.robot_name(robot_id)
+    parent, child = names.resolve_frame(prefix, parent), names.resolve_frame(prefix, child)
+    if not _is_below(prefix, child):
+        problem = f"{prefix} may not say where {child or 'nothing'} is"
+    elif not _is_below(prefix, parent) and parent not in names.GLOBAL_FRAMES:
+        problem = f"{prefix} may not hang {child} under {parent or 'nothing'}"
+    else:
+        problem = ""
+    return _Own(parent, child, problem)
 
 
 def _is_below(prefix: str, frame: str) -> bool:

@@ -9,14 +9,29 @@ Callers hold the buffer's lock.
 
 from bisect import bisect_right
 from cmath import phase, rect, sqrt
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from math import atan2
 from typing import NamedTuple
 
+from zteam.geometry import Pose2
 from zteam.tf.rigid import IDENTITY, Floats, compose, interpolate, invert
 from zteam.tf.time_cache import TimeCache, is_planar, pack
 
 Answer = tuple[int, float, float, float, float, float, float, float]
 """Stamp in ns and x, y, z, qx, qy, qz, qw of target_from_source."""
+
+Planar = tuple[complex, complex, float]
+"""A planar sample: place and turn (see `pack`), and z."""
+
+
+def read_planar(numbers: Sequence[float]) -> Planar | None:
+    """A transform's seven numbers as a planar sample; None if they are not ones that a buffer stores as they are."""
+    x, y, z, i, j, k, w = numbers
+    # The test of `Buffer.set_transform`.
+    if not i and not j and 0.999999999999999 < k * k + w * w + (x + y) * 0.0 < 1.000000000000001:
+        half = complex(w, k)
+        return complex(x, y), half * half, z
+    return None
 
 
 class Legs(NamedTuple):
@@ -111,6 +126,37 @@ class PlanarPath:
                 turn *= after
         half = sqrt(turn)
         return time, place.real, place.imag, self._z, 0.0, 0.0, half.imag, half.real
+
+    @property
+    def edges(self) -> list[TimeCache]:
+        """Its moving edges, in the order in which it leads over them."""
+        return [self._first, *self._edges]
+
+    def pose_by(self, samples: Mapping[int, Planar | None], keys: Sequence[int]) -> Pose2 | None:
+        """What `solve` answers if each edge's newest sample is `samples[key]`, its keys in the order of `edges`.
+
+        None if a sample is not planar, or does not fit its edge.
+        """
+        place, turn = self._place, self._turn
+        for key, (edge, down, shift, after) in zip(keys, self._steps, strict=True):
+            sample = samples[key]
+            if sample is None or sample[2] != edge.z:
+                return None
+            p, h, _ = sample
+            # The steps of `solve`, written out again: a call for each would slow every look-up down.
+            if down:
+                place = (place - p) / h
+                turn /= h
+            else:
+                place = p + h * place
+                turn *= h
+            if shift is not None:
+                place = shift + after * place
+                turn *= after
+        half = sqrt(turn)
+        w, z = half.real, half.imag
+        # As `yaw_from_quaternion`, to the last bit.
+        return Pose2(place.real, place.imag, atan2(2.0 * (w * z + 0.0), 1.0 - 2.0 * (0.0 + z * z)))
 
 
 def _planar(floats: Floats) -> tuple[complex, complex, float]:

@@ -4,8 +4,9 @@ import math
 
 import pytest
 
-from support.flat_floor import Floor, Segment, clearance, make_scan, make_view
+from support.flat_floor import Floor, Segment, clearance, make_odometry, make_scan, make_view
 from support.world_texts import box_points
+from zteam import testing
 from zteam.base import Base
 from zteam.behaviors import load_behavior
 from zteam.geometry import Pose2
@@ -155,6 +156,45 @@ def test_wander_does_not_swing_in_a_corner() -> None:
         sides.add(math.copysign(1.0, command.angular.z))
     assert floor.commands[0][0].linear.x > 0.0
     assert len(sides) == 1
+
+
+@pytest.mark.parametrize(
+    ("mate", "drives"),
+    [((0.9, 0.0), False), ((0.9, 0.45), False), ((0.0, 0.45), True), ((0.9, 0.75), True), ((-0.7, 0.0), True)],
+)
+def test_wander_turns_for_a_teammate_that_it_does_not_see(mate: tuple[float, float], drives: bool) -> None:
+    """The scan is free, but transforms tell of a robot in the way, or so near to it that neither could turn there."""
+    view = testing.make_view(FREE, fov=4.7, poses={0: (2.0, 1.0, 0.0), 1: (2.0 + mate[0], 1.0 + mate[1], 2.0)})
+    assert (load_behavior("wander", {}).step(view).linear.x > 0.0) is drives
+
+
+def test_wander_looks_for_far_teammates_now_and_then() -> None:
+    """One that is 5 m away is looked up again only when it may have come near, and seen in time."""
+    behavior, asked, turned_at = load_behavior("wander", {}), [], 0.0
+    for tick in range(30):
+        away = 5.0 - 0.15 * tick
+        view = testing.make_view(FREE, fov=4.7, poses={0: (0, 0, 0), 1: (away, 0, 0)}, now=1.0 + 0.1 * tick)
+        if behavior.step(view).angular.z:
+            turned_at = max(turned_at, away)
+        asked.append("teammates" in vars(view))
+    assert asked[:11] == [True, *[False] * 9, True]
+    assert 0.9 < turned_at < 1.3
+
+
+def test_wander_turns_where_it_is_stopped() -> None:
+    """Something that only the safety layer knows of stops it: after a second it turns by 60 degrees or more."""
+    behavior, turned, driven = load_behavior("wander", {}), 0.0, 0
+    for tick in range(40):
+        command = behavior.step(make_view(make_scan(FREE), now=tick * 100_000_000, odom=make_odometry(Pose2(1, 1, 0))))
+        if command.angular.z:
+            turned += 0.1 * abs(command.angular.z)
+        elif turned:
+            break
+        else:
+            driven += 1
+    assert 10 <= driven <= 12
+    assert math.radians(60.0) <= turned <= math.radians(130.0)
+    assert command.linear.x > 0.0
 
 
 def test_wander_turns_to_both_sides_and_by_many_angles() -> None:

@@ -1,4 +1,4 @@
-"""follow: the lectures' law, what it must never do, and the line of four."""
+"""follow: both laws in the line of four; the lectures' law (direct), and what it must never do."""
 
 import math
 from itertools import pairwise
@@ -24,15 +24,17 @@ def seeing(leader: Pose2 | None, age: float = 0.0, own_age: float = 0.0) -> View
     def lookup(target: str, source: str) -> tuple[Pose2, int] | None:
         if (target, source) == ("map", "robot_1/base_footprint"):
             return Pose2(0.0, 0.0, 0.0), NOW - round(own_age * 1e9)
+        if source == "robot_0/base_laser_link":
+            return None
         assert (target, source) == ("robot_1/base_footprint", "robot_0/base_footprint")
         return (leader, NOW - round(age * 1e9)) if leader else None
 
     return make_view(make_scan([30.0] * 271, NOW), now=NOW, robot_id=1, lookup=lookup)
 
 
-def follower(**params: float) -> Behavior:
-    """Robot 1 following robot 0."""
-    return load_behavior("follow", {"leader": 0, **params}, robot_id=1)
+def follower() -> Behavior:
+    """Robot 1 following robot 0 straight."""
+    return load_behavior("follow", {"leader": 0, "law": "direct"}, robot_id=1)
 
 
 @pytest.mark.parametrize(
@@ -116,9 +118,9 @@ def test_no_robot_follows_itself() -> None:
     """It is refused when it is made, or stands still where the robot's id was not known then."""
     with pytest.raises(UsageError, match="robot 1 cannot follow itself"):
         load_behavior("follow", {"leader": 1}, robot_id=1)
-    behavior = load_behavior("follow", {"leader": 1})
+    behavior = load_behavior("follow", {"leader": 1, "law": "direct"})
     assert behavior.step(seeing(None)).linear.x == 0.0
-    assert behavior.reason == "it cannot follow itself"
+    assert behavior.reason == "the robots follow each other in a circle"
 
 
 def test_it_is_ready_with_its_leaders_pose() -> None:
@@ -129,8 +131,9 @@ def test_it_is_ready_with_its_leaders_pose() -> None:
     assert behavior.missing(seeing(Pose2(1.0, 0.0, 0.0))) == []
 
 
+@pytest.mark.parametrize("law", ["trail", "direct"])
 @pytest.mark.parametrize("delay", [0, 1, 2])
-def test_a_line_of_four_holds(delay: int) -> None:
+def test_a_line_of_four_holds(delay: int, law: str) -> None:
     """The lectures' exercise, 30 s: all gaps end below 2.5 m, no robot touches another, all have moved 2 m.
 
     A wall stands 5.3 m ahead of the leader; transforms are up to two ticks old; every behaviour has the safety layer.
@@ -138,7 +141,7 @@ def test_a_line_of_four_holds(delay: int) -> None:
     walls: list[Segment] = [(11.8, 10.0, 11.8, 25.0)]
     floor = Floor(STARTS, walls, delay=delay)
     team = [load_behavior("avoid", {"speed": 0.2}, 0)]
-    team += [load_behavior("follow", {"leader": i - 1}, i) for i in (1, 2, 3)]
+    team += [load_behavior("follow", {"leader": i - 1, "law": law}, i) for i in (1, 2, 3)]
     travelled, nearest = [0.0] * 4, math.inf
     for _ in range(300):
         before = floor.poses

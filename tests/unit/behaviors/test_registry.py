@@ -38,6 +38,9 @@ class Blind(Behavior):
 class Odd(Behavior):
     Params = 7
 
+class Deaf(Bare):
+    inputs = {"goal": ("goal_pose", Twist)}
+
 class Closed(Behavior):
     def __init__(self):
         self.sides = 0
@@ -86,13 +89,13 @@ def test_a_users_class_is_found() -> None:
 @pytest.mark.parametrize(
     ("spec", "text"),
     [
-        ("wandr", "no behaviour 'wandr' (did you mean wander?): use forward, avoid"),
+        ("wandr", "no behaviour 'wandr' (did you mean wander?): use idle, forward, avoid"),
         ("my_stopper", "no behaviour 'my_stopper' (did you mean my_stopper:Stopper or my_stopper:Slower?): use"),
         ("empty", "no behaviour 'empty' (did you mean empty:Class?): use"),
         ("my_stopper:Stoper", "my_stopper.py) has no Stoper (did you mean Stopper?)"),
         ("ends", "no behaviour 'ends' (did you mean ends:Class?): use"),
         ("ends:Robot", "ends.py:1: SystemExit: 3"),
-        ("turn", "no behaviour 'turn': use forward, avoid, wander, follow or package.module:Class"),
+        ("turn", "no behaviour 'turn': use idle, forward, avoid, wander, follow, path, go_to, formation or package."),
         ("", "no behaviour ''"),
         ("my_robots.mine", "package.module:Class"),
         ("my_robots.mine:", "package.module:Class"),
@@ -111,6 +114,7 @@ def test_a_users_class_is_found() -> None:
         ("my_stopper.py", "(did you mean my_stopper:Stopper or my_stopper:Slower?): use"),
         ("my_stopper.Stopper", "(did you mean my_stopper:Stopper?): use"),
         ("my_robots.mine:Odd", "give it a class Params"),
+        ("my_robots.mine:Deaf", "inputs: 'goal': goal_pose carries PoseStamped, not Twist"),
         ("my_robots.mine:Closed", "def __init__(self, params): super().__init__(params)"),
     ],
 )

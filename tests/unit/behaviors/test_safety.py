@@ -1,20 +1,24 @@
 """The layer under every behaviour, and what a robot needs to be ready."""
 
 import math
+from fractions import Fraction
 from typing import Any
 
+import numpy as np
 import pytest
 
 from support.flat_floor import TICK, make_scan, make_view
 from support.world_texts import box_points
 from zteam.base import Base
-from zteam.behaviors import Behavior, View, decide, load_behavior, make_safe, missing
+from zteam.behaviors import Behavior, SafetyLayer, View, decide, load_behavior, make_safe, missing
 from zteam.errors import ZteamError
 from zteam.geometry import Pose2
 from zteam.messages import LaserScan, Twist, Vector3
 
 FREE = [30.0] * 271
 NOW = 100 * TICK
+ALL_ROUND = make_scan(FREE, fov=math.tau)
+"""A free scan of a laser without a blind side."""
 
 
 class Asks(Behavior):
@@ -60,7 +64,7 @@ def test_no_scan_moves_nobody() -> None:
 )
 def test_limits_hold_both_ways(x: float, turn: float, got: tuple[float, float]) -> None:
     """Speed and turn rate are clamped forwards and backwards (the seeds' follower asked for -12.57 rad/s)."""
-    command, _ = decide(asks(x, turn), make_view(make_scan(FREE)))
+    command, _ = decide(asks(x, turn), make_view(ALL_ROUND))
     assert (command.linear.x, command.angular.z) == got
 
 
@@ -78,8 +82,22 @@ def test_a_base_with_lower_limits_is_asked_for_no_more(
     base: Base, x: float, turn: float, got: tuple[float, float]
 ) -> None:
     """The smaller limit counts, the layer's or the base's; a car's second number is the angle of its wheels."""
-    command, _ = decide(asks(x, turn), make_view(make_scan(FREE), base=base))
+    command, _ = decide(asks(x, turn), make_view(ALL_ROUND, base=base))
     assert (command.linear.x, command.angular.z) == got
+
+
+@pytest.mark.parametrize(
+    ("base", "ticks"), [(Base(), 4), (Base(decel_lim_x=-1.0), 10), (Base(drive="car"), 4), (Base(acc_lim_x=1.0), 10)]
+)
+def test_a_robot_that_lacks_data_brakes_evenly_and_soon(base: Base, ticks: int) -> None:
+    """From 1 m/s it stands after 0.4 s, or as soon as the limits that its base tells let it; no step is a jump."""
+    layer, view = SafetyLayer(), make_view(ALL_ROUND, base=base)
+    for _ in range(20):
+        command, _ = layer.limit(Twist(Vector3(1.0)), view)
+    speeds = [command.linear.x]
+    while speeds[-1]:
+        speeds.append(layer.limit(Twist(), view, "leader robot_0 is gone")[0].linear.x)
+    assert speeds == pytest.approx([1.0 - i / ticks for i in range(ticks + 1)])
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
@@ -91,6 +109,14 @@ def test_what_is_no_number_is_zero(value: float) -> None:
         assert "no number" in reason
 
 
+def test_a_command_has_plain_numbers_whatever_the_behaviour_returns() -> None:
+    """Integers and numpy's numbers become floats, so that an answer can be handed over as it is."""
+    for value in (1, np.float32(0.5), np.int64(1), Fraction(1, 2)):
+        command, _ = decide(asks(value, value), make_view(make_scan(FREE)))  # type: ignore[arg-type]
+        assert type(command.linear.x) is type(command.angular.z) is float
+        assert (command.linear.x, command.angular.z) == (value, value)
+
+
 def test_only_what_the_base_can_do_is_passed_on() -> None:
     """Sideways and upward parts are dropped."""
     wild = Asks(Twist(Vector3(0.1, 3.0, math.nan), Vector3(math.nan, 3.0, 0.2)))
@@ -100,19 +126,26 @@ def test_only_what_the_base_can_do_is_passed_on() -> None:
 @pytest.mark.parametrize(
     ("x", "y", "stops"),
     [
-        (0.3, 0.0, True),
-        (0.3, 0.15, True),
-        (0.3, -0.15, True),
-        (0.36, 0.0, False),
-        (0.3, 0.3, False),
+        (0.29, 0.0, True),
+        (0.29, 0.19, True),
+        (0.29, -0.19, True),
+        (0.45, 0.0, False),
+        (0.29, 0.3, False),
         (0.75, 0.0, False),
     ],
 )
 def test_forward_stops_for_what_is_swept(x: float, y: float, stops: bool) -> None:
-    """What stands in its own width a quarter of a metre ahead stops it; what stands beside or beyond does not."""
-    command, reason = decide(asks(0.4, 0.5), make_view(in_front(x, y), now=NOW))
-    assert (command.linear.x, reason) == ((0.0, "obstacle ahead") if stops else (0.4, ""))
-    assert command.angular.z == 0.5  # turning away stays possible
+    """What stands in its own width less than 0.15 m ahead stops it; what stands beside or far ahead does not."""
+    command, reason = decide(asks(0.3), make_view(in_front(x, y), now=NOW))
+    assert (command.linear.x, reason) == ((0.0, "obstacle ahead") if stops else (0.3, ""))
+
+
+def test_a_robot_before_an_obstacle_may_turn_away() -> None:
+    """Only the drive is cut: the turn that was wanted is left."""
+    scan = make_scan([0.26] * 30 + FREE[60:] + [0.26] * 30, NOW, math.radians(270.0))
+    scan.ranges[120:150] = 0.29
+    command, reason = decide(asks(0.4, 0.1), make_view(scan, now=NOW))
+    assert (command.linear.x, command.angular.z, reason) == (0.0, 0.1, "obstacle ahead")
 
 
 @pytest.mark.parametrize(("half", "stops"), [(0.1, False), (0.35, True)])
@@ -120,13 +153,16 @@ def test_a_wider_base_sweeps_more(half: float, stops: bool) -> None:
     """A wide base is stopped by what an erratic passes by, and a narrow one passes by what stops an erratic."""
     base = Base(footprint=box_points(half))
     for y in (0.15, 0.3):
-        command, _ = decide(asks(0.4), make_view(in_front(0.3, y), now=NOW, base=base))
+        command, _ = decide(asks(0.4), make_view(in_front(0.5, y), now=NOW, base=base))
         assert (command.linear.x == 0.0) is stops
 
 
 def test_an_obstacle_ahead_does_not_hold_a_robot_that_backs_off() -> None:
-    """Only the forward part is cut."""
-    assert decide(asks(-0.4), make_view(in_front(0.2, 0.0), now=NOW))[0].linear.x == -0.4
+    """What it touches does not hold it either."""
+    for distance in (0.2, 0.126, 0.12):
+        scan = make_scan(FREE, NOW, math.tau)
+        scan.ranges[135] = distance
+        assert decide(asks(-0.4), make_view(scan, now=NOW))[0].linear.x == -0.4
 
 
 @pytest.mark.parametrize("ranges", [[], [math.nan] * 271, [0.0] * 271])

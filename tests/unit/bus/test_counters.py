@@ -83,3 +83,12 @@ def test_a_cause_that_returns_after_a_minute_is_warned_about_at_once(
     for now[0] in (0.0, 1.5, 2.0, 62.0, 63.0, 63.5):
         found.drop("a", "no such robot")
     assert [record.args[-1] for record in caplog.records if isinstance(record.args, tuple)] == [1, 2, 4, 5]
+
+
+def test_a_key_without_messages_is_not_told() -> None:
+    """A receiver that counts for itself has no row before its first message."""
+    found = Counters()
+    count = found.count_of("a")
+    assert found.snapshot() == {}
+    count.received += 1
+    assert found.snapshot() == {"a": KeyCount(1)}

@@ -46,7 +46,7 @@ def test_the_list_has_one_line_for_each(capsys: pytest.CaptureFixture[str]) -> N
     assert zteam.main(["behaviors"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert [line.split()[0] for line in lines[1 : 1 + len(BEHAVIORS)]] == list(BEHAVIORS)
-    assert lines[1] == "forward    The same speed for ever; only the safety layer stops it."
+    assert lines[2] == "forward    The same speed for ever; only the safety layer stops it."
 
 
 def test_a_behaviour_of_ones_own_is_shown(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

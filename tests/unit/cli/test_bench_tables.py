@@ -1,10 +1,11 @@
 """The figures of `zteam bench` as tables, with units."""
 
+import msgspec
 import pytest
 
 from zteam.bench.casting import KernelFigures
 from zteam.bench.coding import CodecFigures
-from zteam.bench.running import TeamFigures
+from zteam.bench.running import InProcessFigures, TeamFigures
 from zteam.bench.simulation import SimulationFigures
 from zteam.bench.transforms import BufferFigures, ListenerFigures
 from zteam.cli.bench_tables import (
@@ -121,6 +122,23 @@ def test_a_team_in_lockstep_has_its_run_and_the_parts_of_a_tick() -> None:
         "encode scan  1.60 µs",
         "look up      2.10 µs",
     ]
+
+
+def test_a_team_in_one_process_stands_beside_the_processes_and_the_core() -> None:
+    """Their factors and ratios, whether the trajectories are the same, and the budget of a robot's step."""
+    one = InProcessFigures(150.0, 440.0, 71.4, True, 210.0)
+    hops = {"behavior_and_safety": 31.2}
+    lines = format_team([msgspec.structs.replace(TEAM, in_process=one, hops_us=hops)]).splitlines()
+    begin = lines.index("the same team in        real-time factor  to processes")
+    assert [line.split() for line in lines[begin + 1 : begin + 4]] == [
+        ["processes", "44.6", "1.00"],
+        ["one", "process", "150", "3.36"],
+        ["simulator's", "core", "alone", "440", "9.86"],
+    ]
+    assert lines[begin + 4] == "trajectory: the same in processes and in one; memory of the one process: 210 MB"
+    assert "31.2 µs a robot and tick, alone (budget 60); 71.4 µs in the team" in lines[begin + 5]
+    other = msgspec.structs.replace(one, same_trajectory=False)
+    assert "NOT the same" in format_team([msgspec.structs.replace(TEAM, in_process=other)])
 
 
 def test_a_team_in_real_time_has_no_ratio_but_lateness() -> None:

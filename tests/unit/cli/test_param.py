@@ -61,11 +61,11 @@ def test_list_prints_json(run: Run) -> None:
     """Scripts get the descriptions and the values."""
     (row,) = json.loads(run("list", "robot_10", "--json")[1])
     assert (row["name"], row["behavior"]) == ("robot_10", "follow")
-    assert row["parameters"][1] == {
+    assert row["parameters"][3] == {
         "name": "min_dist",
         "type": "float",
         "limits": {"ge": 0.0, "le": 100.0},
-        "description": "m; it stands while the leader is nearer",
+        "description": "m; it stands while the leader is nearer; law direct",
         "required": False,
         "default": 0.8,
         "value": 1.0,
@@ -83,7 +83,7 @@ def test_get_of_several_robots_names_them(run: Run, name: str) -> None:
     """Robots that lack the parameter do not keep the others from being shown."""
     code, text, errors = run("get", name, "speed")
     assert (code, text) == (2, "robot_0: 0.3\nrobot_2: 0.4\n")
-    assert errors.startswith("zteam param: robot_10: no parameter 'speed'; follow takes leader, min_dist, ")
+    assert errors.startswith("zteam param: robot_10: no parameter 'speed'; follow takes leader, law, ")
     assert len(errors.splitlines()) == 1
 
 

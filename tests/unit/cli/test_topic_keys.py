@@ -8,9 +8,10 @@ from support.named_sessions import ignore, open_named
 from support.transports import Inbox
 from zteam import names
 from zteam.bus import MemoryHub
+from zteam.bus.memory import MemoryTransport
 from zteam.cli import listening, topic, topic_keys
 from zteam.cli.key_users import near_keys
-from zteam.messages import Bool, Odometry, Twist
+from zteam.messages import Bool, Odometry, Twist, encode, encoding_of
 
 
 @pytest.fixture
@@ -66,16 +67,16 @@ def test_the_list_as_json_names_the_processes(team: MemoryHub, capsys: pytest.Ca
     assert rows["lamp"]["publishers"] == ["sim"]
 
 
-def test_without_the_router_the_list_has_what_is_heard(
-    team: MemoryHub, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """If the router does not tell, publishers are those that are heard, and subscribers are unknown."""
-    monkeypatch.setattr(MemoryHub, "declarations", lambda _hub: None)
-    assert topic.main(["list"]) == 0
-    assert capsys.readouterr().out.splitlines() == [
-        "key   type                  rate  pubs  subs",
-        "lamp  std_msgs/msg/Bool  latched     1     ?",
-    ]
+def test_a_foreign_program_is_known_by_what_it_publishes(hub: MemoryHub, capsys: pytest.CaptureFixture[str]) -> None:
+    """A session that tells no declarations is a publisher, beside others, when it is heard; else it is missing."""
+    foreign = MemoryTransport(hub)
+    foreign.declare_publisher("lamp", encoding_of(Bool), True).put(encode(Bool(False)))
+    foreign.declare_publisher("bell", encoding_of(Bool), False)
+    open_named(hub, "sim").publisher("lamp", Bool)
+    assert topic.main(["list", "--json"]) == 0
+    rows = {row["key"]: row for row in json.loads(capsys.readouterr().out)}
+    assert rows["lamp"]["publishers"] == [f"session {foreign.instance}", "sim"]
+    assert "bell" not in rows
 
 
 def test_info_of_a_key_without_a_publisher(team: MemoryHub, capsys: pytest.CaptureFixture[str]) -> None:

@@ -4,13 +4,17 @@ import threading
 from collections.abc import Iterator
 
 import pytest
+import zenoh
 
 from support.named_sessions import ignore, open_named
-from support.transports import Inbox, wait_until_true
+from support.transports import Inbox, RouterProcess, wait_until_true
 from zteam import names
-from zteam.bus import Bus, MemoryHub, NoRequest
+from zteam.bus import Bus, BusOptions, MemoryHub, NoRequest
+from zteam.bus.memory import MemoryTransport
+from zteam.bus.options import client_config
 from zteam.bus.transport import RawSample
 from zteam.cli import topic, topic_pub
+from zteam.cli.key_users import KeyUsers, find_key_users
 from zteam.clock import to_ns
 from zteam.messages import Bool, Clock, PoseStamped, String, Time, Twist, time_from_ns
 from zteam.services.simulator import SimStatus
@@ -67,12 +71,18 @@ def test_it_tells_when_a_subscriber_comes(hub: MemoryHub, capsys: pytest.Capture
     words = ["pub", "-r", "200", "--times", "400", "--clock", "wall", "lamp", "Bool", "{data: true}"]
     thread = threading.Thread(target=lambda: codes.append(topic.main(words)), daemon=True)
     thread.start()
-    wait_until_true(lambda: "lamp" in {d.key for d in hub.declarations()})
+    printed: list[str] = []
+
+    def is_told() -> bool:
+        printed.append(capsys.readouterr().out)
+        return "".join(printed).endswith("\n")
+
+    wait_until_true(is_told)
     late.subscribe("lamp", Bool, heard)
     heard.wait_for(("lamp", Bool(True)))
     thread.join(20.0)
     assert codes == [0]
-    lines = capsys.readouterr().out.splitlines()
+    lines = ("".join(printed) + capsys.readouterr().out).splitlines()
     assert lines == [
         "publishing std_msgs/msg/Bool on lamp 400 times at 200 Hz to no subscriber yet",
         "publishing on lamp to 1 subscriber: robot_7",
@@ -172,13 +182,46 @@ def test_every_message_has_its_own_stamp(hub: MemoryHub) -> None:
     assert heard.items[1].sec * 10 + heard.items[1].nanosec // 100_000_000 >= 126
 
 
-def test_without_the_router_it_still_warns(
+def test_a_subscriber_that_tells_no_name_is_one(hub: MemoryHub, capsys: pytest.CaptureFixture[str]) -> None:
+    """A foreign program does not tell its subscribers, but the publisher knows that there is one."""
+    MemoryTransport(hub).declare_subscriber("lamp", ignore, False)
+    assert topic.main(["pub", "-1", "lamp", "Bool"]) == 0
+    printed = capsys.readouterr()
+    expected = "publishing std_msgs/msg/Bool on lamp once to subscribers that tell no name"
+    assert printed.out == f"{expected} (frozen, or no processes of zteam)\n"
+    assert printed.err == ""
+
+
+def test_a_subscriber_that_comes_during_the_question_is_named(
     hub: MemoryHub, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """If the router does not tell of subscribers, a publisher knows at least whether it has one."""
-    monkeypatch.setattr(MemoryHub, "declarations", lambda _hub: None)
+    """One that the first answer does not have is asked for its name."""
+
+    def ask(bus: Bus) -> KeyUsers:
+        monkeypatch.undo()
+        monkeypatch.setattr(topic_pub, "open_bus", lambda _options: hub.bus())
+        users = find_key_users(bus)
+        open_named(hub, "robot_7").subscribe_raw("lamp", ignore)
+        return users
+
+    monkeypatch.setattr(topic_pub, "find_key_users", ask)
     assert topic.main(["pub", "-1", "lamp", "Bool"]) == 0
-    assert "nothing subscribes to lamp" in capsys.readouterr().err
-    hub.bus().subscribe_raw("lamp", ignore)
-    assert topic.main(["pub", "-1", "lamp", "Bool"]) == 0
-    assert "(the router does not tell to which subscribers)" in capsys.readouterr().out
+    assert capsys.readouterr().out == "publishing std_msgs/msg/Bool on lamp once to 1 subscriber: robot_7\n"
+
+
+def test_a_subscriber_of_a_plain_zenoh_program_is_noticed(capsys: pytest.CaptureFixture[str]) -> None:
+    """A publisher knows of the subscriber of a plain Zenoh program when the tool tells its subscribers."""
+    router = RouterProcess()
+    try:
+        config = client_config(BusOptions(connect=router.endpoint))
+        with zenoh.open(config) as plain:
+            subscriber = plain.declare_subscriber("ns/lamp", lambda _: None)
+            for _ in range(10):
+                words = ["pub", "-1", "lamp", "Bool", "--connect", router.endpoint, "--namespace", "ns"]
+                assert topic.main(words) == 0
+            subscriber.undeclare()
+    finally:
+        router.kill()
+    printed = capsys.readouterr()
+    assert printed.out.count("to subscribers that tell no name") == 10
+    assert printed.err == ""

@@ -1,21 +1,12 @@
 """The command line of `zteam up`, and its output."""
 
-import io
 from pathlib import Path
 
 import pytest
 
 from support.commands import exit_code
 from zteam.cli import up
-from zteam.cli.up import Printer
-
-
-class Terminal(io.StringIO):
-    """Standard output that is a terminal."""
-
-    def isatty(self) -> bool:
-        """Yes."""
-        return True
+from zteam.resources import names, teams_folder, worlds_folder
 
 
 @pytest.fixture(autouse=True)
@@ -26,7 +17,7 @@ def nothing_starts(monkeypatch: pytest.MonkeyPatch) -> None:
         raise AssertionError("a process was started")
 
     monkeypatch.setattr("zteam.launch.run.Run.start", refuse)
-    for name in ("ZTEAM_CONNECT", "ZTEAM_NAMESPACE", "NO_COLOR"):
+    for name in ("ZTEAM_CONNECT", "ZTEAM_NAMESPACE"):
         monkeypatch.delenv(name, raising=False)
 
 
@@ -93,13 +84,15 @@ FILES = {
     "folder/team.toml": TEAM + "id = 0\n",
 }
 """What a new user has in the current folder."""
+TEAMS = ", ".join(names(teams_folder(), ".toml"))
+WORLDS = ", ".join(names(worlds_folder(), ".world"))
 
 
 @pytest.mark.parametrize(
     ("arguments", "lines"),
     [
-        ("aren", ["team 'aren': no such file, nor a shipped team (arena, line, willow); did you mean arena?"]),
-        ("no/team.toml", ["team 'no/team.toml': no such file, nor a shipped team (arena, line, willow)"]),
+        ("aren", [f"team 'aren': no such file, nor a shipped team ({TEAMS}); did you mean arena?"]),
+        ("no/team.toml", [f"team 'no/team.toml': no such file, nor a shipped team ({TEAMS})"]),
         ("office", ["team 'office': that is a world; say 'zteam up --world office' or 'zteam-sim office'"]),
         (
             "worlds/office.world",
@@ -112,7 +105,7 @@ FILES = {
         ("folder", ["team 'folder': that is a folder; name the team file in it (*.toml)"]),
         (
             "ok.toml --world ofice",
-            ["world 'ofice': no such file, nor a shipped world (arena, office); did you mean"],
+            [f"world 'ofice': no such file, nor a shipped world ({WORLDS}); did you mean"],
         ),
         ("ok.toml --world folder", ["world 'folder': that is a folder; name the world file in it (*.world)"]),
         ("line --world ok.toml", ["world 'ok.toml': that is a team; say 'zteam up ok.toml'"]),
@@ -192,40 +185,3 @@ def test_a_seed_that_changes_nothing_is_noted_once(
     told = capsys.readouterr().err
     assert told.count("[up] --seed 7 changes nothing: this team draws no random numbers (noise of lasers") == count
     assert told.count("--seed") == count
-
-
-def printed(monkeypatch: pytest.MonkeyPatch, output: io.StringIO, *lines: tuple[str, str]) -> str:
-    """The output of a Printer for (process, line) pairs."""
-    monkeypatch.setattr("sys.stdout", output)
-    printer = Printer(print)
-    for name, line in lines:
-        printer.line(name, line)
-    return output.getvalue()
-
-
-def test_a_line_starts_with_the_name_of_its_process(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A line starts with its process's name, once and without colours if the output is no terminal."""
-    text = printed(monkeypatch, io.StringIO(), ("robot_1", "12:00:00 [robot_1] GO: driving"), ("sim", "a [b] c"))
-    assert text == "[robot_1] 12:00:00 GO: driving\n[sim] a [b] c\n"
-
-
-def test_a_terminal_shows_colours(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Each process has one colour for its name in all lines; the text is plain."""
-    text = printed(monkeypatch, Terminal(), ("a", "one"), ("b", "two"), ("a", "three"))
-    first, second, third = text.splitlines()
-    color = first.partition("[a]")[0]
-    assert color.startswith("\033[")
-    assert third == f"{color}[a]\033[0m three"
-    assert not second.startswith(color)
-
-
-def test_no_color_turns_colours_off(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With NO_COLOR set there are no colours, even on a terminal (https://no-color.org)."""
-    monkeypatch.setenv("NO_COLOR", "1")
-    assert printed(monkeypatch, Terminal(), ("a", "one")) == "[a] one\n"
-
-
-def test_every_process_of_a_large_team_has_a_colour(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With more processes than colours, colours repeat."""
-    text = printed(monkeypatch, Terminal(), *((f"robot_{i}", "x") for i in range(40)))
-    assert all(line.startswith("\033[") for line in text.splitlines())

@@ -1,5 +1,6 @@
-"""What `zteam up` shows of a running team where its output is no terminal: lines, and now and then how far it is."""
+"""What `zteam up` shows of a running team: lines of its processes; without a terminal now and then how far it is."""
 
+import io
 import threading
 from collections.abc import Iterable
 from typing import cast
@@ -8,13 +9,21 @@ import pytest
 
 from support.log_capture import captured_log
 from zteam.cli import up_display
-from zteam.cli.up_display import open_display
+from zteam.cli.up_display import Printer, open_display
 from zteam.launch.overview import Overview, TeamOverview
 from zteam.messages import TeamState, TeamStatus
 from zteam.services.simulator import SimStatus
 
 GO = TeamStatus(state=TeamState.GO)
 LIMIT = 30.0
+
+
+class Terminal(io.StringIO):
+    """Standard output that is a terminal."""
+
+    def isatty(self) -> bool:
+        """Yes."""
+        return True
 
 
 class Looks:
@@ -71,3 +80,46 @@ def test_a_run_without_an_end_is_not_looked_at(monkeypatch: pytest.MonkeyPatch) 
     looks = Looks([1.0, 2.0])
     assert told(looks, None, monkeypatch) == []
     assert not looks.over.is_set()
+
+
+@pytest.fixture(autouse=True)
+def colours(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The environment does not turn colours off."""
+    monkeypatch.delenv("NO_COLOR", raising=False)
+
+
+def printed(monkeypatch: pytest.MonkeyPatch, output: io.StringIO, *lines: tuple[str, str]) -> str:
+    """The output of a Printer for (process, line) pairs."""
+    monkeypatch.setattr("sys.stdout", output)
+    printer = Printer(print)
+    for name, line in lines:
+        printer.line(name, line)
+    return output.getvalue()
+
+
+def test_a_line_starts_with_the_name_of_its_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A line starts with its process's name, once and without colours if the output is no terminal."""
+    text = printed(monkeypatch, io.StringIO(), ("robot_1", "12:00:00 [robot_1] GO: driving"), ("sim", "a [b] c"))
+    assert text == "[robot_1] 12:00:00 GO: driving\n[sim] a [b] c\n"
+
+
+def test_a_terminal_shows_colours(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each process has one colour for its name in all lines; the text is plain."""
+    text = printed(monkeypatch, Terminal(), ("a", "one"), ("b", "two"), ("a", "three"))
+    first, second, third = text.splitlines()
+    color = first.partition("[a]")[0]
+    assert color.startswith("\033[")
+    assert third == f"{color}[a]\033[0m three"
+    assert not second.startswith(color)
+
+
+def test_no_color_turns_colours_off(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With NO_COLOR set there are no colours, even on a terminal (https://no-color.org)."""
+    monkeypatch.setenv("NO_COLOR", "1")
+    assert printed(monkeypatch, Terminal(), ("a", "one")) == "[a] one\n"
+
+
+def test_every_process_of_a_large_team_has_a_colour(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With more processes than colours, colours repeat."""
+    text = printed(monkeypatch, Terminal(), *((f"robot_{i}", "x") for i in range(40)))
+    assert all(line.startswith("\033[") for line in text.splitlines())

@@ -117,7 +117,11 @@ def test_a_wrong_command_is_answered_with_the_right_one(capsys: pytest.CaptureFi
             "zteam topic pub: TYPE is missing; usage: zteam topic pub KEY TYPE ['{…}' …] [--rate HZ]",
         ),
         ("world", ["show", "arena", "--otput=x"], "missing; no option '--otput': did you mean --output?; usage:"),
-        ("up", ["line", "arena"], "zteam up: 'arena' is too much; usage: zteam up [TEAM]"),
+        (
+            "up",
+            ["line", "arena"],
+            "zteam up: 'arena' is not NAME=VALUE, such as leader=2; usage: zteam up [TEAM]",
+        ),
         ("tf", ["static", "1", "--pos"], "zteam tf static: no option '--pos'; usage: zteam tf static X Y Z YAW"),
         (
             "up",
@@ -140,7 +144,11 @@ def test_a_wrong_command_is_answered_with_the_right_one(capsys: pytest.CaptureFi
         ("topic", ["publish"], "no subcommand 'publish': did you mean pub?; usage"),
         ("sim", ["speed"], "zteam sim speed: X|max is missing; usage: zteam sim speed X|max [--json]"),
         ("up", ["--for"], "zteam up: --for: expected one argument; usage: zteam up [TEAM]"),
-        ("up", ["--report", "x.json"], "zteam up: --report needs --for SECONDS: only a run with an end has a report; "),
+        (
+            "up",
+            ["--report", "x.json"],
+            "zteam up: --report needs --for SECONDS or --until TICK: only a run with an end ",
+        ),
         ("up", ["--speed", "fast"], "zteam up: speed 'fast': give simulated seconds a second from 1e-06 to 1e+06, or "),
         ("param", ["set", "0", "speed"], "zteam param set: set 'speed': give each parameter a value, e.g. speed 0.3 "),
         ("log", ["robot_0/odom"], "zteam log: 'robot_0/odom' is not the name of a process, such as robot_1, sim or "),
@@ -149,6 +157,16 @@ def test_a_wrong_command_is_answered_with_the_right_one(capsys: pytest.CaptureFi
         ("topic", ["pub", "a", "Bool", "-1", "-t", "2"], "--times: not allowed with argument --once; usage: zteam top"),
         ("zteam_monitor", ["--ids", "0-"], "zteam-monitor: --ids: '0-': give robot ids from 0 to 9999, such as 0 2 5"),
         ("zteam_robot", ["--id", "0", "--follow", "x"], "zteam-robot: --follow: robot id 'x' is not a whole number fr"),
+        (
+            "zteam_robot",
+            ["--id", "0", "--law", "direct"],
+            "zteam-robot: --law direct says how to follow: say --follow I",
+        ),
+        (
+            "zteam_robot",
+            ["--id", "0", "--follow", "1", "--law", "trail", "--param", "law=direct"],
+            "zteam-robot: --law names the law already: leave --param law out",
+        ),
         ("zteam_robot", ["--id", "x"], "zteam-robot: --id: robot id 'x' is not a whole number from 0 to 9999"),
         ("zteam_sim", ["arena", "--gap", "1"], "zteam-sim: --gap '1' is not FOLLOWER:LEADER, e.g. 1:0; usage: zteam-"),
         ("zteam_sim", ["arena", "--no-gate"], "zteam-sim: --no-gate needs --lockstep; usage: zteam-sim WORLD"),

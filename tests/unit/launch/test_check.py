@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from zteam import run_team
 from zteam.errors import ConfigError
 from zteam.launch.check import check_team
 from zteam.resources import shipped_world
@@ -73,7 +74,7 @@ gaussian_noise = -1
 
 
 TOLD = [
-    "4: team.sede: unknown key (did you mean seed?); known: world, seed, world_robots",
+    "4: team.sede: unknown key (did you mean seed?); known: world, seed, world_robots, restart",
     "8: robots[0].behaviour: unknown key (did you mean behavior?); forward takes speed",
     "9: robots[0].sped: unknown key (did you mean speed?); forward takes speed",
     '14: robots[1].min_dist: a number is expected, not "near"',
@@ -83,10 +84,10 @@ TOLD = [
     "25: robots[3].rat: unknown key (did you mean rate?); my_stopper:Stopper takes rate",
     "29: robots[4].model: arena: no robot macro 'eratic' in this world; there are: erratic",
     "31: robots[4].description: …/nothing.urdf: cannot read this robot description: No such file or directory",
-    "32: robots[4].behavior: no behaviour 'wandr' (did you mean wander?): use forward, avoid, wander, follow or …",
+    "32: robots[4].behavior: no behaviour 'wandr' (did you mean wander?): use idle, forward, …",
     "35: robots[5].id: robot 1 is robots[1] already; give each robot its own id",
     "35: robots[5].id: the world has a robot 1 already: leave model and pose out, or give another id",
-    "38: robots[5].behavior: no behaviour 'my_stopper' (did you mean my_stopper:Stopper?): use forward, …",
+    "38: robots[5].behavior: no behaviour 'my_stopper' (did you mean my_stopper:Stopper?): use idle, forward, …",
     "41: simulation.gaussian_noise: must be from 0 to 1000, not -1",
 ]
 
@@ -128,6 +129,74 @@ def test_the_fixture_checks_a_team_file_too(tmp_path: Path) -> None:
         assert team.log == []
     finally:
         team.close()
+
+
+NODES = """
+[team]
+world = "arena"
+[[robots]]
+id = 0
+[[nodes]]
+name = "a"
+command = ["no_such_program", "x"]
+[[nodes]]
+name = "b"
+command = ["./own.sh"]
+[[nodes]]
+name = "c"
+command = ["python", "gone.py"]
+[[nodes]]
+name = "d"
+command = ["python", "-m", "http.server"]
+[[nodes]]
+name = "e"
+command = ["python", "here.py"]
+folder = "below"
+[[nodes]]
+name = "f"
+command = ["python", "here.py"]
+folder = "nowhere"
+[[nodes]]
+name = "g"
+command = ["a\\u0000b"]
+"""
+
+
+def test_programs_scripts_and_folders_of_nodes_are_looked_for(tmp_path: Path) -> None:
+    """What is not there is told with its place; `python` is this interpreter; a script lies in the node's folder."""
+    (tmp_path / "below").mkdir()
+    (tmp_path / "below" / "here.py").write_text("")
+    path = write(tmp_path, NODES)
+    with pytest.raises(ConfigError) as caught:
+        check_team(read_team_file(path))
+    assert str(caught.value).replace(f"{path}:", "").splitlines() == [
+        "8: nodes[0].command[0]: there is no program 'no_such_program' on PATH",
+        f"11: nodes[1].command[0]: there is no program './own.sh' in {tmp_path}",
+        f"14: nodes[2].command[1]: there is no file 'gone.py' in {tmp_path}",
+        f"25: nodes[5].folder: there is no folder {tmp_path}/nowhere",
+        "28: nodes[6].command[0]: there is no program 'a\\x00b' on PATH",
+    ]
+    (tmp_path / "own.sh").write_text("")
+    (tmp_path / "own.sh").chmod(0o755)
+    own = write(
+        tmp_path, '[team]\nworld = "arena"\n[[robots]]\nid = 0\n[[nodes]]\nname = "b"\ncommand = ["./own.sh"]\n'
+    )
+    check_team(read_team_file(own))
+
+
+def test_a_team_in_one_process_that_nothing_can_reach_has_no_nodes(tmp_path: Path) -> None:
+    """The fixture and `run_team` name the node's line and the way out; nothing starts."""
+    path = write(tmp_path, '[team]\nworld = "arena"\n[[robots]]\nid = 0\n[[nodes]]\nname = "a"\ncommand = ["python"]\n')
+    told = r"team\.toml:7: nodes\[0\]\.command: a node is a process, which cannot reach a team in one process: "
+    team = TeamFixture()
+    try:
+        with pytest.raises(ConfigError, match=f"{told}leave in_process out"):
+            team.launch(path, in_process=True)
+        assert team.log == []
+    finally:
+        team.close()
+    with pytest.raises(ConfigError, match=f"{told}give run_team a bus, or use zteam up"):
+        run_team(path, seconds=1.0)
 
 
 def test_a_behaviour_in_the_current_folder_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,6 +8,7 @@ from zteam.bus.memory import MemoryHub
 from zteam.bus.presence import Claim
 from zteam.errors import BusError
 from zteam.launch.namespace import claim_namespace, refuse_second_team
+from zteam.runtime.shutdown import Stop
 
 LIMIT = 30.0
 
@@ -27,7 +28,7 @@ def test_of_two_launchers_at_once_one_stays(hub: MemoryHub) -> None:
 
     def claim() -> None:
         try:
-            results.append(claim_namespace(hub.bus(), lambda _: None))
+            results.append(claim_namespace(hub.bus(), Stop()))
         except BusError as error:
             results.append(str(error))
 

@@ -25,7 +25,7 @@ def test_a_module_that_misbehaves_is_reported(
     """Whatever the import does, the launcher goes on, and the answer names the behaviour."""
     (tmp_path / "bad.py").write_text(code)
     monkeypatch.chdir("/")
-    with Inquiry([Question("bad:Robot", {})], tmp_path) as inquiry:
+    with Inquiry([Question("bad:Robot", {})], [str(tmp_path)]) as inquiry:
         (answer,) = inquiry.answers()
     assert told in answer.refused
     assert "bad:Robot" in answer.refused
@@ -34,7 +34,7 @@ def test_a_module_that_misbehaves_is_reported(
 def test_a_module_that_hangs_is_given_up(tmp_path: Path) -> None:
     """After the limit the check goes on, and the process that hangs is ended."""
     (tmp_path / "slow.py").write_text("import time; time.sleep(600)")
-    with Inquiry([Question("slow:Robot", {})] * 2, tmp_path) as inquiry:
+    with Inquiry([Question("slow:Robot", {})] * 2, [str(tmp_path)]) as inquiry:
         assert inquiry._process is not None
         pid = inquiry._process.pid
         first, _ = inquiry.answers(limit=0.5)

@@ -1,14 +1,17 @@
 """A team as commands: each command parses its command line."""
 
+import sys
 from pathlib import Path
 
 import pytest
 
 from zteam.cli import zteam_monitor, zteam_robot, zteam_sim, zteam_tf
 from zteam.geometry import Pose2
+from zteam.launch.arguments import Pace
 from zteam.launch.plan import Plan, plan_team
+from zteam.launch.supervisor import Job
 from zteam.resources import shipped_team
-from zteam.team_file import RobotEntry, Team, TeamSection, load_team
+from zteam.team_file import NodeEntry, RobotEntry, Team, TeamSection, load_team
 
 WORLD = Path("/w/office.world")
 BUS = ("--connect", "tcp/127.0.0.1:1", "--namespace", "t")
@@ -52,6 +55,24 @@ def test_a_process_of_no_kind_stops_first() -> None:
     order = plan.stop_order()
     assert set(order[0]) == {"robot_0", "robot_3", "robot_7", "robot_8", "teleop", "robot #7"}
     assert order[1:] == [["tf", "monitor"], ["sim"], ["router"]]
+
+
+def test_nodes_are_jobs_that_stop_with_the_robots() -> None:
+    """Each with its folder and its restart; `python` is this interpreter. Lock-step waits for those with `expect`."""
+    nodes = [
+        NodeEntry("planner", ("python", "planner.py", "2"), "/t", expect=True),
+        NodeEntry("camera", ("/bin/camera",), "/u", restart="no"),
+    ]
+    team = Team([RobotEntry(id=0)], TeamSection(restart="on-failure"), nodes=nodes)
+    plan = plan_team(team, WORLD, BUS, pace=Pace(lockstep=True))
+    assert plan.nodes == {
+        "planner": Job([sys.executable, "planner.py", "2"], folder=Path("/t"), restarts=True, may_end=True),
+        "camera": Job(["/bin/camera"], folder=Path("/u"), may_end=True),
+    }
+    assert plan.restarts == {"robot_0"}
+    assert plan.optional == {"camera"}
+    assert zteam_sim.build_parser().parse_args(arguments(plan, "sim")).expect == ["tf", "robot_0", "planner"]
+    assert plan.stop_order() == [["robot_0", "planner", "camera"], ["tf", "monitor"], ["sim"], ["router"]]
 
 
 def test_a_users_behaviour_is_imported_from_beside_the_team_file() -> None:
@@ -117,7 +138,7 @@ def test_a_seed_on_the_command_line_wins(seed: int) -> None:
     assert {zteam_robot.build_parser().parse_args(arguments(plan, name)).seed for name in plan.robots} == {seed}
 
 
-@pytest.mark.parametrize("name", ["line", "arena", "willow"])
+@pytest.mark.parametrize("name", ["line", "arena", "willow", "chain"])
 def test_shipped_teams_make_a_plan(name: str) -> None:
     """Each command parses the command line that a shipped team file gives it."""
     path = shipped_team(name)

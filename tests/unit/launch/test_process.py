@@ -4,7 +4,6 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -33,15 +32,6 @@ class Child:
         """Wait for its end; its exit code."""
         assert self.process.join(LIMIT)
         return self.process.exit_code
-
-
-@pytest.fixture
-def lifeline() -> Iterator[int]:
-    """The read end of a pipe as the supervisor hands it to children."""
-    reader, writer = os.pipe()
-    yield reader
-    os.close(reader)
-    os.close(writer)
 
 
 def test_lines_come_in_order_from_both_outputs(lifeline: int) -> None:

@@ -17,7 +17,7 @@ import pytest
 from zteam.bus.memory import MemoryHub
 from zteam.clock import monotonic
 from zteam.errors import BusError, UsageError, ZteamError
-from zteam.launch.process import Usage, measure_usage
+from zteam.launch.process import Usage
 from zteam.launch.report import (
     Counts,
     ProcessReport,
@@ -25,9 +25,9 @@ from zteam.launch.report import (
     check_writable,
     format_report,
     make_report,
+    measure_processes,
     read_dropped,
     read_sim_report,
-    report_processes,
     write_report,
 )
 from zteam.runtime.participant import RoundTiming
@@ -134,7 +134,7 @@ ROW = ProcessReport("sim", 7, 0, 0, 150.0, 90.0, 3.0)
 def written() -> dict[str, Any]:
     """The file of a run whose simulator counted COUNTED."""
     rounds = {"robot_0": RoundTiming(301, 0.5, 0.25)}
-    report = make_report(Counts(COUNTED, {"clock": 2}, rounds), 31.23456, 1.00049, [ROW])
+    report = make_report(Counts(COUNTED, {"clock": 2}, rounds), 31.23456, 1.00049, [ROW], {"robot_1": 2})
     found: dict[str, Any] = json.loads(msgspec.json.encode(report))
     return found
 
@@ -152,6 +152,7 @@ def test_a_report_has_the_keys_and_values_that_scripts_read() -> None:
         "seed": 4,
         "external_commands": 5,
         "dropped": {"clock": 2},
+        "restarts": {"robot_1": 2},
         "latency_ms": {"p50": 2.0, "p99": 9.0, "count": 600},
         "ticks": 301,
         "rtf": 3.0,
@@ -166,7 +167,7 @@ def test_a_report_has_the_keys_and_values_that_scripts_read() -> None:
 
 def test_every_figure_of_the_simulator_is_in_the_report() -> None:
     """A new figure is added to RunFigures alone: the launcher copies every field and repeats none."""
-    own = {"wall_seconds", "go_after_seconds", "processes", "dropped", "rounds", "real_time_factor"}
+    own = {"wall_seconds", "go_after_seconds", "processes", "dropped", "rounds", "restarts", "real_time_factor"}
     assert set(RunReport.__struct_fields__) - set(RunFigures.__struct_fields__) == own - {"real_time_factor"}
     assert own == set(RunReport.__annotations__)
     assert {"finished", "wall_seconds"} == set(SimReport.__annotations__)
@@ -174,7 +175,7 @@ def test_every_figure_of_the_simulator_is_in_the_report() -> None:
 
 def test_a_run_without_go_has_no_time_of_go() -> None:
     """The value is null."""
-    assert make_report(Counts(COUNTED, {}, {}), 1.0, None, []).go_after_seconds is None
+    assert make_report(Counts(COUNTED, {}, {}), 1.0, None, [], {}).go_after_seconds is None
 
 
 def test_a_report_can_be_read_back() -> None:
@@ -244,9 +245,7 @@ def test_a_silent_simulator_is_an_error() -> None:
 
 def test_the_launcher_is_a_process_too() -> None:
     """The launcher has a row with its process id, memory and processor time."""
-    own = Usage()
-    measure_usage(os.getpid(), own)
-    (row,) = report_processes({}, "up", own)
+    (row,) = measure_processes({"up": os.getpid()})
     assert (row.name, row.pid, row.exit, row.restarts) == ("up", os.getpid(), 0, 0)
     assert 1 < row.pss_mb <= row.rss_mb
     assert row.cpu_seconds > 0

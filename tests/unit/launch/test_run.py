@@ -22,6 +22,7 @@ from zteam.launch import run as running
 from zteam.launch.process import Process
 from zteam.launch.router import ANY_PORT
 from zteam.launch.run import Run, RunOptions, choose_endpoint
+from zteam.launch.warm_parent import WarmParent
 from zteam.messages import TeamState
 from zteam.runtime.shutdown import Stop
 from zteam.team_file import RobotEntry, Team
@@ -76,7 +77,7 @@ class Pretend:
     def run(self, run_for: float | None = None) -> Run:
         """A run whose processes are not started yet."""
         options = RunOptions(TEAM, None, Path("/w/arena.world"), BusOptions(), run_for=run_for)
-        run = Run(options, self.stop, lambda name, line: self.lines.append((name, line)))
+        run = Run(options, self.stop, lambda name, line: self.lines.append((name, line)), WarmParent())
         start = run.supervisor.start
 
         def keep(*arguments: Any) -> Process:
@@ -207,7 +208,7 @@ def test_a_robot_that_ends_after_go_does_not_end_the_run(pretend: Pretend) -> No
 def test_processes_get_every_option_of_the_connection(monkeypatch: pytest.MonkeyPatch, namespace: str | None) -> None:
     """Whatever the environment says, every process uses the launcher's connection, with and without a namespace."""
     options = RunOptions(TEAM, None, Path("/w/arena.world"), BusOptions(namespace=namespace))
-    with Run(options, Stop(), lambda *_: None) as run:
+    with Run(options, Stop(), lambda *_: None, WarmParent()) as run:
         commands = run.plan.commands
     builders = {"sim": zteam_sim, names.AGGREGATOR: zteam_tf, names.MONITOR: zteam_monitor, "robot_0": zteam_robot}
     monkeypatch.setenv("ZTEAM_NAMESPACE", "of_the_environment")
@@ -221,13 +222,13 @@ def test_a_second_team_is_refused_in_one_line(pretend: Pretend) -> None:
     """The error names the first launcher's process id and start; no process starts; later the namespace is free."""
     options = RunOptions(TEAM, None, Path("/w/arena.world"), BusOptions(connect="tcp/127.0.0.1:5"), run_for=1.0)
     told = rf"^a team is already running here \(pid {os.getpid()}, since \d\d:\d\d:\d\d\); stop it, or use --namespace$"
-    with Run(options, pretend.stop, lambda *_: None) as first:
+    with Run(options, pretend.stop, lambda *_: None, WarmParent()) as first:
         first.start()
-        with Run(options, pretend.stop, lambda *_: None) as second, pytest.raises(BusError, match=told):
+        with Run(options, pretend.stop, lambda *_: None, WarmParent()) as second, pytest.raises(BusError, match=told):
             second.start()
         assert second.supervisor.processes == {}
         assert all(process.running for process in first.supervisor.processes.values())
-    with Run(options, pretend.stop, lambda *_: None) as third:
+    with Run(options, pretend.stop, lambda *_: None, WarmParent()) as third:
         third.start()
 
 
@@ -236,5 +237,8 @@ def test_processes_started_by_hand_refuse_a_team(pretend: Pretend) -> None:
     claim = Claim(pretend.hub.bus(), names.MONITOR)
     claim.win(lambda _: None)
     options = RunOptions(TEAM, None, Path("/w/arena.world"), BusOptions(connect="tcp/127.0.0.1:5"))
-    with Run(options, pretend.stop, lambda *_: None) as run, pytest.raises(BusError, match="already running here"):
+    with (
+        Run(options, pretend.stop, lambda *_: None, WarmParent()) as run,
+        pytest.raises(BusError, match="already running here"),
+    ):
         run.start()

@@ -10,8 +10,9 @@ from pathlib import Path
 import pytest
 
 from zteam.clock import monotonic
+from zteam.launch import restarts
 from zteam.launch.process import Process
-from zteam.launch.supervisor import Supervisor
+from zteam.launch.supervisor import Job, Supervisor
 
 LIMIT = 30.0
 
@@ -39,7 +40,8 @@ class Watched(Supervisor):
         self.heard: list[tuple[str, str]] = []
         self.failed: list[str] = []
         super().__init__(
-            lambda name, line: self.heard.append((name, line)), lambda process: self.failed.append(process.name)
+            lambda name, line: self.heard.append((name, line)),
+            lambda process, _again: self.failed.append(process.name),
         )
 
     def run(self, name: str, code: str) -> Process:
@@ -165,8 +167,8 @@ def is_frozen(pid: int) -> bool:
 
 SUPERVISED = f"""
 import os, signal, sys
-from zteam.launch.supervisor import Supervisor
-supervisor = Supervisor(lambda name, line: print(name, line, flush=True), lambda process: None)
+from zteam.launch.supervisor import Job, Supervisor
+supervisor = Supervisor(lambda name, line: print(name, line, flush=True), lambda process, delay: None)
 child = supervisor.start("child", [sys.executable, "-c", {OWN!r}])
 supervisor.wait(lambda: bool(child.lines), 30)
 print("pid", child.pid, flush=True)
@@ -202,10 +204,10 @@ def test_children_end_when_their_supervisor_dies(number: signal.Signals, frozen:
 
 DEAF = """
 import sys
-from zteam.launch.supervisor import Supervisor
+from zteam.launch.supervisor import Job, Supervisor
 def on_line(name, line):
     raise BrokenPipeError
-supervisor = Supervisor(on_line, lambda process: None)
+supervisor = Supervisor(on_line, lambda process, delay: None)
 supervisor.start("child", [sys.executable, "-c", "print('line'); raise SystemExit(3)"])
 told = supervisor.wait(lambda: bool(supervisor.failures), 2)
 supervisor.close()
@@ -243,3 +245,39 @@ def test_starting_again_leaves_no_descriptor_open() -> None:
         kept = [supervisor.run("a", "raise SystemExit(1)") for _ in range(5)]
         assert supervisor.processes["a"] is kept[-1]
     assert len(list(Path("/proc/self/fd").iterdir())) == before
+
+
+FAILING = "import sys; print('once more', flush=True); sys.exit('no camera')"
+
+
+def test_a_process_that_fails_for_ever_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is started again as often as there are delays, and counts as failed only then; the rest goes on."""
+    monkeypatch.setattr(restarts, "DELAYS", (0.0, 0.0))
+    with Watched() as supervisor:
+        other = supervisor.run("robot_0", WAITING)
+        supervisor.start_job("camera", Job([sys.executable, "-c", FAILING], restarts=True, may_end=True))
+        assert supervisor.wait(lambda: bool(supervisor.failures), LIMIT)
+        assert [line for name, line in supervisor.heard if name == "camera"] == ["once more", "no camera"] * 3
+        assert supervisor.restarts.counts == {"camera": 2}
+        assert [process.name for process in supervisor.failures] == ["camera"]
+        assert supervisor.ended == {"camera"}
+        assert other.running
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
+def test_a_process_that_was_asked_to_end_is_not_started_again(monkeypatch: pytest.MonkeyPatch, number: int) -> None:
+    """A signal that asks for the end is no failure to mend; SIGKILL is."""
+    monkeypatch.setattr(restarts, "DELAYS", (0.0, 0.0))
+    job = Job(
+        [sys.executable, "-c", f"import signal; signal.signal(signal.SIGINT, signal.SIG_DFL)\n{WAITING}"], restarts=True
+    )
+    with Watched() as supervisor:
+        first = supervisor.start_job("a", job)
+        assert supervisor.wait(lambda: bool(first.lines), LIMIT)
+        first.signal(signal.SIGKILL)
+        assert supervisor.wait(lambda: supervisor.processes["a"] is not first, LIMIT)
+        second = supervisor.processes["a"]
+        assert supervisor.wait(lambda: bool(second.lines), LIMIT)
+        second.signal(number)
+        assert supervisor.wait(lambda: supervisor.failures == [second], LIMIT)
+        assert supervisor.restarts.counts == {"a": 1}

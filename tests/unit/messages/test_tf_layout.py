@@ -3,8 +3,8 @@
 import pytest
 
 from support.bundles import bundle
-from zteam.messages import TFMessage, TransformStamped, decode, encode
-from zteam.messages.tf_layout import Layout
+from zteam.messages import TFMessage, Time, TransformStamped, decode, encode
+from zteam.messages.tf_layout import Layout, MessageLayout
 
 
 def payload_of(tick: int, robots: list[int]) -> bytes:
@@ -19,6 +19,36 @@ def test_only_stamps_and_numbers_may_differ() -> None:
     assert layout.fits(later)
     assert [layout.transform(later, index) for index in range(3)] == bundle(77, [0, 1, 2])
     assert layout.stamp(later, -1) == 7_700_000_000
+
+
+def test_messages_fit_as_their_bytes_do() -> None:
+    """Where a bundle is shared in memory, the same frames in the same order fit, and no others."""
+    message, later = TFMessage(bundle(1, [0, 1, 2])), TFMessage(bundle(77, [0, 1, 2]))
+    layout = MessageLayout(message)
+    assert layout.children == ["robot_0/base_footprint", "robot_1/base_footprint", "robot_2/base_footprint"]
+    for robots in ([0, 1], [0, 2, 1], [0, 1, 2, 3]):
+        assert not layout.fits(TFMessage(bundle(77, robots)))
+        assert layout.fits(later)
+    assert not layout.fits(encode(later))
+    assert (layout.stamp(later, -1), layout.transform(later, 1)) == (7_700_000_000, bundle(77, [0, 1, 2])[1])
+
+
+def test_stamps_and_numbers_without_the_message() -> None:
+    """The span of the stamps and the numbers of each transform are those of the message, from bytes as in memory."""
+    message = TFMessage(bundle(7, [0, 1, 2]))
+    places = [t.transform.translation for t in message.transforms]
+    for stamps in ([5, 5, 5], [5, 9, 2], [-3, -3, 7]):
+        for one, sec in zip(message.transforms, stamps, strict=True):
+            one.header.stamp = Time(sec, 10)
+        span = 1_000_000_000 * min(stamps) + 10, 1_000_000_000 * max(stamps) + 10
+        payload, shared = encode(message), decode(TFMessage, encode(message))
+        in_bytes, in_memory = Layout(payload), MessageLayout(shared)
+        assert in_bytes.span(payload) == in_memory.span(shared) == span
+        assert in_bytes.parents == in_memory.parents == ["robot_0/odom", "robot_1/odom", "robot_2/odom"]
+        for index in range(3):
+            assert in_bytes.numbers(payload, index) == in_memory.numbers(shared, index) == (
+                places[index].x, places[index].y, 0.0, 0.0, 0.0, 0.0, 1.0,
+            )  # fmt: skip
 
 
 @pytest.mark.parametrize(

@@ -1,10 +1,11 @@
 """Fixtures of the runtime's tests."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import pytest
 
 from support.lockstep_doubles import ScriptedSimulator
+from support.own_node import Own
 from support.participant_desk import NAME, Desk
 from zteam.bus import MemoryHub
 from zteam.messages import Done
@@ -27,3 +28,17 @@ def desk(hub: MemoryHub, script: ScriptedSimulator) -> Iterator[Desk]:
     assert script.take() == [Done(1, 1)]
     yield desk
     desk.node.close()
+
+
+@pytest.fixture
+def make(hub: MemoryHub) -> Iterator[Callable[..., Own]]:
+    """Makes nodes that end with the test."""
+    made: list[Own] = []
+
+    def start(*arguments: object) -> Own:
+        made.append(Own(hub, *arguments))  # type: ignore[arg-type]
+        return made[-1]
+
+    yield start
+    for own in made:
+        own.close()

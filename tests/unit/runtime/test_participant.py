@@ -152,6 +152,18 @@ def test_a_fault_in_its_work_ends_the_wait_of_its_main_loop(desk: Desk, script: 
         desk.node.wait(lambda: True, LIMIT)
 
 
+def test_a_process_that_stops_within_its_step_does_not_answer(desk: Desk, script: ScriptedSimulator) -> None:
+    """The tick then ends when its token has gone, so all know in which tick it left."""
+
+    def stop(_: Tick) -> Twist | None:
+        desk.node.stop.request("it has done its work")
+        return Twist()
+
+    desk.command = stop
+    script.tick(2, NAME)
+    assert (desk.acted, script.take()) == ([2], [])
+
+
 @pytest.mark.parametrize("late", ["tick", "input"])
 def test_nothing_is_answered_behind_the_stop_hooks(desk: Desk, script: ScriptedSimulator, late: str) -> None:
     """A hook has the last word, such as a zero velocity: a tick or an input that comes after it does nothing."""

@@ -16,7 +16,7 @@ from support.lockstep_doubles import LIMIT
 from zteam.bus import BusOptions, MemoryHub
 from zteam.errors import UsageError
 from zteam.messages import Bool, Log, LogLevel
-from zteam.runtime import log_publisher, process, shutdown
+from zteam.runtime import log_publisher, process, shutdown, step_node
 from zteam.runtime.log_keeper import LogKeeper
 from zteam.runtime.node import Node
 
@@ -24,7 +24,8 @@ from zteam.runtime.node import Node
 @pytest.fixture
 def offline(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> None:
     """`zteam.run` opens its sessions in memory, in a program that has not set up any log."""
-    monkeypatch.setattr(process, "connect", lambda options, stopping: hub.bus())
+    for module in (process, step_node):
+        monkeypatch.setattr(module, "connect", lambda options, stopping: hub.bus())
     keeper = LogKeeper()
     for module in (process, log_publisher):
         monkeypatch.setattr(module, "KEEPER", keeper)

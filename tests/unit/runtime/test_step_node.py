@@ -1,13 +1,13 @@
 """`zteam.Node` on a bus in memory: when its step runs, and what it may answer."""
 
-import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import pytest
 
 import zteam
-from support.lockstep_doubles import LIMIT, HarnessFactory
+from support.lockstep_doubles import LIMIT, HarnessFactory, ScriptedSimulator
+from support.own_node import Own
 from zteam import names
 from zteam.bus import MemoryHub
 from zteam.clock import wait_until
@@ -15,6 +15,7 @@ from zteam.errors import UsageError
 from zteam.messages import (
     Bool,
     Clock,
+    Done,
     Header,
     Odometry,
     TFMessage,
@@ -24,74 +25,9 @@ from zteam.messages import (
     ns_from_time,
     time_from_ns,
 )
-from zteam.runtime import step_node
-from zteam.runtime.shutdown import Stop
+from zteam.runtime import node_inputs
 
 TICK = 100_000_000
-
-
-class Own:
-    """A user's node with its main loop in a thread."""
-
-    def __init__(self, hub: MemoryHub, name: str = "planner", command: Twist | None = None) -> None:
-        self.stop = Stop()
-        self.node = zteam.Node(name, hub.bus(), self.stop)
-        self.steps: list[int] = []
-        self.changed = threading.Condition()
-        self.failure: BaseException | None = None
-        self._command = command
-        self._present = threading.Event()
-        hub.bus().watch_tokens([names.tokens_key(name)], lambda key, alive: self._present.set())
-        self._thread = threading.Thread(target=self._run, daemon=True)
-
-    def step(self, now: int) -> Twist | None:
-        """The user's step."""
-        with self.changed:
-            self.steps.append(now)
-            self.changed.notify_all()
-        return self._command
-
-    def start(self, step: Callable[[int], Twist | None] | None = None, period: float = 0.1) -> "Own":
-        """Run the main loop."""
-        self._chosen, self._period = step or self.step, period
-        self._thread.start()
-        return self
-
-    def _run(self) -> None:
-        try:
-            self.node.run(self._chosen, period=self._period)
-        except BaseException as error:
-            self.failure = error
-
-    def wait_until_present(self) -> None:
-        """Wait until it holds its name."""
-        assert self._present.wait(LIMIT)
-
-    def wait_for_steps(self, count: int) -> None:
-        """Wait until the step has run so often."""
-        with self.changed:
-            assert wait_until(self.changed, lambda: len(self.steps) >= count, LIMIT), self.steps
-
-    def close(self) -> None:
-        """Stop and wait."""
-        self.stop.request("the test is over")
-        if self._thread.ident is not None:
-            self._thread.join(LIMIT)
-        self.node.close()
-
-
-@pytest.fixture
-def make(hub: MemoryHub) -> Iterator[Callable[..., Own]]:
-    """Makes nodes that end with the test."""
-    made: list[Own] = []
-
-    def start(*arguments: object) -> Own:
-        made.append(Own(hub, *arguments))  # type: ignore[arg-type]
-        return made[-1]
-
-    yield start
-    for own in made:
-        own.close()
 
 
 def test_its_step_follows_the_simulators_clock(hub: MemoryHub, make: Callable[..., Own]) -> None:
@@ -182,6 +118,36 @@ def test_in_lock_step_it_waits_for_its_inputs(
     assert own.steps == [TICK]
 
 
+def test_before_the_first_tick_of_lock_step_it_does_not_step(hub: MemoryHub, make: Callable[..., Own]) -> None:
+    """The clock of a simulator in lock-step may come before its tick: the first step is that of the tick."""
+    own = make("robot_3", Twist(Vector3(0.5)))
+    script = ScriptedSimulator(hub, "robot_3")
+    script.appear()
+    own.start()
+    own.wait_until_present()
+    for tick in (1, 2, 3):
+        script.tell(tick * TICK)
+        with own.node.changed:
+            wait_until(own.node.changed, lambda: bool(own.steps), 0.2)
+    assert own.steps == []
+    script.tick(3, "robot_3")
+    assert own.steps == [3 * TICK]
+
+
+def test_go_in_the_held_first_tick_is_no_second_step(hub: MemoryHub, make: Callable[..., Own]) -> None:
+    """The tick comes again with GO: it is answered with the command of its one step. The next tick has its own."""
+    own = make("robot_3", Twist(Vector3(0.5)))
+    script = ScriptedSimulator(hub, "robot_3")
+    script.appear()
+    own.start()
+    own.wait_until_present()
+    script.tick(1, "robot_3", epoch=0)
+    script.tick(1, "robot_3", epoch=4)
+    script.tick(2, "robot_3", epoch=4)
+    assert script.take() == [Done(epoch, tick, True, Twist(Vector3(0.5))) for epoch, tick in ((0, 1), (4, 1), (4, 2))]
+    assert own.steps == [TICK, 2 * TICK]
+
+
 @pytest.mark.usefixtures("patient")
 @pytest.mark.parametrize(("name", "obeyed"), [("robot_3", True), ("planner", False)])
 def test_a_robots_own_process_may_command(
@@ -216,7 +182,8 @@ def test_what_step_raises_ends_it(hub: MemoryHub, make: Callable[..., Own]) -> N
 def test_what_a_callback_raises_ends_it(
     hub: MemoryHub, make: Callable[..., Own], new_harness: HarnessFactory, every_tick: bool
 ) -> None:
-    """`run` raises it, no tick is answered any more, and the world goes on without a time-out once it is closed."""
+    """`run` raises it, the tick is not answered, and the world goes on without a time-out once it is closed: what
+    `step` waits for is handled in its own tick, another process's message in the tick after that."""
 
     def fail(_key: str, odom: Odometry) -> None:
         if ns_from_time(odom.header.stamp) == 2 * TICK:
@@ -229,19 +196,21 @@ def test_what_a_callback_raises_ends_it(
     own.start()
     world = new_harness("planner")
     own.wait_until_present()
-    world.open(1, 0)
-    world.begin()
-    odoms.put(Odometry(Header(time_from_ns(TICK))))
-    assert world.end()
+    last = 2 if every_tick else 3
+    for tick in range(1, last):
+        world.open(tick, 0)
+        world.begin()
+        odoms.put(Odometry(Header(time_from_ns(tick * TICK))))
+        assert world.end()
     odoms.put(Odometry(Header(time_from_ns(2 * TICK))))
+    world.open(last, 0)
+    world.begin()
     own._thread.join(LIMIT)
     assert str(own.failure) == "out of plans"
-    world.open(2, 0)
-    world.begin()
     assert world.lockstep.waiting_for() == "planner"
     own.node.close()
     assert world.end()
-    assert own.steps == [TICK]
+    assert own.steps == [tick * TICK for tick in range(1, last)]
 
 
 @pytest.mark.parametrize("source", ["token", "reset"])
@@ -327,12 +296,12 @@ def test_a_clock_that_comes_at_once_is_taken(
 ) -> None:
     """A node that is made in the middle of a run takes a message that arrives while it still subscribes."""
 
-    class InARun(step_node.Participant):
+    class InARun(node_inputs.Participant):
         def __init__(self, *arguments: Any, **options: Any) -> None:
             super().__init__(*arguments, **options)
             hub.bus().publisher(names.CLOCK, Clock).put(Clock(time_from_ns(7 * TICK)))
 
-    monkeypatch.setattr(step_node, "Participant", InARun)
+    monkeypatch.setattr(node_inputs, "Participant", InARun)
     node = make().node
     assert wait_until(node.changed, lambda: node.clock.sim.now() == 7 * TICK, LIMIT)
     assert "error" not in caplog.text

@@ -28,7 +28,7 @@ def test_aligned_bodies_of_one_size_stop_each_other(physics: Physics, mine: floa
         engine.move({0: drive(0.5)})
     gap = math.dist(engine.truth(0)[:2], engine.truth(1)[:2]) - 0.4
     assert -0.005 < gap < 0.06
-    assert physics == "dynamic" or engine.stalled(0)
+    assert physics == "dynamic" or engine.standing().stalled[0]
 
 
 @pytest.mark.parametrize("physics", PHYSICS)

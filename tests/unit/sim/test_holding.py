@@ -25,7 +25,7 @@ def test_a_robot_that_pushes_a_box_against_a_wall_is_stopped_by_it(mass: float, 
         engine.move({0: drive(speed)})
         assert engine.observe().pushed["box"].x < 2.0 - 0.1 + 0.015
         assert engine.truth(0).x + 0.2 < 2.0 - 0.2 + 0.04
-    assert engine.stalled(0)
+    assert engine.standing().stalled[0]
     assert engine.truth(0).x + 0.2 > 2.0 - 0.2 - 0.05
 
 
@@ -63,12 +63,12 @@ def test_a_robot_in_a_wall_stalls_until_it_is_moved(physics: str, make: Any, x: 
     for _ in range(30):
         engine.move({0: drive(1.0, 1.0)})
         assert engine.truth(0) == Pose2(x, 0.0, 0.0)
-        assert engine.stalled(0)
+        assert engine.standing().stalled[0]
     engine.place(0, Pose2(4.0, 0.0, 0.0))
     for _ in range(5):
         engine.move({0: drive(1.0)})
     assert engine.truth(0).x == pytest.approx(4.5)
-    assert not engine.stalled(0)
+    assert not engine.standing().stalled[0]
     engine.place(0, Pose2(0.5, 0.0, 0.0))
     engine.move({0: drive(1.0)})
     assert engine.truth(0).x == 0.5

@@ -36,7 +36,7 @@ def use_kernels(folder: Path, *sizes: str) -> "subprocess.CompletedProcess[str]"
     environment = {key: value for key, value in os.environ.items() if key != "NUMBA_CACHE_DIR"}
     (folder / "two_kernels.py").write_text(KERNELS)
     return subprocess.run(
-        [sys.executable, "-B", "-c", CODE.format(folder=str(folder)), *sizes],
+        [sys.executable, "-B", "-P", "-c", CODE.format(folder=str(folder)), *sizes],
         env={**environment, "XDG_CACHE_HOME": str(folder / "cache")},
         capture_output=True,
         text=True,

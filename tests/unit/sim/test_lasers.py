@@ -23,6 +23,19 @@ def scans(engine: Engine, count: int, robot_id: int = 0) -> np.ndarray:
     return np.array([engine.step({}).robots[robot_id].readings[0].ranges for _ in range(count)])
 
 
+@pytest.mark.parametrize("dazzle", ["off", "max"])
+def test_a_scan_cannot_be_changed(dazzle: Any) -> None:
+    """Messages share it: its ranges and intensities are read-only, and the next tick writes to others."""
+    engine = Engine(make_world(make_robot(), make_robot(2.0)), options=Options(dazzle=dazzle))
+    first = engine.step({}).robots[0].readings[0]
+    with pytest.raises(ValueError, match="read-only"):
+        first.ranges[0] = 1.0
+    with pytest.raises(ValueError, match="read-only"):
+        first.intensities[0] = 1.0
+    second = engine.step({}).robots[0].readings[0]
+    assert not np.shares_memory(first.ranges, second.ranges)
+
+
 def test_gaussian_noise_has_its_deviation_and_spares_misses() -> None:
     """The scatter of a beam over many ticks is sigma, its mean the truth; a beam without a hit stays at range_max."""
     exact = scans(Engine(make_world(make_robot())), 1)[0]

@@ -1,11 +1,14 @@
 """The map of what stands still: thin walls are walls, and a map that fits no memory is refused."""
 
+import math
+
 import numpy as np
 import pytest
 
 from support.small_worlds import make_box, make_robot
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
+from zteam.sim.grids import is_occupied
 from zteam.sim.occupancy_grid import map_message, map_metadata
 from zteam.world.model import Floorplan, Obstacle, Shape, World
 from zteam.world.properties import Size3
@@ -49,6 +52,31 @@ def test_fine_pixels_are_not_lost_between_centres() -> None:
     assert cells[:, 2].all()
     assert cells[14].all()
     assert np.count_nonzero(cells) == 39
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.4, math.pi / 2, -2.0, math.pi])
+def test_a_cell_is_what_the_bitmap_has_at_its_centre(yaw: float) -> None:
+    """However the bitmap lies in the map, and beside it, where everything is free."""
+    bitmap = np.random.default_rng(3).random((70, 45)) < 0.4
+    plan = Floorplan("floor", bitmap, (0.11, 0.07), Pose2(0.3, -0.2, yaw), 0.0, 1.0)
+    world = World("w", 100_000_000, (plan,), (make_box("box", 9.0, 9.0),), (make_robot(),))
+    message = map_message(world, 0.05)
+    info = message.info
+    cells = np.asarray(message.data).reshape(info.height, info.width) == 100
+    left, bottom = info.origin.position.x, info.origin.position.y
+    own = [
+        (row, column)
+        for row in range(info.height)
+        for column in range(info.width)
+        if is_occupied(plan, left + (column + 0.5) * 0.05, bottom + (row + 0.5) * 0.05)
+    ]
+    expected = np.zeros_like(cells)
+    expected[tuple(np.transpose(own))] = True
+    # The box stands beside the bitmap.
+    beside = left + (np.arange(info.width) + 0.5) * 0.05 > 8.0
+    assert (cells == expected)[:, ~beside].all()
+    assert len(own) > 1000
+    assert np.count_nonzero(cells[:, beside]) == 64
 
 
 def test_thick_things_are_no_fatter_than_before() -> None:

@@ -73,6 +73,12 @@ def test_arguments_bring_the_base_to_the_robot(tmp_path: Path) -> None:
     assert robot_arguments(second) == ["--id", "1", "--base", "min_vel_x=0.0"]
 
 
+def test_arguments_leave_the_safety_layer_out_where_the_file_does(tmp_path: Path) -> None:
+    """`safety = false` becomes --no-safety, for that robot alone."""
+    robots = load(tmp_path, "[[robots]]\nid = 0\nsafety = false\n[[robots]]\nid = 1\n").robots
+    assert [build_parser().parse_args(robot_arguments(robot)).no_safety for robot in robots] == [True, False]
+
+
 @pytest.mark.parametrize(
     ("text", "told"),
     [

@@ -10,6 +10,7 @@ from zteam import resources
 from zteam.errors import ConfigError
 from zteam.geometry import Pose2
 from zteam.team_file import RobotEntry, load_team, read_team_file, team_world
+from zteam.team_file.reading import KEYS
 
 
 def test_a_whole_file(tmp_path: Path) -> None:
@@ -192,9 +193,9 @@ def test_a_misspelt_table_is_checked_as_what_it_means(begin: str, tmp_path: Path
         load_team(tmp_path / "team.toml")
     told = str(caught.value).replace(f"{tmp_path}/team.toml:", "").splitlines()
     assert told[-3:] == [
-        "4: robots[0].follow: no robot 7 in this file (it has 0)",
-        "5: teams: unknown key (did you mean team?); known: robots, team, static_transforms, simulation",
-        '6: team.seed: a whole number is expected, not "x"',
+        f"4: {begin.strip('[]')}[0].follow: no robot 7 in this file (it has 0)",
+        f"5: teams: unknown key (did you mean team?); known: {', '.join(KEYS)}",
+        '6: teams.seed: a whole number is expected, not "x"',
     ]
     assert len(told) == (4 if begin == "[[robot]]" else 3)
 

@@ -80,3 +80,30 @@ def test_a_leader_with_mistakes_still_exists(tmp_path: Path) -> None:
     """A mistake in the leader's table is not also reported as a missing leader."""
     told = error_of(tmp_path, robots("id = 0\nbehavior = 3", "id = 1\nfollow = 0"))
     assert told == "3: robots[0].behavior: a text is expected, not 3"
+
+
+@pytest.mark.parametrize(
+    ("tables", "told"),
+    [
+        (["name='a b'\ncommand=['x']"], "4: nodes[0].name: 'a b' cannot be a name; use letters, digits"),
+        (["name='tf'\ncommand=['x']"], "4: nodes[0].name: tf is a process of the team already"),
+        (["name='router'\ncommand=['x']"], "4: nodes[0].name: router is a process of the team already"),
+        (["name='robot_0'\ncommand=['x']"], "4: nodes[0].name: robot_0 is a process of the team already"),
+        (["name='a'\ncommand=['x']"] * 2, "7: nodes[1].name: nodes[0] has this name already; give each node its own"),
+        (["name='a'\ncommand=[]"], "5: nodes[0].command: a list of at least 1 value is expected, not []"),
+        (["name='a'\ncommand=[[1]]"], "5: nodes[0].command[0]: a text is expected, not [1]"),
+        (["name='a'\ncommand=['x']\nexpects=true"], "6: nodes[0].expects: unknown key (did you mean expect?)"),
+        (["name='a'"], "3: nodes[0]: the key command is missing"),
+    ],
+)
+def test_mistakes_in_nodes_are_one_line(tmp_path: Path, tables: list[str], told: str) -> None:
+    """A name that the bus can carry and that nothing else of the team has, and a command."""
+    text = robots("id=0") + "".join(f"\n[[nodes]]\n{table}" for table in tables)
+    assert error_of(tmp_path, text).startswith(told)
+
+
+def test_a_node_may_be_a_robot_that_has_no_table(tmp_path: Path) -> None:
+    """A driver of one's own; numbers and truth values in a command are its words, also as arguments."""
+    text = robots("id=0") + "\n[[nodes]]\nname='robot_1'\ncommand=['python', 'drive.py', 1, true, '${gap:-2.5}']"
+    (node,) = load(tmp_path, text).nodes
+    assert node.command == ("python", "drive.py", "1", "true", "2.5")

@@ -1,6 +1,8 @@
 """Bundles from which only looked-up frames are decoded answer like a buffer that decodes everything."""
 
+import math
 import random
+from functools import partial
 
 import pytest
 
@@ -14,6 +16,7 @@ from zteam.messages import (
     TransformStamped,
     Vector3,
     encode,
+    time_from_ns,
 )
 from zteam.tf import Buffer, TransformException
 from zteam.tf.lazy_bundles import Bundles
@@ -30,7 +33,10 @@ def starts(buffer: Buffer) -> None:
 class Pair:
     """One buffer that decodes whole bundles, and one that decodes only looked-up frames."""
 
-    def __init__(self) -> None:
+    def __init__(self, form: str = "bytes") -> None:
+        """`form` of the bundles: bytes, messages, or mixed."""
+        self._form = form
+        self._count = 0
         self.whole, self.lazy = Buffer(), Buffer()
         starts(self.whole)
         starts(self.lazy)
@@ -40,7 +46,9 @@ class Pair:
         """Give one bundle to both buffers."""
         for one in transforms:
             self.whole.set_transform(one, "test")
-        return self.bundles.take(encode(TFMessage(transforms)))
+        self._count += 1
+        as_bytes = self._form == "bytes" or (self._form == "mixed" and self._count % 3 == 0)
+        return self.bundles.take(encode(TFMessage(transforms)) if as_bytes else TFMessage(transforms))
 
     def look(self, target: str, source: str, time: int = 0) -> list[object]:
         """The answers of the full buffer and of the lazy one, in this order."""
@@ -53,11 +61,30 @@ class Pair:
                 answers.append((type(error), str(error)))
         return answers
 
+    def newest(self, target: str, source: str) -> list[tuple[float, ...] | str]:
+        """What both say of the newest planar pose: x, y, yaw and its stamp, or the error."""
+        answers: list[tuple[float, ...] | str] = []
+        for ask in (partial(self.whole.lookup_pose2, time=0), self.bundles.lookup_pose2):
+            try:
+                pose, stamp = ask(target, source)
+                answers.append((*pose, stamp))
+            except TransformException as error:
+                answers.append(repr(error))
+        return answers
 
-@pytest.fixture
-def pair() -> Pair:
-    """Two buffers with the start poses."""
-    return Pair()
+    def move_start(self, robot: int, x: float) -> None:
+        """Place a robot's start pose anew."""
+        turned = Transform(Vector3(x, 1.0), Quaternion(0.0, 0.0, 0.6, 0.8))
+        fixed = TransformStamped(Header(frame_id="map"), f"robot_{robot}/odom", turned)
+        for buffer in (self.whole, self.lazy):
+            buffer.set_transform_static(fixed, "test")
+        self.bundles.forget_paths()
+
+
+@pytest.fixture(params=["bytes", "messages", "mixed"])
+def pair(request: pytest.FixtureRequest) -> Pair:
+    """Two buffers with the start poses, for bundles of each form."""
+    return Pair(request.param)
 
 
 def test_what_is_asked_for_is_what_was_said(pair: Pair) -> None:
@@ -71,6 +98,83 @@ def test_what_is_asked_for_is_what_was_said(pair: Pair) -> None:
             for time in (0, past):
                 whole, lazy = pair.look(f"robot_{a}/base_footprint", f"robot_{b}/base_footprint", time)
                 assert whole == lazy
+
+
+def turn(transforms: list[TransformStamped], chance: random.Random) -> None:
+    """Give every robot some yaw."""
+    for one in transforms:
+        yaw = chance.uniform(-3.0, 3.0)
+        one.transform.rotation = Quaternion(0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2))
+
+
+def spoil(fault: str, tick: int, transforms: list[TransformStamped], chance: random.Random) -> None:
+    """Let a bundle differ from the one before in more than its poses and its stamp."""
+    one = chance.choice(transforms)
+    other = time_from_ns(max(1, tick + chance.choice([-30, -1, 1, 2])) * S // 10)
+    match fault:
+        case "one stamp":
+            one.header.stamp = other
+        case "all stamps":
+            for each in transforms:
+                each.header.stamp = other
+        case "rotation":
+            one.transform.rotation = Quaternion(0.0, 0.0, 0.0, chance.choice([0.5, 0.9999]))
+        case "height":
+            one.transform.translation.z = chance.choice([0.0, 0.25])
+        case "tilt":
+            one.transform.rotation = Quaternion(0.6, 0.0, 0.0, 0.8)
+        case "parent":
+            one.header.frame_id = chance.choice(["map", one.child_frame_id, "/" + one.header.frame_id])
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("fault", ["", "one stamp", "all stamps", "rotation", "height", "tilt", "parent", "start"])
+def test_newest_poses_are_those_of_a_full_buffer(pair: Pair, fault: str, seed: int) -> None:
+    """Newest poses equal a full buffer's to the last bit, also with old, raised and refused transforms.
+
+    After a tilted one, a full buffer rounds in another way.
+    """
+    chance = random.Random(seed)
+    for tick in range(1, 200):
+        transforms = bundle(tick)
+        turn(transforms, chance)
+        # The same fault for six ticks, and another one for a single tick.
+        spoilt = tick // 6 % 5 == 4 or tick % 30 == 10
+        if spoilt:
+            spoil(fault, tick, transforms, random.Random(seed + tick // 6))
+        pair.take(transforms)
+        if spoilt and fault == "start":
+            pair.move_start(chance.randrange(ROBOTS), chance.uniform(-5.0, 5.0))
+        for _ in range(chance.choice([0, 1, 40])):
+            a, b = chance.sample(range(ROBOTS), 2)
+            target = chance.choice(["map", f"robot_{a}/base_footprint", "nowhere"])
+            whole, lazy = pair.newest(target, f"robot_{b}/base_footprint")
+            assert lazy == (pytest.approx(whole, abs=1e-9) if fault == "tilt" else whole)
+
+
+@pytest.mark.parametrize("form", ["bytes", "messages"])
+def test_newest_poses_need_no_buffer(form: str) -> None:
+    """Newest poses are read from the newest bundle, and a later past look-up still finds all bundles."""
+    pair = Pair(form)
+    for tick in range(1, 51):
+        pair.take(bundle(tick))
+        whole, lazy = pair.newest("robot_0/base_footprint", "robot_1/base_footprint")
+        assert whole == lazy
+    assert pair.lazy.frames()["robot_1/base_footprint"].samples == 1
+    whole_answer, lazy_answer = pair.look("map", "robot_1/base_footprint", 2 * S)
+    assert whole_answer == lazy_answer
+    assert pair.lazy.frames()["robot_1/base_footprint"].samples == 50
+
+
+def test_newest_poses_start_anew(pair: Pair) -> None:
+    """After a jump back, newest poses are those from after it."""
+    for ticks in (range(50, 60), range(1, 5)):
+        for tick in ticks:
+            pair.take(bundle(tick))
+            whole, lazy = pair.newest("map", "robot_3/base_footprint")
+            assert whole == lazy
+        for forget in (pair.bundles.clear, pair.whole.clear, pair.lazy.clear):
+            forget()
 
 
 def test_other_frames_are_noticed(pair: Pair) -> None:
@@ -119,8 +223,10 @@ def test_names_may_have_a_leading_slash(pair: Pair) -> None:
         assert whole == lazy
 
 
-def test_frames_that_are_not_looked_up_are_not_read(pair: Pair) -> None:
+@pytest.mark.parametrize("form", ["bytes", "messages"])
+def test_frames_that_are_not_looked_up_are_not_read(form: str) -> None:
     """The buffer holds all samples of the two looked-up robots, and only the first sample of the others."""
+    pair = Pair(form)
     for tick in range(1, 51):
         pair.take(bundle(tick))
         pair.look("robot_0/base_footprint", "robot_1/base_footprint")
@@ -161,8 +267,9 @@ def test_garbage_is_refused(pair: Pair, payload: bytes) -> None:
     assert whole == lazy
 
 
-def test_garbage_of_the_right_length_moves_no_robot(pair: Pair) -> None:
+def test_garbage_of_the_right_length_moves_no_robot() -> None:
     """Random bytes of a bundle's length, a bundle with a damaged beginning, and NaN change no answer."""
+    pair = Pair("bytes")
     pair.take(bundle(1))
     length = len(encode(TFMessage(bundle(1))))
     with pytest.raises(DecodeError):

@@ -1,9 +1,13 @@
 """The merger: names, permitted frames, conflicts and bundles of the robots' transforms."""
 
 import math
+from random import Random
+from typing import Any
 
 import pytest
+from hypothesis import given, settings
 
+from support.arrivals import TICK, Data, Event, Sent, arrive, orders, sent_messages
 from support.transforms import S, stamped
 from zteam.messages import (
     Quaternion,
@@ -87,13 +91,76 @@ def test_stamps_and_numbers_are_passed_on_as_they_came() -> None:
 
 
 def test_a_ticks_bundle_ends_with_its_bases() -> None:
-    """A frame of the tick before stands before them, whenever it came; one of the tick waits for the next bundle."""
+    """What was sent in the tick before stands before them; what was sent in the tick waits, whatever stamp it has."""
     merger = Merger()
-    for frame, stamp in (("base_footprint", 2 * S), ("carrot", S), ("hat", 2 * S), ("flag", 3 * S)):
-        merger.take(0, TFMessage([stamped("odom", frame, stamp)]))
-    sent = merger.take_pending(2 * S)
-    assert [child for _, child in _names(sent)] == ["robot_0/carrot", "robot_0/base_footprint"]
-    assert [child for _, child in _names(merger.take_pending(3 * S))] == ["robot_0/hat"]
+    for frame, stamp, tick in (
+        ("base_footprint", 2, 1),
+        ("carrot", 1, 1),
+        ("hat", 2, 2),
+        ("flag", 9, 2),
+        ("cap", 1, 2),
+    ):
+        merger.take(0, TFMessage([stamped("odom", frame, stamp * S)]), tick=tick * S)
+    now = merger.take_pending(2 * S)
+    assert [child for _, child in _names(now)] == ["robot_0/carrot", "robot_0/base_footprint"]
+    later = merger.take_pending(3 * S)
+    assert [child for _, child in _names(later)] == ["robot_0/cap", "robot_0/flag", "robot_0/hat"]
+
+
+FRAMES = (("map", "odom"), ("odom", "carrot"), ("base_footprint", "carrot"), ("odom", "hat"))
+
+
+def merge(events: list[Event]) -> list[Any]:
+    """The bundles and the fixed transforms of each tick, and the conflicts."""
+    merger, found = Merger(), list[Any]()
+    merger.take_static(0, TFMessage([stamped("map", "odom", 0, 1.0)]))
+    opened = 0
+    for event in events:
+        if isinstance(event, Data):
+            # As the aggregator: all that the bundle waits for has come.
+            opened = event.tick * TICK
+            merger.take(0, TFMessage([stamped("odom", "base_footprint", opened)]), opened, opened)
+            found += [merger.take_pending(opened), merger.statics().transforms]
+        elif isinstance(event, Sent):
+            parent, child = FRAMES[event.topic]
+            frame = stamped(parent, child, event.stamp_ns, float(event.value))
+            merger.take(0, TFMessage([frame]), opened, opened)
+    return [*found, sorted(merger.conflicts())]
+
+
+@settings(deadline=None)
+@given(sent_messages(len(FRAMES)), orders())
+def test_the_order_of_arrival_changes_no_bundle(sent: list[Sent], ways: list[Random]) -> None:
+    """Frames of three senders in a tick, in two orders, that may contradict each other: the same bundles, the same
+    fixed transforms, the same refusals. Frames are taken by their arrival, because their stamps may be of the future.
+    """
+    first, second = (merge(arrive(sent, random, early=False)) for random in ways)
+    assert first == second
+
+
+def test_a_localiser_of_lock_step_takes_over_with_its_bundle() -> None:
+    """Until the bundle that has its first pose, the static start pose holds: then it ends, and not before."""
+    merger = Merger()
+    merger.take_static(0, TFMessage([stamped("map", "odom", 0, 1.0)]))
+    assert [child for _, child in _names(merger.statics().transforms)] == ["robot_0/odom"]
+    merger.take(0, TFMessage([stamped("odom", "base_footprint", S)]))
+    merger.take(0, TFMessage([stamped("map", "odom", S, 2.0)]), tick=S)
+    assert not merger.statics_changed
+    assert [child for _, child in _names(merger.take_pending(S))] == ["robot_0/base_footprint"]
+    assert not merger.statics_changed
+    assert merger.buffer.lookup_pose2("map", "robot_0/base_footprint", 0)[0].x == 1.0
+    assert [child for _, child in _names(merger.take_pending(2 * S))] == ["robot_0/odom"]
+    assert merger.statics_changed
+    assert merger.statics().transforms == []
+    assert merger.buffer.lookup_pose2("map", "robot_0/base_footprint", 0)[0].x == 2.0
+
+
+def test_a_jump_back_forgets_what_waits_for_a_bundle() -> None:
+    """Neither a localiser's pose nor a frame of the old time travels after a jump back in time."""
+    merger = Merger()
+    merger.take(0, TFMessage([stamped("map", "odom", S), stamped("odom", "carrot", S)]), tick=S)
+    merger.jump_back()
+    assert merger.take_pending(9 * S) == []
 
 
 def test_what_is_refused_is_not_passed_on() -> None:

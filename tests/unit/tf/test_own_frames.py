@@ -28,6 +28,14 @@ def test_own_frames_are_kept_in_their_order() -> None:
     assert conflicts.all() == []
 
 
+def test_a_transform_with_full_names_is_not_copied() -> None:
+    """As the simulator publishes them: a message in memory and the bundle share it."""
+    full, local = stamped("robot_3/odom", "robot_3/base_footprint", S), stamped("odom", "laser", S)
+    kept = keep_own(3, [full, local], Conflicts())
+    assert kept[0] is full
+    assert local == stamped("odom", "laser", S)
+
+
 @pytest.mark.parametrize(
     ("parent", "child", "text"),
     [

@@ -1,15 +1,17 @@
 """What a user sees of a watched team: events as lines or JSON, and the table, live on a terminal."""
 
 import logging
+import math
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from typing import Protocol
 
 import msgspec
 
 from zteam import names
 from zteam.clock import Every, monotonic
+from zteam.errors import ZteamError
 from zteam.nodes.monitor.members import Event
 from zteam.nodes.monitor.poses import Poses
 from zteam.nodes.monitor.table import Line, Row, format_table, make_rows, team_notes
@@ -48,6 +50,8 @@ class MonitorOptions(msgspec.Struct, frozen=True):
     exit_on_go: bool = False
     table: float | None = None
     """Host seconds between two tables where there is no terminal; None = no table, infinity = a single one."""
+    go_timeout: float | None = None
+    """Host seconds without GO after which to give up. Simulated time may stand still until GO."""
 
 
 def sentence(event: Event) -> str:
@@ -75,15 +79,22 @@ class Output(Protocol):
         ...
 
 
+def _print(text: str) -> None:
+    print(text, flush=True)  # noqa: T201
+
+
 class Lines:
-    """Lines of text on standard output."""
+    """Lines of text, on standard output unless `write` has another place for them."""
 
     is_live = False
     _contents: Contents
 
+    def __init__(self, write: Callable[[str], None] = _print) -> None:
+        self._write = write
+
     def show(self, event: Event) -> None:
         """Print one line for a user."""
-        print(sentence(event), flush=True)  # noqa: T201
+        self._write(sentence(event))
 
     def watch(self, contents: Contents) -> None:
         """From now on these are the contents of the table."""
@@ -92,7 +103,7 @@ class Lines:
     def print_table(self) -> None:
         """Print the table."""
         lines: list[Line] = format_table(*self._contents(), _PIPE_WIDTH)
-        print("\n".join(line.text for line in lines), flush=True)  # noqa: T201
+        self._write("\n".join(line.text for line in lines))
 
 
 class JsonLines(Lines):
@@ -101,13 +112,16 @@ class JsonLines(Lines):
     def show(self, event: Event) -> None:
         """Print {"event", "robot" (or null), "text"}."""
         line = {"event": event.kind, "robot": event.robot, "text": event.text}
-        print(msgspec.json.encode(line).decode(), flush=True)  # noqa: T201
+        self._write(msgspec.json.encode(line).decode())
 
     def print_table(self) -> None:
         """Print {"event": "table", "robots": [one object a robot], "text": what stands below the table}."""
         rows, notes = self._contents()
         line = {"event": "table", "robot": None, "text": "; ".join(notes), "robots": rows}
-        print(msgspec.json.encode(line).decode(), flush=True)  # noqa: T201
+        self._write(msgspec.json.encode(line).decode())
+
+
+Showing = Callable[[MonitorOptions], AbstractContextManager[Output]]
 
 
 @contextmanager
@@ -134,6 +148,7 @@ class Display:
         self._options = options
         self._output = output
         self._leave_at: float | None = None
+        self._give_up_at = math.inf if options.go_timeout is None else monotonic() + options.go_timeout
         self._nag = Every(5.0)
         self._nag.due()
         self._poses: Poses | None = None
@@ -148,9 +163,11 @@ class Display:
             return sorted(i for i, member in self._team.members.by_id.items() if member.alive)
 
     def _contents(self) -> tuple[list[Row], list[str]]:
-        poses = self._poses.newest if self._poses else {}
+        asked = self._poses
+        poses, restarts = (asked.newest, asked.restarts) if asked else ({}, {})
         with self._node.changed:
-            return make_rows(self._team, poses, monotonic()), team_notes(self._team, self._watch.notes())
+            rows = make_rows(self._team, poses, restarts, monotonic())
+            return rows, team_notes(self._team, restarts, self._watch.notes())
 
     def _is_table_due(self) -> bool:
         if self._output.is_live:
@@ -158,7 +175,10 @@ class Display:
         return self._options.table is not None and monotonic() >= self._table_from and self._table.due()
 
     def update(self) -> bool:
-        """Show what is new. True if the process may leave: GO is out, with `exit_on_go`."""
+        """Show what is new. True if the process may leave: GO is out, with `exit_on_go`.
+
+        Raises ZteamError that says what GO waits for after `go_timeout`.
+        """
         with self._node.changed:
             events = self._team.members.take_events()
             gone, running = self._team.gone, self._team.all_running()
@@ -169,6 +189,8 @@ class Display:
             self._output.show(event)
         if self._is_table_due():
             self._output.print_table()
+        if not gone and monotonic() >= self._give_up_at:
+            raise ZteamError(f"no GO within {self._options.go_timeout:g} s: waiting for {waiting_for}")
         if gone and self._options.exit_on_go:
             self._leave_at = self._leave_at or monotonic() + LEAVE_AFTER
             return running or monotonic() > self._leave_at

@@ -5,7 +5,7 @@ import logging
 from zteam import names
 from zteam.errors import BusError
 from zteam.messages import TeamStatus, Tick, ns_from_time
-from zteam.nodes.monitor.display import Display, MonitorOptions, Output, showing
+from zteam.nodes.monitor.display import Display, MonitorOptions, Output, Showing, showing
 from zteam.nodes.monitor.start_gate import Gate
 from zteam.nodes.monitor.team_watch import TeamWatch
 from zteam.nodes.monitor.view import run_view
@@ -86,8 +86,8 @@ class Monitor:
             self._publisher.put(status)
 
 
-def run_monitor(node: Node, options: MonitorOptions) -> None:
-    """Be the monitor until asked to stop, or until GO with `exit_on_go`.
+def run_monitor(node: Node, options: MonitorOptions, show: Showing = showing) -> None:
+    """Be the monitor until asked to stop, or until GO with `exit_on_go`. `show(options)` opens its output.
 
     Where a monitor runs already, or with a team size of 0, show the running one's team.
     """
@@ -97,5 +97,5 @@ def run_monitor(node: Node, options: MonitorOptions) -> None:
     # Before the name is shown: robots publish their status when they see it.
     monitor = Monitor(node, options)
     node.become_present()
-    with showing(options) as output:
+    with show(options) as output:
         monitor.run(output)

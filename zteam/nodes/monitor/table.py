@@ -11,6 +11,7 @@ from zteam.geometry import Pose2
 from zteam.messages import RobotDriver, RobotState
 from zteam.nodes.monitor.members import Member, printable
 from zteam.nodes.monitor.team import Team
+from zteam.numbers import counted
 
 _HEAD = ("robot", "state", "behaviour", "x", "y", "yaw", "m/s", "age")
 _LEFT = 3
@@ -34,6 +35,8 @@ class Row(msgspec.Struct):
     """Host seconds since its newest status."""
     reason: str = ""
     """Why it stands, or is not there."""
+    restarts: int = 0
+    """How often its process was started again."""
 
 
 class Line(NamedTuple):
@@ -44,13 +47,17 @@ class Line(NamedTuple):
     """The state in it, which a terminal shows in a colour; empty in other lines."""
 
 
-def make_rows(team: Team, poses: Mapping[int, Pose2], now: float) -> list[Row]:
-    """The robots at host time `now`. The caller holds the team's lock."""
-    return [_row(i, member, poses.get(i), now) for i, member in sorted(team.members.by_id.items())]
+def make_rows(team: Team, poses: Mapping[int, Pose2], restarts: Mapping[str, int], now: float) -> list[Row]:
+    """The robots at host time `now`; `restarts` by the process's name. The caller holds the team's lock."""
+    rows = [_row(i, member, poses.get(i), now) for i, member in sorted(team.members.by_id.items())]
+    for row in rows:
+        row.restarts = restarts.get(row.robot, 0)
+    return rows
 
 
 def _row(robot_id: int, member: Member, pose: Pose2 | None, now: float) -> Row:
-    row, status = Row(names.robot_name(robot_id), _state(member), pose=pose), member.status
+    row = Row(names.robot_name(robot_id), _state(member), pose=pose)
+    status = member.status
     if status is None:
         row.reason = member.why_not_ready
         return row
@@ -116,6 +123,8 @@ def _wrap(text: str, width: int, indent: str) -> list[str]:
     return textwrap.wrap(text, max(width, len(indent) + 20), initial_indent=indent, subsequent_indent=indent)
 
 
-def team_notes(team: Team, problems: Sequence[str]) -> list[str]:
-    """The lines below the table: GO, or what it waits for, and what else is wrong."""
-    return ["GO is out" if team.gone else f"waiting for {team.waiting_for()}", *problems]
+def team_notes(team: Team, restarts: Mapping[str, int], problems: Sequence[str]) -> list[str]:
+    """The lines below the table: GO, or what it waits for, processes started again, and what else is wrong."""
+    again = [f"{name} {counted(count, 'time')}" for name, count in sorted(restarts.items())]
+    told = [f"started again: {', '.join(again)}"] if again else []
+    return ["GO is out" if team.gone else f"waiting for {team.waiting_for()}", *told, *problems]

@@ -1,16 +1,18 @@
-"""The robot's steps: gate, behaviour, status. The same in real time and in lock-step."""
+"""The robot's steps: gate, behaviour, velocity mux, safety layer, status. The same in real time and in lock-step."""
 
 import logging
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from zteam.behaviors import View, decide, missing
-from zteam.messages import Twist
+from zteam.behaviors import SafetyLayer, View, missing
+from zteam.behaviors.safety import LimitsOnly, ask
+from zteam.messages import RobotDriver, Twist
 from zteam.nodes.robot.inputs import Inputs
+from zteam.nodes.robot.mux import Choice
 from zteam.nodes.robot.parameters import Parameters
 from zteam.nodes.robot.safety_log import SafetyLog
-from zteam.nodes.robot.status import StatusReport
 from zteam.runtime.node import Node
+from zteam.runtime.robot_status import StatusReport
 
 log = logging.getLogger("zteam")
 
@@ -19,6 +21,8 @@ class Turn(NamedTuple):
     """What one step goes by."""
 
     view: View
+    choice: Choice | None
+    """What drives instead of the behaviour."""
     epoch: int
     """The GO that holds, 0 = none."""
     jumps: int
@@ -26,7 +30,7 @@ class Turn(NamedTuple):
     given: dict[str, Any]
     """The behaviour's parameters, as in `Parameters`."""
     missing: list[str]
-    """What the robot lacks that its view does not show, as nouns."""
+    """What the robot lacks before it is released that its view does not show, as nouns."""
 
 
 class Driver:
@@ -46,8 +50,13 @@ class Driver:
         status: StatusReport,
         robot_id: int,
         seed: int,
+        team: Callable[[], tuple[int, ...]],
+        *,
+        safety: bool = True,
     ) -> None:
+        """`team()`: ids of the robots that are alive, asked under `node.changed`. Without `safety` only limits hold."""
         self._node = node
+        self._team = team
         self._inputs = inputs
         self._parameters = parameters
         self._given = parameters.given
@@ -58,6 +67,8 @@ class Driver:
         self.readiness = status.readiness
         self.robot_id = robot_id
         self._seed = seed
+        self._make_layer: type[SafetyLayer | LimitsOnly] = SafetyLayer if safety else LimitsOnly
+        self._layer = self._make_layer()
         self._safety = SafetyLog(status.behavior)
         self.absence = ""
         """Why no scan comes; empty if nothing is known of that."""
@@ -69,42 +80,44 @@ class Driver:
         """`jumps` when the behaviour was made."""
         self.stepped = 0
         """Time of the last step in ns."""
-        self.on_release: Callable[[], None] = lambda: None
-        """Called under `node.changed` when GO releases the robot."""
 
     def jump_back(self) -> None:
         """Time jumped back (under `node.changed`)."""
         self.jumps += 1
         self.stepped = 0
 
-    def turn(self, now: int, epoch: int) -> Turn:
-        """A turn at time `now` (ns) with the newest data (under `node.changed`)."""
+    def turn(self, now: int, epoch: int, *, is_first: bool = False) -> Turn:
+        """A turn at time `now` (ns) with the newest data (under `node.changed`).
+
+        In its first tick of lock-step (`is_first`) nothing counts that others sent: chance says what came before it.
+        """
         dt = (now - self.stepped) / 1e9 if 0 < self.stepped < now else 0.0
         inputs = self._inputs
-        view = View(
-            now=now,
-            dt=dt,
-            robot_id=self.robot_id,
-            scan=inputs.scan,
-            odom=inputs.odom,
-            lookup=inputs.lookup,
-            base=inputs.base_input.base,
-            seed=self._seed,
-        )
-        return Turn(view, epoch, self.jumps, self._parameters.given, inputs.base_input.missing())
+        view = inputs.view(now, dt, self._team(), self._seed, is_first=is_first)
+        lacking = [] if self.readiness.released else inputs.base_input.missing()
+        choice = None if is_first else inputs.mux.choose(now)
+        return Turn(view, choice, epoch, self.jumps, self._parameters.given, lacking)
 
     def step(self, turn: Turn) -> Twist | None:
         """The command of this turn; None while the gate is shut, or if time jumped back meanwhile."""
         if not self.pass_gate(turn):
             return None
-        command, reason = decide(self.behavior, turn.view, self._safety.take)
+        wanted, reason = ask(self.behavior, turn.view)
+        driver = RobotDriver.BEHAVIOR
+        if turn.choice is not None:
+            driver, wanted, reason = *turn.choice, ""
+        command, trouble = self._layer.limit(wanted, turn.view, reason)
+        # A behaviour that old data keeps from wanting anything is not stopped.
+        if not trouble or trouble != reason:
+            self._safety.take(driver, wanted, trouble, turn.view)
+        reason = trouble or reason
         if reason:
             reason = self.absence or reason
-        with self._node.changed:
+        with self._node.lock:
             if turn.jumps != self.jumps:
                 return None
             self.readiness.drive(reason)
-            self.status.command = command
+            self.status.take(driver, command)
             # What the safety layer stops has lines of its own.
             self.status.tell(logged=not self._safety.stopped_at(turn.view.now))
         return command
@@ -118,14 +131,13 @@ class Driver:
         self._prepare_behavior(turn)
         was_released = self.readiness.released
         lacking = [] if was_released else self._lacking(turn)
-        with self._node.changed:
+        with self._node.lock:
             if turn.jumps != self.jumps:
                 return False
             if not self.readiness.take(lacking, turn.epoch):
                 self.status.tell()
                 return False
             if not was_released:
-                self.on_release()
                 log.info("GO: driving")
         return True
 
@@ -133,7 +145,7 @@ class Driver:
         """Make the behaviour anew if time has jumped back; give it the parameters that were set since its last step."""
         if self._made_at != turn.jumps:
             self.behavior = self._parameters.make_behavior(turn.given)
-            self._safety = SafetyLog(self.status.behavior)
+            self._safety, self._layer = SafetyLog(self.status.behavior), self._make_layer()
         elif self._given is not turn.given:
             self.behavior.params = self._parameters.read(turn.given)
             self.behavior.on_params()

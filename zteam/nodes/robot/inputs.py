@@ -1,11 +1,16 @@
 """What has come for one robot: the newest scan, odometry, transforms and team status. It knows no bus."""
 
+from collections.abc import Mapping
+
 from zteam import names
-from zteam.base import BaseOverride
-from zteam.errors import BehaviorError
+from zteam.base import Base, BaseOverride, base_of
+from zteam.behaviors.inputs import DeclaredInput
+from zteam.behaviors.view import NO_BASES, View
 from zteam.geometry import Pose2
-from zteam.messages import LaserScan, Odometry, TeamState, TeamStatus, TFMessage, ns_from_time
+from zteam.messages import BaseInfo, LaserScan, Odometry, TeamState, TeamStatus, TFMessage, ns_from_time
 from zteam.nodes.robot.base_input import BaseInput
+from zteam.nodes.robot.declared import DeclaredInputs
+from zteam.nodes.robot.mux import Mux
 from zteam.tf import Buffer, TransformException
 from zteam.tf.lazy_bundles import Bundles
 
@@ -16,40 +21,63 @@ class Inputs:
     The caller holds a lock for everything but `lookup`, which any thread may call.
     """
 
-    def __init__(self, robot_id: int, override: BaseOverride | None = None) -> None:
-        """`override` holds instead of what `base_info` tells."""
+    def __init__(
+        self, robot_id: int, override: BaseOverride | None = None, declared: list[DeclaredInput] | None = None
+    ) -> None:
+        """`override` holds instead of what `base_info` tells; `declared` is what the behaviour declares."""
         self.base_input = BaseInput(robot_id, override or BaseOverride())
+        self.mux = Mux()
+        self.declared = DeclaredInputs(declared or [])
         self.scan: LaserScan | None = None
+        self.scan_stamp = 0
+        """Stamp of the newest scan; 0 = none."""
         self.odom: Odometry | None = None
+        self.odom_stamp = 0
+        """Stamp of the newest odometry; 0 = none."""
         self.team: TeamStatus | None = None
         self.tf_stamp = 0
         """Stamp of the newest bundle of transforms; 0 = none."""
-        self.needs_odom = True
-        """Whether a tick is complete only with its odometry."""
-        self.needs_tf = True
-        """Whether a tick is complete only with its transforms."""
+        self.bases: Mapping[int, Base] = NO_BASES
+        """The bases of the robots by id: of all that have told theirs; in lock-step of those of the tick."""
+        self._told: dict[int, Base] = {}
+        self._robots: frozenset[int] | None = None
+        """Whose bases `bases` has, in lock-step."""
+        self._id = robot_id
         self._base = names.robot_frame(robot_id, names.BASE_FOOTPRINT)
         self._buffer = Buffer()
         self._bundles = Bundles(self._buffer, names.TF)
 
-    @property
-    def scan_stamp(self) -> int:
-        """Stamp of the newest scan; 0 = none."""
-        return 0 if self.scan is None else ns_from_time(self.scan.header.stamp)
+    def take_scan(self, scan: LaserScan) -> None:
+        """A scan has come."""
+        self.scan, self.scan_stamp = scan, ns_from_time(scan.header.stamp)
 
-    @property
-    def odom_stamp(self) -> int:
-        """Stamp of the newest odometry; 0 = none."""
-        return 0 if self.odom is None else ns_from_time(self.odom.header.stamp)
+    def take_odom(self, odom: Odometry) -> None:
+        """Odometry has come."""
+        self.odom, self.odom_stamp = odom, ns_from_time(odom.header.stamp)
 
-    def take_bundle(self, payload: bytes) -> None:
+    def take_bundle(self, bundle: bytes | TFMessage) -> None:
         """A message of `tf` has come. Raises DecodeError if its bytes are none."""
-        self.tf_stamp = self._bundles.take(payload) or self.tf_stamp
+        self.tf_stamp = self._bundles.take(bundle) or self.tf_stamp
 
     def take_static(self, message: TFMessage) -> None:
         """The whole set of fixed transforms has come: a start pose that a localiser took over is not in it any more."""
         self._buffer.set_all_static(message.transforms, names.TF)
         self._bundles.forget_paths()
+
+    def take_base(self, robot_id: int, message: BaseInfo) -> None:
+        """`base_info` of any robot of the team has come."""
+        if robot_id == self._id:
+            self.base_input.take(message)
+        self._told[robot_id] = base_of(message)
+        self.bases, self._robots = dict(self._told), None
+
+    def has_bases(self, robots: frozenset[int]) -> bool:
+        """Whether the bases of all robots of a tick have come; from then on `bases` has theirs alone."""
+        if self._robots is not robots:
+            if not robots <= self._told.keys():
+                return False
+            self.bases, self._robots = {i: self._told[i] for i in sorted(robots)}, robots
+        return True
 
     def complete_for(self, stamp: int, *, tf: bool = True, connected: bool = False) -> bool:
         """Whether all needed data of time `stamp` has come, and `base_info` at all.
@@ -59,11 +87,9 @@ class Inputs:
         """
         if not self.base_input.has_come or self.scan is None or self.scan_stamp < stamp:
             return False
-        if self.needs_odom and (self.odom is None or self.odom_stamp < stamp):
+        if self.odom is None or self.odom_stamp < stamp:
             return False
-        if not (tf and self.needs_tf):
-            return True
-        return self.tf_stamp >= stamp and (not connected or self._is_connected(stamp))
+        return not tf or (self.tf_stamp >= stamp and (not connected or self._is_connected(stamp)))
 
     def _is_connected(self, stamp: int) -> bool:
         self._bundles.settle(names.MAP_FRAME, self._base)
@@ -77,16 +103,29 @@ class Inputs:
             return 0
         return team.epoch
 
-    def lookup(self, target: str, source: str) -> tuple[Pose2, int] | None:
-        """The newest `target_from_source` in the plane and its stamp; None if it is unknown.
+    def view(self, now: int, dt: float, team: tuple[int, ...], seed: int = 1, *, is_first: bool = False) -> View:
+        """What the behaviour sees at time `now` (ns), `dt` seconds after its last step.
 
-        Raises BehaviorError if no transforms come any more: the answer would be that of long ago.
+        In the first tick of lock-step (`is_first`) no declared input has come: chance says what came before it.
         """
-        if not self.needs_tf:
-            raise BehaviorError("a behaviour that looks transforms up says so: set `uses_tf = True` in its class")
-        self._bundles.settle(target, source)
+        return View(
+            now=now,
+            dt=dt,
+            robot_id=self._id,
+            scan=self.scan,
+            odom=self.odom,
+            lookup=self.lookup,
+            base=self.base_input.base,
+            bases=self.bases,
+            team=team,
+            inputs=self.declared.nothing if is_first else self.declared.view(now),
+            seed=seed,
+        )
+
+    def lookup(self, target: str, source: str) -> tuple[Pose2, int] | None:
+        """The newest `target_from_source` in the plane and its stamp; None if it is unknown."""
         try:
-            return self._buffer.lookup_pose2(target, source, 0)
+            return self._bundles.lookup_pose2(target, source)
         except TransformException:
             return None
 
@@ -95,5 +134,7 @@ class Inputs:
         # First: a look-up on another thread must not bring old bundles into the empty buffer.
         self._bundles.clear()
         self._buffer.clear()
+        self.mux.forget()
+        self.declared.forget()
         self.scan = self.odom = None
-        self.tf_stamp = 0
+        self.scan_stamp = self.odom_stamp = self.tf_stamp = 0

@@ -13,18 +13,20 @@ import msgspec
 from zteam import names
 from zteam.base import BaseOverride
 from zteam.behaviors import Behavior
+from zteam.behaviors.inputs import declared_inputs
 from zteam.clock import Every
-from zteam.messages import Tick, Twist, ns_from_time
+from zteam.messages import Tick, Twist
+from zteam.nodes.robot.alive import AliveRobots
 from zteam.nodes.robot.driver import Driver, Turn
 from zteam.nodes.robot.inputs import Inputs
 from zteam.nodes.robot.pacing import ScanPacing
 from zteam.nodes.robot.parameters import Parameters
-from zteam.nodes.robot.readiness import Readiness
-from zteam.nodes.robot.status import StatusReport
 from zteam.nodes.robot.subscriptions import Subscriptions
 from zteam.nodes.robot.waiting import Waiting
 from zteam.runtime.node import Node
 from zteam.runtime.participant import Participant
+from zteam.runtime.readiness import Readiness
+from zteam.runtime.robot_status import StatusReport
 
 log = logging.getLogger("zteam")
 
@@ -42,6 +44,8 @@ class RobotOptions(msgspec.Struct, frozen=True):
     seed: int = 1
     base: BaseOverride = BaseOverride()
     """What holds instead of `base_info`."""
+    safety: bool = True
+    """Without it nothing but the limits of the base holds."""
 
 
 class RobotNode:
@@ -51,24 +55,40 @@ class RobotNode:
         """`kind` is the class of the behaviour, which is made anew after time has jumped back."""
         self._node = node
         self._id = options.robot_id
-        self._inputs = Inputs(self._id, options.base)
-        self._status = StatusReport(node, self._id, options.behavior, Readiness(gated=options.gate))
+        self._inputs = Inputs(self._id, options.base, declared_inputs(kind.inputs, self._id))
+        readiness = Readiness(gated=options.gate)
+        self._status = StatusReport(node, self._id, options.behavior, readiness, safety=options.safety)
         parameters = Parameters(node, kind, options.behavior, options.params)
-        self._driver = Driver(node, self._inputs, parameters, self._status, self._id, options.seed)
+        self._driver = Driver(
+            node, self._inputs, parameters, self._status, self._id, options.seed, self._team, safety=options.safety
+        )
         self._heartbeat = Every(1.0)
+        self._known_to: tuple[int, ...] = ()
+        """Lock-step: the robots that have had its status; none before its own first tick."""
         self._cmd_vel = node.bus.publisher(names.robot_key(self._id, names.CMD_VEL), Twist)
         # First: latched messages come while it subscribes, and look whether this is lock-step.
-        self._part = Participant(node, self._has_inputs, self._act)
+        self._part = Participant(node, self._has_inputs, self._act, gives_away=True)
+        self._alive = AliveRobots(node)
         self._pacing = ScanPacing(node, self._inputs, self._driver, self._part)
         self._waiting = Waiting(node, self._inputs, self._driver, self._part)
         node.clock.sim.on_jump_back(self._on_jump_back)
         self._subscriptions = Subscriptions(node, self._id, self._inputs, self._part, self._on_input)
-        self._driver.on_release = lambda: self._subscriptions.drop_idle(self._driver.behavior)
         node.watch_tokens(names.tokens_key(names.MONITOR), self._on_monitor)
+
+    def _team(self) -> tuple[int, ...]:
+        """The robots that are alive: in lock-step those that take part in the tick, so that all robots see the same."""
+        return self._part.team if self._part.active else self._alive.ids()
 
     def _on_monitor(self, _key: str, alive: bool) -> None:
         if alive:
             # A monitor that has just come must not wait for the next heartbeat to know this robot.
+            self._say_again()
+
+    def _say_again(self) -> None:
+        """Publish the status at a moment of the host, which in lock-step must not tell anything new."""
+        if self._part.active and self._driver.readiness.released:
+            self._status.repeat()
+        else:
             self._status.publish()
 
     def _on_jump_back(self, _old: int, _new: int) -> None:
@@ -102,7 +122,7 @@ class RobotNode:
             self._take_turn(self._waiting.begin_look, self._driver.look)
             with self._node.changed:
                 self._waiting.tell()
-                self._status.publish()
+                self._say_again()
 
     def _take_turn(self, begin: Callable[[], Turn | None], step: Callable[[Turn], Twist | None]) -> None:
         """Real time: take the turn that is due. The behaviour is asked without `node.changed`."""
@@ -129,14 +149,23 @@ class RobotNode:
         # Without an aggregator among the participants no transforms of this tick are promised. A bundle of lock-step is
         # whole; only at first the fixed transforms may still be on their way.
         tf = names.AGGREGATOR in tick.participants
-        return self._inputs.complete_for(ns_from_time(tick.stamp), tf=tf, connected=not self._driver.readiness.released)
+        return self._inputs.has_bases(self._part.robots) and self._inputs.complete_for(
+            self._part.stamp, tf=tf, connected=not self._driver.readiness.released
+        )
 
     def _act(self, tick: Tick) -> Twist | None:
         """Lock-step: this tick's command."""
-        self._pacing.acted = ns_from_time(tick.stamp)
-        turn = self._driver.turn(self._pacing.acted, tick.epoch)
+        self._pacing.acted = self._part.stamp
+        is_first = tick.tick == 1 or not self._known_to
+        turn = self._driver.turn(self._pacing.acted, tick.epoch, is_first=is_first)
         self._driver.stepped = self._pacing.acted
-        return self._driver.step(turn)
+        command = self._driver.step(turn)
+        if is_first or self._part.team != self._known_to:
+            # A robot that has just come must know this one from the next tick on, and not from a heartbeat by chance.
+            self._known_to = self._part.team
+            self._status.publish()
+        self._status.keep_up(self._pacing.acted)
+        return command
 
     def halt(self) -> None:
         """Publish zero velocity, then the status; both leave before the session closes."""
@@ -154,6 +183,8 @@ def run_robot(node: Node, kind: type[Behavior], options: RobotOptions) -> None:
     node.become_present()
     # Only the process that holds the name may publish commands, so not before this.
     node.on_stop(robot.halt)
+    if not options.safety:
+        log.warning("NO SAFETY LAYER (--no-safety): nothing stops this robot before obstacles or on old data")
     if not options.gate:
         log.info("not waiting for GO (--no-gate)")
     robot.run()

@@ -17,19 +17,28 @@ class Barrier:
         self.expected = frozenset(expected)
         """The first tick is held until all of these take part."""
         self.members: list[str] = []
-        """Participants of the open tick, sorted."""
+        """Participants of the open tick, sorted. The list is replaced, not changed: ticks that were sent hold it."""
         self.joining: set[str] = set()
         """Processes that have answered and become participants with the next tick."""
         self.answers: dict[str, Done] = {}
         """Answers to the open tick, by participant."""
+        self.left: set[str] = set()
+        """Participants that have ended since the tick was opened. What they answered does not count: whether their
+        answer or their end comes first is chance."""
+        self._owing: set[str] = set()
+        """Participants that have not answered the open tick."""
         self._key = (0, 0)
         self._holders = TokenSet()
 
     def take_token(self, name: str, instance: str, alive: bool) -> None:
         """The presence token of session `instance` for `name` came (`alive`) or went."""
         self._holders.take(name, instance, alive)
-        if name not in self._holders:
-            self.drop(name)
+        if name in self._holders:
+            return
+        if name in self.members:
+            self.left.add(name)
+            self.answers.pop(name, None)
+        self.drop(name)
 
     def is_alive(self, name: str) -> bool:
         """Whether a process holds this name."""
@@ -39,10 +48,13 @@ class Barrier:
         """Take an answer. False if no process holds `name`: the answer is ignored."""
         if name not in self._holders:
             return False
-        if name not in self.members:
+        counts = (done.epoch, done.tick) == self._key
+        if not (counts and name in self._owing) and name not in self.members:
             self.joining.add(name)
-        elif (done.epoch, done.tick) == self._key:
+        elif counts:
             self.answers[name] = done
+            self._owing.discard(name)
+            self.left.discard(name)
         return True
 
     def open(self, epoch: int, tick: int, *, admit: bool = True) -> list[str]:
@@ -53,19 +65,21 @@ class Barrier:
         if (epoch, tick) != self._key:
             self._key = (epoch, tick)
             self.answers = {}
-        if admit:
+            self.left = set()
+        if admit and self.joining:
             self.members = sorted({*self.members, *self.joining})
             self.joining.clear()
+        self._owing = {name for name in self.members if name not in self.answers}
         return self.members
 
     def missing(self) -> list[str]:
         """Participants that have not answered the open tick."""
-        return [name for name in self.members if name not in self.answers]
+        return [name for name in self.members if name in self._owing]
 
     @property
     def complete(self) -> bool:
         """Whether every participant has answered."""
-        return len(self.answers) >= len(self.members) and not self.missing()
+        return not self._owing
 
     @property
     def absent(self) -> list[str]:
@@ -75,4 +89,5 @@ class Barrier:
     def drop(self, name: str) -> None:
         """Stop waiting for this participant. An answer that it gave for the open tick stays."""
         self.members = [member for member in self.members if member != name]
+        self._owing.discard(name)
         self.joining.discard(name)

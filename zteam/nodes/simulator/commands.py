@@ -1,7 +1,7 @@
 """The robots' commands on `robot_N/cmd_vel`: the newest one of each robot, its sender, and its delay after the scan."""
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Container
 
 from zteam import names
 from zteam.bus.transport import RawSample
@@ -20,21 +20,27 @@ class Commands:
         self._node = node
         self._has_robot = has_robot
         self._statistics = statistics
-        self._lock = threading.Condition()
+        self._lock = threading.RLock()
+        self._changed = threading.Condition(self._lock)
         self._fresh: dict[int, Twist] = {}
         self._scan_sent: dict[int, float] = {}
         """Host times at which scans left that have no command yet."""
         self._holders = TokenSet()
+        self._own: dict[int, set[str]] = {}
+        """Sessions that hold a robot's name or have held it: a last command may come after the end of the token."""
         self._others = Writers()
-        """Sessions that command a robot without holding its name."""
+        """Sessions that command a robot without ever having held its name."""
         node.bus.watch_tokens([names.tokens_key()], self._on_token)
         node.bus.subscribe_raw(names.all_robots_key(names.CMD_VEL), self._on_sample)
 
     def _on_token(self, key: str, alive: bool) -> None:
         token = names.split_token_key(key)
-        if token and names.robot_id_of(token[0]) is not None:
+        robot_id = names.robot_id_of(token[0]) if token else None
+        if token and robot_id is not None:
             with self._lock:
                 self._holders.take(*token, alive)
+                if alive:
+                    self._own.setdefault(robot_id, set()).add(token[1])
 
     def _on_sample(self, sample: RawSample) -> None:
         target = names.split_robot_key(sample.key)
@@ -46,11 +52,11 @@ class Commands:
             return
         robot_id = target[0]
         with self._lock:
-            if sample.source not in self._holders_of(robot_id):
+            if sample.source not in self._own.get(robot_id, ()):
                 self._statistics.add_external_command()
                 self._others.take(robot_id, sample.source, monotonic())
             self._fresh[robot_id] = command
-            self._lock.notify_all()
+            self._changed.notify_all()
         self.answered(robot_id)
 
     def _holders_of(self, robot_id: int) -> frozenset[str]:
@@ -85,12 +91,16 @@ class Commands:
         with self._lock:
             # A robot that was taken out of the world does not answer its last scan.
             self._scan_sent = {i: sent for i, sent in self._scan_sent.items() if self._has_robot(i)}
-            wait_until(self._lock, lambda: not any(self._holders_of(i) for i in self._scan_sent), timeout)
+            wait_until(self._changed, lambda: not any(self._holders_of(i) for i in self._scan_sent), timeout)
 
-    def take(self) -> tuple[dict[int, Twist], list[int]]:
-        """The commands since the last call, and the robots with a living process that sent none."""
+    def take(self) -> dict[int, Twist]:
+        """The commands since the last call."""
         with self._lock:
             fresh, self._fresh = self._fresh, {}
+        return {robot_id: command for robot_id, command in fresh.items() if self._has_robot(robot_id)}
+
+    def missing(self, commands: Container[int]) -> list[int]:
+        """The robots with a living process that are not in `commands`."""
+        with self._lock:
             holding = [names.robot_id_of(name) for name in sorted(self._holders)]
-        late = [i for i in holding if i is not None and i not in fresh and self._has_robot(i)]
-        return {robot_id: command for robot_id, command in fresh.items() if self._has_robot(robot_id)}, late
+        return [i for i in holding if i is not None and i not in commands and self._has_robot(i)]

@@ -47,7 +47,8 @@ class LockStep:
         self._node = node
         self._on_command = on_command
         self._timeout = options.timeout
-        self._lock = threading.Condition()
+        self._lock = threading.RLock()
+        self._changed = threading.Condition(self._lock)
         self._tick = OpenTick(options.expected, gate=options.gate)
         self._opened = 0.0
         """Host time from which the open tick's silence counts."""
@@ -62,8 +63,8 @@ class LockStep:
         node.bus.subscribe(names.TEAM_STATUS, TeamStatus, self._on_team_status, latched=True)
 
     def _wake(self) -> None:
-        with self._lock:
-            self._lock.notify_all()
+        with self._changed:
+            self._changed.notify_all()
 
     def _on_token(self, key: str, alive: bool) -> None:
         token = names.split_token_key(key)
@@ -71,8 +72,8 @@ class LockStep:
             return
         with self._lock:
             if self._tick.take_token(*token, alive):
-                self._publisher.put(self._tick.refreshed())
-            self._lock.notify_all()
+                self._publisher.hand_over(self._tick.refreshed())
+            self._changed.notify_all()
 
     def _on_done(self, key: str, done: Done) -> None:
         name = names.split_done_key(key)
@@ -83,13 +84,13 @@ class LockStep:
             if name is None or not self._tick.take_done(name, done):
                 self._node.bus.counters.drop(key, "no process holds this name")
             elif self._tick.needs_attention:
-                self._lock.notify_all()
+                self._changed.notify_all()
 
     def _on_team_status(self, _key: str, status: TeamStatus) -> None:
         if status.state == TeamState.GO:
             with self._lock:
                 self._tick.take_go(status.epoch)
-                self._lock.notify_all()
+                self._changed.notify_all()
 
     @property
     def participants(self) -> list[str]:
@@ -119,7 +120,7 @@ class LockStep:
     def open(self, stamp: int, tick: int, robots: list[int]) -> None:
         """Send tick `tick` at simulated time `stamp` (ns), with these robots in the world."""
         with self._lock:
-            self._publisher.put(self._tick.open(stamp, tick, robots))
+            self._publisher.hand_over(self._tick.open(stamp, tick, robots))
         self._opened = monotonic()
 
     def start_anew(self) -> None:
@@ -132,7 +133,8 @@ class LockStep:
         tick, stop, patience = self._tick, self._node.stop, Patience(self._timeout)
         while not stop.requested:
             with self._lock:
-                wait_until(self._lock, lambda: stop.requested or tick.is_over or tick.must_reopen, patience.delay)
+                if not tick.is_over:
+                    wait_until(self._changed, lambda: tick.has_news or stop.requested, patience.delay)
                 if tick.is_over:
                     tick.held = False
                     return True
@@ -145,7 +147,7 @@ class LockStep:
 
     def _reopen(self, resend: Resend) -> None:
         with self._lock:
-            self._publisher.put(self._tick.reopen())
+            self._publisher.hand_over(self._tick.reopen())
             missing = self._tick.barrier.missing()
         if missing:
             resend(missing)
@@ -167,7 +169,7 @@ class LockStep:
     def _repeat(self, resend: Resend, missing: list[str]) -> None:
         self.resends += bool(missing)
         with self._lock:
-            self._publisher.put(self._tick.refreshed())
+            self._publisher.hand_over(self._tick.refreshed())
             participants = self.participants
         # A held tick is repeated to all: one that has answered may still lack what makes it ready.
         resend(missing or participants)
@@ -176,7 +178,7 @@ class LockStep:
         with self._lock:
             dropped = self._tick.drop_silent(missing)
             self.hung += dropped
-            self._publisher.put(self._tick.refreshed())
+            self._publisher.hand_over(self._tick.refreshed())
         for name in dropped:
             log.error(
                 "%s did not answer tick %d within %.0f s: the world goes on without it until it answers again",

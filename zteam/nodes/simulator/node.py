@@ -17,6 +17,7 @@ from zteam.messages import OccupancyGrid, TeamState, TeamStatus, Twist, ns_from_
 from zteam.nodes.simulator import tick_profile
 from zteam.nodes.simulator.commands import Commands
 from zteam.nodes.simulator.lockstep import LockStep, LockStepOptions
+from zteam.nodes.simulator.outside_commands import OutsideCommands
 from zteam.nodes.simulator.pacing import Pacer
 from zteam.nodes.simulator.queries import Queries
 from zteam.nodes.simulator.reports import Reporter
@@ -53,6 +54,8 @@ class SimOptions(msgspec.Struct, frozen=True):
     engine: Options = Options()
     run_for: float | None = None
     """Stand still this many simulated seconds after GO."""
+    until: int | None = None
+    """Stand still before this tick."""
     speed: float | None = 1.0
     """Simulated seconds a second of the host; None = as fast as possible."""
     paused: bool = False
@@ -75,13 +78,21 @@ class Simulator:
         self._commands = Commands(node, self._outputs.__contains__, self._statistics)
         self._lockstep = LockStep(node, options.lockstep, self._commands.answered) if options.lockstep else None
         self._counter = RunCounter(
-            self._engine, self._outputs, self._statistics, self._profile, self._pacer, options.run_for
+            self._engine,
+            self._outputs,
+            self._statistics,
+            self._profile,
+            self._pacer,
+            options.run_for,
+            options.until,
         )
         self._sender = TickSender(node, self._engine, self._outputs, self._commands, self._lockstep, self._profile)
         self._turns = Turns(node, self._pacer)
         self._behind = Every(5.0)
         if self._lockstep is None:
             node.subscribe(names.TEAM_STATUS, TeamStatus, self._on_team_status, latched=True)
+        else:
+            OutsideCommands(node, self._outputs.__contains__, self._lockstep, self._statistics)
         self._serve_queries()
 
     def _serve_queries(self) -> None:
@@ -157,9 +168,9 @@ class Simulator:
         return 0.0 if speed is None else self._world.interval / NS_PER_S / speed
 
     def _take_commands(self) -> dict[int, Twist]:
-        commands, late = self._commands.take()
+        commands = self._commands.take()
         if self._lockstep is None:
-            self._statistics.add_late_steps(self._engine.tick, late)
+            self._statistics.add_late_steps(self._engine.tick, self._commands.missing(commands))
             return commands
         answers = self._lockstep.take_commands(self._outputs)
         self._outputs.put_commands(answers)
@@ -168,11 +179,16 @@ class Simulator:
     def _count(self) -> None:
         if self._lockstep is not None and self._lockstep.is_go:
             self._counter.take_go(self._engine.now)
-        if self._counter.count():
+        if self._counter.count() and not self._turns.finished:
             self._turns.finish()
             trajectory = f"; trajectory {self._statistics.trajectory_sha256}" if self._lockstep is not None else ""
-            seconds = counted(self._options.run_for or 0.0, "simulated second")
-            log.info("%s after GO: the world stands still%s", seconds, trajectory)
+            log.info("%s: the world stands still%s", self._end_text(), trajectory)
+
+    def _end_text(self) -> str:
+        until = self._options.until
+        if until is not None and self._engine.tick + 1 >= until:
+            return f"before tick {self._engine.tick + 1}"
+        return f"{counted(self._options.run_for or 0.0, 'simulated second')} after GO"
 
     def _on_team_status(self, _key: str, status: TeamStatus) -> None:
         if status.state == TeamState.GO:

@@ -5,6 +5,7 @@ The first tick is held until all expected processes take part in it and, with th
 
 from collections.abc import Container, Iterable, Mapping
 
+import msgspec
 import numpy as np
 
 from zteam import names
@@ -29,7 +30,7 @@ class OpenTick:
         self._changed = False
         """Whether a token, a joining process or GO came since the tick was opened."""
         self.message = Tick()
-        """The tick as it was sent last; number 0 before the first one."""
+        """The tick as it was sent last, which is not changed any more; number 0 before the first one."""
 
     def take_token(self, name: str, instance: str, alive: bool) -> bool:
         """Take a presence token. True if the tick has to be sent again because of it."""
@@ -61,7 +62,7 @@ class OpenTick:
         # present would depend on the order in which the processes came.
         whole = self._complete or not (self.held and self.barrier.absent)
         epoch = self._go_epoch if whole else 0
-        participants = list(self.barrier.open(epoch, tick, admit=whole))
+        participants = self.barrier.open(epoch, tick, admit=whole)
         self.message = Tick(time_from_ns(stamp), epoch, tick, np.array(robots, np.int32), participants)
         self._note_complete()
         self._changed = False
@@ -72,7 +73,7 @@ class OpenTick:
         # GO is announced when all expected processes take part, so that all hear it in the same tick.
         whole = self._complete or not self.barrier.absent
         epoch = self._go_epoch if whole else self.message.epoch
-        self.message.epoch = epoch
+        self.message = msgspec.structs.replace(self.message, epoch=epoch)
         self.barrier.open(epoch, self.message.tick, admit=whole)
         self._note_complete()
         self._changed = False
@@ -80,7 +81,7 @@ class OpenTick:
 
     def refreshed(self) -> Tick:
         """The open tick with its current participants."""
-        self.message.participants = list(self.barrier.members)
+        self.message = msgspec.structs.replace(self.message, participants=self.barrier.members)
         return self.message
 
     def start_anew(self) -> None:
@@ -101,6 +102,11 @@ class OpenTick:
     def is_over(self) -> bool:
         """Whether every participant has answered and the tick is not held."""
         return self.barrier.complete and not (self.held and (self._changed or not self._complete))
+
+    @property
+    def has_news(self) -> bool:
+        """Whether the wait for the answers ends."""
+        return self.is_over or self.must_reopen
 
     def _note_complete(self) -> None:
         released = self.message.epoch > 0 or not self._gate
@@ -131,8 +137,12 @@ class OpenTick:
         return f"tick {self.message.tick} waits for {holders} for {waited:.0f} s"
 
     def commands(self, robots: Container[int]) -> dict[int, Twist]:
-        """The commands in the answers of robots that are in the world, by id."""
+        """The commands in the answers of robots that are in the world, by id: zero if their process has ended."""
         found: dict[int, Twist] = {}
+        for name in self.barrier.left:
+            robot_id = names.robot_id_of(name)
+            if robot_id is not None and robot_id in robots:
+                found[robot_id] = Twist()
         for name, done in self.barrier.answers.items():
             robot_id = names.robot_id_of(name)
             if done.has_command and robot_id is not None and robot_id in robots:

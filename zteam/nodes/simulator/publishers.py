@@ -51,6 +51,15 @@ class RobotOutputs:
         self._odom = sensed[names.ODOM]
         self.scans = sensed[names.BASE_SCAN]
         self._rest = [out for topic, outputs in sensed.items() if topic not in _BEFORE_COMMANDS for out in outputs]
+        self.note_subscribers()
+
+    def note_subscribers(self) -> None:
+        """Look which outputs have subscribers: to be called when the bus's `matching_changes` is another number."""
+        self._odom_heard, self._scans_heard, self._rest_heard = (
+            [output for output in outputs if output.publisher.has_subscribers]
+            for outputs in (self._odom, self.scans, self._rest)
+        )
+        self._command_heard = self._command is not None and self._command.has_subscribers
 
     def put_base_info(self) -> None:
         """Publish what the robot's base is."""
@@ -62,24 +71,25 @@ class RobotOutputs:
 
     def put_transforms(self, stamp: int, odom: Pose2) -> None:
         """Publish odom -> base_footprint at `stamp` (ns)."""
-        self._tf.put(to_messages.transforms(stamp, self._id, odom))
+        self._tf.hand_over(to_messages.transforms(stamp, self._id, odom))
 
     def put_odometry(self, observation: Observation, *, again: bool = False) -> None:
         """Publish odometry; with `again` a participant waits for it, so it is sent even if no subscriber is known."""
-        self._put(self._odom, observation, again)
+        self._hand_over(self._odom if again else self._odom_heard, observation)
 
     def put_scans(self, observation: Observation, *, again: bool = False) -> None:
         """Publish every laser's scan; `again` as with `put_odometry`."""
-        self._put(self.scans, observation, again)
+        self._hand_over(self.scans if again else self._scans_heard, observation)
 
     def put_command(self, command: Twist) -> None:
         """Publish what the wheels are commanded in lock-step, where commands do not come over `cmd_vel`."""
-        if self._command is not None and self._command.has_subscribers:
+        if self._command is not None and self._command_heard:
             self._command.put(command)
 
     def put_rest(self, observation: Observation) -> None:
         """Publish what no robot needs for its next command."""
-        self._put(self._rest, observation)
+        for publisher, build, number in self._rest_heard:
+            publisher.put(build(observation, self._id, number))
 
     def close(self) -> None:
         """The robot is removed from the world."""
@@ -89,7 +99,6 @@ class RobotOutputs:
         for output in (*self._odom, *self.scans, *self._rest):
             output.publisher.close()
 
-    def _put(self, outputs: list[_Output], observation: Observation, again: bool = False) -> None:
+    def _hand_over(self, outputs: list[_Output], observation: Observation) -> None:
         for publisher, build, number in outputs:
-            if publisher.has_subscribers or again:
-                publisher.put(build(observation, self._id, number))
+            publisher.hand_over(build(observation, self._id, number))

@@ -1,4 +1,4 @@
-"""From GO to the end of `--for`: from which tick on a run is counted, and when its time is over."""
+"""From GO to the end of `--for` or `--until`: from which tick on a run is counted, and when its time is over."""
 
 from zteam.clock import NS_PER_S
 from zteam.nodes.simulator.pacing import Pacer
@@ -19,11 +19,12 @@ class RunCounter:
         profile: TickProfile,
         pacer: Pacer,
         run_for: float | None,
+        until: int | None = None,
     ) -> None:
-        """The run is over `run_for` simulated seconds after GO; None = it has no end."""
+        """The run is over `run_for` simulated seconds after GO, or before tick `until`; None = it has no such end."""
         self._engine, self._outputs, self._statistics = engine, outputs, statistics
         self._profile, self._pacer = profile, pacer
-        self._run_for = run_for
+        self._run_for, self._until = run_for, until
         self._go: int | None = None
         """Simulated time (ns) from which GO holds; None before GO."""
 
@@ -40,17 +41,17 @@ class RunCounter:
 
     def count(self) -> bool:
         """Count the engine's tick if GO was given; whether the time of the run is over with it."""
-        if self._go is None:
-            return False
         engine = self._engine
-        poses = {robot_id: engine.truth(robot_id) for robot_id in self._outputs}
+        is_last = self._until is not None and engine.tick + 1 >= self._until
+        if self._go is None:
+            return is_last
+        ids, poses, stalled = engine.standing()
         if not self.is_counting:
-            self._statistics.start(self._go, engine.tick, poses)
+            self._statistics.start(self._go, engine.tick, ids, poses)
             self._profile.start()
             self._pacer.start_anew()
-        stalled = [robot_id for robot_id in self._outputs if engine.stalled(robot_id)]
-        self._statistics.add_tick(poses, stalled, self._outputs.scan_counts())
-        return self._run_for is not None and engine.now - self._go >= self._run_for * NS_PER_S
+        self._statistics.add_tick(ids, poses, stalled, self._outputs.scan_counts)
+        return is_last or (self._run_for is not None and engine.now - self._go >= self._run_for * NS_PER_S)
 
     def start_anew(self) -> None:
         """The world is as at its start, where GO, if it was given, holds from the first tick on."""

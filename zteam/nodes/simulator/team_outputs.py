@@ -16,6 +16,10 @@ class TeamOutputs(Collection[int]):
         self._engine = engine
         self._lockstep = lockstep
         self._outputs: dict[int, RobotOutputs] = {}
+        self.scan_counts: Mapping[int, int] = {}
+        """Scans in a tick, by robot."""
+        self._noted: int | None = None
+        """The bus's `matching_changes` when the robots' outputs noted their subscribers."""
 
     def __contains__(self, robot_id: object) -> bool:
         return robot_id in self._outputs
@@ -36,6 +40,7 @@ class TeamOutputs(Collection[int]):
                 self._outputs[robot_id] = RobotOutputs(self._node, robot_id, robot, lockstep=self._lockstep)
                 self._outputs[robot_id].put_base_info()
                 self.put_statics(robot_id)
+        self.scan_counts = {robot_id: len(output.scans) for robot_id, output in self._outputs.items()}
 
     def put_statics(self, robot_id: int) -> None:
         """Send a robot's fixed frames."""
@@ -43,8 +48,9 @@ class TeamOutputs(Collection[int]):
 
     def put_transforms(self, robot_ids: Iterable[int]) -> None:
         """Send these robots' odom -> base_footprint at the engine's time."""
+        now = self._engine.now
         for robot_id in robot_ids:
-            self._outputs[robot_id].put_transforms(self._engine.now, self._engine.odom(robot_id))
+            self._outputs[robot_id].put_transforms(now, self._engine.odom(robot_id))
 
     def put_sensors(
         self,
@@ -58,6 +64,7 @@ class TeamOutputs(Collection[int]):
 
         `on_scan(robot_id)` is called before the scans of a robot leave.
         """
+        self._note_subscribers()
         for robot_id in robot_ids:
             output = self._outputs[robot_id]
             output.put_odometry(observation, again=again)
@@ -67,14 +74,21 @@ class TeamOutputs(Collection[int]):
 
     def put_rest(self, robot_ids: Iterable[int], observation: Observation) -> None:
         """Send what no robot's next command depends on."""
+        self._note_subscribers()
         for robot_id in robot_ids:
             self._outputs[robot_id].put_rest(observation)
 
     def put_commands(self, commands: Mapping[int, Twist]) -> None:
         """Send, on `cmd_vel`, the commands that came with the answers of lock-step."""
+        self._note_subscribers()
         for robot_id, command in commands.items():
             self._outputs[robot_id].put_command(command)
 
-    def scan_counts(self) -> dict[int, int]:
-        """Scans in a tick, by robot."""
-        return {robot_id: len(output.scans) for robot_id, output in self._outputs.items()}
+    def _note_subscribers(self) -> None:
+        # Asked once for the whole team: it takes as long as asking one publisher.
+        changes = self._node.bus.matching_changes
+        if changes != self._noted:
+            # In this order: another thread may let it change meanwhile.
+            self._noted = changes
+            for output in self._outputs.values():
+                output.note_subscribers()

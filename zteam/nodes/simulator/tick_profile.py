@@ -13,34 +13,38 @@ class TickProfile:
     """Sums of seconds by phase: of the last whole tick, and since `start`."""
 
     def __init__(self) -> None:
-        self.last = dict.fromkeys(_ORDER, 0.0)
-        """Seconds by phase in the last whole tick."""
+        self._before = self._after = dict.fromkeys(_ORDER, 0.0)
+        """The sums before and after the last whole tick."""
         self.start()
 
     def start(self) -> None:
         """Sum from here on."""
         self._since = monotonic()
-        self._tick, self._total = dict.fromkeys(_ORDER, 0.0), dict.fromkeys(_ORDER, 0.0)
+        self._sums = dict.fromkeys(_ORDER, 0.0)
+        self._before = self._after = self._sums.copy()
         self._ticks = 0
 
     def end(self, phase: str) -> None:
         """Add the time since the last call to this phase."""
         now = monotonic()
-        self._tick[phase] += now - self._since
+        self._sums[phase] += now - self._since
         self._since = now
 
     def end_tick(self) -> None:
         """End the tick."""
-        self.last, self._tick = self._tick, dict.fromkeys(_ORDER, 0.0)
+        self._before, self._after = self._after, self._sums.copy()
         self._ticks += 1
-        for phase, seconds in self.last.items():
-            self._total[phase] += seconds
+
+    @property
+    def last(self) -> dict[str, float]:
+        """Seconds by phase in the last whole tick."""
+        return {phase: self._after[phase] - self._before[phase] for phase in _ORDER}
 
     def timing(self) -> Timing:
         """Milliseconds a tick on average, by phase."""
-        return Timing(**{phase: 1e3 * seconds / max(1, self._ticks) for phase, seconds in self._total.items()})
+        return Timing(**{phase: 1e3 * seconds / max(1, self._ticks) for phase, seconds in self._after.items()})
 
     def last_text(self) -> str:
         """The last tick in words, without its idle time."""
-        parts = [f"{phase} {1e3 * self.last[phase]:.1f} ms" for phase in _ORDER if phase != IDLE]
+        parts = [f"{phase} {1e3 * seconds:.1f} ms" for phase, seconds in self.last.items() if phase != IDLE]
         return ", ".join(part for part in parts if not part.endswith(" 0.0 ms"))

@@ -26,6 +26,14 @@ WALL_RATE = 20.0
 """Bundles a second where there is no simulator and no other rate was asked for."""
 
 
+def _open_tick(part: Participant, bundle: Bundle) -> int:
+    """Stamp (ns) of the tick of lock-step that is open, in which other processes send their frames; 0 in real time.
+
+    The tick itself may still be on its way; the transforms that it brings left before it.
+    """
+    return max(part.stamp, bundle.stamp) if part.active else 0
+
+
 class Aggregator:
     """The merged tree on the bus. Callbacks run under `node.changed`."""
 
@@ -36,8 +44,7 @@ class Aggregator:
         descriptions: Mapping[int, Description],
         rate: float | None,
     ) -> None:
-        """`configured` are the team file's fixed transforms, `descriptions` the robots' URDFs, `rate` the bundles a
-        second; None for one a tick."""
+        """The team file's fixed transforms, the robots' URDFs, and the bundles a second (None for one a tick)."""
         self._node = node
         self._given_rate = rate
         self._first_data = 0.0
@@ -73,7 +80,8 @@ class Aggregator:
         description = self._descriptions.get(target[0]) if target is not None else None
         if target is None or description is None:
             return
-        self._merger.take(target[0], TFMessage(description.moving_transforms(message)), self._node.clock.now())
+        frames = TFMessage(description.moving_transforms(message))
+        self._merger.take(target[0], frames, self._node.clock.now(), _open_tick(self._part, self._bundle))
         if self._rate is None and not self._bundle.is_open and not self._part.active:
             # No bundle is being filled that they could travel with.
             self._flush()
@@ -90,8 +98,7 @@ class Aggregator:
         else:
             self._take(robot_id, message, stamp)
             self._node.changed.notify_all()
-        if self._merger.statics_changed:
-            self._publish_statics()
+        self._publish_statics()
 
     def _take(self, robot_id: int, message: TFMessage, stamp: int) -> None:
         """Real time: take a robot's transforms into the bundle of their tick, or those without a base into any."""
@@ -105,17 +112,17 @@ class Aggregator:
             self._flush()
 
     def _take_in_lockstep(self, robot_id: int, message: TFMessage, stamp: int) -> None:
-        self._merger.take(robot_id, message, self._node.clock.now())
+        self._merger.take(robot_id, message, self._node.clock.now(), max(_open_tick(self._part, self._bundle), stamp))
         self._bundle.take_in_lockstep(robot_id, stamp)
         if not self._part.advance() and self._bundle.may_leave(self._part.robots):
             self._flush(self._bundle.stamp)
 
     def _has_inputs(self, tick: Tick) -> bool:
-        return self._bundle.stamp >= ns_from_time(tick.stamp) and self._bundle.has_all(self._part.robots)
+        return self._bundle.stamp >= self._part.stamp and self._bundle.has_all(self._part.robots)
 
     def _repeat(self) -> None:
         if self._last.transforms:
-            self._tf.put(self._last)
+            self._tf.hand_over(self._last)
 
     def _on_tf_static(self, key: str, message: TFMessage) -> None:
         target = names.split_robot_key(key)
@@ -137,13 +144,14 @@ class Aggregator:
 
     def _flush(self, tick: int = 0) -> None:
         pending = self._merger.take_pending(tick)
+        # Before the bundle: what a localiser has taken over ends for all robots together with the bundle that has it.
+        self._publish_statics()
         self._bundle.close()
         if pending:
-            if self._last.transforms and self._last.transforms[-1].header.stamp == pending[-1].header.stamp:
-                self._last = TFMessage([*self._last.transforms, *pending])
-            else:
-                self._last = TFMessage(pending)
-            self._tf.put(TFMessage(pending))
+            bundle, last = TFMessage(pending), self._last.transforms
+            same_tick = last and ns_from_time(last[-1].header.stamp) == ns_from_time(pending[-1].header.stamp)
+            self._last = TFMessage([*last, *pending]) if same_tick else bundle
+            self._tf.hand_over(bundle)
 
     def _publish_statics(self) -> None:
         if self._merger.statics_changed:

@@ -1,10 +1,11 @@
-"""Every test in this folder runs over both transports."""
+"""Every test in this folder runs over both transports, and across the bridge of a team in one process."""
 
 from collections.abc import Iterator
+from contextlib import ExitStack
 
 import pytest
 
-from support.transports import RouterProcess, Sessions, memory_sessions, zenoh_sessions
+from support.transports import RouterProcess, Sessions, bridged_sessions, memory_sessions, zenoh_sessions
 
 
 @pytest.fixture(scope="session")
@@ -15,12 +16,12 @@ def router() -> Iterator[RouterProcess]:
     process.kill()
 
 
-@pytest.fixture(params=["memory", "zenoh"])
+@pytest.fixture(params=["memory", "zenoh", "bridge to memory", "bridge to zenoh"])
 def sessions(request: pytest.FixtureRequest) -> Iterator[Sessions]:
-    """Opens sessions of one transport."""
-    if request.param == "memory":
-        with memory_sessions() as opened:
-            yield opened
-    else:
-        with zenoh_sessions(request.getfixturevalue("router").endpoint) as opened:
-            yield opened
+    """Opens sessions of one transport, or of two with a bridge between them."""
+    with ExitStack() as stack:
+        if request.param.endswith("memory"):
+            opened = stack.enter_context(memory_sessions())
+        else:
+            opened = stack.enter_context(zenoh_sessions(request.getfixturevalue("router").endpoint))
+        yield stack.enter_context(bridged_sessions(opened)) if request.param.startswith("bridge") else opened

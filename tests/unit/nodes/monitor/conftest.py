@@ -17,8 +17,10 @@ def open_desk(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> Iterator[Open]
     for module in (display, team_watch):
         monkeypatch.setattr(module, "monotonic", time)
 
-    def make(*ids: int, team_size: int = 0, run: bool = True, exit_on_go: bool = False) -> Desk:
-        options = MonitorOptions(team_size or len(ids), ids or None, exit_on_go=exit_on_go)
+    def make(
+        *ids: int, team_size: int = 0, run: bool = True, exit_on_go: bool = False, go_timeout: float | None = None
+    ) -> Desk:
+        options = MonitorOptions(team_size or len(ids), ids or None, exit_on_go=exit_on_go, go_timeout=go_timeout)
         desk = Desk(hub, time, options)
         desks.append(desk)
         if run:

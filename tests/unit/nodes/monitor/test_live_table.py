@@ -33,7 +33,7 @@ def say(gate: Gate, robot_id: int, state: int, text: str) -> None:
 def draw(gate: Gate, *events: Event) -> None:
     """Print what a terminal shows: the events, and the table as it stands at the end."""
     with LiveTable() as table:
-        table.watch(lambda: (make_rows(gate, {}, 1.0), ["waiting for robot_0"]))
+        table.watch(lambda: (make_rows(gate, {}, {}, 1.0), ["waiting for robot_0"]))
         for event in events:
             table.show(event)
 

@@ -209,6 +209,32 @@ def test_exit_on_go_has_an_end(hub: MemoryHub, open_desk: Open) -> None:
     assert not desk.thread.is_alive()
 
 
+def test_a_team_that_does_not_come_is_given_up(hub: MemoryHub, open_desk: Open) -> None:
+    """After --go-timeout the monitor fails, and names each robot that is missing with the reason."""
+    desk = open_desk(0, 1, 2, go_timeout=2.0)
+    Robot(hub, 0).say()
+    Robot(hub, 2).say(RobotState.BOOT, text="waiting for a first scan")
+    desk.wait_for("ready", 0)
+    desk.pass_by(1.0)
+    assert desk.thread.is_alive()
+    desk.time.now += 1.5
+    desk.thread.join(LIMIT)
+    assert str(desk.failure) == (
+        "no GO within 2 s: waiting for robot_1: no process yet; robot_2: waiting for a first scan"
+    )
+
+
+def test_after_go_there_is_no_time_out(hub: MemoryHub, open_desk: Open) -> None:
+    """The time-out is one for GO: a team that drives is watched for ever, also when a robot is lost."""
+    desk = open_desk(0, go_timeout=30.0)
+    robot = Robot(hub, 0)
+    robot.say()
+    desk.wait_for("go")
+    robot.vanish()
+    desk.pass_by(60.0)
+    assert (desk.thread.is_alive(), desk.failure) == (True, None)
+
+
 def test_a_stop_request_ends_it(open_desk: Open) -> None:
     """A monitor that waits for robots ends when it is asked to."""
     desk = open_desk(0, 1)

@@ -9,6 +9,7 @@ from zteam import names
 from zteam.bus import MemoryHub
 from zteam.clock import wait_until
 from zteam.geometry import Pose2, quaternion_from_yaw
+from zteam.launch.restarts import serve_restarts
 from zteam.nodes.monitor import poses as module
 from zteam.nodes.monitor.poses import Poses
 from zteam.runtime.node import Node
@@ -56,6 +57,24 @@ def test_poses_come_from_the_aggregator(hub: MemoryHub, monkeypatch: pytest.Monk
         assert asked[0] == ["map robot_1/base_footprint", "map robot_2/base_footprint"]
         server.close()
         wait_for(node, lambda: not found.newest)
+    finally:
+        stop.request("test over")
+        node.close()
+
+
+def test_restarts_come_from_the_launcher(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also for a monitor that comes later; without a launcher there are none."""
+    monkeypatch.setattr(module, "PERIOD", 0.01)
+    stop, launcher, counts = Stop(), hub.bus(), {"robot_1": 1}
+    node = Node(names.MONITOR, hub.bus(), stop)
+    serve_restarts(launcher, lambda: dict(counts))
+    found = Poses(node, list)
+    try:
+        wait_for(node, lambda: found.restarts == {"robot_1": 1})
+        counts["planner"] = 3
+        wait_for(node, lambda: found.restarts == {"robot_1": 1, "planner": 3})
+        launcher.close()
+        wait_for(node, lambda: found.restarts == {})
     finally:
         stop.request("test over")
         node.close()

@@ -27,7 +27,7 @@ def test_a_row_says_state_behaviour_pose_speed_age_and_reason() -> None:
             driver=RobotDriver.BEHAVIOR, reason=reason, leader=i - 1, speed=speed,
         )  # fmt: skip
         gate.take_status(i, status, 10.0)
-    assert lines_of(make_rows(gate, {0: POSE}, 10.25), width=120) == [
+    assert lines_of(make_rows(gate, {0: POSE}, {}, 10.25), width=120) == [
         "robot    state    behaviour            x     y    yaw   m/s    age",
         "robot_0  running  wander          -12.35  8.50  -3.10  0.40  0.2 s",
         "robot_1  running  follow robot_0       -     -      -  0.00  0.2 s  obstacle ahead",
@@ -45,7 +45,7 @@ def test_every_robot_has_a_state() -> None:
     gate.take_token(4, "a", True)
     gate.members.check_silence(SILENT_AFTER + 1)
     gate.take_world([0, 1, 2, 3, 4])
-    rows = make_rows(gate, {}, SILENT_AFTER + 2)
+    rows = make_rows(gate, {}, {}, SILENT_AFTER + 2)
     assert [row.state for row in rows] == ["silent", "lost", "stopped", "silent", "absent", "absent"]
     assert [row.reason for row in rows[1:3]] == ["its process is gone"] * 2
     assert rows[0].reason == rows[3].reason == "does not answer"
@@ -60,7 +60,7 @@ def test_a_robot_that_was_taken_out_of_the_world_is_told_as_that() -> None:
         gate.take_token(i, "a", True)
         gate.take_status(i, RobotStatus(robot_id=i, state=RobotState.RUNNING, reason=reason), 10.0)
     gate.take_world([])
-    told, drives = make_rows(gate, {}, 10.0)
+    told, drives = make_rows(gate, {}, {}, 10.0)
     assert told.reason == "not in the world; it has no robot ('zteam sim spawn --id 0 --pose X Y YAW' adds it)"
     assert drives.reason == ""
 
@@ -92,16 +92,28 @@ def test_another_driver_is_named(driver: str) -> None:
     gate = Gate([0], 1)
     gate.take_token(0, "a", True)
     gate.take_status(0, RobotStatus(state=RobotState.RUNNING, behavior="wander", driver=driver), 0.0)
-    assert make_rows(gate, {}, 0.0)[0].behavior == f"{driver} (wander)"
+    assert make_rows(gate, {}, {}, 0.0)[0].behavior == f"{driver} (wander)"
 
 
 def test_the_notes_tell_of_go_and_of_what_is_wrong() -> None:
     """Before GO what it waits for, then that it is out, and below it what else is wrong."""
     gate = Gate([0], 1)
-    assert team_notes(gate, ["the simulator is gone"]) == [
+    assert team_notes(gate, {}, ["the simulator is gone"]) == [
         "waiting for robot_0: no process yet",
         "the simulator is gone",
     ]
     come(gate, 0)
     gate.try_go(1)
-    assert team_notes(gate, []) == ["GO is out"]
+    assert team_notes(gate, {}, []) == ["GO is out"]
+
+
+def test_what_was_started_again_is_told() -> None:
+    """Robots and nodes below the table, and each robot's count in its row, for `--json`."""
+    gate = Gate([0, 1], 2)
+    come(gate, 0, 1)
+    restarts = {"robot_1": 2, "planner": 1}
+    assert team_notes(gate, restarts, ["the simulator is gone"])[1:] == [
+        "started again: planner 1 time, robot_1 2 times",
+        "the simulator is gone",
+    ]
+    assert [row.restarts for row in make_rows(gate, {}, restarts, 0.0)] == [0, 2]

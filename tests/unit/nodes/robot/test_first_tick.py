@@ -1,6 +1,6 @@
 """A robot's first tick of lock-step: what it waits for."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import ClassVar
 
 import pytest
@@ -9,20 +9,25 @@ from support.lockstep_doubles import INTERVAL, ScriptedSimulator
 from zteam import names
 from zteam.behaviors import Behavior, View
 from zteam.bus import MemoryHub
-from zteam.messages import BaseInfo, Header, LaserScan, Message, Odometry, Twist, time_from_ns
+from zteam.messages import BaseInfo, Header, LaserScan, Message, Odometry, RobotStatus, Twist, time_from_ns
 from zteam.nodes.robot.node import RobotNode, RobotOptions
 from zteam.runtime.node import Node
 from zteam.runtime.shutdown import Stop
 
 
 class Seen(Behavior):
-    """Notes the models of the bases that it sees."""
+    """Notes the models of the bases that it sees, and which robots' statuses."""
 
     models: ClassVar[list[str]]
+    told: ClassVar[list[list[int]]]
+    inputs: ClassVar[Mapping[str, tuple[str, type[Message]]]] = {
+        "statuses": (names.all_robots_key(names.STATUS), RobotStatus)
+    }
 
     def step(self, view: View) -> Twist:
         """Stand."""
         self.models.append(view.base.model)
+        self.told.append(sorted(view.inputs["statuses"]))
         return Twist()
 
 
@@ -37,6 +42,7 @@ def models(hub: MemoryHub, simulator: ScriptedSimulator, monkeypatch: pytest.Mon
     """What the behaviour of robot 0 saw. The robot takes part in tick 2, which is open."""
     seen: list[str] = []
     monkeypatch.setattr(Seen, "models", seen, raising=False)
+    monkeypatch.setattr(Seen, "told", [], raising=False)
     node = Node("robot_0", hub.bus(), Stop())
     RobotNode(node, Seen, RobotOptions(0, "Seen", gate=False))
     simulator.appear()
@@ -53,13 +59,40 @@ def test_it_waits_for_the_base_also_where_that_comes_last(
 ) -> None:
     """With scan and odometry there the robot does not answer; with `base_info` it does, and the behaviour sees it."""
 
-    def put(topic: str, message: Message, *, latched: bool = False) -> None:
-        hub.bus().publisher(names.robot_key(0, topic), type(message), latched=latched).put(message)
-
-    header = Header(time_from_ns(2 * INTERVAL))
-    put(names.BASE_SCAN, LaserScan(header, angle_min=-1.0, angle_increment=1.0, range_max=9.0, ranges=[5.0] * 3))
-    put(names.ODOM, Odometry(header))
+    put_inputs(hub, 2)
     assert (simulator.take(), models) == ([], [])
-    put(names.BASE_INFO, BaseInfo(model="cart"), latched=True)
+    put(hub, names.BASE_INFO, BaseInfo(model="cart"), latched=True)
     assert [done.tick for done in simulator.take()] == [2]
     assert models == ["cart"]
+
+
+def put(hub: MemoryHub, topic: str, message: Message, *, robot: int = 0, latched: bool = False) -> None:
+    """Publish for a robot."""
+    hub.bus().publisher(names.robot_key(robot, topic), type(message), latched=latched).put(message)
+
+
+def put_inputs(hub: MemoryHub, tick: int) -> None:
+    """Scan and odometry of a tick."""
+    header = Header(time_from_ns(tick * INTERVAL))
+    put(hub, names.BASE_SCAN, LaserScan(header, angle_min=-1.0, angle_increment=1.0, range_max=9.0, ranges=[5.0] * 3))
+    put(hub, names.ODOM, Odometry(header))
+
+
+def test_whoever_joins_and_whoever_is_there_know_each_other_from_the_next_tick_on(
+    hub: MemoryHub, simulator: ScriptedSimulator, models: list[str]
+) -> None:
+    """What a robot has heard before it joins does not count: chance says what that is. Each robot tells its status in
+    the tick in which others have joined or gone, so a heartbeat of the host's time decides nothing.
+    """
+    heard: list[RobotStatus] = []
+    hub.bus().subscribe(names.robot_key(0, names.STATUS), RobotStatus, lambda _key, status: heard.append(status))
+    put(hub, names.BASE_INFO, BaseInfo(), latched=True)
+    put(hub, names.STATUS, RobotStatus(robot_id=7), robot=7)
+    told = []
+    for tick, team in enumerate((["robot_0"], ["robot_0"], ["robot_0", "robot_1"], ["robot_0", "robot_1"]), 2):
+        simulator.tick(tick, *team, robots=(0,))
+        before = len(heard)
+        put_inputs(hub, tick)
+        told.append(len(heard) > before)
+    assert [7 in robots for robots in Seen.told] == [False, True, True, True]
+    assert told == [True, False, True, False]

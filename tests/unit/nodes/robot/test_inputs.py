@@ -3,7 +3,6 @@
 import pytest
 
 from support.transforms import S, stamped
-from zteam.errors import BehaviorError
 from zteam.messages import (
     BaseInfo,
     Header,
@@ -21,9 +20,9 @@ from zteam.nodes.robot.inputs import Inputs
 def give(inputs: Inputs, stamp: int, *, scan: bool = True, odom: bool = True, tf: bool = True) -> None:
     """The data of one tick."""
     if scan:
-        inputs.scan = LaserScan(Header(time_from_ns(stamp)))
+        inputs.take_scan(LaserScan(Header(time_from_ns(stamp))))
     if odom:
-        inputs.odom = Odometry(Header(time_from_ns(stamp)))
+        inputs.take_odom(Odometry(Header(time_from_ns(stamp))))
     if tf:
         inputs.take_bundle(encode(TFMessage([stamped("robot_1/odom", "robot_1/base_footprint", stamp, 2.0)])))
 
@@ -74,15 +73,27 @@ def test_newer_data_completes_a_tick(inputs: Inputs) -> None:
     assert inputs.complete_for(S)
 
 
-def test_data_that_is_not_needed_is_not_waited_for(inputs: Inputs) -> None:
-    """A behaviour without odometry and transforms is complete with its scan."""
+def test_a_tick_may_do_without_transforms_but_not_without_odometry(inputs: Inputs) -> None:
+    """Without an aggregator no transforms of the tick are promised; the safety layer needs the odometry always."""
     give(inputs, S, odom=False, tf=False)
     assert not inputs.complete_for(S, tf=False)
-    inputs.needs_odom = False
+    give(inputs, S, tf=False)
     assert inputs.complete_for(S, tf=False)
     assert not inputs.complete_for(S)
-    inputs.needs_tf = False
-    assert inputs.complete_for(S)
+
+
+def test_the_bases_of_a_tick_are_those_of_its_robots(inputs: Inputs) -> None:
+    """In lock-step a tick waits for the bases of its robots, and no other base counts, whenever it came."""
+    for robot_id in (5, 2):
+        inputs.take_base(robot_id, BaseInfo(model=f"model {robot_id}"))
+    robots = frozenset({2, 3})
+    assert not inputs.has_bases(robots)
+    inputs.take_base(3, BaseInfo(model="model 3"))
+    assert inputs.has_bases(robots)
+    assert {i: base.model for i, base in inputs.bases.items()} == {2: "model 2", 3: "model 3"}
+    bases = inputs.bases
+    assert inputs.has_bases(robots)
+    assert inputs.bases is bases
 
 
 def test_a_connected_tick_needs_the_fixed_transforms() -> None:
@@ -134,12 +145,3 @@ def test_go_holds_from_its_stamp_on(inputs: Inputs, state: int, now: int, epoch:
     assert inputs.go_epoch(now) == 0
     inputs.team = TeamStatus(state=state, epoch=4, go_stamp=time_from_ns(2 * S))
     assert inputs.go_epoch(now) == epoch
-
-
-def test_a_look_up_without_transforms_is_an_error(inputs: Inputs) -> None:
-    """Once the robot has closed its input of transforms, a look-up says what to do instead of giving an old pose."""
-    give(inputs, S)
-    assert inputs.lookup("map", "robot_1/base_footprint") is not None
-    inputs.needs_tf = False
-    with pytest.raises(BehaviorError, match="set `uses_tf = True` in its class"):
-        inputs.lookup("map", "robot_1/base_footprint")

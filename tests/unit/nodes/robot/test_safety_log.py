@@ -4,7 +4,7 @@ import numpy as np
 
 from support.log_capture import captured_log
 from zteam.behaviors import View
-from zteam.messages import LaserScan, Twist, Vector3
+from zteam.messages import LaserScan, RobotDriver, Twist, Vector3
 from zteam.nodes.robot.safety_log import FREE_AFTER, SafetyLog
 
 TICK = 100_000_000
@@ -23,15 +23,15 @@ def test_one_line_when_it_stops_and_one_when_the_way_is_free() -> None:
     safety = SafetyLog("forward")
     with captured_log() as log:
         for tick in range(1, 30):
-            safety.take(Twist(Vector3(0.4)), "obstacle ahead", view(tick * TICK, 0.31))
+            safety.take(RobotDriver.BEHAVIOR, Twist(Vector3(0.4)), "obstacle ahead", view(tick * TICK, 0.31))
             assert safety.stopped_at(tick * TICK)
         assert log.lines == ["safety: stopped forward (0.40 m/s): obstacle 0.31 m ahead of the laser"]
         # It turns away: nothing is known of the way ahead of it.
         for tick in range(30, 60):
-            safety.take(Twist(angular=Vector3(z=1.0)), "", view(tick * TICK, 9.0))
+            safety.take(RobotDriver.BEHAVIOR, Twist(angular=Vector3(z=1.0)), "", view(tick * TICK, 9.0))
         assert len(log.lines) == 1
         for tick in range(60, 90):
-            safety.take(Twist(Vector3(0.4)), "", view(tick * TICK, 9.0))
+            safety.take(RobotDriver.BEHAVIOR, Twist(Vector3(0.4)), "", view(tick * TICK, 9.0))
             assert not safety.stopped_at(tick * TICK)
         assert log.lines[1:] == ["safety: the way is free again after 5.9 s"]
 
@@ -41,13 +41,28 @@ def test_a_stop_that_comes_and_goes_is_one_stop() -> None:
     safety = SafetyLog("forward")
     with captured_log() as log:
         for tick in range(1, 200):
-            safety.take(Twist(Vector3(0.4)), "obstacle ahead" if tick % 3 else "", view(tick * TICK, 0.34))
+            safety.take(
+                RobotDriver.BEHAVIOR, Twist(Vector3(0.4)), "obstacle ahead" if tick % 3 else "", view(tick * TICK, 0.34)
+            )
         assert len(log.lines) == 1
         assert FREE_AFTER > 3 * TICK
+
+
+def test_a_robot_that_creeps_is_slowed_and_then_stopped() -> None:
+    """Each has its line: the second says what stands where no laser looks."""
+    safety = SafetyLog("path")
+    with captured_log() as log:
+        for tick in range(1, 9):
+            cause = "creeps: the ground behind was never seen" if tick < 5 else "robot_2 behind"
+            safety.take(RobotDriver.TELEOP, Twist(Vector3(-0.4)), cause, view(tick * TICK, 9.0))
+    assert log.lines == [
+        "safety: slowed teleop (-0.40 m/s): creeps: the ground behind was never seen",
+        "safety: stopped teleop (-0.40 m/s): robot_2 behind",
+    ]
 
 
 def test_other_causes_are_told_in_their_own_words() -> None:
     """A blind robot has no distance to tell."""
     with captured_log() as log:
-        SafetyLog("wander").take(Twist(Vector3(0.2)), "blind ahead", view(TICK, 0.2))
+        SafetyLog("wander").take(RobotDriver.BEHAVIOR, Twist(Vector3(0.2)), "blind ahead", view(TICK, 0.2))
         assert log.lines == ["safety: stopped wander (0.20 m/s): blind ahead"]

@@ -67,7 +67,7 @@ def test_it_says_what_drives_it_and_why_it_stands(wants: Callable[..., None], mo
         before = robot.wait_for_status(lambda status: True)
         assert (before.behavior, before.driver, before.leader) == ("Asks", RobotDriver.NONE, -1)
         for tick, (speed, turn, reason) in enumerate(
-            [(0.4, 0.0, ""), (0.0, 0.7, ""), (-0.2, 0.0, ""), (0.0, 0.0, "the behaviour commands zero velocity")], 1
+            [(0.4, 0.0, ""), (0.0, 0.7, ""), (-0.1, 0.0, ""), (0.0, 0.0, "the behaviour commands zero velocity")], 1
         ):
             wants(speed, turn)
             tick_to(robot, tick, tick)

@@ -2,12 +2,13 @@
 
 import threading
 from collections.abc import Iterator
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import pytest
 
 from support.real_time_robot import LIMIT, NEVER, TICK, RealTimeRobot
-from zteam.behaviors import Behavior, View, decide
+from zteam.behaviors import Behavior, View
+from zteam.behaviors.safety import ask
 from zteam.messages import Twist, Vector3
 from zteam.nodes.robot import driver, pacing
 
@@ -84,11 +85,11 @@ def test_nothing_of_the_old_time_is_done_after_a_jump(monkeypatch: pytest.Monkey
     """A robot that waits for the transforms of a scan when time jumps back does not act on that scan any more."""
     ticks: list[int] = []
 
-    def note(behavior: Behavior, view: View, *rest: Any) -> tuple[Twist, str]:
+    def note(behavior: Behavior, view: View) -> tuple[Twist, str]:
         ticks.append(view.now // TICK)
-        return decide(behavior, view, *rest)
+        return ask(behavior, view)
 
-    monkeypatch.setattr(driver, "decide", note)
+    monkeypatch.setattr(driver, "ask", note)
     monkeypatch.setattr(pacing, "TF_PATIENCE", NEVER)
     robot = RealTimeRobot()
     try:

@@ -152,17 +152,24 @@ def test_a_token_that_was_never_there_may_go() -> None:
     assert barrier.open(1, 1) == ["robot_0"]
 
 
-def test_the_answer_of_a_process_that_ended_stays(team: Barrier) -> None:
-    """An answer to the open tick counts even if its process has ended since."""
-    command = Twist(Vector3(0.3))
-    team.take_done("robot_0", Done(1, 1, True, command))
+def test_the_answer_of_a_process_that_ended_goes_with_it(team: Barrier) -> None:
+    """Whether its answer or its end came first must not matter; the others are waited for."""
+    team.take_done("robot_0", Done(1, 1, True, Twist(Vector3(0.3))))
     lose_name(team, "robot_0")
-    assert team.answers["robot_0"].command == command
+    assert (team.answers, team.left) == ({}, {"robot_0"})
     team.take_done("robot_1", Done(1, 1))
     assert team.missing() == ["tf"]
     assert not team.complete
     team.take_done("tf", Done(1, 1))
     assert team.complete
+
+
+def test_the_answer_of_a_dropped_process_stays(team: Barrier) -> None:
+    """It lives, and what it said counts."""
+    command = Twist(Vector3(0.3))
+    team.take_done("robot_0", Done(1, 1, True, command))
+    team.drop("robot_0")
+    assert (team.answers["robot_0"].command, team.left) == (command, set())
 
 
 def test_a_dropped_participant_may_come_back(team: Barrier) -> None:

@@ -3,6 +3,7 @@
 import threading
 from collections.abc import Iterator
 
+import numpy as np
 import pytest
 
 from support.lockstep_doubles import LIMIT, LONG
@@ -21,11 +22,13 @@ class CommandsHarness:
     def __init__(self, hub: MemoryHub, *robots: int) -> None:
         self.robots = {*robots}
         self._node = Node(names.SIMULATOR, hub.bus(), Stop())
-        self.commands = Commands(self._node, self.robots.__contains__, RunStatistics({}))
+        self.statistics = RunStatistics({})
+        self.commands = Commands(self._node, self.robots.__contains__, self.statistics)
         self.publishers = {}
+        self.tokens = {}
         for i in robots:
             bus = hub.bus()
-            bus.declare_token(names.token_key(names.robot_name(i), bus.instance))
+            self.tokens[i] = bus.declare_token(names.token_key(names.robot_name(i), bus.instance))
             self.publishers[i] = bus.publisher(names.robot_key(i, names.CMD_VEL), Twist)
 
     def wait(self) -> threading.Thread:
@@ -72,3 +75,24 @@ def test_a_robot_that_left_the_world_is_not_waited_for(harness: CommandsHarness)
         assert not thread.is_alive()
         harness.commands.scan_sent(0)
         harness.publishers[0].put(Twist())
+
+
+def test_the_last_command_of_a_robot_that_left_is_its_own(harness: CommandsHarness) -> None:
+    """It may come after the end of the token: it is no command from outside."""
+    harness.statistics.start(0, 0, (), np.zeros((0, 3)))
+    harness.tokens[0].close()
+    harness.publishers[0].put(Twist())
+    assert (harness.statistics.external_commands, harness.commands.writers()) == (0, {})
+    assert harness.commands.take() == {0: Twist()}
+
+
+def test_only_robots_with_a_process_are_missing(harness: CommandsHarness) -> None:
+    """A robot of the world whose process lives and that sent no command is late; the others are not."""
+    harness.publishers[0].put(Twist())
+    commands = harness.commands.take()
+    assert harness.commands.missing(commands) == [1]
+    harness.tokens[1].close()
+    assert harness.commands.missing(commands) == []
+    assert harness.commands.missing({}) == [0]
+    harness.robots.discard(0)
+    assert harness.commands.missing({}) == []

@@ -123,6 +123,31 @@ def test_commands_are_those_of_robots_in_the_world() -> None:
     assert list(tick.commands({10})) == [10]
 
 
+def test_a_robot_that_leaves_stops() -> None:
+    """Whether it has answered the open tick or not; with the next tick that rule has done its work."""
+    tick = begun("robot_0", "robot_1", "tf")
+    tick.take_done("robot_0", Done(0, 2, True, Twist(Vector3(0.3))))
+    for name in ("robot_0", "robot_1"):
+        tick.take_token(name, f"session-{name}", False)
+    answer(tick, "tf")
+    assert tick.is_over
+    assert tick.commands({0, 1}) == {0: Twist(), 1: Twist()}
+    tick.open(0, 3, [])
+    assert tick.commands({0, 1}) == {}
+
+
+def test_a_robot_that_comes_back_within_the_held_tick_has_its_say() -> None:
+    """What the new process answers counts, not that the old one left."""
+    tick = OpenTick(["robot_0"], gate=False)
+    join(tick, "robot_0")
+    tick.open(0, 1, [])
+    tick.take_token("robot_0", "session-robot_0", False)
+    join(tick, "robot_0")
+    tick.reopen()
+    tick.take_done("robot_0", Done(0, 1, True, Twist(Vector3(0.3))))
+    assert tick.commands({0}) == {0: Twist(Vector3(0.3))}
+
+
 def test_after_a_restart_of_the_world_old_answers_do_not_count() -> None:
     """The tick of the same number has to be answered again."""
     tick = begun("tf")

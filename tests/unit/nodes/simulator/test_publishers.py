@@ -5,9 +5,12 @@ import pytest
 from support.in_process_team import load_scene
 from zteam import names
 from zteam.bus import MemoryHub
+from zteam.messages import Bool, LaserScan, Odometry, Twist
 from zteam.nodes.simulator.publishers import RobotOutputs
+from zteam.nodes.simulator.team_outputs import TeamOutputs
 from zteam.runtime.node import Node
 from zteam.runtime.shutdown import Stop
+from zteam.sim import Engine
 
 
 @pytest.mark.parametrize("lockstep", [False, True])
@@ -15,6 +18,26 @@ def test_the_simulator_publishes_commands_in_lock_step_only(lockstep: bool) -> N
     """In real time `cmd_vel` has no publisher but the robot, so tools do not take the simulator for one."""
     hub = MemoryHub()
     RobotOutputs(Node(names.SIMULATOR, hub.bus(), Stop()), 0, load_scene()[1][0], lockstep=lockstep)
-    published = {declaration.key for declaration in hub.declarations() if declaration.publishes}
+    published = {declaration.key for declaration in hub.bus().declarations() if declaration.publishes}
     assert "robot_0/odom" in published
     assert ("robot_0/cmd_vel" in published) is lockstep
+
+
+def test_what_has_subscribers_is_published_and_nothing_else(hub: MemoryHub) -> None:
+    """Subscribers that come and go between two ticks count from the next one on."""
+    world, robots = load_scene()
+    engine = Engine(world, robots=robots)
+    outputs = TeamOutputs(Node(names.SIMULATOR, hub.bus(), Stop()), engine, lockstep=True)
+    outputs.match_robots()
+    observation = engine.observe()
+    heard: list[str] = []
+    types = {"robot_0/odom": Odometry, "robot_0/base_scan": LaserScan, "robot_0/stall": Bool, "robot_0/cmd_vel": Twist}
+    for expected in ([], [*types], ["robot_0/stall"], ["robot_0/odom"], []):
+        handles = [hub.bus().subscribe(key, types[key], lambda key, _: heard.append(key)) for key in expected]
+        outputs.put_sensors([0], observation, lambda _: None)
+        outputs.put_rest([0], observation)
+        outputs.put_commands({0: Twist()})
+        assert heard == expected
+        heard.clear()
+        for handle in handles:
+            handle.close()

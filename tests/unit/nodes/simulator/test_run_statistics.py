@@ -3,10 +3,12 @@
 import hashlib
 import math
 import struct
+from collections.abc import Collection, Mapping
 
+import numpy as np
 import pytest
 
-from zteam.geometry import Pose2
+from zteam.geometry import Pose2, normalize_angle
 from zteam.nodes.simulator.run_statistics import RunStatistics, percentile
 from zteam.services.simulator import Gap, Latency
 
@@ -16,8 +18,16 @@ START = {0: Pose2(0.0, 0.0, 0.0), 1: Pose2(0.0, 2.0, 0.0)}
 def started(tick: int = 10) -> RunStatistics:
     """A run of two robots, of which 1 follows 0, since `tick`."""
     statistics = RunStatistics({1: 0})
-    statistics.start(tick * 100, tick, START)
+    statistics.start(tick * 100, tick, START, np.array(list(START.values())))
     return statistics
+
+
+def add(
+    statistics: RunStatistics, poses: Mapping[int, Pose2], stalled: Collection[int] = (), scans: Mapping[int, int] = {}
+) -> None:
+    """A tick of robots by id."""
+    ids = sorted(poses)
+    statistics.add_tick(ids, np.array([poses[i] for i in ids]), np.array([i in stalled for i in ids]), scans)
 
 
 def test_nothing_counts_before_go() -> None:
@@ -34,7 +44,7 @@ def test_distance_is_the_length_of_the_path() -> None:
     """It sums the moves between ticks, not the way from start to end."""
     statistics = started()
     for x in (3.0, 0.0):
-        statistics.add_tick({0: Pose2(x, 0.0, 0.0), 1: START[1]}, [], {})
+        add(statistics, {0: Pose2(x, 0.0, 0.0), 1: START[1]})
     assert [robot.distance_m for robot in statistics.robots()] == [6.0, 0.0]
 
 
@@ -42,7 +52,7 @@ def test_a_stall_counts_once_however_long_it_lasts() -> None:
     """It counts again after the robot was free."""
     statistics = started()
     for stalled in ([0], [0], [], [0]):
-        statistics.add_tick(START, stalled, {})
+        add(statistics, START, stalled)
     assert [robot.stalls for robot in statistics.robots()] == [2, 0]
 
 
@@ -50,7 +60,7 @@ def test_scans_are_summed() -> None:
     """By robot."""
     statistics = started()
     for _ in range(3):
-        statistics.add_tick(START, [], {0: 2})
+        add(statistics, START, scans={0: 2})
     assert [robot.scans for robot in statistics.robots()] == [6, 0]
 
 
@@ -58,7 +68,7 @@ def test_a_gap_has_mean_maximum_and_end() -> None:
     """The follower has it, in metres between the centres."""
     statistics = started()
     for y in (1.0, 4.0, 1.0):
-        statistics.add_tick({0: START[0], 1: Pose2(0.0, y, 0.0)}, [], {})
+        add(statistics, {0: START[0], 1: Pose2(0.0, y, 0.0)})
     leader, follower = statistics.robots()
     assert (leader.gap_m, follower.gap_m) == (None, Gap(2.0, 4.0, 1.0))
     assert (leader.follow, follower.follow) == (None, 0)
@@ -78,16 +88,52 @@ def test_late_steps_count_from_the_second_tick_after_go() -> None:
 def test_a_robot_that_comes_later_counts_from_then_on() -> None:
     """Its first pose is no move."""
     statistics = started()
-    statistics.add_tick({**START, 5: Pose2(7.0, 7.0, 0.0)}, [], {5: 1})
+    add(statistics, {**START, 5: Pose2(7.0, 7.0, 0.0)}, scans={5: 1})
     assert [(robot.id, robot.distance_m, robot.scans) for robot in statistics.robots()][-1] == (5, 0.0, 1)
 
 
 def test_the_trajectory_is_that_of_all_poses_by_id() -> None:
-    """x, y, yaw as little-endian 64-bit floats, whatever the order in which the poses are given."""
+    """x, y, yaw as little-endian 64-bit floats."""
     statistics = started()
-    statistics.add_tick(dict(reversed(START.items())), [], {})
+    add(statistics, START)
     expected = hashlib.sha256(struct.pack("<6d", *START[0], *START[1])).hexdigest()
     assert statistics.trajectory_sha256 == expected
+
+
+def wander(ticks: int) -> list[dict[int, Pose2]]:
+    """Poses of two robots that turn more than once."""
+    rng = np.random.default_rng(4)
+    return [{i: Pose2(*rng.normal(0.0, 9.0, 3).tolist()) for i in (0, 1)} for _ in range(ticks)]
+
+
+def test_what_is_summed_does_not_depend_on_when_it_is_asked_for() -> None:
+    """Over a thousand ticks every sum and the hash are the same bits, asked for once or after each tick."""
+    once, often = started(), started()
+    for tick, poses in enumerate(wander(1000)):
+        for statistics in (once, often):
+            add(statistics, poses, [0] if tick % 3 else [], {1: 1})
+        assert len(often.robots()) == 2
+        assert often.trajectory_sha256
+    assert once.robots() == often.robots()
+    assert once.trajectory_sha256 == often.trajectory_sha256
+
+
+def test_the_trajectory_has_yaws_within_half_a_turn() -> None:
+    """They are wrapped to the same bits as `normalize_angle` makes, over more ticks than are kept."""
+    statistics, expected = started(), hashlib.sha256()
+    for poses in wander(700):
+        add(statistics, poses)
+        for x, y, yaw in poses.values():
+            expected.update(struct.pack("<3d", x, y, normalize_angle(yaw)))
+    assert statistics.trajectory_sha256 == expected.hexdigest()
+
+
+def test_a_robot_that_just_came_can_be_late() -> None:
+    """Before anything is summed up."""
+    statistics = started(tick=10)
+    add(statistics, {**START, 5: Pose2(7.0, 7.0, 0.0)})
+    statistics.add_late_steps(12, [5])
+    assert [robot.late_steps for robot in statistics.robots()] == [0, 0, 1]
 
 
 def test_latencies_are_given_in_milliseconds() -> None:
@@ -104,9 +150,9 @@ def test_latencies_are_given_in_milliseconds() -> None:
 def test_wall_time_needs_two_ticks() -> None:
     """With one there is no time between the first and the last."""
     statistics = started()
-    statistics.add_tick(START, [], {})
+    add(statistics, START)
     assert statistics.wall_seconds == 0.0
-    statistics.add_tick(START, [], {})
+    add(statistics, START)
     assert statistics.wall_seconds > 0.0
     assert statistics.ticks == 2
 
@@ -114,7 +160,7 @@ def test_wall_time_needs_two_ticks() -> None:
 def test_starting_anew_forgets_the_run() -> None:
     """The next GO counts from zero."""
     statistics = started()
-    statistics.add_tick(START, [0], {0: 1})
+    add(statistics, START, [0], {0: 1})
     statistics.add_external_command()
     statistics.add_latency(1.0)
     statistics.start_anew()
@@ -134,6 +180,6 @@ def test_a_percentile_is_one_of_the_values(share: float, value: float) -> None:
 def test_a_gap_that_was_never_measured_is_none() -> None:
     """Without its leader in the world a follower has no gap, not one of NaN."""
     statistics = started()
-    statistics.add_tick({1: START[1]}, [], {})
+    add(statistics, {1: START[1]})
     assert statistics.robots()[1].gap_m is None
     assert not any(math.isnan(robot.distance_m) for robot in statistics.robots())

@@ -153,7 +153,7 @@ def test_a_frame_of_another_process_delays_no_bundle(hub: MemoryHub, desk: Desk,
     carrot.put(TFMessage([stamped("robot_0/base_link", "robot_0/carrot", stamp * S // 100)]))
     assert len(listener.bundles) == count
     bases[1].drive(3 * S // 100)
-    bundle = [("robot_0/base_footprint", 3 * S // 100), ("robot_0/carrot", stamp * S // 100)]
+    bundle = [("robot_0/carrot", stamp * S // 100), ("robot_0/base_footprint", 3 * S // 100)]
     assert listener.bundles[count:] == [[*bundle, ("robot_1/base_footprint", 3 * S // 100)]]
     carrot.put(TFMessage([stamped("robot_0/base_link", "robot_0/carrot", (stamp + 1) * S // 100)]))
     assert listener.bundles[-1] == [("robot_0/carrot", (stamp + 1) * S // 100)]

@@ -1,0 +1,186 @@
+"""The safety layer against what its words mean, computed the slow way: in small steps, point by point."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from hypothesis import assume, example, given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from support.flat_floor import LASER, TICK, Segment, cast, drive, make_odometry, make_scan, make_view
+from zteam.base import Base
+from zteam.behaviors import SafetyLayer
+from zteam.behaviors.safety.limits import Limits, Motion
+from zteam.behaviors.safety.swept import Arc, Outline, margin_of, meeting_time, outline_of, swept_box
+from zteam.behaviors.safety.zones import zone_of
+from zteam.geometry import Pose2
+from zteam.messages import LaserScan, Twist, Vector3
+
+Floats = NDArray[np.float64]
+
+FINE = 400
+"""Steps of an arc the slow way."""
+NOW = 100 * TICK
+lengths = st.floats(0.05, 0.6)
+turns = st.floats(-3.14, 3.14) | st.sampled_from([0.0, 1e-6, -1e-3, 3.14])
+arcs = st.builds(Arc, st.floats(-1.0, 1.0) | st.just(0.0), turns)
+
+
+@st.composite
+def footprints(draw: st.DrawFn) -> tuple[tuple[float, float], ...]:
+    """Outlines of any kind: boxes, polygons round the origin, one that the origin lies outside of."""
+    if draw(st.booleans()):
+        front, rear, left, right = (draw(lengths) for _ in range(4))
+        return (front, left), (-rear, left), (-rear, -right), (front, -right)
+    count, radius, shift = draw(st.integers(3, 9)), draw(lengths), draw(st.floats(-0.7, 0.2))
+    around = [math.tau * (i + draw(st.floats(0.0, 0.5))) / count for i in range(count)]
+    return tuple((shift + radius * math.cos(a), radius * math.sin(a)) for a in around)
+
+
+outlines = footprints().map(Outline)
+
+
+def moved(arc: Arc, seconds: float) -> Pose2:
+    """Where a base is after so long."""
+    return drive(Pose2(0.0, 0.0, 0.0), Twist(Vector3(arc.speed), Vector3(z=arc.turn)), seconds)
+
+
+def distance(outline: Outline, at: Pose2, x: float, y: float) -> float:
+    """Metres from a point to the outline's half-planes, with the base at a pose."""
+    inside = at.inverse().compose(Pose2(x, y, 0.0))
+    return float(outline.distances(np.array([[inside.x], [inside.y]]))[0])
+
+
+@given(outlines, arcs, st.floats(0.05, 2.0), st.floats(-1.5, 1.5), st.floats(-1.5, 1.5), st.floats(0.0, 0.4))
+@example(Outline(Base().footprint), Arc(-0.3, 0.0), 1.0, 0.4, 0.0, 0.0)
+@example(Outline(Base().footprint), Arc(0.3, 0.0), 1.0, 0.4, 0.0, 0.0)
+def test_when_a_point_is_met(outline: Outline, arc: Arc, seconds: float, x: float, y: float, clearance: float) -> None:
+    """Until then the base is further away than the margin, or not nearer than it was; then it is as near."""
+    found = meeting_time(outline, arc, seconds, np.array([[x], [y]]), clearance)
+    limit = min(margin_of(outline, arc) + clearance, distance(outline, Pose2(0.0, 0.0, 0.0), x, y) - 1e-3)
+    until = min(found, seconds)
+    for step in range(FINE):
+        assert distance(outline, moved(arc, until * step / FINE), x, y) >= limit - 1e-3
+    if found < math.inf:
+        assert found <= seconds
+        assert distance(outline, moved(arc, found), x, y) <= limit + 1e-3
+
+
+@given(outlines, arcs, st.lists(st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0)), min_size=1, max_size=9))
+def test_the_first_of_many_points_counts(outline: Outline, arc: Arc, points: list[tuple[float, float]]) -> None:
+    """Many points at once are met as the first of them alone."""
+    alone = [meeting_time(outline, arc, 1.0, np.array([[x], [y]])) for x, y in points]
+    assert math.isclose(meeting_time(outline, arc, 1.0, np.array(points).T), min(alone), abs_tol=1e-9)
+
+
+@given(outlines, arcs, st.floats(0.0, 3.0))
+def test_the_box_of_an_arc_holds_all_that_it_sweeps(outline: Outline, arc: Arc, seconds: float) -> None:
+    """Every corner, with the margin, at every time."""
+    box, margin = swept_box(outline, arc, seconds), margin_of(outline, arc)
+    for step in range(51):
+        at = moved(arc, seconds * step / 50)
+        for x, y in outline.corners:
+            corner = at.compose(Pose2(float(x), float(y), 0.0))
+            assert box.left - 1e-3 <= corner.x - margin and corner.x + margin <= box.right + 1e-3
+            assert box.bottom - 1e-3 <= corner.y - margin and corner.y + margin <= box.top + 1e-3
+
+
+@given(
+    st.builds(Pose2, st.floats(-0.5, 0.5), st.floats(-0.5, 0.5), st.floats(-3.2, 3.2) | st.just(0.0)),
+    st.sampled_from([(-2.36, 0.0044, 1081), (-math.pi, math.pi / 4, 9), (1.0, -0.5, 5), (0.0, 0.0, 1)]),
+    outlines, arcs, st.floats(0.0, 2.0), st.floats(0.0, 3.0),
+)  # fmt: skip
+def test_every_hit_in_a_box_is_found(
+    at: Pose2, laser: tuple[float, float, int], outline: Outline, arc: Arc, seconds: float, length: float
+) -> None:
+    """Wherever the laser stands and looks: a beam that ends in the box ends before the distance of its zone."""
+    box = swept_box(outline, arc, seconds)
+    ends, axes = zone_of(laser, at, box)
+    angles = at.yaw + laser[0] + laser[1] * np.arange(laser[2])
+    x, y = at.x + length * np.cos(angles), at.y + length * np.sin(angles)
+    inside = (x >= box.left) & (x <= box.right) & (y >= box.bottom) & (y <= box.top)
+    assert (length <= ends[inside] + 1e-9).all()
+    assert np.allclose(axes, (np.cos(angles), np.sin(angles)))
+
+
+def hits_of(scan: LaserScan, laser: Pose2) -> list[tuple[float, float]]:
+    """All that a scan shows, in the base frame."""
+    angles = laser.yaw + scan.angle_min + scan.angle_increment * np.arange(scan.ranges.size)
+    shown = (scan.ranges >= scan.range_min) & (scan.ranges > 0.0) & (scan.ranges < scan.range_max)
+    x, y = laser.x + scan.ranges * np.cos(angles), laser.y + scan.ranges * np.sin(angles)
+    return [(float(a), float(b)) for a, b in zip(x[shown], y[shown], strict=True)]
+
+
+@given(
+    footprints(),
+    st.floats(-9.0, 9.0),
+    st.floats(-9.0, 9.0),
+    st.lists(st.floats(1 / 64, 2.0, width=32) | st.sampled_from([30.0, math.nan, 0.0]), min_size=2, max_size=60),
+    st.sampled_from([math.radians(90.0), math.radians(270.0), math.tau]),
+    st.sampled_from([0.05, 0.1, 0.3]),
+)  # fmt: skip
+def test_no_command_leads_into_what_is_seen(
+    footprint: tuple[tuple[float, float], ...], speed: float, turn: float, ranges: list[float], fov: float, dt: float
+) -> None:
+    """Any behaviour output, any scan, any footprint: the base can stop before it comes nearer than the margin to a
+    hit, or nearer than it was, if it brakes one step later."""
+    base = Base(footprint=footprint)
+    scan = make_scan(ranges, NOW, fov)
+    view = make_view(scan, now=NOW, dt=dt, base=base, lookup=lambda target, source: (LASER, 0))
+    command, _ = SafetyLayer().limit(Twist(Vector3(speed), Vector3(z=turn)), view)
+    motion = Motion(command.linear.x, command.angular.z)
+    # Braking evenly takes as long as half of that time at full speed.
+    seconds = dt + 0.5 * Limits(base).stop_time(motion)
+    outline, arc = outline_of(base), Arc(*motion)
+    for x, y in hits_of(scan, LASER):
+        nearest = min(margin_of(outline, arc), distance(outline, Pose2(0.0, 0.0, 0.0), x, y)) - 2e-3
+        for step in range(1, 31):
+            assert distance(outline, moved(arc, seconds * step / 30), x, y) >= nearest
+
+
+commands = st.tuples(st.sampled_from([-1.0, -0.3, 0.0, 0.2, 0.7, 1.0]), st.sampled_from([-3.0, -0.7, 0.0, 0.7, 3.0]))
+posts = st.tuples(st.floats(-2.0, 2.0), st.floats(-2.0, 2.0))
+
+
+@given(
+    st.lists(st.tuples(commands, st.integers(1, 15)), min_size=1, max_size=8),
+    st.lists(posts, max_size=5),
+    st.booleans(),
+)  # fmt: skip
+def test_a_robot_never_touches_what_stands_still(
+    script: list[tuple[tuple[float, float], int]], places: list[tuple[float, float]], accelerates: bool
+) -> None:
+    """Whatever is asked for, in whatever order, in a room with posts and a laser of 270°, backwards too: the outline
+    comes to no wall and no post."""
+    room = [(-2.5, -2.5, 2.5, -2.5), (2.5, -2.5, 2.5, 2.5), (2.5, 2.5, -2.5, 2.5), (-2.5, 2.5, -2.5, -2.5)]
+    assume(all(math.hypot(x, y) > 0.5 for x, y in places))
+    walls: list[Segment] = [*room]
+    for x, y in places:
+        corners = [(x - 0.1, y - 0.1), (x + 0.1, y - 0.1), (x + 0.1, y + 0.1), (x - 0.1, y + 0.1)]
+        walls += [(*a, *b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]
+    base = Base(acc_lim_x=1.5, decel_lim_x=-1.0, acc_lim_theta=4.0) if accelerates else Base()
+    outline, layer, pose, now = outline_of(base), SafetyLayer(), Pose2(0.0, 0.0, 0.0), NOW
+    shape = points_of(walls)
+    for (speed, turn), ticks in script:
+        for _ in range(ticks):
+            scan = make_scan(cast(pose.compose(LASER), walls), now)
+            view = make_view(
+                scan, now=now, base=base, odom=make_odometry(pose), lookup=lambda target, source: (LASER, 0)
+            )
+            command, _ = layer.limit(Twist(Vector3(speed), Vector3(z=turn)), view)
+            pose, now = drive(pose, command, TICK / 1e9), now + TICK
+            assert nearest(outline, pose, shape) > 0.0
+
+
+def points_of(walls: Sequence[Segment]) -> Floats:
+    """(2, n): places on the walls, 1 cm apart."""
+    parts = [np.linspace(wall[:2], wall[2:], 1 + round(100 * math.dist(wall[:2], wall[2:]))).T for wall in walls]
+    return np.hstack(parts)
+
+
+def nearest(outline: Outline, pose: Pose2, points: Floats) -> float:
+    """Metres from the outline to the nearest point."""
+    cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
+    x, y = points[0] - pose.x, points[1] - pose.y
+    return float(outline.distances(np.array((cos * x + sin * y, cos * y - sin * x))).min())

@@ -1,0 +1,47 @@
+"""A child that a test has started, forked or spawned: what it was told to do, what it wrote, and its end."""
+
+import select
+import sys
+import threading
+
+from zteam.launch.children import StartChild
+from zteam.launch.process import Process
+
+LIMIT = 30.0
+"""Host seconds that a small child may take on a crowded machine."""
+
+
+def obey(code: str, *arguments: str) -> list[str]:
+    """The command line of a child that runs this Python text."""
+    return [sys.executable, "-P", "-m", "support.obedient_child", code, *arguments]
+
+
+class Started:
+    """A Process, the lines that it has written, and its end."""
+
+    def __init__(self, start: StartChild, lifeline: int, command: list[str], **environment: str) -> None:
+        self.heard: list[str] = []
+        self.up = threading.Event()
+        self.process = Process(
+            "child",
+            command,
+            lifeline,
+            on_line=self._take,
+            on_exit=lambda _process: self.up.set(),
+            environment=environment,
+            start_child=start,
+        )
+
+    def _take(self, _process: Process, line: str) -> None:
+        self.heard.append(line)
+        self.up.set()
+
+    def finish(self) -> int | None:
+        """Wait for its end; its exit code."""
+        assert self.process.join(LIMIT)
+        return self.process.exit_code
+
+
+def has_ended(pidfd: int) -> bool:
+    """Whether the process ends within the limit."""
+    return bool(select.select([pidfd], [], [], LIMIT)[0])

@@ -1,0 +1,187 @@
+"""Team files as launch files: the shipped chain, a node as a member of the team, and restarts."""
+
+import json
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from zteam.launch.process import zteam_command
+
+pytestmark = pytest.mark.team
+
+
+def test_the_shipped_chain_drives_with_its_arguments(team: Any) -> None:
+    """Eight robots, or as many as asked for, drive behind the first one, at the speed that is given."""
+    team.launch("chain", in_process=True, arguments={"speed": 0.6, "followers": "1-4"})
+    team.wait_for_go()
+    team.run(10.0)
+    assert team.robot(0).speed == pytest.approx(0.6, abs=0.01)
+    assert all(team.robot(i).distance_to(i - 1) < 2.0 for i in range(1, 5))
+    report = team.report
+    assert [(robot.id, robot.follow) for robot in report.robots] == [(0, None), (1, 0), (2, 1), (3, 2), (4, 3)]
+    assert all(robot.distance_m > 3.0 and robot.stalls == 0 for robot in report.robots)
+
+
+COUNTER = """
+import logging, sys
+import zteam
+from zteam.messages import LaserScan
+
+def main(node):
+    ticks = []
+    node.subscribe("robot_0/base_scan", LaserScan, lambda key, scan: None, every_tick=True)
+    logging.getLogger("counter").info("%s comes", sys.argv[1])
+    node.run(lambda now: ticks.append(now // 100_000_000))
+    print("saw all ticks to", ticks[-1], ticks == list(range(1, ticks[-1] + 1)))
+
+logging.basicConfig(level="INFO", format="%(message)s")
+zteam.run("counter", main)
+"""
+WITH_COUNTER = """
+[team]
+world = "arena"
+[[robots]]
+id = 0
+behavior = "wander"
+[[robots]]
+id = 1
+follow = "previous"
+[[nodes]]
+name = "counter"
+command = ["python", "counter.py", "${who:-mine}"]
+expect = true
+"""
+
+
+def up(folder: Path, *arguments: str) -> tuple[int, str, dict[str, Any]]:
+    """Run `zteam up team.toml` with a report to its end: exit code, output, report."""
+    done = subprocess.run(
+        zteam_command("zteam", "up", "team.toml", "--report", "r.json", *arguments),
+        cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=110, check=False,
+    )  # fmt: skip
+    report = folder / "r.json"
+    return done.returncode, done.stdout, json.loads(report.read_text()) if report.exists() else {}
+
+
+@pytest.mark.parametrize("options", [(), ("--in-process", "--bus")], ids=["processes", "in one process"])
+def test_a_node_of_the_team_takes_part_from_start_to_end(tmp_path: Path, options: tuple[str, ...]) -> None:
+    """It gets its argument, sees every tick of lock-step once, is asked to stop, and is in the report."""
+    (tmp_path / "counter.py").write_text(COUNTER)
+    (tmp_path / "team.toml").write_text(WITH_COUNTER)
+    code, output, report = up(tmp_path, "who=yours", "--lockstep", "--for", "2", *options)
+    assert code == 0, output
+    assert "[counter] yours comes" in output
+    assert f"[counter] saw all ticks to {report['ticks']} True" in output, output
+    assert "counter" in report["rounds"]
+    assert [(row["exit"], row["restarts"]) for row in report["processes"] if row["name"] == "counter"] == [(0, 0)]
+    assert report["restarts"] == {}
+
+
+def test_a_node_of_the_team_has_its_log(team: Any, tmp_path: Path) -> None:
+    """`zteam log` shows its lines beside those of the robots; the fixture waits for a node with `expect`."""
+    (tmp_path / "counter.py").write_text(COUNTER)
+    (tmp_path / "team.toml").write_text(WITH_COUNTER)
+    team.launch(tmp_path / "team.toml", arguments={"who": "ours"})
+    team.wait_for_go()
+    team.run(0.5)
+    assert set(team.sim_status.participants) == {"counter", "robot_0", "robot_1", "tf"}
+    shown = team.command("log", "counter", "robot_0", "--once").stdout
+    assert "[counter] ours comes" in shown
+    assert "[robot_0] GO: driving" in shown
+
+
+FLAKY = """
+import os, pathlib, signal, zteam
+from zteam.messages import Twist, Vector3
+
+def fail_once(name, number):
+    mark = pathlib.Path(__file__).parent / name
+    if not mark.exists():
+        mark.touch()
+        os.kill(os.getpid(), number)
+
+class Flaky(zteam.Behavior):
+    def step(self, view):
+        fail_once("robot", signal.SIGKILL)
+        return Twist(Vector3(0.2))
+
+def main(node):
+    fail_once("node", signal.SIGSEGV)
+    print("the node works", flush=True)
+    node.run(lambda now: None)
+
+if __name__ == "__main__":
+    zteam.run("flaky", main)
+"""
+WITH_FLAKY = """
+[team]
+world = "arena"
+restart = "on-failure"
+[[robots]]
+id = 0
+behavior = "flaky:Flaky"
+[[robots]]
+id = 1
+behavior = "idle"
+[[nodes]]
+name = "flaky"
+command = ["python", "flaky.py"]
+"""
+
+
+def test_what_fails_comes_back(tmp_path: Path) -> None:
+    """A killed robot drives again and a node works again after a second; lines, report and its table count them."""
+    (tmp_path / "flaky.py").write_text(FLAKY)
+    (tmp_path / "team.toml").write_text(WITH_FLAKY)
+    code, output, report = up(tmp_path, "--for", "6")
+    assert code == 0, output
+    assert "robot_0 ended: killed by SIGKILL; it is started again in 1 s (1 of 5)" in output
+    assert "flaky ended: killed by SIGSEGV; it is started again in 1 s (1 of 5)" in output
+    assert output.index("[monitor] robot_0 lost") < output.index("[monitor] robot_0 is back")
+    assert "[flaky] the node works" in output
+    assert "started again: flaky 1 time, robot_0 1 time" in output
+    assert report["restarts"] == {"flaky": 1, "robot_0": 1}
+    rows = {row["name"]: (row["exit"], row["restarts"]) for row in report["processes"]}
+    assert (rows["flaky"], rows["robot_0"], rows["robot_1"]) == ((0, 1), (0, 1), (0, 0))
+    assert report["robots"][0]["distance_m"] > 0.02
+
+
+def test_what_does_not_say_restart_stays_away(tmp_path: Path) -> None:
+    """The team goes on without the robot and the node; the command names both and ends with 1."""
+    (tmp_path / "flaky.py").write_text(FLAKY)
+    (tmp_path / "team.toml").write_text(WITH_FLAKY.replace("on-failure", "no"))
+    code, output, report = up(tmp_path, "--for", "1")
+    assert code == 1
+    assert "robot_0 ended: killed by SIGKILL; it is not started again" in output
+    assert "up: flaky, robot_0 failed: see the log above" in output
+    assert report["restarts"] == {}
+
+
+RAISING = """
+import pathlib, zteam
+from zteam.messages import Twist, Vector3
+
+class Raising(zteam.Behavior):
+    def step(self, view):
+        mark = pathlib.Path(__file__).parent / "mark"
+        if not mark.exists():
+            mark.touch()
+            raise RuntimeError("the first of its kind")
+        return Twist(Vector3(0.2))
+"""
+
+
+def test_a_robot_in_one_process_comes_back(tmp_path: Path) -> None:
+    """An error of its behaviour ends its node, which is started again and drives with a new behaviour."""
+    (tmp_path / "raising.py").write_text(RAISING)
+    text = '[team]\nworld = "arena"\n[[robots]]\nid = 0\nbehavior = "raising:Raising"\nrestart = "on-failure"\n'
+    (tmp_path / "team.toml").write_text(text)
+    code, output, report = up(tmp_path, "--for", "3", "--in-process")
+    assert code == 0, output
+    assert "RuntimeError: the first of its kind" in output
+    assert "robot_0 ended: exit code 1; it is started again in 1 s (1 of 5)" in output
+    assert "[monitor] robot_0 is back" in output
+    assert report["restarts"] == {"robot_0": 1}
+    assert report["robots"][0]["distance_m"] > 0.02

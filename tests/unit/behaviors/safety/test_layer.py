@@ -1,0 +1,174 @@
+"""The safety layer from step to step: it slows down before it stops, does not chatter, and brakes on old data."""
+
+import math
+
+import numpy as np
+import pytest
+
+from support.flat_floor import LASER, TICK, Segment, cast, drive, make_odometry, make_scan, make_view
+from zteam import names
+from zteam.base import Base
+from zteam.behaviors import Behavior, SafetyLayer, View, decide
+from zteam.behaviors.safety.limits import BRAKING
+from zteam.geometry import Pose2
+from zteam.messages import Twist, Vector3
+
+FRONT, REAR = 0.125, 0.225
+"""Metres from an erratic's origin to its outline."""
+START = 100 * TICK
+SPEED = 0.5
+
+
+class Drive:
+    """A robot on a flat floor that asks for whatever it is told to, from step to step."""
+
+    def __init__(self, walls: list[Segment], base: Base | None = None, pose: Pose2 | None = None) -> None:
+        self.walls, self.base, self.pose = walls, base or Base(), pose or Pose2(0.0, 0.0, 0.0)
+        self.layer, self.now, self.reason = SafetyLayer(), START, ""
+        self.noise = np.random.default_rng(1)
+        self.scan_noise = 0.0
+
+    def view(self) -> View:
+        """What it sees."""
+        ranges = cast(self.pose.compose(LASER), self.walls)
+        ranges += self.scan_noise * self.noise.standard_normal(ranges.size)
+        scan = make_scan(np.clip(ranges, 0.01, 30.0), self.now)
+        odom = make_odometry(self.pose)
+        return make_view(scan, now=self.now, base=self.base, odom=odom, lookup=lambda target, source: (LASER, 0))
+
+    def step(self, speed: float, turn: float = 0.0) -> float:
+        """One tick; the speed that was left."""
+        command, self.reason = self.layer.limit(Twist(Vector3(speed), Vector3(z=turn)), self.view())
+        self.pose, self.now = drive(self.pose, command, TICK / 1e9), self.now + TICK
+        return command.linear.x
+
+
+def test_it_slows_down_before_it_stops() -> None:
+    """Towards a wall the speed falls step by step, no faster than the base can brake, and the robot ends in front of
+    its gap."""
+    robot = Drive([(3.0, -5.0, 3.0, 5.0)])
+    speeds = [robot.step(0.8) for _ in range(80)]
+    assert speeds[0] == 0.8
+    assert speeds[-1] == 0.0
+    assert robot.reason == "obstacle ahead"
+    falls = -np.diff(speeds)
+    assert (falls >= 0.0).all()
+    assert falls.max() <= BRAKING * 0.1 + 0.021
+    assert np.count_nonzero(falls) >= 6
+    assert 0.15 <= 3.0 - robot.pose.x - FRONT <= 0.15 + 0.06
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.01])
+@pytest.mark.parametrize("speed", [0.3, 0.8])
+def test_no_chatter_at_the_edge(speed: float, noise: float) -> None:
+    """A robot that was stopped before a wall stays stopped, with a noise of 1 cm in every beam too."""
+    robot = Drive([(2.0, -5.0, 2.0, 5.0)])
+    robot.scan_noise = noise
+    speeds = [robot.step(speed) for _ in range(200)]
+    stopped = speeds.index(0.0)
+    assert stopped < 100
+    assert not any(speeds[stopped:])
+
+
+def test_it_drives_on_when_the_way_is_free() -> None:
+    """What is stopped is not held for ever: the obstacle goes away, and the robot drives at once."""
+    robot = Drive([(2.0, -5.0, 2.0, 5.0)])
+    while robot.step(0.8):
+        pass
+    robot.walls = []
+    assert robot.step(0.8) == 0.8
+    assert robot.reason == ""
+
+
+def test_it_backs_up_fast_only_over_what_it_saw_in_the_last_metres() -> None:
+    """Ground that it came over is driven back at full speed. After 5 m on and 1.5 m back all scans of the last 3 m of
+    travel were made in front of it: it creeps."""
+    robot = Drive([(-20.0, 1.0, 20.0, 1.0)])
+    for _ in range(10):
+        robot.step(SPEED)
+    assert robot.step(-SPEED) == -SPEED
+    robot = Drive([(-20.0, 1.0, 20.0, 1.0)])
+    for _ in range(100):
+        robot.step(SPEED)
+    backwards = [(robot.step(-SPEED), robot.pose.x) for _ in range(150)]
+    way = 5.0 - next(x for speed, x in backwards if speed > -SPEED)
+    assert 1.3 < way < 1.6
+    assert backwards[-1][0] == -0.1
+    assert robot.reason == "creeps: the ground behind was never seen"
+
+
+BASE = Base(acc_lim_x=1.0, decel_lim_x=-2.0, acc_lim_theta=3.0)
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_a_bases_accelerations_hold_both_ways(way: float) -> None:
+    """It gains speed and loses it as the base tells, forwards and backwards, to the left and to the right; to turn
+    round it first comes to a stand."""
+    layer, now = SafetyLayer(), START
+
+    def step(speed: float, turn: float) -> tuple[float, float]:
+        nonlocal now
+        now += TICK
+        view = make_view(make_scan([30.0] * 361, now, math.tau), now=now, base=BASE)
+        command, _ = layer.limit(Twist(Vector3(way * speed), Vector3(z=way * turn)), view)
+        return way * command.linear.x, way * command.angular.z
+
+    asked = [(0.25, 0.8)] * 3 + [(-0.3, -0.1)] * 4 + [(0.0, 0.0)] * 2
+    speeds, turns = zip(*(step(*each) for each in asked), strict=True)
+    assert speeds == pytest.approx((0.1, 0.2, 0.25, 0.05, -0.1, -0.2, -0.3, -0.1, 0.0))
+    assert turns == pytest.approx((0.3, 0.6, 0.8, 0.5, 0.2, -0.1, -0.1, 0.0, 0.0))
+
+
+class Straight(Behavior):
+    """Straight on by the transforms."""
+
+    uses_tf = True
+
+    def step(self, view: View) -> Twist:
+        """Half a metre a second."""
+        return Twist(Vector3(SPEED))
+
+
+class Follows(Straight):
+    """Straight on, until the pose of robot 1 is old."""
+
+    uses_tf = False
+
+    def step(self, view: View) -> Twist:
+        """Half a metre a second, or zero."""
+        found = view.base_from_robot(1)
+        self.reason = "" if found and view.is_fresh(found[1], 0.5) else "leader robot_1 not seen"
+        return Twist() if self.reason else super().step(view)
+
+
+@pytest.mark.parametrize(
+    ("base", "braked"), [(Base(), [0.25, 0.0, 0.0, 0.0, 0.0]), (Base(decel_lim_x=-1.0), [0.4, 0.3, 0.2, 0.1, 0.0])]
+)
+@pytest.mark.parametrize("what", ["scan", "tf", "leader"])
+def test_old_data_lets_it_brake_to_a_stand(what: str, base: Base, braked: list[float]) -> None:
+    """When the scan, its own pose or its leader's is older than 0.5 s, it brakes step by step, as hard as its base can
+    or at 2.5 m/s², and then stands."""
+    behavior, layer = Follows(None) if what == "leader" else Straight(None), SafetyLayer()
+    speeds, reasons = [], []
+    for tick in range(14):
+        now = START + tick * TICK
+        scan = make_scan([30.0] * 271, START if what == "scan" else now)
+
+        def look(target: str, source: str, now: int = now) -> tuple[Pose2, int]:
+            is_old = what == ("leader" if source == names.robot_frame(1, names.BASE_FOOTPRINT) else "tf")
+            return Pose2(0.0, 0.0, 0.0), START if is_old else now
+
+        command, reason = decide(behavior, make_view(scan, now=now, base=base, lookup=look), layer)
+        speeds.append(command.linear.x)
+        reasons.append(reason)
+    assert speeds == pytest.approx([SPEED] * 6 + braked + [0.0] * 3)
+    expected = {"scan": "stale scan", "tf": "its own pose in map is stale", "leader": "leader robot_1 not seen"}
+    assert reasons == [""] * 6 + [expected[what]] * 8
+
+
+@pytest.mark.parametrize("tiny", [5e-324, 1e-181, 1e-9])
+def test_the_smallest_velocities_are_none(tiny: float) -> None:
+    """No step ends with an error because a velocity is next to nothing: there is nothing to divide by."""
+    for wanted in (Twist(Vector3(tiny)), Twist(angular=Vector3(z=-tiny)), Twist(Vector3(-tiny), Vector3(z=tiny))):
+        view = make_view(make_scan([0.3] * 271, START), now=START)
+        assert SafetyLayer().limit(wanted, view)[0] == Twist()

@@ -1,0 +1,166 @@
+"""formation: slots behind a leader, without a bus, walls or physics."""
+
+import math
+
+import pytest
+
+from support.flat_floor import drive
+from zteam.behaviors import Behavior, load_behavior
+from zteam.behaviors.assignment import assign
+from zteam.behaviors.shapes import SHAPES, slots_of
+from zteam.errors import UsageError
+from zteam.geometry import Pose2
+from zteam.messages import RobotStatus, Twist, Vector3
+from zteam.testing import make_view
+
+FREE = [30.0] * 91
+STAND, FORWARD = Twist(), Twist(Vector3(0.4))
+POSES = {
+    0: Pose2(0.0, 0.0, 0.0),
+    1: Pose2(-1.0, 0.9, 2.0),
+    2: Pose2(-0.8, -0.9, -1.0),
+    3: Pose2(-1.9, 0.3, 3.0),
+    4: Pose2(-2.0, -1.0, 0.0),
+}
+
+
+class Squad:
+    """Leader 0 and its formation on a floor without end."""
+
+    def __init__(self, **params: object) -> None:
+        self.poses = dict(POSES)
+        self.behaviors: dict[int, Behavior] = {}
+        for robot in (1, 2, 3, 4):
+            self.join(robot, **params)
+        self.commands: dict[int, Twist] = {}
+        self._ticks = 10
+
+    def join(self, robot: int, **params: object) -> None:
+        """One more robot with the behaviour."""
+        self.behaviors[robot] = load_behavior("formation", {"leader": 0, **params}, robot)
+
+    def run(self, seconds: float, leader: Twist) -> None:
+        """All decide on the same instant and move together."""
+        for _ in range(round(10 * seconds)):
+            self._ticks += 1
+            statuses = {robot: RobotStatus(behavior="formation", leader=0) for robot in self.behaviors}
+            self.commands = {
+                robot: behavior.step(
+                    make_view(
+                        FREE,
+                        fov=4.7,
+                        robot_id=robot,
+                        poses=self.poses,
+                        now=0.1 * self._ticks,
+                        inputs={"statuses": statuses},
+                    )
+                )
+                for robot, behavior in self.behaviors.items()
+            }
+            commands = {0: leader, **self.commands}
+            self.poses = {robot: drive(pose, commands.get(robot, STAND), 0.1) for robot, pose in self.poses.items()}
+
+    def worst(self, shape: str, robots: tuple[int, ...] = (1, 2, 3, 4), spacing: float = 0.8) -> float:
+        """Metres by which the worst robot is off its slot behind a leader that has driven straight on."""
+        seen = [self.poses[0].inverse().compose(self.poses[robot]) for robot in robots]
+        slots = slots_of(shape, len(robots), spacing)  # type: ignore[arg-type]
+        table = [[math.hypot(x + slot.back, y - slot.lateral) for slot in slots] for x, y, _ in seen]
+        return max(table[row][column] for row, column in enumerate(assign(table)))
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_each_shape_is_formed(shape: str) -> None:
+    """Behind a leader that drives straight on all are within 3 cm of the slots after 10 s, each in its own."""
+    squad = Squad(shape=shape)
+    squad.run(10.0, FORWARD)
+    assert squad.worst(shape) < 0.03
+
+
+def test_a_standing_leader_has_a_standing_formation() -> None:
+    """All come to their slots, turn to the leader's heading and stand there, and say so."""
+    squad = Squad(shape="diamond")
+    squad.run(2.0, FORWARD)
+    squad.run(20.0, STAND)
+    assert squad.worst("diamond") < 0.05
+    assert all(command == STAND for command in squad.commands.values())
+    assert all(abs(squad.poses[robot].yaw) < 0.06 for robot in squad.behaviors)
+    assert {behavior.reason for behavior in squad.behaviors.values()} == {"in its slot; leader robot_0 stands"}
+
+
+def test_a_robot_that_is_gone_leaves_no_gap() -> None:
+    """The three others form the shape of three, and that of four again when it has come back."""
+    squad = Squad(shape="line")
+    squad.run(8.0, FORWARD)
+    del squad.behaviors[1]
+    gone = squad.poses.pop(1)
+    squad.run(8.0, FORWARD)
+    assert squad.worst("line", (2, 3, 4)) < 0.05
+    squad.poses[1] = Pose2(gone.x, gone.y - 3.0, 0.0)
+    squad.join(1, shape="line")
+    squad.run(20.0, FORWARD)
+    assert squad.worst("line") < 0.05
+
+
+def test_who_runs_something_else_is_no_member() -> None:
+    """A robot that only drives there gets no slot; with `team`, only those that are named get one."""
+    squad = Squad(shape="column")
+    del squad.behaviors[4]
+    squad.run(10.0, FORWARD)
+    assert squad.worst("column", (1, 2, 3)) < 0.05
+    named = Squad(shape="column", team=[1, 2])
+    del named.behaviors[3], named.behaviors[4]
+    named.run(10.0, FORWARD)
+    assert named.worst("column", (1, 2)) < 0.05
+
+
+def test_another_shape_counts_while_it_drives() -> None:
+    """After `zteam param set` the robots take the slots of the other shape, with the other spacing."""
+    squad = Squad(shape="line")
+    squad.run(8.0, FORWARD)
+    for behavior in squad.behaviors.values():
+        behavior.params = type(behavior.params)(leader=0, shape="wedge", spacing=1.2)
+        behavior.on_params()
+    squad.run(12.0, FORWARD)
+    assert squad.worst("wedge", spacing=1.2) < 0.05
+
+
+def test_nobody_comes_near_on_the_way() -> None:
+    """From starts in disorder no two robots come nearer than 0.45 m."""
+    squad, least = Squad(shape="circle"), math.inf
+    for _ in range(100):
+        squad.run(0.1, FORWARD)
+        places = [pose[:2] for pose in squad.poses.values()]
+        least = min(least, *(math.dist(a, b) for i, a in enumerate(places) for b in places[:i]))
+    assert least > 0.45
+
+
+def test_without_its_leader_it_stands_and_says_why() -> None:
+    """Before the leader is seen the robot is not ready; afterwards it stands while the leader's pose is old."""
+    behavior = load_behavior("formation", {"leader": 0}, 1)
+    alone = make_view(FREE, robot_id=1, poses={1: (0, 0, 0)})
+    assert behavior.missing(alone) == ["the pose of its leader robot_0"]
+    assert behavior.step(alone) == STAND
+    assert behavior.reason == "leader robot_0 not seen"
+    lost = make_view(FREE, robot_id=1, poses={0: (math.nan, 0, 0), 1: (0, 0, 0)})
+    assert behavior.step(lost) == STAND
+    assert behavior.reason == "the pose of leader robot_0 is no number"
+    seen = make_view(FREE, robot_id=1, poses={0: (3, 0, 0), 1: (0, 0, 0)})
+    assert behavior.missing(seen) == []
+    assert behavior.step(seen).linear.x > 0.0
+
+
+@pytest.mark.parametrize(
+    ("params", "text"),
+    [
+        ({}, "the key leader is missing"),
+        ({"leader": 1}, "robot 1 cannot follow itself"),
+        ({"leader": 0, "shape": "star"}, "shape"),
+        ({"leader": 0, "spacing": 0.2}, "spacing: a number of at least 0.5"),
+        ({"leader": 0, "team": [1, -2]}, "team"),
+    ],
+)
+def test_wrong_parameters_are_named(params: dict[str, object], text: str) -> None:
+    """Each mistake on one line, with its key."""
+    with pytest.raises(UsageError, match=text) as caught:
+        load_behavior("formation", params, 1)
+    assert "\n" not in str(caught.value)

@@ -1,0 +1,239 @@
+"""go_to: a goal from outside, reached by the laser alone."""
+
+import math
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from support.flat_floor import BEAMS, FOV, TICK, Segment, clearance, make_scan, make_view
+from support.goals import GoalFloor, box, make_goal
+from zteam.behaviors import Behavior, View, load_behavior
+from zteam.geometry import Pose2
+from zteam.messages import PoseStamped, Twist
+
+ORIGIN = Pose2(0.0, 0.0, 0.0)
+FAR: Segment = (50.0, 50.0, 51.0, 50.0)
+POCKET: list[Segment] = [*box(2.0, -1.5, 2.2, 1.5), *box(0.0, 1.5, 2.2, 1.7), *box(0.0, -1.7, 2.2, -1.5)]
+"""A dead end that opens towards the origin."""
+BODY = 0.285
+"""Metres from an erratic's base to its rear corners."""
+
+
+def run(floor: GoalFloor, behavior: Behavior, seconds: float) -> float:
+    """Drive robot 0 until it says why it stands; the least room that it had."""
+    room = math.inf
+    for _ in range(round(seconds * 10)):
+        floor.step([behavior])
+        room = min(room, clearance(floor.poses[0], floor.walls))
+        if behavior.reason:
+            break
+    return room
+
+
+def seeing(goal: PoseStamped | None, own: Pose2 | None = ORIGIN, others: dict[str, Pose2] | None = None) -> View:
+    """A view with a free scan, a goal, the own pose, and the poses of other frames in map."""
+    known = {"robot_0/base_footprint": own, **(others or {})}
+
+    def lookup(target: str, source: str) -> tuple[Pose2, int] | None:
+        assert target == "map"
+        pose = known.get(source)
+        return None if pose is None else (pose, TICK)
+
+    view = make_view(make_scan([30.0] * 271), lookup=lookup)
+    return msgspec.structs.replace(view, inputs={"goal": goal})
+
+
+def go_to(**params: float) -> Behavior:
+    """The behaviour of robot 0."""
+    return load_behavior("go_to", params, 0)
+
+
+def test_without_a_goal_it_stands() -> None:
+    """It says that there is none, and it drives when one comes."""
+    behavior = go_to()
+    assert behavior.step(seeing(None)) == Twist()
+    assert behavior.reason == "no goal yet"
+    assert behavior.step(seeing(make_goal(3.0, 0.0))).linear.x == 0.4
+    assert behavior.reason == ""
+
+
+@pytest.mark.parametrize("yaw", [0.0, 1.0, math.pi, -2.0])
+def test_a_goal_is_reached_within_its_tolerances(yaw: float) -> None:
+    """It stops within the tolerances of place and heading, says so and stays; Nav2's names change them."""
+    for xy, turn in ((0.25, 0.25), (0.05, 0.03)):
+        floor = GoalFloor([ORIGIN], [FAR], make_goal(2.0, 1.0, yaw))
+        behavior = go_to(xy_goal_tolerance=xy, yaw_goal_tolerance=turn)
+        run(floor, behavior, 30.0)
+        distance, left = floor.left()
+        assert behavior.reason == "goal reached"
+        assert distance <= xy
+        assert abs(left) <= turn
+        there = floor.poses[0]
+        run(floor, behavior, 0.5)
+        assert floor.poses[0] == there
+
+
+def test_a_new_goal_replaces_the_old_one() -> None:
+    """On the way to a goal and at a goal, a new one is headed for at once."""
+    floor = GoalFloor([ORIGIN], [FAR], make_goal(2.0, 0.0))
+    behavior = go_to()
+    for _ in range(20):
+        floor.step([behavior])
+    floor.goals = [make_goal(0.0, 1.5, math.pi)]
+    run(floor, behavior, 40.0)
+    assert floor.left()[0] <= 0.25
+    floor.goals = [make_goal(1.0, 1.5)]
+    floor.step([behavior])
+    assert behavior.reason == ""
+    run(floor, behavior, 40.0)
+    assert behavior.reason == "goal reached"
+    assert floor.left()[0] <= 0.25
+
+
+def test_a_goal_that_is_repeated_counts_once_on_the_way_and_anew_at_the_goal() -> None:
+    """The same goal ten times a second is reached; sent again to a robot that was moved away it is driven to again."""
+    floor = GoalFloor([ORIGIN], POCKET, None)
+    behavior = go_to()
+    for _ in range(600):
+        floor.goals = [make_goal(4.0, 0.3)]
+        floor.step([behavior])
+    assert floor.left()[0] <= 0.25
+    floor.poses = [Pose2(3.0, 2.0, 0.0)]
+    floor.step([behavior])
+    assert behavior.reason == "goal reached"
+    floor.goals = [make_goal(4.0, 0.3)]
+    run(floor, behavior, 40.0)
+    assert floor.left()[0] <= 0.25
+
+
+@pytest.mark.parametrize(
+    ("goal", "text"),
+    [
+        (make_goal(math.nan, 0.0), "it has a value that is no number"),
+        (make_goal(0.0, math.inf), "it has a value that is no number"),
+        (make_goal(1.0, 0.0, math.nan), "it has a value that is no number"),
+        (make_goal(1e7, 0.0), "it is more than 1000 km away"),
+        (make_goal(1.0, 0.0, frame="odom"), "its frame odom has no transform to map"),
+        (make_goal(1.0, 0.0, frame=""), "it names no frame; use map"),
+    ],
+)
+def test_a_bad_goal_moves_nothing(goal: PoseStamped, text: str) -> None:
+    """It is refused with its reason, also on the way to another goal, which is forgotten."""
+    behavior = go_to()
+    assert behavior.step(seeing(make_goal(3.0, 0.0))).linear.x > 0.0
+    assert behavior.step(seeing(goal)) == Twist()
+    assert behavior.reason == f"the goal is refused: {text}"
+    assert behavior.step(seeing(goal)) == Twist()
+
+
+def test_an_orientation_of_zeros_is_refused() -> None:
+    """A quaternion of zeros is a mistake; one that is not normalised is an orientation."""
+    goal = make_goal(0.0, 0.0, 2.0)
+    goal.pose.orientation.z *= 3.0
+    goal.pose.orientation.w *= 3.0
+    assert go_to().step(seeing(goal)).angular.z == 1.0
+    goal.pose.orientation.z = goal.pose.orientation.w = 0.0
+    behavior = go_to()
+    assert behavior.step(seeing(goal)) == Twist()
+    assert behavior.reason == "the goal is refused: its orientation is zero; use w = 1 for none"
+
+
+def test_a_goal_in_another_frame_is_taken_to_the_map_once() -> None:
+    """A goal in a frame that moves lies where it was when the goal came; a leading slash is dropped."""
+    behavior, other = go_to(), {"robot_1/base_footprint": Pose2(0.0, 2.0, 0.0)}
+    goal = make_goal(1.0, 0.0, frame="/robot_1/base_footprint")
+    assert behavior.step(seeing(goal, others=other)).angular.z == pytest.approx(1.0)
+    moved = {"robot_1/base_footprint": Pose2(50.0, -20.0, 0.0)}
+    behavior.step(seeing(goal, Pose2(1.0, 2.0, 0.0), moved))
+    assert behavior.reason == "goal reached"
+
+
+def test_without_its_own_pose_it_stands() -> None:
+    """It does not drive on a pose that it does not know."""
+    behavior = go_to()
+    assert behavior.step(seeing(make_goal(3.0, 0.0), None)) == Twist()
+    assert behavior.reason == "its own pose in map is not known"
+
+
+@pytest.mark.parametrize("y", [-0.4, 0.0, 0.3])
+def test_a_dead_end_is_left(y: float) -> None:
+    """A pocket between the robot and its goal holds it once; it touches nothing."""
+    floor = GoalFloor([ORIGIN], [*POCKET, *box(-4.0, -6.0, 7.0, 6.0)], make_goal(4.0, y))
+    behavior = go_to()
+    room = run(floor, behavior, 90.0)
+    assert behavior.reason == "goal reached"
+    assert room > BODY
+
+
+def test_a_door_is_found() -> None:
+    """A wall with one door of 0.9 m between two rooms: it goes along the wall and through."""
+    walls = [*box(-3.0, -3.0, 6.0, 3.0), *box(2.0, -3.0, 2.1, 1.0), *box(2.0, 1.9, 2.1, 3.0)]
+    floor = GoalFloor([ORIGIN], walls, make_goal(5.0, -2.0))
+    behavior = go_to()
+    room = run(floor, behavior, 90.0)
+    assert behavior.reason == "goal reached"
+    assert room > BODY
+
+
+@pytest.mark.parametrize("walls", [box(3.0, -1.0, 5.0, 1.0), box(-2.0, -2.0, 2.0, 2.0)])
+def test_a_goal_without_a_way_is_given_up(walls: list[Segment]) -> None:
+    """Where the goal or the robot is shut in, it goes all round once, says that there is no way, and stands."""
+    floor = GoalFloor([ORIGIN], walls, make_goal(4.0, 0.0))
+    behavior = go_to()
+    room = run(floor, behavior, 120.0)
+    assert behavior.reason == "no way to the goal found: it went all round what stands between"
+    for _ in range(10):
+        # The safety layer lets it brake evenly.
+        floor.step([behavior])
+    assert floor.commands[0][0] == Twist()
+    assert room > BODY
+    floor.goals = [make_goal(0.0, -1.5)]
+    run(floor, behavior, 60.0)
+    assert behavior.reason == "goal reached"
+
+
+def test_a_room_is_not_all_that_stands_between() -> None:
+    """It meets the wall in a doorway and goes round the room behind it; then the wall goes on to the goal's door."""
+    house: list[Segment] = [
+        (0.8, 6.0, 0.8, 0.3),
+        (0.8, -0.8, 0.8, -4.5),
+        (0.8, -5.6, 0.8, -6.0),
+        *box(0.8, -6, 5, 6)[:2],
+    ]
+    walls = [*house, (5.0, 6.0, 0.8, 6.0), (0.8, 4.0, 5.0, 4.0), (0.8, -0.9, 5.0, -0.9)]
+    floor, behavior = GoalFloor([Pose2(-0.6, 1.5, -1.5)], walls, make_goal(3.5, -3.0)), go_to()
+    run(floor, behavior, 180.0)
+    assert behavior.reason == "goal reached"
+
+
+def test_two_robots_pass_each_other() -> None:
+    """Robots that head for each other's place both go round on the same hand, and both arrive."""
+    floor = GoalFloor([ORIGIN, Pose2(5.0, 0.0, math.pi)], [FAR], make_goal(5.0, 0.0), make_goal(0.0, 0.0, math.pi))
+    team = [go_to(), load_behavior("go_to", {}, 1)]
+    nearest = math.inf
+    for _ in range(400):
+        floor.step(team)
+        (ax, ay, _), (bx, by, _) = floor.poses
+        nearest = min(nearest, math.hypot(ax - bx, ay - by))
+    assert [behavior.reason for behavior in team] == ["goal reached"] * 2
+    assert nearest > 0.3
+
+
+@given(
+    ranges=st.lists(st.floats(0.0, 40.0) | st.just(math.nan), min_size=BEAMS // 20, max_size=BEAMS // 20),
+    goals=st.lists(st.tuples(st.floats(), st.floats(), st.floats(-1e3, 1e3)), min_size=1, max_size=3),
+    own=st.tuples(st.floats(-1e3, 1e3), st.floats(-1e3, 1e3), st.floats(-math.pi, math.pi)),
+)
+def test_its_commands_are_finite_and_within_its_limits(
+    ranges: list[float], goals: list[tuple[float, float, float]], own: tuple[float, float, float]
+) -> None:
+    """Any scan, any goals: speed within 0 and `speed`, turn within `max_angular`."""
+    behavior = go_to(speed=0.3, max_angular=0.7)
+    for goal in goals:
+        view = msgspec.structs.replace(seeing(make_goal(*goal), Pose2(*own)), scan=make_scan(ranges, fov=FOV))
+        for _ in range(3):
+            command = behavior.step(view)
+            assert 0.0 <= command.linear.x <= 0.3
+            assert abs(command.angular.z) <= 0.7

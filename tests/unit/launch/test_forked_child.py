@@ -1,0 +1,177 @@
+"""A forked child is like a spawned one."""
+
+import json
+import os
+import signal
+from pathlib import Path
+
+import pytest
+
+from support.started_child import LIMIT, Started, has_ended, obey
+from zteam.launch import warm_parent
+from zteam.launch.children import spawn
+from zteam.launch.process import zteam_command
+from zteam.launch.warm_parent import WarmParent, can_fork
+
+pytestmark = pytest.mark.skipif(not can_fork(), reason="no fork here, or ZTEAM_NO_FORK is set")
+
+
+FACTS = """
+import gc, json, logging, os, signal, sys, threading
+number = int(os.environ.pop("ZTEAM_PARENT_PIPE"))
+os.fstat(number)
+ignored = [int(s) for s in signal.valid_signals() if signal.getsignal(s) == signal.SIG_IGN]
+umask = os.umask(0)
+print(json.dumps({
+    "argv": sys.argv, "orig_argv": sys.orig_argv, "path": sys.path, "flags": list(sys.flags), "cwd": os.getcwd(),
+    "umask": umask, "environment": dict(os.environ), "ignored": ignored, "group": os.getpgid(0) == os.getpid(),
+    "interrupt": str(signal.getsignal(signal.SIGINT)), "blocked": len(signal.pthread_sigmask(signal.SIG_BLOCK, [])),
+    "open": sorted(int(n) for n in os.listdir("/proc/self/fd") if os.path.exists(f"/proc/self/fd/{n}")
+                   and int(n) != number),
+    "inheritable": os.get_inheritable(number), "main": __name__, "file": sys.modules["__main__"].__file__,
+    "threads": threading.active_count(), "thread": threading.current_thread() is threading.main_thread(),
+    "handlers": len(logging.getLogger().handlers), "level": logging.getLogger().level, "gc": gc.isenabled(),
+    "streams": [(s.encoding, s.errors, s.line_buffering, s.seekable(), s.isatty())
+                for s in (sys.stdin, sys.stdout, sys.stderr)],
+    "command": open("/proc/self/cmdline").read().rstrip("\\0").split("\\0"), "warnings": sys.warnoptions,
+}))
+"""
+
+
+def test_a_forked_child_is_like_a_spawned_one(
+    warm: WarmParent, lifeline: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Arguments, environment, folder, umask, signals, descriptors, streams and the interpreter's state are the same,
+    also where the launcher has changed them after its warm parent started."""
+    warm.prepare()
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("ZTEAM_NAMESPACE", "changed")
+    before, handler = os.umask(0o027), signal.signal(signal.SIGUSR1, signal.SIG_IGN)
+    facts = []
+    try:
+        for start in (spawn, warm.start):
+            child = Started(start, lifeline, obey(FACTS, "x", "a b", "ü"), ZTEAM_CONNECT="tcp/1.2.3.4:5")
+            assert child.finish() == 0, child.heard
+            facts.append(json.loads(child.heard[-1]))
+    finally:
+        os.umask(before)
+        signal.signal(signal.SIGUSR1, handler)
+    spawned, forked = facts
+    assert forked == spawned
+    assert (forked["umask"], forked["cwd"]) == (0o027, str(tmp_path))
+    assert int(signal.SIGUSR1) in forked["ignored"]
+    assert forked["environment"]["ZTEAM_NAMESPACE"] == "changed"
+    assert forked["environment"]["ZTEAM_CONNECT"] == "tcp/1.2.3.4:5"
+
+
+@pytest.mark.parametrize(
+    ("code", "expected"),
+    [
+        ("raise SystemExit(7)", 7),
+        ("pass", 0),
+        ("1 / 0", 1),
+        ("import os, signal; os.kill(os.getpid(), signal.SIGKILL)", -9),
+        ("import os, signal; os.kill(os.getpid(), signal.SIGTERM)", -15),
+        ("import os, signal; os.kill(os.getpid(), signal.SIGINT)", -2),
+        ("import os; os._exit(3)", 3),
+    ],
+)
+def test_exit_codes_are_those_of_a_spawned_child(warm: WarmParent, lifeline: int, code: str, expected: int) -> None:
+    """However it ends, its exit code is the same in both ways; a signal is negative."""
+    children = [Started(start, lifeline, obey(code)) for start in (spawn, warm.start)]
+    assert [child.finish() for child in children] == [expected, expected]
+
+
+def test_exit_hooks_run_and_the_last_words_arrive(warm: WarmParent, lifeline: int) -> None:
+    """The interpreter ends as usual: hooks, threads that are no daemons, and the buffers of its streams."""
+    code = (
+        "import atexit, threading, sys\n"
+        "atexit.register(lambda: print(' hook'))\n"
+        "threading.Thread(target=lambda: print(' thread')).start()\n"
+        # Between spaces: the thread may be between its text and its line break.
+        "sys.stderr.write(' last words ')"
+    )
+    child = Started(warm.start, lifeline, obey(code))
+    assert child.finish() == 0
+    assert sorted(" ".join(child.heard).split()) == ["hook", "last", "thread", "words"]
+
+
+def test_it_can_be_written_to_signalled_and_killed(warm: WarmParent, lifeline: int) -> None:
+    """Standard input, SIGTERM to the child, and SIGKILL to its group with a grandchild."""
+    reading = Started(warm.start, lifeline, obey("print(input()[::-1])"))
+    reading.process.write_line("abc")
+    assert (reading.finish(), reading.heard) == (0, ["cba"])
+
+    waiting = "print('up', flush=True); import signal; signal.pause()"
+    asked = Started(warm.start, lifeline, obey(waiting))
+    assert asked.up.wait(LIMIT)
+    assert asked.process.running
+    assert asked.process.exit_code is None
+    asked.process.terminate()
+    assert asked.finish() == -signal.SIGTERM
+
+    nested = (
+        f"import subprocess, sys; p = subprocess.Popen([sys.executable, '-c', {waiting!r}]); print(p.pid); p.wait()"
+    )
+    killed = Started(warm.start, lifeline, obey(nested))
+    assert killed.up.wait(LIMIT)
+    grandchild = os.pidfd_open(int(killed.heard[0]))
+    killed.process.kill()
+    assert killed.finish() == -signal.SIGKILL
+    assert has_ended(grandchild)
+    os.close(grandchild)
+
+
+def test_children_draw_different_random_numbers(
+    warm: WarmParent, lifeline: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Python's and numpy's generators without a seed are not copies of the warm parent's."""
+    monkeypatch.setattr(warm_parent, "preloads_of", lambda _command: ("random", "numpy.random"))
+    code = "import random, numpy; print(random.random(), numpy.random.random())"
+    children = [Started(warm.start, lifeline, obey(code)) for _ in range(2)]
+    assert [child.finish() for child in children] == [0, 0]
+    first, second = (child.heard[0].split() for child in children)
+    assert first[0] != second[0]
+    assert first[1] != second[1]
+
+
+def test_the_modules_of_a_team_are_there(warm: WarmParent, lifeline: int) -> None:
+    """All modules that are to be preloaded exist, and none that a robot must not import is among them."""
+    code = (
+        "import sys\n"
+        "from zteam.launch.preloads import all_preloads\n"
+        "print([name for name in all_preloads() if name not in sys.modules])\n"
+        "print([name for name in ('numba', 'pymunk', 'rich', 'yaml') if name in sys.modules])"
+    )
+    child = Started(warm.start, lifeline, obey(code))
+    assert (child.finish(), child.heard) == (0, ["[]", "[]"])
+
+
+def test_ps_shows_each_process_under_its_commands_name(lifeline: int) -> None:
+    """Forked and spawned processes have the name that an installed command would have, and their own command line."""
+
+    def shown(pid: int) -> str:
+        return Path(f"/proc/{pid}/comm").read_text().strip()
+
+    listen = ("--listen", "tcp/127.0.0.1:0", "--announce")
+    command = zteam_command("zteam-router", *listen)
+    with WarmParent() as warm:
+        for start in (spawn, warm.start):
+            router = Started(start, lifeline, command)
+            assert router.up.wait(LIMIT)
+            assert shown(router.process.pid) == "zteam-router"
+            assert (
+                Path(f"/proc/{router.process.pid}/cmdline").read_bytes().rstrip(b"\0").decode().split("\0") == command
+            )
+            router.process.terminate()
+            assert router.finish() == 0
+        assert shown(*warm.pids.values()) == "zteam-parent"
+
+
+def test_children_have_one_heap_and_their_own_environment(warm: WarmParent, lifeline: int) -> None:
+    """The C library of the warm parent was told to keep one heap; that is no variable of a child."""
+    child = Started(warm.start, lifeline, obey("import os; print(os.environ.get('MALLOC_ARENA_MAX'))"))
+    assert child.finish() == 0
+    assert child.heard == [str(os.environ.get("MALLOC_ARENA_MAX"))]
+    (pid,) = warm.pids.values()
+    assert b"MALLOC_ARENA_MAX=" in Path(f"/proc/{pid}/environ").read_bytes()

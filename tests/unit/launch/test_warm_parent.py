@@ -1,0 +1,177 @@
+"""What a warm parent forks, and what it cannot; nothing of it outlives the launcher; without it all still works."""
+
+import os
+import resource
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from support.started_child import LIMIT, Started, has_ended, obey
+from zteam.launch import forked_child
+from zteam.launch.children import Child
+from zteam.launch.forked_child import UNKNOWN, ForkedChild
+from zteam.launch.process import zteam_command
+from zteam.launch.warm_parent import WarmParent, can_fork
+
+pytestmark = pytest.mark.skipif(not can_fork(), reason="no fork here, or ZTEAM_NO_FORK is set")
+
+
+def kind_of(warm: WarmParent, lifeline: int, command: list[str], **environment: str) -> type[Child]:
+    """The kind of the child, which is ended at once."""
+    child = warm.start(command, lifeline, environment)
+    os.killpg(child.pid, signal.SIGKILL)
+    child.wait()
+    for stream in (child.stdin, child.stdout):
+        assert stream is not None
+        stream.close()
+    return type(child)
+
+
+def test_what_cannot_be_forked_is_spawned(lifeline: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Foreign commands, variables that modules read when they are imported, the wish of the user, and measuring tools
+    that begin with the interpreter."""
+    help_text = zteam_command("zteam-router", "--help")
+    with WarmParent() as warm:
+        assert kind_of(warm, lifeline, help_text) is ForkedChild
+        assert kind_of(warm, lifeline, help_text, ZTEAM_LEASE="3") is ForkedChild
+        assert kind_of(warm, lifeline, [sys.executable, "-c", "pass"]) is not ForkedChild
+        assert kind_of(warm, lifeline, ["true"]) is not ForkedChild
+        assert kind_of(warm, lifeline, help_text, NUMBA_CACHE_DIR=str(tmp_path)) is not ForkedChild
+        for name in ("ZTEAM_NO_FORK", "COVERAGE_PROCESS_START"):
+            with monkeypatch.context() as changed:
+                changed.setenv(name, "1")
+                assert kind_of(warm, lifeline, help_text) is not ForkedChild
+        assert kind_of(warm, lifeline, help_text) is ForkedChild
+
+
+def test_another_environment_gets_another_warm_parent(
+    warm: WarmParent, lifeline: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What modules read when they are imported is as the launcher's environment says now. While children of the old
+    one run, further ones are spawned."""
+    waiting = Started(warm.start, lifeline, obey("input()"))
+    first = warm.pids
+    monkeypatch.setenv("STAGEPATH", "/elsewhere")
+    assert kind_of(warm, lifeline, obey("pass")) is not ForkedChild
+    waiting.process.write_line("")
+    assert waiting.finish() == 0
+    assert kind_of(warm, lifeline, obey("pass")) is ForkedChild
+    assert warm.pids != first
+
+
+def test_a_dead_warm_parent_is_replaced(warm: WarmParent, lifeline: int) -> None:
+    """Its children go on and can be ended; only their exit codes are lost. The next ones have a new warm parent."""
+    orphan = Started(warm.start, lifeline, obey("print('up', flush=True); input()"))
+    assert orphan.up.wait(LIMIT)
+    (pid,) = warm.pids.values()
+    handle = os.pidfd_open(pid)
+    os.kill(pid, signal.SIGKILL)
+    assert has_ended(handle)
+    os.close(handle)
+    assert orphan.process.running
+    assert kind_of(warm, lifeline, obey("pass")) is not ForkedChild
+    assert kind_of(warm, lifeline, obey("pass")) is ForkedChild
+    orphan.process.write_line("")
+    assert orphan.finish() == UNKNOWN
+
+
+def test_a_warm_parent_that_does_not_answer_is_left_alone(
+    warm: WarmParent, lifeline: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It stands still: the next child is spawned after a while, and the one after that has a new warm parent."""
+    monkeypatch.setattr(forked_child, "_PATIENCE", 0.3)
+    warm.prepare()
+    (pid,) = warm.pids.values()
+    os.kill(pid, signal.SIGSTOP)
+    assert kind_of(warm, lifeline, obey("pass")) is not ForkedChild
+    monkeypatch.setattr(forked_child, "_PATIENCE", LIMIT)
+    assert kind_of(warm, lifeline, obey("pass")) is ForkedChild
+    assert pid not in warm.pids.values()
+
+
+def test_a_child_that_cannot_be_watched_does_not_run_beside_the_next(
+    warm: WarmParent, lifeline: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Where the launcher has no descriptor left for a forked child, that one is killed before another is spawned."""
+    warm.prepare()
+    gate = tmp_path / "gate"
+    os.mkfifo(gate)
+    opened: list[int] = []
+    open_pidfd = os.pidfd_open
+
+    def refuse(pid: int, flags: int = 0) -> int:
+        if pid == os.getpid():
+            return open_pidfd(pid, flags)
+        opened.append(open_pidfd(pid, flags))
+        raise OSError(24, "Too many open files")
+
+    monkeypatch.setattr(os, "pidfd_open", refuse)
+    assert kind_of(warm, lifeline, obey(f"open({str(gate)!r}).read()")) is not ForkedChild
+    (forked,) = opened
+    assert has_ended(forked)
+    os.close(forked)
+
+
+def test_a_warm_parent_without_descriptors_says_so(
+    warm: WarmParent, lifeline: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The streams of a child that it cannot take do not make a child without streams."""
+    before = resource.getrlimit(resource.RLIMIT_NOFILE)
+    warm.prepare()
+    (pid,) = warm.pids.values()
+    assert kind_of(warm, lifeline, obey("pass")) is ForkedChild
+    resource.prlimit(pid, resource.RLIMIT_NOFILE, (5, before[1]))
+    assert kind_of(warm, lifeline, obey("pass")) is not ForkedChild
+    resource.prlimit(pid, resource.RLIMIT_NOFILE, before)
+    assert kind_of(warm, lifeline, obey("pass")) is ForkedChild
+
+
+def test_nothing_is_left_when_it_is_closed(warm: WarmParent, lifeline: int) -> None:
+    """No process, no zombie and no descriptor."""
+    before = sorted(Path("/proc/self/fd").iterdir())
+    for _ in range(3):
+        assert Started(warm.start, lifeline, obey("print(1)")).finish() == 0
+    (pid,) = warm.pids.values()
+    warm.close()
+    assert not Path(f"/proc/{pid}").exists()
+    assert sorted(Path("/proc/self/fd").iterdir()) == before
+
+
+def test_it_ends_with_a_launcher_that_is_killed(tmp_path: Path) -> None:
+    """A launcher that gets SIGKILL leaves neither its warm parent nor the children that hold its lifeline."""
+    code = (
+        "import os, signal\n"
+        "from zteam.launch.process import zteam_command\n"
+        "from zteam.launch.supervisor import Supervisor\n"
+        "from zteam.launch.warm_parent import WarmParent\n"
+        "warm = WarmParent()\n"
+        "supervisor = Supervisor(lambda *_: None, lambda _: None, warm.start)\n"
+        "router = supervisor.start('r', zteam_command('zteam-router', '--listen', 'tcp/127.0.0.1:0', '--announce'))\n"
+        "supervisor.wait(lambda: bool(router.lines), 30)\n"
+        "print(*warm.pids.values(), router.pid, flush=True)\n"
+        "signal.pause()"
+    )
+    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as launcher:
+        assert launcher.stdout is not None
+        handles = [os.pidfd_open(int(word)) for word in launcher.stdout.readline().split()]
+        launcher.kill()
+    assert len(handles) == 2
+    assert all(map(has_ended, handles))
+    for handle in handles:
+        os.close(handle)
+
+
+def test_a_failing_fork_is_told_and_the_child_spawned(
+    warm: WarmParent, lifeline: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A request that does not fit into a message does not harm the warm parent."""
+    warm.prepare()
+    first = warm.pids
+    long: dict[str, Any] = {"ZTEAM_LONG": "x" * 120_000, "ZTEAM_LONGER": "x" * 120_000}
+    assert kind_of(warm, lifeline, obey("pass"), **long) is not ForkedChild
+    assert kind_of(warm, lifeline, obey("pass")) is ForkedChild
+    assert warm.pids == first

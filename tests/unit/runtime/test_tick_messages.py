@@ -1,0 +1,107 @@
+"""When a user's own node handles messages in lock-step."""
+
+from random import Random
+from typing import Any
+
+from hypothesis import given, settings
+
+from support.arrivals import TICK, TICKS, Data, Opened, Sent, arrive, orders, sent_messages
+from zteam.messages import Header, Point, Pose, PoseStamped, time_from_ns
+from zteam.runtime.sending_tick import stamp_of
+from zteam.runtime.tick_messages import MOST, Arrival, TickMessages
+
+Handled = list[tuple[int, str, float]]
+"""Tick (0 = none was open), key and content of what was handled, in order."""
+
+
+def pose(stamp: int, value: float = 0.0) -> PoseStamped:
+    """A message with a stamp (ns)."""
+    return PoseStamped(Header(time_from_ns(stamp)), Pose(Point(value)))
+
+
+def handle_all(sent: list[Sent], random: Random) -> Handled:
+    """What a node handles to which these messages come, which others send, and a scan in each tick."""
+    messages, handled = TickMessages(), Handled()
+    sessions = random.sample(["a", "b", "c"], 3)
+    opened = (TICKS[0] - 1) * TICK
+
+    def handle(key: str, message: PoseStamped) -> None:
+        handled.append((opened // TICK, key, message.pose.position.x))
+
+    for event in arrive(sent, random):
+        if isinstance(event, Opened):
+            opened = event.tick * TICK
+            messages.handle_due(opened)
+        elif isinstance(event, Data):
+            # A tick that is not answered is sent again with its data.
+            for _ in range(2):
+                scan = Arrival(0, "scan", pose(event.tick * TICK), "sim", True, None, handle)
+                messages.take(scan, opened, is_open=False)
+        else:
+            key, message = f"topic_{event.topic}", pose(event.stamp_ns, event.value)
+            arrival = Arrival(1, key, message, sessions[event.source], False, None, handle)
+            messages.take(arrival, opened, is_open=random.random() < 0.5)
+    return handled
+
+
+@settings(deadline=None)
+@given(sent_messages(topics=2), orders())
+def test_the_order_of_arrival_changes_nothing(sent: list[Sent], ways: list[Random]) -> None:
+    """The same messages of three senders in two orders are handled in the same ticks and in the same order."""
+    first, second = (handle_all(sent, random) for random in ways)
+    assert first == second
+    assert len(first) == len(sent) + len(TICKS)
+
+
+@given(sent_messages(topics=2, sources=1), orders())
+def test_each_message_is_handled_in_the_next_tick(sent: list[Sent], ways: list[Random]) -> None:
+    """Those of one sender are handled in the tick after the one in which they were sent, in the order of each key."""
+    timely = [s for s in sent if s.stamp != "later"]
+    handled = [entry for entry in handle_all(timely, ways[0]) if entry[1] != "scan"]
+    for topic in (0, 1):
+        mine = [(tick, value) for tick, key, value in handled if key == f"topic_{topic}"]
+        assert mine == [(s.tick + 1, s.value) for s in timely if s.topic == topic]
+
+
+def test_of_two_senders_the_one_that_counts_is_handled_last() -> None:
+    """A callback that keeps the newest message keeps the same one as a robot would, whichever came first."""
+    for first, second in (("a", "b"), ("b", "a")):
+        messages, kept = TickMessages(), dict[str, Any]()
+        for source in (first, second):
+            stamp = TICK if source == "a" else 2 * TICK
+            arrival = Arrival(1, "goal", pose(stamp), source, False, None, kept.__setitem__)
+            messages.take(arrival, 2 * TICK, is_open=True)
+        messages.handle_due(3 * TICK)
+        assert kept == {"goal": pose(2 * TICK)}
+
+
+def test_after_the_last_tick_all_is_handled() -> None:
+    """Without ticks nothing waits for one, and a jump back in time forgets what waits."""
+    messages, kept = TickMessages(), list[str]()
+    for key in ("a", "b"):
+        for told, due in ((key, None), (f"{key} of a tick", 2 * TICK)):
+            arrival = Arrival(1, told, pose(TICK), "", False, due, lambda told, _: kept.append(told))
+            messages.take(arrival, TICK, is_open=True)
+        if key == "a":
+            messages.handle_due(None)
+    assert kept == ["a", "a of a tick"]
+    messages.forget()
+    messages.handle_due(None)
+    assert len(kept) == 2
+
+
+def test_what_a_step_waits_for_is_handled_in_its_tick() -> None:
+    """At once while that tick is open, with it if it comes first; a node that hears no tick keeps no more than MOST."""
+    messages, kept = TickMessages(), list[int]()
+
+    def take(due: int | None, stamp: int) -> str:
+        arrival = Arrival(1, "path", pose(due or 0), "planner", False, due, lambda _, path: kept.append(stamp_of(path)))
+        return messages.take(arrival, stamp, is_open=True)
+
+    take(2 * TICK, TICK)
+    assert kept == []
+    messages.handle_due(2 * TICK)
+    take(2 * TICK, 2 * TICK)
+    assert kept == [2 * TICK] * 2
+    problems = [take(None, 2 * TICK) for _ in range(MOST + 1)]
+    assert [bool(problem) for problem in problems] == [False] * MOST + [True]

@@ -1,0 +1,15 @@
+"""What zteam asks of routers in Zenoh's admin space."""
+
+import re
+from pathlib import Path
+
+import zteam
+
+ADMIN_KEY = re.compile(r"""["'](@/[^"']*)["']""")
+OWN_RECORD = {"@/*/router", "@/{self._session.zid()}/router"}
+
+
+def test_a_router_is_asked_for_its_own_record_alone() -> None:
+    """Other queries of the admin space may stop a router for ever (`zteam/bus/declarations.py`)."""
+    sources = [path.read_text(encoding="utf-8") for path in Path(zteam.__file__).parent.rglob("*.py")]
+    assert {key for source in sources for key in ADMIN_KEY.findall(source)} == OWN_RECORD

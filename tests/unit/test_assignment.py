@@ -1,0 +1,55 @@
+"""The assignment of docs/teaching.md: its graded file passes the reference solution and tells the wrong ones why."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from support.pages import DOCS, ROOT, find_file
+
+ASSIGNMENT = DOCS / "assignment"
+TESTS = ("test_1_avoid_obstacles", "test_2_start_together", "test_3_drive_in_line")
+PAGE = DOCS / "teaching.md"
+SENTENCES = dict(re.findall(r"^\| `(wrong_\w+\.py)` \| .* \| (.*) \|$", PAGE.read_text(), re.MULTILINE))
+"""What the page says that each wrong hand-in fails with."""
+WRONG = dict(zip(SENTENCES, TESTS, strict=True))
+"""By hand-in: the test that it fails."""
+
+
+def grade(hand_in: str, folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    """Run the graded file on a hand-in, as a student does."""
+    for file in ("test_homework.py", "reference.py"):
+        shutil.copy(ASSIGNMENT / file, folder)
+    shutil.copy(ASSIGNMENT / hand_in, folder / "homework.py")
+    command = [sys.executable, "-m", "pytest", "-rA", "--tb=line", "-p", "zteam.testing.plugin", *words]
+    # Other plugins take longer to import than the tests take.
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "COLUMNS": "200", "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
+    return subprocess.run(
+        command, cwd=folder, env=environment, capture_output=True, text=True, timeout=110, check=False
+    )
+
+
+def test_the_reference_passes(tmp_path: Path) -> None:
+    """The reference solution passes all three exercises."""
+    done = grade("reference.py", tmp_path, "test_homework.py")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert re.findall(r"^PASSED test_homework.py::(\w+)$", done.stdout, re.MULTILINE) == [*TESTS]
+
+
+@pytest.mark.parametrize("hand_in", WRONG)
+def test_a_wrong_hand_in_is_told_why(hand_in: str, tmp_path: Path) -> None:
+    """It fails its exercise with the page's sentence. What it has of the others is the reference's."""
+    done = grade(hand_in, tmp_path, f"test_homework.py::{WRONG[hand_in]}")
+    assert done.returncode == 1, done.stdout + done.stderr
+    failed = re.findall(r"^FAILED test_homework.py::(\w+) - AssertionError: (.*)$", done.stdout, re.MULTILINE)
+    assert failed == [(WRONG[hand_in], SENTENCES[hand_in])]
+
+
+def test_every_wrong_hand_in_is_on_the_page() -> None:
+    """The page tells of the hand-ins that there are, and shows a test as it is in the graded file."""
+    assert {path.name for path in ASSIGNMENT.glob("wrong_*.py")} == {*SENTENCES}
+    assert find_file("test_homework_1.py", PAGE).code in (ASSIGNMENT / "test_homework.py").read_text()

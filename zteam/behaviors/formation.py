@@ -1,0 +1,181 @@
+"""Keep a place in a formation behind a leader."""
+
+import math
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar
+
+from msgspec import Meta, Struct
+
+from zteam import names
+from zteam.behaviors.behavior import Behavior
+from zteam.behaviors.chain import STATUSES, Seen, see_robot
+from zteam.behaviors.formation_slots import Assignment
+from zteam.behaviors.leader_trail import LeaderTrail
+from zteam.behaviors.shapes import Shape, Slot, reach_of, slots_of, squeeze
+from zteam.behaviors.slot_driving import CLOSE, NEAR, STANDING, Target, steer, turn_to, velocity_to
+from zteam.behaviors.squeezing import Squeeze, share_for_bend, share_for_room
+from zteam.behaviors.view import View
+from zteam.behaviors.yielding import Other, Others, is_free
+from zteam.geometry import Pose2
+from zteam.messages import Message, Twist
+
+PARKED, LEFT = 0.04, 0.12
+"""Metres to the slot of a standing leader at which it stops, and at which it goes on."""
+ROOM = 0.6
+"""Metres: no robot is passed nearer, or nearer than three quarters of the spacing."""
+HORIZON_OF_TURN = 1.0
+"""Seconds that it looks ahead along its heading while it turns."""
+
+
+class FormationParams(Struct, frozen=True, forbid_unknown_fields=True):
+    """Parameters of `formation`; only the leader has to be given."""
+
+    leader: Annotated[int, Meta(ge=0, le=names.MAX_ROBOT_ID, description="id of the robot that leads")]
+    shape: Annotated[Shape, Meta(description="where the slots lie")] = "wedge"
+    spacing: Annotated[float, Meta(ge=0.5, le=100.0, description="m between neighbours")] = 0.8
+    team: Annotated[
+        tuple[Annotated[int, Meta(ge=0, le=names.MAX_ROBOT_ID)], ...],
+        Meta(description="ids that form it; empty: all that are alive and run `formation` with this leader"),
+    ] = ()
+    max_linear: Annotated[float, Meta(ge=0.0, le=1.0, description="m/s")] = 1.0
+    max_angular: Annotated[float, Meta(ge=0.1, le=math.pi, description="rad/s")] = 2.0
+    stale_after: Annotated[float, Meta(ge=0.0, le=10.0, description="s; it stands on older poses of the leader")] = 0.5
+
+
+class Formation(Behavior):
+    """Keep a slot of a formation behind a leader: line, column, wedge, diamond or circle.
+
+    The slots lie along the leader's trail. All robots of the formation compute from the same poses which of them takes
+    which slot.
+    """
+
+    Params = FormationParams
+    params: FormationParams
+    uses_tf = True
+    inputs: ClassVar[Mapping[str, tuple[str, type[Message]]]] = STATUSES
+
+    def __init__(self, params: FormationParams) -> None:
+        super().__init__(params)
+        self.leader: int = params.leader
+        self._assignment = Assignment()
+        self._others = Others()
+        self._trail = LeaderTrail()
+        self._squeeze = Squeeze()
+        self._is_parked = False
+
+    def on_params(self) -> None:
+        """Follow the leader that `params` names; another shape or spacing counts at the next step."""
+        if self.params.leader != self.leader:
+            self.leader = self.params.leader
+            self._trail.forget()
+        self._assignment.forget()
+
+    def missing(self, view: View) -> list[str]:
+        """The leader's pose, as long as it is not there or old."""
+        leader, _ = self._see_leader(view)
+        return [] if leader else [f"the pose of its leader {names.robot_name(self.leader)}"]
+
+    def step(self, view: View) -> Twist:
+        """Towards its slot, or zero in the slot of a leader that stands."""
+        own = view.map_from_base()
+        leader, self.reason = self._see_leader(view)
+        if leader is None or own is None:
+            self.reason = self.reason or f"its own pose in {names.MAP_FRAME} is not known"
+            self._trail.forget()
+            return Twist()
+        here = own[0]
+        members = self._members(view)
+        others = self._others.take(view, here, {*members, self.leader})
+        self._trail.take(leader.pose, leader.stamp or view.now, (len(members) + 1) * self.params.spacing)
+        slot = self._find_slot(view, here, {robot: others[robot] for robot in members if robot in others})
+        return self._drive(here, self._target(slot), self._in_the_way(here, others, view.robot_id))
+
+    def _see_leader(self, view: View) -> tuple[Seen | None, str]:
+        return see_robot(view, self.leader, names.MAP_FRAME, self.params.stale_after)
+
+    def _members(self, view: View) -> list[int]:
+        """The robots that form it, itself among them, by id."""
+        statuses: Mapping[int, Any] = view.inputs.get("statuses") or {}
+        told = self.params.team or [
+            robot
+            for robot, status in statuses.items()
+            if status.behavior == "formation" and status.leader == self.leader
+        ]
+        alive = set(told) & set(view.team) if view.team else set(told)
+        return sorted((alive | {view.robot_id}) - {self.leader})
+
+    def _find_slot(self, view: View, here: Pose2, members: dict[int, Other]) -> Slot:
+        """The own slot."""
+        params, assignment = self.params, self._assignment
+        members[view.robot_id] = Other(here.x, here.y)
+        slots = slots_of(params.shape, len(members), params.spacing)
+        if assignment.is_due(view.now, members):
+            # Not squeezed: each robot squeezes for itself, and all have to assign alike.
+            places = [self._place(slot) for slot in slots]
+            assignment.look(view.now, members, [(x, y) for x, y, _ in places])
+        rank = assignment.slot_of(view.robot_id) or 0
+        slot = squeeze(slots[rank], rank, params.spacing, self._squeeze.share)
+        left, right = reach_of(params.shape, len(members), params.spacing)
+        if left or right:
+            self._squeeze.take(self._needed_share(view, here, slot, left, right), view.dt)
+        return slot
+
+    def _needed_share(self, view: View, here: Pose2, slot: Slot, left: float, right: float) -> float:
+        """What share of the squeeze the bend and the walls need: at the leader, and where the own slot is."""
+        trail = self._trail
+        ends = trail.place, trail.place - slot.back
+        needed = max(share_for_bend(trail.curvature(end), left, right) for end in ends)
+        if view.scan is None:
+            return needed
+        to_base = here.inverse()
+        places = [to_base.compose(trail.at(end)) for end in ends]
+        mates = [(mate.pose.x, mate.pose.y) for mate in view.teammates]
+        return max(needed, share_for_room(view.scan, places, mates, left, right, view.base.half_width))
+
+    def _place(self, slot: Slot) -> Pose2:
+        return self._trail.at(self._trail.place - slot.back).compose(Pose2(0.0, slot.lateral, 0.0))
+
+    def _target(self, slot: Slot) -> Target:
+        curvature = self._trail.curvature(self._trail.place - slot.back)
+        return Target(
+            self._place(slot), self._trail.speed * (1.0 - curvature * slot.lateral), self._trail.speed * curvature
+        )
+
+    def _in_the_way(self, here: Pose2, others: Mapping[int, Other], own: int) -> list[Other]:
+        """The robots that it gives way to: the leader, those with a slot before its own, that stand or are near."""
+        mine, room = self._assignment.slot_of(own) or 0, self._room
+        return [
+            other
+            for robot, other in others.items()
+            if robot != own
+            and (
+                (self._assignment.slot_of(robot) or -1) < mine
+                or other.speed < STANDING
+                or math.hypot(other.x - here.x, other.y - here.y) < room
+            )
+        ]
+
+    @property
+    def _room(self) -> float:
+        return min(ROOM, 0.75 * self.params.spacing)
+
+    def _drive(self, here: Pose2, target: Target, others: list[Other]) -> Twist:
+        params = self.params
+        if self._parks(math.hypot(target.pose.x - here.x, target.pose.y - here.y)):
+            self.reason = f"in its slot; leader {names.robot_name(self.leader)} stands"
+            return turn_to(target.pose.yaw - here.yaw, params.max_angular)
+        x, y = velocity_to(here, target, others, self._room, params.max_linear)
+        if math.hypot(x, y) < STANDING:
+            self.reason = "gives way to others"
+            return Twist()
+        turn = target.turn if math.dist(target.pose[:2], here[:2]) < NEAR else 0.0
+        command = steer(x, y, here.yaw, turn, params.max_linear, params.max_angular)
+        # Its heading may still be another one than that of the velocity, which passes them.
+        if is_free(here, command.linear.x, others, min(CLOSE, self._room), HORIZON_OF_TURN):
+            return command
+        return Twist(angular=command.angular)
+
+    def _parks(self, distance: float) -> bool:
+        """Whether it stands in the slot of a leader that stands."""
+        self._is_parked = abs(self._trail.speed) <= STANDING and distance < (LEFT if self._is_parked else PARKED)
+        return self._is_parked

@@ -1,0 +1,115 @@
+"""Drive along waypoints."""
+
+import math
+from typing import Annotated
+
+from msgspec import Meta, Struct
+
+from zteam import names
+from zteam.behaviors.behavior import Behavior
+from zteam.behaviors.goals import FAR
+from zteam.behaviors.polyline import Polyline
+from zteam.behaviors.pursuit import Limits, pursue
+from zteam.behaviors.view import View
+from zteam.geometry import Pose2
+from zteam.messages import Twist
+
+LATERAL = 0.5
+"""m/s²: acceleration to the side in a bend."""
+LOOK_AHEAD = 0.25
+"""Metres along the path: less would swing at 10 steps a second, more cuts the corners."""
+BRAKING_GAIN = 1.5
+"""1/s: it slows down before the end of the path."""
+_WINDOW = 0.5
+"""Metres ahead of its place on the path within which the next one is looked for: a path may cross itself."""
+
+Coordinate = Annotated[float, Meta(ge=-FAR, le=FAR)]
+
+
+class PathParams(Struct, frozen=True, forbid_unknown_fields=True):
+    """Parameters of `path`; only the waypoints have to be given."""
+
+    waypoints: Annotated[
+        tuple[tuple[Coordinate, Coordinate], ...],
+        Meta(min_length=2, description="m; [[x, y], [x, y], …] in map, at least two"),
+    ]
+    speed: Annotated[float, Meta(ge=0.0, le=1.0, description="m/s")] = 0.5
+    loop: Annotated[bool, Meta(description="from the last waypoint on to the first, and round again")] = False
+    max_angular: Annotated[float, Meta(ge=0.1, le=math.pi, description="rad/s")] = 1.5
+    xy_goal_tolerance: Annotated[
+        float, Meta(ge=0.02, le=100.0, description="m to the last waypoint, within which the path is at its end")
+    ] = 0.05
+
+    def __post_init__(self) -> None:
+        if len(set(self.waypoints)) < 2:
+            raise ValueError("waypoints must be at least two places")
+
+
+class FollowPath(Behavior):
+    """Drive along waypoints in map, from the nearest place of their path on, once or round and round."""
+
+    Params = PathParams
+    params: PathParams
+    uses_tf = True
+
+    def __init__(self, params: PathParams) -> None:
+        super().__init__(params)
+        self.on_params()
+
+    def on_params(self) -> None:
+        """Begin anew from the nearest place if the waypoints are others."""
+        waypoints = self.params.waypoints, self.params.loop
+        if getattr(self, "_given", None) == waypoints:
+            return
+        self._given = waypoints
+        self._path = Polyline(self.params.waypoints)
+        self._place: float | None = None
+        """Where it is on the path; None before its first step."""
+        self._is_done = False
+        if self.params.loop:
+            self._add_lap()
+
+    def step(self, view: View) -> Twist:
+        """Along the path; zero at its end and while the own pose is not known."""
+        found = view.map_from_base()
+        if found is None or not all(map(math.isfinite, found[0])):
+            self.reason = f"its own pose in {names.MAP_FRAME} is not known"
+            return Twist()
+        own, path = found[0], self._path
+        place = self._place = self._find_place(own)
+        if self.params.loop:
+            self._keep_ahead(place)
+            left = math.inf
+        else:
+            left = max(path.end - place, _distance(own, path.at(path.end)))
+            self._is_done = self._is_done or left <= self.params.xy_goal_tolerance
+        if self._is_done:
+            self.reason = "end of the path"
+            return Twist()
+        self.reason = ""
+        speed = min(self.params.speed, BRAKING_GAIN * left)
+        return pursue(own, path, place, speed, Limits(angular=self.params.max_angular, lateral=LATERAL), LOOK_AHEAD)
+
+    def _find_place(self, own: Pose2) -> float:
+        """The nearest place: of the whole path at first, then a little ahead. It never goes back."""
+        path, last = self._path, self._place
+        window = (last, last + _WINDOW) if last is not None else ()
+        place = path.project(own.x, own.y, *window)
+        # Where the path turns back on itself the point to drive to would be where the robot is.
+        while place + LOOK_AHEAD < path.end and _distance(own, path.at(place + LOOK_AHEAD)) < 0.5 * LOOK_AHEAD:
+            place += 0.5 * LOOK_AHEAD
+        return place
+
+    def _keep_ahead(self, place: float) -> None:
+        self._path.drop_before(place)
+        while self._path.end < place + _WINDOW + LOOK_AHEAD:
+            self._add_lap()
+
+    def _add_lap(self) -> None:
+        """From the last waypoint on to the first, and round to the last."""
+        for x, y in self.params.waypoints:
+            self._path.append(x, y)
+
+
+def _distance(a: Pose2, b: Pose2) -> float:
+    return math.hypot(a.x - b.x, a.y - b.y)

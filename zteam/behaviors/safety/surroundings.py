@@ -1,0 +1,184 @@
+"""What stands about a robot in one step, as points: from the scan and from memory."""
+
+import math
+from functools import cached_property, lru_cache
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from zteam.base import Point2
+from zteam.behaviors.corridors import Laser
+from zteam.behaviors.safety.memory import ScanMemory, Sectors, group
+from zteam.behaviors.safety.silence import LastWords
+from zteam.behaviors.safety.swept import Box, Outline
+from zteam.behaviors.safety.zones import zone_of
+from zteam.behaviors.scans import Beams, beams_of
+from zteam.behaviors.view import View
+from zteam.geometry import Pose2, yaw_from_quaternion
+from zteam.messages import Odometry
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+GAP = 0.15
+"""Metres that a robot stops before what it would drive into."""
+LOOKS_ROUND = 0.5 * math.pi
+"""Radians to either side that a laser has to see for a drive forwards to need no memory."""
+NO_POSE = Pose2(0.0, 0.0, 0.0)
+NO_POINTS = np.empty((2, 0))
+
+
+class Sight(msgspec.Struct, frozen=True, eq=False, dict=True):
+    """What the laser sees in one step."""
+
+    beams: Beams
+    distances: Floats
+    """With last words; NaN where nothing is known."""
+    silent: Flags | None
+    """Beams that see nothing, without those that are bridged; None if there are none."""
+    laser: Pose2
+    """In the base frame."""
+    nearest: float
+    """Metres from the laser: no hit is nearer."""
+
+    @cached_property
+    def sectors(self) -> Sectors:
+        """The scan by bearings."""
+        return group(self.beams, self.distances)
+
+    def hits(self, box: Box, reach: float) -> Floats:
+        """(2, n): hits in a box of the base frame, or a little outside; none is further than `reach` (m) from the
+        base."""
+        if self.nearest > reach + math.hypot(self.laser.x, self.laser.y):
+            return NO_POINTS
+        ends, axes = zone_of(self.beams.laser, self.laser, box)
+        near = self.distances < ends
+        if not np.count_nonzero(near):
+            return NO_POINTS
+        at = near.nonzero()[0]
+        points: Floats = axes.take(at, axis=1) * self.distances.take(at)
+        points += ((self.laser.x,), (self.laser.y,))
+        return points
+
+    def hit(self, beam: int) -> Point2 | None:
+        """Where a beam ended, in the base frame; None if it met nothing, or there is no such beam."""
+        if not 0 <= beam < self.distances.size:
+            return None
+        distance = self.distances.item(beam)
+        if not distance < math.inf:
+            return None
+        start, step, _ = self.beams.laser
+        angle = start + self.laser.yaw + step * beam
+        return distance * math.cos(angle) + self.laser.x, distance * math.sin(angle) + self.laser.y
+
+    def beam_towards(self, x: float, y: float) -> int:
+        """The beam that looks to a point of the base frame: its index, which may be that of no beam."""
+        start, step, _ = self.beams.laser
+        bearing = math.atan2(y - self.laser.y, x - self.laser.x) - self.laser.yaw
+        return round((bearing - start) * math.copysign(1.0, step) % math.tau / abs(step)) if step else 0
+
+    def covers(self, half_angle: float) -> bool:
+        """Whether the laser looks to all bearings within `half_angle` (rad) of straight ahead of the base."""
+        return _covers(self.beams.laser, self.laser.yaw, half_angle)
+
+
+@lru_cache(maxsize=16)
+def _covers(laser: Laser, yaw: float, half_angle: float) -> bool:
+    start, step, count = laser
+    low, high = sorted((start + yaw, start + step * (count - 1) + yaw))
+    shift = math.tau * round(0.5 * (low + high) / math.tau)
+    return low - shift <= -half_angle and high - shift >= half_angle
+
+
+class Surroundings:
+    """Keeps what one robot saw."""
+
+    def __init__(self, outline: Outline) -> None:
+        self._outline = outline
+        self._words = LastWords()
+        self._memory = ScanMemory(outline.rear, outline.front, outline.half_width)
+        self._lasers: dict[str, Pose2] = {}
+        """The pose of each laser in the base frame, by its frame: it is fixed there."""
+        self.sight: Sight | None = None
+        """None without usable beams."""
+
+    def take(self, view: View) -> None:
+        """See what the view shows."""
+        self.sight = None
+        assert view.scan is not None
+        beams = beams_of(view.scan)
+        if beams is None:
+            return
+        distances, silent = self._words.fill(beams, view.now)
+        nearest = beams.nearest if beams.all_speak else _nearest(distances)
+        laser = self._find_laser(view, view.scan.header.frame_id)
+        self.sight = Sight(beams, distances, silent, laser, nearest)
+        if view.odom is not None:
+            pose = _pose_of(view.odom)
+            if math.isfinite(pose.x + pose.y + pose.yaw) and self._memory.move(pose):
+                self._memory.keep(self.sight.sectors, nearest, laser)
+
+    def sees_all(self, speed: float) -> bool:
+        """Whether a laser looks at all that the base drives to at this speed (m/s): forwards, and it looks round."""
+        return speed > 0.0 and self.sight is not None and self.sight.covers(LOOKS_ROUND)
+
+    @property
+    def is_blinded(self) -> bool:
+        """Whether some beams see nothing."""
+        return self.sight is not None and self.sight.silent is not None
+
+    def points(self, box: Box, reach: float, *, looks_back: bool) -> Floats:
+        """(2, n): what stands in a box of the base frame, or a little outside, and within `reach` (m) of the base.
+
+        `looks_back` asks the memory too.
+        """
+        sight = self.sight
+        if sight is None:
+            return NO_POINTS
+        hits = sight.hits(box, reach)
+        if not looks_back or not self._memory.may_hide(reach):
+            return hits
+        hidden = self._memory.hidden(reach, sight.sectors, sight.laser)
+        return np.hstack((hits, hidden)) if hidden.size else hits
+
+    def may_hide(self, reach: float) -> bool:
+        """Whether the memory may tell of something within `reach` (m) that the laser does not see."""
+        return self._memory.may_hide(reach)
+
+    def never_seen(self, points: Floats) -> Flags:
+        """Which points of the base frame neither the laser sees nor a remembered scan saw."""
+        unseen = self._memory.never_seen(points)
+        if self.sight is not None:
+            unseen &= ~self.in_view(points)
+        return unseen
+
+    def in_view(self, points: Floats) -> Flags:
+        """Towards which points of the base frame the laser looks, whether it sees something there or not."""
+        sight = self.sight
+        if sight is None:
+            return np.zeros(points.shape[1], bool)
+        start, step, count = sight.beams.laser
+        bearings = np.arctan2(points[1] - sight.laser.y, points[0] - sight.laser.x) - sight.laser.yaw
+        places = np.remainder((bearings - start) * math.copysign(1.0, step), math.tau)
+        seen: Flags = places <= abs(step) * (count - 0.5)
+        return seen
+
+    def _find_laser(self, view: View, frame: str) -> Pose2:
+        known = self._lasers.get(frame)
+        if known is None:
+            found = view.lookup(view.base_frame, frame) if frame else None
+            if found is None or not all(map(math.isfinite, found[0])):
+                return NO_POSE
+            known = self._lasers[frame] = found[0]
+        return known
+
+
+def _nearest(distances: Floats) -> float:
+    lowest = float(np.fmin.reduce(distances, initial=math.inf))
+    return lowest if lowest < math.inf else math.inf
+
+
+def _pose_of(odom: Odometry) -> Pose2:
+    position, turn = odom.pose.pose.position, odom.pose.pose.orientation
+    return Pose2(position.x, position.y, yaw_from_quaternion(turn.x, turn.y, turn.z, turn.w))

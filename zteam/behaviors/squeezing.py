@@ -1,0 +1,80 @@
+"""How far a formation has to be squeezed to a column: where walls are near, and where it goes round a tight bend."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from zteam.behaviors.scans import beams_of
+from zteam.geometry import Pose2
+from zteam.messages import LaserScan
+
+MARGIN = 0.1
+"""Metres that have to be free beside the outermost robot."""
+BEHIND, AHEAD = 0.5, 1.5
+"""Metres along the trail, from the leader and from the own slot, within which walls count."""
+BODY = 0.45
+"""Metres around another robot within which a hit is that robot."""
+BEND = 0.9
+"""The outermost slot lies within this share of the radius of a bend."""
+CLOSING, OPENING = 0.5, 0.25
+"""1/s: how fast the formation closes and opens."""
+HOLD = 1.0
+"""Seconds with more room before it opens."""
+
+
+class Squeeze:
+    """The share of the way from the shape's slots to those of the column, 0 to 1."""
+
+    def __init__(self) -> None:
+        self.share = 0.0
+        self._roomy = 0.0
+        """Seconds in a row in which a smaller share would have done."""
+
+    def take(self, needed: float, dt: float) -> None:
+        """The share that is needed now; it closes at once and opens after a while."""
+        if needed >= self.share:
+            self._roomy = 0.0
+            self.share = min(needed, self.share + CLOSING * dt)
+            return
+        self._roomy += dt
+        if self._roomy > HOLD:
+            self.share = max(needed, self.share - OPENING * dt)
+
+
+def share_for_bend(curvature: float, left: float, right: float) -> float:
+    """The share that a bend (1/m, left positive) needs for slots that reach so far (m) to the left and to the right."""
+    width = abs(curvature) * (left if curvature > 0.0 else right)
+    return max(0.0, 1.0 - BEND / width) if width > BEND else 0.0
+
+
+def share_for_room(
+    scan: LaserScan,
+    places: Sequence[Pose2],
+    others: Sequence[tuple[float, float]],
+    left: float,
+    right: float,
+    half_width: float,
+) -> float:
+    """The share that walls beside these places of the trail need.
+
+    The places and the other robots, whose hits do not count, are in the own base frame.
+    """
+    beside = half_width + MARGIN
+    bound = max(left, right) + beside + AHEAD + max(math.hypot(place.x, place.y) for place in places)
+    beams = beams_of(scan)
+    if beams is None or beams.nearest >= bound:
+        return 0.0
+    x, y = beams.find_hits(bound)
+    free = np.ones(x.size, np.bool_)
+    for other_x, other_y in others:
+        free &= (x - other_x) ** 2 + (y - other_y) ** 2 > BODY * BODY
+    needed = 0.0
+    for place in places:
+        cos, sin = math.cos(place.yaw), math.sin(place.yaw)
+        along = cos * (x - place.x) + sin * (y - place.y)
+        across = (cos * (y - place.y) - sin * (x - place.x))[free & (along > -BEHIND) & (along < AHEAD)]
+        for reach, off in ((left, across[across > 0.0]), (right, -across[across < 0.0])):
+            if reach > 0.0 and off.size:
+                needed = max(needed, 1.0 - (float(off.min()) - beside) / reach)
+    return min(needed, 1.0)

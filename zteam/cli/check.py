@@ -1,0 +1,106 @@
+"""`zteam check NAME`: try a behaviour in awkward moments and small worlds, and say what it does wrong."""
+
+import argparse
+import contextlib
+import os
+import sys
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from zteam.behaviors.registry import find_behavior, look_in
+from zteam.cli.arguments import add_path_option
+from zteam.cli.options import Parser, add_log_options, checked, run
+from zteam.cli.zteam_robot import add_param_option, parse_param
+
+# Trials import the simulator, which takes a moment: a mistake in the command line is said before.
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from zteam.trials.check import TrialResult
+    from zteam.trials.fault import Fault
+
+_WIDTH = 31
+"""Columns of a trial's name."""
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """The command line."""
+    parser = Parser(prog="zteam check", description=__doc__)
+    parser.add_argument("name", metavar="NAME", help="package.module:Class, or a name such as wander")
+    add_param_option(parser)
+    add_path_option(parser)
+    parser.add_argument("--json", action="store_true", help="print JSON")
+    add_log_options(parser)
+    return parser
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point."""
+    args = build_parser().parse_args(argv)
+    params = checked(args, lambda: dict(map(parse_param, args.param)))
+    return run("zteam check", args, lambda: _check(args, params))
+
+
+def _check(args: argparse.Namespace, params: dict[str, Any]) -> int:
+    out, results = sys.stdout, []
+    look_in([*args.path, ""])
+    # What the author's own code prints must not come among the results, and its steps are hundreds.
+    with contextlib.redirect_stdout(sys.stderr):
+        kind = find_behavior(args.name)
+    from zteam.trials.check import run_trials, trial_names
+
+    with Path(os.devnull).open("w") as nowhere, contextlib.redirect_stdout(nowhere):
+        for result in run_trials(args.name, kind, params):
+            results.append(result)
+            if not args.json:
+                print(_row(result), file=out, flush=True)
+    is_good = all(result.is_good for result in results)
+    if args.json:
+        print(msgspec.json.encode({"behavior": args.name, "good": is_good, "trials": results}).decode())
+    else:
+        left = len(trial_names(kind)) - len(results)
+        if left:
+            print(f"(the other {left} trials are left out, because these took too long)")
+        print(f"\n{format_faults(args.name, results)}")
+    return 0 if is_good else 1
+
+
+def _row(result: "TrialResult") -> str:
+    verdict = "WRONG" if not result.is_good else "remark" if result.faults else "ok"
+    return f"{result.name:{_WIDTH}}  {verdict:6}  {result.note}".rstrip()
+
+
+def format_faults(name: str, results: Sequence["TrialResult"]) -> str:
+    """Each fault once, with the trials that show it."""
+    found: dict[tuple[str, str, bool], list[tuple[Fault, str]]] = {}
+    for result in results:
+        for fault in result.faults:
+            found.setdefault((fault.kind, fault.place, fault.is_remark), []).append((fault, result.name))
+    wrong = [shown for key, shown in found.items() if not key[-1]]
+    # What is wrong elsewhere needs no remark.
+    remarks = [shown for key, shown in found.items() if key[-1] and (*key[:-1], False) not in found]
+    lines = [f"{name}: {_count(len(wrong))} in {len(results)} trial{'s' if results[1:] else ''}"]
+    for number, shown in enumerate(wrong, 1):
+        lines += ["", *_paragraph(f"{number}. ", shown)]
+    for shown in remarks:
+        lines += ["", *_paragraph("remark: ", shown)]
+    return "\n".join(lines)
+
+
+def _count(wrong: int) -> str:
+    return {0: "nothing is wrong", 1: "one thing is wrong"}.get(wrong, f"{wrong} things are wrong")
+
+
+def _paragraph(head: str, shown: Iterable[tuple["Fault", str]]) -> list[str]:
+    (fault, _), *_ = shown
+    trials = [name for _, name in shown]
+    lines = [head + fault.text]
+    parts = {"at": fault.place, "in": "; ".join(trials[:3]) + (f"; {len(trials) - 3} more" if trials[3:] else "")}
+    parts["try"] = fault.hint
+    return lines + [f"   {word}: {text}" for word, text in parts.items() if text]
+
+
+if __name__ == "__main__":
+    sys.exit(main())

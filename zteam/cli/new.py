@@ -1,0 +1,136 @@
+"""`zteam new behavior NAME` and `zteam new node NAME`: write a working example and its test into the current folder."""
+
+import argparse
+import keyword
+import re
+import string
+import sys
+from collections.abc import Sequence
+from importlib.machinery import PathFinder
+from pathlib import Path
+from typing import NamedTuple
+
+from zteam import names
+from zteam.cli.options import Parser, add_log_options, run
+from zteam.cli.tables import format_table
+from zteam.errors import UsageError, ZteamError
+
+TEMPLATES = Path(__file__).parent / "templates"
+
+
+class _Kind(NamedTuple):
+    """What an example shows, and what to do with it next as (command, what it does)."""
+
+    help: str
+    next: Sequence[tuple[str, str]]
+
+
+KINDS = {
+    "behavior": _Kind(
+        "what a robot does: a class with step(view), and its test",
+        (
+            ("pytest test_$name.py", "run its test"),
+            ("zteam check $name:$kind", "try it in awkward worlds"),
+            ("zteam-sim arena", "start a world, in a terminal of its own"),
+            ("zteam-tf", "start the transforms, likewise"),
+            ("zteam-robot --id 0 --behavior $name:$kind --no-gate", "drive robot 0"),
+        ),
+    ),
+    "node": _Kind(
+        "a process that subscribes and publishes, and its test",
+        (
+            ("pytest test_$name.py", "run its test"),
+            ("zteam up arena", "start a team, in a terminal of its own"),
+            ("python $name.py", "start the node beside it, likewise"),
+            ("zteam topic echo $name/nearest", "print what it publishes"),
+        ),
+    ),
+}
+"""By the word on the command line; `templates/` has a file `KIND.txt` and `test_KIND.txt` for each."""
+_RESERVED = {names.SIMULATOR, names.AGGREGATOR, names.MONITOR, names.LAUNCHER, names.STATIC_CALLER}
+"""Names of zteam's own processes."""
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """The command line."""
+    parser = Parser(prog="zteam new", description=__doc__)
+    kinds = parser.add_subparsers(dest="kind", required=True, metavar="|".join(KINDS))
+    for word, kind in KINDS.items():
+        sub = kinds.add_parser(word, help=kind.help)
+        sub.add_argument("name", metavar="NAME", help="the module's name, such as my_robot; writes NAME.py")
+        add_log_options(sub)
+    return parser
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point."""
+    args = build_parser().parse_args(argv)
+    return run("zteam new", args, lambda: _run(args.kind, args.name))
+
+
+def class_name(module: str) -> str:
+    """`MyRobot` for `my_robot`."""
+    return "".join(part[:1].upper() + part[1:] for part in module.split("_"))
+
+
+def _run(word: str, name: str) -> int:
+    try:
+        _check_name(word, name)
+        return _write(word, name)
+    except OSError as error:
+        raise ZteamError(f"cannot write {error.filename or name}: {error.strerror or error}") from None
+
+
+def _write(word: str, name: str) -> int:
+    """Write both files, or none if one of them exists."""
+    words = {"name": name, "kind": class_name(name)}
+    contents = {
+        Path(f"{prefix}{name}.py"): _fill((TEMPLATES / f"{prefix}{word}.txt").read_text("utf-8"), words)
+        for prefix in ("", "test_")
+    }
+    for path in contents:
+        if path.exists() or path.is_symlink():
+            raise UsageError(f"{path} exists already; choose another name, or remove the file")
+    for path, content in contents.items():
+        # Never over a file that has just come.
+        with path.open("x", encoding="utf-8") as file:
+            file.write(content)
+    print(f"wrote {' and '.join(map(str, contents))}\n")
+    rows = [(_fill(command, words), text) for command, text in KINDS[word].next]
+    print(format_table(("next", "does"), rows))
+    return 0
+
+
+def _fill(template: str, words: dict[str, str]) -> str:
+    return string.Template(template).substitute(words)
+
+
+def _check_name(word: str, name: str) -> None:
+    """Raise UsageError unless files and example can have this name."""
+    if not name.isidentifier() or keyword.iskeyword(name):
+        near = re.sub(r"\W+", "_", name.removesuffix(".py")).strip("_")
+        hint = f"; did you mean {near}?" if near.isidentifier() and not keyword.iskeyword(near) else ""
+        raise UsageError(f"{name!r} cannot be the name of a Python module{hint}")
+    if _is_taken(name):
+        raise UsageError(f"{name!r} is a module of Python or of an installed package: yours would hide it")
+    if word == "node" and (name in _RESERVED or names.robot_id_of(name) is not None):
+        raise UsageError(f"{name!r} is the name of a process of every team; choose another one")
+    kind = class_name(name)
+    example = (TEMPLATES / f"{word}.txt").read_text("utf-8")
+    if word == "behavior" and (not kind.isidentifier() or re.search(rf"\b{kind}\b", example)):
+        raise UsageError(f"{name!r}: the example cannot name its class {kind or name!r}; choose another name")
+
+
+def _is_taken(name: str) -> bool:
+    """Whether Python finds another module of this name than one in the current folder."""
+    if name in sys.stdlib_module_names:
+        return True
+    here = Path().resolve()
+    elsewhere = [folder for folder in sys.path if folder and Path(folder).resolve() != here]
+    found = PathFinder.find_spec(name, elsewhere)
+    # A folder without __init__.py (origin None) hides nothing and is hidden by a module.
+    return found is not None and found.origin is not None
+
+
+if __name__ == "__main__":
+    sys.exit(main())

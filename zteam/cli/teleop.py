@@ -1,0 +1,198 @@
+"""`zteam teleop --id 0`: drive robots with the keyboard, with the keys of teleop_twist_keyboard and the arrows."""
+
+import argparse
+import math
+import sys
+import threading
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from typing import TYPE_CHECKING
+
+from zteam import names
+from zteam.cli.arguments import number
+from zteam.cli.interrupts import INTERRUPTED
+from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, checked, run
+from zteam.errors import UsageError, ZteamError
+from zteam.nodes.teleop.keys import HELP, HELP_TEXT
+from zteam.nodes.teleop.pilot import MAX_SPEED, MIN_SPEED, Pilot
+from zteam.nodes.teleop.script import PERIOD, parse_script
+from zteam.robot_ids import parse_robot_ids
+
+if TYPE_CHECKING:
+    from zteam.bus import Bus
+    from zteam.clock import AutoClock
+    from zteam.messages import RobotStatus, Twist
+    from zteam.nodes.teleop.wheels import Wheels
+    from zteam.runtime.shutdown import Stop
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """The command line."""
+    parser = Parser(
+        prog="zteam teleop",
+        description=__doc__,
+        epilog=f"keys:\n{HELP_TEXT}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        "--id", dest="ids", nargs="+", required=True, metavar="ID", help="drive these robots, e.g. 0 or 0-2"
+    )
+    bounded = number(MIN_SPEED, MAX_SPEED, "a speed")
+    parser.add_argument(
+        "--speed", type=bounded, default=0.5, metavar="M/S", help="begin with this speed (default: %(default)g)"
+    )
+    parser.add_argument(
+        "--turn", type=bounded, default=1.0, metavar="RAD/S", help="begin with this turn rate (default: %(default)g)"
+    )
+    parser.add_argument(
+        "--script", metavar="KEYS", help="press these keys at 10 Hz and end, without a terminal, e.g. 'i*10 l*5 k'"
+    )
+    add_clock_option(parser)
+    add_bus_options(parser)
+    return parser
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point."""
+    args = build_parser().parse_args(argv)
+    ids = checked(args, lambda: parse_robot_ids(args.ids, "--id"))
+    script = checked(args, lambda: _script(args.script))
+    return run("teleop", args, lambda: _teleop(args, ids, script), needs_output=False)
+
+
+def _script(text: str | None) -> list[str] | None:
+    """The presses of `--script`; None for those of the terminal. Raises UsageError where there is neither."""
+    if text is not None:
+        return parse_script(text)
+    if not (sys.stdin.isatty() and sys.stdout.isatty()):
+        raise UsageError("standard input and output are no terminal: give the keys with --script 'i*10 l*5 k'")
+    return None
+
+
+def _teleop(args: argparse.Namespace, ids: Sequence[int], script: list[str] | None) -> int:
+    from zteam.bus import connect
+    from zteam.cli.listening import PATIENCE
+    from zteam.nodes.teleop.wheels import Wheels
+    from zteam.runtime.shutdown import Stop, stopping_in_order
+
+    pilot, stop = Pilot(ids, args.speed, args.turn), Stop()
+    with stopping_in_order(stop), ExitStack() as ends:
+        try:
+            bus = connect(bus_options(args), patience=PATIENCE, stopping=stop)
+            ends.callback(bus.close)
+            wheels = {robot_id: Wheels(bus, robot_id, stop) for robot_id in ids}
+            for each in wheels.values():
+                ends.callback(each.close)
+                each.take()
+        except ZteamError:
+            if not stop.requested:
+                raise
+            return INTERRUPTED
+        if script is None:
+            return _drive_by_hand(pilot, wheels, stop)
+        return _drive_by_script(pilot, wheels, script, bus, args, stop)
+
+
+def _drive_by_hand(pilot: Pilot, wheels: Mapping[int, "Wheels"], stop: "Stop") -> int:
+    from zteam.cli.live_line import LiveLine, has_live_line
+    from zteam.cli.teleop_terminal import KeyTerminal
+    from zteam.nodes.teleop.driving import drive
+
+    print(HELP_TEXT, flush=True)
+    with KeyTerminal(stop) as terminal, LiveLine(sys.stdout) as live:
+        shown = ""
+
+        def show() -> None:
+            nonlocal shown
+            line = describe(pilot, wheels[pilot.robot_id])
+            if line != shown and has_live_line(sys.stdout):
+                live.show(lambda columns: line[:columns])
+            shown = line
+
+        def presses() -> Iterator[tuple[list[str], float]]:
+            for keys, now in terminal.presses():
+                if HELP in keys:
+                    live.print(HELP_TEXT)
+                yield keys, now
+
+        drive(pilot, wheels, presses(), show)
+    return 0
+
+
+def _drive_by_script(
+    pilot: Pilot,
+    wheels: Mapping[int, "Wheels"],
+    script: Sequence[str],
+    bus: "Bus",
+    args: argparse.Namespace,
+    stop: "Stop",
+) -> int:
+    from zteam.cli.tool_clock import open_clock
+    from zteam.nodes.teleop.driving import drive
+
+    driven: set[int] = set()
+
+    def note() -> None:
+        if pilot.holds:
+            driven.add(pilot.robot_id)
+
+    drive(pilot, wheels, _typed(script, open_clock(bus, args.clock), stop), note)
+    if stop.requested:
+        return INTERRUPTED
+    unheard = [wheels[robot_id].unheard for robot_id in sorted(driven) if wheels[robot_id].unheard]
+    if unheard:
+        raise ZteamError(f"nothing subscribes to {', '.join(unheard)}: see 'zteam doctor'")
+    return 0
+
+
+def _typed(script: Sequence[str], clock: "AutoClock", stop: "Stop") -> Iterator[tuple[list[str], float]]:
+    """The keys, each at its moment of `clock`; the last one counts until the moment after it."""
+    from zteam.cli.tool_clock import still_text
+    from zteam.clock import STILL, Every, Rate, monotonic, to_ns, to_seconds
+
+    stopped = threading.Event()
+    stop.on_request(stopped.set)
+    rate, nag = Rate(to_ns(PERIOD), clock.steady()), Every(math.inf)
+    for key in script:
+        yield [key], to_seconds(clock.steady())
+        since = monotonic()
+        while left := rate.left(now := clock.steady()):
+            if stopped.is_set():
+                return
+            if not clock.simulated:
+                stopped.wait(to_seconds(left))
+            elif clock.sim.wait_for_change(now, PERIOD):
+                since = monotonic()
+            elif monotonic() - since > STILL and nag.due():
+                print(f"teleop: {still_text(clock)}", file=sys.stderr)
+        rate.take(clock.steady())
+
+
+def describe(pilot: Pilot, wheels: "Wheels") -> str:
+    """The robot and the speeds of the keys, then what drives it, how fast, and what keeps it from driving."""
+    keys = f"{names.robot_name(pilot.robot_id)}: keys {pilot.speed:.2f} m/s, {pilot.turn:.2f} rad/s"
+    if wheels.unheard:
+        return f"{keys} | nothing hears {wheels.unheard}"
+    if wheels.direct:
+        return f"{keys} | {_velocity(wheels.command)} straight to the base, no safety layer"
+    status = wheels.status
+    if status is None:
+        return f"{keys} | no status yet"
+    wanted = f", wanted {_velocity(wheels.command)}" if _is_limited(status, wheels) else ""
+    why = f": {status.reason}" if status.reason else ""
+    return f"{keys} | {status.driver} drives {_velocity(wheels.driven)}{wanted}{why}"
+
+
+def _is_limited(status: "RobotStatus", wheels: "Wheels") -> bool:
+    """Whether the robot's safety layer drives more slowly than the keys want."""
+    from zteam.messages import RobotDriver
+
+    return status.driver == RobotDriver.TELEOP and _velocity(wheels.driven) != _velocity(wheels.command)
+
+
+def _velocity(command: "Twist") -> str:
+    return f"{command.linear.x:.2f} m/s, {command.angular.z:.2f} rad/s"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

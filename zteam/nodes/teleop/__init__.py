@@ -1,0 +1,1 @@
+"""Teleoperation: robots driven with the keys of a terminal."""

@@ -1,0 +1,83 @@
+"""The way to one robot's wheels: through its process, or straight to the base where it has none."""
+
+import logging
+
+from zteam import names
+from zteam.bus import Bus
+from zteam.bus.presence import Claim
+from zteam.errors import BusError, DuplicateNameError, ZteamError
+from zteam.messages import RobotStatus, Twist
+from zteam.runtime.shutdown import Stop
+from zteam.services.simulator import SimStatus, absence_text
+
+log = logging.getLogger("zteam")
+
+
+class Wheels:
+    """Of robot `robot_id`. Made first for all robots, then taken: the waits of all claims are one."""
+
+    direct = False
+    """Whether the commands go to the base, under the robot's own name."""
+
+    def __init__(self, bus: Bus, robot_id: int, stop: Stop) -> None:
+        self._bus = bus
+        self._id = robot_id
+        self.name = names.robot_name(robot_id)
+        self.status: RobotStatus | None = None
+        """The newest of the robot's process."""
+        self.command = Twist()
+        """The newest that was sent."""
+        self.driven = Twist()
+        """The newest that the robot's process has sent to its base."""
+        self._stop = stop
+        self._claim = Claim(bus, self.name)
+
+    def take(self) -> None:
+        """Find out whether the robot has a process; if not, be it. Raises ZteamError if its world lacks the robot."""
+        try:
+            self._claim.win(lambda holder: self._give_way(holder.pid, holder.host))
+        except DuplicateNameError:
+            self._key = names.robot_key(self._id, names.CMD_VEL_TELEOP)
+            self._bus.subscribe(names.robot_key(self._id, names.STATUS), RobotStatus, self._on_status)
+            self._bus.subscribe(names.robot_key(self._id, names.CMD_VEL), Twist, self._on_driven)
+        else:
+            self.direct, self._key = True, names.robot_key(self._id, names.CMD_VEL)
+            self._claim.under_name.append(self._bus.serve_stats(self.name))
+            self._check_world()
+            log.warning("%s has no process: driving its base directly, without a safety layer", self.name)
+        self._publisher = self._bus.publisher(self._key, Twist)
+
+    def _give_way(self, pid: int, host: str) -> None:
+        log.error("%s is also held by process %d on %s, which is older: stopping", self.name, pid, host)
+        self._stop.request("another process holds the name")
+
+    def _check_world(self) -> None:
+        try:
+            answers = self._bus.query(names.service_key(names.SIMULATOR, "status"), SimStatus)
+        except BusError as error:
+            log.debug("%s", error)
+            return
+        for _, status in answers:
+            if self._id not in status.robots:
+                raise ZteamError(f"{self.name} is {absence_text(self._id, status.robots)}")
+
+    def _on_status(self, _key: str, status: RobotStatus) -> None:
+        self.status = status
+
+    def _on_driven(self, _key: str, command: Twist) -> None:
+        self.driven = command
+
+    @property
+    def unheard(self) -> str:
+        """The key that nothing subscribes to; empty if the commands are heard."""
+        return "" if self._publisher.has_subscribers else self._key
+
+    def drive(self, command: Twist) -> None:
+        """Send a command."""
+        self.command = command
+        self._publisher.put(command)
+
+    def close(self) -> None:
+        """Give the name back."""
+        if self.direct:
+            self._claim.release()
