@@ -11,7 +11,7 @@ import msgspec
 
 from zteam.cli import bench_robots_tables, bench_steps_tables, bench_tables
 from zteam.cli.arguments import number, whole
-from zteam.cli.interrupts import raise_from_now
+from zteam.cli.interrupts import leave, raise_from_now
 from zteam.cli.live_line import LiveLine, has_live_line
 from zteam.cli.options import Parser, add_log_options, run
 from zteam.errors import UsageError
@@ -178,4 +178,4 @@ def _measure_robots(args: argparse.Namespace) -> list[Any]:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())

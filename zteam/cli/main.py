@@ -4,8 +4,9 @@ import sys
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
+from typing import NoReturn
 
-from zteam.cli.interrupts import INTERRUPTED, ignore_from_now, leave_at_once
+from zteam.cli.interrupts import INTERRUPTED, ignore_from_now, leave, leave_at_once
 from zteam.cli.output import guarded
 
 COMMANDS = {
@@ -55,15 +56,16 @@ def _usage() -> str:
     )
 
 
-def _start(module: str) -> int:
-    """Run the command of `zteam.cli.<module>`, including its imports; return its exit code."""
+def _start(module: str) -> NoReturn:
+    """Run the command of `zteam.cli.<module>`, including its imports, and end the process with its exit code."""
     leave_at_once()
     try:
-        return _run(module, sys.argv[1:])
+        code = _run(module, sys.argv[1:])
     except KeyboardInterrupt:
-        return INTERRUPTED
+        code = INTERRUPTED
     finally:
         ignore_from_now()
+    leave(code)
 
 
 def _run(module: str, arguments: Sequence[str]) -> int:
@@ -128,4 +130,4 @@ def _meant(name: str, rest: Sequence[str]) -> str:
 
 
 if __name__ == "__main__":
-    sys.exit(start())
+    start()

@@ -1,7 +1,6 @@
 """`zteam node list`: list the processes that are alive, their hosts and their uptimes."""
 
 import argparse
-import sys
 from collections.abc import Sequence
 
 import msgspec
@@ -9,6 +8,7 @@ import msgspec
 from zteam import names
 from zteam.bus import Bus
 from zteam.bus.presence import ProcessInfo, holder_text
+from zteam.cli.interrupts import leave
 from zteam.cli.listening import Waiter, open_bus
 from zteam.cli.options import Parser, add_bus_options, bus_options, run
 from zteam.cli.tables import format_table
@@ -90,4 +90,4 @@ def _age(nanoseconds: int) -> str:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from zteam import names
 from zteam.cli.arguments import number
-from zteam.cli.interrupts import INTERRUPTED
+from zteam.cli.interrupts import INTERRUPTED, leave
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, checked, run
 from zteam.errors import UsageError, ZteamError
 from zteam.nodes.teleop.keys import HELP, HELP_TEXT
@@ -195,4 +195,4 @@ def _velocity(command: "Twist") -> str:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())

@@ -3,7 +3,6 @@
 import argparse
 import logging
 import os
-import sys
 from collections.abc import Collection, Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -20,6 +19,7 @@ from zteam.cli.arguments import (
     parse_speed,
     whole,
 )
+from zteam.cli.interrupts import leave
 from zteam.cli.options import Parser, add_bus_options, bus_options, checked, run
 from zteam.errors import UsageError, ZteamError
 from zteam.numbers import MAX_SECONDS, counted
@@ -276,4 +276,4 @@ def conclude(failed: Collection[str], report: "RunReport | None", stop: "Stop", 
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())

@@ -1,13 +1,13 @@
 """`zteam-sim WORLD`: run the simulator. It reads Stage's world files; a robot's id is its place in the file."""
 
 import argparse
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from zteam import names
 from zteam.cli.arguments import LOCKSTEP_TIMEOUTS, MIN_RUN, UNTIL_TICKS, add_seed_option, number, parse_speed, whole
+from zteam.cli.interrupts import leave
 from zteam.cli.options import Parser, add_bus_options, bus_options, checked, run
 from zteam.errors import UsageError, ZteamError
 from zteam.geometry import Pose2
@@ -246,4 +246,4 @@ def _simulate(args: argparse.Namespace, choice: _Choice) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())
