@@ -7,13 +7,19 @@ time and memory, no more.
 from collections.abc import Sequence
 
 _ROUTER = ("zteam.cli.options", "zteam.nodes.router.node")
-_NODE = ("zteam.cli.options", "zteam.runtime.process")
+# argparse imports shutil when it reads a command line.
+_NODE = ("zteam.cli.options", "shutil", "zteam.runtime.process")
 PRELOADS = {
     "zteam.cli.zteam_router": _ROUTER,
     "zteam.cli.zteam_sim": (*_NODE, "zteam.world"),
     "zteam.cli.zteam_tf": (*_NODE, "zteam.nodes.transforms.node", "zteam.team_file", "zteam.tf.urdf"),
     "zteam.cli.zteam_monitor": (*_NODE, "zteam.nodes.monitor.node"),
-    "zteam.cli.zteam_robot": (*_NODE, "zteam.nodes.robot.node", "zteam.behaviors.registry"),
+    "zteam.cli.zteam_robot": (
+        *_NODE,
+        "zteam.nodes.robot.node",
+        "zteam.behaviors.registry",
+        "zteam.messages.team_codecs",
+    ),
 }
 """Module that a child runs -> modules that are imported before it is forked, in the order of starting.
 
