@@ -9,7 +9,6 @@ export default [
     languageOptions: { ecmaVersion: 2022, sourceType: "module", globals: globals.browser },
     linterOptions: { reportUnusedDisableDirectives: "error" },
     rules: {
-      "consistent-return": "error",
       curly: ["error", "multi-line"],
       eqeqeq: "error",
       "max-depth": ["error", 4],
@@ -20,6 +19,7 @@ export default [
       "no-eval": "error",
       "no-implied-eval": "error",
       "no-shadow": "error",
+      "no-unused-vars": ["error", { argsIgnorePattern: "^_" }],
       "no-var": "error",
       "object-shorthand": "error",
       "prefer-const": "error",
