@@ -16,8 +16,14 @@ export class App {
     this.layers = new Layers(this.store);
     this.camera = new Camera(() => this.store.emit("camera", this.camera));
     this.connection = new Connection(this.store, () => this.#looksAt(), takeToken());
-    /** The name of the tool that takes the mouse: select, goal, pose, move, measure. */
+    /** The name of the tool that takes the mouse: select, goal, pose, move, measure, spawn. */
     this.tool = "select";
+    /** The model that the tool "spawn" makes. */
+    this.spawnModel = "";
+    /** @type {import("./scene/scene.js").Scene | null} */
+    this.scene = null;
+    /** @type {import("./drive/driver.js").Driver | null} */
+    this.drive = null;
   }
 
   /** @param {object} command without `seq` @returns {Promise<string>} why it was refused; "" if it was carried out */
