@@ -106,6 +106,12 @@ class PlotsView {
   }
 }
 
+/** The end of a field's path: the chip's tooltip has all of it. @param {string} field */
+function shorten(field) {
+  const parts = field.split(".");
+  return parts.length > 2 ? `…${parts.slice(-2).join(".")}` : field;
+}
+
 /** The chart of all series of one unit, with their names above it. */
 class UnitChart {
   #end = 0;
@@ -128,8 +134,8 @@ class UnitChart {
     swatch.style.backgroundColor = color;
     const remove = iconButton("close", `Remove ${topic} ${field}`, () => this.plots.remove(topic, field));
     remove.classList.add("plain");
-    const name = el("span", { class: "name" }, el("bdi", { class: "muted" }, `${topic} `), el("bdi", {}, field));
-    return el("span", { class: "chip", title: `${topic} ${field}` }, swatch, name, output, remove);
+    const name = [el("span", { class: "topic" }, topic), el("span", { class: "field" }, shorten(field))];
+    return el("span", { class: "chip", title: `${topic} ${field}` }, swatch, ...name, output, remove);
   }
 
   #firstTime() {
