@@ -1,6 +1,7 @@
 """Key expressions and frame ids (docs/architecture.md). No other module builds or parses them."""
 
 import re
+import secrets
 from collections.abc import Iterable
 from functools import lru_cache
 
@@ -23,6 +24,7 @@ SIMULATOR = "sim"
 AGGREGATOR = "tf"
 MONITOR = "monitor"
 LAUNCHER = "up"
+VIEW = "view"
 
 TICK = "sim/tick"
 """Lock-step: key of the simulator's numbered ticks."""
@@ -84,6 +86,16 @@ def robot_id_of(name: str) -> int | None:
     if not match or len(match[1]) > len(str(MAX_ROBOT_ID)) or int(match[1]) > MAX_ROBOT_ID:
         return None
     return int(match[1])
+
+
+def view_name() -> str:
+    """A new name for one of several views."""
+    return f"{VIEW}_{secrets.token_hex(3)}"
+
+
+def is_view(name: str) -> bool:
+    """Whether `name` is that of a view: `view`, which a team was started with, or `view_…`."""
+    return name == VIEW or name.startswith(f"{VIEW}_")
 
 
 def robot_key(robot_id: int, topic: str) -> str:

@@ -11,6 +11,7 @@ from zteam.cli.output import guarded
 COMMANDS = {
     "up": ("up", "start and supervise a whole team"),
     "topic": ("topic", "list | echo | hz | info | pub: inspect and publish messages"),
+    "view": ("zteam_view", "see the team in a browser, and drive it with the mouse"),
     "tf": ("tf", "echo | tree | monitor | positions | static: show and set transforms"),
     "sim": ("sim", "control the simulator: status, pause, step, reset, spawn, …"),
     "teleop": ("teleop", "drive robots with the keyboard"),

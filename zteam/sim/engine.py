@@ -27,7 +27,7 @@ from zteam.sim.odometry import Odometry, make_wheels, roll
 from zteam.sim.surroundings import Surroundings
 from zteam.sim.takeover import prepare
 from zteam.simulation_options import Options
-from zteam.world.model import Floorplan, Robot, World
+from zteam.world.model import Floorplan, Obstacle, Robot, World
 from zteam.world.placing import find_hindrance
 
 Floats = NDArray[np.float64]
@@ -129,6 +129,10 @@ class Engine:
         """How all robots stand."""
         team = self._assembled()
         return Standing(team.ids.keys(), team.bodies.poses[: len(team.ids)], team.bodies.stalled)
+
+    def obstacles(self) -> tuple[Obstacle, ...]:
+        """The world's obstacles where they are now. Any thread may ask; during a tick some have moved already."""
+        return self.world.obstacles if self._team is None else self._team.at_present(self.world)[0].obstacles
 
     def reset(self) -> None:
         """Set everything back to the start: time, the set of robots, and things that were pushed."""

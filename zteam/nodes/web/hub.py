@@ -1,0 +1,88 @@
+"""Where pages and bus meet: who looks at what, what has come, and a sign to the pages that there is news."""
+
+import threading
+from collections.abc import Callable
+
+from zteam import names
+from zteam.geometry import Pose2
+from zteam.nodes.web.facts import PERIOD, Facts
+from zteam.nodes.web.interest import present_robots, topics_of
+from zteam.nodes.web.newest import Newest
+from zteam.nodes.web.places import Places
+from zteam.nodes.web.subscriptions import Subscriptions
+from zteam.nodes.web.viewer import Viewer
+from zteam.runtime.node import Node
+
+LOOK = 0.2
+"""Host seconds between two looks at which robots are in sight."""
+REST = 3600.0
+"""Host seconds to wait for a page at a time."""
+
+
+class Hub:
+    """The main thread runs `serve`; the thread of the pages makes frames and tells of viewers."""
+
+    def __init__(self, node: Node) -> None:
+        self.node = node
+        self.on_news: Callable[[], None] = lambda: None
+        """Called from any thread when something came."""
+        self.newest = Newest(self._tell)
+        self.places = Places(self.newest)
+        self.facts = Facts(node, self._tell)
+        self.viewers: dict[int, Viewer] = {}
+        self.poses: dict[int, Pose2] = {}
+        """The robots' newest poses in `map`. Replaced as a whole."""
+        self._subscriptions = Subscriptions(node.bus, self.newest)
+        self._looks = 0
+
+    def _tell(self) -> None:
+        self.on_news()
+
+    def robots(self) -> set[int]:
+        """All robots of which anything is known."""
+        found = present_robots(key for key, _ in self.newest.items()) | self.facts.robots()
+        return found if self.facts.sim is None else found | set(self.facts.sim.robots)
+
+    def add(self, viewer: Viewer) -> None:
+        """A page came."""
+        with self.node.changed:
+            self.viewers = {**self.viewers, viewer.number: viewer}
+            self.changed()
+
+    def remove(self, viewer: Viewer) -> None:
+        """A page has gone."""
+        with self.node.changed:
+            self.viewers = {number: other for number, other in self.viewers.items() if other is not viewer}
+            self.changed()
+
+    def changed(self) -> None:
+        """Some page looks at something else."""
+        with self.node.changed:
+            self._looks += 1
+            self.node.changed.notify_all()
+
+    def serve(self) -> None:
+        """Subscribe to what the pages look at, until the process is asked to stop."""
+        threading.Thread(target=self._ask, name="facts", daemon=True).start()
+        while not self.node.stopping:
+            self._match()
+
+    def _match(self) -> None:
+        looks, viewers = self._looks, self.viewers
+        self.facts.watch(bool(viewers))
+        aggregator = self.facts.alive(names.AGGREGATOR)
+        self._subscriptions.match(topics_of(viewers.values(), self.poses, aggregator=aggregator))
+        if not viewers:
+            self.newest.drop(lambda _key: True)
+            self.places, self.poses = Places(self.newest), {}
+        self.node.wait(lambda: self._looks != looks, LOOK if viewers else REST)
+
+    def _ask(self) -> None:
+        while not self.node.stopping:
+            self._ask_once()
+
+    def _ask_once(self) -> None:
+        viewers = self.viewers
+        if viewers:
+            self.facts.ask(obstacles=any("obstacles" in viewer.look.layers for viewer in viewers.values()))
+        self.node.wait(lambda: bool(self.viewers) and not viewers, PERIOD if viewers else REST)

@@ -1,0 +1,177 @@
+"""The blocks of frames, made of what has come: each once, however many pages get it."""
+
+import hashlib
+from collections.abc import Iterator
+from typing import Any, NamedTuple, TypeVar
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from zteam import names
+from zteam.clock import monotonic
+from zteam.geometry import Pose2
+from zteam.messages import BaseInfo, LaserScan, Message, OccupancyGrid, RobotStatus, TeamStatus, ns_from_time
+from zteam.nodes.web import frames
+from zteam.nodes.web.hub import Hub
+from zteam.nodes.web.newest import Arrival
+from zteam.nodes.web.places import decoded, pose2_of
+from zteam.nodes.web.team_document import Heard, TeamDocument, gate_row, robot_row, sim_row
+
+M = TypeVar("M", bound=Message)
+
+TEAM_PERIOD = 0.2
+"""Host seconds for which a `team` document counts as new; a page gets it when it has changed."""
+TILES = 16
+"""Of a grid that go into one frame."""
+
+
+class Tile(NamedTuple):
+    """A piece of a grid, ready to be sent."""
+
+    place: tuple[int, int, int, int]
+    version: bytes
+    """Another one for other cells."""
+    block: bytes
+
+
+class Scene:
+    """The thread that makes frames makes all calls."""
+
+    def __init__(self, hub: Hub) -> None:
+        self._hub = hub
+        self._decoded: dict[str, tuple[int, Any]] = {}
+        """By key: the number of the message, and the message."""
+        self._blocks: dict[Any, tuple[int, bytes]] = {}
+        self._grids: dict[str, tuple[int, list[Tile]]] = {}
+        self._poses: tuple[int, bytes] = (0, b"")
+        self._team: tuple[float, bytes] = (float("-inf"), b"")
+        self._changed_team = 0.0
+
+    def read(self, key: str, kind: type[M]) -> tuple[Arrival, M] | None:
+        """The newest message of a key, decoded once; None without one of this type."""
+        arrival = self._hub.newest.get(key)
+        if arrival is None:
+            return None
+        number, message = self._decoded.get(key, (0, None))
+        if number != arrival.number:
+            message = decoded(kind, arrival.content)
+            self._decoded[key] = arrival.number, message
+        return None if message is None else (arrival, message)
+
+    def look(self) -> None:
+        """Take the robots' newest poses."""
+        hub = self._hub
+        hub.poses = hub.places.look(sorted(hub.robots()))
+
+    def poses(self) -> tuple[int, bytes]:
+        """The number and the block of the newest poses; 0 before there are any."""
+        places, poses = self._hub.places, self._hub.poses
+        number = places.number if poses else 0
+        if number != self._poses[0]:
+            self._poses = number, frames.encode_poses(poses, truth=places.from_truth)
+        return self._poses
+
+    def scans(self, robot_id: int, beams: int) -> Iterator[tuple[str, int, bytes]]:
+        """Key, number and block of each laser's newest scan."""
+        index = 0
+        while found := self.read(key := names.scan_key(robot_id, index), LaserScan):
+            arrival, scan = found
+            known = self._blocks.get((key, beams))
+            if known is None or known[0] != arrival.number:
+                block = self._scan(robot_id, index, scan, beams)
+                known = self._blocks[key, beams] = arrival.number, block
+            if known[1]:
+                yield key, known[0], known[1]
+            index += 1
+
+    def _scan(self, robot_id: int, index: int, scan: LaserScan, beams: int) -> bytes:
+        frame = names.strip_slash(scan.header.frame_id)
+        sensor = self._hub.places.pose_of(frame, ns_from_time(scan.header.stamp))
+        if sensor is None:
+            sensor = self._sensor_on_base(robot_id, index)
+        if sensor is None:
+            return b""
+        sweep = frames.Sweep(sensor, scan.angle_min, scan.angle_increment, scan.range_min, scan.range_max, scan.ranges)
+        return frames.encode_scan(robot_id, index, sweep, beams)
+
+    def _sensor_on_base(self, robot_id: int, index: int) -> Pose2 | None:
+        """Without transforms: where the simulator says that the laser sits."""
+        shapes, base = self._hub.facts.shapes, self._hub.poses.get(robot_id)
+        shape = None if shapes is None else shapes.robots.get(robot_id)
+        if base is None or shape is None or index >= len(shape.lasers):
+            return None
+        return base.compose(Pose2(*shape.lasers[index]))
+
+    def team(self) -> bytes:
+        """The document `team`."""
+        now = monotonic()
+        if now - self._team[0] >= TEAM_PERIOD:
+            self._team = now, msgspec.json.encode(self._make_team(now))
+        return self._team[1]
+
+    def _make_team(self, now: float) -> TeamDocument:
+        hub, facts = self._hub, self._hub.facts
+        sim, shapes = facts.sim, facts.shapes
+        rows = {}
+        for robot_id in sorted(hub.robots()):
+            heard = self._hear(robot_id, now)
+            there = robot_id in sim.robots if sim is not None else heard.base is not None
+            rows[robot_id] = robot_row(robot_id, heard, present=there)
+        team = self.read(names.TEAM_STATUS, TeamStatus)
+        return TeamDocument(
+            robots=list(rows.values()),
+            gate=gate_row(team[1] if team else None, rows),
+            sim=sim_row(sim, shapes.models if shapes else ()),
+            router=facts.link_up,
+            viewers=len(hub.viewers),
+        )
+
+    def _hear(self, robot_id: int, now: float) -> Heard:
+        facts = self._hub.facts
+        status = self.read(names.robot_key(robot_id, names.STATUS), RobotStatus)
+        base = self.read(names.robot_key(robot_id, names.BASE_INFO), BaseInfo)
+        return Heard(
+            alive=facts.alive(names.robot_name(robot_id)),
+            status=status[1] if status else None,
+            age=now - status[0].time if status else 0.0,
+            base=base[1] if base else None,
+            shape=facts.shapes.robots.get(robot_id) if facts.shapes else None,
+        )
+
+    def grid(self, key: str) -> list[Tile]:
+        """The tiles of a grid; those whose cells are as before keep their version."""
+        found = self.read(key, OccupancyGrid)
+        if found is None:
+            return []
+        arrival, grid = found
+        known = self._grids.get(key)
+        if known is None or known[0] != arrival.number:
+            known = self._grids[key] = arrival.number, _tiles(key, grid, arrival.number, known[1] if known else [])
+        return known[1]
+
+
+def _tiles(key: str, grid: OccupancyGrid, number: int, before: list[Tile]) -> list[Tile]:
+    info = grid.info
+    if info.width * info.height != grid.data.size:
+        return []
+    cells: NDArray[np.int8] = grid.data.reshape(info.height, info.width)
+    origin = pose2_of(info.origin)
+    meta = {
+        "key": key, "width": info.width, "height": info.height, "resolution": info.resolution,
+        "x": origin.x, "y": origin.y, "yaw": origin.yaw,
+    }  # fmt: skip
+    kept = {tile.place: tile for tile in before}
+    place_of_all = repr(meta).encode()
+    made = []
+    for place in frames.tiles_of(info.width, info.height):
+        column, row, width, height = place
+        part = np.ascontiguousarray(cells[row : row + height, column : column + width])
+        version = hashlib.blake2b(part.tobytes() + place_of_all, digest_size=8).digest()
+        old = kept.get(place)
+        if old is not None and old.version == version:
+            made.append(old)
+            continue
+        block = frames.encode_tile({**meta, "tile": place, "version": number}, part)
+        made.append(Tile(place, version, block))
+    return made
