@@ -1,0 +1,39 @@
+/** What the page uses of uPlot (vendor/uplot, MIT): charts whose axes have units. */
+
+import uPlot from "../vendor/uplot/uPlot.esm.js";
+
+/** @typedef {{draw: (tables: [number[], number[]][], width: number, height: number) => void, remove: () => void}} Chart */
+
+/**
+ * @param {HTMLElement} place
+ * @param {string} unit of the values, "" if it is unknown
+ * @param {{topic: string, field: string, color: string}[]} series
+ * @param {() => [number, number]} range of the time axis, s
+ * @returns {Chart}
+ */
+export function loadChart(place, unit, series, range) {
+  const style = getComputedStyle(document.documentElement);
+  const color = (/** @type {string} */ name) => style.getPropertyValue(name).trim();
+  const font = "11px system-ui, sans-serif";
+  const axis = { stroke: color("--muted"), grid: { stroke: color("--line"), width: 1 }, ticks: { stroke: color("--line"), width: 1, size: 4 }, font, labelFont: font };
+  const chart = new uPlot({
+    width: 100,
+    height: 100,
+    legend: { show: false },
+    cursor: { y: false, drag: { setScale: false } },
+    scales: { x: { time: false, range } },
+    axes: [
+      { ...axis, size: 34, labelSize: 14, label: "time s" },
+      { ...axis, size: 56, labelSize: 16, label: unit || "value" },
+    ],
+    series: [{}, ...series.map(({ topic, field, color: stroke }) => ({ label: `${topic} ${field}`, stroke, width: 1.5, spanGaps: true, points: { show: false } }))],
+  }, [[], ...series.map(() => [])], place);
+  return {
+    draw(tables, width, height) {
+      if (chart.width !== width || chart.height !== height) chart.setSize({ width, height });
+      const filled = tables.map((table) => /** @type {uPlot.AlignedData} */ (table));
+      chart.setData(filled.length === 1 ? filled[0] : uPlot.join(filled));
+    },
+    remove: () => chart.destroy(),
+  };
+}
