@@ -1,6 +1,6 @@
 /** The table of robots: what each one is, does and is driven by, and why it stands. A click selects. */
 
-import { cssOf, robotColor } from "../scene/colors.js";
+import { robotColor } from "../robot_colors.js";
 import { confirmButton, el, reconcile, setAttribute, setText } from "./dom.js";
 import { formatAge, formatNumber } from "./format.js";
 import { gateText } from "./notices.js";
@@ -10,7 +10,7 @@ import { whyNoCommand } from "./rights.js";
 /** @typedef {HTMLTableSectionElement & {cells: Record<string, HTMLElement>}} Rows */
 
 /** @type {Record<string, string>} the class of a state that is good or bad */
-const CLASS_OF_STATE = { running: "good", go: "good", stopped: "warn", silent: "bad", lost: "bad", absent: "bad", fault: "bad" };
+const CLASS_OF_STATE = { running: "good", stopped: "warn", silent: "bad", lost: "bad", absent: "bad", fault: "bad" };
 const OLD_STATUS = 2; // s
 
 /** @param {import("../app.js").App} app @returns {import("./tabs.js").Tab} */
@@ -42,7 +42,7 @@ function summaryOf({ team }) {
   if (!team) return "";
   /** @type {Map<string, number>} */
   const counts = new Map();
-  for (const robot of team.robots) counts.set(robot.state || "unknown", (counts.get(robot.state || "unknown") ?? 0) + 1);
+  for (const robot of team.robots) counts.set(robot.state, (counts.get(robot.state) ?? 0) + 1);
   const states = [...counts].map(([state, count]) => (counts.size === 1 ? state : `${count} ${state}`)).join(", ");
   const robots = team.robots.length === 1 ? "1 robot" : `${team.robots.length} robots`;
   const gate = gateText(team);
@@ -74,12 +74,10 @@ function updateRows({ store }, { cells, classList }, robot) {
   classList.toggle("selected", selected);
   classList.toggle("gone", !robot.present);
   setAttribute(cells.button, "aria-pressed", String(selected));
-  const color = cssOf(robotColor(robot.id, document.documentElement.dataset.theme === "dark"));
-  if (cells.swatch.style.backgroundColor !== color.replace(", 1)", ")").replace("rgba", "rgb")) cells.swatch.style.backgroundColor = color;
+  cells.swatch.style.backgroundColor = robotColor(robot.id);
   setText(cells.name, robot.name || `robot_${robot.id}`);
-  const state = robot.present || !robot.state ? robot.state || "unknown" : robot.state === "running" ? "gone" : robot.state;
-  setText(cells.state, state);
-  cells.state.className = CLASS_OF_STATE[state] ?? (state === "gone" ? "bad" : "");
+  setText(cells.state, robot.state);
+  cells.state.className = CLASS_OF_STATE[robot.state] ?? "";
   setText(cells.behavior, behaviorOf(robot));
   cells.behavior.title = robot.model ? `model ${robot.model}` : "";
   setText(cells.speed, formatNumber(robot.speed, 2));
