@@ -6,19 +6,19 @@ const LOG_LINES = 2000;
 
 /** @typedef {"connecting" | "open" | "lost" | "refused"} ConnectionState */
 /** @typedef {{id: number, name: string, model: string, outline: [number, number][][], lasers: {x: number, y: number,
- *  yaw: number}[], state: string, behavior: string, driver: string, reason: string, leader: number | null, speed: number,
+ *  yaw: number}[], state: string, behavior: string, driver: string, reason: string, leader: number, speed: number,
  *  age: number | null, lease: number | null, present: boolean}} Robot */
 /** @typedef {{robots: Robot[], gate: any, sim: any, router: boolean, viewers: number, namespace: string}} Team */
 
 /**
  * Events: connection, frame (after each frame, with it), robots (poses), team, tf, topics, log (new lines), goals,
- * markers, obstacles, sonars, fiducials, echo ({topic, stamp, json}), samples (a block), scans, grids (key), paths (key),
+ * markers (sonars and fiducials too), obstacles, echo ({topic, stamp, json}), samples (a block), scans, grids (key), paths (key),
  * posearrays (key), selection, layers, camera, tool, theme, drive.
  */
 export class Store extends Emitter {
   /** @type {{state: ConnectionState, reason: string, viewer: number, mayCommand: boolean}} */
   connection = { state: "connecting", reason: "", viewer: -1, mayCommand: false };
-  /** Of the newest frame; stamp and age in seconds, received in ms of performance.now(). */
+  /** Of the newest frame; stamp and age in seconds (age < 0: no new poses), received in ms of performance.now(). */
   frame = { number: -1, tick: 0, stamp: 0, age: 0, received: 0 };
   /** Poses in map, one entry a robot. */
   poses = new PoseTable();
@@ -113,7 +113,7 @@ export class Store extends Emitter {
     this.scans.clear();
     this.paths.clear();
     this.posearrays.clear();
-    for (const name of ["goals", "markers", "obstacles", "sonars", "fiducials", "tf"]) delete this.docs[name];
+    for (const name of ["goals", "markers", "obstacles", "tf"]) delete this.docs[name];
     this.emit("robots");
   }
 

@@ -62,7 +62,7 @@ export function makeLinks(gl) {
       lines.clear();
       const { poses } = store, tip = 8 / scale;
       for (const robot of store.robots.values()) {
-        if (robot.leader === null) continue;
+        if (robot.leader < 0) continue;
         const a = poses.index.get(robot.id), b = poses.index.get(robot.leader);
         if (a === undefined || b === undefined) continue;
         const dx = poses.x[b] - poses.x[a], dy = poses.y[b] - poses.y[a], length = Math.hypot(dx, dy) || 1;

@@ -8,13 +8,12 @@ import { isMap, makeGrids } from "./grids.js";
 import { paintLabels } from "./labels.js";
 import { makeLinks, makeMapGrid, makeParticles, makePlans, makeTrails } from "./lines.js";
 import { paintMarkers, paintObstacles } from "./markers.js";
-import { paintDevices } from "./devices.js";
 import { inPixels } from "./paint.js";
 import { paintRuler } from "./ruler.js";
 import { makeScans } from "./scans.js";
 
 const KEPT = 200;
-const REDRAWN_ON = ["robots", "team", "tf", "goals", "markers", "obstacles", "sonars", "fiducials", "scans", "grids", "paths", "posearrays", "selection", "layers", "camera", "tool", "drive", "frame"];
+const REDRAWN_ON = ["robots", "team", "tf", "goals", "markers", "obstacles", "scans", "grids", "paths", "posearrays", "selection", "layers", "camera", "tool", "drive", "frame"];
 
 /** @typedef {ReturnType<typeof makeScene>} Scene */
 /** @typedef {(pen: import("./paint.js").Pen) => void} Painter */
@@ -89,8 +88,7 @@ export function makeScene(app, element, stats) {
     ctx.clearRect(0, 0, above.width, above.height);
     inPixels(pen);
     if (layers.has("obstacles")) paintObstacles(pen);
-    if (layers.has("markers")) paintMarkers(pen);
-    paintDevices(pen);
+    if (["markers", "sonars", "fiducials"].some((name) => layers.has(name))) paintMarkers(pen);
     if (layers.has("tf")) paintFrames(pen);
     if (layers.has("goals")) paintGoals(pen);
     paintLabels(pen);
@@ -105,7 +103,7 @@ export function makeScene(app, element, stats) {
     stats.bytes = app.connection.bytes;
     keep(stats.js_ms, now - start + app.connection.decodingMs);
     app.connection.decodingMs = 0;
-    if (frame.number === drawnFrame) return;
+    if (frame.number === drawnFrame || frame.age < 0) return;
     drawnFrame = frame.number;
     keep(stats.age_ms, 1000 * frame.age + now - frame.received);
   }
