@@ -118,7 +118,9 @@ class Simulator:
             self._node,
             self._pacer,
             turns,
-            WorldChanges(self._world, self._engine, self._outputs, self._sender, on_reset),
+            WorldChanges(
+                self._world, self._engine, self._outputs, self._sender, on_reset, self._statistics.add_external_command
+            ),
             lambda: reporter.status(turns.finished),
             lambda: reporter.report(turns.finished),
         )

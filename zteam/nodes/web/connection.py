@@ -11,8 +11,11 @@ from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 from zteam.clock import monotonic
 from zteam.errors import DecodeError
 from zteam.nodes.web import rights
+from zteam.nodes.web.commands import Commands
 from zteam.nodes.web.composing import Composer
+from zteam.nodes.web.driving import Driving
 from zteam.nodes.web.hub import Hub
+from zteam.nodes.web.leases import Velocity
 from zteam.nodes.web.requests import (
     MAX_BYTES,
     VERSION,
@@ -22,6 +25,8 @@ from zteam.nodes.web.requests import (
     Drive,
     Hello,
     Look,
+    Release,
+    Take,
     Unwatch,
     Watch,
     decode_request,
@@ -39,6 +44,10 @@ BURST, RATE = 200.0, 100.0
 """Messages that a page may send at once, and a second; more are read later, so they delay no other page."""
 
 
+MAX_WAITING = 32
+"""Commands of one page that wait for those before them."""
+
+
 class RefusedError(Exception):
     """The page is told why, and its socket is closed."""
 
@@ -54,6 +63,9 @@ class Desk:
         """One for each page, set when something came."""
         self._came = self._armed = False
         self._loop = asyncio.get_running_loop()
+        self.driving = Driving(hub.node.bus)
+        self.commands = Commands(hub)
+        hub.lease_of = self.driving.leases.holder
         hub.on_news = self._on_news
 
     def _on_news(self) -> None:
@@ -85,6 +97,7 @@ class Page:
         self._ready, self._news = asyncio.Event(), asyncio.Event()
         self._news.set()
         self._replies: asyncio.Queue[bytes] = asyncio.Queue()
+        self._commands: asyncio.Queue[Command] = asyncio.Queue(MAX_WAITING)
         self._allowance, self._counted = BURST, monotonic()
 
     async def run(self) -> None:
@@ -101,7 +114,12 @@ class Page:
         self._desk.news.add(self._news)
         try:
             async with asyncio.TaskGroup() as tasks:
-                for work in (self._receive(viewer), self._send_replies(), self._send_frames(viewer)):
+                for work in (
+                    self._receive(viewer),
+                    self._obey(viewer),
+                    self._send_replies(),
+                    self._send_frames(viewer),
+                ):
                     tasks.create_task(work)
         except* RefusedError as refusals:
             await self._refuse(str(refusals.exceptions[0]))
@@ -110,6 +128,7 @@ class Page:
         finally:
             self._desk.news.discard(self._news)
             self._hub.remove(viewer)
+            await self._desk.driving.release_all(viewer.number)
 
     async def _greet(self) -> Viewer:
         try:
@@ -168,12 +187,31 @@ class Page:
             case Hello():
                 raise RefusedError("hello comes once")
             case Drive():
-                pass
+                self._desk.driving.drive(request.robot, viewer.number, Velocity(request.linear, request.angular))
+            case Command() if not viewer.may_command:
+                self._reply(request.seq, "this page may only watch: open it with its token")
+            case Command() if self._commands.full():
+                self._reply(request.seq, f"{MAX_WAITING} commands of this page wait already")
             case Command():
-                self._reply(request.seq, "this cannot be done yet")
+                self._commands.put_nowait(request)
 
     def _reply(self, seq: int, error: str) -> None:
         self._replies.put_nowait(msgspec.json.encode({"op": "reply", "seq": seq, "error": error}))
+
+    async def _obey(self, viewer: Viewer) -> None:
+        """Carry out the page's commands, one after another."""
+        desk = self._desk
+        while True:
+            command = await self._commands.get()
+            match command:
+                case Take():
+                    error = await desk.driving.take(command.robot, viewer.number)
+                case Release():
+                    error = await desk.driving.release(command.robot, viewer.number)
+                case _:
+                    error = await asyncio.to_thread(desk.commands.carry_out, command)
+            self._reply(command.seq, error)
+            self._hub.on_news()
 
     async def _send_replies(self) -> None:
         while True:

@@ -30,10 +30,13 @@ class Hub:
         self.places = Places(self.newest)
         self.facts = Facts(node, self._tell)
         self.viewers: dict[int, Viewer] = {}
+        self.lease_of: Callable[[int], int | None] = lambda robot_id: None
+        """The viewer that drives a robot."""
         self.poses: dict[int, Pose2] = {}
         """The robots' newest poses in `map`. Replaced as a whole."""
         self._subscriptions = Subscriptions(node.bus, self.newest)
         self._looks = 0
+        self._asks = 0
 
     def _tell(self) -> None:
         self.on_news()
@@ -48,6 +51,7 @@ class Hub:
         with self.node.changed:
             self.viewers = {**self.viewers, viewer.number: viewer}
             self.changed()
+            self.ask_soon()
 
     def remove(self, viewer: Viewer) -> None:
         """A page has gone."""
@@ -59,6 +63,12 @@ class Hub:
         """Some page looks at something else."""
         with self.node.changed:
             self._looks += 1
+            self.node.changed.notify_all()
+
+    def ask_soon(self) -> None:
+        """Something may have changed that is asked for."""
+        with self.node.changed:
+            self._asks += 1
             self.node.changed.notify_all()
 
     def serve(self) -> None:
@@ -82,7 +92,7 @@ class Hub:
             self._ask_once()
 
     def _ask_once(self) -> None:
-        viewers = self.viewers
+        viewers, asks = self.viewers, self._asks
         if viewers:
             self.facts.ask(obstacles=any("obstacles" in viewer.look.layers for viewer in viewers.values()))
-        self.node.wait(lambda: bool(self.viewers) and not viewers, PERIOD if viewers else REST)
+        self.node.wait(lambda: self._asks != asks, PERIOD if viewers else REST)

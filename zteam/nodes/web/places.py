@@ -41,6 +41,9 @@ class Places:
         if message is not None:
             self.buffer.set_all_static(message.transforms, names.TF)
             self._bundles.forget_paths()
+            if self._taken:
+                # Where odometry begins may be another place now.
+                self.number = max(self.number, arrival.number)
 
     def clear(self) -> None:
         """Time was set back: what was known of the other time does not count."""

@@ -1,21 +1,19 @@
 """The blocks of frames, made of what has come: each once, however many pages get it."""
 
-import hashlib
 from collections.abc import Iterator
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 import msgspec
-import numpy as np
-from numpy.typing import NDArray
 
 from zteam import names
 from zteam.clock import monotonic
 from zteam.geometry import Pose2
 from zteam.messages import BaseInfo, LaserScan, Message, OccupancyGrid, RobotStatus, TeamStatus, ns_from_time
 from zteam.nodes.web import frames
+from zteam.nodes.web.grids import Tile, make_tiles
 from zteam.nodes.web.hub import Hub
 from zteam.nodes.web.newest import Arrival
-from zteam.nodes.web.places import decoded, pose2_of
+from zteam.nodes.web.places import decoded
 from zteam.nodes.web.team_document import Heard, TeamDocument, gate_row, robot_row, sim_row
 
 M = TypeVar("M", bound=Message)
@@ -24,15 +22,6 @@ TEAM_PERIOD = 0.2
 """Host seconds for which a `team` document counts as new; a page gets it when it has changed."""
 TILES = 16
 """Of a grid that go into one frame."""
-
-
-class Tile(NamedTuple):
-    """A piece of a grid, ready to be sent."""
-
-    place: tuple[int, int, int, int]
-    version: bytes
-    """Another one for other cells."""
-    block: bytes
 
 
 class Scene:
@@ -136,6 +125,7 @@ class Scene:
             status=status[1] if status else None,
             age=now - status[0].time if status else 0.0,
             base=base[1] if base else None,
+            lease=self._hub.lease_of(robot_id),
             shape=facts.shapes.robots.get(robot_id) if facts.shapes else None,
         )
 
@@ -145,33 +135,11 @@ class Scene:
         if found is None:
             return []
         arrival, grid = found
+        frame = self._hub.places.pose_of(grid.header.frame_id) or Pose2(0.0, 0.0, 0.0)
         known = self._grids.get(key)
         if known is None or known[0] != arrival.number:
-            known = self._grids[key] = arrival.number, _tiles(key, grid, arrival.number, known[1] if known else [])
+            known = self._grids[key] = (
+                arrival.number,
+                make_tiles(key, grid, arrival.number, frame, known[1] if known else []),
+            )
         return known[1]
-
-
-def _tiles(key: str, grid: OccupancyGrid, number: int, before: list[Tile]) -> list[Tile]:
-    info = grid.info
-    if info.width * info.height != grid.data.size:
-        return []
-    cells: NDArray[np.int8] = grid.data.reshape(info.height, info.width)
-    origin = pose2_of(info.origin)
-    meta = {
-        "key": key, "width": info.width, "height": info.height, "resolution": info.resolution,
-        "x": origin.x, "y": origin.y, "yaw": origin.yaw,
-    }  # fmt: skip
-    kept = {tile.place: tile for tile in before}
-    place_of_all = repr(meta).encode()
-    made = []
-    for place in frames.tiles_of(info.width, info.height):
-        column, row, width, height = place
-        part = np.ascontiguousarray(cells[row : row + height, column : column + width])
-        version = hashlib.blake2b(part.tobytes() + place_of_all, digest_size=8).digest()
-        old = kept.get(place)
-        if old is not None and old.version == version:
-            made.append(old)
-            continue
-        block = frames.encode_tile({**meta, "tile": place, "version": number}, part)
-        made.append(Tile(place, version, block))
-    return made
