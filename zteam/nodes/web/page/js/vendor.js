@@ -11,7 +11,7 @@ import uPlot from "../vendor/uplot/uPlot.esm.js";
  * @param {() => [number, number]} range of the time axis, s
  * @returns {Chart}
  */
-export function loadChart(place, unit, series, range) {
+export function makeChart(place, unit, series, range) {
   const style = getComputedStyle(document.documentElement);
   const color = (/** @type {string} */ name) => style.getPropertyValue(name).trim();
   const font = "11px system-ui, sans-serif";
@@ -23,8 +23,8 @@ export function loadChart(place, unit, series, range) {
     cursor: { y: false, drag: { setScale: false } },
     scales: { x: { time: false, range } },
     axes: [
-      { ...axis, size: 34, labelSize: 14, label: "time s" },
-      { ...axis, size: 56, labelSize: 16, label: unit || "value" },
+      { ...axis, size: 26, values: (_chart, times) => times.map((time) => `${time} s`) },
+      { ...axis, size: 52, labelSize: 16, label: unit || "value" },
     ],
     series: [{}, ...series.map(({ topic, field, color: stroke }) => ({ label: `${topic} ${field}`, stroke, width: 1.5, spanGaps: true, points: { show: false } }))],
   }, [[], ...series.map(() => [])], place);

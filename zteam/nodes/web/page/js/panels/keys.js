@@ -58,7 +58,12 @@ function makeHelp() {
   return dialog;
 }
 
-/** @param {string} keys separated by spaces */
+const WORDS = new Set(["wheel", "drag", "middle", "right", "arrows", "these", "…"]);
+
+/** @param {string} keys separated by spaces; a comma behind one is no key @returns {(Node | string)[]} */
 function keysOf(keys) {
-  return keys.split(" ").map((key) => (key === "…" ? "…" : el("kbd", {}, key)));
+  return keys.split(" ").flatMap((token) => {
+    const key = token.length > 1 ? token.replace(/,$/, "") : token;
+    return [WORDS.has(key) ? key : el("kbd", {}, key), " "];
+  });
 }

@@ -148,5 +148,5 @@ class LogView {
 /** @param {Line} line */
 function drawLine({ time, process, level, text }) {
   const parts = [el("span", { class: "time" }, formatNumber(time, 2)), el("span", { class: "process" }, process)];
-  return el("div", { class: `line ${level}` }, ...parts, el("span", { class: "level" }, level), el("span", { class: "text" }, text));
+  return el("div", { class: "line", "data-level": level }, ...parts, el("span", { class: "level" }, level), el("span", { class: "text" }, text));
 }

@@ -3,7 +3,7 @@
 import { el, reconcile, setText } from "./dom.js";
 import { formatPlain, unitOf } from "./format.js";
 
-const OPEN_DEPTH = 2;
+const OPEN_DEPTH = 4;
 const MANY = 12; // items: longer lists are closed at first
 
 export class MessageTree {

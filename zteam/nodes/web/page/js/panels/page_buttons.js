@@ -13,6 +13,9 @@ export async function savePicture(app) {
   }
 }
 
+/** @typedef {{icon: "picture" | "theme" | "help" | null, text: string, key: string, act: () => void}} Entry of the menu; those
+ *  with an icon are buttons too */
+
 /**
  * @param {import("../app.js").App} app
  * @param {import("../layout.js").Layout} layout
@@ -21,44 +24,68 @@ export async function savePicture(app) {
  */
 export function mountPageButtons(app, layout, theme, showHelp) {
   const place = /** @type {HTMLElement} */ (document.getElementById("page-buttons"));
-  const menu = layoutMenu(app, layout);
-  const open = iconButton("layout", "Layout: save or open", () => menu.toggle(open));
-  open.setAttribute("aria-haspopup", "menu");
-  place.append(
-    iconButton("picture", "Save a picture of the map (Shift+P)", () => savePicture(app)),
-    open,
-    iconButton("theme", "Dark or light (t)", () => theme.toggle()),
-    iconButton("help", "Short cuts (?)", showHelp),
-  );
+  const file = fileInput(app, layout);
+  /** @type {Entry[]} */
+  const entries = [
+    { icon: "picture", text: "Save a picture of the map", key: "Shift+P", act: () => savePicture(app) },
+    { icon: null, text: "Save the layout as a file", key: "", act: () => layout.save() },
+    { icon: null, text: "Open a layout file…", key: "", act: () => file.click() },
+    { icon: null, text: "Copy the address of this view", key: "", act: () => copyAddress(app) },
+    { icon: "theme", text: "Dark or light", key: "t", act: () => theme.toggle() },
+    { icon: "help", text: "Short cuts", key: "?", act: showHelp },
+  ];
+  const buttons = entries.flatMap(({ icon, text, key, act }) => (icon ? [iconButton(icon, `${text} (${key})`, act)] : []));
+  place.append(...buttons, menuButton(entries));
 }
 
 /** @param {import("../app.js").App} app @param {import("../layout.js").Layout} layout */
-function layoutMenu(app, layout) {
-  const file = el("input", { type: "file", accept: ".json,application/json", class: "hidden", "aria-label": "Layout file" });
+function fileInput(app, layout) {
+  const file = el("input", { type: "file", accept: ".json,application/json", hidden: true, "aria-label": "Layout file" });
   file.addEventListener("change", async () => {
     const chosen = file.files?.[0];
-    file.value = "";
     if (chosen) await openFile(app, layout, chosen);
+    // The same file may be chosen again.
+    file.value = "";
   });
-  const item = (/** @type {string} */ text, /** @type {() => void} */ act) => el("button", { type: "button", role: "menuitem", onclick: () => { close(); act(); } }, text);
-  const menu = el("div", { class: "menu", role: "menu", hidden: true },
-    item("Save the layout as a file", () => layout.save()),
-    item("Open a layout file…", () => file.click()),
-    item("Copy the address of this view", () => copyAddress(app)));
-  document.body.append(menu, file);
-  const close = () => (menu.hidden = true);
-  const toggle = (/** @type {HTMLElement} */ button) => {
-    menu.hidden = !menu.hidden;
+  document.body.append(file);
+  return file;
+}
+
+/** @param {Entry[]} entries @returns {HTMLButtonElement} */
+function menuButton(entries) {
+  const items = entries.map(({ text, key, act }) => {
+    const item = el("button", { type: "button", role: "menuitem" }, el("span", {}, text), ...(key ? [el("kbd", {}, key)] : []));
+    item.addEventListener("click", () => {
+      show(false);
+      act();
+    });
+    return item;
+  });
+  const menu = el("div", { class: "menu", role: "menu", hidden: true }, ...items);
+  const button = iconButton("menu", "Menu: picture, layout, address", () => show(menu.hidden));
+  button.setAttribute("aria-haspopup", "menu");
+  const show = (/** @type {boolean} */ on) => {
     const box = button.getBoundingClientRect();
+    menu.hidden = !on;
+    button.setAttribute("aria-expanded", String(on));
     menu.style.top = `${box.bottom + 4}px`;
     menu.style.right = `${Math.max(window.innerWidth - box.right, 6)}px`;
-    if (!menu.hidden) /** @type {HTMLElement} */ (menu.firstElementChild).focus();
+    if (on) items[0].focus();
   };
-  menu.addEventListener("keydown", (event) => event.key === "Escape" && close());
-  document.addEventListener("pointerdown", (event) => {
-    if (!(event.target instanceof Element) || !event.target.closest(".menu, [aria-haspopup]")) close();
+  menu.addEventListener("keydown", (event) => {
+    const step = { ArrowDown: 1, ArrowUp: -1 }[event.key];
+    if (step) items[(items.indexOf(/** @type {any} */ (document.activeElement)) + step + items.length) % items.length].focus();
+    if (event.key === "Escape") {
+      show(false);
+      button.focus();
+    }
+    if (step || event.key === "Escape") event.stopPropagation();
   });
-  return { toggle };
+  document.addEventListener("pointerdown", (event) => {
+    if (!menu.contains(/** @type {Node} */ (event.target)) && !button.contains(/** @type {Node} */ (event.target))) menu.hidden = true;
+  });
+  document.body.append(menu);
+  return button;
 }
 
 /** @param {import("../app.js").App} app @param {import("../layout.js").Layout} layout @param {File} file */

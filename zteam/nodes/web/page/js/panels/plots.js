@@ -1,12 +1,13 @@
-/** Charts of the fields that the user has clicked. The library comes with the first chart. */
+/** Charts of the fields that the user has clicked, one for each unit. The library comes with the first chart. */
 
 import { Plots, SPANS } from "../plots.js";
-import { el, iconButton, reconcile, setText } from "./dom.js";
+import { el, iconButton, setText } from "./dom.js";
 import { formatPlain } from "./format.js";
 
 const DRAW_PERIOD = 150; // ms
+const LOWEST = 110; // px
+const MARGIN = 12; // px around a chart
 
-/** @typedef {import("../vendor.js").Chart} Chart */
 /** @typedef {import("../plots.js").Series} Series */
 
 /**
@@ -21,39 +22,43 @@ export function plotsTab(app, layout) {
 
 class PlotsView {
   #shown = false;
+  /** The end of the time axis while it stands still, else 0. */
   #frozenAt = 0;
   #drawn = 0;
-  /** @type {Map<string, UnitChart>} */
-  #charts = new Map();
+  /** @type {UnitChart[]} */
+  #charts = [];
 
   /** @param {import("../app.js").App} app @param {import("../layout.js").Layout} layout */
   constructor(app, layout) {
     this.store = app.store;
     this.plots = new Plots(app.connection, () => {
-      this.#showSeries();
+      this.#rebuild();
       layout.changed();
     });
-    const text = "No plots. Open a topic under Topics and click the name of a number.";
-    this.hint = el("div", { class: "hint" }, text);
-    this.chips = el("div", { class: "chips grow" });
     this.span = el("select", { "aria-label": "Span of time" }, ...SPANS.map((span) => el("option", { value: span }, `${span} s`)));
     this.span.value = String(this.plots.span);
     this.span.addEventListener("change", () => {
-      this.plots.span = Number(this.span.value);
-      this.#draw(true);
+      this.#setSpan(this.span.value);
       layout.changed();
     });
     this.freeze = el("button", { type: "button", onclick: () => this.#toggle() }, "Pause");
-    const clear = el("button", { type: "button", onclick: () => { this.plots.clear(); this.#draw(true); } }, "Clear");
     this.area = el("div", { class: "scroll charts" });
-    this.page = el("div", { class: "page" }, el("div", { class: "row" }, this.chips, this.span, this.freeze, clear), this.hint, this.area);
+    this.page = el("div", { class: "page plots" }, this.area, el("div", { class: "controls" }, this.span, this.freeze, this.#clearButton()));
     app.store.on("samples", (samples) => this.plots.take(samples));
     app.store.on("frame", () => this.#draw(false));
     app.store.on("theme", () => this.#rebuild());
     new ResizeObserver(() => this.#draw(true)).observe(this.area);
     layout.register("plots", this.plots);
     layout.register("span", { get: () => this.span.value, set: (seconds) => this.#setSpan(seconds) });
-    this.#showSeries();
+    this.#rebuild();
+  }
+
+  #clearButton() {
+    const clear = () => {
+      this.plots.clear();
+      this.#draw(true);
+    };
+    return el("button", { type: "button", onclick: clear }, "Clear");
   }
 
   /** @param {string} seconds */
@@ -61,12 +66,13 @@ class PlotsView {
     if (!SPANS.includes(Number(seconds))) return;
     this.span.value = seconds;
     this.plots.span = Number(seconds);
+    this.#draw(true);
   }
 
   /** @param {boolean} on */
   show(on) {
     this.#shown = on;
-    if (on) this.#draw(true);
+    this.#draw(true);
   }
 
   #toggle() {
@@ -76,65 +82,73 @@ class PlotsView {
     this.#draw(true);
   }
 
-  #showSeries() {
+  /** All charts anew: for other series, or in other colours. */
+  async #rebuild() {
+    for (const chart of this.#charts) chart.remove();
+    this.#charts = [];
     const { series } = this.plots;
-    this.hint.hidden = series.length > 0;
-    reconcile(this.chips, series, ({ topic, field }) => `${topic}:${field}`, (one) => this.#chip(one), () => {});
-    this.#rebuild();
+    const text = "No plots. Open a topic under Topics, and click the name of a number.";
+    this.area.replaceChildren(...(series.length ? [] : [el("div", { class: "hint" }, text)]));
+    if (!series.length) return;
+    const { makeChart } = await import("../vendor.js");
+    // Another call was faster, or the series are other ones by now.
+    if (this.#charts.length || this.plots.series.length === 0) return;
+    for (const [unit, group] of this.plots.byUnit()) this.#charts.push(new UnitChart(this.area, makeChart, unit, group, this.plots));
+    this.#draw(true);
   }
 
-  /** @param {Series} series */
-  #chip({ topic, field, color }) {
+  /** @param {boolean} now also soon after the last time, or while the axis stands still */
+  #draw(now) {
+    if (!this.#shown || (!now && (this.#frozenAt || performance.now() - this.#drawn < DRAW_PERIOD))) return;
+    this.#drawn = performance.now();
+    const end = this.#frozenAt || this.store.frame.stamp;
+    for (const chart of this.#charts) chart.draw(end, this.area.clientHeight);
+  }
+}
+
+/** The end of a field's path: the chip's tooltip has all of it. @param {string} field */
+function shorten(field) {
+  const parts = field.split(".");
+  return parts.length > 2 ? `…${parts.slice(-2).join(".")}` : field;
+}
+
+/** The chart of all series of one unit, with their names above it. */
+class UnitChart {
+  #end = 0;
+
+  /** @param {HTMLElement} area @param {typeof import("../vendor.js").makeChart} make @param {string} unit @param {Series[]} series @param {Plots} plots */
+  constructor(area, make, unit, series, plots) {
+    this.series = series;
+    this.plots = plots;
+    this.outputs = series.map(() => el("output", {}));
+    this.chips = el("div", { class: "chips" }, ...series.map((one, i) => this.#chip(one, this.outputs[i])));
+    this.canvas = el("div");
+    this.place = el("div", { class: "chart" }, this.chips, this.canvas);
+    area.append(this.place);
+    this.chart = make(this.canvas, unit, series, () => [Math.max(this.#end - plots.span, Math.min(this.#firstTime(), this.#end - 1)), this.#end]);
+  }
+
+  /** @param {Series} series @param {HTMLElement} output its newest value */
+  #chip({ topic, field, color }, output) {
     const swatch = el("span", { class: "swatch" });
     swatch.style.backgroundColor = color;
     const remove = iconButton("close", `Remove ${topic} ${field}`, () => this.plots.remove(topic, field));
     remove.classList.add("plain");
-    return el("span", { class: "chip", title: `${topic} ${field}` }, swatch, el("span", { class: "muted" }, `${topic} `), field, el("output", { class: "mono" }), remove);
+    const name = [el("span", { class: "topic" }, topic), el("span", { class: "field" }, shorten(field))];
+    return el("span", { class: "chip", title: `${topic} ${field}` }, swatch, ...name, output, remove);
   }
 
-  #rebuild() {
-    for (const chart of this.#charts.values()) chart.remove();
-    this.#charts.clear();
-    this.#draw(true);
+  #firstTime() {
+    return Math.min(...this.series.map(({ times }) => times[0] ?? Infinity));
   }
 
-  /** @param {boolean} now also soon after the last time, or while paused */
-  async #draw(now) {
-    if (!this.#shown || (!now && (this.#frozenAt || performance.now() - this.#drawn < DRAW_PERIOD))) return;
-    this.#drawn = performance.now();
-    const { loadChart } = await import("../vendor.js");
-    const groups = this.plots.byUnit(), end = this.#frozenAt || this.store.frame.stamp;
-    for (const [unit, series] of groups) {
-      let chart = this.#charts.get(unit);
-      if (!chart) this.#charts.set(unit, (chart = new UnitChart(this.area, loadChart, unit, series)));
-      chart.draw(this.plots, end, this.area.clientWidth, Math.max(this.area.clientHeight / Math.min(groups.size, 2) - 4, 130));
-    }
-    this.plots.series.forEach(({ values }, i) => {
-      const output = this.chips.children[i]?.querySelector("output");
-      if (output && !this.#frozenAt) setText(output, values.length ? formatPlain(Number(values[values.length - 1].toPrecision(4))) : "…");
-    });
-  }
-}
-
-/** The chart of all series of one unit. */
-class UnitChart {
-  #start = 0;
-  #end = 1;
-
-  /** @param {HTMLElement} area @param {typeof import("../vendor.js").loadChart} make @param {string} unit @param {Series[]} series */
-  constructor(area, make, unit, series) {
-    this.series = series;
-    this.place = el("div", { class: "chart" });
-    area.append(this.place);
-    this.chart = make(this.place, unit, series, () => [this.#start, this.#end]);
-  }
-
-  /** @param {Plots} plots @param {number} end s @param {number} width px @param {number} height px */
-  draw(plots, end, width, height) {
+  /** @param {number} end s @param {number} height px of the area */
+  draw(end, height) {
     this.#end = end;
-    this.#start = end - plots.span;
-    const tables = this.series.map((series) => plots.recent(end, series));
-    this.chart.draw(tables, Math.floor(width), Math.floor(height));
+    const tables = this.series.map((series) => this.plots.recent(end, series));
+    const room = height - this.chips.offsetHeight - MARGIN;
+    this.chart.draw(tables, Math.max(this.place.clientWidth - MARGIN, 1), Math.max(room, LOWEST));
+    tables.forEach(([, values], i) => setText(this.outputs[i], values.length ? formatPlain(Number(values[values.length - 1].toPrecision(4))) : "…"));
   }
 
   remove() {

@@ -117,7 +117,8 @@ function factsOf({ team, frame }) {
   return [
     ["State", sim.state],
     ["Simulated time", `${formatClock(frame.stamp)}, tick ${frame.tick}`],
-    ["Real-time factor", `${formatNumber(sim.rtf, 2)} × of ${sim.speed ? speedText(sim.speed) : "as fast as possible"}`],
+    ["Speed", sim.speed ? speedText(sim.speed) : "as fast as possible"],
+    ["Real-time factor", `${formatNumber(sim.rtf, 2)} ×`],
     ["Lock-step", sim.lockstep ? `on${waits}` : "off: real time"],
     ["Start gate", team.gate.state === "go" ? "GO" : team.gate.text || "waiting"],
     ["Namespace", team.namespace || "none"],
