@@ -161,6 +161,11 @@ def numbered(stem: str, index: int, *, always: bool = False) -> str:
     return stem if index == 0 and not always else f"{stem}_{index}"
 
 
+def all_numbered(stem: str) -> str:
+    """Wildcard over the topics of all devices of a kind."""
+    return f"{stem}$*"
+
+
 @lru_cache(maxsize=4096)
 def robot_frame(robot_id: int, local: str) -> str:
     """`robot_N/local`."""

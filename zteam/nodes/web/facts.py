@@ -1,16 +1,18 @@
-"""What the view asks for, because nothing publishes it: the simulator's status and shapes, restarts, presence."""
+"""What the view asks for, because nothing publishes it: the simulator's state, the users of keys, old lines of logs."""
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any, TypeVar
 
 from zteam import names
-from zteam.bus import Bus
-from zteam.bus.transport import Closeable
-from zteam.clock import monotonic
+from zteam.bus.counters import KeyCount
+from zteam.bus.transport import Closeable, Declaration
+from zteam.clock import Every, monotonic
 from zteam.errors import BusError
+from zteam.nodes.web.topic_table import Counts, TopicRow, rates, topic_rows
 from zteam.runtime.node import Node
 from zteam.runtime.tokens import TokenSet
+from zteam.services.log_lines import LogLine
 from zteam.services.simulator import ObstaclesReply, ShapesReply, SimStatus
 
 log = logging.getLogger("zteam")
@@ -19,6 +21,8 @@ T = TypeVar("T")
 
 PERIOD = 0.5
 """Host seconds between two looks at the simulator while a page is open."""
+KEYS_PERIOD = 2.0
+"""Host seconds between two looks at which keys there are."""
 PATIENCE = 1.0
 
 
@@ -31,11 +35,16 @@ class Facts:
         self._watch: list[Closeable] = []
         self.link_up = True
         self.sim: SimStatus | None = None
-        self.sim_time = 0.0
-        """Host time of that answer."""
         self.shapes: ShapesReply | None = None
         self.obstacles: ObstaclesReply | None = None
         self._shapes_of: Any = None
+        self.declarations: list[Declaration] = []
+        """Of the other sessions."""
+        self.topics: list[TopicRow] = []
+        self._counts: Counts | None = None
+        self._keys_due = Every(KEYS_PERIOD)
+        self.on_log: Callable[[list[LogLine]], None] = lambda lines: None
+        self._has_log = False
         node.bus.watch_link(self._on_link)
 
     def _on_link(self, up: bool) -> None:
@@ -69,36 +78,47 @@ class Facts:
         with self._node.changed:
             return {i for i in map(names.robot_id_of, self._tokens) if i is not None}
 
-    def ask(self, *, obstacles: bool) -> None:
-        """Ask the simulator, if there is one."""
-        sim = self._ask(names.service_key(names.SIMULATOR, "status"), SimStatus) if self._has_simulator else None
-        self.sim, self.sim_time = sim, monotonic()
-        if sim is None:
-            self.shapes = self.obstacles = self._shapes_of = None
-        elif (version := (sim.instance, sim.robots)) != self._shapes_of:
-            self.shapes = self._ask(names.service_key(names.SIMULATOR, "shapes"), ShapesReply)
-            self._shapes_of = version if self.shapes is not None else None
-        if sim is not None and obstacles and self._obstacles_move:
-            self.obstacles = self._ask(names.service_key(names.SIMULATOR, "obstacles"), ObstaclesReply)
+    def ask(self, layers: Collection[str], docs: Collection[str]) -> None:
+        """Ask what the pages that show these layers and documents need."""
+        self._ask_simulator(obstacles="obstacles" in layers)
+        if "log" not in docs:
+            self._has_log = False
+        elif not self._has_log:
+            self._has_log = True
+            for _, lines in self._ask(names.log_key(), list[LogLine]):
+                self.on_log(lines)
+        if ("topics" in docs or {"plans", "costmaps", "particles", "markers"} & set(layers)) and self._keys_due.due():
+            self.declarations = self._bus.declarations()
+            if "topics" in docs:
+                self._ask_counts()
         self._on_news()
 
-    @property
-    def _has_simulator(self) -> bool:
-        return self.alive(names.SIMULATOR)
+    def _ask_simulator(self, *, obstacles: bool) -> None:
+        sim = self._first("status", SimStatus) if self.alive(names.SIMULATOR) else None
+        self.sim = sim
+        if sim is None:
+            self.shapes = self.obstacles = self._shapes_of = None
+            return
+        if (version := (sim.instance, sim.robots)) != self._shapes_of:
+            self.shapes = self._first("shapes", ShapesReply)
+            self._shapes_of = version if self.shapes is not None else None
+        if obstacles and (self.obstacles is None or any(each.movable for each in self.obstacles.obstacles)):
+            self.obstacles = self._first("obstacles", ObstaclesReply)
 
-    @property
-    def _obstacles_move(self) -> bool:
-        return self.obstacles is None or any(obstacle.movable for obstacle in self.obstacles.obstacles)
+    def _ask_counts(self) -> None:
+        answers = self._ask(names.stats_key("*"), dict[str, KeyCount])
+        received = {key: {each: count.received for each, count in told.items()} for key, told in answers}
+        before, self._counts = self._counts, Counts(monotonic(), received)
+        robots = self.robots() | (set(self.sim.robots) if self.sim else set())
+        self.topics = topic_rows(self.declarations, rates(before, self._counts), robots)
 
-    def _ask(self, key: str, kind: type[T]) -> T | None:
-        return ask(self._bus, key, kind)
+    def _first(self, service: str, kind: type[T]) -> T | None:
+        answers = self._ask(names.service_key(names.SIMULATOR, service), kind)
+        return answers[0][1] if answers else None
 
-
-def ask(bus: Bus, key: str, kind: type[T]) -> T | None:
-    """The first answer to a query; None if there is none in time."""
-    try:
-        answers = bus.query(key, kind, timeout=PATIENCE)
-    except BusError as error:
-        log.debug("%s: %s", key, error)
-        return None
-    return answers[0][1] if answers else None
+    def _ask(self, key: str, kind: type[T]) -> list[tuple[str, T]]:
+        try:
+            return self._bus.query(key, kind, timeout=PATIENCE)
+        except BusError as error:
+            log.debug("%s: %s", key, error)
+            return []

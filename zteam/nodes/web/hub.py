@@ -5,7 +5,9 @@ from collections.abc import Callable
 
 from zteam import names
 from zteam.geometry import Pose2
+from zteam.nodes.web.drawables import Drawables
 from zteam.nodes.web.facts import PERIOD, Facts
+from zteam.nodes.web.history import History
 from zteam.nodes.web.interest import present_robots, topics_of
 from zteam.nodes.web.newest import Newest
 from zteam.nodes.web.places import Places
@@ -27,6 +29,8 @@ class Hub:
         self.on_news: Callable[[], None] = lambda: None
         """Called from any thread when something came."""
         self.newest = Newest(self._tell)
+        self.history = History(self._tell)
+        self.drawables = Drawables()
         self.places = Places(self.newest)
         self.facts = Facts(node, self._tell)
         self.viewers: dict[int, Viewer] = {}
@@ -34,7 +38,7 @@ class Hub:
         """The viewer that drives a robot."""
         self.poses: dict[int, Pose2] = {}
         """The robots' newest poses in `map`. Replaced as a whole."""
-        self._subscriptions = Subscriptions(node.bus, self.newest)
+        self._subscriptions = Subscriptions(node.bus, self.newest, self.history)
         self._looks = 0
         self._asks = 0
 
@@ -80,12 +84,22 @@ class Hub:
     def _match(self) -> None:
         looks, viewers = self._looks, self.viewers
         self.facts.watch(bool(viewers))
+        self._learn()
         aggregator = self.facts.alive(names.AGGREGATOR)
-        self._subscriptions.match(topics_of(viewers.values(), self.poses, aggregator=aggregator))
+        wanted = topics_of(viewers.values(), self.poses, self.drawables, aggregator=aggregator)
+        self._subscriptions.match(wanted)
         if not viewers:
             self.newest.drop(lambda _key: True)
             self.places, self.poses = Places(self.newest), {}
         self.node.wait(lambda: self._looks != looks, LOOK if viewers else REST)
+
+    def _learn(self) -> None:
+        """Find out which keys carry something to draw."""
+        self.drawables.take_keys(declaration.key for declaration in self.facts.declarations if declaration.publishes)
+        for key in self.drawables.unknown():
+            arrival = self.newest.get(key)
+            if arrival is not None:
+                self.drawables.learn(key, arrival.encoding)
 
     def _ask(self) -> None:
         while not self.node.stopping:
@@ -94,5 +108,6 @@ class Hub:
     def _ask_once(self) -> None:
         viewers, asks = self.viewers, self._asks
         if viewers:
-            self.facts.ask(obstacles=any("obstacles" in viewer.look.layers for viewer in viewers.values()))
+            layers = {layer for viewer in viewers.values() for layer in viewer.look.layers}
+            self.facts.ask(layers, {name for viewer in viewers.values() for name in viewer.look.docs})
         self.node.wait(lambda: self._asks != asks, PERIOD if viewers else REST)

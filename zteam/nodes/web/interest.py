@@ -4,10 +4,11 @@ from collections.abc import Collection, Iterable, Mapping
 
 from zteam import names
 from zteam.geometry import Pose2
-from zteam.messages import LaserScan, Odometry, PoseStamped, Range, TFMessage
+from zteam.messages import Fiducials, LaserScan, Log, Odometry, PoseStamped, Range, TFMessage
+from zteam.nodes.web.drawables import Drawables
+from zteam.nodes.web.requests import Watch
 from zteam.nodes.web.subscriptions import Topic
 from zteam.nodes.web.viewer import Viewer
-from zteam.world.devices import KINDS
 
 MAX_SCANNED = 100
 """Robots whose sensors one page is shown at a time, the selected ones first, then those nearest to its middle."""
@@ -21,23 +22,34 @@ TEAM = (
 """What every page shows."""
 
 
-def topics_of(viewers: Collection[Viewer], poses: Mapping[int, Pose2], *, aggregator: bool) -> set[Topic]:
+def topics_of(
+    viewers: Collection[Viewer], poses: Mapping[int, Pose2], drawables: Drawables, *, aggregator: bool
+) -> set[Topic]:
     """What these pages look at; `aggregator`: whether there is one, else the robots' poses are the simulator's."""
     if not viewers:
         return set()
     wanted = {*TEAM, _poses(aggregator=aggregator)}
     for viewer in viewers:
         layers = set(viewer.look.layers)
+        wanted |= drawables.topics(layers)
+        wanted |= {_watched(watch) for watch in viewer.watches}
+        if "log" in viewer.look.docs:
+            wanted.add(Topic(names.log_key(), Log, every=True))
         if "goals" in layers:
             wanted.add(Topic(names.all_robots_key(names.GOAL_POSE), PoseStamped))
         robots = robots_in_sight(viewer, poses) if layers & {"scans", "sonars", "fiducials"} else []
         if "scans" in layers:
-            wanted |= {Topic(names.robot_key(i, f"{names.BASE_SCAN}$*"), LaserScan) for i in robots}
+            wanted |= {Topic(names.robot_key(i, names.all_numbered(names.BASE_SCAN)), LaserScan) for i in robots}
         if "sonars" in layers:
-            wanted |= {Topic(names.robot_key(i, f"{names.SONAR}$*"), Range) for i in robots}
+            wanted |= {Topic(names.robot_key(i, names.all_numbered(names.SONAR)), Range) for i in robots}
         if "fiducials" in layers:
-            wanted |= {Topic(names.robot_key(i, names.FIDUCIALS), KINDS[names.FIDUCIALS].message) for i in robots}
+            wanted |= {Topic(names.robot_key(i, names.FIDUCIALS), Fiducials) for i in robots}
     return wanted
+
+
+def _watched(watch: Watch) -> Topic:
+    # Of a plot each message counts. The last message is enough for an echo, also if it came before the page.
+    return Topic(watch.topic, latched=not watch.field, every=bool(watch.field))
 
 
 def _poses(*, aggregator: bool) -> Topic:

@@ -4,6 +4,7 @@ import logging
 import os
 import sys
 import webbrowser
+from collections.abc import Callable
 from pathlib import Path
 from urllib.parse import quote
 
@@ -33,8 +34,9 @@ class ViewOptions(msgspec.Struct, frozen=True):
     """A layout that the page begins with."""
 
 
-def run_view(node: Node, options: ViewOptions) -> None:
-    """Serve the page until the process is asked to stop."""
+def run_view(node: Node, options: ViewOptions, show: Callable[[str], None]) -> None:
+    """Serve the page until the process is asked to stop. `show` prints the address, which a log must not have: pages
+    without the token show all logs."""
     token = options.token or rights.make_token()
     listener, port = listen(options.host, options.port)
     if options.port and port != options.port:
@@ -53,7 +55,7 @@ def run_view(node: Node, options: ViewOptions) -> None:
     server.start()
     node.become_present()
     url = page_url(options.host, port, token)
-    log.info("the view is at %s", url)
+    show(f"the view is at {url}")
     if options.browser and has_browser():
         webbrowser.open(url)
     hub.serve()

@@ -1,5 +1,6 @@
 """The blocks of frames, made of what has come: each once, however many pages get it."""
 
+import zlib
 from collections.abc import Iterator
 from typing import Any, TypeVar
 
@@ -19,9 +20,7 @@ from zteam.nodes.web.team_document import Heard, TeamDocument, gate_row, robot_r
 M = TypeVar("M", bound=Message)
 
 TEAM_PERIOD = 0.2
-"""Host seconds for which a `team` document counts as new; a page gets it when it has changed."""
-TILES = 16
-"""Of a grid that go into one frame."""
+"""Host seconds between two looks at whether `team` has changed."""
 
 
 class Scene:
@@ -34,8 +33,8 @@ class Scene:
         self._blocks: dict[Any, tuple[int, bytes]] = {}
         self._grids: dict[str, tuple[int, list[Tile]]] = {}
         self._poses: tuple[int, bytes] = (0, b"")
-        self._team: tuple[float, bytes] = (float("-inf"), b"")
-        self._changed_team = 0.0
+        self._team = (float("-inf"), b"", 0)
+        """Host time at which `team` was made, the document, and its version."""
 
     def read(self, key: str, kind: type[M]) -> tuple[Arrival, M] | None:
         """The newest message of a key, decoded once; None without one of this type."""
@@ -92,12 +91,17 @@ class Scene:
             return None
         return base.compose(Pose2(*shape.lasers[index]))
 
-    def team(self) -> bytes:
-        """The document `team`."""
+    def team(self) -> tuple[bytes, int]:
+        """The document `team` and its version, which does not change with ages and speeds alone."""
         now = monotonic()
         if now - self._team[0] >= TEAM_PERIOD:
-            self._team = now, msgspec.json.encode(self._make_team(now))
-        return self._team[1]
+            team = self._make_team(now)
+            document = msgspec.json.encode(team)
+            for row in team.robots:
+                row.age = row.speed = None
+            team.sim.rtf, team.sim.tick, team.sim.waits_for = 0.0, 0, ""
+            self._team = now, document, zlib.crc32(msgspec.json.encode(team))
+        return self._team[1:]
 
     def _make_team(self, now: float) -> TeamDocument:
         hub, facts = self._hub, self._hub.facts

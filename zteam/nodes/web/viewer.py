@@ -16,6 +16,8 @@ class Viewer:
         """What it watches, with the number of the newest message that it has of it."""
         self.has: dict[object, object] = {}
         """What the page has of each thing, such as the number of the scan of a key."""
+        self.log_number = 0
+        """Of the newest line of logs that it has."""
         self.lacks_tiles = False
         """Whether tiles of grids are left that did not fit into the newest frame."""
         self.frame = 0
