@@ -18,7 +18,7 @@ export const LAYERS = [
   { name: "sonars", title: "Sonars", shown: false, wire: "sonars" },
   { name: "fiducials", title: "Fiducials", shown: false, wire: "fiducials" },
   { name: "tf", title: "Frames (TF)", shown: false, wire: "tf" },
-  { name: "grid", title: "Grid of 1 m", shown: true },
+  { name: "grid", title: "Grid", shown: true },
 ];
 
 /** The layers that are shown; emits "layers". */

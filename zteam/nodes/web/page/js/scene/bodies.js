@@ -121,13 +121,13 @@ export function makeBodies(gl) {
       for (let i = 0; i < poses.count; i++) {
         const id = poses.ids[i], mesh = meshOf.get(id) ?? unknown, color = theme.robot(id);
         if ((mesh.count + 1) * WORDS > mesh.floats.length) grow(mesh);
-        const at = mesh.count++ * WORDS, selected = selection.has(id), hollow = poses.truth[i] === 1;
-        mesh.floats[at] = poses.x[i];
-        mesh.floats[at + 1] = poses.y[i];
-        mesh.floats[at + 2] = poses.yaw[i];
-        mesh.words[at + 3] = packed(color, hollow ? 0.15 : 0.8);
-        mesh.words[at + 4] = packed(selected ? theme.text : hollow ? color : mix(color, theme.text, 0.55));
-        mesh.floats[at + 5] = selected ? 1 : 0;
+        const place = mesh.count++ * WORDS, selected = selection.has(id), hollow = poses.truth[i] === 1;
+        mesh.floats[place] = poses.x[i];
+        mesh.floats[place + 1] = poses.y[i];
+        mesh.floats[place + 2] = poses.yaw[i];
+        mesh.words[place + 3] = packed(color, hollow ? 0.15 : 0.8);
+        mesh.words[place + 4] = packed(selected ? theme.text : hollow ? color : mix(color, theme.text, 0.55));
+        mesh.floats[place + 5] = selected ? 1 : 0;
       }
     },
 

@@ -7,25 +7,31 @@ uniform mat3 camera;
 uniform vec4 pose;      // x, y, cos, sin of the grid in map
 uniform vec4 box;       // of the tile in the grid: x, y, width, height in metres
 out vec2 place;
+out vec2 at;            // in map
 void main() {
   place = vec2(gl_VertexID & 1, gl_VertexID >> 1);
   vec2 p = box.xy + place * box.zw;
   vec2 q = pose.xy + vec2(pose.z * p.x - pose.w * p.y, pose.w * p.x + pose.z * p.y);
+  at = q;
   gl_Position = vec4((camera * vec3(q, 1.0)).xy, 0.0, 1.0);
 }`;
 
 // Red: how likely the cell is occupied, green: whether it is known. Where many cells share a pixel the mean is shown; the
-// boost keeps walls of one cell visible then.
+// boost keeps walls of one cell visible then. Lines of the grid are drawn here, so that they never cross a wall.
 const MAP_FRAGMENT = `
 uniform sampler2D cells;
 uniform vec3 free, occupied, unknown;
 uniform float boost;
-in vec2 place;
+uniform vec4 grid;      // colour of its lines on free ground, and metres between them; 0: none
+uniform float pixel;    // metres
+in vec2 place, at;
 out vec4 color;
 void main() {
   vec2 cell = texture(cells, place).rg;
+  vec2 line = grid.w > 0.0 ? abs(fract(at / grid.w + 0.5) - 0.5) * grid.w / pixel : vec2(1.0);
+  vec3 ground = mix(grid.rgb, free, clamp(min(line.x, line.y) * 2.0 - 0.5, 0.0, 1.0));
   float share = cell.r / max(cell.g, 0.004);
-  color = vec4(mix(unknown, mix(free, occupied, min(1.0, share * (1.0 + boost))), cell.g), 1.0);
+  color = vec4(mix(unknown, mix(ground, occupied, min(1.0, share * (1.0 + boost))), cell.g), 1.0);
 }`;
 
 const COST_FRAGMENT = `
@@ -49,7 +55,8 @@ export function isMap(key) {
 
 /**
  * @param {WebGL2RenderingContext} gl
- * @returns {{draw(camera: Float32Array, store: import("../store.js").Store, theme: import("./colors.js").Theme, costs: boolean): void}}
+ * @returns {{draw(camera: Float32Array, store: import("../store.js").Store, theme: import("./colors.js").Theme, costs: boolean, step: number): void}}
+ *  step: metres between the lines of the grid; 0: none
  */
 export function makeGrids(gl) {
   const map = makeProgram(gl, VERTEX, MAP_FRAGMENT), cost = makeProgram(gl, VERTEX, COST_FRAGMENT);
@@ -68,13 +75,17 @@ export function makeGrids(gl) {
   }
 
   return {
-    draw(camera, store, theme, costs) {
+    draw(camera, store, theme, costs, step) {
       const { program, at } = costs ? cost : map;
       gl.useProgram(program);
       gl.bindVertexArray(empty);
       gl.uniformMatrix3fv(at.camera, false, camera);
       const pixel = 2 / (Math.hypot(camera[0], camera[3]) * gl.drawingBufferWidth);
-      if (!costs) for (const name of /** @type {const} */ (["free", "occupied", "unknown"])) gl.uniform3fv(at[name], theme[name]);
+      if (!costs) {
+        for (const name of /** @type {const} */ (["free", "occupied", "unknown"])) gl.uniform3fv(at[name], theme[name]);
+        gl.uniform4f(at.grid, ...theme.grid, step);
+        gl.uniform1f(at.pixel, pixel);
+      }
       let drawn = 0;
       for (const [key, tiles] of store.grids) {
         if (isMap(key) === costs) continue;

@@ -115,7 +115,7 @@ export function makeParticles(gl) {
   };
 }
 
-/** Lines of 1 m, or of 10 or 100 m from far away. @param {WebGL2RenderingContext} gl */
+/** The grid outside of the map, whose cells have their own. @param {WebGL2RenderingContext} gl */
 export function makeMapGrid(gl) {
   const lines = makeSegments(gl, 128, false);
   return {
@@ -130,7 +130,8 @@ export function makeMapGrid(gl) {
   };
 }
 
-/** Metres between lines that are at least 20 pixels apart. @param {number} scale pixels a metre */
+/** Metres between lines: 1 m, or the next of 5, 10, 50, … that is at least 20 pixels. @param {number} scale pixels a metre */
 export function gridStep(scale) {
-  return Math.max(1, 10 ** Math.ceil(Math.log10(20 / scale)));
+  const least = 20 / scale, power = 10 ** Math.floor(Math.log10(least));
+  return Math.max(1, [power, 5 * power, 10 * power].find((step) => step >= least) ?? 10 * power);
 }

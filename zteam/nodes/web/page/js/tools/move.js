@@ -8,12 +8,15 @@ const TURN = Math.PI / 12;
 /** Milliseconds for which a refused place stays marked. */
 const REFUSED = 1200;
 
+/** @typedef {{robot: number, x: number, y: number, yaw: number, offset: [number, number], state: "held" | "sent" | "refused"}} Ghost
+ *  offset: from the mouse to the robot's origin */
+
 /** @param {import("../app.js").App} app */
 export function makeMoveTool(app) {
-  /** @type {{robot: number, x: number, y: number, yaw: number, offset: [number, number], state: "held" | "sent" | "refused"} | null} */
+  /** @type {Ghost | null} */
   let ghost = null;
 
-  /** @param {NonNullable<typeof ghost>} sent */
+  /** @param {Ghost} sent */
   async function send(sent) {
     sent.state = "sent";
     const { robot, x, y, yaw } = sent, error = await app.send({ op: "move", robot, x, y, yaw });
