@@ -131,7 +131,7 @@ class Engine:
         return Standing(team.ids.keys(), team.bodies.poses[: len(team.ids)], team.bodies.stalled)
 
     def obstacles(self) -> tuple[Obstacle, ...]:
-        """The world's obstacles where they are now. Any thread may ask; during a tick some have moved already."""
+        """Those of the world, where they are now; for any thread."""
         return self.world.obstacles if self._team is None else self._team.at_present(self.world)[0].obstacles
 
     def reset(self) -> None:
@@ -181,11 +181,9 @@ class Engine:
         """Raise UsageError if a robot of this id has no room at `pose`; where it stands now does not count."""
         world, robots = self._assembled().at_present(self.world)
         robots.pop(robot_id, None)
-        why = find_hindrance(world, replace(robot, pose=pose), robots)
-        if why:
-            raise UsageError(
-                f"robot {robot_id} has no room at x {pose.x:g}, y {pose.y:g}: {why} (--force puts it there)"
-            )
+        if why := find_hindrance(world, replace(robot, pose=pose), robots):
+            place = f"x {pose.x:g}, y {pose.y:g}"
+            raise UsageError(f"robot {robot_id} has no room at {place}: {why} (--force puts it there)")
 
     def _assembled(self) -> "_Team":
         """The team as it is now; it is made again only when robots came or went since the last call."""
