@@ -65,10 +65,8 @@ class Engine:
         self.options = options or Options()
         self.tick = 0
         # Floor plans of one bitmap share its fields.
-        fields = {
-            id(plan.occupied): build_fields(plan.occupied)
-            for plan in {id(p.occupied): p for p in world.floorplans}.values()
-        }
+        bitmaps = {id(plan.occupied): plan.occupied for plan in world.floorplans}
+        fields = {number: build_fields(bitmap) for number, bitmap in bitmaps.items()}
         self._floorplans = [(plan, fields[id(plan.occupied)]) for plan in world.floorplans]
         self._at_first = dict(enumerate(world.robots)) if robots is None else dict(robots)
         self._robots = dict(self._at_first)
