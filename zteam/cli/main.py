@@ -51,7 +51,7 @@ def _usage() -> str:
     return (
         f"usage: zteam COMMAND ...\n\n{rows}\n\n"
         "The processes are separate commands:\n"
-        "  zteam-sim, zteam-robot, zteam-tf, zteam-monitor, zteam-router\n\n"
+        "  zteam-sim, zteam-robot, zteam-tf, zteam-monitor, zteam-view, zteam-router\n\n"
         "See zteam COMMAND --help."
     )
 
@@ -78,6 +78,7 @@ start_simulator = partial(_start, "zteam_sim")
 start_robot = partial(_start, "zteam_robot")
 start_aggregator = partial(_start, "zteam_tf")
 start_monitor = partial(_start, "zteam_monitor")
+start_view = partial(_start, "zteam_view")
 start_router = partial(_start, "zteam_router")
 
 

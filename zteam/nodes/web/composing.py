@@ -101,13 +101,12 @@ class Composer:
             yield from self._doc(viewer, "tf", make.transforms, now, FAST if "tf" in layers else SLOW)
         if "topics" in docs:
             yield from self._doc(viewer, "topics", make.topics, now, SLOW)
-        if "goals" in layers:
-            yield from self._doc(viewer, "goals", make.goals, now, FAST)
-        if "obstacles" in layers:
-            yield from self._doc(viewer, "obstacles", make.obstacles, now, FAST)
-        drawn = frozenset(layers) & {"markers", "sonars", "fiducials"}
-        if drawn:
-            yield from self._doc(viewer, "markers", lambda: make.markers(drawn), now, FAST)
+        drawn = {
+            "goals": make.goals, "obstacles": make.obstacles, "markers": make.markers, "sonars": make.sonars,
+            "fiducials": make.fiducials,
+        }  # fmt: skip
+        for name in drawn.keys() & set(layers):
+            yield from self._doc(viewer, name, drawn[name], now, FAST)
         if "log" in docs:
             yield from self._log(viewer)
 

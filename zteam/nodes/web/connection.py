@@ -187,7 +187,9 @@ class Page:
             case Hello():
                 raise RefusedError("hello comes once")
             case Drive():
-                self._desk.driving.drive(request.robot, viewer.number, Velocity(request.linear, request.angular))
+                self._desk.driving.drive(
+                    request.robot, viewer.number, Velocity(request.linear, request.angular, request.left)
+                )
             case Command() if not viewer.may_command:
                 self._reply(request.seq, "this page may only watch: open it with its token")
             case Command() if self._commands.full():

@@ -30,15 +30,13 @@ from zteam.nodes.web.history import Event
 from zteam.nodes.web.hub import Hub
 from zteam.nodes.web.log_tail import Line, LogTail
 from zteam.nodes.web.markers import (
-    Drawn,
     MarkerBoard,
     as_document,
-    drawn_fiducials,
     drawn_polygon,
-    drawn_sonar,
 )
 from zteam.nodes.web.newest import Arrival
 from zteam.nodes.web.places import decoded, pose2_of
+from zteam.nodes.web.sensed import fiducials_of, sonar_of
 from zteam.services.log_reader import line_of
 
 MAX_ECHO = 200_000
@@ -85,32 +83,55 @@ class Documents:
     def goals(self) -> bytes:
         """`goals`: the newest goal of each robot, in `map`."""
         found = []
-        for key, arrival in self._hub.newest.items():
-            target = names.split_robot_key(key)
-            if target is None or target[1] != names.GOAL_POSE:
+        for robot_id, topic, arrival in self._of_robots():
+            if topic != names.GOAL_POSE:
                 continue
             goal = decoded(PoseStamped, arrival.content)
             frame = None if goal is None else self.pose_of(goal.header.frame_id)
             if goal is not None and frame is not None:
                 pose = frame.compose(pose2_of(goal.pose))
                 if all(map(math.isfinite, pose)):
-                    found.append({"robot": target[0], "x": pose.x, "y": pose.y, "yaw": pose.yaw})
-        return msgspec.json.encode(sorted(found, key=lambda goal: goal["robot"]))
+                    found.append({"robot": robot_id, "x": pose.x, "y": pose.y, "yaw": pose.yaw})
+        return msgspec.json.encode(found)
 
     def obstacles(self) -> bytes:
         """`obstacles`: those of the world, where they are now."""
         reply = self._hub.facts.obstacles
         return msgspec.json.encode([] if reply is None else reply.obstacles)
 
-    def markers(self, layers: frozenset[str]) -> bytes:
-        """`markers`: what other processes want to be drawn, and what sonars and fiducial finders see."""
-        drawn: list[Drawn] = []
-        if "markers" in layers:
-            self._take_markers()
-            drawn += self._board.drawn(self.pose_of, monotonic())
+    def markers(self) -> bytes:
+        """`markers`: what other processes want to be drawn."""
+        self._take_markers()
+        drawn = self._board.drawn(self.pose_of, monotonic())
         for key, arrival in self._hub.newest.items():
-            drawn += self._sensed(key, arrival, layers)
+            if arrival.encoding and type_of_encoding(arrival.encoding) is PolygonStamped:
+                outline = decoded(PolygonStamped, arrival.content)
+                line = None if outline is None else drawn_polygon(key, outline, self.pose_of)
+                drawn += [] if line is None else [line]
         return as_document(drawn)
+
+    def sonars(self) -> bytes:
+        """`sonars`: the newest reading of each."""
+        found = []
+        for robot_id, topic, arrival in self._of_robots():
+            reading = decoded(Range, arrival.content) if topic.startswith(f"{names.SONAR}_") else None
+            sonar = None if reading is None else sonar_of(robot_id, reading, self.pose_of)
+            found += [] if sonar is None else [sonar]
+        return msgspec.json.encode(found)
+
+    def fiducials(self) -> bytes:
+        """`fiducials`: those in sight."""
+        found = []
+        for robot_id, topic, arrival in self._of_robots():
+            seen = decoded(Fiducials, arrival.content) if topic == names.FIDUCIALS else None
+            found += [] if seen is None else fiducials_of(robot_id, seen, self.pose_of)
+        return msgspec.json.encode(found)
+
+    def _of_robots(self) -> Iterator[tuple[int, str, Arrival]]:
+        for key, arrival in sorted(self._hub.newest.items()):
+            target = names.split_robot_key(key)
+            if target is not None:
+                yield *target, arrival
 
     def _take_markers(self) -> None:
         keys = self._hub.drawables.keys("markers")
@@ -123,22 +144,6 @@ class Documents:
                     self._board.take(key, array.markers, event.time)
                 elif (marker := _of_type(Marker, event)) is not None:
                     self._board.take(key, [marker], event.time)
-
-    def _sensed(self, key: str, arrival: Arrival, layers: frozenset[str]) -> list[Drawn]:
-        target = names.split_robot_key(key)
-        topic = "" if target is None else target[1]
-        if "sonars" in layers and topic.startswith(f"{names.SONAR}_"):
-            reading = decoded(Range, arrival.content)
-            cone = None if reading is None else drawn_sonar(key, reading, self.pose_of)
-            return [] if cone is None else [cone]
-        if "fiducials" in layers and topic == names.FIDUCIALS:
-            seen = decoded(Fiducials, arrival.content)
-            return [] if seen is None else drawn_fiducials(key, seen, self.pose_of)
-        if "markers" in layers and arrival.encoding and type_of_encoding(arrival.encoding) is PolygonStamped:
-            outline = decoded(PolygonStamped, arrival.content)
-            line = None if outline is None else drawn_polygon(key, outline, self.pose_of)
-            return [] if line is None else [line]
-        return []
 
     def pose_of(self, frame: str) -> Pose2 | None:
         """The pose of a frame in `map`."""

@@ -1,4 +1,4 @@
-"""Which keys carry something to draw, such as plans, costmaps and markers, whoever publishes them. Pure."""
+"""Which keys carry something to draw, such as plans, costmaps and markers. Any process may publish them. Pure."""
 
 from collections.abc import Collection, Iterable, Mapping
 

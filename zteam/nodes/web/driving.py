@@ -120,4 +120,4 @@ class Driving:
 
 def twist(velocity: Velocity) -> Twist:
     """The message of a velocity."""
-    return Twist(Vector3(x=velocity.linear), Vector3(z=velocity.angular))
+    return Twist(Vector3(velocity.linear, velocity.left), Vector3(z=velocity.angular))

@@ -14,10 +14,11 @@ DEAD_MAN = 0.5
 
 
 class Velocity(NamedTuple):
-    """m/s forward and rad/s to the left."""
+    """m/s forward, rad/s counter-clockwise, m/s to the left."""
 
     linear: float = 0.0
     angular: float = 0.0
+    left: float = 0.0
 
 
 STOP = Velocity()

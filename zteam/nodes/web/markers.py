@@ -1,4 +1,4 @@
-"""The document `markers`: markers, polygons, sonars and fiducials as things to draw in `map`."""
+"""The document `markers`: markers and polygons as things to draw in `map`."""
 
 import math
 from collections.abc import Callable, Iterable, Mapping
@@ -7,7 +7,7 @@ from typing import Any
 import msgspec
 
 from zteam.geometry import Pose2
-from zteam.messages import Fiducials, Marker, MarkerAction, MarkerType, PolygonStamped, Range
+from zteam.messages import Marker, MarkerAction, MarkerType, PolygonStamped
 from zteam.nodes.web.places import pose2_of
 
 PoseOf = Callable[[str], Pose2 | None]
@@ -15,10 +15,6 @@ PoseOf = Callable[[str], Pose2 | None]
 MAX_MARKERS = 2000
 MAX_POINTS = 5000
 """Of one marker."""
-_ARC = 6
-"""Pieces of a sonar's arc."""
-_SONAR = (0.2, 0.6, 0.9, 0.5)
-_FIDUCIAL = (0.9, 0.5, 0.1, 1.0)
 _POLYGON = (0.2, 0.7, 0.3, 1.0)
 
 
@@ -89,33 +85,6 @@ def drawn_polygon(key: str, polygon: PolygonStamped, pose_of: PoseOf) -> Drawn |
     if frame is None or not points:
         return None
     return Drawn(key, 0, MarkerType.LINE_STRIP, *frame, (0.02, 0.0, 0.0), _POLYGON, [*points, points[0]])
-
-
-def drawn_sonar(key: str, reading: Range, pose_of: PoseOf) -> Drawn | None:
-    """A sonar's cone up to what it measures."""
-    frame = pose_of(reading.header.frame_id)
-    if frame is None:
-        return None
-    reach = reading.range if math.isfinite(reading.range) else reading.max_range
-    half = min(max(reading.field_of_view, 0.0), math.tau) / 2
-    angles = [half * (2 * i / _ARC - 1) for i in range(_ARC + 1)]
-    arc = [(reach * math.cos(angle), reach * math.sin(angle)) for angle in angles]
-    return Drawn(key, 0, MarkerType.LINE_STRIP, *frame, (0.01, 0.0, 0.0), _SONAR, [(0.0, 0.0), *arc, (0.0, 0.0)])
-
-
-def drawn_fiducials(key: str, message: Fiducials, pose_of: PoseOf) -> list[Drawn]:
-    """What a fiducial finder sees: each id where it is."""
-    frame = pose_of(message.header.frame_id)
-    if frame is None:
-        return []
-    found = []
-    for number, seen in enumerate(message.fiducials):
-        place = Pose2(seen.range * math.cos(seen.bearing), seen.range * math.sin(seen.bearing), seen.orientation)
-        text = str(seen.id) if seen.id else "?"
-        found.append(
-            Drawn(key, number, MarkerType.TEXT_VIEW_FACING, *frame.compose(place), (0.3, 0.3, 0.3), _FIDUCIAL, [], text)
-        )
-    return found
 
 
 def as_document(drawn: Iterable[Drawn]) -> bytes:

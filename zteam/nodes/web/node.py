@@ -6,10 +6,13 @@ import sys
 import webbrowser
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 from urllib.parse import quote
 
 import msgspec
 
+from zteam.bus.payloads import decode_json
+from zteam.errors import DecodeError, UsageError
 from zteam.nodes.web import rights
 from zteam.nodes.web.hub import Hub
 from zteam.nodes.web.server import WebServer, listen
@@ -31,25 +34,25 @@ class ViewOptions(msgspec.Struct, frozen=True):
     browser: bool = True
     """Whether the page is opened in the user's browser."""
     layout: Path | None = None
-    """A layout that the page begins with."""
+    """A file with the layout that pages begin with."""
 
 
 def run_view(node: Node, options: ViewOptions, show: Callable[[str], None]) -> None:
     """Serve the page until the process is asked to stop. `show` prints the address, which a log must not have: pages
     without the token show all logs."""
-    token = options.token or rights.make_token()
+    token, layout = options.token or rights.make_token(), read_layout(options.layout)
     listener, port = listen(options.host, options.port)
     if options.port and port != options.port:
         log.warning("port %d is taken: the view is at port %d", options.port, port)
     if not rights.is_loopback(options.host):
         log.warning(
-            "the view listens at %s: everybody who reaches this machine may watch; commands need the token",
+            "the view listens at %s: anyone that reaches this machine may watch; commands need the token",
             options.host,
         )
     # What it says of each connection is of no use to a user.
     logging.getLogger("uvicorn").setLevel(logging.WARNING)
     hub = Hub(node)
-    server = WebServer(hub, listener, options.host, token)
+    server = WebServer(hub, listener, options.host, token, layout)
     node.on_stop(server.close)
     node.stop.on_request(hub.changed)
     server.start()
@@ -59,6 +62,21 @@ def run_view(node: Node, options: ViewOptions, show: Callable[[str], None]) -> N
     if options.browser and has_browser():
         webbrowser.open(url)
     hub.serve()
+
+
+def read_layout(path: Path | None) -> bytes:
+    """The layout in a file. Raises UsageError."""
+    if path is None:
+        return b""
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise UsageError(f"--layout {path}: {error.strerror or error}") from None
+    try:
+        layout = decode_json(content, dict[str, Any])
+    except DecodeError as error:
+        raise UsageError(f"--layout {path}: this is no layout that the page has saved: {error}") from None
+    return msgspec.json.encode(layout)
 
 
 def page_url(host: str, port: int, token: str) -> str:

@@ -109,6 +109,8 @@ class Drive(Request, tag="drive", frozen=True):
     robot: RobotId
     linear: Speed
     angular: Speed
+    left: Speed = 0.0
+    """m/s to the left, for bases that can."""
 
 
 class Pause(Command, tag="pause", frozen=True):

@@ -49,7 +49,7 @@ class Gatekeeper:
             address = ipaddress.ip_address(name)
         except ValueError:
             return False
-        # An address is no name that somebody else could lead here.
+        # An address is no name that another site could lead here.
         return not self._only_here or address.is_loopback
 
     def takes_origin(self, origin: str | None, host_header: str) -> bool:

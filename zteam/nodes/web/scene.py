@@ -1,5 +1,6 @@
 """The blocks of frames, made of what has come: each once, however many pages get it."""
 
+import math
 import zlib
 from collections.abc import Iterator
 from typing import Any, TypeVar
@@ -15,7 +16,7 @@ from zteam.nodes.web.grids import Tile, make_tiles
 from zteam.nodes.web.hub import Hub
 from zteam.nodes.web.newest import Arrival
 from zteam.nodes.web.places import decoded
-from zteam.nodes.web.team_document import Heard, TeamDocument, gate_row, robot_row, sim_row
+from zteam.nodes.web.team_document import SILENT_AFTER, Heard, TeamDocument, gate_row, robot_row, sim_row
 
 M = TypeVar("M", bound=Message)
 
@@ -106,19 +107,32 @@ class Scene:
     def _make_team(self, now: float) -> TeamDocument:
         hub, facts = self._hub, self._hub.facts
         sim, shapes = facts.sim, facts.shapes
-        rows = {}
+        rows, speaks = {}, self._newest_data() if sim is None else {}
         for robot_id in sorted(hub.robots()):
             heard = self._hear(robot_id, now)
-            there = robot_id in sim.robots if sim is not None else heard.base is not None
+            there = (
+                robot_id in sim.robots
+                if sim is not None
+                else heard.alive or now - speaks.get(robot_id, -math.inf) < SILENT_AFTER
+            )
             rows[robot_id] = robot_row(robot_id, heard, present=there)
         team = self.read(names.TEAM_STATUS, TeamStatus)
         return TeamDocument(
             robots=list(rows.values()),
-            gate=gate_row(team[1] if team else None, rows),
+            gate=gate_row(team[1] if team and facts.alive(names.MONITOR) else None, rows),
             sim=sim_row(sim, shapes.models if shapes else ()),
             router=facts.link_up,
             viewers=len(hub.viewers),
         )
+
+    def _newest_data(self) -> dict[int, float]:
+        """Host time of the newest message of each base. What is latched tells nothing of whether it is there."""
+        found: dict[int, float] = {}
+        for key, arrival in self._hub.newest.items():
+            target = names.split_robot_key(key)
+            if target is not None and target[1] not in (names.BASE_INFO, names.STATUS, names.GOAL_POSE):
+                found[target[0]] = max(arrival.time, found.get(target[0], arrival.time))
+        return found
 
     def _hear(self, robot_id: int, now: float) -> Heard:
         facts = self._hub.facts

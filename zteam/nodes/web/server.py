@@ -35,9 +35,9 @@ TRIES = 20
 class WebServer:
     """Runs on a thread of its own, from `start` until `close`."""
 
-    def __init__(self, hub: Hub, listener: socket.socket, host: str, token: str) -> None:
-        """`listener` listens at `host`."""
-        self._hub, self._listener, self._token = hub, listener, token
+    def __init__(self, hub: Hub, listener: socket.socket, host: str, token: str, layout: bytes = b"") -> None:
+        """`listener` listens at `host`; `layout` is JSON that pages begin with."""
+        self._hub, self._listener, self._token, self._layout = hub, listener, token, layout
         self._gate = Gatekeeper(host)
         self._server: uvicorn.Server | None = None
         self._thread = threading.Thread(target=self._run, name="web", daemon=True)
@@ -59,7 +59,7 @@ class WebServer:
     async def _serve(self) -> None:
         desk = Desk(self._hub, self._token)
         config = uvicorn.Config(
-            Guarded(make_app(desk), self._gate),
+            Guarded(make_app(desk, self._layout), self._gate),
             ws="websockets-sansio", ws_max_size=MAX_BYTES, ws_per_message_deflate=False, timeout_graceful_shutdown=1,
             ws_ping_interval=10.0, ws_ping_timeout=20.0, lifespan="off", log_config=None, access_log=False,
             server_header=False, date_header=False, http="h11",
@@ -102,8 +102,8 @@ class Guarded:
             await response(scope, receive, send)
 
 
-def make_app(desk: Desk) -> Starlette:
-    """The routes: the page, its files, its socket."""
+def make_app(desk: Desk, layout: bytes) -> Starlette:
+    """The routes: the page, its files, the layout that it begins with, its socket."""
 
     async def index(_request: Request) -> Response:
         return _file("index.html")
@@ -111,12 +111,16 @@ def make_app(desk: Desk) -> Starlette:
     async def file(request: Request) -> Response:
         return _file(request.path_params["name"])
 
+    async def first_layout(_request: Request) -> Response:
+        return Response(layout, 200 if layout else 204, media_type="application/json" if layout else None)
+
     async def open_socket(socket: WebSocket) -> None:
         await Page(socket, desk).run()
 
     return Starlette(
         routes=[
             Route("/", index, methods=["GET"]),
+            Route("/layout.json", first_layout, methods=["GET"]),
             Route("/page/{name:path}", file, methods=["GET"]),
             WebSocketRoute("/ws", open_socket),
         ]

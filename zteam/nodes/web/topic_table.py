@@ -46,7 +46,7 @@ def rates(before: Counts | None, after: Counts) -> dict[str, float]:
 
 
 def topic_rows(declarations: Iterable[Declaration], hz: Mapping[str, float], robots: Iterable[int]) -> list[TopicRow]:
-    """One row for each key that somebody publishes or subscribes to, wildcards as the keys of these robots."""
+    """One row for each key with a publisher or a subscriber; a wildcard is a key of each of these robots."""
     known, ids = list(declarations), sorted(robots)
     rows: dict[str, TopicRow] = {}
     for declaration in known:
