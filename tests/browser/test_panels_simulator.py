@@ -125,7 +125,8 @@ def test_a_page_without_the_token_may_only_watch(team: TeamFixture, screen: Scre
     pause = screen.page.locator("button[aria-label=Pause]")
     assert pause.is_disabled()
     assert "watching only" in (pause.get_attribute("title") or "")
-    enabled = "[...document.querySelectorAll('#sim button, #sim select, #page-simulator button')].filter((c) => !c.disabled).length"
+    controls = "[...document.querySelectorAll('#sim button, #sim select, #page-simulator button')]"
+    enabled = f"{controls}.filter((control) => !control.disabled).length"
     assert screen.ask(enabled) == 0
     assert "watching only" in screen.ask("zteam.app.send({op: 'pause'})")
     assert not team.sim_status.paused

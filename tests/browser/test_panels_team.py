@@ -77,7 +77,9 @@ def test_a_server_that_is_gone_is_said_and_found_again(team: TeamFixture, screen
     assert screen.page.locator("button[aria-label=Pause]").is_disabled()
     port = url.rpartition(":")[2].partition("/")[0]
     token = url.partition("token=")[2]
-    again = team.spawn("zteam-view", "--no-browser", "--port", port, "--token", token, "--name", VIEW, name="view_again")
+    again = team.spawn(
+        "zteam-view", "--no-browser", "--port", port, "--token", token, "--name", VIEW, name="view_again"
+    )
     team.wait_for_line(again, "the view is at")
     screen.wait("zteam.app.store.connection.state === 'open' && zteam.app.store.poses.count === 2")
     screen.wait("document.querySelector('#notice').childElementCount === 0")
