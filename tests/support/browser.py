@@ -27,13 +27,18 @@ SETTLED = """([id, x, y]) => {
 }"""
 
 
-def start_view(team: TeamFixture, *arguments: str) -> str:
-    """Start a view of this team; the URL that it prints, with the token."""
-    team.spawn("zteam-view", "--no-browser", "--port", "0", "--name", VIEW, *arguments, name=VIEW)
+def start_view(team: TeamFixture, *arguments: str, port: int = 0) -> str:
+    """Start a view of this team, at any free port unless told; the URL that it prints, with the token."""
+    known = len(team.lines(VIEW))
+    team.spawn("zteam-view", "--no-browser", "--port", str(port), "--name", VIEW, *arguments, name=VIEW)
     team.wait_for_processes(VIEW)
     said = "the view is at "
-    team.wait_for_line(VIEW, said)
-    return next(line.partition(said)[2].strip() for line in team.lines(VIEW) if said in line)
+
+    def urls() -> list[str]:
+        return [line.partition(said)[2].strip() for line in team.lines(VIEW)[known:] if said in line]
+
+    team.wait_for(lambda: bool(urls()))
+    return urls()[-1]
 
 
 class Screen:

@@ -98,7 +98,13 @@ export class Connection {
   #takeBinary(data) {
     const received = performance.now();
     this.bytes += data.byteLength;
-    const frame = decodeFrame(data);
+    let frame;
+    try {
+      frame = decodeFrame(data);
+    } catch (error) {
+      this.store.setConnection({ state: "refused", reason: String(error) });
+      return this.#socket?.close();
+    }
     this.store.takeFrame(frame, received);
     this.#raw({ op: "ack", frame: frame.number });
     this.decodingMs += performance.now() - received;

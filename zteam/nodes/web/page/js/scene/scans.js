@@ -1,7 +1,7 @@
 /** Laser scans of all robots, as points or as the area that the beams cover, in one call. One row of a texture a scan: the
  * vertex shader makes beam ends of ranges and the sensor's pose. */
 
-import { INVALID } from "../wire.js";
+import { INVALID, NO_RETURN } from "../wire.js";
 import { makeProgram, setFilter } from "./gl.js";
 
 const BEAM = `
@@ -13,7 +13,7 @@ out vec4 tint;
 uint rangeOf(int beam) { return texelFetch(ranges, ivec2(beam, gl_InstanceID), 0).r; }
 vec2 endOf(int beam, vec4 a, vec4 b) {
   uint range = rangeOf(beam);
-  float metres = range >= ${INVALID}u ? b.w : float(range) * b.y;
+  float metres = range == ${NO_RETURN}u ? b.w : range == ${INVALID}u ? 0.0 : float(range) * b.y;
   float angle = a.z + a.w + float(beam) * b.x;
   return a.xy + metres * vec2(cos(angle), sin(angle));
 }

@@ -26,7 +26,7 @@ export function makeScene(app, element, stats) {
   const below = makeBelow(app, lower, () => change("theme"));
   /** @type {import("./above.js").Painter[]} */
   const painters = [];
-  let theme = readTheme(element), ratio = 1, pending = false, drawnFrame = -1;
+  let theme = readTheme(element), ratio = 1, pending = false, drawnFrame = -1, fitted = "";
 
   function requestDraw() {
     if (pending) return;
@@ -82,9 +82,12 @@ export function makeScene(app, element, stats) {
     if (box) camera.fit(box);
   }
 
-  /** Until the user moves the camera it fits what comes, such as the other tiles of the map. */
+  /** Until the user moves the camera it fits what comes: a map, or without one the first robots. */
   function fitFirst() {
     if (camera.placed) return;
+    const about = `${store.grids.size ? boxOf(store) : store.poses.count} ${camera.width} ${camera.height}`;
+    if (about === fitted) return;
+    fitted = about;
     fit();
     camera.placed = false;
   }
