@@ -46,7 +46,7 @@ export function makeScene(app, element, stats) {
   function draw() {
     const start = performance.now();
     below.draw(changed, theme, ratio);
-    paintAbove({ ctx, app, theme, ratio, radius: below.radius }, painters);
+    paintAbove({ ctx, app, theme, ratio, radius: below.radius, taken: [] }, painters);
     changed.clear();
     note(start);
   }
