@@ -2,7 +2,6 @@
 
 import asyncio
 import contextlib
-import itertools
 import logging
 
 import msgspec
@@ -11,11 +10,9 @@ from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 from zteam.clock import monotonic
 from zteam.errors import DecodeError
 from zteam.nodes.web import rights
-from zteam.nodes.web.commands import Commands
-from zteam.nodes.web.composing import Composer
-from zteam.nodes.web.driving import Driving
-from zteam.nodes.web.hub import Hub
+from zteam.nodes.web.desk import GATHER, Desk
 from zteam.nodes.web.leases import Velocity
+from zteam.nodes.web.orders import Allowance, Orders
 from zteam.nodes.web.requests import (
     MAX_BYTES,
     VERSION,
@@ -25,8 +22,6 @@ from zteam.nodes.web.requests import (
     Drive,
     Hello,
     Look,
-    Release,
-    Take,
     Unwatch,
     Watch,
     decode_request,
@@ -38,55 +33,10 @@ log = logging.getLogger("zteam")
 HELLO_LIMIT = 5.0
 """Host seconds for a page's first message."""
 POLICY_VIOLATION = 1008
-GATHER = 0.01
-"""Host seconds from the first message of a tick until a frame is made: the tick's other messages come within them."""
-BURST, RATE = 200.0, 100.0
-"""Messages that a page may send at once, and a second; more are read later, so they delay no other page."""
-
-
-MAX_WAITING = 32
-"""Commands of one page that wait for those before them."""
 
 
 class RefusedError(Exception):
     """The page is told why, and its socket is closed."""
-
-
-class Desk:
-    """What all pages share, on the thread of the pages."""
-
-    def __init__(self, hub: Hub, token: str) -> None:
-        self.hub, self.token = hub, token
-        self.composer = Composer(hub)
-        self.numbers = itertools.count(1)
-        self.news: set[asyncio.Event] = set()
-        """One for each page, set when something came."""
-        self._came = self._armed = False
-        self._loop = asyncio.get_running_loop()
-        self.driving = Driving(hub.node.bus)
-        self.commands = Commands(hub)
-        hub.lease_of = self.driving.leases.holder
-        hub.on_news = self._on_news
-
-    def _on_news(self) -> None:
-        # Waking this thread for each message of lock-step would take longer than the frames.
-        self._came = True
-        if not self._armed:
-            self._armed = True
-            with contextlib.suppress(RuntimeError):
-                self._loop.call_soon_threadsafe(self._tell)
-
-    def _tell(self) -> None:
-        self._came = False
-        for event in self.news:
-            event.set()
-        self._loop.call_later(GATHER, self._rest)
-
-    def _rest(self) -> None:
-        self._armed = False
-        if self._came:
-            self._armed = True
-            self._tell()
 
 
 class Page:
@@ -97,8 +47,8 @@ class Page:
         self._ready, self._news = asyncio.Event(), asyncio.Event()
         self._news.set()
         self._replies: asyncio.Queue[bytes] = asyncio.Queue()
-        self._commands: asyncio.Queue[Command] = asyncio.Queue(MAX_WAITING)
-        self._allowance, self._counted = BURST, monotonic()
+        self._orders = Orders(desk, self._reply)
+        self._allowance = Allowance()
 
     async def run(self) -> None:
         """Serve the page until its socket is closed."""
@@ -116,7 +66,7 @@ class Page:
             async with asyncio.TaskGroup() as tasks:
                 for work in (
                     self._receive(viewer),
-                    self._obey(viewer),
+                    self._orders.carry_out(viewer.number),
                     self._send_replies(),
                     self._send_frames(viewer),
                 ):
@@ -161,14 +111,7 @@ class Page:
     async def _receive(self, viewer: Viewer) -> None:
         while True:
             self._take(viewer, await self._read())
-            await self._slow_down()
-
-    async def _slow_down(self) -> None:
-        now = monotonic()
-        self._allowance = min(BURST, self._allowance + RATE * (now - self._counted)) - 1.0
-        self._counted = now
-        if self._allowance < 0.0:
-            await asyncio.sleep(-self._allowance / RATE)
+            await self._allowance.wait()
 
     def _take(self, viewer: Viewer, request: AnyRequest) -> None:
         match request:
@@ -190,30 +133,11 @@ class Page:
                 self._desk.driving.drive(
                     request.robot, viewer.number, Velocity(request.linear, request.angular, request.left)
                 )
-            case Command() if not viewer.may_command:
-                self._reply(request.seq, "this page may only watch: open it with its token")
-            case Command() if self._commands.full():
-                self._reply(request.seq, f"{MAX_WAITING} commands of this page wait already")
             case Command():
-                self._commands.put_nowait(request)
+                self._orders.take(request, viewer)
 
     def _reply(self, seq: int, error: str) -> None:
         self._replies.put_nowait(msgspec.json.encode({"op": "reply", "seq": seq, "error": error}))
-
-    async def _obey(self, viewer: Viewer) -> None:
-        """Carry out the page's commands, one after another."""
-        desk = self._desk
-        while True:
-            command = await self._commands.get()
-            match command:
-                case Take():
-                    error = await desk.driving.take(command.robot, viewer.number)
-                case Release():
-                    error = await desk.driving.release(command.robot, viewer.number)
-                case _:
-                    error = await asyncio.to_thread(desk.commands.carry_out, command)
-            self._reply(command.seq, error)
-            self._hub.on_news()
 
     async def _send_replies(self) -> None:
         while True:

@@ -1,4 +1,4 @@
-"""Where pages and bus meet: who looks at what, what has come, and a sign to the pages that there is news."""
+"""Where pages and bus meet: what the pages look at, what has come, and a sign to the pages that there is news."""
 
 import threading
 from collections.abc import Callable

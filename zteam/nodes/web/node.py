@@ -46,7 +46,7 @@ def run_view(node: Node, options: ViewOptions, show: Callable[[str], None]) -> N
         log.warning("port %d is taken: the view is at port %d", options.port, port)
     if not rights.is_loopback(options.host):
         log.warning(
-            "the view listens at %s: anyone that reaches this machine may watch; commands need the token",
+            "the view listens at %s: every browser that reaches this machine may watch; commands need the token",
             options.host,
         )
     # What it says of each connection is of no use to a user.

@@ -15,7 +15,8 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket
 
 from zteam.errors import UsageError
-from zteam.nodes.web.connection import Desk, Page
+from zteam.nodes.web.connection import Page
+from zteam.nodes.web.desk import Desk
 from zteam.nodes.web.files import HEADERS, read_file
 from zteam.nodes.web.hub import Hub
 from zteam.nodes.web.requests import MAX_BYTES
@@ -67,7 +68,10 @@ class WebServer:
         self._server = uvicorn.Server(config)
         if self._hub.node.stopping:
             return
-        await self._server.serve([self._listener])
+        try:
+            await self._server.serve([self._listener])
+        finally:
+            desk.driving.stop()
 
 
 class Guarded:
