@@ -7,11 +7,19 @@ LINES = "[...document.querySelectorAll('#page-log .line')].map((line) => line.te
 SERIES = "[...document.querySelectorAll('#page-plots .chip')].map((chip) => chip.title)"
 
 
-def start(team: TeamFixture, screen: Screen) -> None:
-    """A wandering team in real time, and a page."""
+def start(team: TeamFixture, screen: Screen, layout: str = "") -> None:
+    """A wandering team in real time, and a page that begins with the layout in its address."""
     team.start("arena", robots=1, lockstep=False)
     team.wait_for_go()
-    screen.open(start_view(team), 1)
+    screen.open(start_view(team) + layout, 1)
+
+
+def odom_x(team: TeamFixture) -> float:
+    """Where the odometry sees robot_0 now (m)."""
+    team.wait_for(lambda: team.robot(0).odom is not None)
+    odom = team.robot(0).odom
+    assert odom is not None
+    return float(odom.pose.pose.position.x)
 
 
 def test_the_log_has_the_lines_of_all_processes(team: TeamFixture, screen: Screen) -> None:
@@ -75,29 +83,23 @@ def test_a_message_is_shown_and_its_numbers_are_plotted(team: TeamFixture, scree
     screen.page.click("button[aria-label='Plot pose.pose.position.x']")
     screen.page.click("button[aria-label='Plot pose.pose.position.y']")
     screen.page.click("button[aria-label='Plot twist.twist.linear.x']")
-    assert len(screen.ask(SERIES)) == 3
+    screen.wait(f"{SERIES}.length === 3")
     # Two positions share a chart, in metres; the velocity has its own.
     screen.wait("document.querySelectorAll('#page-plots .chart canvas').length === 2")
     values = "[...document.querySelectorAll('#page-plots .chip output')].map((node) => Number(node.textContent))"
     screen.wait(f"{values}.every(Number.isFinite)")
-    odom = team.robot(0).odom
-    assert odom is not None
-    start_x = odom.pose.pose.position.x
-    screen.wait(f"x => Math.abs({values}[0] - x) > 0.2", start_x)
-    odom = team.robot(0).odom
-    assert odom is not None
-    screen.wait(f"x => Math.abs({values}[0] - x) < 0.3", odom.pose.pose.position.x)
+    before = odom_x(team)
+    screen.wait(f"x => Math.abs({values}[0] - x) > 0.2", before)
+    screen.wait(f"x => Math.abs({values}[0] - x) < 0.3", odom_x(team))
     screen.page.click("#page-plots button:text-is('Clear')")
     screen.page.click("[aria-label^='Remove robot_0/odom twist']")
+    screen.wait(f"{SERIES}.length === 2")
     assert [title.split(".")[-1] for title in screen.ask(SERIES)] == ["x", "y"]
 
 
 def test_a_paused_plot_stands_still(team: TeamFixture, screen: Screen) -> None:
     """While plots are paused their values do not change; afterwards they have what came meanwhile."""
-    start(team, screen)
-    url = "robot_0/odom:header.stamp.sec"
-    screen.page.click("#tab-plots")
-    screen.ask("url => { location.hash = `plots=${url}&dock=plots`; location.reload(); }", url)
+    start(team, screen, "&plots=robot_0/odom:header.stamp.sec&dock=plots")
     value = "Number(document.querySelector('#page-plots .chip output')?.textContent || NaN)"
     screen.wait(f"{value} > 0")
     screen.page.click("#page-plots button:text-is('Pause')")

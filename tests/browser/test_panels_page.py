@@ -24,11 +24,12 @@ def arrange(screen: Screen) -> None:
     screen.page.click("#tab-layers")
     screen.page.check("text=Laser beams")
     screen.page.uncheck("text=Trails")
+    screen.page.click("#tab-team")
+    screen.page.click("#robots button:has-text('robot_1')")
     screen.page.click("#tab-topics")
     screen.page.click("#topics button:text-is('robot_1/odom')")
     screen.page.click("button[aria-label='Plot twist.twist.linear.x']")
     screen.ask("zteam.app.camera.set({x: 1.25, y: -0.5, scale: 100, angle: 0.5})")
-    screen.select(1)
     screen.page.keyboard.press("t")
 
 
@@ -120,13 +121,14 @@ def test_the_theme_is_the_systems_until_it_is_chosen(url: str, open_screen: Open
 
 
 def test_short_cuts_are_listed_and_work(url: str, screen: Screen) -> None:
-    """`?` lists them; digits choose panels, 0 folds them, / filters the log; none of them acts while a robot is driven."""
+    """`?` lists them; digits choose panels, 0 folds them, / filters the log; none acts while a robot is driven."""
     screen.open(url, 2)
     screen.page.keyboard.press("?")
     screen.page.wait_for_selector("dialog[open] :text('Save a picture of the map')")
     screen.page.keyboard.press("3")
     assert not screen.ask(SHOWN, "topics")
     screen.page.keyboard.press("Escape")
+    screen.wait("!document.querySelector('dialog').open")
     screen.page.keyboard.press("3")
     assert screen.ask(SHOWN, "topics")
     screen.page.keyboard.press("/")

@@ -34,7 +34,7 @@ export function mountKeys(app, actions) {
   };
   document.addEventListener("keydown", (event) => {
     const { key, target, ctrlKey, metaKey, altKey } = event;
-    const typing = target instanceof Element && target.closest("input, textarea, select, dialog");
+    const typing = target instanceof Element && target.closest("input, textarea, select, dialog[open]");
     // While the keys drive a robot, they do nothing else.
     const driving = /** @type {any} */ (app).drive?.mode && key !== "?";
     if (typing || driving || ctrlKey || metaKey || altKey || !Object.hasOwn(acts, key)) return;

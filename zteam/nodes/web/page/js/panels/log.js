@@ -30,7 +30,7 @@ class LogView {
     this.level.value = "info";
     this.process = el("select", { "aria-label": "Process" }, el("option", { value: "" }, "all processes"));
     this.text = el("input", { type: "search", class: "grow", id: "log-filter", placeholder: "Filter  /", "aria-label": "Text in the line" });
-    this.tail = el("button", { type: "button", hidden: true, onclick: () => this.#follow(true) });
+    this.tail = el("button", { type: "button", hidden: true, onclick: () => this.#follow(true) }, "↓ End");
     this.clear = el("button", { type: "button", onclick: () => this.#clear() }, "Clear");
     this.lines = el("div", { class: "scroll log", tabindex: 0, role: "log", "aria-label": "Log", "aria-live": "off" });
     this.page = el("div", { class: "page" }, el("div", { class: "row" }, this.level, this.process, this.text, this.tail, this.clear), this.lines);

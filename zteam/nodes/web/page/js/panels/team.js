@@ -105,7 +105,7 @@ function actionsOf(app) {
   const { store } = app;
   const text = el("span", { class: "muted grow" });
   const first = () => [...store.selection][0];
-  const follow = el("button", { type: "button", onclick: () => app.camera.set({ follow: app.camera.follow === first() ? -1 : first() }) });
+  const follow = el("button", { type: "button", onclick: () => app.camera.set({ follow: app.camera.follow === first() ? -1 : first() }) }, "Follow");
   const none = el("button", { type: "button", onclick: () => app.select([]) }, "Select none");
   const remove = confirmButton("Remove", "Click again to remove", async () => {
     for (const robot of store.selection) {
