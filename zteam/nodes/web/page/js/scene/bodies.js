@@ -49,7 +49,9 @@ export function makeObstacles(gl) {
     update(store, theme) {
       const color = rgbOf(theme.dark ? "#c9b48f" : "#8a6a3b"), fill = packed(color, 0.45), edge = packed(color);
       shapes.clear();
-      for (const { x, y, yaw, outline } of store.docs.obstacles ?? []) shapes.add(shapes.meshFor(outline), x, y, yaw, fill, edge, false);
+      // The others are in the map.
+      const movable = (store.docs.obstacles ?? []).filter((/** @type {any} */ obstacle) => obstacle.movable);
+      for (const { x, y, yaw, outline } of movable) shapes.add(shapes.meshFor(outline), x, y, yaw, fill, edge, false);
     },
     /** @param {Float32Array} camera @param {number} scale CSS pixels a metre @param {number} ratio device pixels a CSS pixel */
     draw: (camera, scale, ratio) => shapes.draw(camera, scale, ratio, 0),
