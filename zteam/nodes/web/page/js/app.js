@@ -9,6 +9,12 @@ const BEAMS = 1081;
 const MANY_ROBOTS = 8;
 const BEAMS_OF_MANY = 360;
 
+/** Metres and radians are sent in steps of 0.1 mm: a server repeats them in what it says. @param {Record<string, any>} command */
+function rounded(command) {
+  const entries = Object.entries(command).map(([name, value]) => [name, typeof value === "number" ? Math.round(1e4 * value) / 1e4 : value]);
+  return Object.fromEntries(entries);
+}
+
 /** What the parts of the page share. */
 export class App {
   constructor() {
@@ -28,7 +34,7 @@ export class App {
 
   /** @param {object} command without `seq` @returns {Promise<string>} why it was refused; "" if it was carried out */
   send(command) {
-    return this.connection.send(command);
+    return this.connection.send(rounded(command));
   }
 
   /** @param {object} message a message without a reply */

@@ -12,7 +12,7 @@ const LOG_LINES = 2000;
 
 /**
  * Events: connection, frame (after each frame, with it), robots (poses), team, tf, topics, log (new lines), goals,
- * markers (sonars and fiducials too), obstacles, echo ({topic, stamp, json}), samples (a block), scans, grids (key), paths (key),
+ * markers, obstacles, sonars, fiducials, echo ({topic, stamp, json}), samples (a block), scans, grids (key), paths (key),
  * posearrays (key), selection, layers, camera, tool, theme, drive.
  */
 export class Store extends Emitter {
@@ -113,7 +113,7 @@ export class Store extends Emitter {
     this.scans.clear();
     this.paths.clear();
     this.posearrays.clear();
-    for (const name of ["goals", "markers", "obstacles", "tf"]) delete this.docs[name];
+    for (const name of ["goals", "markers", "obstacles", "sonars", "fiducials", "tf"]) delete this.docs[name];
     this.emit("robots");
   }
 

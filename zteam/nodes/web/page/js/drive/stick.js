@@ -62,7 +62,7 @@ export function mountStick(driver, element) {
     const others = lease != null && lease !== store.connection.viewer;
     state.textContent = others ? `viewer ${lease} drives` : { none: "keys or stick", asked: "asking…", held: "you drive" }[driver.lease];
     box.dataset.lease = others ? "other" : driver.lease;
-    speeds.textContent = `${driver.limits.speed.toFixed(2)} m/s  ${driver.limits.turn.toFixed(2)} rad/s`;
+    speeds.textContent = `${driver.limits.speed.toFixed(2)} m/s · ${driver.limits.turn.toFixed(2)} rad/s`;
   }
   for (const name of ["drive", "team", "selection"]) driver.app.store.on(name, show);
 }

@@ -1,9 +1,10 @@
 /** The upper canvas: text, axes, arrows, markers, and what the tools show. */
 
+import { paintDevices } from "./devices.js";
 import { paintFrames } from "./frames.js";
 import { paintGoals } from "./goals.js";
 import { paintLabels } from "./labels.js";
-import { paintMarkers, paintObstacles } from "./markers.js";
+import { paintMarkers } from "./markers.js";
 import { inPixels } from "./paint.js";
 import { paintRuler } from "./ruler.js";
 
@@ -15,11 +16,11 @@ export function paintAbove(pen, painters) {
   ctx.setTransform(1, 0, 0, 1, 0, 0);
   ctx.clearRect(0, 0, ctx.canvas.width, ctx.canvas.height);
   inPixels(pen);
-  if (layers.has("obstacles")) paintObstacles(pen);
-  if (["markers", "sonars", "fiducials"].some((name) => layers.has(name))) paintMarkers(pen);
-  if (layers.has("tf")) paintFrames(pen);
+  if (layers.has("markers")) paintMarkers(pen);
+  paintDevices(pen);
   if (layers.has("goals")) paintGoals(pen);
   paintLabels(pen);
+  if (layers.has("tf")) paintFrames(pen);
   paintRuler(pen);
   for (const paint of painters) paint(pen);
 }

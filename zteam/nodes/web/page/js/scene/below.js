@@ -1,6 +1,6 @@
 /** The lower canvas: all that WebGL2 draws. */
 
-import { makeBodies } from "./bodies.js";
+import { makeBodies, makeObstacles } from "./bodies.js";
 import { makeGrids } from "./grids.js";
 import { gridStep, makeLinks, makeMapGrid, makeParticles, makePlans, makeTrails } from "./lines.js";
 import { makeScans } from "./scans.js";
@@ -16,7 +16,7 @@ const MIN_POINT = 2, MAX_POINT = 4;
 function makeDrawings(gl) {
   return {
     grids: makeGrids(gl), scans: makeScans(gl), bodies: makeBodies(gl), mapGrid: makeMapGrid(gl), trails: makeTrails(gl), links: makeLinks(gl),
-    plans: makePlans(gl), particles: makeParticles(gl),
+    plans: makePlans(gl), particles: makeParticles(gl), obstacles: makeObstacles(gl),
   };
 }
 
@@ -36,11 +36,12 @@ export function makeBelow(app, canvas, restored) {
   });
 
   /** @param {NonNullable<typeof parts>} to @param {Set<string>} changed @param {Theme} theme */
-  function takeChanges({ bodies, trails, scans, plans, particles }, changed, theme) {
+  function takeChanges({ bodies, trails, scans, plans, particles, obstacles }, changed, theme) {
     const anew = changed.has("theme"), robots = changed.has("robots"), team = changed.has("team");
     if (anew || team) bodies.setTeam(store);
     if (anew || team || robots || changed.has("selection")) bodies.update(store, theme);
     if (robots) trails.update(store, theme);
+    if (anew || changed.has("obstacles") || (robots && !store.docs.obstacles)) obstacles.update(store, theme);
     if (anew || team || changed.has("scans") || (robots && !store.scans.size)) scans.update(store, theme);
     if (anew || changed.has("paths") || (robots && !store.paths.size)) plans.update(store, theme);
     if (anew || changed.has("posearrays") || (robots && !store.posearrays.size)) particles.update(store, theme);
@@ -63,13 +64,14 @@ export function makeBelow(app, canvas, restored) {
       if (layers.has("grid")) parts.mapGrid.draw(matrix, ratio, camera, theme);
       if (layers.has("map")) parts.grids.draw(matrix, store, theme, false, layers.has("grid") ? gridStep(scale) : 0);
       if (layers.has("costmaps")) parts.grids.draw(matrix, store, theme, true, 0);
+      if (layers.has("obstacles")) parts.obstacles.draw(matrix, scale, ratio);
       if (layers.has("beams")) parts.scans.draw(matrix, true, 1);
       if (layers.has("trails")) parts.trails.draw(matrix, ratio);
       if (layers.has("particles")) parts.particles.draw(matrix, ratio);
       if (layers.has("plans")) parts.plans.draw(matrix, ratio);
       if (layers.has("follow")) parts.links.draw(matrix, ratio, store, theme, scale, parts.bodies.radius);
-      if (layers.has("robots")) parts.bodies.draw(matrix, scale, ratio);
       if (layers.has("scans")) parts.scans.draw(matrix, false, Math.round(Math.min(MAX_POINT, Math.max(MIN_POINT, 0.06 * scale)) * ratio));
+      if (layers.has("robots")) parts.bodies.draw(matrix, scale, ratio);
     },
   };
 }

@@ -1,150 +1,59 @@
-/** Robots with their outlines: filled, with an edge and a mark at the front. One call a kind of robot. */
+/** Robots with their outlines, and the things that they push. */
 
-import { makeProgram, setAttributes } from "./gl.js";
-import { mix } from "../robot_colors.js";
+import { mix, rgbOf } from "../robot_colors.js";
 import { packed } from "./colors.js";
-import { circle, frontOf, radiusOf, triangulate } from "./polygons.js";
+import { circle } from "./polygons.js";
+import { makeShapes } from "./shapes.js";
 
 /** Robots are never drawn smaller than this radius, in CSS pixels. */
 export const MIN_RADIUS = 5;
 
-const VERTEX = `
-uniform mat3 camera;
-uniform vec2 pixels;
-uniform float grow;                       // so that a far robot is still seen
-uniform vec2 widths;                      // of an edge, and of a selected robot's, in device pixels
-layout(location = 0) in vec4 ends;        // of an edge; a filled corner has both the same
-layout(location = 1) in vec2 kind;        // which corner of the edge's quad (-1: filled), 1: of the mark at the front
-layout(location = 2) in vec3 pose;
-layout(location = 3) in vec4 fill;
-layout(location = 4) in vec4 edge;
-layout(location = 5) in float selected;
-out vec4 color;
-vec2 place(vec2 p) {
-  vec2 q = grow * p;
-  float c = cos(pose.z), s = sin(pose.z);
-  return (camera * vec3(pose.xy + vec2(c * q.x - s * q.y, s * q.x + c * q.y), 1.0)).xy;
-}
-void main() {
-  vec2 a = place(ends.xy);
-  color = kind.x < 0.0 && kind.y < 0.5 ? vec4(fill.rgb, 1.0) * fill.a : vec4(edge.rgb, 1.0) * edge.a;
-  if (kind.x < 0.0) { gl_Position = vec4(a, 0.0, 1.0); return; }
-  vec2 b = place(ends.zw), along = (b - a) * pixels;
-  float width = selected > 0.5 ? widths.y : widths.x;
-  vec2 unit = along / max(length(along), 1e-6);
-  vec2 side = vec2(-unit.y, unit.x) * width / pixels, end = unit * 0.5 * width / pixels;
-  int corner = int(kind.x);
-  vec2 p = (corner & 1) == 0 ? a - end : b + end;
-  gl_Position = vec4(p + ((corner & 2) == 0 ? side : -side), 0.0, 1.0);
-}`;
-
-const FRAGMENT = `
-in vec4 color;
-out vec4 result;
-void main() { result = color; }`;
-
-const WORDS = 6;
-const QUAD = [0, 1, 2, 2, 1, 3];
-
-/** @typedef {{radius: number, vertices: number, array: WebGLVertexArrayObject, instances: WebGLBuffer, floats: Float32Array,
- *  words: Uint32Array, count: number}} Mesh */
-
-/** @param {[number, number][][]} outline @returns {Float32Array} vertices of six floats: ends and kind */
-function verticesOf(outline) {
-  /** @type {number[]} */
-  const vertices = [];
-  for (const polygon of outline) {
-    const corners = triangulate(polygon);
-    for (let i = 0; i < corners.length; i += 2) vertices.push(corners[i], corners[i + 1], corners[i], corners[i + 1], -1, 0);
-  }
-  const front = frontOf(outline), size = 0.55 * Math.min(front, radiusOf(outline));
-  for (const [x, y] of [[front * 0.92, 0], [front * 0.92 - size, 0.5 * size], [front * 0.92 - size, -0.5 * size]]) vertices.push(x, y, x, y, -1, 1);
-  for (const polygon of outline) {
-    polygon.forEach(([x, y], i) => {
-      const [nextX, nextY] = polygon[(i + 1) % polygon.length];
-      for (const corner of QUAD) vertices.push(x, y, nextX, nextY, corner, 0);
-    });
-  }
-  return new Float32Array(vertices);
-}
+/** @typedef {import("../store.js").Store} Store */
+/** @typedef {import("./colors.js").Theme} Theme */
 
 /** @param {WebGL2RenderingContext} gl */
 export function makeBodies(gl) {
-  const { program, at } = makeProgram(gl, VERTEX, FRAGMENT);
-  /** @type {Map<string, Mesh>} by outline */
-  const meshes = new Map();
-  /** @type {Map<number, Mesh>} by robot */
+  const shapes = makeShapes(gl, true), unknown = shapes.meshFor([circle(0.2)]);
+  /** @type {Map<number, import("./shapes.js").Mesh>} by robot */
   let meshOf = new Map();
-
-  /** @param {[number, number][][]} outline @returns {Mesh} */
-  function meshFor(outline) {
-    const key = JSON.stringify(outline), known = meshes.get(key);
-    if (known) return known;
-    const vertices = verticesOf(outline), array = gl.createVertexArray(), instances = gl.createBuffer();
-    gl.bindVertexArray(array);
-    gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
-    gl.bufferData(gl.ARRAY_BUFFER, vertices, gl.STATIC_DRAW);
-    setAttributes(gl, [{ place: 0, size: 4, offset: 0 }, { place: 1, size: 2, offset: 16 }], 24, 0);
-    const mesh = { radius: radiusOf(outline), vertices: vertices.length / 6, array, instances, floats: new Float32Array(0), words: new Uint32Array(0), count: 0 };
-    meshes.set(key, mesh);
-    return mesh;
-  }
-
-  const unknown = meshFor([circle(0.2)]);
-
-  /** @param {Mesh} mesh */
-  function grow(mesh) {
-    const old = mesh.words;
-    mesh.floats = new Float32Array(Math.max(16, 2 * mesh.count) * WORDS);
-    mesh.words = new Uint32Array(mesh.floats.buffer);
-    mesh.words.set(old);
-    gl.bindVertexArray(mesh.array);
-    gl.bindBuffer(gl.ARRAY_BUFFER, mesh.instances);
-    gl.bufferData(gl.ARRAY_BUFFER, mesh.floats.byteLength, gl.DYNAMIC_DRAW);
-    const bytes = { size: 4, type: gl.UNSIGNED_BYTE, normalized: true };
-    setAttributes(gl, [{ place: 2, size: 3, offset: 0 }, { place: 3, ...bytes, offset: 12 }, { place: 4, ...bytes, offset: 16 }, { place: 5, size: 1, offset: 20 }], 4 * WORDS, 1);
-  }
 
   return {
     /** @param {number} id @returns {number} metres */
     radius: (id) => (meshOf.get(id) ?? unknown).radius,
 
-    /** The team has changed. @param {import("../store.js").Store} store */
+    /** The team has changed. @param {Store} store */
     setTeam(store) {
-      meshOf = new Map([...store.robots.values()].map((robot) => [robot.id, robot.outline.length ? meshFor(robot.outline) : unknown]));
+      meshOf = new Map([...store.robots.values()].map((robot) => [robot.id, robot.outline.length ? shapes.meshFor(robot.outline) : unknown]));
     },
 
-    /** Take over poses and colours. @param {import("../store.js").Store} store @param {import("./colors.js").Theme} theme */
-    update(store, theme) {
-      for (const mesh of meshes.values()) mesh.count = 0;
-      const { poses, selection } = store;
+    /** Take over poses and colours. @param {Store} store @param {Theme} theme */
+    update({ poses, selection }, theme) {
+      shapes.clear();
       for (let i = 0; i < poses.count; i++) {
-        const id = poses.ids[i], mesh = meshOf.get(id) ?? unknown, color = theme.robot(id);
-        if ((mesh.count + 1) * WORDS > mesh.floats.length) grow(mesh);
-        const place = mesh.count++ * WORDS, selected = selection.has(id), hollow = poses.truth[i] === 1;
-        mesh.floats[place] = poses.x[i];
-        mesh.floats[place + 1] = poses.y[i];
-        mesh.floats[place + 2] = poses.yaw[i];
-        mesh.words[place + 3] = packed(color, hollow ? 0.15 : 0.8);
-        mesh.words[place + 4] = packed(selected ? theme.text : hollow ? color : mix(color, theme.text, 0.55));
-        mesh.floats[place + 5] = selected ? 1 : 0;
+        const id = poses.ids[i], color = theme.robot(id), selected = selection.has(id), hollow = poses.truth[i] === 1;
+        const edge = selected ? theme.text : hollow ? color : mix(color, theme.text, 0.55);
+        shapes.add(meshOf.get(id) ?? unknown, poses.x[i], poses.y[i], poses.yaw[i], packed(color, hollow ? 0.15 : 0.8), packed(edge), selected);
       }
     },
 
     /** @param {Float32Array} camera @param {number} scale CSS pixels a metre @param {number} ratio device pixels a CSS pixel */
-    draw(camera, scale, ratio) {
-      gl.useProgram(program);
-      gl.uniformMatrix3fv(at.camera, false, camera);
-      gl.uniform2f(at.pixels, gl.drawingBufferWidth, gl.drawingBufferHeight);
-      gl.uniform2f(at.widths, 1.25 * ratio, 3 * ratio);
-      for (const mesh of meshes.values()) {
-        if (!mesh.count) continue;
-        gl.uniform1f(at.grow, Math.max(1, MIN_RADIUS / (scale * mesh.radius)));
-        gl.bindVertexArray(mesh.array);
-        gl.bindBuffer(gl.ARRAY_BUFFER, mesh.instances);
-        gl.bufferSubData(gl.ARRAY_BUFFER, 0, mesh.floats, 0, WORDS * mesh.count);
-        gl.drawArraysInstanced(gl.TRIANGLES, 0, mesh.vertices, mesh.count);
-      }
+    draw: (camera, scale, ratio) => shapes.draw(camera, scale, ratio, MIN_RADIUS),
+  };
+}
+
+/** @param {WebGL2RenderingContext} gl */
+export function makeObstacles(gl) {
+  const shapes = makeShapes(gl, false);
+  return {
+    /** @param {Store} store @param {Theme} theme */
+    update(store, theme) {
+      const color = rgbOf(theme.dark ? "#c9b48f" : "#8a6a3b"), fill = packed(color, 0.45), edge = packed(color);
+      shapes.clear();
+      // The others are in the map.
+      const movable = (store.docs.obstacles ?? []).filter((/** @type {any} */ obstacle) => obstacle.movable);
+      for (const { x, y, yaw, outline } of movable) shapes.add(shapes.meshFor(outline), x, y, yaw, fill, edge, false);
     },
+    /** @param {Float32Array} camera @param {number} scale CSS pixels a metre @param {number} ratio device pixels a CSS pixel */
+    draw: (camera, scale, ratio) => shapes.draw(camera, scale, ratio, 0),
   };
 }

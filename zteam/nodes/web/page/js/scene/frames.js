@@ -1,10 +1,14 @@
 /** The TF tree as axes with names. */
 
-import { ahead, isOnScreen, label } from "./paint.js";
+import { ahead, isFree, isOnScreen, label, labelWidth } from "./paint.js";
 
 /** @typedef {{name: string, parent: string, x: number, y: number, yaw: number}} Frame pose in the parent */
 
-const MAX_NAMES = 200;
+/** With more places on the screen only the axes are drawn. */
+const MAX_NAMED = 150;
+/** Frames within so many pixels have their names together. */
+const NEAR = 24;
+const LINE = 14;
 const X_COLOR = "#d55e00", Y_COLOR = "#009e73";
 
 /**
@@ -38,8 +42,8 @@ export function paintFrames(pen) {
   if (!frames) return;
   ctx.lineWidth = 2;
   const length = Math.min(34, Math.max(12, 0.35 * app.camera.scale));
-  /** @type {[string, number, number][]} */
-  const names = [];
+  /** @type {Map<string, {px: number, py: number, names: string[]}>} by place on the screen */
+  const places = new Map();
   for (const [name, { x, y, yaw }] of composeFrames(frames)) {
     const [px, py] = app.camera.toScreen(x, y);
     if (!isOnScreen(app, px, py)) continue;
@@ -50,14 +54,22 @@ export function paintFrames(pen) {
       ctx.lineTo(...ahead(app, px, py, yaw + turn, length));
       ctx.stroke();
     }
-    names.push([name, px, py]);
+    const key = `${Math.round(px / NEAR)},${Math.round(py / NEAR)}`, place = places.get(key);
+    if (place) place.names.push(name);
+    else places.set(key, { px, py, names: [name] });
   }
-  if (names.length > MAX_NAMES) return;
-  // Frames in one place have their names below each other.
-  const lines = new Map();
-  for (const [name, px, py] of names) {
-    const place = `${Math.round(px / 12)},${Math.round(py / 12)}`, line = lines.get(place) ?? 0;
-    lines.set(place, line + 1);
-    label(pen, name, px + 6, py + 9 + 14 * line, { align: "left" });
+  if (places.size <= MAX_NAMED) for (const place of places.values()) paintNames(pen, place);
+}
+
+/** Names of frames in one place, below each other: to the right of it or to the left, lower or higher, or not at all.
+ * @param {import("./paint.js").Pen} pen @param {{px: number, py: number, names: string[]}} place */
+function paintNames(pen, { px, py, names }) {
+  const width = Math.max(...names.map((name) => labelWidth(pen, name))), height = LINE * names.length;
+  for (const [left, top] of [[px + 6, py + 4], [px + 6, py - 4 - height], [px - 6 - width, py + 4], [px - 6 - width, py - 4 - height]]) {
+    /** @type {import("./paint.js").Box} */
+    const box = [left, top, left + width, top + height];
+    if (!isFree(pen, box)) continue;
+    pen.taken.push(box);
+    return names.forEach((name, i) => label(pen, name, left, top + LINE * (i + 0.5), { align: "left" }));
   }
 }

@@ -1,7 +1,7 @@
 /** Names of robots, and a ring around each one that is driven from a page. */
 
 import { MIN_RADIUS } from "./bodies.js";
-import { isOnScreen, label, labelWidth } from "./paint.js";
+import { isFree, isOnScreen, label, labelWidth } from "./paint.js";
 
 /** With more robots on the screen only selected and driven ones are named. */
 const MAX_LABELS = 150;
@@ -14,17 +14,15 @@ const HEIGHT = 14;
 /** @param {import("./paint.js").Pen} pen */
 export function paintLabels(pen) {
   const { app } = pen, seen = seenRobots(pen), all = app.layers.has("labels") && seen.length <= MAX_LABELS;
-  /** @type {[number, number, number, number][]} left, top, right, bottom of what has its place */
-  const taken = [];
   // The important ones choose first.
   seen.sort((a, b) => Number(b.selected) - Number(a.selected) || a.id - b.id);
   for (const robot of seen) {
     if (robot.driver !== null) ring(pen, robot);
     if (!all && !robot.selected && robot.driver === null) continue;
     const text = textOf(pen, robot), look = { bold: robot.selected }, width = labelWidth(pen, text, look);
-    const place = freePlace(robot, width, taken) ?? (robot.selected ? [robot.px, robot.py + robot.radius + 11] : null);
+    const place = freePlace(pen, robot, width) ?? (robot.selected ? [robot.px, robot.py + robot.radius + 11] : null);
     if (!place) continue;
-    taken.push(boxAt(place[0], place[1], width));
+    pen.taken.push(boxAt(place[0], place[1], width));
     label(pen, text, place[0], place[1], look);
   }
 }
@@ -50,23 +48,18 @@ function textOf({ app: { store } }, { id, radius, selected, driver }) {
 
 /**
  * Below the robot, or above, right or left of it; null if other labels are everywhere.
- * @param {Seen} robot @param {number} width @param {[number, number, number, number][]} taken @returns {[number, number] | null} middle
+ * @param {import("./paint.js").Pen} pen @param {Seen} robot @param {number} width @returns {[number, number] | null} middle
  */
-function freePlace({ px, py, radius }, width, taken) {
+function freePlace(pen, { px, py, radius }, width) {
   const beside = radius + width / 2 + 1;
   /** @type {[number, number][]} */
   const places = [[px, py + radius + 11], [px, py - radius - 11], [px + beside, py], [px - beside, py]];
-  return places.find(([x, y]) => !taken.some((other) => overlap(boxAt(x, y, width), other))) ?? null;
+  return places.find(([x, y]) => isFree(pen, boxAt(x, y, width))) ?? null;
 }
 
-/** @param {number} x @param {number} y @param {number} width @returns {[number, number, number, number]} */
+/** @param {number} x @param {number} y @param {number} width @returns {import("./paint.js").Box} */
 function boxAt(x, y, width) {
   return [x - width / 2 + 2, y - HEIGHT / 2, x + width / 2 - 2, y + HEIGHT / 2];
-}
-
-/** @param {[number, number, number, number]} a @param {[number, number, number, number]} b */
-function overlap(a, b) {
-  return a[0] < b[2] && b[0] < a[2] && a[1] < b[3] && b[1] < a[3];
 }
 
 /** @param {import("./paint.js").Pen} pen @param {Seen} robot */

@@ -33,7 +33,7 @@ export function makeTrails(gl) {
     /** @param {Store} store @param {Theme} theme */
     update(store, theme) {
       const { poses, frame } = store;
-      if (frame.stamp < stamp) this.clear();
+      if (frame.stamp < stamp || !poses.count) this.clear();
       stamp = frame.stamp;
       for (let i = 0; i < poses.count; i++) {
         const id = poses.ids[i], x = poses.x[i], y = poses.y[i], from = last.get(id);

@@ -1,4 +1,4 @@
-/** Markers (visualization_msgs/Marker, and polygons as line strips), and the things that robots push. */
+/** Markers (visualization_msgs/Marker, and polygons as line strips). */
 
 import { inMetres, inPixels, label, trace } from "./paint.js";
 
@@ -65,21 +65,4 @@ function metricArrow(ctx, from, to, width) {
   trace(ctx, [[0, width / 2], [length - head, width / 2], [length - head, 1.2 * width], [length, 0], [length - head, -1.2 * width], [length - head, -width / 2], [0, -width / 2]], true);
   ctx.fill();
   ctx.restore();
-}
-
-/** @param {import("./paint.js").Pen} pen */
-export function paintObstacles(pen) {
-  const { ctx, app, theme } = pen;
-  for (const { x, y, yaw, outline } of app.store.docs.obstacles ?? []) {
-    inMetres(pen, x, y, yaw);
-    ctx.lineWidth = 1.5 / app.camera.scale;
-    ctx.fillStyle = theme.dark ? "rgba(160, 140, 110, 0.55)" : "rgba(150, 120, 80, 0.45)";
-    ctx.strokeStyle = theme.dark ? "#c9b48f" : "#6f5530";
-    for (const polygon of outline) {
-      trace(ctx, polygon, true);
-      ctx.fill();
-      ctx.stroke();
-    }
-  }
-  inPixels(pen);
 }

@@ -1,8 +1,9 @@
 /** Drawing on the 2-D canvas above the map: a pen that knows the camera. */
 
 /** @typedef {import("../app.js").App} App */
-/** @typedef {{ctx: CanvasRenderingContext2D, app: App, theme: import("./colors.js").Theme, ratio: number, radius: (id: number) => number}} Pen
- *  ratio: device pixels a CSS pixel; radius: of a robot in metres */
+/** @typedef {{ctx: CanvasRenderingContext2D, app: App, theme: import("./colors.js").Theme, ratio: number, radius: (id: number) => number,
+ *  taken: Box[]}} Pen ratio: device pixels a CSS pixel; radius: of a robot in metres; taken: places that have a label already */
+/** @typedef {[number, number, number, number]} Box left, top, right, bottom in pixels */
 
 const FONT = "12px system-ui, sans-serif";
 const MARGIN = 60;
@@ -68,6 +69,11 @@ export function label(pen, text, px, py, look = {}) {
 /** How wide a label is, in pixels. @param {Pen} pen @param {string} text @param {Look} [look] */
 export function labelWidth(pen, text, look = {}) {
   return spriteOf(pen, text, look).width;
+}
+
+/** Whether a place is free for a label. @param {Pen} pen @param {Box} box */
+export function isFree({ taken }, [left, top, right, bottom]) {
+  return !taken.some((other) => left < other[2] && other[0] < right && top < other[3] && other[1] < bottom);
 }
 
 /** Text as a picture: drawing a picture takes a tenth of the time of drawing text.

@@ -8,7 +8,7 @@ import { isMap } from "./grids.js";
 /** Figures of so many drawings are kept. */
 const KEPT = 200;
 const REDRAWN_ON = [
-  "robots", "team", "tf", "goals", "markers", "obstacles", "scans", "grids", "paths", "posearrays", "selection", "layers", "camera", "tool", "drive",
+  "robots", "team", "tf", "goals", "markers", "obstacles", "sonars", "fiducials", "scans", "grids", "paths", "posearrays", "selection", "layers", "camera", "tool", "drive",
 ];
 
 /** @typedef {ReturnType<typeof makeScene>} Scene */
@@ -46,7 +46,7 @@ export function makeScene(app, element, stats) {
   function draw() {
     const start = performance.now();
     below.draw(changed, theme, ratio);
-    paintAbove({ ctx, app, theme, ratio, radius: below.radius }, painters);
+    paintAbove({ ctx, app, theme, ratio, radius: below.radius, taken: [] }, painters);
     changed.clear();
     note(start);
   }

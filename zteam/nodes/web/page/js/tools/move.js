@@ -6,7 +6,7 @@ import { circle } from "../scene/polygons.js";
 
 const TURN = Math.PI / 12;
 /** Milliseconds for which a refused place stays marked. */
-const REFUSED = 1200;
+const REFUSED = 2000;
 
 /** @typedef {{robot: number, x: number, y: number, yaw: number, offset: [number, number], state: "held" | "sent" | "refused"}} Ghost
  *  offset: from the mouse to the robot's origin */
