@@ -44,7 +44,9 @@ export class Driver {
   /** @param {boolean} on */
   set(on) {
     if (on === this.mode) return;
-    if (on && !this.app.store.connection.mayCommand) return this.app.say("Driving: watching only, without the token", "error");
+    if (on && !this.app.store.connection.mayCommand) {
+      return this.app.say("Driving: watching only, without the token", "error");
+    }
     if (!on) this.letGo();
     this.mode = on;
     // Keys are for the robot now, not for what was clicked last.
@@ -57,7 +59,8 @@ export class Driver {
   /** The robot to drive is the selected one, or the only one there is. */
   #follow() {
     const { selection, robots } = this.app.store;
-    const robot = selection.size === 1 ? [...selection][0] : !selection.size && robots.size === 1 ? [...robots.keys()][0] : -1;
+    const robot =
+      selection.size === 1 ? [...selection][0] : !selection.size && robots.size === 1 ? [...robots.keys()][0] : -1;
     if (robot === this.robot) return;
     this.letGo();
     this.robot = this.mode ? robot : -1;
