@@ -47,6 +47,7 @@ class Places:
 
     def clear(self) -> None:
         """Time was set back: what was known of the other time does not count."""
+        self.buffer.clear()
         self._bundles.clear()
 
     def look(self, robots: Iterable[int]) -> dict[int, Pose2]:
