@@ -27,7 +27,7 @@ def arrange(screen: Screen) -> None:
     screen.page.click("#tab-team")
     screen.page.click("#robots button:has-text('robot_1')")
     screen.page.click("#tab-topics")
-    screen.page.click("#topics button:text-is('robot_1/odom')")
+    screen.page.click("#topics [data-topic='robot_1/odom'] button")
     screen.page.click("button[aria-label='Plot twist.twist.linear.x']")
     screen.ask("zteam.app.camera.set({x: 1.25, y: -0.5, scale: 100, angle: 0.5})")
     screen.page.keyboard.press("t")
@@ -179,7 +179,7 @@ def test_every_control_has_a_name(url: str, screen: Screen) -> None:
     """Each button and field has a name for screen readers."""
     screen.open(url, 2)
     screen.page.click("#tab-topics")
-    screen.page.click("#topics button:text-is('robot_1/odom')")
+    screen.page.click("#topics [data-topic='robot_1/odom'] button")
     screen.page.wait_for_selector("button[aria-label^=Plot]")
     nameless = """[...document.querySelectorAll('button, input, select')].filter((control) =>
       !(control.textContent.trim() || control.ariaLabel || control.closest('label') || control.title))

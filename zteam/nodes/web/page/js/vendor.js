@@ -21,7 +21,7 @@ export function makeChart(place, unit, series, range) {
     height: 100,
     legend: { show: false },
     cursor: { y: false, drag: { setScale: false } },
-    scales: { x: { time: false, range } },
+    scales: { x: { time: false, range }, y: { range: (_chart, low, high) => rangeOf(low, high) } },
     axes: [
       { ...axis, size: 26, values: (_chart, times) => times.map((time) => `${time} s`) },
       { ...axis, size: 52, labelSize: 16, label: unit || "value" },
@@ -36,4 +36,12 @@ export function makeChart(place, unit, series, range) {
     },
     remove: () => chart.destroy(),
   };
+}
+
+/** The range of the value axis: a value that stays the same is in its middle. @param {number | null} low @param {number | null} high @returns {[number, number]} */
+function rangeOf(low, high) {
+  if (low === null || high === null) return [-1, 1];
+  if (low === high) return [low - (Math.abs(low) / 10 || 1), low + (Math.abs(low) / 10 || 1)];
+  const [start, end] = uPlot.rangeNum(low, high, 0.1, true);
+  return [start ?? low, end ?? high];
 }

@@ -30,6 +30,16 @@ export function setText(node, text) {
 }
 
 /**
+ * A name of a topic or frame, which a narrow column may break behind its parts.
+ *
+ * @param {string} name
+ * @returns {(Node | string)[]}
+ */
+export function breakable(name) {
+  return name.split(/(?<=[/_])/).flatMap((part) => [part, document.createElement("wbr")]);
+}
+
+/**
  * Sets or removes an attribute.
  *
  * @param {Element} node

@@ -15,6 +15,20 @@ export function formatClock(seconds) {
   return hours ? `${hours}:${String(minutes).padStart(2, "0")}:${rest}` : `${minutes}:${rest}`;
 }
 
+const HOST_TIME = 1e8; // s: more is a time of the host's clock, not of a simulation's
+
+/**
+ * When a line was logged: the host's time of day, or seconds of simulated time.
+ *
+ * @param {number} seconds
+ */
+export function formatTime(seconds) {
+  if (seconds < HOST_TIME) return formatNumber(seconds, 2);
+  const date = new Date(1000 * seconds);
+  const parts = [date.getHours(), date.getMinutes(), date.getSeconds()].map((part) => String(part).padStart(2, "0"));
+  return `${parts.join(":")}.${String(Math.floor(date.getMilliseconds() / 10)).padStart(2, "0")}`;
+}
+
 /**
  * A number with a fixed count of decimals, or a dash.
  *

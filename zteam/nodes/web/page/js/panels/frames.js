@@ -1,6 +1,6 @@
 /** The tree of all frames: where each is in its parent, how old that is, and which process says it. */
 
-import { el, reconcile, setText } from "./dom.js";
+import { breakable, el, reconcile, setText } from "./dom.js";
 import { formatAge, formatNumber } from "./format.js";
 
 /** @typedef {{name: string, parent: string, x: number, y: number, z: number, yaw: number, static: boolean, age: number | null, by?: string}} Frame */
@@ -28,7 +28,7 @@ export function framesTab(app) {
     empty.hidden = rows.length > 0;
     table.hidden = rows.length === 0;
     setText(count, wanted ? `${fitting.length} of ${rows.length}` : `${rows.length} frames`);
-    reconcile(table, fitting, ({ frame }) => frame.name, createRow, (row, item) => updateRow(row, item, wanted ? 0 : item.depth));
+    reconcile(table, fitting, ({ frame }) => frame.name, createRow, (row, item) => updateRow(row, item, !wanted));
   };
   filter.addEventListener("input", show);
   for (const event of ["tf", "connection"]) app.store.on(event, show);
@@ -71,19 +71,24 @@ export function treeOf(frames) {
   return rows;
 }
 
-function createRow() {
-  const row = el("tr", {}, el("td", { class: "key" }));
+/** @param {{frame: Frame}} item */
+function createRow({ frame }) {
+  const slash = frame.name.indexOf("/") + 1;
+  const prefix = el("span", {}, frame.name.slice(0, slash));
+  const row = el("tr", {}, el("td", { class: "key" }, prefix, ...breakable(frame.name.slice(slash))));
   for (let i = 0; i < 4; i++) row.append(el("td", { class: "number" }));
   row.append(el("td", { class: "muted" }));
-  return el("tbody", {}, row);
+  return el("tbody", { "data-frame": frame.name }, row);
 }
 
-/** @param {HTMLTableSectionElement} rows @param {{frame: Frame}} item @param {number} depth */
-function updateRow(rows, { frame }, depth) {
+/** @param {HTMLTableSectionElement} rows @param {{frame: Frame, depth: number}} item @param {boolean} tree whether frames are indented */
+function updateRow(rows, { frame, depth }, tree) {
   const [name, x, y, yaw, age, by] = rows.rows[0].cells;
-  name.style.paddingLeft = `${12 + 14 * depth}px`;
-  setText(name, frame.name);
-  name.title = frame.parent ? `in ${frame.parent}` : "root";
+  name.style.paddingLeft = `${12 + (tree ? 12 * depth : 0)}px`;
+  const prefix = name.firstElementChild;
+  const again = prefix?.textContent && frame.parent.startsWith(prefix.textContent);
+  prefix?.classList.toggle("prefix", Boolean(tree && again));
+  name.title = frame.parent ? `${frame.name} in ${frame.parent}` : "root";
   setText(x, formatNumber(frame.x, 2));
   setText(y, formatNumber(frame.y, 2));
   setText(yaw, formatNumber(frame.yaw / DEGREE, 1));

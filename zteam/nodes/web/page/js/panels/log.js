@@ -1,7 +1,7 @@
 /** What all processes log: filtered, at its end unless the user scrolled up. */
 
 import { el, setText } from "./dom.js";
-import { formatNumber } from "./format.js";
+import { formatTime } from "./format.js";
 
 const LEVELS = ["debug", "info", "warn", "error", "fatal"];
 const MOST_ROWS = 1000;
@@ -147,6 +147,6 @@ class LogView {
 
 /** @param {Line} line */
 function drawLine({ time, process, level, text }) {
-  const parts = [el("span", { class: "time" }, formatNumber(time, 2)), el("span", { class: "process" }, process)];
+  const parts = [el("span", { class: "time" }, formatTime(time)), el("span", { class: "process" }, process)];
   return el("div", { class: "line", "data-level": level }, ...parts, el("span", { class: "level" }, level), el("span", { class: "text" }, text));
 }

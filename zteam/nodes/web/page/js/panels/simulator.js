@@ -80,9 +80,9 @@ function speedSelect(app) {
     const sim = store.team?.sim, why = whyNot(store);
     select.disabled = why !== "";
     select.title = why ? `Speed: ${why}` : "Speed: simulated seconds a second";
-    if (!sim?.present || document.activeElement === select) return;
-    const current = String(sim.speed ?? 0);
-    if (![...select.options].some((option) => option.value === current)) select.append(el("option", { value: current }, speedText(sim.speed)));
+    if (document.activeElement === select) return;
+    const current = String(sim?.present ? sim.speed ?? 0 : 1);
+    if (![...select.options].some((option) => option.value === current)) select.append(el("option", { value: current }, speedText(Number(current))));
     select.value = current;
   };
   return { select, show };

@@ -70,6 +70,7 @@ export class Tabs {
       const button = this.row.querySelector(`#tab-${tab.name}`);
       button?.setAttribute("aria-selected", String(on));
       button?.setAttribute("tabindex", tab.name === this.current ? "0" : "-1");
+      if (on) button?.scrollIntoView({ block: "nearest", inline: "nearest" });
       tab.page.hidden = !on;
       tab.shown?.(on);
     }

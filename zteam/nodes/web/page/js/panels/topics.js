@@ -1,6 +1,6 @@
 /** All topics with types and rates; of one of them the newest message as a tree, whose numbers can be plotted. */
 
-import { el, iconButton, reconcile, setAttribute, setText } from "./dom.js";
+import { breakable, el, iconButton, reconcile, setAttribute, setText } from "./dom.js";
 import { formatNumber } from "./format.js";
 import { MessageTree } from "./message_tree.js";
 
@@ -43,10 +43,10 @@ export function topicsTab(app, layout, plot) {
 
 /** @param {Topic} topic @param {(key: string) => void} choose */
 function createRow(topic, choose) {
-  const button = el("button", { type: "button", class: "link", title: `Show the newest message of ${topic.key}` }, topic.key);
+  const button = el("button", { type: "button", class: "link", title: `Show the newest message of ${topic.key}` }, ...breakable(topic.key));
   const row = el("tr", { onclick: () => choose(topic.key) }, el("td", { class: "key" }, button), el("td", { class: "muted" }));
   row.append(el("td", { class: "number" }), el("td", { class: "number muted" }));
-  return el("tbody", {}, row);
+  return el("tbody", { "data-topic": topic.key }, row);
 }
 
 /** @param {HTMLTableSectionElement} rows @param {Topic} topic @param {string} chosen */
