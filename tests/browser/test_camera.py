@@ -7,7 +7,10 @@ import pytest
 from support.browser import OpenScreen, Screen, start_view
 from zteam.testing.team import TeamFixture
 
-MAP_AT = "([px, py]) => { const box = document.querySelector('#scene').getBoundingClientRect(); return zteam.app.camera.toMap(px - box.left, py - box.top); }"
+MAP_AT = """([px, py]) => {
+  const box = document.querySelector('#scene').getBoundingClientRect();
+  return zteam.app.camera.toMap(px - box.left, py - box.top);
+}"""
 
 LIES = """([x, y, px, py]) => {
   const box = document.querySelector('#scene').getBoundingClientRect(), [left, top] = zteam.app.camera.toScreen(x, y);
@@ -101,7 +104,10 @@ def test_the_measure_is_that_of_the_map(arena: Screen) -> None:
     arena.ask("""() => {
       window.texts = [];
       const draw = CanvasRenderingContext2D.prototype.fillText;
-      CanvasRenderingContext2D.prototype.fillText = function (text, ...rest) { texts.push(text); return draw.call(this, text, ...rest); };
+      CanvasRenderingContext2D.prototype.fillText = function (text, ...rest) {
+        texts.push(text);
+        return draw.call(this, text, ...rest);
+      };
     }""")
     arena.drag((-4.9, -4.9), (-4.9, 4.9))
     arena.wait("texts.some((text) => /^9[.][78]\\d+ m  90°$/.test(text))")
@@ -109,7 +115,9 @@ def test_the_measure_is_that_of_the_map(arena: Screen) -> None:
 
 def test_two_fingers_zoom_and_turn_and_one_moves(team: TeamFixture, open_screen: OpenScreen) -> None:
     """On a phone: the places of the map under the fingers stay under them."""
-    screen = show_arena(team, open_screen(viewport={"width": 390, "height": 780}, has_touch=True, is_mobile=True, device_scale_factor=2))
+    screen = show_arena(
+        team, open_screen(viewport={"width": 390, "height": 780}, has_touch=True, is_mobile=True, device_scale_factor=2)
+    )
     session = screen.page.context.new_cdp_session(screen.page)
 
     def touch(kind: str, *fingers: tuple[float, float]) -> None:

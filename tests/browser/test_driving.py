@@ -145,3 +145,36 @@ def test_the_stick_drives_and_springs_back(team: TeamFixture, screen: Screen) ->
     screen.page.mouse.up()
     team.wait_for(lambda: team.robot(0).speed == 0.0)
     assert_stands(team)
+
+
+def test_a_gamepad_drives_with_its_left_stick(team: TeamFixture, screen: Screen) -> None:
+    """The stick of a gamepad that is plugged in while driving is on moves the robot; in its middle the robot stands."""
+    start_arena(team, screen)
+    screen.ask("""() => {
+      window.pad = {connected: true, axes: [0, -1], buttons: []};
+      navigator.getGamepads = () => [null, pad];
+      window.dispatchEvent(new Event('gamepadconnected'));
+    }""")
+    team.wait_for(lambda: team.robot(0).speed > 0.3)
+    screen.ask("pad.axes = [0.02, 0.05]")
+    team.wait_for(lambda: team.robot(0).speed == 0.0)
+    assert_stands(team)
+
+
+def test_tab_stops_and_takes_the_next_robot(team: TeamFixture, screen: Screen) -> None:
+    """As in the terminal's teleop: the first robot stands and is free, the keys drive the second one."""
+    start_arena(team, screen)
+    screen.page.keyboard.down("i")
+    team.wait_for(lambda: is_driving(team))
+    screen.page.keyboard.press("Tab")
+    team.wait_for(lambda: team.robot(0).speed == 0.0)
+    screen.page.keyboard.up("i")
+    screen.page.keyboard.down("j")
+    turned = team.robot(1).pose.yaw
+    team.wait_for(lambda: abs(team.robot(1).pose.yaw - turned) > 0.2)
+    screen.wait(
+        "zteam.app.store.robots.get(1).lease === zteam.app.store.connection.viewer"
+        "&& zteam.app.store.robots.get(0).lease === null"
+    )
+    assert_stands(team)
+    screen.page.keyboard.up("j")

@@ -49,7 +49,7 @@ def test_a_goal_arrives_where_it_was_clicked(team: TeamFixture, screen: Screen) 
     assert goal.pose.position.x == pytest.approx(0.5, abs=PIXELS * screen.pixel)
     assert goal.pose.position.y == pytest.approx(1.0, abs=PIXELS * screen.pixel)
     assert yaw_of(goal.pose) == pytest.approx(math.atan2(1.0, 0.5), abs=0.05)
-    screen.wait("zteam.app.store.docs.goals?.some(goal => goal.robot === 0 && Math.hypot(goal.x - 0.5, goal.y - 1) < 0.1)")
+    screen.wait("zteam.app.store.docs.goals?.some(({robot, x, y}) => robot === 0 && Math.hypot(x - 0.5, y - 1) < 0.1)")
     team.wait_for(lambda: team.robot(0).distance_travelled > 0.2)
 
 
@@ -57,7 +57,7 @@ def test_a_goal_arrives_where_it_was_clicked(team: TeamFixture, screen: Screen) 
 def test_a_goal_arrives_on_a_turned_and_zoomed_map_of_a_dense_screen(
     team: TeamFixture, open_screen: OpenScreen, turn: float
 ) -> None:
-    """Camera and density of the screen do not move the place that was clicked: a corner of the map is known by its cells."""
+    """Angle and scale of the camera, and a dense screen, do not move the place that was clicked."""
     screen = open_screen(device_scale_factor=2)
     start_arena(team, screen)
     heard = hear_goals(team, 1)
@@ -72,7 +72,7 @@ def test_a_goal_arrives_on_a_turned_and_zoomed_map_of_a_dense_screen(
 
 
 def test_several_robots_spread_their_goals(team: TeamFixture, screen: Screen) -> None:
-    """One click for two robots gives each a goal of its own near the place, far enough apart for both to stand there."""
+    """One click for two robots gives each a goal of its own, far enough apart for both to stand there."""
     start_arena(team, screen)
     heard = hear_goals(team, 0, 1)
     screen.select(0, 1)

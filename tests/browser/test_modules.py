@@ -1,5 +1,6 @@
-"""The page's pure modules, in the browser that runs them: against the server's own frames, and against the keys of teleop."""
+"""The page's pure modules, in the browser: against the server's own frames, and against the keys of teleop."""
 
+import itertools
 import json
 import math
 import random
@@ -33,7 +34,11 @@ FUZZED = """async (frames) => {
   const {decodeFrame, WireError} = await import('/page/js/wire.js');
   const other = [];
   for (const data of frames) {
-    try { decodeFrame(Uint8Array.from(data).buffer); } catch (error) { if (!(error instanceof WireError)) other.push(String(error)); }
+    try {
+      decodeFrame(Uint8Array.from(data).buffer);
+    } catch (error) {
+      if (!(error instanceof WireError)) other.push(String(error));
+    }
   }
   return other;
 }"""
@@ -81,7 +86,17 @@ def test_poses_are_read_as_the_server_wrote_them(modules: Screen) -> None:
 def test_grids_paths_and_samples_are_read_as_the_server_wrote_them(modules: Screen) -> None:
     """Cells below zero, points behind a text of any length, and numbers of double precision."""
     cells = np.array([[-1, 0, 100], [50, -1, 1]], dtype=np.int8)
-    meta = {"key": "map", "width": 3, "height": 2, "resolution": 0.05, "x": -1.0, "y": 2.0, "yaw": 0.0, "tile": [0, 0, 3, 2], "version": 1}
+    meta = {
+        "key": "map",
+        "width": 3,
+        "height": 2,
+        "resolution": 0.05,
+        "x": -1.0,
+        "y": 2.0,
+        "yaw": 0.0,
+        "tile": [0, 0, 3, 2],
+        "version": 1,
+    }
     points = np.array([[0.5, 1.5], [-2.25, 3.0]])
     pairs = np.array([[1.1, 2.2], [1e9 + 0.125, -3.3]])
     for key in ("robot_1/plan", "robot_10/plan", "plan", "a"):
@@ -121,7 +136,7 @@ def test_broken_frames_end_in_one_kind_of_error(modules: Screen) -> None:
 
 
 def test_the_camera_inverts_itself(modules: Screen) -> None:
-    """A place of the map comes back from its pixel, a zoom keeps the place under the mouse, and WebGL's matrix agrees."""
+    """A place of the map comes back from its pixel, a zoom keeps the place under the mouse; the matrix agrees."""
     found = modules.ask("""async () => {
       const {Camera} = await import('/page/js/scene/camera.js');
       const worst = {back: 0, zoom: 0, matrix: 0};
@@ -133,7 +148,8 @@ def test_the_camera_inverts_itself(modules: Screen) -> None:
         const [backX, backY] = camera.toScreen(x, y);
         worst.back = Math.max(worst.back, Math.hypot(backX - px, backY - py));
         const m = camera.matrix(), cx = m[0] * x + m[3] * y + m[6], cy = m[1] * x + m[4] * y + m[7];
-        worst.matrix = Math.max(worst.matrix, Math.hypot((cx + 1) / 2 * camera.width - px, (1 - cy) / 2 * camera.height - py));
+        const glX = (cx + 1) / 2 * camera.width, glY = (1 - cy) / 2 * camera.height;
+        worst.matrix = Math.max(worst.matrix, Math.hypot(glX - px, glY - py));
         camera.zoom(px, py, 0.5 + Math.random(), random(1));
         const [zoomX, zoomY] = camera.toScreen(x, y);
         worst.zoom = Math.max(worst.zoom, Math.hypot(zoomX - px, zoomY - py));
@@ -172,9 +188,16 @@ def test_keys_are_those_of_teleop(modules: Screen) -> None:
     directions = {ARROWS.get(key, key): list(direction) for key, direction in DIRECTIONS.items()}
     ask = """async ([keys, factors]) => {
       const law = await import('/page/js/drive/law.js');
-      const shares = keys.map((key) => { const {linear, left, angular} = law.sharesOfKeys([key]); return [key, [linear, left, angular]]; });
-      const limits = factors.map((key) => { const {speed, turn} = law.scaled({speed: 1, turn: 1}, key); return [key, [speed, turn]]; });
-      return [Object.fromEntries(shares), Object.fromEntries(limits), [law.MIN_SPEED, law.MAX_SPEED], keys.every(law.isDirection)];
+      const shares = {}, limits = {};
+      for (const key of keys) {
+        const {linear, left, angular} = law.sharesOfKeys([key]);
+        shares[key] = [linear, left, angular];
+      }
+      for (const key of factors) {
+        const {speed, turn} = law.scaled({speed: 1, turn: 1}, key);
+        limits[key] = [speed, turn];
+      }
+      return [shares, limits, [law.MIN_SPEED, law.MAX_SPEED], keys.every(law.isDirection)];
     }"""
     shares, limits, bounds, known = modules.ask(ask, [list(directions), list(SPEED_FACTORS)])
     assert known
@@ -184,7 +207,7 @@ def test_keys_are_those_of_teleop(modules: Screen) -> None:
 
 
 def test_held_keys_add_up_and_sticks_have_a_dead_zone(modules: Screen) -> None:
-    """Up and left make an arc, opposite keys stand; a stick near its middle stands, and at its rim drives at full speed."""
+    """Up and left make an arc, opposite keys stand; a stick stands near its middle, and is full at its rim."""
     ask = """async () => {
       const {sharesOfKeys, sharesOfStick} = await import('/page/js/drive/law.js');
       return [['ArrowUp', 'ArrowLeft'], ['i', ','], ['u', 'ArrowUp']].map(sharesOfKeys)
@@ -225,7 +248,10 @@ def test_outlines_are_filled_whole(modules: Screen) -> None:
     ask = """async (polygon) => {
       const c = (await import('/page/js/scene/polygons.js')).triangulate(polygon);
       let area = 0;
-      for (let i = 0; i < c.length; i += 6) area += Math.abs((c[i + 2] - c[i]) * (c[i + 5] - c[i + 1]) - (c[i + 4] - c[i]) * (c[i + 3] - c[i + 1])) / 2;
+      for (let i = 0; i < c.length; i += 6) {
+        const [ax, ay, bx, by, cx, cy] = c.slice(i, i + 6);
+        area += Math.abs((bx - ax) * (cy - ay) - (cx - ax) * (by - ay)) / 2;
+      }
       return area;
     }"""
     for polygon in (square, angle, star):
@@ -237,8 +263,11 @@ def test_outlines_are_filled_whole(modules: Screen) -> None:
 
 def test_robots_have_colours_that_differ(modules: Screen) -> None:
     """In both themes 24 robots have 24 colours, and the one after another differ clearly."""
-    ask = "async (dark) => { const m = await import('/page/js/robot_colors.js'); return [...Array(24).keys()].map((i) => m.rgbOf(m.robotColor(i, dark))); }"
+    ask = """async (dark) => {
+      const {rgbOf, robotColor} = await import('/page/js/robot_colors.js');
+      return [...Array(24).keys()].map((id) => rgbOf(robotColor(id, dark)));
+    }"""
     for dark in (False, True):
         colors = [tuple(color) for color in modules.ask(ask, dark)]
         assert len(set(colors)) == 24
-        assert all(math.dist(a, b) > 0.25 for a, b in zip(colors, colors[1:], strict=False))
+        assert all(math.dist(a, b) > 0.25 for a, b in itertools.pairwise(colors))

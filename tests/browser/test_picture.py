@@ -16,7 +16,9 @@ HALF = 5.0
 """The arena's walls reach from -5 to 5 m in x and y."""
 STEP = 0.05
 """Metres between the samples that are compared."""
-ONLY = """(shown) => { for (const name of [...zteam.app.layers.shown]) zteam.app.layers.set(name, shown.includes(name)); }"""
+ONLY = """(shown) => {
+  for (const name of [...zteam.app.layers.shown]) zteam.app.layers.set(name, shown.includes(name));
+}"""
 
 Mask = NDArray[np.bool_]
 

@@ -18,7 +18,7 @@ def start_arena(team: TeamFixture, screen: Screen) -> None:
 
 
 def test_a_drag_moves_a_robot(team: TeamFixture, screen: Screen) -> None:
-    """The robot stays where it is while its ghost is dragged, and is where the ghost was when the button is released."""
+    """The robot stays while its ghost is dragged, and is where the ghost was when the button is released."""
     start_arena(team, screen)
     before = team.robot(0).pose
     screen.tool("move")

@@ -98,7 +98,10 @@ class Screen:
                 self.page.keyboard.down("Shift")
             self.page.mouse.click(*self.place(pose["x"], pose["y"]))
             self.page.keyboard.up("Shift")
-        self.wait("ids => JSON.stringify([...zteam.app.store.selection].sort()) === ids", json.dumps(sorted(robots)).replace(" ", ""))
+        self.wait(
+            "ids => JSON.stringify([...zteam.app.store.selection].sort()) === ids",
+            json.dumps(sorted(robots)).replace(" ", ""),
+        )
 
     def tool(self, name: str) -> None:
         """Choose a tool by its button."""

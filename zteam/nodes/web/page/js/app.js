@@ -9,9 +9,15 @@ const BEAMS = 1081;
 const MANY_ROBOTS = 8;
 const BEAMS_OF_MANY = 360;
 
-/** Metres and radians are sent in steps of 0.1 mm: a server repeats them in what it says. @param {Record<string, any>} command */
+/**
+ * Metres and radians are sent in steps of 0.1 mm: a server repeats them in what it says.
+ * @param {Record<string, any>} command
+ */
 function rounded(command) {
-  const entries = Object.entries(command).map(([name, value]) => [name, typeof value === "number" ? Math.round(1e4 * value) / 1e4 : value]);
+  const entries = Object.entries(command).map(([name, value]) => [
+    name,
+    typeof value === "number" ? Math.round(1e4 * value) / 1e4 : value,
+  ]);
   return Object.fromEntries(entries);
 }
 

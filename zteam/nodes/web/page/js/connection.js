@@ -113,14 +113,16 @@ export class Connection {
   /** @param {import("./wire.js").Grid} block */
   #takeGrid(block) {
     const { meta } = block;
-    this.#unpacking = this.#unpacking.then(async () => {
-      const cells = await unpack(block.packed);
-      let tiles = this.store.grids.get(meta.key);
-      const first = tiles?.values().next().value?.meta;
-      if (!tiles || !first || !sameGrid(first, meta)) this.store.grids.set(meta.key, (tiles = new Map()));
-      tiles.set(`${meta.tile[0]},${meta.tile[1]}`, { meta, cells });
-      this.store.emit("grids", meta.key);
-    }).catch((error) => console.error(`a tile of ${meta.key}:`, error));
+    this.#unpacking = this.#unpacking
+      .then(async () => {
+        const cells = await unpack(block.packed);
+        let tiles = this.store.grids.get(meta.key);
+        const first = tiles?.values().next().value?.meta;
+        if (!tiles || !first || !sameGrid(first, meta)) this.store.grids.set(meta.key, (tiles = new Map()));
+        tiles.set(`${meta.tile[0]},${meta.tile[1]}`, { meta, cells });
+        this.store.emit("grids", meta.key);
+      })
+      .catch((error) => console.error(`a tile of ${meta.key}:`, error));
   }
 
   /** @param {object} message */
@@ -140,7 +142,9 @@ export class Connection {
   /** @param {object} command without `seq` @returns {Promise<string>} why it was refused; "" if it was carried out */
   send(command) {
     if (!this.#ready) return Promise.resolve(NOT_CONNECTED);
-    if (!this.store.connection.mayCommand) return Promise.resolve("watching only: open the URL with its token to command");
+    if (!this.store.connection.mayCommand) {
+      return Promise.resolve("watching only: open the URL with its token to command");
+    }
     const seq = ++this.#seq;
     return new Promise((resolve) => {
       const timer = setTimeout(() => this.#replies.get(seq)?.("no reply from the server"), REPLY_LIMIT);
@@ -155,7 +159,8 @@ export class Connection {
   /** Messages (field "") or samples of a number of them come as events until as many calls of `unwatch`.
    * @param {string} topic @param {string} [field] */
   watch(topic, field = "") {
-    const key = JSON.stringify([topic, field]), known = this.#watches.get(key);
+    const key = JSON.stringify([topic, field]),
+      known = this.#watches.get(key);
     if (known) known.count++;
     else {
       this.#watches.set(key, { topic, field, count: 1 });
@@ -165,7 +170,8 @@ export class Connection {
 
   /** @param {string} topic @param {string} [field] */
   unwatch(topic, field = "") {
-    const key = JSON.stringify([topic, field]), known = this.#watches.get(key);
+    const key = JSON.stringify([topic, field]),
+      known = this.#watches.get(key);
     if (!known || --known.count > 0) return;
     this.#watches.delete(key);
     this.tell({ op: "unwatch", topic, field });
@@ -196,5 +202,7 @@ export class Connection {
 
 /** @param {import("./wire.js").GridMeta} a @param {import("./wire.js").GridMeta} b */
 function sameGrid(a, b) {
-  return ["width", "height", "resolution", "x", "y", "yaw"].every((name) => /** @type {any} */ (a)[name] === /** @type {any} */ (b)[name]);
+  return ["width", "height", "resolution", "x", "y", "yaw"].every(
+    (name) => /** @type {any} */ (a)[name] === /** @type {any} */ (b)[name],
+  );
 }

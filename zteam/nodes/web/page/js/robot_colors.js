@@ -1,6 +1,7 @@
 /** The colour of each robot, the same in the map and in the panels. */
 
-// Okabe and Ito, Color Universal Design (2008): told apart with every common colour blindness. Their yellow and sky blue
+// Okabe and Ito, Color Universal Design (2008): told apart with every common colour blindness. Their yellow and sky
+// blue
 // are darkened on light ground, their blue and green lightened on dark ground, until each stands out from its ground.
 const ON_LIGHT = ["#0072b2", "#d55e00", "#009e73", "#c0569a", "#c98600", "#2a9fd6", "#8c7a00", "#5d5d5d"];
 const ON_DARK = ["#3d9fe0", "#ff7f2a", "#1fc796", "#e08fc0", "#ffb733", "#7cc8f2", "#f0e442", "#b0b0b0"];
@@ -18,7 +19,8 @@ export function isDark() {
  * @param {number} id @param {boolean} [dark] the theme @returns {string} #rrggbb
  */
 export function robotColor(id, dark = isDark()) {
-  const palette = dark ? ON_DARK : ON_LIGHT, base = palette[id % palette.length];
+  const palette = dark ? ON_DARK : ON_LIGHT,
+    base = palette[id % palette.length];
   const round = Math.floor(id / palette.length) % ROUNDS;
   return round === 0 ? base : hexOf(mix(rgbOf(base), round === 1 ? [1, 1, 1] : [0, 0, 0], 0.3));
 }
@@ -32,7 +34,13 @@ export function rgbOf(hex) {
 
 /** @param {Rgb} color @returns {string} #rrggbb */
 export function hexOf(color) {
-  return `#${color.map((part) => Math.round(255 * part).toString(16).padStart(2, "0")).join("")}`;
+  return `#${color
+    .map((part) =>
+      Math.round(255 * part)
+        .toString(16)
+        .padStart(2, "0"),
+    )
+    .join("")}`;
 }
 
 /** @param {Rgb} a @param {Rgb} b @param {number} share of b @returns {Rgb} */

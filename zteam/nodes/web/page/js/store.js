@@ -12,7 +12,8 @@ const LOG_LINES = 2000;
 
 /**
  * Events: connection, frame (after each frame, with it), robots (poses), team, tf, topics, log (new lines), goals,
- * markers, obstacles, sonars, fiducials, echo ({topic, stamp, json}), samples (a block), scans, grids (key), paths (key),
+ * markers, obstacles, sonars, fiducials, echo ({topic, stamp, json}), samples (a block), scans, grids (key), paths
+ *   (key),
  * posearrays (key), selection, layers, camera, tool, theme, drive.
  */
 export class Store extends Emitter {
@@ -67,7 +68,10 @@ export class Store extends Emitter {
     this.emit("frame", this.frame);
   }
 
-  /** @param {Exclude<import("./wire.js").Block, {type: "poses"} | {type: "grid"}>} block @returns {[string, any]} the event */
+  /**
+   * @param {Exclude<import("./wire.js").Block, {type: "poses"} | {type: "grid"}>} block
+   * @returns {[string, any]} the event
+   */
   #takeBlock(block) {
     switch (block.type) {
       case "scan":
@@ -151,7 +155,8 @@ class PoseTable {
 
   /** @param {import("./wire.js").Poses} block @param {boolean} fresh whether it is the first of its frame */
   take(block, fresh) {
-    const start = fresh ? 0 : this.count, count = start + block.ids.length;
+    const start = fresh ? 0 : this.count,
+      count = start + block.ids.length;
     if (count > this.ids.length) this.#grow(count);
     let same = count === this.index.size;
     for (let i = 0; same && i < block.ids.length; i++) same = this.ids[start + i] === block.ids[i];
@@ -169,7 +174,8 @@ class PoseTable {
   /** @param {number} size */
   #grow(size) {
     for (const name of /** @type {const} */ (["ids", "x", "y", "yaw", "truth"])) {
-      const old = this[name], larger = new /** @type {any} */ (old.constructor)(2 * size);
+      const old = this[name],
+        larger = new /** @type {any} */ (old.constructor)(2 * size);
       larger.set(old);
       /** @type {any} */ (this)[name] = larger;
     }

@@ -23,6 +23,8 @@ export class Driver {
   /** @type {Map<string, Shares>} what each device asks for, by its name */
   #wishes = new Map();
   #timer = 0;
+  /** Whether the team's document has shown the lease: until then it is older than the lease. */
+  #confirmed = false;
 
   /** @param {import("../app.js").App} app */
   constructor(app) {
@@ -42,9 +44,13 @@ export class Driver {
   /** @param {boolean} on */
   set(on) {
     if (on === this.mode) return;
-    if (on && !this.app.store.connection.mayCommand) return this.app.say("Driving: watching only, without the token", "error");
+    if (on && !this.app.store.connection.mayCommand) {
+      return this.app.say("Driving: watching only, without the token", "error");
+    }
     if (!on) this.letGo();
     this.mode = on;
+    // Keys are for the robot now, not for what was clicked last.
+    if (on && document.activeElement instanceof HTMLElement) document.activeElement.blur();
     this.#follow();
     if (on && this.robot < 0) this.app.say("Driving: select a robot", "info");
     this.#changed();
@@ -53,7 +59,8 @@ export class Driver {
   /** The robot to drive is the selected one, or the only one there is. */
   #follow() {
     const { selection, robots } = this.app.store;
-    const robot = selection.size === 1 ? [...selection][0] : !selection.size && robots.size === 1 ? [...robots.keys()][0] : -1;
+    const robot =
+      selection.size === 1 ? [...selection][0] : !selection.size && robots.size === 1 ? [...robots.keys()][0] : -1;
     if (robot === this.robot) return;
     this.letGo();
     this.robot = this.mode ? robot : -1;
@@ -122,18 +129,21 @@ export class Driver {
       return this.app.say(`Robot ${robot} cannot be driven: ${error}`, "error");
     }
     this.lease = "held";
+    this.#confirmed = false;
     this.#timer = setInterval(() => this.#drive(), PERIOD);
     this.#drive();
     this.#changed();
   }
 
-  /** The server may have given the lease to another page. */
+  /** The lease may be lost without a word, as when another teleop takes the robot. */
   #checkLease() {
-    const { robots, connection } = this.app.store, lease = robots.get(this.robot)?.lease;
-    if (this.lease !== "held" || lease === connection.viewer) return;
-    if (robots.has(this.robot) && lease == null) return; // the document is older than the lease, or the dead man struck
-    this.#forget();
-    this.app.say(`Robot ${this.robot} is driven from another page now`, "error");
+    const { robots, connection } = this.app.store;
+    if (this.lease !== "held") return;
+    if (robots.get(this.robot)?.lease === connection.viewer) this.#confirmed = true;
+    else if (this.#confirmed) {
+      this.#forget();
+      this.app.say(`Robot ${this.robot} is no longer driven from this page`, "error");
+    }
   }
 
   #drive() {

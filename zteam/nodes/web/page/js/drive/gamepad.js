@@ -3,7 +3,8 @@
 import { sharesOfStick } from "./law.js";
 
 const POLL = 50;
-const LEFT_BUTTON = 4, RIGHT_BUTTON = 5;
+const LEFT_BUTTON = 4,
+  RIGHT_BUTTON = 5;
 
 /** @param {import("./driver.js").Driver} driver */
 export function listenToGamepads(driver) {

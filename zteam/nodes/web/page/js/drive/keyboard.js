@@ -16,7 +16,17 @@ export function listenToDriveKeys(driver) {
   /** @param {KeyboardEvent} event */
   function down(event) {
     const { key } = event;
-    if (!driver.mode || isTyped(event) || event.ctrlKey || event.altKey || event.metaKey || MODIFIERS.has(key) || PAGE_KEYS.has(key)) return;
+    if (
+      !driver.mode ||
+      isTyped(event) ||
+      event.ctrlKey ||
+      event.altKey ||
+      event.metaKey ||
+      MODIFIERS.has(key) ||
+      PAGE_KEYS.has(key)
+    ) {
+      return;
+    }
     event.preventDefault();
     if (key === "Escape") return driver.set(false);
     if (event.repeat) return isFactor(key) ? driver.scale(key) : undefined;

@@ -1,13 +1,35 @@
 /** What held keys, a stick and a gamepad command. Pure. The keys are those of teleop_twist_keyboard and the arrows. */
 
-/** @typedef {{linear: number, left: number, angular: number}} Shares of the speed forwards and to the left, and of the turn rate */
-/** @typedef {{linear: number, left: number, angular: number}} Command m/s forwards and to the left, rad/s to the left */
+/**
+ * @typedef {{linear: number, left: number, angular: number}} Shares of the speed forwards and to the left, and of the
+ *   turn rate
+ */
+/**
+ * @typedef {{linear: number, left: number, angular: number}} Command m/s forwards and to the left, rad/s to the left
+ */
 
 /** @type {Record<string, [number, number, number]>} forward, left, turn */
 const DIRECTIONS = {
-  u: [1, 0, 1], i: [1, 0, 0], o: [1, 0, -1], j: [0, 0, 1], l: [0, 0, -1], m: [-1, 0, -1], ",": [-1, 0, 0], ".": [-1, 0, 1],
-  U: [1, 1, 0], I: [1, 0, 0], O: [1, -1, 0], J: [0, 1, 0], L: [0, -1, 0], M: [-1, 1, 0], "<": [-1, 0, 0], ">": [-1, -1, 0],
-  ArrowUp: [1, 0, 0], ArrowDown: [-1, 0, 0], ArrowLeft: [0, 0, 1], ArrowRight: [0, 0, -1],
+  u: [1, 0, 1],
+  i: [1, 0, 0],
+  o: [1, 0, -1],
+  j: [0, 0, 1],
+  l: [0, 0, -1],
+  m: [-1, 0, -1],
+  ",": [-1, 0, 0],
+  ".": [-1, 0, 1],
+  U: [1, 1, 0],
+  I: [1, 0, 0],
+  O: [1, -1, 0],
+  J: [0, 1, 0],
+  L: [0, -1, 0],
+  M: [-1, 1, 0],
+  "<": [-1, 0, 0],
+  ">": [-1, -1, 0],
+  ArrowUp: [1, 0, 0],
+  ArrowDown: [-1, 0, 0],
+  ArrowLeft: [0, 0, 1],
+  ArrowRight: [0, 0, -1],
 };
 
 /** By what a key multiplies speed and turn rate. @type {Record<string, [number, number]>} */
@@ -36,7 +58,9 @@ export function scaled({ speed, turn }, key) {
 
 /** Several held keys add up: up and left drive an arc. @param {Iterable<string>} keys @returns {Shares} */
 export function sharesOfKeys(keys) {
-  let linear = 0, left = 0, angular = 0;
+  let linear = 0,
+    left = 0,
+    angular = 0;
   for (const key of keys) {
     const [forward, sideways, turn] = DIRECTIONS[key] ?? [0, 0, 0];
     linear += forward;
@@ -50,8 +74,10 @@ export function sharesOfKeys(keys) {
 export function sharesOfStick(right, down) {
   const out = Math.min(1, Math.hypot(right, down));
   if (out < DEAD_ZONE) return { linear: 0, left: 0, angular: 0 };
-  const share = (out - DEAD_ZONE) / (1 - DEAD_ZONE), angle = Math.atan2(down, right);
-  const linear = -Math.sin(angle) * share, angular = -Math.cos(angle) * share;
+  const share = (out - DEAD_ZONE) / (1 - DEAD_ZONE),
+    angle = Math.atan2(down, right);
+  const linear = -Math.sin(angle) * share,
+    angular = -Math.cos(angle) * share;
   // Without this a robot that drives back would turn to the other side than the stick points.
   return { linear, left: 0, angular: linear < -0.05 ? -angular : angular };
 }

@@ -18,9 +18,13 @@ export function mountStick(driver, element) {
   const box = add("div", "drive", element);
   box.dataset.ownPointer = "";
   box.hidden = true;
-  const text = add("div", "drive-text", box), title = add("strong", "", text), state = add("span", "", text), speeds = add("span", "", text);
+  const text = add("div", "drive-text", box),
+    title = add("strong", "", text),
+    state = add("span", "", text),
+    speeds = add("span", "", text);
   state.setAttribute("role", "status");
-  const pad = add("div", "stick", box), knob = add("div", "knob", pad);
+  const pad = add("div", "stick", box),
+    knob = add("div", "knob", pad);
   pad.setAttribute("role", "application");
   pad.setAttribute("aria-label", "Stick: drag to drive");
   let pointer = -1;
@@ -56,11 +60,15 @@ export function mountStick(driver, element) {
   for (const name of /** @type {const} */ (["pointerup", "pointercancel"])) pad.addEventListener(name, release);
 
   function show() {
-    const { store } = driver.app, robot = store.robots.get(driver.robot), lease = robot?.lease;
+    const { store } = driver.app,
+      robot = store.robots.get(driver.robot),
+      lease = robot?.lease;
     box.hidden = !driver.mode;
     title.textContent = driver.robot < 0 ? "Select a robot" : `Drive ${robot?.name ?? driver.robot}`;
     const others = lease != null && lease !== store.connection.viewer;
-    state.textContent = others ? `viewer ${lease} drives` : { none: "keys or stick", asked: "asking…", held: "you drive" }[driver.lease];
+    state.textContent = others
+      ? `viewer ${lease} drives`
+      : { none: "keys or stick", asked: "asking…", held: "you drive" }[driver.lease];
     box.dataset.lease = others ? "other" : driver.lease;
     speeds.textContent = `${driver.limits.speed.toFixed(2)} m/s · ${driver.limits.turn.toFixed(2)} rad/s`;
   }

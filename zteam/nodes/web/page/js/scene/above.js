@@ -12,7 +12,10 @@ import { paintRuler } from "./ruler.js";
 
 /** @param {import("./paint.js").Pen} pen @param {Painter[]} painters of the tools, above all others */
 export function paintAbove(pen, painters) {
-  const { ctx, app: { layers } } = pen;
+  const {
+    ctx,
+    app: { layers },
+  } = pen;
   ctx.setTransform(1, 0, 0, 1, 0, 0);
   ctx.clearRect(0, 0, ctx.canvas.width, ctx.canvas.height);
   inPixels(pen);

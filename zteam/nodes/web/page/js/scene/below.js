@@ -8,20 +8,30 @@ import { makeScans } from "./scans.js";
 /** Radius of a robot in metres before its outline is known. */
 const UNKNOWN_RADIUS = 0.2;
 /** Pixels of a laser point. */
-const MIN_POINT = 2, MAX_POINT = 4;
+const MIN_POINT = 2,
+  MAX_POINT = 4;
 
 /** @typedef {import("./colors.js").Theme} Theme */
 
 /** @param {WebGL2RenderingContext} gl */
 function makeDrawings(gl) {
   return {
-    grids: makeGrids(gl), scans: makeScans(gl), bodies: makeBodies(gl), mapGrid: makeMapGrid(gl), trails: makeTrails(gl), links: makeLinks(gl),
-    plans: makePlans(gl), particles: makeParticles(gl), obstacles: makeObstacles(gl),
+    grids: makeGrids(gl),
+    scans: makeScans(gl),
+    bodies: makeBodies(gl),
+    mapGrid: makeMapGrid(gl),
+    trails: makeTrails(gl),
+    links: makeLinks(gl),
+    plans: makePlans(gl),
+    particles: makeParticles(gl),
+    obstacles: makeObstacles(gl),
   };
 }
 
 /**
- * @param {import("../app.js").App} app @param {HTMLCanvasElement} canvas @param {() => void} restored the browser gave the context back:
+ * @param {import("../app.js").App} app
+ * @param {HTMLCanvasElement} canvas
+ * @param {() => void} restored the browser gave the context back:
  * everything has to be drawn anew
  */
 export function makeBelow(app, canvas, restored) {
@@ -37,7 +47,9 @@ export function makeBelow(app, canvas, restored) {
 
   /** @param {NonNullable<typeof parts>} to @param {Set<string>} changed @param {Theme} theme */
   function takeChanges({ bodies, trails, scans, plans, particles, obstacles }, changed, theme) {
-    const anew = changed.has("theme"), robots = changed.has("robots"), team = changed.has("team");
+    const anew = changed.has("theme"),
+      robots = changed.has("robots"),
+      team = changed.has("team");
     if (anew || team) bodies.setTeam(store);
     if (anew || team || robots || changed.has("selection")) bodies.update(store, theme);
     if (robots) trails.update(store, theme);
@@ -51,11 +63,16 @@ export function makeBelow(app, canvas, restored) {
     /** @param {number} id @returns {number} metres */
     radius: (id) => parts?.bodies.radius(id) ?? UNKNOWN_RADIUS,
 
-    /** @param {Set<string>} changed events since the last drawing @param {Theme} theme @param {number} ratio device pixels a CSS pixel */
+    /**
+     * @param {Set<string>} changed events since the last drawing
+     * @param {Theme} theme
+     * @param {number} ratio device pixels a CSS pixel
+     */
     draw(changed, theme, ratio) {
       if (!gl || !parts || gl.isContextLost()) return;
       takeChanges(parts, changed, theme);
-      const matrix = camera.matrix(), { scale } = camera;
+      const matrix = camera.matrix(),
+        { scale } = camera;
       gl.viewport(0, 0, canvas.width, canvas.height);
       gl.clearColor(...theme.background, 1);
       gl.clear(gl.COLOR_BUFFER_BIT);
@@ -70,7 +87,9 @@ export function makeBelow(app, canvas, restored) {
       if (layers.has("particles")) parts.particles.draw(matrix, ratio);
       if (layers.has("plans")) parts.plans.draw(matrix, ratio);
       if (layers.has("follow")) parts.links.draw(matrix, ratio, store, theme, scale, parts.bodies.radius);
-      if (layers.has("scans")) parts.scans.draw(matrix, false, Math.round(Math.min(MAX_POINT, Math.max(MIN_POINT, 0.06 * scale)) * ratio));
+      if (layers.has("scans")) {
+        parts.scans.draw(matrix, false, Math.round(Math.min(MAX_POINT, Math.max(MIN_POINT, 0.06 * scale)) * ratio));
+      }
       if (layers.has("robots")) parts.bodies.draw(matrix, scale, ratio);
     },
   };

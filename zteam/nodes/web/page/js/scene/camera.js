@@ -1,4 +1,6 @@
-/** Where the view looks. The map lies in metres, x to the right and y up at angle 0; the screen in CSS pixels, y down. */
+/**
+ * Where the view looks. The map lies in metres, x to the right and y up at angle 0; the screen in CSS pixels, y down.
+ */
 
 /** @typedef {{x: number, y: number, scale: number, angle: number}} View
  *  the point of the map at the middle of the screen, pixels a metre, and by how much the map is turned to the left */
@@ -56,13 +58,15 @@ export class Camera {
 
   /** @param {number} x @param {number} y in map @returns {[number, number]} pixels */
   toScreen(x, y) {
-    const dx = (x - this.x) * this.scale, dy = (y - this.y) * this.scale;
+    const dx = (x - this.x) * this.scale,
+      dy = (y - this.y) * this.scale;
     return [this.width / 2 + this.#cos * dx - this.#sin * dy, this.height / 2 - this.#sin * dx - this.#cos * dy];
   }
 
   /** @param {number} px @param {number} py pixels @returns {[number, number]} in map */
   toMap(px, py) {
-    const dx = (px - this.width / 2) / this.scale, dy = (this.height / 2 - py) / this.scale;
+    const dx = (px - this.width / 2) / this.scale,
+      dy = (this.height / 2 - py) / this.scale;
     return [this.x + this.#cos * dx + this.#sin * dy, this.y - this.#sin * dx + this.#cos * dy];
   }
 
@@ -86,29 +90,46 @@ export class Camera {
 
   /** @param {[number, number, number, number]} box xmin, ymin, xmax, ymax in map @param {number} [margin] pixels */
   fit([xmin, ymin, xmax, ymax], margin = 24) {
-    const w = Math.max(xmax - xmin, 0.5), h = Math.max(ymax - ymin, 0.5);
-    const c = Math.abs(this.#cos), s = Math.abs(this.#sin);
-    const across = Math.max(this.width - 2 * margin, 50), down = Math.max(this.height - 2 * margin, 50);
+    const w = Math.max(xmax - xmin, 0.5),
+      h = Math.max(ymax - ymin, 0.5);
+    const c = Math.abs(this.#cos),
+      s = Math.abs(this.#sin);
+    const across = Math.max(this.width - 2 * margin, 50),
+      down = Math.max(this.height - 2 * margin, 50);
     const scale = Math.min(across / (w * c + h * s), down / (w * s + h * c));
     this.set({ x: (xmin + xmax) / 2, y: (ymin + ymax) / 2, scale, follow: -1 });
   }
 
   /** @returns {[number, number, number, number]} the box in map around all that is on the screen */
   viewport() {
-    const corners = [[0, 0], [this.width, 0], [0, this.height], [this.width, this.height]];
+    const corners = [
+      [0, 0],
+      [this.width, 0],
+      [0, this.height],
+      [this.width, this.height],
+    ];
     const points = corners.map(([px, py]) => this.toMap(px, py));
-    const xs = points.map((p) => p[0]), ys = points.map((p) => p[1]);
+    const xs = points.map((p) => p[0]),
+      ys = points.map((p) => p[1]);
     return [Math.min(...xs), Math.min(...ys), Math.max(...xs), Math.max(...ys)];
   }
 
   /** @returns {Float32Array} 3 x 3, column by column: clip coordinates of WebGL from map */
   matrix() {
-    const sx = (2 * this.scale) / this.width, sy = (2 * this.scale) / this.height;
-    const c = this.#cos, s = this.#sin;
+    const sx = (2 * this.scale) / this.width,
+      sy = (2 * this.scale) / this.height;
+    const c = this.#cos,
+      s = this.#sin;
     return new Float32Array([
-      sx * c, sy * s, 0,
-      -sx * s, sy * c, 0,
-      -sx * (c * this.x - s * this.y), -sy * (s * this.x + c * this.y), 1,
+      sx * c,
+      sy * s,
+      0,
+      -sx * s,
+      sy * c,
+      0,
+      -sx * (c * this.x - s * this.y),
+      -sy * (s * this.x + c * this.y),
+      1,
     ]);
   }
 }

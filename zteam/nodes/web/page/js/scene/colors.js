@@ -6,15 +6,29 @@ import { rgbOf, robotColor } from "../robot_colors.js";
 
 /** @param {Rgb} color @param {number} [alpha] @returns {number} bytes r, g, b, a as one little-endian u32 */
 export function packed([r, g, b], alpha = 1) {
-  return ((Math.round(255 * alpha) << 24) | (Math.round(255 * b) << 16) | (Math.round(255 * g) << 8) | Math.round(255 * r)) >>> 0;
+  return (
+    ((Math.round(255 * alpha) << 24) |
+      (Math.round(255 * b) << 16) |
+      (Math.round(255 * g) << 8) |
+      Math.round(255 * r)) >>>
+    0
+  );
 }
 
-/** @typedef {{dark: boolean, background: Rgb, grid: Rgb, text: Rgb, halo: Rgb, accent: Rgb, danger: Rgb, free: Rgb, occupied: Rgb,
+/** @typedef {{dark: boolean, background: Rgb, grid: Rgb, text: Rgb, halo: Rgb, accent: Rgb, danger: Rgb, free: Rgb,
+ *   occupied: Rgb,
  *  unknown: Rgb, css: Record<string, string>, robot: (id: number) => Rgb, robotCss: (id: number) => string}} Theme */
 
 const PROPERTIES = {
-  background: "--scene-background", grid: "--scene-grid", text: "--scene-text", halo: "--scene-halo", accent: "--scene-accent",
-  danger: "--scene-danger", free: "--map-free", occupied: "--map-occupied", unknown: "--map-unknown",
+  background: "--scene-background",
+  grid: "--scene-grid",
+  text: "--scene-text",
+  halo: "--scene-halo",
+  accent: "--scene-accent",
+  danger: "--scene-danger",
+  free: "--map-free",
+  occupied: "--map-occupied",
+  unknown: "--map-unknown",
 };
 
 /** The theme as the page's style sheets say it now. @param {Element} element @returns {Theme} */

@@ -49,7 +49,16 @@ function paintFiducials(pen) {
     }
     ctx.setLineDash([]);
     ctx.lineWidth = 2;
-    trace(ctx, [[px - MIN_RADIUS, py], [px, py - MIN_RADIUS], [px + MIN_RADIUS, py], [px, py + MIN_RADIUS]], true);
+    trace(
+      ctx,
+      [
+        [px - MIN_RADIUS, py],
+        [px, py - MIN_RADIUS],
+        [px + MIN_RADIUS, py],
+        [px, py + MIN_RADIUS],
+      ],
+      true,
+    );
     ctx.stroke();
     label(pen, String(id), px, py - 14, {});
   }

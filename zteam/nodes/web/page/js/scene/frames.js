@@ -9,7 +9,8 @@ const MAX_NAMED = 150;
 /** Frames within so many pixels have their names together. */
 const NEAR = 24;
 const LINE = 14;
-const X_COLOR = "#d55e00", Y_COLOR = "#009e73";
+const X_COLOR = "#d55e00",
+  Y_COLOR = "#009e73";
 
 /**
  * Poses of all frames in the root of their tree. Frames of a loop are left out.
@@ -25,10 +26,16 @@ export function composeFrames(frames, root = "map") {
     const known = poses.get(name);
     if (known !== undefined) return known;
     poses.set(name, null);
-    const frame = byName.get(name), parent = frame && poseOf(frame.parent);
+    const frame = byName.get(name),
+      parent = frame && poseOf(frame.parent);
     if (!frame || !parent) return null;
-    const c = Math.cos(parent.yaw), s = Math.sin(parent.yaw);
-    const pose = { x: parent.x + c * frame.x - s * frame.y, y: parent.y + s * frame.x + c * frame.y, yaw: parent.yaw + frame.yaw };
+    const c = Math.cos(parent.yaw),
+      s = Math.sin(parent.yaw);
+    const pose = {
+      x: parent.x + c * frame.x - s * frame.y,
+      y: parent.y + s * frame.x + c * frame.y,
+      yaw: parent.yaw + frame.yaw,
+    };
     poses.set(name, pose);
     return pose;
   }
@@ -38,7 +45,8 @@ export function composeFrames(frames, root = "map") {
 
 /** @param {import("./paint.js").Pen} pen */
 export function paintFrames(pen) {
-  const { app, ctx } = pen, frames = app.store.docs.tf?.frames;
+  const { app, ctx } = pen,
+    frames = app.store.docs.tf?.frames;
   if (!frames) return;
   ctx.lineWidth = 2;
   const length = Math.min(34, Math.max(12, 0.35 * app.camera.scale));
@@ -47,14 +55,18 @@ export function paintFrames(pen) {
   for (const [name, { x, y, yaw }] of composeFrames(frames)) {
     const [px, py] = app.camera.toScreen(x, y);
     if (!isOnScreen(app, px, py)) continue;
-    for (const [color, turn] of /** @type {[string, number][]} */ ([[X_COLOR, 0], [Y_COLOR, Math.PI / 2]])) {
+    for (const [color, turn] of /** @type {[string, number][]} */ ([
+      [X_COLOR, 0],
+      [Y_COLOR, Math.PI / 2],
+    ])) {
       ctx.strokeStyle = color;
       ctx.beginPath();
       ctx.moveTo(px, py);
       ctx.lineTo(...ahead(app, px, py, yaw + turn, length));
       ctx.stroke();
     }
-    const key = `${Math.round(px / NEAR)},${Math.round(py / NEAR)}`, place = places.get(key);
+    const key = `${Math.round(px / NEAR)},${Math.round(py / NEAR)}`,
+      place = places.get(key);
     if (place) place.names.push(name);
     else places.set(key, { px, py, names: [name] });
   }
@@ -64,8 +76,14 @@ export function paintFrames(pen) {
 /** Names of frames in one place, below each other: to the right of it or to the left, lower or higher, or not at all.
  * @param {import("./paint.js").Pen} pen @param {{px: number, py: number, names: string[]}} place */
 function paintNames(pen, { px, py, names }) {
-  const width = Math.max(...names.map((name) => labelWidth(pen, name))), height = LINE * names.length;
-  for (const [left, top] of [[px + 6, py + 4], [px + 6, py - 4 - height], [px - 6 - width, py + 4], [px - 6 - width, py - 4 - height]]) {
+  const width = Math.max(...names.map((name) => labelWidth(pen, name))),
+    height = LINE * names.length;
+  for (const [left, top] of [
+    [px + 6, py + 4],
+    [px + 6, py - 4 - height],
+    [px - 6 - width, py + 4],
+    [px - 6 - width, py - 4 - height],
+  ]) {
     /** @type {import("./paint.js").Box} */
     const box = [left, top, left + width, top + height];
     if (!isFree(pen, box)) continue;

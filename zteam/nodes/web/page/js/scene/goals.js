@@ -6,7 +6,9 @@ import { ahead, arrow, isOnScreen } from "./paint.js";
 export function paintGoals(pen) {
   const { app, ctx, theme } = pen;
   for (const { robot, x, y, yaw } of app.store.docs.goals ?? []) {
-    const [px, py] = app.camera.toScreen(x, y), color = theme.robotCss(robot), from = app.store.poses.at(robot);
+    const [px, py] = app.camera.toScreen(x, y),
+      color = theme.robotCss(robot),
+      from = app.store.poses.at(robot);
     ctx.strokeStyle = ctx.fillStyle = color;
     if (from) {
       ctx.lineWidth = 1.25;
@@ -21,7 +23,13 @@ export function paintGoals(pen) {
   }
 }
 
-/** @param {import("./paint.js").Pen} pen @param {number} px @param {number} py @param {number} yaw @param {string} color */
+/**
+ * @param {import("./paint.js").Pen} pen
+ * @param {number} px
+ * @param {number} py
+ * @param {number} yaw
+ * @param {string} color
+ */
 export function paintGoal({ app, ctx, theme }, px, py, yaw, color) {
   ctx.lineWidth = 5;
   ctx.strokeStyle = theme.css.halo;

@@ -16,7 +16,8 @@ void main() {
   gl_Position = vec4((camera * vec3(q, 1.0)).xy, 0.0, 1.0);
 }`;
 
-// Red: how likely the cell is occupied, green: whether it is known. Where many cells share a pixel the mean is shown; the
+// Red: how likely the cell is occupied, green: whether it is known. Where many cells share a pixel the mean is shown;
+// the
 // boost keeps walls of one cell visible then. Lines of the grid are drawn here, so that they never cross a wall.
 const MAP_FRAGMENT = `
 uniform sampler2D cells;
@@ -55,11 +56,13 @@ export function isMap(key) {
 
 /**
  * @param {WebGL2RenderingContext} gl
- * @returns {{draw(camera: Float32Array, store: import("../store.js").Store, theme: import("./colors.js").Theme, costs: boolean, step: number): void}}
+ * @returns {{draw(camera: Float32Array, store: import("../store.js").Store, theme: import("./colors.js").Theme,
+ *   costs: boolean, step: number): void}}
  *  step: metres between the lines of the grid; 0: none
  */
 export function makeGrids(gl) {
-  const map = makeProgram(gl, VERTEX, MAP_FRAGMENT), cost = makeProgram(gl, VERTEX, COST_FRAGMENT);
+  const map = makeProgram(gl, VERTEX, MAP_FRAGMENT),
+    cost = makeProgram(gl, VERTEX, COST_FRAGMENT);
   const empty = gl.createVertexArray();
   /** @type {Map<import("../store.js").GridTile, WebGLTexture>} */
   const textures = new Map();
@@ -90,7 +93,13 @@ export function makeGrids(gl) {
       for (const [key, tiles] of store.grids) {
         if (isMap(key) === costs) continue;
         for (const tile of tiles.values()) {
-          const { x, y, yaw, resolution: r, tile: [column, row, w, h] } = tile.meta;
+          const {
+            x,
+            y,
+            yaw,
+            resolution: r,
+            tile: [column, row, w, h],
+          } = tile.meta;
           let texture = textures.get(tile);
           if (texture) gl.bindTexture(gl.TEXTURE_2D, texture);
           else textures.set(tile, (texture = makeTexture(gl, tile)));

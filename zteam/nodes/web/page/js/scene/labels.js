@@ -9,17 +9,24 @@ const MAX_LABELS = 150;
 const NAME_RADIUS = 9;
 const HEIGHT = 14;
 
-/** @typedef {{id: number, px: number, py: number, radius: number, selected: boolean, driver: number | null}} Seen pixels */
+/**
+ * @typedef {{id: number, px: number, py: number, radius: number, selected: boolean, driver: number | null}} Seen
+ *   pixels
+ */
 
 /** @param {import("./paint.js").Pen} pen */
 export function paintLabels(pen) {
-  const { app } = pen, seen = seenRobots(pen), all = app.layers.has("labels") && seen.length <= MAX_LABELS;
+  const { app } = pen,
+    seen = seenRobots(pen),
+    all = app.layers.has("labels") && seen.length <= MAX_LABELS;
   // The important ones choose first.
   seen.sort((a, b) => Number(b.selected) - Number(a.selected) || a.id - b.id);
   for (const robot of seen) {
     if (robot.driver !== null) ring(pen, robot);
     if (!all && !robot.selected && robot.driver === null) continue;
-    const text = textOf(pen, robot), look = { bold: robot.selected }, width = labelWidth(pen, text, look);
+    const text = textOf(pen, robot),
+      look = { bold: robot.selected },
+      width = labelWidth(pen, text, look);
     const place = freePlace(pen, robot, width) ?? (robot.selected ? [robot.px, robot.py + robot.radius + 11] : null);
     if (!place) continue;
     pen.taken.push(boxAt(place[0], place[1], width));
@@ -29,11 +36,15 @@ export function paintLabels(pen) {
 
 /** @param {import("./paint.js").Pen} pen @returns {Seen[]} the robots on the screen */
 function seenRobots({ app, radius }) {
-  const { store, camera } = app, { poses } = store, seen = [];
+  const { store, camera } = app,
+    { poses } = store,
+    seen = [];
   for (let i = 0; i < poses.count; i++) {
-    const [px, py] = camera.toScreen(poses.x[i], poses.y[i]), id = poses.ids[i];
+    const [px, py] = camera.toScreen(poses.x[i], poses.y[i]),
+      id = poses.ids[i];
     if (!isOnScreen(app, px, py)) continue;
-    const selected = store.selection.has(id), driver = store.robots.get(id)?.lease ?? null;
+    const selected = store.selection.has(id),
+      driver = store.robots.get(id)?.lease ?? null;
     seen.push({ id, px, py, radius: Math.max(MIN_RADIUS, radius(id) * camera.scale), selected, driver });
   }
   return seen;
@@ -48,12 +59,20 @@ function textOf({ app: { store } }, { id, radius, selected, driver }) {
 
 /**
  * Below the robot, or above, right or left of it; null if other labels are everywhere.
- * @param {import("./paint.js").Pen} pen @param {Seen} robot @param {number} width @returns {[number, number] | null} middle
+ * @param {import("./paint.js").Pen} pen
+ * @param {Seen} robot
+ * @param {number} width
+ * @returns {[number, number] | null} middle
  */
 function freePlace(pen, { px, py, radius }, width) {
   const beside = radius + width / 2 + 1;
   /** @type {[number, number][]} */
-  const places = [[px, py + radius + 11], [px, py - radius - 11], [px + beside, py], [px - beside, py]];
+  const places = [
+    [px, py + radius + 11],
+    [px, py - radius - 11],
+    [px + beside, py],
+    [px - beside, py],
+  ];
   return places.find(([x, y]) => isFree(pen, boxAt(x, y, width))) ?? null;
 }
 

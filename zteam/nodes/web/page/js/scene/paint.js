@@ -1,8 +1,10 @@
 /** Drawing on the 2-D canvas above the map: a pen that knows the camera. */
 
 /** @typedef {import("../app.js").App} App */
-/** @typedef {{ctx: CanvasRenderingContext2D, app: App, theme: import("./colors.js").Theme, ratio: number, radius: (id: number) => number,
- *  taken: Box[]}} Pen ratio: device pixels a CSS pixel; radius: of a robot in metres; taken: places that have a label already */
+/** @typedef {{ctx: CanvasRenderingContext2D, app: App, theme: import("./colors.js").Theme, ratio: number, radius: (id:
+ *   number) => number,
+ * taken: Box[]}} Pen ratio: device pixels a CSS pixel; radius: of a robot in metres; taken: places that have a label
+ *   already */
 /** @typedef {[number, number, number, number]} Box left, top, right, bottom in pixels */
 
 const FONT = "12px system-ui, sans-serif";
@@ -13,11 +15,26 @@ export function inPixels({ ctx, ratio }) {
   ctx.setTransform(ratio, 0, 0, ratio, 0, 0);
 }
 
-/** From now on, one unit is a metre, in the frame of a pose in map. @param {Pen} pen @param {number} x @param {number} y @param {number} yaw */
+/**
+ * From now on, one unit is a metre, in the frame of a pose in map.
+ * @param {Pen} pen
+ * @param {number} x
+ * @param {number} y
+ * @param {number} yaw
+ */
 export function inMetres({ ctx, app, ratio }, x, y, yaw) {
-  const { camera } = app, [px, py] = camera.toScreen(x, y);
-  const angle = camera.angle + yaw, k = camera.scale * ratio;
-  ctx.setTransform(k * Math.cos(angle), -k * Math.sin(angle), -k * Math.sin(angle), -k * Math.cos(angle), px * ratio, py * ratio);
+  const { camera } = app,
+    [px, py] = camera.toScreen(x, y);
+  const angle = camera.angle + yaw,
+    k = camera.scale * ratio;
+  ctx.setTransform(
+    k * Math.cos(angle),
+    -k * Math.sin(angle),
+    -k * Math.sin(angle),
+    -k * Math.cos(angle),
+    px * ratio,
+    py * ratio,
+  );
 }
 
 /** @param {App} app @param {number} px @param {number} py */
@@ -27,10 +44,15 @@ export function isOnScreen({ camera }, px, py) {
 
 /**
  * An arrow on the screen, with a tip of 9 pixels.
- * @param {CanvasRenderingContext2D} ctx @param {number} x @param {number} y @param {number} toX @param {number} toY pixels
+ * @param {CanvasRenderingContext2D} ctx
+ * @param {number} x
+ * @param {number} y
+ * @param {number} toX
+ * @param {number} toY pixels
  */
 export function arrow(ctx, x, y, toX, toY) {
-  const angle = Math.atan2(toY - y, toX - x), tip = Math.min(9, Math.hypot(toX - x, toY - y));
+  const angle = Math.atan2(toY - y, toX - x),
+    tip = Math.min(9, Math.hypot(toX - x, toY - y));
   ctx.beginPath();
   ctx.moveTo(x, y);
   ctx.lineTo(toX - 0.7 * tip * Math.cos(angle), toY - 0.7 * tip * Math.sin(angle));
@@ -42,7 +64,15 @@ export function arrow(ctx, x, y, toX, toY) {
   ctx.fill();
 }
 
-/** Where a pose points on the screen. @param {App} app @param {number} px @param {number} py @param {number} yaw @param {number} length pixels @returns {[number, number]} */
+/**
+ * Where a pose points on the screen.
+ * @param {App} app
+ * @param {number} px
+ * @param {number} py
+ * @param {number} yaw
+ * @param {number} length pixels
+ * @returns {[number, number]}
+ */
 export function ahead({ camera }, px, py, yaw, length) {
   return [px + length * Math.cos(yaw + camera.angle), py - length * Math.sin(yaw + camera.angle)];
 }
@@ -60,10 +90,24 @@ const MAX_SPRITES = 4000;
 
 /** @typedef {{color?: string, bold?: boolean, align?: "center" | "left"}} Look */
 
-/** Text with a halo. @param {Pen} pen @param {string} text @param {number} px @param {number} py middle of the text @param {Look} [look] */
+/**
+ * Text with a halo.
+ * @param {Pen} pen
+ * @param {string} text
+ * @param {number} px
+ * @param {number} py middle of the text
+ * @param {Look} [look]
+ */
 export function label(pen, text, px, py, look = {}) {
-  const { canvas, width, height } = spriteOf(pen, text, look), x = look.align === "left" ? px : px - width / 2;
-  pen.ctx.drawImage(canvas, Math.round(x * pen.ratio) / pen.ratio, Math.round((py - height / 2) * pen.ratio) / pen.ratio, width, height);
+  const { canvas, width, height } = spriteOf(pen, text, look),
+    x = look.align === "left" ? px : px - width / 2;
+  pen.ctx.drawImage(
+    canvas,
+    Math.round(x * pen.ratio) / pen.ratio,
+    Math.round((py - height / 2) * pen.ratio) / pen.ratio,
+    width,
+    height,
+  );
 }
 
 /** How wide a label is, in pixels. @param {Pen} pen @param {string} text @param {Look} [look] */
@@ -90,7 +134,9 @@ function spriteOf(pen, text, { color = pen.theme.css.text, bold = false }) {
 
 /** @param {Pen} pen @param {string} text @param {string} color @param {boolean} bold */
 function makeSprite(pen, text, color, bold) {
-  const canvas = document.createElement("canvas"), font = bold ? `600 ${FONT}` : FONT, height = 18;
+  const canvas = document.createElement("canvas"),
+    font = bold ? `600 ${FONT}` : FONT,
+    height = 18;
   const ctx = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d"));
   ctx.font = font;
   const width = Math.ceil(ctx.measureText(text).width) + 6;

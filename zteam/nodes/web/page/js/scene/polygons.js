@@ -13,7 +13,8 @@ export function triangulate(polygon) {
   const corners = [];
   let misses = 0;
   for (let i = 0; left.length > 2 && misses <= left.length; i++) {
-    const n = left.length, [a, b, c] = [left[i % n], left[(i + 1) % n], left[(i + 2) % n]];
+    const n = left.length,
+      [a, b, c] = [left[i % n], left[(i + 1) % n], left[(i + 2) % n]];
     if (isEar(polygon, left, a, b, c)) {
       corners.push(...polygon[a], ...polygon[b], ...polygon[c]);
       left.splice((i + 1) % n, 1);
@@ -27,7 +28,15 @@ export function triangulate(polygon) {
 function isEar(polygon, left, a, b, c) {
   const [p, q, r] = [polygon[a], polygon[b], polygon[c]];
   if (cross(p, q, r) <= 0) return false;
-  return !left.some((i) => i !== a && i !== b && i !== c && cross(p, q, polygon[i]) >= 0 && cross(q, r, polygon[i]) >= 0 && cross(r, p, polygon[i]) >= 0);
+  return !left.some(
+    (i) =>
+      i !== a &&
+      i !== b &&
+      i !== c &&
+      cross(p, q, polygon[i]) >= 0 &&
+      cross(q, r, polygon[i]) >= 0 &&
+      cross(r, p, polygon[i]) >= 0,
+  );
 }
 
 /** @param {[number, number]} a @param {[number, number]} b @param {[number, number]} c */
@@ -39,7 +48,8 @@ function cross(a, b, c) {
 function signedArea(polygon) {
   let area = 0;
   for (let i = 0; i < polygon.length; i++) {
-    const [x, y] = polygon[i], [nextX, nextY] = polygon[(i + 1) % polygon.length];
+    const [x, y] = polygon[i],
+      [nextX, nextY] = polygon[(i + 1) % polygon.length];
     area += x * nextY - nextX * y;
   }
   return area / 2;
@@ -57,5 +67,8 @@ export function frontOf(outline) {
 
 /** @param {number} radius @param {number} [corners] @returns {Polygon} a circle */
 export function circle(radius, corners = 20) {
-  return Array.from({ length: corners }, (_, i) => [radius * Math.cos((2 * Math.PI * i) / corners), radius * Math.sin((2 * Math.PI * i) / corners)]);
+  return Array.from({ length: corners }, (_, i) => [
+    radius * Math.cos((2 * Math.PI * i) / corners),
+    radius * Math.sin((2 * Math.PI * i) / corners),
+  ]);
 }

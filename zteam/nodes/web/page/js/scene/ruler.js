@@ -4,17 +4,28 @@ import { label } from "./paint.js";
 
 const LONGEST = 130;
 
-/** The longest of 1, 2 and 5 times a power of ten metres that is at most `LONGEST` pixels. @param {number} scale pixels a metre */
+/**
+ * The longest of 1, 2 and 5 times a power of ten metres that is at most `LONGEST` pixels.
+ * @param {number} scale pixels a metre
+ */
 export function barLength(scale) {
-  const most = LONGEST / scale, power = 10 ** Math.floor(Math.log10(most));
+  const most = LONGEST / scale,
+    power = 10 ** Math.floor(Math.log10(most));
   return [5, 2, 1].map((factor) => factor * power).find((length) => length <= most) ?? power;
 }
 
 /** @param {import("./paint.js").Pen} pen */
 export function paintRuler(pen) {
-  const { ctx, app, theme } = pen, { camera } = app;
-  const length = barLength(camera.scale), width = length * camera.scale, left = 16, y = camera.height - 16;
-  for (const [color, line] of /** @type {[string, number][]} */ ([[theme.css.halo, 4], [theme.css.text, 1.5]])) {
+  const { ctx, app, theme } = pen,
+    { camera } = app;
+  const length = barLength(camera.scale),
+    width = length * camera.scale,
+    left = 16,
+    y = camera.height - 16;
+  for (const [color, line] of /** @type {[string, number][]} */ ([
+    [theme.css.halo, 4],
+    [theme.css.text, 1.5],
+  ])) {
     ctx.strokeStyle = color;
     ctx.lineWidth = line;
     ctx.beginPath();

@@ -1,4 +1,5 @@
-/** Laser scans of all robots, as points or as the area that the beams cover, in one call. One row of a texture a scan: the
+/** Laser scans of all robots, as points or as the area that the beams cover, in one call. One row of a texture a scan:
+ *   the
  * vertex shader makes beam ends of ranges and the sensor's pose. */
 
 import { INVALID, NO_RETURN } from "../wire.js";
@@ -49,14 +50,21 @@ const TEXELS = 3;
  * @param {WebGL2RenderingContext} gl
  */
 export function makeScans(gl) {
-  const points = makeProgram(gl, POINTS, FRAGMENT), area = makeProgram(gl, AREA, FRAGMENT);
-  const empty = gl.createVertexArray(), ranges = gl.createTexture(), rows = gl.createTexture();
+  const points = makeProgram(gl, POINTS, FRAGMENT),
+    area = makeProgram(gl, AREA, FRAGMENT);
+  const empty = gl.createVertexArray(),
+    ranges = gl.createTexture(),
+    rows = gl.createTexture();
   for (const texture of [ranges, rows]) {
     gl.bindTexture(gl.TEXTURE_2D, texture);
     setFilter(gl, gl.NEAREST);
   }
-  let width = 0, height = 0, count = 0, beams = 0;
-  let cells = new Uint16Array(0), facts = new Float32Array(0);
+  let width = 0,
+    height = 0,
+    count = 0,
+    beams = 0;
+  let cells = new Uint16Array(0),
+    facts = new Float32Array(0);
 
   /** @param {number} wide @param {number} high */
   function grow(wide, high) {
@@ -81,8 +89,12 @@ export function makeScans(gl) {
       let row = 0;
       for (const scan of store.scans.values()) {
         cells.set(scan.ranges, row * width);
-        const [r, g, b] = theme.robot(scan.robot), n = scan.ranges.length;
-        facts.set([scan.x, scan.y, scan.yaw, scan.angleMin, scan.angleIncrement, scan.step, n, scan.rangeMax, r, g, b, 1], 4 * TEXELS * row++);
+        const [r, g, b] = theme.robot(scan.robot),
+          n = scan.ranges.length;
+        facts.set(
+          [scan.x, scan.y, scan.yaw, scan.angleMin, scan.angleIncrement, scan.step, n, scan.rangeMax, r, g, b, 1],
+          4 * TEXELS * row++,
+        );
       }
       gl.pixelStorei(gl.UNPACK_ALIGNMENT, 2);
       gl.bindTexture(gl.TEXTURE_2D, ranges);

@@ -8,12 +8,31 @@ import { isMap } from "./grids.js";
 /** Figures of so many drawings are kept. */
 const KEPT = 200;
 const REDRAWN_ON = [
-  "robots", "team", "tf", "goals", "markers", "obstacles", "sonars", "fiducials", "scans", "grids", "paths", "posearrays", "selection", "layers", "camera", "tool", "drive",
+  "robots",
+  "team",
+  "tf",
+  "goals",
+  "markers",
+  "obstacles",
+  "sonars",
+  "fiducials",
+  "scans",
+  "grids",
+  "paths",
+  "posearrays",
+  "selection",
+  "layers",
+  "camera",
+  "tool",
+  "drive",
 ];
 
 /** @typedef {ReturnType<typeof makeScene>} Scene */
-/** @typedef {{frames: number, js_ms: number[], age_ms: number[], bytes: number}} Stats drawings and bytes so far; of the newest drawings:
- *  ms of JavaScript, for what came since the last one too, and the age of the poses that were drawn for the first time */
+/**
+ * @typedef {{frames: number, js_ms: number[], age_ms: number[], bytes: number}} Stats
+ * Drawings and bytes so far. Of the newest drawings: ms of JavaScript, with those for what came since the last one, and
+ * the age of the poses that were drawn for the first time.
+ */
 
 /** @param {import("../app.js").App} app @param {HTMLElement} element @param {Stats} stats */
 export function makeScene(app, element, stats) {
@@ -26,7 +45,11 @@ export function makeScene(app, element, stats) {
   const below = makeBelow(app, lower, () => change("theme"));
   /** @type {import("./above.js").Painter[]} */
   const painters = [];
-  let theme = readTheme(element), ratio = 1, pending = false, drawnFrame = -1, fitted = "";
+  let theme = readTheme(element),
+    ratio = 1,
+    pending = false,
+    drawnFrame = -1,
+    fitted = "";
 
   function requestDraw() {
     if (pending) return;
@@ -53,7 +76,8 @@ export function makeScene(app, element, stats) {
 
   /** @param {number} start ms */
   function note(start) {
-    const now = performance.now(), { frame } = store;
+    const now = performance.now(),
+      { frame } = store;
     stats.frames++;
     stats.bytes = app.connection.bytes;
     keep(stats.js_ms, now - start + app.connection.decodingMs);
@@ -148,15 +172,20 @@ function boxOf(store) {
   }
   const { poses } = store;
   if (!poses.count) return null;
-  const xs = poses.x.subarray(0, poses.count), ys = poses.y.subarray(0, poses.count);
+  const xs = poses.x.subarray(0, poses.count),
+    ys = poses.y.subarray(0, poses.count);
   return [Math.min(...xs) - 2, Math.min(...ys) - 2, Math.max(...xs) + 2, Math.max(...ys) + 2];
 }
 
 /** Calls a function when the window comes to a screen of another density. @param {() => void} changed */
 function watchRatio(changed) {
   const query = matchMedia(`(resolution: ${window.devicePixelRatio}dppx)`);
-  query.addEventListener("change", () => {
-    changed();
-    watchRatio(changed);
-  }, { once: true });
+  query.addEventListener(
+    "change",
+    () => {
+      changed();
+      watchRatio(changed);
+    },
+    { once: true },
+  );
 }

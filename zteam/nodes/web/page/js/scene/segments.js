@@ -37,9 +37,14 @@ const WORDS = 6;
  */
 export function makeSegments(gl, capacity, ring) {
   const { program, at } = makeProgram(gl, VERTEX, FRAGMENT);
-  const buffer = gl.createBuffer(), array = gl.createVertexArray();
-  let floats = new Float32Array(0), words = new Uint32Array(0);
-  let count = 0, next = 0, dirtyFrom = Infinity, dirtyTo = 0;
+  const buffer = gl.createBuffer(),
+    array = gl.createVertexArray();
+  let floats = new Float32Array(0),
+    words = new Uint32Array(0);
+  let count = 0,
+    next = 0,
+    dirtyFrom = Infinity,
+    dirtyTo = 0;
 
   /** @param {number} size */
   function allocate(size) {
@@ -52,7 +57,9 @@ export function makeSegments(gl, capacity, ring) {
     gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
     gl.bufferData(gl.ARRAY_BUFFER, floats.byteLength, gl.DYNAMIC_DRAW);
     const attributes = [
-      { place: 0, size: 4, offset: 0 }, { place: 1, size: 4, type: gl.UNSIGNED_BYTE, normalized: true, offset: 16 }, { place: 2, size: 1, offset: 20 },
+      { place: 0, size: 4, offset: 0 },
+      { place: 1, size: 4, type: gl.UNSIGNED_BYTE, normalized: true, offset: 16 },
+      { place: 2, size: 1, offset: 20 },
     ];
     setAttributes(gl, attributes, 4 * WORDS, 1);
     [dirtyFrom, dirtyTo] = [0, count];
@@ -65,7 +72,14 @@ export function makeSegments(gl, capacity, ring) {
       [dirtyFrom, dirtyTo] = [Infinity, 0];
     },
 
-    /** @param {number} ax @param {number} ay @param {number} bx @param {number} by in map @param {number} color packed @param {number} [born] s */
+    /**
+     * @param {number} ax
+     * @param {number} ay
+     * @param {number} bx
+     * @param {number} by in map
+     * @param {number} color packed
+     * @param {number} [born] s
+     */
     add(ax, ay, bx, by, color, born = 0) {
       if (next === capacity) {
         if (ring) next = 0;
@@ -83,13 +97,24 @@ export function makeSegments(gl, capacity, ring) {
       count = Math.max(count, next);
     },
 
-    /** @param {Float32Array} camera @param {number} width of a line in device pixels @param {number} [now] s @param {number} [life] s */
+    /**
+     * @param {Float32Array} camera
+     * @param {number} width of a line in device pixels
+     * @param {number} [now] s
+     * @param {number} [life] s
+     */
     draw(camera, width, now = 0, life = 0) {
       if (!count) return;
       gl.bindVertexArray(array);
       if (dirtyFrom < dirtyTo) {
         gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
-        gl.bufferSubData(gl.ARRAY_BUFFER, 4 * WORDS * dirtyFrom, floats, WORDS * dirtyFrom, WORDS * (dirtyTo - dirtyFrom));
+        gl.bufferSubData(
+          gl.ARRAY_BUFFER,
+          4 * WORDS * dirtyFrom,
+          floats,
+          WORDS * dirtyFrom,
+          WORDS * (dirtyTo - dirtyFrom),
+        );
         [dirtyFrom, dirtyTo] = [Infinity, 0];
       }
       gl.useProgram(program);

@@ -42,19 +42,35 @@ const WORDS = 6;
 const QUAD = [0, 1, 2, 2, 1, 3];
 
 /** @typedef {[number, number][][]} Outline polygons in metres, in the thing's own frame */
-/** @typedef {{radius: number, vertices: number, array: WebGLVertexArrayObject, instances: WebGLBuffer, floats: Float32Array,
+/** @typedef {{radius: number, vertices: number, array: WebGLVertexArrayObject, instances: WebGLBuffer, floats:
+ *   Float32Array,
  *  words: Uint32Array, count: number}} Mesh */
 
-/** @param {Outline} outline @param {boolean} marked whether it has a mark at the front @returns {Float32Array} six floats a vertex: ends, kind */
+/**
+ * @param {Outline} outline
+ * @param {boolean} marked whether it has a mark at the front
+ * @returns {Float32Array} six floats a vertex: ends, kind
+ */
 function verticesOf(outline, marked) {
   /** @type {number[]} */
   const vertices = [];
   for (const polygon of outline) {
     const corners = triangulate(polygon);
-    for (let i = 0; i < corners.length; i += 2) vertices.push(corners[i], corners[i + 1], corners[i], corners[i + 1], -1, 0);
+    for (let i = 0; i < corners.length; i += 2) {
+      vertices.push(corners[i], corners[i + 1], corners[i], corners[i + 1], -1, 0);
+    }
   }
-  const front = frontOf(outline), size = 0.55 * Math.min(front, radiusOf(outline));
-  for (const [x, y] of !marked ? [] : [[front * 0.92, 0], [front * 0.92 - size, 0.5 * size], [front * 0.92 - size, -0.5 * size]]) vertices.push(x, y, x, y, -1, 1);
+  const front = frontOf(outline),
+    size = 0.55 * Math.min(front, radiusOf(outline));
+  for (const [x, y] of !marked
+    ? []
+    : [
+        [front * 0.92, 0],
+        [front * 0.92 - size, 0.5 * size],
+        [front * 0.92 - size, -0.5 * size],
+      ]) {
+    vertices.push(x, y, x, y, -1, 1);
+  }
   for (const polygon of outline) {
     polygon.forEach(([x, y], i) => {
       const [nextX, nextY] = polygon[(i + 1) % polygon.length];
@@ -80,20 +96,49 @@ export function makeShapes(gl, marked) {
     gl.bindBuffer(gl.ARRAY_BUFFER, mesh.instances);
     gl.bufferData(gl.ARRAY_BUFFER, mesh.floats.byteLength, gl.DYNAMIC_DRAW);
     const bytes = { size: 4, type: gl.UNSIGNED_BYTE, normalized: true };
-    setAttributes(gl, [{ place: 2, size: 3, offset: 0 }, { place: 3, ...bytes, offset: 12 }, { place: 4, ...bytes, offset: 16 }, { place: 5, size: 1, offset: 20 }], 4 * WORDS, 1);
+    setAttributes(
+      gl,
+      [
+        { place: 2, size: 3, offset: 0 },
+        { place: 3, ...bytes, offset: 12 },
+        { place: 4, ...bytes, offset: 16 },
+        { place: 5, size: 1, offset: 20 },
+      ],
+      4 * WORDS,
+      1,
+    );
   }
 
   return {
     /** @param {Outline} outline @returns {Mesh} */
     meshFor(outline) {
-      const key = JSON.stringify(outline), known = meshes.get(key);
+      const key = JSON.stringify(outline),
+        known = meshes.get(key);
       if (known) return known;
-      const vertices = verticesOf(outline, marked), array = gl.createVertexArray(), instances = gl.createBuffer();
+      const vertices = verticesOf(outline, marked),
+        array = gl.createVertexArray(),
+        instances = gl.createBuffer();
       gl.bindVertexArray(array);
       gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
       gl.bufferData(gl.ARRAY_BUFFER, vertices, gl.STATIC_DRAW);
-      setAttributes(gl, [{ place: 0, size: 4, offset: 0 }, { place: 1, size: 2, offset: 16 }], 24, 0);
-      const mesh = { radius: radiusOf(outline), vertices: vertices.length / 6, array, instances, floats: new Float32Array(0), words: new Uint32Array(0), count: 0 };
+      setAttributes(
+        gl,
+        [
+          { place: 0, size: 4, offset: 0 },
+          { place: 1, size: 2, offset: 16 },
+        ],
+        24,
+        0,
+      );
+      const mesh = {
+        radius: radiusOf(outline),
+        vertices: vertices.length / 6,
+        array,
+        instances,
+        floats: new Float32Array(0),
+        words: new Uint32Array(0),
+        count: 0,
+      };
       meshes.set(key, mesh);
       return mesh;
     },
@@ -102,7 +147,12 @@ export function makeShapes(gl, marked) {
       for (const mesh of meshes.values()) mesh.count = 0;
     },
 
-    /** @param {Mesh} mesh @param {number} x @param {number} y @param {number} yaw in map @param {number} fill packed @param {number} edge packed
+    /** @param {Mesh} mesh
+     * @param {number} x
+     * @param {number} y
+     * @param {number} yaw in map
+     * @param {number} fill packed
+     * @param {number} edge packed
      * @param {boolean} bold */
     add(mesh, x, y, yaw, fill, edge, bold) {
       if ((mesh.count + 1) * WORDS > mesh.floats.length) grow(mesh);
@@ -115,7 +165,9 @@ export function makeShapes(gl, marked) {
       mesh.floats[place + 5] = bold ? 1 : 0;
     },
 
-    /** @param {Float32Array} camera @param {number} scale CSS pixels a metre @param {number} ratio device pixels a CSS pixel
+    /** @param {Float32Array} camera
+     * @param {number} scale CSS pixels a metre
+     * @param {number} ratio device pixels a CSS pixel
      * @param {number} least radius in CSS pixels */
     draw(camera, scale, ratio, least) {
       gl.useProgram(program);

@@ -2,7 +2,13 @@
 
 import { normalize } from "../scene/camera.js";
 
-const TOOL_KEYS = /** @type {Record<string, string>} */ ({ s: "select", g: "goal", p: "pose", v: "move", r: "measure" });
+const TOOL_KEYS = /** @type {Record<string, string>} */ ({
+  s: "select",
+  g: "goal",
+  p: "pose",
+  v: "move",
+  r: "measure",
+});
 const STEP = 60;
 const TURN = Math.PI / 12;
 const ZOOM = 1.25;

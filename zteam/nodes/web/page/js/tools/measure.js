@@ -4,7 +4,8 @@ import { label } from "../scene/paint.js";
 
 /** @param {number} dx @param {number} dy metres @returns {string} such as "3.42 m  57°" */
 export function measureText(dx, dy) {
-  const length = Math.hypot(dx, dy), degrees = Math.round((Math.atan2(dy, dx) * 180) / Math.PI);
+  const length = Math.hypot(dx, dy),
+    degrees = Math.round((Math.atan2(dy, dx) * 180) / Math.PI);
   return `${length < 10 ? length.toFixed(3) : length.toFixed(2)} m  ${degrees}°`;
 }
 
@@ -16,7 +17,10 @@ export function makeMeasureTool(app) {
   return {
     /** @param {import("./pose.js").Point} point */
     down({ x, y }) {
-      ends = [[x, y], [x, y]];
+      ends = [
+        [x, y],
+        [x, y],
+      ];
       held = true;
     },
     /** @param {import("./pose.js").Point} point */
@@ -33,15 +37,23 @@ export function makeMeasureTool(app) {
     /** @param {import("../scene/paint.js").Pen} pen */
     paint(pen) {
       if (!ends.length) return;
-      const { ctx, theme } = pen, [[ax, ay], [bx, by]] = ends;
-      const [px, py] = app.camera.toScreen(ax, ay), [qx, qy] = app.camera.toScreen(bx, by);
-      for (const [color, width] of /** @type {[string, number][]} */ ([[theme.css.halo, 5], [theme.css.accent, 2]])) {
+      const { ctx, theme } = pen,
+        [[ax, ay], [bx, by]] = ends;
+      const [px, py] = app.camera.toScreen(ax, ay),
+        [qx, qy] = app.camera.toScreen(bx, by);
+      for (const [color, width] of /** @type {[string, number][]} */ ([
+        [theme.css.halo, 5],
+        [theme.css.accent, 2],
+      ])) {
         ctx.strokeStyle = color;
         ctx.lineWidth = width;
         ctx.beginPath();
         ctx.moveTo(px, py);
         ctx.lineTo(qx, qy);
-        for (const [x, y] of [[px, py], [qx, qy]]) {
+        for (const [x, y] of [
+          [px, py],
+          [qx, qy],
+        ]) {
           ctx.moveTo(x + 4, y);
           ctx.arc(x, y, 4, 0, 2 * Math.PI);
         }

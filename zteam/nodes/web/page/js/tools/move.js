@@ -8,7 +8,8 @@ const TURN = Math.PI / 12;
 /** Milliseconds for which a refused place stays marked. */
 const REFUSED = 2000;
 
-/** @typedef {{robot: number, x: number, y: number, yaw: number, offset: [number, number], state: "held" | "sent" | "refused"}} Ghost
+/** @typedef {{robot: number, x: number, y: number, yaw: number, offset: [number, number], state: "held" | "sent" |
+ *   "refused"}} Ghost
  *  offset: from the mouse to the robot's origin */
 
 /** @param {import("../app.js").App} app */
@@ -19,7 +20,8 @@ export function makeMoveTool(app) {
   /** @param {Ghost} sent */
   async function send(sent) {
     sent.state = "sent";
-    const { robot, x, y, yaw } = sent, error = await app.send({ op: "move", robot, x, y, yaw });
+    const { robot, x, y, yaw } = sent,
+      error = await app.send({ op: "move", robot, x, y, yaw });
     if (ghost !== sent) return;
     if (!error) ghost = null;
     else {
@@ -39,7 +41,14 @@ export function makeMoveTool(app) {
       const pose = point.robot >= 0 ? app.store.poses.at(point.robot) : null;
       if (!pose) return false;
       app.select([point.robot]);
-      ghost = { robot: point.robot, x: pose.x, y: pose.y, yaw: pose.yaw, offset: [pose.x - point.x, pose.y - point.y], state: "held" };
+      ghost = {
+        robot: point.robot,
+        x: pose.x,
+        y: pose.y,
+        yaw: pose.yaw,
+        offset: [pose.x - point.x, pose.y - point.y],
+        state: "held",
+      };
       return true;
     },
     /** @param {import("./pose.js").Point} point */
@@ -63,7 +72,8 @@ export function makeMoveTool(app) {
     /** @param {import("../scene/paint.js").Pen} pen */
     paint(pen) {
       if (!ghost) return;
-      const { ctx, theme } = pen, robot = app.store.robots.get(ghost.robot);
+      const { ctx, theme } = pen,
+        robot = app.store.robots.get(ghost.robot);
       const color = ghost.state === "refused" ? theme.css.danger : theme.robotCss(ghost.robot);
       inMetres(pen, ghost.x, ghost.y, ghost.yaw);
       ctx.lineWidth = 2 / app.camera.scale;
@@ -79,7 +89,9 @@ export function makeMoveTool(app) {
       inPixels(pen);
       const [px, py] = app.camera.toScreen(ghost.x, ghost.y);
       const text = ghost.state === "refused" ? "refused" : `${ghost.x.toFixed(2)}, ${ghost.y.toFixed(2)}`;
-      label(pen, text, px, py - pen.radius(ghost.robot) * app.camera.scale - 14, { color: ghost.state === "refused" ? color : theme.css.text });
+      label(pen, text, px, py - pen.radius(ghost.robot) * app.camera.scale - 14, {
+        color: ghost.state === "refused" ? color : theme.css.text,
+      });
     },
   };
 }

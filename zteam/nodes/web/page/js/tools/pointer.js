@@ -9,15 +9,23 @@ const TURN_STEP = 0.002;
 
 /** @typedef {import("./pose.js").Point} Point */
 /** @typedef {{down(point: Point): boolean | void, move(point: Point): void, up(point: Point): void, cancel(): void,
- *  paint(pen: import("../scene/paint.js").Pen): void, wheel?(steps: number): boolean}} Tool `down` returns false if the press is
+ * paint(pen: import("../scene/paint.js").Pen): void, wheel?(steps: number): boolean}} Tool `down` returns false if
+ *   the press is
  *  not for the tool: then it moves the map */
 
-/** The robot at a place of the screen; -1: none. @param {import("../app.js").App} app @param {number} px @param {number} py */
+/**
+ * The robot at a place of the screen; -1: none.
+ * @param {import("../app.js").App} app
+ * @param {number} px
+ * @param {number} py
+ */
 export function robotAt({ store, camera, scene }, px, py) {
-  let found = -1, nearest = Infinity;
+  let found = -1,
+    nearest = Infinity;
   const { poses } = store;
   for (let i = 0; i < poses.count; i++) {
-    const [x, y] = camera.toScreen(poses.x[i], poses.y[i]), distance = Math.hypot(px - x, py - y);
+    const [x, y] = camera.toScreen(poses.x[i], poses.y[i]),
+      distance = Math.hypot(px - x, py - y);
     if (distance >= nearest) continue;
     const radius = Math.max(MIN_RADIUS, (scene?.radius(poses.ids[i]) ?? 0) * camera.scale);
     if (distance <= radius + REACH) [found, nearest] = [poses.ids[i], distance];
@@ -36,7 +44,9 @@ export function listenToPointer(app, element, tool) {
 
   /** @param {MouseEvent} event @returns {Point} */
   function pointOf(event) {
-    const box = element.getBoundingClientRect(), px = event.clientX - box.left, py = event.clientY - box.top;
+    const box = element.getBoundingClientRect(),
+      px = event.clientX - box.left,
+      py = event.clientY - box.top;
     const [x, y] = app.camera.toMap(px, py);
     return { px, py, x, y, shift: event.shiftKey, robot: robotAt(app, px, py) };
   }
@@ -71,7 +81,8 @@ export function listenToPointer(app, element, tool) {
 
   /** @param {{px: number, py: number}} from @param {{px: number, py: number}} to */
   function turnAbout(from, to) {
-    const cx = element.clientWidth / 2, cy = element.clientHeight / 2;
+    const cx = element.clientWidth / 2,
+      cy = element.clientHeight / 2;
     return Math.atan2(from.py - cy, from.px - cx) - Math.atan2(to.py - cy, to.px - cx);
   }
 
@@ -82,7 +93,8 @@ export function listenToPointer(app, element, tool) {
     const other = [...fingers].find(([id]) => id !== event.pointerId)?.[1];
     const { px, py } = pointOf(event);
     if (other) {
-      const before = Math.hypot(finger.px - other.px, finger.py - other.py), after = Math.hypot(px - other.px, py - other.py);
+      const before = Math.hypot(finger.px - other.px, finger.py - other.py),
+        after = Math.hypot(px - other.px, py - other.py);
       const turn = Math.atan2(finger.py - other.py, finger.px - other.px) - Math.atan2(py - other.py, px - other.px);
       app.camera.zoom(other.px, other.py, after / Math.max(before, 1), turn);
     }

@@ -11,7 +11,8 @@ export function makeSelectTool(app) {
   /** The robots in the box. @returns {number[]} */
   function inBox() {
     if (!press) return [];
-    const { start, last } = press, { poses } = app.store;
+    const { start, last } = press,
+      { poses } = app.store;
     const ids = [];
     for (let i = 0; i < poses.count; i++) {
       const [px, py] = app.camera.toScreen(poses.x[i], poses.y[i]);

@@ -11,7 +11,8 @@ const ICONS = /** @type {Record<string, string>} */ ({
   pose: "M12 3a6 6 0 0 1 6 6c0 4.5-6 12-6 12S6 13.5 6 9a6 6 0 0 1 6-6zm0 4a2 2 0 1 0 0 4 2 2 0 0 0 0-4z",
   move: "M12 2v20M2 12h20M12 2l-3 3M12 2l3 3M12 22l-3-3M12 22l3-3M2 12l3-3M2 12l3 3M22 12l-3-3M22 12l-3 3",
   measure: "M3 16L16 3l5 5L8 21zM7 12l2 2M10 9l3 3M13 6l2 2",
-  drive: "M12 3a9 9 0 1 0 0 18 9 9 0 0 0 0-18zm0 6.5a2.5 2.5 0 1 0 0 5 2.5 2.5 0 0 0 0-5zM3.5 10.5c3-1.5 14-1.5 17 0M12 14.5V21",
+  drive:
+    "M12 3a9 9 0 1 0 0 18 9 9 0 0 0 0-18zm0 6.5a2.5 2.5 0 1 0 0 5 2.5 2.5 0 0 0 0-5zM3.5 10.5c3-1.5 14-1.5 17 0M12 14.5V21",
   fit: "M4 9V4h5M15 4h5v5M20 15v5h-5M9 20H4v-5",
   follow: "M12 7a5 5 0 1 0 0 10 5 5 0 0 0 0-10zM12 2v5M12 17v5M2 12h5M17 12h5",
 });
@@ -26,7 +27,9 @@ const TOOLS = [
 
 /** @param {string} name @param {string} title @param {() => void} act */
 function makeButton(name, title, act) {
-  const button = document.createElement("button"), svg = document.createElementNS(SVG, "svg"), path = document.createElementNS(SVG, "path");
+  const button = document.createElement("button"),
+    svg = document.createElementNS(SVG, "svg"),
+    path = document.createElementNS(SVG, "path");
   button.type = "button";
   button.title = title;
   button.className = "tool";

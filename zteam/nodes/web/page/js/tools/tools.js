@@ -12,7 +12,11 @@ import { listenToKeys } from "./keys.js";
 export function mountTools(app, element, bar) {
   /** @type {Record<string, import("./pointer.js").Tool>} */
   const tools = {
-    select: makeSelectTool(app), goal: makeGoalTool(app), pose: makeInitialPoseTool(app), move: makeMoveTool(app), measure: makeMeasureTool(app),
+    select: makeSelectTool(app),
+    goal: makeGoalTool(app),
+    pose: makeInitialPoseTool(app),
+    move: makeMoveTool(app),
+    measure: makeMeasureTool(app),
     spawn: makeSpawnTool(app),
   };
   const pointer = listenToPointer(app, element, () => tools[app.tool]);
