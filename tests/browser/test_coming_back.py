@@ -1,0 +1,46 @@
+"""What a page shows when its server or the team goes away and comes back."""
+
+from urllib.parse import urlsplit
+
+from support.browser import VIEW, Screen, start_view
+from zteam.testing.team import TeamFixture
+
+TOKEN = "kept-for-this-test"
+
+
+def test_a_page_outlives_its_server(team: TeamFixture, screen: Screen) -> None:
+    """Without the server the page says so and shows no robots; with a new one it goes on by itself, and may command."""
+    team.start("arena", 2, behavior="idle", lockstep=False)
+    url = start_view(team, "--token", TOKEN)
+    screen.open(url, 2)
+    viewport = screen.ask("zteam.app.camera.viewport()")
+    team.kill(VIEW)
+    screen.wait("zteam.app.store.connection.state === 'lost'")
+    assert screen.ask("zteam.app.store.poses.count") == 0
+    assert screen.ask("zteam.app.send({op: 'pause'})") == "not connected to the server"
+    start_view(team, "--token", TOKEN, port=urlsplit(url).port or 0)
+    screen.wait("zteam.app.store.connection.state === 'open' && zteam.app.store.poses.count === 2")
+    assert screen.ask("zteam.app.camera.viewport()") == viewport
+    assert screen.ask("zteam.app.send({op: 'pause'})") == ""
+    team.wait_for(lambda: team.sim_status.paused)
+
+
+def test_a_page_outlives_its_team(team: TeamFixture, screen: Screen) -> None:
+    """When the simulator is gone its robots are no longer drawn; a new simulator's are."""
+    team.start("arena", 2, behavior="idle", lockstep=False)
+    screen.open(start_view(team), 2)
+    team.kill("sim")
+    screen.wait("!zteam.app.store.team.sim.present")
+    team.restart("sim")
+    screen.wait("zteam.app.store.team.sim.present && zteam.app.store.poses.count === 2")
+    tick = screen.ask("zteam.app.store.frame.tick")
+    screen.wait("tick => zteam.app.store.frame.tick > tick", tick)
+
+
+def test_a_page_waits_for_a_team(team: TeamFixture, screen: Screen) -> None:
+    """A view of an empty namespace shows an empty map; the robots of a team that starts later appear by themselves."""
+    screen.open(start_view(team))
+    assert screen.ask("zteam.app.store.poses.count") == 0
+    screen.wait("zteam.stats.frames > 0")
+    team.start("arena", 2, behavior="idle", lockstep=False)
+    screen.wait("zteam.app.store.poses.count === 2 && zteam.app.store.grids.size === 1")
