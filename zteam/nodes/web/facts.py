@@ -16,7 +16,7 @@ from zteam.runtime.node import Node
 from zteam.runtime.tokens import TokenSet
 from zteam.services.log_lines import LogLine
 from zteam.services.simulator import ObstaclesReply, ShapesReply, SimStatus
-from zteam.services.transforms import Lookup
+from zteam.services.transforms import FrameReply, Lookup
 from zteam.services.transforms_client import TransformClient
 
 log = logging.getLogger("zteam")
@@ -46,7 +46,9 @@ class Facts:
         """Of the other sessions."""
         self.topics: list[TopicRow] = []
         self._counts: Counts | None = None
-        self._keys_due = Every(KEYS_PERIOD)
+        self.authorities: dict[str, str] = {}
+        """Which process says where each frame is."""
+        self._keys_due, self._frames_due = Every(KEYS_PERIOD), Every(KEYS_PERIOD)
         self.on_log: Callable[[list[LogLine]], None] = lambda lines: None
         self.on_transforms: Callable[[TFMessage], None] = lambda message: None
         self._has_log = False
@@ -88,6 +90,9 @@ class Facts:
         """Ask what the pages that show these layers and documents need; `opened` counts the subscriptions so far."""
         self._ask_simulator(obstacles="obstacles" in layers)
         self._ask_for_repeat(opened)
+        if "tf" in docs and self._frames_due.due():
+            for _, frames in self._ask(names.service_key(names.AGGREGATOR, "frames"), dict[str, FrameReply]):
+                self.authorities = {name: frame.authority for name, frame in frames.items()}
         if "log" not in docs:
             self._has_log = False
         elif not self._has_log:
