@@ -64,8 +64,9 @@ class Documents:
                 message = decoded(TFMessage, arrival.content)
                 for transform in message.transforms if message else ():
                     self._frames[transform.child_frame_id] = transform, fixed
-        now = self._hub.places.stamp
-        return msgspec.json.encode({"frames": [_frame(*each, now) for _, each in sorted(self._frames.items())]})
+        now, by = self._hub.places.stamp, self._hub.facts.authorities
+        rows = [_frame(*each, by.get(name, ""), now) for name, each in sorted(self._frames.items())]
+        return msgspec.json.encode({"frames": rows})
 
     def topics(self) -> bytes:
         """`topics`: the keys, their types, rates and users."""
@@ -95,9 +96,9 @@ class Documents:
         return msgspec.json.encode(found)
 
     def obstacles(self) -> bytes:
-        """`obstacles`: those of the world, where they are now."""
+        """`obstacles`: those of the world that can be pushed, where they are now. The others are in the map."""
         reply = self._hub.facts.obstacles
-        return msgspec.json.encode([] if reply is None else reply.obstacles)
+        return msgspec.json.encode([each for each in reply.obstacles if each.movable] if reply else [])
 
     def markers(self) -> bytes:
         """`markers`: what other processes want to be drawn."""
@@ -188,7 +189,7 @@ def _shown(topic: str, arrival: Arrival) -> Any:
     return plain if size <= MAX_ECHO else f"a message of {size} bytes as JSON: too long to be shown"
 
 
-def _frame(transform: TransformStamped, fixed: bool, now: int) -> dict[str, Any]:
+def _frame(transform: TransformStamped, fixed: bool, by: str, now: int) -> dict[str, Any]:
     place, turn = transform.transform.translation, transform.transform.rotation
     return {
         "name": transform.child_frame_id,
@@ -198,5 +199,6 @@ def _frame(transform: TransformStamped, fixed: bool, now: int) -> dict[str, Any]
         "z": round(place.z, 4),
         "yaw": round(yaw_from_quaternion(turn.x, turn.y, turn.z, turn.w), 5),
         "static": fixed,
+        "by": by,
         "age": 0.0 if fixed else round(to_seconds(now - ns_from_time(transform.header.stamp)), 3),
     }

@@ -1,19 +1,23 @@
 """What the view asks for, because nothing publishes it: the simulator's state, the users of keys, old lines of logs."""
 
 import logging
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterable
 from typing import Any, TypeVar
 
 from zteam import names
+from zteam.bus import Change
 from zteam.bus.counters import KeyCount
 from zteam.bus.transport import Closeable, Declaration
 from zteam.clock import Every, monotonic
 from zteam.errors import BusError
+from zteam.messages import TFMessage, TransformStamped
 from zteam.nodes.web.topic_table import Counts, TopicRow, rates, topic_rows
 from zteam.runtime.node import Node
 from zteam.runtime.tokens import TokenSet
 from zteam.services.log_lines import LogLine
 from zteam.services.simulator import ObstaclesReply, ShapesReply, SimStatus
+from zteam.services.transforms import FrameReply, Lookup
+from zteam.services.transforms_client import TransformClient
 
 log = logging.getLogger("zteam")
 
@@ -42,9 +46,13 @@ class Facts:
         """Of the other sessions."""
         self.topics: list[TopicRow] = []
         self._counts: Counts | None = None
-        self._keys_due = Every(KEYS_PERIOD)
+        self.authorities: dict[str, str] = {}
+        """Which process says where each frame is."""
+        self._keys_due, self._frames_due = Every(KEYS_PERIOD), Every(KEYS_PERIOD)
         self.on_log: Callable[[list[LogLine]], None] = lambda lines: None
+        self.on_transforms: Callable[[TFMessage], None] = lambda message: None
         self._has_log = False
+        self._opened = 0
         node.bus.watch_link(self._on_link)
 
     def _on_link(self, up: bool) -> None:
@@ -78,9 +86,13 @@ class Facts:
         with self._node.changed:
             return {i for i in map(names.robot_id_of, self._tokens) if i is not None}
 
-    def ask(self, layers: Collection[str], docs: Collection[str]) -> None:
-        """Ask what the pages that show these layers and documents need."""
+    def ask(self, layers: Collection[str], docs: Collection[str], opened: int) -> None:
+        """Ask what the pages that show these layers and documents need; `opened` counts the subscriptions so far."""
         self._ask_simulator(obstacles="obstacles" in layers)
+        self._ask_for_repeat(opened)
+        if "tf" in docs and self._frames_due.due():
+            for _, frames in self._ask(names.service_key(names.AGGREGATOR, "frames"), dict[str, FrameReply]):
+                self.authorities = {name: frame.authority for name, frame in frames.items()}
         if "log" not in docs:
             self._has_log = False
         elif not self._has_log:
@@ -104,6 +116,30 @@ class Facts:
             self._shapes_of = version if self.shapes is not None else None
         if obstacles and (self.obstacles is None or any(each.movable for each in self.obstacles.obstacles)):
             self.obstacles = self._first("obstacles", ObstaclesReply)
+
+    def _ask_for_repeat(self, opened: int) -> None:
+        """Where the world stands nothing new comes: let a new subscriber have what the last tick has sent."""
+        sim, missed = self.sim, opened != self._opened
+        self._opened = opened
+        if missed and sim is not None and (sim.paused or sim.finished) and sim.tick > 0:
+            self._ask_transforms(sim.robots)
+            key = names.service_key(names.SIMULATOR, "repeat")
+            try:
+                self._bus.query(key, SimStatus, Change(), timeout=PATIENCE)
+            except BusError as error:
+                log.debug("%s: %s", key, error)
+
+    def _ask_transforms(self, robots: Iterable[int]) -> None:
+        # The aggregator does not send a tick's bundle twice.
+        frames = [(names.robot_frame(i, names.ODOM), names.robot_frame(i, names.BASE_FOOTPRINT)) for i in robots]
+        try:
+            found = TransformClient(self._bus).lookup_many([Lookup(*pair) for pair in frames]) if frames else []
+        except BusError as error:
+            log.debug("%s", error)
+            return
+        known = [transform for transform in found if isinstance(transform, TransformStamped)]
+        if known:
+            self.on_transforms(TFMessage(known))
 
     def _ask_counts(self) -> None:
         answers = self._ask(names.stats_key("*"), dict[str, KeyCount])

@@ -11,6 +11,8 @@ from zteam.messages import Message
 
 KEPT = 2000
 """Messages of one topic."""
+KEPT_BYTES = 16_000_000
+"""Of one topic; the newest message is kept whatever its size."""
 
 
 class Event(NamedTuple):
@@ -22,6 +24,11 @@ class Event(NamedTuple):
     encoding: str
     time: float
     """Host time at which it came."""
+
+
+def _size(content: bytes | Message) -> int:
+    """Bytes of a message; the messages of a topic are of about one size."""
+    return len(content) if isinstance(content, bytes) else 0
 
 
 class History:
@@ -37,7 +44,10 @@ class History:
         """A message came on `key`, by the subscription to `topic`."""
         with self._lock:
             event = Event(next(self._numbers), key, content, encoding, monotonic())
-            self._events.setdefault(topic, deque(maxlen=KEPT)).append(event)
+            events = self._events.setdefault(topic, deque(maxlen=KEPT))
+            events.append(event)
+            while len(events) > 1 and len(events) * _size(content) > KEPT_BYTES:
+                events.popleft()
         self._on_news()
 
     def since(self, topic: str, number: int) -> list[Event]:

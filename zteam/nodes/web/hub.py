@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 from zteam import names
 from zteam.geometry import Pose2
+from zteam.messages import TFMessage
 from zteam.nodes.web.drawables import Drawables
 from zteam.nodes.web.facts import PERIOD, Facts
 from zteam.nodes.web.history import History
@@ -33,6 +34,7 @@ class Hub:
         self.drawables = Drawables()
         self.places = Places(self.newest)
         self.facts = Facts(node, self._tell)
+        self.facts.on_transforms = self._take_transforms
         self.viewers: dict[int, Viewer] = {}
         self.lease_of: Callable[[int], int | None] = lambda robot_id: None
         """The viewer that drives a robot."""
@@ -41,6 +43,10 @@ class Hub:
         self._subscriptions = Subscriptions(node.bus, self.newest, self.history)
         self._looks = 0
         self._asks = 0
+
+    def _take_transforms(self, message: TFMessage) -> None:
+        if self.newest.get(names.TF) is None:
+            self.newest.take(names.TF, message)
 
     def _tell(self) -> None:
         self.on_news()
@@ -109,5 +115,6 @@ class Hub:
         viewers, asks = self.viewers, self._asks
         if viewers:
             layers = {layer for viewer in viewers.values() for layer in viewer.look.layers}
-            self.facts.ask(layers, {name for viewer in viewers.values() for name in viewer.look.docs})
+            docs = {name for viewer in viewers.values() for name in viewer.look.docs}
+            self.facts.ask(layers, docs, self._subscriptions.opened)
         self.node.wait(lambda: self._asks != asks, PERIOD if viewers else REST)

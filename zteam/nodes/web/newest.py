@@ -29,6 +29,11 @@ class Newest:
         self._arrivals: dict[str, Arrival] = {}
         self._number = 0
 
+    @property
+    def number(self) -> int:
+        """Of the newest message of all keys."""
+        return self._number
+
     def take(self, key: str, content: bytes | Message, encoding: str = "") -> None:
         """A message came."""
         with self._lock:

@@ -5,6 +5,7 @@ from typing import Annotated
 import msgspec
 
 from zteam.errors import DecodeError
+from zteam.names import is_wildcard
 from zteam.services.simulator import MAX_SPEED, MAX_TICKS, Place, RobotId
 
 VERSION = 1
@@ -181,6 +182,9 @@ def decode_request(text: str | bytes) -> AnyRequest:
         raise DecodeError("it is nested too deeply") from None
     if isinstance(request, Look):
         _check_look(request)
+    elif isinstance(request, Watch) and is_wildcard(request.topic):
+        # It would keep everything that the team sends.
+        raise DecodeError(f"a page watches single topics, not {request.topic!r}")
     return request
 
 

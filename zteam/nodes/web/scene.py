@@ -34,6 +34,8 @@ class Scene:
         self._blocks: dict[Any, tuple[int, bytes]] = {}
         self._grids: dict[str, tuple[int, list[Tile]]] = {}
         self._poses: tuple[int, bytes] = (0, b"")
+        self._looked: tuple[object, ...] = ()
+        """What the robots' poses depend on, when they were looked at."""
         self._team = (float("-inf"), b"", 0)
         """Host time at which `team` was made, the document, and its version."""
 
@@ -49,9 +51,12 @@ class Scene:
         return None if message is None else (arrival, message)
 
     def look(self) -> None:
-        """Take the robots' newest poses."""
+        """Take the robots' newest poses, once for all pages."""
         hub = self._hub
-        hub.poses = hub.places.look(sorted(hub.robots()))
+        state = hub.newest.number, hub.facts.sim, hub.places
+        if state != self._looked:
+            self._looked = state
+            hub.poses = hub.places.look(sorted(hub.robots()))
 
     def poses(self) -> tuple[int, bytes]:
         """The number and the block of the newest poses; 0 before there are any."""

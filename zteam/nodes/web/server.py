@@ -5,6 +5,7 @@ import logging
 import socket
 import threading
 from collections.abc import Awaitable, Callable, MutableMapping
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import uvicorn
@@ -29,6 +30,8 @@ Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
 Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
 
 BACKLOG = 64
+THREADS = 32
+"""For commands."""
 TRIES = 20
 """Ports that are tried after one that is taken."""
 
@@ -58,6 +61,8 @@ class WebServer:
             asyncio.run(self._serve())
 
     async def _serve(self) -> None:
+        # Commands wait for the simulator; those of one page must not hold those of others.
+        asyncio.get_running_loop().set_default_executor(ThreadPoolExecutor(THREADS, "command"))
         desk = Desk(self._hub, self._token)
         config = uvicorn.Config(
             Guarded(make_app(desk, self._layout), self._gate),

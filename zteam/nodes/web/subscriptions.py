@@ -30,6 +30,8 @@ class Subscriptions:
     def __init__(self, bus: Bus, newest: Newest, history: History) -> None:
         self._bus, self._newest, self._history = bus, newest, history
         self._open: dict[Topic, Closeable | None] = {}
+        self.opened = 0
+        """How many were opened so far that miss what was sent before."""
 
     def match(self, wanted: Iterable[Topic]) -> None:
         """Subscribe to these and to nothing else. A key that is no key expression is left out."""
@@ -38,6 +40,7 @@ class Subscriptions:
             self._close(topic, self._open.pop(topic))
         for topic in chosen:
             if topic not in self._open:
+                self.opened += not topic.latched
                 try:
                     self._open[topic] = self._subscribe(topic)
                 except BusError:

@@ -1,7 +1,7 @@
 """What is kept of the messages that come: the newest of each key, and all of some topics for a while."""
 
 from zteam.messages import Log, LogLevel, Twist, Vector3, encode, encoding_of, time_from_ns
-from zteam.nodes.web.history import KEPT, History
+from zteam.nodes.web.history import KEPT, KEPT_BYTES, History
 from zteam.nodes.web.log_tail import LogTail
 from zteam.nodes.web.newest import Newest
 from zteam.nodes.web.plots import MOST, samples_since
@@ -43,6 +43,14 @@ def test_history_gives_what_came_after_a_number() -> None:
     assert [event.number for event in history.since("t", KEPT + 3)] == [KEPT + 4, KEPT + 5]
     history.forget("t")
     assert history.since("t", 0) == []
+
+
+def test_history_of_large_messages_is_short() -> None:
+    """A plot of a map's field does not fill the memory."""
+    history = History(lambda: None)
+    for _ in range(10):
+        history.take("map", "map", bytes(KEPT_BYTES // 4))
+    assert [event.number for event in history.since("map", 0)] == [7, 8, 9, 10]
 
 
 def test_samples_have_the_values_of_a_field() -> None:

@@ -28,6 +28,7 @@ def test_each_request_is_told_by_its_op() -> None:
         ('{"op":"look","viewport":[0,0,1]}', "four numbers"),
         ('{"op":"look","layers":["walls"]}', "walls"),
         ('{"op":"look","docs":["team"]}', "team"),
+        ('{"op":"watch","topic":"**"}', "single topics"),
         ('{"op":"step","ticks":0,"seq":1}', "ticks"),
         ('{"op":"take","robot":10000,"seq":1}', "robot"),
         ('{"op":"look","viewport":' + "[" * 5000, "viewport|nested|truncated"),

@@ -78,7 +78,7 @@ class LogView {
     const fitting = lines.filter((line) => this.#fits(line));
     this.lines.querySelector(".hint")?.remove();
     this.lines.append(...fitting.map(drawLine));
-    // Above a user who reads, nothing moves; rows go when the end is followed again.
+    // While the user reads, nothing moves above; old rows go when the end is followed again.
     if (this.#following) this.#follow(true);
     else this.#count(fitting.length);
   }
