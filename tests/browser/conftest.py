@@ -2,6 +2,7 @@
 
 import importlib.util
 from collections.abc import Iterator
+from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +14,7 @@ if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
 HERE = Path(__file__).parent
+ORIGIN = "http://page.test"
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -55,3 +57,22 @@ def open_screen(browser: "Browser") -> Iterator[OpenScreen]:
 def screen(open_screen: OpenScreen) -> Screen:
     """One page of 1280 x 800."""
     return open_screen()
+
+
+@pytest.fixture
+def modules(screen: Screen) -> Iterator[Screen]:
+    """An empty page of an origin that serves the page's modules, without a server."""
+    page = files("zteam.nodes.web") / "page"
+
+    def answer(route: Any) -> None:
+        name = route.request.url.removeprefix(ORIGIN).removeprefix("/page/")
+        if name.endswith(".js"):
+            route.fulfill(body=(page / name).read_text("utf-8"), content_type="text/javascript")
+        else:
+            route.fulfill(body="<!doctype html><title>modules</title>", content_type="text/html")
+
+    screen.page.route("**/*", answer)
+    screen.page.goto(ORIGIN)
+    yield screen
+    # A script that still runs must not outlive the routes.
+    screen.page.unroute_all(behavior="wait")

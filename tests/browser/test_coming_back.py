@@ -44,3 +44,39 @@ def test_a_page_waits_for_a_team(team: TeamFixture, screen: Screen) -> None:
     screen.wait("zteam.stats.frames > 0")
     team.start("arena", 2, behavior="idle", lockstep=False)
     screen.wait("zteam.app.store.poses.count === 2 && zteam.app.store.grids.size === 1")
+
+
+def test_a_browser_without_webgl_says_so(team: TeamFixture, screen: Screen) -> None:
+    """Names and tools work there all the same."""
+    screen.page.add_init_script("""
+      const getContext = HTMLCanvasElement.prototype.getContext;
+      HTMLCanvasElement.prototype.getContext = function (kind, ...rest) {
+        return kind === 'webgl2' ? null : getContext.call(this, kind, ...rest);
+      };
+    """)
+    team.start("arena", 1, behavior="idle", lockstep=False)
+    screen.open(start_view(team), 1)
+    screen.wait("document.querySelector('#toasts').textContent.includes('no WebGL2')")
+    screen.select(0)
+
+
+def test_a_lost_graphics_context_is_drawn_again(team: TeamFixture, screen: Screen) -> None:
+    """When the browser takes WebGL's context away and gives it back, map and robots are there again."""
+    team.start("arena", 1, behavior="idle", lockstep=False)
+    screen.open(start_view(team), 1)
+    screen.wait("zteam.app.store.grids.size === 1")
+    colors = """async () => {
+      const picture = await createImageBitmap(await zteam.app.scene.png());
+      const ctx = new OffscreenCanvas(picture.width, picture.height).getContext('2d');
+      ctx.drawImage(picture, 0, 0);
+      return new Set(new Uint32Array(ctx.getImageData(0, 0, picture.width, picture.height).data.buffer)).size;
+    }"""
+    before = screen.ask(colors)
+    screen.ask("""() => {
+      window.context = document.querySelector('#scene canvas').getContext('webgl2').getExtension('WEBGL_lose_context');
+      context.loseContext();
+    }""")
+    screen.wait("document.querySelector('#scene canvas').getContext('webgl2').isContextLost()")
+    screen.ask("context.restoreContext()")
+    screen.wait("!document.querySelector('#scene canvas').getContext('webgl2').isContextLost()")
+    screen.wait(f"async () => (await ({colors})()) > {before // 2}")

@@ -4,8 +4,6 @@ import itertools
 import json
 import math
 import random
-from collections.abc import Iterator
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
@@ -17,7 +15,6 @@ from zteam.nodes.teleop.keys import DIRECTIONS, SPEED_FACTORS
 from zteam.nodes.teleop.pilot import MAX_SPEED, MIN_SPEED
 from zteam.nodes.web import frames
 
-ORIGIN = "http://page.test"
 ARROWS = {"up": "ArrowUp", "down": "ArrowDown", "left": "ArrowLeft", "right": "ArrowRight"}
 
 DECODED = """async (data) => {
@@ -42,25 +39,6 @@ FUZZED = """async (frames) => {
   }
   return other;
 }"""
-
-
-@pytest.fixture
-def modules(screen: Screen) -> Iterator[Screen]:
-    """An empty page of an origin that serves the page's modules, without a server."""
-    page = files("zteam.nodes.web") / "page"
-
-    def answer(route: Any) -> None:
-        name = route.request.url.removeprefix(ORIGIN).removeprefix("/page/")
-        if name.endswith(".js"):
-            route.fulfill(body=(page / name).read_text("utf-8"), content_type="text/javascript")
-        else:
-            route.fulfill(body="<!doctype html><title>modules</title>", content_type="text/html")
-
-    screen.page.route("**/*", answer)
-    screen.page.goto(ORIGIN)
-    yield screen
-    # A script that still runs must not outlive the routes.
-    screen.page.unroute_all(behavior="wait")
 
 
 def decode(screen: Screen, *blocks: bytes) -> Any:

@@ -62,6 +62,20 @@ def test_the_log_follows_its_end_until_the_user_reads(team: TeamFixture, screen:
     screen.wait(at_end)
 
 
+def test_what_processes_say_is_text_and_never_markup(team: TeamFixture, screen: Screen) -> None:
+    """A line of the log that looks like HTML stands on the page as it is."""
+    start(team, screen)
+    screen.page.click("#tab-log")
+    line = "<img src=x onerror=alert(1)><b>bold</b>"
+    screen.ask(
+        """line => zteam.app.store.takeFrame({number: 1, tick: 1, stamp: 1, age: -1, blocks: [{type: 'doc', name: 'log',
+          value: [{time: 1, process: '<i>tf</i>', level: 'error', text: line}]}]}, 0)""",
+        line,
+    )
+    screen.wait(f"line => {LINES}.some((text) => text.includes(line))", line)
+    assert screen.page.locator("#page-log img, #page-log b, #page-log i").count() == 0
+
+
 def test_topics_have_types_and_rates(team: TeamFixture, screen: Screen) -> None:
     """The list shows the topics that the bus has, with type, publishers and the rate of the scans."""
     start(team, screen)
@@ -124,4 +138,5 @@ def test_the_tree_of_frames_says_where_each_one_is(team: TeamFixture, screen: Sc
     depth = dict(zip(names, indents, strict=True))
     assert depth["map"] < depth["robot_0/odom"] < depth["robot_0/base_footprint"]
     assert screen.page.locator(row.format("robot_0/base_laser_link")).locator("td").nth(4).inner_text() == "static"
-    assert screen.page.locator(row.format("robot_0/base_footprint")).locator("td").nth(5).inner_text() != ""
+    said_by = f"document.querySelector(`{row.format('robot_0/base_footprint')} td:nth-child(6)`).textContent"
+    screen.wait(f"{said_by} === 'robot_0'")

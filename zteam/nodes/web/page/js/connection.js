@@ -4,6 +4,7 @@ import { decodeFrame, unpack, VERSION } from "./wire.js";
 
 const RETRY = [0.25, 0.5, 1, 2];
 const LOOK_PERIOD = 100;
+const HIDDEN_PERIOD = 1000;
 const REPLY_LIMIT = 10000;
 const NOT_CONNECTED = "not connected to the server";
 const TOKEN = "zteam-token";
@@ -106,8 +107,21 @@ export class Connection {
       return this.#socket?.close();
     }
     this.store.takeFrame(frame, received);
-    this.#raw({ op: "ack", frame: frame.number });
+    this.#acknowledge(frame.number);
     this.decodingMs += performance.now() - received;
+  }
+
+  /**
+   * Asks for the next frame: at once, or as long as the page is not seen, once a second.
+   * @param {number} frame
+   */
+  #acknowledge(frame) {
+    const socket = this.#socket;
+    const send = () => {
+      if (socket === this.#socket) this.#raw({ op: "ack", frame });
+    };
+    if (document.hidden) setTimeout(send, HIDDEN_PERIOD);
+    else send();
   }
 
   /** @param {import("./wire.js").Grid} block */

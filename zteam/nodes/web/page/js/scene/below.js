@@ -38,7 +38,8 @@ export function makeBelow(app, canvas, restored) {
   const { store, camera, layers } = app;
   const gl = canvas.getContext("webgl2", { antialias: true, alpha: false });
   let parts = gl && makeDrawings(gl);
-  if (!gl) app.say("This browser has no WebGL2: map, lasers and robots cannot be drawn.", "error");
+  // What shows it to the user is mounted later.
+  if (!gl) queueMicrotask(() => app.say("This browser has no WebGL2: map, lasers and robots cannot be drawn", "error"));
   canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
   canvas.addEventListener("webglcontextrestored", () => {
     parts = gl && makeDrawings(gl);
