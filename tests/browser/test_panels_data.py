@@ -138,4 +138,5 @@ def test_the_tree_of_frames_says_where_each_one_is(team: TeamFixture, screen: Sc
     depth = dict(zip(names, indents, strict=True))
     assert depth["map"] < depth["robot_0/odom"] < depth["robot_0/base_footprint"]
     assert screen.page.locator(row.format("robot_0/base_laser_link")).locator("td").nth(4).inner_text() == "static"
-    assert screen.page.locator(row.format("robot_0/base_footprint")).locator("td").nth(5).inner_text() != ""
+    said_by = f"document.querySelector(`{row.format('robot_0/base_footprint')} td:nth-child(6)`).textContent"
+    screen.wait(f"{said_by} === 'robot_0'")

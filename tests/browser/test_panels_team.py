@@ -47,11 +47,11 @@ def test_the_start_gate_names_what_it_waits_for(team: TeamFixture, screen: Scree
     """Before GO the footer names the robot that is missing."""
     team.spawn("zteam-sim", "arena")
     team.spawn("zteam-tf")
-    team.spawn("zteam-monitor", "--team-size", "2")
+    team.spawn("zteam-monitor", "--ids", "0,1")
     team.spawn("zteam-robot", "--id", "0", "--behavior", "idle")
     team.wait_for_processes("sim", "tf", "monitor", "robot_0")
     screen.open(start_view(team), 1)
-    screen.page.wait_for_selector("#status .warn:text('robot_1')")
+    screen.page.wait_for_selector("#status .warn:text('1 of 2 ready; waiting for robot_1')")
 
 
 def test_without_a_team_the_page_says_so_and_sees_it_come_and_go(team: TeamFixture, screen: Screen) -> None:

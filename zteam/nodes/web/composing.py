@@ -18,8 +18,9 @@ from zteam.nodes.web.plots import samples_since
 from zteam.nodes.web.scene import Scene
 from zteam.nodes.web.viewer import Viewer
 
-TEAM_AGAIN = 1.0
-"""Host seconds after which `team` is sent again."""
+TEAM_AGAIN, TEAM_SIZE = 1.0, 250
+"""Host seconds after which `team` is sent again without a change but of ages and speeds; so many times longer as the team
+is larger than this: a page takes milliseconds to read a thousand rows."""
 SLOW, FAST = 1.0, 0.1
 """Host seconds between two documents: of those in lists, and of those that are drawn."""
 TILES = 16
@@ -94,7 +95,8 @@ class Composer:
 
     def _docs(self, viewer: Viewer, now: float) -> Iterator[bytes]:
         team, version = self._scene.team()
-        if viewer.lacks("team", version) | viewer.lacks("team again", int(now / TEAM_AGAIN)):
+        again = TEAM_AGAIN * max(1.0, len(self._hub.poses) / TEAM_SIZE)
+        if viewer.lacks("team", version) | viewer.lacks("team again", int(now / again)):
             yield frames.encode_doc("team", team)
         layers, docs, make = viewer.look.layers, viewer.look.docs, self._documents
         if "tf" in layers or "tf" in docs:

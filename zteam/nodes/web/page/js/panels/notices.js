@@ -115,7 +115,7 @@ function mountStatus(store) {
     gate.title = gate.textContent ?? "";
     gate.className = `grow ${team && team.gate.state !== "go" ? "warn" : "muted"}`;
     setText(viewers, team && team.viewers > 1 ? `${team.viewers} viewers` : "");
-    setText(time, frame.number >= 0 ? `tick ${frame.tick}` : "");
+    setText(time, team?.sim.present ? `tick ${frame.tick}` : "");
     time.title = formatClock(frame.stamp);
   };
   for (const event of ["connection", "team"]) store.on(event, show);
