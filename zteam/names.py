@@ -1,6 +1,7 @@
 """Key expressions and frame ids (docs/architecture.md). No other module builds or parses them."""
 
 import re
+import secrets
 from collections.abc import Iterable
 from functools import lru_cache
 
@@ -23,6 +24,7 @@ SIMULATOR = "sim"
 AGGREGATOR = "tf"
 MONITOR = "monitor"
 LAUNCHER = "up"
+VIEW = "view"
 
 TICK = "sim/tick"
 """Lock-step: key of the simulator's numbered ticks."""
@@ -40,6 +42,7 @@ CMD_VEL = "cmd_vel"
 CMD_VEL_TELEOP = "cmd_vel_teleop"
 CMD_VEL_NAV = "cmd_vel_nav"
 GOAL_POSE = "goal_pose"
+INITIAL_POSE = "initialpose"
 BASE_SCAN = "base_scan"
 SONAR = "sonar"
 ODOM = "odom"
@@ -84,6 +87,16 @@ def robot_id_of(name: str) -> int | None:
     if not match or len(match[1]) > len(str(MAX_ROBOT_ID)) or int(match[1]) > MAX_ROBOT_ID:
         return None
     return int(match[1])
+
+
+def view_name() -> str:
+    """A new name for one of several views."""
+    return f"{VIEW}_{secrets.token_hex(3)}"
+
+
+def is_view(name: str) -> bool:
+    """Whether `name` is that of a view: `view`, which a team was started with, or `view_…`."""
+    return name == VIEW or name.startswith(f"{VIEW}_")
 
 
 def robot_key(robot_id: int, topic: str) -> str:
@@ -146,6 +159,11 @@ def scan_key(robot_id: int, index: int) -> str:
 def numbered(stem: str, index: int, *, always: bool = False) -> str:
     """Topic or local frame of the `index`-th device of a kind: `stem`, `stem_1`, …; with `always`, `stem_0` first."""
     return stem if index == 0 and not always else f"{stem}_{index}"
+
+
+def all_numbered(stem: str) -> str:
+    """Wildcard over the topics of all devices of a kind."""
+    return f"{stem}$*"
 
 
 @lru_cache(maxsize=4096)

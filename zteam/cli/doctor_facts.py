@@ -164,7 +164,8 @@ def _without_cells(grid: OccupancyGrid | None) -> OccupancyGrid | None:
 
 def _is_complete(nodes: list[ProcessInfo]) -> bool:
     """Whether a team has every kind of process."""
-    return all(any(map(kind.includes, (node.name for node in nodes))) for kind in kinds.KINDS if kind.on_bus)
+    needed = [kind for kind in kinds.KINDS if kind.on_bus and not kind.beside]
+    return all(any(map(kind.includes, (node.name for node in nodes))) for kind in needed)
 
 
 def _elsewhere(options: BusOptions) -> dict[str, list[str]]:

@@ -12,6 +12,7 @@ from zteam.cli.output import guarded
 COMMANDS = {
     "up": ("up", "start and supervise a whole team"),
     "topic": ("topic", "list | echo | hz | info | pub: inspect and publish messages"),
+    "view": ("zteam_view", "see the team in a browser, and drive it with the mouse"),
     "tf": ("tf", "echo | tree | monitor | positions | static: show and set transforms"),
     "sim": ("sim", "control the simulator: status, pause, step, reset, spawn, …"),
     "teleop": ("teleop", "drive robots with the keyboard"),
@@ -51,7 +52,7 @@ def _usage() -> str:
     return (
         f"usage: zteam COMMAND ...\n\n{rows}\n\n"
         "The processes are separate commands:\n"
-        "  zteam-sim, zteam-robot, zteam-tf, zteam-monitor, zteam-router\n\n"
+        "  zteam-sim, zteam-robot, zteam-tf, zteam-monitor, zteam-view, zteam-router\n\n"
         "See zteam COMMAND --help."
     )
 
@@ -79,6 +80,7 @@ start_simulator = partial(_start, "zteam_sim")
 start_robot = partial(_start, "zteam_robot")
 start_aggregator = partial(_start, "zteam_tf")
 start_monitor = partial(_start, "zteam_monitor")
+start_view = partial(_start, "zteam_view")
 start_router = partial(_start, "zteam_router")
 
 

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from zteam.bus import Bus
     from zteam.clock import AutoClock
     from zteam.messages import RobotStatus, Twist
-    from zteam.nodes.teleop.wheels import Wheels
     from zteam.runtime.shutdown import Stop
+    from zteam.runtime.wheels import Wheels
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -72,8 +72,8 @@ def _script(text: str | None) -> list[str] | None:
 def _teleop(args: argparse.Namespace, ids: Sequence[int], script: list[str] | None) -> int:
     from zteam.bus import connect
     from zteam.cli.listening import PATIENCE
-    from zteam.nodes.teleop.wheels import Wheels
     from zteam.runtime.shutdown import Stop, stopping_in_order
+    from zteam.runtime.wheels import Wheels
 
     pilot, stop = Pilot(ids, args.speed, args.turn), Stop()
     with stopping_in_order(stop), ExitStack() as ends:

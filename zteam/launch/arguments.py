@@ -42,6 +42,8 @@ class TeamLaunch(msgspec.Struct, frozen=True):
     until: int | None = None
     """The run ends before this tick."""
     pace: Pace = Pace()
+    view: tuple[str, ...] | None = None
+    """Arguments of the view; None: the team is started without one."""
     participants: tuple[str, ...] = ()
     """Names of the processes that the first tick of lock-step waits for."""
 
@@ -94,6 +96,11 @@ def robots_arguments(launch: TeamLaunch) -> Arguments:
             arguments += [part for folder in module_folders(launch) for part in ("--path", str(folder))]
         found[names.robot_name(robot.id)] = arguments
     return found
+
+
+def view_arguments(launch: TeamLaunch) -> Arguments:
+    """One view, if it is asked for."""
+    return {} if launch.view is None else {names.VIEW: ["--name", names.VIEW, *launch.view]}
 
 
 def module_folders(launch: TeamLaunch) -> list[Path]:

@@ -17,6 +17,7 @@ from zteam.launch.arguments import (
     no_arguments,
     robots_arguments,
     simulator_arguments,
+    view_arguments,
 )
 from zteam.launch.process import zteam_command
 
@@ -45,11 +46,17 @@ class Kind(msgspec.Struct, frozen=True):
     """Whether a run with a time limit cannot be finished without it."""
     on_bus: bool = True
     """Whether it holds its name on the bus."""
+    beside: bool = False
+    """Whether a team runs on as before without it: it may come and go at any time."""
+    is_one: Callable[[str], bool] | None = None
+    """Where several of its processes may run: whether a name is that of one."""
     robot_id_of: Callable[[str], int | None] | None = None
     """For one process per robot: the robot's id in a process name, None where the name is of another kind."""
 
     def includes(self, name: str) -> bool:
         """Whether a process of this name is of this kind."""
+        if self.is_one is not None:
+            return self.is_one(name)
         return name == self.name if self.robot_id_of is None else self.robot_id_of(name) is not None
 
     def command_line(self, *arguments: str) -> list[str]:
@@ -108,6 +115,16 @@ KINDS: tuple[Kind, ...] = (
         hint="zteam-robot --id 0",
         in_lockstep=True,
         robot_id_of=names.robot_id_of,
+    ),
+    Kind(
+        title="view",
+        name=names.VIEW,
+        command="zteam-view",
+        arguments=view_arguments,
+        stop_rank=0,
+        hint="",
+        beside=True,
+        is_one=names.is_view,
     ),
 )
 """In the order of starting."""

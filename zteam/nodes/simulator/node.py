@@ -23,6 +23,7 @@ from zteam.nodes.simulator.queries import Queries
 from zteam.nodes.simulator.reports import Reporter
 from zteam.nodes.simulator.run_counter import RunCounter
 from zteam.nodes.simulator.run_statistics import RunStatistics
+from zteam.nodes.simulator.shapes import serve_shapes
 from zteam.nodes.simulator.team_outputs import TeamOutputs
 from zteam.nodes.simulator.tick_profile import TickProfile
 from zteam.nodes.simulator.tick_sender import TickSender
@@ -108,6 +109,7 @@ class Simulator:
             self._statistics,
             self._profile,
         )
+        serve_shapes(self._node.bus, self._world, self._engine)
         on_reset = [part.start_anew for part in (self._counter, self._commands, self._pacer, self._sender)]
         if self._lockstep is not None:
             on_reset.append(self._lockstep.start_anew)
@@ -116,7 +118,9 @@ class Simulator:
             self._node,
             self._pacer,
             turns,
-            WorldChanges(self._world, self._engine, self._outputs, self._sender, on_reset),
+            WorldChanges(
+                self._world, self._engine, self._outputs, self._sender, on_reset, self._statistics.add_external_command
+            ),
             lambda: reporter.status(turns.finished),
             lambda: reporter.report(turns.finished),
         )
