@@ -2,12 +2,12 @@
 
 import argparse
 import os
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from zteam import names
 from zteam.cli.arguments import whole
+from zteam.cli.interrupts import leave
 from zteam.cli.options import Parser, add_bus_options, bus_options, run
 
 DEFAULT_PORT = 8765
@@ -55,4 +55,4 @@ def _show(text: str) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())

@@ -2,6 +2,9 @@
 
 import subprocess
 import sys
+from pathlib import Path
+
+import zteam.cli
 
 BOMB = "import os, sys; sys.bomb = type('Bomb', (), {'__del__': lambda self, end=os.abort: end()})()\n"
 """Aborts the process when the interpreter is taken apart, as a late callback of foreign code does."""
@@ -43,3 +46,12 @@ def test_commands_leave() -> None:
         code = f"sys.argv = {words}; import runpy; runpy.run_module('zteam.cli.{module}', run_name='__main__')"
         done = run(BOMB + code)
         assert (done.returncode, "wander" in done.stdout) == (0, True), done.stderr
+
+
+def test_every_command_leaves() -> None:
+    """No module of a command that runs as a program ends in another way."""
+    files = [path.read_text() for path in Path(next(iter(zteam.cli.__path__))).glob("*.py")]
+    programs = [text for text in files if 'if __name__ == "__main__":' in text]
+    assert len(programs) > 15
+    # `zteam` itself leaves within `start`.
+    assert all(text.endswith(("    leave(main())\n", "    start()\n")) for text in programs)
