@@ -182,7 +182,8 @@ class Amcl:
             self._odom = odom
         else:
             self._forced = True
-            self._poses, self._weights = search.poses.copy(), search.fits / search.fits.sum()
+            weights = search.fits + 1e-9
+            self._poses, self._weights = search.poses.copy(), weights / weights.sum()
         self._pose_of_odom = self.pose.compose(odom.inverse())
 
     def _move(self, before: Pose2, after: Pose2) -> None:
