@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
+from zteam.compiling import kernels
 from zteam.messages import sharing
-from zteam.sim import jit
 
 # Speed is the machine's business, not a test's: a slow example is no failure.
 settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -22,7 +22,7 @@ settings.load_profile("any machine")
 os.environ.setdefault("XDG_CACHE_HOME", str(Path.home() / ".cache"))
 
 # A kernel that is called with other types than it was compiled for would compute nonsense.
-jit.check_types()
+kernels.check_types()
 # A message that is handed over is not checked otherwise.
 sharing.check_adopted()
 
@@ -64,11 +64,12 @@ def empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, own_types: Non
 @pytest.fixture
 def kept_kernels(tmp_path: Path) -> Path:
     """A cache that holds all kernels but does not say so, as one whose compiling ended just before its end."""
-    from zteam.sim import kernel_cache, takeover
+    from zteam.compiling import kernel_cache, takeover
+    from zteam.sim.jit import SIMULATOR
 
     # What ran before in this process may have made its choice without a look at the cache.
-    takeover.fill_cache()
+    takeover.fill_cache(SIMULATOR)
     assert kernel_cache.FOLDER is not None
-    assert kernel_cache.is_complete(), "this machine's cache cannot be filled"
+    assert kernel_cache.is_complete(SIMULATOR.name), "this machine's cache cannot be filled"
     shutil.copytree(kernel_cache.FOLDER, tmp_path / "cache", ignore=shutil.ignore_patterns("complete-*"))
     return tmp_path / "cache"

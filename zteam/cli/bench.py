@@ -1,4 +1,4 @@
-"""`zteam bench sim | kernel | tf | team | view | robots | steps | codec`: measure zteam on this machine."""
+"""`zteam bench sim | kernel | tf | team | view | robots | steps | nav | codec`: measure zteam on this machine."""
 
 import argparse
 import sys
@@ -9,7 +9,7 @@ from typing import Any
 
 import msgspec
 
-from zteam.cli import bench_robots_tables, bench_steps_tables, bench_tables, bench_view_tables
+from zteam.cli import bench_nav_tables, bench_robots_tables, bench_steps_tables, bench_tables, bench_view_tables
 from zteam.cli.arguments import number, whole
 from zteam.cli.interrupts import leave, raise_from_now
 from zteam.cli.live_line import LiveLine, has_live_line
@@ -27,6 +27,7 @@ FORMATS: dict[str, Callable[[Sequence[Any]], str]] = {
     "view": bench_view_tables.format_view,
     "robots": bench_robots_tables.format_robots,
     "steps": bench_steps_tables.format_steps,
+    "nav": bench_nav_tables.format_navigation,
     "codec": bench_tables.format_codec,
 }
 """Verb -> what makes a text of its figures."""
@@ -34,6 +35,8 @@ CHAINS = ("lectures", "direct", "trail", "trail16", "disturbed")
 """Rows of `zteam bench robots` (zteam.bench.chains.figures)."""
 VIEW_PARTS = ("load", "slow", "cost", "browser")
 """Of `zteam bench view` (zteam.bench.view.figures)."""
+NAV_ROWS = ("plan", "costmap", "amcl", "tours", "global")
+"""Rows of `zteam bench nav` (zteam.bench.navigation.figures)."""
 FORMATIONS = "formations"
 """Its table of all shapes (zteam.bench.formations)."""
 
@@ -41,7 +44,7 @@ FORMATIONS = "formations"
 def build_parser() -> argparse.ArgumentParser:
     """The command line."""
     parser = Parser(prog="zteam bench", description=__doc__)
-    verbs = parser.add_subparsers(dest="verb", required=True, metavar="sim|kernel|tf|team|view|robots|steps|codec")
+    verbs = parser.add_subparsers(dest="verb", required=True, metavar="sim|kernel|tf|team|view|robots|steps|nav|codec")
     sim = verbs.add_parser("sim", help="measure the simulator's core alone, as fast as it runs")
     kernel = verbs.add_parser("kernel", help="measure rays against a bitmap, beside a plain scalar grid traversal")
     transforms = verbs.add_parser("tf", help="measure the transform buffer, beside tf2_py if that is installed")
@@ -49,9 +52,10 @@ def build_parser() -> argparse.ArgumentParser:
     view = verbs.add_parser("view", help="measure a view: age of frames, memory, its cost in lock-step, drawing")
     robots = verbs.add_parser("robots", help="measure how well robots follow each other, and hold formations")
     steps = verbs.add_parser("steps", help="measure a robot's step: velocity mux, behaviour and safety layer")
+    nav = verbs.add_parser("nav", help="measure planning, costmaps and localisation")
     codec = verbs.add_parser("codec", help="measure encoding and decoding")
     sim.add_argument("world", metavar="WORLD", help="a world file, or the name of a shipped world")
-    for sub in (kernel, team, view):
+    for sub in (kernel, team, view, nav):
         sub.add_argument(
             "world", nargs="?", default="office", metavar="WORLD", help="world to measure in (default: %(default)s)"
         )
@@ -71,8 +75,9 @@ def build_parser() -> argparse.ArgumentParser:
     )
     _add_view(view)
     _add_robots(robots)
+    _add_navigation(nav)
     _add_number(steps, "--seconds", number(1.0, 600.0, "simulated seconds"), 20.0, "simulated seconds of each scene")
-    for sub in (sim, kernel, transforms, team, view, robots, steps, codec):
+    for sub in (sim, kernel, transforms, team, view, robots, steps, nav, codec):
         sub.add_argument("--json", action="store_true", help="print JSON")
         add_log_options(sub, "warning")
     return parser
@@ -107,6 +112,21 @@ def _add_robots(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--in-process", action="store_true", help="run each team in one process, several at once: the same figures"
+    )
+
+
+def _add_navigation(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--rows",
+        nargs="+",
+        choices=NAV_ROWS,
+        default=NAV_ROWS,
+        metavar="ROW",
+        help=f"only these ({', '.join(NAV_ROWS)})",
+    )
+    _add_number(parser, "--tours", whole(1, 1000, "tours"), 30, "number of tours; two thirds as many random starts")
+    parser.add_argument(
+        "--scenarios", type=Path, metavar="DIR", help="folder of MovingAI's .map and .scen files: check all lengths"
     )
 
 
@@ -158,6 +178,8 @@ def _measure(args: argparse.Namespace) -> list[Any]:
         return _measure_robots(args)
     if args.verb == "view":
         return [_measure_view(args)]
+    if args.verb == "nav":
+        return _measure_navigation(args)
     if args.verb == "steps":
         from zteam.bench.steps.figures import measure_steps
 
@@ -207,6 +229,20 @@ def _measure_robots(args: argparse.Namespace) -> list[Any]:
         if FORMATIONS in args.rows:
             found += measure_formations(args.tours, in_process=args.in_process, progress=show)
     return found
+
+
+def _measure_navigation(args: argparse.Namespace) -> list[Any]:
+    from zteam.bench.navigation.figures import measure_navigation
+    from zteam.world import load_world
+
+    world = load_world(find_world(args.world))
+    with LiveLine(sys.stderr) if has_live_line(sys.stderr) else nullcontext() as live:
+
+        def show(row: str, done: int, total: int) -> None:
+            if live is not None:
+                live.show(lambda _columns: f"{row}: {done} of {total}")
+
+        return list(measure_navigation(world, args.rows, args.tours, args.scenarios, show))
 
 
 if __name__ == "__main__":

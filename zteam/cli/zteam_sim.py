@@ -206,10 +206,11 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _simulate(args: argparse.Namespace, choice: _Choice) -> int:
+    from zteam.compiling.takeover import begin, fill_cache, prepare
     from zteam.nodes.simulator.node import SimOptions, run_simulator
     from zteam.runtime.node import Node
     from zteam.runtime.process import run_node
-    from zteam.sim.takeover import begin, fill_cache, prepare
+    from zteam.sim.jit import SIMULATOR
     from zteam.world import add_robot, load_world
 
     world = load_world(find_world(args.world))
@@ -219,13 +220,13 @@ def _simulate(args: argparse.Namespace, choice: _Choice) -> int:
             raise UsageError(f"--add {robot_id}: the world already has a robot {robot_id}")
         robots[robot_id] = add_robot(world, model, pose, names.robot_name(robot_id))
     if args.compile_only:
-        if reason := fill_cache():
+        if reason := fill_cache(SIMULATOR):
             raise ZteamError(f"the kernels are not in the cache: {reason}")
         return 0
     # A lock-step run keeps its first kernels: its result must not depend on the moment when others are compiled.
-    later = None if choice.lockstep else begin()
+    later = None if choice.lockstep else begin(SIMULATOR)
     if choice.lockstep:
-        prepare()
+        prepare(SIMULATOR)
     options = SimOptions(
         world=Path(args.world),
         seed=args.seed,

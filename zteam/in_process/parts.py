@@ -9,6 +9,7 @@ from pathlib import Path
 
 from zteam import names
 from zteam.behaviors.registry import find_behavior, load_behavior, look_in
+from zteam.compiling.takeover import begin, prepare
 from zteam.in_process.member import Part
 from zteam.launch.arguments import Pace, TeamLaunch, module_folders
 from zteam.nodes.monitor.display import Lines, MonitorOptions
@@ -18,7 +19,7 @@ from zteam.nodes.simulator.lockstep import LockStepOptions
 from zteam.nodes.simulator.node import SimOptions, run_simulator
 from zteam.nodes.transforms.node import run_aggregator
 from zteam.runtime.node import Node
-from zteam.sim.takeover import begin, prepare
+from zteam.sim.jit import SIMULATOR
 from zteam.team_file import RobotEntry, behavior_of, static_transform
 from zteam.tf.urdf import read_description
 from zteam.world import Robot, World, add_robot, load_world
@@ -60,8 +61,8 @@ def simulator_part(launch: TeamLaunch) -> Part:
 
     def body(node: Node) -> None:
         if pace.lockstep:
-            prepare()
-        run_simulator(node, world, robots, options, None if pace.lockstep else begin())
+            prepare(SIMULATOR)
+        run_simulator(node, world, robots, options, None if pace.lockstep else begin(SIMULATOR))
 
     return Part(body)
 

@@ -13,9 +13,8 @@ import weakref
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.sim import jit
 from zteam.sim.casting import Job, cast_part
-from zteam.sim.jit import External, unlocked
+from zteam.sim.jit import SIMULATOR, External, unlocked
 
 _GO, _LEFT, _DONE = 0, 1, 2
 """Semaphores: there is work; the parts that no thread has taken; the parts that the helper has finished."""
@@ -89,7 +88,7 @@ class CastPair:
 
     def cast(self) -> None:
         """Do the job for what its arrays hold now."""
-        compiled = jit.is_compiled()
+        compiled = bool(SIMULATOR.choice)
         cast_parts(*self._arguments, self._role if compiled else _ALONE)
         # After the first call, which loads the kernel or compiles it: the thread only runs it.
         if compiled and self._role == _ALONE and _can_help():

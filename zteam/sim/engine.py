@@ -13,6 +13,7 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from zteam.clock import NS_PER_S, to_ns
+from zteam.compiling.takeover import prepare
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.messages import Twist
@@ -20,12 +21,12 @@ from zteam.robot_ids import format_robot_ids
 from zteam.sim.bodies import Bodies, make_bodies
 from zteam.sim.devices import Devices
 from zteam.sim.fields import Fields, build_fields
+from zteam.sim.jit import SIMULATOR
 from zteam.sim.lasers import Lasers, Reading
 from zteam.sim.motion import make_drives, measure_tangents, measure_velocity, obey
 from zteam.sim.observation import Observation, RobotObservation, Robots, Snapshot, pose_of
 from zteam.sim.odometry import Odometry, make_wheels, roll
 from zteam.sim.surroundings import Surroundings
-from zteam.sim.takeover import prepare
 from zteam.simulation_options import Options
 from zteam.world.model import Floorplan, Obstacle, Robot, World
 from zteam.world.placing import find_hindrance
@@ -59,7 +60,7 @@ class Engine:
         robots: Mapping[int, Robot] | None = None,
         options: Options | None = None,
     ) -> None:
-        prepare()
+        prepare(SIMULATOR)
         self.world = world
         self.seed = seed
         self.options = options or Options()

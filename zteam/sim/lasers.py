@@ -213,7 +213,7 @@ def _make_pair(caster: Caster, batch: Batch) -> CastPair | None:
 
 
 def _read_only(array: NDArray[np.float32]) -> NDArray[np.float32]:
-    # A view: the array itself is a sample of what a kernel writes to (`jit.Kernel.sample`).
+    # A view: the array itself is a sample of what a kernel writes to (`Kernel.sample`).
     view = array.view()
     view.flags.writeable = False
     return view

@@ -21,8 +21,9 @@ import hashlib, logging, resource, sys
 sys.path.insert(0, sys.argv[1])
 logging.basicConfig(level=logging.INFO, stream=sys.stdout, format="%(message)s")
 from support.small_worlds import drive, make_maze, make_robot
-from zteam.sim import Engine, Options, kernels, takeover
-from zteam.sim import jit
+from zteam.compiling import takeover
+from zteam.sim import Engine, Options, jit, kernels
+from zteam.sim.jit import SIMULATOR
 
 def make_engine():
     robots = {i: make_robot(-0.6 + 0.6 * i, 0.1 * i, 0.7 * i) for i in range(3)}
@@ -65,7 +66,7 @@ def wait_for(condition: Callable[[], object]) -> None:
 def test_a_run_that_changes_over_gives_the_same_bytes(kept_kernels: Path) -> None:
     """Begun without compiled kernels, ended with them: poses, odometry and ranges are those of a compiled run."""
     code = """
-        later = takeover.begin()
+        later = takeover.begin(SIMULATOR)
         engine, digest, ticks = make_engine(), hashlib.sha256(), 0
         advance(engine, digest)
         assert "numba" not in sys.modules, "the start waits for a compiler"
@@ -88,12 +89,12 @@ def test_a_run_that_changes_over_gives_the_same_bytes(kept_kernels: Path) -> Non
         "compiled kernels take over",
         "True False",
     ]
-    assert run("print(takeover.begin(), 'numba' in sys.modules)", kept_kernels) == ["None False"]
+    assert run("print(takeover.begin(SIMULATOR), 'numba' in sys.modules)", kept_kernels) == ["None False"]
 
 
 def test_what_compiles_ends_with_its_simulator_and_keeps_what_it_finished(tmp_path: Path) -> None:
     """A simulator killed by SIGKILL leaves no process, but the first kernel is in the cache."""
-    process = start("later = takeover.begin(); later.start(); later.wait(1000.0)", tmp_path)
+    process = start("later = takeover.begin(SIMULATOR); later.start(); later.wait(1000.0)", tmp_path)
     try:
         children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
         wait_for(children.read_text)
@@ -114,7 +115,7 @@ def test_a_simulator_goes_on_without_a_cache_that_cannot_be_written(tmp_path: Pa
     """One warning that names the folder; nothing is compiled, and nothing is left beside the source."""
     (tmp_path / "file").touch()
     code = """
-        later = takeover.begin()
+        later = takeover.begin(SIMULATOR)
         advance(make_engine(), hashlib.sha256())
         advance(make_engine(), hashlib.sha256())
         print(later, "numba" in sys.modules)
@@ -136,8 +137,9 @@ def test_a_simulator_starts_where_no_disk_takes_a_byte(tmp_path: Path) -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
         for name in [name for name in sys.modules if name.startswith(("zteam", "scenes"))]:
             del sys.modules[name]
-        from zteam.sim import takeover
-        print(takeover.begin())
+        from zteam.compiling import takeover
+        from zteam.sim.jit import SIMULATOR
+        print(takeover.begin(SIMULATOR))
         """
     warning, rest = run(code, tmp_path)
     assert "neither the cache folder nor the temporary one can be written" in warning
@@ -148,7 +150,7 @@ def test_a_simulator_goes_on_without_a_cache_that_is_full(tmp_path: Path) -> Non
     """What compiles cannot keep the first kernel: one warning, and the run stays on numpy."""
     code = """
         resource.setrlimit(resource.RLIMIT_FSIZE, (1024, 1024))
-        later = takeover.begin()
+        later = takeover.begin(SIMULATOR)
         later.start()
         engine = make_engine()
         while not later.wait(0.1):

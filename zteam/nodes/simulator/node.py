@@ -12,6 +12,7 @@ import msgspec
 
 from zteam import names
 from zteam.clock import NS_PER_S, Every, monotonic
+from zteam.compiling.takeover import Takeover
 from zteam.errors import UsageError
 from zteam.messages import OccupancyGrid, TeamState, TeamStatus, Twist, ns_from_time
 from zteam.nodes.simulator import tick_profile
@@ -34,7 +35,6 @@ from zteam.runtime.node import Node
 from zteam.services.simulator import map_info
 from zteam.sim import Engine, Options
 from zteam.sim.occupancy_grid import map_message, map_metadata
-from zteam.sim.takeover import Takeover
 from zteam.world import Robot, World
 
 log = logging.getLogger("zteam")

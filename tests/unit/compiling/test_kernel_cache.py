@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from zteam.sim import kernel_cache
+from zteam.compiling import kernel_cache
 
 
 def test_each_version_of_the_code_has_a_folder_and_old_ones_go(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -19,7 +19,7 @@ def test_each_version_of_the_code_has_a_folder_and_old_ones_go(tmp_path: Path, m
     (own / "sim_0" / "kernel.nbi").write_bytes(b"")
     monkeypatch.setattr(kernel_cache, "FOLDER", own)
     monkeypatch.setattr(kernel_cache, "_KEPT", 4)
-    assert not kernel_cache.is_complete()
-    kernel_cache.mark_complete(own / "sim_0")
-    assert kernel_cache.is_complete()
+    assert not kernel_cache.is_complete("sim")
+    kernel_cache.mark_complete("sim", own / "sim_0")
+    assert kernel_cache.is_complete("sim")
     assert {path.name for path in tmp_path.iterdir()} == {own.name, "version-0", "version-1", "version-2"}

@@ -1,7 +1,6 @@
-"""Compiled kernels for a simulator: from the cache, compiled before the run, or taking over while it runs."""
+"""Compiled kernels for a process: from the cache, compiled before the run, or taking over while it runs."""
 
 import gc
-import logging
 import os
 import subprocess
 import sys
@@ -9,67 +8,66 @@ import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from zteam.sim import jit, kernel_cache
-
-log = logging.getLogger("zteam.sim")
+from zteam.compiling import kernel_cache
+from zteam.compiling.kernels import KernelSet, has_numba
 
 FAILED = "failed: "
 """Prefix of the line in which a child says why kernels could not be compiled or kept."""
 _AT_ONCE = 2
 """Processes that compile before a run; a third would end no sooner."""
-_ON_NUMPY = "lasers run on numpy, 10 to 100 times slower"
 
 
-def prepare() -> None:
-    """Let all kernels run compiled, unless that was decided before. What the cache lacks is compiled first.
+def prepare(kernels: KernelSet) -> None:
+    """Let all kernels of a set run compiled, unless that was decided before. What the cache lacks is compiled first.
 
     With an empty cache that takes 20 s of processor time in two processes; the log shows progress. If it fails, the log
     says why, and kernels are compiled in memory.
     """
-    if jit.is_chosen():
+    if kernels.choice is not None:
         return
-    if jit.has_numba():
-        reason = fill_cache()
+    if has_numba():
+        reason = fill_cache(kernels)
         if reason:
-            jit.give_up_cache(reason)
-    jit.use_compiled()
+            kernels.give_up_cache(reason)
+    kernels.use_compiled()
 
 
-def fill_cache() -> str:
+def fill_cache(kernels: KernelSet) -> str:
     """Compile what the cache lacks, in up to two processes; return why that failed, empty if it did not."""
     reason = kernel_cache.find_obstacle()
-    if reason or kernel_cache.is_complete():
+    if reason or kernel_cache.is_complete(kernels.name):
         return reason
-    log.info("compiling the simulator's kernels, once on this machine")
+    kernels.log.info("compiling %s, once on this machine", kernels.title)
     arguments: list[list[str]] = [[], ["--backwards"]]
     try:
-        children = _Children(arguments[: min(_AT_ONCE, os.cpu_count() or 1)])
+        children = _Children(kernels, arguments[: min(_AT_ONCE, os.cpu_count() or 1)])
     except OSError as error:
         return f"no process can be started to compile ({error})"
-    return children.wait(lambda ready, kernels: log.info("compiled %d of %d kernels", ready, kernels))
+    return children.wait(lambda ready, total: kernels.log.info("compiled %d of %d kernels", ready, total))
 
 
-def begin() -> "Takeover | None":
-    """Choose how kernels run in a simulator that must start at once; return the takeover to compiled ones, if any."""
-    if not jit.has_numba():
-        jit.use_compiled()
+def begin(kernels: KernelSet) -> "Takeover | None":
+    """Choose how kernels run in a process that must start at once; return the takeover to compiled ones, if any."""
+    if not has_numba():
+        kernels.use_compiled()
         return None
     reason = kernel_cache.find_obstacle()
     if reason:
-        jit.use_plain()
-        jit.warn_of_cache(reason, _ON_NUMPY)
+        kernels.use_plain()
+        kernels.warn_of_cache(reason, kernels.on_numpy)
         return None
-    if kernel_cache.is_complete():
-        jit.use_compiled()
+    if kernel_cache.is_complete(kernels.name):
+        kernels.use_compiled()
         return None
-    jit.use_plain()
-    return Takeover()
+    kernels.use_plain()
+    return Takeover(kernels)
 
 
 class Takeover:
     """For a run that began with plain kernels: a child compiles, a thread loads, and `poll` switches."""
 
-    def __init__(self) -> None:
+    def __init__(self, kernels: KernelSet) -> None:
+        self._kernels = kernels
         self._children: _Children | None = None
         self._thread: threading.Thread | None = None
         self._closing = False
@@ -77,11 +75,13 @@ class Takeover:
 
     def start(self) -> None:
         """Begin to compile."""
-        log.info("lasers run on numpy while their kernels are compiled, once on this machine")
+        kernels = self._kernels
+        what = kernels.on_numpy.partition(",")[0]
+        kernels.log.info("%s while their kernels are compiled, once on this machine", what)
         try:
-            self._children = _Children([["--nice"]])
+            self._children = _Children(kernels, [["--nice"]])
         except OSError as error:
-            jit.warn_of_cache(f"no process can be started to compile ({error})", _ON_NUMPY)
+            kernels.warn_of_cache(f"no process can be started to compile ({error})", kernels.on_numpy)
             return
         self._thread = threading.Thread(target=self._work, args=(self._children,), name="kernels", daemon=True)
         self._thread.start()
@@ -96,8 +96,8 @@ class Takeover:
         """Between two ticks: let kernels run compiled once they are loaded."""
         if self._loaded:
             self._loaded = False
-            jit.use_compiled()
-            log.info("compiled kernels take over")
+            self._kernels.use_compiled()
+            self._kernels.log.info("compiled kernels take over")
 
     def close(self) -> None:
         """End the child; the kernels that it finished are kept."""
@@ -108,7 +108,8 @@ class Takeover:
         self.wait(1.0)
 
     def _work(self, children: "_Children") -> None:
-        reason = children.wait(lambda ready, kernels: log.debug("compiled %d of %d kernels", ready, kernels))
+        log = self._kernels.log
+        reason = children.wait(lambda ready, total: log.debug("compiled %d of %d kernels", ready, total))
         if not reason:
             try:
                 self._load()
@@ -116,15 +117,15 @@ class Takeover:
                 # Any failure of the compiler: the run goes on with plain kernels.
                 reason = f"{type(error).__name__}: {error}"
         if reason and not self._closing:
-            jit.warn_of_cache(reason, _ON_NUMPY)
+            self._kernels.warn_of_cache(reason, self._kernels.on_numpy)
         self._loaded = not reason
 
     def _load(self) -> None:
         """Load the kernels that have run so far; another is loaded when it is called first."""
-        # A garbage collection would visit all objects of a running simulator and stop the interpreter meanwhile.
+        # A garbage collection would visit all objects of a running process and stop the interpreter meanwhile.
         gc.disable()
         try:
-            for kernel in jit.KERNELS:
+            for kernel in self._kernels.kernels:
                 if kernel.sample is not None and not self._closing and not kernel.load(kernel.sample):
                     kernel.compile()
         finally:
@@ -135,12 +136,13 @@ class Takeover:
 class _Children:
     """Processes that compile, one for each list of arguments. They end when this process ends, in any way."""
 
-    def __init__(self, arguments: Sequence[Sequence[str]]) -> None:
+    def __init__(self, kernels: KernelSet, arguments: Sequence[Sequence[str]]) -> None:
+        self._set = kernels.name
         reader, writer = os.pipe()
         self._lines = os.fdopen(reader)
         self._processes = [
             subprocess.Popen(
-                [sys.executable, "-P", "-m", "zteam.sim.jit_warmup", *given],
+                [sys.executable, "-P", "-m", kernels.warmup, *given],
                 stdin=subprocess.PIPE,
                 stdout=writer,
                 stderr=subprocess.DEVNULL,
@@ -167,7 +169,7 @@ class _Children:
                         on_progress(len(ready), int(steps))
                     # The other process may still compile a kernel that is ready: do not wait for it.
                     if len(ready) == int(steps):
-                        kernel_cache.mark_complete(Path(folder))
+                        kernel_cache.mark_complete(self._set, Path(folder))
                         return ""
         except OSError as error:
             return f"{kernel_cache.FOLDER}: {error.strerror}"

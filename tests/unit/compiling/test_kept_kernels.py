@@ -13,18 +13,20 @@ import msgspec
 import numpy as np
 import pytest
 
-from zteam.sim import jit, kept_kernels, kernel_cache, takeover
-from zteam.sim.kept_kernels import KeptKernel, load, pack, types_of
-from zteam.sim.object_code import ObjectCode, ObjectCodeError
+from zteam.compiling import kept_kernels, kernel_cache, takeover
+from zteam.compiling.kept_kernels import KeptKernel, load, pack, types_of
+from zteam.compiling.kernels import has_numba
+from zteam.compiling.object_code import ObjectCode, ObjectCodeError
+from zteam.sim.jit import SIMULATOR
 
-pytestmark = pytest.mark.skipif(not jit.has_numba(), reason="numba is not installed")
+pytestmark = pytest.mark.skipif(not has_numba(), reason="numba is not installed")
 
 
 @pytest.fixture
 def kept() -> Path:
     """The file of the kernel `motion.measure_velocity`."""
-    takeover.fill_cache()
-    path = kernel_cache.find_kept("motion.measure_velocity" + kept_kernels.SUFFIX)
+    takeover.fill_cache(SIMULATOR)
+    path = kernel_cache.find_kept("sim", "motion.measure_velocity" + kept_kernels.SUFFIX)
     assert path is not None
     return path
 
@@ -108,7 +110,7 @@ def test_a_damaged_file_is_left_to_numba_and_made_anew(
     """Whatever is damaged, one debug line says so. The file goes, so the next simulator keeps the kernel again."""
     path = tmp_path / kept.name
     path.write_bytes(DAMAGES[damage](kept.read_bytes()))
-    with caplog.at_level(logging.DEBUG, logger="zteam.sim"):
+    with caplog.at_level(logging.DEBUG, logger="zteam.compiling"):
         assert load(path, arguments()) is None
     assert [record.levelname for record in caplog.records] == ["DEBUG"]
     assert "damaged" in caplog.text
@@ -167,7 +169,7 @@ def test_code_of_an_unknown_kind_is_left_to_numba(
     good = content(kept)
     path = tmp_path / kept.name
     path.write_bytes(pack(msgspec.structs.replace(good, code=CODES[damage](good.code))))
-    with caplog.at_level(logging.DEBUG, logger="zteam.sim"):
+    with caplog.at_level(logging.DEBUG, logger="zteam.compiling"):
         assert load(path, arguments()) is None
     assert [record.levelname for record in caplog.records] == ["DEBUG"]
 
@@ -226,7 +228,7 @@ def test_two_processes_that_keep_the_same_kernel_do_not_disturb_each_other(kept:
     writing = (
         "import sys\n"
         "from pathlib import Path\n"
-        "from zteam.sim import jit, jit_warmup\n"
+        "from zteam.sim import jit_warmup\n"
         "kernel = next(k for k in jit_warmup.find_kernels() if k.name == 'motion.measure_velocity')\n"
         "kernel.compile()\n"
         "for _ in range(200): kernel.keep()\n"
@@ -271,16 +273,17 @@ def test_code_that_needs_more_than_is_known_is_refused(kept: Path) -> None:
 
 ALL_KERNELS = """
 import sys
-from zteam.sim import jit, kept_kernels, takeover
+from zteam.compiling import kept_kernels, kernels, takeover
+from zteam.sim.jit import SIMULATOR
 from zteam.sim.engine import Engine
 from zteam.messages import Twist, Vector3
 from zteam.resources import find_world
 from zteam.simulation_options import PHYSICS, Options
 from zteam.world import load_world
 
-takeover.prepare()
+takeover.prepare(SIMULATOR)
 types = {}
-type_of_kernel = jit.Kernel
+type_of_kernel = kernels.Kernel
 original = type_of_kernel.__call__
 def checked(self, *args):
     types.setdefault(self.name, set()).add(kept_kernels.types_of(args))
@@ -301,7 +304,7 @@ print(sorted(name for name, found in types.items() if len(found) > 1), len(types
 def test_a_simulator_needs_no_numba() -> None:
     """In all shipped worlds, with all physics, every kernel is called with the same types from first to last, and none
     of them needs numba."""
-    takeover.fill_cache()
+    takeover.fill_cache(SIMULATOR)
     done = subprocess.run(
         [sys.executable, "-P", "-c", ALL_KERNELS], capture_output=True, text=True, timeout=100, check=False
     )

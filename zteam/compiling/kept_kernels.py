@@ -20,10 +20,10 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from zteam.sim import kernel_cache
-from zteam.sim.object_code import ObjectCode, ObjectCodeError
+from zteam.compiling import kernel_cache
+from zteam.compiling.object_code import ObjectCode, ObjectCodeError
 
-log = logging.getLogger("zteam.sim")
+log = logging.getLogger("zteam.compiling")
 
 SUFFIX = f".{kernel_cache.DIGEST}.nbo"
 """Of files for this code, interpreter, compiler and processor: several may share a folder (NUMBA_CACHE_DIR)."""
@@ -115,7 +115,7 @@ def _read(path: Path) -> KeptKernel:
         data = file.read()
     body = data[_CHECKSUM:]
     if hashlib.sha256(body).digest() != data[:_CHECKSUM]:
-        # Without it the set is not complete, so the next simulator makes it anew.
+        # Without it the set is not complete, so the next process makes it anew.
         path.unlink()
         raise ObjectCodeError("it is damaged")
     return msgspec.msgpack.decode(body, type=KeptKernel)

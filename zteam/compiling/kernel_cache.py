@@ -1,7 +1,7 @@
 """Where compiled kernels are kept, and whether all of them are there.
 
 The folder is the user's cache folder, never the package's own: that may be read-only, and an uninstalled package should
-leave nothing in it. Nothing here imports numba, which takes a third of a second: a simulator that finds an empty cache
+leave nothing in it. Nothing here imports numba, which takes a third of a second: a process that finds an empty cache
 starts without it.
 """
 
@@ -17,6 +17,10 @@ from pathlib import Path
 
 _FORMAT = "numba's files and .nbo 2"
 """What is kept of a kernel."""
+_PACKAGES = ("planning", "sim")
+"""The packages that hold kernels, below zteam: a set of kernels each. They share a folder."""
+_MARKS = [f"from zteam.{name}.jit import".encode() for name in _PACKAGES]
+"""What stands in a module that declares kernels."""
 _VERSIONS = {"numba": "_version.py", "llvmlite": "_version.py", "numpy": "version.py"}
 """The packages that compiled code depends on, and the file in which each notes its version."""
 
@@ -43,10 +47,10 @@ def _read_beside(package: str, file: str) -> bytes:
 def _make_digest() -> str:
     """Of everything that compiled kernels depend on: the code of all of them, interpreter, compiler, processor."""
     digest = hashlib.sha256()
-    for source in sorted(Path(__file__).parent.glob("*.py")):
+    for source in sorted(path for name in _PACKAGES for path in (Path(__file__).parents[1] / name).glob("*.py")):
         text = source.read_bytes()
         # The modules that hold kernels, whether they have been imported yet or not.
-        if b"from zteam.sim.jit import" in text:
+        if any(mark in text for mark in _MARKS):
             digest.update(f"{source}\n".encode() + text)
     for package, file in _VERSIONS.items():
         digest.update(f"{package}\n".encode() + _read_beside(package, file))
@@ -96,23 +100,23 @@ def find_obstacle() -> str:
     return _obstacle(FOLDER) if FOLDER is not None else "neither the cache folder nor the temporary one can be written"
 
 
-def _marker() -> Path | None:
-    """The file that says that all kernels of this code, for this interpreter, compiler and processor, are kept."""
-    return None if FOLDER is None else FOLDER / f"complete-{DIGEST}"
+def _marker(kernels: str) -> Path | None:
+    """The file that says that this set of kernels, for this interpreter, compiler and processor, is kept as a whole."""
+    return None if FOLDER is None else FOLDER / f"complete-{kernels}-{DIGEST}"
 
 
-def is_complete() -> bool:
-    """Whether all kernels are kept: nothing will have to be compiled."""
-    marker = _marker()
+def is_complete(kernels: str) -> bool:
+    """Whether all kernels of this set are kept: none will have to be compiled."""
+    marker = _marker(kernels)
     try:
         return marker is not None and all((marker.parent / name).exists() for name in marker.read_text().splitlines())
     except OSError:
         return False
 
 
-def find_kept(name: str) -> Path | None:
-    """The file of this kernel that runs without numba, if all kernels have been kept."""
-    marker = _marker()
+def find_kept(kernels: str, name: str) -> Path | None:
+    """The file of this kernel that runs without numba, if all kernels of its set have been kept."""
+    marker = _marker(kernels)
     try:
         return None if marker is None else _kept_files(marker, marker.stat().st_mtime_ns).get(name)
     except OSError:
@@ -121,16 +125,16 @@ def find_kept(name: str) -> Path | None:
 
 @cache
 def _kept_files(marker: Path, _changed: int) -> dict[str, Path]:
-    """The files that the marker names, by their own names. Read once: a simulator begins with twenty questions."""
+    """The files that the marker names, by their own names. Read once: a process begins with twenty questions."""
     return {Path(line).name: marker.parent / line for line in marker.read_text().splitlines()}
 
 
-def mark_complete(folder: Path) -> None:
-    """Note that all kernels are kept, in this subfolder. Raises OSError."""
-    marker = _marker()
+def mark_complete(kernels: str, folder: Path) -> None:
+    """Note that all kernels of this set are kept, in this subfolder. Raises OSError."""
+    marker = _marker(kernels)
     assert marker is not None
     names = [f"{path.relative_to(marker.parent)}\n" for path in sorted(folder.glob("*.nb[cio]"))]
-    # Simulators may start at this moment: they must not see half of it.
+    # Others may start at this moment: they must not see half of it.
     unfinished = marker.with_suffix(f".{os.getpid()}")
     unfinished.write_text("".join(names))
     unfinished.replace(marker)

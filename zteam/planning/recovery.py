@@ -1,0 +1,132 @@
+"""What a robot does that does not get on: one behaviour after the other, and at last it gives up with the reason.
+
+No clock and no bus: time, pose and costmap go in, velocities come out.
+"""
+
+import math
+from typing import Literal, NamedTuple
+
+from zteam.geometry import Pose2, normalize_angle
+from zteam.planning.collisions import Velocity, time_to_collision
+from zteam.planning.costmap import Costmap
+
+Behavior = Literal["wait", "clear_costmap", "back_up", "spin"]
+BEHAVIORS: tuple[Behavior, ...] = ("wait", "clear_costmap", "back_up", "spin")
+
+
+class RecoveryOptions(NamedTuple):
+    """Parameters; numbers are those of Nav2's navigate_to_pose_w_replanning_and_recovery.xml, where it has them."""
+
+    behaviors: tuple[Behavior, ...] = BEHAVIORS
+    """In this order, again and again."""
+    number_of_retries: int = 6
+    """Behaviours after which it gives up."""
+    progress_radius: float = 1.0
+    """Metres from the place of the last behaviour, from which on all may be tried again."""
+    wait_duration: float = 2.0
+    """Seconds."""
+    clear_distance: float = 2.0
+    """Metres around the robot."""
+    backup_dist: float = 0.3
+    backup_speed: float = 0.15
+    spin_dist: float = 1.57
+    """Radians."""
+    rotational_vel: float = 1.0
+    simulate_ahead_time: float = 1.0
+    """Seconds ahead in which a motion must not touch an obstacle."""
+    time_allowance: float = 10.0
+    """Seconds after which a motion ends, however far it came."""
+
+
+class RecoveryStep(NamedTuple):
+    """What to do now."""
+
+    velocity: Velocity
+    is_over: bool
+    """Whether this behaviour has ended: plan and drive again."""
+    text: str
+    """The behaviour, and how it ended."""
+
+
+class Recovery:
+    """The behaviours for one goal. `begin` starts the next one, `step` carries it out until it is over."""
+
+    def __init__(self, options: RecoveryOptions | None = None) -> None:
+        """Raises ValueError for behaviours that do not exist."""
+        self.options = options or RecoveryOptions()
+        for name in self.options.behaviors:
+            if name not in BEHAVIORS:
+                raise ValueError(f"there is no recovery behaviour {name!r}: there are {', '.join(BEHAVIORS)}")
+        self.count = 0
+        """Behaviours begun since the goal, or since the last progress."""
+        self._current: Behavior | None = None
+        self._began = 0.0
+        self._from = Pose2(0.0, 0.0, 0.0)
+        self._turned = 0.0
+        self._last_yaw = 0.0
+
+    @property
+    def is_active(self) -> bool:
+        """Whether a behaviour has begun and is not over."""
+        return self._current is not None
+
+    def reset(self) -> None:
+        """A new goal, or progress: all behaviours may be tried again."""
+        self.count, self._current = 0, None
+
+    def begin(self, now: float, pose: Pose2, reason: str) -> str | None:
+        """Begin the next behaviour at `now` (s), or return why it gives up: `reason`, and what was tried."""
+        options = self.options
+        if math.hypot(pose.x - self._from.x, pose.y - self._from.y) > options.progress_radius:
+            self.count = 0
+        if self.count >= options.number_of_retries or not options.behaviors:
+            tried = f"after {self.count} recoveries ({', '.join(options.behaviors)})" if self.count else ""
+            return f"{reason}: gave up {tried}".rstrip()
+        self._current = options.behaviors[self.count % len(options.behaviors)]
+        self.count += 1
+        self._began, self._from, self._turned, self._last_yaw = now, pose, 0.0, pose.yaw
+        return None
+
+    def step(self, now: float, pose: Pose2, costmap: Costmap) -> RecoveryStep:
+        """What to do at `now` (s) with a robot at `pose`. It clears `costmap` itself."""
+        if self._current is None:
+            return RecoveryStep(Velocity(), True, "no recovery")
+        step = {
+            "wait": self._wait,
+            "clear_costmap": self._clear,
+            "back_up": self._back_up,
+            "spin": self._spin,
+        }[self._current](now, pose, costmap)
+        if not step.is_over and now - self._began > self.options.time_allowance:
+            step = RecoveryStep(Velocity(), True, f"{self._current}: out of time")
+        if step.is_over:
+            self._current = None
+        return step
+
+    def _wait(self, now: float, _pose: Pose2, _costmap: Costmap) -> RecoveryStep:
+        over = now - self._began >= self.options.wait_duration
+        return RecoveryStep(Velocity(), over, "waited" if over else "waits")
+
+    def _clear(self, _now: float, pose: Pose2, costmap: Costmap) -> RecoveryStep:
+        costmap.clear_around(pose, self.options.clear_distance)
+        costmap.update()
+        return RecoveryStep(Velocity(), True, "cleared the costmap")
+
+    def _back_up(self, _now: float, pose: Pose2, costmap: Costmap) -> RecoveryStep:
+        options = self.options
+        if math.hypot(pose.x - self._from.x, pose.y - self._from.y) >= options.backup_dist:
+            return RecoveryStep(Velocity(), True, "backed up")
+        return self._move(Velocity(x=-options.backup_speed), pose, costmap, "backs up")
+
+    def _spin(self, _now: float, pose: Pose2, costmap: Costmap) -> RecoveryStep:
+        options = self.options
+        self._turned += abs(normalize_angle(pose.yaw - self._last_yaw))
+        self._last_yaw = pose.yaw
+        if self._turned >= options.spin_dist:
+            return RecoveryStep(Velocity(), True, "turned")
+        return self._move(Velocity(turn=options.rotational_vel), pose, costmap, "turns")
+
+    def _move(self, velocity: Velocity, pose: Pose2, costmap: Costmap, text: str) -> RecoveryStep:
+        if time_to_collision(costmap, pose, velocity, self.options.simulate_ahead_time) < math.inf:
+            return RecoveryStep(Velocity(), True, f"{text}: an obstacle is in the way")
+        return RecoveryStep(velocity, False, text)

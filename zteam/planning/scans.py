@@ -1,0 +1,68 @@
+"""A scan as planning takes it: ranges, and where its beams end."""
+
+import math
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zteam.geometry import Pose2
+
+Floats = NDArray[np.float64]
+
+
+class Scan(NamedTuple):
+    """What a laser saw (sensor_msgs/LaserScan)."""
+
+    ranges: NDArray[np.float32]
+    """Metres, one a beam. NaN, and what is below `range_min`, says nothing; `range_max` and more: nothing was met."""
+    angle_min: float
+    angle_increment: float
+    range_min: float
+    range_max: float
+    sensor: Pose2
+    """Pose of the laser in the base frame of its robot."""
+
+
+class Teammate(NamedTuple):
+    """Another robot, as a disc."""
+
+    x: float
+    y: float
+    radius: float
+
+
+def find_ends(scan: Scan, base: Pose2, far: float) -> tuple[Floats, NDArray[np.bool_]]:
+    """Where the beams of a robot at `base` end, in the frame of that pose, and whether each has met something there.
+
+    (n, 2) and (n): beams that say nothing are left out. A beam longer than `far` (m) ends there and meets nothing.
+    """
+    ranges = scan.ranges.astype(np.float64)
+    with np.errstate(invalid="ignore"):
+        said = ranges >= scan.range_min
+        met = said & (ranges < scan.range_max) & (ranges <= far)
+        ranges = np.minimum(np.minimum(ranges, scan.range_max), far)
+    angles = scan.angle_min + scan.angle_increment * np.flatnonzero(said)
+    laser = base.compose(scan.sensor)
+    x = laser.x + ranges[said] * np.cos(angles + laser.yaw)
+    y = laser.y + ranges[said] * np.sin(angles + laser.yaw)
+    return np.stack((x, y), axis=1), met[said]
+
+
+def on_teammates(points: Floats, teammates: Iterable[Teammate], margin: float) -> NDArray[np.bool_]:
+    """Which points (n, 2) lie on a teammate, or up to `margin` (m) beside it; all in one frame."""
+    found = np.zeros(len(points), bool)
+    for mate in teammates:
+        found |= np.hypot(points[:, 0] - mate.x, points[:, 1] - mate.y) <= mate.radius + margin
+    return found
+
+
+def seen_from(base: Pose2, teammates: Iterable[Teammate]) -> list[Teammate]:
+    """Teammates in the base frame of a robot at `base`."""
+    cos, sin = math.cos(base.yaw), math.sin(base.yaw)
+    return [
+        Teammate(cos * dx + sin * dy, cos * dy - sin * dx, mate.radius)
+        for mate in teammates
+        for dx, dy in [(mate.x - base.x, mate.y - base.y)]
+    ]
