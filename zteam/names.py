@@ -50,6 +50,17 @@ BUMPER = "bumper"
 BLOBS = "blobs"
 JOINT_STATES = "joint_states"
 STATUS = "status"
+INITIALPOSE = "initialpose"
+PLAN = "plan"
+LOCAL_PLAN = "local_plan"
+GLOBAL_COSTMAP = "global_costmap/costmap"
+LOCAL_COSTMAP = "local_costmap/costmap"
+AMCL_POSE = "amcl_pose"
+PARTICLE_CLOUD = "particle_cloud"
+PUBLISHED_FOOTPRINT = "published_footprint"
+NAVIGATION = "navigation"
+"""Below it are the status of a robot's navigation, and its queries (`zteam.services.navigation`)."""
+NAVIGATION_STATUS = f"{NAVIGATION}/status"
 BASE_INFO = "base_info"
 
 BASE_FOOTPRINT = "base_footprint"
@@ -57,6 +68,7 @@ BASE_LINK = "base_link"
 BASE_LASER_LINK = "base_laser_link"
 
 _ROBOT = re.compile(r"robot_(0|[1-9][0-9]*)", re.ASCII)
+_NAVIGATION = "nav_"
 _ID = re.compile(r"[0-9]+", re.ASCII)
 
 
@@ -84,6 +96,16 @@ def robot_id_of(name: str) -> int | None:
     if not match or len(match[1]) > len(str(MAX_ROBOT_ID)) or int(match[1]) > MAX_ROBOT_ID:
         return None
     return int(match[1])
+
+
+def navigation_name(robot_id: int) -> str:
+    """`nav_N`: the name of the process that navigates robot N. A process of several robots holds several names."""
+    return f"{_NAVIGATION}{robot_id}"
+
+
+def navigated_robot_of(name: str) -> int | None:
+    """The robot's id in `nav_N`, or None if `name` is not that of a navigation process."""
+    return robot_id_of(f"robot_{name.removeprefix(_NAVIGATION)}") if name.startswith(_NAVIGATION) else None
 
 
 def robot_key(robot_id: int, topic: str) -> str:
