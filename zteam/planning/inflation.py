@@ -48,7 +48,7 @@ def cost_table(
 
 
 @vectorized
-def _measure_columns(costs: Costs, r0: int, c0: int, far: int, out: NDArray[np.uint8]) -> None:
+def measure_columns(costs: Costs, r0: int, c0: int, far: int, out: NDArray[np.uint8]) -> None:
     """Distance to the nearest lethal cell of the same column in cells, at most `far`; `out` begins at (r0, c0)."""
     rows, columns = out.shape
     cap = np.uint8(far)
@@ -68,7 +68,7 @@ def _measure_columns(costs: Costs, r0: int, c0: int, far: int, out: NDArray[np.u
 
 
 @vectorized
-def _widen(squares: NDArray[np.uint16], reach: int, least: NDArray[np.uint16]) -> None:
+def widen(squares: NDArray[np.uint16], reach: int, least: NDArray[np.uint16]) -> None:
     """Least of each square and those up to `reach` columns away, plus the square of the way."""
     count = least.shape[0]
     middle = squares[reach : reach + count]
@@ -92,8 +92,8 @@ def _inflate_numpy(
     left, right = max(0, c0 - reach), min(costs.shape[1], c1 + reach)
     part = costs[low:high, left:right] == LETHAL_OBSTACLE
     far = (reach + 1) ** 2
-    column = _least_numpy(np.where(part, 0, far).astype(np.int32), reach)
-    squares = _least_numpy(np.ascontiguousarray(column.T), reach).T
+    column = least_squares_numpy(np.where(part, 0, far).astype(np.int32), reach)
+    squares = least_squares_numpy(np.ascontiguousarray(column.T), reach).T
     near = squares[r0 - low : r1 - low, c0 - left : c1 - left]
     cost = table[np.minimum(near, far)]
     here = costs[r0:r1, c0:c1]
@@ -101,7 +101,7 @@ def _inflate_numpy(
     out[r0:r1, c0:c1] = raised
 
 
-def _least_numpy(squares: NDArray[np.int32], reach: int) -> NDArray[np.int32]:
+def least_squares_numpy(squares: NDArray[np.int32], reach: int) -> NDArray[np.int32]:
     """Least of each value and those up to `reach` rows away, plus the square of the way."""
     least = squares.copy()
     for k in range(1, reach + 1):
@@ -124,14 +124,14 @@ def inflate(costs: Costs, table: NDArray[np.uint8], reach: int, window: Window, 
     columns = right - left
     steps = np.empty((high - low, columns), np.uint8)
     far = reach + 1
-    _measure_columns(costs, low, left, far, steps)
+    measure_columns(costs, low, left, far, steps)
     squares = np.full(columns + 2 * reach, far * far, np.uint16)
     least = np.empty(columns, np.uint16)
     for y in range(r0, r1):
         for x in range(columns):
             step = np.uint16(steps[y - low, x])
             squares[reach + x] = np.uint16(step * step)
-        _widen(squares, reach, least)
+        widen(squares, reach, least)
         for x in range(c0, c1):
             square = least[x - left]
             cost = table[square] if square < far * far else np.uint8(FREE_SPACE)

@@ -1,0 +1,269 @@
+"""Adaptive Monte Carlo localisation: where a robot is on a map, from its odometry and scans.
+
+The likelihood field model, KLD sampling and recovery by random poses are those of ROS's amcl, with its names and
+defaults. Every random number comes from counters, so the same seed and the same input give the same particles.
+"""
+
+import math
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zteam.compiling.takeover import prepare
+from zteam.counter_random import gaussians, stream, uniforms
+from zteam.geometry import Pose2, normalize_angle
+from zteam.planning.grid import FREE, GridMap
+from zteam.planning.jit import PLANNING
+from zteam.planning.likelihood import make_likelihood_field, weigh_poses
+from zteam.planning.particles import (
+    BIN_SIZE,
+    kld_limits,
+    label_clusters,
+    move_differential,
+    move_omnidirectional,
+    resample,
+)
+from zteam.planning.scans import Scan, Teammate, find_ends, on_teammates
+
+Floats = NDArray[np.float64]
+
+_MOVE, _DRAW, _SPREAD, _STRANGERS = range(4)
+"""Streams of random numbers."""
+_BINS_OF_TURN = 36
+
+
+class AmclOptions(NamedTuple):
+    """Parameters, with amcl's names and Nav2's defaults."""
+
+    alpha1: float = 0.2
+    alpha2: float = 0.2
+    alpha3: float = 0.2
+    alpha4: float = 0.2
+    alpha5: float = 0.2
+    max_beams: int = 60
+    min_particles: int = 500
+    max_particles: int = 2000
+    update_min_d: float = 0.25
+    update_min_a: float = 0.2
+    z_hit: float = 0.5
+    z_rand: float = 0.5
+    sigma_hit: float = 0.2
+    laser_likelihood_max_dist: float = 2.0
+    laser_max_range: float = 100.0
+    """Metres; a longer beam, or one of the laser's range_max, says nothing."""
+    pf_err: float = 0.05
+    pf_z: float = 0.99
+    recovery_alpha_slow: float = 0.0
+    recovery_alpha_fast: float = 0.0
+    resample_interval: int = 1
+    robot_model_type: str = "nav2_amcl::DifferentialMotionModel"
+    """Or nav2_amcl::OmniMotionModel."""
+    global_particles: int = 50_000
+    """Of a robot that may be anywhere, until KLD sampling needs no more than `max_particles` (amcl: max_particles)."""
+    teammate_margin: float = 0.1
+    """Metres around a teammate in which a beam that ends there counts as on the teammate, and is left out."""
+
+
+class Amcl:
+    """The localiser of one robot. `update` with odometry and scan; then read `pose` and `map_from_odom`."""
+
+    def __init__(self, grid: GridMap, options: AmclOptions | None = None, *, seed: int = 1) -> None:
+        """Starts at the map's origin: call `set_pose`, or `localize_globally`. Raises ValueError for options."""
+        prepare(PLANNING)
+        self.options = options or AmclOptions()
+        _check(self.options)
+        self._grid = grid
+        self._field: tuple[float, NDArray[np.float32]] | None = None
+        self._free: NDArray[np.int64] | None = None
+        self._seed, self._count, self._spreads = seed, 0, 0
+        self._odom: Pose2 | None = None
+        self._pose_of_odom = Pose2(0.0, 0.0, 0.0)
+        self._tables: dict[int, NDArray[np.int64]] = {}
+        self.set_pose(Pose2(0.0, 0.0, 0.0))
+
+    def set_pose(self, pose: Pose2, deviations: tuple[float, float, float] = (0.5, 0.5, math.pi / 12.0)) -> None:
+        """The robot is about at `pose` (base in `map`): standard deviations in metres, metres, radians.
+
+        The default ones are those of amcl's initial_cov. Raises ValueError for what is not finite.
+        """
+        if not all(map(math.isfinite, (*pose, *deviations))):
+            raise ValueError(f"a pose must be finite: {tuple(pose)} ± {tuple(deviations)}")
+        draws = gaussians(self._state(_SPREAD, self._spreads), 3 * self.options.max_particles).reshape(-1, 3)
+        self._begin(np.array(pose) + draws * np.array(deviations), self.options.max_particles)
+        self.pose, self.covariance = pose, np.diag(np.square(deviations))
+
+    def localize_globally(self) -> None:
+        """The robot may be anywhere on the map. Raises ValueError for a map without free cells."""
+        self._begin(
+            self._anywhere(self.options.global_particles, _SPREAD, self._spreads), self.options.global_particles
+        )
+        self._estimate()
+
+    def _begin(self, poses: Floats, most: int) -> None:
+        self._spreads += 1
+        self._poses = np.ascontiguousarray(poses)
+        self._weights = np.full(len(poses), 1.0 / len(poses))
+        self._most = max(most, self.options.max_particles)
+        self._slow = self._fast = 0.0
+        # From where the next odometry is.
+        self._odom, self._forced = None, True
+
+    @property
+    def particles(self) -> Floats:
+        """(n, 3): x, y, yaw in `map`; a copy."""
+        return self._poses.copy()
+
+    @property
+    def map_from_odom(self) -> Pose2:
+        """The transform that makes the newest odometry agree with `pose`."""
+        return self.pose if self._odom is None else self._pose_of_odom
+
+    def update(self, odom: Pose2, scan: Scan, teammates: Iterable[Teammate] = ()) -> bool:
+        """Take in a scan and the base's pose in `odom` at its time; return whether the robot had moved enough for it.
+
+        `teammates` are in the robot's base frame: beams that end on them are left out.
+        """
+        if self._odom is None:
+            self._odom, self._pose_of_odom = odom, self.pose.compose(odom.inverse())
+        before = self._odom
+        moved = math.hypot(odom.x - before.x, odom.y - before.y)
+        turned = abs(normalize_angle(odom.yaw - before.yaw))
+        if not self._forced and moved < self.options.update_min_d and turned < self.options.update_min_a:
+            return False
+        self._forced = False
+        self._count += 1
+        self._move(before, odom)
+        self._odom = odom
+        self._weigh(scan, teammates)
+        if self._count % self.options.resample_interval == 0:
+            self._resample()
+        self._estimate()
+        self._pose_of_odom = self.pose.compose(odom.inverse())
+        return True
+
+    def _move(self, before: Pose2, after: Pose2) -> None:
+        options = self.options
+        draws = gaussians(self._state(_MOVE, self._count), 3 * len(self._poses)).reshape(-1, 3)
+        move = move_omnidirectional if options.robot_model_type.endswith("OmniMotionModel") else move_differential
+        move(
+            self._poses,
+            before,
+            after,
+            (options.alpha1, options.alpha2, options.alpha3, options.alpha4, options.alpha5),
+            draws,
+        )
+
+    def _weigh(self, scan: Scan, teammates: Iterable[Teammate]) -> None:
+        beams = self._beams(scan, teammates)
+        field = self._likelihoods(scan.range_max)
+        frame = self._grid.frame
+        poses = np.empty_like(self._poses)
+        # The field has a border of one cell.
+        poses[:, :2] = frame.points_to_cells(self._poses) + 1.0
+        poses[:, 2] = self._poses[:, 2] - frame.origin.yaw
+        ends = beams / frame.resolution
+        weigh_poses(field, poses, np.ascontiguousarray(ends[:, 0]), np.ascontiguousarray(ends[:, 1]), self._weights)
+        total = float(self._weights.sum())
+        self._weights /= total
+        options = self.options
+        self._slow += (options.recovery_alpha_slow if self._slow else 1.0) * (total - self._slow)
+        self._fast += (options.recovery_alpha_fast if self._fast else 1.0) * (total - self._fast)
+
+    def _beams(self, scan: Scan, teammates: Iterable[Teammate]) -> Floats:
+        """Ends of up to `max_beams` beams, spread evenly, in the base frame: (n, 2)."""
+        options = self.options
+        count = min(options.max_beams, len(scan.ranges))
+        chosen = np.linspace(0, len(scan.ranges) - 1, count).astype(np.int64)
+        ranges = np.full_like(scan.ranges, np.nan)
+        ranges[chosen] = scan.ranges[chosen]
+        here = Pose2(0.0, 0.0, 0.0)
+        ends, met = find_ends(scan._replace(ranges=ranges), here, options.laser_max_range)
+        met &= ~on_teammates(ends, teammates, options.teammate_margin)
+        return ends[met]
+
+    def _likelihoods(self, range_max: float) -> NDArray[np.float32]:
+        range_max = min(range_max, self.options.laser_max_range)
+        if self._field is None or self._field[0] != range_max:
+            options = self.options
+            made = make_likelihood_field(
+                self._grid,
+                z_hit=options.z_hit,
+                z_rand=options.z_rand,
+                sigma_hit=options.sigma_hit,
+                max_dist=options.laser_likelihood_max_dist,
+                range_max=range_max,
+            )
+            self._field = range_max, made.values
+        return self._field[1]
+
+    def _resample(self) -> None:
+        most = self._most
+        share = max(0.0, 1.0 - self._fast / self._slow) if self._slow else 0.0
+        strangers = self._anywhere(most, _STRANGERS, self._count) if share else np.empty((0, 3))
+        draws = uniforms(self._state(_DRAW, self._count), 2 * most).reshape(-1, 2)
+        sums = np.cumsum(self._weights)
+        sums /= sums[-1]
+        out = np.empty((most, 3))
+        count = resample(self._poses, sums, draws, strangers, share, self._enough(most), BIN_SIZE, out)
+        self._poses = out[:count].copy()
+        self._weights = np.full(count, 1.0 / count)
+        if share:
+            self._slow = self._fast = 0.0
+        if count <= self.options.max_particles:
+            self._most = self.options.max_particles
+
+    def _enough(self, most: int) -> NDArray[np.int64]:
+        if most not in self._tables:
+            options = self.options
+            self._tables[most] = kld_limits(options.min_particles, most, options.pf_err, options.pf_z)
+        return self._tables[most]
+
+    def _estimate(self) -> None:
+        """The mean and covariance of the heaviest cluster."""
+        labels = np.empty(len(self._poses), np.int64)
+        clusters = label_clusters(self._poses, BIN_SIZE, _BINS_OF_TURN, labels)
+        poses, weights = self._poses, self._weights
+        if clusters > 1:
+            chosen = labels == np.bincount(labels, weights, clusters).argmax()
+            poses, weights = poses[chosen], weights[chosen]
+        weights = weights / weights.sum()
+        x, y = float(weights @ poses[:, 0]), float(weights @ poses[:, 1])
+        yaw = math.atan2(float(weights @ np.sin(poses[:, 2])), float(weights @ np.cos(poses[:, 2])))
+        self.pose = Pose2(x, y, yaw)
+        away = poses - np.array(self.pose)
+        away[:, 2] = np.arctan2(np.sin(away[:, 2]), np.cos(away[:, 2]))
+        self.covariance = (away * weights[:, None]).T @ away
+
+    def _anywhere(self, count: int, purpose: int, counter: int) -> Floats:
+        """Poses all over the free cells: (count, 3)."""
+        if self._free is None:
+            self._free = np.flatnonzero(self._grid.cells.ravel() == FREE)
+        if not len(self._free):
+            raise ValueError("the map has no free cells: a robot can be nowhere on it")
+        draws = uniforms(self._state(purpose, counter), 4 * count).reshape(-1, 4)
+        frame = self._grid.frame
+        row, column = np.divmod(self._free[(draws[:, 0] * len(self._free)).astype(np.int64)], frame.columns)
+        places = frame.points_from_cells(np.stack((column + draws[:, 1], row + draws[:, 2]), axis=1))
+        return np.column_stack((places, 2.0 * math.pi * draws[:, 3] - math.pi))
+
+    def _state(self, purpose: int, counter: int) -> NDArray[np.uint64]:
+        return np.array([stream(self._seed, purpose, counter)], np.uint64)
+
+
+def _check(options: AmclOptions) -> None:
+    if not 1 <= options.min_particles <= options.max_particles:
+        raise ValueError(
+            f"min_particles {options.min_particles} and max_particles {options.max_particles}: "
+            "give two numbers from 1 on, the first one not above the second"
+        )
+    if options.max_beams < 1 or options.resample_interval < 1:
+        raise ValueError("max_beams and resample_interval are whole numbers from 1 on")
+    if not (options.sigma_hit > 0.0 and options.laser_likelihood_max_dist > 0.0 and options.pf_err > 0.0):
+        raise ValueError("sigma_hit, laser_likelihood_max_dist and pf_err are above 0")
+    if options.robot_model_type.rpartition("::")[2] not in ("DifferentialMotionModel", "OmniMotionModel"):
+        raise ValueError(
+            f"robot_model_type {options.robot_model_type!r}: give nav2_amcl::DifferentialMotionModel or "
+            "nav2_amcl::OmniMotionModel"
+        )
