@@ -50,7 +50,7 @@ def _usage() -> str:
     return (
         f"usage: zteam COMMAND ...\n\n{rows}\n\n"
         "The processes are separate commands:\n"
-        "  zteam-sim, zteam-robot, zteam-tf, zteam-monitor, zteam-router\n\n"
+        "  zteam-sim, zteam-robot, zteam-tf, zteam-monitor, zteam-nav, zteam-router\n\n"
         "See zteam COMMAND --help."
     )
 
@@ -77,6 +77,7 @@ start_simulator = partial(_start, "zteam_sim")
 start_robot = partial(_start, "zteam_robot")
 start_aggregator = partial(_start, "zteam_tf")
 start_monitor = partial(_start, "zteam_monitor")
+start_navigation = partial(_start, "zteam_nav")
 start_router = partial(_start, "zteam_router")
 
 
