@@ -165,7 +165,8 @@ def _team(world: Path, starts: dict[int, Pose2], table: dict[str, Any]) -> str:
     lines.append("odom_alphas = [0.2, 0.2, 0.2, 0.2]")
     for robot_id, pose in starts.items():
         lines += ["[[robots]]", f"id = {robot_id}", 'model = "erratic"', f"pose = [{pose.x}, {pose.y}, {pose.yaw}]"]
-        lines += ["[robots.navigation]", *(f"{key} = {msgspec.json.encode(value).decode()}" for key, value in table.items())]
+        lines.append("[robots.navigation]")
+        lines += [f"{key} = {msgspec.json.encode(value).decode()}" for key, value in table.items()]
     return "\n".join(lines) + "\n"
 
 

@@ -143,8 +143,19 @@ NODES = (OWN, *dict.fromkeys(section.node for section in _SECTIONS))
 """Names of the nodes whose parameters are taken."""
 _RENAMED = {"initial_pose.x": "x", "initial_pose.y": "y", "initial_pose.yaw": "yaw"}
 _ABOVE_ZERO = frozenset(
-    ("controller_frequency", "expected_planner_frequency", "update_frequency", "publish_frequency", "width", "height")
-    + ("resolution", "desired_linear_vel", "rotate_to_heading_angular_vel", "max_angular_accel", "lookahead_dist")
+    {
+        "controller_frequency",
+        "expected_planner_frequency",
+        "update_frequency",
+        "publish_frequency",
+        "width",
+        "height",
+        "resolution",
+        "desired_linear_vel",
+        "rotate_to_heading_angular_vel",
+        "max_angular_accel",
+        "lookahead_dist",
+    }
 )
 _LISTS = frozenset(section.plugins for section in _SECTIONS if section.plugins)
 
