@@ -53,6 +53,16 @@ BUMPER = "bumper"
 BLOBS = "blobs"
 JOINT_STATES = "joint_states"
 STATUS = "status"
+PLAN = "plan"
+LOCAL_PLAN = "local_plan"
+GLOBAL_COSTMAP = "global_costmap/costmap"
+LOCAL_COSTMAP = "local_costmap/costmap"
+AMCL_POSE = "amcl_pose"
+PARTICLE_CLOUD = "particle_cloud"
+PUBLISHED_FOOTPRINT = "published_footprint"
+NAVIGATION = "navigation"
+"""Below it are the status of a robot's navigation, and its queries (`zteam.services.navigation`)."""
+NAVIGATION_STATUS = f"{NAVIGATION}/status"
 BASE_INFO = "base_info"
 
 BASE_FOOTPRINT = "base_footprint"
@@ -60,6 +70,7 @@ BASE_LINK = "base_link"
 BASE_LASER_LINK = "base_laser_link"
 
 _ROBOT = re.compile(r"robot_(0|[1-9][0-9]*)", re.ASCII)
+_NAVIGATION = "nav_"
 _ID = re.compile(r"[0-9]+", re.ASCII)
 
 
@@ -97,6 +108,16 @@ def view_name() -> str:
 def is_view(name: str) -> bool:
     """Whether `name` is that of a view: `view`, which a team was started with, or `view_…`."""
     return name == VIEW or name.startswith(f"{VIEW}_")
+
+
+def navigation_name(robot_id: int) -> str:
+    """`nav_N`: the name of the process that navigates robot N. A process of several robots holds several names."""
+    return f"{_NAVIGATION}{robot_id}"
+
+
+def navigated_robot_of(name: str) -> int | None:
+    """The robot's id in `nav_N`, or None if `name` is not that of a navigation process."""
+    return robot_id_of(f"robot_{name.removeprefix(_NAVIGATION)}") if name.startswith(_NAVIGATION) else None
 
 
 def robot_key(robot_id: int, topic: str) -> str:

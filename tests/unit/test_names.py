@@ -34,3 +34,12 @@ def test_a_token_in_a_namespace_is_split(namespace: str) -> None:
 def test_other_keys_are_no_tokens(key: str) -> None:
     """Claims, wildcards and shorter keys are none."""
     assert split_namespaced_token_key(key) is None
+
+
+@pytest.mark.parametrize(
+    ("name", "robot_id"), [("nav_0", 0), ("nav_17", 17), ("nav_017", None), ("nav_", None), ("robot_1", None)]
+)
+def test_the_robot_of_a_navigation_process_is_in_its_name(name: str, robot_id: int | None) -> None:
+    """Only `nav_N` with a robot's id navigates a robot."""
+    assert names.navigated_robot_of(name) == robot_id
+    assert robot_id is None or names.navigation_name(robot_id) == name

@@ -40,8 +40,11 @@ def check_instance(key: str, request: Change, instance: str) -> None:
 
 
 def _owner_of(key: str) -> str:
-    """The name of the process that serves the query `key`."""
-    return key.partition("/")[0]
+    """What the query `key` belongs to: its last part is the service, and beside it is `info`.
+
+    That is the process's name, or for `robot_N/navigation/cancel` its place below a robot's.
+    """
+    return key.rpartition("/")[0]
 
 
 class _Info(msgspec.Struct):

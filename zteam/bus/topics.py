@@ -7,7 +7,11 @@ from zteam.messages import (
     Done,
     Log,
     Message,
+    NavigationStatus,
     OccupancyGrid,
+    Path,
+    PolygonStamped,
+    PoseArray,
     PoseStamped,
     PoseWithCovarianceStamped,
     RobotStatus,
@@ -29,12 +33,20 @@ _TEAM: dict[str, type[Message]] = {
 }
 
 _ROBOT: dict[str, type[Message]] = {
+    names.AMCL_POSE: PoseWithCovarianceStamped,
     names.BASE_INFO: BaseInfo,
     names.CMD_VEL: Twist,
     names.CMD_VEL_NAV: TwistStamped,
     names.CMD_VEL_TELEOP: Twist,
+    names.GLOBAL_COSTMAP: OccupancyGrid,
     names.GOAL_POSE: PoseStamped,
     names.INITIAL_POSE: PoseWithCovarianceStamped,
+    names.LOCAL_COSTMAP: OccupancyGrid,
+    names.LOCAL_PLAN: Path,
+    names.NAVIGATION_STATUS: NavigationStatus,
+    names.PARTICLE_CLOUD: PoseArray,
+    names.PLAN: Path,
+    names.PUBLISHED_FOOTPRINT: PolygonStamped,
     names.STATUS: RobotStatus,
     names.TF: TFMessage,
     names.TF_STATIC: TFMessage,
@@ -42,6 +54,7 @@ _ROBOT: dict[str, type[Message]] = {
 """What a robot publishes or receives besides what is measured of it (`zteam.world.devices`)."""
 
 _LATCHED = frozenset({names.MAP, names.TEAM_STATUS, names.TF_STATIC, names.BASE_INFO})
+_LATCHED |= {names.PLAN, names.GLOBAL_COSTMAP, names.LOCAL_COSTMAP}
 
 
 def is_latched(key: str) -> bool:

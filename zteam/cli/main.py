@@ -52,7 +52,7 @@ def _usage() -> str:
     return (
         f"usage: zteam COMMAND ...\n\n{rows}\n\n"
         "The processes are separate commands:\n"
-        "  zteam-sim, zteam-robot, zteam-tf, zteam-monitor, zteam-view, zteam-router\n\n"
+        "  zteam-sim, zteam-robot, zteam-tf, zteam-monitor, zteam-nav, zteam-view, zteam-router\n\n"
         "See zteam COMMAND --help."
     )
 
@@ -81,6 +81,7 @@ start_robot = partial(_start, "zteam_robot")
 start_aggregator = partial(_start, "zteam_tf")
 start_monitor = partial(_start, "zteam_monitor")
 start_view = partial(_start, "zteam_view")
+start_navigation = partial(_start, "zteam_nav")
 start_router = partial(_start, "zteam_router")
 
 

@@ -14,6 +14,7 @@ from zteam.launch.arguments import (
     TeamLaunch,
     aggregator_arguments,
     monitor_arguments,
+    navigation_arguments,
     no_arguments,
     robots_arguments,
     simulator_arguments,
@@ -105,6 +106,17 @@ KINDS: tuple[Kind, ...] = (
         arguments=monitor_arguments,
         stop_rank=1,
         hint="zteam-monitor --team-size {robots}",
+    ),
+    Kind(
+        title="navigation",
+        name="nav_N",
+        command="zteam-nav",
+        arguments=navigation_arguments,
+        stop_rank=0,
+        # Robots that follow or run a behaviour need none.
+        hint="",
+        in_lockstep=True,
+        robot_id_of=names.navigated_robot_of,
     ),
     Kind(
         title="robots",

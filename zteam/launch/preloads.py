@@ -22,6 +22,7 @@ PRELOADS = {
         "zteam.behaviors.registry",
         "zteam.messages.team_codecs",
     ),
+    "zteam.cli.zteam_nav": (*_NODE, "zteam.runtime.step_node", "zteam.team_file"),
     VIEW: (*_NODE, "zteam.nodes.web.node"),
 }
 """Module that a child runs -> modules that are imported before it is forked, in the order of starting.

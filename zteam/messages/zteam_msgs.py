@@ -1,10 +1,11 @@
 """zteam's own types (docs/time.md, docs/api.md)."""
 
+from enum import IntEnum
 from typing import ClassVar
 
 import msgspec
 
-from zteam.messages.geometry_msgs import Polygon, Twist
+from zteam.messages.geometry_msgs import Polygon, PoseStamped, Twist
 from zteam.messages.message import (
     NO_BOOL,
     NO_INT32,
@@ -19,7 +20,7 @@ from zteam.messages.message import (
     uint32,
     uint64,
 )
-from zteam.messages.std_msgs import ColorRGBA, Header, Time
+from zteam.messages.std_msgs import ColorRGBA, Duration, Header, Time
 
 
 class Fiducial(Message):
@@ -124,6 +125,36 @@ class BaseInfo(Message):
     acc_lim_x: float64 = 0.0
     decel_lim_x: float64 = 0.0
     acc_lim_theta: float64 = 0.0
+
+
+class NavigationState(IntEnum):
+    """Values of NavigationStatus.state."""
+
+    IDLE = 0
+    PLANNING = 1
+    DRIVING = 2
+    RECOVERING = 3
+    SUCCEEDED = 4
+    ABORTED = 5
+    CANCELED = 6
+
+
+class NavigationStatus(Message):
+    """How far a robot is on its way to a goal; `state` is one of NavigationState.
+
+    `goal` is the newest goal, as it was sent; it stays when the robot has arrived or given up. `distance_remaining` are
+    metres of the path that lie before it, `estimated_time_remaining` what they take at the speed driven so far.
+    `recoveries` counts those for this goal. `text` says why the robot does not get on, or why it has given up.
+    """
+
+    ros_type: ClassVar[str] = "zteam_msgs/msg/NavigationStatus"
+    header: Header = msgspec.field(default_factory=Header)
+    state: uint8 = 0
+    goal: PoseStamped = msgspec.field(default_factory=PoseStamped)
+    distance_remaining: float64 = 0.0
+    estimated_time_remaining: Duration = msgspec.field(default_factory=Duration)
+    recoveries: int32 = 0
+    text: str = ""
 
 
 class Tick(Message):

@@ -223,6 +223,17 @@ def test_a_change_that_reaches_no_process_has_no_answer(hub: MemoryHub) -> None:
     assert asker.query("box/add", Told, Counting()) == []
 
 
+def test_a_change_below_the_place_of_a_robot_names_the_process_there(hub: MemoryHub) -> None:
+    """`robot_1/navigation/cancel` is of another process than `robot_1/set_parameters`: `info` lies beside each."""
+    robot, navigation = hub.bus(), hub.bus()
+    for place, bus in (("robot_1", robot), ("robot_1/navigation", navigation)):
+        bus.serve(info_key(place), NoRequest, lambda _, bus=bus: own_info("box", bus.instance, 0))
+        bus.serve(f"{place}/add", Counting, lambda _, place=place: Told(len(place)))
+    asker = hub.bus()
+    for place in ("robot_1/navigation", "robot_1"):
+        assert asker.ask(f"{place}/add", Told, Counting()) == Told(len(place))
+
+
 def test_a_given_instance_is_not_replaced(hub: MemoryHub) -> None:
     """A request that names a process is for that one only, and fails when it is gone."""
     Service(hub)
