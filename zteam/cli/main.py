@@ -13,6 +13,9 @@ COMMANDS = {
     "topic": ("topic", "list | echo | hz | info | pub: inspect and publish messages"),
     "tf": ("tf", "echo | tree | monitor | positions | static: show and set transforms"),
     "sim": ("sim", "control the simulator: status, pause, step, reset, spawn, …"),
+    "goto": ("goto", "send a robot to a pose in the map, wait, and say how it ended"),
+    "goals": ("goals", "send goals from a file to robots, in turn"),
+    "map": ("map", "save: write the map that is on the bus to a file"),
     "teleop": ("teleop", "drive robots with the keyboard"),
     "param": ("param", "list | get | set | dump: a behaviour's parameters while it runs"),
     "behaviors": ("behaviors", "list the behaviours, and the parameters of each"),
@@ -37,6 +40,9 @@ _ELSEWHERE = {
     "rosnode": "node",
     **dict.fromkeys(("rosparam", "params", "dynparam"), "param"),
     **dict.fromkeys(("teleop_twist_keyboard", "key_teleop", "keyboard", "drive"), "teleop"),
+    **dict.fromkeys(("map_saver", "map_saver_cli"), "map save"),
+    **dict.fromkeys(("send_goals", "waypoints", "patrol"), "goals"),
+    **dict.fromkeys(("navigate", "move_base", "send_goal", "navigate_to_pose"), "goto"),
     **dict.fromkeys(("rosout", "logs"), "log"),
     **dict.fromkeys(("roswtf", "wtf"), "doctor"),
     **dict.fromkeys(("pause", "resume", "step", "reset", "spawn", "remove", "move", "status"), "sim {}"),
@@ -50,7 +56,7 @@ def _usage() -> str:
     return (
         f"usage: zteam COMMAND ...\n\n{rows}\n\n"
         "The processes are separate commands:\n"
-        "  zteam-sim, zteam-robot, zteam-tf, zteam-monitor, zteam-router\n\n"
+        "  zteam-sim, zteam-robot, zteam-tf, zteam-monitor, zteam-map, zteam-router\n\n"
         "See zteam COMMAND --help."
     )
 
@@ -77,6 +83,7 @@ start_simulator = partial(_start, "zteam_sim")
 start_robot = partial(_start, "zteam_robot")
 start_aggregator = partial(_start, "zteam_tf")
 start_monitor = partial(_start, "zteam_monitor")
+start_map_server = partial(_start, "zteam_map")
 start_router = partial(_start, "zteam_router")
 
 
