@@ -56,7 +56,7 @@ def _usage() -> str:
     return (
         f"usage: zteam COMMAND ...\n\n{rows}\n\n"
         "The processes are separate commands:\n"
-        "  zteam-sim, zteam-robot, zteam-tf, zteam-monitor, zteam-map, zteam-router\n\n"
+        "  zteam-sim, zteam-robot, zteam-nav, zteam-map, zteam-tf, zteam-monitor, zteam-router\n\n"
         "See zteam COMMAND --help."
     )
 
@@ -84,6 +84,7 @@ start_robot = partial(_start, "zteam_robot")
 start_aggregator = partial(_start, "zteam_tf")
 start_monitor = partial(_start, "zteam_monitor")
 start_map_server = partial(_start, "zteam_map")
+start_navigation = partial(_start, "zteam_nav")
 start_router = partial(_start, "zteam_router")
 
 

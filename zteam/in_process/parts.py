@@ -11,18 +11,22 @@ from zteam import names
 from zteam.behaviors.registry import find_behavior, load_behavior, look_in
 from zteam.compiling.takeover import begin, prepare
 from zteam.in_process.member import Part
-from zteam.launch.arguments import Pace, TeamLaunch, module_folders, team_map
+from zteam.launch.arguments import Pace, TeamLaunch, module_folders, navigated_robots, team_map
 from zteam.nodes.map_server.node import run_map_server
 from zteam.nodes.monitor.display import Lines, MonitorOptions
 from zteam.nodes.monitor.node import run_monitor
+from zteam.nodes.navigation.node import NavigatedRobot, NavigationOptions, run_navigation
 from zteam.nodes.robot.node import RobotOptions, run_robot
 from zteam.nodes.simulator.lockstep import LockStepOptions
 from zteam.nodes.simulator.node import SimOptions, run_simulator
 from zteam.nodes.transforms.node import run_aggregator
+from zteam.planning.jit import PLANNING
 from zteam.planning.map_files import read_map
+from zteam.planning.parameters import navigation_of_robot
 from zteam.runtime.node import Node
+from zteam.runtime.step_node import StepNode
 from zteam.sim.jit import SIMULATOR
-from zteam.team_file import RobotEntry, behavior_of, static_transform
+from zteam.team_file import RobotEntry, behavior_of, navigation_of, static_transform
 from zteam.tf.urdf import read_description
 from zteam.world import Robot, World, add_robot, load_world
 
@@ -108,6 +112,28 @@ def robot_part(launch: TeamLaunch, entry: RobotEntry) -> Part:
     return Part(body)
 
 
+def navigation_parts(launch: TeamLaunch) -> dict[str, Part]:
+    """The navigation of all robots that have one, as one node."""
+    ids = navigated_robots(launch)
+    if not ids:
+        return {}
+    folder = launch.team_file.parent if launch.team_file else Path()
+    robots = {}
+    for entry in launch.team.robots:
+        table = navigation_of(entry)
+        if table is not None:
+            read = navigation_of_robot(table, entry.id, folder, f"robot {entry.id}, navigation")
+            robots[entry.id] = NavigatedRobot(read.parameters, entry.base)
+    options = NavigationOptions({i: robots[i] for i in ids}, launch.seed)
+
+    def body(node: StepNode) -> None:
+        if launch.pace.lockstep:
+            prepare(PLANNING)
+        run_navigation(node, options, None if launch.pace.lockstep else begin(PLANNING))
+
+    return {names.navigation_name(ids[0]): Part(body, StepNode)}
+
+
 def parts_of(launch: TeamLaunch, say: Callable[[str, str], None]) -> dict[str, Part]:
     """The parts of a simulated team, by the names of the nodes; `say(name, line)` prints a line of a node."""
     return {
@@ -115,5 +141,6 @@ def parts_of(launch: TeamLaunch, say: Callable[[str, str], None]) -> dict[str, P
         **map_parts(launch),
         names.AGGREGATOR: aggregator_part(launch),
         names.MONITOR: monitor_part(launch, lambda line: say(names.MONITOR, line)),
+        **navigation_parts(launch),
         **{names.robot_name(entry.id): robot_part(launch, entry) for entry in launch.team.robots},
     }

@@ -7,7 +7,7 @@ import msgspec
 
 from zteam import names
 from zteam.simulation_options import simulation_arguments
-from zteam.team_file import RobotEntry, Team, robot_arguments
+from zteam.team_file import RobotEntry, Team, navigation_of, robot_arguments
 
 LOCKSTEP_TIMEOUT = 10.0
 """Host seconds until lock-step leaves a living participant behind that does not answer."""
@@ -108,6 +108,22 @@ def robots_arguments(launch: TeamLaunch) -> Arguments:
             arguments += [part for folder in module_folders(launch) for part in ("--path", str(folder))]
         found[names.robot_name(robot.id)] = arguments
     return found
+
+
+def navigation_arguments(launch: TeamLaunch) -> Arguments:
+    """One process for all robots that are navigated: they share the map. It reads their parameters from the file."""
+    ids = navigated_robots(launch)
+    if not ids:
+        return {}
+    file = [str(launch.team_file), *launch.team.arguments] if launch.team_file else []
+    pace = ["--lockstep"] if launch.pace.lockstep else []
+    arguments = [*file, "--ids", *map(str, ids), "--seed", str(launch.seed), *pace]
+    return {names.navigation_name(ids[0]): arguments}
+
+
+def navigated_robots(launch: TeamLaunch) -> list[int]:
+    """Ids of the robots that are navigated, ascending."""
+    return sorted(robot.id for robot in launch.team.robots if navigation_of(robot) is not None)
 
 
 def module_folders(launch: TeamLaunch) -> list[Path]:

@@ -15,6 +15,7 @@ from zteam.launch.arguments import (
     aggregator_arguments,
     map_arguments,
     monitor_arguments,
+    navigation_arguments,
     no_arguments,
     robots_arguments,
     simulator_arguments,
@@ -108,6 +109,17 @@ KINDS: tuple[Kind, ...] = (
         arguments=monitor_arguments,
         stop_rank=1,
         hint="zteam-monitor --team-size {robots}",
+    ),
+    Kind(
+        title="navigation",
+        name="nav_N",
+        command="zteam-nav",
+        arguments=navigation_arguments,
+        stop_rank=0,
+        # Robots that follow or run a behaviour need none.
+        hint="",
+        in_lockstep=True,
+        robot_id_of=names.navigated_robot_of,
     ),
     Kind(
         title="robots",

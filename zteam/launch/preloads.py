@@ -13,6 +13,7 @@ PRELOADS = {
     "zteam.cli.zteam_sim": (*_NODE, "zteam.world"),
     "zteam.cli.zteam_tf": (*_NODE, "zteam.nodes.transforms.node", "zteam.team_file", "zteam.tf.urdf"),
     "zteam.cli.zteam_monitor": (*_NODE, "zteam.nodes.monitor.node"),
+    "zteam.cli.zteam_nav": (*_NODE, "zteam.runtime.step_node", "zteam.team_file"),
     "zteam.cli.zteam_robot": (*_NODE, "zteam.nodes.robot.node", "zteam.behaviors.registry"),
 }
 """Module that a child runs -> modules that are imported before it is forked, in the order of starting.

@@ -83,6 +83,20 @@ class Costmap:
         self._static = interpret_map(grid, self.options)
         self._whole()
 
+    def move(self, frame: Frame, rows: int, columns: int) -> None:
+        """Lie elsewhere, with as many cells: what was cell (`rows`, `columns`) is (0, 0) now.
+
+        What lasers have seen keeps its place. There must be no static layer.
+        """
+        seen = np.full_like(self._seen, NO_INFORMATION)
+        height, width = seen.shape
+        if abs(rows) < height and abs(columns) < width:
+            to = slice(max(0, -rows), height - max(0, rows)), slice(max(0, -columns), width - max(0, columns))
+            old = slice(max(0, rows), height - max(0, -rows)), slice(max(0, columns), width - max(0, -columns))
+            seen[to] = self._seen[old]
+        self._seen, self.frame = seen, frame
+        self._whole()
+
     def observe(self, scan: Scan, base: Pose2, teammates: Iterable[Teammate] = ()) -> None:
         """Clear and mark cells as a scan of a robot at `base` says; what it has met on a teammate is not marked."""
         far = max(self.options.raytrace_max_range, self.options.obstacle_max_range)

@@ -5,11 +5,14 @@ from itertools import count
 from typing import Any
 
 from zteam.clock import monotonic
-from zteam.messages import Message, Tick, Twist
+from zteam.messages import Message, NavigationStatus, RobotStatus, TeamStatus, Tick, Twist
 from zteam.runtime.node import Node
 from zteam.runtime.participant import Participant
 from zteam.runtime.tick_inputs import TickInputs
 from zteam.runtime.tick_messages import Arrival, TickMessages
+
+_OF_PROCESSES = (RobotStatus, NavigationStatus, TeamStatus)
+"""What processes say of themselves: they say it before there is a simulator, too, so it does not tell of a base."""
 
 
 class NodeInputs:
@@ -22,7 +25,7 @@ class NodeInputs:
         self._messages = TickMessages()
         self._numbers = count()
         self.first_data = 0.0
-        """Host time of the first message; 0 before."""
+        """Host time of the first message that may be of a base; 0 before."""
         self.part = Participant(node, self._are_complete, act, lacks=self.of_ticks.lacking)
         node.on_time_reset(self.of_ticks.forget)
         node.on_time_reset(self._messages.forget)
@@ -47,7 +50,8 @@ class NodeInputs:
                 callback(key, message)
 
         def take(key: str, message: Message, source: str = "") -> None:
-            self.first_data = self.first_data or monotonic()
+            if not isinstance(message, _OF_PROCESSES):
+                self.first_data = self.first_data or monotonic()
             due = self.of_ticks.take(key, message) if every_tick else None
             if at_once or not part.active:
                 handle(key, message)

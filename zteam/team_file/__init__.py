@@ -13,6 +13,7 @@ from zteam.team_file.entries import (
     Team,
     TeamSection,
     behavior_of,
+    navigation_of,
     robot_arguments,
     static_transform,
 )
@@ -33,6 +34,7 @@ __all__ = [
     "behavior_of",
     "describe_arguments",
     "load_team",
+    "navigation_of",
     "parse_arguments",
     "read_team_file",
     "robot_arguments",

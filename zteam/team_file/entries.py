@@ -53,6 +53,8 @@ class RobotEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     safety: bool = True
     """False: drive without the safety layer."""
     restart: Restart | None = None
+    navigation: bool | dict[str, Any] = False
+    """Whether `zteam-nav` navigates it: true, or the table [robots.navigation] with parameters under Nav2's names."""
     params: dict[str, Any] = {}
     """Every other key of the table: the parameters of the behaviour, which the behaviour checks."""
 
@@ -107,13 +109,23 @@ class Team(msgspec.Struct, frozen=True):
 
 
 DEFAULT_BEHAVIOR = "forward"
+DEFAULT_WITH_NAVIGATION = "idle"
+"""A robot that has arrived stands."""
 
 
 def behavior_of(entry: RobotEntry) -> tuple[str, dict[str, Any]]:
     """The name of the behaviour that the robot runs, and its parameters."""
     if entry.follow is not None:
         return "follow", {"leader": entry.follow, **entry.params}
-    return entry.behavior or DEFAULT_BEHAVIOR, entry.params
+    default = DEFAULT_BEHAVIOR if entry.navigation is False else DEFAULT_WITH_NAVIGATION
+    return entry.behavior or default, entry.params
+
+
+def navigation_of(entry: RobotEntry) -> dict[str, Any] | None:
+    """The table of parameters of the robot's navigation; None if it has none."""
+    if isinstance(entry.navigation, dict):
+        return entry.navigation
+    return {} if entry.navigation else None
 
 
 def robot_arguments(entry: RobotEntry) -> list[str]:
@@ -121,8 +133,8 @@ def robot_arguments(entry: RobotEntry) -> list[str]:
     arguments = ["--id", str(entry.id)]
     if entry.follow is not None:
         arguments += ["--follow", str(entry.follow)]
-    elif entry.behavior is not None:
-        arguments += ["--behavior", entry.behavior]
+    elif entry.behavior is not None or entry.navigation is not False:
+        arguments += ["--behavior", behavior_of(entry)[0]]
     for key, value in msgspec.to_builtins(entry.base).items():
         arguments += ["--base", f"{key}={toml_text(value)}"]
     if not entry.safety:

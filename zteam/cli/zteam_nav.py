@@ -1,0 +1,130 @@
+"""`zteam-nav --id N`: localise a robot, plan its way to a goal, and drive there; with `--ids`, several robots."""
+
+import argparse
+import logging
+import sys
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from zteam import names
+from zteam.cli.arguments import add_seed_option
+from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, checked, run
+from zteam.errors import UsageError
+from zteam.robot_ids import format_robot_ids, parse_robot_ids
+from zteam.toml_values import parse_value
+
+if TYPE_CHECKING:
+    from zteam.nodes.navigation.node import NavigationOptions
+
+log = logging.getLogger("zteam")
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """The command line."""
+    parser = Parser(prog="zteam-nav", description=__doc__)
+    parser.add_argument(
+        "team", nargs="?", metavar="TEAM.toml", help="read the parameters of the robots from this team file"
+    )
+    parser.add_argument("arguments", nargs="*", metavar="NAME=VALUE", help="arguments of the team file")
+    which = parser.add_mutually_exclusive_group(required=True)
+    which.add_argument("--id", metavar="N", help="the robot")
+    which.add_argument("--ids", nargs="+", metavar="ID", help="several robots in this process, e.g. --ids 1-4")
+    parser.add_argument("--params", metavar="FILE.yaml", help="a parameter file as Nav2 has them")
+    parser.add_argument(
+        "--param",
+        action="append",
+        default=[],
+        metavar="NODE.NAME=VALUE",
+        help="set a parameter, e.g. amcl.max_particles=5000, controller_server.FollowPath.desired_linear_vel=0.4",
+    )
+    parser.add_argument(
+        "--localizer",
+        choices=("amcl", "fake", "none"),
+        help="how to find out where a robot is: by its laser (amcl, the default), from the simulator, or not at all",
+    )
+    parser.add_argument(
+        "--lockstep", action="store_true", help="for a team in lock-step: compile kernels that are missing at once"
+    )
+    add_seed_option(parser)
+    add_clock_option(parser)
+    add_bus_options(parser)
+    return parser
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point."""
+    args = build_parser().parse_args(argv)
+    ids = checked(args, lambda: _ids(args))
+    return run(names.navigation_name(ids[0]), args, lambda: _navigate(args, ids))
+
+
+def _ids(args: argparse.Namespace) -> tuple[int, ...]:
+    if args.ids is not None:
+        return tuple(sorted(parse_robot_ids(args.ids, "--ids")))
+    return (names.parse_robot_id(args.id),)
+
+
+def _table(args: argparse.Namespace) -> dict[str, Any]:
+    """What the options set, as the table `navigation` of a team file. Raises UsageError."""
+    table: dict[str, Any] = {}
+    if args.params is not None:
+        table["params"] = args.params
+    if args.localizer is not None:
+        table["localizer"] = args.localizer
+    for text in args.param:
+        key, equals, value = text.partition("=")
+        node, dot, name = key.partition(".")
+        if not (equals and dot and node and name):
+            raise UsageError(f"--param {text!r} is not NODE.NAME=VALUE, e.g. --param amcl.max_particles=5000")
+        table.setdefault(node, {})[name] = parse_value(value)
+    return table
+
+
+def _read(args: argparse.Namespace, ids: Iterable[int]) -> "NavigationOptions":
+    """What the command line and the team file say. Raises UsageError and ConfigError."""
+    from zteam.base import BaseOverride
+    from zteam.nodes.navigation.node import NavigatedRobot, NavigationOptions
+    from zteam.planning.parameters import navigation_of_robot
+    from zteam.team_file import load_team, navigation_of, parse_arguments
+
+    team = load_team(Path(args.team), parse_arguments(args.arguments)) if args.team else None
+    entries = {entry.id: entry for entry in team.robots} if team else {}
+    lacking = [robot_id for robot_id in ids if entries and robot_id not in entries]
+    if lacking:
+        raise UsageError(f"{args.team} has no robot {format_robot_ids(lacking)}")
+    given, robots, unknown = _table(args), {}, dict[str, None]()
+    for robot_id in ids:
+        entry = entries.get(robot_id)
+        own = (navigation_of(entry) or {}) if entry is not None else {}
+        folder = Path(args.team).parent if own.get("params") is not None and args.params is None else Path()
+        source = "the parameters" if entry is None else f"{args.team}: robot {robot_id}, navigation"
+        read = navigation_of_robot({**own, **given}, robot_id, folder, source)
+        unknown.update(dict.fromkeys(read.unknown))
+        robots[robot_id] = NavigatedRobot(read.parameters, BaseOverride() if entry is None else entry.base)
+    if unknown:
+        log.warning("%d parameters are not known here and have no effect: %s", len(unknown), ", ".join(unknown))
+    return NavigationOptions(robots, args.seed)
+
+
+def _navigate(args: argparse.Namespace, ids: tuple[int, ...]) -> int:
+    from zteam.compiling.takeover import begin, prepare
+    from zteam.nodes.navigation.node import run_navigation
+    from zteam.planning.jit import PLANNING
+    from zteam.runtime.process import run_node
+    from zteam.runtime.step_node import StepNode
+
+    options = _read(args, ids)
+    # A lock-step run keeps its first kernels, as the simulator's does.
+    later = None if args.lockstep else begin(PLANNING)
+    if args.lockstep:
+        prepare(PLANNING)
+
+    def body(node: StepNode) -> None:
+        run_navigation(node, options, later)
+
+    return run_node(names.navigation_name(ids[0]), bus_options(args), body, args.clock, make=StepNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,129 @@
+"""The costmaps of one robot: a global one of the whole map to plan in, and a local one around the robot to drive in."""
+
+import json
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from zteam.base import Base
+from zteam.errors import UsageError
+from zteam.geometry import Pose2
+from zteam.planning.costmap import Costmap, make_costmap
+from zteam.planning.footprint import Footprint, make_circle, make_footprint
+from zteam.planning.grid import Frame, GridMap
+from zteam.planning.parameters import Parameters, WindowOptions
+from zteam.planning.scans import Scan, Teammate
+
+
+class Sight(NamedTuple):
+    """What a robot knows of its surroundings at one time."""
+
+    pose: Pose2
+    """Of the base, in `map`."""
+    map_from_odom: Pose2
+    scan: Scan | None
+    teammates: Sequence[Teammate]
+
+
+def footprint_of(window: WindowOptions, base: Base) -> Footprint:
+    """The outline that a costmap's parameters give, or else that of the base. Raises UsageError."""
+    try:
+        if window.footprint:
+            return make_footprint(_corners(window.footprint), window.footprint_padding)
+        if not math.isnan(window.robot_radius):
+            return make_circle(window.robot_radius)
+        return make_footprint(base.footprint, window.footprint_padding)
+    except ValueError as error:
+        raise UsageError(f"footprint {window.footprint!r}, robot_radius {window.robot_radius:g}: {error}") from None
+
+
+def _corners(text: str) -> Any:
+    try:
+        return json.loads(text)
+    except ValueError:
+        raise ValueError("give a list of corners in metres, such as [[0.2, 0.2], [0.2, -0.2], [-0.2, 0.0]]") from None
+
+
+class StaticCostmaps:
+    """The costmaps of the map alone, shared by robots with the same outline and layers: they are large."""
+
+    def __init__(self) -> None:
+        self._made: dict[Any, Costmap] = {}
+
+    def find(self, grid: GridMap, footprint: Footprint, parameters: Parameters) -> Costmap:
+        """That of a map for this outline."""
+        key = id(grid), footprint.corners.tobytes(), parameters.global_layers
+        if key not in self._made:
+            self._made[key] = make_costmap(grid, footprint, parameters.global_layers)
+        return self._made[key]
+
+    def forget(self) -> None:
+        """There is another map."""
+        self._made.clear()
+
+
+class Costmaps:
+    """Both costmaps of one robot. Times are in seconds."""
+
+    def __init__(self, parameters: Parameters, base: Base, grid: GridMap, shared: StaticCostmaps) -> None:
+        """Raises UsageError for an outline that no robot has."""
+        self._parameters = parameters
+        footprint = footprint_of(parameters.global_window, base)
+        self.static = shared.find(grid, footprint, parameters)
+        """What the map alone says. Do not change it."""
+        self.whole = Costmap(grid.frame, footprint, parameters.global_layers)
+        """The global costmap."""
+        self.whole.set_map(grid)
+        self.footprint = footprint_of(parameters.local_window, base)
+        self.local = _window(parameters.local_window, self.footprint, parameters)
+        self._cell: tuple[int, int] | None = None
+        """Row and column of the local costmap's origin in a grid of `odom`."""
+        self._due_whole = self._due_local = -math.inf
+
+    def look(self, now: float, sight: Sight) -> None:
+        """Take in what the robot sees, where that is due."""
+        if now >= self._due_local - 1e-6:
+            self._due_local = now + 1.0 / self._parameters.local_window.update_frequency
+            self.look_near(sight)
+        if now >= self._due_whole - 1e-6:
+            self.look_far(now, sight)
+
+    def look_far(self, now: float, sight: Sight) -> None:
+        """Bring the global costmap up to date."""
+        self._due_whole = now + 1.0 / self._parameters.global_window.update_frequency
+        _take(self.whole, sight)
+
+    def look_near(self, sight: Sight) -> None:
+        """Bring the local costmap up to date: it moves with the robot."""
+        self._centre(sight)
+        _take(self.local, sight)
+
+    def clear_around(self, pose: Pose2, distance: float) -> None:
+        """Forget what lasers have seen up to `distance` (m) from the robot, in both."""
+        for costmap in (self.whole, self.local):
+            costmap.clear_around(pose, distance)
+            costmap.update()
+
+    def _centre(self, sight: Sight) -> None:
+        frame = self.local.frame
+        here = sight.map_from_odom.inverse().compose(sight.pose)
+        column = math.floor(here.x / frame.resolution) - frame.columns // 2
+        row = math.floor(here.y / frame.resolution) - frame.rows // 2
+        rows, columns = (0, 0) if self._cell is None else (row - self._cell[0], column - self._cell[1])
+        self._cell = row, column
+        # Cells stay where they are in `odom`: a correction of the localiser does not smear what lasers have seen.
+        corner = Pose2(column * frame.resolution, row * frame.resolution, 0.0)
+        self.local.move(frame._replace(origin=sight.map_from_odom.compose(corner)), rows, columns)
+
+
+def _window(window: WindowOptions, footprint: Footprint, parameters: Parameters) -> Costmap:
+    rows, columns = (max(1, round(size / window.resolution)) for size in (window.height, window.width))
+    return Costmap(Frame(rows, columns, window.resolution), footprint, parameters.local_layers)
+
+
+def _take(costmap: Costmap, sight: Sight) -> None:
+    costmap.set_teammates(sight.teammates)
+    if sight.scan is not None:
+        costmap.observe(sight.scan, sight.pose, sight.teammates)
+    costmap.clear_footprint(sight.pose)
+    costmap.update()

@@ -1,0 +1,121 @@
+"""What has come for one robot, and what the team's transforms say of it. It knows no bus."""
+
+import math
+from collections.abc import Collection, Mapping
+from typing import NamedTuple
+
+from zteam import names
+from zteam.base import DEFAULT_BASE, Base
+from zteam.geometry import Pose2, yaw_from_quaternion
+from zteam.messages import (
+    LaserScan,
+    Odometry,
+    Pose,
+    PoseStamped,
+    PoseWithCovarianceStamped,
+    RobotDriver,
+    RobotState,
+    RobotStatus,
+)
+from zteam.planning.scans import Scan, Teammate
+from zteam.tf import Buffer, TransformException
+
+OLD = 1_000_000_000
+"""Nanoseconds after which a scan or a pose says nothing of where the robot is now (Nav2's transform_tolerance of 1 s
+for its localiser)."""
+
+
+class Place(NamedTuple):
+    """A pose, and since when it has been known."""
+
+    pose: Pose2
+    stamp: int
+    """ns."""
+
+
+class Inputs:
+    """The newest data of one robot. Stamps are in ns."""
+
+    def __init__(self, robot_id: int, buffer: Buffer, bases: Mapping[int, Base]) -> None:
+        """`buffer` has the team's transforms, `bases` the bases of the team's robots as far as they have come."""
+        self.robot_id = robot_id
+        self._buffer = buffer
+        self._bases = bases
+        self.needs_truth = False
+        """Whether its localiser takes the simulator's word."""
+        self.base_frame = names.robot_frame(robot_id, names.BASE_FOOTPRINT)
+        self.odom_frame = names.robot_frame(robot_id, names.ODOM)
+        self.forget()
+
+    def forget(self) -> None:
+        """Time jumped back."""
+        self.scan: LaserScan | None = None
+        self.odom: Odometry | None = None
+        self.truth: Odometry | None = None
+        self.status: RobotStatus | None = None
+        self.goal: PoseStamped | None = None
+        """A goal that has come since the last step."""
+        self.initial_pose: PoseWithCovarianceStamped | None = None
+        """In the same way."""
+        self.stamps: dict[str, int] = {}
+        """Of the newest message, by topic."""
+
+    @property
+    def base(self) -> Base:
+        """The robot's base."""
+        return self._bases.get(self.robot_id, DEFAULT_BASE)
+
+    def find(self, target: str, source: str, time: int = 0) -> Place | None:
+        """The pose of `source` in `target`; the newest with time 0. None if it is unknown."""
+        try:
+            return Place(*self._buffer.lookup_pose2(target, source, time))
+        except TransformException:
+            return None
+
+    def odom_pose(self, stamp: int) -> Pose2 | None:
+        """The base in `odom` at `stamp`, or the newest one."""
+        found = self.find(self.odom_frame, self.base_frame, stamp) or self.find(self.odom_frame, self.base_frame)
+        return None if found is None else found.pose
+
+    def planning_scan(self) -> Scan | None:
+        """The newest scan as planning takes it; None without one, or where nothing says where its laser is."""
+        scan = self.scan
+        if scan is None:
+            return None
+        frame = names.resolve_frame(names.robot_name(self.robot_id), scan.header.frame_id)
+        mounted = self.find(self.base_frame, frame)
+        if mounted is None:
+            return None
+        return Scan(scan.ranges, scan.angle_min, scan.angle_increment, scan.range_min, scan.range_max, mounted.pose)
+
+    def teammates(self, now: int, robots: Collection[int]) -> list[Teammate]:
+        """The other ones of these robots whose place in `map` is known and not old."""
+        found = []
+        for robot_id in sorted(robots):
+            place = self.find(names.MAP_FRAME, names.robot_frame(robot_id, names.BASE_FOOTPRINT))
+            if robot_id != self.robot_id and place is not None and now - place.stamp <= OLD:
+                radius = self._bases.get(robot_id, DEFAULT_BASE).radius
+                found.append(Teammate(place.pose.x, place.pose.y, radius))
+        return found
+
+    def is_held(self) -> str:
+        """Why the robot does not obey navigation at present; empty if it does, as far as is known."""
+        status = self.status
+        if status is None:
+            return ""
+        if status.state in (RobotState.BOOT, RobotState.READY):
+            return "waits for GO"
+        return "teleop drives" if status.driver == RobotDriver.TELEOP else ""
+
+    def is_stopped(self) -> bool:
+        """Whether something else than its own commands stops the robot, such as its safety layer."""
+        return self.status is not None and bool(self.status.reason)
+
+
+def planar(pose: Pose) -> Pose2 | None:
+    """A pose of the wire in the plane; None if it is not finite or its orientation is no rotation."""
+    p, q = pose.position, pose.orientation
+    norm = math.hypot(q.x, q.y, q.z, q.w)
+    if not all(map(math.isfinite, (p.x, p.y, norm))) or not 0.9 < norm < 1.1:
+        return None
+    return Pose2(p.x, p.y, yaw_from_quaternion(q.x / norm, q.y / norm, q.z / norm, q.w / norm))

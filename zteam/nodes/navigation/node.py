@@ -1,0 +1,242 @@
+"""The navigation process: one robot or several, each with its localiser, costmaps, planner and controller.
+
+In lock-step it takes part as one participant, under the name of its first robot, and holds the names of all of them.
+"""
+
+import logging
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from zteam import names
+from zteam.base import Base, BaseOverride, base_of, override_base
+from zteam.bus import NoRequest
+from zteam.bus.presence import Claim, own_info
+from zteam.compiling.takeover import Takeover
+from zteam.geometry import Pose2
+from zteam.messages import (
+    BaseInfo,
+    LaserScan,
+    Message,
+    OccupancyGrid,
+    Odometry,
+    PoseStamped,
+    PoseWithCovarianceStamped,
+    RobotStatus,
+    Tick,
+    ns_from_time,
+)
+from zteam.nodes.navigation.costmaps import StaticCostmaps
+from zteam.nodes.navigation.inputs import Inputs, planar
+from zteam.nodes.navigation.outputs import Outputs
+from zteam.nodes.navigation.plugins import make_planner
+from zteam.nodes.navigation.robot import RobotNavigation
+from zteam.planning.grid import GridMap, make_map
+from zteam.planning.parameters import Parameters
+from zteam.planning.planner import Planner
+from zteam.runtime.step_node import StepNode
+from zteam.runtime.transform_listener import TransformListener
+from zteam.services.navigation import (
+    CANCEL,
+    GLOBAL_LOCALIZATION,
+    CancelReply,
+    CancelRequest,
+    GlobalLocalizationReply,
+    GlobalLocalizationRequest,
+    navigation_query,
+)
+
+log = logging.getLogger("zteam")
+
+
+class NavigatedRobot(msgspec.Struct, frozen=True):
+    """One robot of the process."""
+
+    parameters: Parameters = Parameters()
+    base: BaseOverride = BaseOverride()
+    """What holds instead of `base_info`."""
+
+
+class NavigationOptions(msgspec.Struct, frozen=True):
+    """What the command line and the team file say."""
+
+    robots: Mapping[int, NavigatedRobot]
+    """By id."""
+    seed: int = 1
+
+
+class NavigationNode:
+    """All robots of one process. Handlers of messages run under `node.changed`, and so do steps."""
+
+    def __init__(self, node: StepNode, options: NavigationOptions, later: Takeover | None = None) -> None:
+        """`later`: compiled kernels that may take over while the process runs."""
+        self._node = node
+        self._later = later
+        self._bases: dict[int, Base] = {}
+        self._shared = StaticCostmaps()
+        self._planners: dict[Any, Planner] = {}
+        self._grid: GridMap | None = None
+        self._stepped = 0
+        self._overrides = {i: robot.base for i, robot in options.robots.items()}
+        self._period = min(1.0 / robot.parameters.controller.controller_frequency for robot in options.robots.values())
+        self._tick_length = self._period
+        self._transforms = TransformListener(node)
+        self._robots = {i: self._make_robot(i, robot.parameters, options.seed) for i, robot in options.robots.items()}
+        node.subscribe(names.MAP, OccupancyGrid, self._on_map, latched=True)
+        node.subscribe(names.all_robots_key(names.BASE_INFO), BaseInfo, self._on_base_info, latched=True)
+        node.need(self._lacks)
+        node.on_time_reset(self._forget)
+        self._claims = [Claim(node.bus, names.navigation_name(i)) for i in options.robots]
+        self._claims = [claim for claim in self._claims if claim.name != node.name]
+
+    def _make_robot(self, robot_id: int, parameters: Parameters, seed: int) -> RobotNavigation:
+        node = self._node
+        key = parameters.planner_plugin, parameters.planner
+        if key not in self._planners:
+            # Shared: the memory of a search is as large as the map.
+            self._planners[key] = make_planner(parameters)
+        inputs = Inputs(robot_id, self._transforms.buffer, self._bases)
+        outputs = Outputs(node, robot_id, parameters)
+        robot = RobotNavigation(
+            inputs, parameters, outputs, self._shared, self._planners[key], seed * 10_000 + robot_id
+        )
+        self._listen(inputs, names.BASE_SCAN, LaserScan, "scan")
+        self._listen(inputs, names.ODOM, Odometry, "odom")
+        if parameters.localizer == "fake":
+            inputs.needs_truth = True
+            self._listen(inputs, names.GROUND_TRUTH, Odometry, "truth")
+        self._listen(inputs, names.GOAL_POSE, PoseStamped, "goal")
+        self._listen(inputs, names.INITIALPOSE, PoseWithCovarianceStamped, "initial_pose")
+        self._listen(inputs, names.STATUS, RobotStatus, "status")
+        info = own_info(node.name, node.bus.instance, node.claim.start)
+        self._serve(robot_id, "info", NoRequest, lambda _: info)
+        self._serve(robot_id, CANCEL, CancelRequest, lambda _: CancelReply(robot.cancel()))
+        self._serve(
+            robot_id,
+            GLOBAL_LOCALIZATION,
+            GlobalLocalizationRequest,
+            lambda _: GlobalLocalizationReply(robot.localize_globally()),
+        )
+        return robot
+
+    def _listen(self, inputs: Inputs, topic: str, kind: type[Message], field: str) -> None:
+        def take(_key: str, message: Any) -> None:
+            setattr(inputs, field, message)
+            inputs.stamps[topic] = ns_from_time(message.header.stamp)
+
+        self._node.subscribe(names.robot_key(inputs.robot_id, topic), kind, take, wake=False)
+
+    def _serve(self, robot_id: int, service: str, request: type[msgspec.Struct], answer: Callable[[Any], Any]) -> None:
+        def handle(asked: Any) -> Any:
+            with self._node.changed:
+                return answer(asked)
+
+        self._node.bus.serve(navigation_query(robot_id, service), request, handle)
+
+    def _on_map(self, _key: str, message: OccupancyGrid) -> None:
+        try:
+            grid = read_grid(message)
+        except ValueError as error:
+            log.warning("the map that has come does not count: %s", error)
+            return
+        if self._grid is not None and grid.frame == self._grid.frame and np.array_equal(grid.cells, self._grid.cells):
+            return
+        if self._grid is not None:
+            log.info("another map has come: all goals are planned anew on it")
+        self._grid = grid
+        self._shared.forget()
+        for robot in self._robots.values():
+            robot.set_map(grid)
+
+    def _on_base_info(self, key: str, message: BaseInfo) -> None:
+        robot_id = names.robot_id_of(key.partition("/")[0])
+        if robot_id is None:
+            return
+        before = self._bases.get(robot_id)
+        base = override_base(base_of(message), self._overrides.get(robot_id, BaseOverride()))
+        self._bases[robot_id] = base
+        changed = before is None or msgspec.structs.astuple(before) != msgspec.structs.astuple(base)
+        if changed and robot_id in self._robots:
+            self._robots[robot_id].set_base()
+
+    def _lacks(self, tick: Tick) -> list[str]:
+        """Lock-step: what a step waits for besides the transforms."""
+        if self._grid is None:
+            return [names.MAP]
+        stamp, there = ns_from_time(tick.stamp), set(tick.robots.tolist())
+        missing = [names.robot_key(i, names.BASE_INFO) for i in sorted(there - self._bases.keys())]
+        for robot_id in sorted(there & self._robots.keys()):
+            inputs = self._robots[robot_id].inputs
+            topics = [names.BASE_SCAN, names.ODOM]
+            if inputs.needs_truth:
+                topics.append(names.GROUND_TRUTH)
+            missing += [names.robot_key(robot_id, topic) for topic in topics if inputs.stamps.get(topic, -1) < stamp]
+        return missing
+
+    def _forget(self) -> None:
+        self._stepped = 0
+        for robot in self._robots.values():
+            robot.forget()
+
+    def step(self, now: int) -> None:
+        """One step of all robots at `now` (ns)."""
+        if self._later is not None:
+            self._later.poll()
+        if 0 < self._stepped < now:
+            self._tick_length = min(1.0, (now - self._stepped) / 1e9)
+        self._stepped = now
+        team = sorted(self._bases)
+        for robot in self._robots.values():
+            robot.step(now, self._tick_length, team)
+
+    def run(self) -> None:
+        """Navigate until the process is asked to stop."""
+        for claim in self._claims:
+            claim.win(
+                lambda info: self._node.stop.request(f"process {info.pid} on {info.host} navigates the robot too")
+            )
+            self._node.claim.under_name.append(_Release(claim))
+        self._node.on_stop(self._halt)
+        self._node.run(self.step, period=self._period)
+
+    def _halt(self) -> None:
+        with self._node.changed:
+            for robot in self._robots.values():
+                robot.halt()
+
+
+class _Release:
+    """Gives a claimed name back where other things of a process are closed."""
+
+    def __init__(self, claim: Claim) -> None:
+        self.close = claim.release
+
+
+def read_grid(message: OccupancyGrid) -> GridMap:
+    """The map in a message. Raises ValueError for one that is none."""
+    info = message.info
+    if message.data.size != info.width * info.height or not message.data.size:
+        raise ValueError(f"{info.width} x {info.height} cells, and {message.data.size} values")
+    origin = planar(info.origin)
+    if origin is None:
+        raise ValueError("its origin is no pose in the plane")
+    cells = np.array(message.data, np.int8).reshape(info.height, info.width)
+    return make_map(cells, _resolution(info.resolution), Pose2(*origin))
+
+
+def _resolution(value: float) -> float:
+    """A resolution as it was written: the float32 of the wire has 7 digits, and 0.05 is none of them."""
+    return float(f"{value:.7g}")
+
+
+def run_navigation(node: StepNode, options: NavigationOptions, later: Takeover | None = None) -> None:
+    """Navigate these robots until asked to stop."""
+    if later is not None:
+        later.start()
+    try:
+        NavigationNode(node, options, later).run()
+    finally:
+        if later is not None:
+            later.close()

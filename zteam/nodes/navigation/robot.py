@@ -1,0 +1,192 @@
+"""The navigation of one robot: its inputs, localiser, costmaps and navigator, step by step."""
+
+import logging
+from collections.abc import Collection
+
+from zteam import names
+from zteam.geometry import Pose2
+from zteam.messages import NavigationState
+from zteam.nodes.navigation.costmaps import Costmaps, Sight, StaticCostmaps
+from zteam.nodes.navigation.inputs import OLD, Inputs, planar
+from zteam.nodes.navigation.localisers import Localiser, deviations_of, make_localiser
+from zteam.nodes.navigation.navigator import STOP, Goal, Moment, Navigator
+from zteam.nodes.navigation.outputs import Outputs
+from zteam.nodes.navigation.plugins import make_controller
+from zteam.planning.collisions import Velocity
+from zteam.planning.grid import GridMap
+from zteam.planning.parameters import Parameters
+from zteam.planning.planner import Planner
+
+log = logging.getLogger("zteam")
+
+NO_MAP = f"no map has come on '{names.MAP}': zteam-map serves a file"
+
+
+class RobotNavigation:
+    """One robot. Everything runs under the node's lock."""
+
+    def __init__(
+        self,
+        inputs: Inputs,
+        parameters: Parameters,
+        outputs: Outputs,
+        shared: StaticCostmaps,
+        planner: Planner,
+        seed: int,
+    ) -> None:
+        self.inputs = inputs
+        self.name = names.robot_name(inputs.robot_id)
+        self._parameters = parameters
+        self._outputs = outputs
+        self._shared = shared
+        self._seed = seed
+        self._grid: GridMap | None = None
+        self.navigator = Navigator(parameters, planner, make_controller(parameters, inputs.base))
+        self._costmaps: Costmaps | None = None
+        self._localiser: Localiser | None = None
+        self._command = STOP
+        self._told = ""
+
+    def set_map(self, grid: GridMap) -> None:
+        """Another map: everything is made anew on it, and the robot is where it was."""
+        pose = self._localiser.pose if self._localiser is not None else None
+        self._grid = grid
+        self._make(pose)
+        self.navigator.plan_anew()
+
+    def _make(self, pose: Pose2 | None) -> None:
+        assert self._grid is not None
+        self._costmaps = None
+        self._localiser = make_localiser(self._grid, self._parameters, self._seed, pose)
+
+    def set_base(self) -> None:
+        """The robot's base is another one than before: its outline or its limits."""
+        self._costmaps = None
+        self.navigator.controller = make_controller(self._parameters, self.inputs.base)
+        self.navigator.plan_anew()
+
+    def forget(self) -> None:
+        """Time jumped back: nothing of before counts, the goal neither."""
+        self.inputs.forget()
+        self._outputs.forget()
+        self._command = STOP
+        self.navigator.reset()
+        if self._grid is not None:
+            self._make(None)
+
+    def halt(self) -> None:
+        """The process ends: stop the robot."""
+        self._outputs.stop()
+
+    def cancel(self) -> bool:
+        """Give up the goal at the next step; False without one."""
+        return self.navigator.cancel()
+
+    def localize_globally(self) -> str:
+        """Spread the particles; why that does not count, if it does not."""
+        return NO_MAP if self._localiser is None else self._localiser.localize_globally()
+
+    def step(self, now: int, seconds: float, robots: Collection[int]) -> None:
+        """One step at `now` (ns); the next one is in `seconds`. `robots` are those of the team."""
+        self._take_initial_pose()
+        self._take_goal()
+        pose = self._localise(now, seconds, robots)
+        velocity = self._move(now, seconds, pose)
+        self._command = velocity
+        self._outputs.drive(now, velocity, active=self.navigator.active)
+        if self._costmaps is not None:
+            self._outputs.show(now, self.navigator, None if pose is None else pose.pose, self._costmaps)
+        self._outputs.tell(now, self.navigator)
+        self._say()
+
+    def _take_initial_pose(self) -> None:
+        message, self.inputs.initial_pose = self.inputs.initial_pose, None
+        if message is None:
+            return
+        pose = planar(message.pose.pose)
+        if names.strip_slash(message.header.frame_id) not in ("", names.MAP_FRAME):
+            refused = f"its frame is {message.header.frame_id!r}, not '{names.MAP_FRAME}'"
+        elif pose is None:
+            refused = "its orientation is no rotation"
+        else:
+            refused = NO_MAP if self._localiser is None else self._localiser.set_pose(pose, deviations_of(message))
+        if refused:
+            log.warning("%s: the initial pose does not count: %s", self.name, refused)
+
+    def _take_goal(self) -> None:
+        message, self.inputs.goal = self.inputs.goal, None
+        if message is None:
+            return
+        frame = names.strip_slash(message.header.frame_id) or names.MAP_FRAME
+        pose, place = planar(message.pose), Pose2(0.0, 0.0, 0.0)
+        if frame != names.MAP_FRAME:
+            found = self.inputs.find(names.MAP_FRAME, frame)
+            if found is None:
+                self.navigator.refuse(message, f"the goal is in the frame {frame!r}, which no transform leads to")
+                return
+            place = found.pose
+        if pose is None:
+            self.navigator.refuse(message, "the goal is not finite, or its orientation is no rotation")
+        else:
+            self.navigator.accept(Goal(message, place.compose(pose)))
+
+    def _localise(self, now: int, seconds: float, robots: Collection[int]) -> Sight | None:
+        """What the robot sees, and from where; None if it does not know where it is."""
+        localiser = self._localiser
+        if localiser is None:
+            return None
+        scan = self.inputs.planning_scan()
+        teammates = self.inputs.teammates(now, robots)
+        localiser.step(now, self.inputs, scan, teammates)
+        # What is published in this tick counts in the next one, and must hold there.
+        self._outputs.localise(now, round(seconds * 1e9), localiser)
+        pose = localiser.pose
+        if pose is None:
+            return None
+        map_from_odom = localiser.map_from_odom
+        if map_from_odom is None:
+            odom = self.inputs.odom_pose(0)
+            map_from_odom = pose if odom is None else pose.compose(odom.inverse())
+        fresh = now - self.inputs.stamps.get(names.BASE_SCAN, 0) <= OLD
+        return Sight(pose, map_from_odom, scan if fresh else None, teammates)
+
+    def _move(self, now: int, seconds: float, sight: Sight | None) -> Velocity:
+        """The command of this step."""
+        navigator, time = self.navigator, now / 1e9
+        problem = self._problem(sight)
+        if sight is not None and self._costmaps is None and self._grid is not None:
+            self._costmaps = Costmaps(self._parameters, self.inputs.base, self._grid, self._shared)
+        if sight is not None and self._costmaps is not None:
+            self._costmaps.look(time, sight)
+        if not navigator.active:
+            return STOP
+        if problem:
+            return navigator.wait(time, problem)
+        if held := self.inputs.is_held():
+            return navigator.wait(time, held, patiently=True)
+        assert sight is not None and self._costmaps is not None
+        odom = self.inputs.odom
+        velocity = STOP if odom is None else Velocity(odom.twist.twist.linear.x, 0.0, odom.twist.twist.angular.z)
+        pending = velocity if self.inputs.is_stopped() else self._command
+        return navigator.step(Moment(time, seconds, sight, velocity, pending), self._costmaps)
+
+    def _problem(self, sight: Sight | None) -> str:
+        """What keeps the robot from driving; empty if nothing does."""
+        if self._localiser is None:
+            return NO_MAP
+        if self._localiser.problem:
+            return self._localiser.problem
+        if sight is None or sight.scan is None:
+            key = names.robot_key(self.inputs.robot_id, names.BASE_SCAN)
+            return f"no scan on {key} for {OLD / 1e9:g} s" if self.inputs.scan is not None else f"no scan on {key}"
+        return ""
+
+    def _say(self) -> None:
+        """Log how it goes, in few lines."""
+        navigator = self.navigator
+        news = f"{navigator.state.name.lower()}{': ' if navigator.text else ''}{navigator.text}"
+        if news == self._told or navigator.state is NavigationState.IDLE:
+            return
+        self._told = news
+        level = logging.WARNING if navigator.state is NavigationState.ABORTED else logging.INFO
+        log.log(level, "%s: %s", self.name, news)
