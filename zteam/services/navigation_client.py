@@ -1,5 +1,6 @@
 """Goals for one robot: sent to its navigation, or to its behaviour go_to where it has none; watched and canceled."""
 
+import logging
 import threading
 from collections.abc import Callable
 from typing import Protocol, TypeVar
@@ -18,6 +19,8 @@ from zteam.services.goals import GoalWatch, TaskResult, goal_message, status_of_
 from zteam.services.navigation import CANCEL, CancelReply, CancelRequest, navigation_query
 from zteam.services.transforms_client import TransformClient
 from zteam.tf import TransformException
+
+log = logging.getLogger("zteam")
 
 M = TypeVar("M", bound=Message)
 
@@ -123,6 +126,19 @@ class NavigationClient:
         if not answers:
             raise BusError(f"{self.name} has no navigation: zteam-nav --id {self.robot_id}")
         return answers[0][1].canceled
+
+    def cancel_later(self) -> threading.Thread:
+        """`cancel` on a thread of its own, for those that may not wait; what goes wrong is logged."""
+
+        def cancel() -> None:
+            try:
+                self.cancel()
+            except BusError as error:
+                log.warning("%s: the goal cannot be canceled: %s", self.name, error)
+
+        thread = threading.Thread(target=cancel, name=f"cancel {self.name}", daemon=True)
+        thread.start()
+        return thread
 
     def _send_here(self) -> None:
         """Let the robot stay where it is: the behaviour go_to knows no other way to give a goal up."""

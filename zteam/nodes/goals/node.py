@@ -1,11 +1,9 @@
 """The process that sends goals: it gives each robot its next goal when the last one has ended."""
 
 import logging
-import threading
 from typing import NamedTuple
 
 from zteam.clock import monotonic, to_seconds
-from zteam.errors import BusError
 from zteam.nodes.goals.file import FileGoal
 from zteam.nodes.goals.rounds import Rounds
 from zteam.runtime.step_node import StepNode
@@ -114,18 +112,7 @@ class Dispatcher:
 
     def _cancel_all(self) -> None:
         """The process ends before its goals have: the robots stop."""
-        under_way = [errand.client for errand in self.errands.values() if not errand.is_idle]
-        threads = [threading.Thread(target=_cancel, args=(client,), daemon=True) for client in under_way]
-        for thread in threads:
-            thread.start()
+        threads = [errand.client.cancel_later() for errand in self.errands.values() if not errand.is_idle]
         end = monotonic() + _CANCEL_LIMIT
         for thread in threads:
             thread.join(max(0.0, end - monotonic()))
-
-
-def _cancel(client: NavigationClient) -> None:
-    try:
-        client.cancel()
-    except BusError:
-        # It is gone, and its robot stands.
-        pass
