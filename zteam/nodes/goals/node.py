@@ -3,7 +3,9 @@
 import logging
 from typing import NamedTuple
 
+from zteam import names
 from zteam.clock import monotonic, to_seconds
+from zteam.messages import Odometry
 from zteam.nodes.goals.file import FileGoal
 from zteam.nodes.goals.rounds import Rounds
 from zteam.runtime.step_node import StepNode
@@ -61,6 +63,8 @@ class Dispatcher:
         """By robot."""
         self.is_done = False
         """Whether there are no more goals."""
+        # Without a simulator a base's data decides that time is the host's; what the robots say does not.
+        self._odometry = node.subscribe(names.all_robots_key(names.ODOM), Odometry, lambda key, odom: None, wake=False)
         node.on_stop(self._cancel_all)
 
     def _client(self, robot_id: int) -> NavigationClient:
@@ -79,6 +83,7 @@ class Dispatcher:
 
     def step(self, now: int) -> None:
         """Take what has ended, and send what comes next."""
+        self._odometry.close()
         for errand in self.errands.values():
             errand.client.look()
             if errand.watch is not None and errand.watch.ended:
