@@ -57,7 +57,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     args = build_parser().parse_args(argv)
     spread = checked(args, lambda: parse_robot_ids([args.spread], "--spread") if args.spread is not None else ())
     checked(args, lambda: _check_name(args.name))
-    return run("zteam goals", args, lambda: _send(args, spread), needs_output=False)
+    return run(args.name, args, lambda: _send(args, spread), needs_output=False)
 
 
 def _check_name(name: str) -> None:
