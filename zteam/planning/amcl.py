@@ -14,9 +14,11 @@ from numpy.typing import NDArray
 from zteam.compiling.takeover import prepare
 from zteam.counter_random import gaussians, stream, uniforms
 from zteam.geometry import Pose2, normalize_angle
+from zteam.planning.global_search import GlobalSearch
 from zteam.planning.grid import FREE, GridMap
 from zteam.planning.jit import PLANNING
-from zteam.planning.likelihood import make_likelihood_field, weigh_poses
+from zteam.planning.likelihood import LikelihoodField, make_likelihood_field, weigh_poses
+from zteam.planning.matching import beams_of, match, to_field
 from zteam.planning.particles import (
     BIN_SIZE,
     kld_limits,
@@ -29,9 +31,15 @@ from zteam.planning.scans import Scan, Teammate, find_ends, on_teammates
 
 Floats = NDArray[np.float64]
 
-_MOVE, _DRAW, _SPREAD, _STRANGERS = range(4)
+_MOVE, _DRAW, _SPREAD, _STRANGERS, _MATCHED = range(5)
 """Streams of random numbers."""
 _BINS_OF_TURN = 36
+_FOUND = 0.2, 0.2, 0.1
+"""Metres, metres, radians: deviations of the particles about the place that was found on the whole map."""
+_FIRST_STEPS = 0.1, 0.05
+"""Metres and radians of the first steps of the search for the place where a scan fits best."""
+_MATCHED_DEVIATIONS = 0.03, 0.03, 0.02
+"""Metres, metres, radians: how the particles scatter that are put where the scan fits best."""
 
 
 class AmclOptions(NamedTuple):
@@ -60,8 +68,11 @@ class AmclOptions(NamedTuple):
     resample_interval: int = 1
     robot_model_type: str = "nav2_amcl::DifferentialMotionModel"
     """Or nav2_amcl::OmniMotionModel."""
-    global_particles: int = 50_000
-    """Of a robot that may be anywhere, until KLD sampling needs no more than `max_particles` (amcl: max_particles)."""
+    matched_share: float = 0.15
+    """Share of the particles that are put where the scan fits best, near the mean; 0 is plain amcl, which takes many
+    updates to follow a turn that odometry did not see."""
+    global_particles: int = 25_000
+    """Poses that are tried with each scan while the robot may be anywhere."""
     teammate_margin: float = 0.1
     """Metres around a teammate in which a beam that ends there counts as on the teammate, and is left out."""
 
@@ -75,12 +86,15 @@ class Amcl:
         self.options = options or AmclOptions()
         _check(self.options)
         self._grid = grid
-        self._field: tuple[float, NDArray[np.float32]] | None = None
+        self._field: tuple[float, LikelihoodField] | None = None
         self._free: NDArray[np.int64] | None = None
         self._seed, self._count, self._spreads = seed, 0, 0
         self._odom: Pose2 | None = None
         self._pose_of_odom = Pose2(0.0, 0.0, 0.0)
-        self._tables: dict[int, NDArray[np.int64]] = {}
+        self._search: GlobalSearch | None = None
+        self._enough = kld_limits(
+            self.options.min_particles, self.options.max_particles, self.options.pf_err, self.options.pf_z
+        )
         self.set_pose(Pose2(0.0, 0.0, 0.0))
 
     def set_pose(self, pose: Pose2, deviations: tuple[float, float, float] = (0.5, 0.5, math.pi / 12.0)) -> None:
@@ -91,21 +105,28 @@ class Amcl:
         if not all(map(math.isfinite, (*pose, *deviations))):
             raise ValueError(f"a pose must be finite: {tuple(pose)} ± {tuple(deviations)}")
         draws = gaussians(self._state(_SPREAD, self._spreads), 3 * self.options.max_particles).reshape(-1, 3)
-        self._begin(np.array(pose) + draws * np.array(deviations), self.options.max_particles)
+        self._search = None
+        self._begin(np.array(pose) + draws * np.array(deviations))
         self.pose, self.covariance = pose, np.diag(np.square(deviations))
 
     def localize_globally(self) -> None:
-        """The robot may be anywhere on the map. Raises ValueError for a map without free cells."""
-        self._begin(
-            self._anywhere(self.options.global_particles, _SPREAD, self._spreads), self.options.global_particles
-        )
+        """The robot may be anywhere on the map. Raises ValueError for a map without free cells.
+
+        Until it is found, each scan is an update, and the particles are the places where it may be (GlobalSearch).
+        """
+        self._begin(self._anywhere(self.options.max_particles, _SPREAD, self._spreads))
+        self._search = GlobalSearch(self._grid, self.options.laser_max_range)
         self._estimate()
 
-    def _begin(self, poses: Floats, most: int) -> None:
+    @property
+    def is_lost(self) -> bool:
+        """Whether it looks for the robot on the whole map."""
+        return self._search is not None
+
+    def _begin(self, poses: Floats) -> None:
         self._spreads += 1
         self._poses = np.ascontiguousarray(poses)
         self._weights = np.full(len(poses), 1.0 / len(poses))
-        self._most = max(most, self.options.max_particles)
         self._slow = self._fast = 0.0
         # From where the next odometry is.
         self._odom, self._forced = None, True
@@ -134,14 +155,35 @@ class Amcl:
             return False
         self._forced = False
         self._count += 1
-        self._move(before, odom)
         self._odom = odom
-        self._weigh(scan, teammates)
+        ends = self._beams(scan, teammates)
+        if self._search is not None:
+            self._look_everywhere(self._search, before, odom, ends)
+            return True
+        self._move(before, odom)
+        field = self._likelihoods(scan.range_max)
+        self._weigh(field, ends)
         if self._count % self.options.resample_interval == 0:
+            self._estimate()
             self._resample()
+            self._put_matched(match(field, np.array([self.pose]), ends, *_FIRST_STEPS)[0][0])
         self._estimate()
         self._pose_of_odom = self.pose.compose(odom.inverse())
         return True
+
+    def _look_everywhere(self, search: GlobalSearch, before: Pose2, odom: Pose2, ends: Floats) -> None:
+        search.move(before, odom)
+        found = search.try_poses(self._anywhere(self.options.global_particles, _STRANGERS, self._count), ends)
+        if not len(search.poses):
+            return
+        self.pose = Pose2(*search.poses[0].tolist())
+        if found:
+            self.set_pose(self.pose, _FOUND)
+            self._odom = odom
+        else:
+            self._forced = True
+            self._poses, self._weights = search.poses.copy(), search.fits / search.fits.sum()
+        self._pose_of_odom = self.pose.compose(odom.inverse())
 
     def _move(self, before: Pose2, after: Pose2) -> None:
         options = self.options
@@ -155,16 +197,9 @@ class Amcl:
             draws,
         )
 
-    def _weigh(self, scan: Scan, teammates: Iterable[Teammate]) -> None:
-        beams = self._beams(scan, teammates)
-        field = self._likelihoods(scan.range_max)
+    def _weigh(self, field: LikelihoodField, beams: Floats) -> None:
         frame = self._grid.frame
-        poses = np.empty_like(self._poses)
-        # The field has a border of one cell.
-        poses[:, :2] = frame.points_to_cells(self._poses) + 1.0
-        poses[:, 2] = self._poses[:, 2] - frame.origin.yaw
-        ends = beams / frame.resolution
-        weigh_poses(field, poses, np.ascontiguousarray(ends[:, 0]), np.ascontiguousarray(ends[:, 1]), self._weights)
+        weigh_poses(field.values, to_field(frame, self._poses), *beams_of(frame, beams), self._weights)
         total = float(self._weights.sum())
         self._weights /= total
         options = self.options
@@ -183,7 +218,7 @@ class Amcl:
         met &= ~on_teammates(ends, teammates, options.teammate_margin)
         return ends[met]
 
-    def _likelihoods(self, range_max: float) -> NDArray[np.float32]:
+    def _likelihoods(self, range_max: float) -> LikelihoodField:
         range_max = min(range_max, self.options.laser_max_range)
         if self._field is None or self._field[0] != range_max:
             options = self.options
@@ -195,30 +230,29 @@ class Amcl:
                 max_dist=options.laser_likelihood_max_dist,
                 range_max=range_max,
             )
-            self._field = range_max, made.values
+            self._field = range_max, made
         return self._field[1]
 
     def _resample(self) -> None:
-        most = self._most
+        most = self.options.max_particles
         share = max(0.0, 1.0 - self._fast / self._slow) if self._slow else 0.0
         strangers = self._anywhere(most, _STRANGERS, self._count) if share else np.empty((0, 3))
         draws = uniforms(self._state(_DRAW, self._count), 2 * most).reshape(-1, 2)
         sums = np.cumsum(self._weights)
         sums /= sums[-1]
         out = np.empty((most, 3))
-        count = resample(self._poses, sums, draws, strangers, share, self._enough(most), BIN_SIZE, out)
+        count = resample(self._poses, sums, draws, strangers, share, self._enough, BIN_SIZE, out)
         self._poses = out[:count].copy()
         self._weights = np.full(count, 1.0 / count)
         if share:
             self._slow = self._fast = 0.0
-        if count <= self.options.max_particles:
-            self._most = self.options.max_particles
 
-    def _enough(self, most: int) -> NDArray[np.int64]:
-        if most not in self._tables:
-            options = self.options
-            self._tables[most] = kld_limits(options.min_particles, most, options.pf_err, options.pf_z)
-        return self._tables[most]
+    def _put_matched(self, pose: Floats) -> None:
+        """Put some of the particles, which were drawn in no order, about this pose."""
+        count = int(self.options.matched_share * len(self._poses))
+        if count:
+            draws = gaussians(self._state(_MATCHED, self._count), 3 * count).reshape(-1, 3)
+            self._poses[:count] = pose + draws * np.array(_MATCHED_DEVIATIONS)
 
     def _estimate(self) -> None:
         """The mean and covariance of the heaviest cluster."""

@@ -68,16 +68,24 @@ class PursuitOptions(NamedTuple):
     """Metres to the end of the path within which the robot only turns to the heading that is asked for."""
 
 
-_SLOWER = (1.0, 0.75, 0.5, 0.25, 0.1)
-"""Shares of the speed that are tried before the way is called blocked."""
+_NEARER = (1.0, 0.7, 0.45, 0.3)
+"""Shares of the look-ahead distance that are tried: a nearer carrot cuts corners less."""
+_SPEEDS = (1.0, 0.5, 0.0, -0.5)
+"""Shares of the slow speed, and ..."""
+_TURNS = (0.0, 0.4, -0.4, 0.8, -0.8, 1.2, -1.2)
+"""... rad/s that are tried where no carrot can be driven to."""
+_AHEAD = 0.6
+"""Seconds for which such a motion must be free."""
+_WORTH = 0.01
+"""Metres by which it must be better than to stand still."""
 
 
 class RegulatedPurePursuit:
     """Drives in arcs to a point of the path ahead: slower in bends, near obstacles and near the end.
 
     Macenski et al. 2023, "Regulated pure pursuit for robot path tracking", as nav2_regulated_pure_pursuit_controller
-    does it. Where the arc would touch an obstacle within `max_allowed_time_to_collision_up_to_carrot`, it drives the
-    same arc more slowly.
+    does it. Where the arc would touch an obstacle within `max_allowed_time_to_collision_up_to_carrot`, it takes a
+    nearer point of the path, and at last any slow motion that leads there and touches nothing.
     """
 
     def __init__(self, options: PursuitOptions | None = None) -> None:
@@ -107,15 +115,21 @@ class RegulatedPurePursuit:
         end = self._path[-1]
         to_end = math.hypot(end[0] - pose.x, end[1] - pose.y)
         if to_end <= options.xy_goal_tolerance and self.remaining() <= 2.0 * options.xy_goal_tolerance:
-            return self._rotate(costmap, pose, velocity, normalize_angle(end[2] - pose.yaw), seconds)
-        x, y = self._carrot(pose, velocity)
-        heading = math.atan2(y, x)
-        if self._has_to_rotate(heading):
-            return self._rotate(costmap, pose, velocity, heading, seconds)
-        square = x * x + y * y
-        curvature = 2.0 * y / square if square > 1e-6 else 0.0
-        speed = self._regulate(costmap, pose, curvature, max(to_end, self.remaining()))
-        return self._avoid(costmap, pose, speed, curvature, math.sqrt(square))
+            return self._turn_to_goal(costmap, pose, velocity, normalize_angle(end[2] - pose.yaw), seconds)
+        reach = self._reach(velocity)
+        for share in _NEARER if options.use_collision_detection else _NEARER[:1]:
+            x, y = self._carrot(pose, share * reach)
+            heading, distance = math.atan2(y, x), math.hypot(x, y)
+            if self._has_to_rotate(heading):
+                command, horizon = self._rotate(velocity, heading, seconds)
+            else:
+                curvature = 2.0 * y / max(distance * distance, 1e-6)
+                speed = self._regulate(costmap, pose, curvature, max(to_end, self.remaining()))
+                command = Velocity(speed, 0.0, speed * curvature)
+                horizon = min(options.max_allowed_time_to_collision_up_to_carrot, distance / max(speed, 1e-3))
+            if not options.use_collision_detection or _is_free(costmap, pose, command, max(horizon, seconds)):
+                return command
+        return self._squeeze(costmap, pose, self._carrot(pose, reach), seconds)
 
     def _advance(self, pose: Pose2) -> None:
         """Find the robot's place on the path: the nearest pose, not before the last one found."""
@@ -123,13 +137,16 @@ class RegulatedPurePursuit:
         part = self._path[self._at : stop]
         self._at += int(np.argmin((part[:, 0] - pose.x) ** 2 + (part[:, 1] - pose.y) ** 2))
 
-    def _carrot(self, pose: Pose2, velocity: Velocity) -> tuple[float, float]:
-        """The point to drive to, in the robot's frame: where the path leaves the circle of the look-ahead distance."""
+    def _reach(self, velocity: Velocity) -> float:
         options = self.options
-        reach = options.lookahead_dist
-        if options.use_velocity_scaled_lookahead_dist:
-            reach = abs(velocity.x) * options.lookahead_time
-            reach = min(max(reach, options.min_lookahead_dist), options.max_lookahead_dist)
+        if not options.use_velocity_scaled_lookahead_dist:
+            return options.lookahead_dist
+        return min(
+            max(abs(velocity.x) * options.lookahead_time, options.min_lookahead_dist), options.max_lookahead_dist
+        )
+
+    def _carrot(self, pose: Pose2, reach: float) -> tuple[float, float]:
+        """The point to drive to, in the robot's frame: where the path leaves the circle of this radius (m)."""
         rest = self._path[self._at :]
         away = np.hypot(rest[:, 0] - pose.x, rest[:, 1] - pose.y)
         far = int(np.argmax(away >= reach))
@@ -152,21 +169,26 @@ class RegulatedPurePursuit:
         self._rotating = options.use_rotate_to_heading and abs(heading) > most
         return self._rotating
 
-    def _rotate(self, costmap: Costmap, pose: Pose2, velocity: Velocity, angle: float, seconds: float) -> Velocity:
+    def _rotate(self, velocity: Velocity, angle: float, seconds: float) -> tuple[Velocity, float]:
+        """A turn on the spot by `angle`, and the seconds for which it must be free."""
         options = self.options
         # As fast as it can still stop at the heading.
         rate = min(options.rotate_to_heading_angular_vel, math.sqrt(2.0 * options.max_angular_accel * abs(angle)))
         rate = math.copysign(min(rate, abs(angle) / seconds), angle)
         change = options.max_angular_accel * seconds
         rate = min(max(rate, velocity.turn - change), velocity.turn + change)
-        horizon = max(seconds, min(options.max_allowed_time_to_collision_up_to_carrot, abs(angle / (rate or 1.0))))
-        if options.use_collision_detection:
-            for share in _SLOWER:
-                turn = Velocity(turn=share * rate)
-                if time_to_collision(costmap, pose, turn, horizon) == math.inf:
-                    return turn
-            raise BlockedError(f"at ({pose.x:.2f}, {pose.y:.2f}) a turn on the spot would touch an obstacle")
-        return Velocity(turn=rate)
+        whole = abs(angle) / max(abs(rate), 1e-3)
+        return Velocity(turn=rate), min(options.max_allowed_time_to_collision_up_to_carrot, whole)
+
+    def _turn_to_goal(
+        self, costmap: Costmap, pose: Pose2, velocity: Velocity, angle: float, seconds: float
+    ) -> Velocity:
+        """Turn to the heading of the goal; the other way round where something stands in the way."""
+        for way in (angle, angle - math.copysign(math.tau, angle)):
+            command, horizon = self._rotate(velocity, way, seconds)
+            if not self.options.use_collision_detection or _is_free(costmap, pose, command, max(horizon, seconds)):
+                return command
+        raise BlockedError(f"at ({pose.x:.2f}, {pose.y:.2f}) a turn on the spot would touch an obstacle")
 
     def _regulate(self, costmap: Costmap, pose: Pose2, curvature: float, remaining: float) -> float:
         """The speed in a bend, beside obstacles and before the end."""
@@ -190,18 +212,34 @@ class RegulatedPurePursuit:
             )
         return speed
 
-    def _avoid(self, costmap: Costmap, pose: Pose2, speed: float, curvature: float, carrot: float) -> Velocity:
-        """The arc at the largest share of the speed at which it touches nothing."""
-        options = self.options
-        for share in _SLOWER:
-            part = share * speed
-            velocity = Velocity(part, 0.0, part * curvature)
-            if not options.use_collision_detection:
-                return velocity
-            horizon = min(options.max_allowed_time_to_collision_up_to_carrot, max(0.2, carrot / max(part, 1e-3)))
-            if time_to_collision(costmap, pose, velocity, horizon) == math.inf:
-                return velocity
-        raise BlockedError(f"at ({pose.x:.2f}, {pose.y:.2f}) every way on along the path would touch an obstacle")
+    def _squeeze(self, costmap: Costmap, pose: Pose2, carrot: tuple[float, float], seconds: float) -> Velocity:
+        """Of some slow motions that touch nothing, the one after which the robot faces the carrot best, or is nearest.
+
+        Raises BlockedError if none is better than to stand still.
+        """
+        best, least = None, _badness(carrot, Velocity(), _AHEAD) - _WORTH
+        slow = min(self.options.desired_linear_vel, self.options.regulated_linear_scaling_min_speed)
+        for share in _SPEEDS:
+            for turn in _TURNS:
+                command = Velocity(share * slow, 0.0, turn)
+                badness = _badness(carrot, command, _AHEAD)
+                if badness < least and _is_free(costmap, pose, command, max(_AHEAD, seconds)):
+                    best, least = command, badness
+        if best is None:
+            raise BlockedError(f"at ({pose.x:.2f}, {pose.y:.2f}) every way on along the path would touch an obstacle")
+        return best
+
+
+def _is_free(costmap: Costmap, pose: Pose2, command: Velocity, seconds: float) -> bool:
+    return time_to_collision(costmap, pose, command, seconds) == math.inf
+
+
+def _badness(carrot: tuple[float, float], command: Velocity, seconds: float) -> float:
+    """Metres from the carrot after a motion, and half a metre for each radian that the robot does not face it."""
+    half = 0.5 * command.turn * seconds
+    length = command.x * seconds
+    dx, dy = carrot[0] - length * math.cos(half), carrot[1] - length * math.sin(half)
+    return math.hypot(dx, dy) + 0.5 * abs(normalize_angle(math.atan2(dy, dx) - 2.0 * half))
 
 
 def _bend(options: PursuitOptions, curvature: float) -> float:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from zteam.compiling.takeover import prepare
 from zteam.geometry import Pose2
-from zteam.planning.costs import FREE_SPACE, LETHAL_OBSTACLE, NO_INFORMATION, Costs
+from zteam.planning.costs import FREE_SPACE, LETHAL_OBSTACLE, NO_INFORMATION, Costs, inflated_cost
 from zteam.planning.footprint import Footprint, place
 from zteam.planning.grid import Frame, GridMap
 from zteam.planning.inflation import Window, cost_table, inflate, radius_in_cells, threshold_of_unknown
@@ -19,6 +19,9 @@ from zteam.planning.jit import PLANNING
 from zteam.planning.polygons import cells_of_disc, cells_of_polygon
 from zteam.planning.raytracing import trace_beams
 from zteam.planning.scans import Scan, Teammate, find_ends, on_teammates
+
+_BEHIND = 0.25
+"""Cells from the end of a beam to the point whose cell is marked."""
 
 
 class CostmapOptions(NamedTuple):
@@ -112,7 +115,9 @@ class Costmap:
         marked &= ~on_teammates(points, teammates, self.options.teammate_margin)
         short = np.minimum(1.0, self.options.raytrace_max_range / np.maximum(length, 1e-9))
         ends = np.floor(self.frame.points_to_cells(start + way * short[:, None])).astype(np.int64)
-        marks = np.floor(self.frame.points_to_cells(points[marked])).astype(np.int64)
+        # A beam ends on the surface, between two cells: what it has met is in the one behind.
+        behind = points + way * (_BEHIND * self.frame.resolution / np.maximum(length, 1e-9))[:, None]
+        marks = np.floor(self.frame.points_to_cells(behind[marked])).astype(np.int64)
         trace_beams(self._seen, int(origin[0]), int(origin[1]), ends, marks)
         corners = np.concatenate((ends, marks, origin[None]))
         self._touch(corners)
@@ -153,6 +158,15 @@ class Costmap:
         unknown_from = threshold_of_unknown(self.options.inflate_unknown)
         inflate(self.base, self._table, self._reach, window, unknown_from, self.costs)
         return window
+
+    def cost_of_distance(self, distance: float) -> int:
+        """The cost of a cell at this distance (m) from an obstacle, or at the inflation radius if that is less."""
+        options = self.options
+        return inflated_cost(
+            max(distance, 1e-9) if distance <= options.inflation_radius else options.inflation_radius,
+            self.footprint.inscribed_radius,
+            options.cost_scaling_factor,
+        )
 
     def cost_at(self, x: float, y: float) -> int:
         """The cost at a point (metres, in the frame of the map); outside it is LETHAL_OBSTACLE."""

@@ -19,6 +19,8 @@ class Footprint(NamedTuple):
     """Distance of the origin to the nearest point of the outline; 0 if the origin is outside."""
     circumscribed_radius: float
     """Distance to the farthest one."""
+    half_width: float
+    """How far it reaches to its wider side."""
 
 
 _CORNERS_OF_CIRCLE = 16
@@ -34,7 +36,12 @@ def make_footprint(corners: Sequence[Sequence[float]] | Floats, padding: float =
         raise ValueError("a footprint is a list of three corners [x, y] or more, in metres")
     points = points + np.where(points > 0.0, padding, np.where(points < 0.0, -padding, 0.0))
     inside, nearest = _distance_of_origin(points)
-    return Footprint(points, nearest if inside else 0.0, float(np.hypot(points[:, 0], points[:, 1]).max()))
+    return Footprint(
+        points,
+        nearest if inside else 0.0,
+        float(np.hypot(points[:, 0], points[:, 1]).max()),
+        float(np.abs(points[:, 1]).max()),
+    )
 
 
 def make_circle(radius: float, padding: float = 0.0) -> Footprint:
@@ -44,7 +51,7 @@ def make_circle(radius: float, padding: float = 0.0) -> Footprint:
     turns = (np.arange(_CORNERS_OF_CIRCLE) + 0.5) * (2.0 * math.pi / _CORNERS_OF_CIRCLE)
     outer = (radius + padding) / math.cos(math.pi / _CORNERS_OF_CIRCLE)
     points = outer * np.stack((np.cos(turns), np.sin(turns)), axis=1)
-    return Footprint(points, radius + padding, outer)
+    return Footprint(points, radius + padding, outer, radius + padding)
 
 
 def _distance_of_origin(points: Floats) -> tuple[bool, float]:

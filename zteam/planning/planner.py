@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from zteam.errors import ZteamError
 from zteam.geometry import Pose2
 from zteam.planning.costmap import Costmap
+from zteam.planning.costs import INSCRIBED_INFLATED_OBSTACLE
 from zteam.planning.grid import Frame
 from zteam.planning.search import Field
 
@@ -51,6 +52,9 @@ class AStarOptions(NamedTuple):
     """What a cell's cost adds to its weight (NavFn's COST_FACTOR)."""
     any_angle: bool = True
     """Whether the path is made of straight lines in any direction, or of steps from cell to cell."""
+    clearance: float | None = None
+    """Metres from the middle of the robot to obstacles on a path; None: half of its width, and half a cell. It is at
+    least the inscribed radius, and at most the costmap's inflation radius."""
     escape: float = 0.5
     """Metres that a path may lead out of cells that a robot should not be in, if the start is there."""
 
@@ -89,8 +93,16 @@ class AStarPlanner:
         if self._field is None or self._field.shape != shape:
             self._field = Field(*shape)
         options = self.options
-        self._field.set_costs(costmap.costs, options.neutral_cost, options.cost_factor, options.allow_unknown)
+        barred = self._find_barred(costmap)
+        self._field.set_costs(costmap.costs, options.neutral_cost, options.cost_factor, options.allow_unknown, barred)
         return self._field
+
+    def _find_barred(self, costmap: Costmap) -> int:
+        """The least cost of cells that are too near to an obstacle for a robot that drives along its path."""
+        clearance = self.options.clearance
+        if clearance is None:
+            clearance = costmap.footprint.half_width + 0.5 * costmap.frame.resolution
+        return min(INSCRIBED_INFLATED_OBSTACLE, max(1, costmap.cost_of_distance(clearance)))
 
     def _leave(self, field: Field, frame: Frame, start: Pose2) -> tuple[int, int]:
         """The cell of the start, or the nearest one up to `escape` from it that a robot may be in."""

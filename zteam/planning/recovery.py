@@ -21,6 +21,8 @@ class RecoveryOptions(NamedTuple):
     """In this order, again and again."""
     number_of_retries: int = 6
     """Behaviours after which it gives up."""
+    progress_radius: float = 1.0
+    """Metres from the place of the last behaviour, from which on all may be tried again."""
     wait_duration: float = 2.0
     """Seconds."""
     clear_distance: float = 2.0
@@ -63,6 +65,11 @@ class Recovery:
         self._turned = 0.0
         self._last_yaw = 0.0
 
+    @property
+    def is_active(self) -> bool:
+        """Whether a behaviour has begun and is not over."""
+        return self._current is not None
+
     def reset(self) -> None:
         """A new goal, or progress: all behaviours may be tried again."""
         self.count, self._current = 0, None
@@ -70,6 +77,8 @@ class Recovery:
     def begin(self, now: float, pose: Pose2, reason: str) -> str | None:
         """Begin the next behaviour at `now` (s), or return why it gives up: `reason`, and what was tried."""
         options = self.options
+        if math.hypot(pose.x - self._from.x, pose.y - self._from.y) > options.progress_radius:
+            self.count = 0
         if self.count >= options.number_of_retries or not options.behaviors:
             tried = f"after {self.count} recoveries ({', '.join(options.behaviors)})" if self.count else ""
             return f"{reason}: gave up {tried}".rstrip()

@@ -24,25 +24,26 @@ OCTILE_STEPS = (985, 1393)
 """For plain grids: √2 to less than a millionth."""
 
 
-def _weigh_numpy(costs: Costs, neutral: int, factor: int, unknown: int, out: NDArray[np.uint8]) -> None:
+def _weigh_numpy(costs: Costs, neutral: int, factor: int, barred: int, unknown: int, out: NDArray[np.uint8]) -> None:
     table = np.zeros(256, np.uint8)
-    table[:INSCRIBED_INFLATED_OBSTACLE] = neutral + (np.arange(INSCRIBED_INFLATED_OBSTACLE) * factor >> 8)
+    table[:barred] = neutral + (np.arange(barred) * factor >> 8)
     table[NO_INFORMATION] = unknown
     out[1:-1, 1:-1] = table[costs]
 
 
 @plainly(_weigh_numpy)
 @vectorized
-def _weigh(costs: Costs, neutral: int, factor: int, unknown: int, out: NDArray[np.uint8]) -> None:
-    """Weights of a costmap's cells, into the inner part of `out`."""
+def _weigh(costs: Costs, neutral: int, factor: int, barred: int, unknown: int, out: NDArray[np.uint8]) -> None:
+    """Weights of a costmap's cells, into the inner part of `out`; 0 from the cost `barred` on."""
     rows, columns = costs.shape
-    base, slope, dark = np.uint16(neutral), np.uint16(factor), np.uint8(unknown)
+    base, slope, first = np.uint16(neutral), np.uint16(factor), np.uint16(barred)
+    dark = np.uint8(unknown)
     for y in range(rows):
         given, made = costs[y], out[y + 1, 1 : columns + 1]
         for x in range(columns):
             cost = np.uint16(given[x])
             weight = np.uint8(base + np.uint16(np.uint16(cost * slope) >> np.uint16(8)))
-            weight = weight if cost < INSCRIBED_INFLATED_OBSTACLE else np.uint8(0)
+            weight = weight if cost < first else np.uint8(0)
             made[x] = dark if cost == NO_INFORMATION else weight
 
 
@@ -63,8 +64,15 @@ class Field:
         self._weights[1:-1, 1:-1] = free
         self.steps = Steps(*OCTILE_STEPS, 1)
 
-    def set_costs(self, costs: Costs, neutral: int, factor: float, allow_unknown: bool) -> None:
-        """A costmap: a cell weighs `neutral` + `factor` · its cost; inscribed and lethal cells cannot be entered.
+    def set_costs(
+        self,
+        costs: Costs,
+        neutral: int,
+        factor: float,
+        allow_unknown: bool,
+        barred: int = INSCRIBED_INFLATED_OBSTACLE,
+    ) -> None:
+        """A costmap: a cell weighs `neutral` + `factor` · its cost; those from the cost `barred` on cannot be entered.
 
         Unknown cells weigh as much as the dearest ones that can, or cannot be entered. Weights are cut to whole
         numbers from 1 to 255: raises ValueError for others.
@@ -72,7 +80,7 @@ class Field:
         heaviest = neutral + int(factor * 256.0) * (INSCRIBED_INFLATED_OBSTACLE - 1) // 256
         if not (neutral >= 1 and factor >= 0.0 and heaviest <= 255):
             raise ValueError(f"weights must lie from 1 to 255, not from {neutral} to {heaviest}")
-        _weigh(costs, neutral, int(factor * 256.0), heaviest if allow_unknown else 0, self._weights)
+        _weigh(costs, neutral, int(factor * 256.0), barred, heaviest if allow_unknown else 0, self._weights)
         self.steps = Steps(*COSTMAP_STEPS, neutral)
 
     def is_free(self, row: int, column: int) -> bool:

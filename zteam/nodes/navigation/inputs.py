@@ -17,8 +17,9 @@ from zteam.messages import (
     RobotState,
     RobotStatus,
 )
+from zteam.nodes.navigation.transforms import TeamTransforms
 from zteam.planning.scans import Scan, Teammate
-from zteam.tf import Buffer, TransformException
+from zteam.tf import TransformException
 
 OLD = 1_000_000_000
 """Nanoseconds after which a scan or a pose says nothing of where the robot is now (Nav2's transform_tolerance of 1 s
@@ -36,10 +37,10 @@ class Place(NamedTuple):
 class Inputs:
     """The newest data of one robot. Stamps are in ns."""
 
-    def __init__(self, robot_id: int, buffer: Buffer, bases: Mapping[int, Base]) -> None:
-        """`buffer` has the team's transforms, `bases` the bases of the team's robots as far as they have come."""
+    def __init__(self, robot_id: int, transforms: TeamTransforms, bases: Mapping[int, Base]) -> None:
+        """`bases` are those of the team's robots, as far as they have come."""
         self.robot_id = robot_id
-        self._buffer = buffer
+        self._transforms = transforms
         self._bases = bases
         self.needs_truth = False
         """Whether its localiser takes the simulator's word."""
@@ -68,7 +69,7 @@ class Inputs:
     def find(self, target: str, source: str, time: int = 0) -> Place | None:
         """The pose of `source` in `target`; the newest with time 0. None if it is unknown."""
         try:
-            return Place(*self._buffer.lookup_pose2(target, source, time))
+            return Place(*self._transforms.buffer.lookup_pose2(target, source, time))
         except TransformException:
             return None
 
@@ -76,6 +77,14 @@ class Inputs:
         """The base in `odom` at `stamp`, or the newest one."""
         found = self.find(self.odom_frame, self.base_frame, stamp) or self.find(self.odom_frame, self.base_frame)
         return None if found is None else found.pose
+
+    def known_pose(self) -> Pose2 | None:
+        """The base in `map` as the transforms say, or as a localiser of before has left it."""
+        found, odom = self.find(names.MAP_FRAME, self.base_frame), self.odom_pose(0)
+        left = self._transforms.left(self.robot_id)
+        if found is not None:
+            return found.pose
+        return None if left is None or odom is None else left.compose(odom)
 
     def planning_scan(self) -> Scan | None:
         """The newest scan as planning takes it; None without one, or where nothing says where its laser is."""

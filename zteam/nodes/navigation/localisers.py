@@ -169,8 +169,8 @@ class AmclLocaliser:
         initial = self._initial
         if initial.set_initial_pose:
             self.set_pose(Pose2(initial.x, initial.y, initial.yaw), _USUAL)
-        elif (place := inputs.find(names.MAP_FRAME, inputs.base_frame)) is not None:
-            self.set_pose(place.pose, _TOLD)
+        elif (pose := inputs.known_pose()) is not None:
+            self.set_pose(pose, _TOLD)
         return self._placed
 
     def set_pose(self, pose: Pose2, deviations: tuple[float, float, float]) -> str:

@@ -33,11 +33,11 @@ from zteam.nodes.navigation.inputs import Inputs, planar
 from zteam.nodes.navigation.outputs import Outputs
 from zteam.nodes.navigation.plugins import make_planner
 from zteam.nodes.navigation.robot import RobotNavigation
+from zteam.nodes.navigation.transforms import TeamTransforms
 from zteam.planning.grid import GridMap, make_map
 from zteam.planning.parameters import Parameters
 from zteam.planning.planner import Planner
 from zteam.runtime.step_node import StepNode
-from zteam.runtime.transform_listener import TransformListener
 from zteam.services.navigation import (
     CANCEL,
     GLOBAL_LOCALIZATION,
@@ -82,7 +82,7 @@ class NavigationNode:
         self._overrides = {i: robot.base for i, robot in options.robots.items()}
         self._period = min(1.0 / robot.parameters.controller.controller_frequency for robot in options.robots.values())
         self._tick_length = self._period
-        self._transforms = TransformListener(node)
+        self._transforms = TeamTransforms(node)
         self._robots = {i: self._make_robot(i, robot.parameters, options.seed) for i, robot in options.robots.items()}
         node.subscribe(names.MAP, OccupancyGrid, self._on_map, latched=True)
         node.subscribe(names.all_robots_key(names.BASE_INFO), BaseInfo, self._on_base_info, latched=True)
@@ -97,7 +97,7 @@ class NavigationNode:
         if key not in self._planners:
             # Shared: the memory of a search is as large as the map.
             self._planners[key] = make_planner(parameters)
-        inputs = Inputs(robot_id, self._transforms.buffer, self._bases)
+        inputs = Inputs(robot_id, self._transforms, self._bases)
         outputs = Outputs(node, robot_id, parameters)
         robot = RobotNavigation(
             inputs, parameters, outputs, self._shared, self._planners[key], seed * 10_000 + robot_id
@@ -199,6 +199,7 @@ class NavigationNode:
             )
             self._node.claim.under_name.append(_Release(claim))
         self._node.on_stop(self._halt)
+        self._transforms.ask()
         self._node.run(self.step, period=self._period)
 
     def _halt(self) -> None:

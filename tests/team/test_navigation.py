@@ -1,0 +1,190 @@
+"""`zteam-nav` in a team: goals reached, replaced, cancelled and refused; the same run in one process."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from support.navigated_team import DONE, NavigatedTeam
+from zteam import names
+from zteam.messages import NavigationState
+from zteam.testing.team import TeamFixture
+
+pytestmark = [pytest.mark.team, pytest.mark.timeout(120)]
+
+FAKE = """
+[team]
+world = "arena"
+seed = 4
+[[robots]]
+id = 0
+navigation = {localizer = "fake", planner_server.GridBased.tolerance = 0.2}
+[[robots]]
+id = 1
+behavior = "idle"
+"""
+AMCL = """
+[team]
+world = "arena"
+seed = 4
+[simulation]
+gaussian_noise = 0.02
+odom_alphas = [0.1, 0.1, 0.1, 0.1]
+[[robots]]
+ids = "0-1"
+navigation = true
+"""
+
+
+@pytest.fixture
+def same_team() -> Iterator[TeamFixture]:
+    """The team in this process."""
+    team = TeamFixture()
+    yield team
+    team.close()
+
+
+def write(folder: Path, text: str) -> Path:
+    path = folder / "team.toml"
+    path.write_text(text)
+    return path
+
+
+def test_a_robot_reaches_its_goal_and_stands(team: TeamFixture, empty_folder: Path) -> None:
+    """It says `driving` on its way, arrives within Nav2's tolerance, and stands there."""
+    team.launch(write(empty_folder, FAKE))
+    team.wait_for_go()
+    nav = NavigatedTeam(team)
+    nav.go(0, 3.0, 3.0, 1.57)
+    nav.wait(0, NavigationState.DRIVING, within=1.0)
+    assert 5.0 < nav.newest(0).distance_remaining < 7.0
+    assert team.robot(0).truth is not None
+    nav.wait(0, *DONE, within=30.0)
+    assert nav.state(0) is NavigationState.SUCCEEDED
+    assert nav.distance(0, 3.0, 3.0) < 0.3
+    team.run(0.3)
+    before = team.robot(0).pose
+    team.run(2.0)
+    assert team.robot(0).pose == before
+
+
+def test_amcl_brings_robots_to_their_goals_in_processes_and_in_one(
+    team: TeamFixture, same_team: TeamFixture, empty_folder: Path
+) -> None:
+    """With noisy odometry and scans, both robots of one process arrive, and each run has the same trajectory."""
+    path, found = write(empty_folder, AMCL), []
+    for one, in_process in ((team, False), (same_team, True)):
+        one.launch(path, in_process=in_process)
+        one.wait_for_go()
+        nav = NavigatedTeam(one)
+        nav.go(0, 3.0, 3.0)
+        nav.go(1, 3.0, -4.0)
+        nav.wait(0, *DONE, within=40.0)
+        nav.wait(1, *DONE, within=40.0)
+        assert [nav.state(i) for i in (0, 1)] == [NavigationState.SUCCEEDED] * 2
+        assert nav.distance(0, 3.0, 3.0) < 0.5
+        found.append((one.tick, one.report.trajectory_sha256))
+    assert found[0] == found[1]
+
+
+def test_a_new_goal_replaces_the_old_one_and_a_query_cancels_it(same_team: TeamFixture, empty_folder: Path) -> None:
+    """The robot turns to the new goal at once; canceled, it stands and takes the next goal."""
+    same_team.launch(write(empty_folder, FAKE), in_process=True)
+    same_team.wait_for_go()
+    nav = NavigatedTeam(same_team)
+    assert not nav.cancel(0)
+    nav.go(0, 3.0, 3.0)
+    same_team.run(3.0)
+    nav.go(0, -3.0, -4.0)
+    same_team.run(0.3)
+    assert (nav.state(0), nav.newest(0).goal.pose.position.x) == (NavigationState.DRIVING, -3.0)
+    same_team.run(2.0)
+    assert nav.cancel(0)
+    nav.wait(0, NavigationState.CANCELED, within=0.3)
+    same_team.run(0.3)
+    stands = same_team.robot(0).pose
+    same_team.run(1.0)
+    assert same_team.robot(0).pose == stands
+    nav.go(0, -3.0, 0.0)
+    nav.wait(0, *DONE, within=40.0)
+    assert nav.state(0) is NavigationState.SUCCEEDED
+
+
+@pytest.mark.parametrize(
+    ("goal", "reason"),
+    [
+        ((1.5, 2.5, 0.0, "map"), "in an obstacle"),
+        ((40.0, 0.0, 0.0, "map"), "outside of the map"),
+        ((1.0, 0.0, 0.0, "odoom"), "'odoom', which no transform leads to"),
+    ],
+)
+def test_a_goal_that_cannot_be_is_refused_with_a_reason(
+    same_team: TeamFixture, empty_folder: Path, goal: tuple[float, float, float, str], reason: str
+) -> None:
+    """A goal in a crate, outside or in an unknown frame aborts at once and stops the robot; the next goal works."""
+    same_team.launch(write(empty_folder, FAKE), in_process=True)
+    same_team.wait_for_go()
+    nav = NavigatedTeam(same_team)
+    nav.go(0, 3.0, 3.0)
+    same_team.run(2.0)
+    nav.go(0, *goal)
+    nav.wait(0, NavigationState.ABORTED, within=0.5)
+    assert reason in nav.newest(0).text
+    same_team.run(0.5)
+    stands = same_team.robot(0).pose
+    same_team.run(0.5)
+    assert same_team.robot(0).pose == stands
+    nav.go(0, 0.0, -1.0)
+    nav.wait(0, *DONE, within=20.0)
+    assert nav.state(0) is NavigationState.SUCCEEDED
+
+
+def test_a_goal_in_the_frame_of_the_robot_is_taken_to_the_map(same_team: TeamFixture, empty_folder: Path) -> None:
+    """Two metres ahead of a robot at (-1.5, 0) that looks along x is (0.5, 0)."""
+    same_team.launch(write(empty_folder, FAKE), in_process=True)
+    same_team.wait_for_go()
+    nav = NavigatedTeam(same_team)
+    nav.go(0, 2.0, 0.0, 0.0, names.robot_frame(0, names.BASE_FOOTPRINT))
+    nav.wait(0, NavigationState.SUCCEEDED, within=20.0)
+    assert nav.distance(0, 0.5, 0.0) < 0.3
+
+
+def test_a_robot_stops_when_its_navigation_is_killed(team: TeamFixture, empty_folder: Path) -> None:
+    """Half a second later the velocity mux no longer obeys; a new process is navigated by a new goal."""
+    team.launch(write(empty_folder, FAKE))
+    team.wait_for_go()
+    nav = NavigatedTeam(team)
+    nav.go(0, 3.0, 3.0)
+    team.run(3.0)
+    team.kill("nav_0")
+    team.run(0.8)
+    stands = team.robot(0).pose
+    team.run(1.0)
+    assert team.robot(0).pose == stands
+    team.restart("nav_0")
+    team.run(0.3)
+    nav.go(0, 3.0, 3.0)
+    nav.wait(0, NavigationState.SUCCEEDED, within=30.0)
+
+
+def test_a_second_process_for_a_robot_is_refused(team: TeamFixture, empty_folder: Path) -> None:
+    """Also when it is the first of several robots of one process and the second of another."""
+    team.launch(write(empty_folder, AMCL))
+    second = team.spawn("zteam-nav", "--id", "1", "--localizer", "none", name="second")
+    assert team.wait_for_exit(second) == 1
+    assert any("nav_1 is taken by process" in line for line in team.lines(second))
+
+
+def test_after_a_reset_the_robot_begins_anew(same_team: TeamFixture, empty_folder: Path) -> None:
+    """It has no goal, knows its start again, and drives to the next goal."""
+    same_team.launch(write(empty_folder, AMCL), in_process=True)
+    same_team.wait_for_go()
+    nav = NavigatedTeam(same_team)
+    nav.go(0, 3.0, 3.0)
+    same_team.run(3.0)
+    same_team.sim.reset()
+    same_team.run(1.0)
+    assert nav.state(0) is NavigationState.IDLE
+    nav.go(0, 1.0, 0.0)
+    nav.wait(0, *DONE, within=20.0)
+    assert nav.state(0) is NavigationState.SUCCEEDED

@@ -1,0 +1,1 @@
+"""What `zteam bench nav` measures: planning, costmaps and localisation, in one process and without a bus."""
