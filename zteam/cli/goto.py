@@ -38,9 +38,9 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument("--no-wait", action="store_true", help="end with 0 once the goal is sent")
     parser.add_argument(
         "--timeout",
-        type=number(1e-3, MAX_SECONDS, "seconds"),
+        type=number(1e-3, MAX_SECONDS, "host seconds"),
         metavar="SECONDS",
-        help="cancel the goal if it is not reached within this time of --clock",
+        help="cancel the goal if it is not reached within so many host seconds",
     )
     parser.add_argument("--json", action="store_true", help="print the result as JSON; progress goes to standard error")
     add_clock_option(parser)
@@ -123,8 +123,8 @@ def _follow(
     progress: Progress,
 ) -> None:
     """Wait for the end of the goal; with --no-wait until it is sent."""
-    begin, told = clock.steady(), False
-    moved_at, now, nag = monotonic(), clock.steady(), Every(math.inf)
+    begin, told = monotonic(), False
+    moved_at, now, nag = begin, clock.steady(), Every(math.inf)
 
     def is_over() -> bool:
         return watch.ended or (args.no_wait and not client.is_pending)
@@ -141,7 +141,7 @@ def _follow(
             moved_at, now = monotonic(), clock.steady()
         elif clock.simulated and monotonic() - moved_at > STILL and nag.due():
             progress.say(still_text(clock))
-        if args.timeout is not None and to_seconds(clock.steady() - begin) >= args.timeout and not is_over():
+        if args.timeout is not None and monotonic() - begin >= args.timeout and not is_over():
             waited = f" (waiting for {client.waits_for})" if client.is_pending else ""
             _give_up(client, f"not reached within {args.timeout:g} s{waited}")
 

@@ -127,14 +127,14 @@ class NavigationClient:
             raise BusError(f"{self.name} has no navigation: zteam-nav --id {self.robot_id}")
         return answers[0][1].canceled
 
-    def cancel_later(self) -> threading.Thread:
-        """`cancel` on a thread of its own, for those that may not wait; what goes wrong is logged."""
+    def cancel_later(self, level: int = logging.WARNING) -> threading.Thread:
+        """`cancel` on a thread of its own, for those that may not wait; what goes wrong is logged at this level."""
 
         def cancel() -> None:
             try:
                 self.cancel()
             except BusError as error:
-                log.warning("%s: the goal cannot be canceled: %s", self.name, error)
+                log.log(level, "%s: the goal cannot be canceled: %s", self.name, error)
 
         thread = threading.Thread(target=cancel, name=f"cancel {self.name}", daemon=True)
         thread.start()

@@ -117,7 +117,9 @@ class Dispatcher:
 
     def _cancel_all(self) -> None:
         """The process ends before its goals have: the robots stop."""
-        threads = [errand.client.cancel_later() for errand in self.errands.values() if not errand.is_idle]
+        # In a team that ends, navigation may be gone before.
+        under_way = [errand.client for errand in self.errands.values() if not errand.is_idle]
+        threads = [client.cancel_later(logging.DEBUG) for client in under_way]
         end = monotonic() + _CANCEL_LIMIT
         for thread in threads:
             thread.join(max(0.0, end - monotonic()))
