@@ -17,7 +17,7 @@ from zteam.launch.plan import is_own, is_python
 from zteam.problems import Problem
 from zteam.resources import existing_file, is_folder
 from zteam.robot_ids import format_robot_ids
-from zteam.team_file import GROUP_KEYS, RobotEntry, TeamFile, behavior_of, team_world
+from zteam.team_file import GROUP_KEYS, RobotEntry, TeamFile, behavior_of, navigation_of, team_world
 from zteam.world import add_robot, load_world
 from zteam.world.model import Robot, World
 from zteam.world.placing import find_hindrance
@@ -35,6 +35,7 @@ def check_team(file: TeamFile, world_file: Path | None = None) -> Path | None:
     with Inquiry([_question(entry) for entry in own.values()], file.team.folders) as inquiry:
         for i, entry in file.robots.items():
             problems += _description_problems(file.path, i, entry)
+            problems += _navigation_problems(file.path, i, entry)
             if i not in own:
                 problems += _behavior_problems(i, entry, answer(_question(entry)))
         try:
@@ -77,6 +78,20 @@ def _behavior_problems(i: int, entry: RobotEntry, answered: Answer) -> Iterator[
         yield Problem(("robots", i, "behavior"), answered.refused)
     for path, text in answered.mistakes:
         yield Problem(("robots", i, *path), text)
+
+
+def _navigation_problems(path: Path, i: int, entry: RobotEntry) -> Iterator[Problem]:
+    """Parameters of the robot's navigation with wrong types, here or in the parameter file that is named here."""
+    table = navigation_of(entry)
+    if table:
+        # Imported here, because few teams have such a table.
+        from zteam.planning.parameters import navigation_of_robot
+
+        try:
+            navigation_of_robot(table, entry.id, path.parent, "")
+        except UsageError as error:
+            for line in str(error).splitlines():
+                yield Problem(("robots", i, "navigation"), line.removeprefix(": "))
 
 
 def _node_problems(file: TeamFile) -> Iterator[Problem]:

@@ -84,7 +84,7 @@ class Amcl:
         """Starts at the map's origin: call `set_pose`, or `localize_globally`. Raises ValueError for options."""
         prepare(PLANNING)
         self.options = options or AmclOptions()
-        _check(self.options)
+        check_options(self.options)
         self._grid = grid
         self._field: tuple[float, LikelihoodField] | None = None
         self._free: NDArray[np.int64] | None = None
@@ -286,7 +286,8 @@ class Amcl:
         return np.array([stream(self._seed, purpose, counter)], np.uint64)
 
 
-def _check(options: AmclOptions) -> None:
+def check_options(options: AmclOptions) -> None:
+    """Raise ValueError for numbers that cannot be."""
     if not 1 <= options.min_particles <= options.max_particles:
         raise ValueError(
             f"min_particles {options.min_particles} and max_particles {options.max_particles}: "

@@ -8,13 +8,13 @@ from typing import Any, Literal, NamedTuple, get_args, get_type_hints
 import msgspec
 
 from zteam.errors import UsageError
-from zteam.planning.amcl import AmclOptions
+from zteam.planning.amcl import AmclOptions, check_options
 from zteam.planning.checkers import GoalOptions, ProgressOptions
 from zteam.planning.controller import PursuitOptions
 from zteam.planning.costmap import CostmapOptions
 from zteam.planning.parameter_tables import OWN, Tables, read_parameter_file, tables_of_file, tables_of_team
 from zteam.planning.planner import AStarOptions
-from zteam.planning.recovery import RecoveryOptions
+from zteam.planning.recovery import Recovery, RecoveryOptions
 from zteam.problems import problems_of
 
 Localizer = Literal["amcl", "fake", "none"]
@@ -142,6 +142,10 @@ _PLUGINS = {
 NODES = (OWN, *dict.fromkeys(section.node for section in _SECTIONS))
 """Names of the nodes whose parameters are taken."""
 _RENAMED = {"initial_pose.x": "x", "initial_pose.y": "y", "initial_pose.yaw": "yaw"}
+_ABOVE_ZERO = frozenset(
+    ("controller_frequency", "expected_planner_frequency", "update_frequency", "publish_frequency", "width", "height")
+    + ("resolution", "desired_linear_vel", "rotate_to_heading_angular_vel", "max_angular_accel", "lookahead_dist")
+)
 _LISTS = frozenset(section.plugins for section in _SECTIONS if section.plugins)
 
 
@@ -182,7 +186,25 @@ def read_parameters(tables: Tables, source: str) -> Reading:
             taken.add((section.node, name))
     every = [(node, name) for node, table in tables.items() for name in table if name not in _LISTS]
     unknown = sorted(f"{node}.{name}" for node, name in every if (node, name) not in taken)
-    return Reading(Parameters(**found, localizer=localizer), tuple(unknown))
+    parameters = Parameters(**found, localizer=localizer)
+    try:
+        _check(parameters)
+    except ValueError as error:
+        raise UsageError(f"{source}: {error}") from None
+    return Reading(parameters, tuple(unknown))
+
+
+def _check(parameters: Parameters) -> None:
+    """Raise ValueError for numbers that cannot be."""
+    for section in _SECTIONS:
+        for name, value in getattr(parameters, section.field)._asdict().items():
+            place = f"{section.node}.{name}"
+            if isinstance(value, float) and not math.isfinite(value) and name != "robot_radius":
+                raise ValueError(f"{place}: a finite number is expected")
+            if name in _ABOVE_ZERO and not value > 0:
+                raise ValueError(f"{place}: a number above 0 is expected, not {value}")
+    check_options(parameters.amcl)
+    Recovery(parameters.recovery)
 
 
 def _own_names(section: _Section, table: Mapping[str, Any], kind: type[Any]) -> dict[str, str]:
