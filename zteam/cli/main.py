@@ -15,6 +15,9 @@ COMMANDS = {
     "view": ("zteam_view", "see the team in a browser, and drive it with the mouse"),
     "tf": ("tf", "echo | tree | monitor | positions | static: show and set transforms"),
     "sim": ("sim", "control the simulator: status, pause, step, reset, spawn, …"),
+    "goto": ("goto", "send a robot to a pose in the map, wait, and say how it ended"),
+    "goals": ("goals", "send goals from a file to robots, in turn"),
+    "map": ("map", "save: write the map that is on the bus to a file"),
     "teleop": ("teleop", "drive robots with the keyboard"),
     "param": ("param", "list | get | set | dump: a behaviour's parameters while it runs"),
     "behaviors": ("behaviors", "list the behaviours, and the parameters of each"),
@@ -39,6 +42,9 @@ _ELSEWHERE = {
     "rosnode": "node",
     **dict.fromkeys(("rosparam", "params", "dynparam"), "param"),
     **dict.fromkeys(("teleop_twist_keyboard", "key_teleop", "keyboard", "drive"), "teleop"),
+    **dict.fromkeys(("map_saver", "map_saver_cli"), "map save"),
+    **dict.fromkeys(("send_goals", "waypoints", "patrol"), "goals"),
+    **dict.fromkeys(("navigate", "move_base", "send_goal", "navigate_to_pose"), "goto"),
     **dict.fromkeys(("rosout", "logs"), "log"),
     **dict.fromkeys(("roswtf", "wtf"), "doctor"),
     **dict.fromkeys(("pause", "resume", "step", "reset", "spawn", "remove", "move", "status"), "sim {}"),
@@ -52,7 +58,7 @@ def _usage() -> str:
     return (
         f"usage: zteam COMMAND ...\n\n{rows}\n\n"
         "The processes are separate commands:\n"
-        "  zteam-sim, zteam-robot, zteam-tf, zteam-monitor, zteam-nav, zteam-view, zteam-router\n\n"
+        "  zteam-sim, zteam-robot, zteam-nav, zteam-map, zteam-tf, zteam-monitor, zteam-view, zteam-router\n\n"
         "See zteam COMMAND --help."
     )
 
@@ -81,6 +87,7 @@ start_robot = partial(_start, "zteam_robot")
 start_aggregator = partial(_start, "zteam_tf")
 start_monitor = partial(_start, "zteam_monitor")
 start_view = partial(_start, "zteam_view")
+start_map_server = partial(_start, "zteam_map")
 start_navigation = partial(_start, "zteam_nav")
 start_router = partial(_start, "zteam_router")
 

@@ -32,6 +32,7 @@ def build_parser() -> argparse.ArgumentParser:
         metavar="M",
         help="cell size of the published map, metres (default: %(default)s)",
     )
+    parser.add_argument("--no-map", action="store_true", help="publish no map: zteam-map serves another one")
     parser.add_argument("--compile-only", action="store_true", help="compile the kernels into the cache, then end")
     _add_robot_options(parser)
     _add_time_options(parser)
@@ -231,6 +232,7 @@ def _simulate(args: argparse.Namespace, choice: _Choice) -> int:
         world=Path(args.world),
         seed=args.seed,
         map_resolution=args.map_resolution,
+        has_map=not args.no_map,
         follows=choice.follows,
         run_for=args.run_for,
         until=args.until,

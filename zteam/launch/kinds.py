@@ -13,6 +13,7 @@ from zteam.launch.arguments import (
     Arguments,
     TeamLaunch,
     aggregator_arguments,
+    map_arguments,
     monitor_arguments,
     navigation_arguments,
     no_arguments,
@@ -89,6 +90,15 @@ KINDS: tuple[Kind, ...] = (
         stop_rank=2,
         hint="zteam-sim WORLD (or real robots that publish the same keys)",
         carries_run=True,
+    ),
+    Kind(
+        title="map",
+        name=names.MAP_SERVER,
+        command="zteam-map",
+        arguments=map_arguments,
+        stop_rank=1,
+        # The simulator has a map of its own, and few teams need one: `zteam doctor` names it where the map is missing.
+        hint="",
     ),
     Kind(
         title="transforms",

@@ -9,6 +9,7 @@ import msgspec
 from zteam import names
 from zteam.launch import kinds
 from zteam.launch.arguments import Pace, TeamLaunch
+from zteam.launch.process import zteam_command
 from zteam.launch.supervisor import Job
 from zteam.team_file import NodeEntry, Team
 
@@ -95,9 +96,16 @@ def plan_of(launch: TeamLaunch, bus: Sequence[str]) -> Plan:
 
 
 def node_command(node: NodeEntry) -> list[str]:
-    """The command of a user's node; `python` is this interpreter, wherever the user's own is."""
+    """The command of a user's node. `python` is this interpreter, wherever the user's own is, and zteam this zteam."""
     program, *rest = node.command
+    if is_own(program):
+        return zteam_command(program, *rest)
     return [sys.executable if is_python(program) else program, *rest]
+
+
+def is_own(program: str) -> bool:
+    """Whether the word is a command of zteam."""
+    return program == "zteam" or program in {kind.command for kind in kinds.KINDS}
 
 
 def is_python(program: str) -> bool:

@@ -50,6 +50,8 @@ class SimOptions(msgspec.Struct, frozen=True):
     seed: int = 1
     map_resolution: float = 0.05
     """Metres a cell of the published map."""
+    has_map: bool = True
+    """Whether it publishes one."""
     follows: Mapping[int, int] = msgspec.field(default_factory=dict)
     """Pairs whose gap is measured: follower -> leader."""
     engine: Options = Options()
@@ -128,8 +130,9 @@ class Simulator:
     def publish_statics(self) -> None:
         """Send the latched messages: every robot's fixed frames, and the map."""
         self._outputs.match_robots()
-        self._map = self._node.bus.publisher(names.MAP, OccupancyGrid, latched=True)
-        self._map.put(map_message(self._world, self._options.map_resolution))
+        if self._options.has_map:
+            self._map = self._node.bus.publisher(names.MAP, OccupancyGrid, latched=True)
+            self._map.put(map_message(self._world, self._options.map_resolution))
 
     def run(self) -> None:
         """Tick until the process is asked to stop."""
