@@ -77,7 +77,7 @@ class BasicNavigator:
         self._tour = Tour(bus, robot_id, self._clock.now, link)
         self._client = self._tour.client
         self._nag = Every(10.0)
-        self._initial_pose = link.publisher(names.robot_key(robot_id, names.INITIALPOSE), PoseWithCovarianceStamped)
+        self._initial_pose = link.publisher(names.robot_key(robot_id, names.INITIAL_POSE), PoseWithCovarianceStamped)
 
     def __enter__(self) -> "BasicNavigator":
         return self
