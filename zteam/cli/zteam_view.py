@@ -47,7 +47,7 @@ def _view(args: argparse.Namespace) -> int:
 
     options = ViewOptions(args.host, args.port, args.token, not args.no_browser, args.layout)
     name = args.name or names.view_name()
-    return run_node(name, bus_options(args), lambda node: run_view(node, options, _show))
+    return run_node(name, bus_options(args, small=True), lambda node: run_view(node, options, _show))
 
 
 def _show(text: str) -> None:

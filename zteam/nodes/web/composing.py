@@ -19,8 +19,8 @@ from zteam.nodes.web.scene import Scene
 from zteam.nodes.web.viewer import Viewer
 
 TEAM_AGAIN, TEAM_SIZE = 1.0, 250
-"""Host seconds after which `team` is sent again without a change but of ages and speeds; so many times longer as the team
-is larger than this: a page takes milliseconds to read a thousand rows."""
+"""Host seconds after which `team` is sent again without a change but of ages and speeds, and the robots up to which it
+holds. For more it is longer: a page takes milliseconds to read a thousand rows."""
 SLOW, FAST = 1.0, 0.1
 """Host seconds between two documents: of those in lists, and of those that are drawn."""
 TILES = 16

@@ -26,7 +26,7 @@ from zteam.nodes.web.requests import (
     Watch,
     decode_request,
 )
-from zteam.nodes.web.viewer import PERIOD, Viewer
+from zteam.nodes.web.viewer import Viewer
 
 log = logging.getLogger("zteam")
 
@@ -149,7 +149,7 @@ class Page:
                 self._ready.clear()
                 await self._ready.wait()
             await self._news.wait()
-            await asyncio.sleep(max(GATHER, viewer.sent + PERIOD - monotonic()))
+            await asyncio.sleep(max(GATHER, viewer.sent + self._hub.period - monotonic()))
             self._news.clear()
             data = self._desk.composer.compose(viewer)
             if viewer.lacks_tiles:

@@ -7,17 +7,20 @@ from zteam import names
 from zteam.geometry import Pose2
 from zteam.messages import TFMessage
 from zteam.nodes.web.drawables import Drawables
-from zteam.nodes.web.facts import PERIOD, Facts
+from zteam.nodes.web.facts import PERIOD as ASK_PERIOD
+from zteam.nodes.web.facts import Facts
 from zteam.nodes.web.history import History
 from zteam.nodes.web.interest import present_robots, topics_of
 from zteam.nodes.web.newest import Newest
 from zteam.nodes.web.places import Places
 from zteam.nodes.web.subscriptions import Subscriptions
-from zteam.nodes.web.viewer import Viewer
+from zteam.nodes.web.viewer import FAST_PERIOD, PERIOD, Viewer
 from zteam.runtime.node import Node
 
 LOOK = 0.2
 """Host seconds between two looks at which robots are in sight."""
+FAST = 2.0
+"""Simulated seconds a second of the host from which on time runs fast."""
 REST = 3600.0
 """Host seconds to wait for a page at a time."""
 
@@ -50,6 +53,12 @@ class Hub:
 
     def _tell(self) -> None:
         self.on_news()
+
+    @property
+    def period(self) -> float:
+        """Host seconds between two frames of one page."""
+        sim = self.facts.sim
+        return FAST_PERIOD if sim is not None and sim.real_time_factor > FAST else PERIOD
 
     def robots(self) -> set[int]:
         """All robots of which anything is known."""
@@ -117,4 +126,4 @@ class Hub:
             layers = {layer for viewer in viewers.values() for layer in viewer.look.layers}
             docs = {name for viewer in viewers.values() for name in viewer.look.docs}
             self.facts.ask(layers, docs, self._subscriptions.opened)
-        self.node.wait(lambda: self._asks != asks, PERIOD if viewers else REST)
+        self.node.wait(lambda: self._asks != asks, ASK_PERIOD if viewers else REST)
