@@ -61,6 +61,21 @@ def test_the_address_holds_the_view_and_no_token(url: str, open_screen: OpenScre
     assert not second.ask("zteam.app.store.connection.mayCommand")
 
 
+def test_a_layout_may_select_a_robot_before_it_comes(modules: Screen) -> None:
+    """The selection outlives documents of a team without the robot; it goes when the robot was there and is gone."""
+    found = modules.ask("""async () => {
+      const {Store} = await import('/page/js/store.js');
+      const store = new Store();
+      store.select([1]);
+      return [[], [0], [0, 1], [0]].map((ids) => {
+        const block = {type: 'doc', name: 'team', value: {robots: ids.map((id) => ({id}))}};
+        store.takeFrame({number: 1, tick: 1, stamp: 1, age: -1, blocks: [block]}, 0);
+        return [...store.selection];
+      });
+    }""")
+    assert found == [[1], [1], [1], []]
+
+
 def test_a_layout_is_saved_and_opened(url: str, open_screen: OpenScreen, tmp_path: Path) -> None:
     """The file that the page saves makes the same view on another page."""
     first = open_screen(color_scheme="light")

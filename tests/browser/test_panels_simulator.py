@@ -43,6 +43,21 @@ def test_no_key_pauses_the_world(team: TeamFixture, screen: Screen) -> None:
     assert not team.sim_status.paused
 
 
+def test_a_key_does_not_press_what_the_mouse_has_pressed(team: TeamFixture, screen: Screen) -> None:
+    """Space and enter, which stop a robot, do not confirm a removal that was asked for."""
+    start(team, screen)
+    known = team.sim_status.robots
+    screen.page.click("#robots button:has-text('robot_1')")
+    screen.page.click("text=Remove")
+    screen.page.wait_for_selector("text=Click again to remove")
+    for key in ("Space", "Enter"):
+        screen.page.keyboard.press(key)
+    # It was not pressed: it asks until the question's time is over.
+    screen.page.wait_for_selector("text=Click again to remove")
+    screen.page.wait_for_selector("#page-team button:text-is('Remove')")
+    assert team.sim_status.robots == known
+
+
 def test_steps_are_counted(team: TeamFixture, screen: Screen) -> None:
     """A paused world goes on by one tick, and by as many as the field says."""
     start(team, screen)

@@ -19,8 +19,22 @@ FOLDER = Path(__file__).resolve().parents[2] / "docs" / "pictures"
 COLORS = 128
 MOST_BYTES = 150_000
 LEADER = {"speed": 0.5}
-MOMENT = 100.0
-"""Simulated seconds after which the world stands: the line turns into a corridor."""
+MOMENT = 68.0
+"""Simulated seconds after which the world stands."""
+LIMIT = 120_000
+"""Milliseconds that a page may take on a busy machine."""
+WIDE, PHONE = (1200, 720), (390, 780)
+PLOTS = (
+    "robot_0/odom:twist.twist.angular.z",
+    "robot_1/odom:twist.twist.angular.z",
+    "robot_0/odom:twist.twist.linear.x",
+)
+PICTURES = {
+    "view": (WIDE, "side=team&selected=1&theme=light"),
+    "view-plots": (WIDE, f"side=topics&echo=robot_1/odom&dock=plots&theme=dark&plots={','.join(PLOTS)}"),
+    "view-phone": (PHONE, "side=team&theme=light"),
+}
+"""Size of the screen in pixels and the layout, by the file's name."""
 
 
 def save(screen: Screen, name: str) -> None:
@@ -41,25 +55,14 @@ def run_until_moment(team: TeamFixture, screen: Screen) -> None:
     screen.wait("zteam.app.store.team.sim.state === 'paused'")
 
 
-def open_pages(browser: "Browser", team: TeamFixture) -> tuple[Screen, Screen, Screen]:
-    """The map with the table, plots on dark ground, and a phone."""
-    url = start_view(team)
-    pages = []
-    for size, scheme, layout in (
-        ((1200, 720), "light", "side=team&selected=1"),
-        ((1200, 720), "dark", "side=topics&echo=robot_1/odom&dock=plots&span=30&plots="
-         "robot_0/odom:twist.twist.angular.z,robot_1/odom:twist.twist.angular.z,robot_0/odom:twist.twist.linear.x"),
-        ((390, 780), "light", "side=team"),
-    ):  # fmt: skip
-        context = browser.new_context(
-            viewport={"width": size[0], "height": size[1]}, color_scheme="dark" if scheme == "dark" else "light"
-        )
-        screen = Screen(context.new_page())
-        screen.page.set_default_timeout(60_000)
-        screen.open(f"{url}&{layout}", 4)
-        screen.ask("zteam.app.camera.set({follow: 1, scale: 38})")
-        pages.append(screen)
-    return pages[0], pages[1], pages[2]
+def open_page(browser: "Browser", url: str, size: tuple[int, int], layout: str) -> Screen:
+    """A page of this size in pixels, which follows robot_1."""
+    context = browser.new_context(viewport={"width": size[0], "height": size[1]})
+    screen = Screen(context.new_page())
+    screen.page.set_default_timeout(LIMIT)
+    screen.open(f"{url}&{layout}", 4)
+    screen.ask("zteam.app.camera.set({follow: 1, scale: 38})")
+    return screen
 
 
 def main() -> None:
@@ -70,11 +73,11 @@ def main() -> None:
         team.start("office", robots=4, follow={1: 0, 2: 1, 3: 2}, params={0: LEADER}, lockstep=False)
         team.wait_for_go()
         with chromium() as browser:
-            table, plots, phone = open_pages(browser, team)
-            run_until_moment(team, plots)
-            save(table, "view")
-            save(plots, "view-plots")
-            save(phone, "view-phone")
+            url = start_view(team)
+            pages = {name: open_page(browser, url, size, layout) for name, (size, layout) in PICTURES.items()}
+            run_until_moment(team, pages["view-plots"])
+            for name, screen in pages.items():
+                save(screen, name)
     finally:
         team.close()
 

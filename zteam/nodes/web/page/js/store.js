@@ -95,8 +95,9 @@ export class Store extends Emitter {
     this.docs[name] = value;
     if (name === "team") {
       this.team = value;
+      const before = this.robots;
       this.robots = new Map(value.robots.map((/** @type {Robot} */ robot) => [robot.id, robot]));
-      this.#forgetGone();
+      this.#forgetGone(before);
     } else if (name === "log") {
       this.log.push(...value);
       if (this.log.length > LOG_LINES) this.log.splice(0, this.log.length - LOG_LINES);
@@ -104,10 +105,13 @@ export class Store extends Emitter {
     return value;
   }
 
-  /** Scans and selection of robots that are gone go too. */
-  #forgetGone() {
+  /**
+   * Scans and selection of robots that are gone go too. A layout may have selected a robot that has not come yet.
+   * @param {Map<number, Robot>} before
+   */
+  #forgetGone(before) {
     for (const [key, scan] of this.scans) if (!this.robots.has(scan.robot)) this.scans.delete(key);
-    const left = [...this.selection].filter((id) => this.robots.has(id));
+    const left = [...this.selection].filter((id) => this.robots.has(id) || !before.has(id));
     if (left.length < this.selection.size) this.select(left);
   }
 

@@ -143,7 +143,7 @@ export function confirmButton(label, question, act) {
     button.textContent = label;
     button.removeAttribute("aria-pressed");
   };
-  const button = el("button", { type: "button", onblur: () => back() }, label);
+  const button = el("button", { type: "button" }, label);
   button.addEventListener("click", () => {
     if (timer) {
       back();

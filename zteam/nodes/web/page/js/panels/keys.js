@@ -41,6 +41,10 @@ export function mountKeys(app, actions) {
     event.preventDefault();
     acts[key]();
   });
+  // Space and enter are meant for a robot or the map next, not for the button that the mouse has pressed.
+  document.addEventListener("click", ({ target, detail }) => {
+    if (detail > 0 && target instanceof Element) target.closest("button")?.blur();
+  });
   return showHelp;
 }
 

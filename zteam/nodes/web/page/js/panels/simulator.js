@@ -26,9 +26,7 @@ const speedText = (factor) => (factor === 0 ? "max" : `${factor} ×`);
 export function mountSimulatorBar(app) {
   const { store } = app;
   const place = /** @type {HTMLElement} */ (document.getElementById("sim"));
-  const pause = iconButton("pause", "Pause", (event) => {
-    // A key that is meant for a robot must not pause the world: after a click by mouse the button has no focus.
-    if (event.detail > 0) pause.blur();
+  const pause = iconButton("pause", "Pause", () => {
     const stands = store.team?.sim.state === "paused";
     ask(app, { op: stands ? "resume" : "pause" }, stands ? "Resume" : "Pause");
   });

@@ -11,12 +11,28 @@ export const MIN_RADIUS = 5;
 /** @typedef {import("../store.js").Store} Store */
 /** @typedef {import("./colors.js").Theme} Theme */
 
+/** The packed colours of a robot. @param {Theme} theme @param {number} id */
+function lookOf(theme, id) {
+  const color = theme.robot(id);
+  return {
+    fill: packed(color, 0.8),
+    edge: packed(mix(color, theme.text, 0.55)),
+    hollowFill: packed(color, 0.15),
+    hollowEdge: packed(color),
+    selected: packed(theme.text),
+  };
+}
+
 /** @param {WebGL2RenderingContext} gl */
 export function makeBodies(gl) {
   const shapes = makeShapes(gl, true),
     unknown = shapes.meshFor([circle(0.2)]);
   /** @type {Map<number, import("./shapes.js").Mesh>} by robot */
   let meshOf = new Map();
+  /** @type {Map<number, ReturnType<typeof lookOf>>} by robot, in `ofTheme` */
+  const looks = new Map();
+  /** @type {Theme | null} */
+  let ofTheme = null;
 
   return {
     /** @param {number} id @returns {number} metres */
@@ -34,22 +50,18 @@ export function makeBodies(gl) {
 
     /** Take over poses and colours. @param {Store} store @param {Theme} theme */
     update({ poses, selection }, theme) {
+      if (theme !== ofTheme) looks.clear();
+      ofTheme = theme;
       shapes.clear();
       for (let i = 0; i < poses.count; i++) {
         const id = poses.ids[i],
-          color = theme.robot(id),
-          selected = selection.has(id),
-          hollow = poses.truth[i] === 1;
-        const edge = selected ? theme.text : hollow ? color : mix(color, theme.text, 0.55);
-        shapes.add(
-          meshOf.get(id) ?? unknown,
-          poses.x[i],
-          poses.y[i],
-          poses.yaw[i],
-          packed(color, hollow ? 0.15 : 0.8),
-          packed(edge),
-          selected,
-        );
+          selected = selection.has(id);
+        let look = looks.get(id);
+        if (!look) looks.set(id, (look = lookOf(theme, id)));
+        const hollow = poses.truth[i] === 1,
+          edge = selected ? look.selected : hollow ? look.hollowEdge : look.edge;
+        const fill = hollow ? look.hollowFill : look.fill;
+        shapes.add(meshOf.get(id) ?? unknown, poses.x[i], poses.y[i], poses.yaw[i], fill, edge, selected);
       }
     },
 

@@ -1,6 +1,6 @@
 /** The TF tree as axes with names. */
 
-import { ahead, isFree, isOnScreen, label, labelWidth } from "./paint.js";
+import { ahead, isFree, isOnScreen, label, spriteOf } from "./paint.js";
 
 /** @typedef {{name: string, parent: string, x: number, y: number, yaw: number}} Frame pose in the parent */
 
@@ -76,7 +76,7 @@ export function paintFrames(pen) {
 /** Names of frames in one place, below each other: to the right of it or to the left, lower or higher, or not at all.
  * @param {import("./paint.js").Pen} pen @param {{px: number, py: number, names: string[]}} place */
 function paintNames(pen, { px, py, names }) {
-  const width = Math.max(...names.map((name) => labelWidth(pen, name))),
+  const width = Math.max(...names.map((name) => spriteOf(pen, name).width)),
     height = LINE * names.length;
   for (const [left, top] of [
     [px + 6, py + 4],

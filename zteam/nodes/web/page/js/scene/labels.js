@@ -1,7 +1,7 @@
 /** Names of robots, and a ring around each one that is driven from a page. */
 
 import { MIN_RADIUS } from "./bodies.js";
-import { isFree, isOnScreen, label, labelWidth } from "./paint.js";
+import { drawSprite, isFree, isOnScreen, spriteOf } from "./paint.js";
 
 /** With more robots on the screen only selected and driven ones are named. */
 const MAX_LABELS = 150;
@@ -17,37 +17,54 @@ const HEIGHT = 14;
 /** @param {import("./paint.js").Pen} pen */
 export function paintLabels(pen) {
   const { app } = pen,
-    seen = seenRobots(pen),
-    all = app.layers.has("labels") && seen.length <= MAX_LABELS;
-  // The important ones choose first.
-  seen.sort((a, b) => Number(b.selected) - Number(a.selected) || a.id - b.id);
-  for (const robot of seen) {
+    all = app.layers.has("labels") && countInView(app) <= MAX_LABELS,
+    seen = all ? [...app.store.poses.index.keys()] : importantRobots(app);
+  // The selected ones choose their places first.
+  const robots = seen.map((id) => lookAt(pen, id)).filter((robot) => isOnScreen(app, robot.px, robot.py));
+  robots.sort((a, b) => Number(b.selected) - Number(a.selected) || a.id - b.id);
+  for (const robot of robots) {
     if (robot.driver !== null) ring(pen, robot);
-    if (!all && !robot.selected && robot.driver === null) continue;
-    const text = textOf(pen, robot),
-      look = { bold: robot.selected },
-      width = labelWidth(pen, text, look);
+    const sprite = spriteOf(pen, textOf(pen, robot), { bold: robot.selected }),
+      { width } = sprite;
     const place = freePlace(pen, robot, width) ?? (robot.selected ? [robot.px, robot.py + robot.radius + 11] : null);
     if (!place) continue;
     pen.taken.push(boxAt(place[0], place[1], width));
-    label(pen, text, place[0], place[1], look);
+    drawSprite(pen, sprite, place[0], place[1]);
   }
 }
 
-/** @param {import("./paint.js").Pen} pen @returns {Seen[]} the robots on the screen */
-function seenRobots({ app, radius }) {
-  const { store, camera } = app,
-    { poses } = store,
-    seen = [];
+/** How many robots there are in the part of the map that is shown. @param {import("../app.js").App} app */
+function countInView({ store: { poses }, camera }) {
+  const [xmin, ymin, xmax, ymax] = camera.viewport();
+  let count = 0;
   for (let i = 0; i < poses.count; i++) {
-    const [px, py] = camera.toScreen(poses.x[i], poses.y[i]),
-      id = poses.ids[i];
-    if (!isOnScreen(app, px, py)) continue;
-    const selected = store.selection.has(id),
-      driver = store.robots.get(id)?.lease ?? null;
-    seen.push({ id, px, py, radius: Math.max(MIN_RADIUS, radius(id) * camera.scale), selected, driver });
+    const x = poses.x[i],
+      y = poses.y[i];
+    if (x >= xmin && x <= xmax && y >= ymin && y <= ymax) count++;
   }
-  return seen;
+  return count;
+}
+
+/** Selected robots, and those that are driven from a page. @param {import("../app.js").App} app @returns {number[]} */
+function importantRobots({ store }) {
+  const ids = new Set(store.selection);
+  for (const robot of store.robots.values()) if (robot.lease !== null) ids.add(robot.id);
+  return [...ids].filter((id) => store.poses.index.has(id));
+}
+
+/** @param {import("./paint.js").Pen} pen @param {number} id of a robot that has a pose @returns {Seen} */
+function lookAt({ app: { store, camera }, radius }, id) {
+  const i = /** @type {number} */ (store.poses.index.get(id)),
+    [px, py] = camera.toScreen(store.poses.x[i], store.poses.y[i]);
+  const driver = store.robots.get(id)?.lease ?? null;
+  return {
+    id,
+    px,
+    py,
+    radius: Math.max(MIN_RADIUS, radius(id) * camera.scale),
+    selected: store.selection.has(id),
+    driver,
+  };
 }
 
 /** @param {import("./paint.js").Pen} pen @param {Seen} robot */
