@@ -58,7 +58,8 @@ def _usage() -> str:
     return (
         f"usage: zteam COMMAND ...\n\n{rows}\n\n"
         "The processes are separate commands:\n"
-        "  zteam-sim, zteam-robot, zteam-nav, zteam-map, zteam-tf, zteam-monitor, zteam-view, zteam-router\n\n"
+        "  zteam-sim, zteam-robot, zteam-nav, zteam-map, zteam-tf, zteam-monitor,\n"
+        "  zteam-view, zteam-router\n\n"
         "See zteam COMMAND --help."
     )
 

@@ -20,5 +20,5 @@ def test_every_process_of_a_plan_has_a_part(tmp_path: Path) -> None:
     path.write_text('[team]\nworld = "office"\nmap = "map.yaml"\n[[robots]]\nid = 0\n')
     launch = launch_of(load_team(path), find_world("office"), team_file=path)
     assert [*parts_of(launch, lambda name, text: None)] == [*plan_of(launch, ()).commands]
-    needed = [kind for kind in KINDS if kind.on_bus and not kind.beside]
+    needed = [kind for kind in KINDS if kind.on_bus and kind.hint]
     assert all(any(kind.includes(name) for name in plan_of(launch, ()).commands) for kind in needed)

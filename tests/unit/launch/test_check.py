@@ -74,7 +74,7 @@ gaussian_noise = -1
 
 
 TOLD = [
-    "4: team.sede: unknown key (did you mean seed?); known: world, seed, world_robots, restart",
+    "4: team.sede: unknown key (did you mean seed?); known: world, seed, world_robots, restart, map",
     "8: robots[0].behaviour: unknown key (did you mean behavior?); forward takes speed",
     "9: robots[0].sped: unknown key (did you mean speed?); forward takes speed",
     '14: robots[1].min_dist: a number is expected, not "near"',
