@@ -74,7 +74,7 @@ class Sender:
         self._publishers = {i: node.publisher(names.robot_key(i, names.GOAL_POSE), PoseStamped) for i in goals}
         node.subscribe(names.all_robots_key(names.NAVIGATION_STATUS), NavigationStatus, self._on_status)
         node.subscribe(names.all_robots_key(names.STALL), Bool, self._on_stall)
-        node.subscribe(names.all_robots_key(names.GROUND_TRUTH), Odometry, self._on_truth)
+        node.subscribe(names.all_robots_key(names.GROUND_TRUTH), Odometry, self._on_truth, every_tick=True)
         node.subscribe(names.all_robots_key(names.AMCL_POSE), PoseWithCovarianceStamped, self._on_pose)
 
     def _on_status(self, key: str, status: NavigationStatus) -> None:
@@ -165,7 +165,8 @@ def _team(world: Path, starts: dict[int, Pose2], table: dict[str, Any]) -> str:
     lines.append("odom_alphas = [0.2, 0.2, 0.2, 0.2]")
     for robot_id, pose in starts.items():
         lines += ["[[robots]]", f"id = {robot_id}", 'model = "erratic"', f"pose = [{pose.x}, {pose.y}, {pose.yaw}]"]
-        lines += ["[robots.navigation]", *(f"{key} = {msgspec.json.encode(value).decode()}" for key, value in table.items())]
+        lines.append("[robots.navigation]")
+        lines += [f"{key} = {msgspec.json.encode(value).decode()}" for key, value in table.items()]
     return "\n".join(lines) + "\n"
 
 

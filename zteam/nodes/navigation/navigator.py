@@ -1,51 +1,24 @@
 """One robot's way to its goal: plan, drive, recover, arrive or give up. Without a bus and without a clock."""
 
-import math
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
 from zteam.geometry import Pose2
 from zteam.messages import NavigationState, PoseStamped
-from zteam.nodes.navigation.costmaps import Costmaps, Sight
+from zteam.nodes.navigation.costmaps import Costmaps
+from zteam.nodes.navigation.recovering import Recovering
+from zteam.nodes.navigation.way import STOP, Goal, Moment, Way
 from zteam.planning.checkers import GoalChecker, ProgressChecker
 from zteam.planning.collisions import Velocity
 from zteam.planning.controller import BlockedError, Controller
 from zteam.planning.parameters import Parameters
 from zteam.planning.planner import NoPathError, Planner
-from zteam.planning.recovery import Recovery
 
 Floats = NDArray[np.float64]
 
 PATIENCE = 10.0
 """Seconds that a robot stands without what it needs, such as its place, before it gives up its goal."""
-_AGAIN = 0.3
-"""Seconds between two plans of a robot whose way is blocked."""
 _ACTIVE = frozenset({NavigationState.PLANNING, NavigationState.DRIVING, NavigationState.RECOVERING})
-STOP = Velocity()
-
-
-class Goal(NamedTuple):
-    """Where to go."""
-
-    message: PoseStamped
-    """As it was sent."""
-    pose: Pose2
-    """In `map`."""
-
-
-class Moment(NamedTuple):
-    """What one step goes by. Times are in seconds."""
-
-    now: float
-    seconds: float
-    """To the next step."""
-    sight: Sight
-    velocity: Velocity
-    """Of the robot."""
-    pending: Velocity
-    """The command that moves it until the one of this step does."""
 
 
 class Navigator:
@@ -54,39 +27,27 @@ class Navigator:
     def __init__(self, parameters: Parameters, planner: Planner, controller: Controller) -> None:
         """`planner` may be shared: it keeps nothing from one plan to the next."""
         self._parameters = parameters
-        self._planner = planner
-        self.controller = controller
+        self._way = Way(parameters, planner, controller)
         self._goal_checker = GoalChecker(parameters.goal)
         self._progress = ProgressChecker(parameters.progress)
-        self._recovery = Recovery(parameters.recovery)
-        self.state = NavigationState.IDLE
+        self._recovering = Recovering(parameters)
+        self.reset()
+
+    def reset(self) -> None:
+        """There is no goal, and there never was one."""
+        self.state, self.text = NavigationState.IDLE, ""
         self.goal: Goal | None = None
         self.message = PoseStamped()
         """The newest goal as it was sent, also one that was refused."""
-        self.text = ""
-        self.recoveries = 0
-        self.path: Floats | None = None
-        """(n, 3) in `map`; another object for each plan."""
         self._begin()
 
     def _begin(self) -> None:
         """Forget what belongs to one goal."""
         self._goal_checker.reset()
         self._progress.reset()
-        self._recovery.reset()
-        self.recoveries = 0
-        self.path = None
-        self._planned = -math.inf
-        self._blocked_since: float | None = None
+        self._recovering.forget()
+        self._way.forget()
         self._held_since: float | None = None
-        self._reached_from: Pose2 | None = None
-        """Where the robot was when it last got on, since a recovery."""
-
-    def reset(self) -> None:
-        """Time jumped back: there is no goal."""
-        self._begin()
-        self._end(NavigationState.IDLE, "")
-        self.message = PoseStamped()
 
     @property
     def active(self) -> bool:
@@ -94,9 +55,24 @@ class Navigator:
         return self.state in _ACTIVE
 
     @property
+    def path(self) -> Floats | None:
+        """(n, 3) in `map`; another object for each plan."""
+        return self._way.path
+
+    @property
     def distance_remaining(self) -> float:
-        """Metres of the path before the robot; the straight way where there is no path yet."""
-        return self.controller.remaining() if self.active and self.path is not None else 0.0
+        """Metres of the path before the robot."""
+        return self._way.remaining
+
+    @property
+    def recoveries(self) -> int:
+        """How many were begun for this goal."""
+        return self._recovering.count
+
+    def use_controller(self, controller: Controller) -> None:
+        """Drive with this one from now on."""
+        self._way.controller = controller
+        self.plan_anew()
 
     def accept(self, goal: Goal) -> None:
         """Go there: it replaces the goal that there was."""
@@ -106,6 +82,7 @@ class Navigator:
 
     def refuse(self, message: PoseStamped, reason: str) -> None:
         """A goal that cannot be: the one that there was is given up as well."""
+        self._begin()
         self.message = message
         self._end(NavigationState.ABORTED, reason)
 
@@ -117,12 +94,12 @@ class Navigator:
         return True
 
     def _end(self, state: NavigationState, text: str) -> None:
-        self.state, self.text = state, text
-        self.goal = self.path = None
+        self.state, self.text, self.goal = state, text, None
+        self._way.forget()
 
     def plan_anew(self) -> None:
         """There is another map: what was planned on the old one does not count."""
-        self.path, self._planned = None, -math.inf
+        self._way.forget()
         if self.active:
             self.state = NavigationState.PLANNING
 
@@ -138,49 +115,31 @@ class Navigator:
 
     def step(self, moment: Moment, costmaps: Costmaps) -> Velocity:
         """The velocity for a robot on its way."""
-        self._held_since = None
+        if self._held_since is not None:
+            self._held_since, self.text = None, ""
         if self.state is NavigationState.RECOVERING:
             return self._recover(moment, costmaps)
-        if self._is_plan_due(moment.now) and not self._plan(moment, costmaps):
+        if self._way.is_plan_due(moment.now) and not self._plan(moment, costmaps):
             return STOP
         return self._drive(moment, costmaps)
-
-    def _is_plan_due(self, now: float) -> bool:
-        interval = 1.0 / self._parameters.planner_server.expected_planner_frequency
-        interval = interval if self._blocked_since is None else min(interval, _AGAIN)
-        return now - self._planned >= interval - 1e-6
 
     def _plan(self, moment: Moment, costmaps: Costmaps) -> bool:
         """Whether there is a path to follow now; if there is none, a recovery begins, or the goal is given up."""
         assert self.goal is not None
-        self._planned = moment.now
-        costmaps.look_far(moment.now, moment.sight)
         try:
-            plan = self._planner.plan(costmaps.whole, moment.sight.pose, self.goal.pose)
+            self.text = self._way.plan(moment, costmaps, self.goal.pose)
         except NoPathError as error:
             if self.path is not None:
                 # What is in the way may go away; the controller stops before it.
                 return True
-            reason = self._lasting_reason(moment, costmaps)
+            reason = self._way.lasting_reason(moment, costmaps, self.goal.pose)
             if reason:
                 self._end(NavigationState.ABORTED, reason)
             else:
                 self._fail(moment, str(error))
             return False
-        self.path = plan.path
-        self.controller.set_path(plan.path)
         self.state = NavigationState.DRIVING
-        self.text = f"plans to {plan.short_of_goal:.2f} m from the goal" if plan.short_of_goal else ""
         return True
-
-    def _lasting_reason(self, moment: Moment, costmaps: Costmaps) -> str:
-        """Why there is no way on the map itself, whatever lasers have seen; empty if there is one."""
-        assert self.goal is not None
-        try:
-            self._planner.plan(costmaps.static, moment.sight.pose, self.goal.pose)
-        except NoPathError as error:
-            return str(error)
-        return ""
 
     def _drive(self, moment: Moment, costmaps: Costmaps) -> Velocity:
         assert self.path is not None
@@ -189,60 +148,26 @@ class Navigator:
             self._end(NavigationState.SUCCEEDED, self.text)
             return STOP
         if not self._progress.makes_progress(moment.now, pose):
-            options = self._parameters.progress
-            distance, allowance = options.required_movement_radius, options.movement_time_allowance
-            return self._fail(moment, f"moved less than {distance:g} m in {allowance:g} s")
-        self._note_progress(pose)
-        ahead = _move(pose, moment.pending, moment.seconds)
+            return self._fail(moment, "moved less than {:g} m in {:g} s".format(*self._parameters.progress))
+        self._recovering.note_progress(pose)
         try:
-            velocity = self.controller.command(costmaps.local, ahead, moment.pending, moment.seconds)
+            return self._way.follow(moment, costmaps)
         except BlockedError as error:
-            if self._blocked_since is None:
-                self._blocked_since, self._planned = moment.now, -math.inf
-            if moment.now - self._blocked_since > self._parameters.controller.failure_tolerance:
-                return self._fail(moment, str(error))
-            return STOP
-        self._blocked_since = None
-        return velocity
-
-    def _note_progress(self, pose: Pose2) -> None:
-        """After a recovery that helped, all of them may be tried again."""
-        start = self._reached_from
-        radius = self._parameters.progress.required_movement_radius
-        if start is not None and math.hypot(pose.x - start.x, pose.y - start.y) > radius:
-            self._recovery.reset()
-            self._reached_from = None
+            return self._fail(moment, str(error))
 
     def _fail(self, moment: Moment, reason: str) -> Velocity:
         """Begin the next recovery, or give up."""
-        end = self._recovery.begin(moment.now, moment.sight.pose, reason)
+        end = self._recovering.begin(moment, reason)
         if end is not None:
             self._end(NavigationState.ABORTED, end)
         else:
-            self.recoveries += 1
             self.state, self.text = NavigationState.RECOVERING, reason
-            self._reached_from = self._reached_from or moment.sight.pose
         return STOP
 
     def _recover(self, moment: Moment, costmaps: Costmaps) -> Velocity:
-        options = self._parameters.recovery
-        clears = options.behaviors[(self._recovery.count - 1) % len(options.behaviors)] == "clear_costmap"
-        step = self._recovery.step(moment.now, moment.sight.pose, costmaps.local)
-        if clears:
-            costmaps.clear_around(moment.sight.pose, options.clear_distance)
+        step = self._recovering.step(moment, costmaps)
         if not step.is_over:
             return step.velocity
         self._progress.reset()
-        self._planned, self._blocked_since = -math.inf, None
-        self.path = None
-        self.state = NavigationState.PLANNING
+        self.plan_anew()
         return STOP
-
-
-def _move(pose: Pose2, velocity: Velocity, seconds: float) -> Pose2:
-    """Where a robot is after it has driven so, on an arc."""
-    heading = pose.yaw + 0.5 * velocity.turn * seconds
-    cos, sin = math.cos(heading), math.sin(heading)
-    x = pose.x + (cos * velocity.x - sin * velocity.y) * seconds
-    y = pose.y + (sin * velocity.x + cos * velocity.y) * seconds
-    return Pose2(x, y, pose.yaw + velocity.turn * seconds)

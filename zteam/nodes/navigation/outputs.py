@@ -1,5 +1,6 @@
 """What one robot's navigation publishes."""
 
+import logging
 import math
 from typing import Generic, TypeVar
 
@@ -9,6 +10,7 @@ from zteam.messages import (
     Duration,
     Header,
     Message,
+    NavigationState,
     NavigationStatus,
     OccupancyGrid,
     Path,
@@ -23,10 +25,13 @@ from zteam.messages import (
 from zteam.nodes.navigation import to_messages
 from zteam.nodes.navigation.costmaps import Costmaps
 from zteam.nodes.navigation.localisers import Localiser
-from zteam.nodes.navigation.navigator import STOP, Navigator
+from zteam.nodes.navigation.navigator import Navigator
+from zteam.nodes.navigation.way import STOP
 from zteam.planning.collisions import Velocity
 from zteam.planning.parameters import Parameters
 from zteam.runtime.step_node import StepNode
+
+log = logging.getLogger("zteam")
 
 M = TypeVar("M", bound=Message)
 
@@ -86,6 +91,7 @@ class Outputs:
         self._told: tuple[object, ...] = ()
         self._told_at = -(10**18)
         self._mean_speed = 0.0
+        self._name, self._logged = names.robot_name(robot_id), ""
 
     def forget(self) -> None:
         """Time jumped back."""
@@ -148,6 +154,14 @@ class Outputs:
             if watched.is_due(seconds):
                 interval = 1.0 / min(_MOST_COSTMAPS, window.publish_frequency)
                 watched.put(to_messages.costmap_message(stamp, costmap), seconds + interval)
+
+    def log(self, navigator: Navigator) -> None:
+        """Log how it goes, in few lines."""
+        news = f"{navigator.state.name.lower()}{': ' if navigator.text else ''}{navigator.text}"
+        if news != self._logged and navigator.state is not NavigationState.IDLE:
+            self._logged = news
+            level = logging.WARNING if navigator.state is NavigationState.ABORTED else logging.INFO
+            log.log(level, "%s: %s", self._name, news)
 
     def tell(self, now: int, navigator: Navigator) -> None:
         """Send the status if it has changed, and once a second."""

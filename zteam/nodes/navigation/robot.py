@@ -5,13 +5,14 @@ from collections.abc import Collection
 
 from zteam import names
 from zteam.geometry import Pose2
-from zteam.messages import NavigationState
 from zteam.nodes.navigation.costmaps import Costmaps, Sight, StaticCostmaps
-from zteam.nodes.navigation.inputs import OLD, Inputs, planar
+from zteam.nodes.navigation.inputs import OLD, Inputs
 from zteam.nodes.navigation.localisers import Localiser, deviations_of, make_localiser
-from zteam.nodes.navigation.navigator import STOP, Goal, Moment, Navigator
+from zteam.nodes.navigation.navigator import Navigator
 from zteam.nodes.navigation.outputs import Outputs
 from zteam.nodes.navigation.plugins import make_controller
+from zteam.nodes.navigation.requests import read_goal, read_initial_pose
+from zteam.nodes.navigation.way import STOP, Moment
 from zteam.planning.collisions import Velocity
 from zteam.planning.grid import GridMap
 from zteam.planning.parameters import Parameters
@@ -35,7 +36,6 @@ class RobotNavigation:
         seed: int,
     ) -> None:
         self.inputs = inputs
-        self.name = names.robot_name(inputs.robot_id)
         self._parameters = parameters
         self._outputs = outputs
         self._shared = shared
@@ -45,7 +45,8 @@ class RobotNavigation:
         self._costmaps: Costmaps | None = None
         self._localiser: Localiser | None = None
         self._command = STOP
-        self._told = ""
+        self._unfit = ""
+        """Why the parameters do not fit this map or this base."""
 
     def set_map(self, grid: GridMap) -> None:
         """Another map: everything is made anew on it, and the robot is where it was."""
@@ -56,14 +57,16 @@ class RobotNavigation:
 
     def _make(self, pose: Pose2 | None) -> None:
         assert self._grid is not None
-        self._costmaps = None
-        self._localiser = make_localiser(self._grid, self._parameters, self._seed, pose)
+        self._costmaps, self._unfit = None, ""
+        try:
+            self._localiser = make_localiser(self._grid, self._parameters, self._seed, pose)
+        except ValueError as error:
+            self._unfit = str(error)
 
     def set_base(self) -> None:
         """The robot's base is another one than before: its outline or its limits."""
-        self._costmaps = None
-        self.navigator.controller = make_controller(self._parameters, self.inputs.base)
-        self.navigator.plan_anew()
+        self._costmaps, self._unfit = None, ""
+        self.navigator.use_controller(make_controller(self._parameters, self.inputs.base))
 
     def forget(self) -> None:
         """Time jumped back: nothing of before counts, the goal neither."""
@@ -97,38 +100,27 @@ class RobotNavigation:
         if self._costmaps is not None:
             self._outputs.show(now, self.navigator, None if pose is None else pose.pose, self._costmaps)
         self._outputs.tell(now, self.navigator)
-        self._say()
+        self._outputs.log(self.navigator)
 
     def _take_initial_pose(self) -> None:
         message, self.inputs.initial_pose = self.inputs.initial_pose, None
         if message is None:
             return
-        pose = planar(message.pose.pose)
-        if names.strip_slash(message.header.frame_id) not in ("", names.MAP_FRAME):
-            refused = f"its frame is {message.header.frame_id!r}, not '{names.MAP_FRAME}'"
-        elif pose is None:
-            refused = "its orientation is no rotation"
-        else:
-            refused = NO_MAP if self._localiser is None else self._localiser.set_pose(pose, deviations_of(message))
-        if refused:
-            log.warning("%s: the initial pose does not count: %s", self.name, refused)
+        pose = read_initial_pose(message)
+        if isinstance(pose, Pose2):
+            pose = NO_MAP if self._localiser is None else self._localiser.set_pose(pose, deviations_of(message))
+        if pose:
+            log.warning("%s: the initial pose does not count: %s", names.robot_name(self.inputs.robot_id), pose)
 
     def _take_goal(self) -> None:
         message, self.inputs.goal = self.inputs.goal, None
         if message is None:
             return
-        frame = names.strip_slash(message.header.frame_id) or names.MAP_FRAME
-        pose, place = planar(message.pose), Pose2(0.0, 0.0, 0.0)
-        if frame != names.MAP_FRAME:
-            found = self.inputs.find(names.MAP_FRAME, frame)
-            if found is None:
-                self.navigator.refuse(message, f"the goal is in the frame {frame!r}, which no transform leads to")
-                return
-            place = found.pose
-        if pose is None:
-            self.navigator.refuse(message, "the goal is not finite, or its orientation is no rotation")
+        goal = read_goal(message, self.inputs)
+        if isinstance(goal, str):
+            self.navigator.refuse(message, goal)
         else:
-            self.navigator.accept(Goal(message, place.compose(pose)))
+            self.navigator.accept(goal)
 
     def _localise(self, now: int, seconds: float, robots: Collection[int]) -> Sight | None:
         """What the robot sees, and from where; None if it does not know where it is."""
@@ -153,9 +145,12 @@ class RobotNavigation:
     def _move(self, now: int, seconds: float, sight: Sight | None) -> Velocity:
         """The command of this step."""
         navigator, time = self.navigator, now / 1e9
-        problem = self._problem(sight)
-        if sight is not None and self._costmaps is None and self._grid is not None:
-            self._costmaps = Costmaps(self._parameters, self.inputs.base, self._grid, self._shared)
+        problem = self._unfit or _problem(self.inputs, self._localiser, sight)
+        if sight is not None and self._costmaps is None and self._grid is not None and not self._unfit:
+            try:
+                self._costmaps = Costmaps(self._parameters, self.inputs.base, self._grid, self._shared)
+            except ValueError as error:
+                self._unfit = problem = str(error)
         if sight is not None and self._costmaps is not None:
             self._costmaps.look(time, sight)
         if not navigator.active:
@@ -165,28 +160,17 @@ class RobotNavigation:
         if held := self.inputs.is_held():
             return navigator.wait(time, held, patiently=True)
         assert sight is not None and self._costmaps is not None
-        odom = self.inputs.odom
-        velocity = STOP if odom is None else Velocity(odom.twist.twist.linear.x, 0.0, odom.twist.twist.angular.z)
-        pending = velocity if self.inputs.is_stopped() else self._command
-        return navigator.step(Moment(time, seconds, sight, velocity, pending), self._costmaps)
+        pending = STOP if self.inputs.is_stopped() else self._command
+        return navigator.step(Moment(time, seconds, sight, pending), self._costmaps)
 
-    def _problem(self, sight: Sight | None) -> str:
-        """What keeps the robot from driving; empty if nothing does."""
-        if self._localiser is None:
-            return NO_MAP
-        if self._localiser.problem:
-            return self._localiser.problem
-        if sight is None or sight.scan is None:
-            key = names.robot_key(self.inputs.robot_id, names.BASE_SCAN)
-            return f"no scan on {key} for {OLD / 1e9:g} s" if self.inputs.scan is not None else f"no scan on {key}"
-        return ""
 
-    def _say(self) -> None:
-        """Log how it goes, in few lines."""
-        navigator = self.navigator
-        news = f"{navigator.state.name.lower()}{': ' if navigator.text else ''}{navigator.text}"
-        if news == self._told or navigator.state is NavigationState.IDLE:
-            return
-        self._told = news
-        level = logging.WARNING if navigator.state is NavigationState.ABORTED else logging.INFO
-        log.log(level, "%s: %s", self.name, news)
+def _problem(inputs: Inputs, localiser: Localiser | None, sight: Sight | None) -> str:
+    """What keeps a robot from driving; empty if nothing does."""
+    if localiser is None:
+        return NO_MAP
+    if localiser.problem:
+        return localiser.problem
+    if sight is None or sight.scan is None:
+        key = names.robot_key(inputs.robot_id, names.BASE_SCAN)
+        return f"no scan on {key} for {OLD / 1e9:g} s" if inputs.scan is not None else f"no scan on {key}"
+    return ""
