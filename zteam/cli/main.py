@@ -56,7 +56,8 @@ def _usage() -> str:
     return (
         f"usage: zteam COMMAND ...\n\n{rows}\n\n"
         "The processes are separate commands:\n"
-        "  zteam-sim, zteam-robot, zteam-nav, zteam-map, zteam-tf, zteam-monitor, zteam-router\n\n"
+        "  zteam-sim, zteam-robot, zteam-nav, zteam-map, zteam-tf, zteam-monitor,\n"
+        "  zteam-router\n\n"
         "See zteam COMMAND --help."
     )
 
