@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -145,8 +146,9 @@ def test_the_script_of_the_page_drives_a_robot(team: TeamFixture, empty_folder: 
     SimulatorClient(team.bus).set_speed(2.0)
     script = find_file("tour.py", DOCS / "navigation.md").save(empty_folder)
     script.write_text(script.read_text().replace("    tour()\n", "    print(tour().name)\n"))
+    around = {**os.environ, **team.environment}
     done = subprocess.run(
-        [sys.executable, str(script)], env=team.environment, capture_output=True, text=True, timeout=LIMIT, check=False
+        [sys.executable, str(script)], env=around, capture_output=True, text=True, timeout=LIMIT, check=False
     )
     assert done.stdout.splitlines()[-1:] == ["SUCCEEDED"], done.stdout + done.stderr
     assert "m left to waypoint 1" in done.stdout

@@ -74,7 +74,7 @@ class Sender:
         self._publishers = {i: node.publisher(names.robot_key(i, names.GOAL_POSE), PoseStamped) for i in goals}
         node.subscribe(names.all_robots_key(names.NAVIGATION_STATUS), NavigationStatus, self._on_status)
         node.subscribe(names.all_robots_key(names.STALL), Bool, self._on_stall)
-        node.subscribe(names.all_robots_key(names.GROUND_TRUTH), Odometry, self._on_truth)
+        node.subscribe(names.all_robots_key(names.GROUND_TRUTH), Odometry, self._on_truth, every_tick=True)
         node.subscribe(names.all_robots_key(names.AMCL_POSE), PoseWithCovarianceStamped, self._on_pose)
 
     def _on_status(self, key: str, status: NavigationStatus) -> None:

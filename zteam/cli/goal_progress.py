@@ -86,11 +86,11 @@ def state_text(client: NavigationClient, watch: GoalWatch) -> str:
 
 def progress_text(client: NavigationClient, watch: GoalWatch) -> str:
     """How far it is: state, metres and time that are left, recoveries, and why it does not get on."""
+    if client.is_pending:
+        return f"waiting for {client.waits_for}"
     parts = [state_text(client, watch)]
     status = watch.status
-    if client.is_pending:
-        parts.append(f"for {client.waits_for}")
-    elif status is not None:
+    if status is not None:
         if math.isfinite(status.distance_remaining):
             parts.append(f"{status.distance_remaining:.1f} m left")
         left = seconds_of(status.estimated_time_remaining)

@@ -102,6 +102,7 @@ def _go(args: argparse.Namespace, robot_id: int, pose: Pose2) -> int:
                 _follow(args, client, watch, waiter, clock, progress)
             except KeyboardInterrupt:
                 _give_up(client, "interrupted")
+                progress.say(result_text(client, watch, to_seconds(clock.steady() - begin)))
                 raise
     finally:
         bus.close()

@@ -33,9 +33,10 @@ def find_nodes(bus: Bus) -> list[ProcessInfo]:
     Waiter().wait(lambda: False, _SETTLE, "")
     for handle in watch:
         handle.close()
-    infos = {info.instance: info for _, info in bus.query(names.info_key("*"), ProcessInfo)}
+    # By name too: one process may hold several, as a navigation of several robots does.
+    infos = {(info.name, info.instance): info for _, info in bus.query(names.info_key("*"), ProcessInfo)}
     held = [(name, instance) for name in tokens for instance in tokens.instances(name)]
-    found = [infos.get(i, ProcessInfo(name, "does not answer", 0, 0, i)) for name, i in held]
+    found = [infos.get((name, i)) or ProcessInfo(name, "does not answer", 0, 0, i) for name, i in held]
     return sorted(found, key=lambda info: (info.name, info.instance))
 
 

@@ -1,5 +1,6 @@
 """The parameters of one robot's navigation: those of Nav2's nodes and of amcl, with their names and defaults."""
 
+import json
 import math
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,6 +13,7 @@ from zteam.planning.amcl import AmclOptions, check_options
 from zteam.planning.checkers import GoalOptions, ProgressOptions
 from zteam.planning.controller import PursuitOptions
 from zteam.planning.costmap import CostmapOptions
+from zteam.planning.footprint import Footprint, make_circle, make_footprint
 from zteam.planning.parameter_tables import OWN, Tables, read_parameter_file, tables_of_file, tables_of_team
 from zteam.planning.planner import AStarOptions
 from zteam.planning.recovery import Recovery, RecoveryOptions
@@ -205,6 +207,17 @@ def read_parameters(tables: Tables, source: str) -> Reading:
     return Reading(parameters, tuple(unknown))
 
 
+def read_outline(window: WindowOptions) -> Footprint | None:
+    """The outline that the parameters of a costmap give, if they do. Raises ValueError."""
+    if window.footprint:
+        try:
+            corners = json.loads(window.footprint)
+        except ValueError:
+            raise ValueError("give corners in metres, such as [[0.2, 0.2], [0.2, -0.2], [-0.2, 0.0]]") from None
+        return make_footprint(corners, window.footprint_padding)
+    return None if math.isnan(window.robot_radius) else make_circle(window.robot_radius)
+
+
 def _check(parameters: Parameters) -> None:
     """Raise ValueError for numbers that cannot be."""
     for section in _SECTIONS:
@@ -215,6 +228,11 @@ def _check(parameters: Parameters) -> None:
             if name in _ABOVE_ZERO and not value > 0:
                 raise ValueError(f"{place}: a number above 0 is expected, not {value}")
     check_options(parameters.amcl)
+    for node, window in ("global_costmap", parameters.global_window), ("local_costmap", parameters.local_window):
+        try:
+            read_outline(window)
+        except ValueError as error:
+            raise ValueError(f"{node}: footprint {window.footprint!r}: {error}") from None
     Recovery(parameters.recovery)
 
 

@@ -188,7 +188,7 @@ def test_a_timeout_without_navigation_says_what_is_missing(capsys: pytest.Captur
     assert capsys.readouterr().err.endswith(f": {why}\n")
 
 
-def test_ctrl_c_cancels(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ctrl_c_cancels(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     """The user who gives up leaves no robot on its way; the exit code is that of an interrupt."""
     navigation = FakeNavigation(hub, 1)
 
@@ -199,6 +199,7 @@ def test_ctrl_c_cancels(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> None
     monkeypatch.setattr(goto, "wait_until", interrupt)
     assert Goto("1", "3", "4").end() == 130
     assert navigation.cancels == 1
+    assert capsys.readouterr().err.endswith(": x 3, y 4, yaw 0: interrupted\n")
 
 
 def test_cancel(hub: MemoryHub, capsys: pytest.CaptureFixture[str]) -> None:

@@ -17,7 +17,7 @@ def test_every_process_of_a_plan_has_a_part(tmp_path: Path) -> None:
     """A kind of process that is added to the table must be added to the team in one process as well."""
     write_map(make_map(np.zeros((2, 2), np.int8), 0.05), tmp_path / "map.yaml")
     path = tmp_path / "team.toml"
-    path.write_text('[team]\nworld = "office"\nmap = "map.yaml"\n[[robots]]\nid = 0\n')
+    path.write_text('[team]\nworld = "office"\nmap = "map.yaml"\n[[robots]]\nid = 0\nnavigation = true\n')
     launch = launch_of(load_team(path), find_world("office"), team_file=path)
     assert [*parts_of(launch, lambda name, text: None)] == [*plan_of(launch, ()).commands]
     needed = [kind for kind in KINDS if kind.on_bus and kind.hint]

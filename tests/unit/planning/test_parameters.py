@@ -103,6 +103,10 @@ def test_names_that_are_not_known_are_listed(tmp_path: Path) -> None:
         ("amcl: {ros__parameters: {min_particles: 9000}}", "min_particles 9000 and max_particles 2000"),
         ("behavior_server: {ros__parameters: {behaviors: [dance]}}", "behavior_server.behaviors: "),
         ("amcl: {ros__parameters: {alpha1: .nan}}", "amcl.alpha1: a finite number is expected"),
+        (
+            'local_costmap: {local_costmap: {ros__parameters: {footprint: "round"}}}',
+            "local_costmap: footprint 'round': give corners in metres",
+        ),
         ("[1, 2]", "has no parameters"),
         ("a: [", "is no YAML file"),
         ("amcl: {alpha1: 0.3}", "has no parameters"),

@@ -1,17 +1,15 @@
 """The costmaps of one robot: a global one of the whole map to plan in, and a local one around the robot to drive in."""
 
-import json
 import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from zteam.base import Base
-from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.planning.costmap import Costmap, make_costmap
-from zteam.planning.footprint import Footprint, make_circle, make_footprint
+from zteam.planning.footprint import Footprint, make_footprint
 from zteam.planning.grid import Frame, GridMap
-from zteam.planning.parameters import Parameters, WindowOptions
+from zteam.planning.parameters import Parameters, WindowOptions, read_outline
 from zteam.planning.scans import Scan, Teammate
 
 
@@ -26,22 +24,8 @@ class Sight(NamedTuple):
 
 
 def footprint_of(window: WindowOptions, base: Base) -> Footprint:
-    """The outline that a costmap's parameters give, or else that of the base. Raises UsageError."""
-    try:
-        if window.footprint:
-            return make_footprint(_corners(window.footprint), window.footprint_padding)
-        if not math.isnan(window.robot_radius):
-            return make_circle(window.robot_radius)
-        return make_footprint(base.footprint, window.footprint_padding)
-    except ValueError as error:
-        raise UsageError(f"footprint {window.footprint!r}, robot_radius {window.robot_radius:g}: {error}") from None
-
-
-def _corners(text: str) -> Any:
-    try:
-        return json.loads(text)
-    except ValueError:
-        raise ValueError("give a list of corners in metres, such as [[0.2, 0.2], [0.2, -0.2], [-0.2, 0.0]]") from None
+    """The outline that a costmap's parameters give, or else that of the base. Raises ValueError."""
+    return read_outline(window) or make_footprint(base.footprint, window.footprint_padding)
 
 
 class StaticCostmaps:
@@ -66,7 +50,7 @@ class Costmaps:
     """Both costmaps of one robot. Times are in seconds."""
 
     def __init__(self, parameters: Parameters, base: Base, grid: GridMap, shared: StaticCostmaps) -> None:
-        """Raises UsageError for an outline that no robot has."""
+        """Raises ValueError for parameters that do not fit this map or this base."""
         self._parameters = parameters
         footprint = footprint_of(parameters.global_window, base)
         self.static = shared.find(grid, footprint, parameters)

@@ -45,6 +45,8 @@ class RobotNavigation:
         self._costmaps: Costmaps | None = None
         self._localiser: Localiser | None = None
         self._command = STOP
+        self._unfit = ""
+        """Why the parameters do not fit this map or this base."""
 
     def set_map(self, grid: GridMap) -> None:
         """Another map: everything is made anew on it, and the robot is where it was."""
@@ -55,12 +57,15 @@ class RobotNavigation:
 
     def _make(self, pose: Pose2 | None) -> None:
         assert self._grid is not None
-        self._costmaps = None
-        self._localiser = make_localiser(self._grid, self._parameters, self._seed, pose)
+        self._costmaps, self._unfit = None, ""
+        try:
+            self._localiser = make_localiser(self._grid, self._parameters, self._seed, pose)
+        except ValueError as error:
+            self._unfit = str(error)
 
     def set_base(self) -> None:
         """The robot's base is another one than before: its outline or its limits."""
-        self._costmaps = None
+        self._costmaps, self._unfit = None, ""
         self.navigator.use_controller(make_controller(self._parameters, self.inputs.base))
 
     def forget(self) -> None:
@@ -140,9 +145,12 @@ class RobotNavigation:
     def _move(self, now: int, seconds: float, sight: Sight | None) -> Velocity:
         """The command of this step."""
         navigator, time = self.navigator, now / 1e9
-        problem = _problem(self.inputs, self._localiser, sight)
-        if sight is not None and self._costmaps is None and self._grid is not None:
-            self._costmaps = Costmaps(self._parameters, self.inputs.base, self._grid, self._shared)
+        problem = self._unfit or _problem(self.inputs, self._localiser, sight)
+        if sight is not None and self._costmaps is None and self._grid is not None and not self._unfit:
+            try:
+                self._costmaps = Costmaps(self._parameters, self.inputs.base, self._grid, self._shared)
+            except ValueError as error:
+                self._unfit = problem = str(error)
         if sight is not None and self._costmaps is not None:
             self._costmaps.look(time, sight)
         if not navigator.active:

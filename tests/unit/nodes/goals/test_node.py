@@ -1,17 +1,20 @@
 """The process that sends goals, with navigations by hand, tick by tick."""
 
+import threading
 from collections.abc import Callable
 
 import pytest
 
 from support.fake_navigation import FakeNavigation
+from support.transports import wait_until_true
 from zteam.bus import MemoryHub
 from zteam.errors import BusError
 from zteam.geometry import Pose2
-from zteam.messages import NavigationState, PoseStamped
+from zteam.messages import NavigationState, Odometry, PoseStamped
 from zteam.nodes.goals.file import FileGoal
 from zteam.nodes.goals.node import Dispatcher
 from zteam.nodes.goals.rounds import Rounds
+from zteam.runtime.shutdown import Stop
 from zteam.runtime.step_node import StepNode
 from zteam.services.goals import TaskResult
 from zteam.testing import run_node
@@ -154,3 +157,30 @@ def test_a_repeated_run_sends_at_the_same_times(hub: MemoryHub) -> None:
         stamps.append(desk.navigations[1].goals)
     assert stamps[0] == stamps[1]
     assert stamps[0][0].header.stamp != stamps[0][1].header.stamp
+
+
+def test_real_robots_have_the_hosts_time(hub: MemoryHub) -> None:
+    """Without a simulator a base's odometry decides for it; what robots and navigation say does not."""
+    navigation, stop = FakeNavigation(hub, 1), Stop()
+    node = StepNode("goals", hub.bus(), stop)
+    dispatcher = Dispatcher(node, Rounds([goal(1, 1.0)]))
+    thread = threading.Thread(target=node.run, args=(dispatcher.step,))
+    thread.start()
+    odometry = hub.bus().publisher("robot_1/odom", Odometry)
+
+    def has_goal() -> bool:
+        odometry.put(Odometry())
+        navigation.say(State.IDLE)
+        return bool(navigation.goals)
+
+    try:
+        wait_until_true(has_goal)
+        navigation.say(State.SUCCEEDED)
+        thread.join(20.0)
+    finally:
+        stop.request("the test is over")
+        thread.join(20.0)
+        node.close()
+    assert dispatcher.is_done
+    assert dispatcher.all_reached
+    assert not node.clock.simulated
