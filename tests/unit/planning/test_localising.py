@@ -10,7 +10,8 @@ import pytest
 from zteam.compiling import kernel_cache
 from zteam.compiling.takeover import prepare
 from zteam.geometry import Pose2, normalize_angle
-from zteam.planning.amcl import Amcl, AmclOptions
+from zteam.planning.amcl import Amcl
+from zteam.planning.amcl_options import AmclOptions
 from zteam.planning.grid import GridMap, make_map
 from zteam.planning.jit import PLANNING
 from zteam.planning.particles import BIN_SIZE, kld_limits, label_clusters, move_differential
