@@ -53,6 +53,11 @@ def _make_field(grid: GridMap, options: AmclOptions, range_max: float) -> Likeli
     )
 
 
+def _has_moved(before: Pose2, after: Pose2, options: AmclOptions) -> bool:
+    turned = abs(normalize_angle(after.yaw - before.yaw))
+    return math.hypot(after.x - before.x, after.y - before.y) >= options.update_min_d or turned >= options.update_min_a
+
+
 def _scatter(poses: Floats, about: Floats, share: float, state: NDArray[np.uint64]) -> None:
     """Put a share of the particles, which were drawn in no order, about a pose."""
     count = int(share * len(poses))
@@ -143,9 +148,7 @@ class Amcl:
         if self._odom is None:
             self._odom, self._pose_of_odom = odom, self.pose.compose(odom.inverse())
         before = self._odom
-        moved = math.hypot(odom.x - before.x, odom.y - before.y)
-        turned = abs(normalize_angle(odom.yaw - before.yaw))
-        if not self._forced and moved < self.options.update_min_d and turned < self.options.update_min_a:
+        if not self._forced and not _has_moved(before, odom, self.options):
             return False
         self._forced = False
         self._count += 1
