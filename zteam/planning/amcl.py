@@ -124,8 +124,7 @@ class Amcl:
 
     def _begin(self, poses: Floats) -> None:
         self._spreads += 1
-        self._poses = np.ascontiguousarray(poses)
-        self._weights = np.full(len(poses), 1.0 / len(poses))
+        self._poses, self._weights = np.ascontiguousarray(poses), np.full(len(poses), 1.0 / len(poses))
         self._slow = self._fast = 0.0
         # From where the next odometry is.
         self._odom, self._forced = None, True
