@@ -160,9 +160,9 @@ class Amcl:
         field = self._likelihoods(scan.range_max)
         self._weigh(field, ends)
         if self._count % self.options.resample_interval == 0:
-            self._estimate()
+            heaviest = self._poses[[self._weights.argmax()]]
             self._resample()
-            fitting = match(field, np.array([self.pose]), ends, *_FIRST_STEPS)[0][0]
+            fitting = match(field, heaviest, ends, *_FIRST_STEPS)[0][0]
             _scatter(self._poses, fitting, self.options.matched_share, self._state(_MATCHED, self._count))
         self._estimate()
         self._pose_of_odom = self.pose.compose(odom.inverse())

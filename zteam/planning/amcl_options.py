@@ -30,8 +30,8 @@ class AmclOptions(NamedTuple):
     robot_model_type: str = "nav2_amcl::DifferentialMotionModel"
     """Or nav2_amcl::OmniMotionModel."""
     matched_share: float = 0.15
-    """Share of the particles that are put where the scan fits best, near the mean; 0 is plain amcl, which takes many
-    updates to follow a turn that odometry did not see."""
+    """Share of the particles that are put where the scan fits best, near the heaviest one; 0 is plain amcl, which takes
+    many updates to follow a turn that odometry did not see."""
     global_particles: int = 25_000
     """Poses that are tried with each scan while the robot may be anywhere."""
     teammate_margin: float = 0.1

@@ -177,10 +177,17 @@ def estimate_pose(poses: Floats, weights: Floats) -> tuple[Pose2, Floats]:
         poses, weights = poses[chosen], weights[chosen]
     weights = weights / weights.sum()
     x, y = float(weights @ poses[:, 0]), float(weights @ poses[:, 1])
-    yaw = math.atan2(float(weights @ np.sin(poses[:, 2])), float(weights @ np.cos(poses[:, 2])))
+    # Headings of a cluster lie about one of them: that is cheaper than the mean of sines and cosines.
+    first = float(poses[weights.argmax(), 2])
+    yaw = normalize_angle(first + float(weights @ _wrapped(poses[:, 2] - first)))
     away = poses - np.array((x, y, yaw))
-    away[:, 2] = np.arctan2(np.sin(away[:, 2]), np.cos(away[:, 2]))
+    away[:, 2] = _wrapped(away[:, 2])
     return Pose2(x, y, yaw), (away * weights[:, None]).T @ away
+
+
+def _wrapped(angles: Floats) -> Floats:
+    """The equivalent angles from -pi to pi."""
+    return angles - 2.0 * math.pi * np.rint(angles * (0.5 / math.pi))
 
 
 def spread_poses(frame: Frame, free: NDArray[np.int64], draws: Floats) -> Floats:
