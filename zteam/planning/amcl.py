@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zteam.compiling.takeover import prepare
-from zteam.counter_random import gaussians, stream, uniforms
+from zteam.counter_random import gaussian_pairs, gaussians, stream, uniforms
 from zteam.geometry import Pose2, normalize_angle
 from zteam.planning.amcl_options import AmclOptions, alphas_of, check_options
 from zteam.planning.global_search import GlobalSearch
@@ -61,7 +61,7 @@ def _has_moved(before: Pose2, after: Pose2, options: AmclOptions) -> bool:
 def _scatter(poses: Floats, about: Floats, share: float, state: NDArray[np.uint64]) -> None:
     """Put a share of the particles, which were drawn in no order, about a pose."""
     count = int(share * len(poses))
-    draws = gaussians(state, 3 * count).reshape(-1, 3)
+    draws = gaussian_pairs(state, (3 * count + 1) // 2)[0, : 3 * count].reshape(-1, 3)
     poses[:count] = about + draws * np.array(_MATCHED_DEVIATIONS)
 
 
@@ -184,7 +184,7 @@ class Amcl:
         self._pose_of_odom = self.pose.compose(odom.inverse())
 
     def _move(self, before: Pose2, after: Pose2) -> None:
-        draws = gaussians(self._state(_MOVE, self._count), 3 * len(self._poses)).reshape(-1, 3)
+        draws = gaussian_pairs(self._state(_MOVE, self._count), 2 * len(self._poses)).reshape(-1, 4)
         move = move_omnidirectional if self.options.robot_model_type.endswith("OmniMotionModel") else move_differential
         move(self._poses, before, after, alphas_of(self.options), draws)
 

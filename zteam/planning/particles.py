@@ -20,7 +20,7 @@ _EMPTY = -1
 def move_differential(poses: Floats, before: Pose2, after: Pose2, alphas: tuple[float, ...], draws: Floats) -> None:
     """Move particles (n, 3) as odometry says that a differential base went, with its errors.
 
-    amcl's DifferentialMotionModel (Thrun, Burgard, Fox 2005, table 5.6); `draws` (n, 3) are standard normal.
+    amcl's DifferentialMotionModel (Thrun, Burgard, Fox 2005, table 5.6); `draws` (n, 3 or more) are standard normal.
     """
     dx, dy = after.x - before.x, after.y - before.y
     way, turn = math.hypot(dx, dy), normalize_angle(after.yaw - before.yaw)
