@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from zteam.compiling.takeover import prepare
 from zteam.geometry import Pose2
-from zteam.planning.amcl import Amcl, AmclOptions
+from zteam.planning.amcl import Amcl
+from zteam.planning.amcl_options import AmclOptions
 from zteam.planning.collisions import Velocity, find_hit, time_to_collision
 from zteam.planning.controller import BlockedError, RegulatedPurePursuit
 from zteam.planning.costmap import Costmap, CostmapOptions, make_costmap

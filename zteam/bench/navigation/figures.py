@@ -12,7 +12,8 @@ from zteam.bench.navigation.scenarios import measure_scenarios
 from zteam.bench.navigation.scene import costmap_of, find_map, find_starts, find_ways, make_robot, outline_of, scan_of
 from zteam.clock import process_time
 from zteam.geometry import Pose2
-from zteam.planning.amcl import Amcl, AmclOptions
+from zteam.planning.amcl import Amcl
+from zteam.planning.amcl_options import AmclOptions
 from zteam.planning.costmap import CostmapOptions, make_costmap
 from zteam.planning.footprint import make_circle
 from zteam.planning.planner import AStarPlanner
