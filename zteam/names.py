@@ -71,6 +71,9 @@ BASE_FOOTPRINT = "base_footprint"
 BASE_LINK = "base_link"
 BASE_LASER_LINK = "base_laser_link"
 
+ALL_ROBOTS = "robot_$*"
+"""The wildcard over their names (`robot_*` is not a valid key expression)."""
+
 _ROBOT = re.compile(r"robot_(0|[1-9][0-9]*)", re.ASCII)
 _NAVIGATION = "nav_"
 _ID = re.compile(r"[0-9]+", re.ASCII)
@@ -128,8 +131,8 @@ def robot_key(robot_id: int, topic: str) -> str:
 
 
 def all_robots_key(topic: str) -> str:
-    """The wildcard for `topic` of every robot (`robot_*` is not a valid key expression)."""
-    return f"robot_$*/{topic}"
+    """The wildcard for `topic` of every robot."""
+    return f"{ALL_ROBOTS}/{topic}"
 
 
 def input_key(robot_id: int, topic: str) -> str:
@@ -220,18 +223,13 @@ def token_key(name: str, instance: str) -> str:
 
 
 def claim_key(name: str, instance: str) -> str:
-    """Token of an instance that claims the name `name`."""
+    """Token of an instance that claims the name `name`; `*` is the wildcard over all that do."""
     return f"{name}/claim/{instance}"
 
 
 def tokens_key(name: str = "*") -> str:
     """Wildcard over the presence tokens of `name`, by default of all processes."""
     return f"{name}/alive/*"
-
-
-def robots_tokens_key() -> str:
-    """Wildcard over the presence tokens of all robots."""
-    return all_robots_key("alive/*")
 
 
 def all_tokens_key() -> str:
@@ -244,11 +242,6 @@ def split_namespaced_token_key(key: str) -> tuple[str, str, str] | None:
     parts = key.rsplit("/", 3)
     token = split_token_key("/".join(parts[-3:]))
     return None if token is None else (parts[0] if len(parts) == 4 else "", *token)
-
-
-def claims_key(name: str) -> str:
-    """Wildcard over the claims on `name`."""
-    return f"{name}/claim/*"
 
 
 def split_token_key(key: str) -> tuple[str, str] | None:

@@ -68,7 +68,7 @@ class Claim:
         self._server = bus.serve(names.info_key(name), NoRequest, lambda _: self._info)
         self.under_name: list[Closeable] = []
         """What else is published and answered under the name: it ends when the name is given back."""
-        self._watches = bus.watch_tokens([names.tokens_key(name), names.claims_key(name)], self._on_token)
+        self._watches = bus.watch_tokens([names.tokens_key(name), names.claim_key(name, "*")], self._on_token)
         self._claim = bus.declare_token(names.claim_key(name, self._instance))
         self._since = monotonic()
 
