@@ -71,9 +71,8 @@ BASE_FOOTPRINT = "base_footprint"
 BASE_LINK = "base_link"
 BASE_LASER_LINK = "base_laser_link"
 
+# `robot_*` is not a valid key expression.
 ALL_ROBOTS = "robot_$*"
-"""The wildcard over their names (`robot_*` is not a valid key expression)."""
-
 _ROBOT = re.compile(r"robot_(0|[1-9][0-9]*)", re.ASCII)
 _NAVIGATION = "nav_"
 _ID = re.compile(r"[0-9]+", re.ASCII)
