@@ -3,6 +3,7 @@
 import json
 import math
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -11,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from support.pages import DOCS, find_file
+from support.terminal import TerminalCommand
 from zteam.launch.process import zteam_command
 from zteam.services.simulator_client import SimulatorClient
 from zteam.testing.team import TeamFixture
@@ -87,6 +89,26 @@ def test_goto_waits_for_the_robot_and_says_how_it_ended(team: TeamFixture, empty
     assert goto(team, "--cancel", "1") == (0, {"robot": 1, "canceled": True})
     team.until(lambda: team.robot(1).speed == 0.0, within=10.0)
     assert distance(team, 1, 3.5, 3.5) > 1.0
+
+
+def test_on_a_terminal_goto_shows_one_line_and_ctrl_c_cancels(team: TeamFixture, empty_folder: Path) -> None:
+    """The line is rewritten with what is left; Ctrl+C leaves a robot that stands, and says so."""
+    team.launch(write(empty_folder, "team.toml", NAVIGATED), lockstep=False)
+    team.wait_for_go()
+    terminal = TerminalCommand(zteam_command("zteam", "goto", "0", "3.5", "-3.5"), team.environment)
+    try:
+        terminal.wait_for(
+            lambda rows: re.fullmatch(r"robot_0: driving, \d\.\d m left, about \d+ s", rows[-1]) is not None
+        )
+        team.until(lambda: team.robot(0).distance_travelled > 0.2, within=30.0)
+        terminal.press(b"\x03")
+        code, rows = terminal.end()
+    finally:
+        terminal.close()
+    assert code == 130, rows
+    assert any(re.search(r"robot_0: goal canceled after .*: x 3.5, y -3.5, yaw 0: interrupted$", row) for row in rows)
+    team.until(lambda: team.robot(0).speed == 0.0, within=10.0)
+    assert distance(team, 0, 3.5, -3.5) > 1.0
 
 
 def test_goto_without_navigation_uses_the_behaviour_go_to(team: TeamFixture) -> None:

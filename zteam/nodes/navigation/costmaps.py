@@ -12,6 +12,9 @@ from zteam.planning.grid import Frame, GridMap
 from zteam.planning.parameters import Parameters, WindowOptions, read_outline
 from zteam.planning.scans import Scan, Teammate
 
+_FAR = 8.0
+"""Metres: a teammate farther away will be elsewhere when the robot gets there, and each costs a part of a map anew."""
+
 
 class Sight(NamedTuple):
     """What a robot knows of its surroundings at one time."""
@@ -75,12 +78,13 @@ class Costmaps:
     def look_far(self, now: float, sight: Sight) -> None:
         """Bring the global costmap up to date."""
         self._due_whole = now + 1.0 / self._parameters.global_window.update_frequency
-        _take(self.whole, sight)
+        _take(self.whole, sight, _FAR)
 
     def look_near(self, sight: Sight) -> None:
         """Bring the local costmap up to date: it moves with the robot."""
         self._centre(sight)
-        _take(self.local, sight)
+        frame = self.local.frame
+        _take(self.local, sight, frame.resolution * math.hypot(frame.rows, frame.columns))
 
     def clear_around(self, pose: Pose2, distance: float) -> None:
         """Forget what lasers have seen up to `distance` (m) from the robot, in both."""
@@ -105,8 +109,10 @@ def _window(window: WindowOptions, footprint: Footprint, parameters: Parameters)
     return Costmap(Frame(rows, columns, window.resolution), footprint, parameters.local_layers)
 
 
-def _take(costmap: Costmap, sight: Sight) -> None:
-    costmap.set_teammates(sight.teammates)
+def _take(costmap: Costmap, sight: Sight, far: float) -> None:
+    """Bring a costmap up to date, with the teammates up to `far` metres away."""
+    x, y, _ = sight.pose
+    costmap.set_teammates(mate for mate in sight.teammates if math.hypot(mate.x - x, mate.y - y) <= far)
     if sight.scan is not None:
         costmap.observe(sight.scan, sight.pose, sight.teammates)
     costmap.clear_footprint(sight.pose)

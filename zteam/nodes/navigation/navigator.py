@@ -1,5 +1,7 @@
 """One robot's way to its goal: plan, drive, recover, arrive or give up. Without a bus and without a clock."""
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,7 +27,6 @@ class Navigator:
     """The state machine of one robot."""
 
     def __init__(self, parameters: Parameters, planner: Planner, controller: Controller) -> None:
-        """`planner` may be shared: it keeps nothing from one plan to the next."""
         self._parameters = parameters
         self._way = Way(parameters, planner, controller)
         self._goal_checker = GoalChecker(parameters.goal)
@@ -149,7 +150,7 @@ class Navigator:
             return STOP
         if not self._progress.makes_progress(moment.now, pose):
             return self._fail(moment, "moved less than {:g} m in {:g} s".format(*self._parameters.progress))
-        self._recovering.note_progress(pose)
+        self._recovering.note_progress(self._way.remaining)
         try:
             return self._way.follow(moment, costmaps)
         except BlockedError as error:
@@ -157,7 +158,8 @@ class Navigator:
 
     def _fail(self, moment: Moment, reason: str) -> Velocity:
         """Begin the next recovery, or give up."""
-        end = self._recovering.begin(moment, reason)
+        assert self.goal is not None
+        end = self._recovering.begin(moment, self._way.remaining or _distance(moment, self.goal), reason)
         if end is not None:
             self._end(NavigationState.ABORTED, end)
         else:
@@ -171,3 +173,7 @@ class Navigator:
         self._progress.reset()
         self.plan_anew()
         return STOP
+
+
+def _distance(moment: Moment, goal: Goal) -> float:
+    return math.dist(moment.sight.pose[:2], goal.pose[:2])

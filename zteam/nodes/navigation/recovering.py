@@ -2,7 +2,6 @@
 
 import math
 
-from zteam.geometry import Pose2
 from zteam.nodes.navigation.costmaps import Costmaps
 from zteam.nodes.navigation.way import Moment
 from zteam.planning.parameters import Parameters
@@ -23,16 +22,15 @@ class Recovering:
         self._recovery.reset()
         self.count = 0
         """Recoveries for this goal."""
-        self._from: Pose2 | None = None
-        """Where the robot was when it began to recover, until it has got on from there."""
+        self._least = math.inf
+        """Metres to the goal when it began to recover, until it has got nearer."""
 
-    def begin(self, moment: Moment, reason: str) -> str | None:
-        """Begin the next one, or return why the goal is given up."""
-        pose = moment.sight.pose
-        end = self._recovery.begin(moment.now, pose, reason)
+    def begin(self, moment: Moment, left: float, reason: str) -> str | None:
+        """Begin the next one, or return why the goal is given up. `left`: metres to the goal."""
+        end = self._recovery.begin(moment.now, moment.sight.pose, reason)
         if end is None:
             self.count += 1
-            self._from = self._from or pose
+            self._least = min(self._least, left)
         return end
 
     def step(self, moment: Moment, costmaps: Costmaps) -> RecoveryStep:
@@ -44,8 +42,11 @@ class Recovering:
             costmaps.clear_around(pose, options.clear_distance)
         return step
 
-    def note_progress(self, pose: Pose2) -> None:
-        """After a recovery that helped, all of them may be tried again."""
-        if self._from is not None and math.dist(pose[:2], self._from[:2]) > self._enough:
+    def note_progress(self, left: float) -> None:
+        """After a recovery that helped, all of them may be tried again: the robot is nearer to its goal than before.
+
+        To have moved is not enough: a robot that backs up and comes back has moved.
+        """
+        if left < self._least - self._enough and self._least < math.inf:
             self._recovery.reset()
-            self._from = None
+            self._least = math.inf

@@ -64,8 +64,10 @@ class Controller:
             raise BlockedError("a box is in the way")
         return AHEAD
 
+    left = 3.0
+
     def remaining(self) -> float:
-        return 3.0
+        return self.left
 
 
 class Drive:
@@ -163,6 +165,21 @@ def test_a_robot_that_does_not_get_on_gives_up_with_the_reason() -> None:
     drive.go(5.0)
     drive.step()
     assert (drive.navigator.state, drive.navigator.recoveries) == (NavigationState.DRIVING, 0)
+
+
+def test_recoveries_begin_anew_only_when_the_robot_is_nearer_to_its_goal() -> None:
+    """One that only moves to and fro has used them up after the last one; one that has got on has all of them again."""
+    recovery = Parameters().recovery._replace(behaviors=("wait",), number_of_retries=2)
+    for left, state in ((3.0, NavigationState.ABORTED), (2.0, NavigationState.RECOVERING)):
+        drive = Drive(recovery=recovery)
+        for number in range(3):
+            drive.controller.blocked = False
+            drive.step(0.6 * (number % 2), count=30)
+            drive.controller.left = left if number else 3.0
+            drive.step(count=2)
+            drive.controller.left, drive.controller.blocked = 3.0, True
+            drive.step(count=6)
+        assert drive.navigator.state is state
 
 
 def test_what_is_missing_is_waited_for_and_then_given_up() -> None:
