@@ -31,6 +31,14 @@ A script asks the running simulator, or looks up transforms:
     zteam.TransformClient(bus).lookup_transform("map", "robot_0/base_footprint", timeout=1.0)
     bus.close()
 
+A program sends a robot to goals, with the names of Nav2's simple commander:
+
+    with zteam.BasicNavigator("robot_1") as navigator:
+        navigator.goToPose(zteam.Pose2(22.0, 17.0, 0.0))
+        while not navigator.isTaskComplete():
+            print(navigator.getFeedback())
+        print(navigator.getResult(), navigator.reason)
+
 A whole team also runs in a program of your own, without any other process:
 
     report = zteam.run_team("line", seconds=60.0, seed=3)
@@ -64,9 +72,11 @@ if TYPE_CHECKING:
     from zteam.in_process.team_run import run_team
     from zteam.launch.report import RunReport
     from zteam.resources import shipped_team, shipped_world
+    from zteam.runtime.basic_navigator import BasicNavigator
     from zteam.runtime.step_node import StepNode as Node
     from zteam.runtime.step_node import run
     from zteam.runtime.transform_listener import TransformListener
+    from zteam.services.goals import TaskResult
     from zteam.services.parameters_client import ParametersClient
     from zteam.services.simulator_client import SimulatorClient
     from zteam.services.transforms import HistoryRequest, Lookup
@@ -74,6 +84,7 @@ if TYPE_CHECKING:
     from zteam.team_file import Team, load_team
 
 __all__ = [
+    "BasicNavigator",
     "Behavior",
     "Bus",
     "BusOptions",
@@ -88,6 +99,7 @@ __all__ = [
     "Publisher",
     "RunReport",
     "SimulatorClient",
+    "TaskResult",
     "Team",
     "TransformClient",
     "TransformListener",
@@ -103,6 +115,7 @@ __all__ = [
 ]
 
 _HOMES = {
+    "BasicNavigator": "runtime.basic_navigator",
     "Behavior": "behaviors.behavior",
     "Bus": "bus.bus",
     "BusOptions": "bus.options",
@@ -117,6 +130,7 @@ _HOMES = {
     "Publisher": "bus.bus",
     "RunReport": "launch.report",
     "SimulatorClient": "services.simulator_client",
+    "TaskResult": "services.goals",
     "Team": "team_file.entries",
     "TransformClient": "services.transforms_client",
     "TransformListener": "runtime.transform_listener",

@@ -1,6 +1,7 @@
 """Key expressions and frame ids (docs/architecture.md). No other module builds or parses them."""
 
 import re
+import secrets
 from collections.abc import Iterable
 from functools import lru_cache
 
@@ -22,7 +23,10 @@ TEAM_STATUS = "team_status"
 SIMULATOR = "sim"
 AGGREGATOR = "tf"
 MONITOR = "monitor"
+MAP_SERVER = "map"
 LAUNCHER = "up"
+VIEW = "view"
+GOALS = "goals"
 
 TICK = "sim/tick"
 """Lock-step: key of the simulator's numbered ticks."""
@@ -40,6 +44,7 @@ CMD_VEL = "cmd_vel"
 CMD_VEL_TELEOP = "cmd_vel_teleop"
 CMD_VEL_NAV = "cmd_vel_nav"
 GOAL_POSE = "goal_pose"
+INITIAL_POSE = "initialpose"
 BASE_SCAN = "base_scan"
 SONAR = "sonar"
 ODOM = "odom"
@@ -50,7 +55,6 @@ BUMPER = "bumper"
 BLOBS = "blobs"
 JOINT_STATES = "joint_states"
 STATUS = "status"
-INITIALPOSE = "initialpose"
 PLAN = "plan"
 LOCAL_PLAN = "local_plan"
 GLOBAL_COSTMAP = "global_costmap/costmap"
@@ -66,6 +70,9 @@ BASE_INFO = "base_info"
 BASE_FOOTPRINT = "base_footprint"
 BASE_LINK = "base_link"
 BASE_LASER_LINK = "base_laser_link"
+
+ALL_ROBOTS = "robot_$*"
+"""The wildcard over their names (`robot_*` is not a valid key expression)."""
 
 _ROBOT = re.compile(r"robot_(0|[1-9][0-9]*)", re.ASCII)
 _NAVIGATION = "nav_"
@@ -98,6 +105,16 @@ def robot_id_of(name: str) -> int | None:
     return int(match[1])
 
 
+def view_name() -> str:
+    """A new name for one of several views."""
+    return f"{VIEW}_{secrets.token_hex(3)}"
+
+
+def is_view(name: str) -> bool:
+    """Whether `name` is that of a view: `view`, which a team was started with, or `view_…`."""
+    return name == VIEW or name.startswith(f"{VIEW}_")
+
+
 def navigation_name(robot_id: int) -> str:
     """`nav_N`: the name of the process that navigates robot N. A process of several robots holds several names."""
     return f"{_NAVIGATION}{robot_id}"
@@ -114,8 +131,8 @@ def robot_key(robot_id: int, topic: str) -> str:
 
 
 def all_robots_key(topic: str) -> str:
-    """The wildcard for `topic` of every robot (`robot_*` is not a valid key expression)."""
-    return f"robot_$*/{topic}"
+    """The wildcard for `topic` of every robot."""
+    return f"{ALL_ROBOTS}/{topic}"
 
 
 def input_key(robot_id: int, topic: str) -> str:
@@ -170,6 +187,11 @@ def numbered(stem: str, index: int, *, always: bool = False) -> str:
     return stem if index == 0 and not always else f"{stem}_{index}"
 
 
+def all_numbered(stem: str) -> str:
+    """Wildcard over the topics of all devices of a kind."""
+    return f"{stem}$*"
+
+
 @lru_cache(maxsize=4096)
 def robot_frame(robot_id: int, local: str) -> str:
     """`robot_N/local`."""
@@ -201,18 +223,13 @@ def token_key(name: str, instance: str) -> str:
 
 
 def claim_key(name: str, instance: str) -> str:
-    """Token of an instance that claims the name `name`."""
+    """Token of an instance that claims the name `name`; `*` is the wildcard over all that do."""
     return f"{name}/claim/{instance}"
 
 
 def tokens_key(name: str = "*") -> str:
     """Wildcard over the presence tokens of `name`, by default of all processes."""
     return f"{name}/alive/*"
-
-
-def robots_tokens_key() -> str:
-    """Wildcard over the presence tokens of all robots."""
-    return all_robots_key("alive/*")
 
 
 def all_tokens_key() -> str:
@@ -225,11 +242,6 @@ def split_namespaced_token_key(key: str) -> tuple[str, str, str] | None:
     parts = key.rsplit("/", 3)
     token = split_token_key("/".join(parts[-3:]))
     return None if token is None else (parts[0] if len(parts) == 4 else "", *token)
-
-
-def claims_key(name: str) -> str:
-    """Wildcard over the claims on `name`."""
-    return f"{name}/claim/*"
 
 
 def split_token_key(key: str) -> tuple[str, str] | None:

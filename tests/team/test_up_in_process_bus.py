@@ -109,9 +109,10 @@ def test_tools_control_the_team(team: TeamFixture) -> None:
     place = team.robot(7).pose
     publisher = team.bus.publisher("robot_7/cmd_vel", Twist)
     team.wait_for(lambda: publisher.has_subscribers)
-    assert read_sim_report(team.bus).external_commands == 0
+    # The new robot.
+    assert read_sim_report(team.bus).external_commands == 1
     publisher.put(Twist(Vector3(0.5)))
-    team.wait_for(lambda: read_sim_report(team.bus).external_commands == 1)
+    team.wait_for(lambda: read_sim_report(team.bus).external_commands == 2)
     told(team, "sim", "step", "1")
     team.wait_for(lambda: team.robot(7).pose != place)
 

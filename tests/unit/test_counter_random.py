@@ -61,3 +61,14 @@ def test_gaussians_are_standard_normal() -> None:
     assert abs(draws.var() - 1.0) < 0.02
     assert abs((draws**4).mean() - 3.0) < 0.1
     assert abs((abs(draws) > 2.0).mean() - 0.0455) < 0.003
+
+
+def test_pairs_are_standard_normal_and_independent() -> None:
+    """Mean 0, variance 1, and no correlation between the two numbers of a hash; the first ones are `gaussians`."""
+    from zteam.counter_random import gaussian_pairs
+
+    state = np.array([stream(1, 2)], np.uint64)
+    pairs = gaussian_pairs(state, 50_000)[0].reshape(2, -1)
+    assert np.array_equal(pairs[0], gaussians(state, 50_000)[0])
+    assert np.abs(pairs.mean(axis=1)).max() < 0.02
+    assert np.abs(np.cov(pairs) - np.eye(2)).max() < 0.03

@@ -24,6 +24,7 @@ SPOT_ANGLE = 1.0
 """Radians: it turns on the spot towards a heading that is further off."""
 SIDE_MARGIN = 0.015
 """Metres on either side of the circle that the base's corners describe when it turns."""
+GOAL_REACHED = "goal reached"
 NO_WAY = "no way to the goal found: it went all round what stands between"
 
 
@@ -98,7 +99,7 @@ class GoTo(Behavior):
 
     def _turn_to(self, yaw: float) -> Twist:
         if abs(yaw) <= self.params.yaw_goal_tolerance:
-            self.reason = "goal reached"
+            self.reason = GOAL_REACHED
             return Twist()
         self.reason = ""
         return Twist(angular=Vector3(z=self._limit(ANGULAR_GAIN * yaw)))

@@ -7,6 +7,8 @@ from zteam.behaviors.view import View
 from zteam.geometry import Pose2, yaw_from_quaternion
 from zteam.messages import PoseStamped
 
+REFUSED = "the goal is refused: "
+"""Begins every reason for which a goal is not taken."""
 _LEAST_NORM = 1e-3
 """A shorter quaternion is no orientation; any other is taken for its direction."""
 FAR = 1e6
@@ -23,12 +25,12 @@ def read_goal(message: PoseStamped, view: View) -> tuple[Pose2 | None, str]:
         return None, refusal
     frame = message.header.frame_id.lstrip("/")
     if not frame:
-        return None, f"the goal is refused: it names no frame; use {names.MAP_FRAME}"
+        return None, f"{REFUSED}it names no frame; use {names.MAP_FRAME}"
     if frame == names.MAP_FRAME:
         return pose, ""
     found = view.lookup(names.MAP_FRAME, frame)
     if found is None or not all(map(math.isfinite, found[0])):
-        return None, f"the goal is refused: its frame {frame} has no transform to {names.MAP_FRAME}"
+        return None, f"{REFUSED}its frame {frame} has no transform to {names.MAP_FRAME}"
     return found[0].compose(pose), ""
 
 
@@ -36,10 +38,10 @@ def _planar(message: PoseStamped) -> tuple[Pose2 | None, str]:
     place, turn = message.pose.position, message.pose.orientation
     norm = math.hypot(turn.x, turn.y, turn.z, turn.w)
     if not all(map(math.isfinite, (place.x, place.y, norm))):
-        return None, "the goal is refused: it has a value that is no number"
+        return None, f"{REFUSED}it has a value that is no number"
     if abs(place.x) > FAR or abs(place.y) > FAR:
-        return None, f"the goal is refused: it is more than {FAR / 1e3:g} km away"
+        return None, f"{REFUSED}it is more than {FAR / 1e3:g} km away"
     if norm < _LEAST_NORM:
-        return None, "the goal is refused: its orientation is zero; use w = 1 for none"
+        return None, f"{REFUSED}its orientation is zero; use w = 1 for none"
     yaw = yaw_from_quaternion(*(part / norm for part in (turn.x, turn.y, turn.z, turn.w)))
     return Pose2(place.x, place.y, yaw), ""

@@ -129,15 +129,24 @@ def _run_line(
 ) -> list[RunReport]:
     """Run the same line of robots in several ways, each with further arguments for `zteam up`."""
     with tempfile.TemporaryDirectory() as folder:
-        team = Path(folder) / "bench.toml"
-        own = _own_robots(loaded, robots, beams)
-        chosen = world.resolve() if own else Path(folder) / "bench.world"
-        if not own:
-            chosen.write_text(_ROBOT.format(world=msgspec.json.encode(str(world.resolve())).decode(), beams=beams))
-        team.write_text(_team(chosen, robots, None if own else chain(free_poses(loaded, robots, seed=1))))
+        team = _write_line(world, loaded, robots, beams, Path(folder))
         search = {"STAGEPATH": os.pathsep.join([str(world.resolve().parent), os.environ.get("STAGEPATH", "")])}
         common = [str(team), "--for", str(seconds)]
         return [_run([*common, *way], Path(folder), search, seconds) for way in ways]
+
+
+def write_line_team(world: Path, robots: int, beams: int, folder: Path) -> Path:
+    """A team file in `folder` with a line of robots, each following the one before it."""
+    return _write_line(world, load_world(world), robots, beams, folder)
+
+
+def _write_line(world: Path, loaded: World, robots: int, beams: int, folder: Path) -> Path:
+    team, own = folder / "bench.toml", _own_robots(loaded, robots, beams)
+    chosen = world.resolve() if own else folder / "bench.world"
+    if not own:
+        chosen.write_text(_ROBOT.format(world=msgspec.json.encode(str(world.resolve())).decode(), beams=beams))
+    team.write_text(_team(chosen, robots, None if own else chain(free_poses(loaded, robots, seed=1))))
+    return team
 
 
 def _in_process(one: RunReport, many: RunReport, core_rtf: float) -> InProcessFigures:

@@ -68,7 +68,7 @@ class Claim:
         self._server = bus.serve(names.info_key(name), NoRequest, lambda _: self._info)
         self.under_name: list[Closeable] = []
         """What else is published and answered under the name: it ends when the name is given back."""
-        bus.watch_tokens([names.tokens_key(name), names.claims_key(name)], self._on_token)
+        self._watches = bus.watch_tokens([names.tokens_key(name), names.claim_key(name, "*")], self._on_token)
         self._claim = bus.declare_token(names.claim_key(name, self._instance))
         self._since = monotonic()
 
@@ -92,8 +92,8 @@ class Claim:
         self._on_rival = on_rival
         rivals, earlier = self._find_rivals()
         if rivals or earlier:
-            self._claim.close()
-            self._server.close()
+            for handle in (self._claim, self._server, *self._watches):
+                handle.close()
             raise DuplicateNameError(self._refusal(rivals))
         on_win()
         self._token = self._bus.declare_token(names.token_key(self.name, self._bus.instance))
@@ -156,6 +156,6 @@ class Claim:
         with self._changed:
             self._released = True
             self._changed.notify_all()
-        for handle in (self._token, self._claim, self._server, *self.under_name):
+        for handle in (self._token, self._claim, self._server, *self._watches, *self.under_name):
             if handle:
                 handle.close()

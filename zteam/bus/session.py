@@ -1,11 +1,8 @@
 """The Zenoh transport: one session, everything declared on it, and an orderly end."""
 
 import atexit
-import ctypes
 import itertools
 import logging
-import queue
-import threading
 from collections.abc import Callable
 from typing import Any, TypeVar
 
@@ -18,58 +15,22 @@ from zteam.bus.transport import (
     Closeable,
     QueryHandler,
     RawPublisher,
-    RawSample,
     Reply,
     SampleHandler,
     TokenHandler,
 )
+from zteam.bus.zenoh_callbacks import Aside, call, sample_callback
 from zteam.bus.zenoh_publisher import Declared, ZenohPublisher, stamping_as
 from zteam.clock import monotonic
 from zteam.errors import BusError
 
 log = logging.getLogger("zteam.bus")
 
-T = TypeVar("T")
 D = TypeVar("D", bound=Declared)
 
-_BYTES = "zenoh/bytes"
 _MOST = 0.9
 """Of a time-out: a query that ends after this share of it without a reply has timed out."""
 _HISTORY = zenoh.ext.HistoryConfig(detect_late_publishers=True)
-_THREAD = threading.local()
-
-
-def _stay() -> None:
-    """Make the interpreter keep its state of the current thread, one of Zenoh's own.
-
-    Otherwise it makes that state for every callback and throws it away afterwards: 16 KB of stack mapped and unmapped,
-    with their page faults, which takes as long as a short callback. An `Ensure` without its `Release` keeps it.
-    """
-    ctypes.pythonapi.PyGILState_Ensure()
-    _THREAD.stays = True
-
-
-def _aside(handler: Callable[[T], None]) -> Any:
-    """A Zenoh callback that calls `handler` on a thread of its own, in order, until it is undeclared.
-
-    Zenoh offers the same, but its thread is no daemon: at exit the interpreter would wait for it.
-    """
-    waiting: queue.SimpleQueue[T | None] = queue.SimpleQueue()
-
-    def work() -> None:
-        while (event := waiting.get()) is not None:
-            _call(handler, event)
-
-    threading.Thread(target=work, name="bus", daemon=True).start()
-    return zenoh.handlers.Callback(waiting.put, lambda: waiting.put(None), indirect=False)
-
-
-def _call(handler: Callable[[T], None], event: T) -> None:
-    try:
-        handler(event)
-    except Exception:
-        # It must not end the calls that follow, and no other code sees it.
-        log.exception("error in a callback of the bus")
 
 
 def _reply(query: zenoh.Query, reply: Reply) -> None:
@@ -85,29 +46,6 @@ def _reply(query: zenoh.Query, reply: Reply) -> None:
         log.debug("reply: %s", error)
 
 
-def _sample_callback(handler: SampleHandler, stamped: bool) -> Any:
-    """A Zenoh callback that calls `handler` with samples; without `stamped` they have neither time nor source."""
-
-    def on_sample(sample: zenoh.Sample) -> None:
-        if not hasattr(_THREAD, "stays"):
-            _stay()
-        if sample.kind != zenoh.SampleKind.PUT:
-            return
-        encoding = str(sample.encoding)
-        if encoding == _BYTES:
-            encoding = ""
-        key, payload = str(sample.key_expr), sample.payload.to_bytes()
-        if not stamped:
-            handler(RawSample(key, payload, encoding))
-            return
-        # "<NTP64>/<id>": the only exact form of a timestamp that Python gets.
-        time, _, source = str(sample.timestamp or "").partition("/")
-        handler(RawSample(key, payload, encoding, int(time) if time else 0, source))
-
-    # On Zenoh's own thread: no other has to wake up, and messages of all keys are handled in their order.
-    return zenoh.handlers.Callback(on_sample, indirect=False)
-
-
 class ZenohTransport:
     """An open Zenoh session seen as a Transport."""
 
@@ -119,7 +57,9 @@ class ZenohTransport:
         self.matching_changes = 0
         self._link_handlers: list[Callable[[bool], None]] = []
         self._routers: set[str] = {str(zid) for zid in session.info.routers_zid()}
-        self._events = session.info.declare_transport_events_listener(_aside(self._on_transport))
+        # Answers do not wait for what a change of presence leads to.
+        self._queries, self._presence = Aside(), Aside()
+        self._events = session.info.declare_transport_events_listener(self._presence.callback(self._on_transport))
         # Asked again: a router may have connected before the listener was there.
         self._routers |= {str(zid) for zid in session.info.routers_zid()}
         self._deferred = DeferredAnswers()
@@ -169,7 +109,7 @@ class ZenohTransport:
     def declare_subscriber(
         self, key_expr: str, handler: SampleHandler, latched: bool, stamped: bool = True
     ) -> Closeable:
-        callback = _sample_callback(handler, stamped)
+        callback = sample_callback(handler, stamped)
 
         def declare() -> Any:
             if not latched:
@@ -188,7 +128,7 @@ class ZenohTransport:
                 self._deferred.start(key, answer, lambda reply: _reply(query, reply))
 
         def declare() -> Any:
-            return self._session.declare_queryable(key, _aside(on_query), complete=True)
+            return self._session.declare_queryable(key, self._queries.callback(on_query), complete=True)
 
         return self._declare("serve", key, declare)
 
@@ -223,7 +163,8 @@ class ZenohTransport:
             handler(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
 
         def declare() -> Any:
-            return self._session.liveliness().declare_subscriber(key_expr, _aside(on_token), history=True)
+            callback = self._presence.callback(on_token)
+            return self._session.liveliness().declare_subscriber(key_expr, callback, history=True)
 
         return self._declare("watch", key_expr, declare)
 
@@ -243,7 +184,7 @@ class ZenohTransport:
         if up != self.up:
             self.up = up
             for handler in list(self._link_handlers):
-                _call(handler, up)
+                call(handler, up)
 
     def close(self) -> None:
         self.closed = True
@@ -251,5 +192,7 @@ class ZenohTransport:
         for declared in list(self._declared):
             declared.close()
         self._session.close()  # type: ignore[no-untyped-call]
+        self._queries.end()
+        self._presence.end()
         # Last: if an interrupt cuts this short, it is done again at the interpreter's end.
         atexit.unregister(self.close)

@@ -40,7 +40,7 @@ _ROBOT: dict[str, type[Message]] = {
     names.CMD_VEL_TELEOP: Twist,
     names.GLOBAL_COSTMAP: OccupancyGrid,
     names.GOAL_POSE: PoseStamped,
-    names.INITIALPOSE: PoseWithCovarianceStamped,
+    names.INITIAL_POSE: PoseWithCovarianceStamped,
     names.LOCAL_COSTMAP: OccupancyGrid,
     names.LOCAL_PLAN: Path,
     names.NAVIGATION_STATUS: NavigationStatus,

@@ -1,7 +1,6 @@
 """`zteam behaviors [NAME]`: list the behaviours that robots can run, and the parameters of one of them."""
 
 import argparse
-import sys
 from collections.abc import Sequence
 
 import msgspec
@@ -9,6 +8,7 @@ import msgspec
 from zteam.behaviors.catalog import BehaviorInfo, behavior_names, describe_behavior
 from zteam.behaviors.registry import look_in
 from zteam.cli.arguments import add_path_option
+from zteam.cli.interrupts import leave
 from zteam.cli.options import Parser, add_log_options, run
 from zteam.cli.parameter_table import format_parameters
 from zteam.cli.tables import format_table, terminal_width
@@ -72,4 +72,4 @@ def format_behavior(info: BehaviorInfo) -> str:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())

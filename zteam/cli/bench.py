@@ -1,4 +1,4 @@
-"""`zteam bench sim | kernel | tf | team | robots | steps | codec`: measure zteam on this machine."""
+"""`zteam bench sim | kernel | tf | team | view | robots | steps | nav | codec`: measure zteam on this machine."""
 
 import argparse
 import sys
@@ -9,9 +9,9 @@ from typing import Any
 
 import msgspec
 
-from zteam.cli import bench_robots_tables, bench_steps_tables, bench_tables
+from zteam.cli import bench_nav_tables, bench_robots_tables, bench_steps_tables, bench_tables, bench_view_tables
 from zteam.cli.arguments import number, whole
-from zteam.cli.interrupts import raise_from_now
+from zteam.cli.interrupts import leave, raise_from_now
 from zteam.cli.live_line import LiveLine, has_live_line
 from zteam.cli.options import Parser, add_log_options, run
 from zteam.errors import UsageError
@@ -24,13 +24,19 @@ FORMATS: dict[str, Callable[[Sequence[Any]], str]] = {
     "kernel": bench_tables.format_kernels,
     "tf": bench_tables.format_transforms,
     "team": bench_tables.format_team,
+    "view": bench_view_tables.format_view,
     "robots": bench_robots_tables.format_robots,
     "steps": bench_steps_tables.format_steps,
+    "nav": bench_nav_tables.format_navigation,
     "codec": bench_tables.format_codec,
 }
 """Verb -> what makes a text of its figures."""
 CHAINS = ("lectures", "direct", "trail", "trail16", "disturbed")
 """Rows of `zteam bench robots` (zteam.bench.chains.figures)."""
+VIEW_PARTS = ("load", "slow", "cost", "browser")
+"""Of `zteam bench view` (zteam.bench.view.figures)."""
+NAV_ROWS = ("plan", "costmap", "amcl", "tours", "global")
+"""Rows of `zteam bench nav` (zteam.bench.navigation.figures)."""
 FORMATIONS = "formations"
 """Its table of all shapes (zteam.bench.formations)."""
 
@@ -38,16 +44,18 @@ FORMATIONS = "formations"
 def build_parser() -> argparse.ArgumentParser:
     """The command line."""
     parser = Parser(prog="zteam bench", description=__doc__)
-    verbs = parser.add_subparsers(dest="verb", required=True, metavar="sim|kernel|tf|team|robots|steps|codec")
+    verbs = parser.add_subparsers(dest="verb", required=True, metavar="sim|kernel|tf|team|view|robots|steps|nav|codec")
     sim = verbs.add_parser("sim", help="measure the simulator's core alone, as fast as it runs")
     kernel = verbs.add_parser("kernel", help="measure rays against a bitmap, beside a plain scalar grid traversal")
     transforms = verbs.add_parser("tf", help="measure the transform buffer, beside tf2_py if that is installed")
     team = verbs.add_parser("team", help="measure a line of robots in processes, in lock-step or in real time")
+    view = verbs.add_parser("view", help="measure a view: age of frames, memory, its cost in lock-step, drawing")
     robots = verbs.add_parser("robots", help="measure how well robots follow each other, and hold formations")
     steps = verbs.add_parser("steps", help="measure a robot's step: velocity mux, behaviour and safety layer")
+    nav = verbs.add_parser("nav", help="measure planning, costmaps and localisation")
     codec = verbs.add_parser("codec", help="measure encoding and decoding")
     sim.add_argument("world", metavar="WORLD", help="a world file, or the name of a shipped world")
-    for sub in (kernel, team):
+    for sub in (kernel, team, view, nav):
         sub.add_argument(
             "world", nargs="?", default="office", metavar="WORLD", help="world to measure in (default: %(default)s)"
         )
@@ -65,12 +73,27 @@ def build_parser() -> argparse.ArgumentParser:
         action="store_true",
         help="also run the same team in one process, and the simulator's core alone",
     )
+    _add_view(view)
     _add_robots(robots)
+    _add_navigation(nav)
     _add_number(steps, "--seconds", number(1.0, 600.0, "simulated seconds"), 20.0, "simulated seconds of each scene")
-    for sub in (sim, kernel, transforms, team, robots, steps, codec):
+    for sub in (sim, kernel, transforms, team, view, robots, steps, nav, codec):
         sub.add_argument("--json", action="store_true", help="print JSON")
         add_log_options(sub, "warning")
     return parser
+
+
+def _add_view(parser: argparse.ArgumentParser) -> None:
+    _add_number(parser, "--seconds", number(2.0, 600.0, "seconds"), 10.0, "host seconds of each measurement")
+    _add_number(parser, "--pairs", whole(1, 100, "pairs"), 10, "pairs of runs in lock-step")
+    parser.add_argument(
+        "--parts",
+        nargs="+",
+        choices=VIEW_PARTS,
+        default=VIEW_PARTS,
+        metavar="PART",
+        help=f"only these ({', '.join(VIEW_PARTS)})",
+    )
 
 
 def _add_robots(parser: argparse.ArgumentParser) -> None:
@@ -89,6 +112,21 @@ def _add_robots(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--in-process", action="store_true", help="run each team in one process, several at once: the same figures"
+    )
+
+
+def _add_navigation(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--rows",
+        nargs="+",
+        choices=NAV_ROWS,
+        default=NAV_ROWS,
+        metavar="ROW",
+        help=f"only these ({', '.join(NAV_ROWS)})",
+    )
+    _add_number(parser, "--tours", whole(1, 1000, "tours"), 30, "number of tours; two thirds as many random starts")
+    parser.add_argument(
+        "--scenarios", type=Path, metavar="DIR", help="folder of MovingAI's .map and .scen files: check all lengths"
     )
 
 
@@ -115,7 +153,7 @@ def _bench(args: argparse.Namespace) -> int:
     raise_from_now()
     rows = _measure(args)
     if args.json:
-        print(msgspec.json.encode(rows[0] if args.verb in ("sim", "team") else rows).decode())
+        print(msgspec.json.encode(rows[0] if args.verb in ("sim", "team", "view") else rows).decode())
         return 0
     print(FORMATS[args.verb](rows))
     return 0
@@ -138,6 +176,10 @@ def _measure(args: argparse.Namespace) -> list[Any]:
         return [measure_kernels(world, 1081, 270.0), measure_kernels(world, 180, 180.0)]
     if args.verb == "robots":
         return _measure_robots(args)
+    if args.verb == "view":
+        return [_measure_view(args)]
+    if args.verb == "nav":
+        return _measure_navigation(args)
     if args.verb == "steps":
         from zteam.bench.steps.figures import measure_steps
 
@@ -155,6 +197,18 @@ def _measure(args: argparse.Namespace) -> list[Any]:
     world = load_world(find_world(args.world))
     options = Options(physics=args.physics)
     return [measure_simulation(world, args.robots, args.beams, args.fov_deg, args.range, args.seconds, options)]
+
+
+def _measure_view(args: argparse.Namespace) -> Any:
+    from zteam.bench.view.figures import measure_view
+
+    with LiveLine(sys.stderr) if has_live_line(sys.stderr) else nullcontext() as live:
+
+        def show(text: str) -> None:
+            if live is not None:
+                live.show(lambda _columns: text)
+
+        return measure_view(find_world(args.world), args.seconds, args.pairs, tuple(args.parts), show)
 
 
 def _measure_robots(args: argparse.Namespace) -> list[Any]:
@@ -177,5 +231,19 @@ def _measure_robots(args: argparse.Namespace) -> list[Any]:
     return found
 
 
+def _measure_navigation(args: argparse.Namespace) -> list[Any]:
+    from zteam.bench.navigation.figures import measure_navigation
+    from zteam.world import load_world
+
+    world = load_world(find_world(args.world))
+    with LiveLine(sys.stderr) if has_live_line(sys.stderr) else nullcontext() as live:
+
+        def show(row: str, done: int, total: int) -> None:
+            if live is not None:
+                live.show(lambda _columns: f"{row}: {done} of {total}")
+
+        return list(measure_navigation(world, args.rows, args.tours, args.scenarios, show))
+
+
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())

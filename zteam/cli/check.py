@@ -12,6 +12,7 @@ import msgspec
 
 from zteam.behaviors.registry import find_behavior, look_in
 from zteam.cli.arguments import add_path_option
+from zteam.cli.interrupts import leave
 from zteam.cli.options import Parser, add_log_options, checked, run
 from zteam.cli.zteam_robot import add_param_option, parse_param
 
@@ -103,4 +104,4 @@ def _paragraph(head: str, shown: Iterable[tuple["Fault", str]]) -> list[str]:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())

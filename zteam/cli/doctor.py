@@ -12,6 +12,7 @@ import msgspec
 from zteam.bus import Bus, BusOptions
 from zteam.cli.doctor_facts import collect_facts
 from zteam.cli.doctor_host import check_lasers, check_router, check_versions
+from zteam.cli.interrupts import leave
 from zteam.cli.listening import open_bus
 from zteam.cli.options import Parser, add_bus_options, bus_options, run
 from zteam.cli.tables import terminal_width
@@ -107,4 +108,4 @@ def _count(findings: Sequence[Finding]) -> str:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())

@@ -164,9 +164,8 @@ def _without_cells(grid: OccupancyGrid | None) -> OccupancyGrid | None:
 
 def _is_complete(nodes: list[ProcessInfo]) -> bool:
     """Whether a team has every kind of process that it needs."""
-    return all(
-        any(map(kind.includes, (node.name for node in nodes))) for kind in kinds.KINDS if kind.on_bus and kind.hint
-    )
+    needed = [kind for kind in kinds.KINDS if kind.on_bus and kind.hint]
+    return all(any(map(kind.includes, (node.name for node in nodes))) for kind in needed)
 
 
 def _elsewhere(options: BusOptions) -> dict[str, list[str]]:

@@ -12,6 +12,7 @@ import msgspec
 
 from zteam.bus import Bus
 from zteam.cli.arguments import one_of, whole
+from zteam.cli.interrupts import leave
 from zteam.cli.listening import Waiter, check_key, open_bus
 from zteam.cli.options import Parser, add_bus_options, bus_options, checked, run
 from zteam.clock import local_time_text
@@ -153,4 +154,4 @@ def _print(lines: Sequence[LogLine], as_json: bool) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())

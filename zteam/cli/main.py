@@ -4,15 +4,20 @@ import sys
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
+from typing import NoReturn
 
-from zteam.cli.interrupts import INTERRUPTED, ignore_from_now, leave_at_once
+from zteam.cli.interrupts import INTERRUPTED, ignore_from_now, leave, leave_at_once
 from zteam.cli.output import guarded
 
 COMMANDS = {
     "up": ("up", "start and supervise a whole team"),
     "topic": ("topic", "list | echo | hz | info | pub: inspect and publish messages"),
+    "view": ("zteam_view", "see the team in a browser, and drive it with the mouse"),
     "tf": ("tf", "echo | tree | monitor | positions | static: show and set transforms"),
     "sim": ("sim", "control the simulator: status, pause, step, reset, spawn, …"),
+    "goto": ("goto", "send a robot to a pose in the map, wait, and say how it ended"),
+    "goals": ("goals", "send goals from a file to robots, in turn"),
+    "map": ("map", "save: write the map that is on the bus to a file"),
     "teleop": ("teleop", "drive robots with the keyboard"),
     "param": ("param", "list | get | set | dump: a behaviour's parameters while it runs"),
     "behaviors": ("behaviors", "list the behaviours, and the parameters of each"),
@@ -37,6 +42,9 @@ _ELSEWHERE = {
     "rosnode": "node",
     **dict.fromkeys(("rosparam", "params", "dynparam"), "param"),
     **dict.fromkeys(("teleop_twist_keyboard", "key_teleop", "keyboard", "drive"), "teleop"),
+    **dict.fromkeys(("map_saver", "map_saver_cli"), "map save"),
+    **dict.fromkeys(("send_goals", "waypoints", "patrol"), "goals"),
+    **dict.fromkeys(("navigate", "move_base", "send_goal", "navigate_to_pose"), "goto"),
     **dict.fromkeys(("rosout", "logs"), "log"),
     **dict.fromkeys(("roswtf", "wtf"), "doctor"),
     **dict.fromkeys(("pause", "resume", "step", "reset", "spawn", "remove", "move", "status"), "sim {}"),
@@ -50,20 +58,22 @@ def _usage() -> str:
     return (
         f"usage: zteam COMMAND ...\n\n{rows}\n\n"
         "The processes are separate commands:\n"
-        "  zteam-sim, zteam-robot, zteam-tf, zteam-monitor, zteam-nav, zteam-router\n\n"
+        "  zteam-sim, zteam-robot, zteam-nav, zteam-map, zteam-tf, zteam-monitor,\n"
+        "  zteam-view, zteam-router\n\n"
         "See zteam COMMAND --help."
     )
 
 
-def _start(module: str) -> int:
-    """Run the command of `zteam.cli.<module>`, including its imports; return its exit code."""
+def _start(module: str) -> NoReturn:
+    """Run the command of `zteam.cli.<module>`, including its imports, and end the process with its exit code."""
     leave_at_once()
     try:
-        return _run(module, sys.argv[1:])
+        code = _run(module, sys.argv[1:])
     except KeyboardInterrupt:
-        return INTERRUPTED
+        code = INTERRUPTED
     finally:
         ignore_from_now()
+    leave(code)
 
 
 def _run(module: str, arguments: Sequence[str]) -> int:
@@ -77,6 +87,8 @@ start_simulator = partial(_start, "zteam_sim")
 start_robot = partial(_start, "zteam_robot")
 start_aggregator = partial(_start, "zteam_tf")
 start_monitor = partial(_start, "zteam_monitor")
+start_view = partial(_start, "zteam_view")
+start_map_server = partial(_start, "zteam_map")
 start_navigation = partial(_start, "zteam_nav")
 start_router = partial(_start, "zteam_router")
 
@@ -129,4 +141,4 @@ def _meant(name: str, rest: Sequence[str]) -> str:
 
 
 if __name__ == "__main__":
-    sys.exit(start())
+    start()

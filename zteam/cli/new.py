@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from zteam import names
+from zteam.cli.interrupts import leave
 from zteam.cli.options import Parser, add_log_options, run
 from zteam.cli.tables import format_table
 from zteam.errors import UsageError, ZteamError
@@ -133,4 +134,4 @@ def _is_taken(name: str) -> bool:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())

@@ -1,7 +1,6 @@
 """`zteam node list`: list the processes that are alive, their hosts and their uptimes."""
 
 import argparse
-import sys
 from collections.abc import Sequence
 
 import msgspec
@@ -9,6 +8,7 @@ import msgspec
 from zteam import names
 from zteam.bus import Bus
 from zteam.bus.presence import ProcessInfo, holder_text
+from zteam.cli.interrupts import leave
 from zteam.cli.listening import Waiter, open_bus
 from zteam.cli.options import Parser, add_bus_options, bus_options, run
 from zteam.cli.tables import format_table
@@ -33,9 +33,10 @@ def find_nodes(bus: Bus) -> list[ProcessInfo]:
     Waiter().wait(lambda: False, _SETTLE, "")
     for handle in watch:
         handle.close()
-    infos = {info.instance: info for _, info in bus.query(names.info_key("*"), ProcessInfo)}
+    # By name too: one process may hold several, as a navigation of several robots does.
+    infos = {(info.name, info.instance): info for _, info in bus.query(names.info_key("*"), ProcessInfo)}
     held = [(name, instance) for name in tokens for instance in tokens.instances(name)]
-    found = [infos.get(i, ProcessInfo(name, "does not answer", 0, 0, i)) for name, i in held]
+    found = [infos.get((name, i)) or ProcessInfo(name, "does not answer", 0, 0, i) for name, i in held]
     return sorted(found, key=lambda info: (info.name, info.instance))
 
 
@@ -90,4 +91,4 @@ def _age(nanoseconds: int) -> str:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())

@@ -11,6 +11,7 @@ import msgspec
 
 from zteam import names
 from zteam.cli.arguments import negative_numbers
+from zteam.cli.interrupts import leave
 from zteam.cli.listening import open_bus
 from zteam.cli.options import Parser, add_bus_options, bus_options, checked, run
 from zteam.cli.parameter_table import format_parameters
@@ -195,4 +196,4 @@ _VERBS: dict[str, Callable[[argparse.Namespace, ParametersClient, Robots], int]]
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())

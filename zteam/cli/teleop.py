@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from zteam import names
 from zteam.cli.arguments import number
-from zteam.cli.interrupts import INTERRUPTED
+from zteam.cli.interrupts import INTERRUPTED, leave
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, checked, run
 from zteam.errors import UsageError, ZteamError
 from zteam.nodes.teleop.keys import HELP, HELP_TEXT
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from zteam.bus import Bus
     from zteam.clock import AutoClock
     from zteam.messages import RobotStatus, Twist
-    from zteam.nodes.teleop.wheels import Wheels
     from zteam.runtime.shutdown import Stop
+    from zteam.runtime.wheels import Wheels
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -72,8 +72,8 @@ def _script(text: str | None) -> list[str] | None:
 def _teleop(args: argparse.Namespace, ids: Sequence[int], script: list[str] | None) -> int:
     from zteam.bus import connect
     from zteam.cli.listening import PATIENCE
-    from zteam.nodes.teleop.wheels import Wheels
     from zteam.runtime.shutdown import Stop, stopping_in_order
+    from zteam.runtime.wheels import Wheels
 
     pilot, stop = Pilot(ids, args.speed, args.turn), Stop()
     with stopping_in_order(stop), ExitStack() as ends:
@@ -195,4 +195,4 @@ def _velocity(command: "Twist") -> str:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from zteam import names
 from zteam.bus import Bus
 from zteam.cli.arguments import MAX_RATE, negative_numbers, number
+from zteam.cli.interrupts import leave
 from zteam.cli.listening import SURVEY, open_bus
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, run
 from zteam.cli.tf_displays import (
@@ -150,4 +151,4 @@ def _ask_past(bus: Bus, target: str, source: str, args: argparse.Namespace) -> T
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())

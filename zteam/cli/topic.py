@@ -13,6 +13,7 @@ import msgspec
 
 from zteam.bus.transport import RawSample
 from zteam.cli.arguments import MAX_RATE, number, whole
+from zteam.cli.interrupts import leave
 from zteam.cli.listening import Waiter, check_key, given_type, kind_of, open_bus, silence, wait_for_message
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, run
 from zteam.cli.tool_clock import open_clock
@@ -230,4 +231,4 @@ def _ms(seconds: float) -> str:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())

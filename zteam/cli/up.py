@@ -3,7 +3,6 @@
 import argparse
 import logging
 import os
-import sys
 from collections.abc import Collection, Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -20,6 +19,7 @@ from zteam.cli.arguments import (
     parse_speed,
     whole,
 )
+from zteam.cli.interrupts import leave
 from zteam.cli.options import Parser, add_bus_options, bus_options, checked, run
 from zteam.errors import UsageError, ZteamError
 from zteam.numbers import MAX_SECONDS, counted
@@ -67,6 +67,8 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--bus", action="store_true", help="open a team with --in-process to tools and other processes, at a router"
     )
+    parser.add_argument("--view", action="store_true", help="show the team in the browser (docs/view.md)")
+    parser.add_argument("--no-browser", action="store_true", help="with --view: print the page's address only")
     add_go_timeout_option(parser)
     _add_lockstep_options(parser)
     add_bus_options(parser)
@@ -127,6 +129,11 @@ def _check_options(args: argparse.Namespace) -> None:
         raise UsageError("--report needs --for SECONDS or --until TICK: only a run with an end has a report")
     if args.bus and not args.in_process:
         raise UsageError("--bus needs --in-process: a team of processes is open to tools without it")
+    if args.no_browser and not args.view:
+        raise UsageError("--no-browser needs --view")
+    if args.in_process and not args.bus:
+        # A view is another process, which joins over a router.
+        args.bus = args.view
     if args.in_process and not args.bus:
         _check_closed(args)
 
@@ -163,7 +170,7 @@ def _up(args: argparse.Namespace) -> int:
 
     with WarmParent() as parent:
         # It imports while the team is checked.
-        parent.prepare()
+        parent.prepare(view=args.view)
         return _start_processes(_options(args), args, parent)
 
 
@@ -195,7 +202,8 @@ def _options(args: argparse.Namespace) -> "RunOptions":
     if args.seed is not None:
         _note_unused_seed(args.seed, file.team, world)
     resolved = world.resolve() if world else None
-    return RunOptions(file.team, file.path, resolved, bus, args.seed, args.run_for, args.until, _pace(args))
+    view = (("--no-browser",) if args.no_browser else ()) if args.view else None
+    return RunOptions(file.team, file.path, resolved, bus, args.seed, args.run_for, args.until, _pace(args), view)
 
 
 def _refuse_without_simulator(args: argparse.Namespace) -> None:
@@ -227,8 +235,7 @@ def _start_processes(options: "RunOptions", args: argparse.Namespace, parent: "W
             if stop.requested:
                 return 0
             raise
-    failed = {process.name for process in team_run.supervisor.failures}
-    return conclude(failed, report, stop, options.has_end, args.report)
+    return conclude(team_run.failed, report, stop, options.has_end, args.report)
 
 
 def _note_unused_seed(seed: int, team: "Team", world: Path | None) -> None:
@@ -276,4 +283,4 @@ def conclude(failed: Collection[str], report: "RunReport | None", stop: "Stop", 
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())

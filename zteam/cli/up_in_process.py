@@ -33,6 +33,7 @@ def carry_out(options: "RunOptions", args: argparse.Namespace) -> int:
         run_for=options.run_for,
         until=options.until,
         pace=options.pace,
+        view=options.view,
     )
     stop = Stop()
     with (

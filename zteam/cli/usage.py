@@ -39,6 +39,7 @@ _VERBS = {
 }
 """What other programs call a subcommand."""
 _REQUIRED = "the following arguments are required: "
+_ONE_OF = re.compile(r"one of the arguments (.+) is required")
 _SHORT_NAME = re.compile(r"(?<!\S)-\w/--")
 """Of an option that argparse names as `-o/--output`."""
 
@@ -81,12 +82,15 @@ def _argument(action: argparse.Action) -> str:
 def in_short(parser: argparse.ArgumentParser, message: str, words: Iterable[str]) -> str:
     """A message of argparse about `words` in fewer words: `TYPE is missing`."""
     message = _SHORT_NAME.sub("--", message.removeprefix("argument "))
-    if not message.startswith(_REQUIRED):
+    if choice := _ONE_OF.fullmatch(message):
+        text = f"{' or '.join(choice[1].split())} is missing"
+    elif message.startswith(_REQUIRED):
+        *first, last = message.removeprefix(_REQUIRED).split(", ")
+        if any(isinstance(action, argparse._SubParsersAction) for action in parser._actions):
+            last = "a subcommand"
+        text = f"{', '.join(first)} and {last} are missing" if first else f"{last} is missing"
+    else:
         return message
-    *first, last = message.removeprefix(_REQUIRED).split(", ")
-    if any(isinstance(action, argparse._SubParsersAction) for action in parser._actions):
-        last = "a subcommand"
-    text = f"{', '.join(first)} and {last} are missing" if first else f"{last} is missing"
     # argparse does not come to tell of an option that it does not know if a required one is missing.
     unknown = [word for word in words if word.startswith("--") and not _is_known(parser, word)]
     return f"{text}; {unknown_words(parser, unknown)}" if unknown else text

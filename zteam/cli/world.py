@@ -2,7 +2,6 @@
 
 import argparse
 import math
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from zteam.cli.arguments import number, whole
+from zteam.cli.interrupts import leave
 from zteam.cli.options import Parser, add_log_options, run
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
@@ -271,4 +271,4 @@ def _laser(ranger: "Ranger") -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())

@@ -2,11 +2,11 @@
 running already, show that one's team."""
 
 import argparse
-import sys
 from collections.abc import Sequence
 
 from zteam import names
 from zteam.cli.arguments import add_go_timeout_option, number
+from zteam.cli.interrupts import leave
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, checked, run
 from zteam.errors import UsageError
 from zteam.robot_ids import parse_robot_ids
@@ -63,4 +63,4 @@ def _monitor(args: argparse.Namespace, team_size: int, ids: tuple[int, ...] | No
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())

@@ -2,13 +2,13 @@
 
 import argparse
 import logging
-import sys
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from zteam import names
 from zteam.cli.arguments import add_seed_option
+from zteam.cli.interrupts import leave
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, checked, run
 from zteam.errors import UsageError
 from zteam.robot_ids import format_robot_ids, parse_robot_ids
@@ -136,4 +136,4 @@ def _navigate(args: argparse.Namespace, ids: tuple[int, ...]) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())

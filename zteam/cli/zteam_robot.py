@@ -1,12 +1,12 @@
 """`zteam-robot --id N`: run one robot's behaviour: read its sensors, write its velocity command."""
 
 import argparse
-import sys
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from zteam import names
 from zteam.cli.arguments import add_path_option, add_seed_option
+from zteam.cli.interrupts import leave
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, checked, run
 from zteam.errors import UsageError, ZteamError
 from zteam.toml_values import parse_value
@@ -183,4 +183,4 @@ def _drive(choice: _Choice, args: argparse.Namespace) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())

@@ -1,11 +1,11 @@
 """`zteam-router`: the one Zenoh router of a machine. Other commands start it on demand."""
 
 import argparse
-import sys
 from collections.abc import Sequence
 
 from zteam.bus.options import DEFAULT_ENDPOINT
 from zteam.cli.arguments import number
+from zteam.cli.interrupts import leave
 from zteam.cli.options import Parser, add_log_options, run
 from zteam.nodes.router.node import run_router
 from zteam.numbers import MAX_SECONDS
@@ -37,4 +37,4 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())

@@ -1,13 +1,13 @@
 """`zteam-sim WORLD`: run the simulator. It reads Stage's world files; a robot's id is its place in the file."""
 
 import argparse
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from zteam import names
 from zteam.cli.arguments import LOCKSTEP_TIMEOUTS, MIN_RUN, UNTIL_TICKS, add_seed_option, number, parse_speed, whole
+from zteam.cli.interrupts import leave
 from zteam.cli.options import Parser, add_bus_options, bus_options, checked, run
 from zteam.errors import UsageError, ZteamError
 from zteam.geometry import Pose2
@@ -32,6 +32,7 @@ def build_parser() -> argparse.ArgumentParser:
         metavar="M",
         help="cell size of the published map, metres (default: %(default)s)",
     )
+    parser.add_argument("--no-map", action="store_true", help="publish no map: zteam-map serves another one")
     parser.add_argument("--compile-only", action="store_true", help="compile the kernels into the cache, then end")
     _add_robot_options(parser)
     _add_time_options(parser)
@@ -231,6 +232,7 @@ def _simulate(args: argparse.Namespace, choice: _Choice) -> int:
         world=Path(args.world),
         seed=args.seed,
         map_resolution=args.map_resolution,
+        has_map=not args.no_map,
         follows=choice.follows,
         run_for=args.run_for,
         until=args.until,
@@ -247,4 +249,4 @@ def _simulate(args: argparse.Namespace, choice: _Choice) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())

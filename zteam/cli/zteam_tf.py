@@ -1,12 +1,12 @@
 """`zteam-tf [TEAM.toml]`: merge every robot's transforms into one tree on `tf` and `tf_static`."""
 
 import argparse
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from zteam import names
 from zteam.cli.arguments import MAX_RATE, number
+from zteam.cli.interrupts import leave
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, run
 
 
@@ -53,4 +53,4 @@ def _aggregate(args: argparse.Namespace) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())

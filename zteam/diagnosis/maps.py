@@ -18,8 +18,12 @@ _RESOLUTION = 1e-3
 
 
 def check_map(facts: Facts) -> list[Finding]:
-    """Compare the map that a subscriber gets with the grid of the simulator's world."""
+    """Whether there is a map for those that need one; compare what a subscriber gets with the simulator's world."""
     message, sim = facts.map, facts.sim
+    waiting = sorted(name for name in facts.alive if names.navigated_robot_of(name) is not None)
+    if message is None and waiting:
+        text = f"nothing publishes '{names.MAP}', without which {', '.join(waiting)} cannot work"
+        return [problem("map", text, "zteam-map MAP.yaml")]
     if message is None or sim is None or sim.map is None:
         return []
     others = [writer for writer in facts.writers.get(names.MAP, ()) if writer != facts.map_writer]

@@ -43,7 +43,7 @@ def _listed(found: Sequence[str]) -> str:
 
 def check_processes(facts: Facts) -> list[Finding]:
     """One finding per kind of process, and one for every process that does not answer."""
-    findings = [_of_kind(kind, facts) for kind in kinds.KINDS if kind.on_bus]
+    findings = [_of_kind(kind, facts) for kind in kinds.KINDS if kind.on_bus and not kind.beside]
     findings = [finding for finding in findings if finding.good or finding.next_step]
     for node in facts.nodes:
         if not node.pid:

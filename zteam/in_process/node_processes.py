@@ -16,7 +16,7 @@ class NodeProcesses:
     """Without nodes it does nothing."""
 
     def __init__(self, plan: Plan, on_line: Callable[[str, str], None], on_failure: Callable[[], None]) -> None:
-        self._jobs, self._optional = plan.nodes, plan.optional
+        self._jobs, self._optional, self._beside = plan.nodes, plan.optional, plan.beside
         self._tell = on_failure
         self._supervisor = Supervisor(on_line, self._on_failure) if plan.nodes else None
 
@@ -32,7 +32,8 @@ class NodeProcesses:
     @property
     def failures(self) -> set[str]:
         """Names of those that have failed for good."""
-        return {process.name for process in self._supervisor.failures} if self._supervisor else set()
+        failures = self._supervisor.failures if self._supervisor else ()
+        return {process.name for process in failures} - self._beside
 
     @property
     def running(self) -> dict[str, Process]:
@@ -53,7 +54,7 @@ class NodeProcesses:
     def watched(self) -> list[Watched]:
         """Which have ended."""
         ended = self._supervisor.ended if self._supervisor else ()
-        return [Watched(name, name in ended, name not in self._optional) for name in self._jobs]
+        return [Watched(name, name in ended, name not in self._optional) for name in self._jobs.keys() - self._beside]
 
     def report(self) -> list[ProcessReport]:
         """One row for each."""

@@ -11,7 +11,8 @@ from zteam import names
 from zteam.behaviors.registry import find_behavior, load_behavior, look_in
 from zteam.compiling.takeover import begin, prepare
 from zteam.in_process.member import Part
-from zteam.launch.arguments import Pace, TeamLaunch, module_folders, navigated_robots
+from zteam.launch.arguments import Pace, TeamLaunch, module_folders, navigated_robots, team_map
+from zteam.nodes.map_server.node import run_map_server
 from zteam.nodes.monitor.display import Lines, MonitorOptions
 from zteam.nodes.monitor.node import run_monitor
 from zteam.nodes.navigation.node import NavigatedRobot, NavigationOptions, run_navigation
@@ -20,6 +21,7 @@ from zteam.nodes.simulator.lockstep import LockStepOptions
 from zteam.nodes.simulator.node import SimOptions, run_simulator
 from zteam.nodes.transforms.node import run_aggregator
 from zteam.planning.jit import PLANNING
+from zteam.planning.map_files import read_map
 from zteam.planning.parameters import navigation_of_robot
 from zteam.runtime.node import Node
 from zteam.runtime.step_node import StepNode
@@ -52,6 +54,7 @@ def simulator_part(launch: TeamLaunch) -> Part:
     options = SimOptions(
         world=launch.world,
         seed=launch.seed,
+        has_map=launch.team.team.map is None,
         follows={robot.id: robot.follow for robot in launch.team.robots if robot.follow is not None},
         run_for=launch.run_for,
         until=launch.until,
@@ -69,6 +72,15 @@ def simulator_part(launch: TeamLaunch) -> Part:
         run_simulator(node, world, robots, options, None if pace.lockstep else begin(SIMULATOR))
 
     return Part(body)
+
+
+def map_parts(launch: TeamLaunch) -> dict[str, Part]:
+    """The map server, if the team file names a map."""
+    found = team_map(launch)
+    if found is None:
+        return {}
+    grid = read_map(found)
+    return {names.MAP_SERVER: Part(lambda node: run_map_server(node, grid, found.name))}
 
 
 def aggregator_part(launch: TeamLaunch) -> Part:
@@ -126,6 +138,7 @@ def parts_of(launch: TeamLaunch, say: Callable[[str, str], None]) -> dict[str, P
     """The parts of a simulated team, by the names of the nodes; `say(name, line)` prints a line of a node."""
     return {
         names.SIMULATOR: simulator_part(launch),
+        **map_parts(launch),
         names.AGGREGATOR: aggregator_part(launch),
         names.MONITOR: monitor_part(launch, lambda line: say(names.MONITOR, line)),
         **navigation_parts(launch),

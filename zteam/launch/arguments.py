@@ -42,6 +42,8 @@ class TeamLaunch(msgspec.Struct, frozen=True):
     until: int | None = None
     """The run ends before this tick."""
     pace: Pace = Pace()
+    view: tuple[str, ...] | None = None
+    """Arguments of the view; None: the team is started without one."""
     participants: tuple[str, ...] = ()
     """Names of the processes that the first tick of lock-step waits for."""
 
@@ -68,6 +70,7 @@ def simulator_arguments(launch: TeamLaunch) -> Arguments:
         *(() if launch.until is None else ("--until", str(launch.until))),
         *_additions(team.robots),
         *(() if team.team.world_robots else ("--only-added",)),
+        *(() if team.team.map is None else ("--no-map",)),
         *_gaps(team.robots),
         *simulation_arguments(team.simulation),
         *_pace(launch),
@@ -78,6 +81,19 @@ def simulator_arguments(launch: TeamLaunch) -> Arguments:
 def aggregator_arguments(launch: TeamLaunch) -> Arguments:
     """One aggregator, which publishes the static transforms of the team file."""
     return {names.AGGREGATOR: [str(launch.team_file), *launch.team.arguments] if launch.team_file else []}
+
+
+def map_arguments(launch: TeamLaunch) -> Arguments:
+    """One map server, if the team file names a map."""
+    found = team_map(launch)
+    return {} if found is None else {names.MAP_SERVER: [str(found)]}
+
+
+def team_map(launch: TeamLaunch) -> Path | None:
+    """The map that the team gets in the place of the simulator's own; None for that one."""
+    if launch.team.team.map is None:
+        return None
+    return (launch.team_file.parent if launch.team_file else Path()) / launch.team.team.map
 
 
 def monitor_arguments(launch: TeamLaunch) -> Arguments:
@@ -94,6 +110,11 @@ def robots_arguments(launch: TeamLaunch) -> Arguments:
             arguments += [part for folder in module_folders(launch) for part in ("--path", str(folder))]
         found[names.robot_name(robot.id)] = arguments
     return found
+
+
+def view_arguments(launch: TeamLaunch) -> Arguments:
+    """One view, if it is asked for."""
+    return {} if launch.view is None else {names.VIEW: ["--name", names.VIEW, *launch.view]}
 
 
 def navigation_arguments(launch: TeamLaunch) -> Arguments:

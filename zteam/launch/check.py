@@ -13,7 +13,7 @@ from zteam import names
 from zteam.behaviors.registry import BEHAVIORS
 from zteam.errors import ConfigError, UsageError, WorldError
 from zteam.launch.own_behaviors import Answer, Inquiry, Question, answer
-from zteam.launch.plan import is_python
+from zteam.launch.plan import is_own, is_python
 from zteam.problems import Problem
 from zteam.resources import existing_file, is_folder
 from zteam.robot_ids import format_robot_ids
@@ -47,7 +47,7 @@ def check_team(file: TeamFile, world_file: Path | None = None) -> Path | None:
             told.append(str(error))
         for (i, entry), answered in zip(own.items(), inquiry.answers(), strict=True):
             problems += _behavior_problems(i, entry, answered)
-    problems += _node_problems(file)
+    problems += [*_node_problems(file), *_map_problems(file)]
     problems = [*file.problems, *(problem for problem in problems if not file.is_unfilled(problem.path))]
     if problems:
         told.insert(0, str(file.error(problems)))
@@ -104,9 +104,23 @@ def _node_problems(file: TeamFile) -> Iterator[Problem]:
             script = arguments[0] if arguments else ""
             if script.endswith(".py") and existing_file(folder / script) is None:
                 yield Problem(("nodes", i, "command", 1), f"there is no file {script!r} in {folder}")
-        elif not _find_program(program, folder):
+        elif not is_own(program) and not _find_program(program, folder):
             where = f"in {folder}" if os.sep in program else "on PATH"
             yield Problem(("nodes", i, "command", 0), f"there is no program {program!r} {where}")
+
+
+def _map_problems(file: TeamFile) -> Iterator[Problem]:
+    """What is wrong with the map in the place of the simulator's own."""
+    if file.team.team.map is not None:
+        # Imported here, because few teams have a map of their own.
+        from zteam.planning.map_files import read_map_file
+
+        try:
+            described = read_map_file(file.path.parent / file.team.team.map)
+            if existing_file(described.image) is None:
+                yield Problem(("team", "map"), f"there is no {described.image}, the map's image")
+        except UsageError as error:
+            yield Problem(("team", "map"), str(error))
 
 
 def _find_program(program: str, folder: Path) -> bool:

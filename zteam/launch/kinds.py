@@ -13,11 +13,13 @@ from zteam.launch.arguments import (
     Arguments,
     TeamLaunch,
     aggregator_arguments,
+    map_arguments,
     monitor_arguments,
     navigation_arguments,
     no_arguments,
     robots_arguments,
     simulator_arguments,
+    view_arguments,
 )
 from zteam.launch.process import zteam_command
 
@@ -46,11 +48,17 @@ class Kind(msgspec.Struct, frozen=True):
     """Whether a run with a time limit cannot be finished without it."""
     on_bus: bool = True
     """Whether it holds its name on the bus."""
+    beside: bool = False
+    """Whether a team runs on as before without it: it may come and go at any time."""
+    is_one: Callable[[str], bool] | None = None
+    """Where several of its processes may run: whether a name is that of one."""
     robot_id_of: Callable[[str], int | None] | None = None
     """For one process per robot: the robot's id in a process name, None where the name is of another kind."""
 
     def includes(self, name: str) -> bool:
         """Whether a process of this name is of this kind."""
+        if self.is_one is not None:
+            return self.is_one(name)
         return name == self.name if self.robot_id_of is None else self.robot_id_of(name) is not None
 
     def command_line(self, *arguments: str) -> list[str]:
@@ -82,6 +90,15 @@ KINDS: tuple[Kind, ...] = (
         stop_rank=2,
         hint="zteam-sim WORLD (or real robots that publish the same keys)",
         carries_run=True,
+    ),
+    Kind(
+        title="map",
+        name=names.MAP_SERVER,
+        command="zteam-map",
+        arguments=map_arguments,
+        stop_rank=1,
+        # The simulator has a map of its own, and few teams need one: `zteam doctor` names it where the map is missing.
+        hint="",
     ),
     Kind(
         title="transforms",
@@ -120,6 +137,16 @@ KINDS: tuple[Kind, ...] = (
         hint="zteam-robot --id 0",
         in_lockstep=True,
         robot_id_of=names.robot_id_of,
+    ),
+    Kind(
+        title="view",
+        name=names.VIEW,
+        command="zteam-view",
+        arguments=view_arguments,
+        stop_rank=0,
+        hint="",
+        beside=True,
+        is_one=names.is_view,
     ),
 )
 """In the order of starting."""

@@ -9,6 +9,7 @@ import msgspec
 from zteam import names
 from zteam.launch import kinds
 from zteam.launch.arguments import Pace, TeamLaunch
+from zteam.launch.process import zteam_command
 from zteam.launch.supervisor import Job
 from zteam.team_file import NodeEntry, Team
 
@@ -23,6 +24,8 @@ class Plan(msgspec.Struct):
     """Names of the robots that are started again when they have failed."""
     optional: frozenset[str] = frozenset()
     """Names of the nodes without which the run begins."""
+    beside: frozenset[str] = frozenset()
+    """Names of the nodes that come with zteam and that the team does not need: they may end at any time."""
 
     @property
     def robots(self) -> list[str]:
@@ -55,9 +58,11 @@ def plan_team(
     run_for: float | None = None,
     until: int | None = None,
     pace: Pace | None = None,
+    view: tuple[str, ...] | None = None,
 ) -> Plan:
     """The processes of a team. `bus` holds the connection options that all get; `world` None = real robots."""
-    return plan_of(launch_of(team, world, team_file=team_file, seed=seed, run_for=run_for, until=until, pace=pace), bus)
+    launch = launch_of(team, world, team_file=team_file, seed=seed, run_for=run_for, until=until, pace=pace, view=view)
+    return plan_of(launch, bus)
 
 
 def plan_of(launch: TeamLaunch, bus: Sequence[str]) -> Plan:
@@ -66,6 +71,13 @@ def plan_of(launch: TeamLaunch, bus: Sequence[str]) -> Plan:
     commands = {
         name: [*kind.command_line(*arguments), *bus]
         for kind in kinds.KINDS
+        if not kind.beside
+        for name, arguments in kind.arguments(launch).items()
+    }
+    beside = {
+        name: Job(kind.command_line(*arguments), may_end=True)
+        for kind in kinds.KINDS
+        if kind.beside
         for name, arguments in kind.arguments(launch).items()
     }
     nodes = {
@@ -74,13 +86,26 @@ def plan_of(launch: TeamLaunch, bus: Sequence[str]) -> Plan:
     }
     robots = (names.robot_name(robot.id) for robot in team.robots if team.restarts(robot))
     awaited = launch.participants if launch.pace.lockstep else ()
-    return Plan(commands, nodes, frozenset(robots), frozenset(nodes).difference(awaited))
+    return Plan(
+        commands,
+        {**beside, **nodes},
+        frozenset(robots),
+        frozenset({**beside, **nodes}).difference(awaited),
+        frozenset(beside),
+    )
 
 
 def node_command(node: NodeEntry) -> list[str]:
-    """The command of a user's node; `python` is this interpreter, wherever the user's own is."""
+    """The command of a user's node. `python` is this interpreter, wherever the user's own is, and zteam this zteam."""
     program, *rest = node.command
+    if is_own(program):
+        return zteam_command(program, *rest)
     return [sys.executable if is_python(program) else program, *rest]
+
+
+def is_own(program: str) -> bool:
+    """Whether the word is a command of zteam."""
+    return program == "zteam" or program in {kind.command for kind in kinds.KINDS}
 
 
 def is_python(program: str) -> bool:
@@ -97,6 +122,7 @@ def launch_of(
     run_for: float | None = None,
     until: int | None = None,
     pace: Pace | None = None,
+    view: tuple[str, ...] | None = None,
 ) -> TeamLaunch:
     """What the processes of a team depend on; `seed` None = the team's own."""
     launch = TeamLaunch(
@@ -107,6 +133,7 @@ def launch_of(
         run_for=run_for,
         until=until,
         pace=pace or Pace(),
+        view=view,
     )
     own = [name for kind in kinds.KINDS if kind.in_lockstep for name in kind.arguments(launch)]
     expected = dict.fromkeys((*(node.name for node in team.nodes if node.expect), *launch.pace.expect))

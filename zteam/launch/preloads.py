@@ -7,14 +7,23 @@ time and memory, no more.
 from collections.abc import Sequence
 
 _ROUTER = ("zteam.cli.options", "zteam.nodes.router.node")
-_NODE = ("zteam.cli.options", "zteam.runtime.process")
+# argparse imports shutil when it reads a command line.
+_NODE = ("zteam.cli.options", "shutil", "zteam.runtime.process")
+VIEW = "zteam.cli.zteam_view"
+"""Teams are started without it, usually, so its modules are imported only for those with one."""
 PRELOADS = {
     "zteam.cli.zteam_router": _ROUTER,
     "zteam.cli.zteam_sim": (*_NODE, "zteam.world"),
     "zteam.cli.zteam_tf": (*_NODE, "zteam.nodes.transforms.node", "zteam.team_file", "zteam.tf.urdf"),
     "zteam.cli.zteam_monitor": (*_NODE, "zteam.nodes.monitor.node"),
+    "zteam.cli.zteam_robot": (
+        *_NODE,
+        "zteam.nodes.robot.node",
+        "zteam.behaviors.registry",
+        "zteam.messages.team_codecs",
+    ),
     "zteam.cli.zteam_nav": (*_NODE, "zteam.runtime.step_node", "zteam.team_file"),
-    "zteam.cli.zteam_robot": (*_NODE, "zteam.nodes.robot.node", "zteam.behaviors.registry"),
+    VIEW: (*_NODE, "zteam.nodes.web.node"),
 }
 """Module that a child runs -> modules that are imported before it is forked, in the order of starting.
 
@@ -22,9 +31,10 @@ The simulator decides when a team can go, so it is forked before what the others
 """
 
 
-def all_preloads() -> tuple[str, ...]:
-    """All modules, each once, in their order."""
-    return tuple(dict.fromkeys(module for modules in PRELOADS.values() for module in modules))
+def all_preloads(*, view: bool = False) -> tuple[str, ...]:
+    """All modules, each once, in their order; those of the view last, if at all."""
+    rows = [modules for command, modules in PRELOADS.items() if view or command != VIEW]
+    return tuple(dict.fromkeys(module for modules in rows for module in modules))
 
 
 def preloads_of(command: Sequence[str]) -> tuple[str, ...]:

@@ -56,6 +56,8 @@ class RunOptions(msgspec.Struct, frozen=True):
     until: int | None = None
     """The tick before which the run ends."""
     pace: Pace = Pace()
+    view: tuple[str, ...] | None = None
+    """Arguments of the view; None: without one."""
 
     @property
     def has_end(self) -> bool:
@@ -117,6 +119,7 @@ def _plan(options: RunOptions) -> Plan:
         run_for=options.run_for,
         until=options.until,
         pace=options.pace,
+        view=options.view,
     )
 
 
@@ -240,7 +243,13 @@ class Run:
 
     def _watched(self) -> list[Watched]:
         supervisor, optional = self.supervisor, self.plan.optional
-        return [Watched(name, name in supervisor.ended, name not in optional) for name in list(supervisor.processes)]
+        needed = [name for name in list(supervisor.processes) if name not in self.plan.beside]
+        return [Watched(name, name in supervisor.ended, name not in optional) for name in needed]
+
+    @property
+    def failed(self) -> set[str]:
+        """Names of the processes that have failed for good, without those that the team does not need."""
+        return {process.name for process in self.supervisor.failures} - self.plan.beside
 
     def finish(self) -> RunReport | None:
         """Collect the counts, stop everything in order, and report; None after a stop or without a simulator."""

@@ -71,11 +71,13 @@ class WarmParent:
         running = [process.pid for process in self._processes if process.poll() is None]
         return {NAME: running[-1]} if running else {}
 
-    def prepare(self) -> None:
-        """Begin to import now."""
+    def prepare(self, *, view: bool = False) -> None:
+        """Begin to import now, with `view` what a view needs too."""
         if can_fork():
             with contextlib.suppress(OSError):
-                self._find_orders()
+                orders = self._find_orders()
+                if view:
+                    orders.load(all_preloads(view=True))
 
     def start(
         self, command: Sequence[str], lifeline: int, environment: Mapping[str, str], folder: Path | None = None

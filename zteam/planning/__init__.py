@@ -6,7 +6,8 @@ Importing this package imports no numba; kernels are compiled, or loaded, when t
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from zteam.planning.amcl import Amcl, AmclOptions
+    from zteam.planning.amcl import Amcl
+    from zteam.planning.amcl_options import AmclOptions
     from zteam.planning.checkers import GoalChecker, GoalOptions, ProgressChecker, ProgressOptions
     from zteam.planning.collisions import Velocity, stands_free, time_to_collision
     from zteam.planning.controller import BlockedError, Controller, PursuitOptions, RegulatedPurePursuit
@@ -21,7 +22,8 @@ if TYPE_CHECKING:
     from zteam.planning.scans import Scan, Teammate
 
 _MODULES = {
-    "amcl": ("Amcl", "AmclOptions"),
+    "amcl": ("Amcl",),
+    "amcl_options": ("AmclOptions",),
     "checkers": ("GoalChecker", "GoalOptions", "ProgressChecker", "ProgressOptions"),
     "collisions": ("Velocity", "stands_free", "time_to_collision"),
     "controller": ("BlockedError", "Controller", "PursuitOptions", "RegulatedPurePursuit"),

@@ -6,14 +6,14 @@ defaults. Every random number comes from counters, so the same seed and the same
 
 import math
 from collections.abc import Iterable
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from zteam.compiling.takeover import prepare
-from zteam.counter_random import gaussians, stream, uniforms
+from zteam.counter_random import gaussian_pairs, gaussians, stream, uniforms
 from zteam.geometry import Pose2, normalize_angle
+from zteam.planning.amcl_options import AmclOptions, alphas_of, check_options
 from zteam.planning.global_search import GlobalSearch
 from zteam.planning.grid import FREE, GridMap
 from zteam.planning.jit import PLANNING
@@ -21,11 +21,12 @@ from zteam.planning.likelihood import LikelihoodField, make_likelihood_field, we
 from zteam.planning.matching import beams_of, match, to_field
 from zteam.planning.particles import (
     BIN_SIZE,
+    estimate_pose,
     kld_limits,
-    label_clusters,
     move_differential,
     move_omnidirectional,
     resample,
+    spread_poses,
 )
 from zteam.planning.scans import Scan, Teammate, find_ends, on_teammates
 
@@ -33,7 +34,6 @@ Floats = NDArray[np.float64]
 
 _MOVE, _DRAW, _SPREAD, _STRANGERS, _MATCHED = range(5)
 """Streams of random numbers."""
-_BINS_OF_TURN = 36
 _FOUND = 0.2, 0.2, 0.1
 """Metres, metres, radians: deviations of the particles about the place that was found on the whole map."""
 _FIRST_STEPS = 0.1, 0.05
@@ -42,39 +42,38 @@ _MATCHED_DEVIATIONS = 0.03, 0.03, 0.02
 """Metres, metres, radians: how the particles scatter that are put where the scan fits best."""
 
 
-class AmclOptions(NamedTuple):
-    """Parameters, with amcl's names and Nav2's defaults."""
+def _make_field(grid: GridMap, options: AmclOptions, range_max: float) -> LikelihoodField:
+    return make_likelihood_field(
+        grid,
+        z_hit=options.z_hit,
+        z_rand=options.z_rand,
+        sigma_hit=options.sigma_hit,
+        max_dist=options.laser_likelihood_max_dist,
+        range_max=min(range_max, options.laser_max_range),
+    )
 
-    alpha1: float = 0.2
-    alpha2: float = 0.2
-    alpha3: float = 0.2
-    alpha4: float = 0.2
-    alpha5: float = 0.2
-    max_beams: int = 60
-    min_particles: int = 500
-    max_particles: int = 2000
-    update_min_d: float = 0.25
-    update_min_a: float = 0.2
-    z_hit: float = 0.5
-    z_rand: float = 0.5
-    sigma_hit: float = 0.2
-    laser_likelihood_max_dist: float = 2.0
-    laser_max_range: float = 100.0
-    """Metres; a longer beam, or one of the laser's range_max, says nothing."""
-    pf_err: float = 0.05
-    pf_z: float = 0.99
-    recovery_alpha_slow: float = 0.0
-    recovery_alpha_fast: float = 0.0
-    resample_interval: int = 1
-    robot_model_type: str = "nav2_amcl::DifferentialMotionModel"
-    """Or nav2_amcl::OmniMotionModel."""
-    matched_share: float = 0.15
-    """Share of the particles that are put where the scan fits best, near the mean; 0 is plain amcl, which takes many
-    updates to follow a turn that odometry did not see."""
-    global_particles: int = 25_000
-    """Poses that are tried with each scan while the robot may be anywhere."""
-    teammate_margin: float = 0.1
-    """Metres around a teammate in which a beam that ends there counts as on the teammate, and is left out."""
+
+def _has_moved(before: Pose2, after: Pose2, options: AmclOptions) -> bool:
+    turned = abs(normalize_angle(after.yaw - before.yaw))
+    return math.hypot(after.x - before.x, after.y - before.y) >= options.update_min_d or turned >= options.update_min_a
+
+
+def _scatter(poses: Floats, about: Floats, share: float, state: NDArray[np.uint64]) -> None:
+    """Put a share of the particles, which were drawn in no order, about a pose."""
+    count = int(share * len(poses))
+    draws = gaussian_pairs(state, (3 * count + 1) // 2)[0, : 3 * count].reshape(-1, 3)
+    poses[:count] = about + draws * np.array(_MATCHED_DEVIATIONS)
+
+
+def choose_beams(scan: Scan, teammates: Iterable[Teammate], options: AmclOptions) -> Floats:
+    """Ends of up to `max_beams` beams, spread evenly, in the base frame: (n, 2). Those on teammates are left out."""
+    count = min(options.max_beams, len(scan.ranges))
+    chosen = np.linspace(0, len(scan.ranges) - 1, count).astype(np.int64)
+    ranges = np.full_like(scan.ranges, np.nan)
+    ranges[chosen] = scan.ranges[chosen]
+    ends, met = find_ends(scan._replace(ranges=ranges), Pose2(0.0, 0.0, 0.0), options.laser_max_range)
+    met &= ~on_teammates(ends, teammates, options.teammate_margin)
+    return ends[met]
 
 
 class Amcl:
@@ -87,7 +86,7 @@ class Amcl:
         check_options(self.options)
         self._grid = grid
         self._field: tuple[float, LikelihoodField] | None = None
-        self._free: NDArray[np.int64] | None = None
+        self._free = np.flatnonzero(grid.cells.ravel() == FREE)
         self._seed, self._count, self._spreads = seed, 0, 0
         self._odom: Pose2 | None = None
         self._pose_of_odom = Pose2(0.0, 0.0, 0.0)
@@ -125,8 +124,7 @@ class Amcl:
 
     def _begin(self, poses: Floats) -> None:
         self._spreads += 1
-        self._poses = np.ascontiguousarray(poses)
-        self._weights = np.full(len(poses), 1.0 / len(poses))
+        self._poses, self._weights = np.ascontiguousarray(poses), np.full(len(poses), 1.0 / len(poses))
         self._slow = self._fast = 0.0
         # From where the next odometry is.
         self._odom, self._forced = None, True
@@ -149,14 +147,12 @@ class Amcl:
         if self._odom is None:
             self._odom, self._pose_of_odom = odom, self.pose.compose(odom.inverse())
         before = self._odom
-        moved = math.hypot(odom.x - before.x, odom.y - before.y)
-        turned = abs(normalize_angle(odom.yaw - before.yaw))
-        if not self._forced and moved < self.options.update_min_d and turned < self.options.update_min_a:
+        if not self._forced and not _has_moved(before, odom, self.options):
             return False
         self._forced = False
         self._count += 1
         self._odom = odom
-        ends = self._beams(scan, teammates)
+        ends = choose_beams(scan, teammates, self.options)
         if self._search is not None:
             self._look_everywhere(self._search, before, odom, ends)
             return True
@@ -164,14 +160,16 @@ class Amcl:
         field = self._likelihoods(scan.range_max)
         self._weigh(field, ends)
         if self._count % self.options.resample_interval == 0:
-            self._estimate()
+            heaviest = self._poses[[self._weights.argmax()]]
             self._resample()
-            self._put_matched(match(field, np.array([self.pose]), ends, *_FIRST_STEPS)[0][0])
+            fitting = match(field, heaviest, ends, *_FIRST_STEPS)[0][0]
+            _scatter(self._poses, fitting, self.options.matched_share, self._state(_MATCHED, self._count))
         self._estimate()
         self._pose_of_odom = self.pose.compose(odom.inverse())
         return True
 
     def _look_everywhere(self, search: GlobalSearch, before: Pose2, odom: Pose2, ends: Floats) -> None:
+        self._forced = True
         search.move(before, odom)
         found = search.try_poses(self._anywhere(self.options.global_particles, _STRANGERS, self._count), ends)
         if not len(search.poses):
@@ -181,21 +179,14 @@ class Amcl:
             self.set_pose(self.pose, _FOUND)
             self._odom = odom
         else:
-            self._forced = True
-            self._poses, self._weights = search.poses.copy(), search.fits / search.fits.sum()
+            weights = search.fits + 1e-9
+            self._poses, self._weights = search.poses.copy(), weights / weights.sum()
         self._pose_of_odom = self.pose.compose(odom.inverse())
 
     def _move(self, before: Pose2, after: Pose2) -> None:
-        options = self.options
-        draws = gaussians(self._state(_MOVE, self._count), 3 * len(self._poses)).reshape(-1, 3)
-        move = move_omnidirectional if options.robot_model_type.endswith("OmniMotionModel") else move_differential
-        move(
-            self._poses,
-            before,
-            after,
-            (options.alpha1, options.alpha2, options.alpha3, options.alpha4, options.alpha5),
-            draws,
-        )
+        draws = gaussian_pairs(self._state(_MOVE, self._count), 2 * len(self._poses)).reshape(-1, 4)
+        move = move_omnidirectional if self.options.robot_model_type.endswith("OmniMotionModel") else move_differential
+        move(self._poses, before, after, alphas_of(self.options), draws)
 
     def _weigh(self, field: LikelihoodField, beams: Floats) -> None:
         frame = self._grid.frame
@@ -206,31 +197,9 @@ class Amcl:
         self._slow += (options.recovery_alpha_slow if self._slow else 1.0) * (total - self._slow)
         self._fast += (options.recovery_alpha_fast if self._fast else 1.0) * (total - self._fast)
 
-    def _beams(self, scan: Scan, teammates: Iterable[Teammate]) -> Floats:
-        """Ends of up to `max_beams` beams, spread evenly, in the base frame: (n, 2)."""
-        options = self.options
-        count = min(options.max_beams, len(scan.ranges))
-        chosen = np.linspace(0, len(scan.ranges) - 1, count).astype(np.int64)
-        ranges = np.full_like(scan.ranges, np.nan)
-        ranges[chosen] = scan.ranges[chosen]
-        here = Pose2(0.0, 0.0, 0.0)
-        ends, met = find_ends(scan._replace(ranges=ranges), here, options.laser_max_range)
-        met &= ~on_teammates(ends, teammates, options.teammate_margin)
-        return ends[met]
-
     def _likelihoods(self, range_max: float) -> LikelihoodField:
-        range_max = min(range_max, self.options.laser_max_range)
         if self._field is None or self._field[0] != range_max:
-            options = self.options
-            made = make_likelihood_field(
-                self._grid,
-                z_hit=options.z_hit,
-                z_rand=options.z_rand,
-                sigma_hit=options.sigma_hit,
-                max_dist=options.laser_likelihood_max_dist,
-                range_max=range_max,
-            )
-            self._field = range_max, made
+            self._field = range_max, _make_field(self._grid, self.options, range_max)
         return self._field[1]
 
     def _resample(self) -> None:
@@ -247,58 +216,13 @@ class Amcl:
         if share:
             self._slow = self._fast = 0.0
 
-    def _put_matched(self, pose: Floats) -> None:
-        """Put some of the particles, which were drawn in no order, about this pose."""
-        count = int(self.options.matched_share * len(self._poses))
-        if count:
-            draws = gaussians(self._state(_MATCHED, self._count), 3 * count).reshape(-1, 3)
-            self._poses[:count] = pose + draws * np.array(_MATCHED_DEVIATIONS)
-
     def _estimate(self) -> None:
-        """The mean and covariance of the heaviest cluster."""
-        labels = np.empty(len(self._poses), np.int64)
-        clusters = label_clusters(self._poses, BIN_SIZE, _BINS_OF_TURN, labels)
-        poses, weights = self._poses, self._weights
-        if clusters > 1:
-            chosen = labels == np.bincount(labels, weights, clusters).argmax()
-            poses, weights = poses[chosen], weights[chosen]
-        weights = weights / weights.sum()
-        x, y = float(weights @ poses[:, 0]), float(weights @ poses[:, 1])
-        yaw = math.atan2(float(weights @ np.sin(poses[:, 2])), float(weights @ np.cos(poses[:, 2])))
-        self.pose = Pose2(x, y, yaw)
-        away = poses - np.array(self.pose)
-        away[:, 2] = np.arctan2(np.sin(away[:, 2]), np.cos(away[:, 2]))
-        self.covariance = (away * weights[:, None]).T @ away
+        self.pose, self.covariance = estimate_pose(self._poses, self._weights)
 
     def _anywhere(self, count: int, purpose: int, counter: int) -> Floats:
         """Poses all over the free cells: (count, 3)."""
-        if self._free is None:
-            self._free = np.flatnonzero(self._grid.cells.ravel() == FREE)
-        if not len(self._free):
-            raise ValueError("the map has no free cells: a robot can be nowhere on it")
         draws = uniforms(self._state(purpose, counter), 4 * count).reshape(-1, 4)
-        frame = self._grid.frame
-        row, column = np.divmod(self._free[(draws[:, 0] * len(self._free)).astype(np.int64)], frame.columns)
-        places = frame.points_from_cells(np.stack((column + draws[:, 1], row + draws[:, 2]), axis=1))
-        return np.column_stack((places, 2.0 * math.pi * draws[:, 3] - math.pi))
+        return spread_poses(self._grid.frame, self._free, draws)
 
     def _state(self, purpose: int, counter: int) -> NDArray[np.uint64]:
         return np.array([stream(self._seed, purpose, counter)], np.uint64)
-
-
-def check_options(options: AmclOptions) -> None:
-    """Raise ValueError for numbers that cannot be."""
-    if not 1 <= options.min_particles <= options.max_particles:
-        raise ValueError(
-            f"min_particles {options.min_particles} and max_particles {options.max_particles}: "
-            "give two numbers from 1 on, the first one not above the second"
-        )
-    if options.max_beams < 1 or options.resample_interval < 1:
-        raise ValueError("max_beams and resample_interval are whole numbers from 1 on")
-    if not (options.sigma_hit > 0.0 and options.laser_likelihood_max_dist > 0.0 and options.pf_err > 0.0):
-        raise ValueError("sigma_hit, laser_likelihood_max_dist and pf_err are above 0")
-    if options.robot_model_type.rpartition("::")[2] not in ("DifferentialMotionModel", "OmniMotionModel"):
-        raise ValueError(
-            f"robot_model_type {options.robot_model_type!r}: give nav2_amcl::DifferentialMotionModel or "
-            "nav2_amcl::OmniMotionModel"
-        )

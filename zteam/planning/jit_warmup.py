@@ -11,7 +11,8 @@ import numpy as np
 from zteam.compiling.kernels import Kernel
 from zteam.compiling.warmup import warm_up
 from zteam.geometry import Pose2
-from zteam.planning.amcl import Amcl, AmclOptions
+from zteam.planning.amcl import Amcl
+from zteam.planning.amcl_options import AmclOptions
 from zteam.planning.collisions import Velocity, stands_free
 from zteam.planning.controller import RegulatedPurePursuit
 from zteam.planning.costmap import make_costmap

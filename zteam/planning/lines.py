@@ -90,7 +90,8 @@ def measure_lines_numpy(weights: Weights, columns: int, begins: Cells, ends: Cel
     times = np.minimum(np.concatenate((np.zeros_like(first), ticks, total), axis=1), total)
     passed = weights[cells].astype(np.int64)
     corner = (ticks[:, 1:] == ticks[:, :-1]) & (ticks[:, 1:] != never)
-    blocked = (passed == 0).any(axis=1) | (corner & (weights[cells[:, 2:] - step_x] == 0)).any(axis=1)
+    beside = np.where(corner, cells[:, 2:] - step_x, first)
+    blocked = (passed == 0).any(axis=1) | (corner & (weights[beside] == 0)).any(axis=1)
     costs = (passed * np.diff(times, axis=1)).sum(axis=1)
     total = total[:, 0]
     length = np.sqrt((delta * delta).sum(axis=1).astype(np.float64))

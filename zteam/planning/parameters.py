@@ -9,7 +9,7 @@ from typing import Any, Literal, NamedTuple, get_args, get_type_hints
 import msgspec
 
 from zteam.errors import UsageError
-from zteam.planning.amcl import AmclOptions, check_options
+from zteam.planning.amcl_options import AmclOptions, check_options
 from zteam.planning.checkers import GoalOptions, ProgressOptions
 from zteam.planning.controller import PursuitOptions
 from zteam.planning.costmap import CostmapOptions

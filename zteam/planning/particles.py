@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zteam.geometry import Pose2, normalize_angle
+from zteam.planning.grid import Frame
 from zteam.planning.jit import compiled
 
 Floats = NDArray[np.float64]
@@ -19,7 +20,7 @@ _EMPTY = -1
 def move_differential(poses: Floats, before: Pose2, after: Pose2, alphas: tuple[float, ...], draws: Floats) -> None:
     """Move particles (n, 3) as odometry says that a differential base went, with its errors.
 
-    amcl's DifferentialMotionModel (Thrun, Burgard, Fox 2005, table 5.6); `draws` (n, 3) are standard normal.
+    amcl's DifferentialMotionModel (Thrun, Burgard, Fox 2005, table 5.6); `draws` (n, 3 or more) are standard normal.
     """
     dx, dy = after.x - before.x, after.y - before.y
     way, turn = math.hypot(dx, dy), normalize_angle(after.yaw - before.yaw)
@@ -162,3 +163,37 @@ def label_clusters(poses: Floats, size: tuple[float, float, float], turns: int, 
             clusters += 1
         labels[i] = cluster[place_of[i]]
     return clusters
+
+
+_BINS_OF_TURN = 36
+
+
+def estimate_pose(poses: Floats, weights: Floats) -> tuple[Pose2, Floats]:
+    """The mean and covariance (3, 3) of the heaviest cluster of particles (n, 3)."""
+    labels = np.empty(len(poses), np.int64)
+    clusters = label_clusters(poses, BIN_SIZE, _BINS_OF_TURN, labels)
+    if clusters > 1:
+        chosen = labels == np.bincount(labels, weights, clusters).argmax()
+        poses, weights = poses[chosen], weights[chosen]
+    weights = weights / weights.sum()
+    x, y = float(weights @ poses[:, 0]), float(weights @ poses[:, 1])
+    # Headings of a cluster lie about one of them: that is cheaper than the mean of sines and cosines.
+    first = float(poses[weights.argmax(), 2])
+    yaw = normalize_angle(first + float(weights @ _wrapped(poses[:, 2] - first)))
+    away = poses - np.array((x, y, yaw))
+    away[:, 2] = _wrapped(away[:, 2])
+    return Pose2(x, y, yaw), (away * weights[:, None]).T @ away
+
+
+def _wrapped(angles: Floats) -> Floats:
+    """The equivalent angles from -pi to pi."""
+    return angles - 2.0 * math.pi * np.rint(angles * (0.5 / math.pi))
+
+
+def spread_poses(frame: Frame, free: NDArray[np.int64], draws: Floats) -> Floats:
+    """Poses (n, 3) in `map` all over the cells `free` (indexes), from uniform `draws` (n, 4). Raises ValueError."""
+    if not len(free):
+        raise ValueError("the map has no free cells: a robot can be nowhere on it")
+    row, column = np.divmod(free[(draws[:, 0] * len(free)).astype(np.int64)], frame.columns)
+    places = frame.points_from_cells(np.stack((column + draws[:, 1], row + draws[:, 2]), axis=1))
+    return np.column_stack((places, 2.0 * math.pi * draws[:, 3] - math.pi))

@@ -72,7 +72,7 @@ class AStarPlanner:
         frame, options = costmap.frame, self.options
         for what, pose in (("start", start), ("goal", goal)):
             _check_pose(frame, what, pose)
-        field = self._prepare(costmap)
+        field = self.prepare(costmap)
         first = self._leave(field, frame, start)
         last = frame.cell_at(goal.x, goal.y)
         way = field.find_way(first, last, options.tolerance / frame.resolution)
@@ -88,7 +88,8 @@ class AStarPlanner:
         path = make_path(points, goal.yaw, frame.resolution)
         return Plan(path, float(np.hypot(*np.diff(points, axis=0).T).sum()), missing)
 
-    def _prepare(self, costmap: Costmap) -> Field:
+    def prepare(self, costmap: Costmap) -> Field:
+        """The weights of a costmap's cells, for a search."""
         shape = costmap.costs.shape
         if self._field is None or self._field.shape != shape:
             self._field = Field(*shape)

@@ -102,6 +102,8 @@ def _join(weights: Weights, columns: int, way: Cells, stride: int, reach: int, l
 
 def _drop_straight(corners: Cells) -> Cells:
     """Without the points at which the way does not turn."""
+    moved = (corners[1:] != corners[:-1]).any(axis=1)
+    corners = corners[np.concatenate(([True], moved))]
     if len(corners) < 3:
         return corners
     to, on = corners[1:-1] - corners[:-2], corners[2:] - corners[1:-1]

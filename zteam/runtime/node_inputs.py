@@ -50,7 +50,8 @@ class NodeInputs:
                 callback(key, message)
 
         def take(key: str, message: Message, source: str = "") -> None:
-            if not isinstance(message, _OF_PROCESSES):
+            # A latched message may be the aggregator's, which is there before the simulator.
+            if not (at_once or isinstance(message, _OF_PROCESSES)):
                 self.first_data = self.first_data or monotonic()
             due = self.of_ticks.take(key, message) if every_tick else None
             if at_once or not part.active:

@@ -156,6 +156,43 @@ class SimStatus(msgspec.Struct):
     """The grid of the world, as the simulator publishes it on `map`."""
 
 
+class RobotShape(msgspec.Struct):
+    """What a robot looks like from above, in its `base_footprint`."""
+
+    model: str
+    outline: list[list[tuple[float, float]]]
+    """Polygons, counter-clockwise, the lowest first; metres."""
+    lasers: list[tuple[float, float, float]]
+    """x, y, yaw of each laser, in the order of their topics."""
+
+
+class ObstacleShape(msgspec.Struct):
+    """A model without a drive."""
+
+    name: str
+    x: float
+    """Of its origin in `map`, as y and yaw."""
+    y: float
+    yaw: float
+    outline: list[list[tuple[float, float]]]
+    """Polygons around its origin; metres."""
+    movable: bool
+    """Whether robots can push it."""
+
+
+class ShapesReply(msgspec.Struct):
+    """Answer to `sim/shapes`: what the robots look like, and which models `sim/spawn` makes."""
+
+    robots: dict[int, RobotShape]
+    models: list[str]
+
+
+class ObstaclesReply(msgspec.Struct):
+    """Answer to `sim/obstacles`: the obstacles where they are now."""
+
+    obstacles: list[ObstacleShape]
+
+
 def absence_text(robot_id: int, robots: Sequence[int]) -> str:
     """What is said of a robot that the world lacks: which robots it has, and the way out."""
     has = format_robot_ids(robots) or "no robot"

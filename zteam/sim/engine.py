@@ -28,7 +28,7 @@ from zteam.sim.observation import Observation, RobotObservation, Robots, Snapsho
 from zteam.sim.odometry import Odometry, make_wheels, roll
 from zteam.sim.surroundings import Surroundings
 from zteam.simulation_options import Options
-from zteam.world.model import Floorplan, Robot, World
+from zteam.world.model import Floorplan, Obstacle, Robot, World
 from zteam.world.placing import find_hindrance
 
 Floats = NDArray[np.float64]
@@ -66,10 +66,8 @@ class Engine:
         self.options = options or Options()
         self.tick = 0
         # Floor plans of one bitmap share its fields.
-        fields = {
-            id(plan.occupied): build_fields(plan.occupied)
-            for plan in {id(p.occupied): p for p in world.floorplans}.values()
-        }
+        bitmaps = {id(plan.occupied): plan.occupied for plan in world.floorplans}
+        fields = {number: build_fields(bitmap) for number, bitmap in bitmaps.items()}
         self._floorplans = [(plan, fields[id(plan.occupied)]) for plan in world.floorplans]
         self._at_first = dict(enumerate(world.robots)) if robots is None else dict(robots)
         self._robots = dict(self._at_first)
@@ -131,6 +129,10 @@ class Engine:
         team = self._assembled()
         return Standing(team.ids.keys(), team.bodies.poses[: len(team.ids)], team.bodies.stalled)
 
+    def obstacles(self) -> tuple[Obstacle, ...]:
+        """Those of the world, where they are now; for any thread."""
+        return self.world.obstacles if self._team is None else self._team.at_present(self.world)[0].obstacles
+
     def reset(self) -> None:
         """Set everything back to the start: time, the set of robots, and things that were pushed."""
         self.tick = 0
@@ -178,11 +180,9 @@ class Engine:
         """Raise UsageError if a robot of this id has no room at `pose`; where it stands now does not count."""
         world, robots = self._assembled().at_present(self.world)
         robots.pop(robot_id, None)
-        why = find_hindrance(world, replace(robot, pose=pose), robots)
-        if why:
-            raise UsageError(
-                f"robot {robot_id} has no room at x {pose.x:g}, y {pose.y:g}: {why} (--force puts it there)"
-            )
+        if why := find_hindrance(world, replace(robot, pose=pose), robots):
+            place = f"x {pose.x:g}, y {pose.y:g}"
+            raise UsageError(f"robot {robot_id} has no room at {place}: {why} (--force puts it there)")
 
     def _assembled(self) -> "_Team":
         """The team as it is now; it is made again only when robots came or went since the last call."""

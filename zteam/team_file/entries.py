@@ -33,6 +33,8 @@ class TeamSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """False: leave the world's own robots out, and simulate only those that the team adds with a `pose`."""
     restart: Restart = "no"
     """For the robots and nodes that do not say it themselves."""
+    map: Text | None = None
+    """A map file (map_server's YAML) that `zteam-map` serves in the place of the simulator's own map."""
 
 
 class RobotEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

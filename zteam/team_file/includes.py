@@ -151,6 +151,8 @@ def _fix_paths(tables: Tables, folder: Path) -> None:
         beside = resources.existing_file(folder / team["world"])
         if beside is not None:
             team["world"] = str(beside)
+    if isinstance(team, dict) and isinstance(team.get("map"), str):
+        team["map"] = str(folder / team["map"])
     robots = tables.get("robots")
     for table in [tables.get("defaults"), *(robots if isinstance(robots, list) else [])]:
         if isinstance(table, dict) and isinstance(table.get("description"), str):

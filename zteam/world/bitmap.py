@@ -45,6 +45,8 @@ def _read_channels(path: Path) -> NDArray[Any]:
         with warnings.catch_warnings():
             # Pillow warns at a bound of its own, above ours.
             warnings.simplefilter("error", Image.DecompressionBombWarning)
+            # Else a format that the file's name does not tell makes Pillow import all it has, 50 of them.
+            Image.preinit()
             with Image.open(path, formats=_FORMATS) as image:
                 if image.width * image.height > MAX_PIXELS:
                     raise too_large

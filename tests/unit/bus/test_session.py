@@ -1,5 +1,9 @@
 """The Zenoh transport on a session without a router."""
 
+import queue
+import threading
+from collections.abc import Iterator
+
 import pytest
 import zenoh
 
@@ -15,3 +19,58 @@ def test_asking_a_closed_session_is_an_error_of_the_bus() -> None:
     transport.close()
     with pytest.raises(BusError, match="cannot ask robot_1/info"):
         transport.get("robot_1/info", b"", 1.0)
+
+
+@pytest.fixture
+def transport() -> Iterator[ZenohTransport]:
+    """An open session that knows no other."""
+    transport = ZenohTransport(zenoh.open(zenoh.Config.from_json5(ALONE)))
+    yield transport
+    transport.close()
+
+
+def test_further_queries_cost_no_further_thread(transport: ZenohTransport) -> None:
+    """All queries of a session are answered on one thread: a process with twenty would have twenty."""
+    threads = set()
+
+    def answer(_payload: bytes) -> bytes:
+        threads.add(threading.get_ident())
+        return b"here"
+
+    for number in range(3):
+        transport.declare_queryable(f"robot_{number}/info", answer)
+    for number in range(3):
+        assert [reply.payload for reply in transport.get(f"robot_{number}/info", b"", 5.0)] == [b"here"]
+    assert len(threads) == 1
+
+
+def test_a_handler_of_tokens_holds_up_no_query(transport: ZenohTransport) -> None:
+    """While what a token leads to takes its time, queries are answered."""
+    may_end, begun = threading.Event(), threading.Event()
+
+    def on_token(_key: str, _is_there: bool) -> None:
+        begun.set()
+        may_end.wait(10.0)
+
+    transport.watch_tokens("robot_1/alive/*", on_token)
+    transport.declare_queryable("robot_1/info", lambda _: b"here")
+    transport.declare_token("robot_1/alive/a")
+    assert begun.wait(10.0)
+    assert [reply.payload for reply in transport.get("robot_1/info", b"", 5.0)] == [b"here"]
+    may_end.set()
+
+
+def test_an_error_in_a_handler_stops_no_other(transport: ZenohTransport, caplog: pytest.LogCaptureFixture) -> None:
+    """The thread that calls handlers outlives their errors, which are logged."""
+    seen: queue.SimpleQueue[str] = queue.SimpleQueue()
+
+    def on_token(key: str, _is_there: bool) -> None:
+        if key.endswith("bad"):
+            raise RuntimeError("broken")
+        seen.put(key)
+
+    transport.watch_tokens("robot_1/alive/*", on_token)
+    transport.declare_token("robot_1/alive/bad")
+    transport.declare_token("robot_1/alive/good")
+    assert seen.get(timeout=10.0) == "robot_1/alive/good"
+    assert "error in a callback of the bus" in caplog.text

@@ -6,7 +6,8 @@ import pytest
 
 from support.named_sessions import open_named
 from zteam import __version__, names
-from zteam.bus import MemoryHub
+from zteam.bus import MemoryHub, NoRequest
+from zteam.bus.presence import own_info
 from zteam.cli import node
 
 
@@ -32,3 +33,12 @@ def test_a_command_that_holds_a_frame_is_no_process_of_the_team(hub: MemoryHub) 
     caller = hub.bus()
     caller.declare_token(names.token_key(names.STATIC_CALLER, caller.instance))
     assert [found.name for found in node.find_nodes(hub.bus())] == ["robot_0"]
+
+
+def test_a_process_of_several_names_is_listed_under_each(hub: MemoryHub) -> None:
+    """A navigation of several robots holds the name of each."""
+    bus = open_named(hub, "nav_1")
+    bus.serve(names.info_key("nav_2"), NoRequest, lambda _: own_info("nav_2", bus.instance, 0))
+    bus.declare_token(names.token_key("nav_2", bus.instance))
+    found = node.find_nodes(hub.bus())
+    assert [(each.name, each.pid) for each in found] == [("nav_1", os.getpid()), ("nav_2", os.getpid())]

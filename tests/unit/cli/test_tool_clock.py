@@ -92,7 +92,7 @@ def test_simulated_time_can_be_waited_for(monkeypatch: pytest.MonkeyPatch) -> No
     def find_no_simulator(_bus: Bus) -> None:
         asked.set()
 
-    monkeypatch.setattr(tool_clock, "_ask_time", find_no_simulator)
+    monkeypatch.setattr(tool_clock, "ask_time", find_no_simulator)
     thread = threading.Thread(target=lambda: found.append(tool_clock.open_clock(hub.bus(), "sim")))
     thread.start()
     assert asked.wait(LIMIT)

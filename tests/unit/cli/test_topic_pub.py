@@ -6,6 +6,8 @@ from collections.abc import Iterator
 import pytest
 import zenoh
 
+from support.fake_navigation import FakeNavigation
+from support.goals import make_goal
 from support.named_sessions import ignore, open_named
 from support.transports import Inbox, RouterProcess, wait_until_true
 from zteam import names
@@ -225,3 +227,14 @@ def test_a_subscriber_of_a_plain_zenoh_program_is_noticed(capsys: pytest.Capture
     printed = capsys.readouterr()
     assert printed.out.count("to subscribers that tell no name") == 10
     assert printed.err == ""
+
+
+def test_a_goal_is_one_short_line(hub: MemoryHub, capsys: pytest.CaptureFixture[str]) -> None:
+    """A goal needs its frame and its place: the rest of the message has values that mean no turn and no time."""
+    navigation = FakeNavigation(hub, 2)
+    goal = "{header: {frame_id: map}, pose: {position: {x: 22, y: 17}}}"
+    assert topic.main(["pub", "-1", "robot_2/goal_pose", "PoseStamped", goal]) == 0
+    assert navigation.goals == [make_goal(22.0, 17.0)]
+    assert "on robot_2/goal_pose once to 1 subscriber" in capsys.readouterr().out
+    assert topic.main(["pub", "-1", "robot_2/goal_pose", "Twist", "{}"]) == 2
+    assert "robot_2/goal_pose carries geometry_msgs/msg/PoseStamped, not " in capsys.readouterr().err

@@ -5,7 +5,7 @@ import math
 import msgspec
 import pytest
 
-from support.team_facts import WORLD_MAP, grid, problems, sim_status, team_facts
+from support.team_facts import WORLD_MAP, grid, nodes, problems, sim_status, team_facts
 from zteam.diagnosis.maps import check_map, check_map_file, compare_with_world, find_differences
 from zteam.services.simulator import MapInfo
 
@@ -13,6 +13,16 @@ from zteam.services.simulator import MapInfo
 def changed(**changes: float) -> MapInfo:
     """The grid of the world with a change."""
     return msgspec.structs.replace(WORLD_MAP, **changes)
+
+
+def test_a_navigation_without_a_map_is_a_problem() -> None:
+    """Whatever waits for the map is named, with the way out; without navigation a team needs none."""
+    alive = nodes("monitor", "nav_1", "nav_2", "robot_1", "tf")
+    facts = team_facts(nodes=alive, map=None, map_writer="", writers={}, sim=None)
+    ((what, text, step),) = problems(check_map(facts))
+    assert (what, step) == ("map", "zteam-map MAP.yaml")
+    assert text == "nothing publishes 'map', without which nav_1, nav_2 cannot work"
+    assert check_map(team_facts(map=None, sim=None)) == []
 
 
 def test_a_map_that_is_shifted_is_a_problem() -> None:

@@ -74,7 +74,7 @@ gaussian_noise = -1
 
 
 TOLD = [
-    "4: team.sede: unknown key (did you mean seed?); known: world, seed, world_robots, restart",
+    "4: team.sede: unknown key (did you mean seed?); known: world, seed, world_robots, restart, map",
     "8: robots[0].behaviour: unknown key (did you mean behavior?); forward takes speed",
     "9: robots[0].sped: unknown key (did you mean speed?); forward takes speed",
     '14: robots[1].min_dist: a number is expected, not "near"',
@@ -248,3 +248,33 @@ def test_the_check_needs_no_engine(tmp_path: Path) -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
     assert done.stdout == "set()\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (None, "cannot read the map "),
+        ("resolution: 0.05\norigin: [0, 0, 0]\n", "image: give the name of a pgm or png file"),
+        ("image: none.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n", "none.pgm, the map's image"),
+    ],
+)
+def test_a_map_that_cannot_be_served_is_told_before_the_start(tmp_path: Path, text: str | None, told: str) -> None:
+    """At the line of the key."""
+    if text is not None:
+        (tmp_path / "hall.yaml").write_text(text)
+    path = tmp_path / "team.toml"
+    path.write_text('[team]\nworld = "arena"\nmap = "hall.yaml"\n[[robots]]\nid = 0\n')
+    with pytest.raises(ConfigError) as raised:
+        check_team(read_team_file(path))
+    (line,) = str(raised.value).splitlines()
+    assert line.startswith(f"{path}:3: team.map: ")
+    assert told in line
+
+
+def test_commands_of_zteam_need_not_be_on_the_path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A node `zteam goals …` runs with the team's own interpreter."""
+    monkeypatch.setenv("PATH", "")
+    path = tmp_path / "team.toml"
+    node = '[[nodes]]\nname = "goals"\ncommand = ["zteam", "goals", "tour.yaml"]\n'
+    path.write_text(f'[team]\nworld = "arena"\n[[robots]]\nid = 0\n{node}')
+    check_team(read_team_file(path))

@@ -5,10 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from zteam.cli import zteam_monitor, zteam_robot, zteam_sim, zteam_tf
+from zteam.cli import zteam_map, zteam_monitor, zteam_robot, zteam_sim, zteam_tf
 from zteam.geometry import Pose2
 from zteam.launch.arguments import Pace
 from zteam.launch.plan import Plan, plan_team
+from zteam.launch.process import zteam_command
 from zteam.launch.supervisor import Job
 from zteam.resources import shipped_team
 from zteam.team_file import NodeEntry, RobotEntry, Team, TeamSection, load_team
@@ -55,6 +56,31 @@ def test_a_process_of_no_kind_stops_first() -> None:
     order = plan.stop_order()
     assert set(order[0]) == {"robot_0", "robot_3", "robot_7", "robot_8", "teleop", "robot #7"}
     assert order[1:] == [["tf", "monitor"], ["sim"], ["router"]]
+
+
+def test_a_node_may_be_a_command_of_zteam() -> None:
+    """It runs with this interpreter, as the other processes of the team do."""
+    nodes = [
+        NodeEntry("goals", ("zteam", "goals", "tour.yaml"), "/t"),
+        NodeEntry("map", ("zteam-map", "office.yaml"), "/t"),
+        NodeEntry("mine", ("zteam-mine",), "/t"),
+    ]
+    plan = plan_team(Team([RobotEntry(id=0)], nodes=nodes), WORLD, BUS)
+    assert plan.nodes["goals"].command == zteam_command("zteam", "goals", "tour.yaml")
+    assert plan.nodes["map"].command == zteam_command("zteam-map", "office.yaml")
+    assert plan.nodes["mine"].command == ["zteam-mine"]
+
+
+def test_a_map_takes_the_place_of_the_simulators_own() -> None:
+    """The map server gets the file beside the team file, and the simulator is told to publish none."""
+    team = Team([RobotEntry(id=0)], TeamSection(map="maps/hall.yaml"))
+    plan = plan_team(team, WORLD, BUS, team_file=Path("/t/team.toml"))
+    assert arguments(plan, "map")[0] == "/t/maps/hall.yaml"
+    assert "--no-map" in arguments(plan, "sim")
+    assert zteam_map.build_parser().parse_args(arguments(plan, "map")).map == "/t/maps/hall.yaml"
+    assert zteam_sim.build_parser().parse_args(arguments(plan, "sim")).no_map
+    assert plan.stop_order()[1] == ["map", "tf", "monitor"]
+    assert "map" not in plan_team(TEAM, WORLD, BUS).commands
 
 
 def test_nodes_are_jobs_that_stop_with_the_robots() -> None:

@@ -18,6 +18,7 @@ from zteam.messages import (
     Done,
     Header,
     Odometry,
+    RobotStatus,
     TFMessage,
     TransformStamped,
     Twist,
@@ -54,6 +55,19 @@ def test_it_counts_anew_when_time_jumps_back(hub: MemoryHub, make: Callable[...,
                 break
     assert own.steps[0] == 500 * TICK
     assert own.steps[1] < 400 * TICK
+
+
+def test_only_fresh_data_tells_of_a_base(hub: MemoryHub, make: Callable[..., Own]) -> None:
+    """What processes say, and latched messages, come before the simulator too: they do not decide for wall time."""
+    own, bus = make(), hub.bus()
+    own.node.subscribe("robot_0/status", RobotStatus, lambda key, status: None)
+    own.node.subscribe(names.TF_STATIC, TFMessage, lambda key, message: None, latched=True)
+    own.node.subscribe("robot_0/odom", Odometry, lambda key, odom: None)
+    bus.publisher("robot_0/status", RobotStatus).put(RobotStatus())
+    bus.publisher(names.TF_STATIC, TFMessage, latched=True).put(TFMessage())
+    assert own.node._inputs.first_data == 0.0
+    bus.publisher("robot_0/odom", Odometry).put(Odometry())
+    assert own.node._inputs.first_data > 0.0
 
 
 class Host:

@@ -57,7 +57,7 @@ def test_a_missing_argument_is_told_once_at_each_place(tmp_path: Path) -> None:
     text = '[team]\nworld = "${map}"\nseeed = 1\n[[robots]]\nid = "${id}"\n[[robots]]\nid = 1\nfollow = "${id}"\n'
     assert error_of(tmp_path, text) == [
         "team.toml:2: team.world: the argument map is missing: give map=VALUE",
-        "team.toml:3: team.seeed: unknown key (did you mean seed?); known: world, seed, world_robots, restart",
+        "team.toml:3: team.seeed: unknown key (did you mean seed?); known: world, seed, world_robots, restart, map",
         "team.toml:5: robots[0].id: the argument id is missing: give id=VALUE",
         "team.toml:8: robots[1].follow: the argument id is missing: give id=VALUE",
     ]

@@ -61,11 +61,11 @@ def test_a_shipped_team_can_be_included(tmp_path: Path) -> None:
 
 
 def test_paths_belong_to_the_file_in_which_they_stand(tmp_path: Path) -> None:
-    """World, description, folder of a node, and modules of behaviours: each beside the included file."""
+    """World, map, description, folder of a node, and modules of behaviours: each beside the included file."""
     below = tmp_path / "below"
     write(
         below,
-        base='[team]\nworld = "own.world"\n[[robots]]\nid = 0\ndescription = "arm.urdf"\n'
+        base='[team]\nworld = "own.world"\nmap = "hall.yaml"\n[[robots]]\nid = 0\ndescription = "arm.urdf"\n'
         '[[nodes]]\nname = "a"\ncommand = ["python"]\n',
     )
     (below / "own.world").write_text("")
@@ -74,6 +74,7 @@ def test_paths_belong_to_the_file_in_which_they_stand(tmp_path: Path) -> None:
     )
     assert file.problems == []
     assert team_world(file) == below / "own.world"
+    assert file.team.team.map == str(below / "hall.yaml")
     assert file.team.robots[0].description == str(below / "arm.urdf")
     assert [node.folder for node in file.team.nodes] == [str(below), str(tmp_path)]
     assert file.team.folders == (str(tmp_path), str(below))

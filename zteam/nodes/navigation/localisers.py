@@ -146,7 +146,7 @@ class AmclLocaliser:
         self.updated = False
         if not self._placed and not self._find_initial_pose(inputs):
             self.problem = (
-                f"its place is not known: publish it on {names.robot_key(inputs.robot_id, names.INITIALPOSE)}"
+                f"its place is not known: publish it on {names.robot_key(inputs.robot_id, names.INITIAL_POSE)}"
             )
             return
         stamp = inputs.stamps.get(names.BASE_SCAN, 0)

@@ -108,7 +108,7 @@ class NavigationNode:
             inputs.needs_truth = True
             self._listen(inputs, names.GROUND_TRUTH, Odometry, "truth")
         self._listen(inputs, names.GOAL_POSE, PoseStamped, "goal")
-        self._listen(inputs, names.INITIALPOSE, PoseWithCovarianceStamped, "initial_pose")
+        self._listen(inputs, names.INITIAL_POSE, PoseWithCovarianceStamped, "initial_pose")
         self._listen(inputs, names.STATUS, RobotStatus, "status")
         info = own_info(node.name, node.bus.instance, node.claim.start)
         self._serve(robot_id, "info", NoRequest, lambda _: info)

@@ -18,7 +18,7 @@ class AliveRobots:
         """The robots that are alive, ascending, as far as known (under `node.changed`)."""
         if not self._watches:
             self._watches = True
-            self._node.watch_tokens(names.robots_tokens_key(), self._on_token)
+            self._node.watch_tokens(names.tokens_key(names.ALL_ROBOTS), self._on_token)
         return self._ids
 
     def _on_token(self, key: str, alive: bool) -> None:

@@ -7,7 +7,7 @@ from zteam import names
 from zteam.behaviors import Behavior
 from zteam.behaviors.parameters import parameters_of, values_of
 from zteam.behaviors.registry import read_params
-from zteam.bus import NoRequest
+from zteam.bus import Deferred, NoRequest
 from zteam.errors import UsageError
 from zteam.runtime.node import Node
 from zteam.services.parameters import DESCRIBE, SET, DescribeReply, SetReply, SetRequest
@@ -25,7 +25,8 @@ class Parameters:
         """The parameters that were given at the start or set since, by name: never changed, only replaced (under
         `node.changed`). They outlast a jump back in time."""
         node.bus.serve(names.service_key(node.name, DESCRIBE), NoRequest, lambda _: self._describe())
-        node.bus.serve(names.service_key(node.name, SET), SetRequest, self._set)
+        # A behaviour at work holds the lock: other queries are answered meanwhile.
+        node.bus.serve(names.service_key(node.name, SET), SetRequest, lambda asked: Deferred(lambda: self._set(asked)))
 
     def read(self, given: dict[str, Any]) -> Any:
         """These parameters as the behaviour's `Params`, for the behaviour alone. Raises UsageError."""

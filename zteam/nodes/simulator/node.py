@@ -24,6 +24,7 @@ from zteam.nodes.simulator.queries import Queries
 from zteam.nodes.simulator.reports import Reporter
 from zteam.nodes.simulator.run_counter import RunCounter
 from zteam.nodes.simulator.run_statistics import RunStatistics
+from zteam.nodes.simulator.shapes import serve_shapes
 from zteam.nodes.simulator.team_outputs import TeamOutputs
 from zteam.nodes.simulator.tick_profile import TickProfile
 from zteam.nodes.simulator.tick_sender import TickSender
@@ -49,6 +50,8 @@ class SimOptions(msgspec.Struct, frozen=True):
     seed: int = 1
     map_resolution: float = 0.05
     """Metres a cell of the published map."""
+    has_map: bool = True
+    """Whether it publishes one."""
     follows: Mapping[int, int] = msgspec.field(default_factory=dict)
     """Pairs whose gap is measured: follower -> leader."""
     engine: Options = Options()
@@ -108,6 +111,7 @@ class Simulator:
             self._statistics,
             self._profile,
         )
+        serve_shapes(self._node.bus, self._world, self._engine)
         on_reset = [part.start_anew for part in (self._counter, self._commands, self._pacer, self._sender)]
         if self._lockstep is not None:
             on_reset.append(self._lockstep.start_anew)
@@ -116,7 +120,9 @@ class Simulator:
             self._node,
             self._pacer,
             turns,
-            WorldChanges(self._world, self._engine, self._outputs, self._sender, on_reset),
+            WorldChanges(
+                self._world, self._engine, self._outputs, self._sender, on_reset, self._statistics.add_external_command
+            ),
             lambda: reporter.status(turns.finished),
             lambda: reporter.report(turns.finished),
         )
@@ -124,8 +130,9 @@ class Simulator:
     def publish_statics(self) -> None:
         """Send the latched messages: every robot's fixed frames, and the map."""
         self._outputs.match_robots()
-        self._map = self._node.bus.publisher(names.MAP, OccupancyGrid, latched=True)
-        self._map.put(map_message(self._world, self._options.map_resolution))
+        if self._options.has_map:
+            self._map = self._node.bus.publisher(names.MAP, OccupancyGrid, latched=True)
+            self._map.put(map_message(self._world, self._options.map_resolution))
 
     def run(self) -> None:
         """Tick until the process is asked to stop."""

@@ -10,7 +10,7 @@ from zteam.nodes.simulator.run_statistics import RunStatistics
 from zteam.runtime.node import Node
 from zteam.runtime.tokens import TokenSet
 
-TOPICS = (names.CMD_VEL_TELEOP, names.CMD_VEL_NAV, names.GOAL_POSE)
+TOPICS = (names.CMD_VEL_TELEOP, names.CMD_VEL_NAV, names.GOAL_POSE, names.INITIAL_POSE)
 """What tells a robot from outside where to drive, besides `cmd_vel` itself (`Commands`)."""
 
 

@@ -21,10 +21,15 @@ class WorldChanges:
         outputs: TeamOutputs,
         sender: TickSender,
         on_reset: Iterable[Callable[[], None]],
+        on_change: Callable[[], None] = lambda: None,
     ) -> None:
-        """`reset` calls everything in `on_reset` when the engine is back at its start."""
+        """`reset` calls everything in `on_reset` when the engine is back at its start.
+
+        `on_change()` is called when a robot was added, removed or moved.
+        """
         self._world, self._engine, self._outputs, self._sender = world, engine, outputs, sender
         self._on_reset = tuple(on_reset)
+        self._on_change = on_change
 
     def repeat(self) -> None:
         """Send the last tick's data again."""
@@ -47,17 +52,20 @@ class WorldChanges:
         robot = add_robot(self._world, request.model, _pose(request), names.robot_name(robot_id))
         self._engine.spawn(robot_id, robot, checked=not request.force)
         self._outputs.match_robots()
+        self._on_change()
         return robot_id
 
     def remove(self, robot_id: int) -> None:
         """Take a robot out of the world. Raises UsageError."""
         self._engine.remove(robot_id)
         self._outputs.match_robots()
+        self._on_change()
 
     def move(self, request: MoveRequest) -> None:
         """Put a robot at another pose. Raises UsageError."""
         self._engine.place(request.id, _pose(request), checked=not request.force)
         self._outputs.put_statics(request.id)
+        self._on_change()
 
 
 def _pose(request: SpawnRequest | MoveRequest) -> Pose2:

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Mapping
 
 from zteam.nodes.teleop.pilot import Pilot
-from zteam.nodes.teleop.wheels import Wheels
+from zteam.runtime.wheels import Wheels
 
 Presses = Iterable[tuple[list[str], float]]
 """Keys, and the time in seconds at which commands are due; without keys as often as commands are to be sent."""

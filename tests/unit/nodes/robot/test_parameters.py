@@ -1,8 +1,8 @@
 """Parameters of a robot that drives, on a bus in memory: a set counts from the next step on, whole or not at all."""
 
 import threading
-from collections.abc import Iterator
-from typing import Annotated, ClassVar
+from collections.abc import Callable, Iterator
+from typing import Annotated, Any, ClassVar
 
 import msgspec
 import pytest
@@ -10,13 +10,13 @@ import pytest
 from support.real_time_robot import LIMIT, RealTimeRobot
 from zteam import names
 from zteam.behaviors import Behavior, View
-from zteam.bus import MemoryHub
+from zteam.bus import Deferred, MemoryHub
 from zteam.errors import UsageError
 from zteam.messages import Twist, Vector3
 from zteam.nodes.robot.parameters import Parameters
 from zteam.runtime.node import Node
 from zteam.runtime.shutdown import Stop
-from zteam.services.parameters import SET
+from zteam.services.parameters import SET, SetRequest
 from zteam.services.parameters_client import ParametersClient
 
 NAME = "robot_1"
@@ -209,3 +209,13 @@ def test_a_set_on_a_wildcard_is_refused(robot: RealTimeRobot) -> None:
     replies = client._bus.transport.get(names.service_key("*", SET), request, LIMIT)
     assert [reply.error for reply in replies] == [True]
     assert client.describe(NAME).values["speed"] == 0.1
+
+
+def test_a_set_that_waits_for_a_behaviour_holds_up_no_other_query(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A set waits for user code that holds the node's lock, so it is not answered on the thread of all queries."""
+    bus = MemoryHub().bus()
+    served: dict[str, Callable[[Any], Any]] = {}
+    monkeypatch.setattr(bus, "serve", lambda key, _type, answer: served.update({key: answer}))
+    Parameters(Node(NAME, bus, Stop(), "wall"), Cruise, "cruise", {})
+    assert isinstance(served[names.service_key(NAME, SET)](SetRequest(parameters={"speed": 0.2})), Deferred)
+    bus.close()

@@ -5,6 +5,7 @@ import logging
 from zteam import names
 from zteam.bus import Bus
 from zteam.bus.presence import Claim
+from zteam.bus.transport import Closeable
 from zteam.errors import BusError, DuplicateNameError, ZteamError
 from zteam.messages import RobotStatus, Twist
 from zteam.runtime.shutdown import Stop
@@ -30,6 +31,7 @@ class Wheels:
         self.driven = Twist()
         """The newest that the robot's process has sent to its base."""
         self._stop = stop
+        self._open: list[Closeable] = []
         self._claim = Claim(bus, self.name)
 
     def take(self) -> None:
@@ -38,14 +40,17 @@ class Wheels:
             self._claim.win(lambda holder: self._give_way(holder.pid, holder.host))
         except DuplicateNameError:
             self._key = names.robot_key(self._id, names.CMD_VEL_TELEOP)
-            self._bus.subscribe(names.robot_key(self._id, names.STATUS), RobotStatus, self._on_status)
-            self._bus.subscribe(names.robot_key(self._id, names.CMD_VEL), Twist, self._on_driven)
+            self._open = [
+                self._bus.subscribe(names.robot_key(self._id, names.STATUS), RobotStatus, self._on_status),
+                self._bus.subscribe(names.robot_key(self._id, names.CMD_VEL), Twist, self._on_driven),
+            ]
         else:
             self.direct, self._key = True, names.robot_key(self._id, names.CMD_VEL)
             self._claim.under_name.append(self._bus.serve_stats(self.name))
             self._check_world()
             log.warning("%s has no process: driving its base directly, without a safety layer", self.name)
         self._publisher = self._bus.publisher(self._key, Twist)
+        self._open.append(self._publisher)
 
     def _give_way(self, pid: int, host: str) -> None:
         log.error("%s is also held by process %d on %s, which is older: stopping", self.name, pid, host)
@@ -78,6 +83,8 @@ class Wheels:
         self._publisher.put(command)
 
     def close(self) -> None:
-        """Give the name back."""
+        """Give the name back, and send nothing more."""
         if self.direct:
             self._claim.release()
+        for handle in self._open:
+            handle.close()

@@ -14,8 +14,8 @@ from zteam.errors import DuplicateNameError, ZteamError
 from zteam.messages import RobotDriver, RobotStatus, Twist, Vector3
 from zteam.nodes.teleop.driving import drive
 from zteam.nodes.teleop.pilot import Pilot
-from zteam.nodes.teleop.wheels import Wheels
 from zteam.runtime.shutdown import Stop
+from zteam.runtime.wheels import Wheels
 from zteam.services.simulator import SimStatus
 
 LIMIT = 30.0

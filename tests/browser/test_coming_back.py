@@ -1,0 +1,82 @@
+"""What a page shows when its server or the team goes away and comes back."""
+
+from urllib.parse import urlsplit
+
+from support.browser import VIEW, Screen, start_view
+from zteam.testing.team import TeamFixture
+
+TOKEN = "kept-for-this-test"
+
+
+def test_a_page_outlives_its_server(team: TeamFixture, screen: Screen) -> None:
+    """Without the server the page says so and shows no robots; with a new one it goes on by itself, and may command."""
+    team.start("arena", 2, behavior="idle", lockstep=False)
+    url = start_view(team, "--token", TOKEN)
+    screen.open(url, 2)
+    viewport = screen.ask("zteam.app.camera.viewport()")
+    team.kill(VIEW)
+    screen.wait("zteam.app.store.connection.state === 'lost'")
+    assert screen.ask("zteam.app.store.poses.count") == 0
+    assert screen.ask("zteam.app.send({op: 'pause'})") == "not connected to the server"
+    start_view(team, "--token", TOKEN, port=urlsplit(url).port or 0)
+    screen.wait("zteam.app.store.connection.state === 'open' && zteam.app.store.poses.count === 2")
+    assert screen.ask("zteam.app.camera.viewport()") == viewport
+    assert screen.ask("zteam.app.send({op: 'pause'})") == ""
+    team.wait_for(lambda: team.sim_status.paused)
+
+
+def test_a_page_outlives_its_team(team: TeamFixture, screen: Screen) -> None:
+    """When the simulator is gone its robots are no longer drawn; a new simulator's are."""
+    team.start("arena", 2, behavior="idle", lockstep=False)
+    screen.open(start_view(team), 2)
+    team.kill("sim")
+    screen.wait("!zteam.app.store.team.sim.present")
+    team.restart("sim")
+    screen.wait("zteam.app.store.team.sim.present && zteam.app.store.poses.count === 2")
+    tick = screen.ask("zteam.app.store.frame.tick")
+    screen.wait("tick => zteam.app.store.frame.tick > tick", tick)
+
+
+def test_a_page_waits_for_a_team(team: TeamFixture, screen: Screen) -> None:
+    """A view of an empty namespace shows an empty map; the robots of a team that starts later appear by themselves."""
+    screen.open(start_view(team))
+    assert screen.ask("zteam.app.store.poses.count") == 0
+    screen.wait("zteam.stats.frames > 0")
+    team.start("arena", 2, behavior="idle", lockstep=False)
+    screen.wait("zteam.app.store.poses.count === 2 && zteam.app.store.grids.size === 1")
+
+
+def test_a_browser_without_webgl_says_so(team: TeamFixture, screen: Screen) -> None:
+    """Names and tools work there all the same."""
+    screen.page.add_init_script("""
+      const getContext = HTMLCanvasElement.prototype.getContext;
+      HTMLCanvasElement.prototype.getContext = function (kind, ...rest) {
+        return kind === 'webgl2' ? null : getContext.call(this, kind, ...rest);
+      };
+    """)
+    team.start("arena", 1, behavior="idle", lockstep=False)
+    screen.open(start_view(team), 1)
+    screen.wait("document.querySelector('#toasts').textContent.includes('no WebGL2')")
+    screen.select(0)
+
+
+def test_a_lost_graphics_context_is_drawn_again(team: TeamFixture, screen: Screen) -> None:
+    """When the browser takes WebGL's context away and gives it back, map and robots are there again."""
+    team.start("arena", 1, behavior="idle", lockstep=False)
+    screen.open(start_view(team), 1)
+    screen.wait("zteam.app.store.grids.size === 1")
+    colors = """async () => {
+      const picture = await createImageBitmap(await zteam.app.scene.png());
+      const ctx = new OffscreenCanvas(picture.width, picture.height).getContext('2d');
+      ctx.drawImage(picture, 0, 0);
+      return new Set(new Uint32Array(ctx.getImageData(0, 0, picture.width, picture.height).data.buffer)).size;
+    }"""
+    before = screen.ask(colors)
+    screen.ask("""() => {
+      window.context = document.querySelector('#scene canvas').getContext('webgl2').getExtension('WEBGL_lose_context');
+      context.loseContext();
+    }""")
+    screen.wait("document.querySelector('#scene canvas').getContext('webgl2').isContextLost()")
+    screen.ask("context.restoreContext()")
+    screen.wait("!document.querySelector('#scene canvas').getContext('webgl2').isContextLost()")
+    screen.wait(f"async () => (await ({colors})()) > {before // 2}")

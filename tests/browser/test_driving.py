@@ -1,0 +1,180 @@
+"""Driving by keys and stick: who holds the lease, what the wheels get, and when they stand."""
+
+from typing import Any
+
+import pytest
+
+from support.browser import OpenScreen, Screen, start_view
+from zteam.clock import monotonic
+from zteam.messages import Twist
+from zteam.testing.team import TeamFixture
+
+DEAD_MAN = 0.5
+"""Host seconds after which a robot stands whose page says nothing."""
+TICKS = 10
+"""A robot that has not moved in so many ticks stands."""
+
+
+def start_arena(team: TeamFixture, screen: Screen) -> str:
+    """Two idle robots, the first one selected for driving on a page; the page's URL."""
+    team.start("arena", 2, behavior="idle", lockstep=False)
+    url = start_view(team)
+    screen.open(url, 2)
+    prepare(screen, 0)
+    return url
+
+
+def prepare(screen: Screen, robot: int) -> None:
+    """Select a robot, and begin to drive."""
+    screen.select(robot)
+    screen.page.keyboard.press("d")
+    screen.wait("zteam.app.drive.mode")
+
+
+def lease_of(screen: Screen, robot: int = 0) -> Any:
+    """Which viewer drives a robot, as the page shows it to its user."""
+    return screen.ask("id => zteam.app.store.robots.get(id).lease", robot)
+
+
+def is_driving(team: TeamFixture) -> bool:
+    """Whether robot 0 moves forwards."""
+    return team.robot(0).speed > 0.1
+
+
+def assert_stands(team: TeamFixture) -> None:
+    """Robot 0 does not move in the next ticks."""
+    pose, tick = team.robot(0).pose, team.tick
+    team.wait_for(lambda: team.tick >= tick + TICKS)
+    assert team.robot(0).pose == pytest.approx(pose, abs=1e-6)
+
+
+def test_keys_drive_the_selected_robot(team: TeamFixture, screen: Screen) -> None:
+    """A held i drives it forwards under a lease of this page, and its release stops it; the other robot stands."""
+    start_arena(team, screen)
+    before, other = team.robot(0).pose, team.robot(1).pose
+    screen.page.keyboard.down("i")
+    team.wait_for(lambda: is_driving(team) and team.robot(0).pose.x > before.x + 0.2)
+    assert team.robot(0).status is not None
+    team.wait_for(lambda: getattr(team.robot(0).status, "driver", "") == "teleop")
+    screen.wait("zteam.app.store.robots.get(0).lease === zteam.app.store.connection.viewer")
+    screen.page.keyboard.up("i")
+    team.wait_for(lambda: team.robot(0).speed == 0.0)
+    assert_stands(team)
+    assert team.robot(0).pose.y == pytest.approx(before.y, abs=0.02)
+    assert team.robot(1).pose == pytest.approx(other, abs=1e-6)
+    screen.page.keyboard.press("Escape")
+    screen.wait("zteam.app.store.robots.get(0).lease === null")
+
+
+def test_keys_mean_what_they_mean_in_teleop_twist_keyboard(team: TeamFixture, screen: Screen) -> None:
+    """o drives forwards with a turn to the right, at the speed that w has raised by a tenth."""
+    heard: list[Twist] = []
+    start_arena(team, screen)
+    team.bus.subscribe("robot_0/cmd_vel_teleop", Twist, lambda _key, twist: heard.append(twist))
+    screen.page.keyboard.press("w")
+    screen.page.keyboard.down("o")
+    expected = pytest.approx((0.55, -1.0))
+    team.wait_for(lambda: any((twist.linear.x, twist.angular.z) == expected for twist in list(heard)))
+    screen.page.keyboard.up("o")
+    team.wait_for(lambda: heard[-1] == Twist())
+
+
+@pytest.mark.parametrize("end", ["blur", "hidden", "close", "hang"])
+def test_nothing_moves_half_a_second_after_the_hand_is_gone(team: TeamFixture, screen: Screen, end: str) -> None:
+    """The page loses the focus, is hidden, closed, or hangs, while a key is held: the robot stands 0.5 s later."""
+    start_arena(team, screen)
+    screen.page.keyboard.down("i")
+    team.wait_for(lambda: is_driving(team))
+    scripts = {
+        "blur": "window.dispatchEvent(new Event('blur'))",
+        "hidden": """() => {
+            Object.defineProperty(document, 'hidden', {get: () => true});
+            document.dispatchEvent(new Event('visibilitychange'));
+        }""",
+        "hang": "setTimeout(() => { const end = performance.now() + 4000; while (performance.now() < end); })",
+    }
+    if end == "close":
+        screen.page.close()
+    else:
+        screen.ask(scripts[end])
+    gone = monotonic()
+    team.wait_for(lambda: monotonic() > gone + DEAD_MAN + stopping(team))
+    assert_stands(team)
+    if end in ("blur", "hidden"):
+        screen.wait("zteam.app.store.robots.get(0).lease === null")
+
+
+def stopping(team: TeamFixture) -> float:
+    """Host seconds that the base itself needs to stop: a tick for the command, and one for the wheels."""
+    return 3 * team.sim_status.interval * 1e-9
+
+
+def test_a_robot_has_one_driver(team: TeamFixture, screen: Screen, open_screen: OpenScreen) -> None:
+    """A second page sees which viewer drives and is refused the lease; it gets it when the first one lets go."""
+    url = start_arena(team, screen)
+    second = open_screen()
+    second.open(url, 2)
+    prepare(second, 0)
+    screen.page.bring_to_front()
+    screen.page.keyboard.down("i")
+    team.wait_for(lambda: is_driving(team))
+    viewer = screen.ask("zteam.app.store.connection.viewer")
+    second.wait("viewer => zteam.app.store.robots.get(0).lease === viewer", viewer)
+    second.ask("zteam.app.drive.wish('test', {linear: -1, left: 0, angular: 0})")
+    second.wait("zteam.app.drive.lease === 'none'")
+    assert lease_of(second) == viewer
+    assert is_driving(team)
+    screen.page.keyboard.up("i")
+    screen.page.keyboard.press("Escape")
+    second.wait("zteam.app.store.robots.get(0).lease === null")
+    second.page.keyboard.down("j")
+    second.wait("zteam.app.store.robots.get(0).lease === zteam.app.store.connection.viewer")
+    second.page.keyboard.up("j")
+
+
+def test_the_stick_drives_and_springs_back(team: TeamFixture, screen: Screen) -> None:
+    """The knob pushed up drives forwards as long as it is held."""
+    start_arena(team, screen)
+    box = screen.page.locator(".stick").bounding_box()
+    assert box is not None
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    screen.page.mouse.move(x, y)
+    screen.page.mouse.down()
+    screen.page.mouse.move(x, y - 44)
+    team.wait_for(lambda: team.robot(0).speed > 0.3)
+    screen.page.mouse.up()
+    team.wait_for(lambda: team.robot(0).speed == 0.0)
+    assert_stands(team)
+
+
+def test_a_gamepad_drives_with_its_left_stick(team: TeamFixture, screen: Screen) -> None:
+    """The stick of a gamepad that is plugged in while driving is on moves the robot; in its middle the robot stands."""
+    start_arena(team, screen)
+    screen.ask("""() => {
+      window.pad = {connected: true, axes: [0, -1], buttons: []};
+      navigator.getGamepads = () => [null, pad];
+      window.dispatchEvent(new Event('gamepadconnected'));
+    }""")
+    team.wait_for(lambda: team.robot(0).speed > 0.3)
+    screen.ask("pad.axes = [0.02, 0.05]")
+    team.wait_for(lambda: team.robot(0).speed == 0.0)
+    assert_stands(team)
+
+
+def test_tab_stops_and_takes_the_next_robot(team: TeamFixture, screen: Screen) -> None:
+    """As in the terminal's teleop: the first robot stands and is free, the keys drive the second one."""
+    start_arena(team, screen)
+    screen.page.keyboard.down("i")
+    team.wait_for(lambda: is_driving(team))
+    screen.page.keyboard.press("Tab")
+    team.wait_for(lambda: team.robot(0).speed == 0.0)
+    screen.page.keyboard.up("i")
+    screen.page.keyboard.down("j")
+    turned = team.robot(1).pose.yaw
+    team.wait_for(lambda: abs(team.robot(1).pose.yaw - turned) > 0.2)
+    screen.wait(
+        "zteam.app.store.robots.get(1).lease === zteam.app.store.connection.viewer"
+        "&& zteam.app.store.robots.get(0).lease === null"
+    )
+    assert_stands(team)
+    screen.page.keyboard.up("j")

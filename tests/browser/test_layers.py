@@ -1,0 +1,115 @@
+"""What a node of one's own publishes is drawn where it lies, and only while its layer is shown."""
+
+import io
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from support.browser import Screen, start_view
+from zteam.messages import (
+    ColorRGBA,
+    Header,
+    MapMetaData,
+    Marker,
+    MarkerArray,
+    Message,
+    OccupancyGrid,
+    Path,
+    Point,
+    Pose,
+    PoseArray,
+    PoseStamped,
+    Quaternion,
+    Vector3,
+)
+from zteam.testing.team import TeamFixture
+
+X, Y = 2.5, 0.5
+"""A place of the arena where nothing stands, between the lines of the grid."""
+MAP = Header(frame_id="map")
+CUBE = 1
+
+
+def pose(x: float, y: float) -> Pose:
+    """A pose in map, along x."""
+    return Pose(Point(x, y), Quaternion())
+
+
+def plan() -> Message:
+    """A path across the place."""
+    return Path(header=MAP, poses=[PoseStamped(header=MAP, pose=pose(X + step, Y)) for step in (-0.5, 0.0, 0.5)])
+
+
+def particles() -> Message:
+    """Poses around the place, so close that they leave no gap."""
+    return PoseArray(header=MAP, poses=[pose(X + 0.02 * i, Y + 0.01 * j) for i in range(-9, 1) for j in range(-9, 9)])
+
+
+def costs() -> Message:
+    """A square of high costs."""
+    info = MapMetaData(resolution=0.1, width=8, height=8, origin=pose(X - 0.4, Y - 0.4))
+    return OccupancyGrid(header=MAP, info=info, data=np.full(64, 90, np.int8))
+
+
+def markers() -> Message:
+    """A red cube, turned by an eighth."""
+    turned = Pose(Point(X, Y), Quaternion(z=math.sin(math.pi / 8), w=math.cos(math.pi / 8)))
+    cube = Marker(
+        header=MAP, ns="test", type=CUBE, pose=turned, scale=Vector3(0.4, 0.4, 0.4), color=ColorRGBA(1.0, 0.0, 0.0, 1.0)
+    )
+    return MarkerArray(markers=[cube])
+
+
+@pytest.mark.parametrize(
+    ("layer", "key", "make"),
+    [
+        ("plans", "robot_0/plan", plan),
+        ("particles", "robot_0/particle_cloud", particles),
+        ("costmaps", "robot_0/local_costmap/costmap", costs),
+        ("markers", "robot_1/visualization_marker_array", markers),
+    ],
+)
+def test_a_layer_draws_what_a_node_publishes(
+    team: TeamFixture, screen: Screen, layer: str, key: str, make: Callable[[], Message]
+) -> None:
+    """The ground at the place is coloured while the layer is shown, and white again without it."""
+    team.start("arena", 2, behavior="idle", lockstep=False)
+    screen.open(start_view(team), 2)
+    screen.wait("zteam.app.store.grids.has('map')")
+    message = make()
+    publisher = team.bus.publisher(key, type(message))
+
+    def color() -> list[int]:
+        x, y = screen.place(X, Y)
+        picture = Image.open(io.BytesIO(screen.page.screenshot())).convert("RGB")
+        return [*picture.getpixel((round(x), round(y)))]  # type: ignore[misc]
+
+    def is_ground() -> bool:
+        return min(color()) > 245
+
+    for shown in (True, False):
+        screen.ask("([layer, on]) => zteam.app.layers.set(layer, on)", [layer, shown])
+
+        def arrived(shown: bool = shown) -> bool:
+            publisher.put(message)
+            return is_ground() is not shown
+
+        team.wait_for(arrived)
+    screen.ask("layer => zteam.app.layers.set(layer, true)", layer)
+    team.wait_for(lambda: not is_ground())
+
+
+def test_a_robot_is_spawned_where_the_mouse_says(team: TeamFixture, screen: Screen) -> None:
+    """With the tool of the simulator's panel: the new robot stands at the place, with the heading of the drag."""
+    team.start("arena", 2, behavior="idle", lockstep=False)
+    screen.open(start_view(team), 2)
+    screen.wait("zteam.app.store.team.sim.models.includes('erratic')")
+    screen.ask("() => { zteam.app.spawnModel = 'erratic'; zteam.app.useTool('spawn'); }")
+    screen.drag((X, Y), (X, Y + 1.0))
+    team.wait_for(lambda: len(team.sim_status.robots) == 3)
+    team.wait_for(lambda: team.robot(2).truth is not None)
+    assert team.robot(2).pose == pytest.approx((X, Y, math.pi / 2), abs=0.05)
+    screen.wait("zteam.app.store.poses.at(2) !== null")

@@ -1,0 +1,109 @@
+"""The panels' pure modules, in the browser: texts of numbers, units, the tree of frames, series, layouts."""
+
+from support.browser import Screen
+
+FORMAT = "async ([name, args]) => (await import('/page/js/panels/format.js'))[name](...args)"
+
+
+TEXTS: list[tuple[str, list[object], str]] = [
+    ("formatClock", [12.34], "12.3 s"),
+    ("formatClock", [59.96], "60.0 s"),
+    ("formatClock", [245.04], "4:05.0"),
+    ("formatClock", [3723.0], "1:02:03.0"),
+    ("formatNumber", [-0.001, 2], "0.00"),
+    ("formatNumber", [None, 2, "m"], "–"),
+    ("formatNumber", [-1.005, 1, "m/s"], "-1.0 m/s"),
+    ("formatPlain", [0.1 + 0.2], "0.3"),
+    ("formatPlain", [4_000_000_001], "4000000001"),
+    ("formatAge", [0.25], "0.3 s"),
+    ("formatAge", [75], "75 s"),
+    ("formatAge", [600], "10 min"),
+    ("formatTime", [12.345], "12.35"),
+    ("unitOf", ["twist.twist.linear.x"], "m/s"),
+    ("unitOf", ["angular_velocity.z"], "rad/s"),
+    ("unitOf", ["pose.pose.position.y"], "m"),
+    ("unitOf", ["pose.pose.orientation.w"], ""),
+    ("unitOf", ["pose.covariance[7]"], ""),
+    ("unitOf", ["ranges[12]"], "m"),
+    ("unitOf", ["angle_min"], "rad"),
+    ("unitOf", ["linear_acceleration.x"], "m/s²"),
+    ("unitOf", ["robot_id"], ""),
+]
+"""Function, arguments, what it says."""
+
+
+def test_numbers_as_text(modules: Screen) -> None:
+    """Times, numbers, ages and units are written as a user reads them."""
+    said = [modules.ask(FORMAT, [name, arguments]) for name, arguments, _ in TEXTS]
+    assert said == [text for _, _, text in TEXTS]
+
+
+def test_a_time_of_the_host_is_a_time_of_day(modules: Screen) -> None:
+    """A line that was logged by the host's clock says the hour and the minute."""
+    text = modules.ask(FORMAT, ["formatTime", [1_800_000_000.25]])
+    hour, minute, second = text.split(":")
+    assert (len(hour), len(minute)) == (2, 2)
+    assert second == "00.25"
+
+
+def test_frames_stand_below_their_parents(modules: Screen) -> None:
+    """In whatever order they come; numbers in names are ordered as numbers; an unknown parent is a root of its own."""
+    frames = [("r_10/odom", "map"), ("r_2/base", "r_2/odom"), ("map", ""), ("r_2/odom", "map"), ("tool", "arm")]
+    tree = modules.ask(
+        """async (frames) => {
+          const {treeOf} = await import('/page/js/panels/frames.js');
+          return treeOf(frames.map(([name, parent]) => ({name, parent}))).map(({frame, depth}) => [frame.name, depth]);
+        }""",
+        frames,
+    )
+    assert tree == [["map", 0], ["r_2/odom", 1], ["r_2/base", 2], ["r_10/odom", 1], ["arm", 0], ["tool", 1]]
+
+
+def test_series_keep_what_is_new(modules: Screen) -> None:
+    """Samples of one time count once, a world that begins again begins the curve anew, and old ones go."""
+    found = modules.ask("""async () => {
+      const {Plots} = await import('/page/js/plots.js');
+      const said = [];
+      const tell = (name) => (...args) => said.push([name, ...args]);
+      const connection = {watch: tell('watch'), unwatch: tell('unwatch')};
+      const plots = new Plots(connection, () => {});
+      plots.set('a:x,a:x,b:y.z,nothing');
+      const take = (times, values) => plots.take({topic: 'a', field: 'x', times, values});
+      take([1, 2, 2], [10, 20, 21]);
+      const merged = [...plots.series[0].values];
+      take([0.5, 3], [5, 30]);
+      const again = [...plots.series[0].times];
+      const many = Array.from({length: 50000}, (_, i) => 10 + i / 10);
+      take(many, many);
+      plots.span = 10;
+      const [recent] = plots.recent(many.at(-1), plots.series[0]);
+      const kept = plots.series[0].times.length;
+      const text = plots.get();
+      plots.remove('a', 'x');
+      return {said, merged, again, kept, recent: [recent.length, recent.at(-1)], last: many.at(-1), text};
+    }""")
+    assert found["said"] == [["watch", "a", "x"], ["watch", "b", "y.z"], ["unwatch", "a", "x"]]
+    assert found["merged"] == [10, 21]
+    assert found["again"] == [0.5, 3]
+    assert found["kept"] <= 22_000
+    assert found["recent"][0] in (100, 101)
+    assert found["recent"][1] == found["last"]
+    assert found["text"] == "a:x,b:y.z"
+
+
+def test_a_layout_is_taken_part_by_part(modules: Screen) -> None:
+    """Parts get their texts; what the page does not know is named, and another version is refused as a whole."""
+    found = modules.ask("""async () => {
+      const {Layout} = await import('/page/js/layout.js');
+      const layout = new Layout(), values = {side: 'team', log: 'info//'};
+      for (const name of Object.keys(values)) {
+        layout.register(name, {get: () => values[name], set: (text) => { values[name] = text; }});
+      }
+      const problems = [{version: 1, side: 'log & <b>', other: 'x'}, {version: 2, side: 'no'}, null, [], 'text']
+        .map((text) => layout.apply(text));
+      return {problems, collected: layout.collect()};
+    }""")
+    assert "other" in found["problems"][0]
+    assert "side" not in found["problems"][0]
+    assert all("version 1" in problem for problem in found["problems"][1:])
+    assert found["collected"] == {"version": 1, "side": "log & <b>", "log": "info//"}

@@ -1,0 +1,206 @@
+"""Goals sent by the tools to a running team: `zteam goto`, `zteam goals`, `zteam.BasicNavigator`."""
+
+import json
+import math
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from support.pages import DOCS, find_file
+from zteam.launch.process import zteam_command
+from zteam.services.simulator_client import SimulatorClient
+from zteam.testing.team import TeamFixture
+
+pytestmark = [pytest.mark.team, pytest.mark.timeout(180)]
+
+LIMIT = 120.0
+NAVIGATED = """
+[team]
+world = "arena"
+[[robots]]
+ids = "0-1"
+navigation = {localizer = "fake"}
+"""
+WITH_GOALS = (
+    NAVIGATED
+    + """
+[[nodes]]
+name = "goals"
+command = ["zteam", "goals", "goals.yaml", "--json"]
+expect = true
+"""
+)
+GOALS = """
+- {robot: 0, x: 0.0, y: -1.0}
+- {robot: 1, x: -3.5, y: -2.0, yaw: 1.57}
+- {robot: 0, x: 1.5, y: 2.5}
+- {robot: 0, x: -1.5, y: 0.0}
+"""
+"""The third one is in a crate."""
+
+
+@pytest.fixture
+def second_team() -> Iterator[TeamFixture]:
+    """Another team."""
+    team = TeamFixture()
+    yield team
+    team.close()
+
+
+def write(folder: Path, name: str, text: str) -> Path:
+    """A file with this text."""
+    path = folder / name
+    path.write_text(text)
+    return path
+
+
+def goto(team: TeamFixture, *words: str) -> tuple[int, dict[str, object]]:
+    """Exit code and report of `zteam goto`."""
+    done = team.command("goto", *words, "--json", timeout=LIMIT)
+    return done.returncode, json.loads(done.stdout)
+
+
+def distance(team: TeamFixture, robot_id: int, x: float, y: float) -> float:
+    """Metres from a robot to a place."""
+    pose = team.robot(robot_id).pose
+    return math.dist(pose[:2], (x, y))
+
+
+def test_goto_waits_for_the_robot_and_says_how_it_ended(team: TeamFixture, empty_folder: Path) -> None:
+    """A goal that is reached ends with 0, one in a crate with 1 and navigation's reason; cancel finds the next one."""
+    team.launch(write(empty_folder, "team.toml", NAVIGATED), lockstep=False)
+    team.wait_for_go()
+    SimulatorClient(team.bus).set_speed(3.0)
+    code, told = goto(team, "0", "0.5", "-1", "1.57")
+    assert (code, told["result"], told["driven_by"]) == (0, "succeeded", "navigation")
+    assert distance(team, 0, 0.5, -1.0) < 0.5
+    code, told = goto(team, "0", "1.5", "2.5")
+    assert (code, told["result"]) == (1, "failed")
+    assert "in an obstacle" in str(told["text"])
+    code, told = goto(team, "1", "3.5", "3.5", "--no-wait")
+    assert (code, told["result"]) == (0, "sent")
+    team.until(lambda: team.robot(1).distance_travelled > 0.2, within=30.0)
+    assert goto(team, "--cancel", "1") == (0, {"robot": 1, "canceled": True})
+    team.until(lambda: team.robot(1).speed == 0.0, within=10.0)
+    assert distance(team, 1, 3.5, 3.5) > 1.0
+
+
+def test_goto_without_navigation_uses_the_behaviour_go_to(team: TeamFixture) -> None:
+    """A robot that runs go_to gets there by its laser, and the command says what drives it."""
+    team.start("arena", robots=1, behavior="go_to", lockstep=False)
+    team.wait_for_go()
+    SimulatorClient(team.bus).set_speed(3.0)
+    done = team.command("goto", "0", "0.5", "-1", timeout=LIMIT)
+    assert done.returncode == 0, done.stderr
+    assert "robot_0 has no navigation: its behaviour go_to drives it" in done.stderr
+    assert distance(team, 0, 0.5, -1.0) < 0.5
+
+
+def run_goals(team: TeamFixture, folder: Path) -> tuple[list[dict[str, object]], str]:
+    """What `zteam goals` told as a node of a team in lock-step, and the run's hash after 45 s."""
+    team.launch(folder / "team.toml")
+    team.wait_for_go()
+    team.run(45.0)
+    lines = [line for line in team.lines("goals") if line.startswith("{")]
+    return [json.loads(line) for line in lines], team.report.trajectory_sha256
+
+
+def test_goals_as_a_node_of_lock_step_repeat(team: TeamFixture, second_team: TeamFixture, empty_folder: Path) -> None:
+    """Each robot drives to its own goals in turn, one that is in a crate is passed over, and two runs are the same."""
+    write(empty_folder, "team.toml", WITH_GOALS)
+    write(empty_folder, "goals.yaml", GOALS)
+    told, trajectory = run_goals(team, empty_folder)
+    assert [(end["line"], end["result"]) for end in told if end["robot"] == 0] == [
+        (2, "succeeded"),
+        (4, "failed"),
+        (5, "succeeded"),
+    ]
+    assert [(end["line"], end["result"]) for end in told if end["robot"] == 1] == [(3, "succeeded")]
+    assert distance(team, 0, -1.5, 0.0) < 0.5
+    assert distance(team, 1, -3.5, -2.0) < 0.5
+    assert team.exit_code("goals") == 1
+    again, same = run_goals(second_team, empty_folder)
+    assert [{**end, "seconds": 0} for end in again] == [{**end, "seconds": 0} for end in told]
+    assert [end["seconds"] for end in again] == [end["seconds"] for end in told]
+    assert same == trajectory
+
+
+def test_a_mistake_in_the_goals_starts_nothing(team: TeamFixture, empty_folder: Path) -> None:
+    """The lines are named, and the exit code is that of usage."""
+    team.start("arena", robots=1, behavior="idle")
+    path = write(empty_folder, "goals.yaml", "- {robot: 0, x: 1}\n- {robot: 0, x: 1, z: 3}\n")
+    done = team.command("goals", str(path))
+    assert done.returncode == 2
+    assert [line.rpartition("goals.yaml:")[2][:1] for line in done.stderr.splitlines()] == ["1", "2", "2"]
+
+
+def test_the_script_of_the_page_drives_a_robot(team: TeamFixture, empty_folder: Path) -> None:
+    """`zteam.BasicNavigator` with Nav2's names, in a process of its own beside a team in real time."""
+    write(empty_folder, "team.toml", NAVIGATED.replace("arena", "office"))
+    team.launch(empty_folder / "team.toml", lockstep=False)
+    team.wait_for_go()
+    SimulatorClient(team.bus).set_speed(2.0)
+    script = find_file("tour.py", DOCS / "navigation.md").save(empty_folder)
+    script.write_text(script.read_text().replace("    tour()\n", "    print(tour().name)\n"))
+    around = {**os.environ, **team.environment}
+    done = subprocess.run(
+        [sys.executable, str(script)], env=around, capture_output=True, text=True, timeout=LIMIT, check=False
+    )
+    assert done.stdout.splitlines()[-1:] == ["SUCCEEDED"], done.stdout + done.stderr
+    assert "m left to waypoint 1" in done.stdout
+    assert distance(team, 1, 11.0, 25.0) < 0.5
+
+
+def test_the_node_of_the_page_patrols_in_lock_step(team: TeamFixture, empty_folder: Path) -> None:
+    """A navigator in a node holds nothing up: the world goes on tick by tick, and the robot drives to and fro."""
+    node = '[[nodes]]\nname = "patrol"\ncommand = ["python", "patrol.py"]\nexpect = true\n'
+    write(empty_folder, "team.toml", NAVIGATED.replace("arena", "office") + node)
+    find_file("patrol.py", DOCS / "navigation.md").save(empty_folder)
+    team.launch(empty_folder / "team.toml")
+    team.wait_for_go()
+    for _ in range(2):
+        team.until(lambda: distance(team, 1, 12.5, 25.0) < 0.4, within=40.0)
+        team.until(lambda: distance(team, 1, 11.0, 25.0) < 0.4, within=40.0)
+
+
+def test_a_map_is_served_and_saved(team: TeamFixture, empty_folder: Path) -> None:
+    """`zteam-map` without a simulator; what `zteam map save` writes is the picture that was served."""
+    for name in ("hall.yaml", "hall.pgm"):
+        find_file(name, DOCS / "navigation.md").save(empty_folder)
+    team.spawn("zteam-map", str(empty_folder / "hall.yaml"), name="map")
+    team.wait_for_processes("map")
+    saved = empty_folder / "saved"
+    done = team.command("map", "save", str(saved), "--timeout", "30")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("8 x 6 cells of 0.5 m: ")
+    from zteam.planning.map_files import read_map
+
+    served, again = read_map(empty_folder / "hall.yaml"), read_map(empty_folder / "saved.yaml")
+    assert again.frame == served.frame
+    assert again.cells.tolist() == served.cells.tolist()
+    assert -1 in served.cells
+
+
+def test_the_map_of_a_team_file_takes_the_place_of_the_simulators(team: TeamFixture, empty_folder: Path) -> None:
+    """One process publishes `map`, and it is the one that the file names."""
+    for name in ("hall.yaml", "hall.pgm"):
+        find_file(name, DOCS / "navigation.md").save(empty_folder)
+    text = '[team]\nworld = "arena"\nmap = "hall.yaml"\n[[robots]]\nid = 0\nbehavior = "idle"\n'
+    team.launch(write(empty_folder, "team.toml", text))
+    info = json.loads(team.command("topic", "info", "map", "--json").stdout)
+    assert info["publishers"] == ["map"]
+    grid = json.loads(team.command("topic", "echo", "map", "--once", "--json").stdout)
+    assert (grid["info"]["width"], grid["info"]["height"]) == (8, 6)
+
+
+def test_a_bad_map_ends_the_command_with_its_place(team: TeamFixture, empty_folder: Path) -> None:
+    """Before it opens anything."""
+    path = write(empty_folder, "map.yaml", "image: none.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n")
+    command = zteam_command("zteam-map", str(path))
+    done = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT, check=False)
+    assert done.returncode == 2
+    assert done.stderr == f"map: there is no {empty_folder}/none.pgm, the map's image\n"

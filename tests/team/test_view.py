@@ -1,0 +1,255 @@
+"""The view of a real team: what pages see, what they may do, and that the team takes no notice of it."""
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pytest
+
+from support.web_view import TOKEN, Page, open_page
+from zteam import names
+from zteam.clock import monotonic
+from zteam.messages import PoseStamped, Twist
+from zteam.nodes.web.frames import DOC, GRID, POSES, SCAN, TEAM
+from zteam.testing.team import TeamFixture
+
+pytestmark = pytest.mark.team
+
+
+def start_view(team: TeamFixture, name: str = names.VIEW) -> int:
+    """Start a view of the team; the port of its page."""
+    arguments = ("--port", "0", "--token", TOKEN, "--no-browser", "--name", name)
+    team.spawn("zteam-view", *arguments, name=name)
+    team.wait_for_processes(name)
+    team.wait_for_line(name, "the view is at http")
+    line = next(line for line in team.lines(name) if "the view is at http" in line)
+    return int(line.partition("127.0.0.1:")[2].partition("/")[0])
+
+
+def look(page: Page, *layers: str, docs: tuple[str, ...] = ()) -> None:
+    """The page shows these layers and documents."""
+    page.say(op="look", layers=list(layers), docs=list(docs), beams=90)
+
+
+def robots(page: Page) -> dict[int, dict[str, object]]:
+    """The rows of the newest `team`."""
+    return {row["id"]: row for row in page.docs.get("team", {}).get("robots", [])}
+
+
+def test_a_page_sees_the_team(team: TeamFixture) -> None:
+    """Map, poses, scans, and the state of each robot, with its outline and its laser."""
+    team.start("office", 2, follow={1: 0}, lockstep=False)
+    port = start_view(team)
+    with open_page(port) as page:
+        look(page, "scans", "tf", docs=("tf", "topics", "log"))
+        wanted = {(POSES, TEAM), (SCAN, 0), (SCAN, 1), (GRID, TEAM), (DOC, TEAM)}
+        page.wait(lambda: wanted <= page.blocks.keys())
+        page.wait(lambda: [row["state"] for row in robots(page).values()] == ["running", "running", "absent", "absent"])
+        page.wait(lambda: robots(page)[1]["lasers"])
+        row = robots(page)[1]
+        assert (row["behavior"], row["leader"], row["model"]) == ("follow", 0, "erratic")
+        assert row["outline"]
+        page.wait(lambda: {"tf", "topics", "log"} <= page.docs.keys())
+        assert {"robot_0/base_footprint", "robot_1/base_laser_link"} <= {f["name"] for f in page.docs["tf"]["frames"]}
+        page.wait(lambda: any(row["hz"] for row in page.docs["topics"]))
+        assert page.docs["team"]["gate"]["state"] == "go"
+
+
+def test_the_token_is_in_no_log(team: TeamFixture) -> None:
+    """A page that may only watch sees all logs, and must not learn there how to command."""
+    team.start("arena", 1)
+    port = start_view(team)
+    with open_page(port, token="") as page:
+        look(page, docs=("log",))
+        lines: list[str] = []
+
+        def heard() -> bool:
+            lines.extend(line["text"] for line in page.docs.pop("log", []))
+            return any("ready" in line for line in lines)
+
+        page.wait(heard)
+        assert TOKEN not in " ".join(lines)
+        assert TOKEN not in team.command("log", "--once", "--json").stdout
+
+
+def test_a_goal_goes_to_each_selected_robot(team: TeamFixture) -> None:
+    """Two robots get goals beside each other; one whose behaviour takes none is named."""
+    team.start("office", 3, behavior="go_to", follow={2: 1})
+    heard: dict[str, PoseStamped] = {}
+    team.bus.subscribe("robot_$*/goal_pose", PoseStamped, lambda key, goal: heard.update({key: goal}))
+    with open_page(start_view(team)) as page:
+        look(page, "goals")
+        page.wait(lambda: len(robots(page)) == 4)
+        assert page.command(op="goal", robots=[0, 1], x=12.0, y=26.0, yaw=0.5) == ""
+        team.wait_for(lambda: {"robot_0/goal_pose", "robot_1/goal_pose"} <= heard.keys())
+        places = [(goal.pose.position.x, goal.pose.position.y) for _, goal in sorted(heard.items())]
+        assert min(math.dist(place, (12.0, 26.0)) for place in places) < 1e-6
+        assert 0.8 < math.dist(*places) < 1.0
+        page.wait(lambda: [goal["robot"] for goal in page.docs.get("goals", [])] == [0, 1])
+
+
+def test_one_page_drives_a_robot_and_all_see_which(team: TeamFixture) -> None:
+    """A second page is refused until the first lets go; commands go through the robot's process."""
+    team.start("arena", 1, behavior="idle", lockstep=False)
+    port = start_view(team)
+    with open_page(port) as first, open_page(port) as second:
+        assert first.command(op="take", robot=0) == ""
+        viewer = first.welcome["viewer"]
+        assert second.command(op="take", robot=0) == f"viewer {viewer} drives this robot"
+        second.wait(lambda: robots(second).get(0, {}).get("lease") == viewer)
+        first.say(op="drive", robot=0, linear=0.0, angular=0.5)
+        first.wait(lambda: robots(first).get(0, {}).get("driver") == "teleop")
+        assert first.command(op="release", robot=0) == ""
+        assert second.command(op="take", robot=0) == ""
+
+
+@contextmanager
+def driven(team: TeamFixture) -> Iterator[tuple[Page, list[float]]]:
+    """A page that drives robot 0, which turns; and the turn rates that its process commands."""
+    team.start("arena", 1, behavior="idle", lockstep=False)
+    rates: list[float] = []
+    team.bus.subscribe("robot_0/cmd_vel", Twist, lambda _, command: rates.append(command.angular.z))
+    with open_page(start_view(team)) as page:
+        assert page.command(op="take", robot=0) == ""
+        page.say(op="drive", robot=0, linear=0.0, angular=0.5)
+        team.wait_for(lambda: bool(rates) and rates[-1] == 0.5)
+        yield page, rates
+
+
+def test_a_page_that_falls_silent_stops_its_robot(team: TeamFixture) -> None:
+    """Half a second after its last word the wheels are told to stand, though the page still has the lease."""
+    with driven(team) as (page, rates):
+        begin = monotonic()
+        team.wait_for(lambda: rates[-1] == 0.0)
+        # The dead man's half second, and as much again for a crowded machine.
+        assert monotonic() - begin < 1.5
+        page.wait(lambda: robots(page).get(0, {}).get("lease") == page.welcome["viewer"])
+
+
+def test_a_page_that_is_closed_stops_its_robot(team: TeamFixture) -> None:
+    """Another page may drive at once."""
+    with driven(team) as (page, rates):
+        page.close()
+        team.wait_for(lambda: rates[-1] == 0.0)
+
+
+def test_a_view_that_is_killed_stops_the_robot_too(team: TeamFixture) -> None:
+    """The robot's own time-out for teleop counts then."""
+    with driven(team) as (_, rates):
+        team.kill(names.VIEW)
+        team.wait_for(lambda: rates[-1] == 0.0)
+
+
+def test_the_world_is_controlled_by_pages_with_the_token(team: TeamFixture) -> None:
+    """Pause, step, speed, spawn, remove and drag; what is refused is told in words."""
+    team.start("arena", 1, behavior="idle", lockstep=False)
+    with open_page(start_view(team)) as page:
+        page.wait(lambda: robots(page))
+        assert page.command(op="pause") == ""
+        page.wait(lambda: page.docs["team"]["sim"]["state"] == "paused")
+        tick = team.sim_status.tick
+        assert page.command(op="step", ticks=3) == ""
+        team.wait_for(lambda: team.sim_status.tick == tick + 3)
+        assert page.command(op="move", robot=0, x=1.0, y=1.0, yaw=0.0) == ""
+        assert "no room" in page.command(op="move", robot=0, x=500.0, y=0.0, yaw=0.0)
+        assert "--force" not in page.replies[max(page.replies)]
+        assert page.command(op="spawn", model="erratic", x=-1.0, y=-1.0, yaw=0.0) == ""
+        page.wait(lambda: len(robots(page)) == 2)
+        assert page.command(op="remove", robot=1) == ""
+        assert page.command(op="speed", factor=2.0) == ""
+        assert page.command(op="resume") == ""
+        page.wait(lambda: page.docs["team"]["sim"]["speed"] == 2.0)
+
+
+def test_commands_in_lock_step_count_as_external(team: TeamFixture) -> None:
+    """A goal and a drag after GO: the report tells that this run does not repeat."""
+    team.start("arena", 1, behavior="go_to")
+    team.run(2.0)
+    with open_page(start_view(team)) as page:
+        before = team.report.external_commands
+        page.wait(lambda: robots(page))
+        assert page.command(op="goal", robots=[0], x=0.5, y=0.5, yaw=0.0) == ""
+        assert page.command(op="move", robot=0, x=1.0, y=1.0, yaw=0.0) == ""
+        team.run(1.0)
+        team.wait_for(lambda: team.report.external_commands == before + 2)
+
+
+@pytest.mark.parametrize("watched", [False, True], ids=["alone", "watched"])
+def test_a_run_repeats_with_and_without_a_view(team: TeamFixture, watched: bool) -> None:
+    """A view that watches, and is killed in the middle, leaves the trajectory as it is without one."""
+    team.start("arena", 2, follow={1: 0}, seed=3)
+    if watched:
+        with open_page(start_view(team)) as page:
+            look(page, "scans", "tf")
+            page.wait(lambda: (SCAN, 1) in page.blocks)
+            team.run(5.0)
+            team.kill(names.VIEW)
+            team.run(5.0)
+    else:
+        team.run(5.0)
+        team.run(5.0)
+    HASHES.add(team.report.trajectory_sha256)
+    assert len(HASHES) == 1
+    assert team.report.external_commands == 0
+
+
+HASHES: set[str] = set()
+"""Of both runs."""
+
+
+def test_ten_viewers_at_once_in_two_views(team: TeamFixture) -> None:
+    """All get poses and scans, beside one that takes no frame at all."""
+    team.start("arena", 2, lockstep=False)
+    ports = [start_view(team, name) for name in (names.VIEW, "view_two")]
+    with open_page(ports[0], acknowledges=False) as stuck:
+        look(stuck, "scans")
+
+        def watch(left: int) -> None:
+            if left == 0:
+                return
+            with open_page(ports[left % 2]) as page:
+                look(page, "scans")
+                watch(left - 1)
+                page.wait(lambda: {(POSES, TEAM), (SCAN, 0), (SCAN, 1)} <= page.blocks.keys())
+
+        watch(9)
+        stuck.wait(lambda: stuck.frames)
+
+
+def test_a_view_ends_in_order_within_a_second_or_so(team: TeamFixture) -> None:
+    """On SIGTERM, with a page open, with exit code 0; its socket is closed."""
+    team.start("arena", 1)
+    with open_page(start_view(team)) as page:
+        page.wait(lambda: page.frames)
+        begin = monotonic()
+        assert team.stop(names.VIEW) == 0
+        # 1.5 s is the limit at which a process ends by force, and then with 1.
+        assert monotonic() - begin < 3.0
+        assert page.end()[0] in (1001, 1012, 1006)
+
+
+def test_a_page_comes_before_the_team_and_stays_after_it(team: TeamFixture) -> None:
+    """It sees no robot, then the team, then that its simulator has gone."""
+    port = start_view(team)
+    with open_page(port) as page:
+        page.wait(lambda: page.docs.get("team", {}).get("sim", {}).get("present") is False)
+        assert page.docs["team"]["robots"] == []
+        team.start("arena", 1, lockstep=False)
+        page.wait(lambda: (POSES, TEAM) in page.blocks)
+        page.wait(lambda: robots(page).get(0, {}).get("state") == "running")
+        team.kill(names.robot_name(0))
+        page.wait(lambda: robots(page).get(0, {}).get("state") in ("lost", "absent"))
+        team.kill(names.SIMULATOR)
+        page.wait(lambda: page.docs["team"]["sim"]["present"] is False)
+
+
+def test_up_starts_a_view_and_says_where(team: TeamFixture) -> None:
+    """Killed, it is told of, and the team ends well."""
+    name = team.spawn("zteam", "up", "line", "--view", "--no-browser", "--for", "3")
+    team.wait_for_line(name, "the view is at http://127.0.0.1:")
+    line = next(line for line in team.lines(name) if "the view is at" in line)
+    port, _, token = line.partition("127.0.0.1:")[2].partition("/#token=")
+    with open_page(int(port), token=token.strip()) as page:
+        assert page.welcome["may_command"] is True
+        page.wait(lambda: (POSES, TEAM) in page.blocks)
+    assert team.wait_for_exit(name) == 0

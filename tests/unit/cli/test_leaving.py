@@ -1,0 +1,57 @@
+"""How the process of a command ends."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import zteam.cli
+
+BOMB = "import os, sys; sys.bomb = type('Bomb', (), {'__del__': lambda self, end=os.abort: end()})()\n"
+"""Aborts the process when the interpreter is taken apart, as a late callback of foreign code does."""
+
+
+def run(code: str) -> subprocess.CompletedProcess[str]:
+    """Run `code` in a process of its own."""
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)
+
+
+def test_the_bomb_aborts_a_normal_end() -> None:
+    """Without `leave` such a process ends by SIGABRT: the tests below can fail."""
+    assert run(BOMB + "sys.exit(3)").returncode == -6
+
+
+def test_leave_ends_with_the_exit_code_after_all_that_a_normal_end_does() -> None:
+    """Threads are waited for, exit handlers run and output is flushed, in this order; then the exit code is kept."""
+    done = run(
+        BOMB + "import atexit, threading\n"
+        "from zteam.cli.interrupts import leave\n"
+        "atexit.register(print, 'handler')\n"
+        "may = threading.Event()\n"
+        "threading.Thread(target=lambda: (may.wait(30), print('thread'))).start()\n"
+        "threading.Timer(0.1, may.set).start()\n"
+        "leave(3)"
+    )
+    assert (done.returncode, done.stdout) == (3, "thread\nhandler\n")
+
+
+def test_a_closed_output_is_no_failure() -> None:
+    """A process that was started without standard output, or closed it, keeps its exit code."""
+    for close in ("sys.stdout = None", "sys.stdout.close()"):
+        assert run(BOMB + f"from zteam.cli.interrupts import leave\n{close}\nleave(3)").returncode == 3
+
+
+def test_commands_leave() -> None:
+    """A command that ran, by its module or by `zteam`, ends without taking the interpreter apart."""
+    for module, words in (("behaviors", "['behaviors']"), ("main", "['zteam', 'behaviors']")):
+        code = f"sys.argv = {words}; import runpy; runpy.run_module('zteam.cli.{module}', run_name='__main__')"
+        done = run(BOMB + code)
+        assert (done.returncode, "wander" in done.stdout) == (0, True), done.stderr
+
+
+def test_every_command_leaves() -> None:
+    """No module of a command that runs as a program ends in another way."""
+    files = [path.read_text() for path in Path(next(iter(zteam.cli.__path__))).glob("*.py")]
+    programs = [text for text in files if 'if __name__ == "__main__":' in text]
+    assert len(programs) > 15
+    # `zteam` itself leaves within `start`.
+    assert all(text.endswith(("    leave(main())\n", "    start()\n")) for text in programs)

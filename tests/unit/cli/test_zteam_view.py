@@ -1,0 +1,81 @@
+"""`zteam view` and `zteam up --view`: their options, and what they print."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from zteam.cli import up, zteam_view
+from zteam.errors import UsageError
+from zteam.nodes.web.node import has_browser, page_url, read_layout
+from zteam.nodes.web.server import listen
+
+
+def test_a_taken_port_leads_to_another_one() -> None:
+    """The next one that is free is taken."""
+    first, port = listen("127.0.0.1", 0)
+    second, other = listen("127.0.0.1", port)
+    with first, second:
+        assert other != port
+
+
+def test_an_address_of_another_machine_is_refused() -> None:
+    """The error names the option."""
+    with pytest.raises(UsageError, match=r"192\.0\.2\.1"):
+        listen("192.0.2.1", 0)
+
+
+def test_the_address_has_the_token_in_its_fragment() -> None:
+    """A browser sends it to no server; the page of a server for the whole network is opened on this machine."""
+    assert page_url("127.0.0.1", 8765, "a b") == "http://127.0.0.1:8765/#token=a%20b"
+    assert page_url("0.0.0.0", 1, "t") == "http://127.0.0.1:1/#token=t"
+    assert page_url("::1", 1, "t") == "http://[::1]:1/#token=t"
+
+
+def test_a_browser_needs_a_screen(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without one a text browser would take the terminal."""
+    monkeypatch.setattr(sys, "platform", "linux")
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER"):
+        monkeypatch.delenv(name, raising=False)
+    assert not has_browser()
+    monkeypatch.setenv("DISPLAY", ":0")
+    assert has_browser()
+
+
+def test_a_layout_is_checked_before_anything_starts(tmp_path: Path) -> None:
+    """A file that is missing, or holds something else, is named."""
+    path = tmp_path / "layout.json"
+    with pytest.raises(UsageError, match="No such file"):
+        read_layout(path)
+    path.write_text("[1]")
+    with pytest.raises(UsageError, match="no layout"):
+        read_layout(path)
+    path.write_text('{"theme": "dark"}')
+    assert (read_layout(path), read_layout(None)) == (b'{"theme":"dark"}', b"")
+
+
+@pytest.mark.parametrize("words", [["--port", "70000"], ["--port", "x"], ["--hos"]])
+def test_wrong_options_end_with_2(words: list[str]) -> None:
+    """On one line, before a session is opened."""
+    with pytest.raises(SystemExit) as ended:
+        zteam_view.main(words)
+    assert ended.value.code == 2
+
+
+def test_no_browser_needs_a_view(capsys: pytest.CaptureFixture[str]) -> None:
+    """`zteam up --no-browser` alone is a mistake."""
+    with pytest.raises(SystemExit) as ended:
+        up.main(["line", "--no-browser"])
+    assert ended.value.code == 2
+    assert "--no-browser needs --view" in capsys.readouterr().err
+
+
+def test_a_robots_process_imports_no_web_server() -> None:
+    """Neither does a simulator."""
+    code = (
+        "import sys, zteam.cli.zteam_robot, zteam.nodes.robot.node, zteam.nodes.simulator.node, zteam.launch.run\n"
+        "print(sorted({'starlette', 'uvicorn', 'websockets', 'asyncio'} & sys.modules.keys()))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    assert done.stdout.strip() == "[]"

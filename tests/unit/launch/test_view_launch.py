@@ -1,0 +1,45 @@
+"""A view beside a team: it is started with it, and the team does not need it."""
+
+from pathlib import Path
+
+from zteam.launch.kinds import kind_of
+from zteam.launch.plan import plan_team
+from zteam.launch.preloads import PRELOADS, VIEW, all_preloads
+from zteam.names import is_view, view_name
+from zteam.team_file import NodeEntry, RobotEntry, Team
+
+TEAM = Team(robots=[RobotEntry(id=0, behavior="forward")])
+WORLD = Path("/w/arena.world")
+
+
+def test_a_team_has_a_view_only_if_it_is_asked_for() -> None:
+    """Without it no process and no argument differs."""
+    plain, viewed = plan_team(TEAM, WORLD, ()), plan_team(TEAM, WORLD, (), view=("--no-browser",))
+    assert plain.commands == viewed.commands
+    assert (plain.nodes, plain.beside) == ({}, frozenset())
+    assert viewed.nodes["view"].command[3:] == ["zteam.cli.zteam_view", "--name", "view", "--no-browser"]
+
+
+def test_the_run_does_not_wait_for_the_view() -> None:
+    """It may end at any time; the user's own nodes still count."""
+    team = Team(robots=[RobotEntry(id=0, behavior="forward")], nodes=[NodeEntry(name="mine", command=["true"])])
+    plan = plan_team(team, WORLD, (), view=())
+    assert plan.nodes["view"].may_end
+    assert not plan.nodes["view"].restarts
+    assert (plan.beside, {"view", "mine"} <= plan.optional) == ({"view"}, True)
+    assert "view" in plan.stop_order()[0]
+
+
+def test_several_views_have_different_names() -> None:
+    """All are of the kind `view`, and no name of another process is."""
+    names = {view_name() for _ in range(20)}
+    assert len(names) == 20
+    assert all(is_view(name) and kind_of(name) is kind_of("view") for name in (*names, "view"))
+    assert not any(map(is_view, ("viewer", "robot_0", "sim")))
+
+
+def test_a_team_without_a_view_imports_no_web_server() -> None:
+    """The warm parent of such a team would only be larger; with a view its modules come last."""
+    own = set(PRELOADS[VIEW]) - set(all_preloads())
+    assert own == {"zteam.nodes.web.node"}
+    assert all_preloads(view=True) == (*all_preloads(), "zteam.nodes.web.node")

@@ -1,0 +1,186 @@
+"""The process that sends goals, with navigations by hand, tick by tick."""
+
+import threading
+from collections.abc import Callable
+
+import pytest
+
+from support.fake_navigation import FakeNavigation
+from support.transports import wait_until_true
+from zteam.bus import MemoryHub
+from zteam.errors import BusError
+from zteam.geometry import Pose2
+from zteam.messages import NavigationState, Odometry, PoseStamped
+from zteam.nodes.goals.file import FileGoal
+from zteam.nodes.goals.node import Dispatcher
+from zteam.nodes.goals.rounds import Rounds
+from zteam.runtime.shutdown import Stop
+from zteam.runtime.step_node import StepNode
+from zteam.services.goals import TaskResult
+from zteam.testing import run_node
+from zteam.testing.in_memory import RunningNode
+
+State = NavigationState
+
+
+class Desk:
+    """A dispatcher in a node, and the robots' navigations."""
+
+    def __init__(self, rounds: Rounds, hub: MemoryHub) -> None:
+        self.navigations = {i: FakeNavigation(hub, i) for i in rounds.robots}
+        self.made: list[Dispatcher] = []
+        self._rounds = rounds
+        self.running: RunningNode = run_node(self._body, hub, name="goals")
+
+    def _body(self, node: StepNode) -> None:
+        self.made.append(Dispatcher(node, self._rounds))
+        node.run(self.made[0].step)
+
+    @property
+    def dispatcher(self) -> Dispatcher:
+        """The dispatcher."""
+        return self.made[0]
+
+    def greet(self) -> None:
+        """All navigations say that they are there."""
+        for navigation in self.navigations.values():
+            navigation.say(State.IDLE)
+
+    def tick_until(self, condition: Callable[[], bool]) -> None:
+        """Let ticks pass."""
+        for _ in range(20):
+            if condition():
+                return
+            self.running.tick()
+        raise AssertionError("the condition did not become true within 20 ticks")
+
+    def places(self, robot_id: int) -> list[float]:
+        """x of each goal that this robot has got."""
+        return [goal.pose.position.x for goal in self.navigations[robot_id].goals]
+
+    def reach(self, robot_id: int, state: int = State.SUCCEEDED) -> None:
+        """The robot's goal ends."""
+        self.navigations[robot_id].say(state)
+
+
+def goal(robot: int | None, x: float, line: int = 1) -> FileGoal:
+    """A goal of a file."""
+    return FileGoal(robot, Pose2(x, 0.0, 0.0), line)
+
+
+def test_a_robot_gets_a_goal_when_the_last_has_ended(hub: MemoryHub) -> None:
+    """Robots do not wait for each other; the process stops when all goals have ended, and tells of each."""
+    desk = Desk(Rounds([goal(1, 1.0), goal(2, 5.0), goal(1, 2.0, 3)]), hub)
+    with desk.running:
+        desk.greet()
+        desk.tick_until(lambda: desk.places(1) == [1.0] and desk.places(2) == [5.0])
+        desk.reach(1)
+        desk.tick_until(lambda: desk.places(1) == [1.0, 2.0])
+        assert [ended.goal.line for ended in desk.dispatcher.take_ended()] == [1]
+        assert not desk.dispatcher.is_done
+        desk.reach(1)
+        desk.reach(2, State.ABORTED)
+        with pytest.raises(BusError):
+            # A node that stops leaves its last tick unanswered.
+            desk.tick_until(lambda: desk.dispatcher.is_done)
+    assert desk.dispatcher.is_done
+    ended = desk.dispatcher.take_ended()
+    assert [(each.robot, each.watch.result) for each in ended] == [(1, TaskResult.SUCCEEDED), (2, TaskResult.FAILED)]
+    assert not desk.dispatcher.all_reached
+    assert all(each.seconds > 0.0 for each in ended)
+    assert [navigation.cancels for navigation in desk.navigations.values()] == [0, 0]
+
+
+def test_the_robot_that_is_free_takes_the_next_shared_goal(hub: MemoryHub) -> None:
+    """A robot that arrives early drives on to the goal that another one would have got."""
+    desk = Desk(Rounds([goal(None, float(x)) for x in range(4)], spread=[1, 2]), hub)
+    with desk.running:
+        desk.greet()
+        desk.tick_until(lambda: desk.places(1) == [0.0] and desk.places(2) == [1.0])
+        desk.reach(2)
+        desk.tick_until(lambda: desk.places(2) == [1.0, 2.0])
+        desk.reach(2)
+        desk.tick_until(lambda: desk.places(2) == [1.0, 2.0, 3.0])
+        assert desk.places(1) == [0.0]
+
+
+def test_a_loop_ends_for_a_robot_that_reaches_nothing(hub: MemoryHub) -> None:
+    """After a round without a single goal a robot gets no more; the others go on."""
+    desk = Desk(Rounds([goal(1, 1.0), goal(1, 2.0), goal(2, 3.0)], rounds=None), hub)
+    with desk.running:
+        desk.greet()
+        for count in (1, 2):
+            desk.tick_until(lambda count=count: len(desk.places(1)) == count)  # type: ignore[misc]
+            desk.reach(1, State.ABORTED)
+        desk.tick_until(lambda: desk.dispatcher.errands[1].is_idle)
+        for count in (1, 2, 3):
+            desk.tick_until(lambda count=count: len(desk.places(2)) == count)  # type: ignore[misc]
+            desk.reach(2)
+        assert desk.places(1) == [1.0, 2.0]
+        assert not desk.dispatcher.is_done
+
+
+def test_the_end_of_the_process_cancels_what_is_under_way(hub: MemoryHub) -> None:
+    """A robot on its way stops; one that has no goal is left alone."""
+    desk = Desk(Rounds([goal(1, 1.0), goal(2, 2.0)]), hub)
+    with desk.running:
+        desk.greet()
+        desk.tick_until(lambda: bool(desk.places(1) and desk.places(2)))
+        desk.reach(2)
+        desk.tick_until(lambda: desk.dispatcher.errands[2].is_idle)
+    assert (desk.navigations[1].cancels, desk.navigations[2].cancels) == (1, 0)
+
+
+def test_goals_wait_for_navigation(hub: MemoryHub) -> None:
+    """Nothing is sent before a robot's navigation is there; the same goal goes out when it has come."""
+    desk = Desk(Rounds([goal(1, 1.0)]), hub)
+    with desk.running:
+        for _ in range(3):
+            desk.running.tick()
+        assert desk.places(1) == []
+        assert desk.dispatcher.errands[1].client.waits_for.startswith("the navigation of robot_1: start 'zteam-nav")
+        desk.greet()
+        desk.tick_until(lambda: desk.places(1) == [1.0])
+
+
+def test_a_repeated_run_sends_at_the_same_times(hub: MemoryHub) -> None:
+    """In lock-step a goal has the stamp of its tick, so that two runs are the same."""
+    stamps: list[list[PoseStamped]] = []
+    for _ in range(2):
+        again = MemoryHub()
+        desk = Desk(Rounds([goal(1, 1.0), goal(1, 2.0)]), again)
+        with desk.running:
+            desk.greet()
+            desk.tick_until(lambda desk=desk: len(desk.places(1)) == 1)  # type: ignore[misc]
+            desk.reach(1)
+            desk.tick_until(lambda desk=desk: len(desk.places(1)) == 2)  # type: ignore[misc]
+        stamps.append(desk.navigations[1].goals)
+    assert stamps[0] == stamps[1]
+    assert stamps[0][0].header.stamp != stamps[0][1].header.stamp
+
+
+def test_real_robots_have_the_hosts_time(hub: MemoryHub) -> None:
+    """Without a simulator a base's odometry decides for it; what robots and navigation say does not."""
+    navigation, stop = FakeNavigation(hub, 1), Stop()
+    node = StepNode("goals", hub.bus(), stop)
+    dispatcher = Dispatcher(node, Rounds([goal(1, 1.0)]))
+    thread = threading.Thread(target=node.run, args=(dispatcher.step,))
+    thread.start()
+    odometry = hub.bus().publisher("robot_1/odom", Odometry)
+
+    def has_goal() -> bool:
+        odometry.put(Odometry())
+        navigation.say(State.IDLE)
+        return bool(navigation.goals)
+
+    try:
+        wait_until_true(has_goal)
+        navigation.say(State.SUCCEEDED)
+        thread.join(20.0)
+    finally:
+        stop.request("the test is over")
+        thread.join(20.0)
+        node.close()
+    assert dispatcher.is_done
+    assert dispatcher.all_reached
+    assert not node.clock.simulated

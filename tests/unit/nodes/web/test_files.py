@@ -1,0 +1,46 @@
+"""The page's files: those in the folder and no others."""
+
+from pathlib import Path
+
+import pytest
+
+from zteam.nodes.web.files import HEADERS, read_file
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A page with a script in a folder, beside a secret."""
+    page = tmp_path / "page"
+    (page / "js").mkdir(parents=True)
+    (page / "js" / "app.js").write_text("1;")
+    (page / "notes.secret").write_text("x")
+    (page / ".hidden.js").write_text("x")
+    (tmp_path / "secret.js").write_text("x")
+    (page / "link.js").symlink_to(tmp_path / "secret.js")
+    return page
+
+
+def test_a_file_has_its_media_type(folder: Path) -> None:
+    """Scripts are JavaScript, whatever the system's table says."""
+    found = read_file("js/app.js", folder)
+    assert found is not None
+    assert (found.content, found.kind) == (b"1;", "text/javascript; charset=utf-8")
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["../secret.js", "js/../../secret.js", "/etc/hosts.js", "link.js", ".hidden.js", "notes.secret", "js", "", "a\0.js",
+     "js//app.js", "no.js"],
+)  # fmt: skip
+def test_nothing_else_is_read(folder: Path, name: str) -> None:
+    """Neither what lies outside, nor hidden files, nor other kinds."""
+    assert read_file(name, folder) is None
+
+
+def test_the_policy_lets_nothing_be_loaded_from_elsewhere() -> None:
+    """Scripts have no inline code, and no other site may frame the page."""
+    policy = HEADERS["content-security-policy"]
+    assert "default-src 'self'" in policy
+    assert "frame-ancestors 'none'" in policy
+    assert "unsafe" not in policy
+    assert "http" not in policy

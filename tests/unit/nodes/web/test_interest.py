@@ -1,0 +1,69 @@
+"""What is subscribed to for what the pages look at."""
+
+from zteam.geometry import Pose2
+from zteam.nodes.web.drawables import Drawables
+from zteam.nodes.web.interest import MAX_SCANNED, robots_in_sight, topics_of
+from zteam.nodes.web.requests import Look, Watch
+from zteam.nodes.web.viewer import Viewer
+
+POSES = {0: Pose2(0.0, 0.0, 0.0), 1: Pose2(5.0, 0.0, 0.0), 2: Pose2(50.0, 0.0, 0.0)}
+
+
+def viewer(look: Look) -> Viewer:
+    """A page that looks."""
+    made = Viewer(1, may_command=False)
+    made.look = look
+    return made
+
+
+def keys(*viewers: Viewer, aggregator: bool = True) -> set[str]:
+    """What is subscribed to for these pages."""
+    return {topic.key for topic in topics_of(viewers, POSES, Drawables(), aggregator=aggregator)}
+
+
+def test_without_a_page_there_is_nothing() -> None:
+    """No key at all."""
+    assert keys() == set()
+
+
+def test_scans_are_those_of_robots_in_sight() -> None:
+    """And of the selected ones, and of the one that is followed."""
+    view = [-1.0, -1.0, 6.0, 1.0]
+    assert {key for key in keys(viewer(Look(view, ["scans"]))) if "scan" in key} == {
+        "robot_0/base_scan$*", "robot_1/base_scan$*",
+    }  # fmt: skip
+    selected = keys(viewer(Look([90.0, 90.0, 91.0, 91.0], ["scans"], selected=[2], follow=1)))
+    assert {key for key in selected if "scan" in key} == {"robot_1/base_scan$*", "robot_2/base_scan$*"}
+
+
+def test_layers_that_are_off_cost_nothing() -> None:
+    """Sonars, fiducials and goals are subscribed to only when they are shown."""
+    plain = keys(viewer(Look()))
+    assert not any("scan" in key or "sonar" in key or "goal" in key or "log" in key for key in plain)
+    shown = keys(viewer(Look(layers=["sonars", "fiducials", "goals"], docs=["log"])))
+    assert {"robot_0/sonar$*", "robot_0/fiducials", "robot_$*/goal_pose", "*/log"} <= shown
+
+
+def test_poses_come_from_the_transforms_if_there_is_an_aggregator() -> None:
+    """Else from the simulator's ground truth; never from both."""
+    assert "tf" in keys(viewer(Look()))
+    assert keys(viewer(Look()), aggregator=False) >= {"robot_$*/base_pose_ground_truth"}
+    assert "tf" not in keys(viewer(Look()), aggregator=False)
+
+
+def test_two_pages_share_their_subscriptions() -> None:
+    """What both look at is subscribed to once, what one watches is there too."""
+    first, second = viewer(Look()), viewer(Look())
+    second.take_watch(Watch("robot_0/odom"))
+    assert keys(first, second) == keys(first) | {"robot_0/odom"}
+
+
+def test_of_a_crowd_only_the_nearest_are_scanned() -> None:
+    """The selected ones are always among them."""
+    crowd = {i: Pose2(float(i), 0.0, 0.0) for i in range(3 * MAX_SCANNED)}
+    last = 3 * MAX_SCANNED - 1
+    seen = robots_in_sight(viewer(Look([-1.0, -1.0, 400.0, 1.0], selected=[last])), crowd)
+    assert len(seen) == MAX_SCANNED
+    assert last in seen
+    assert {200, 150, 220} <= {*seen}
+    assert 0 not in seen

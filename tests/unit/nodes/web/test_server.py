@@ -1,0 +1,305 @@
+"""The web server on a bus in memory: what it serves, what it refuses, and what no page can do to another one."""
+
+import random
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+
+from support.web_view import View, open_page, open_view
+from zteam.bus import Bus, MemoryHub
+from zteam.clock import monotonic
+from zteam.messages import (
+    BaseInfo,
+    Header,
+    LaserScan,
+    Log,
+    Odometry,
+    Path,
+    Point,
+    Pose,
+    PoseStamped,
+    PoseWithCovariance,
+    Twist,
+    Vector3,
+)
+from zteam.nodes.web.frames import PATH, POSES, SAMPLES, TEAM
+from zteam.nodes.web.requests import MAX_BYTES
+
+
+@pytest.fixture
+def memory() -> MemoryHub:
+    """A bus in memory."""
+    return MemoryHub()
+
+
+@pytest.fixture
+def bus(memory: MemoryHub) -> Bus:
+    """A session beside the view's."""
+    return memory.bus()
+
+
+@pytest.fixture
+def view(memory: MemoryHub) -> Iterator[View]:
+    """A view of the bus."""
+    with open_view(memory.bus(), b'{"theme":"dark"}') as view:
+        yield view
+
+
+def subscribed(bus: Bus) -> set[str]:
+    """What all other sessions subscribe to."""
+    return {declaration.key for declaration in bus.declarations() if not declaration.publishes}
+
+
+def test_every_answer_has_the_policy(view: View) -> None:
+    """Scripts of the page alone may run, and nothing is guessed or kept."""
+    response = view.get("/layout.json")
+    assert response.status == 200
+    assert "default-src 'self'" in (response.getheader("content-security-policy") or "")
+    assert response.getheader("x-content-type-options") == "nosniff"
+
+
+@pytest.mark.parametrize(
+    "path", ["/page/../server.py", "/page/%2e%2e/server.py", "/page/none.js", "/etc/passwd", "/ws"]
+)
+def test_only_the_pages_files_are_served(view: View, path: str) -> None:
+    """Anything else is not found."""
+    assert view.get(path).status == 404
+
+
+@pytest.mark.parametrize("method", ["POST", "PUT", "DELETE"])
+def test_nothing_is_commanded_over_http(view: View, method: str) -> None:
+    """Only GET and HEAD are answered."""
+    assert view.get("/", method=method).status == 405
+
+
+def test_a_foreign_name_in_host_is_refused(view: View) -> None:
+    """A site that leads its own name here gets nothing."""
+    assert view.get("/", host=f"evil.example:{view.port}").status == 421
+
+
+def test_without_a_layout_there_is_no_content(memory: MemoryHub) -> None:
+    """The page then begins with its own; an error would show up in the browser's console."""
+    with open_view(memory.bus()) as view:
+        assert view.get("/layout.json").status == 204
+
+
+@pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://127.0.0.1:1"])
+def test_a_socket_from_another_origin_gets_403(view: View, origin: str) -> None:
+    """A page of another site cannot open it, though the browser would send it to this machine."""
+    with pytest.raises(InvalidStatus, match="403"), open_page(view.port, Origin=origin):
+        pass
+
+
+def test_a_page_of_this_server_may_open_the_socket(view: View) -> None:
+    """Its origin is the server's own."""
+    with open_page(view.port, Origin=f"http://127.0.0.1:{view.port}") as page:
+        assert page.welcome["version"] == 1
+
+
+def test_the_token_gives_the_right_to_command(view: View) -> None:
+    """Without it a page watches, and is told so when it commands."""
+    with open_page(view.port) as page, open_page(view.port, token="another") as watcher:
+        assert (page.welcome["may_command"], watcher.welcome["may_command"]) == (True, False)
+        assert "may only watch" in watcher.command(op="pause")
+        assert "no simulator is there" in page.command(op="pause")
+        assert "may only watch" in watcher.command(op="take", robot=0)
+
+
+@pytest.mark.parametrize(
+    ("message", "reason"),
+    [
+        ('{"op":"ack","frame":0}', "hello"),
+        ('{"op":"hello","version":2}', "version 2"),
+        ("{", "truncated"),
+        (b"{}", "text"),
+    ],
+)
+def test_a_wrong_first_message_closes_the_socket_with_a_reason(view: View, message: str | bytes, reason: str) -> None:
+    """Code 1008, and the reason also comes as a text."""
+    with open_page(view.port, hello=False) as page:
+        page.say_raw(message)
+        code, said = page.end()
+        assert code == 1008
+        assert reason in said
+        assert reason in page.refused
+
+
+def test_a_later_message_that_is_not_understood_closes_the_socket(view: View) -> None:
+    """The other pages go on."""
+    with open_page(view.port) as other:
+        with open_page(view.port) as page:
+            page.say(op="fly")
+            assert page.end()[0] == 1008
+        other.wait(lambda: other.docs.get("team", {}).get("viewers") == 1)
+
+
+def test_a_message_above_64_kib_closes_the_socket(view: View) -> None:
+    """It is not even read to its end."""
+    with open_page(view.port) as page:
+        page.say_raw('{"op":"hello","version":1,"token":"' + "x" * MAX_BYTES + '"}')
+        assert page.end()[0] in (1008, 1009)
+
+
+def test_ten_thousand_fuzzed_messages_do_no_harm(view: View) -> None:
+    """Each page that sends nonsense is refused, and a page beside them is served as before."""
+    draw = random.Random(5)
+    words = [
+        '"op"',
+        '"look"',
+        '"drive"',
+        '"robot"',
+        '"seq"',
+        ":",
+        ",",
+        "{",
+        "}",
+        "[",
+        "]",
+        "1e999",
+        "-1",
+        "NaN",
+        '"',
+        "\\u0000",
+    ]
+    with open_page(view.port) as watcher:
+        sent = 0
+        while sent < 10_000:
+            with open_page(view.port, hello=draw.random() < 0.5) as page:
+                try:
+                    for _ in range(100):
+                        page.say_raw(_nonsense(draw, words))
+                        sent += 1
+                except ConnectionClosed:
+                    pass
+        frames = len(watcher.frames)
+        watcher.wait(lambda: len(watcher.frames) > frames + 2)
+        assert not watcher.refused
+
+
+def _nonsense(draw: random.Random, words: list[str]) -> str | bytes:
+    kind = draw.randrange(3)
+    if kind == 0:
+        return draw.randbytes(draw.randrange(200))
+    if kind == 1:
+        return "".join(draw.choices(words, k=draw.randrange(1, 30)))
+    return "".join(chr(draw.randrange(1, 0x2000)) for _ in range(draw.randrange(50)))
+
+
+def test_a_flooding_page_does_not_hurt_another_one(view: View) -> None:
+    """While one page sends as fast as it can, another one gets its frames without a gap of a second."""
+    with open_page(view.port) as watcher, open_page(view.port, acknowledges=False) as flood:
+        flood_end = monotonic() + 3.0
+        newest, gaps = monotonic(), []
+        while monotonic() < flood_end:
+            for _ in range(50):
+                flood.say(op="ack", frame=0)
+            frames = len(watcher.frames)
+            try:
+                watcher.take(0.01)
+            except TimeoutError:
+                continue
+            if len(watcher.frames) > frames:
+                gaps.append(monotonic() - newest)
+                newest = monotonic()
+        assert gaps
+        # Without news the server sends the team once a second.
+        assert max(gaps) < 2.0
+
+
+def test_nothing_is_subscribed_to_while_nobody_watches(view: View, bus: Bus) -> None:
+    """Subscriptions come with the first page and go with the last one."""
+    assert subscribed(bus) == set()
+    with open_page(view.port) as page:
+        page.wait(lambda: "team_status" in subscribed(bus))
+        assert not any("base_scan" in key or "goal_pose" in key or key.endswith("/log") for key in subscribed(bus))
+        page.say(op="look", layers=["goals"], docs=["log"])
+        page.wait(lambda: {"robot_$*/goal_pose", "*/log"} <= subscribed(bus))
+        page.say(op="watch", topic="robot_0/odom", field="")
+        page.wait(lambda: "robot_0/odom" in subscribed(bus))
+        page.say(op="unwatch", topic="robot_0/odom", field="")
+        page.say(op="look", layers=[])
+        page.wait(lambda: not {"robot_0/odom", "*/log"} & subscribed(bus))
+    end = monotonic() + 20.0
+    while subscribed(bus) and monotonic() < end:
+        pass
+    assert subscribed(bus) == set()
+
+
+def put_robot(bus: Bus) -> None:
+    """A robot without transforms: its ground truth and its base."""
+    bus.publisher("robot_0/base_info", BaseInfo, latched=True).put(BaseInfo(model="small"))
+    pose = PoseWithCovariance(Pose(Point(2.0, 3.0)))
+    bus.publisher("robot_0/base_pose_ground_truth", Odometry).put(Odometry(Header(frame_id="map"), pose=pose))
+
+
+def test_without_transforms_poses_are_the_ground_truth(view: View, bus: Bus) -> None:
+    """The robot is where the simulator says, and its model is known."""
+    with open_page(view.port) as page:
+        page.wait(lambda: "robot_$*/base_pose_ground_truth" in subscribed(bus))
+        put_robot(bus)
+        page.wait(lambda: (POSES, TEAM) in page.blocks)
+        assert np.frombuffer(page.blocks[POSES, TEAM][:8], "<f4").tolist() == [2.0, 3.0]
+        page.wait(lambda: [r["model"] for r in page.docs["team"]["robots"]] == ["small"])
+
+
+def test_a_path_on_any_key_is_drawn(view: View, bus: Bus) -> None:
+    """The key's type is learnt from its first message; a key of another type is not subscribed to for long."""
+    path = bus.publisher("my/way", Path)
+    text = bus.publisher("my/log", Log)
+    with open_page(view.port) as page:
+        page.say(op="look", layers=["plans"])
+        page.wait(lambda: {"my/way"} <= subscribed(bus))
+        message = Path(Header(frame_id="map"), [PoseStamped(pose=Pose(Point(1.0, 2.0))), PoseStamped()])
+
+        def drawn() -> bool:
+            path.put(message)
+            text.put(Log())
+            return (PATH, TEAM) in page.blocks
+
+        page.wait(drawn)
+        assert np.frombuffer(page.blocks[PATH, TEAM][-16:], "<f4").tolist() == [1.0, 2.0, 0.0, 0.0]
+        assert "my/log" not in subscribed(bus)
+
+
+def test_each_value_of_a_plotted_field_comes(view: View, bus: Bus) -> None:
+    """No sample is lost, however few frames are sent."""
+    command = bus.publisher("robot_0/cmd_vel", Twist)
+    with open_page(view.port) as page:
+        page.say(op="watch", topic="robot_0/cmd_vel", field="linear.x")
+        page.wait(lambda: command.has_subscribers)
+        for number in range(50):
+            command.put(Twist(Vector3(float(number))))
+        values: list[float] = []
+
+        def collect() -> bool:
+            body = page.blocks.pop((SAMPLES, TEAM), None)
+            if body is not None:
+                begin = -(-(2 + int.from_bytes(body[:2], "little")) // 8) * 8
+                values.extend(np.frombuffer(body[begin:], "<f8").reshape(-1, 2)[:, 1].tolist())
+            return len(values) >= 50
+
+        page.wait(collect)
+        assert values == [float(number) for number in range(50)]
+
+
+def test_the_newest_message_is_echoed(view: View, bus: Bus) -> None:
+    """As JSON under ROS's names of the fields."""
+    scan = bus.publisher("robot_0/base_scan", LaserScan)
+    with open_page(view.port) as page:
+        page.say(op="watch", topic="robot_0/base_scan", field="")
+        page.wait(lambda: scan.has_subscribers)
+        scan.put(LaserScan(range_max=8.0))
+        page.wait(lambda: "echo" in page.docs)
+        assert page.docs["echo"]["json"]["range_max"] == 8.0
+
+
+def test_a_page_that_takes_no_frame_is_sent_no_second_one(view: View) -> None:
+    """Its credit is one frame; another page goes on meanwhile."""
+    with open_page(view.port, acknowledges=False) as still, open_page(view.port) as page:
+        still.wait(lambda: still.frames)
+        page.wait(lambda: len(page.frames) >= 3)
+        with pytest.raises(TimeoutError):
+            still.take(0.5)
+        assert len(still.frames) == 1

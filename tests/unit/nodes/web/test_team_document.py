@@ -1,0 +1,64 @@
+"""The document `team`, as the page's table shows it."""
+
+import numpy as np
+
+from zteam.messages import BaseInfo, Point32, Polygon, RobotState, RobotStatus, TeamState, TeamStatus
+from zteam.nodes.web.team_document import Heard, gate_row, robot_row, sim_row
+from zteam.services.simulator import RobotShape, SimStatus
+
+RUNNING = RobotStatus(robot_id=1, state=RobotState.RUNNING, behavior="follow", driver="behavior", leader=0, speed=0.4)
+
+
+def test_a_robots_body_is_that_of_its_world() -> None:
+    """Without a simulator it is the outline of `base_info`."""
+    square = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0)]
+    base = BaseInfo(model="real", footprint=Polygon([Point32(*point) for point in square]))
+    row = robot_row(1, Heard(base=base, shape=RobotShape("erratic", [square, square], [(0.1, 0.0, 0.2)])), present=True)
+    assert (row.model, len(row.outline), row.lasers[0].yaw) == ("erratic", 2, 0.2)
+    assert robot_row(1, Heard(base=base), present=True).outline == [square]
+
+
+def test_states_are_those_of_the_monitor() -> None:
+    """A robot is absent, running, silent, lost or stopped, with the reason in words."""
+    stopped = RobotStatus(state=RobotState.STOPPED)
+    rows = [
+        robot_row(1, heard, present=True)
+        for heard in (
+            Heard(),
+            Heard(alive=True),
+            Heard(alive=True, status=RUNNING, age=0.5),
+            Heard(alive=True, status=RUNNING, age=9.0),
+            Heard(status=RUNNING),
+            Heard(status=stopped),
+        )
+    ]
+    assert [row.state for row in rows] == ["absent", "absent", "running", "silent", "lost", "stopped"]
+    assert [row.reason for row in rows[:2]] == ["no process", "no status yet"]
+    assert (rows[2].speed, rows[2].leader, rows[2].behavior, rows[2].age) == (0.4, 0, "follow", 0.5)
+
+
+def test_a_reason_cannot_command_a_page_or_terminal() -> None:
+    """Control characters are replaced."""
+    status = RobotStatus(state=RobotState.RUNNING, reason="a\x1b[2Jb")
+    assert robot_row(0, Heard(alive=True, status=status), present=True).reason == "a\ufffd[2Jb"
+
+
+def test_the_gate_tells_what_it_waits_for() -> None:
+    """Each missing robot with its reason; GO, and no monitor, as such."""
+    rows = {1: robot_row(1, Heard(alive=True), present=True)}
+    status = TeamStatus(team_size=3, ready=np.array([0]), missing=np.array([1, 2]), waiting_for="robot_1, robot_2")
+    gate = gate_row(status, rows)
+    assert (gate.state, gate.text) == ("waiting", "1 of 3 ready; waiting for robot_1, robot_2")
+    assert [(each.id, each.reason) for each in gate.waiting_for] == [(1, "no status yet"), (2, "no process yet")]
+    assert gate_row(TeamStatus(state=TeamState.GO), {}).state == "go"
+    assert gate_row(None, {}).text == "no monitor"
+
+
+def test_the_simulator_runs_stands_or_is_not_there() -> None:
+    """Its models are those that can be spawned."""
+    status = SimStatus("w", [0], 100, 1, 0, 5, 0.987, paused=True, lockstep=True, waiting_for="robot_1")
+    row = sim_row(status, ["b", "a"])
+    assert (row.present, row.state, row.rtf, row.lockstep, row.waits_for, row.models, row.tick) == (
+        True, "paused", 0.99, True, "robot_1", ["a", "b"], 5,
+    )  # fmt: skip
+    assert sim_row(None, ()).present is False

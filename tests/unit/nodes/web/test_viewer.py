@@ -1,0 +1,40 @@
+"""One page's state: credit, what it has, what it sees."""
+
+from zteam.nodes.web.requests import MAX_WATCHES, Ack, Look, Unwatch, Watch
+from zteam.nodes.web.viewer import Viewer
+
+
+def test_a_page_has_credit_for_one_frame() -> None:
+    """A frame that is not acknowledged holds the next one back; an acknowledgement of another frame does not count."""
+    viewer = Viewer(1, may_command=False)
+    assert viewer.has_credit
+    number = viewer.next_frame(10.0)
+    assert not viewer.has_credit
+    viewer.take_ack(Ack(number + 1))
+    assert not viewer.has_credit
+    viewer.take_ack(Ack(number))
+    assert viewer.has_credit
+
+
+def test_a_page_is_sent_each_version_once() -> None:
+    """It lacks a thing until it has that version."""
+    viewer = Viewer(1, may_command=False)
+    assert [viewer.lacks("map", version) for version in (1, 1, 2, 2, 1)] == [True, False, True, False, True]
+
+
+def test_a_page_sees_what_is_in_its_viewport() -> None:
+    """Without a viewport it sees everything."""
+    viewer = Viewer(1, may_command=False)
+    assert viewer.sees(1e5, 0.0)
+    viewer.look = Look(viewport=[0.0, 0.0, 2.0, 1.0])
+    assert (viewer.sees(2.0, 1.0), viewer.sees(2.1, 0.5)) == (True, False)
+
+
+def test_a_page_watches_a_bounded_number_of_topics() -> None:
+    """One more is refused until another one is given up."""
+    viewer = Viewer(1, may_command=False)
+    for number in range(MAX_WATCHES):
+        assert not viewer.take_watch(Watch(f"topic_{number}"))
+    assert "64 topics" in viewer.take_watch(Watch("more"))
+    viewer.take_unwatch(Unwatch("topic_0"))
+    assert not viewer.take_watch(Watch("more"))

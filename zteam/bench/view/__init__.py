@@ -1,0 +1,1 @@
+"""The view under load: pages without a browser, and a browser that draws (docs/view.md)."""

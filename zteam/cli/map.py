@@ -1,0 +1,104 @@
+"""`zteam map save FILE`: write the map that is on the bus as files of map_server, as map_saver does."""
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+from typing import get_args
+
+from zteam import names
+from zteam.bus import Bus
+from zteam.cli.arguments import number
+from zteam.cli.interrupts import leave
+from zteam.cli.listening import Waiter, check_key, open_bus, wait_for_message
+from zteam.cli.options import Parser, add_bus_options, bus_options, checked, run
+from zteam.errors import BusError, UsageError
+from zteam.messages import OccupancyGrid
+from zteam.numbers import MAX_SECONDS
+from zteam.planning.map_files import Mode, write_map
+from zteam.services.maps import map_grid, to_three_values
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """The command line."""
+    parser = Parser(prog="zteam map", description=__doc__)
+    verbs = parser.add_subparsers(dest="verb", required=True, metavar="save")
+    save = verbs.add_parser("save", help="write FILE.yaml and its picture", description=__doc__)
+    save.add_argument("file", metavar="FILE", help="the YAML file, with or without .yaml; the picture is put beside it")
+    share = number(0.0, 1.0, "a share")
+    save.add_argument(
+        "--free", type=share, default=0.25, metavar="SHARE", help="free up to this occupancy (default: %(default)s)"
+    )
+    save.add_argument(
+        "--occupied",
+        type=share,
+        default=0.65,
+        metavar="SHARE",
+        help="occupied from this occupancy on (default: %(default)s)",
+    )
+    save.add_argument(
+        "--mode",
+        choices=get_args(Mode),
+        default="trinary",
+        help="trinary keeps free, occupied and unknown; scale and raw keep each value (default: %(default)s)",
+    )
+    save.add_argument("--fmt", choices=("pgm", "png"), help="of the picture (default: pgm; png in mode scale)")
+    save.add_argument(
+        "--topic", default=names.MAP, metavar="KEY", help="save this grid, such as robot_1/global_costmap/costmap"
+    )
+    save.add_argument(
+        "--timeout",
+        type=number(1e-3, MAX_SECONDS, "host seconds"),
+        metavar="SECONDS",
+        help="give up without a map (default: wait)",
+    )
+    add_bus_options(save)
+    return parser
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point."""
+    args = build_parser().parse_args(argv)
+    path = checked(args, lambda: _check(args))
+    return run("zteam map", args, lambda: _save(args, path))
+
+
+def _check(args: argparse.Namespace) -> Path:
+    """The YAML file to write. Raises UsageError."""
+    if args.free >= args.occupied:
+        raise UsageError(f"--free {args.free:g}, --occupied {args.occupied:g}: the first is to be below the second")
+    if args.mode == "scale" and args.fmt == "pgm":
+        raise UsageError("--mode scale marks unknown cells by transparency: leave --fmt pgm out")
+    path = Path(args.file)
+    return path if path.suffix in (".yaml", ".yml") else path.with_name(f"{path.name}.yaml")
+
+
+def _save(args: argparse.Namespace, path: Path) -> int:
+    key = check_key(args.topic)
+    bus = open_bus(bus_options(args))
+    try:
+        grid = map_grid(_wait_for_map(bus, key, args.timeout))
+    finally:
+        bus.close()
+    if args.mode == "trinary":
+        grid = to_three_values(grid, args.free, args.occupied)
+    written = write_map(grid, path, mode=args.mode, suffix=f".{args.fmt}" if args.fmt else None)
+    frame = grid.frame
+    print(f"{frame.columns} x {frame.rows} cells of {frame.resolution:g} m: {', '.join(map(str, written))}")
+    return 0
+
+
+def _wait_for_map(bus: Bus, key: str, timeout: float | None) -> OccupancyGrid:
+    waiter, found = Waiter(), list[OccupancyGrid]()
+
+    def take(_key: str, message: OccupancyGrid) -> None:
+        found.append(message)
+        waiter.notify()
+
+    bus.subscribe(key, OccupancyGrid, take, latched=True)
+    if not wait_for_message(bus, waiter, lambda: bool(found), timeout, key):
+        raise BusError(f"no map came on {key} within {timeout:g} s: start zteam-sim WORLD or zteam-map MAP.yaml")
+    return found[-1]
+
+
+if __name__ == "__main__":
+    leave(main())

@@ -1,0 +1,58 @@
+"""`zteam view`: see the team in a browser, and drive it with the mouse (docs/view.md)."""
+
+import argparse
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+from zteam import names
+from zteam.cli.arguments import whole
+from zteam.cli.interrupts import leave
+from zteam.cli.options import Parser, add_bus_options, bus_options, run
+
+DEFAULT_PORT = 8765
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """The command line."""
+    parser = Parser(prog="zteam view", description=__doc__)
+    parser.add_argument("--host", default="127.0.0.1", help="listen at this address (default: %(default)s)")
+    parser.add_argument(
+        "--port",
+        type=whole(0, 65535, "a port"),
+        default=DEFAULT_PORT,
+        help="listen at this port (default: %(default)s)",
+    )
+    parser.add_argument("--no-browser", action="store_true", help="print the address only")
+    parser.add_argument("--layout", type=Path, metavar="FILE", help="begin with this layout, which the page has saved")
+    parser.add_argument(
+        "--token",
+        default=os.environ.get("ZTEAM_VIEW_TOKEN") or "",
+        help="what a page needs to command (default: a new one; $ZTEAM_VIEW_TOKEN)",
+    )
+    parser.add_argument("--name", default="", help=argparse.SUPPRESS)
+    add_bus_options(parser)
+    return parser
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point."""
+    args = build_parser().parse_args(argv)
+    return run("view", args, lambda: _view(args), needs_output=False)
+
+
+def _view(args: argparse.Namespace) -> int:
+    from zteam.nodes.web.node import ViewOptions, run_view
+    from zteam.runtime.process import run_node
+
+    options = ViewOptions(args.host, args.port, args.token, not args.no_browser, args.layout)
+    name = args.name or names.view_name()
+    return run_node(name, bus_options(args, small=True), lambda node: run_view(node, options, _show))
+
+
+def _show(text: str) -> None:
+    print(text, flush=True)
+
+
+if __name__ == "__main__":
+    leave(main())

@@ -1,0 +1,1 @@
+"""The map server: a map without a simulator."""

@@ -1,0 +1,142 @@
+"""The next frame of one page: what it looks at and does not have yet."""
+
+import zlib
+from collections.abc import Callable, Iterator
+
+import msgspec
+import numpy as np
+
+from zteam import names
+from zteam.clock import monotonic, to_seconds
+from zteam.messages import Path, PoseArray
+from zteam.nodes.web import frames
+from zteam.nodes.web.documents import Documents
+from zteam.nodes.web.hub import Hub
+from zteam.nodes.web.interest import robots_in_sight
+from zteam.nodes.web.places import pose2_of
+from zteam.nodes.web.plots import samples_since
+from zteam.nodes.web.scene import Scene
+from zteam.nodes.web.viewer import Viewer
+
+TEAM_AGAIN, TEAM_SIZE = 1.0, 250
+"""Host seconds after which `team` is sent again without a change but of ages and speeds, and the robots up to which it
+holds. For more it is longer: a page takes milliseconds to read a thousand rows."""
+SLOW, FAST = 1.0, 0.1
+"""Host seconds between two documents: of those in lists, and of those that are drawn."""
+TILES = 16
+"""Of grids that go into one frame."""
+LINES = 200
+"""Of logs that go into one frame."""
+
+
+class Composer:
+    """Makes frames for all pages, on one thread."""
+
+    def __init__(self, hub: Hub) -> None:
+        self._hub = hub
+        self._scene, self._documents = Scene(hub), Documents(hub)
+
+    def compose(self, viewer: Viewer) -> bytes | None:
+        """The next frame; None if there is nothing new."""
+        hub, now = self._hub, monotonic()
+        self._scene.look()
+        number, poses = self._scene.poses()
+        has_poses = bool(number) and viewer.lacks("poses", number)
+        blocks = [poses] if has_poses else []
+        blocks += self._scans(viewer)
+        blocks += self._grids(viewer)
+        blocks += self._navigation(viewer)
+        blocks += self._docs(viewer, now)
+        blocks += self._watched(viewer, now)
+        if not blocks:
+            return None
+        places, sim = hub.places, hub.facts.sim
+        tick = places.stamp // sim.interval if sim and sim.interval > 0 else 0
+        sent = monotonic()
+        age = sent - places.time if has_poses else -1.0
+        return frames.encode_frame(frames.Frame(viewer.next_frame(sent), tick, to_seconds(places.stamp), age), blocks)
+
+    def _scans(self, viewer: Viewer) -> Iterator[bytes]:
+        if "scans" not in viewer.look.layers:
+            return
+        for robot_id in robots_in_sight(viewer, self._hub.poses):
+            for key, number, block in self._scene.scans(robot_id, viewer.look.beams):
+                if viewer.lacks(key, (number, viewer.look.beams)):
+                    yield block
+
+    def _grids(self, viewer: Viewer) -> list[bytes]:
+        found: list[bytes] = []
+        viewer.lacks_tiles = False
+        costmaps = self._hub.drawables.keys("costmaps") if "costmaps" in viewer.look.layers else []
+        for key in (names.MAP, *costmaps):
+            for tile in self._scene.grid(key):
+                if len(found) >= TILES:
+                    viewer.lacks_tiles = True
+                    return found
+                if viewer.lacks((key, tile.place), tile.version):
+                    found.append(tile.block)
+        return found
+
+    def _navigation(self, viewer: Viewer) -> Iterator[bytes]:
+        """Paths and particles."""
+        layers, scene, pose_of = viewer.look.layers, self._scene, self._documents.pose_of
+        for key in self._hub.drawables.keys("plans") if "plans" in layers else ():
+            found = scene.read(key, Path)
+            frame = pose_of(found[1].header.frame_id) if found else None
+            if found and frame is not None and viewer.lacks(key, found[0].number):
+                points = [frame.compose(pose2_of(each.pose))[:2] for each in found[1].poses]
+                yield frames.encode_path(key, np.array(points, np.float64).reshape(-1, 2))
+        for key in self._hub.drawables.keys("particles") if "particles" in layers else ():
+            cloud = scene.read(key, PoseArray)
+            frame = pose_of(cloud[1].header.frame_id) if cloud else None
+            if cloud and frame is not None and viewer.lacks(key, cloud[0].number):
+                poses = [frame.compose(pose2_of(pose)) for pose in cloud[1].poses]
+                yield frames.encode_pose_array(key, np.array(poses, np.float64).reshape(-1, 3))
+
+    def _docs(self, viewer: Viewer, now: float) -> Iterator[bytes]:
+        team, version = self._scene.team()
+        again = TEAM_AGAIN * max(1.0, len(self._hub.poses) / TEAM_SIZE)
+        if viewer.lacks("team", version) | viewer.lacks("team again", int(now / again)):
+            yield frames.encode_doc("team", team)
+        layers, docs, make = viewer.look.layers, viewer.look.docs, self._documents
+        if "tf" in layers or "tf" in docs:
+            yield from self._doc(viewer, "tf", make.transforms, now, FAST if "tf" in layers else SLOW)
+        if "topics" in docs:
+            yield from self._doc(viewer, "topics", make.topics, now, SLOW)
+        drawn = {
+            "goals": make.goals, "obstacles": make.obstacles, "markers": make.markers, "sonars": make.sonars,
+            "fiducials": make.fiducials,
+        }  # fmt: skip
+        for name in drawn.keys() & set(layers):
+            yield from self._doc(viewer, name, drawn[name], now, FAST)
+        if "log" in docs:
+            yield from self._log(viewer)
+
+    def _doc(self, viewer: Viewer, name: str, make: Callable[[], bytes], now: float, period: float) -> Iterator[bytes]:
+        """A document that has changed, unless it was looked at within `period`."""
+        if viewer.lacks((name, "looked at"), int(now / period)):
+            document = make()
+            if viewer.lacks((name, "sent"), zlib.crc32(document)):
+                yield frames.encode_doc(name, document)
+
+    def _log(self, viewer: Viewer) -> Iterator[bytes]:
+        number, lines = self._documents.log(viewer.log_number)
+        viewer.log_number = number
+        if lines:
+            shown = [line._asdict() for line in lines[-LINES:]]
+            yield frames.encode_doc("log", msgspec.json.encode(shown))
+
+    def _watched(self, viewer: Viewer, now: float) -> Iterator[bytes]:
+        offset = to_seconds(self._hub.places.stamp) - now
+        for watch, number in list(viewer.watches.items()):
+            if watch.field:
+                newest, pairs = samples_since(self._hub.history, watch.topic, watch.field, number, offset)
+                viewer.watches[watch] = newest
+                if len(pairs):
+                    yield frames.encode_samples(watch.topic, watch.field, pairs)
+            elif viewer.lacks((watch.topic, "looked at"), int(now / FAST)):
+                arrival = self._hub.newest.get(watch.topic)
+                echo = self._documents.echo(watch.topic) if arrival and arrival.number != number else None
+                if echo is not None:
+                    viewer.watches[watch] = echo[0]
+                    yield frames.encode_doc("echo", echo[1])

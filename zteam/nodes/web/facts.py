@@ -1,0 +1,160 @@
+"""What the view asks for, because nothing publishes it: the simulator's state, the users of keys, old lines of logs."""
+
+import logging
+from collections.abc import Callable, Collection, Iterable
+from typing import Any, TypeVar
+
+from zteam import names
+from zteam.bus import Change
+from zteam.bus.counters import KeyCount
+from zteam.bus.transport import Closeable, Declaration
+from zteam.clock import Every, monotonic
+from zteam.errors import BusError
+from zteam.messages import TFMessage, TransformStamped
+from zteam.nodes.web.topic_table import Counts, TopicRow, rates, topic_rows
+from zteam.runtime.node import Node
+from zteam.runtime.tokens import TokenSet
+from zteam.services.log_lines import LogLine
+from zteam.services.simulator import ObstaclesReply, ShapesReply, SimStatus
+from zteam.services.transforms import FrameReply, Lookup
+from zteam.services.transforms_client import TransformClient
+
+log = logging.getLogger("zteam")
+
+T = TypeVar("T")
+
+PERIOD = 0.5
+"""Host seconds between two looks at the simulator while a page is open."""
+KEYS_PERIOD = 2.0
+"""Host seconds between two looks at which keys there are."""
+PATIENCE = 1.0
+
+
+class Facts:
+    """`ask` is called on a thread of its own, which may wait for answers. What it finds is replaced as a whole."""
+
+    def __init__(self, node: Node, on_news: Callable[[], None]) -> None:
+        self._node, self._bus, self._on_news = node, node.bus, on_news
+        self._tokens = TokenSet()
+        self._watch: list[Closeable] = []
+        self.link_up = True
+        self.sim: SimStatus | None = None
+        self.shapes: ShapesReply | None = None
+        self.obstacles: ObstaclesReply | None = None
+        self._shapes_of: Any = None
+        self.declarations: list[Declaration] = []
+        """Of the other sessions."""
+        self.topics: list[TopicRow] = []
+        self._counts: Counts | None = None
+        self.authorities: dict[str, str] = {}
+        """Which process says where each frame is."""
+        self._keys_due, self._frames_due = Every(KEYS_PERIOD), Every(KEYS_PERIOD)
+        self.on_log: Callable[[list[LogLine]], None] = lambda lines: None
+        self.on_transforms: Callable[[TFMessage], None] = lambda message: None
+        self._has_log = False
+        self._opened = 0
+        node.bus.watch_link(self._on_link)
+
+    def _on_link(self, up: bool) -> None:
+        self.link_up = up
+        self._on_news()
+
+    def watch(self, wanted: bool) -> None:
+        """Hear which processes are there, or hear it no more."""
+        if wanted and not self._watch:
+            self._watch = self._bus.watch_tokens([names.tokens_key()], self._on_token)
+        elif not wanted and self._watch:
+            for watch in self._watch:
+                watch.close()
+            self._watch = []
+            self._tokens, self.sim = TokenSet(), None
+
+    def _on_token(self, key: str, alive: bool) -> None:
+        token = names.split_token_key(key)
+        if token is not None:
+            with self._node.changed:
+                self._tokens.take(*token, alive)
+                self._node.changed.notify_all()
+            self._on_news()
+
+    def alive(self, name: str) -> bool:
+        """Whether a process holds this name."""
+        return name in self._tokens
+
+    def robots(self) -> set[int]:
+        """The robots that have a process."""
+        with self._node.changed:
+            return {i for i in map(names.robot_id_of, self._tokens) if i is not None}
+
+    def ask(self, layers: Collection[str], docs: Collection[str], opened: int) -> None:
+        """Ask what the pages that show these layers and documents need; `opened` counts the subscriptions so far."""
+        self._ask_simulator(obstacles="obstacles" in layers)
+        self._ask_for_repeat(opened)
+        if "tf" in docs and self._frames_due.due():
+            for _, frames in self._ask(names.service_key(names.AGGREGATOR, "frames"), dict[str, FrameReply]):
+                self.authorities = {name: frame.authority for name, frame in frames.items()}
+        if "log" not in docs:
+            self._has_log = False
+        elif not self._has_log:
+            self._has_log = True
+            for _, lines in self._ask(names.log_key(), list[LogLine]):
+                self.on_log(lines)
+        if ("topics" in docs or {"plans", "costmaps", "particles", "markers"} & set(layers)) and self._keys_due.due():
+            self.declarations = self._bus.declarations()
+            if "topics" in docs:
+                self._ask_counts()
+        self._on_news()
+
+    def _ask_simulator(self, *, obstacles: bool) -> None:
+        sim = self._first("status", SimStatus) if self.alive(names.SIMULATOR) else None
+        self.sim = sim
+        if sim is None:
+            self.shapes = self.obstacles = self._shapes_of = None
+            return
+        if (version := (sim.instance, sim.robots)) != self._shapes_of:
+            self.shapes = self._first("shapes", ShapesReply)
+            self._shapes_of = version if self.shapes is not None else None
+        if obstacles and (self.obstacles is None or any(each.movable for each in self.obstacles.obstacles)):
+            self.obstacles = self._first("obstacles", ObstaclesReply)
+
+    def _ask_for_repeat(self, opened: int) -> None:
+        """Where the world stands nothing new comes: let a new subscriber have what the last tick has sent."""
+        sim, missed = self.sim, opened != self._opened
+        self._opened = opened
+        if missed and sim is not None and (sim.paused or sim.finished) and sim.tick > 0:
+            self._ask_transforms(sim.robots)
+            key = names.service_key(names.SIMULATOR, "repeat")
+            try:
+                self._bus.query(key, SimStatus, Change(), timeout=PATIENCE)
+            except BusError as error:
+                log.debug("%s: %s", key, error)
+
+    def _ask_transforms(self, robots: Iterable[int]) -> None:
+        # The aggregator does not send a tick's bundle twice.
+        frames = [(names.robot_frame(i, names.ODOM), names.robot_frame(i, names.BASE_FOOTPRINT)) for i in robots]
+        try:
+            found = TransformClient(self._bus).lookup_many([Lookup(*pair) for pair in frames]) if frames else []
+        except BusError as error:
+            log.debug("%s", error)
+            return
+        known = [transform for transform in found if isinstance(transform, TransformStamped)]
+        if known:
+            self.on_transforms(TFMessage(known))
+
+    def _ask_counts(self) -> None:
+        answers = self._ask(names.stats_key("*"), dict[str, KeyCount])
+        received = {key: {each: count.received for each, count in told.items()} for key, told in answers}
+        before, self._counts = self._counts, Counts(monotonic(), received)
+        robots = self.robots() | (set(self.sim.robots) if self.sim else set())
+        self.topics = topic_rows(self.declarations, rates(before, self._counts), robots)
+
+    def _first(self, service: str, kind: type[T]) -> T | None:
+        answers = self._ask(names.service_key(names.SIMULATOR, service), kind)
+        return answers[0][1] if answers else None
+
+    def _ask(self, key: str, kind: type[T]) -> list[tuple[str, T]]:
+        try:
+            return self._bus.query(key, kind, timeout=PATIENCE)
+        except BusError as error:
+            log.debug("%s: %s", key, error)
+            return []

@@ -1,0 +1,49 @@
+"""The files of the page, which lie in this package; nothing else is served."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+FOLDER = Path(__file__).parent / "page"
+KINDS = {
+    ".html": "text/html; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".mjs": "text/javascript; charset=utf-8",
+    ".json": "application/json",
+    ".svg": "image/svg+xml",
+    ".png": "image/png",
+    ".ico": "image/x-icon",
+    ".txt": "text/plain; charset=utf-8",
+    ".woff2": "font/woff2",
+}
+"""Media type by ending."""
+HEADERS = {
+    "content-security-policy": "default-src 'self'; connect-src 'self'; img-src 'self' data: blob:; "
+    "style-src 'self'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'",
+    "x-content-type-options": "nosniff",
+    "referrer-policy": "no-referrer",
+    "cross-origin-opener-policy": "same-origin",
+    "cross-origin-resource-policy": "same-origin",
+    "cache-control": "no-cache",
+}
+"""Of every answer."""
+
+
+class File(NamedTuple):
+    """One file."""
+
+    content: bytes
+    kind: str
+
+
+def read_file(name: str, folder: Path = FOLDER) -> File | None:
+    """The file of this name, relative to the page's folder; None where there is none."""
+    kind = KINDS.get(Path(name).suffix)
+    if kind is None or "\0" in name:
+        return None
+    path = folder / name
+    if any(part in ("..", "") or part.startswith(".") for part in name.split("/")) or not path.is_file():
+        return None
+    if not path.resolve().is_relative_to(folder.resolve()):
+        return None
+    return File(path.read_bytes(), kind)

@@ -1,0 +1,176 @@
+"""The binary frames of the view, wire version 1 (docs/view.md). Pure: numbers in, bytes out. All is little endian.
+
+A frame is a header and blocks. Each block begins at a multiple of eight, so that a page reads its numbers in place.
+"""
+
+import json
+import math
+import struct
+import zlib
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zteam.geometry import Pose2, normalize_angle
+
+KIND, VERSION = 1, 1
+POSES, SCAN, DOC, GRID, PATH, POSE_ARRAY, SAMPLES = range(1, 8)
+"""Types of blocks."""
+TEAM = 0xFFFF
+"""In the place of a robot's id: the block is of no single robot."""
+FROM_TRUTH = 1
+"""Flag of POSES: the poses are the simulator's ground truth, not of the transforms."""
+
+POSITION_STEP = 0.01
+"""Metres of one step of a pose's x and y, unless the robots are more than 655 m apart."""
+YAW_STEP = 1e-4
+"""Radians of one step of a pose's yaw."""
+RANGE_STEP = 0.002
+"""Metres of one step of a range, unless the laser sees farther than 131 m."""
+NO_RETURN, INVALID = 0xFFFF, 0xFFFE
+MAX_STEPS = 0xFFFD
+"""Of a range."""
+TILE = 256
+"""Cells of a grid's tile along each side, at most."""
+
+_HEADER = struct.Struct("<BBHIQdd")
+_BLOCK = struct.Struct("<BBHI")
+_POSES = struct.Struct("<fffI")
+_SCAN = struct.Struct("<HH7f")
+_LENGTH = struct.Struct("<H")
+
+
+class Frame(NamedTuple):
+    """What the header says."""
+
+    number: int
+    tick: int
+    stamp: float
+    """Seconds of the clock that the team lives on."""
+    age: float
+    """Host seconds since the newest pose came, when the frame was sent."""
+
+
+class Sweep(NamedTuple):
+    """What a laser saw."""
+
+    sensor: Pose2
+    """Its pose in `map` when it saw this."""
+    angle_min: float
+    angle_increment: float
+    range_min: float
+    range_max: float
+    ranges: NDArray[np.float32]
+
+
+def encode_frame(frame: Frame, blocks: Sequence[bytes]) -> bytes:
+    """A frame of these blocks, each as the functions below make it."""
+    header = _HEADER.pack(KIND, VERSION, len(blocks), frame.number & 0xFFFFFFFF, frame.tick, frame.stamp, frame.age)
+    return b"".join((header, *blocks))
+
+
+def decode_frame(data: bytes) -> tuple[Frame, list[tuple[int, int, int, bytes]]]:
+    """The header, and type, flags, id and body of each block. Raises ValueError for anything that is no frame."""
+    try:
+        kind, version, count, *rest = _HEADER.unpack_from(data)
+        blocks, at = [], _HEADER.size
+        for _ in range(count):
+            block, flags, owner, length = _BLOCK.unpack_from(data, at)
+            body = data[at + _BLOCK.size : at + _BLOCK.size + length]
+            if len(body) != length:
+                raise ValueError("a block is longer than the frame")
+            blocks.append((block, flags, owner, body))
+            at += _BLOCK.size + length + -length % 8
+    except struct.error as error:
+        raise ValueError(f"no frame: {error}") from None
+    if (kind, version) != (KIND, VERSION) or at != len(data):
+        raise ValueError("no frame of this version")
+    return Frame(*rest), blocks
+
+
+def _block(kind: int, body: bytes, owner: int = TEAM, flags: int = 0) -> bytes:
+    return b"".join((_BLOCK.pack(kind, flags, owner, len(body)), body, bytes(-len(body) % 8)))
+
+
+def encode_poses(poses: Mapping[int, Pose2], *, truth: bool = False) -> bytes:
+    """Poses in `map` by robot id."""
+    ids = np.fromiter(poses, np.uint16, len(poses))
+    numbers = np.array(list(poses.values()), np.float64).reshape(-1, 3)
+    low, high = (numbers[:, :2].min(0), numbers[:, :2].max(0)) if len(poses) else (np.zeros(2), np.zeros(2))
+    origin = ((low + high) / 2).astype(np.float32)
+    step = np.float32(max(POSITION_STEP, float((high - low).max()) / 65000))
+    placed = np.clip(np.rint((numbers[:, :2] - origin) / step), -32767, 32767).astype("<i2")
+    turns = np.rint([normalize_angle(yaw) / YAW_STEP for yaw in numbers[:, 2]]).astype("<i2")
+    parts = (
+        _POSES.pack(*origin.tolist(), float(step), len(poses)),
+        ids.astype("<u2").tobytes(),
+        bytes(len(poses) % 2 * 2),
+        placed[:, 0].tobytes(),
+        placed[:, 1].tobytes(),
+        turns.tobytes(),
+    )
+    return _block(POSES, b"".join(parts), flags=FROM_TRUTH if truth else 0)
+
+
+def encode_scan(robot_id: int, index: int, sweep: Sweep, beams: int) -> bytes:
+    """A scan of a robot's `index`-th laser, thinned to at most `beams` of its beams."""
+    stride = max(1, math.ceil(len(sweep.ranges) / max(1, beams)))
+    ranges = sweep.ranges[::stride]
+    far = sweep.range_max if math.isfinite(sweep.range_max) else RANGE_STEP * MAX_STEPS
+    step = max(RANGE_STEP, far / MAX_STEPS)
+    with np.errstate(invalid="ignore", over="ignore"):
+        steps = np.minimum(np.rint(ranges / np.float32(step)), MAX_STEPS)
+        valid = ranges >= sweep.range_min
+        found = np.where(valid, np.where(np.isfinite(steps), steps, 0), INVALID).astype("<u2")
+        found[ranges >= far] = NO_RETURN
+    head = _SCAN.pack(
+        index, len(found), *sweep.sensor, sweep.angle_min, sweep.angle_increment * stride, sweep.range_max, step
+    )
+    return _block(SCAN, head + found.tobytes(), owner=robot_id)
+
+
+def encode_doc(name: str, document: bytes) -> bytes:
+    """A document: JSON under a name."""
+    return _block(DOC, _text(name) + document)
+
+
+def encode_tile(meta: Mapping[str, Any], cells: NDArray[np.int8]) -> bytes:
+    """A tile of a grid, row 0 at the lowest y; `meta` says where it lies."""
+    return _block(GRID, _meta(meta) + zlib.compress(cells.tobytes(), 1))
+
+
+def encode_path(key: str, points: NDArray[np.float64]) -> bytes:
+    """Points (n, 2) in `map`, in metres."""
+    return _block(PATH, _padded(_meta({"key": key}), 4) + points.astype("<f4").tobytes())
+
+
+def encode_pose_array(key: str, poses: NDArray[np.float64]) -> bytes:
+    """Poses (n, 3) in `map`: metres and radians."""
+    return _block(POSE_ARRAY, _padded(_meta({"key": key}), 4) + poses.astype("<f4").tobytes())
+
+
+def encode_samples(topic: str, field: str, pairs: NDArray[np.float64]) -> bytes:
+    """Pairs (n, 2) of time in seconds and value."""
+    return _block(SAMPLES, _padded(_meta({"topic": topic, "field": field}), 8) + pairs.astype("<f8").tobytes())
+
+
+def _text(text: str) -> bytes:
+    encoded = text.encode()
+    return _LENGTH.pack(len(encoded)) + encoded
+
+
+def _meta(meta: Mapping[str, Any]) -> bytes:
+    return _text(json.dumps(meta, separators=(",", ":")))
+
+
+def _padded(body: bytes, size: int) -> bytes:
+    return body + bytes(-len(body) % size)
+
+
+def tiles_of(width: int, height: int) -> Iterator[tuple[int, int, int, int]]:
+    """Column, row, width and height of each tile of a grid, in cells."""
+    for row in range(0, height, TILE):
+        for column in range(0, width, TILE):
+            yield column, row, min(TILE, width - column), min(TILE, height - row)

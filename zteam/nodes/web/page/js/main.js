@@ -1,0 +1,25 @@
+/** Starts the page. */
+
+import { App } from "./app.js";
+import { Driver } from "./drive/driver.js";
+import { listenToGamepads } from "./drive/gamepad.js";
+import { listenToDriveKeys } from "./drive/keyboard.js";
+import { mountStick } from "./drive/stick.js";
+import { mountPanels } from "./panels/main.js";
+import { makeScene } from "./scene/scene.js";
+import { mountTools } from "./tools/tools.js";
+
+const app = new App();
+const stats = { frames: 0, js_ms: [], age_ms: [], bytes: 0 };
+/** For tests, benchmarks and the browser's console. */
+/** @type {any} */ (window).zteam = { app, stats };
+
+const element = /** @type {HTMLElement} */ (document.querySelector("#scene"));
+app.scene = makeScene(app, element, stats);
+app.drive = new Driver(app);
+mountTools(app, element, /** @type {HTMLElement} */ (document.querySelector("#tools")));
+listenToDriveKeys(app.drive);
+listenToGamepads(app.drive);
+mountStick(app.drive, element);
+mountPanels(app);
+app.connection.open();

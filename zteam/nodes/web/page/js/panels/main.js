@@ -1,0 +1,73 @@
+/** Puts the panels together. */
+
+import { Layout } from "../layout.js";
+import { framesTab } from "./frames.js";
+import { mountFrame } from "./frame.js";
+import { mountKeys } from "./keys.js";
+import { layersTab } from "./layers.js";
+import { logTab } from "./log.js";
+import { mountNotices } from "./notices.js";
+import { mountPageButtons, savePicture } from "./page_buttons.js";
+import { plotsTab } from "./plots.js";
+import { mountSimulatorBar, simulatorTab } from "./simulator.js";
+import { teamTab } from "./team.js";
+import { Theme } from "./theme.js";
+import { topicsTab } from "./topics.js";
+
+/** @param {import("../app.js").App} app */
+export function mountPanels(app) {
+  const layout = new Layout();
+  const theme = new Theme(app.store);
+  layout.register("camera", cameraPart(app));
+  layout.register("selected", selectionPart(app));
+  layout.register("theme", theme);
+  for (const event of ["camera", "selection", "theme"]) app.store.on(event, () => layout.changed());
+  const plots = plotsTab(app, layout);
+  let choose = (/** @type {string} */ _name) => {};
+  const topics = topicsTab(app, layout, (topic, field) => {
+    plots.add(topic, field);
+    choose("plots");
+  });
+  const side = [teamTab(app), simulatorTab(app), topics, framesTab(app), layersTab(app, layout)];
+  const frame = mountFrame(side, [logTab(app, layout), plots.tab], layout);
+  choose = frame.choose;
+  mountSimulatorBar(app);
+  mountNotices(app);
+  const foldAll = () => {
+    const open = !(frame.side.open || frame.dock.open);
+    frame.side.toggle(open);
+    if (!open) frame.dock.toggle(false);
+  };
+  const showHelp = mountKeys(app, { choose, foldAll, picture: () => savePicture(app), theme: () => theme.toggle() });
+  mountPageButtons(app, layout, theme, showHelp);
+  layout.open().then((problem) => problem && app.say(problem, "error"));
+}
+
+/** @param {import("../app.js").App} app @returns {import("../layout.js").Part} */
+function cameraPart({ camera }) {
+  const initial = "0,0,0,0";
+  return {
+    get: () => {
+      const { x, y, scale, angle, follow } = camera.get();
+      const zoom = `${Number(scale.toPrecision(4))},${Number(angle.toFixed(3))}`;
+      if (!camera.placed) return initial;
+      return follow >= 0 ? `robot ${follow},${zoom}` : `${x.toFixed(2)},${y.toFixed(2)},${zoom}`;
+    },
+    set: (text) => {
+      const parts = text.split(","), robot = /^robot (\d+)$/.exec(parts[0]);
+      if (text === initial) return;
+      const numbers = parts.slice(robot ? 1 : 0).map(Number);
+      if (numbers.length !== (robot ? 2 : 4) || !numbers.every(Number.isFinite)) return;
+      const [scale, angle] = numbers.slice(-2);
+      camera.set(robot ? { follow: Number(robot[1]), scale, angle } : { x: numbers[0], y: numbers[1], scale, angle, follow: -1 });
+    },
+  };
+}
+
+/** @param {import("../app.js").App} app @returns {import("../layout.js").Part} */
+function selectionPart(app) {
+  return {
+    get: () => [...app.store.selection].sort((a, b) => a - b).join(","),
+    set: (text) => app.select(text.split(",").filter((id) => /^\d+$/.test(id)).map(Number)),
+  };
+}

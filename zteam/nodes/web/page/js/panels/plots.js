@@ -1,0 +1,158 @@
+/** Charts of the fields that the user has clicked, one for each unit. The library comes with the first chart. */
+
+import { Plots, SPANS } from "../plots.js";
+import { el, iconButton, setText } from "./dom.js";
+import { formatPlain } from "./format.js";
+
+const DRAW_PERIOD = 150; // ms
+const LOWEST = 110; // px
+const MARGIN = 12; // px around a chart
+
+/** @typedef {import("../plots.js").Series} Series */
+
+/**
+ * @param {import("../app.js").App} app
+ * @param {import("../layout.js").Layout} layout
+ * @returns {{tab: import("./tabs.js").Tab, add: (topic: string, field: string) => void}}
+ */
+export function plotsTab(app, layout) {
+  const view = new PlotsView(app, layout);
+  return { tab: { name: "plots", title: "Plots", page: view.page, shown: (on) => view.show(on) }, add: (topic, field) => view.plots.add(topic, field) };
+}
+
+class PlotsView {
+  #shown = false;
+  /** The end of the time axis while it stands still, else 0. */
+  #frozenAt = 0;
+  #drawn = 0;
+  /** @type {UnitChart[]} */
+  #charts = [];
+
+  /** @param {import("../app.js").App} app @param {import("../layout.js").Layout} layout */
+  constructor(app, layout) {
+    this.store = app.store;
+    this.plots = new Plots(app.connection, () => {
+      this.#rebuild();
+      layout.changed();
+    });
+    this.span = el("select", { "aria-label": "Span of time" }, ...SPANS.map((span) => el("option", { value: span }, `${span} s`)));
+    this.span.value = String(this.plots.span);
+    this.span.addEventListener("change", () => {
+      this.#setSpan(this.span.value);
+      layout.changed();
+    });
+    this.freeze = el("button", { type: "button", onclick: () => this.#toggle() }, "Pause");
+    this.area = el("div", { class: "scroll charts" });
+    this.page = el("div", { class: "page plots" }, this.area, el("div", { class: "controls" }, this.span, this.freeze, this.#clearButton()));
+    app.store.on("samples", (samples) => this.plots.take(samples));
+    app.store.on("frame", () => this.#draw(false));
+    app.store.on("theme", () => this.#rebuild());
+    new ResizeObserver(() => this.#draw(true)).observe(this.area);
+    layout.register("plots", this.plots);
+    layout.register("span", { get: () => this.span.value, set: (seconds) => this.#setSpan(seconds) });
+    this.#rebuild();
+  }
+
+  #clearButton() {
+    const clear = () => {
+      this.plots.clear();
+      this.#draw(true);
+    };
+    return el("button", { type: "button", onclick: clear }, "Clear");
+  }
+
+  /** @param {string} seconds */
+  #setSpan(seconds) {
+    if (!SPANS.includes(Number(seconds))) return;
+    this.span.value = seconds;
+    this.plots.span = Number(seconds);
+    this.#draw(true);
+  }
+
+  /** @param {boolean} on */
+  show(on) {
+    this.#shown = on;
+    this.#draw(true);
+  }
+
+  #toggle() {
+    this.#frozenAt = this.#frozenAt ? 0 : this.store.frame.stamp;
+    setText(this.freeze, this.#frozenAt ? "Go on" : "Pause");
+    this.freeze.setAttribute("aria-pressed", String(this.#frozenAt > 0));
+    this.#draw(true);
+  }
+
+  /** All charts anew: for other series, or in other colours. */
+  async #rebuild() {
+    for (const chart of this.#charts) chart.remove();
+    this.#charts = [];
+    const { series } = this.plots;
+    const text = "No plots. Open a topic under Topics, and click the name of a number.";
+    this.area.replaceChildren(...(series.length ? [] : [el("div", { class: "hint" }, text)]));
+    if (!series.length) return;
+    const { makeChart } = await import("../vendor.js");
+    // Another call was faster, or the series are other ones by now.
+    if (this.#charts.length || this.plots.series.length === 0) return;
+    for (const [unit, group] of this.plots.byUnit()) this.#charts.push(new UnitChart(this.area, makeChart, unit, group, this.plots));
+    this.#draw(true);
+  }
+
+  /** @param {boolean} now also soon after the last time, or while the axis stands still */
+  #draw(now) {
+    if (!this.#shown || (!now && (this.#frozenAt || performance.now() - this.#drawn < DRAW_PERIOD))) return;
+    this.#drawn = performance.now();
+    const end = this.#frozenAt || this.store.frame.stamp;
+    for (const chart of this.#charts) chart.draw(end, this.area.clientHeight);
+  }
+}
+
+/** The end of a field's path: the chip's tooltip has all of it. @param {string} field */
+function shorten(field) {
+  const parts = field.split(".");
+  return parts.length > 2 ? `…${parts.slice(-2).join(".")}` : field;
+}
+
+/** The chart of all series of one unit, with their names above it. */
+class UnitChart {
+  #end = 0;
+
+  /** @param {HTMLElement} area @param {typeof import("../vendor.js").makeChart} make @param {string} unit @param {Series[]} series @param {Plots} plots */
+  constructor(area, make, unit, series, plots) {
+    this.series = series;
+    this.plots = plots;
+    this.outputs = series.map(() => el("output", {}));
+    this.chips = el("div", { class: "chips" }, ...series.map((one, i) => this.#chip(one, this.outputs[i])));
+    this.canvas = el("div");
+    this.place = el("div", { class: "chart" }, this.chips, this.canvas);
+    area.append(this.place);
+    this.chart = make(this.canvas, unit, series, () => [Math.max(this.#end - plots.span, Math.min(this.#firstTime(), this.#end - 1)), this.#end]);
+  }
+
+  /** @param {Series} series @param {HTMLElement} output its newest value */
+  #chip({ topic, field, color }, output) {
+    const swatch = el("span", { class: "swatch" });
+    swatch.style.backgroundColor = color;
+    const remove = iconButton("close", `Remove ${topic} ${field}`, () => this.plots.remove(topic, field));
+    remove.classList.add("plain");
+    const name = [el("span", { class: "topic" }, topic), el("span", { class: "field" }, shorten(field))];
+    return el("span", { class: "chip", title: `${topic} ${field}` }, swatch, ...name, output, remove);
+  }
+
+  #firstTime() {
+    return Math.min(...this.series.map(({ times }) => times[0] ?? Infinity));
+  }
+
+  /** @param {number} end s @param {number} height px of the area */
+  draw(end, height) {
+    this.#end = end;
+    const tables = this.series.map((series) => this.plots.recent(end, series));
+    const room = height - this.chips.offsetHeight - MARGIN;
+    this.chart.draw(tables, Math.max(this.place.clientWidth - MARGIN, 1), Math.max(room, LOWEST));
+    tables.forEach(([, values], i) => setText(this.outputs[i], values.length ? formatPlain(Number(values[values.length - 1].toPrecision(4))) : "…"));
+  }
+
+  remove() {
+    this.chart.remove();
+    this.place.remove();
+  }
+}

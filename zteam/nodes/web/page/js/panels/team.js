@@ -1,0 +1,129 @@
+/** The table of robots: what each one is, does and is driven by, and why it stands. A click selects. */
+
+import { robotColor } from "../robot_colors.js";
+import { confirmButton, el, reconcile, setAttribute, setText } from "./dom.js";
+import { formatAge, formatNumber } from "./format.js";
+import { gateText } from "./notices.js";
+import { whyNoCommand } from "./rights.js";
+
+/** @typedef {import("../store.js").Robot} Robot */
+/** @typedef {HTMLTableSectionElement & {cells: Record<string, HTMLElement>}} Rows */
+
+/** @type {Record<string, string>} the class of a state that is good or bad */
+const CLASS_OF_STATE = { running: "good", stopped: "warn", silent: "bad", lost: "bad", absent: "bad", fault: "bad" };
+const OLD_STATUS = 2; // s
+
+/** @param {import("../app.js").App} app @returns {import("./tabs.js").Tab} */
+export function teamTab(app) {
+  const { store } = app;
+  const summary = el("div", { class: "row under" });
+  const headings = el("tr", {}, ...["Robot", "State", "Behaviour"].map((text) => el("th", { scope: "col" }, text)));
+  headings.append(...["m/s", "Age"].map((text) => el("th", { scope: "col", class: "number" }, text)));
+  const table = el("table", { id: "robots", "aria-label": "Robots" }, el("thead", {}, headings));
+  const empty = el("div", { class: "hint" }, "No robots. Start a team with ", el("code", {}, "zteam up"), ".");
+  const actions = actionsOf(app);
+  const page = el("div", { class: "page" }, summary, el("div", { class: "scroll" }, table, empty), actions.row);
+  let shown = false;
+  const show = () => {
+    if (!shown) return;
+    const robots = store.team?.robots ?? [];
+    empty.hidden = robots.length > 0;
+    table.hidden = robots.length === 0;
+    setText(summary, summaryOf(store));
+    reconcile(table, robots, (robot) => String(robot.id), (robot) => createRows(app, robot), (rows, robot) => updateRows(app, rows, robot));
+    actions.show();
+  };
+  for (const event of ["team", "selection", "connection", "theme"]) store.on(event, show);
+  return { name: "team", title: "Team", page, shown: (on) => { shown = on; show(); } };
+}
+
+/** @param {import("../store.js").Store} store */
+function summaryOf({ team }) {
+  if (!team) return "";
+  /** @type {Map<string, number>} */
+  const counts = new Map();
+  for (const robot of team.robots) counts.set(robot.state, (counts.get(robot.state) ?? 0) + 1);
+  const states = [...counts].map(([state, count]) => (counts.size === 1 ? state : `${count} ${state}`)).join(", ");
+  const robots = team.robots.length === 1 ? "1 robot" : `${team.robots.length} robots`;
+  const gate = gateText(team);
+  return `${robots}${states ? `: ${states}` : ""}${gate ? ` · ${gate}` : ""}`;
+}
+
+/** @param {import("../app.js").App} app @param {Robot} robot @returns {Rows} */
+function createRows(app, robot) {
+  const swatch = el("span", { class: "swatch" }), name = el("span");
+  const choose = (/** @type {MouseEvent} */ event) => select(app, robot.id, event.shiftKey || event.ctrlKey || event.metaKey);
+  const button = el("button", { type: "button", class: "link robot" }, swatch, name);
+  const state = el("td"), behavior = el("td"), speed = el("td", { class: "number" }), age = el("td", { class: "number" });
+  const note = el("td", { colspan: 5 });
+  const below = el("tr", { class: "note" }, note);
+  const rows = el("tbody", { onclick: choose }, el("tr", {}, el("td", {}, button), state, behavior, speed, age), below);
+  return Object.assign(rows, { cells: { swatch, name, button, state, behavior, speed, age, note, below } });
+}
+
+/** @param {import("../app.js").App} app @param {number} id @param {boolean} more whether the others stay selected */
+function select(app, id, more) {
+  const chosen = app.store.selection;
+  if (!more) return app.select(chosen.has(id) && chosen.size === 1 ? [] : [id]);
+  return app.select(chosen.has(id) ? [...chosen].filter((other) => other !== id) : [...chosen, id]);
+}
+
+/** @param {import("../app.js").App} app @param {Rows} rows @param {Robot} robot */
+function updateRows({ store }, { cells, classList }, robot) {
+  const selected = store.selection.has(robot.id);
+  classList.toggle("selected", selected);
+  classList.toggle("gone", !robot.present);
+  setAttribute(cells.button, "aria-pressed", String(selected));
+  cells.swatch.style.backgroundColor = robotColor(robot.id);
+  setText(cells.name, robot.name || `robot_${robot.id}`);
+  setText(cells.state, robot.state);
+  cells.state.className = CLASS_OF_STATE[robot.state] ?? "";
+  setText(cells.behavior, behaviorOf(robot));
+  cells.behavior.title = robot.model ? `model ${robot.model}` : "";
+  setText(cells.speed, formatNumber(robot.speed, 2));
+  setText(cells.age, formatAge(robot.age));
+  cells.age.className = `number ${(robot.age ?? 0) > OLD_STATUS ? "bad" : "muted"}`;
+  const note = [leaseOf(store, robot), robot.reason].filter(Boolean).join(" · ");
+  setText(cells.note, note);
+  setAttribute(cells.below, "hidden", !note);
+}
+
+/** Behaviour and leader, and in front of it what else drives. @param {Robot} robot */
+function behaviorOf({ behavior, leader, driver }) {
+  const text = leader === null || leader < 0 ? behavior : `${behavior} robot_${leader}`;
+  return ["behavior", "none", ""].includes(driver) ? text || "–" : `${driver} (${text})`;
+}
+
+/** @param {import("../store.js").Store} store @param {Robot} robot */
+function leaseOf(store, robot) {
+  if (robot.lease === null || robot.lease === undefined) return "";
+  return robot.lease === store.connection.viewer ? "driven by you" : `driven by viewer ${robot.lease}`;
+}
+
+/** What can be done with the selected robots. @param {import("../app.js").App} app */
+function actionsOf(app) {
+  const { store } = app;
+  const text = el("span", { class: "muted grow" });
+  const first = () => [...store.selection][0];
+  const follow = el("button", { type: "button", onclick: () => app.camera.set({ follow: app.camera.follow === first() ? -1 : first() }) }, "Follow");
+  const none = el("button", { type: "button", onclick: () => app.select([]) }, "Select none");
+  const remove = confirmButton("Remove", "Click again to remove", async () => {
+    for (const robot of store.selection) {
+      const error = await app.send({ op: "remove", robot });
+      if (error) app.say(`robot_${robot} stays: ${error}`, "error");
+    }
+  });
+  remove.classList.add("danger");
+  const row = el("div", { class: "row over" }, text, follow, none, remove);
+  const show = () => {
+    const count = store.selection.size, why = whyNoCommand(store);
+    row.hidden = count === 0;
+    setText(text, count === 1 ? `robot_${first()}` : `${count} robots`);
+    setText(follow, app.camera.follow === first() ? "Do not follow" : "Follow");
+    follow.hidden = count !== 1;
+    remove.disabled = why !== "" || !store.team?.sim.present;
+    remove.title = why || (store.team?.sim.present ? "Take the selected robots out of the world" : "there is no simulator");
+  };
+  store.on("camera", show);
+  return { row, show };
+}

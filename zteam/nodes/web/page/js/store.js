@@ -1,0 +1,194 @@
+/** All that the page knows of the team. Plain data; `on(name, fn)` tells what has changed. */
+
+import { Emitter } from "./emitter.js";
+
+const LOG_LINES = 2000;
+
+/** @typedef {"connecting" | "open" | "lost" | "refused"} ConnectionState */
+/** @typedef {{id: number, name: string, model: string, outline: [number, number][][], lasers: {x: number, y: number,
+ *  yaw: number}[], state: string, behavior: string, driver: string, reason: string, leader: number, speed: number,
+ *  age: number | null, lease: number | null, present: boolean}} Robot */
+/** @typedef {{robots: Robot[], gate: any, sim: any, router: boolean, viewers: number, namespace: string}} Team */
+
+/**
+ * Events: connection, frame (after each frame, with it), robots (poses), team, tf, topics, log (new lines), goals,
+ * markers, obstacles, sonars, fiducials, echo ({topic, stamp, json}), samples (a block), scans, grids (key), paths
+ *   (key),
+ * posearrays (key), selection, layers, camera, tool, theme, drive.
+ */
+export class Store extends Emitter {
+  /** @type {{state: ConnectionState, reason: string, viewer: number, mayCommand: boolean}} */
+  connection = { state: "connecting", reason: "", viewer: -1, mayCommand: false };
+  /** Of the newest frame; stamp and age in seconds (age < 0: no new poses), received in ms of performance.now(). */
+  frame = { number: -1, tick: 0, stamp: 0, age: 0, received: 0 };
+  /** Poses in map, one entry a robot. */
+  poses = new PoseTable();
+  /** @type {Team | null} */
+  team = null;
+  /** @type {Map<number, Robot>} robots of the team doc by id */
+  robots = new Map();
+  /** @type {Map<string, import("./wire.js").Scan>} by "robot/sensor" */
+  scans = new Map();
+  /** @type {Map<string, Map<string, GridTile>>} tiles by key and place */
+  grids = new Map();
+  /** @type {Map<string, Float32Array>} x, y pairs in map by key */
+  paths = new Map();
+  /** @type {Map<string, Float32Array>} x, y, yaw triples in map by key */
+  posearrays = new Map();
+  /** @type {Record<string, any>} the newest of each doc by name */
+  docs = {};
+  /** @type {{time: number, process: string, level: string, text: string}[]} the newest lines, oldest first */
+  log = [];
+  /** @type {Set<number>} */
+  selection = new Set();
+
+  /**
+   * Everything of a frame, then one event for each kind that came.
+   * @param {import("./wire.js").Frame} frame @param {number} received ms
+   */
+  takeFrame(frame, received) {
+    this.frame = { number: frame.number, tick: frame.tick, stamp: frame.stamp, age: frame.age, received };
+    /** @type {Map<string, any[]>} */
+    const events = new Map();
+    let fresh = true;
+    for (const block of frame.blocks) {
+      if (block.type === "poses") {
+        this.poses.take(block, fresh);
+        fresh = false;
+        events.set("robots", [undefined]);
+      } else if (block.type === "grid") {
+        events.set("grid", [...(events.get("grid") ?? []), block]);
+      } else {
+        const [name, detail] = this.#takeBlock(block);
+        const many = name === "samples" || name === "echo";
+        events.set(name, many ? [...(events.get(name) ?? []), detail] : [detail]);
+      }
+    }
+    for (const [name, details] of events) for (const detail of details) this.emit(name, detail);
+    this.emit("frame", this.frame);
+  }
+
+  /**
+   * @param {Exclude<import("./wire.js").Block, {type: "poses"} | {type: "grid"}>} block
+   * @returns {[string, any]} the event
+   */
+  #takeBlock(block) {
+    switch (block.type) {
+      case "scan":
+        this.scans.set(`${block.robot}/${block.sensor}`, block);
+        return ["scans", undefined];
+      case "path":
+        this.paths.set(block.key, block.points);
+        return ["paths", block.key];
+      case "posearray":
+        this.posearrays.set(block.key, block.poses);
+        return ["posearrays", block.key];
+      case "samples":
+        return ["samples", block];
+      case "doc":
+        return [block.name, this.#takeDoc(block.name, block.value)];
+    }
+  }
+
+  /** @param {string} name @param {any} value */
+  #takeDoc(name, value) {
+    this.docs[name] = value;
+    if (name === "team") {
+      this.team = value;
+      const before = this.robots;
+      this.robots = new Map(value.robots.map((/** @type {Robot} */ robot) => [robot.id, robot]));
+      this.#forgetGone(before);
+    } else if (name === "log") {
+      this.log.push(...value);
+      if (this.log.length > LOG_LINES) this.log.splice(0, this.log.length - LOG_LINES);
+    }
+    return value;
+  }
+
+  /**
+   * Scans and selection of robots that are gone go too. A layout may have selected a robot that has not come yet.
+   * @param {Map<number, Robot>} before
+   */
+  #forgetGone(before) {
+    for (const [key, scan] of this.scans) if (!this.robots.has(scan.robot)) this.scans.delete(key);
+    const left = [...this.selection].filter((id) => this.robots.has(id) || !before.has(id));
+    if (left.length < this.selection.size) this.select(left);
+  }
+
+  /** The team is gone, or the connection: what was drawn is no longer true. The map and the log stay. */
+  clearTeam() {
+    this.poses.clear();
+    this.scans.clear();
+    this.paths.clear();
+    this.posearrays.clear();
+    for (const name of ["goals", "markers", "obstacles", "sonars", "fiducials", "tf"]) delete this.docs[name];
+    this.emit("robots");
+  }
+
+  /** @param {Iterable<number>} ids */
+  select(ids) {
+    this.selection = new Set(ids);
+    this.emit("selection", this.selection);
+  }
+
+  /** @param {Partial<Store["connection"]>} change */
+  setConnection(change) {
+    this.connection = { ...this.connection, ...change };
+    this.emit("connection", this.connection);
+  }
+}
+
+/** @typedef {{meta: import("./wire.js").GridMeta, cells: Int8Array}} GridTile */
+
+/** Poses of all robots as arrays; `at` gives one robot's. */
+class PoseTable {
+  count = 0;
+  ids = new Uint16Array(0);
+  x = new Float32Array(0);
+  y = new Float32Array(0);
+  yaw = new Float32Array(0);
+  /** 1: from the simulator's ground truth, because the robot has no transforms. */
+  truth = new Uint8Array(0);
+  /** @type {Map<number, number>} place in the arrays by robot id */
+  index = new Map();
+
+  clear() {
+    this.count = 0;
+    this.index.clear();
+  }
+
+  /** @param {import("./wire.js").Poses} block @param {boolean} fresh whether it is the first of its frame */
+  take(block, fresh) {
+    const start = fresh ? 0 : this.count,
+      count = start + block.ids.length;
+    if (count > this.ids.length) this.#grow(count);
+    let same = count === this.index.size;
+    for (let i = 0; same && i < block.ids.length; i++) same = this.ids[start + i] === block.ids[i];
+    this.ids.set(block.ids, start);
+    this.x.set(block.x, start);
+    this.y.set(block.y, start);
+    this.yaw.set(block.yaw, start);
+    this.truth.fill(block.truth ? 1 : 0, start, count);
+    this.count = count;
+    if (same) return;
+    this.index.clear();
+    for (let i = 0; i < count; i++) this.index.set(this.ids[i], i);
+  }
+
+  /** @param {number} size */
+  #grow(size) {
+    for (const name of /** @type {const} */ (["ids", "x", "y", "yaw", "truth"])) {
+      const old = this[name],
+        larger = new /** @type {any} */ (old.constructor)(2 * size);
+      larger.set(old);
+      /** @type {any} */ (this)[name] = larger;
+    }
+  }
+
+  /** @param {number} id @returns {{x: number, y: number, yaw: number, truth: boolean} | null} */
+  at(id) {
+    const i = this.index.get(id);
+    if (i === undefined) return null;
+    return { x: this.x[i], y: this.y[i], yaw: this.yaw[i], truth: this.truth[i] === 1 };
+  }
+}

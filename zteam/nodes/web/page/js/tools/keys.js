@@ -1,0 +1,73 @@
+/** Keys of the map, while no robot is driven. */
+
+import { normalize } from "../scene/camera.js";
+
+const TOOL_KEYS = /** @type {Record<string, string>} */ ({
+  s: "select",
+  g: "goal",
+  p: "pose",
+  v: "move",
+  r: "measure",
+});
+const STEP = 60;
+const TURN = Math.PI / 12;
+const ZOOM = 1.25;
+
+/** Whether a key is meant for a field or a dialogue, not for the map. @param {KeyboardEvent} event */
+export function isTyped(event) {
+  const target = event.target;
+  return target instanceof Element && target.closest("input, textarea, select, dialog, [contenteditable]") !== null;
+}
+
+/** Follow the selected robot with the camera, or no longer. @param {import("../app.js").App} app */
+export function toggleFollow(app) {
+  const [first] = app.store.selection;
+  if (app.camera.follow >= 0) return app.camera.set({ follow: -1 });
+  if (first === undefined) return app.say("Follow: select a robot first (s)", "error");
+  const pose = app.store.poses.at(first);
+  app.camera.set(pose ? { x: pose.x, y: pose.y, follow: first } : { follow: first });
+}
+
+/** @param {import("../app.js").App} app @param {() => void} cancel what goes on */
+export function listenToKeys(app, cancel) {
+  const { camera } = app;
+  /** @param {number} factor @param {number} [turn] */
+  const zoom = (factor, turn) => camera.zoom(camera.width / 2, camera.height / 2, factor, turn);
+  /** @type {Record<string, () => void>} */
+  const actions = {
+    Escape: cancel,
+    d: () => app.drive?.set(true),
+    f: () => app.scene?.fit(),
+    Home: () => app.scene?.fit(),
+    F: () => toggleFollow(app),
+    n: () => zoom(1, -normalize(camera.angle)),
+    "+": () => zoom(ZOOM),
+    "=": () => zoom(ZOOM),
+    "-": () => zoom(1 / ZOOM),
+    "[": () => zoom(1, TURN),
+    "]": () => zoom(1, -TURN),
+    ArrowLeft: () => camera.pan(STEP, 0),
+    ArrowRight: () => camera.pan(-STEP, 0),
+    ArrowUp: () => camera.pan(0, STEP),
+    ArrowDown: () => camera.pan(0, -STEP),
+  };
+  for (const [key, tool] of Object.entries(TOOL_KEYS)) actions[key] = () => app.useTool(tool);
+
+  window.addEventListener("keydown", (event) => {
+    if (app.drive?.mode || event.defaultPrevented || isTyped(event) || event.altKey || event.metaKey) return;
+    if (event.ctrlKey) {
+      if (event.key !== "a") return;
+      event.preventDefault();
+      return app.select(app.store.poses.index.keys());
+    }
+    const act = actions[event.key];
+    if (!act || (isOnControl(event) && event.key.startsWith("Arrow"))) return;
+    event.preventDefault();
+    act();
+  });
+}
+
+/** Arrows move between the buttons and rows of a panel, not the map. @param {KeyboardEvent} event */
+function isOnControl(event) {
+  return event.target instanceof Element && event.target.closest("button, a, [tabindex], #panel") !== null;
+}

@@ -1,0 +1,38 @@
+/** The tools of the map: one of them takes the mouse. */
+
+import { makeMeasureTool } from "./measure.js";
+import { makeMoveTool } from "./move.js";
+import { listenToPointer } from "./pointer.js";
+import { makeGoalTool, makeInitialPoseTool, makeSpawnTool } from "./pose.js";
+import { makeSelectTool } from "./select.js";
+import { mountToolbar } from "./toolbar.js";
+import { listenToKeys } from "./keys.js";
+
+/** @param {import("../app.js").App} app @param {HTMLElement} element the map area @param {HTMLElement} bar */
+export function mountTools(app, element, bar) {
+  /** @type {Record<string, import("./pointer.js").Tool>} */
+  const tools = {
+    select: makeSelectTool(app),
+    goal: makeGoalTool(app),
+    pose: makeInitialPoseTool(app),
+    move: makeMoveTool(app),
+    measure: makeMeasureTool(app),
+    spawn: makeSpawnTool(app),
+  };
+  const pointer = listenToPointer(app, element, () => tools[app.tool]);
+  let used = app.tool;
+  app.store.on("tool", (name) => {
+    pointer.cancel();
+    tools[used].cancel();
+    used = name;
+    element.dataset.tool = name;
+  });
+  app.scene?.painters.push((pen) => tools[app.tool].paint(pen));
+  const cancel = () => {
+    pointer.cancel();
+    tools[app.tool].cancel();
+    app.useTool("select");
+  };
+  listenToKeys(app, cancel);
+  mountToolbar(app, bar);
+}

@@ -1,0 +1,49 @@
+"""Samples of single fields, for plots."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zteam.bus.topics import type_of_key
+from zteam.clock import to_seconds
+from zteam.errors import DecodeError
+from zteam.messages import Message, decode, type_of_encoding
+from zteam.nodes.web.fields import number_at, parse_path
+from zteam.nodes.web.history import Event, History
+from zteam.runtime.sending_tick import stamp_of
+
+MOST = 100
+"""Samples of one field in a frame; of more, evenly spaced ones are taken."""
+
+
+def samples_since(
+    history: History, topic: str, field: str, number: int, team_from_host: float
+) -> tuple[int, NDArray[np.float64]]:
+    """The number of the newest message, and pairs (n, 2) of time in s and value of those after `number`.
+
+    The time is that of the message's header. For a type without one it is the host's time at which the message came,
+    with `team_from_host` (s) added.
+    """
+    events = history.since(topic, number)
+    path = parse_path(field)
+    if not events or path is None:
+        return (events[-1].number if events else number), np.zeros((0, 2))
+    stride = max(1, -(-len(events) // MOST))
+    pairs = []
+    for event in events[::-stride][::-1]:
+        message = _message(event)
+        value = None if message is None else number_at(message, path)
+        if message is not None and value is not None:
+            pairs.append((to_seconds(stamp_of(message)) or event.time + team_from_host, value))
+    return events[-1].number, np.array(pairs, np.float64).reshape(-1, 2)
+
+
+def _message(event: Event) -> Message | None:
+    if isinstance(event.content, Message):
+        return event.content
+    kind = type_of_encoding(event.encoding) or type_of_key(event.key)
+    if kind is None:
+        return None
+    try:
+        return decode(kind, event.content)
+    except DecodeError:
+        return None

@@ -1,0 +1,197 @@
+"""What a page says: one JSON object each, and what is wrong with it. Pure."""
+
+from typing import Annotated
+
+import msgspec
+
+from zteam.errors import DecodeError
+from zteam.names import is_wildcard
+from zteam.services.simulator import MAX_SPEED, MAX_TICKS, Place, RobotId
+
+VERSION = 1
+MAX_BYTES = 64 * 1024
+LAYERS = frozenset({
+    "scans", "tf", "goals", "plans", "costmaps", "particles", "markers", "sonars", "fiducials", "trails", "obstacles",
+})  # fmt: skip
+DOCS = frozenset({"tf", "topics", "log"})
+MAX_BEAMS = 4096
+MAX_WATCHES = 64
+"""Topics and fields that one page watches."""
+
+Seq = Annotated[int, msgspec.Meta(ge=0, le=2**53)]
+Text = Annotated[str, msgspec.Meta(max_length=256)]
+Words = Annotated[list[Text], msgspec.Meta(max_length=32)]
+Robots = Annotated[list[RobotId], msgspec.Meta(max_length=1024)]
+Speed = Annotated[float, msgspec.Meta(ge=-100.0, le=100.0)]
+
+
+class Request(msgspec.Struct, tag_field="op", forbid_unknown_fields=True, frozen=True):
+    """Base of all: `op` says which it is."""
+
+
+class Hello(Request, tag="hello", frozen=True):
+    """The first one. Without the token the page may watch, not command."""
+
+    version: int
+    token: Text = ""
+
+
+class Ack(Request, tag="ack", frozen=True):
+    """The page has taken frame `frame`: it may be sent the next one."""
+
+    frame: Annotated[int, msgspec.Meta(ge=0, le=2**32 - 1)]
+
+
+class Look(Request, tag="look", frozen=True):
+    """What the page shows now."""
+
+    viewport: Annotated[list[Place], msgspec.Meta(max_length=4)] = []
+    """x and y of the lowest, then of the highest corner, in `map`; empty: everything."""
+    layers: Words = []
+    beams: Annotated[int, msgspec.Meta(ge=1, le=MAX_BEAMS)] = 360
+    selected: Robots = []
+    follow: Annotated[int, msgspec.Meta(ge=-1, le=2**31)] = -1
+    docs: Words = []
+
+
+class Watch(Request, tag="watch", frozen=True):
+    """Send the newest message of a topic, or with `field` each value of that field."""
+
+    topic: Text
+    field: Text = ""
+
+
+class Unwatch(Request, tag="unwatch", frozen=True):
+    """The end of a `watch`."""
+
+    topic: Text
+    field: Text = ""
+
+
+class Command(Request, frozen=True):
+    """Needs the token, and is answered under its number."""
+
+    seq: Seq
+
+
+class Goal(Command, tag="goal", frozen=True):
+    """Send these robots to x, y (m), yaw (rad) in `map`; several spread around it."""
+
+    robots: Robots
+    x: Place
+    y: Place
+    yaw: Place
+
+
+class InitialPose(Command, tag="initialpose", frozen=True):
+    """Tell a robot's localisation where it is."""
+
+    robot: RobotId
+    x: Place
+    y: Place
+    yaw: Place
+
+
+class Take(Command, tag="take", frozen=True):
+    """Ask for the lease of a robot, to drive it."""
+
+    robot: RobotId
+
+
+class Release(Command, tag="release", frozen=True):
+    """Give the lease back: the robot stops."""
+
+    robot: RobotId
+
+
+class Drive(Request, tag="drive", frozen=True):
+    """Velocities (m/s, rad/s) for the robot whose lease the page has."""
+
+    robot: RobotId
+    linear: Speed
+    angular: Speed
+    left: Speed = 0.0
+    """m/s to the left, for bases that can."""
+
+
+class Pause(Command, tag="pause", frozen=True):
+    """`sim/pause`."""
+
+
+class Resume(Command, tag="resume", frozen=True):
+    """`sim/resume`."""
+
+
+class Step(Command, tag="step", frozen=True):
+    """`sim/step`."""
+
+    ticks: Annotated[int, msgspec.Meta(ge=1, le=MAX_TICKS)] = 1
+
+
+class SetSpeed(Command, tag="speed", frozen=True):
+    """`sim/speed`; 0: as fast as possible."""
+
+    factor: Annotated[float, msgspec.Meta(ge=0.0, le=MAX_SPEED)]
+
+
+class Reset(Command, tag="reset", frozen=True):
+    """`sim/reset`."""
+
+
+class Spawn(Command, tag="spawn", frozen=True):
+    """`sim/spawn`."""
+
+    model: Text
+    x: Place
+    y: Place
+    yaw: Place = 0.0
+
+
+class Remove(Command, tag="remove", frozen=True):
+    """`sim/remove`."""
+
+    robot: RobotId
+
+
+class Move(Command, tag="move", frozen=True):
+    """`sim/move`."""
+
+    robot: RobotId
+    x: Place
+    y: Place
+    yaw: Place
+
+
+AnyRequest = (
+    Hello | Ack | Look | Watch | Unwatch | Goal | InitialPose | Take | Release | Drive
+    | Pause | Resume | Step | SetSpeed | Reset | Spawn | Remove | Move
+)  # fmt: skip
+
+_DECODER = msgspec.json.Decoder(AnyRequest)
+
+
+def decode_request(text: str | bytes) -> AnyRequest:
+    """The request in a message of the page. Raises DecodeError that says what is wrong."""
+    if len(text) > MAX_BYTES:
+        raise DecodeError(f"a message of {len(text)} bytes: at most {MAX_BYTES} are taken")
+    try:
+        request: AnyRequest = _DECODER.decode(text)
+    except (msgspec.DecodeError, UnicodeError) as error:
+        raise DecodeError(str(error)) from None
+    except RecursionError:
+        raise DecodeError("it is nested too deeply") from None
+    if isinstance(request, Look):
+        _check_look(request)
+    elif isinstance(request, Watch) and is_wildcard(request.topic):
+        # It would keep everything that the team sends.
+        raise DecodeError(f"a page watches single topics, not {request.topic!r}")
+    return request
+
+
+def _check_look(look: Look) -> None:
+    if len(look.viewport) not in (0, 4):
+        raise DecodeError("a viewport has four numbers: xmin, ymin, xmax, ymax")
+    for given, known, what in ((look.layers, LAYERS, "layer"), (look.docs, DOCS, "document")):
+        unknown = sorted(set(given) - known)
+        if unknown:
+            raise DecodeError(f"there is no {what} {unknown[0]!r}; there are: {', '.join(sorted(known))}")

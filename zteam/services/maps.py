@@ -1,0 +1,43 @@
+"""Maps as messages on the bus, and as grids for planning and for files."""
+
+import numpy as np
+
+from zteam import names
+from zteam.errors import UsageError
+from zteam.geometry import Pose2, quaternion_from_yaw, yaw_from_quaternion
+from zteam.messages import Header, MapMetaData, OccupancyGrid, Point, Pose, Quaternion, Time
+from zteam.planning.grid import FREE, OCCUPIED, UNKNOWN, GridMap, make_map
+
+
+def map_message(grid: GridMap) -> OccupancyGrid:
+    """A map in the frame `map`, with stamp 0: it holds at all times."""
+    frame = grid.frame
+    origin = Pose(Point(frame.origin.x, frame.origin.y), Quaternion(*quaternion_from_yaw(frame.origin.yaw)))
+    info = MapMetaData(Time(), frame.resolution, frame.columns, frame.rows, origin)
+    return OccupancyGrid(Header(Time(), names.MAP_FRAME), info, grid.cells.ravel())
+
+
+def map_grid(message: OccupancyGrid) -> GridMap:
+    """The grid of a map that came on the bus. Raises UsageError if its numbers do not fit each other."""
+    info = message.info
+    if message.data.size != info.width * info.height or not message.data.size:
+        raise UsageError(f"the map has {message.data.size} cells, not {info.width} x {info.height}")
+    turn = info.origin.orientation
+    origin = Pose2(info.origin.position.x, info.origin.position.y, yaw_from_quaternion(turn.x, turn.y, turn.z, turn.w))
+    # A resolution travels as a 32-bit number: 0.05 would come back as 0.05000000074505806.
+    resolution = float(str(np.float32(info.resolution)))
+    try:
+        return make_map(message.data.reshape(info.height, info.width), resolution, origin)
+    except ValueError as error:
+        raise UsageError(f"the map cannot be used: {error}") from None
+
+
+def to_three_values(grid: GridMap, free: float, occupied: float) -> GridMap:
+    """The map with cells that are free, occupied or unknown alone, as map_saver decides it.
+
+    A cell is free up to the share `free` of occupancy and occupied from the share `occupied` on; what lies between is
+    unknown.
+    """
+    cells = np.where(grid.cells >= 100.0 * occupied, OCCUPIED, UNKNOWN)
+    cells = np.where((grid.cells >= 0) & (grid.cells <= 100.0 * free), FREE, cells)
+    return make_map(cells.astype(np.int8), grid.frame.resolution, grid.frame.origin)
