@@ -2,7 +2,7 @@
 
 import argparse
 import logging
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -81,6 +81,15 @@ def _table(args: argparse.Namespace) -> dict[str, Any]:
     return table
 
 
+def _joined(table: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
+    """Both tables; values of `above` count."""
+    joined = {**table, **above}
+    for node, value in above.items():
+        if isinstance(value, Mapping) and isinstance(table.get(node), Mapping):
+            joined[node] = {**table[node], **value}
+    return joined
+
+
 def _read(args: argparse.Namespace, ids: Iterable[int]) -> "NavigationOptions":
     """What the command line and the team file say. Raises UsageError and ConfigError."""
     from zteam.base import BaseOverride
@@ -99,7 +108,7 @@ def _read(args: argparse.Namespace, ids: Iterable[int]) -> "NavigationOptions":
         own = (navigation_of(entry) or {}) if entry is not None else {}
         folder = Path(args.team).parent if own.get("params") is not None and args.params is None else Path()
         source = "the parameters" if entry is None else f"{args.team}: robot {robot_id}, navigation"
-        read = navigation_of_robot({**own, **given}, robot_id, folder, source)
+        read = navigation_of_robot(_joined(own, given), robot_id, folder, source)
         unknown.update(dict.fromkeys(read.unknown))
         robots[robot_id] = NavigatedRobot(read.parameters, BaseOverride() if entry is None else entry.base)
     if unknown:
