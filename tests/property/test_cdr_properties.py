@@ -23,6 +23,8 @@ _ZTEAM_MSGS = {
     "uint32 epoch\nstring text\nstring behavior\nstring driver\nstring reason\nint32 leader\nfloat64 speed\n",
     "zteam_msgs/msg/BaseInfo": "string model\nstring drive\ngeometry_msgs/Polygon footprint\nfloat64 max_vel_x\n"
     "float64 min_vel_x\nfloat64 max_vel_theta\nfloat64 acc_lim_x\nfloat64 decel_lim_x\nfloat64 acc_lim_theta\n",
+    "zteam_msgs/msg/NavigationStatus": "std_msgs/Header header\nuint8 state\ngeometry_msgs/PoseStamped goal\n"
+    "float64 distance_remaining\nbuiltin_interfaces/Duration estimated_time_remaining\nint32 recoveries\nstring text\n",
     "zteam_msgs/msg/TeamStatus": "std_msgs/Header header\nuint8 state\nuint32 epoch\nbuiltin_interfaces/Time go_stamp\n"
     "int32 team_size\nint32[] ready\nint32[] missing\nint32[] lost\nstring waiting_for\n",
     "zteam_msgs/msg/Fiducial": "int32 id\nfloat32 range\nfloat32 bearing\nfloat32 orientation\n",
