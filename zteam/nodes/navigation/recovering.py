@@ -8,7 +8,6 @@ from zteam.nodes.navigation.way import Moment
 from zteam.planning.parameters import Parameters
 from zteam.planning.recovery import Recovery, RecoveryStep
 
-
 _IN_VAIN = 3
 """Times `number_of_retries`: so many recoveries may bring a robot no nearer to its goal, wherever it moves."""
 
