@@ -2,12 +2,29 @@
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from support.navigated_team import DONE, NavigatedTeam
 from zteam import names
-from zteam.messages import NavigationState
+from zteam.bus.topics import is_latched
+from zteam.messages import (
+    Message,
+    NavigationState,
+    OccupancyGrid,
+    PolygonStamped,
+    PoseArray,
+    PoseWithCovarianceStamped,
+    ns_from_time,
+)
+from zteam.messages import Path as PathMessage
+from zteam.services.navigation import (
+    GLOBAL_LOCALIZATION,
+    GlobalLocalizationReply,
+    GlobalLocalizationRequest,
+    navigation_query,
+)
 from zteam.testing.team import TeamFixture
 
 pytestmark = [pytest.mark.team, pytest.mark.timeout(120)]
@@ -188,3 +205,60 @@ def test_after_a_reset_the_robot_begins_anew(same_team: TeamFixture, empty_folde
     nav.go(0, 1.0, 0.0)
     nav.wait(0, *DONE, within=20.0)
     assert nav.state(0) is NavigationState.SUCCEEDED
+
+
+def test_what_is_for_looking_at_is_published_while_there_is_a_subscriber(
+    same_team: TeamFixture, empty_folder: Path
+) -> None:
+    """Plan and costmaps are there for a late subscriber too; costmaps come at most twice a second."""
+    same_team.launch(write(empty_folder, AMCL), in_process=True)
+    same_team.wait_for_go()
+    nav = NavigatedTeam(same_team)
+    nav.go(0, 3.0, 3.0)
+    same_team.run(2.0)
+    heard: dict[str, list[Any]] = {}
+    kinds = {
+        names.PLAN: PathMessage,
+        names.LOCAL_PLAN: PathMessage,
+        names.GLOBAL_COSTMAP: OccupancyGrid,
+        names.LOCAL_COSTMAP: OccupancyGrid,
+        names.AMCL_POSE: PoseWithCovarianceStamped,
+        names.PARTICLE_CLOUD: PoseArray,
+        names.PUBLISHED_FOOTPRINT: PolygonStamped,
+    }
+    subscribed = same_team.now
+    for topic, kind in kinds.items():
+        heard[topic] = []
+
+        def take(_key: str, message: Message, topic: str = topic) -> None:
+            heard[topic].append(message)
+
+        same_team.bus.subscribe(names.robot_key(0, topic), kind, take, latched=is_latched(f"robot_0/{topic}"))
+    same_team.run(3.0)
+    assert {topic for topic, messages in heard.items() if not messages} == set()
+    first = {topic: ns_from_time(messages[0].header.stamp) / 1e9 for topic, messages in heard.items()}
+    assert first[names.PLAN] <= subscribed < first[names.GLOBAL_COSTMAP]
+    assert all(len(heard[topic]) <= 6 for topic in (names.GLOBAL_COSTMAP, names.LOCAL_COSTMAP))
+    whole, near = heard[names.GLOBAL_COSTMAP][-1], heard[names.LOCAL_COSTMAP][-1]
+    assert isinstance(whole, OccupancyGrid) and isinstance(near, OccupancyGrid)
+    assert (whole.info.width, near.info.width) == (200, 60)
+    assert (int(whole.data.min()), int(whole.data.max())) == (0, 100)
+    cloud, outline = heard[names.PARTICLE_CLOUD][-1], heard[names.PUBLISHED_FOOTPRINT][-1]
+    assert isinstance(cloud, PoseArray) and len(cloud.poses) >= 500
+    assert isinstance(outline, PolygonStamped) and len(outline.polygon.points) == 4
+
+
+def test_particles_are_spread_by_a_query(same_team: TeamFixture, empty_folder: Path) -> None:
+    """The robot, which does not know any more where it is, stops; a robot without particles refuses."""
+    same_team.launch(write(empty_folder, AMCL), in_process=True)
+    same_team.wait_for_go()
+    nav = NavigatedTeam(same_team)
+    nav.go(0, 3.0, 3.0)
+    same_team.run(2.0)
+    key = navigation_query(0, GLOBAL_LOCALIZATION)
+    assert same_team.bus.ask(key, GlobalLocalizationReply, GlobalLocalizationRequest()).refused == ""
+    same_team.until(lambda: "it is lost" in nav.newest(0).text, 0.5)
+    same_team.run(0.3)
+    stands = same_team.robot(0).pose
+    same_team.run(1.0)
+    assert same_team.robot(0).pose == stands

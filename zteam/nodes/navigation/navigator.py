@@ -150,7 +150,7 @@ class Navigator:
             return STOP
         if not self._progress.makes_progress(moment.now, pose):
             return self._fail(moment, "moved less than {:g} m in {:g} s".format(*self._parameters.progress))
-        self._recovering.note_progress(self._way.remaining)
+        self._recovering.note_progress(pose, self._way.remaining)
         try:
             return self._way.follow(moment, costmaps)
         except BlockedError as error:

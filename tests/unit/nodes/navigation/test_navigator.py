@@ -167,19 +167,22 @@ def test_a_robot_that_does_not_get_on_gives_up_with_the_reason() -> None:
     assert (drive.navigator.state, drive.navigator.recoveries) == (NavigationState.DRIVING, 0)
 
 
-def test_recoveries_begin_anew_only_when_the_robot_is_nearer_to_its_goal() -> None:
-    """One that only moves to and fro has used them up after the last one; one that has got on has all of them again."""
+def test_a_robot_that_moves_to_and_fro_gives_up_and_one_that_gets_nearer_does_not() -> None:
+    """To have moved lets it try all recoveries again a few times; to be nearer to the goal, as often as it likes."""
     recovery = Parameters().recovery._replace(behaviors=("wait",), number_of_retries=2)
-    for left, state in ((3.0, NavigationState.ABORTED), (2.0, NavigationState.RECOVERING)):
+    for nearer, state in ((0.0, NavigationState.ABORTED), (0.6, NavigationState.RECOVERING)):
         drive = Drive(recovery=recovery)
-        for number in range(3):
+        drive.controller.left = 8.0
+        for number in range(7):
             drive.controller.blocked = False
             drive.step(0.6 * (number % 2), count=30)
-            drive.controller.left = left if number else 3.0
+            drive.controller.left -= nearer
             drive.step(count=2)
-            drive.controller.left, drive.controller.blocked = 3.0, True
+            drive.controller.blocked = True
             drive.step(count=6)
         assert drive.navigator.state is state
+        told = "a box is in the way: gave up after 6 recoveries that brought it no nearer to the goal"
+        assert (drive.navigator.text == told) == (state is NavigationState.ABORTED)
 
 
 def test_what_is_missing_is_waited_for_and_then_given_up() -> None:
