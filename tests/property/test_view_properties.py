@@ -62,7 +62,7 @@ def test_any_ranges_become_a_scan(ranges: list[float], beams: int, range_max: fl
     for value, told in zip(kept.tolist(), steps.tolist(), strict=True):
         if not value >= np.float32(0.1):
             assert told == frames.INVALID
-        elif value >= range_max:
+        elif value >= np.float32(range_max):
             assert told == frames.NO_RETURN
         else:
             assert abs(told * step - value) <= 0.51 * step + 1e-5

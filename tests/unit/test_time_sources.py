@@ -46,6 +46,18 @@ ALLOWED = {
         "threading.Timer",
     ): "a restart is due at host time, while the launcher waits for the end of the run",
     (
+        "nodes/web/connection.py",
+        "asyncio.wait_for",
+    ): "a page that says nothing is let go, while the server's thread serves others",
+    (
+        "nodes/web/connection.py",
+        "asyncio.sleep",
+    ): "a page gets so many frames a second of host time, on the thread that serves all pages",
+    (
+        "nodes/web/orders.py",
+        "asyncio.sleep",
+    ): "a page that says too much is read later, on the thread that serves all pages",
+    (
         "cli/teleop_terminal.py",
         "select.select",
     ): "a key must not wait for the next command, and the next command must not wait for a key",
