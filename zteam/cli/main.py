@@ -57,9 +57,7 @@ def _usage() -> str:
     rows = "\n".join(f"  {name:11}{text}" for name, (_, text) in COMMANDS.items())
     return (
         f"usage: zteam COMMAND ...\n\n{rows}\n\n"
-        "The processes are separate commands:\n"
-        "  zteam-sim, zteam-robot, zteam-nav, zteam-map, zteam-tf, zteam-monitor,\n"
-        "  zteam-view, zteam-router\n\n"
+        "Processes: zteam-sim, -robot, -nav, -map, -tf, -monitor, -view, -router\n"
         "See zteam COMMAND --help."
     )
 
