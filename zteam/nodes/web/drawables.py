@@ -43,10 +43,11 @@ class Drawables:
         self._others &= keys
         for key in sorted(keys)[:MAX_KEYS]:
             if key not in kinds and key not in self._others:
-                if type_of_key(key) is None and not key.startswith("@"):
-                    kinds[key] = None
-                else:
+                kind = type_of_key(key)
+                if key.startswith("@") or (kind is not None and not _is_drawn(kind)):
                     self._others.add(key)
+                else:
+                    kinds[key] = kind
         self._kinds = kinds
 
     def unknown(self) -> list[str]:
@@ -57,7 +58,7 @@ class Drawables:
         """A message of a key came, in this encoding."""
         if key in self._kinds and self._kinds[key] is None:
             kind = type_of_encoding(encoding)
-            if kind is not None and any(kind in kinds for kinds in LAYERS.values()):
+            if kind is not None and _is_drawn(kind):
                 self._kinds = {**self._kinds, key: kind}
             else:
                 self._kinds = {other: kind for other, kind in self._kinds.items() if other != key}
@@ -79,3 +80,7 @@ class Drawables:
             elif kind in chosen:
                 found.add(Topic(key, latched=True, every=kind in (Marker, MarkerArray)))
         return found
+
+
+def _is_drawn(kind: type[Message]) -> bool:
+    return any(kind in kinds for kinds in LAYERS.values())

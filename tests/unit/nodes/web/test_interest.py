@@ -67,3 +67,12 @@ def test_of_a_crowd_only_the_nearest_are_scanned() -> None:
     assert last in seen
     assert {200, 150, 220} <= {*seen}
     assert 0 not in seen
+
+
+def test_a_key_whose_type_is_known_is_drawn_before_a_message_comes() -> None:
+    """What zteam's own navigation publishes belongs to its layer; other keys of zteam to none."""
+    drawables = Drawables()
+    drawables.take_keys(["robot_0/plan", "robot_0/local_costmap/costmap", "robot_0/odom", "own/path", "map"])
+    assert drawables.keys("plans") == ["robot_0/plan"]
+    assert drawables.keys("costmaps") == ["robot_0/local_costmap/costmap"]
+    assert drawables.unknown() == ["own/path"]
