@@ -189,7 +189,7 @@ def test_a_timeout_without_navigation_says_what_is_missing(capsys: pytest.Captur
 
 
 def test_ctrl_c_cancels(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    """The user who gives up leaves no robot on its way; the exit code is that of an interrupt."""
+    """Ctrl+C cancels the robot's goal; the exit code is that of an interrupt."""
     navigation = FakeNavigation(hub, 1)
 
     def interrupt(*_: object) -> bool:
