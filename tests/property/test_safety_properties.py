@@ -4,7 +4,6 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -149,6 +148,8 @@ posts = st.tuples(st.floats(-2.0, 2.0), st.floats(-2.0, 2.0))
     st.lists(posts, max_size=5),
     st.booleans(),
 )  # fmt: skip
+# The rear that swings beside a post touches it by 0.09 mm. The cause is not found.
+@example([((0.2, 3.0), 4), ((0.2, 3.0), 15)], [(0.0, 0.51953125)], True).xfail(raises=AssertionError)
 def test_a_robot_never_touches_what_stands_still(
     script: list[tuple[tuple[float, float], int]], places: list[tuple[float, float]], accelerates: bool
 ) -> None:
@@ -185,10 +186,3 @@ def nearest(outline: Outline, pose: Pose2, points: Floats) -> float:
     cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
     x, y = points[0] - pose.x, points[1] - pose.y
     return float(outline.distances(np.array((cos * x + sin * y, cos * y - sin * x))).min())
-
-
-@pytest.mark.xfail(raises=AssertionError, reason="the rear touches the post by 0.09 mm; the cause is not found")
-def test_a_rear_that_swings_beside_a_post_does_not_touch_it() -> None:
-    """An example of `test_a_robot_never_touches_what_stands_still` that fails: an arc beside one post."""
-    check = test_a_robot_never_touches_what_stands_still.hypothesis.inner_test
-    check([((0.2, 3.0), 4), ((0.2, 3.0), 15)], [(0.0, 0.51953125)], True)
