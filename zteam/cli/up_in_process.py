@@ -12,7 +12,6 @@ from zteam.cli.up import conclude, log
 from zteam.cli.up_display import Display, Printer, open_display
 from zteam.errors import ZteamError
 from zteam.in_process.run import InProcessRun
-from zteam.launch.plan import launch_of
 from zteam.numbers import counted
 from zteam.runtime.logs import passing_lines
 from zteam.runtime.shutdown import Stop, exit_hard_later
@@ -25,16 +24,6 @@ if TYPE_CHECKING:
 
 def carry_out(options: "RunOptions", args: argparse.Namespace) -> int:
     """Run the team to its end; the exit code."""
-    launch = launch_of(
-        options.team,
-        options.world,
-        team_file=options.team_file,
-        seed=options.seed,
-        run_for=options.run_for,
-        until=options.until,
-        pace=options.pace,
-        view=options.view,
-    )
     stop = Stop()
     with (
         open_display(args.log_format, args.run_for) as display,
@@ -42,7 +31,7 @@ def carry_out(options: "RunOptions", args: argparse.Namespace) -> int:
     ):
         line = Printer(display.print).line
         _give_terminal_to_debugger(display)
-        with passing_lines(line, names.LAUNCHER), InProcessRun(launch, stop, line, outside=outside) as team_run:
+        with passing_lines(line, names.LAUNCHER), InProcessRun(options.launch, stop, line, outside=outside) as team_run:
             give_back = stop.install(on_repeat=_end_now)
             # Code of a behaviour that does not return holds the whole process.
             cancel = exit_hard_later(stop)

@@ -22,7 +22,7 @@ from zteam.in_process.node_processes import NodeProcesses
 from zteam.in_process.parts import parts_of
 from zteam.launch.arguments import TeamLaunch
 from zteam.launch.overview import TeamOverview
-from zteam.launch.plan import plan_of, stop_order
+from zteam.launch.plan import plan_team, stop_order
 from zteam.launch.process import exit_text
 from zteam.launch.progress import Progress, Watched
 from zteam.launch.report import RunReport, make_report, measure_processes, read_counts, seconds_since_start
@@ -71,7 +71,7 @@ class InProcessRun:
         self._stop = stop
         self._since_start = since_start
         self._progress: Progress | None = None
-        plan = plan_of(launch, ())
+        plan = plan_team(launch, ())
         self.processes = NodeProcesses(plan, on_line, self._wake)
         """The nodes of the team file, which are processes."""
         self._restarts = Restarts(self.restart_node, plan.restarts)

@@ -48,24 +48,7 @@ def stop_order(processes: Iterable[str]) -> list[list[str]]:
     return list(groups.values())
 
 
-def plan_team(
-    team: Team,
-    world: Path | None,
-    bus: Sequence[str],
-    *,
-    team_file: Path | None = None,
-    seed: int | None = None,
-    run_for: float | None = None,
-    until: int | None = None,
-    pace: Pace | None = None,
-    view: tuple[str, ...] | None = None,
-) -> Plan:
-    """The processes of a team. `bus` holds the connection options that all get; `world` None = real robots."""
-    launch = launch_of(team, world, team_file=team_file, seed=seed, run_for=run_for, until=until, pace=pace, view=view)
-    return plan_of(launch, bus)
-
-
-def plan_of(launch: TeamLaunch, bus: Sequence[str]) -> Plan:
+def plan_team(launch: TeamLaunch, bus: Sequence[str]) -> Plan:
     """The processes of a team. `bus` holds the connection options that all get."""
     team = launch.team
     commands = {

@@ -13,10 +13,10 @@ from zteam.bus.connection import FROM_STDIN, port_accepts
 from zteam.bus.options import DEFAULT_ENDPOINT
 from zteam.bus.presence import Claim
 from zteam.errors import BusError
-from zteam.launch.arguments import Pace
+from zteam.launch.arguments import Pace, TeamLaunch
 from zteam.launch.namespace import claim_namespace, refuse_second_team
 from zteam.launch.overview import TeamOverview
-from zteam.launch.plan import Plan, plan_team
+from zteam.launch.plan import Plan, launch_of, plan_team
 from zteam.launch.process import Process, exit_text
 from zteam.launch.progress import Progress, Watched
 from zteam.launch.report import (
@@ -64,6 +64,20 @@ class RunOptions(msgspec.Struct, frozen=True):
         """Whether the run ends by itself."""
         return self.run_for is not None or self.until is not None
 
+    @property
+    def launch(self) -> TeamLaunch:
+        """What the processes depend on."""
+        return launch_of(
+            self.team,
+            self.world,
+            team_file=self.team_file,
+            seed=self.seed,
+            run_for=self.run_for,
+            until=self.until,
+            pace=self.pace,
+            view=self.view,
+        )
+
 
 _LAST_WORDS = 1.0
 """Host seconds to wait for the output of a process that has ended."""
@@ -110,17 +124,7 @@ def _plan(options: RunOptions) -> Plan:
     # Every option is given, even if empty: an option that is left out would come from the process's environment.
     bus = ["--connect", options.bus.connect or FROM_STDIN, "--namespace", options.bus.namespace or ""]
     bus += ["--config", options.bus.config or "", "--lease", str(lease_for(options.pace, options.bus.lease))]
-    return plan_team(
-        options.team,
-        options.world,
-        bus,
-        team_file=options.team_file,
-        seed=options.seed,
-        run_for=options.run_for,
-        until=options.until,
-        pace=options.pace,
-        view=options.view,
-    )
+    return plan_team(options.launch, bus)
 
 
 class Run:

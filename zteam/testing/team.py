@@ -17,7 +17,7 @@ from zteam.bus.options import LEASE
 from zteam.errors import UsageError
 from zteam.launch.arguments import LOCKSTEP_TIMEOUT, Pace, TeamLaunch
 from zteam.launch.check import check_team, refuse_nodes
-from zteam.launch.plan import Plan, launch_of, plan_of
+from zteam.launch.plan import Plan, launch_of, plan_team
 from zteam.launch.run import lease_for
 from zteam.launch.supervisor import Job
 from zteam.resources import find_team, find_world
@@ -110,7 +110,7 @@ class TeamFixture(SteppedTeam):
     def _start_processes(self, launch: TeamLaunch) -> list[str]:
         self._need_processes("start")
         self._open()
-        plan = plan_of(launch, ())
+        plan = plan_team(launch, ())
         self._plan = Plan({**self._plan.commands, **plan.commands}, {**self._plan.nodes, **plan.nodes})
         self._lease = lease_for(launch.pace, LEASE) if launch.pace.lockstep else None
         robots = {name: Job(command, restarts=name in plan.restarts) for name, command in plan.commands.items()}

@@ -6,7 +6,7 @@ import numpy as np
 
 from zteam.in_process.parts import parts_of
 from zteam.launch.kinds import KINDS
-from zteam.launch.plan import launch_of, plan_of
+from zteam.launch.plan import launch_of, plan_team
 from zteam.planning.grid import make_map
 from zteam.planning.map_files import write_map
 from zteam.resources import find_world
@@ -19,6 +19,6 @@ def test_every_process_of_a_plan_has_a_part(tmp_path: Path) -> None:
     path = tmp_path / "team.toml"
     path.write_text('[team]\nworld = "office"\nmap = "map.yaml"\n[[robots]]\nid = 0\nnavigation = true\n')
     launch = launch_of(load_team(path), find_world("office"), team_file=path)
-    assert [*parts_of(launch, lambda name, text: None)] == [*plan_of(launch, ()).commands]
+    assert [*parts_of(launch, lambda name, text: None)] == [*plan_team(launch, ()).commands]
     needed = [kind for kind in KINDS if kind.on_bus and kind.hint]
-    assert all(any(kind.includes(name) for name in plan_of(launch, ()).commands) for kind in needed)
+    assert all(any(kind.includes(name) for name in plan_team(launch, ()).commands) for kind in needed)

@@ -9,7 +9,7 @@ from zteam.cli import main
 from zteam.launch import kinds
 from zteam.launch.arguments import Pace
 from zteam.launch.kinds import KINDS, Kind, kind_of
-from zteam.launch.plan import Plan, plan_team
+from zteam.launch.plan import Plan, launch_of, plan_team
 from zteam.team_file import RobotEntry, Team
 
 TEAM = Team(robots=[RobotEntry(id=0, behavior="forward"), RobotEntry(id=12, behavior="forward")])
@@ -33,20 +33,22 @@ def planner(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_row_is_a_process_of_every_team(planner: None) -> None:
     """The plan starts the new kind after the others, with the row's command and arguments."""
-    plan = plan_team(TEAM, WORLD, ("--namespace", "t"))
+    plan = plan_team(launch_of(TEAM, WORLD), ("--namespace", "t"))
     assert list(plan.commands)[-1] == "planner"
     assert plan.commands["planner"][3:] == ["zteam.cli.zteam_monitor", "--robots", "2", "--namespace", "t"]
 
 
 def test_a_row_has_its_place_in_the_stop_order(planner: None) -> None:
     """The new kind stops with the kinds of its rank."""
-    order = plan_team(TEAM, WORLD, ()).stop_order()
+    order = plan_team(launch_of(TEAM, WORLD), ()).stop_order()
     assert order == [["robot_0", "robot_12"], ["tf", "monitor"], ["sim", "planner"], ["router"]]
 
 
 def test_a_row_takes_part_in_lock_step(planner: None) -> None:
     """The simulator waits for the new kind, for the kinds before it, and for what the user expects."""
-    command = plan_team(TEAM, WORLD, (), pace=Pace(lockstep=True, expect=("mine",))).commands[names.SIMULATOR]
+    command = plan_team(launch_of(TEAM, WORLD, pace=Pace(lockstep=True, expect=("mine",))), ()).commands[
+        names.SIMULATOR
+    ]
     assert command[command.index("--expect") + 1 :] == ["tf", "robot_0", "robot_12", "planner", "mine"]
 
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from zteam.launch.kinds import kind_of
-from zteam.launch.plan import plan_team
+from zteam.launch.plan import launch_of, plan_team
 from zteam.launch.preloads import PRELOADS, VIEW, all_preloads
 from zteam.names import is_view, view_name
 from zteam.team_file import NodeEntry, RobotEntry, Team
@@ -14,7 +14,7 @@ WORLD = Path("/w/arena.world")
 
 def test_a_team_has_a_view_only_if_it_is_asked_for() -> None:
     """Without it no process and no argument differs."""
-    plain, viewed = plan_team(TEAM, WORLD, ()), plan_team(TEAM, WORLD, (), view=("--no-browser",))
+    plain, viewed = plan_team(launch_of(TEAM, WORLD), ()), plan_team(launch_of(TEAM, WORLD, view=("--no-browser",)), ())
     assert plain.commands == viewed.commands
     assert (plain.nodes, plain.beside) == ({}, frozenset())
     assert viewed.nodes["view"].command[3:] == ["zteam.cli.zteam_view", "--name", "view", "--no-browser"]
@@ -23,7 +23,7 @@ def test_a_team_has_a_view_only_if_it_is_asked_for() -> None:
 def test_the_run_does_not_wait_for_the_view() -> None:
     """It may end at any time; the user's own nodes still count."""
     team = Team(robots=[RobotEntry(id=0, behavior="forward")], nodes=[NodeEntry(name="mine", command=["true"])])
-    plan = plan_team(team, WORLD, (), view=())
+    plan = plan_team(launch_of(team, WORLD, view=()), ())
     assert plan.nodes["view"].may_end
     assert not plan.nodes["view"].restarts
     assert (plan.beside, {"view", "mine"} <= plan.optional) == ({"view"}, True)
