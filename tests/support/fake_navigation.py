@@ -44,9 +44,10 @@ class FakeNavigation:
         self.say(NavigationState.DRIVING, left=5.0, seconds=10)
 
     def _cancel(self, _request: CancelRequest) -> CancelReply:
-        self.cancels += 1
         if self.obeys and self.goals:
             self.say(NavigationState.CANCELED)
+        # Last: a test that waits for the count then finds the status sent.
+        self.cancels += 1
         return CancelReply(bool(self.goals))
 
     def end(self) -> None:
