@@ -140,6 +140,16 @@ def test_it_brakes_along_its_arc_where_speed_and_turn_cannot_follow_the_cut() ->
     assert np.diff(turns) == pytest.approx(-0.1)
 
 
+@pytest.mark.parametrize("turn", [0.004, 0.02])
+def test_a_slow_turn_never_gets_to_the_wall_by_small_steps(turn: float) -> None:
+    """A front corner, 6 mm from a wall, comes nearer by less than a millimetre a tick: it stops before the wall."""
+    robot = Drive([(-0.6, 0.181, 0.6, 0.181)])
+    for _ in range(400):
+        robot.step(0.0, turn)
+    assert robot.pose.yaw > 1e-3
+    assert robot.pose.compose(Pose2(FRONT, 0.175, 0.0)).y < 0.181
+
+
 class Straight(Behavior):
     """Straight on by the transforms."""
 
