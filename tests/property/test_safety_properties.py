@@ -148,8 +148,8 @@ posts = st.tuples(st.floats(-2.0, 2.0), st.floats(-2.0, 2.0))
     st.lists(posts, max_size=5),
     st.booleans(),
 )  # fmt: skip
-# The rear that swings beside a post touches it by 0.09 mm. The cause is not found.
-@example([((0.2, 3.0), 4), ((0.2, 3.0), 15)], [(0.0, 0.51953125)], True).xfail(raises=AssertionError)
+# The rear swings out beside a post while speed and turn cannot be braked as fast as the cut asks for.
+@example([((0.2, 3.0), 4), ((0.2, 3.0), 15)], [(0.0, 0.51953125)], True)
 def test_a_robot_never_touches_what_stands_still(
     script: list[tuple[tuple[float, float], int]], places: list[tuple[float, float]], accelerates: bool
 ) -> None:

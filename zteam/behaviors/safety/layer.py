@@ -152,7 +152,9 @@ class SafetyLayer:
             asked = self._limits.clamp(Motion(float(x), float(turn)))
             asked = self._limits.approach(asked, self._last, seconds)
             motion, trouble = self._cut(asked, seconds, view)
-            motion = self._limits.approach(motion, self._last, seconds)
+            if motion != self._limits.approach(motion, self._last, seconds):
+                # What lies between the two was not looked at. The way of the last command was: with even braking.
+                motion = self._limits.brake(self._last, seconds)
         self._last = motion
         return Twist(Vector3(motion.x), Vector3(0.0, 0.0, motion.turn)), trouble
 

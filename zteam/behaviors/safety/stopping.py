@@ -46,6 +46,7 @@ class Way(NamedTuple):
 
         False says nothing.
         """
+        # Never more than the limit of `meeting_time`.
         limit = min(margin_of(self.outline, self.arc), self.outline.distance(x, y) - TOUCH)
         return self.outline.distance(*self.seen_then(x, y)) < limit - _SURE
 

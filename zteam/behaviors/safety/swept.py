@@ -19,14 +19,19 @@ SPIN_MARGIN = 0.005
 """Metres that stay free around a base that turns on the spot: less than what `wander` squeezes through."""
 DRIVE_MARGIN = 0.025
 """Metres that stay free beside a base that drives: what the odometry and the laser are wrong by."""
-STRAIGHT = 1e-3
-"""Radians: an arc that turns less counts as straight. On a metre that is wrong by less than a millimetre."""
+STRAIGHT = 1e-5
+"""Radians: an arc that turns less counts as straight. On a metre that is wrong by less than 0.01 mm."""
 _TINY = 1e-9
 """Metres: what numbers are wrong by."""
 _MOST = 48
 """Points of a side, at most."""
 TOUCH = 1e-3
-"""Metres: where something is nearer than the margin already, the base may not come nearer by more than rounding."""
+"""Metres by which the base may come nearer, in each look, to what is nearer than the margin already: it may drive along
+a wall that it does not quite see as straight."""
+CLOSEST = 2e-3
+"""Metres: nearer than this it may not come so either. Between beams 0.5° apart so much of a corner is not seen."""
+_ROUNDING = 1e-6
+"""Metres: what is nearer than CLOSEST may come nearer by this, so that rounding stops no base that moves along it."""
 _FACES = 0.5
 """Cosine of the angle to the driving direction up to which a side of the outline leads."""
 _EDGE = 0.1
@@ -174,6 +179,13 @@ def swept_box(outline: Outline, arc: Arc, seconds: float) -> Box:
     return Box(left - rear, right + front, bottom - side, top + side)
 
 
+def _limits_of(outline: Outline, arc: Arc, distances: Floats, clearance: float = 0.0) -> Floats:
+    """How near the base may come, on this arc, to points that are so far from it now: metres, (n,) both."""
+    nearer = np.maximum(distances - TOUCH, np.minimum(distances - _ROUNDING, CLOSEST))
+    limits: Floats = np.minimum(margin_of(outline, arc) + clearance, nearer)
+    return limits
+
+
 def meeting_time(outline: Outline, arc: Arc, seconds: float, points: Floats, clearance: float = 0.0) -> float:
     """When within `seconds` the base first comes nearer to a point of (2, n) than the margin and `clearance` (m).
 
@@ -182,7 +194,7 @@ def meeting_time(outline: Outline, arc: Arc, seconds: float, points: Floats, cle
     """
     depths = outline.normals @ points
     depths -= outline.offsets[:, None]
-    limits = np.minimum(margin_of(outline, arc) + clearance, depths.max(axis=0) - TOUCH)
+    limits = _limits_of(outline, arc, depths.max(axis=0), clearance)
     if abs(arc.turn * seconds) < STRAIGHT:
         depths -= limits
         time = _meet_straight(outline, arc.speed, depths)

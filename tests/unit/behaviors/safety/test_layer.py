@@ -25,6 +25,8 @@ class Drive:
     def __init__(self, walls: list[Segment], base: Base | None = None, pose: Pose2 | None = None) -> None:
         self.walls, self.base, self.pose = walls, base or Base(), pose or Pose2(0.0, 0.0, 0.0)
         self.layer, self.now, self.reason = SafetyLayer(), START, ""
+        self.command = 0.0, 0.0
+        """What was left of the last one: m/s, rad/s."""
         self.noise = np.random.default_rng(1)
         self.scan_noise = 0.0
 
@@ -40,6 +42,7 @@ class Drive:
         """One tick; the speed that was left."""
         command, self.reason = self.layer.limit(Twist(Vector3(speed), Vector3(z=turn)), self.view())
         self.pose, self.now = drive(self.pose, command, TICK / 1e9), self.now + TICK
+        self.command = command.linear.x, command.angular.z
         return command.linear.x
 
 
@@ -117,6 +120,34 @@ def test_a_bases_accelerations_hold_both_ways(way: float) -> None:
     speeds, turns = zip(*(step(*each) for each in asked), strict=True)
     assert speeds == pytest.approx((0.1, 0.2, 0.25, 0.05, -0.1, -0.2, -0.3, -0.1, 0.0))
     assert turns == pytest.approx((0.3, 0.6, 0.8, 0.5, 0.2, -0.1, -0.1, 0.0, 0.0))
+
+
+def test_it_brakes_along_its_arc_where_speed_and_turn_cannot_follow_the_cut() -> None:
+    """A wall comes up close before a base that can lose speed sooner than turn: both fall in one ratio, as hard as the
+    limits let them, so the base stays on the arc whose way was free."""
+    robot = Drive([], base=Base(acc_lim_x=1.5, decel_lim_x=-1.0, acc_lim_theta=1.0))
+    for _ in range(12):
+        robot.step(0.4, 1.0)
+    pose, command = robot.pose, robot.command
+    x, y, yaw = pose.compose(Pose2(0.3, 0.0, 0.0))
+    robot.walls = [(x + math.sin(yaw), y - math.cos(yaw), x - math.sin(yaw), y + math.cos(yaw))]
+    commands = [command]
+    while robot.step(0.4, 1.0):
+        commands.append(robot.command)
+    speeds, turns = zip(*commands, strict=True)
+    assert len(speeds) > 2
+    assert turns == pytest.approx([2.5 * speed for speed in speeds])
+    assert np.diff(turns) == pytest.approx(-0.1)
+
+
+@pytest.mark.parametrize("turn", [0.004, 0.02])
+def test_a_slow_turn_never_gets_to_the_wall_by_small_steps(turn: float) -> None:
+    """A front corner, 6 mm from a wall, comes nearer by less than a millimetre a tick: it stops before the wall."""
+    robot = Drive([(-0.6, 0.181, 0.6, 0.181)])
+    for _ in range(400):
+        robot.step(0.0, turn)
+    assert robot.pose.yaw > 1e-3
+    assert robot.pose.compose(Pose2(FRONT, 0.175, 0.0)).y < 0.181
 
 
 class Straight(Behavior):
