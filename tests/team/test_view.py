@@ -37,7 +37,7 @@ def robots(page: Page) -> dict[int, dict[str, object]]:
 
 
 def test_a_page_sees_the_team(team: TeamFixture) -> None:
-    """Map, poses, scans, and the state of each robot, with its outline and its laser."""
+    """Map, poses, scans, and the state of each robot, with its outline."""
     team.start("office", 2, follow={1: 0}, lockstep=False)
     port = start_view(team)
     with open_page(port) as page:
@@ -45,10 +45,10 @@ def test_a_page_sees_the_team(team: TeamFixture) -> None:
         wanted = {(POSES, TEAM), (SCAN, 0), (SCAN, 1), (GRID, TEAM), (DOC, TEAM)}
         page.wait(lambda: wanted <= page.blocks.keys())
         page.wait(lambda: [row["state"] for row in robots(page).values()] == ["running", "running", "absent", "absent"])
-        page.wait(lambda: robots(page)[1]["lasers"])
+        page.wait(lambda: page.docs["team"]["outlines"])
         row = robots(page)[1]
         assert (row["behavior"], row["leader"], row["model"]) == ("follow", 0, "erratic")
-        assert row["outline"]
+        assert page.docs["team"]["outlines"][row["outline"]]
         page.wait(lambda: {"tf", "topics", "log"} <= page.docs.keys())
         assert {"robot_0/base_footprint", "robot_1/base_laser_link"} <= {f["name"] for f in page.docs["tf"]["frames"]}
         page.wait(lambda: any(row["hz"] for row in page.docs["topics"]))
