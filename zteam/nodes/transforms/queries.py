@@ -24,7 +24,7 @@ from zteam.tf.merge import Merger
 
 
 def serve_queries(bus: Bus, merger: Merger, newest: Callable[[], TFMessage]) -> None:
-    """Answer `tf/lookup`, `tf/history`, `tf/conflicts` and `tf/frames` from this tree, `tf/newest` with what was sent."""
+    """Answer `tf/lookup`, `tf/history`, `tf/conflicts` and `tf/frames` from this tree, `tf/newest` from the bus."""
     serve, service, buffer = bus.serve, names.service_key, merger.buffer
     serve(service(names.AGGREGATOR, "lookup"), LookupRequest, lambda request: answer_lookups(buffer, request))
     serve(service(names.AGGREGATOR, "history"), HistoryRequest, lambda request: answer_history(buffer, request))
