@@ -13,6 +13,8 @@ def test_a_page_outlives_its_server(team: TeamFixture, screen: Screen) -> None:
     team.start("arena", 2, behavior="idle", lockstep=False)
     url = start_view(team, "--token", TOKEN)
     screen.open(url, 2)
+    # The map, when it comes, is fitted into the view.
+    screen.wait("zteam.app.store.grids.size === 1")
     viewport = screen.ask("zteam.app.camera.viewport()")
     team.kill(VIEW)
     screen.wait("zteam.app.store.connection.state === 'lost'")

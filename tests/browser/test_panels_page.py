@@ -74,7 +74,7 @@ def test_a_layout_may_select_a_robot_before_it_comes(modules: Screen) -> None:
       const store = new Store();
       store.select([1]);
       return [[], [0], [0, 1], [0]].map((ids) => {
-        const block = {type: 'doc', name: 'team', value: {robots: ids.map((id) => ({id}))}};
+        const block = {type: 'doc', name: 'team', value: {robots: ids.map((id) => ({id, outline: -1})), outlines: []}};
         store.takeFrame({number: 1, tick: 1, stamp: 1, age: -1, blocks: [block]}, 0);
         return [...store.selection];
       });
@@ -191,10 +191,10 @@ def test_a_phone_has_all_panels_in_one_drawer(url: str, open_screen: OpenScreen)
     assert not screen.ask(SHOWN, "team")
     for name in ("team", "plots"):
         screen.page.tap(f"#tab-{name}")
-        assert screen.ask(SHOWN, name)
+        screen.wait(SHOWN, name)
     assert screen.ask("document.documentElement.scrollWidth") <= 390
     screen.page.tap("#panel [aria-label='Hide panels']")
-    assert not screen.ask(SHOWN, "plots")
+    screen.wait(f"name => !({SHOWN})(name)", "plots")
 
 
 def test_every_control_has_a_name(url: str, screen: Screen) -> None:

@@ -15,6 +15,7 @@ from zteam.nodes.simulator.queries import Queries
 from zteam.nodes.simulator.turns import Turns
 from zteam.runtime.node import Node
 from zteam.runtime.shutdown import Stop
+from zteam.services.scans import ScansReply, SensedScan
 from zteam.services.simulator import Latency, MoveRequest, SimReport, SimStatus, SpawnRequest
 
 TICK = 1_000_000
@@ -70,6 +71,11 @@ class ScriptedSimulation:
     def repeat(self) -> None:
         """As `WorldChanges.repeat`."""
         self.note("repeat")
+
+    def scans(self, robots: list[int]) -> ScansReply:
+        """As `WorldChanges.scans`; each robot has one laser."""
+        self.note(f"scans {robots}")
+        return ScansReply([SensedScan(names.scan_key(robot_id, 0), b"scan") for robot_id in robots])
 
     def reset(self) -> None:
         """As `WorldChanges.reset`."""

@@ -37,7 +37,7 @@ def robots(page: Page) -> dict[int, dict[str, object]]:
 
 
 def test_a_page_sees_the_team(team: TeamFixture) -> None:
-    """Map, poses, scans, and the state of each robot, with its outline and its laser."""
+    """Map, poses, scans, and the state of each robot, with its outline."""
     team.start("office", 2, follow={1: 0}, lockstep=False)
     port = start_view(team)
     with open_page(port) as page:
@@ -45,10 +45,10 @@ def test_a_page_sees_the_team(team: TeamFixture) -> None:
         wanted = {(POSES, TEAM), (SCAN, 0), (SCAN, 1), (GRID, TEAM), (DOC, TEAM)}
         page.wait(lambda: wanted <= page.blocks.keys())
         page.wait(lambda: [row["state"] for row in robots(page).values()] == ["running", "running", "absent", "absent"])
-        page.wait(lambda: robots(page)[1]["lasers"])
+        page.wait(lambda: page.docs["team"]["outlines"])
         row = robots(page)[1]
         assert (row["behavior"], row["leader"], row["model"]) == ("follow", 0, "erratic")
-        assert row["outline"]
+        assert page.docs["team"]["outlines"][row["outline"]]
         page.wait(lambda: {"tf", "topics", "log"} <= page.docs.keys())
         assert {"robot_0/base_footprint", "robot_1/base_laser_link"} <= {f["name"] for f in page.docs["tf"]["frames"]}
         page.wait(lambda: any(row["hz"] for row in page.docs["topics"]))
@@ -172,6 +172,35 @@ def test_commands_in_lock_step_count_as_external(team: TeamFixture) -> None:
         assert page.command(op="move", robot=0, x=1.0, y=1.0, yaw=0.0) == ""
         team.run(1.0)
         team.wait_for(lambda: team.report.external_commands == before + 2)
+
+
+def test_where_time_runs_fast_the_newest_is_asked_for(team: TeamFixture) -> None:
+    """No message of each tick comes to the view then, and the page sees the robots and their scans all the same."""
+
+    sessions: set[str] = set()
+
+    def on_token(key: str, _alive: bool) -> None:
+        name, session = names.split_token_key(key) or ("", "")
+        sessions.update({session} if name == names.VIEW else ())
+
+    def view_hears(*keys: str) -> bool:
+        told = team.bus.declarations()
+        return {each.key for each in told if not each.publishes and each.session in sessions}.issuperset(keys)
+
+    team.bus.watch_tokens([names.tokens_key()], on_token)
+    every = ("tf", "robot_0/base_scan$*", "robot_1/base_scan$*")
+    team.start("arena", 2, lockstep=False)
+    team.wait_for_go()
+    with open_page(start_view(team)) as page:
+        look(page, "scans")
+        page.wait(lambda: (SCAN, 1) in page.blocks)
+        team.wait_for(lambda: view_hears(*every))
+        team.sim.set_speed(None)
+        team.wait_for(lambda: not any(view_hears(key) for key in every))
+        page.blocks.clear()
+        page.wait(lambda: {(POSES, TEAM), (SCAN, 0), (SCAN, 1)} <= page.blocks.keys())
+        team.sim.pause()
+        team.wait_for(lambda: view_hears(*every))
 
 
 @pytest.mark.parametrize("watched", [False, True], ids=["alone", "watched"])

@@ -33,7 +33,7 @@ FORMATS: dict[str, Callable[[Sequence[Any]], str]] = {
 """Verb -> what makes a text of its figures."""
 CHAINS = ("lectures", "direct", "trail", "trail16", "disturbed")
 """Rows of `zteam bench robots` (zteam.bench.chains.figures)."""
-VIEW_PARTS = ("load", "slow", "cost", "browser")
+VIEW_PARTS = ("load", "slow", "many", "cost", "browser", "start")
 """Of `zteam bench view` (zteam.bench.view.figures)."""
 NAV_ROWS = ("plan", "costmap", "amcl", "tours", "global")
 """Rows of `zteam bench nav` (zteam.bench.navigation.figures)."""

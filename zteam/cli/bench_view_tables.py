@@ -10,6 +10,7 @@ from zteam.numbers import counted
 if TYPE_CHECKING:
     from zteam.bench.view.figures import CostFigures, ViewFigures
     from zteam.bench.view.page import FrameFigures
+    from zteam.bench.view.starting import StartFigures
 
 _HEAD = ("page", "frames/s", "kB/s", "age, ms", "95 %", "oldest", "longest gap, ms")
 
@@ -21,6 +22,9 @@ def format_view(rows: "Sequence[ViewFigures]") -> str:
     pages = [(counted(load.robots, "robot"), load.page) for load in found.loads]
     if found.slow is not None:
         pages += [("4 robots, beside a slow page", found.slow.fast), ("the slow page", found.slow.slow)]
+    if found.many:
+        oldest = max(found.many, key=lambda page: page.age_p95 or 0.0)
+        pages.append((f"the worst of {len(found.many)} pages, 4 robots", oldest))
     if pages:
         parts.append(format_table(_HEAD, [_frames(name, page) for name, page in pages], numbers_from=1))
     for load in found.loads:
@@ -37,6 +41,8 @@ def format_view(rows: "Sequence[ViewFigures]") -> str:
             for drawing in found.drawings
         ]  # fmt: skip
         parts.append(format_table(head, body, numbers_from=1))
+    if found.start is not None:
+        parts.append(_start(found.start))
     if found.no_browser:
         parts.append(f"no browser: {found.no_browser}")
     return "\n\n".join(parts)
@@ -47,6 +53,14 @@ def _frames(name: str, page: "FrameFigures") -> tuple[str, ...]:
         name, figure(page.frames_per_s), figure(page.kilobytes_per_s), figure(page.age_p50), figure(page.age_p95),
         figure(page.age_max), figure(page.gap_max),
     )  # fmt: skip
+
+
+def _start(start: "StartFigures") -> str:
+    return (
+        f"from 'zteam up line --view' to a drawn robot: {start.open_browser:.2f} s in an open browser, "
+        f"{start.new_page:.2f} s if it has never seen the page, {start.new_browser:.2f} s with the browser's "
+        f"own start; the address is printed after {start.said:.2f} s"
+    )
 
 
 def _cost(cost: "CostFigures") -> str:

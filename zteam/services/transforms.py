@@ -1,4 +1,4 @@
-"""Requests and replies of the aggregator's queries: `tf/static`, `tf/lookup`, `tf/history`, `tf/frames`."""
+"""The aggregator's queries `tf/static`, `tf/lookup`, `tf/history`, `tf/frames` and `tf/newest`."""
 
 from typing import Annotated
 
@@ -87,6 +87,13 @@ class HistoryReply(msgspec.Struct):
     """Rows of stamp (ns), x, y, z, qx, qy, qz, qw, oldest first; instants without data are left out."""
 
     rows: list[tuple[int, float, float, float, float, float, float, float]]
+
+
+class BundleReply(msgspec.Struct):
+    """Answer to `tf/newest`: the bundle that was sent last."""
+
+    content: bytes
+    """The encoded TFMessage."""
 
 
 class FrameReply(msgspec.Struct):

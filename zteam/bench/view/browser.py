@@ -5,6 +5,8 @@ It needs the package playwright and a chromium of the system; both are for devel
 
 import os
 import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import msgspec
@@ -15,6 +17,7 @@ from zteam.errors import ZteamError
 WARM_UP, ENOUGH = 30, 50
 """Frames that are drawn before the page is measured, and that it draws at least meanwhile."""
 LIMIT_MS = 90_000
+VIEWPORT = {"width": 1280, "height": 800}
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 _READ = "() => ({frames: zteam.stats.frames, js: Array.from(zteam.stats.js_ms), age: Array.from(zteam.stats.age_ms)})"
 _CLEAR = "() => { zteam.stats.js_ms.length = 0; zteam.stats.age_ms.length = 0; return zteam.stats.frames }"
@@ -34,10 +37,9 @@ class DrawFigures(msgspec.Struct):
     age_p95: float
 
 
-def measure_drawing(url: str, robots: int, beams: int, seconds: float) -> DrawFigures:
-    """Open the page, let it settle, and read what it counts for `seconds`. Raises ZteamError without a browser."""
-    import numpy as np
-
+@contextmanager
+def launch_browser() -> Iterator[Any]:
+    """A browser without a window. Raises ZteamError where there is none."""
     try:
         from playwright.sync_api import sync_playwright
     except ImportError:
@@ -50,11 +52,19 @@ def measure_drawing(url: str, robots: int, beams: int, seconds: float) -> DrawFi
         flags += ["--no-sandbox"] if os.getuid() == 0 else []
         browser = playwright.chromium.launch(executable_path=program, args=flags)
         try:
-            page = browser.new_page(viewport={"width": 1280, "height": 800})
-            page.goto(url)
-            found = _count(page, seconds)
+            yield browser
         finally:
             browser.close()
+
+
+def measure_drawing(url: str, robots: int, beams: int, seconds: float) -> DrawFigures:
+    """Open the page, let it settle, and read what it counts for `seconds`. Raises ZteamError without a browser."""
+    import numpy as np
+
+    with launch_browser() as browser:
+        page = browser.new_page(viewport=VIEWPORT)
+        page.goto(url)
+        found = _count(page, seconds)
     js, age = np.array(found["js"]), np.array(found["age"])
     if not js.size or not age.size:
         raise ZteamError("the page has drawn no new poses")

@@ -12,12 +12,17 @@ from zteam.bench.running import write_line_team
 from zteam.bench.view.browser import DrawFigures, measure_drawing
 from zteam.bench.view.page import FrameFigures, Page
 from zteam.bench.view.stage import TOKEN, crowd, processes, start_view, team
+from zteam.bench.view.starting import StartFigures, measure_start
 from zteam.errors import ZteamError
 from zteam.launch.process import zteam_command
 from zteam.launch.report import RunReport
 
 SLOW_FRAME = 0.5
 """Host seconds that a slow page takes a frame."""
+MANY, STARTS = 10, 5
+"""Pages at once; starts of a team for each figure."""
+COST_RUN = 300
+"""Simulated seconds of a run in lock-step: six seconds of the host, so that its beginning counts little."""
 BEAMS = {4: 360, 100: 360, 1000: 90}
 """Beams of a scan by the number of robots."""
 
@@ -58,6 +63,9 @@ class ViewFigures(msgspec.Struct):
     slow: SlowFigures | None = None
     cost: CostFigures | None = None
     drawings: list[DrawFigures] = []
+    many: list[FrameFigures] = []
+    """Of ten pages at once at one view."""
+    start: StartFigures | None = None
     no_browser: str = ""
     """Why nothing was drawn."""
 
@@ -65,7 +73,7 @@ class ViewFigures(msgspec.Struct):
 def measure_view(
     world: Path, seconds: float, pairs: int, parts: tuple[str, ...], progress: Progress = lambda _text: None
 ) -> ViewFigures:
-    """Measure `parts` of load, slow, cost and browser; each load for `seconds`, the cost in so many pairs of runs."""
+    """Measure `parts` of load, slow, many, cost, browser and start; a load for `seconds`, the cost in so many pairs."""
     figures = ViewFigures()
     if "load" in parts:
         for robots in (4, 100):
@@ -74,16 +82,21 @@ def measure_view(
     if "slow" in parts:
         progress("a slow page beside a fast one")
         figures.slow = measure_slow_page(seconds)
+    if "many" in parts:
+        progress(f"{MANY} pages at once")
+        figures.many = measure_many_pages(seconds)
     if "cost" in parts:
         figures.cost = measure_cost(world, pairs, progress)
-    if "browser" in parts:
-        try:
-            for robots in (100, 1000):
-                progress(f"a browser, {robots} robots")
-                with crowd(robots, BEAMS[robots]) as stage:
-                    figures.drawings.append(measure_drawing(stage.url, robots, BEAMS[robots], seconds))
-        except ZteamError as error:
-            figures.no_browser = str(error)
+    try:
+        for robots in (100, 1000) if "browser" in parts else ():
+            progress(f"a browser, {robots} robots")
+            with crowd(robots, BEAMS[robots]) as stage:
+                figures.drawings.append(measure_drawing(stage.url, robots, BEAMS[robots], seconds))
+        if "start" in parts:
+            progress("from the command to a drawn robot")
+            figures.start = measure_start(STARTS)
+    except ZteamError as error:
+        figures.no_browser = str(error)
     return figures
 
 
@@ -104,6 +117,15 @@ def measure_slow_page(seconds: float) -> SlowFigures:
         for page in pages:
             page.start()
         return SlowFigures(*(page.figures() for page in pages))
+
+
+def measure_many_pages(seconds: float) -> list[FrameFigures]:
+    """Ten pages at one view of a team of four."""
+    with team("line") as stage:
+        pages = [Page(stage.port, TOKEN, seconds) for _ in range(MANY)]
+        for page in pages:
+            page.start()
+        return [page.figures() for page in pages]
 
 
 def measure_cost(world: Path, pairs: int, progress: Progress) -> CostFigures:
@@ -130,7 +152,7 @@ def _run(world: Path, is_watched: bool) -> RunReport:
         page = Page(port, TOKEN, 600.0) if is_watched else None
         if page is not None:
             page.start()
-        options = ("--lockstep", "--for", "60", "--report", str(report), "--connect", endpoint)
+        options = ("--lockstep", "--for", str(COST_RUN), "--report", str(report), "--connect", endpoint)
         search = os.pathsep.join([str(world.resolve().parent), os.environ.get("STAGEPATH", "")])
         command = zteam_command("zteam", "up", str(file), *options)
         up = supervisor.start("up", command, {"STAGEPATH": search})

@@ -1,6 +1,6 @@
 """The simulator's publishers of one robot; a message without subscribers is not built."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 from zteam import names
@@ -80,6 +80,11 @@ class RobotOutputs:
     def put_scans(self, observation: Observation, *, again: bool = False) -> None:
         """Publish every laser's scan; `again` as with `put_odometry`."""
         self._hand_over(self.scans if again else self._scans_heard, observation)
+
+    def make_scans(self, observation: Observation) -> Iterator[tuple[str, Message]]:
+        """The key and the message of every laser's scan, which are not sent."""
+        for _, build, number in self.scans:
+            yield names.scan_key(self._id, number), build(observation, self._id, number)
 
     def put_command(self, command: Twist) -> None:
         """Publish what the wheels are commanded in lock-step, where commands do not come over `cmd_vel`."""

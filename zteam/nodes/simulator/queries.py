@@ -11,6 +11,7 @@ from zteam.nodes.simulator.pacing import Pacer
 from zteam.nodes.simulator.turns import Turns
 from zteam.nodes.simulator.world_changes import WorldChanges
 from zteam.runtime.node import Node
+from zteam.services.scans import ScansRequest
 from zteam.services.simulator import (
     BOUNDARY_LIMIT,
     FinishReply,
@@ -52,6 +53,8 @@ class Queries:
         self._serve("stand", StandRequest, lambda request: Deferred(lambda: self._stand(request)))
         self._serve("finish", FinishRequest, lambda request: Deferred(lambda: self._finish(request)))
         self._serve_change("repeat", Change, lambda _: self._status_after(world.repeat))
+        # Nothing changes, but only between two ticks does what was sent stay as it is.
+        self._serve_change("scans", ScansRequest, lambda request: world.scans(request.robots))
         self._serve_change("reset", Change, lambda _: self._status_after(self._reset))
         self._serve_change("spawn", SpawnRequest, lambda request: SpawnReply(world.spawn(request)))
         self._serve_change(

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 
-from zteam.messages import Twist
+from zteam.messages import Message, Twist
 from zteam.nodes.simulator.publishers import RobotOutputs
 from zteam.runtime.node import Node
 from zteam.sim import Engine, Observation
@@ -71,6 +71,12 @@ class TeamOutputs(Collection[int]):
             if output.scans:
                 on_scan(robot_id)
                 output.put_scans(observation, again=again)
+
+    def make_scans(self, robot_ids: Iterable[int], observation: Observation) -> Iterator[tuple[str, Message]]:
+        """The key and the message of every scan of those of these robots that were observed."""
+        for robot_id in robot_ids:
+            if robot_id in self._outputs and robot_id in observation.robots:
+                yield from self._outputs[robot_id].make_scans(observation)
 
     def put_rest(self, robot_ids: Iterable[int], observation: Observation) -> None:
         """Send what no robot's next command depends on."""

@@ -1,7 +1,9 @@
 """What the simulator sends in a tick, in the order in which the processes need it."""
 
+from collections.abc import Iterable
+
 from zteam import names
-from zteam.messages import Clock, time_from_ns
+from zteam.messages import Clock, Message, time_from_ns
 from zteam.nodes.simulator import tick_profile
 from zteam.nodes.simulator.commands import Commands
 from zteam.nodes.simulator.lockstep import LockStep
@@ -71,6 +73,10 @@ class TickSender:
         self._outputs.put_rest(self._outputs, self._observation)
         self.is_first = False
         self._profile.end(tick_profile.PUBLISH)
+
+    def scans(self, robot_ids: Iterable[int]) -> list[tuple[str, Message]]:
+        """Key and message of what the lasers of these robots saw in the last tick."""
+        return [] if self._observation is None else list(self._outputs.make_scans(robot_ids, self._observation))
 
     def repeat(self) -> None:
         """Send the last tick's data again, for processes that have not received it."""

@@ -4,8 +4,10 @@ from collections.abc import Callable, Iterable
 
 from zteam import names
 from zteam.geometry import Pose2
+from zteam.messages import encode
 from zteam.nodes.simulator.team_outputs import TeamOutputs
 from zteam.nodes.simulator.tick_sender import TickSender
+from zteam.services.scans import ScansReply, SensedScan
 from zteam.services.simulator import MoveRequest, SpawnRequest
 from zteam.sim import Engine
 from zteam.world import World, add_robot
@@ -34,6 +36,10 @@ class WorldChanges:
     def repeat(self) -> None:
         """Send the last tick's data again."""
         self._sender.repeat()
+
+    def scans(self, robots: Iterable[int]) -> ScansReply:
+        """What the lasers of these robots saw in the last tick."""
+        return ScansReply([SensedScan(key, encode(scan)) for key, scan in self._sender.scans(robots)])
 
     def reset(self) -> None:
         """Put everything back to the start; GO stays given."""

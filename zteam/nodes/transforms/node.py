@@ -61,7 +61,7 @@ class Aggregator:
         node.subscribe(names.all_robots_key(names.TF), TFMessage, self._on_tf, wake=False)
         node.subscribe(names.all_robots_key(names.TF_STATIC), TFMessage, self._on_tf_static, latched=True)
         self._callers = StaticCallers(node, self._merger, self._publish_statics)
-        serve_queries(node.bus, self._merger)
+        serve_queries(node.bus, self._merger, lambda: self._last)
         for robot_id, description in descriptions.items():
             self._merger.describe(robot_id, description.static_transforms())
         if descriptions:

@@ -1,13 +1,16 @@
 """The aggregator's answers to queries about its tree."""
 
+from collections.abc import Callable
+
 from zteam import names
 from zteam.bus import Bus, Deferred, NoRequest
 from zteam.clock import monotonic
 from zteam.errors import UsageError
-from zteam.messages import TransformStamped, ns_from_time
+from zteam.messages import TFMessage, TransformStamped, encode, ns_from_time
 from zteam.names import strip_slash
 from zteam.services.transforms import (
     MAX_LOOKUPS,
+    BundleReply,
     FrameReply,
     HistoryReply,
     HistoryRequest,
@@ -20,13 +23,14 @@ from zteam.tf.do_transform import floats_of
 from zteam.tf.merge import Merger
 
 
-def serve_queries(bus: Bus, merger: Merger) -> None:
-    """Answer `tf/lookup`, `tf/history`, `tf/conflicts` and `tf/frames` from this tree."""
+def serve_queries(bus: Bus, merger: Merger, newest: Callable[[], TFMessage]) -> None:
+    """Answer `tf/lookup`, `tf/history`, `tf/conflicts` and `tf/frames` from this tree, `tf/newest` from the bus."""
     serve, service, buffer = bus.serve, names.service_key, merger.buffer
     serve(service(names.AGGREGATOR, "lookup"), LookupRequest, lambda request: answer_lookups(buffer, request))
     serve(service(names.AGGREGATOR, "history"), HistoryRequest, lambda request: answer_history(buffer, request))
     serve(service(names.AGGREGATOR, "conflicts"), NoRequest, lambda _: merger.conflicts())
     serve(service(names.AGGREGATOR, "frames"), NoRequest, lambda _: answer_frames(buffer))
+    serve(service(names.AGGREGATOR, "newest"), NoRequest, lambda _: BundleReply(encode(newest())))
 
 
 def answer_lookups(buffer: Buffer, request: LookupRequest) -> list[LookupReply] | Deferred:

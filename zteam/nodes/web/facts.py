@@ -1,8 +1,10 @@
 """What the view asks for, because nothing publishes it: the simulator's state, the users of keys, old lines of logs."""
 
 import logging
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Iterator
 from typing import Any, TypeVar
+
+import msgspec
 
 from zteam import names
 from zteam.bus import Change
@@ -11,12 +13,14 @@ from zteam.bus.transport import Closeable, Declaration
 from zteam.clock import Every, monotonic
 from zteam.errors import BusError
 from zteam.messages import TFMessage, TransformStamped
+from zteam.nodes.web.interest import Sampled
 from zteam.nodes.web.topic_table import Counts, TopicRow, rates, topic_rows
 from zteam.runtime.node import Node
 from zteam.runtime.tokens import TokenSet
 from zteam.services.log_lines import LogLine
+from zteam.services.scans import ScansReply, ScansRequest
 from zteam.services.simulator import ObstaclesReply, ShapesReply, SimStatus
-from zteam.services.transforms import FrameReply, Lookup
+from zteam.services.transforms import BundleReply, FrameReply, Lookup
 from zteam.services.transforms_client import TransformClient
 
 log = logging.getLogger("zteam")
@@ -117,6 +121,17 @@ class Facts:
         if obstacles and (self.obstacles is None or any(each.movable for each in self.obstacles.obstacles)):
             self.obstacles = self._first("obstacles", ObstaclesReply)
 
+    def sample(self, sampled: Sampled) -> Iterator[tuple[str, bytes]]:
+        """Key and content of the newest messages; the caller waits for the answers."""
+        if sampled.scans_of:
+            request = ScansRequest(sorted(sampled.scans_of))
+            for _, reply in self._ask(names.service_key(names.SIMULATOR, "scans"), ScansReply, request):
+                yield from ((scan.key, scan.content) for scan in reply.scans)
+        # After the scans, so that it is known where their robots were.
+        if sampled.transforms:
+            for _, bundle in self._ask(names.service_key(names.AGGREGATOR, "newest"), BundleReply):
+                yield names.TF, bundle.content
+
     def _ask_for_repeat(self, opened: int) -> None:
         """Where the world stands nothing new comes: let a new subscriber have what the last tick has sent."""
         sim, missed = self.sim, opened != self._opened
@@ -152,9 +167,9 @@ class Facts:
         answers = self._ask(names.service_key(names.SIMULATOR, service), kind)
         return answers[0][1] if answers else None
 
-    def _ask(self, key: str, kind: type[T]) -> list[tuple[str, T]]:
+    def _ask(self, key: str, kind: type[T], request: msgspec.Struct | None = None) -> list[tuple[str, T]]:
         try:
-            return self._bus.query(key, kind, timeout=PATIENCE)
+            return self._bus.query(key, kind, request, timeout=PATIENCE)
         except BusError as error:
             log.debug("%s: %s", key, error)
             return []

@@ -1,5 +1,6 @@
 """The files of the page, which lie in this package; nothing else is served."""
 
+import zlib
 from pathlib import Path
 from typing import NamedTuple
 
@@ -26,7 +27,11 @@ HEADERS = {
     "cross-origin-resource-policy": "same-origin",
     "cache-control": "no-cache",
 }
-"""Of every answer."""
+"""Of every answer, unless it says otherwise."""
+
+
+KEPT = {"cache-control": "private, max-age=31536000, immutable"}
+"""Of a file whose address holds its version."""
 
 
 class File(NamedTuple):
@@ -47,3 +52,19 @@ def read_file(name: str, folder: Path = FOLDER) -> File | None:
     if not path.resolve().is_relative_to(folder.resolve()):
         return None
     return File(path.read_bytes(), kind)
+
+
+def find_version(folder: Path = FOLDER) -> str:
+    """Another text after each change of a file."""
+    found = sorted((path.as_posix(), path.stat().st_size, path.stat().st_mtime_ns) for path in folder.rglob("*.*"))
+    return f"v{zlib.crc32(repr(found).encode()):08x}"
+
+
+def read_index(version: str, folder: Path = FOLDER) -> File:
+    """The page itself. It asks for all its modules at once, as each of them names others, and under addresses that hold
+    the version, so that a browser need not ask again for what it has."""
+    modules = sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*.js"))
+    links = "".join(f'<link rel="modulepreload" href="/page/{name}">\n' for name in modules)
+    before, script, after = (folder / "index.html").read_text("utf-8").partition('<script type="module"')
+    page = f"{before}{links}{script}{after}".replace('"/page/', f'"/page/{version}/')
+    return File(page.encode(), KINDS[".html"])

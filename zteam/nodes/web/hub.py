@@ -10,7 +10,7 @@ from zteam.nodes.web.drawables import Drawables
 from zteam.nodes.web.facts import PERIOD as ASK_PERIOD
 from zteam.nodes.web.facts import Facts
 from zteam.nodes.web.history import History
-from zteam.nodes.web.interest import present_robots, topics_of
+from zteam.nodes.web.interest import NOTHING, Sampled, present_robots, scanned_robots, topics_of
 from zteam.nodes.web.newest import Newest
 from zteam.nodes.web.places import Places
 from zteam.nodes.web.subscriptions import Subscriptions
@@ -57,8 +57,12 @@ class Hub:
     @property
     def period(self) -> float:
         """Host seconds between two frames of one page."""
+        return FAST_PERIOD if self._runs_fast else PERIOD
+
+    @property
+    def _runs_fast(self) -> bool:
         sim = self.facts.sim
-        return FAST_PERIOD if sim is not None and sim.real_time_factor > FAST else PERIOD
+        return sim is not None and sim.real_time_factor > FAST and not (sim.paused or sim.finished)
 
     def robots(self) -> set[int]:
         """All robots of which anything is known."""
@@ -101,12 +105,23 @@ class Hub:
         self.facts.watch(bool(viewers))
         self._learn()
         aggregator = self.facts.alive(names.AGGREGATOR)
-        wanted = topics_of(viewers.values(), self.poses, self.drawables, aggregator=aggregator)
+        sampled = self._choose_sampled(aggregator=aggregator)
+        wanted = topics_of(viewers.values(), self.poses, self.drawables, aggregator=aggregator, sampled=sampled)
         self._subscriptions.match(wanted)
+        for key, content in self.facts.sample(sampled):
+            self.newest.take(key, content)
         if not viewers:
             self.newest.drop(lambda _key: True)
             self.places, self.poses = Places(self.newest), {}
-        self.node.wait(lambda: self._looks != looks, LOOK if viewers else REST)
+        period = LOOK if sampled is NOTHING else FAST_PERIOD
+        self.node.wait(lambda: self._looks != looks, period if viewers else REST)
+
+    def _choose_sampled(self, *, aggregator: bool) -> Sampled:
+        """Where time runs fast a page sees one message of many, and each that comes slows the run."""
+        sim, viewers = self.facts.sim, self.viewers.values()
+        if sim is None or not viewers or not self._runs_fast:
+            return NOTHING
+        return Sampled(scanned_robots(viewers, self.poses) & set(sim.robots), aggregator)
 
     def _learn(self) -> None:
         """Find out which keys carry something to draw."""

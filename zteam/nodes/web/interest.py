@@ -1,6 +1,7 @@
 """What the pages look at, as topics. Pure."""
 
 from collections.abc import Collection, Iterable, Mapping
+from typing import NamedTuple
 
 from zteam import names
 from zteam.geometry import Pose2
@@ -12,6 +13,17 @@ from zteam.nodes.web.viewer import Viewer
 
 MAX_SCANNED = 100
 """Robots whose sensors one page is shown at a time, the selected ones first, then those nearest to its middle."""
+
+
+class Sampled(NamedTuple):
+    """What is asked for now and then, and not subscribed to."""
+
+    scans_of: Collection[int] = ()
+    """Ids of robots."""
+    transforms: bool = False
+
+
+NOTHING = Sampled()
 TEAM = (
     Topic(names.TF_STATIC, None, latched=True),
     Topic(names.TEAM_STATUS, None, latched=True),
@@ -23,12 +35,18 @@ TEAM = (
 
 
 def topics_of(
-    viewers: Collection[Viewer], poses: Mapping[int, Pose2], drawables: Drawables, *, aggregator: bool
+    viewers: Collection[Viewer],
+    poses: Mapping[int, Pose2],
+    drawables: Drawables,
+    *,
+    aggregator: bool,
+    sampled: Sampled = NOTHING,
 ) -> set[Topic]:
-    """What these pages look at; `aggregator`: whether there is one, else the robots' poses are the simulator's."""
+    """What these pages look at, without what is sampled; `aggregator`: whether there is one, else the robots' poses are
+    the simulator's."""
     if not viewers:
         return set()
-    wanted = {*TEAM, _poses(aggregator=aggregator)}
+    wanted = {*TEAM} if sampled.transforms else {*TEAM, _poses(aggregator=aggregator)}
     for viewer in viewers:
         layers = set(viewer.look.layers)
         wanted |= drawables.topics(layers)
@@ -39,7 +57,11 @@ def topics_of(
             wanted.add(Topic(names.all_robots_key(names.GOAL_POSE), PoseStamped))
         robots = robots_in_sight(viewer, poses) if layers & {"scans", "sonars", "fiducials"} else []
         if "scans" in layers:
-            wanted |= {Topic(names.robot_key(i, names.all_numbered(names.BASE_SCAN)), LaserScan) for i in robots}
+            wanted |= {
+                Topic(names.robot_key(i, names.all_numbered(names.BASE_SCAN)), LaserScan)
+                for i in robots
+                if i not in sampled.scans_of
+            }
         if "sonars" in layers:
             wanted |= {Topic(names.robot_key(i, names.all_numbered(names.SONAR)), Range) for i in robots}
         if "fiducials" in layers:
@@ -70,6 +92,12 @@ def _distance(viewer: Viewer, pose: Pose2) -> float:
     if not view:
         return 0.0
     return abs(pose.x - (view[0] + view[2]) / 2) + abs(pose.y - (view[1] + view[3]) / 2)
+
+
+def scanned_robots(viewers: Collection[Viewer], poses: Mapping[int, Pose2]) -> set[int]:
+    """The robots whose scans some page is shown."""
+    shown = [viewer for viewer in viewers if "scans" in viewer.look.layers]
+    return {robot_id for viewer in shown for robot_id in robots_in_sight(viewer, poses)}
 
 
 def present_robots(keys: Iterable[str]) -> set[int]:

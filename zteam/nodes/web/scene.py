@@ -16,7 +16,7 @@ from zteam.nodes.web.grids import Tile, make_tiles
 from zteam.nodes.web.hub import Hub
 from zteam.nodes.web.newest import Arrival
 from zteam.nodes.web.places import decoded
-from zteam.nodes.web.team_document import SILENT_AFTER, Heard, TeamDocument, gate_row, robot_row, sim_row
+from zteam.nodes.web.team_document import SILENT_AFTER, Heard, Outlines, TeamDocument, gate_row, robot_row, sim_row
 
 M = TypeVar("M", bound=Message)
 
@@ -111,7 +111,7 @@ class Scene:
 
     def _make_team(self, now: float) -> TeamDocument:
         hub, facts = self._hub, self._hub.facts
-        sim, shapes = facts.sim, facts.shapes
+        sim, shapes, outlines = facts.sim, facts.shapes, Outlines()
         rows, speaks = {}, self._newest_data() if sim is None else {}
         for robot_id in sorted(hub.robots()):
             heard = self._hear(robot_id, now)
@@ -120,10 +120,11 @@ class Scene:
                 if sim is not None
                 else heard.alive or now - speaks.get(robot_id, -math.inf) < SILENT_AFTER
             )
-            rows[robot_id] = robot_row(robot_id, heard, present=there)
+            rows[robot_id] = robot_row(robot_id, heard, outlines, present=there)
         team = self.read(names.TEAM_STATUS, TeamStatus)
         return TeamDocument(
             robots=list(rows.values()),
+            outlines=outlines.as_list(),
             gate=gate_row(team[1] if team and facts.alive(names.MONITOR) else None, rows),
             sim=sim_row(sim, shapes.models if shapes else ()),
             router=facts.link_up,

@@ -4,7 +4,7 @@ import asyncio
 import logging
 import socket
 import threading
-from collections.abc import Awaitable, Callable, MutableMapping
+from collections.abc import Awaitable, Callable, Mapping, MutableMapping
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -18,7 +18,7 @@ from starlette.websockets import WebSocket
 from zteam.errors import UsageError
 from zteam.nodes.web.connection import Page
 from zteam.nodes.web.desk import Desk
-from zteam.nodes.web.files import HEADERS, read_file
+from zteam.nodes.web.files import HEADERS, KEPT, find_version, read_file, read_index
 from zteam.nodes.web.hub import Hub
 from zteam.nodes.web.requests import MAX_BYTES
 from zteam.nodes.web.rights import Gatekeeper
@@ -97,7 +97,9 @@ class Guarded:
 
         async def send_with_headers(message: MutableMapping[str, Any]) -> None:
             if message["type"] == "http.response.start":
-                added = [(name.encode(), value.encode()) for name, value in HEADERS.items()]
+                said = {name for name, _ in message["headers"]}
+                given = ((name.encode(), value.encode()) for name, value in HEADERS.items())
+                added = [header for header in given if header[0] not in said]
                 message = {**message, "headers": [*message["headers"], *added]}
             await send(message)
 
@@ -114,11 +116,18 @@ class Guarded:
 def make_app(desk: Desk, layout: bytes) -> Starlette:
     """The routes: the page, its files, the layout that it begins with, its socket."""
 
+    shown = ""
+
     async def index(_request: Request) -> Response:
-        return _file("index.html")
+        nonlocal shown
+        shown = find_version()
+        page = read_index(shown)
+        return Response(page.content, media_type=page.kind)
 
     async def file(request: Request) -> Response:
-        return _file(request.path_params["name"])
+        name: str = request.path_params["name"]
+        version, _, rest = name.partition("/")
+        return _file(rest, KEPT) if version == shown else _file(name)
 
     async def first_layout(_request: Request) -> Response:
         return Response(layout, 200 if layout else 204, media_type="application/json" if layout else None)
@@ -136,11 +145,11 @@ def make_app(desk: Desk, layout: bytes) -> Starlette:
     )
 
 
-def _file(name: str) -> Response:
+def _file(name: str, headers: Mapping[str, str] | None = None) -> Response:
     found = read_file(name)
     if found is None:
         return PlainTextResponse("there is no such file", 404)
-    return Response(found.content, media_type=found.kind)
+    return Response(found.content, media_type=found.kind, headers=headers)
 
 
 def listen(host: str, port: int) -> tuple[socket.socket, int]:

@@ -1,6 +1,6 @@
 """The document `team`: the robots, the start gate, the simulator and what else every page shows. Pure."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 
 import msgspec
 
@@ -14,12 +14,19 @@ SILENT_AFTER = 3.0
 Outline = list[tuple[float, float]]
 
 
-class Laser(msgspec.Struct):
-    """Where a laser sits in `base_footprint`."""
+class Outlines:
+    """The different outlines of a team: robots of a kind have one, and a page reads it once."""
 
-    x: float
-    y: float
-    yaw: float
+    def __init__(self) -> None:
+        self._places: dict[bytes, int] = {}
+
+    def place(self, outline: Sequence[Outline]) -> int:
+        """Where this one is in the list; -1 for an empty one."""
+        return self._places.setdefault(msgspec.json.encode(outline), len(self._places)) if outline else -1
+
+    def as_list(self) -> list[msgspec.Raw]:
+        """All of them."""
+        return [msgspec.Raw(outline) for outline in self._places]
 
 
 class RobotRow(msgspec.Struct):
@@ -28,8 +35,8 @@ class RobotRow(msgspec.Struct):
     id: int
     name: str
     model: str = ""
-    outline: list[Outline] = []
-    lasers: list[Laser] = []
+    outline: int = -1
+    """Its place in the document's `outlines`; -1: not known."""
     state: str = "absent"
     behavior: str = ""
     driver: str = ""
@@ -75,6 +82,8 @@ class TeamDocument(msgspec.Struct):
     """What the page gets as `team`."""
 
     robots: list[RobotRow] = []
+    outlines: list[msgspec.Raw] = []
+    """Polygons in metres, in `base_footprint`."""
     gate: GateRow = msgspec.field(default_factory=GateRow)
     sim: SimRow = msgspec.field(default_factory=SimRow)
     router: bool = True
@@ -96,16 +105,15 @@ class Heard(msgspec.Struct):
     lease: int | None = None
 
 
-def robot_row(robot_id: int, heard: Heard, *, present: bool) -> RobotRow:
+def robot_row(robot_id: int, heard: Heard, outlines: Outlines, *, present: bool) -> RobotRow:
     """A robot's row."""
     row = RobotRow(robot_id, names.robot_name(robot_id), present=present, lease=heard.lease)
     if heard.shape is not None:
         row.model = heard.shape.model
-        row.outline = heard.shape.outline
-        row.lasers = [Laser(*pose) for pose in heard.shape.lasers]
+        row.outline = outlines.place(heard.shape.outline)
     elif heard.base is not None:
         row.model = heard.base.model
-        row.outline = [[(round(point.x, 4), round(point.y, 4)) for point in heard.base.footprint.points]]
+        row.outline = outlines.place([[(round(p.x, 4), round(p.y, 4)) for p in heard.base.footprint.points]])
     status = heard.status
     if status is None:
         row.reason = "no status yet" if heard.alive else "no process"

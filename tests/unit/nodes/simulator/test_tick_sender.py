@@ -7,7 +7,7 @@ import pytest
 from support.simulator_parts import SimulatorParts
 from zteam import names
 from zteam.bus import MemoryHub
-from zteam.messages import Bool, Clock, LaserScan, Odometry, TFMessage
+from zteam.messages import Bool, Clock, LaserScan, Odometry, TFMessage, encode
 
 
 @pytest.fixture
@@ -79,3 +79,15 @@ def test_a_repeat_for_another_process_has_everything(parts: SimulatorParts, sent
     sent.clear()
     parts.sender.repeat_for(["robot_1", "planner"])
     assert sent == [names.TF, names.ODOM, names.BASE_SCAN, names.STALL]
+
+
+def test_the_scans_of_the_last_tick_can_be_asked_for(hub: MemoryHub, parts: SimulatorParts) -> None:
+    """They are those that are sent, also without a subscriber; a robot that is not there has none."""
+    assert parts.sender.scans([0]) == []
+    parts.tick()
+    assert [key for key, _ in parts.sender.scans([0, 7])] == [names.scan_key(0, 0)]
+    heard: list[LaserScan] = []
+    hub.bus().subscribe(names.scan_key(0, 0), LaserScan, lambda _key, scan: heard.append(scan))
+    parts.tick()
+    [(_, asked)] = parts.sender.scans([0])
+    assert encode(asked) == encode(heard[-1])

@@ -6,8 +6,8 @@ from support.aggregator_desk import Base, Desk, Listener, S, look_up, transform
 from support.log_capture import LogCapture
 from zteam import names
 from zteam.bus import MemoryHub
-from zteam.messages import Clock, TFMessage, time_from_ns
-from zteam.services.transforms import FrameReply
+from zteam.messages import Clock, TFMessage, decode, time_from_ns
+from zteam.services.transforms import BundleReply, FrameReply
 
 
 def test_the_fixed_set_is_latched_and_whole(hub: MemoryHub) -> None:
@@ -100,6 +100,19 @@ def test_the_frames_are_listed(hub: MemoryHub) -> None:
     assert moving.rate == pytest.approx(10.0)
     assert (moving.oldest, moving.newest, moving.samples) == (S // 10, 11 * S // 10, 11)
     assert (fixed.parent, fixed.static) == ("map", True)
+
+
+@pytest.mark.usefixtures("desk")
+def test_the_newest_bundle_can_be_asked_for(hub: MemoryHub) -> None:
+    """It is the one that was sent last, as bytes."""
+    sent: list[TFMessage] = []
+    hub.bus().subscribe(names.TF, TFMessage, lambda _key, bundle: sent.append(bundle))
+    base = Base(hub, 0)
+    base.stand(1.0)
+    for tick in range(1, 4):
+        base.drive(tick * S // 10)
+    found = hub.bus().ask(names.service_key(names.AGGREGATOR, "newest"), BundleReply)
+    assert decode(TFMessage, found.content) == sent[-1]
 
 
 def test_a_conflict_is_logged_once_with_both_sides(hub: MemoryHub, log: LogCapture) -> None:

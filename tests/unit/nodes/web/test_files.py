@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from zteam.nodes.web.files import HEADERS, read_file
+from zteam.nodes.web.files import HEADERS, find_version, read_file, read_index
 
 
 @pytest.fixture
@@ -44,3 +44,22 @@ def test_the_policy_lets_nothing_be_loaded_from_elsewhere() -> None:
     assert "frame-ancestors 'none'" in policy
     assert "unsafe" not in policy
     assert "http" not in policy
+
+
+def test_the_page_asks_for_all_its_modules_at_once(folder: Path) -> None:
+    """Under addresses that hold the version, before its script."""
+    (folder / "index.html").write_text('<link href="/page/a.css"><script type="module" src="/page/js/app.js">')
+    (folder / ".hidden.js").unlink()
+    (folder / "link.js").unlink()
+    assert read_index("v1", folder).content.decode() == (
+        '<link href="/page/v1/a.css"><link rel="modulepreload" href="/page/v1/js/app.js">\n'
+        '<script type="module" src="/page/v1/js/app.js">'
+    )
+
+
+def test_a_changed_file_is_another_version(folder: Path) -> None:
+    """So a browser that has kept the old one asks for the new one."""
+    before = find_version(folder)
+    assert find_version(folder) == before
+    (folder / "js" / "app.js").write_text("2; // changed")
+    assert find_version(folder) != before

@@ -2,7 +2,7 @@
 
 from zteam.geometry import Pose2
 from zteam.nodes.web.drawables import Drawables
-from zteam.nodes.web.interest import MAX_SCANNED, robots_in_sight, topics_of
+from zteam.nodes.web.interest import MAX_SCANNED, Sampled, robots_in_sight, scanned_robots, topics_of
 from zteam.nodes.web.requests import Look, Watch
 from zteam.nodes.web.viewer import Viewer
 
@@ -49,6 +49,14 @@ def test_poses_come_from_the_transforms_if_there_is_an_aggregator() -> None:
     assert "tf" in keys(viewer(Look()))
     assert keys(viewer(Look()), aggregator=False) >= {"robot_$*/base_pose_ground_truth"}
     assert "tf" not in keys(viewer(Look()), aggregator=False)
+
+
+def test_what_is_sampled_is_not_subscribed_to() -> None:
+    """Scans of the sampled robots and the transforms; a robot without a simulator keeps its subscription."""
+    look = viewer(Look(layers=["scans"]))
+    assert scanned_robots([look, viewer(Look())], POSES) == {0, 1, 2}
+    sampled = topics_of([look], POSES, Drawables(), aggregator=True, sampled=Sampled({0, 1}, transforms=True))
+    assert {topic.key for topic in sampled} == keys(look) - {"tf", "robot_0/base_scan$*", "robot_1/base_scan$*"}
 
 
 def test_two_pages_share_their_subscriptions() -> None:

@@ -24,6 +24,7 @@ from zteam.messages import (
     Twist,
     Vector3,
 )
+from zteam.nodes.web.files import find_version
 from zteam.nodes.web.frames import PATH, POSES, SAMPLES, TEAM
 from zteam.nodes.web.requests import MAX_BYTES
 
@@ -66,6 +67,16 @@ def test_every_answer_has_the_policy(view: View) -> None:
 def test_only_the_pages_files_are_served(view: View, path: str) -> None:
     """Anything else is not found."""
     assert view.get(path).status == 404
+
+
+def test_a_browser_keeps_a_file_of_a_version_and_no_other(view: View) -> None:
+    """The page and what is asked for without its version are looked at again each time."""
+    page, kept = view.get("/"), view.get(f"/page/{find_version()}/js/main.js")
+    other, asked = view.get("/page/js/main.js"), view.get("/page/v00000000/js/main.js")
+    assert (kept.status, other.status, asked.status) == (200, 200, 404)
+    assert "immutable" in (kept.getheader("cache-control") or "")
+    assert [each.getheader("cache-control") for each in (page, other)] == ["no-cache", "no-cache"]
+    assert "default-src 'self'" in (kept.getheader("content-security-policy") or "")
 
 
 @pytest.mark.parametrize("method", ["POST", "PUT", "DELETE"])

@@ -3,10 +3,13 @@
 import { Emitter } from "./emitter.js";
 
 const LOG_LINES = 2000;
+/** @type {[number, number][][]} */
+const NO_OUTLINE = [];
+/** More than a robot has lasers. */
+const SENSORS = 65536;
 
 /** @typedef {"connecting" | "open" | "lost" | "refused"} ConnectionState */
-/** @typedef {{id: number, name: string, model: string, outline: [number, number][][], lasers: {x: number, y: number,
- *  yaw: number}[], state: string, behavior: string, driver: string, reason: string, leader: number, speed: number,
+/** @typedef {{id: number, name: string, model: string, outline: [number, number][][], state: string, behavior: string, driver: string, reason: string, leader: number, speed: number,
  *  age: number | null, lease: number | null, present: boolean}} Robot */
 /** @typedef {{robots: Robot[], gate: any, sim: any, router: boolean, viewers: number, namespace: string}} Team */
 
@@ -27,7 +30,7 @@ export class Store extends Emitter {
   team = null;
   /** @type {Map<number, Robot>} robots of the team doc by id */
   robots = new Map();
-  /** @type {Map<string, import("./wire.js").Scan>} by "robot/sensor" */
+  /** @type {Map<number, import("./wire.js").Scan>} by SENSORS * robot + sensor */
   scans = new Map();
   /** @type {Map<string, Map<string, GridTile>>} tiles by key and place */
   grids = new Map();
@@ -50,12 +53,17 @@ export class Store extends Emitter {
     this.frame = { number: frame.number, tick: frame.tick, stamp: frame.stamp, age: frame.age, received };
     /** @type {Map<string, any[]>} */
     const events = new Map();
-    let fresh = true;
+    let fresh = true,
+      scans = false;
     for (const block of frame.blocks) {
       if (block.type === "poses") {
         this.poses.take(block, fresh);
         fresh = false;
         events.set("robots", [undefined]);
+      } else if (block.type === "scan") {
+        this.scans.set(SENSORS * block.robot + block.sensor, block);
+        if (!scans) events.set("scans", [undefined]);
+        scans = true;
       } else if (block.type === "grid") {
         events.set("grid", [...(events.get("grid") ?? []), block]);
       } else {
@@ -69,14 +77,11 @@ export class Store extends Emitter {
   }
 
   /**
-   * @param {Exclude<import("./wire.js").Block, {type: "poses"} | {type: "grid"}>} block
+   * @param {Exclude<import("./wire.js").Block, {type: "poses"} | {type: "grid"} | {type: "scan"}>} block
    * @returns {[string, any]} the event
    */
   #takeBlock(block) {
     switch (block.type) {
-      case "scan":
-        this.scans.set(`${block.robot}/${block.sensor}`, block);
-        return ["scans", undefined];
       case "path":
         this.paths.set(block.key, block.points);
         return ["paths", block.key];
@@ -96,6 +101,7 @@ export class Store extends Emitter {
     if (name === "team") {
       this.team = value;
       const before = this.robots;
+      for (const robot of value.robots) robot.outline = value.outlines[robot.outline] ?? NO_OUTLINE;
       this.robots = new Map(value.robots.map((/** @type {Robot} */ robot) => [robot.id, robot]));
       this.#forgetGone(before);
     } else if (name === "log") {

@@ -64,6 +64,7 @@ export function mountStick(driver, element) {
       robot = store.robots.get(driver.robot),
       lease = robot?.lease;
     box.hidden = !driver.mode;
+    if (!driver.mode) return;
     title.textContent = driver.robot < 0 ? "Select a robot" : `Drive ${robot?.name ?? driver.robot}`;
     const others = lease != null && lease !== store.connection.viewer;
     state.textContent = others

@@ -3,7 +3,7 @@
 import { paintDevices } from "./devices.js";
 import { paintFrames } from "./frames.js";
 import { paintGoals } from "./goals.js";
-import { paintLabels } from "./labels.js";
+import { paintRings } from "./labels.js";
 import { paintMarkers } from "./markers.js";
 import { inPixels } from "./paint.js";
 import { paintRuler } from "./ruler.js";
@@ -22,7 +22,7 @@ export function paintAbove(pen, painters) {
   if (layers.has("markers")) paintMarkers(pen);
   paintDevices(pen);
   if (layers.has("goals")) paintGoals(pen);
-  paintLabels(pen);
+  paintRings(pen);
   if (layers.has("tf")) paintFrames(pen);
   paintRuler(pen);
   for (const paint of painters) paint(pen);

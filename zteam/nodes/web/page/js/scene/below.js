@@ -3,6 +3,7 @@
 import { makeBodies, makeObstacles } from "./bodies.js";
 import { makeGrids } from "./grids.js";
 import { gridStep, makeLinks, makeMapGrid, makeParticles, makePlans, makeTrails } from "./lines.js";
+import { makeNames } from "./names.js";
 import { makeScans } from "./scans.js";
 
 /** Radius of a robot in metres before its outline is known. */
@@ -19,6 +20,7 @@ function makeDrawings(gl) {
     grids: makeGrids(gl),
     scans: makeScans(gl),
     bodies: makeBodies(gl),
+    names: makeNames(gl),
     mapGrid: makeMapGrid(gl),
     trails: makeTrails(gl),
     links: makeLinks(gl),
@@ -68,9 +70,11 @@ export function makeBelow(app, canvas, restored) {
      * @param {Set<string>} changed events since the last drawing
      * @param {Theme} theme
      * @param {number} ratio device pixels a CSS pixel
+     * @param {import("./names.js").Name[]} names of robots
+     * @returns {boolean} whether it could draw
      */
-    draw(changed, theme, ratio) {
-      if (!gl || !parts || gl.isContextLost()) return;
+    draw(changed, theme, ratio, names) {
+      if (!gl || !parts || gl.isContextLost()) return false;
       takeChanges(parts, changed, theme);
       const matrix = camera.matrix(),
         { scale } = camera;
@@ -92,6 +96,9 @@ export function makeBelow(app, canvas, restored) {
         parts.scans.draw(matrix, false, Math.round(Math.min(MAX_POINT, Math.max(MIN_POINT, 0.06 * scale)) * ratio));
       }
       if (layers.has("robots")) parts.bodies.draw(matrix, scale, ratio);
+      parts.names.update(names, ratio);
+      parts.names.draw(matrix);
+      return true;
     },
   };
 }

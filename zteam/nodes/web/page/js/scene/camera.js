@@ -29,6 +29,15 @@ export class Camera {
 
   #cos = 1;
   #sin = 0;
+  /** Both are made once for each place of the camera. @type {Float32Array | null} */
+  #matrix = null;
+  /** @type {[number, number, number, number] | null} */
+  #viewport = null;
+
+  #moved() {
+    this.#matrix = this.#viewport = null;
+    this.changed();
+  }
 
   #turn() {
     this.#cos = Math.cos(this.angle);
@@ -41,7 +50,7 @@ export class Camera {
     this.scale = Math.min(Math.max(this.scale, MIN_SCALE), MAX_SCALE);
     this.#turn();
     this.placed = true;
-    this.changed();
+    this.#moved();
   }
 
   /** @returns {View & {follow: number}} */
@@ -53,7 +62,7 @@ export class Camera {
   resize(width, height) {
     this.width = Math.max(width, 1);
     this.height = Math.max(height, 1);
-    this.changed();
+    this.#moved();
   }
 
   /** @param {number} x @param {number} y in map @returns {[number, number]} pixels */
@@ -100,8 +109,13 @@ export class Camera {
     this.set({ x: (xmin + xmax) / 2, y: (ymin + ymax) / 2, scale, follow: -1 });
   }
 
-  /** @returns {[number, number, number, number]} the box in map around all that is on the screen */
+  /** @returns {[number, number, number, number]} the box in map around all that is on the screen; not to be changed */
   viewport() {
+    return (this.#viewport ??= this.#box());
+  }
+
+  /** @returns {[number, number, number, number]} */
+  #box() {
     const corners = [
       [0, 0],
       [this.width, 0],
@@ -114,8 +128,13 @@ export class Camera {
     return [Math.min(...xs), Math.min(...ys), Math.max(...xs), Math.max(...ys)];
   }
 
-  /** @returns {Float32Array} 3 x 3, column by column: clip coordinates of WebGL from map */
+  /** @returns {Float32Array} 3 x 3, column by column: clip coordinates of WebGL from map. The same one until the camera
+   *   moves or the screen gets another size */
   matrix() {
+    return (this.#matrix ??= this.#compose());
+  }
+
+  #compose() {
     const sx = (2 * this.scale) / this.width,
       sy = (2 * this.scale) / this.height;
     const c = this.#cos,

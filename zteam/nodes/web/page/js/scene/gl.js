@@ -36,6 +36,24 @@ export function makeProgram(gl, vertex, fragment) {
   return { program, at };
 }
 
+/** @type {WeakMap<WebGLProgram, Float32Array>} */
+const cameras = new WeakMap();
+
+/**
+ * Makes a program the one that draws. Its uniforms stay from one drawing to the next.
+ * @param {WebGL2RenderingContext} gl
+ * @param {{program: WebGLProgram, at: Record<string, WebGLUniformLocation | null>}} program
+ * @param {Float32Array} camera as `Camera.matrix` gives it
+ * @returns {boolean} whether the camera has moved or the canvas got another size since the program's last drawing
+ */
+export function useProgram(gl, { program, at }, camera) {
+  gl.useProgram(program);
+  if (cameras.get(program) === camera) return false;
+  cameras.set(program, camera);
+  gl.uniformMatrix3fv(at.camera, false, camera);
+  return true;
+}
+
 /** @typedef {{place: number, size: number, type?: number, normalized?: boolean, offset: number}} Attribute
  *  place: layout location; size: components; type: gl.FLOAT unless told; offset: bytes */
 

@@ -1,6 +1,6 @@
 /** Occupancy grids: the map, crisp, and costmaps above it. One texture a tile. */
 
-import { makeProgram, setFilter } from "./gl.js";
+import { makeProgram, setFilter, useProgram } from "./gl.js";
 
 const VERTEX = `
 uniform mat3 camera;
@@ -66,6 +66,9 @@ export function makeGrids(gl) {
   const empty = gl.createVertexArray();
   /** @type {Map<import("../store.js").GridTile, WebGLTexture>} */
   const textures = new Map();
+  /** What the map's colours were set for. */
+  let ofTheme = /** @type {import("./colors.js").Theme | null} */ (null),
+    ofStep = -1;
 
   /** @param {import("../store.js").Store} store */
   function forgetOld(store) {
@@ -79,33 +82,30 @@ export function makeGrids(gl) {
 
   return {
     draw(camera, store, theme, costs, step) {
-      const { program, at } = costs ? cost : map;
-      gl.useProgram(program);
+      const program = costs ? cost : map,
+        { at } = program,
+        moved = useProgram(gl, program, camera);
       gl.bindVertexArray(empty);
-      gl.uniformMatrix3fv(at.camera, false, camera);
       const pixel = 2 / (Math.hypot(camera[0], camera[3]) * gl.drawingBufferWidth);
-      if (!costs) {
+      if (!costs && (moved || theme !== ofTheme || step !== ofStep)) {
         for (const name of /** @type {const} */ (["free", "occupied", "unknown"])) gl.uniform3fv(at[name], theme[name]);
         gl.uniform4f(at.grid, ...theme.grid, step);
         gl.uniform1f(at.pixel, pixel);
+        [ofTheme, ofStep] = [theme, step];
       }
       let drawn = 0;
       for (const [key, tiles] of store.grids) {
         if (isMap(key) === costs) continue;
+        let first = true;
         for (const tile of tiles.values()) {
-          const {
-            x,
-            y,
-            yaw,
-            resolution: r,
-            tile: [column, row, w, h],
-          } = tile.meta;
+          const { x, y, yaw, resolution: r, tile: part } = tile.meta;
           let texture = textures.get(tile);
           if (texture) gl.bindTexture(gl.TEXTURE_2D, texture);
           else textures.set(tile, (texture = makeTexture(gl, tile)));
-          gl.uniform4f(at.pose, x, y, Math.cos(yaw), Math.sin(yaw));
-          if (!costs) gl.uniform1f(at.boost, Math.min(3, Math.max(0, pixel / r - 1)));
-          gl.uniform4f(at.box, column * r, row * r, w * r, h * r);
+          if (first) gl.uniform4f(at.pose, x, y, Math.cos(yaw), Math.sin(yaw));
+          if (first && !costs) gl.uniform1f(at.boost, Math.min(3, Math.max(0, pixel / r - 1)));
+          first = false;
+          gl.uniform4f(at.box, part[0] * r, part[1] * r, part[2] * r, part[3] * r);
           gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4);
           drawn++;
         }

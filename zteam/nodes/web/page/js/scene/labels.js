@@ -1,36 +1,69 @@
-/** Names of robots, and a ring around each one that is driven from a page. */
+/** Where names of robots go, and a ring around each robot that is driven from a page. */
 
 import { MIN_RADIUS } from "./bodies.js";
 import { drawSprite, isFree, isOnScreen, spriteOf } from "./paint.js";
+
+/** @typedef {import("./names.js").Name} Name */
 
 /** With more robots on the screen only selected and driven ones are named. */
 const MAX_LABELS = 150;
 /** A robot of this radius in pixels has its whole name, a smaller one its id. */
 const NAME_RADIUS = 9;
 const HEIGHT = 14;
+const BOLD = { bold: true },
+  PLAIN = { bold: false };
 
 /**
  * @typedef {{id: number, px: number, py: number, radius: number, selected: boolean, driver: number | null}} Seen
  *   pixels
  */
 
-/** @param {import("./paint.js").Pen} pen */
-export function paintLabels(pen) {
+/** The names that are shown. Their places are taken from now on. @param {import("./paint.js").Pen} pen */
+export function placeNames(pen) {
   const { app } = pen,
-    all = app.layers.has("labels") && countInView(app) <= MAX_LABELS,
-    seen = all ? [...app.store.poses.index.keys()] : importantRobots(app);
+    { selection, poses } = app.store,
+    /** @type {Name[]} */
+    names = [],
+    all = app.layers.has("labels") && countInView(app) <= MAX_LABELS;
   // The selected ones choose their places first.
-  const robots = seen.map((id) => lookAt(pen, id)).filter((robot) => isOnScreen(app, robot.px, robot.py));
-  robots.sort((a, b) => Number(b.selected) - Number(a.selected) || a.id - b.id);
-  for (const robot of robots) {
-    if (robot.driver !== null) ring(pen, robot);
-    const sprite = spriteOf(pen, textOf(pen, robot), { bold: robot.selected }),
-      { width } = sprite;
-    const place = freePlace(pen, robot, width) ?? (robot.selected ? [robot.px, robot.py + robot.radius + 11] : null);
-    if (!place) continue;
-    pen.taken.push(boxAt(place[0], place[1], width));
-    drawSprite(pen, sprite, place[0], place[1]);
+  for (const id of selection) if (poses.index.has(id)) placeName(pen, id, names);
+  if (all) {
+    for (let i = 0; i < poses.count; i++) if (!selection.has(poses.ids[i])) placeName(pen, poses.ids[i], names);
+  } else {
+    for (const id of drivenRobots(app)) if (!selection.has(id)) placeName(pen, id, names);
   }
+  return names;
+}
+
+/** @param {import("./paint.js").Pen} pen @param {number} id of a robot that has a pose @param {Name[]} names */
+function placeName(pen, id, names) {
+  const robot = lookAt(pen, id);
+  if (!isOnScreen(pen.app, robot.px, robot.py)) return;
+  const sprite = spriteOf(pen, textOf(pen, robot), robot.selected ? BOLD : PLAIN);
+  const box = freeBox(pen, robot, sprite.width);
+  if (!box) return;
+  pen.taken.push(box);
+  names.push({ sprite, px: (box[0] + box[2]) / 2, py: (box[1] + box[3]) / 2 });
+}
+
+/** Names on the 2-D canvas, where there is no WebGL2. @param {import("./paint.js").Pen} pen @param {Name[]} names */
+export function paintNames(pen, names) {
+  for (const { sprite, px, py } of names) drawSprite(pen, sprite, px, py);
+}
+
+/** @param {import("./paint.js").Pen} pen */
+export function paintRings(pen) {
+  for (const id of drivenRobots(pen.app)) {
+    const robot = lookAt(pen, id);
+    if (isOnScreen(pen.app, robot.px, robot.py)) ring(pen, robot);
+  }
+}
+
+/** Those that are driven from a page and have a pose. @param {import("../app.js").App} app @returns {number[]} */
+function drivenRobots({ store }) {
+  const ids = [];
+  for (const { id, lease } of store.robots.values()) if (lease !== null && store.poses.index.has(id)) ids.push(id);
+  return ids;
 }
 
 /** How many robots there are in the part of the map that is shown. @param {import("../app.js").App} app */
@@ -43,13 +76,6 @@ function countInView({ store: { poses }, camera }) {
     if (x >= xmin && x <= xmax && y >= ymin && y <= ymax) count++;
   }
   return count;
-}
-
-/** Selected robots, and those that are driven from a page. @param {import("../app.js").App} app @returns {number[]} */
-function importantRobots({ store }) {
-  const ids = new Set(store.selection);
-  for (const robot of store.robots.values()) if (robot.lease !== null) ids.add(robot.id);
-  return [...ids].filter((id) => store.poses.index.has(id));
 }
 
 /** @param {import("./paint.js").Pen} pen @param {number} id of a robot that has a pose @returns {Seen} */
@@ -75,22 +101,22 @@ function textOf({ app: { store } }, { id, radius, selected, driver }) {
 }
 
 /**
- * Below the robot, or above, right or left of it; null if other labels are everywhere.
+ * Below the robot, or above, right or left of it; null if other labels are everywhere, but a selected robot has its own.
  * @param {import("./paint.js").Pen} pen
  * @param {Seen} robot
  * @param {number} width
- * @returns {[number, number] | null} middle
+ * @returns {import("./paint.js").Box | null}
  */
-function freePlace(pen, { px, py, radius }, width) {
-  const beside = radius + width / 2 + 1;
-  /** @type {[number, number][]} */
-  const places = [
-    [px, py + radius + 11],
-    [px, py - radius - 11],
-    [px + beside, py],
-    [px - beside, py],
-  ];
-  return places.find(([x, y]) => isFree(pen, boxAt(x, y, width))) ?? null;
+function freeBox(pen, { px, py, radius, selected }, width) {
+  const beside = radius + width / 2 + 1,
+    below = boxAt(px, py + radius + 11, width);
+  if (isFree(pen, below)) return below;
+  const above = boxAt(px, py - radius - 11, width);
+  if (isFree(pen, above)) return above;
+  const right = boxAt(px + beside, py, width);
+  if (isFree(pen, right)) return right;
+  const left = boxAt(px - beside, py, width);
+  return isFree(pen, left) ? left : selected ? below : null;
 }
 
 /** @param {number} x @param {number} y @param {number} width @returns {import("./paint.js").Box} */

@@ -140,6 +140,9 @@ export function makeParticles(gl) {
 /** The grid outside of the map, whose cells have their own. @param {WebGL2RenderingContext} gl */
 export function makeMapGrid(gl) {
   const lines = makeSegments(gl, 128, false);
+  /** What the lines were made for. */
+  let ofCamera = /** @type {Float32Array | null} */ (null),
+    ofTheme = /** @type {Theme | null} */ (null);
   return {
     /**
      * @param {Float32Array} camera
@@ -148,6 +151,8 @@ export function makeMapGrid(gl) {
      * @param {Theme} theme
      */
     draw(camera, ratio, view, theme) {
+      if (camera === ofCamera && theme === ofTheme) return lines.draw(camera, ratio);
+      [ofCamera, ofTheme] = [camera, theme];
       lines.clear();
       const step = gridStep(view.scale),
         [xmin, ymin, xmax, ymax] = view.viewport(),

@@ -3,7 +3,7 @@
  * vertex shader makes beam ends of ranges and the sensor's pose. */
 
 import { INVALID, NO_RETURN } from "../wire.js";
-import { makeProgram, setFilter } from "./gl.js";
+import { makeProgram, setFilter, useProgram } from "./gl.js";
 
 const BEAM = `
 uniform mat3 camera;
@@ -89,12 +89,7 @@ export function makeScans(gl) {
       let row = 0;
       for (const scan of store.scans.values()) {
         cells.set(scan.ranges, row * width);
-        const [r, g, b] = theme.robot(scan.robot),
-          n = scan.ranges.length;
-        facts.set(
-          [scan.x, scan.y, scan.yaw, scan.angleMin, scan.angleIncrement, scan.step, n, scan.rangeMax, r, g, b, 1],
-          4 * TEXELS * row++,
-        );
+        writeFacts(facts, 4 * TEXELS * row++, scan, theme.robot(scan.robot));
       }
       gl.pixelStorei(gl.UNPACK_ALIGNMENT, 2);
       gl.bindTexture(gl.TEXTURE_2D, ranges);
@@ -103,22 +98,43 @@ export function makeScans(gl) {
       gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, TEXELS, count, gl.RGBA, gl.FLOAT, facts);
     },
 
-    /** @param {Float32Array} camera @param {boolean} asArea @param {number} size of a point in device pixels */
+    /** @param {Float32Array} camera @param {boolean} asArea
+     * @param {number} size of a point in device pixels, the same as long as the camera is */
     draw(camera, asArea, size) {
       if (!count || !beams) return;
-      const { program, at } = asArea ? area : points;
-      gl.useProgram(program);
+      const program = asArea ? area : points,
+        { at } = program;
+      if (useProgram(gl, program, camera)) {
+        gl.uniform1i(at.ranges, 0);
+        gl.uniform1i(at.rows, 1);
+        if (!asArea) gl.uniform1f(at.size, size);
+      }
       gl.bindVertexArray(empty);
       gl.activeTexture(gl.TEXTURE1);
       gl.bindTexture(gl.TEXTURE_2D, rows);
       gl.activeTexture(gl.TEXTURE0);
       gl.bindTexture(gl.TEXTURE_2D, ranges);
-      gl.uniform1i(at.ranges, 0);
-      gl.uniform1i(at.rows, 1);
-      gl.uniformMatrix3fv(at.camera, false, camera);
-      if (!asArea) gl.uniform1f(at.size, size);
       if (asArea) gl.drawArraysInstanced(gl.TRIANGLES, 0, 3 * (beams - 1), count);
       else gl.drawArraysInstanced(gl.POINTS, 0, beams, count);
     },
   };
+}
+
+/**
+ * @param {Float32Array} facts @param {number} at the place of the row
+ * @param {import("../wire.js").Scan} scan @param {import("./colors.js").Rgb} color
+ */
+function writeFacts(facts, at, scan, color) {
+  facts[at] = scan.x;
+  facts[at + 1] = scan.y;
+  facts[at + 2] = scan.yaw;
+  facts[at + 3] = scan.angleMin;
+  facts[at + 4] = scan.angleIncrement;
+  facts[at + 5] = scan.step;
+  facts[at + 6] = scan.ranges.length;
+  facts[at + 7] = scan.rangeMax;
+  facts[at + 8] = color[0];
+  facts[at + 9] = color[1];
+  facts[at + 10] = color[2];
+  facts[at + 11] = 1;
 }

@@ -4,6 +4,7 @@ import { paintAbove } from "./above.js";
 import { makeBelow } from "./below.js";
 import { readTheme } from "./colors.js";
 import { isMap } from "./grids.js";
+import { paintNames, placeNames } from "./labels.js";
 
 /** Figures of so many drawings are kept. */
 const KEPT = 200;
@@ -68,8 +69,12 @@ export function makeScene(app, element, stats) {
 
   function draw() {
     const start = performance.now();
-    below.draw(changed, theme, ratio);
-    paintAbove({ ctx, app, theme, ratio, radius: below.radius, taken: [] }, painters);
+    /** @type {import("./paint.js").Pen} */
+    const pen = { ctx, app, theme, ratio, radius: below.radius, taken: [] };
+    const names = placeNames(pen),
+      drawn = below.draw(changed, theme, ratio, names);
+    paintAbove(pen, painters);
+    if (!drawn) paintNames(pen, names);
     changed.clear();
     note(start);
   }

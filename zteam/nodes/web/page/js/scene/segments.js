@@ -1,6 +1,6 @@
 /** Straight lines of a width in pixels, many at once: trails, plans, links from followers to leaders. */
 
-import { makeProgram, setAttributes } from "./gl.js";
+import { makeProgram, setAttributes, useProgram } from "./gl.js";
 
 const VERTEX = `
 uniform mat3 camera;
@@ -36,7 +36,8 @@ const WORDS = 6;
  * @param {WebGL2RenderingContext} gl @param {number} capacity at first; @param {boolean} ring never grow
  */
 export function makeSegments(gl, capacity, ring) {
-  const { program, at } = makeProgram(gl, VERTEX, FRAGMENT);
+  const lines = makeProgram(gl, VERTEX, FRAGMENT),
+    { at } = lines;
   const buffer = gl.createBuffer(),
     array = gl.createVertexArray();
   let floats = new Float32Array(0),
@@ -99,9 +100,9 @@ export function makeSegments(gl, capacity, ring) {
 
     /**
      * @param {Float32Array} camera
-     * @param {number} width of a line in device pixels
+     * @param {number} width of a line in device pixels, the same as long as the camera is
      * @param {number} [now] s
-     * @param {number} [life] s
+     * @param {number} [life] s, always the same
      */
     draw(camera, width, now = 0, life = 0) {
       if (!count) return;
@@ -117,12 +118,12 @@ export function makeSegments(gl, capacity, ring) {
         );
         [dirtyFrom, dirtyTo] = [Infinity, 0];
       }
-      gl.useProgram(program);
-      gl.uniformMatrix3fv(at.camera, false, camera);
-      gl.uniform2f(at.pixels, gl.drawingBufferWidth, gl.drawingBufferHeight);
-      gl.uniform1f(at.width, width);
-      gl.uniform1f(at.now, now);
-      gl.uniform1f(at.life, life);
+      if (useProgram(gl, lines, camera)) {
+        gl.uniform2f(at.pixels, gl.drawingBufferWidth, gl.drawingBufferHeight);
+        gl.uniform1f(at.width, width);
+        gl.uniform1f(at.life, life);
+      }
+      if (life) gl.uniform1f(at.now, now);
       gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, count);
     },
   };

@@ -1,6 +1,6 @@
 /** Things with outlines, filled and with an edge: many of one shape in one call. */
 
-import { makeProgram, setAttributes } from "./gl.js";
+import { makeProgram, setAttributes, useProgram } from "./gl.js";
 import { frontOf, radiusOf, triangulate } from "./polygons.js";
 
 const VERTEX = `
@@ -82,9 +82,14 @@ function verticesOf(outline, marked) {
 
 /** @param {WebGL2RenderingContext} gl @param {boolean} marked whether the things have a mark at the front */
 export function makeShapes(gl, marked) {
-  const { program, at } = makeProgram(gl, VERTEX, FRAGMENT);
+  const filled = makeProgram(gl, VERTEX, FRAGMENT),
+    { at } = filled;
+  /** Whether there are things that the graphics processor does not have yet. */
+  let fresh = false;
   /** @type {Map<string, Mesh>} by outline */
   const meshes = new Map();
+  /** By the outline itself: robots of a kind share one. @type {WeakMap<Outline, Mesh>} */
+  const meshOf = new WeakMap();
 
   /** @param {Mesh} mesh */
   function grow(mesh) {
@@ -112,6 +117,13 @@ export function makeShapes(gl, marked) {
   return {
     /** @param {Outline} outline @returns {Mesh} */
     meshFor(outline) {
+      let mesh = meshOf.get(outline);
+      if (!mesh) meshOf.set(outline, (mesh = this.meshOfEqual(outline)));
+      return mesh;
+    },
+
+    /** @param {Outline} outline @returns {Mesh} */
+    meshOfEqual(outline) {
       const key = JSON.stringify(outline),
         known = meshes.get(key);
       if (known) return known;
@@ -145,6 +157,7 @@ export function makeShapes(gl, marked) {
 
     clear() {
       for (const mesh of meshes.values()) mesh.count = 0;
+      fresh = true;
     },
 
     /** @param {Mesh} mesh
@@ -170,18 +183,21 @@ export function makeShapes(gl, marked) {
      * @param {number} ratio device pixels a CSS pixel
      * @param {number} least radius in CSS pixels */
     draw(camera, scale, ratio, least) {
-      gl.useProgram(program);
-      gl.uniformMatrix3fv(at.camera, false, camera);
-      gl.uniform2f(at.pixels, gl.drawingBufferWidth, gl.drawingBufferHeight);
-      gl.uniform2f(at.widths, 1.25 * ratio, 3 * ratio);
+      if (useProgram(gl, filled, camera)) {
+        gl.uniform2f(at.pixels, gl.drawingBufferWidth, gl.drawingBufferHeight);
+        gl.uniform2f(at.widths, 1.25 * ratio, 3 * ratio);
+      }
       for (const mesh of meshes.values()) {
         if (!mesh.count) continue;
         gl.uniform1f(at.grow, Math.max(1, least / (scale * mesh.radius)));
         gl.bindVertexArray(mesh.array);
-        gl.bindBuffer(gl.ARRAY_BUFFER, mesh.instances);
-        gl.bufferSubData(gl.ARRAY_BUFFER, 0, mesh.floats, 0, WORDS * mesh.count);
+        if (fresh) {
+          gl.bindBuffer(gl.ARRAY_BUFFER, mesh.instances);
+          gl.bufferSubData(gl.ARRAY_BUFFER, 0, mesh.floats, 0, WORDS * mesh.count);
+        }
         gl.drawArraysInstanced(gl.TRIANGLES, 0, mesh.vertices, mesh.count);
       }
+      fresh = false;
     },
   };
 }
