@@ -15,7 +15,7 @@ from zteam.world import World
 
 _CELL = 0.05
 """Metres of a cell of the map in which goals are sought."""
-_SLOWEST, _SPARE = 0.35, 30.0
+_SLOWEST, _SPARE = 0.3, 100.0
 """A tour of d metres lasts d / _SLOWEST + _SPARE simulated seconds at most: the robots' greatest speed is 0.5 m/s."""
 _PLACES = 40
 _APART = 2.0

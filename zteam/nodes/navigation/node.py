@@ -15,7 +15,7 @@ from zteam.base import Base, BaseOverride, base_of, override_base
 from zteam.bus import NoRequest
 from zteam.bus.presence import Claim, own_info
 from zteam.compiling.takeover import Takeover
-from zteam.geometry import Pose2
+from zteam.errors import UsageError
 from zteam.messages import (
     BaseInfo,
     LaserScan,
@@ -29,15 +29,16 @@ from zteam.messages import (
     ns_from_time,
 )
 from zteam.nodes.navigation.costmaps import StaticCostmaps
-from zteam.nodes.navigation.inputs import Inputs, planar
+from zteam.nodes.navigation.inputs import Inputs
 from zteam.nodes.navigation.outputs import Outputs
 from zteam.nodes.navigation.plugins import make_planner
 from zteam.nodes.navigation.robot import RobotNavigation
 from zteam.nodes.navigation.transforms import TeamTransforms
-from zteam.planning.grid import GridMap, make_map
+from zteam.planning.grid import GridMap
 from zteam.planning.parameters import Parameters
 from zteam.planning.planner import Planner
 from zteam.runtime.step_node import StepNode
+from zteam.services.maps import map_grid
 from zteam.services.navigation import (
     CANCEL,
     GLOBAL_LOCALIZATION,
@@ -137,8 +138,8 @@ class NavigationNode:
 
     def _on_map(self, _key: str, message: OccupancyGrid) -> None:
         try:
-            grid = read_grid(message)
-        except ValueError as error:
+            grid = map_grid(message)
+        except UsageError as error:
             log.warning("the map that has come does not count: %s", error)
             return
         if self._grid is not None and grid.frame == self._grid.frame and np.array_equal(grid.cells, self._grid.cells):
@@ -213,23 +214,6 @@ class _Release:
 
     def __init__(self, claim: Claim) -> None:
         self.close = claim.release
-
-
-def read_grid(message: OccupancyGrid) -> GridMap:
-    """The map in a message. Raises ValueError for one that is none."""
-    info = message.info
-    if message.data.size != info.width * info.height or not message.data.size:
-        raise ValueError(f"{info.width} x {info.height} cells, and {message.data.size} values")
-    origin = planar(info.origin)
-    if origin is None:
-        raise ValueError("its origin is no pose in the plane")
-    cells = np.array(message.data, np.int8).reshape(info.height, info.width)
-    return make_map(cells, _resolution(info.resolution), Pose2(*origin))
-
-
-def _resolution(value: float) -> float:
-    """A resolution as it was written: the float32 of the wire has 7 digits, and 0.05 is none of them."""
-    return float(f"{value:.7g}")
 
 
 def run_navigation(node: StepNode, options: NavigationOptions, later: Takeover | None = None) -> None:

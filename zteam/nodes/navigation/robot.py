@@ -160,8 +160,9 @@ class RobotNavigation:
         if held := self.inputs.is_held():
             return navigator.wait(time, held, patiently=True)
         assert sight is not None and self._costmaps is not None
-        pending = STOP if self.inputs.is_stopped() else self._command
-        return navigator.step(Moment(time, seconds, sight, pending), self._costmaps)
+        is_stopped = self.inputs.is_stopped()
+        pending = STOP if is_stopped else self._command
+        return navigator.step(Moment(time, seconds, sight, pending, is_stopped), self._costmaps)
 
 
 def _problem(inputs: Inputs, localiser: Localiser | None, sight: Sight | None) -> str:
