@@ -76,8 +76,8 @@ class WindowOptions(NamedTuple):
     footprint: str = ""
     """As in Nav2: a text such as "[[0.2, 0.2], [0.2, -0.2], [-0.2, 0.0]]"."""
     footprint_padding: float = 0.03
-    """Metres; more than Nav2's 0.01. A robot's safety layer keeps 0.025 free, and one that was led closer to a wall could
-    move in no direction."""
+    """Metres; more than Nav2's 0.01. The safety layer keeps 0.025 free: closer to a wall it lets a robot move in no
+    direction."""
 
 
 class Parameters(NamedTuple):

@@ -54,6 +54,8 @@ class Inputs:
         self.status: RobotStatus | None = None
         self.goal: PoseStamped | None = None
         """A goal that has come since the last step."""
+        self.unreadable_goal = ""
+        """What is wrong with one that the bus dropped; empty without one."""
         self.initial_pose: PoseWithCovarianceStamped | None = None
         """In the same way."""
         self.stamps: dict[str, int] = {}

@@ -14,8 +14,9 @@ from zteam import names
 from zteam.base import Base, BaseOverride, base_of, override_base
 from zteam.bus import NoRequest
 from zteam.bus.presence import Claim, own_info
+from zteam.bus.transport import RawSample
 from zteam.compiling.takeover import Takeover
-from zteam.errors import UsageError
+from zteam.errors import DecodeError, UsageError
 from zteam.messages import (
     BaseInfo,
     LaserScan,
@@ -26,6 +27,7 @@ from zteam.messages import (
     PoseWithCovarianceStamped,
     RobotStatus,
     Tick,
+    decode,
     ns_from_time,
 )
 from zteam.nodes.navigation.costmaps import StaticCostmaps
@@ -109,6 +111,9 @@ class NavigationNode:
             inputs.needs_truth = True
             self._listen(inputs, names.GROUND_TRUTH, Odometry, "truth")
         self._listen(inputs, names.GOAL_POSE, PoseStamped, "goal")
+        node.bus.subscribe_raw(
+            names.robot_key(robot_id, names.GOAL_POSE), lambda sample: self._check_goal(inputs, sample)
+        )
         self._listen(inputs, names.INITIAL_POSE, PoseWithCovarianceStamped, "initial_pose")
         self._listen(inputs, names.STATUS, RobotStatus, "status")
         info = own_info(node.name, node.bus.instance, node.claim.start)
@@ -207,6 +212,21 @@ class NavigationNode:
         with self._node.changed:
             for robot in self._robots.values():
                 robot.halt()
+
+
+def _listen_for_unreadable_goals(node: StepNode, inputs: Inputs) -> None:
+    """The bus drops a goal that cannot be read, such as one with NaN: the robot stops and says so all the same."""
+
+    def check(sample: RawSample) -> None:
+        if not isinstance(sample.content, bytes):
+            return
+        try:
+            decode(PoseStamped, sample.content)
+        except DecodeError as error:
+            with node.changed:
+                inputs.unreadable_goal = str(error)
+
+    node.bus.subscribe_raw(names.robot_key(inputs.robot_id, names.GOAL_POSE), check)
 
 
 class _Release:
