@@ -111,9 +111,7 @@ class NavigationNode:
             inputs.needs_truth = True
             self._listen(inputs, names.GROUND_TRUTH, Odometry, "truth")
         self._listen(inputs, names.GOAL_POSE, PoseStamped, "goal")
-        node.bus.subscribe_raw(
-            names.robot_key(robot_id, names.GOAL_POSE), lambda sample: self._check_goal(inputs, sample)
-        )
+        _listen_for_unreadable_goals(node, inputs)
         self._listen(inputs, names.INITIAL_POSE, PoseWithCovarianceStamped, "initial_pose")
         self._listen(inputs, names.STATUS, RobotStatus, "status")
         info = own_info(node.name, node.bus.instance, node.claim.start)
