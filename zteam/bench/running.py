@@ -130,9 +130,13 @@ def _run_line(
     """Run the same line of robots in several ways, each with further arguments for `zteam up`."""
     with tempfile.TemporaryDirectory() as folder:
         team = _write_line(world, loaded, robots, beams, Path(folder))
-        search = {"STAGEPATH": os.pathsep.join([str(world.resolve().parent), os.environ.get("STAGEPATH", "")])}
         common = [str(team), "--for", str(seconds)]
-        return [_run([*common, *way], Path(folder), search, seconds) for way in ways]
+        return [run_processes([*common, *way], Path(folder), world, seconds) for way in ways]
+
+
+def write_world(world: Path, beams: int, path: Path) -> None:
+    """A world file at `path`: `world`, and the model `bench_robot` with a laser of so many beams."""
+    path.write_text(_ROBOT.format(world=msgspec.json.encode(str(world.resolve())).decode(), beams=beams))
 
 
 def write_line_team(world: Path, robots: int, beams: int, folder: Path) -> Path:
@@ -144,7 +148,7 @@ def _write_line(world: Path, loaded: World, robots: int, beams: int, folder: Pat
     team, own = folder / "bench.toml", _own_robots(loaded, robots, beams)
     chosen = world.resolve() if own else folder / "bench.world"
     if not own:
-        chosen.write_text(_ROBOT.format(world=msgspec.json.encode(str(world.resolve())).decode(), beams=beams))
+        write_world(world, beams, chosen)
     team.write_text(_team(chosen, robots, None if own else chain(free_poses(loaded, robots, seed=1))))
     return team
 
@@ -189,7 +193,9 @@ def _team(world: Path, robots: int, poses: list[Pose2] | None) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _run(arguments: list[str], folder: Path, environment: dict[str, str], seconds: float) -> RunReport:
+def run_processes(arguments: list[str], folder: Path, world: Path, seconds: float) -> RunReport:
+    """Run `zteam up` with these arguments; files that `world` includes are found beside it. Raises ZteamError."""
+    search = os.pathsep.join([str(world.resolve().parent), os.environ.get("STAGEPATH", "")])
     path = folder / "report.json"
     done = subprocess.run(
         zteam_command("zteam", "up", *arguments, "--report", str(path)),
@@ -197,7 +203,7 @@ def _run(arguments: list[str], folder: Path, environment: dict[str, str], second
         capture_output=True,
         text=True,
         timeout=seconds * 10 + 180,
-        env={**os.environ, **environment},
+        env={**os.environ, "STAGEPATH": search},
         check=False,
     )
     if done.returncode != 0:

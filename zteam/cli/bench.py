@@ -35,7 +35,7 @@ CHAINS = ("lectures", "direct", "trail", "trail16", "disturbed")
 """Rows of `zteam bench robots` (zteam.bench.chains.figures)."""
 VIEW_PARTS = ("load", "slow", "many", "cost", "browser", "start")
 """Of `zteam bench view` (zteam.bench.view.figures)."""
-NAV_ROWS = ("plan", "costmap", "amcl", "tours", "global")
+NAV_ROWS = ("plan", "costmap", "amcl", "tours", "global", "team-fake", "team-amcl", "crowd", "robot", "fleet")
 """Rows of `zteam bench nav` (zteam.bench.navigation.figures)."""
 FORMATIONS = "formations"
 """Its table of all shapes (zteam.bench.formations)."""
@@ -52,7 +52,7 @@ def build_parser() -> argparse.ArgumentParser:
     view = verbs.add_parser("view", help="measure a view: age of frames, memory, its cost in lock-step, drawing")
     robots = verbs.add_parser("robots", help="measure how well robots follow each other, and hold formations")
     steps = verbs.add_parser("steps", help="measure a robot's step: velocity mux, behaviour and safety layer")
-    nav = verbs.add_parser("nav", help="measure planning, costmaps and localisation")
+    nav = verbs.add_parser("nav", help="measure planning, costmaps, localisation, and robots that navigate")
     codec = verbs.add_parser("codec", help="measure encoding and decoding")
     sim.add_argument("world", metavar="WORLD", help="a world file, or the name of a shipped world")
     for sub in (kernel, team, view, nav):
@@ -233,9 +233,8 @@ def _measure_robots(args: argparse.Namespace) -> list[Any]:
 
 def _measure_navigation(args: argparse.Namespace) -> list[Any]:
     from zteam.bench.navigation.figures import measure_navigation
-    from zteam.world import load_world
 
-    world = load_world(find_world(args.world))
+    world = find_world(args.world)
     with LiveLine(sys.stderr) if has_live_line(sys.stderr) else nullcontext() as live:
 
         def show(row: str, done: int, total: int) -> None:

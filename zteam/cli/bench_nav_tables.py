@@ -7,7 +7,7 @@ from zteam.cli.bench_tables import figure
 from zteam.cli.tables import format_table
 
 if TYPE_CHECKING:
-    from zteam.bench.navigation.figures import NavFigure
+    from zteam.bench.navigation.row import NavFigure
 
 
 def format_navigation(rows: "Sequence[NavFigure]") -> str:

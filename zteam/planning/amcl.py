@@ -14,14 +14,14 @@ from zteam.compiling.takeover import prepare
 from zteam.counter_random import gaussian_pairs, gaussians, stream, uniforms
 from zteam.geometry import Pose2, normalize_angle
 from zteam.planning.amcl_options import AmclOptions, alphas_of, check_options
+from zteam.planning.clusters import estimate_pose
 from zteam.planning.global_search import GlobalSearch
 from zteam.planning.grid import FREE, GridMap
 from zteam.planning.jit import PLANNING
-from zteam.planning.likelihood import LikelihoodField, make_likelihood_field, weigh_poses
-from zteam.planning.matching import beams_of, match, to_field
+from zteam.planning.likelihood import Beams, LikelihoodField, beams_of, make_likelihood_field, weigh_poses
+from zteam.planning.matching import match
 from zteam.planning.particles import (
     BIN_SIZE,
-    estimate_pose,
     kld_limits,
     move_differential,
     move_omnidirectional,
@@ -32,7 +32,7 @@ from zteam.planning.scans import Scan, Teammate, find_ends, on_teammates
 
 Floats = NDArray[np.float64]
 
-_MOVE, _DRAW, _SPREAD, _STRANGERS, _MATCHED = range(5)
+_MOVE, _DRAW, _SPREAD, _STRANGERS, _MATCHED, _MIX = range(6)
 """Streams of random numbers."""
 _FOUND = 0.2, 0.2, 0.1
 """Metres, metres, radians: deviations of the particles about the place that was found on the whole map."""
@@ -58,20 +58,23 @@ def _has_moved(before: Pose2, after: Pose2, options: AmclOptions) -> bool:
     return math.hypot(after.x - before.x, after.y - before.y) >= options.update_min_d or turned >= options.update_min_a
 
 
+def _normals(state: NDArray[np.uint64], count: int) -> Floats:
+    """Standard normal numbers, three for each of so many particles: (count, 3)."""
+    return gaussian_pairs(state, (3 * count + 1) // 2)[0, : 3 * count].reshape(-1, 3).astype(np.float64)
+
+
 def _scatter(poses: Floats, about: Floats, share: float, state: NDArray[np.uint64]) -> None:
     """Put a share of the particles, which were drawn in no order, about a pose."""
     count = int(share * len(poses))
-    draws = gaussian_pairs(state, (3 * count + 1) // 2)[0, : 3 * count].reshape(-1, 3)
-    poses[:count] = about + draws * np.array(_MATCHED_DEVIATIONS)
+    poses[:count] = about + _normals(state, count) * _MATCHED_DEVIATIONS
 
 
 def choose_beams(scan: Scan, teammates: Iterable[Teammate], options: AmclOptions) -> Floats:
     """Ends of up to `max_beams` beams, spread evenly, in the base frame: (n, 2). Those on teammates are left out."""
-    count = min(options.max_beams, len(scan.ranges))
-    chosen = np.linspace(0, len(scan.ranges) - 1, count).astype(np.int64)
-    ranges = np.full_like(scan.ranges, np.nan)
-    ranges[chosen] = scan.ranges[chosen]
-    ends, met = find_ends(scan._replace(ranges=ranges), Pose2(0.0, 0.0, 0.0), options.laser_max_range)
+    last = len(scan.ranges) - 1
+    count = min(options.max_beams, last + 1)
+    chosen = np.arange(count) * last // max(1, count - 1)
+    ends, met = find_ends(scan, Pose2(0.0, 0.0, 0.0), options.laser_max_range, chosen)
     met &= ~on_teammates(ends, teammates, options.teammate_margin)
     return ends[met]
 
@@ -157,12 +160,12 @@ class Amcl:
             self._look_everywhere(self._search, before, odom, ends)
             return True
         self._move(before, odom)
-        field = self._likelihoods(scan.range_max)
-        self._weigh(field, ends)
+        field, beams = self._likelihoods(scan.range_max), beams_of(self._grid.frame, ends)
+        self._weigh(field, beams)
         if self._count % self.options.resample_interval == 0:
             heaviest = self._poses[[self._weights.argmax()]]
             self._resample()
-            fitting = match(field, heaviest, ends, *_FIRST_STEPS)[0][0]
+            fitting = match(field, heaviest, beams, *_FIRST_STEPS)[0][0]
             _scatter(self._poses, fitting, self.options.matched_share, self._state(_MATCHED, self._count))
         self._estimate()
         self._pose_of_odom = self.pose.compose(odom.inverse())
@@ -184,13 +187,12 @@ class Amcl:
         self._pose_of_odom = self.pose.compose(odom.inverse())
 
     def _move(self, before: Pose2, after: Pose2) -> None:
-        draws = gaussian_pairs(self._state(_MOVE, self._count), 2 * len(self._poses)).reshape(-1, 4)
+        draws = _normals(self._state(_MOVE, self._count), len(self._poses))
         move = move_omnidirectional if self.options.robot_model_type.endswith("OmniMotionModel") else move_differential
         move(self._poses, before, after, alphas_of(self.options), draws)
 
-    def _weigh(self, field: LikelihoodField, beams: Floats) -> None:
-        frame = self._grid.frame
-        weigh_poses(field.values, to_field(frame, self._poses), *beams_of(frame, beams), self._weights)
+    def _weigh(self, field: LikelihoodField, beams: Beams) -> None:
+        weigh_poses(field, self._poses, beams, self._weights)
         total = float(self._weights.sum())
         self._weights /= total
         options = self.options
@@ -206,11 +208,12 @@ class Amcl:
         most = self.options.max_particles
         share = max(0.0, 1.0 - self._fast / self._slow) if self._slow else 0.0
         strangers = self._anywhere(most, _STRANGERS, self._count) if share else np.empty((0, 3))
-        draws = uniforms(self._state(_DRAW, self._count), 2 * most).reshape(-1, 2)
+        draws = uniforms(self._state(_DRAW, self._count), most)[0]
+        mixing = uniforms(self._state(_MIX, self._count), most)[0] if share else np.empty(0)
         sums = np.cumsum(self._weights)
         sums /= sums[-1]
         out = np.empty((most, 3))
-        count = resample(self._poses, sums, draws, strangers, share, self._enough, BIN_SIZE, out)
+        count = resample(self._poses, sums, draws, strangers, mixing, share, self._enough, BIN_SIZE, out)
         self._poses = out[:count].copy()
         self._weights = np.full(count, 1.0 / count)
         if share:

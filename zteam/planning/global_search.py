@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from zteam.geometry import Pose2
 from zteam.planning.grid import GridMap
-from zteam.planning.likelihood import make_likelihood_field, weigh_poses
-from zteam.planning.matching import beams_of, match, to_field
+from zteam.planning.likelihood import beams_of, make_likelihood_field, weigh_poses
+from zteam.planning.matching import match
 
 Floats = NDArray[np.float64]
 
@@ -66,10 +66,11 @@ class GlobalSearch:
         if not len(ends):
             return False
         weights = np.ones(len(poses))
-        weigh_poses(wide.values, to_field(wide.frame, poses), *beams_of(wide.frame, ends), weights)
+        beams = beams_of(wide.frame, ends)
+        weigh_poses(wide, poses, beams, weights)
         best = np.argsort(-weights, kind="stable")[: max(1, int(_CLIMBING * len(poses)))]
-        found, _ = match(wide, poses[best], ends, *_STEPS[0])
-        found, fits = match(narrow, np.concatenate((self.poses, found)), ends, *_STEPS[1])
+        found, _ = match(wide, poses[best], beams, *_STEPS[0])
+        found, fits = match(narrow, np.concatenate((self.poses, found)), beams, *_STEPS[1])
         order = np.argsort(-fits, kind="stable")
         self.poses, self.fits = _distinct(found[order], fits[order])
         alone = len(self.fits) == 1 or self.fits[1] < _AHEAD * self.fits[0]

@@ -75,7 +75,9 @@ class WindowOptions(NamedTuple):
     """Metres; without it, and without `footprint`, the outline is that of `base_info`."""
     footprint: str = ""
     """As in Nav2: a text such as "[[0.2, 0.2], [0.2, -0.2], [-0.2, 0.0]]"."""
-    footprint_padding: float = 0.01
+    footprint_padding: float = 0.03
+    """Metres; more than Nav2's 0.01. The safety layer keeps 0.025 free: closer to a wall it lets a robot move in no
+    direction."""
 
 
 class Parameters(NamedTuple):

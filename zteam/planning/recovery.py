@@ -4,6 +4,7 @@ No clock and no bus: time, pose and costmap go in, velocities come out.
 """
 
 import math
+from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
 from zteam.geometry import Pose2, normalize_angle
@@ -14,13 +15,17 @@ Behavior = Literal["wait", "clear_costmap", "back_up", "spin"]
 BEHAVIORS: tuple[Behavior, ...] = ("wait", "clear_costmap", "back_up", "spin")
 
 
+_CURVATURES = 0.0, 2.0, -2.0, 4.0, -4.0
+"""1/m: the ways in which a robot tries to back up."""
+
+
 class RecoveryOptions(NamedTuple):
     """Parameters; numbers are those of Nav2's navigate_to_pose_w_replanning_and_recovery.xml, where it has them."""
 
     behaviors: tuple[Behavior, ...] = BEHAVIORS
     """In this order, again and again."""
-    number_of_retries: int = 6
-    """Behaviours after which it gives up."""
+    number_of_retries: int = 8
+    """Behaviours after which it gives up: two rounds of all four."""
     progress_radius: float = 1.0
     """Metres from the place of the last behaviour, from which on all may be tried again."""
     wait_duration: float = 2.0
@@ -36,6 +41,8 @@ class RecoveryOptions(NamedTuple):
     """Seconds ahead in which a motion must not touch an obstacle."""
     time_allowance: float = 10.0
     """Seconds after which a motion ends, however far it came."""
+    stopped_allowance: float = 1.0
+    """Seconds after which it tries another motion than one that the safety layer, say, does not let happen."""
 
 
 class RecoveryStep(NamedTuple):
@@ -64,6 +71,9 @@ class Recovery:
         self._from = Pose2(0.0, 0.0, 0.0)
         self._turned = 0.0
         self._last_yaw = 0.0
+        self._way = 0
+        """Which motion of a behaviour it tries."""
+        self._free_at = 0.0
 
     @property
     def is_active(self) -> bool:
@@ -85,12 +95,17 @@ class Recovery:
         self._current = options.behaviors[self.count % len(options.behaviors)]
         self.count += 1
         self._began, self._from, self._turned, self._last_yaw = now, pose, 0.0, pose.yaw
+        self._way, self._free_at = 0, now
         return None
 
-    def step(self, now: float, pose: Pose2, costmap: Costmap) -> RecoveryStep:
-        """What to do at `now` (s) with a robot at `pose`. It clears `costmap` itself."""
+    def step(self, now: float, pose: Pose2, costmap: Costmap, *, is_stopped: bool = False) -> RecoveryStep:
+        """What to do at `now` (s) with a robot at `pose`. It clears `costmap` itself.
+
+        `is_stopped`: something else, such as its safety layer, does not let the robot move.
+        """
         if self._current is None:
             return RecoveryStep(Velocity(), True, "no recovery")
+        self._free_at = self._free_at if is_stopped else now
         step = {
             "wait": self._wait,
             "clear_costmap": self._clear,
@@ -112,21 +127,27 @@ class Recovery:
         costmap.update()
         return RecoveryStep(Velocity(), True, "cleared the costmap")
 
-    def _back_up(self, _now: float, pose: Pose2, costmap: Costmap) -> RecoveryStep:
-        options = self.options
-        if math.hypot(pose.x - self._from.x, pose.y - self._from.y) >= options.backup_dist:
+    def _back_up(self, now: float, pose: Pose2, costmap: Costmap) -> RecoveryStep:
+        if math.hypot(pose.x - self._from.x, pose.y - self._from.y) >= self.options.backup_dist:
             return RecoveryStep(Velocity(), True, "backed up")
-        return self._move(Velocity(x=-options.backup_speed), pose, costmap, "backs up")
+        speed = -self.options.backup_speed
+        # A robot that came in on an arc may come out on one only.
+        ways = [Velocity(speed, 0.0, speed * curvature) for curvature in _CURVATURES]
+        return self._move(ways, now, pose, costmap, "backs up")
 
-    def _spin(self, _now: float, pose: Pose2, costmap: Costmap) -> RecoveryStep:
-        options = self.options
+    def _spin(self, now: float, pose: Pose2, costmap: Costmap) -> RecoveryStep:
         self._turned += abs(normalize_angle(pose.yaw - self._last_yaw))
         self._last_yaw = pose.yaw
-        if self._turned >= options.spin_dist:
+        if self._turned >= self.options.spin_dist:
             return RecoveryStep(Velocity(), True, "turned")
-        return self._move(Velocity(turn=options.rotational_vel), pose, costmap, "turns")
+        rate = self.options.rotational_vel
+        return self._move([Velocity(turn=rate), Velocity(turn=-rate)], now, pose, costmap, "turns")
 
-    def _move(self, velocity: Velocity, pose: Pose2, costmap: Costmap, text: str) -> RecoveryStep:
-        if time_to_collision(costmap, pose, velocity, self.options.simulate_ahead_time) < math.inf:
-            return RecoveryStep(Velocity(), True, f"{text}: an obstacle is in the way")
-        return RecoveryStep(velocity, False, text)
+    def _move(self, ways: Sequence[Velocity], now: float, pose: Pose2, costmap: Costmap, text: str) -> RecoveryStep:
+        """The first of these motions that nothing is in the way of, once tried not again."""
+        for velocity in ways[self._way :]:
+            is_blocked = time_to_collision(costmap, pose, velocity, self.options.simulate_ahead_time) < math.inf
+            if not is_blocked and now - self._free_at <= self.options.stopped_allowance:
+                return RecoveryStep(velocity, False, text)
+            self._way, self._free_at = self._way + 1, now
+        return RecoveryStep(Velocity(), True, f"{text}: an obstacle is in the way")

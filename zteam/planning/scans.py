@@ -33,21 +33,26 @@ class Teammate(NamedTuple):
     radius: float
 
 
-def find_ends(scan: Scan, base: Pose2, far: float) -> tuple[Floats, NDArray[np.bool_]]:
+def find_ends(
+    scan: Scan, base: Pose2, far: float, chosen: NDArray[np.int64] | None = None
+) -> tuple[Floats, NDArray[np.bool_]]:
     """Where the beams of a robot at `base` end, in the frame of that pose, and whether each has met something there.
 
     (n, 2) and (n): beams that say nothing are left out. A beam longer than `far` (m) ends there and meets nothing.
+    `chosen` are the numbers of the beams to look at; all by default.
     """
-    ranges = scan.ranges.astype(np.float64)
-    with np.errstate(invalid="ignore"):
-        said = ranges >= scan.range_min
-        met = said & (ranges < scan.range_max) & (ranges <= far)
-        ranges = np.minimum(np.minimum(ranges, scan.range_max), far)
-    angles = scan.angle_min + scan.angle_increment * np.flatnonzero(said)
+    ranges = (scan.ranges if chosen is None else scan.ranges[chosen]).astype(np.float64)
+    # What is not a number is not in this range either.
+    said = np.flatnonzero(ranges >= scan.range_min)
+    ranges = ranges[said]
+    met = (ranges < scan.range_max) & (ranges <= far)
+    ranges = np.minimum(ranges, min(scan.range_max, far))
     laser = base.compose(scan.sensor)
-    x = laser.x + ranges[said] * np.cos(angles + laser.yaw)
-    y = laser.y + ranges[said] * np.sin(angles + laser.yaw)
-    return np.stack((x, y), axis=1), met[said]
+    angles = scan.angle_increment * (said if chosen is None else chosen[said]) + (scan.angle_min + laser.yaw)
+    points = np.empty((len(said), 2))
+    points[:, 0] = laser.x + ranges * np.cos(angles)
+    points[:, 1] = laser.y + ranges * np.sin(angles)
+    return points, met
 
 
 def on_teammates(points: Floats, teammates: Iterable[Teammate], margin: float) -> NDArray[np.bool_]:

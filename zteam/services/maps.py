@@ -4,9 +4,10 @@ import numpy as np
 
 from zteam import names
 from zteam.errors import UsageError
-from zteam.geometry import Pose2, quaternion_from_yaw, yaw_from_quaternion
+from zteam.geometry import quaternion_from_yaw
 from zteam.messages import Header, MapMetaData, OccupancyGrid, Point, Pose, Quaternion, Time
 from zteam.planning.grid import FREE, OCCUPIED, UNKNOWN, GridMap, make_map
+from zteam.services.poses import planar
 
 
 def map_message(grid: GridMap) -> OccupancyGrid:
@@ -22,12 +23,13 @@ def map_grid(message: OccupancyGrid) -> GridMap:
     info = message.info
     if message.data.size != info.width * info.height or not message.data.size:
         raise UsageError(f"the map has {message.data.size} cells, not {info.width} x {info.height}")
-    turn = info.origin.orientation
-    origin = Pose2(info.origin.position.x, info.origin.position.y, yaw_from_quaternion(turn.x, turn.y, turn.z, turn.w))
+    origin = planar(info.origin)
+    if origin is None:
+        raise UsageError("the origin of the map is not finite, or no pose in the plane")
     # A resolution travels as a 32-bit number: 0.05 would come back as 0.05000000074505806.
     resolution = float(str(np.float32(info.resolution)))
     try:
-        return make_map(message.data.reshape(info.height, info.width), resolution, origin)
+        return make_map(np.array(message.data, np.int8).reshape(info.height, info.width), resolution, origin)
     except ValueError as error:
         raise UsageError(f"the map cannot be used: {error}") from None
 

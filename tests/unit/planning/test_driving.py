@@ -178,6 +178,24 @@ def test_a_recovery_stops_before_an_obstacle() -> None:
     assert "obstacle" in step.text
 
 
+def test_a_recovery_tries_other_ways_where_something_else_stops_the_robot() -> None:
+    """Each for a second: it turns the other way round, and backs up on arcs; then the behaviour is over."""
+    costmap, pose = room(), Pose2(2.5, 2.5, 0.0)
+    for behavior, ways in (("spin", 2), ("back_up", 5)):
+        recovery = Recovery(RecoveryOptions(behaviors=(behavior,)))  # type: ignore[arg-type]
+        recovery.begin(0.0, pose, "blocked")
+        tried: list[Velocity] = []
+        for tick in range(100):
+            step = recovery.step(0.1 * tick, pose, costmap, is_stopped=True)
+            if step.is_over:
+                break
+            tried.append(step.velocity)
+        assert len(set(tried)) == ways
+        assert len(tried) == pytest.approx(ways * 10, abs=2 * ways)
+        assert {math.copysign(1.0, velocity.turn) for velocity in tried} == {1.0, -1.0}
+        assert all((velocity.x < 0.0) == (behavior == "back_up") for velocity in tried)
+
+
 def test_a_scan_marks_and_clears_and_teammates_come_and_go() -> None:
     """What a laser meets is lethal until a beam goes through it; a teammate is lethal where it is now."""
     costmap = room()

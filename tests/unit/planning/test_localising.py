@@ -12,9 +12,10 @@ from zteam.compiling.takeover import prepare
 from zteam.geometry import Pose2, normalize_angle
 from zteam.planning.amcl import Amcl
 from zteam.planning.amcl_options import AmclOptions
+from zteam.planning.clusters import label_clusters
 from zteam.planning.grid import GridMap, make_map
 from zteam.planning.jit import PLANNING
-from zteam.planning.particles import BIN_SIZE, kld_limits, label_clusters, move_differential
+from zteam.planning.particles import BIN_SIZE, kld_limits, move_differential
 from zteam.planning.scans import Scan, Teammate
 
 RESOLUTION = 0.05

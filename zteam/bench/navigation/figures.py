@@ -4,12 +4,13 @@ import math
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-import msgspec
 import numpy as np
 
 from zteam.bench.navigation.driving import Drive, drive_way, make_engine, wander
+from zteam.bench.navigation.row import NavFigure, Progress
 from zteam.bench.navigation.scenarios import measure_scenarios
 from zteam.bench.navigation.scene import costmap_of, find_map, find_starts, find_ways, make_robot, outline_of, scan_of
+from zteam.bench.navigation.team_rows import TEAM_ROWS
 from zteam.clock import process_time
 from zteam.geometry import Pose2
 from zteam.planning.amcl import Amcl
@@ -19,7 +20,7 @@ from zteam.planning.footprint import make_circle
 from zteam.planning.planner import AStarPlanner
 from zteam.planning.search import length_of
 from zteam.sim import Options
-from zteam.world import World
+from zteam.world import World, load_world
 
 FINE, COARSE = 0.025, 0.05
 """Metres a cell: for search and costmap, and for localisation."""
@@ -32,26 +33,16 @@ _LOST_FOR = 60.0
 """Simulated seconds in which it must be found, and stay so."""
 
 
-class NavFigure(msgspec.Struct):
-    """One figure."""
-
-    what: str
-    value: float
-    unit: str
-    must: float | None = None
-    """At most this; for shares, at least."""
-    detail: str = ""
-
-
-Progress = Callable[[str, int, int], None]
-
-
 def measure_navigation(
-    world: World, rows: list[str], tours: int, scenarios: Path | None, progress: Progress
+    path: Path, rows: list[str], tours: int, scenarios: Path | None, progress: Progress
 ) -> Iterator[NavFigure]:
-    """The rows of ROWS that are asked for, and MovingAI's scenarios in a folder, if one is given."""
+    """The rows of ROWS and TEAM_ROWS that are asked for, and MovingAI's scenarios in a folder, if one is given."""
+    world = load_world(path)
     for row in rows:
-        yield from ROWS[row](world, tours, progress)
+        if row in TEAM_ROWS:
+            yield from TEAM_ROWS[row](path, world, tours, progress)
+        else:
+            yield from ROWS[row](world, tours, progress)
     if scenarios is not None:
         yield from (
             NavFigure(f"{name}: lines whose length is the optimal one", share, "share", 1.0, detail)

@@ -1,16 +1,14 @@
 """What has come for one robot, and what the team's transforms say of it. It knows no bus."""
 
-import math
 from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
 from zteam import names
 from zteam.base import DEFAULT_BASE, Base
-from zteam.geometry import Pose2, yaw_from_quaternion
+from zteam.geometry import Pose2
 from zteam.messages import (
     LaserScan,
     Odometry,
-    Pose,
     PoseStamped,
     PoseWithCovarianceStamped,
     RobotDriver,
@@ -56,6 +54,8 @@ class Inputs:
         self.status: RobotStatus | None = None
         self.goal: PoseStamped | None = None
         """A goal that has come since the last step."""
+        self.unreadable_goal = ""
+        """What is wrong with one that the bus dropped; empty without one."""
         self.initial_pose: PoseWithCovarianceStamped | None = None
         """In the same way."""
         self.stamps: dict[str, int] = {}
@@ -119,12 +119,3 @@ class Inputs:
     def is_stopped(self) -> bool:
         """Whether something else than its own commands stops the robot, such as its safety layer."""
         return self.status is not None and bool(self.status.reason)
-
-
-def planar(pose: Pose) -> Pose2 | None:
-    """A pose of the wire in the plane; None if it is not finite or its orientation is no rotation."""
-    p, q = pose.position, pose.orientation
-    norm = math.hypot(q.x, q.y, q.z, q.w)
-    if not all(map(math.isfinite, (p.x, p.y, norm))) or not 0.9 < norm < 1.1:
-        return None
-    return Pose2(p.x, p.y, yaw_from_quaternion(q.x / norm, q.y / norm, q.z / norm, q.w / norm))

@@ -11,11 +11,12 @@ from zteam import names
 from zteam.counter_random import gaussians, stream
 from zteam.geometry import Pose2
 from zteam.messages import PoseWithCovarianceStamped
-from zteam.nodes.navigation.inputs import OLD, Inputs, planar
+from zteam.nodes.navigation.inputs import OLD, Inputs
 from zteam.planning.amcl import Amcl
 from zteam.planning.grid import GridMap
 from zteam.planning.parameters import FakeOptions, Parameters
 from zteam.planning.scans import Scan, Teammate, seen_from
+from zteam.services.poses import planar
 
 Floats = NDArray[np.float64]
 

@@ -14,8 +14,9 @@ from zteam import names
 from zteam.base import Base, BaseOverride, base_of, override_base
 from zteam.bus import NoRequest
 from zteam.bus.presence import Claim, own_info
+from zteam.bus.transport import RawSample
 from zteam.compiling.takeover import Takeover
-from zteam.geometry import Pose2
+from zteam.errors import DecodeError, UsageError
 from zteam.messages import (
     BaseInfo,
     LaserScan,
@@ -26,18 +27,20 @@ from zteam.messages import (
     PoseWithCovarianceStamped,
     RobotStatus,
     Tick,
+    decode,
     ns_from_time,
 )
 from zteam.nodes.navigation.costmaps import StaticCostmaps
-from zteam.nodes.navigation.inputs import Inputs, planar
+from zteam.nodes.navigation.inputs import Inputs
 from zteam.nodes.navigation.outputs import Outputs
 from zteam.nodes.navigation.plugins import make_planner
 from zteam.nodes.navigation.robot import RobotNavigation
 from zteam.nodes.navigation.transforms import TeamTransforms
-from zteam.planning.grid import GridMap, make_map
+from zteam.planning.grid import GridMap
 from zteam.planning.parameters import Parameters
 from zteam.planning.planner import Planner
 from zteam.runtime.step_node import StepNode
+from zteam.services.maps import map_grid
 from zteam.services.navigation import (
     CANCEL,
     GLOBAL_LOCALIZATION,
@@ -108,6 +111,7 @@ class NavigationNode:
             inputs.needs_truth = True
             self._listen(inputs, names.GROUND_TRUTH, Odometry, "truth")
         self._listen(inputs, names.GOAL_POSE, PoseStamped, "goal")
+        _listen_for_unreadable_goals(node, inputs)
         self._listen(inputs, names.INITIAL_POSE, PoseWithCovarianceStamped, "initial_pose")
         self._listen(inputs, names.STATUS, RobotStatus, "status")
         info = own_info(node.name, node.bus.instance, node.claim.start)
@@ -137,8 +141,8 @@ class NavigationNode:
 
     def _on_map(self, _key: str, message: OccupancyGrid) -> None:
         try:
-            grid = read_grid(message)
-        except ValueError as error:
+            grid = map_grid(message)
+        except UsageError as error:
             log.warning("the map that has come does not count: %s", error)
             return
         if self._grid is not None and grid.frame == self._grid.frame and np.array_equal(grid.cells, self._grid.cells):
@@ -208,28 +212,26 @@ class NavigationNode:
                 robot.halt()
 
 
+def _listen_for_unreadable_goals(node: StepNode, inputs: Inputs) -> None:
+    """The bus drops a goal that cannot be read, such as one with NaN: the robot stops and says so all the same."""
+
+    def check(sample: RawSample) -> None:
+        if not isinstance(sample.content, bytes):
+            return
+        try:
+            decode(PoseStamped, sample.content)
+        except DecodeError as error:
+            with node.changed:
+                inputs.unreadable_goal = str(error)
+
+    node.bus.subscribe_raw(names.robot_key(inputs.robot_id, names.GOAL_POSE), check)
+
+
 class _Release:
     """Gives a claimed name back where other things of a process are closed."""
 
     def __init__(self, claim: Claim) -> None:
         self.close = claim.release
-
-
-def read_grid(message: OccupancyGrid) -> GridMap:
-    """The map in a message. Raises ValueError for one that is none."""
-    info = message.info
-    if message.data.size != info.width * info.height or not message.data.size:
-        raise ValueError(f"{info.width} x {info.height} cells, and {message.data.size} values")
-    origin = planar(info.origin)
-    if origin is None:
-        raise ValueError("its origin is no pose in the plane")
-    cells = np.array(message.data, np.int8).reshape(info.height, info.width)
-    return make_map(cells, _resolution(info.resolution), Pose2(*origin))
-
-
-def _resolution(value: float) -> float:
-    """A resolution as it was written: the float32 of the wire has 7 digits, and 0.05 is none of them."""
-    return float(f"{value:.7g}")
 
 
 def run_navigation(node: StepNode, options: NavigationOptions, later: Takeover | None = None) -> None:

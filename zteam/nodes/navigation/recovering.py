@@ -48,7 +48,7 @@ class Recovering:
         """What to do now."""
         options, pose = self._options, moment.sight.pose
         clears = options.behaviors[(self._recovery.count - 1) % len(options.behaviors)] == "clear_costmap"
-        step = self._recovery.step(moment.now, pose, costmaps.local)
+        step = self._recovery.step(moment.now, pose, costmaps.local, is_stopped=moment.is_stopped)
         if clears:
             costmaps.clear_around(pose, options.clear_distance)
         return step

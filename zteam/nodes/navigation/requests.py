@@ -3,8 +3,9 @@
 from zteam import names
 from zteam.geometry import Pose2
 from zteam.messages import PoseStamped, PoseWithCovarianceStamped
-from zteam.nodes.navigation.inputs import Inputs, planar
+from zteam.nodes.navigation.inputs import Inputs
 from zteam.nodes.navigation.way import Goal
+from zteam.services.poses import planar
 
 
 def read_goal(message: PoseStamped, inputs: Inputs) -> Goal | str:

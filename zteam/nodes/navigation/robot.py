@@ -5,6 +5,7 @@ from collections.abc import Collection
 
 from zteam import names
 from zteam.geometry import Pose2
+from zteam.messages import PoseStamped
 from zteam.nodes.navigation.costmaps import Costmaps, Sight, StaticCostmaps
 from zteam.nodes.navigation.inputs import OLD, Inputs
 from zteam.nodes.navigation.localisers import Localiser, deviations_of, make_localiser
@@ -17,6 +18,7 @@ from zteam.planning.collisions import Velocity
 from zteam.planning.grid import GridMap
 from zteam.planning.parameters import Parameters
 from zteam.planning.planner import Planner
+from zteam.services.poses import is_finite
 
 log = logging.getLogger("zteam")
 
@@ -114,11 +116,16 @@ class RobotNavigation:
 
     def _take_goal(self) -> None:
         message, self.inputs.goal = self.inputs.goal, None
+        unreadable, self.inputs.unreadable_goal = self.inputs.unreadable_goal, ""
+        if unreadable:
+            self.navigator.refuse(PoseStamped(), f"the goal cannot be read: {unreadable}")
         if message is None:
             return
         goal = read_goal(message, self.inputs)
         if isinstance(goal, str):
-            self.navigator.refuse(message, goal)
+            # A status with numbers that are not finite would be dropped.
+            told = message if is_finite(message.pose) else PoseStamped(message.header)
+            self.navigator.refuse(told, goal)
         else:
             self.navigator.accept(goal)
 
@@ -160,8 +167,9 @@ class RobotNavigation:
         if held := self.inputs.is_held():
             return navigator.wait(time, held, patiently=True)
         assert sight is not None and self._costmaps is not None
-        pending = STOP if self.inputs.is_stopped() else self._command
-        return navigator.step(Moment(time, seconds, sight, pending), self._costmaps)
+        is_stopped = self.inputs.is_stopped()
+        pending = STOP if is_stopped else self._command
+        return navigator.step(Moment(time, seconds, sight, pending, is_stopped), self._costmaps)
 
 
 def _problem(inputs: Inputs, localiser: Localiser | None, sight: Sight | None) -> str:

@@ -39,6 +39,8 @@ class Moment(NamedTuple):
     sight: Sight
     pending: Velocity
     """The command that moves the robot until the one of this step does."""
+    is_stopped: bool = False
+    """Whether something else, such as its safety layer, does not let the robot move."""
 
 
 class Way:

@@ -2,16 +2,18 @@
 
 import math
 import tempfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import msgspec
 
 from zteam import names
+from zteam.bench.navigation.scene import BEAMS
+from zteam.bench.running import run_processes, write_world
 from zteam.counter_random import uniform
 from zteam.geometry import Pose2, quaternion_from_yaw
 from zteam.in_process.team_run import run_team
+from zteam.launch.report import RunReport
 from zteam.messages import (
     Bool,
     Header,
@@ -49,23 +51,17 @@ class Goals(msgspec.Struct):
 class TeamFigures(msgspec.Struct):
     """A run."""
 
-    name: str
-    robots: int
-    seconds: float
-    """Simulated."""
-    goals: list[Goals]
+    robots: list[Goals]
     distance_m: float
     tick_ms: float
     """Mean milliseconds of the navigation process a tick and robot."""
     rtf: float | None
-    rss_mb: float
-    """The whole process, with simulator and all."""
 
 
 class Sender:
     """A node that gives each robot its next goal when it has reached or given up the last one."""
 
-    def __init__(self, node: StepNode, goals: dict[int, list[Pose2]], found: dict[int, Goals]) -> None:
+    def __init__(self, node: StepNode, goals: Mapping[int, Sequence[Pose2]], found: dict[int, Goals]) -> None:
         self._goals, self._found = goals, found
         self._next = dict.fromkeys(goals, 0)
         self._busy = dict.fromkeys(goals, False)
@@ -128,12 +124,11 @@ def _id_of(key: str) -> int:
 
 
 def drive(
-    name: str,
     world: Path,
-    starts: dict[int, Pose2],
-    goals: dict[int, list[Pose2]],
+    starts: Mapping[int, Pose2],
+    goals: Mapping[int, Sequence[Pose2]],
     seconds: float,
-    table: dict[str, Any],
+    localizer: str,
     *,
     seed: int = 1,
 ) -> TeamFigures:
@@ -144,33 +139,46 @@ def drive(
         node.run(Sender(node, goals, found).step)
 
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "team.toml"
-        path.write_text(_team(world, starts, table), encoding="utf-8")
+        path = write_team(Path(folder), world, starts, localizer)
         report = run_team(path, seconds=seconds, seed=seed, nodes={"goals": sender})
-    first = names.navigation_name(min(goals))
     return TeamFigures(
-        name=name,
-        robots=len(goals),
-        seconds=seconds,
-        goals=list(found.values()),
+        robots=list(found.values()),
         distance_m=sum(robot.distance_m for robot in report.robots),
-        tick_ms=report.rounds[first].act / len(goals),
+        tick_ms=report.rounds[names.navigation_name(min(goals))].act / len(goals),
         rtf=report.real_time_factor,
-        rss_mb=max(process.rss_mb for process in report.processes),
     )
 
 
-def _team(world: Path, starts: dict[int, Pose2], table: dict[str, Any]) -> str:
-    lines = ["[team]", f"world = {str(world.resolve())!r}", "world_robots = false", "[simulation]"]
+def drive_in_processes(
+    world: Path, starts: Mapping[int, Pose2], goals: Mapping[int, Sequence[Pose2]], seconds: float, localizer: str
+) -> RunReport:
+    """The same with a process for each robot, one for the navigation of all of them, and `zteam goals`."""
+    listed = [{"robot": i, "x": p.x, "y": p.y, "yaw": p.yaw} for i, places in goals.items() for p in places]
+    with tempfile.TemporaryDirectory() as folder:
+        path = write_team(Path(folder), world, starts, localizer)
+        file = path.with_name("goals.json")
+        # JSON is YAML.
+        file.write_bytes(msgspec.json.encode(listed))
+        command = ["zteam", "goals", str(file)]
+        with path.open("a", encoding="utf-8") as team:
+            team.write(f'[[nodes]]\nname = "goals"\ncommand = {command}\nexpect = true\n')
+        return run_processes([str(path), "--lockstep", "--for", str(seconds)], Path(folder), world, seconds)
+
+
+def write_team(folder: Path, world: Path, starts: Mapping[int, Pose2], localizer: str) -> Path:
+    """A team file in `folder`: robots with the lectures' laser there, whose odometry errs by alphas of 0.2."""
+    write_world(world, BEAMS, folder / "bench.world")
+    lines = ["[team]", 'world = "bench.world"', "world_robots = false", "[simulation]"]
     lines.append("odom_alphas = [0.2, 0.2, 0.2, 0.2]")
     for robot_id, pose in starts.items():
-        lines += ["[[robots]]", f"id = {robot_id}", 'model = "erratic"', f"pose = [{pose.x}, {pose.y}, {pose.yaw}]"]
-        lines.append("[robots.navigation]")
-        lines += [f"{key} = {msgspec.json.encode(value).decode()}" for key, value in table.items()]
-    return "\n".join(lines) + "\n"
+        lines += ["[[robots]]", f"id = {robot_id}", 'model = "bench_robot"']
+        lines += [f"pose = [{pose.x}, {pose.y}, {pose.yaw}]", f'navigation = {{ localizer = "{localizer}" }}']
+    path = folder / "team.toml"
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return path
 
 
-def draw_goals(places: Sequence[tuple[float, float]], count: int, seed: int, robot_id: int) -> list[Pose2]:
+def draw_goals(places: Sequence[Pose2], count: int, seed: int, robot_id: int) -> list[Pose2]:
     """`count` of these places in an order that the seed gives, with any heading."""
     chosen: Iterable[int] = (int(uniform(seed, robot_id, k) * len(places)) for k in range(count))
-    return [Pose2(*places[i], math.tau * uniform(seed, robot_id, k, 1) - math.pi) for k, i in enumerate(chosen)]
+    return [places[i]._replace(yaw=math.tau * uniform(seed, robot_id, k, 1) - math.pi) for k, i in enumerate(chosen)]

@@ -1,0 +1,108 @@
+"""The controller against outlines placed along arcs in small steps."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from support.planning_cases import seeds
+from zteam.compiling.takeover import prepare
+from zteam.geometry import Pose2
+from zteam.planning.collisions import Velocity, find_hit, time_to_collision
+from zteam.planning.controller import BlockedError, RegulatedPurePursuit
+from zteam.planning.costmap import Costmap, CostmapOptions, make_costmap
+from zteam.planning.costs import LETHAL_OBSTACLE
+from zteam.planning.footprint import make_circle, make_footprint, place
+from zteam.planning.grid import make_map
+from zteam.planning.jit import PLANNING
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _compiled() -> None:
+    prepare(PLANNING)
+
+
+def touched(costmap: Costmap, pose: Pose2) -> set[tuple[int, int]]:
+    """Lethal cells that the outline covers, found by points along it and within it."""
+    corners = place(costmap.footprint, *pose)
+    ends = np.roll(corners, -1, axis=0)
+    share = np.linspace(0.0, 1.0, 60)[:, None]
+    outline = np.concatenate([a + share * (b - a) for a, b in zip(corners, ends, strict=True)])
+    # The outlines of this test are convex and hold the origin: shrunk ones fill them.
+    points = np.concatenate([np.array(pose[:2]) + scale * (outline - pose[:2]) for scale in np.linspace(0, 1, 9)])
+    found = np.unique(np.floor(costmap.frame.points_to_cells(points)).astype(int), axis=0)
+    rows, columns = costmap.costs.shape
+    return {
+        (row, column)
+        for column, row in found.tolist()
+        if not (0 <= row < rows and 0 <= column < columns) or costmap.costs[row, column] == LETHAL_OBSTACLE
+    }
+
+
+OUTLINES = st.sampled_from(
+    [make_circle(0.2), make_footprint([(0.125, 0.175), (-0.225, 0.175), (-0.225, -0.175), (0.125, -0.175)])]
+)
+
+
+def drive(pose: Pose2, velocity: Velocity, seconds: float) -> Pose2:
+    """Along the exact arc."""
+    half = 0.5 * velocity.turn * seconds
+    chord = velocity.x * seconds * (math.sin(half) / half if abs(half) > 1e-9 else 1.0)
+    return pose.compose(Pose2(chord * math.cos(half), chord * math.sin(half), 2.0 * half))
+
+
+@settings(max_examples=20)
+@given(seeds, OUTLINES, st.floats(0.0, 0.03))
+def test_no_command_takes_the_robot_into_a_lethal_cell(seed: int, outline: object, share: float) -> None:
+    """Whatever the path, the place and the speed: while a command holds, the outline enters no lethal cell."""
+    rng = np.random.default_rng(seed)
+    cells = np.where(rng.random((40, 40)) < share, 100, 0).astype(np.int8)
+    costmap = make_costmap(make_map(cells, 0.05), outline, CostmapOptions(inflation_radius=0.4))  # type: ignore[arg-type]
+    pose = Pose2(*rng.uniform(0.4, 1.6, 2).tolist(), float(rng.uniform(-3, 3)))
+    turns = np.cumsum(rng.normal(0.0, 0.2, 40))
+    steps = 0.05 * np.stack((np.cos(turns), np.sin(turns)), axis=1)
+    path = np.column_stack((np.array(pose[:2]) + rng.normal(0, 0.1, 2) + np.cumsum(steps, axis=0), turns))
+    controller = RegulatedPurePursuit()
+    controller.set_path(path)
+    velocity = Velocity(float(rng.uniform(0, 0.5)), 0.0, float(rng.uniform(-1.8, 1.8)))
+    for _ in range(8):
+        try:
+            velocity = controller.command(costmap, pose, velocity, 0.1)
+        except BlockedError:
+            return
+        at_first = touched(costmap, pose)
+        for part in (0.25, 0.5, 0.75, 1.0):
+            assert touched(costmap, drive(pose, velocity, 0.1 * part)) <= at_first
+        pose = drive(pose, velocity, 0.1)
+
+
+@settings(max_examples=25)
+@given(seeds, OUTLINES)
+def test_the_time_to_a_collision_is_that_of_small_steps(seed: int, outline: object) -> None:
+    """The first touch along an arc comes when a walk in small steps finds it, within what two poses are apart."""
+    rng = np.random.default_rng(seed)
+    cells = np.where(rng.random((40, 40)) < 0.02, 100, 0).astype(np.int8)
+    costmap = make_costmap(make_map(cells, 0.05), outline)  # type: ignore[arg-type]
+    pose = Pose2(1.0, 1.0, float(rng.uniform(-3, 3)))
+    velocity = Velocity(float(rng.uniform(-0.5, 0.5)), 0.0, float(rng.uniform(-1.5, 1.5)))
+    at_first = touched(costmap, pose)
+    moments = np.linspace(0.0, 1.0, 81)[1:]
+    first = next((t for t in moments if not touched(costmap, drive(pose, velocity, t)) <= at_first), math.inf)
+    found = time_to_collision(costmap, pose, velocity, 1.0)
+    assert found <= first
+    if math.isinf(first) and math.isfinite(found):
+        # It keeps a twentieth of a cell, and cells that it merely comes near to count as well.
+        near = make_footprint(costmap.footprint.corners, 0.006)
+        wide = Costmap(costmap.frame, near)
+        wide.costs = costmap.costs
+        assert not touched(wide, drive(pose, velocity, found + 0.03)) <= at_first
+
+
+def test_outside_of_the_grid_is_lethal() -> None:
+    """A robot on the edge of the map touches what is beyond."""
+    costs = np.zeros((10, 10), np.uint8)
+    corners = make_circle(0.2).corners / 0.05
+    assert find_hit(costs, corners, 5.0, 5.0, 0.0, np.zeros(3), 0) == -1
+    assert find_hit(costs, corners, 2.0, 5.0, 0.0, np.zeros(3), 0) == 0

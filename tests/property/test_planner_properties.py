@@ -1,0 +1,139 @@
+"""The planner against Dijkstra and against small steps, and compiled kernels against plain ones."""
+
+import heapq
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from support.planning_cases import both_ways, random_cells, seeds, shares
+from zteam.compiling.takeover import prepare
+from zteam.planning.costs import LETHAL_OBSTACLE
+from zteam.planning.jit import PLANNING
+from zteam.planning.lines import measure_line, measure_lines
+from zteam.planning.search import Field, length_of
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _compiled() -> None:
+    prepare(PLANNING)
+
+
+def dijkstra(free: np.ndarray, start: tuple[int, int]) -> dict[tuple[int, int], float]:
+    """Octile distances without the cutting of corners."""
+    found, queue = {}, [(0.0, start)]
+    rows, columns = free.shape
+
+    def is_free(row: int, column: int) -> bool:
+        return 0 <= row < rows and 0 <= column < columns and bool(free[row, column])
+
+    while queue:
+        cost, (row, column) = heapq.heappop(queue)
+        if (row, column) in found:
+            continue
+        found[row, column] = cost
+        for dr in (-1, 0, 1):
+            for dc in (-1, 0, 1):
+                if is_free(row + dr, column + dc) and is_free(row + dr, column) and is_free(row, column + dc):
+                    heapq.heappush(queue, (cost + math.hypot(dr, dc), (row + dr, column + dc)))
+    return found
+
+
+@settings(max_examples=30)
+@given(seeds, shares)
+def test_the_search_finds_the_shortest_way_or_that_there_is_none(seed: int, share: float) -> None:
+    """On maps at random its length is Dijkstra's, compiled and plain alike."""
+    free = ~random_cells(seed, share)
+    rng = np.random.default_rng(seed)
+    if not free.any():
+        return
+    cells = np.argwhere(free)
+    start, goal = (tuple(cells[rng.integers(len(cells))].tolist()) for _ in range(2))
+    expected = dijkstra(free, start).get(goal)
+    field = Field(*free.shape)
+    field.set_free(free)
+    way = field.find_way(start, goal)
+    PLANNING.use_plain()
+    plain = field.find_way(start, goal)
+    PLANNING.use_compiled()
+    assert (way is None) == (plain is None) == (expected is None)
+    if way is not None and plain is not None and expected is not None:
+        assert np.array_equal(way, plain)
+        assert length_of(way) == pytest.approx(expected, rel=1e-4)
+        assert (way[0].tolist(), way[-1].tolist()) == ([start[1], start[0]], [goal[1], goal[0]])
+        assert all(free[row, column] for column, row in way.tolist())
+        assert np.abs(np.diff(way, axis=0)).max(initial=0) <= 1
+
+
+@settings(max_examples=30)
+@given(seeds, shares, st.floats(0.0, 4.0))
+def test_a_way_near_a_goal_ends_at_the_nearest_cell_that_can_be_reached(
+    seed: int, share: float, tolerance: float
+) -> None:
+    """Whether the goal is blocked, cut off or outside."""
+    free = ~random_cells(seed, share)
+    rng = np.random.default_rng(seed)
+    if not free.any():
+        return
+    cells = np.argwhere(free)
+    start = tuple(cells[rng.integers(len(cells))].tolist())
+    goal = tuple(rng.integers(-3, 27, 2).tolist())
+    field = Field(*free.shape)
+    field.set_free(free)
+    near = min((math.dist(cell, goal) for cell in dijkstra(free, start)), default=math.inf)
+    way = field.find_way(start, goal, tolerance)
+    if near > tolerance:
+        assert way is None
+    else:
+        assert way is not None
+        assert math.dist(way[-1], (goal[1], goal[0])) == near
+
+
+@settings(max_examples=30)
+@given(seeds, shares)
+def test_straight_ways_cost_no_more_and_are_free(seed: int, share: float) -> None:
+    """Any-angle ways join the same ends at most at the cost of the cells' way, compiled and plain alike."""
+    rng = np.random.default_rng(seed)
+    costs = rng.integers(0, 254, (40, 40)).astype(np.uint8)
+    costs[rng.random(costs.shape) < 0.6] = 0
+    costs[rng.random(costs.shape) < 0.6 * share] = LETHAL_OBSTACLE
+    field = Field(*costs.shape)
+    field.set_costs(costs, 50, 0.8, allow_unknown=True)
+    free = np.argwhere(costs < 253)
+    start, goal = (tuple(free[rng.integers(len(free))].tolist()) for _ in range(2))
+    way = field.find_way(start, goal)
+    if way is None:
+        return
+    corners = field.shorten(way)
+    assert field.cost_of(corners) <= field.cost_of(way) * (1.0 + 1e-9)
+    assert np.array_equal(corners[[0, -1]], way[[0, -1]])
+    PLANNING.use_plain()
+    assert np.array_equal(field.shorten(way), corners)
+    PLANNING.use_compiled()
+
+
+@settings(max_examples=30)
+@given(seeds, shares)
+def test_a_line_costs_the_integral_along_it(seed: int, share: float) -> None:
+    """As a walk in a thousand small steps finds it; a line through a blocked cell costs inf."""
+    rng = np.random.default_rng(seed)
+    weights = rng.integers(1, 255, (14, 17)).astype(np.uint8)
+    weights[rng.random(weights.shape) < 0.3 * share] = 0
+    weights[[0, -1]] = weights[:, [0, -1]] = 0
+    ends = rng.integers(1, 12, (20, 2, 2))
+    begins, stops = np.ascontiguousarray(ends[:, 0]), np.ascontiguousarray(ends[:, 1])
+    flat = weights.reshape(-1)
+    first, second = both_ways(lambda out: measure_lines(flat, 17, begins, stops, out), np.empty(20))
+    assert np.array_equal(first, second)
+    for (x0, y0), (x1, y1), cost in zip(begins.tolist(), stops.tolist(), first[0].tolist(), strict=True):
+        share_of_way = (np.arange(4000) + 0.5) / 4000
+        x, y = x0 + 0.5 + (x1 - x0) * share_of_way, y0 + 0.5 + (y1 - y0) * share_of_way
+        passed = weights[np.floor(y).astype(int), np.floor(x).astype(int)].astype(float)
+        if math.isfinite(cost):
+            assert cost == pytest.approx(passed.mean() * math.dist((x0, y0), (x1, y1)), rel=0.02, abs=0.5)
+        elif (passed > 0).all():
+            # Through a corner between two cells, one of which is blocked.
+            assert abs(x1 - x0) and abs(y1 - y0)
+        assert measure_line(flat, 17, x0, y0, x1, y1, math.inf) == cost
