@@ -97,9 +97,11 @@ def _meets(
     for other_x, other_y, velocity_x, velocity_y in around:
         closing_x, closing_y = x - velocity_x, y - velocity_y
         closing = other_x * closing_x + other_y * closing_y
-        if closing <= 0.0:
+        square = closing_x * closing_x + closing_y * closing_y
+        # The square of a velocity that is next to nothing is 0.
+        if closing <= 0.0 or not square:
             continue
-        when = min(closing / (closing_x * closing_x + closing_y * closing_y), horizon)
+        when = min(closing / square, horizon)
         if math.hypot(other_x - when * closing_x, other_y - when * closing_y) < distance:
             return True
     return False

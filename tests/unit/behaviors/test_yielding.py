@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from zteam.behaviors.yielding import HORIZON, Other, Others, give_way, is_free
@@ -64,6 +64,7 @@ def test_a_heading_that_does_not_point_along_the_velocity_is_looked_at_too() -> 
 
 
 @given(speeds, speeds, others)
+@example(-1e-198, 0.0, [Other(-1.0, 0.0)])
 def test_no_robot_is_driven_into(x: float, y: float, around: list[Other]) -> None:
     """A robot that is not near yet keeps its distance, while all drive straight on; it is never faster than asked."""
     taken = give_way(ORIGIN, x, y, around, ROOM)
