@@ -97,9 +97,11 @@ class Surroundings:
     def __init__(self, outline: Outline) -> None:
         self._outline = outline
         self._words = LastWords()
-        self._memory = ScanMemory(outline.rear, outline.front, outline.half_width)
+        self._memory = ScanMemory(outline.rear, outline.front, outline.half_width, outline.radius)
         self._lasers: dict[str, Pose2] = {}
         """The pose of each laser in the base frame, by its frame: it is fixed there."""
+        self._has_room = True
+        """As it says below, where that is known: driving forwards with a laser that looks round, it stays so."""
         self.sight: Sight | None = None
         """None without usable beams."""
 
@@ -118,6 +120,7 @@ class Surroundings:
             pose = _pose_of(view.odom)
             if math.isfinite(pose.x + pose.y + pose.yaw) and self._memory.move(pose):
                 self._memory.keep(self.sight.sectors, nearest, laser)
+            self._has_room &= self._memory.ahead >= 0.0 and self.sight.covers(LOOKS_ROUND)
 
     def sees_all(self, speed: float) -> bool:
         """Whether a laser looks at all that the base drives to at this speed (m/s): forwards, and it looks round."""
@@ -128,18 +131,18 @@ class Surroundings:
         """Whether some beams see nothing."""
         return self.sight is not None and self.sight.silent is not None
 
-    def points(self, box: Box, reach: float, *, looks_back: bool) -> Floats:
+    def points(self, box: Box, reach: float, back: float) -> Floats:
         """(2, n): what stands in a box of the base frame, or a little outside, and within `reach` (m) of the base.
 
-        `looks_back` asks the memory too.
+        The memory is asked for what is within `back` (m); with 0 it is not asked.
         """
         sight = self.sight
         if sight is None:
             return NO_POINTS
         hits = sight.hits(box, reach)
-        if not looks_back or not self._memory.may_hide(reach):
+        if back <= 0.0 or not self._memory.may_hide(back):
             return hits
-        hidden = self._memory.hidden(reach, sight.sectors, sight.laser)
+        hidden = self._memory.hidden(back, sight.sectors, sight.laser)
         return np.hstack((hits, hidden)) if hidden.size else hits
 
     def may_hide(self, reach: float) -> bool:
@@ -152,6 +155,13 @@ class Surroundings:
         if self.sight is not None:
             unseen &= ~self.in_view(points)
         return unseen
+
+    def has_room(self) -> bool:
+        """Whether the ground within the circle of the corners was seen, or the base was put down there."""
+        if not self._has_room:
+            room = self._outline.room
+            self._has_room = not self.never_seen(room[:, self._outline.distances(room) > 0.0]).any()
+        return self._has_room
 
     def in_view(self, points: Floats) -> Flags:
         """Towards which points of the base frame the laser looks, whether it sees something there or not."""
