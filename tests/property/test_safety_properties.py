@@ -12,9 +12,7 @@ from numpy.typing import NDArray
 from support.flat_floor import BEAMS, FOV, LASER, TICK, Segment, cast, drive, make_odometry, make_scan, make_view
 from zteam.base import Base
 from zteam.behaviors import SafetyLayer
-from zteam.behaviors.safety.blindness import CREEP
 from zteam.behaviors.safety.limits import Limits, Motion
-from zteam.behaviors.safety.memory import SPAN
 from zteam.behaviors.safety.swept import Arc, Outline, margin_of, meeting_time, outline_of, swept_box
 from zteam.behaviors.safety.zones import zone_of
 from zteam.geometry import Pose2
@@ -147,6 +145,10 @@ posts = st.tuples(st.floats(-2.0, 2.0), st.floats(-2.0, 2.0))
 scripts = st.lists(st.tuples(commands, st.integers(1, 15)), min_size=1, max_size=8)
 Script = Sequence[tuple[tuple[float, float], int]]
 
+CREEP = 0.1
+"""m/s of the fastest corner into ground never seen."""
+SPAN = 3.0
+"""Metres of travel for which what was seen counts."""
 WITHIN = 0.02
 """Metres from a beam's end, besides the way from beam to beam there, at which a place counts as shown."""
 
@@ -199,8 +201,14 @@ def walk(script: Script, places: Sequence[tuple[float, float]], base: Base) -> C
 @given(scripts, st.lists(posts, max_size=5), st.booleans())
 # The rear swings out beside a post while speed and turn cannot be braked as fast as the cut asks for.
 @example([((0.2, 3.0), 4), ((0.2, 3.0), 15)], [(0.0, 0.51953125)], True)
-# The rear, which a turn on the spot brought to 5 mm, swings out at the start of an arc.
+# Of an arc a turn on the spot is left, beside a post that the laser does not see any more.
 @example([((1.0, -0.7), 17), ((0.0, -3.0), 6), ((1.0, -0.7), 1)], [(1.625, -0.75)], False)
+# Beside its way backwards stands what has shown a corner alone: the face beyond that was never seen.
+@example(
+    [((0.2, -0.7), 13), ((0.7, -3.0), 9), ((0.0, 0.0), 9), ((0.7, 0.7), 10), ((0.0, 0.7), 6), ((-1.0, 3.0), 14)],
+    [(0.0, -1.687864132921323), (0.4848614669391762, 0.6420127149483315), (-1.2113085850065122, 0.0)],
+    True,
+)
 # Straight behind stands what was never seen.
 @example([((-1.0, 0.0), 15), ((-1.0, 0.0), 15)], [(-0.6, 0.0)], False)
 def test_a_robot_touches_nothing_it_saw_and_creeps_to_what_it_never_saw(

@@ -54,7 +54,7 @@ def find_blind_spot(
         if around.sees_all(speed) and (not swings(outline, arc) or around.has_room()):
             return False, math.inf
     points, times = _on_the_way(outline.border if turn else leads, outline.radius, arc, seconds)
-    beyond = ~around.in_view(points) & (outline.distances(points) > 0.0)
+    beyond = ~around.sees(points) & (outline.distances(points) > 0.0)
     if not beyond.any():
         return False, math.inf
     unseen = around.never_seen(points[:, beyond])

@@ -199,9 +199,10 @@ class SafetyLayer:
             return Cut(Motion(0.0, asked.turn), f"blind {side}")
         if unseen >= approach.stop_seconds(asked):
             return Cut(asked, "")
-        share = max(approach.share(asked, unseen), CREEP / (abs(arc.speed) + abs(arc.turn) * self._outline.radius))
-        slow = self._limits.scale(asked, min(1.0, share))
-        return Cut(slow, "" if slow == asked else f"{CREEPS} {side} was never seen")
+        share = approach.share(asked, unseen)
+        least = min(1.0, CREEP / (abs(arc.speed) + abs(arc.turn) * self._outline.radius))
+        slow = self._limits.scale(asked, max(share, least))
+        return Cut(slow, f"{CREEPS} {side} was never seen" if share < least < 1.0 else "")
 
 
 def _avoid(cut: Cut, approach: Approach, obstacles: Obstacles) -> Cut:

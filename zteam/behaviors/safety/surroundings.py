@@ -153,7 +153,7 @@ class Surroundings:
         """Which points of the base frame neither the laser sees nor a remembered scan saw."""
         unseen = self._memory.never_seen(points)
         if self.sight is not None:
-            unseen &= ~self.in_view(points)
+            unseen &= ~self.sees(points)
         return unseen
 
     def has_room(self) -> bool:
@@ -172,6 +172,16 @@ class Surroundings:
         bearings = np.arctan2(points[1] - sight.laser.y, points[0] - sight.laser.x) - sight.laser.yaw
         places = np.remainder((bearings - start) * math.copysign(1.0, step), math.tau)
         seen: Flags = places <= abs(step) * (count - 0.5)
+        return seen
+
+    def sees(self, points: Floats) -> Flags:
+        """Which points of the base frame the laser looks to, and meets nothing before them."""
+        seen = self.in_view(points)
+        if self.sight is not None and seen.any():
+            x, y = points[0] - self.sight.laser.x, points[1] - self.sight.laser.y
+            cos, sin = math.cos(self.sight.laser.yaw), math.sin(self.sight.laser.yaw)
+            # NaN is no obstacle: beams that say nothing are judged by themselves.
+            seen &= ~(self.sight.sectors.look(cos * x + sin * y, cos * y - sin * x) < np.hypot(x, y))
         return seen
 
     def _find_laser(self, view: View, frame: str) -> Pose2:
