@@ -178,14 +178,19 @@ class SafetyLayer:
         cut = self._slow_down_blind(asked, approach, extra, view)
         if cut.motion != STANDING:
             free = _avoid(cut, approach, Obstacles(self._around, self._stoppers, mates, extra))
-            if abs(free.motion.x * asked.turn - asked.x * free.motion.turn) > LEAST:
-                # Another arc, over other ground.
+            if free.motion is not asked and self._is_another(free.motion, speed, turn):
+                # It leads over other ground.
                 slow = self._slow_down_blind(free.motion, approach, extra, view)
                 free = Cut(slow.motion, free.cause or slow.cause)
             cut = free
         is_stopped = (asked.x and not cut.motion.x) or cut.motion == STANDING
         self._held = _way_of(asked) if is_stopped else None
         return cut
+
+    def _is_another(self, motion: Motion, speed: float, turn: float) -> bool:
+        """Whether `motion` is on another arc than this one."""
+        left = self._limits.arc(motion)
+        return abs(left[0] * turn - speed * left[1]) > LEAST
 
     def _slow_down_blind(self, asked: Motion, approach: Approach, extra: float, view: View) -> Cut:
         """`asked` as far as the ground before it is seen."""

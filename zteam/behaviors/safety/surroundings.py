@@ -100,6 +100,7 @@ class Surroundings:
         self._memory = ScanMemory(outline.rear, outline.front, outline.half_width, outline.radius)
         self._lasers: dict[str, Pose2] = {}
         """The pose of each laser in the base frame, by its frame: it is fixed there."""
+        self._looks_round = False
         self._has_room = True
         """As it says below, where that is known: driving forwards with a laser that looks round, it stays so."""
         self.sight: Sight | None = None
@@ -107,7 +108,7 @@ class Surroundings:
 
     def take(self, view: View) -> None:
         """See what the view shows."""
-        self.sight = None
+        self.sight, self._looks_round = None, False
         assert view.scan is not None
         beams = beams_of(view.scan)
         if beams is None:
@@ -116,15 +117,17 @@ class Surroundings:
         nearest = beams.nearest if beams.all_speak else _nearest(distances)
         laser = self._find_laser(view, view.scan.header.frame_id)
         self.sight = Sight(beams, distances, silent, laser, nearest)
+        self._looks_round = self.sight.covers(LOOKS_ROUND)
         if view.odom is not None:
             pose = _pose_of(view.odom)
             if math.isfinite(pose.x + pose.y + pose.yaw) and self._memory.move(pose):
                 self._memory.keep(self.sight.sectors, nearest, laser)
-            self._has_room &= self._memory.ahead >= 0.0 and self.sight.covers(LOOKS_ROUND)
+            if self._memory.ahead < 0.0 or not self._looks_round:
+                self._has_room = False
 
     def sees_all(self, speed: float) -> bool:
         """Whether a laser looks at all that the base drives to at this speed (m/s): forwards, and it looks round."""
-        return speed > 0.0 and self.sight is not None and self.sight.covers(LOOKS_ROUND)
+        return speed > 0.0 and self._looks_round
 
     @property
     def is_blinded(self) -> bool:
