@@ -51,9 +51,10 @@ def find_blind_spot(
             in_view = around.in_view(points)
             if in_view.any() and _crosses(sight, dark, points[:, in_view]):
                 return True, math.inf
-        if around.sees_all(speed) and (not swings(outline, arc) or around.has_room()):
-            return False, math.inf
-    points, times = _on_the_way(outline.border if turn else leads, outline.radius, arc, seconds)
+    comes_out = bool(turn) if speed <= 0.0 else swings(outline, arc) and not around.has_room()
+    if around.sees_all(speed) and not comes_out:
+        return False, math.inf
+    points, times = _on_the_way(outline.border if comes_out else leads, outline.radius, arc, seconds)
     beyond = ~around.sees(points) & (outline.distances(points) > 0.0)
     if not beyond.any():
         return False, math.inf
