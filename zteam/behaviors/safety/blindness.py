@@ -5,16 +5,15 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.behaviors.safety.limits import Limits, Motion
 from zteam.behaviors.safety.surroundings import Sight, Surroundings
-from zteam.behaviors.safety.swept import Outline
+from zteam.behaviors.safety.swept import Arc, Outline, swings
 from zteam.behaviors.safety.teammates import Teammates
 from zteam.behaviors.view import View
 
 Floats = NDArray[np.float64]
 
 CREEP = 0.1
-"""m/s into ground never seen: a centimetre from one scan to the next."""
+"""m/s of the fastest corner into ground never seen: a centimetre from one scan to the next."""
 CREEPS = "creeps: the ground"
 """How the text of a robot begins that creeps."""
 LOOK_STEP = 0.1
@@ -26,27 +25,37 @@ DAZZLE_ANGLE = math.radians(5.0)
 dazzles, by 2 degrees in the simulator. The teammate itself is known from its pose."""
 
 
-def find_blind_spot(
-    outline: Outline, arc: tuple[float, float], seconds: float, around: Surroundings, mates: Teammates, view: View
-) -> tuple[bool, float]:
-    """Whether a beam towards the way at `arc` (m/s, rad/s) says nothing; and seconds until ground never seen.
+def is_surely_seen(outline: Outline, arc: Arc, around: Surroundings) -> bool:
+    """Whether there is no need to look for ground on this arc that is not seen; False says nothing."""
+    if arc.speed and (around.is_blinded or not around.sees_all(arc.speed)):
+        return False
+    return bool(arc.speed and not swings(outline, arc)) or around.has_room()
 
-    A turn on the spot needs no look: what is within the circle of the corners was seen, or the base was put there.
+
+def find_blind_spot(
+    outline: Outline, arc: Arc, seconds: float, around: Surroundings, mates: Teammates, view: View
+) -> tuple[bool, float]:
+    """Whether a beam towards the way on `arc` says nothing; and seconds until ground never seen.
+
+    Beams that say nothing do not count where the base turns on the spot.
     """
-    speed = arc[0]
-    if not speed:
-        return False, math.inf
+    speed, turn = arc
     sight = around.sight
     if sight is None and speed > 0.0:
         return True, math.inf
-    dark = np.empty(0) if sight is None or sight.silent is None else _unexplained(sight, mates.bearings(view))
-    if around.sees_all(speed) and not dark.size:
+    leads = outline.front_edge if speed > 0.0 else outline.rear_edge
+    if speed and sight is not None and sight.silent is not None:
+        dark = _unexplained(sight, mates.bearings(view))
+        if dark.size:
+            points, _ = _on_the_way(leads, outline.radius, arc, seconds)
+            in_view = around.in_view(points)
+            if in_view.any() and _crosses(sight, dark, points[:, in_view]):
+                return True, math.inf
+    comes_out = bool(turn) if speed <= 0.0 else swings(outline, arc) and not around.has_room()
+    if around.sees_all(speed) and not comes_out:
         return False, math.inf
-    points, times = _leading_points(outline, arc, seconds)
-    in_view = around.in_view(points)
-    if sight is not None and dark.size and in_view.any() and _crosses(sight, dark, points[:, in_view]):
-        return True, math.inf
-    beyond = ~in_view & (outline.distances(points) > 0.0)
+    points, times = _on_the_way(outline.border if comes_out else leads, outline.radius, arc, seconds)
+    beyond = ~around.sees(points) & (outline.distances(points) > 0.0)
     if not beyond.any():
         return False, math.inf
     unseen = around.never_seen(points[:, beyond])
@@ -55,18 +64,15 @@ def find_blind_spot(
     return False, first - float(times[0])
 
 
-def creep(limits: Limits, motion: Motion, share: float) -> Motion:
-    """`motion` at this share of its speed, but not slower than CREEP."""
-    speed = abs(limits.arc(motion)[0])
-    return limits.scale(motion, min(1.0, max(share, CREEP / speed)))
+def _on_the_way(edge: Floats, radius: float, arc: Arc, seconds: float) -> tuple[Floats, Floats]:
+    """Points (2, n): those of an `edge` (2, m) of the base, on its way, in the base frame now; and when they are there.
 
-
-def _leading_points(outline: Outline, arc: tuple[float, float], seconds: float) -> tuple[Floats, Floats]:
-    """Points (2, n) of the leading edge on its way, in the base frame now, and when it is there."""
+    No point of the edge is further than `radius` (m) from the origin.
+    """
     speed, turn = arc
-    edge = outline.front_edge if speed > 0.0 else outline.rear_edge
-    count = min(MAX_LOOKS, max(2, math.ceil(abs(speed) * seconds / LOOK_STEP)))
-    times = np.arange(1, count + 1) * (max(seconds, 2.0 * LOOK_STEP / abs(speed)) / count)
+    fastest = abs(speed) + abs(turn) * radius
+    count = min(MAX_LOOKS, max(2, math.ceil(fastest * seconds / LOOK_STEP)))
+    times = np.arange(1, count + 1) * (max(seconds, 2.0 * LOOK_STEP / fastest) / count)
     angles = turn * times
     cos, sin = np.cos(angles)[:, None], np.sin(angles)[:, None]
     if abs(turn) > 1e-6:

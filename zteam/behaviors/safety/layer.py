@@ -10,12 +10,12 @@ from typing import NamedTuple
 
 from zteam import names
 from zteam.base import Base
-from zteam.behaviors.safety.blindness import CREEPS, creep, find_blind_spot
-from zteam.behaviors.safety.limits import NO_NUMBER, STANDING, Limits, Motion
+from zteam.behaviors.safety.blindness import CREEP, CREEPS, find_blind_spot, is_surely_seen
+from zteam.behaviors.safety.limits import LEAST, NO_NUMBER, STANDING, Limits, Motion
 from zteam.behaviors.safety.silence import STALE_AFTER
 from zteam.behaviors.safety.stopping import Stoppers, Way
 from zteam.behaviors.safety.surroundings import GAP, Surroundings
-from zteam.behaviors.safety.swept import DRIVE_MARGIN, Arc, Outline, meeting_time, outline_of, swept_box
+from zteam.behaviors.safety.swept import DRIVE_MARGIN, Arc, Outline, meeting_time, outline_of, swept_box, swings
 from zteam.behaviors.safety.teammates import GAP as TEAMMATE_GAP
 from zteam.behaviors.safety.teammates import Near, Teammates
 from zteam.behaviors.view import View
@@ -29,9 +29,6 @@ HYSTERESIS = 0.05
 """Metres more than the gap that have to be free before a robot that was stopped drives the same way again."""
 SLOWEST = 0.02
 """m/s of the fastest corner: what has to be slower than this stands, so that nothing crawls at the edge."""
-SWING = 0.02
-"""Metres that the rear may swing out of the way of the front before it is judged by memory too: less than the margin
-beside a base that drives. An erratic swings out more on arcs of less than 1.1 m radius."""
 
 
 class Cut(NamedTuple):
@@ -83,8 +80,6 @@ class Obstacles(NamedTuple):
     mates: list[Near]
     extra: float
     """Metres that are to be free besides the gaps."""
-    looks_back: bool
-    """Whether the memory is asked too."""
 
     def free_share(self, motion: Motion, approach: Approach) -> tuple[float, int]:
         """The share of its speed at which `motion` can stop before all, and the id of the robot met first, or -1."""
@@ -93,12 +88,13 @@ class Obstacles(NamedTuple):
         stops = approach.stop_seconds(motion) + more
         seconds = stops + a_metre * GAP
         reach = abs(arc.speed) * seconds + outline.radius + DRIVE_MARGIN
-        looks_back = self.looks_back and self.around.may_hide(reach)
+        back = self._back(outline, arc, reach)
+        looks_back = back > 0.0 and self.around.may_hide(back)
         way = Way(outline, arc, seconds, a_metre * GAP + more)
         # A look into the memory changes it.
         if not self.mates and not looks_back and self.stoppers.stop(way, self.around.sight):
             return 0.0, -1
-        points = self.around.points(swept_box(outline, arc, seconds), reach, looks_back=looks_back)
+        points = self.around.points(swept_box(outline, arc, seconds), reach, back if looks_back else 0.0)
         free, first = math.inf, -1
         if points.size:
             free = meeting_time(outline, arc, seconds, points) - a_metre * GAP
@@ -116,6 +112,12 @@ class Obstacles(NamedTuple):
                 if met - a_metre * mate.gap < free:
                     free, first = met - a_metre * mate.gap, mate.robot_id
         return (1.0 if free == math.inf else approach.share(motion, free - more)), first
+
+    def _back(self, outline: Outline, arc: Arc, reach: float) -> float:
+        """How far (m) the memory is to be asked: all that is reached, only beside the base, or not (0)."""
+        if not self.around.sees_all(arc.speed):
+            return reach
+        return outline.radius + DRIVE_MARGIN if swings(outline, arc) else 0.0
 
 
 class SafetyLayer:
@@ -173,36 +175,39 @@ class SafetyLayer:
         if self._mates.are_due(view):
             needs = approach.needed_seconds(asked, TEAMMATE_GAP, extra)
             mates = self._mates.look(view, self._outline, abs(speed) * needs)
-        looks_ahead = self._around.sees_all(speed)
-        cut = Cut(asked, "")
-        if not looks_ahead or self._around.is_blinded:
-            needs = approach.needed_seconds(asked, TEAMMATE_GAP, extra)
-            cut = self._slow_down_blind(asked, approach, needs, view)
+        cut = self._slow_down_blind(asked, approach, extra, view)
         if cut.motion != STANDING:
-            looks_back = not looks_ahead or self._swings(speed, turn)
-            cut = _avoid(cut, approach, Obstacles(self._around, self._stoppers, mates, extra, looks_back))
+            free = _avoid(cut, approach, Obstacles(self._around, self._stoppers, mates, extra))
+            if free.motion is not asked and self._is_another(free.motion, speed, turn):
+                # It leads over other ground.
+                slow = self._slow_down_blind(free.motion, approach, extra, view)
+                free = Cut(slow.motion, free.cause or slow.cause)
+            cut = free
         is_stopped = (asked.x and not cut.motion.x) or cut.motion == STANDING
         self._held = _way_of(asked) if is_stopped else None
         return cut
 
-    def _slow_down_blind(self, asked: Motion, approach: Approach, needs: float, view: View) -> Cut:
+    def _is_another(self, motion: Motion, speed: float, turn: float) -> bool:
+        """Whether `motion` is on another arc than this one."""
+        left = self._limits.arc(motion)
+        return abs(left[0] * turn - speed * left[1]) > LEAST
+
+    def _slow_down_blind(self, asked: Motion, approach: Approach, extra: float, view: View) -> Cut:
         """`asked` as far as the ground before it is seen."""
-        arc = self._limits.arc(asked)
+        arc = Arc(*self._limits.arc(asked))
+        if is_surely_seen(self._outline, arc, self._around):
+            return Cut(asked, "")
+        needs = approach.needed_seconds(asked, TEAMMATE_GAP, extra)
         blind, unseen = find_blind_spot(self._outline, arc, needs, self._around, self._mates, view)
-        side = "ahead" if asked.x > 0.0 else "behind"
+        side = _side_of(asked)
         if blind:
             return Cut(Motion(0.0, asked.turn), f"blind {side}")
         if unseen >= approach.stop_seconds(asked):
             return Cut(asked, "")
-        slow = creep(self._limits, asked, approach.share(asked, unseen))
-        return Cut(slow, "" if slow == asked else f"{CREEPS} {side} was never seen")
-
-    def _swings(self, speed: float, turn: float) -> bool:
-        """Whether the rear of the base swings out so far on this arc that it has to be looked at."""
-        if not turn:
-            return False
-        outline = self._outline
-        return outline.rear**2 > 2.0 * SWING * (abs(speed / turn) + outline.half_width)
+        share = approach.share(asked, unseen)
+        least = min(1.0, CREEP / (abs(arc.speed) + abs(arc.turn) * self._outline.radius))
+        slow = self._limits.scale(asked, max(share, least))
+        return Cut(slow, f"{CREEPS} {side} was never seen" if share < least < 1.0 else "")
 
 
 def _avoid(cut: Cut, approach: Approach, obstacles: Obstacles) -> Cut:
@@ -220,8 +225,11 @@ def _avoid(cut: Cut, approach: Approach, obstacles: Obstacles) -> Cut:
     if slow.x or (not motion.x and slow.turn):
         return Cut(slow, cut.cause)
     what = names.robot_name(robot_id) if robot_id >= 0 else "obstacle"
-    side = "beside" if not motion.x else "ahead" if motion.x > 0.0 else "behind"
-    return Cut(slow, f"{what} {side}")
+    return Cut(slow, f"{what} {_side_of(motion)}")
+
+
+def _side_of(motion: Motion) -> str:
+    return "beside" if not motion.x else "ahead" if motion.x > 0.0 else "behind"
 
 
 def _way_of(motion: Motion) -> tuple[bool, bool]:

@@ -36,6 +36,8 @@ _FINEST = 1e-9
 """Radians: finer sectors are no laser's, and their places too large for a number."""
 _JUMP = 1.0
 """Metres of odometry from step to step that no base drives: the robot was set down elsewhere."""
+_PUT = 0.02
+"""Metres further than the corners that a base has room where it was put down."""
 _NOTHING = np.empty((2, 0))
 
 
@@ -138,9 +140,12 @@ def axes_of(start: float, step: float, count: int) -> Floats:
 class ScanMemory:
     """The remembered scans of one robot."""
 
-    def __init__(self, rear: float, front: float, half_width: float) -> None:
-        """Ground that the base covered counts as seen; the base reaches so far (m) from its origin."""
-        self._extent = rear, front, half_width
+    def __init__(self, rear: float, front: float, half_width: float, room: float) -> None:
+        """Ground that the base covered counts as seen; the base reaches so far (m) from its origin.
+
+        So does what is within `room` (m) of where it was put down.
+        """
+        self._extent, self._room = (rear, front, half_width), room + _PUT
         self.forget()
 
     def forget(self) -> None:
@@ -155,6 +160,10 @@ class ScanMemory:
         self._born = np.empty(0)
         """How far the base had travelled when a point was seen."""
         self._pose: Pose2 | None = None
+        self._start: Pose2 | None = None
+        """Where it was put down."""
+        self.ahead = 0.0
+        """Metres that the base moved forwards in the last step; below 0 backwards."""
         self._travelled = 0.0
         self._bound = math.inf
         """Metres from the base in which there certainly is no remembered point."""
@@ -163,10 +172,11 @@ class ScanMemory:
         """The base is at `base` in `odom`; whether its scan is to be kept."""
         last, self._pose = self._pose, base
         moved = math.hypot(base.x - last.x, base.y - last.y) if last else 0.0
-        if moved > _JUMP:
+        if moved > _JUMP or not last:
             self.forget()
-            self._pose = base
+            self._pose = self._start = base
         else:
+            self.ahead = math.cos(last.yaw) * (base.x - last.x) + math.sin(last.yaw) * (base.y - last.y)
             self._travelled += moved
             self._bound -= moved
         if not self._keys:
@@ -220,7 +230,11 @@ class ScanMemory:
             return np.ones(points.shape[1], bool)
         if self._stack is None:
             self._stack = _Stack.of(self._keys)
-        return ~self._stack.saw(_out_of(self._pose, points), self._extent)
+        places = _out_of(self._pose, points)
+        unseen = ~self._stack.saw(places, self._extent)
+        if self._start is not None and self._travelled <= SPAN:
+            unseen &= np.hypot(places[0] - self._start.x, places[1] - self._start.y) > self._room
+        return unseen
 
     def _add(self, key: _Key) -> None:
         """Bring a kept scan into the cloud: what it tells of takes the place of what was known there."""

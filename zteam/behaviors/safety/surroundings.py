@@ -97,15 +97,18 @@ class Surroundings:
     def __init__(self, outline: Outline) -> None:
         self._outline = outline
         self._words = LastWords()
-        self._memory = ScanMemory(outline.rear, outline.front, outline.half_width)
+        self._memory = ScanMemory(outline.rear, outline.front, outline.half_width, outline.radius)
         self._lasers: dict[str, Pose2] = {}
         """The pose of each laser in the base frame, by its frame: it is fixed there."""
+        self._looks_round = False
+        self._has_room = True
+        """As it says below, where that is known: driving forwards with a laser that looks round, it stays so."""
         self.sight: Sight | None = None
         """None without usable beams."""
 
     def take(self, view: View) -> None:
         """See what the view shows."""
-        self.sight = None
+        self.sight, self._looks_round = None, False
         assert view.scan is not None
         beams = beams_of(view.scan)
         if beams is None:
@@ -114,32 +117,35 @@ class Surroundings:
         nearest = beams.nearest if beams.all_speak else _nearest(distances)
         laser = self._find_laser(view, view.scan.header.frame_id)
         self.sight = Sight(beams, distances, silent, laser, nearest)
+        self._looks_round = self.sight.covers(LOOKS_ROUND)
         if view.odom is not None:
             pose = _pose_of(view.odom)
             if math.isfinite(pose.x + pose.y + pose.yaw) and self._memory.move(pose):
                 self._memory.keep(self.sight.sectors, nearest, laser)
+            if self._memory.ahead < 0.0 or not self._looks_round:
+                self._has_room = False
 
     def sees_all(self, speed: float) -> bool:
         """Whether a laser looks at all that the base drives to at this speed (m/s): forwards, and it looks round."""
-        return speed > 0.0 and self.sight is not None and self.sight.covers(LOOKS_ROUND)
+        return speed > 0.0 and self._looks_round
 
     @property
     def is_blinded(self) -> bool:
         """Whether some beams see nothing."""
         return self.sight is not None and self.sight.silent is not None
 
-    def points(self, box: Box, reach: float, *, looks_back: bool) -> Floats:
+    def points(self, box: Box, reach: float, back: float) -> Floats:
         """(2, n): what stands in a box of the base frame, or a little outside, and within `reach` (m) of the base.
 
-        `looks_back` asks the memory too.
+        The memory is asked for what is within `back` (m); with 0 it is not asked.
         """
         sight = self.sight
         if sight is None:
             return NO_POINTS
         hits = sight.hits(box, reach)
-        if not looks_back or not self._memory.may_hide(reach):
+        if back <= 0.0 or not self._memory.may_hide(back):
             return hits
-        hidden = self._memory.hidden(reach, sight.sectors, sight.laser)
+        hidden = self._memory.hidden(back, sight.sectors, sight.laser)
         return np.hstack((hits, hidden)) if hidden.size else hits
 
     def may_hide(self, reach: float) -> bool:
@@ -150,8 +156,15 @@ class Surroundings:
         """Which points of the base frame neither the laser sees nor a remembered scan saw."""
         unseen = self._memory.never_seen(points)
         if self.sight is not None:
-            unseen &= ~self.in_view(points)
+            unseen &= ~self.sees(points)
         return unseen
+
+    def has_room(self) -> bool:
+        """Whether the ground within the circle of the corners was seen, or the base was put down there."""
+        if not self._has_room:
+            room = self._outline.room
+            self._has_room = not self.never_seen(room[:, self._outline.distances(room) > 0.0]).any()
+        return self._has_room
 
     def in_view(self, points: Floats) -> Flags:
         """Towards which points of the base frame the laser looks, whether it sees something there or not."""
@@ -162,6 +175,16 @@ class Surroundings:
         bearings = np.arctan2(points[1] - sight.laser.y, points[0] - sight.laser.x) - sight.laser.yaw
         places = np.remainder((bearings - start) * math.copysign(1.0, step), math.tau)
         seen: Flags = places <= abs(step) * (count - 0.5)
+        return seen
+
+    def sees(self, points: Floats) -> Flags:
+        """Which points of the base frame the laser looks to, and meets nothing before them."""
+        seen = self.in_view(points)
+        if self.sight is not None and seen.any():
+            x, y = points[0] - self.sight.laser.x, points[1] - self.sight.laser.y
+            cos, sin = math.cos(self.sight.laser.yaw), math.sin(self.sight.laser.yaw)
+            # NaN is no obstacle: beams that say nothing are judged by themselves.
+            seen &= ~(self.sight.sectors.look(cos * x + sin * y, cos * y - sin * x) < np.hypot(x, y))
         return seen
 
     def _find_laser(self, view: View, frame: str) -> Pose2:

@@ -30,6 +30,9 @@ TOUCH = 1e-3
 a wall that it does not quite see as straight."""
 CLOSEST = 2e-3
 """Metres: nearer than this it may not come so either. Between beams 0.5° apart so much of a corner is not seen."""
+SWING = CLOSEST
+"""Metres that the rear may come out beside the way before that is looked at: no base stands nearer to a thing. An
+erratic comes out further on arcs of less than 12.5 m radius."""
 _ROUNDING = 1e-6
 """Metres: what is nearer than CLOSEST may come nearer by this, so that rounding stops no base that moves along it."""
 _FACES = 0.5
@@ -65,6 +68,8 @@ class Outline:
         self.half_width = float(np.abs(corners[:, 1]).max())
         self.border = _border(corners)
         """(2, m): points on the outline, at most _EDGE apart."""
+        self.room = _rings(self.radius)
+        """(2, m): places within the circle of the corners, all round: what the base needs to turn on the spot."""
         self.front_edge = _edge(corners, self.normals, 1.0)
         self.rear_edge = _edge(corners, self.normals, -1.0)
         """(2, m): points of what leads when it drives forwards, and backwards."""
@@ -115,6 +120,12 @@ def _border(corners: Floats) -> Floats:
     return np.hstack(parts)
 
 
+def _rings(radius: float) -> Floats:
+    angles = math.tau * np.arange(_MOST) / _MOST
+    ring = radius * np.array((np.cos(angles), np.sin(angles)))
+    return np.hstack((ring, 0.85 * ring))
+
+
 def _edge(corners: Floats, normals: Floats, side: float) -> Floats:
     """Points of the sides that face more forwards (`side` 1) or backwards (-1) than sideways, and of the tips."""
     parts = [corners[(corners[:, 0] * side).argmax()][:, None]]
@@ -150,6 +161,14 @@ class Box(NamedTuple):
         dx = left - x if x < left else x - right if x > right else 0.0
         dy = bottom - y if y < bottom else y - top if y > top else 0.0
         return math.hypot(dx, dy)
+
+
+def swings(outline: Outline, arc: Arc) -> bool:
+    """Whether the base comes out beside its own way on this arc: its rear if it drives forwards, or its front."""
+    if not arc.turn:
+        return False
+    reach = outline.rear if arc.speed > 0.0 else outline.longer
+    return reach**2 > 2.0 * SWING * (abs(arc.speed / arc.turn) + outline.half_width)
 
 
 def margin_of(outline: Outline, arc: Arc) -> float:

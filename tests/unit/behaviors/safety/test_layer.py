@@ -10,6 +10,7 @@ from zteam import names
 from zteam.base import Base
 from zteam.behaviors import Behavior, SafetyLayer, View, decide
 from zteam.behaviors.safety.limits import BRAKING
+from zteam.behaviors.safety.swept import outline_of
 from zteam.geometry import Pose2
 from zteam.messages import Twist, Vector3
 
@@ -98,6 +99,45 @@ def test_it_backs_up_fast_only_over_what_it_saw_in_the_last_metres() -> None:
     assert 1.3 < way < 1.6
     assert backwards[-1][0] == -0.1
     assert robot.reason == "creeps: the ground behind was never seen"
+
+
+def test_the_turn_that_is_left_of_an_arc_is_judged_by_memory_too() -> None:
+    """Stopped before a post, a base still turns as it was asked to: on the spot, where its rear comes out much further
+    than on the arc. What the laser does not see any more of the post ends this turn at the margin."""
+    robot = Drive([(1.525, -0.85, 1.525, -0.65), (1.525, -0.65, 1.725, -0.65)])
+    for speed, turn in [(1.0, -0.7)] * 17 + [(0.0, -3.0)] * 6 + [(1.0, -0.7)]:
+        robot.step(speed, turn)
+    assert robot.reason == "obstacle ahead"
+    assert robot.command[0] == 0.0
+    face = [robot.pose.inverse().compose(Pose2(1.525, 0.01 * y, 0.0)) for y in range(-85, -64)]
+    away = [outline_of(robot.base).distance(x, y) for x, y, _ in face]
+    assert min(away) == pytest.approx(0.005, abs=1e-3)
+
+
+RADIUS = math.hypot(REAR, 0.175)
+"""Metres from an erratic's origin to its rear corners."""
+
+
+@pytest.mark.parametrize(
+    ("speed", "turn", "side"),
+    [(0.0, 3.0, "beside"), (0.2, -3.0, "ahead"), (-1.0, 3.0, "behind"), (-0.3, 0.0, "behind")],
+)
+def test_no_corner_is_faster_than_creeping_into_ground_never_seen(speed: float, turn: float, side: str) -> None:
+    """Backed up over ground that it never saw, a robot creeps also where a corner, not the rear edge, comes to such
+    ground. Where it was put down, and where it drove to forwards, it turns as fast as is asked for."""
+    robot = Drive([(-20.0, 1.0, 20.0, 1.0)])
+    robot.step(0.0, 3.0)
+    assert robot.command[1] == 3.0
+    robot = Drive([(-20.0, 1.0, 20.0, 1.0)])
+    for _ in range(30):
+        robot.step(-0.5)
+    robot.step(speed, turn)
+    assert 0.05 < abs(robot.command[0]) + abs(robot.command[1]) * RADIUS <= 0.1 + 1e-9
+    assert robot.reason == f"creeps: the ground {side} was never seen"
+    for _ in range(20):
+        robot.step(0.5, -math.atan2(robot.pose.y, 1.0) - robot.pose.yaw)
+    robot.step(0.0, 3.0)
+    assert robot.command[1] == 3.0
 
 
 BASE = Base(acc_lim_x=1.0, decel_lim_x=-2.0, acc_lim_theta=3.0)
