@@ -27,6 +27,7 @@ PLOTS = (
     "robot_1/odom:twist.twist.angular.z",
     "robot_0/odom:twist.twist.linear.x",
 )
+NAVIGATION = "map,robots,labels,scans,goals,plans,costmaps,particles"
 
 
 class Scene(NamedTuple):
@@ -66,7 +67,7 @@ SCENES = (
         start_navigation,
         17.0,
         {"follow": 1, "scale": 24},
-        {"navigation": (WIDE, "side=team&selected=1&theme=light&layers=map,robots,labels,scans,goals,plans,costmaps,particles")},
+        {"navigation": (WIDE, f"side=team&selected=1&theme=light&layers={NAVIGATION}")},
     ),
 )
 

@@ -1,7 +1,5 @@
 """The costmaps of one robot: the local one that moves with it, and the outline that parameters give."""
 
-from collections.abc import Iterator
-
 import numpy as np
 import pytest
 
@@ -10,21 +8,10 @@ from zteam.geometry import Pose2
 from zteam.nodes.navigation.costmaps import Costmaps, Sight, StaticCostmaps, footprint_of
 from zteam.planning.costs import FREE_SPACE, LETHAL_OBSTACLE
 from zteam.planning.grid import make_map
-from zteam.planning.jit import PLANNING
 from zteam.planning.parameters import Parameters, WindowOptions
 from zteam.planning.scans import Scan, Teammate
 
 HERE = Pose2(0.0, 0.0, 0.0)
-
-
-@pytest.fixture(autouse=True)
-def plain_kernels() -> Iterator[None]:
-    """Nothing here is worth a compiler."""
-    before = PLANNING.choice
-    PLANNING.use_plain()
-    yield
-    if before:
-        PLANNING.use_compiled()
 
 
 def ahead(distance: float) -> Scan:

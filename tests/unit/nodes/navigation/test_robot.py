@@ -1,6 +1,5 @@
 """One robot's navigation without a bus: what it says and does when something that it needs is missing or wrong."""
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -31,21 +30,10 @@ from zteam.nodes.navigation.robot import NO_MAP, RobotNavigation
 from zteam.nodes.navigation.way import STOP
 from zteam.planning.collisions import Velocity
 from zteam.planning.grid import GridMap, make_map
-from zteam.planning.jit import PLANNING
 from zteam.planning.parameters import Localizer, Parameters
 from zteam.tf import Buffer
 
 TICK = 100_000_000
-
-
-@pytest.fixture(autouse=True)
-def plain_kernels() -> Iterator[None]:
-    """Nothing here is worth a compiler."""
-    before = PLANNING.choice
-    PLANNING.use_plain()
-    yield
-    if before:
-        PLANNING.use_compiled()
 
 
 class Transforms:
