@@ -182,5 +182,5 @@ def test_all_kernels_are_kept_and_run_without_numba() -> None:
         "use(); names = {k.name for k in jit_warmup.find_kernels()}\n"
         "print('numba' in sys.modules, sorted(names & set(missing)))\n"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=100, check=False)
+    done = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True, timeout=100, check=False)
     assert done.stdout == "False []\n", done.stdout + done.stderr
