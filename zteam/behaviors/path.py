@@ -20,6 +20,8 @@ LOOK_AHEAD = 0.25
 """Metres along the path: less would swing at 10 steps a second, more cuts the corners."""
 BRAKING_GAIN = 1.5
 """1/s: it slows down before the end of the path."""
+_APART = 0.01
+"""Metres from the first waypoint to another one, at least: laps of no length never fill the window."""
 _WINDOW = 0.5
 """Metres ahead of its place on the path within which the next one is looked for: a path may cross itself."""
 
@@ -41,8 +43,8 @@ class PathParams(Struct, frozen=True, forbid_unknown_fields=True):
     ] = 0.05
 
     def __post_init__(self) -> None:
-        if len(set(self.waypoints)) < 2:
-            raise ValueError("waypoints must be at least two places")
+        if all(math.dist(place, self.waypoints[0]) < _APART for place in self.waypoints):
+            raise ValueError(f"waypoints must be at least two places, {_APART:g} m apart")
 
 
 class FollowPath(Behavior):

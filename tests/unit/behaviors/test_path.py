@@ -4,7 +4,7 @@ import math
 from itertools import pairwise
 
 import pytest
-from hypothesis import given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from support.flat_floor import TICK, Floor, Segment, make_scan, make_view
@@ -104,6 +104,7 @@ def test_new_waypoints_are_driven_from_the_nearest_place() -> None:
         ([[0, 0], [1, math.nan]], "waypoints"),
         ([[0, 0], [1e9, 0]], "waypoints"),
         ([[1, 1], [1, 1]], "waypoints: must be at least two places"),
+        ([[1, 1], [1, 1 + 1e-10]], "waypoints: must be at least two places, 0.01 m apart"),
         ("0, 0", "waypoints"),
     ],
 )
@@ -132,10 +133,12 @@ def at(own: Pose2) -> View:
     ),
     loop=st.booleans(),
 )
+@example([(0.0, 0.0), (0.01, 0.0)], [(0.0, 0.0, 0.0), (9.0, 9.0, 0.0)], True)
 def test_its_commands_are_finite_and_within_its_limits(
     waypoints: list[tuple[float, float]], poses: list[tuple[float, float, float]], loop: bool
 ) -> None:
     """Any path, any jumps of the robot: speed within 0 and `speed`, turn within `max_angular`."""
+    assume(any(math.dist(place, waypoints[0]) >= 0.01 for place in waypoints))
     behavior = along(waypoints, loop=loop, speed=0.4, max_angular=0.8)
     for pose in poses:
         command = behavior.step(at(Pose2(*pose)))
