@@ -168,6 +168,10 @@ class Every:
         self._period = period
         self._next = float("-inf")
 
+    def left(self) -> float:
+        """Host seconds until it is due; 0 if it is."""
+        return max(0.0, self._next - time.monotonic())
+
     def due(self) -> bool:
         """Return True if a period has passed since the last True."""
         now = time.monotonic()

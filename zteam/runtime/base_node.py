@@ -44,12 +44,12 @@ def _locked(lock: threading.RLock, callback: Callable[[str, T], None]) -> Callab
     return handle
 
 
-def _waking(changed: threading.Condition, callback: Callable[[str, T], None]) -> Callable[[str, T], None]:
-    """`callback`, which then wakes what waits for a change. It is called under the lock."""
+def _followed_by(callback: Callable[[str, T], None], then: Callable[[], None]) -> Callable[[str, T], None]:
+    """`callback`, and `then()` after it."""
 
     def handle(key: str, value: T) -> None:
         callback(key, value)
-        changed.notify_all()
+        then()
 
     return handle
 
@@ -57,7 +57,8 @@ def _waking(changed: threading.Condition, callback: Callable[[str, T], None]) ->
 class BaseNode:
     """One named process on the bus.
 
-    Every input changes state under `changed` and wakes the main loop, which waits with `wait`. Nothing here polls.
+    Every input changes state under `changed` and wakes the main loop, which waits with `wait`, if that was what it waits
+    for. Nothing here polls.
     `on_stop` hooks run before the session closes, in the order they were added.
     """
 
@@ -68,6 +69,8 @@ class BaseNode:
         self.lock = threading.RLock()
         """That of `changed`, for code that only takes it: the condition around it would triple the time."""
         self.changed = threading.Condition(self.lock)
+        self._awaited: list[Callable[[], bool]] = []
+        """What each thread waits for that waits for a change."""
         self.present = False
         """Whether this process holds its name and has not begun to give it back."""
         self.exit_code = 0
@@ -125,9 +128,9 @@ class BaseNode:
         latched: bool = False,
         wake: bool = True,
     ) -> Closeable:
-        """Call `callback(key, message)` under `changed`, then wake the main loop unless `wake` is False."""
+        """Call `callback(key, message)` under `changed`, then let `wait` look unless `wake` is False."""
 
-        handle = _locked(self.lock, _waking(self.changed, callback) if wake else callback)
+        handle = _locked(self.lock, _followed_by(callback, self.look) if wake else callback)
         return self.bus.subscribe(key_expr, message_type, handle, latched=latched)
 
     def subscribe_from(
@@ -139,7 +142,7 @@ class BaseNode:
             with self.lock:
                 callback(key, message, source)
                 if wake:
-                    self.changed.notify_all()
+                    self.look()
 
         return self.bus.subscribe_from(key_expr, message_type, handle)
 
@@ -155,17 +158,34 @@ class BaseNode:
         return self.bus.subscribe_contents(key_expr, message_type, _locked(self.lock, callback))
 
     def watch_tokens(self, key_expr: str, callback: Callable[[str, bool], None]) -> None:
-        """Call `callback(key, alive)` under `changed` for presence tokens, then wake the main loop."""
+        """Call `callback(key, alive)` under `changed` for presence tokens, then let `wait` look."""
 
-        self.bus.watch_tokens([key_expr], _locked(self.lock, _waking(self.changed, callback)))
+        self.bus.watch_tokens([key_expr], _locked(self.lock, _followed_by(callback, self.look)))
 
     def wait(self, ready: Callable[[], bool], timeout: float) -> bool:
         """Wait until `ready()`, the stop request, or `timeout` host seconds; return what `ready()` returns."""
         with self.changed:
-            wait_until(self.changed, lambda: self.stop.requested or self._failure is not None or ready(), timeout)
+            self.wait_under_lock(ready, timeout)
             if self._failure is not None:
                 raise self._failure
             return ready()
+
+    def wait_under_lock(self, ready: Callable[[], bool], timeout: float) -> None:
+        """As `wait`, for a caller that holds `changed`; an error of the node ends the wait and is not raised."""
+        self._awaited.append(ready)
+        try:
+            wait_until(self.changed, lambda: self.stop.requested or self._failure is not None or ready(), timeout)
+        finally:
+            self._awaited.remove(ready)
+
+    def look(self) -> None:
+        """Wake the threads that wait if what one of them waits for is there (under `changed`).
+
+        A thread that is woken for nothing waits for the interpreter's lock, and until it gets it, every numpy call of
+        the others that gives the lock away has to signal it.
+        """
+        if any(ready() for ready in self._awaited):
+            self.changed.notify_all()
 
     def failing(self) -> "_Failing":
         """Let an error within, on a thread of the bus, end the process: `wait` raises it in the main loop."""
@@ -177,7 +197,7 @@ class BaseNode:
         self.wake()
 
     def wake(self) -> None:
-        """Let `wait` look again."""
+        """Wake all threads that wait, whatever they wait for."""
         with self.changed:
             self.changed.notify_all()
 

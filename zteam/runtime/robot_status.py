@@ -45,6 +45,8 @@ class StatusReport:
         """The newest one that was made."""
         self._made = 0
         """When, in ns."""
+        self._spoke = False
+        """Whether one was published since `take_spoken` was asked last."""
         self._publisher = node.bus.publisher(names.robot_key(robot_id, names.STATUS), RobotStatus)
         node.on_time_reset(self._forget)
 
@@ -81,12 +83,18 @@ class StatusReport:
         if self._last is not None:
             self._publisher.put(self._last)
 
+    def take_spoken(self) -> bool:
+        """Whether one was published since this was asked last: then other processes have a sign of life."""
+        spoke, self._spoke = self._spoke, False
+        return spoke
+
     def _forget(self) -> None:
         """Time jumped back: the next step makes a new one. The last one would be of the future."""
         self._last = None
 
     def publish(self) -> None:
         """Publish the state."""
+        self._spoke = True
         readiness, command = self.readiness, self.command
         self._made = self._node.clock.now()
         self._last = RobotStatus(

@@ -30,6 +30,11 @@ from zteam.runtime.robot_status import StatusReport
 
 log = logging.getLogger("zteam")
 
+_HEARTBEAT = 1.0
+"""Host seconds after which a robot gives a sign of life."""
+_LOOK = 0.1
+"""Host seconds between two looks at whether data has stopped, in real time."""
+
 
 class RobotOptions(msgspec.Struct, frozen=True):
     """What the command line says about the robot."""
@@ -62,7 +67,7 @@ class RobotNode:
         self._driver = Driver(
             node, self._inputs, parameters, self._status, self._id, options.seed, self._team, safety=options.safety
         )
-        self._heartbeat = Every(1.0)
+        self._heartbeat = Every(_HEARTBEAT)
         self._known_to: tuple[int, ...] = ()
         """Lock-step: the robots that have had its status; none before its own first tick."""
         self._cmd_vel = node.bus.publisher(names.robot_key(self._id, names.CMD_VEL), Twist)
@@ -84,9 +89,14 @@ class RobotNode:
             # A monitor that has just come must not wait for the next heartbeat to know this robot.
             self._say_again()
 
+    @property
+    def _goes_on_in_ticks(self) -> bool:
+        """Whether its steps alone may tell anything new: behaviours listen, and must not hear of the host's time."""
+        return self._part.active and self._driver.readiness.released
+
     def _say_again(self) -> None:
-        """Publish the status at a moment of the host, which in lock-step must not tell anything new."""
-        if self._part.active and self._driver.readiness.released:
+        """Publish the status at a moment of the host."""
+        if self._goes_on_in_ticks:
             self._status.repeat()
         else:
             self._status.publish()
@@ -111,7 +121,7 @@ class RobotNode:
     def run(self) -> None:
         """Drive until the process is asked to stop."""
         while not self._node.stopping:
-            self._node.wait(self._pacing.is_due, 0.1)
+            self._wait_for_work()
             if self._node.stopping:
                 return
             self._node.decide_clock(self._subscriptions.first_data)
@@ -122,7 +132,14 @@ class RobotNode:
             self._take_turn(self._waiting.begin_look, self._driver.look)
             with self._node.changed:
                 self._waiting.tell()
-                self._say_again()
+                if not (self._goes_on_in_ticks and self._status.take_spoken()):
+                    self._say_again()
+
+    def _wait_for_work(self) -> None:
+        """Wait until a turn is due in real time. In lock-step, which goes on in handlers, only heartbeats are due."""
+        part, active = self._part, self._part.active
+        due = self._heartbeat.left()
+        self._node.wait(lambda: part.active != active or self._pacing.is_due(), due if active else min(due, _LOOK))
 
     def _take_turn(self, begin: Callable[[], Turn | None], step: Callable[[Turn], Twist | None]) -> None:
         """Real time: take the turn that is due. The behaviour is asked without `node.changed`."""
