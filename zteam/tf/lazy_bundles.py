@@ -52,13 +52,24 @@ def _samples_of(layout: Layout | MessageLayout, payload: Any) -> _Samples:
 class _Route:
     """What a look-up leads over."""
 
-    __slots__ = ("indices", "path")
+    __slots__ = ("_indices", "_pose", "_read", "path")
 
     def __init__(self, path: PlanarPath, indices: list[int]) -> None:
+        """`indices` are the positions of the path's edges in the layout."""
         self.path = path
         """As the buffer has prepared it: it holds as long as the buffer keeps it."""
-        self.indices = indices
-        """The positions of its edges in the layout."""
+        self._indices = indices
+        self._read: list[Planar | None] = []
+        """The transforms that were read last."""
+        self._pose: Pose2 | None = None
+        """What they make: mostly a robot that is looked up stands, or is looked up several times in a tick."""
+
+    def find_pose(self, samples: _Samples) -> Pose2 | None:
+        """The pose by the transforms of a payload; the same object while they are the same. None as `pose_by`."""
+        read = [samples[index] for index in self._indices]
+        if read != self._read:
+            self._read, self._pose = read, self.path.pose_by(read)
+        return self._pose
 
 
 class Bundles:
@@ -129,7 +140,7 @@ class Bundles:
             samples, route = self._samples, self._routes.get(key)
             # Bundles in between are not asked whether they fit: nothing older counts for the newest pose.
             if samples is not None and route is not None:
-                pose = route.path.pose_by(samples, route.indices) if route.path is self._buffer.paths.get(key) else None
+                pose = route.find_pose(samples) if route.path is self._buffer.paths.get(key) else None
                 if pose is not None:
                     return pose, self._newest
             self.settle(target_frame, source_frame)

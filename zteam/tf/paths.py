@@ -9,7 +9,7 @@ Callers hold the buffer's lock.
 
 from bisect import bisect_right
 from cmath import phase, rect, sqrt
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from math import atan2
 from typing import NamedTuple
 
@@ -132,14 +132,13 @@ class PlanarPath:
         """Its moving edges, in the order in which it leads over them."""
         return [self._first, *self._edges]
 
-    def pose_by(self, samples: Mapping[int, Planar | None], keys: Sequence[int]) -> Pose2 | None:
-        """What `solve` answers if each edge's newest sample is `samples[key]`, its keys in the order of `edges`.
+    def pose_by(self, samples: Sequence[Planar | None]) -> Pose2 | None:
+        """What `solve` answers if these are the newest samples of its edges, in the order of `edges`.
 
         None if a sample is not planar, or does not fit its edge.
         """
         place, turn = self._place, self._turn
-        for key, (edge, down, shift, after) in zip(keys, self._steps, strict=True):
-            sample = samples[key]
+        for sample, (edge, down, shift, after) in zip(samples, self._steps, strict=True):
             if sample is None or sample[2] != edge.z:
                 return None
             p, h, _ = sample

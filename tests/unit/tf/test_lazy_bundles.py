@@ -166,6 +166,31 @@ def test_newest_poses_need_no_buffer(form: str) -> None:
     assert pair.lazy.frames()["robot_1/base_footprint"].samples == 50
 
 
+@pytest.mark.parametrize("change", ["x", "y", "yaw", "start"])
+def test_a_robot_that_stood_is_seen_to_move(pair: Pair, change: str) -> None:
+    """Newest poses follow the smallest change in one number, or in the start pose, after ticks without any."""
+    frames = "robot_0/base_footprint", "robot_1/base_footprint"
+    for tick in range(1, 20):
+        transforms = bundle(1)
+        for one in transforms:
+            one.header.stamp = time_from_ns(tick * S // 10)
+        pose, change_so_far = transforms[1].transform, 1e-12 * (tick // 3)
+        match change:
+            case "x":
+                pose.translation.x += change_so_far
+            case "y":
+                pose.translation.y += change_so_far
+            case "yaw":
+                pose.rotation = Quaternion(0.0, 0.0, math.sin(change_so_far), math.cos(change_so_far))
+        pair.take(transforms)
+        if change == "start" and tick % 3 == 0:
+            pair.move_start(1, change_so_far)
+        for target in ("map", *frames):
+            for source in frames:
+                whole, lazy = pair.newest(target, source)
+                assert lazy == whole
+
+
 def test_newest_poses_start_anew(pair: Pair) -> None:
     """After a jump back, newest poses are those from after it."""
     for ticks in (range(50, 60), range(1, 5)):
