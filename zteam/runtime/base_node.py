@@ -57,9 +57,8 @@ def _followed_by(callback: Callable[[str, T], None], then: Callable[[], None]) -
 class BaseNode:
     """One named process on the bus.
 
-    Every input changes state under `changed` and wakes the main loop, which waits with `wait`, if that was what it waits
-    for. Nothing here polls.
-    `on_stop` hooks run before the session closes, in the order they were added.
+    Every input changes state under `changed`. It wakes the main loop, which waits with `wait`, if that waits for it.
+    Nothing here polls. `on_stop` hooks run before the session closes, in the order they were added.
     """
 
     def __init__(self, name: str, bus: Bus, stop: Stop) -> None:
