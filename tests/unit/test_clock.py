@@ -145,9 +145,22 @@ def test_every_is_due_once_a_period(monkeypatch: pytest.MonkeyPatch) -> None:
     now = [100.0]
     monkeypatch.setattr(clock.time, "monotonic", lambda: now[0])
     every, due = Every(1.0), []
+    assert every.left() == 0.0
     for now[0] in (100.0, 100.5, 101.0, 101.5, 105.0, 105.5, 106.0):
         due.append(every.due())
     assert due == [True, False, True, False, True, False, True]
+
+
+def test_every_tells_how_long_it_is_until_it_is_due(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The rest of the period, and 0 from its end on: a wait of that length is not too short."""
+    now = [100.0]
+    monkeypatch.setattr(clock.time, "monotonic", lambda: now[0])
+    every = Every(1.0)
+    every.due()
+    left = []
+    for now[0] in (100.0, 100.25, 101.0, 105.0):
+        left.append(every.left())
+    assert left == [1.0, 0.75, 0.0, 0.0]
 
 
 def test_a_wait_ends_when_its_condition_holds() -> None:

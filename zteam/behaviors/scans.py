@@ -115,25 +115,43 @@ def _silence(ranges: Floats, at_least: float, at_most: float) -> NDArray[np.bool
 
 class _Read(NamedTuple):
     scan: LaserScan
-    ranges: Any
+    ranges: NDArray[Any]
+    """Read-only."""
     beams: Beams | None
 
+    def says(self, scan: LaserScan, ranges: NDArray[Any]) -> bool:
+        """Whether this scan with these ranges says the same, to the bit."""
+        known = self.scan
+        return (
+            ranges.dtype == self.ranges.dtype
+            and (known.angle_min, known.angle_increment) == (scan.angle_min, scan.angle_increment)
+            and (known.range_min, known.range_max) == (scan.range_min, scan.range_max)
+            and (ranges is self.ranges or ranges.tobytes() == self.ranges.tobytes())
+        )
 
-class _Newest:
-    """The scan that was read last: a behaviour and the safety layer look at the same one several times."""
 
-    read: _Read | None = None
-    """One value, so that the threads of two robots do not mix their scans."""
+_newest: dict[str, _Read] = {}
+"""The scan of each laser that was read last, by its frame. A behaviour and the safety layer look at one several times.
+
+A robot that stands gets the same ranges again from a laser without noise. It then gets the same `Beams` too, so that
+what was worked out from them holds on.
+"""
+_MOST_LASERS = 256
+"""Lasers whose newest scans are kept: a process has one robot, or a whole team."""
 
 
 def beams_of(scan: LaserScan) -> Beams | None:
-    newest, ranges = _Newest.read, scan.ranges
+    """The scan, read; None where there are no beams. The same object as long as a laser's scans say the same."""
+    newest, ranges = _newest.get(scan.header.frame_id), scan.ranges
     if newest is not None and newest.scan is scan and newest.ranges is ranges:
         return newest.beams
-    beams = _read(scan)
-    if isinstance(ranges, np.ndarray) and not ranges.flags.writeable:
-        # It cannot be changed any more.
-        _Newest.read = _Read(scan, ranges, beams)
+    if not isinstance(ranges, np.ndarray) or ranges.flags.writeable:
+        # It can be changed.
+        return _read(scan)
+    beams = newest.beams if newest is not None and newest.says(scan, ranges) else _read(scan)
+    if newest is None and len(_newest) >= _MOST_LASERS:
+        _newest.clear()
+    _newest[scan.header.frame_id] = _Read(scan, ranges, beams)
     return beams
 
 

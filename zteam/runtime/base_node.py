@@ -8,8 +8,8 @@ from typing import TypeVar
 from zteam.bus import Bus, Publisher
 from zteam.bus.presence import Claim, ProcessInfo
 from zteam.bus.transport import Closeable
-from zteam.clock import wait_until
 from zteam.messages import Message
+from zteam.runtime.change import Change
 from zteam.runtime.faults import log_fault
 from zteam.runtime.shutdown import Stop
 
@@ -57,9 +57,8 @@ def _followed_by(callback: Callable[[str, T], None], then: Callable[[], None]) -
 class BaseNode:
     """One named process on the bus.
 
-    Every input changes state under `changed` and wakes the main loop, which waits with `wait`, if that was what it waits
-    for. Nothing here polls.
-    `on_stop` hooks run before the session closes, in the order they were added.
+    Every input changes state under `changed`. It wakes the main loop, which waits with `wait`, if that waits for it.
+    Nothing here polls. `on_stop` hooks run before the session closes, in the order they were added.
     """
 
     def __init__(self, name: str, bus: Bus, stop: Stop) -> None:
@@ -68,9 +67,7 @@ class BaseNode:
         self.stop = stop
         self.lock = threading.RLock()
         """That of `changed`, for code that only takes it: the condition around it would triple the time."""
-        self.changed = threading.Condition(self.lock)
-        self._awaited: list[Callable[[], bool]] = []
-        """What each thread waits for that waits for a change."""
+        self.changed = Change(self.lock)
         self.present = False
         """Whether this process holds its name and has not begun to give it back."""
         self.exit_code = 0
@@ -130,7 +127,7 @@ class BaseNode:
     ) -> Closeable:
         """Call `callback(key, message)` under `changed`, then let `wait` look unless `wake` is False."""
 
-        handle = _locked(self.lock, _followed_by(callback, self.look) if wake else callback)
+        handle = _locked(self.lock, _followed_by(callback, self.changed.look) if wake else callback)
         return self.bus.subscribe(key_expr, message_type, handle, latched=latched)
 
     def subscribe_from(
@@ -142,7 +139,7 @@ class BaseNode:
             with self.lock:
                 callback(key, message, source)
                 if wake:
-                    self.look()
+                    self.changed.look()
 
         return self.bus.subscribe_from(key_expr, message_type, handle)
 
@@ -160,32 +157,15 @@ class BaseNode:
     def watch_tokens(self, key_expr: str, callback: Callable[[str, bool], None]) -> None:
         """Call `callback(key, alive)` under `changed` for presence tokens, then let `wait` look."""
 
-        self.bus.watch_tokens([key_expr], _locked(self.lock, _followed_by(callback, self.look)))
+        self.bus.watch_tokens([key_expr], _locked(self.lock, _followed_by(callback, self.changed.look)))
 
     def wait(self, ready: Callable[[], bool], timeout: float) -> bool:
         """Wait until `ready()`, the stop request, or `timeout` host seconds; return what `ready()` returns."""
         with self.changed:
-            self.wait_under_lock(ready, timeout)
+            self.changed.wait_until(lambda: self.stop.requested or self._failure is not None or ready(), timeout)
             if self._failure is not None:
                 raise self._failure
             return ready()
-
-    def wait_under_lock(self, ready: Callable[[], bool], timeout: float) -> None:
-        """As `wait`, for a caller that holds `changed`; an error of the node ends the wait and is not raised."""
-        self._awaited.append(ready)
-        try:
-            wait_until(self.changed, lambda: self.stop.requested or self._failure is not None or ready(), timeout)
-        finally:
-            self._awaited.remove(ready)
-
-    def look(self) -> None:
-        """Wake the threads that wait if what one of them waits for is there (under `changed`).
-
-        A thread that is woken for nothing waits for the interpreter's lock, and until it gets it, every numpy call of
-        the others that gives the lock away has to signal it.
-        """
-        if any(ready() for ready in self._awaited):
-            self.changed.notify_all()
 
     def failing(self) -> "_Failing":
         """Let an error within, on a thread of the bus, end the process: `wait` raises it in the main loop."""

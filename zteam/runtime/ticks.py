@@ -124,7 +124,7 @@ class Ticks:
         """Find out what to do with a tick of a session that is not known as a simulator in lock-step."""
         node = self._node
         with node.changed:
-            node.wait_under_lock(lambda: self._early is None or self._owes_an_answer, GRACE)
+            node.changed.wait_until(lambda: self._early is None or self._owes_an_answer or node.stopping, GRACE)
             instance = self._early.source if self._early is not None and self._owes_an_answer else None
         if instance is not None:
             # It did not answer when it came.

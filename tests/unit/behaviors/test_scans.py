@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from support.flat_floor import make_scan
-from zteam.behaviors.scans import look_ahead, look_along, read_beams
-from zteam.messages import LaserScan
+from zteam.behaviors import scans
+from zteam.behaviors.scans import beams_of, look_ahead, look_along, read_beams
+from zteam.messages import Header, LaserScan
 
 CONE = math.radians(60.0)
 
@@ -151,3 +152,61 @@ def test_the_message_is_left_alone() -> None:
     before = scan.ranges.copy()
     look_along(scan, 1.0)
     assert np.array_equal(scan.ranges, before, equal_nan=True)
+
+
+def of_laser(frame: str, ranges: list[float], **fields: float) -> LaserScan:
+    """A scan as it comes from the bus: its ranges cannot be changed."""
+    scan = make_scan(ranges)
+    scan.header = Header(frame_id=frame)
+    for name, value in fields.items():
+        setattr(scan, name, value)
+    assert isinstance(scan.ranges, np.ndarray)
+    scan.ranges.flags.writeable = False
+    return scan
+
+
+def test_a_scan_that_says_the_same_gives_the_same_beams() -> None:
+    """A robot that stands keeps what it worked out, while another robot's scans come in between."""
+    first = beams_of(of_laser("robot_0/laser", [1.0, 2.0, 3.0]))
+    other = beams_of(of_laser("robot_1/laser", [4.0, 5.0, 6.0]))
+    assert beams_of(of_laser("robot_0/laser", [1.0, 2.0, 3.0])) is first
+    assert beams_of(of_laser("robot_1/laser", [4.0, 5.0, 6.0])) is other
+
+
+@pytest.mark.parametrize(
+    ("ranges", "fields"),
+    [
+        ([1.0, 2.0, 3.5], {}),
+        ([1.0, 2.0], {}),
+        ([1.0, 2.0, 3.0], {"range_max": 2.5}),
+        ([1.0, 2.0, 3.0], {"range_min": 1.5}),
+        ([1.0, 2.0, 3.0], {"angle_min": 0.5}),
+        ([1.0, 2.0, 3.0], {"angle_increment": 0.5}),
+    ],
+)
+def test_a_scan_that_says_something_else_is_read_anew(ranges: list[float], fields: dict[str, float]) -> None:
+    """One beam, one limit or one angle that differs is enough."""
+    beams_of(of_laser("robot_0/laser", [1.0, 2.0, 3.0]))
+    again = beams_of(of_laser("robot_0/laser", ranges, **fields))
+    alone = beams_of(of_laser("another/laser", ranges, **fields))
+    assert again is not None and alone is not None
+    assert again.laser == alone.laser
+    np.testing.assert_array_equal(again.ranges, alone.ranges)
+
+
+def test_ranges_that_can_be_changed_are_read_each_time() -> None:
+    """A behaviour's test may write into the scan that it has shown before."""
+    scan = make_scan([1.0, 2.0])
+    assert isinstance(scan.ranges, np.ndarray)
+    before = beams_of(scan)
+    scan.ranges[0] = 0.5
+    after = beams_of(scan)
+    assert before is not None and after is not None
+    assert (before.ranges[0], after.ranges[0]) == (1.0, 0.5)
+
+
+def test_only_so_many_lasers_are_kept() -> None:
+    """Robots that come and go for days do not fill the memory."""
+    for robot in range(1000):
+        beams_of(of_laser(f"robot_{robot}/laser", [1.0]))
+        assert len(scans._newest) <= scans._MOST_LASERS

@@ -141,8 +141,7 @@ def test_before_the_first_tick_of_lock_step_it_does_not_step(hub: MemoryHub, mak
     own.wait_until_present()
     for tick in (1, 2, 3):
         script.tell(tick * TICK)
-        with own.node.changed:
-            wait_until(own.node.changed, lambda: bool(own.steps), 0.2)
+        own.node.wait(lambda: bool(own.steps), 0.2)
     assert own.steps == []
     script.tick(3, "robot_3")
     assert own.steps == [3 * TICK]
@@ -317,5 +316,5 @@ def test_a_clock_that_comes_at_once_is_taken(
 
     monkeypatch.setattr(node_inputs, "Participant", InARun)
     node = make().node
-    assert wait_until(node.changed, lambda: node.clock.sim.now() == 7 * TICK, LIMIT)
+    assert node.wait(lambda: node.clock.sim.now() == 7 * TICK, LIMIT)
     assert "error" not in caplog.text

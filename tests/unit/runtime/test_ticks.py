@@ -9,7 +9,6 @@ from support.log_capture import LogCapture, captured_log
 from support.participant_desk import NAME, Desk
 from zteam import names
 from zteam.bus import MemoryHub, NoRequest
-from zteam.clock import wait_until
 from zteam.messages import Done, Tick, ns_from_time, time_from_ns
 from zteam.runtime import participant as module
 from zteam.services.simulator import SimStatus
@@ -155,8 +154,7 @@ def test_a_simulator_that_did_not_answer_is_asked_again(hub: MemoryHub) -> None:
     script.bus.serve(names.service_key(names.SIMULATOR, "status"), NoRequest, lambda _: status)
     assert script.take() == []
     script.tick(1)
-    with desk.node.changed:
-        assert wait_until(desk.node.changed, lambda: script.answers == [Done(1, 1)], LIMIT)
+    assert desk.node.wait(lambda: script.answers == [Done(1, 1)], LIMIT)
     desk.node.close()
 
 
@@ -177,8 +175,7 @@ def test_data_that_goes_on_without_ticks_is_of_real_time(
     assert desk.node.clock.now() == 9 * INTERVAL
     script.take()
     script.tick(10, NAME)
-    with desk.node.changed:
-        assert wait_until(desk.node.changed, lambda: script.answers == [Done(1, 10)], LIMIT)
+    assert desk.node.wait(lambda: script.answers == [Done(1, 10)], LIMIT)
     assert desk.part.active
 
 

@@ -94,6 +94,11 @@ class RobotNode:
         """Whether its steps alone may tell anything new: behaviours listen, and must not hear of the host's time."""
         return self._part.active and self._driver.readiness.released
 
+    def _beat(self) -> None:
+        """Give a sign of life. In lock-step the steps mostly have: another message would only wake threads."""
+        if not (self._goes_on_in_ticks and self._status.take_spoken()):
+            self._say_again()
+
     def _say_again(self) -> None:
         """Publish the status at a moment of the host."""
         if self._goes_on_in_ticks:
@@ -132,8 +137,7 @@ class RobotNode:
             self._take_turn(self._waiting.begin_look, self._driver.look)
             with self._node.changed:
                 self._waiting.tell()
-                if not (self._goes_on_in_ticks and self._status.take_spoken()):
-                    self._say_again()
+                self._beat()
 
     def _wait_for_work(self) -> None:
         """Wait until a turn is due in real time. In lock-step, which goes on in handlers, only heartbeats are due."""

@@ -38,20 +38,25 @@ def simulator(hub: MemoryHub) -> ScriptedSimulator:
 
 
 @pytest.fixture
-def models(hub: MemoryHub, simulator: ScriptedSimulator, monkeypatch: pytest.MonkeyPatch) -> Iterator[list[str]]:
-    """What the behaviour of robot 0 saw. The robot takes part in tick 2, which is open."""
-    seen: list[str] = []
-    monkeypatch.setattr(Seen, "models", seen, raising=False)
+def robot(hub: MemoryHub, simulator: ScriptedSimulator, monkeypatch: pytest.MonkeyPatch) -> Iterator[RobotNode]:
+    """Robot 0, which takes part in tick 2. That is open."""
+    monkeypatch.setattr(Seen, "models", [], raising=False)
     monkeypatch.setattr(Seen, "told", [], raising=False)
     node = Node("robot_0", hub.bus(), Stop())
-    RobotNode(node, Seen, RobotOptions(0, "Seen", gate=False))
+    made = RobotNode(node, Seen, RobotOptions(0, "Seen", gate=False))
     simulator.appear()
     node.become_present()
     simulator.tick(1, robots=(0,))
     simulator.tick(2, "robot_0", robots=(0,))
     simulator.take()
-    yield seen
+    yield made
     node.close()
+
+
+@pytest.fixture
+def models(robot: RobotNode) -> list[str]:
+    """What the behaviour of robot 0 saw."""
+    return Seen.models
 
 
 def test_it_waits_for_the_base_also_where_that_comes_last(
@@ -96,3 +101,19 @@ def test_whoever_joins_and_whoever_is_there_know_each_other_from_the_next_tick_o
         told.append(len(heard) > before)
     assert [7 in robots for robots in Seen.told] == [False, True, True, True]
     assert told == [True, False, True, False]
+
+
+def test_a_heartbeat_is_a_message_only_where_the_steps_were_silent(
+    hub: MemoryHub, simulator: ScriptedSimulator, robot: RobotNode
+) -> None:
+    """Lock-step that goes on tells enough; while it stands still, each heartbeat sends the last status again."""
+    heard: list[RobotStatus] = []
+    hub.bus().subscribe(names.robot_key(0, names.STATUS), RobotStatus, lambda _key, status: heard.append(status))
+    put(hub, names.BASE_INFO, BaseInfo(), latched=True)
+    put_inputs(hub, 2)
+    counts = [len(heard)]
+    for _ in range(3):
+        robot._beat()
+        counts.append(len(heard) - counts[0])
+    assert counts[1:] == [0, 1, 2]
+    assert heard[-1] == heard[counts[0] - 1]

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import pytest
 
+from support.lockstep_doubles import LIMIT
 from support.log_capture import captured_log
 from support.real_time_robot import RealTimeRobot
 from zteam.behaviors import Behavior, View
@@ -31,6 +32,10 @@ class EveryBeat:
     def due(self) -> bool:
         """Always."""
         return True
+
+    def left(self) -> float:
+        """Long: rounds come from looks at whether data has stopped."""
+        return LIMIT
 
 
 class NoBeat(EveryBeat):

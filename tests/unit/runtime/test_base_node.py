@@ -1,0 +1,92 @@
+"""A process on a bus in memory: which messages wake the threads that wait for a change."""
+
+import threading
+from collections.abc import Iterator
+
+import pytest
+
+from support.lockstep_doubles import LIMIT
+from zteam.bus import MemoryHub
+from zteam.clock import wait_until
+from zteam.messages import String
+from zteam.runtime.base_node import BaseNode
+from zteam.runtime.shutdown import Stop
+
+
+@pytest.fixture
+def node(hub: MemoryHub) -> Iterator[BaseNode]:
+    """A node that ends with the test."""
+    made = BaseNode("listener", hub.bus(), Stop())
+    yield made
+    made.close()
+
+
+class Waiter:
+    """A thread that waits until `node` has heard a word."""
+
+    def __init__(self, node: BaseNode, heard: list[str], word: str) -> None:
+        self._node, self._heard, self._word = node, heard, word
+        self.looks = 0
+        self.threads: set[threading.Thread] = set()
+        """Which of them looked."""
+        self.thread = threading.Thread(target=self._wait)
+        self.thread.start()
+        with node.changed:
+            assert wait_until(node.changed, lambda: self.looks > 0, LIMIT)
+
+    def _wait(self) -> None:
+        assert self._node.wait(self._is_heard, LIMIT)
+
+    def _is_heard(self) -> bool:
+        self.looks += 1
+        self.threads.add(threading.current_thread())
+        if self.looks == 1:
+            self._node.changed.notify_all()
+        return self._word in self._heard
+
+
+def test_a_message_wakes_only_a_thread_that_waits_for_it(hub: MemoryHub, node: BaseNode) -> None:
+    """Other messages are looked at in the thread that brings them: the one that waits sleeps on."""
+    heard: list[str] = []
+    node.subscribe("words", String, lambda key, message: heard.append(message.data))
+    waiter, words = Waiter(node, heard, "go"), hub.bus().publisher("words", String)
+    waiter.threads.clear()
+    for _ in range(100):
+        words.put(String("other"))
+    assert waiter.threads == {threading.current_thread()}
+    words.put(String("go"))
+    waiter.thread.join(LIMIT)
+    assert not waiter.thread.is_alive()
+    assert heard.count("other") == 100
+
+
+def test_each_of_several_waits_ends_with_its_own_message(hub: MemoryHub, node: BaseNode) -> None:
+    """Two threads wait for two words: neither misses its own."""
+    heard: list[str] = []
+    node.subscribe("words", String, lambda key, message: heard.append(message.data))
+    first, second = Waiter(node, heard, "first"), Waiter(node, heard, "second")
+    words = hub.bus().publisher("words", String)
+    words.put(String("second"))
+    second.thread.join(LIMIT)
+    assert (first.thread.is_alive(), second.thread.is_alive()) == (True, False)
+    words.put(String("first"))
+    first.thread.join(LIMIT)
+    assert not first.thread.is_alive()
+
+
+def test_an_error_ends_a_wait_for_something_else(node: BaseNode) -> None:
+    """A handler that fails wakes the main loop, which raises the error."""
+    errors: list[str] = []
+
+    def wait() -> None:
+        try:
+            node.wait(lambda: False, LIMIT)
+        except ValueError as error:
+            errors.append(str(error))
+
+    thread = threading.Thread(target=wait)
+    thread.start()
+    with node.failing():
+        raise ValueError("of a handler")
+    thread.join(LIMIT)
+    assert errors == ["of a handler"]
