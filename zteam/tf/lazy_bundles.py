@@ -11,7 +11,9 @@ straight from the newest payload, along the path that the buffer has prepared, a
 """
 
 from collections.abc import Iterable
-from typing import Any
+from functools import lru_cache
+from itertools import count
+from typing import Any, NamedTuple
 
 from zteam.geometry import Pose2
 from zteam.messages import TFMessage, decode, ns_from_time
@@ -19,10 +21,13 @@ from zteam.messages.tf_layout import Layout, MessageLayout
 from zteam.names import strip_slash
 from zteam.tf.bases import is_base
 from zteam.tf.buffer import Buffer
-from zteam.tf.paths import Planar, PlanarPath, read_planar
+from zteam.tf.paths import Planar, PlanarPath, PlanarRule, read_planar
 
 _PRUNE = 64
 """After this many payloads, those that are too old are dropped."""
+
+
+_numbers = count(1)
 
 
 class _Samples(dict[int, Planar | None]):
@@ -30,6 +35,8 @@ class _Samples(dict[int, Planar | None]):
 
     def __init__(self, layout: Layout | MessageLayout, payload: Any) -> None:
         self.payload = payload
+        self.number = next(_numbers)
+        """Which samples these are, counted in this process."""
         self._layout = layout
 
     def __missing__(self, index: int) -> Planar | None:
@@ -49,27 +56,46 @@ def _samples_of(layout: Layout | MessageLayout, payload: Any) -> _Samples:
     return known
 
 
-class _Route:
-    """What a look-up leads over."""
+class _Known(NamedTuple):
+    """What a source found last. One value: the threads of several robots may ask a source."""
 
-    __slots__ = ("_indices", "_pose", "_read", "path")
+    number: int
+    """Of the samples."""
+    read: list[Planar | None]
+    pose: Pose2 | None
 
-    def __init__(self, path: PlanarPath, indices: list[int]) -> None:
-        """`indices` are the positions of the path's edges in the layout."""
-        self.path = path
-        """As the buffer has prepared it: it holds as long as the buffer keeps it."""
-        self._indices = indices
-        self._read: list[Planar | None] = []
-        """The transforms that were read last."""
-        self._pose: Pose2 | None = None
-        """What they make: mostly a robot that is looked up stands, or is looked up several times in a tick."""
+
+class _Source:
+    """Makes poses of the transforms at some positions of a layout. Receivers of the same messages share it."""
+
+    __slots__ = ("_indices", "_known", "_rule")
+
+    def __init__(self, rule: PlanarRule, indices: tuple[int, ...]) -> None:
+        self._rule, self._indices = rule, indices
+        self._known = _Known(0, [], None)
 
     def find_pose(self, samples: _Samples) -> Pose2 | None:
-        """The pose by the transforms of a payload; the same object while they are the same. None as `pose_by`."""
+        """The pose by the transforms of a payload: the same object while they say the same. None as of `_rule`."""
+        known = self._known
+        if known.number == samples.number:
+            return known.pose
         read = [samples[index] for index in self._indices]
-        if read != self._read:
-            self._read, self._pose = read, self.path.pose_by(read)
-        return self._pose
+        # Mostly a robot that is looked up stands.
+        pose = known.pose if read == known.read else self._rule.pose(read)
+        self._known = _Known(samples.number, read, pose)
+        return pose
+
+
+_source = lru_cache(maxsize=4096)(_Source)
+"""One object for equal arguments."""
+
+
+class _Route(NamedTuple):
+    """What a look-up leads over."""
+
+    path: PlanarPath
+    """As the buffer has prepared it: it holds as long as the buffer keeps it."""
+    source: _Source
 
 
 class Bundles:
@@ -140,7 +166,7 @@ class Bundles:
             samples, route = self._samples, self._routes.get(key)
             # Bundles in between are not asked whether they fit: nothing older counts for the newest pose.
             if samples is not None and route is not None:
-                pose = route.find_pose(samples) if route.path is self._buffer.paths.get(key) else None
+                pose = route.source.find_pose(samples) if route.path is self._buffer.paths.get(key) else None
                 if pose is not None:
                     return pose, self._newest
             self.settle(target_frame, source_frame)
@@ -158,7 +184,7 @@ class Bundles:
         parents, edges = layout.parents, self._buffer.edges
         found = {edges[c]: self._indices[c] for c in self._paths[key] if c in edges}
         if all(e in found and e.plain_parent == parents[found[e]] for e in path.edges):
-            self._routes[key] = _Route(path, [found[edge] for edge in path.edges])
+            self._routes[key] = _Route(path, _source(path.rule, tuple([found[edge] for edge in path.edges])))
 
     def settle(self, target_frame: str, source_frame: str) -> None:
         """Store the kept transforms of every frame between these two in the buffer."""

@@ -132,14 +132,29 @@ class PlanarPath:
         """Its moving edges, in the order in which it leads over them."""
         return [self._first, *self._edges]
 
-    def pose_by(self, samples: Sequence[Planar | None]) -> Pose2 | None:
-        """What `solve` answers if these are the newest samples of its edges, in the order of `edges`.
+    @property
+    def rule(self) -> "PlanarRule":
+        """How a pose follows from samples of its moving edges."""
+        steps = tuple((edge.z, down, shift, after) for edge, down, shift, after in self._steps)
+        return PlanarRule(self._place, self._turn, steps)
+
+
+class PlanarRule(NamedTuple):
+    """How a planar path makes a pose of one sample of each edge. It knows no edge: those of equal paths are equal."""
+
+    place: complex
+    turn: complex
+    steps: tuple[tuple[float, bool, complex | None, complex], ...]
+    """For each edge its z, whether the path leads down it, and the place and the turn behind it."""
+
+    def pose(self, samples: Sequence[Planar | None]) -> Pose2 | None:
+        """What `solve` answers if these are the samples of the edges, in the order of `edges`, at that time.
 
         None if a sample is not planar, or does not fit its edge.
         """
-        place, turn = self._place, self._turn
-        for sample, (edge, down, shift, after) in zip(samples, self._steps, strict=True):
-            if sample is None or sample[2] != edge.z:
+        place, turn, steps = self
+        for sample, (z, down, shift, after) in zip(samples, steps, strict=True):
+            if sample is None or sample[2] != z:
                 return None
             p, h, _ = sample
             # The steps of `solve`, written out again: a call for each would slow every look-up down.

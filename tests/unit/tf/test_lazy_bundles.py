@@ -191,6 +191,25 @@ def test_a_robot_that_stood_is_seen_to_move(pair: Pair, change: str) -> None:
                 assert lazy == whole
 
 
+def test_receivers_of_the_same_messages_have_their_own_start_poses() -> None:
+    """What one receiver found is not taken for another's whose start poses differ, or differ from some tick on."""
+    pairs = [Pair("messages") for _ in range(3)]
+    pairs[1].move_start(1, 3.0)
+    for tick in range(1, 30):
+        message = TFMessage(bundle(tick // 4))
+        for one in message.transforms:
+            one.header.stamp = time_from_ns(tick * S // 10)
+        if tick == 20:
+            pairs[0].move_start(1, -3.0)
+        for pair in pairs:
+            for one in message.transforms:
+                pair.whole.set_transform(one, "test")
+            pair.bundles.take(message)
+            for target in ("map", "robot_0/base_footprint"):
+                whole, lazy = pair.newest(target, "robot_1/base_footprint")
+                assert lazy == whole
+
+
 def test_newest_poses_start_anew(pair: Pair) -> None:
     """After a jump back, newest poses are those from after it."""
     for ticks in (range(50, 60), range(1, 5)):
