@@ -1,12 +1,14 @@
 """The teammates near a robot.
 
-A look-up costs a few microseconds, and a team may have dozens of robots. So a teammate that is far away is looked up
-again only when it may have come near.
+A look-up costs a few microseconds, and a team may have dozens of robots. So a teammate is looked up again only when it
+may have come near, or may have gone.
 """
 
 import math
 from collections.abc import Mapping
+from heapq import heappop, heappush
 
+from zteam import names
 from zteam.base import Base
 from zteam.behaviors.view import View
 from zteam.clock import to_ns
@@ -14,7 +16,7 @@ from zteam.clock import to_ns
 REACH = 5.0
 """Metres from base to base that are near."""
 CLOSING = 2.0
-"""m/s: two robots come no faster towards each other."""
+"""m/s: two robots come no faster towards each other, or away from each other."""
 LOOK_AGAIN = to_ns(1.0)
 """Nanoseconds until a teammate is looked up again that has no pose."""
 
@@ -25,33 +27,37 @@ def cannot_meet_before(now: int, away: float) -> int:
 
 
 class Nearby:
-    """Knows which teammates of one robot may be near."""
+    """Knows which teammates of one robot are near."""
 
     def __init__(self) -> None:
         self._sources: tuple[Mapping[int, Base], tuple[int, ...]] | tuple[None, None] = (None, None)
         """What the ids came from."""
-        self._due: dict[int, int] = {}
-        """Time at which each teammate is looked up again (ns)."""
-        self._first_due = 0
-        """The first of these times."""
+        self._near: frozenset[int] = frozenset()
+        self._due: list[tuple[int, int]] = []
+        """A heap: when each teammate is looked up again (ns), because it may have come near or gone; and its id."""
 
-    def find(self, view: View) -> set[int]:
-        """The ids of those within REACH."""
+    def find(self, view: View) -> frozenset[int]:
+        """The ids of those within REACH. Mostly this compares one number."""
         if self._sources[0] is not view.bases or self._sources[1] != view.team:
-            self._sources = view.bases, view.team
-            ids = {*view.bases, *view.team} - {view.robot_id}
-            self._due, self._first_due = {robot: self._due.get(robot, 0) for robot in sorted(ids)}, 0
-        if view.now < self._first_due:
-            return set()
-        found = {robot for robot, due in self._due.items() if due <= view.now and self._look(view, robot)}
-        self._first_due = min(self._due.values(), default=view.now)
-        return found
+            self._take_ids(view)
+        due, asked = self._due, []
+        while due and due[0][0] <= view.now:
+            asked.append(heappop(due)[1])
+        if asked:
+            self._near = self._near.difference(asked).union([robot for robot in asked if self._look(view, robot)])
+        return self._near
+
+    def _take_ids(self, view: View) -> None:
+        self._sources = view.bases, view.team
+        known = {robot: due for due, robot in self._due}
+        ids = {*view.bases, *view.team} - {view.robot_id}
+        self._due = sorted((known.get(robot, 0), robot) for robot in ids)
+        self._near = self._near & ids
 
     def _look(self, view: View, robot: int) -> bool:
-        at = view.base_from_robot(robot)
-        if at is None or not (math.isfinite(at[0].x) and math.isfinite(at[0].y)):
-            self._due[robot] = view.now + LOOK_AGAIN
-            return False
-        away = math.hypot(at[0].x, at[0].y) - REACH
-        self._due[robot] = cannot_meet_before(view.now, away)
+        """Look a teammate up; whether it is near."""
+        own, at = view.map_from_base(), view.lookup(names.MAP_FRAME, names.robot_frame(robot, names.BASE_FOOTPRINT))
+        away = math.inf if own is None or at is None else math.hypot(at[0].x - own[0].x, at[0].y - own[0].y) - REACH
+        is_known = math.isfinite(away)
+        heappush(self._due, (cannot_meet_before(view.now, abs(away)) if is_known else view.now + LOOK_AGAIN, robot))
         return away <= 0.0
