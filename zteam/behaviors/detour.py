@@ -12,9 +12,11 @@ import numpy as np
 
 from zteam import names
 from zteam.behaviors.polyline import Polyline
+from zteam.behaviors.pursuit import Limits, pursue
 from zteam.behaviors.scans import beams_of
 from zteam.behaviors.view import View
 from zteam.geometry import Pose2
+from zteam.messages import Twist, Vector3
 
 MARGIN = 0.2
 """Metres between the side of the robot that passes and the circle around the one that stands."""
@@ -28,6 +30,8 @@ BODY = 0.45
 """Metres around another robot within which a hit of the laser is that robot."""
 _STEP = 0.1
 """Metres between two points of a bent path."""
+_ROUNDING = 1e-6
+"""Metres: more than rounding makes of a distance."""
 
 
 class Standing(NamedTuple):
@@ -63,6 +67,17 @@ def find_standing(view: View, robots: Iterable[int]) -> list[Standing]:
     return found
 
 
+class _Drive(NamedTuple):
+    """A drive to a place, and what became of it."""
+
+    asked: tuple[object, ...]
+    side: float
+    """On which it passes."""
+    swing: float
+    command: Twist
+    is_bent: bool
+
+
 class Detour:
     """Bends the path of one robot; it keeps the side on which it passes until nothing stands in the way."""
 
@@ -71,14 +86,36 @@ class Detour:
         """1 while it passes on the left, -1 on the right, 0 with a free path."""
         self.swing = 0.0
         """Metres that the path was bent to the side at most, in the last step."""
+        self._drive: _Drive | None = None
+        """The newest one: a robot that waits asks for the same again."""
+
+    def drive(
+        self, view: View, own: Pose2, to: Pose2, standing: Sequence[Standing], speed: float, limits: Limits
+    ) -> tuple[Twist, bool]:
+        """The velocity from `own` straight to a place, both in map, round what stands there; and whether that bends it.
+
+        `speed` is in m/s.
+        """
+        asked, last = (own, to.x, to.y, standing, speed, limits), self._drive
+        # The scan is looked at only to choose a side, and that is kept.
+        if last is None or last.side != self._side or last.asked != asked:
+            way = Polyline((own[:2], to[:2]))
+            bent = self.bend(view, way, 0.0, standing)
+            command = pursue(own, bent or way, 0.0, speed, limits)
+            last = self._drive = _Drive(asked, self._side, self.swing, command, bent is not None)
+        self.swing = last.swing
+        # A new one each time, which the caller may change.
+        return Twist(Vector3(last.command.linear.x), Vector3(z=last.command.angular.z)), last.is_bent
 
     def bend(self, view: View, path: Polyline, place: float, standing: Sequence[Standing]) -> Polyline | None:
         """The piece of the path around `place`, in map, bent around what stands there; None if nothing does."""
         self.swing = 0.0
         if not standing:
             return None
-        begin, end = place - REACH, place + AHEAD
-        met = [(path.project(robot.x, robot.y, begin, end), robot) for robot in standing]
+        begin, end, here = place - REACH, place + AHEAD, path.at(place)
+        # Mostly all stand so far away that no point of the path between the two can be near them.
+        near = [robot for robot in standing if _distance(here, robot) < robot.distance + AHEAD + _ROUNDING]
+        met = [(path.project(robot.x, robot.y, begin, end), robot) for robot in near]
         met = [(at, robot) for at, robot in met if _distance(path.at(at), robot) < robot.distance]
         if not met:
             self._side = 0.0

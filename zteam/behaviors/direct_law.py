@@ -7,9 +7,8 @@ from zteam.behaviors.chain import see_robot
 from zteam.behaviors.detour import Detour, find_standing
 from zteam.behaviors.follow_params import FollowParams
 from zteam.behaviors.nearby import Nearby
-from zteam.behaviors.polyline import Polyline
-from zteam.behaviors.pursuit import Limits, pursue
-from zteam.behaviors.scans import first_clear
+from zteam.behaviors.pursuit import Limits
+from zteam.behaviors.scans import Beams, beams_of, first_clear
 from zteam.behaviors.view import View
 from zteam.geometry import Pose2, normalize_angle
 from zteam.messages import LaserScan, Twist, Vector3
@@ -50,6 +49,11 @@ class DirectLaw:
         """
         self._side = 0.0
         """1 while going round something on its left, -1 on its right, 0 with a clear way."""
+        self._beams: Beams | None = None
+        self._asked: tuple[float, ...] = ()
+        """What a clear heading was looked for last, and in what: a robot that stands looks for the same again."""
+        self._heading: float | None = None
+        """What was found."""
         self._detour = detour or Detour()
         self._nearby = nearby or Nearby()
 
@@ -75,10 +79,11 @@ class DirectLaw:
         own = view.map_from_base() if gone else None
         if own is not None:
             share = 1.0 - stand / distance
-            way = Polyline([own[0][:2], own[0].compose(Pose2(share * x, share * y, 0.0))[:2]])
-            bent = self._detour.bend(view, way, 0.0, find_standing(view, gone))
-            if bent is not None:
-                return pursue(own[0], bent, 0.0, most, Limits(params.max_linear, params.max_angular)), ""
+            to = own[0].compose(Pose2(share * x, share * y, 0.0))
+            limits = Limits(params.max_linear, params.max_angular)
+            command, is_bent = self._detour.drive(view, own[0], to, find_standing(view, gone), most, limits)
+            if is_bent:
+                return command, ""
         angle = math.atan2(y, x)
         if view.scan is not None:
             angle = self._way_round(view.scan, angle, distance, view.base.half_width + SIDE_MARGIN)
@@ -93,8 +98,11 @@ class DirectLaw:
         It goes round on the side it chose until the bearing is clear again, so it does not swing in front of a post;
         without any clear heading it keeps to the bearing.
         """
-        reach = min(REACH, distance - LEADER_ROOM)
-        heading = first_clear(scan, half_width, reach, bearing, _DETOURS[self._side])
+        beams, asked = beams_of(scan), (half_width, min(REACH, distance - LEADER_ROOM), bearing, self._side)
+        if beams is not self._beams or asked != self._asked:
+            self._beams, self._asked = beams, asked
+            self._heading = first_clear(scan, *asked[:3], _DETOURS[self._side])
+        heading = self._heading
         if heading is None or heading == bearing:
             self._side = 0.0
             return bearing

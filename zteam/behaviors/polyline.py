@@ -91,8 +91,9 @@ class Polyline:
         high = min(max(high, low), self.end)
         if len(places) < 2:
             return places[0]
-        first, last = self._piece(low) + 1, self._piece(high) + 1
-        (from_x, from_y, _), (last_x, last_y, _) = self.at(low), self.at(high)
+        first, last = self._piece(low), self._piece(high)
+        (from_x, from_y), (last_x, last_y) = self._point(first, low), self._point(last, high)
+        first, last = first + 1, last + 1
         begin, best, nearest = low, low, math.inf
         for to_x, to_y, end in zip(
             (*xs[first:last], last_x), (*ys[first:last], last_y), (*places[first:last], high), strict=True
@@ -123,6 +124,12 @@ class Polyline:
         sides = math.hypot(bx - ax, by - ay) * math.hypot(cx - bx, cy - by) * math.hypot(cx - ax, cy - ay)
         # A path that turns back on itself has no circle.
         return 2.0 * ((bx - ax) * (cy - by) - (by - ay) * (cx - bx)) / sides if sides > _LEAST else 0.0
+
+    def _point(self, piece: int, s: float) -> tuple[float, float]:
+        """The point at `s`, which lies on this piece: as `at`."""
+        x, y, begin = self._x[piece], self._y[piece], self._s[piece]
+        share = (s - begin) / (self._s[piece + 1] - begin)
+        return x + share * (self._x[piece + 1] - x), y + share * (self._y[piece + 1] - y)
 
     def _piece(self, s: float) -> int:
         """The index of the point at which the piece around `s` begins."""

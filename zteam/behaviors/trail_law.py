@@ -156,9 +156,9 @@ class TrailLaw:
         head, mates = self._trail.leader, self._nearby.find(view) | gone
         if _metres_before(head, own) <= 0.0:
             return self._direct.step(view, chain, mates - {chain[0]}, params, params.gap)
-        way = Polyline([own[:2], head.compose(Pose2(-params.gap * len(chain), 0.0, 0.0))[:2]])
-        bent = self._detour.bend(view, way, 0.0, find_standing(view, mates))
-        return pursue(own, bent or way, 0.0, JOINING, Limits(params.max_linear, params.max_angular)), ""
+        place = head.compose(Pose2(-params.gap * len(chain), 0.0, 0.0))
+        limits = Limits(params.max_linear, params.max_angular)
+        return self._detour.drive(view, own, place, find_standing(view, mates), JOINING, limits)[0], ""
 
     def _find_place(self, own: Pose2, target: float) -> tuple[float, float]:
         """The own place on the trail, and the distance to it, metres: the nearest of those around the last one.

@@ -8,6 +8,7 @@ from support.flat_floor import make_scan
 from support.flat_floor import make_view as view_of
 from zteam.behaviors.detour import Detour, Standing, find_standing
 from zteam.behaviors.polyline import Polyline
+from zteam.behaviors.pursuit import Limits
 from zteam.behaviors.view import View
 from zteam.geometry import Pose2
 from zteam.messages import LaserScan
@@ -81,3 +82,55 @@ def test_where_the_others_stand_is_asked_of_transforms() -> None:
     """A robot without a pose is nowhere; the distance is what both bases need, and a margin."""
     found = find_standing(make_view(robot_id=1, poses={0: (2.0, 1.0, 0.5), 1: (0.0, 0.0, 0.0)}), [0, 7])
     assert found == [Standing(2.0, 1.0, pytest.approx(0.175 + math.hypot(0.225, 0.175) + 0.2))]
+
+
+OWN, TO, LIMITS = Pose2(0.0, 0.0, 0.1), Pose2(6.0, 0.0, 0.0), Limits(0.7, 3.0)
+STANDING = [Standing(0.8, -0.1, DISTANCE)]
+OTHER_DRIVES: dict[str, tuple[Pose2, Pose2, list[Standing], float, Limits]] = {
+    "elsewhere": (Pose2(0.0, 0.01, 0.1), TO, STANDING, 0.5, LIMITS),
+    "turned": (Pose2(0.0, 0.0, 0.11), TO, STANDING, 0.5, LIMITS),
+    "to another place": (OWN, Pose2(6.0, 0.2, 0.0), STANDING, 0.5, LIMITS),
+    "round one that moved": (OWN, TO, [Standing(0.8, -0.11, DISTANCE)], 0.5, LIMITS),
+    "round a wider one": (OWN, TO, [Standing(0.8, -0.1, DISTANCE + 0.01)], 0.5, LIMITS),
+    "round two": (OWN, TO, [*STANDING, Standing(1.0, 0.3, DISTANCE)], 0.5, LIMITS),
+    "round nobody": (OWN, TO, [], 0.5, LIMITS),
+    "slower": (OWN, TO, STANDING, 0.4, LIMITS),
+    "with other limits": (OWN, TO, STANDING, 0.5, Limits(0.3, 3.0)),
+}
+
+
+@pytest.mark.parametrize("other", OTHER_DRIVES)
+def test_another_drive_is_not_taken_for_the_last_one(other: str) -> None:
+    """After the same drive several times, each one with some other argument is as of a detour that knows no other."""
+    detour, view = Detour(), seeing()
+    for _ in range(3):
+        first = detour.drive(view, OWN, TO, STANDING, 0.5, LIMITS)
+        assert first[1]
+        assert (first, detour.swing) == (detour.drive(view, OWN, TO, STANDING, 0.5, LIMITS), pytest.approx(0.5))
+    fresh = Detour()
+    found = detour.drive(view, *OTHER_DRIVES[other])
+    assert found == fresh.drive(view, *OTHER_DRIVES[other])
+    assert found != first
+    assert detour.swing == fresh.swing
+
+
+def test_a_drive_knows_a_side_that_was_chosen_meanwhile() -> None:
+    """A path that is bent between two same drives may be passed on the other side: so is the drive."""
+    detour, robot = Detour(), Standing(0.8, -0.1, DISTANCE)
+    left, _ = detour.drive(seeing(), OWN, TO, [robot], 0.5, LIMITS)
+    swing = detour.swing
+    assert detour.bend(seeing(), PATH, 0.0, []) is None
+    assert detour.drive(seeing(), OWN, TO, [robot], 0.5, LIMITS)[0] == left
+    assert detour.swing == swing > 0.0
+    assert detour.bend(seeing(), PATH, 4.0, [robot]) is None
+    assert detour.bend(seeing(wall_at(0.7)), PATH, 0.0, [robot]) is not None
+    right, _ = detour.drive(seeing(), OWN, TO, [robot], 0.5, LIMITS)
+    assert left.angular.z > 0.0 > right.angular.z
+
+
+def test_the_caller_may_change_the_command_of_a_drive() -> None:
+    """The next one is a new one."""
+    detour = Detour()
+    command, _ = detour.drive(seeing(), OWN, TO, STANDING, 0.5, LIMITS)
+    speed, command.linear.x = command.linear.x, 9.0
+    assert detour.drive(seeing(), OWN, TO, STANDING, 0.5, LIMITS)[0].linear.x == speed > 0.0
