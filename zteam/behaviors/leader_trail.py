@@ -43,6 +43,15 @@ class Sample(NamedTuple):
     pose: Pose2
 
 
+class _Tip(NamedTuple):
+    """The end of a trail: the point, and the cosine and the sine of its direction there."""
+
+    x: float
+    y: float
+    cos: float
+    sin: float
+
+
 class LeaderTrail:
     """The trail of one leader. Places on it are metres of arc length; it goes straight on before its beginning."""
 
@@ -55,6 +64,8 @@ class LeaderTrail:
         """Of the leader along its trail, m/s."""
         self.path = Polyline()
         """The trail up to a little behind the leader."""
+        self._tip: _Tip | None = None
+        """Its end; None where that has to be found anew."""
         self._first = self.leader
         """The pose at the trail's beginning."""
         self._noise = 0.005
@@ -86,7 +97,7 @@ class LeaderTrail:
         self.path = Polyline([(x, y) for x, y, _yaw in (*way, leader)])
         self._first, self.leader, self._stamp = (*way, leader)[0], leader, stamp
         self.place, self.speed = self.path.end, 0.0
-        self._samples = [Sample(self.place, leader)]
+        self._samples, self._tip = [Sample(self.place, leader)], None
 
     def take(self, leader: Pose2, stamp: int, keep: float) -> None:
         """The leader's newest pose, of time `stamp` (ns); forgets what lies more than `keep` metres behind."""
@@ -125,18 +136,21 @@ class LeaderTrail:
 
     def _measure(self, leader: Pose2) -> float:
         """The place of this pose. Cuts the trail if the leader has backed up behind its end."""
-        path = self.path
-        x, y, yaw = path.at(path.end)
-        if len(path) < 2:
-            yaw = leader.yaw
-        dx, dy = leader.x - x, leader.y - y
-        ahead = math.cos(yaw) * dx + math.sin(yaw) * dy
+        path, tip = self.path, self._tip
+        if tip is None:
+            x, y, yaw = path.at(path.end)
+            yaw = yaw if len(path) > 1 else leader.yaw
+            tip = _Tip(x, y, math.cos(yaw), math.sin(yaw))
+            # The direction of a single point is the leader's.
+            self._tip = tip if len(path) > 1 else None
+        dx, dy = leader.x - tip.x, leader.y - tip.y
+        ahead = tip.cos * dx + tip.sin * dy
         if ahead >= 0.0:
             return path.end + math.hypot(dx, dy)
         if ahead > -_REVERSE:
             return path.end + ahead
         path.cut_after(path.project(leader.x, leader.y, path.end - _JUMP))
-        self._samples = []
+        self._samples, self._tip = [], None
         return path.end
 
     def _estimate(self, measured: float, seconds: float) -> None:
@@ -164,6 +178,7 @@ class LeaderTrail:
                 samples.pop(0)
             before = path.end
             path.append(*fit(samples, place, reach))
+            self._tip = None
             if path.end == before:
                 break
 

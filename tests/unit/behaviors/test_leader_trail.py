@@ -213,3 +213,17 @@ def test_few_samples_are_joined_by_straight_lines() -> None:
     assert between(samples, 0.1).yaw == pytest.approx(math.pi)
     assert between(samples, -1.0) == samples[0].pose
     assert between(samples, 0.2) == samples[1].pose
+
+
+@pytest.mark.parametrize("before", [29, 30, 31])
+def test_a_leader_that_was_set_down_elsewhere_is_measured_from_there(before: int) -> None:
+    """Its trail begins anew there: each pose is as far along it as the leader has come from there."""
+    trail = Trail()
+    follow(trail, Pose2(0.0, 0.0, 0.0), STRAIGHT, before)
+    elsewhere = Pose2(5.0, -5.0, 2.0)
+    trail.see(elsewhere)
+    pose = elsewhere
+    for ticks in range(1, 13):
+        (pose,) = follow(trail, pose, STRAIGHT, 1)
+        assert trail.place == pytest.approx(0.05 * ticks, abs=0.02)
+    assert trail.place - TAIL < trail.path.end < trail.place
