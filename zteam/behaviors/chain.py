@@ -45,12 +45,14 @@ def find_leaders(view: View, leader: int) -> dict[int, int]:
     """
     statuses: Mapping[int, Any] = view.inputs.get("statuses") or {}
     own = statuses.get(view.robot_id)
-    told = {
+    behavior = None if own is None else own.behavior
+    leaders = {
         robot: status.leader
         for robot, status in statuses.items()
-        if status.leader >= 0 and (own is None or status.behavior == own.behavior)
+        if status.leader >= 0 and (behavior is None or status.behavior == behavior)
     }
-    return {**told, view.robot_id: leader}
+    leaders[view.robot_id] = leader
+    return leaders
 
 
 def behavior_of(view: View, robot: int) -> str:

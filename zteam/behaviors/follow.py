@@ -85,9 +85,15 @@ class Follow(Behavior):
     def _find_chain(self, view: View, gone: Set[int]) -> tuple[Mapping[int, int], Role]:
         """The robot that each robot follows, and the own role."""
         statuses, known = view.inputs.get("statuses"), self._known
-        if known is None or known.statuses is not statuses or known.gone is not gone or known.params is not self.params:
+        if known is not None and (known.gone is not gone or known.params is not self.params):
+            known = None
+        if known is None or known.statuses is not statuses:
             leaders = find_leaders(view, self.leader)
-            role = find_role(view.robot_id, leaders, gone, self.params.on_leader_lost, leaders.keys())
+            # In most ticks some robot tells a new status, but seldom another leader.
+            if known is not None and known.leaders == leaders:
+                role = known.role
+            else:
+                role = find_role(view.robot_id, leaders, gone, self.params.on_leader_lost, leaders.keys())
             known = self._known = _Chain(statuses, gone, self.params, leaders, role)
         return known.leaders, known.role
 

@@ -86,11 +86,12 @@ class Presence:
 
     def find_gone(self, view: View) -> Set[int]:
         """Those that are gone now; none while the robot does not even know that itself is there."""
-        if view.robot_id not in view.team:
-            return frozenset()
         # Mostly it is the same object, and then as many are gone as before.
         if view.team is not self._team:
             self._team = view.team
-            self._seen.update(view.team)
-            self._gone = self._seen.difference(view.team)
+            if view.robot_id in view.team:
+                self._seen.update(view.team)
+                self._gone = self._seen.difference(view.team)
+            else:
+                self._gone = frozenset()
         return self._gone

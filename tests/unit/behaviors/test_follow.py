@@ -4,6 +4,7 @@ import math
 from itertools import pairwise
 
 import msgspec
+import numpy as np
 import pytest
 
 from support.flat_floor import TICK, Floor, Segment, clearance, make_scan, make_view
@@ -12,6 +13,7 @@ from zteam.base import Base
 from zteam.behaviors import Behavior, View, decide, load_behavior
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
+from zteam.messages import RobotStatus
 
 NOW = 100 * TICK
 STARTS = [Pose2(6.5, 18.5, 0.0), Pose2(4.25, 18.5, 0.0), Pose2(6.5, 16.5, 0.0), Pose2(4.25, 16.5, 0.0)]
@@ -228,3 +230,48 @@ def test_it_does_not_swing_in_front_of_a_post() -> None:
     assert turn(5) > 0.0
     assert turn(90) == 0.0
     assert turn(5) < 0.0
+
+
+def test_a_way_round_is_looked_for_anew_where_anything_differs() -> None:
+    """After the same step several times, a beam, the leader's place and the base count in that very step."""
+    behavior = follower()
+
+    def turn(behavior: Behavior, hit_deg: int, leader: Pose2, half: float) -> float:
+        ranges = np.full(271, 30.0, np.float32)
+        ranges[135 + hit_deg] = 0.5
+        ranges.setflags(write=False)
+        scan = msgspec.structs.replace(make_scan(ranges, NOW, math.radians(270.0)), ranges=ranges)
+        base = Base(footprint=box_points(half))
+        lookup = seeing(leader).lookup
+        return behavior.step(make_view(scan, now=NOW, robot_id=1, lookup=lookup, base=base)).angular.z
+
+    ahead, beside = Pose2(3.0, 0.0, 0.0), Pose2(3.0, 0.5, 0.0)
+    first = (-5, ahead, 0.175)
+    for other in [(90, ahead, 0.175), (-15, ahead, 0.175), (-5, beside, 0.175), (-5, ahead, 0.25)]:
+        turns = [turn(behavior, *first) for _ in range(3)]
+        assert turns == [turn(follower(), *first)] * 3
+        found = turn(behavior, *other)
+        assert found == turn(follower(), *other)
+        assert found != turns[0]
+
+
+def test_the_chain_is_the_newest_that_is_told() -> None:
+    """Another leader in a status, a robot that is gone and a parameter that is set count in that very step."""
+    behavior = load_behavior("follow", {"leader": 1}, robot_id=2)
+
+    def reason(leader_of_1: int, team: tuple[int, ...] = (0, 1, 2)) -> str:
+        told = {
+            i: RobotStatus(robot_id=i, behavior="follow", leader=leader) for i, leader in ((1, leader_of_1), (2, 1))
+        }
+        behavior.step(make_view(robot_id=2, team=team, inputs={"statuses": told}))
+        return behavior.reason
+
+    unknown, circle = "its own pose in map is not known", "the robots follow each other in a circle"
+    assert [reason(0), reason(0), reason(2), reason(2), reason(0)] == [unknown, unknown, circle, circle, unknown]
+    gone, alone = "leader robot_0 is gone", (1, 2)
+    assert [reason(0, alone), reason(0, alone), reason(0)] == [gone, gone, unknown]
+    team = (0, 2)
+    assert reason(0, team) == unknown
+    behavior.params = msgspec.structs.replace(behavior.params, on_leader_lost="stop")
+    behavior.on_params()
+    assert reason(0, team) == "leader robot_1 is gone"
