@@ -12,7 +12,7 @@ import numpy as np
 
 from zteam import names
 from zteam.behaviors.polyline import Polyline
-from zteam.behaviors.pursuit import Limits, pursue
+from zteam.behaviors.pursuit import LOOK_AHEAD, Limits, pursue
 from zteam.behaviors.scans import beams_of
 from zteam.behaviors.view import View
 from zteam.geometry import Pose2
@@ -100,15 +100,20 @@ class Detour:
         # The scan is looked at only to choose a side, and that is kept.
         if last is None or last.side != self._side or last.asked != asked:
             way = Polyline((own[:2], to[:2]))
-            bent = self.bend(view, way, 0.0, standing)
+            bent = self.bend(view, way, 0.0, standing, LOOK_AHEAD)
             command = pursue(own, bent or way, 0.0, speed, limits)
             last = self._drive = _Drive(asked, self._side, self.swing, command, bent is not None)
         self.swing = last.swing
         # A new one each time, which the caller may change.
         return Twist(Vector3(last.command.linear.x), Vector3(z=last.command.angular.z)), last.is_bent
 
-    def bend(self, view: View, path: Polyline, place: float, standing: Sequence[Standing]) -> Polyline | None:
-        """The piece of the path around `place`, in map, bent around what stands there; None if nothing does."""
+    def bend(
+        self, view: View, path: Polyline, place: float, standing: Sequence[Standing], length: float = math.inf
+    ) -> Polyline | None:
+        """The piece of the path around `place`, in map, bent around what stands there; None if nothing does.
+
+        It may end after `length` metres.
+        """
         self.swing = 0.0
         if not standing:
             return None
@@ -131,6 +136,8 @@ class Detour:
             x, y, yaw = path.at(at)
             off = self._side * max(abs(swing.at(at)) for swing in swings)
             bent.append(x - off * math.sin(yaw), y + off * math.cos(yaw))
+            if bent.end > length:
+                break
         return bent
 
 

@@ -8,7 +8,7 @@ from support.flat_floor import make_scan
 from support.flat_floor import make_view as view_of
 from zteam.behaviors.detour import Detour, Standing, find_standing
 from zteam.behaviors.polyline import Polyline
-from zteam.behaviors.pursuit import Limits
+from zteam.behaviors.pursuit import Limits, pursue
 from zteam.behaviors.view import View
 from zteam.geometry import Pose2
 from zteam.messages import LaserScan
@@ -126,6 +126,16 @@ def test_a_drive_knows_a_side_that_was_chosen_meanwhile() -> None:
     assert detour.bend(seeing(wall_at(0.7)), PATH, 0.0, [robot]) is not None
     right, _ = detour.drive(seeing(), OWN, TO, [robot], 0.5, LIMITS)
     assert left.angular.z > 0.0 > right.angular.z
+
+
+def test_a_drive_is_along_the_whole_bent_path() -> None:
+    """Although only its beginning is worked out."""
+    standing = [*STANDING, Standing(1.8, 0.2, DISTANCE)]
+    detour, way = Detour(), Polyline([OWN[:2], TO[:2]])
+    bent = detour.bend(seeing(), way, 0.0, standing)
+    assert bent is not None
+    command, _ = Detour().drive(seeing(), OWN, TO, standing, 0.5, LIMITS)
+    assert command == pursue(OWN, bent, 0.0, 0.5, LIMITS)
 
 
 def test_the_caller_may_change_the_command_of_a_drive() -> None:
