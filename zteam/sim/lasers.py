@@ -143,9 +143,22 @@ class Lasers:
         self._intensity = np.array([s.ranger_return if s else 0.0 for s in caster.surfaces], np.float32)
         self._pairs = [_make_pair(caster, batch) for batch in self._batches]
         self._interference = Interference(options.dazzle_angle, options.dazzle_probability)
+        self._is_exact = options.dazzle == "off" and all(batch.noise is None for batch in self._batches)
+        """Whether the poses alone decide what is measured."""
+        self._last: tuple[bytes, Scans] | None = None
+        """The poses of the last measurement, and what it gave."""
 
     def measure(self, poses: Floats, tick: int) -> Scans:
-        """Readings with the robots at `poses` (rows x, y, yaw in `map`); the caster has been moved there."""
+        """Readings with all movers at `poses` (rows x, y, yaw in `map`); the caster has been moved there.
+
+        Where nothing has moved and nothing is random, they are the last ones.
+        """
+        at = poses.tobytes()
+        if self._last is None or self._last[0] != at or not self._is_exact:
+            self._last = at, self._cast(poses, tick)
+        return self._last[1]
+
+    def _cast(self, poses: Floats, tick: int) -> Scans:
         for batch in self._batches:
             place_mounts(poses, batch.at, batch.rays.x, batch.rays.y, batch.rays.yaw)
         arrays = [self._measure(batch, pair, tick) for batch, pair in zip(self._batches, self._pairs, strict=True)]
