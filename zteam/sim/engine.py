@@ -105,6 +105,10 @@ class Engine:
         team.move(self.now, self.tick + 1, self.world.interval / NS_PER_S)
         self.tick += 1
 
+    def begin_observing(self) -> None:
+        """Let a second thread, if there is one, begin to cast rays. Nothing may change before `observe` follows."""
+        self._assembled().begin_observing()
+
     def observe(self) -> Observation:
         """What all robots sense now."""
         return self._assembled().observe(self.now, self.tick)
@@ -270,14 +274,20 @@ class _Team:
         wheels = self._wheels
         roll(wheels.owner, wheels.rows, self.velocity, seconds, wheels.angles, wheels.rates)
 
+    def begin_observing(self) -> None:
+        """See `Engine.begin_observing`."""
+        self._surroundings.move(self.bodies.poses)
+        self._lasers.begin(self.bodies.poses)
+
     def observe(self, now: int, tick: int) -> Observation:
         """What all robots sense at `now` (ns)."""
+        if not self._lasers.begun:
+            self.begin_observing()
         poses = self.bodies.poses
-        self._surroundings.move(poses)
         snapshot = Snapshot(
             ids=self.ids,
             robots=self._robots,
-            scans=self._lasers.measure(poses, tick),
+            scans=self._lasers.measure(tick),
             poses=poses.copy(),
             odom=self.odometry.poses.copy(),
             velocity=self.velocity.copy(),
