@@ -41,7 +41,7 @@ _sem_post = External("sem_post")
 
 @unlocked
 def cast_parts(semaphores: Semaphores, state: State, job: Job, role: int) -> None:
-    """Do a job alone; or let a helper begin; or finish it from the front; or help from the back, whenever one begins."""
+    """Do a job alone; or let a helper begin; or finish it from the front; or help from the back when one begins."""
     scans = job.ranges.shape[0]
     if role == _ALONE:
         cast_part(job, 0, scans)

@@ -158,7 +158,7 @@ class Engine:
     def remove(self, robot_id: int) -> None:
         """Take a robot out of the world. Raises UsageError if it is not there."""
         if robot_id not in self._robots:
-            raise self._no_robot(robot_id)
+            raise _no_robot(robot_id, self._robots)
         del self._robots[robot_id]
         if self._team is not None:
             # Another robot of this id starts anew. Observations keep the old table.
@@ -196,13 +196,13 @@ class Engine:
         return self._team
 
     def _index(self, team: "_Team", robot_id: int) -> int:
-        i = team.ids.get(robot_id)
-        if i is None:
-            raise self._no_robot(robot_id)
-        return i
+        if robot_id not in team.ids:
+            raise _no_robot(robot_id, self._robots)
+        return team.ids[robot_id]
 
-    def _no_robot(self, robot_id: int) -> UsageError:
-        return UsageError(f"no robot {robot_id} in this world: it has {format_robot_ids(self._robots) or 'none'}")
+
+def _no_robot(robot_id: int, present: Collection[int]) -> UsageError:
+    return UsageError(f"no robot {robot_id} in this world: it has {format_robot_ids(present) or 'none'}")
 
 
 class _Team:
@@ -275,7 +275,6 @@ class _Team:
         roll(wheels.owner, wheels.rows, self.velocity, seconds, wheels.angles, wheels.rates)
 
     def begin_observing(self) -> None:
-        """See `Engine.begin_observing`."""
         self._surroundings.move(self.bodies.poses)
         self._lasers.begin(self.bodies.poses)
 

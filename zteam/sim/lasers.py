@@ -153,7 +153,7 @@ class Lasers:
         """Whether `measure` is to follow."""
 
     def begin(self, poses: Floats) -> None:
-        """Begin to measure with all movers at `poses` (rows x, y, yaw in `map`); the caster stays there till `measure`."""
+        """Begin to measure with all movers at `poses` (rows x, y, yaw in `map`), where the caster is till `measure`."""
         self.begun, at = True, poses.tobytes()
         if self._is_exact and at == self._poses:
             return
