@@ -20,8 +20,8 @@ _GO, _LEFT, _DONE = 0, 1, 2
 """Semaphores: there is work; the parts that no thread has taken; the parts that the helper has finished."""
 _END, _CLOSING = 0, 1
 """Places in the state: where the parts that are left end; whether the helper is to end."""
-_ALONE, _FIRST, _HELPER = 0, 1, 2
-"""Roles of a thread."""
+_ALONE, _BEGIN, _FIRST, _HELPER = 0, 1, 2, 3
+"""What a thread does: the whole job; it lets the helper begin; it finishes the job with the helper; it helps."""
 _ROOM = 64
 """Bytes for a semaphore."""
 _SPIN = 3000
@@ -41,12 +41,19 @@ _sem_post = External("sem_post")
 
 @unlocked
 def cast_parts(semaphores: Semaphores, state: State, job: Job, role: int) -> None:
-    """Do a job alone; or with a helper, from the front; or as the helper, from the back, whenever there is one."""
+    """Do a job alone; or let a helper begin; or finish it from the front; or help from the back when one begins."""
     scans = job.ranges.shape[0]
     if role == _ALONE:
         cast_part(job, 0, scans)
         return
     size = (scans + _PARTS - 1) // _PARTS
+    parts = (scans + size - 1) // size
+    if role == _BEGIN:
+        state[_END] = scans
+        for _ in range(parts):
+            _sem_post(semaphores[_LEFT])
+        _sem_post(semaphores[_GO])
+        return
     if role == _HELPER:
         while state[_CLOSING] == 0:
             # A signal to the process may end a wait early.
@@ -58,10 +65,7 @@ def cast_parts(semaphores: Semaphores, state: State, job: Job, role: int) -> Non
                 state[_END] = begin
                 _sem_post(semaphores[_DONE])
         return
-    state[_END], mine, parts = scans, 0, (scans + size - 1) // size
-    for _ in range(parts):
-        _sem_post(semaphores[_LEFT])
-    _sem_post(semaphores[_GO])
+    mine = 0
     while _sem_trywait(semaphores[_LEFT]) == 0:
         cast_part(job, mine * size, min(scans, (mine + 1) * size))
         mine += 1
@@ -84,14 +88,25 @@ class CastPair:
         semaphores = ctypes.addressof(self._memory) + _ROOM * np.arange(3, dtype=np.uintp)
         self._state = np.array([0, 0])
         self._arguments = semaphores, self._state, job
-        self._role = _ALONE
+        self._helped = False
+        """Whether there is a helping thread."""
+        self._begun = False
 
-    def cast(self) -> None:
-        """Do the job for what its arrays hold now."""
+    def begin(self) -> None:
+        """Let the helping thread, if there is one, begin with what the job's arrays hold now. `finish` follows."""
+        if self._helped and not self._begun:
+            cast_parts(*self._arguments, _BEGIN)
+            self._begun = True
+
+    def finish(self) -> None:
+        """Have the job done. If it was not begun, it is done for what its arrays hold now."""
         compiled = bool(SIMULATOR.choice)
-        cast_parts(*self._arguments, self._role if compiled else _ALONE)
+        if not self._begun and compiled:
+            self.begin()
+        cast_parts(*self._arguments, _FIRST if self._begun else _ALONE)
+        self._begun = False
         # After the first call, which loads the kernel or compiles it: the thread only runs it.
-        if compiled and self._role == _ALONE and _can_help():
+        if compiled and not self._helped and _can_help():
             self._start()
 
     def _start(self) -> None:
@@ -102,7 +117,7 @@ class CastPair:
         # The thread holds all memory that it uses, and not this object. The process ends without it.
         threading.Thread(target=_run, args=(self._memory, *self._arguments), name="lasers", daemon=True).start()
         weakref.finalize(self, _end, system, self._memory, self._state, go).atexit = False
-        self._role = _FIRST
+        self._helped = True
 
 
 def _can_help() -> bool:

@@ -105,6 +105,10 @@ class Engine:
         team.move(self.now, self.tick + 1, self.world.interval / NS_PER_S)
         self.tick += 1
 
+    def begin_observing(self) -> None:
+        """Let a second thread, if there is one, begin to cast rays. Nothing may change before `observe` follows."""
+        self._assembled().begin_observing()
+
     def observe(self) -> Observation:
         """What all robots sense now."""
         return self._assembled().observe(self.now, self.tick)
@@ -154,7 +158,7 @@ class Engine:
     def remove(self, robot_id: int) -> None:
         """Take a robot out of the world. Raises UsageError if it is not there."""
         if robot_id not in self._robots:
-            raise self._no_robot(robot_id)
+            raise _no_robot(robot_id, self._robots)
         del self._robots[robot_id]
         if self._team is not None:
             # Another robot of this id starts anew. Observations keep the old table.
@@ -192,13 +196,13 @@ class Engine:
         return self._team
 
     def _index(self, team: "_Team", robot_id: int) -> int:
-        i = team.ids.get(robot_id)
-        if i is None:
-            raise self._no_robot(robot_id)
-        return i
+        if robot_id not in team.ids:
+            raise _no_robot(robot_id, self._robots)
+        return team.ids[robot_id]
 
-    def _no_robot(self, robot_id: int) -> UsageError:
-        return UsageError(f"no robot {robot_id} in this world: it has {format_robot_ids(self._robots) or 'none'}")
+
+def _no_robot(robot_id: int, present: Collection[int]) -> UsageError:
+    return UsageError(f"no robot {robot_id} in this world: it has {format_robot_ids(present) or 'none'}")
 
 
 class _Team:
@@ -270,14 +274,19 @@ class _Team:
         wheels = self._wheels
         roll(wheels.owner, wheels.rows, self.velocity, seconds, wheels.angles, wheels.rates)
 
+    def begin_observing(self) -> None:
+        self._surroundings.move(self.bodies.poses)
+        self._lasers.begin(self.bodies.poses)
+
     def observe(self, now: int, tick: int) -> Observation:
         """What all robots sense at `now` (ns)."""
+        if not self._lasers.begun:
+            self.begin_observing()
         poses = self.bodies.poses
-        self._surroundings.move(poses)
         snapshot = Snapshot(
             ids=self.ids,
             robots=self._robots,
-            scans=self._lasers.measure(poses, tick),
+            scans=self._lasers.measure(tick),
             poses=poses.copy(),
             odom=self.odometry.poses.copy(),
             velocity=self.velocity.copy(),

@@ -143,21 +143,41 @@ class Lasers:
         self._intensity = np.array([s.ranger_return if s else 0.0 for s in caster.surfaces], np.float32)
         self._pairs = [_make_pair(caster, batch) for batch in self._batches]
         self._interference = Interference(options.dazzle_angle, options.dazzle_probability)
+        self._is_exact = options.dazzle == "off" and all(batch.noise is None for batch in self._batches)
+        """Whether the poses alone decide what is measured."""
+        self._poses = b""
+        """Of the movers at the last measurement."""
+        self._scans: Scans | None = None
+        """What it gave; None while one is under way."""
+        self.begun = False
+        """Whether `measure` is to follow."""
 
-    def measure(self, poses: Floats, tick: int) -> Scans:
-        """Readings with the robots at `poses` (rows x, y, yaw in `map`); the caster has been moved there."""
-        for batch in self._batches:
+    def begin(self, poses: Floats) -> None:
+        """Begin to measure with all movers at `poses` (rows x, y, yaw in `map`), where the caster is till `measure`."""
+        self.begun, at = True, poses.tobytes()
+        if self._is_exact and at == self._poses:
+            return
+        self._poses, self._scans = at, None
+        for batch, pair in zip(self._batches, self._pairs, strict=True):
             place_mounts(poses, batch.at, batch.rays.x, batch.rays.y, batch.rays.yaw)
-        arrays = [self._measure(batch, pair, tick) for batch, pair in zip(self._batches, self._pairs, strict=True)]
-        if self._options.dazzle != "off":
-            self._interfere(arrays, tick)
-        return Scans([Reading(*map(_read_only, reading)) for reading in arrays], self._rows)
+            if pair is not None:
+                pair.begin()
+
+    def measure(self, tick: int) -> Scans:
+        """The readings that `begin` began. Where nothing has moved and nothing is random, they are the last ones."""
+        if self._scans is None:
+            arrays = [self._measure(batch, pair, tick) for batch, pair in zip(self._batches, self._pairs, strict=True)]
+            if self._options.dazzle != "off":
+                self._interfere(arrays, tick)
+            self._scans = Scans([Reading(*map(_read_only, reading)) for reading in arrays], self._rows)
+        self.begun = False
+        return self._scans
 
     def _measure(self, batch: Batch, pair: CastPair | None, tick: int) -> Reading:
         noise = batch.noise
         if pair is not None:
             beams, (exact, hit) = batch.beams, batch.buffers
-            pair.cast()
+            pair.finish()
         else:
             beams = batch.beams if noise is None else _jittered(batch, noise, tick)
             exact, hit = self._caster.cast(batch.rays, beams, batch.buffers)

@@ -62,6 +62,19 @@ def test_two_threads_measure_what_one_does(processors: list[int], seed: int, opt
         assert scan(world, 3, options) == on_two[: 3 * robots * 2]
 
 
+def test_the_rays_may_be_cast_beside_the_caller(processors: list[int]) -> None:
+    """An engine that begins to observe early senses what one does that observes at once."""
+    world = make_team()
+    at_once, early = Engine(world), Engine(world)
+    for tick in range(20):
+        commands = {i: drive(0.5, 0.3 * i) for i in at_once.robots} if tick % 3 else {}
+        early.move(commands)
+        early.begin_observing()
+        seen = [at_once.step(commands), early.observe()]
+        one, other = ([robot.readings[0].ranges.tobytes() for robot in each.robots.values()] for each in seen)
+        assert one == other
+
+
 def test_a_second_thread_only_where_it_pays(processors: list[int]) -> None:
     """Few rays, one processor or plain kernels: no thread is started; otherwise one, whatever the number of ticks."""
     few, many = make_team(4), make_team(12)
@@ -94,12 +107,14 @@ RUN = f"""
 import hashlib, os, sys, time
 sys.path[:0] = {[str(TESTS), str(TESTS / "unit" / "sim")]!r}
 os.sched_getaffinity = lambda _: {{0, 1}}
-from test_cast_pair import helpers, make_team
+from test_cast_pair import drive, helpers, make_team
 from zteam.sim import Engine
 from zteam.sim import cast_pair, jit
 engine = Engine(make_team(100))
 pair, = engine._assembled()._lasers._pairs
-engine.step({{}})
+def step():
+    return engine.step({{i: drive(0.5, 0.3 * i) for i in engine.robots}})
+step()
 """
 
 
@@ -118,7 +133,7 @@ def test_the_helper_helps() -> None:
 until = time.monotonic() + 100.0
 end = cast_pair._END
 while pair._state[end] in (0, 100) and time.monotonic() < until:
-    engine.step({})
+    step()
 print(pair._state[end] not in (0, 100), len(helpers()))
 """
     assert run(code) == ["True 1"]
@@ -128,9 +143,9 @@ def test_a_forked_child_measures_without_the_thread() -> None:
     """A child, which has no helping thread, senses what its parent does."""
     code = """
 def digest():
-    found = [engine.step({}).robots[i].readings[0].ranges.tobytes() for i in engine.robots]
+    found = [step().robots[i].readings[0].ranges.tobytes() for i in engine.robots]
     return hashlib.sha256(b"".join(found)).hexdigest()
-engine.step({})
+step()
 child = os.fork()
 print(digest(), flush=True)
 if child:

@@ -2,11 +2,23 @@
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 
 from zteam import names
 from zteam.behaviors.inputs import DeclaredInput
 from zteam.nodes.robot.newest import Newest
+
+
+class _Waiting(NamedTuple):
+    """Where a message has come that may not have counted yet."""
+
+    newest: Newest
+    before: Any
+    """What the view has of it."""
+    name: str
+    """Of the input."""
+    robot_id: int | None
+    """None where the input is one key."""
 
 
 class DeclaredInputs:
@@ -16,8 +28,8 @@ class DeclaredInputs:
         self.declared = declared
         self._slots: dict[str, dict[int | None, Newest]] = {}
         """By the input's name, then by robot; None where it is one key."""
-        self._waiting: dict[int, tuple[Newest, Any]] = {}
-        """Those in which a message has come that may not have counted yet, by `id`; and what `_view` has of each."""
+        self._waiting: dict[int, _Waiting] = {}
+        """By the `id` of the slot."""
         self._view: Mapping[str, Any] = {}
         """What counts; it is replaced, not changed: a behaviour may look at it meanwhile."""
         self.forget()
@@ -32,32 +44,40 @@ class DeclaredInputs:
         found = slots.get(robot_id)
         if found is None:
             found = slots[robot_id] = Newest()
-        self._waiting.setdefault(id(found), (found, found.message))
+        if id(found) not in self._waiting:
+            self._waiting[id(found)] = _Waiting(found, found.message, declared.name, robot_id)
         return found
 
     def view(self, now: int) -> Mapping[str, Any]:
         """What counts in a step at time `now` (ns), by the input's name."""
         if self._waiting:
-            waiting = self._waiting.values()
-            for newest, _ in waiting:
+            changed: dict[str, dict[int | None, Any]] = {}
+            waiting, self._waiting = self._waiting, {}
+            for number, (newest, before, name, robot_id) in waiting.items():
                 newest.settle(now)
-            if any(newest.message is not before for newest, before in waiting):
-                self._view = self._look()
-            self._waiting = {id(newest): (newest, newest.message) for newest, _ in waiting if newest.is_coming}
+                if newest.message is not before:
+                    changed.setdefault(name, {})[robot_id] = newest.message
+                if newest.is_coming:
+                    self._waiting[number] = _Waiting(newest, newest.message, name, robot_id)
+            if changed:
+                self._view = MappingProxyType(
+                    {**self._view, **{name: self._merge(name, changed[name]) for name in changed}}
+                )
         return self._view
 
-    def _look(self) -> Mapping[str, Any]:
-        return MappingProxyType({declared.name: self._look_at(declared) for declared in self.declared})
-
-    def _look_at(self, declared: DeclaredInput) -> Any:
-        slots = self._slots[declared.name]
-        if not declared.of_all_robots:
-            return slots[None].message if slots else None
-        heard = [(i, newest.message) for i, newest in slots.items() if i is not None and newest.message is not None]
-        return MappingProxyType(dict(sorted(heard, key=lambda pair: pair[0])))
+    def _merge(self, name: str, changed: Mapping[int | None, Any]) -> Any:
+        """What the view has of an input, with these messages that count now, by robot."""
+        if None in changed:
+            return changed[None]
+        before = self._view[name]
+        merged = {**before, **changed}
+        # Where each of them was heard before, the order is still that of the ids.
+        return MappingProxyType(merged if len(merged) == len(before) else dict(sorted(merged.items())))
 
     def forget(self) -> None:
         """Time jumped back."""
         self._slots = {declared.name: {} for declared in self.declared}
         self._waiting = {}
-        self._view = self._look()
+        self._view = MappingProxyType(
+            {declared.name: MappingProxyType({}) if declared.of_all_robots else None for declared in self.declared}
+        )

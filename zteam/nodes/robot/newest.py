@@ -43,16 +43,21 @@ class Newest:
         Of one sender and tick the last one counts; of several senders the one that comes first by `precedence`.
         """
         self.settle(open_stamp)
-        tick = tick_of(message, open_stamp)
-        # What a sender sent later was not sent in an earlier tick.
-        tick = max([tick, *(sent.tick for sent in self._coming if sent.source == source)])
-        self._coming = [sent for sent in self._coming if (sent.source, sent.tick) != (source, tick)]
+        tick, coming = tick_of(message, open_stamp), self._coming
+        if coming:
+            # What a sender sent later was not sent in an earlier tick.
+            tick = max([tick, *(sent.tick for sent in coming if sent.source == source)])
+            self._coming = [sent for sent in coming if (sent.source, sent.tick) != (source, tick)]
         self._coming.append(Sent(tick, source, message))
 
     def settle(self, now: int) -> None:
         """Let what was sent before the tick of time `now` (ns) count."""
         coming = self._coming
-        if not coming:
+        if len(coming) == 1:
+            # Mostly there is nothing to choose from.
+            tick, _, message = coming[0]
+            if tick < now:
+                self.message, self.stamp, self._coming = message, tick, []
             return
         due = [sent for sent in coming if sent.tick < now]
         if due:

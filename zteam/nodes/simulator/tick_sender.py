@@ -50,7 +50,8 @@ class TickSender:
         if early:
             self._announce()
         # Transforms leave before the lasers are computed. They pass through the aggregator, and this way the tree is
-        # complete when a robot has its scan.
+        # complete when a robot has its scan. A second thread may cast rays meanwhile.
+        engine.begin_observing()
         self._outputs.put_transforms(self._outputs)
         self._profile.end(tick_profile.PUBLISH)
         self._observation = engine.observe()
