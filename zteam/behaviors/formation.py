@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 from msgspec import Meta, Struct
 
@@ -40,6 +40,15 @@ class FormationParams(Struct, frozen=True, forbid_unknown_fields=True):
     max_linear: Annotated[float, Meta(ge=0.0, le=1.0, description="m/s")] = 1.0
     max_angular: Annotated[float, Meta(ge=0.1, le=math.pi, description="rad/s")] = 2.0
     stale_after: Annotated[float, Meta(ge=0.0, le=10.0, description="s; it stands on older poses of the leader")] = 0.5
+
+
+class _Bend(NamedTuple):
+    """The leader's trail at one place."""
+
+    pose: Pose2
+    """In map."""
+    curvature: float
+    """1/m, left positive."""
 
 
 class Formation(Behavior):
@@ -87,8 +96,8 @@ class Formation(Behavior):
         members = self._members(view)
         others = self._others.take(view, here, {*members, self.leader})
         self._trail.take(leader.pose, leader.stamp or view.now, (len(members) + 1) * self.params.spacing)
-        slot = self._find_slot(view, here, {robot: others[robot] for robot in members if robot in others})
-        return self._drive(here, self._target(slot), self._in_the_way(here, others, view.robot_id))
+        target = self._find_target(view, here, {robot: others[robot] for robot in members if robot in others})
+        return self._drive(here, target, self._in_the_way(here, others, view.robot_id))
 
     def _see_leader(self, view: View) -> tuple[Seen | None, str]:
         return see_robot(view, self.leader, names.MAP_FRAME, self.params.stale_after)
@@ -104,8 +113,8 @@ class Formation(Behavior):
         alive = set(told) & set(view.team) if view.team else set(told)
         return sorted((alive | {view.robot_id}) - {self.leader})
 
-    def _find_slot(self, view: View, here: Pose2, members: dict[int, Other]) -> Slot:
-        """The own slot."""
+    def _find_target(self, view: View, here: Pose2, members: dict[int, Other]) -> Target:
+        """The own slot now."""
         params, assignment = self.params, self._assignment
         members[view.robot_id] = Other(here.x, here.y)
         slots = slots_of(params.shape, len(members), params.spacing)
@@ -115,31 +124,30 @@ class Formation(Behavior):
             assignment.look(view.now, members, [(x, y) for x, y, _ in places])
         rank = assignment.slot_of(view.robot_id) or 0
         slot = squeeze(slots[rank], rank, params.spacing, self._squeeze.share)
+        bend = self._bend_at(self._trail.place - slot.back)
         left, right = reach_of(params.shape, len(members), params.spacing)
         if left or right:
-            self._squeeze.take(self._needed_share(view, here, slot, left, right), view.dt)
-        return slot
+            self._squeeze.take(self._needed_share(view, here, bend, left, right), view.dt)
+        speed = self._trail.speed
+        pose = bend.pose.compose(Pose2(0.0, slot.lateral, 0.0))
+        return Target(pose, speed * (1.0 - bend.curvature * slot.lateral), speed * bend.curvature)
 
-    def _needed_share(self, view: View, here: Pose2, slot: Slot, left: float, right: float) -> float:
+    def _bend_at(self, place: float) -> _Bend:
+        return _Bend(self._trail.at(place), self._trail.curvature(place))
+
+    def _needed_share(self, view: View, here: Pose2, own: _Bend, left: float, right: float) -> float:
         """What share of the squeeze the bend and the walls need: at the leader, and where the own slot is."""
-        trail = self._trail
-        ends = trail.place, trail.place - slot.back
-        needed = max(share_for_bend(trail.curvature(end), left, right) for end in ends)
+        bends = self._bend_at(self._trail.place), own
+        needed = max(share_for_bend(bend.curvature, left, right) for bend in bends)
         if view.scan is None:
             return needed
         to_base = here.inverse()
-        places = [to_base.compose(trail.at(end)) for end in ends]
+        places = [to_base.compose(bend.pose) for bend in bends]
         mates = [(mate.pose.x, mate.pose.y) for mate in view.teammates]
         return max(needed, share_for_room(view.scan, places, mates, left, right, view.base.half_width))
 
     def _place(self, slot: Slot) -> Pose2:
         return self._trail.at(self._trail.place - slot.back).compose(Pose2(0.0, slot.lateral, 0.0))
-
-    def _target(self, slot: Slot) -> Target:
-        curvature = self._trail.curvature(self._trail.place - slot.back)
-        return Target(
-            self._place(slot), self._trail.speed * (1.0 - curvature * slot.lateral), self._trail.speed * curvature
-        )
 
     def _in_the_way(self, here: Pose2, others: Mapping[int, Other], own: int) -> list[Other]:
         """The robots that it gives way to: the leader, those with a slot before its own, that stand or are near."""

@@ -125,8 +125,8 @@ class LeaderTrail:
             return self._first.compose(Pose2(place - path.start, 0.0, 0.0))
         if place > path.end - _CHORD:
             return between([*self._samples, Sample(self.place, self.leader)], place)
-        (x, y, _), behind, ahead = path.at(place), path.at(place - _CHORD), path.at(place + _CHORD)
-        return Pose2(x, y, math.atan2(ahead.y - behind.y, ahead.x - behind.x))
+        (x, y), behind, ahead = path.point(place), path.point(place - _CHORD), path.point(place + _CHORD)
+        return Pose2(x, y, math.atan2(ahead[1] - behind[1], ahead[0] - behind[0]))
 
     def curvature(self, place: float) -> float:
         """1/m, left positive."""

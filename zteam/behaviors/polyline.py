@@ -81,6 +81,13 @@ class Polyline:
         share = (s - begin) / (places[piece + 1] - begin)
         return Pose2(x + share * dx, y + share * dy, math.atan2(dy, dx))
 
+    def point(self, s: float) -> tuple[float, float]:
+        """The point at `s`, as `at`, for less time. Raises IndexError without a point."""
+        if len(self._s) < 2:
+            return self._x[0], self._y[0]
+        s = min(max(s, self.start), self.end)
+        return self._point(self._piece(s), s)
+
     def project(self, x: float, y: float, low: float = -math.inf, high: float = math.inf) -> float:
         """The place nearest to this point, of those from `low` to `high`; the first of equally near ones.
 

@@ -4,10 +4,13 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from zteam.behaviors.scans import beams_of
 from zteam.geometry import Pose2
 from zteam.messages import LaserScan
+
+Floats = NDArray[np.float64]
 
 MARGIN = 0.1
 """Metres that have to be free beside the outermost robot."""
@@ -21,6 +24,8 @@ CLOSING, OPENING = 0.5, 0.25
 """1/s: how fast the formation closes and opens."""
 HOLD = 1.0
 """Seconds with more room before it opens."""
+_ROUNDING = 1e-6
+"""Metres."""
 
 
 class Squeeze:
@@ -61,20 +66,29 @@ def share_for_room(
     The places and the other robots, whose hits do not count, are in the own base frame.
     """
     beside = half_width + MARGIN
-    bound = max(left, right) + beside + AHEAD + max(math.hypot(place.x, place.y) for place in places)
+    # What is further to the side needs nothing.
+    side = max(left, right) + beside + _ROUNDING
+    bound = math.hypot(side, AHEAD) + max(math.hypot(place.x, place.y) for place in places)
     beams = beams_of(scan)
     if beams is None or beams.nearest >= bound:
         return 0.0
     x, y = beams.find_hits(bound)
-    free = np.ones(x.size, np.bool_)
-    for other_x, other_y in others:
-        free &= (x - other_x) ** 2 + (y - other_y) ** 2 > BODY * BODY
+    # All places at once, one row each: numpy has a cost for each call.
+    rows = [(place.x, place.y, math.cos(place.yaw), math.sin(place.yaw)) for place in places]
+    place_x, place_y, cos, sin = np.array(rows).T[:, :, None]
+    dx, dy = x - place_x, y - place_y
+    along, across = cos * dx + sin * dy, cos * dy - sin * dx
+    beside_place = (along > -BEHIND) & (along < AHEAD) & (np.abs(across) < side)
+    off = across[beside_place & _is_wall(x, y, others)]
     needed = 0.0
-    for place in places:
-        cos, sin = math.cos(place.yaw), math.sin(place.yaw)
-        along = cos * (x - place.x) + sin * (y - place.y)
-        across = (cos * (y - place.y) - sin * (x - place.x))[free & (along > -BEHIND) & (along < AHEAD)]
-        for reach, off in ((left, across[across > 0.0]), (right, -across[across < 0.0])):
-            if reach > 0.0 and off.size:
-                needed = max(needed, 1.0 - (float(off.min()) - beside) / reach)
+    for reach, offs in ((left, off[off > 0.0]), (right, -off[off < 0.0])):
+        if reach > 0.0 and offs.size:
+            needed = max(needed, 1.0 - (float(offs.min()) - beside) / reach)
     return min(needed, 1.0)
+
+
+def _is_wall(x: Floats, y: Floats, others: Sequence[tuple[float, float]]) -> NDArray[np.bool_]:
+    """Which hits are not of another robot."""
+    other_x, other_y = np.array(others).reshape(-1, 2).T[:, :, None]
+    is_wall: NDArray[np.bool_] = ((x - other_x) ** 2 + (y - other_y) ** 2 > BODY * BODY).all(axis=0)
+    return is_wall
