@@ -136,7 +136,7 @@ class DynamicBodies:
         self._anchor()
         self._space.on_collision(begin=self._on_begin)
         self._ways = np.empty((len(robots), 3))
-        self._rests = False
+        self._rests = not self._bodies
         """Whether nothing moves or touches anything, so that a step without velocities changes nothing."""
 
     def _on_begin(self, arbiter: pymunk.Arbiter, _space: pymunk.Space, _data: object) -> None:
@@ -175,8 +175,6 @@ class DynamicBodies:
         if True in self._touching:
             self._touching = [touching and _touches(self._robots[i]) for i, touching in enumerate(self._touching)]
         self._note_stalls(before, way)
-        busy = self._pushed or self._held or self._cores.stuck or True in self._touching
-        self._rests = not busy and not velocity.any()
 
     def _push(self, targets: Sequence[Sequence[float]], dt: float, again: bool) -> None:
         """Robots press on throughout a tick, and what they push slides to rest."""
@@ -193,8 +191,6 @@ class DynamicBodies:
         Where nothing can be pushed, a robot that touches nothing is tested only if a robot `leaps`: it goes farther
         than half its width, and may have passed a wall without a contact.
         """
-        if not self._bodies:
-            return
         start, self.poses = self.poses, np.array([(*_get_position(body), _get_angle(body)) for body in self._bodies])
         every = leaps or bool(self._pushed)
         if not every and True not in self._touching:
@@ -211,8 +207,9 @@ class DynamicBodies:
             self._space.reindex_shapes_for_body(body)
 
     def _note_stalls(self, before: Floats, way: Floats) -> None:
+        self._rests = False
         if not (self._held or self._cores.stuck or True in self._touching):
-            self.stalled[:] = False
+            self.stalled[:], self._rests = False, not self._pushed and not way.any()
             return
         met = [touching or i in self._held for i, touching in enumerate(self._touching)]
         stopped = np.array(met, bool) | self._cores.in_wall[: len(before)]
