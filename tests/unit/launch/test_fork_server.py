@@ -29,10 +29,9 @@ def test_a_child_does_not_wait_for_what_others_need(monkeypatch: pytest.MonkeyPa
             replies.append(receive_reply(launcher))
             launcher.close()
 
-    def start(control: socket.socket) -> int:
+    def start(control: socket.socket, *_: object) -> None:
         done.append("fork")
         send(control, Reply(7))
-        return 7
 
     monkeypatch.setattr(fork_server, "_load", load)
     monkeypatch.setattr(fork_server, "_start", start)
