@@ -13,6 +13,7 @@ import warnings
 from collections import deque
 
 from zteam.launch.fork_protocol import PADDING, End, Load, Message, Reply, Start, has_message, receive, send
+from zteam.launch.heap import fill_gaps
 from zteam.launch.new_program import Program, prepare, write_command_line
 from zteam.runtime.process_name import show_name
 
@@ -89,9 +90,14 @@ def _start(control: socket.socket, message: Start, descriptors: list[int]) -> Pr
 def _fork() -> int:
     # The collector of a child leaves alone what all share: looking through it would copy it.
     gc.freeze()
+    fill_gaps()
     with warnings.catch_warnings():
-        # numpy's library for linear algebra has threads; it ends them before a fork.
+        # numpy's library for linear algebra has threads; it ends them before a fork. Later Pythons prefer another name
+        # for the next function.
         warnings.simplefilter("ignore", DeprecationWarning)
+        # Full of names of which imports have asked. As each gives way to one of the child's, its count of references
+        # changes, on a page of its own.
+        sys._clear_type_cache()
         return os.fork()
 
 
