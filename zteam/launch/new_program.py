@@ -11,9 +11,11 @@ import runpy
 import signal
 import sys
 import types
-from collections.abc import Sequence
-from functools import cache
+from collections.abc import Callable, Sequence
+from contextlib import redirect_stderr, redirect_stdout
+from functools import cache, partial
 from importlib.machinery import FileFinder, ModuleSpec
+from io import StringIO
 from pathlib import Path
 from types import CodeType
 
@@ -31,8 +33,7 @@ class Program(msgspec.Struct, frozen=True):
 
     command: list[bytes]
     descriptors: list[int]
-    spec: ModuleSpec
-    code: CodeType
+    body: Callable[[], object]
 
     def run(self) -> None:
         """Become it. Its end is the end of the process."""
@@ -42,10 +43,9 @@ class Program(msgspec.Struct, frozen=True):
             os.close(descriptor)
         os.set_inheritable(lifeline, True)
         write_command_line(self.command)
-        main = sys.modules["__main__"] = types.ModuleType("__main__")
+        sys.modules["__main__"] = types.ModuleType("__main__")
         gc.enable()
-        # What the interpreter itself calls for -m, once it has found the module.
-        runpy._run_code(self.code, main.__dict__, None, "__main__", self.spec)  # type: ignore[attr-defined]
+        self.body()
 
 
 def prepare(start: Start, descriptors: list[int]) -> Program:
@@ -60,15 +60,36 @@ def prepare(start: Start, descriptors: list[int]) -> Program:
         if signal.getsignal(number) not in (wanted, None):
             signal.signal(number, wanted)
     command = [os.fsdecode(word) for word in start.command]
-    spec, code = _find_code(command[3])
     sys.orig_argv[:] = command
-    sys.argv[:] = [spec.origin or "-m", *command[4:]]
+    sys.argv[:] = ["-m", *command[4:]]
+    body = _find_body(command)
     _forget_folders()
     if "numpy.random" in sys.modules:
         # Python's own generator sees to it that children draw different numbers; numpy's does not.
         sys.modules["numpy.random"].seed()
     _place_of_command_line()
-    return Program(start.command, descriptors, spec, code)
+    return Program(start.command, descriptors, body)
+
+
+def _find_body(command: Sequence[str]) -> Callable[[], object]:
+    """What is to run. A module that was preloaded may have a function `prepared`, which reads the command line now."""
+    module = sys.modules.get(command[3])
+    prepared = getattr(module, "prepared", None)
+    if module is None or prepared is None:
+        spec, code = _find_code(command[3])
+        sys.argv[0] = spec.origin or "-m"
+        return partial(_run_module, spec, code)
+    sys.argv[0] = module.__file__ or "-m"
+    # What it says of a mistake is said again by the child.
+    with redirect_stdout(StringIO()), redirect_stderr(StringIO()):
+        body: Callable[[], object] = prepared(command[4:])
+    return body
+
+
+def _run_module(spec: ModuleSpec, code: CodeType) -> None:
+    # What the interpreter itself calls for -m, once it has found the module.
+    main = sys.modules["__main__"]
+    runpy._run_code(code, main.__dict__, None, "__main__", spec)  # type: ignore[attr-defined]
 
 
 @cache

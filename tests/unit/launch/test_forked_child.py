@@ -212,3 +212,35 @@ def test_children_have_one_heap_and_their_own_environment(warm: WarmParent, life
     assert child.heard == [str(os.environ.get("MALLOC_ARENA_MAX"))]
     (pid,) = warm.pids.values()
     assert b"MALLOC_ARENA_MAX=" in Path(f"/proc/{pid}/environ").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (("--id", "x"), 2),
+        (("--id", "1", "--follow", "1"), 2),
+        (("--help",), 0),
+        (("--id", "0", "--behavior", "no_such"), 2),
+    ],
+)
+def test_a_robot_that_is_read_before_the_fork_says_the_same(
+    warm: WarmParent, lifeline: int, words: tuple[str, ...], expected: int
+) -> None:
+    """A mistake is said once, by the child, with the exit code of a spawned one; the next child is started as usual."""
+    children = [Started(start, lifeline, zteam_command("zteam-robot", *words)) for start in (spawn, warm.start)]
+    assert [child.finish() for child in children] == [expected, expected]
+    spawned, forked = (child.heard for child in children)
+    assert spawned
+    assert forked == spawned
+    (pid,) = warm.pids.values()
+    assert Started(warm.start, lifeline, obey("pass")).finish() == 0
+    assert list(warm.pids.values()) == [pid]
+
+
+def test_a_robot_that_is_read_before_the_fork_sees_its_own_environment(warm: WarmParent, lifeline: int) -> None:
+    """Options that the environment gives are those of the child, not of the warm parent or of another child."""
+    command = zteam_command("zteam-robot", "--id", "0")
+    assert Started(warm.start, lifeline, command, ZTEAM_LEASE="nonsense").finish() == 2
+    bad = Started(warm.start, lifeline, command, ZTEAM_CONNECT="nonsense")
+    bad.finish()
+    assert any("nonsense" in line for line in bad.heard), bad.heard
