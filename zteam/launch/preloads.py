@@ -21,6 +21,7 @@ PRELOADS = {
         "zteam.nodes.robot.node",
         "zteam.behaviors.registry",
         "zteam.messages.team_codecs",
+        "zteam.cli.zteam_robot",
     ),
     "zteam.cli.zteam_nav": (*_NODE, "zteam.runtime.step_node", "zteam.team_file"),
     VIEW: (*_NODE, "zteam.nodes.web.node"),

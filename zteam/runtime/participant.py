@@ -58,6 +58,8 @@ class Participant:
     _team_seen: tuple[tuple[int, int], list[str]] = (0, 0), []
     tick: Tick | None = None
     """The newest tick; None without a simulator in lock-step."""
+    active = False
+    """Whether this is lock-step: `tick` is not None. Each message asks."""
     _open: Tick | None = None
     """To be answered."""
     _heard = 0.0
@@ -98,11 +100,6 @@ class Participant:
         node.follow_clock()
         node.on_simulator_lost(self._forget)
         self._ticks = Ticks(node, self._on_tick)
-
-    @property
-    def active(self) -> bool:
-        """Whether this is lock-step."""
-        return self.tick is not None
 
     @property
     def expected(self) -> bool:
@@ -166,7 +163,7 @@ class Participant:
             return
         if self.tick is None:
             self._node.take_time_from_ticks()
-        self.tick, self.stamp, self._ahead = tick, ns_from_time(tick.stamp), None
+        self.tick, self.active, self.stamp, self._ahead = tick, True, ns_from_time(tick.stamp), None
         seen = tick.robots.tobytes()
         if seen != self._robots_seen:
             self._robots_seen, self.robots = seen, frozenset(tick.robots.tolist())
@@ -194,5 +191,6 @@ class Participant:
 
     def _forget(self) -> None:
         self.tick = self._open = self._ahead = None
+        self.active = False
         self._answer = Done()
         self._team_seen = (0, 0), []

@@ -74,8 +74,11 @@ class StatusReport:
         self.publish()
 
     def keep_up(self, now: int) -> None:
-        """In a step of lock-step at time `now` (ns): publish the state if the last time is PERIOD ago."""
-        if self._last is None or now - self._made >= PERIOD:
+        """In a step of lock-step at time `now` (ns): publish the state if that was not done in this PERIOD.
+
+        All robots do so in the same tick, and in the others their listeners have nothing to take in.
+        """
+        if self._last is None or now // PERIOD > self._made // PERIOD:
             self.publish()
 
     def repeat(self) -> None:

@@ -17,7 +17,7 @@ from zteam.messages import Blob as BlobMessage
 from zteam.messages import Blobs, ColorRGBA, Fiducial, Fiducials, Header, Message, time_from_ns
 from zteam.messages import Bumper as BumperMessage
 from zteam.sim.casting import Beams, Caster, Rays
-from zteam.sim.lasers import Mounts, mount_devices, rays_of
+from zteam.sim.mounts import Mounts, mount_devices, rays_of
 from zteam.sim.polygons import NO_MOVER
 from zteam.sim.surroundings import Surroundings
 from zteam.world.colors import find_color

@@ -13,10 +13,9 @@ import pymunk
 import pymunk.autogeometry
 from numpy.typing import NDArray
 
-from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.sim.fields import Fields
-from zteam.sim.grids import Lines, find_borders
+from zteam.sim.grids import Lines, find_walls
 from zteam.sim.holding import Cores
 from zteam.sim.motion import find_ways
 from zteam.sim.polygons import find_slabs, group_shapes, place_shape
@@ -44,8 +43,6 @@ _GRIP = 0.5 * 9.81
 """Deceleration in m/s² of something pushed that slides over the floor: a friction of 0.5."""
 _GRIP_TURNING = 3.0 * _GRIP
 """Likewise in rad/s²: dry friction under a body about a metre wide acts at about a third of that from its middle."""
-_MAX_WALLS = 400_000
-"""Straight pieces of wall of all bitmaps: noise has more, and Chipmunk takes a kilobyte and 20 us for each."""
 _MAX_SLABS = 31
 """Layers of height that collisions tell apart: bits of Chipmunk's categories."""
 
@@ -64,22 +61,7 @@ class _Builder:
         self._space = space
         self._slabs = slabs
 
-    def add_plans(self, plans: Sequence[Floorplan]) -> None:
-        borders: dict[int, Lines | None] = {}
-        left = _MAX_WALLS
-        for plan in plans:
-            if id(plan.occupied) not in borders:
-                borders[id(plan.occupied)] = find_borders(plan.occupied, _MAX_WALLS)
-            lines = borders[id(plan.occupied)]
-            left -= 0 if lines is None else len(lines)
-            if lines is None or left < 0:
-                raise UsageError(
-                    f"with the bitmap of {plan.name!r} this world has more than {_MAX_WALLS} straight pieces of wall: "
-                    "smooth it, or take the physics stage or kinematic"
-                )
-            self._add_plan(plan, lines)
-
-    def _add_plan(self, plan: Floorplan, lines: Lines) -> None:
+    def add_walls(self, plan: Floorplan, lines: Lines) -> None:
         cos, sin = math.cos(plan.pose.yaw), math.sin(plan.pose.yaw)
         (u, v), (x, y) = plan.cell, plan.pose[:2]
         category, ground = self._filter(plan.z_min, plan.z_max), self._space.static_body
@@ -131,7 +113,8 @@ class DynamicBodies:
         pushed = [obstacle for obstacle in obstacles if obstacle.mass is not None]
         groups = group_shapes(robots, obstacles)
         builder = _Builder(self._space, find_slabs([shape for group in groups for shape in group.shapes], _MAX_SLABS))
-        builder.add_plans([plan for plan, _ in floorplans if plan.obstacle])
+        for plan, lines in find_walls([plan for plan, _ in floorplans if plan.obstacle]):
+            builder.add_walls(plan, lines)
         builder.add_shapes(self._space.static_body, standing)
         self.poses = poses.copy()
         # No contact turns a robot: its wheels hold it, and only the drive decides its yaw rate.
@@ -153,6 +136,8 @@ class DynamicBodies:
         self._anchor()
         self._space.on_collision(begin=self._on_begin)
         self._ways = np.empty((len(robots), 3))
+        self._rests = not self._bodies
+        """Whether nothing moves or touches anything, so that a step without velocities changes nothing."""
 
     def _on_begin(self, arbiter: pymunk.Arbiter, _space: pymunk.Space, _data: object) -> None:
         for body in arbiter.bodies:
@@ -162,6 +147,8 @@ class DynamicBodies:
 
     def step(self, seconds: float, velocity: Floats) -> None:
         """Advance by `seconds` with body velocities `velocity` (robots, 3): vx, vy in m/s, yaw rate in rad/s."""
+        if self._rests and not velocity.any():
+            return
         count = len(self._robots)
         before, way = self.poses[:count], self._ways
         length = find_ways(before, velocity, seconds, way)
@@ -204,8 +191,6 @@ class DynamicBodies:
         Where nothing can be pushed, a robot that touches nothing is tested only if a robot `leaps`: it goes farther
         than half its width, and may have passed a wall without a contact.
         """
-        if not self._bodies:
-            return
         start, self.poses = self.poses, np.array([(*_get_position(body), _get_angle(body)) for body in self._bodies])
         every = leaps or bool(self._pushed)
         if not every and True not in self._touching:
@@ -222,8 +207,9 @@ class DynamicBodies:
             self._space.reindex_shapes_for_body(body)
 
     def _note_stalls(self, before: Floats, way: Floats) -> None:
+        self._rests = False
         if not (self._held or self._cores.stuck or True in self._touching):
-            self.stalled[:] = False
+            self.stalled[:], self._rests = False, not self._pushed and not way.any()
             return
         met = [touching or i in self._held for i, touching in enumerate(self._touching)]
         stopped = np.array(met, bool) | self._cores.in_wall[: len(before)]
@@ -247,7 +233,7 @@ class DynamicBodies:
         body = self._bodies[index]
         body.position, body.angle, body.velocity, body.angular_velocity = (pose.x, pose.y), pose.yaw, (0.0, 0.0), 0.0
         self._space.reindex_shapes_for_body(body)
-        self.poses[index] = pose
+        self.poses[index], self._rests = pose, False
         self._cores.look(self.poses)
         self._anchor()
 

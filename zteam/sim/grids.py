@@ -1,18 +1,21 @@
 """Floor plans as what collides: which points and cells are occupied, and the border of them all."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from zteam.errors import UsageError
 from zteam.sim.fields import Fields
 from zteam.world.model import Floorplan
 
 Floats = NDArray[np.float64]
 Lines = NDArray[np.intp]
 """(lines, 4): from x, y to x, y in cells."""
+MAX_WALLS = 400_000
+"""Straight pieces of wall of all bitmaps: noise has more, and Chipmunk takes a kilobyte and 20 us for each."""
 
 
 class Grids(NamedTuple):
@@ -50,6 +53,23 @@ def is_occupied(plan: Floorplan, x: float, y: float) -> bool:
     row = math.floor((cos * dy - sin * dx) / plan.cell[1])
     rows, columns = plan.occupied.shape
     return 0 <= row < rows and 0 <= column < columns and bool(plan.occupied[row, column])
+
+
+def find_walls(plans: Iterable[Floorplan]) -> Iterator[tuple[Floorplan, Lines]]:
+    """Each plan and its border; plans of one bitmap share it. Raises UsageError if there are more than MAX_WALLS."""
+    borders: dict[int, Lines | None] = {}
+    left = MAX_WALLS
+    for plan in plans:
+        if id(plan.occupied) not in borders:
+            borders[id(plan.occupied)] = find_borders(plan.occupied, MAX_WALLS)
+        lines = borders[id(plan.occupied)]
+        left -= 0 if lines is None else len(lines)
+        if lines is None or left < 0:
+            raise UsageError(
+                f"with the bitmap of {plan.name!r} this world has more than {MAX_WALLS} straight pieces of wall: "
+                "smooth it, or take the physics stage or kinematic"
+            )
+        yield plan, lines
 
 
 def find_borders(occupied: NDArray[np.bool_], limit: int) -> Lines | None:

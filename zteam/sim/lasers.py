@@ -12,9 +12,9 @@ from zteam.geometry import Pose2
 from zteam.sim.cast_pair import WORTH, CastPair
 from zteam.sim.casting import Beams, Caster, Rays, ScanBuffers, finish, make_buffers
 from zteam.sim.interference import Emitter, Interference, find_interference
-from zteam.sim.jit import compiled
+from zteam.sim.mounts import Mounts, make_rays, mount_devices, place_mounts
 from zteam.simulation_options import Options
-from zteam.world.model import Device, Ranger, Robot
+from zteam.world.model import Ranger, Robot
 
 Floats = NDArray[np.float64]
 
@@ -39,16 +39,6 @@ class Mount(NamedTuple):
     ranger: Ranger
     states: tuple[int, ...]
     """States of its streams of randomness, by kind."""
-
-
-class Mounts(NamedTuple):
-    """Sensors as arrays: poses in their robots' base frames, heights absolute."""
-
-    x: Floats
-    y: Floats
-    z: Floats
-    yaw: Floats
-    owner: NDArray[np.int64]
 
 
 class _Noise(NamedTuple):
@@ -88,42 +78,17 @@ class Scans(NamedTuple):
     """By batch: (scans, beams)."""
     rows: dict[tuple[int, int], tuple[int, int]]
     """(robot index, ranger index) -> (batch, row)"""
+    made: dict[tuple[int, int], Reading]
+    """What was asked for: where nothing moves, robots get the same arrays again."""
 
     def reading(self, robot: int, place: int) -> Reading:
         """Of one ranger."""
-        batch, row = self.rows[robot, place]
-        arrays = self.arrays[batch]
-        return Reading(arrays.ranges[row], arrays.intensities[row])
-
-
-def mount_devices(owned: Sequence[tuple[int, Device]]) -> Mounts:
-    """Where the robots' devices stand, by the robots' indexes."""
-    x, y, z, yaw = np.array([(d.x, d.y, d.z, d.yaw) for _, d in owned], float).reshape(-1, 4).T.copy()
-    return Mounts(x, y, z, yaw, np.array([owner for owner, _ in owned], np.int64))
-
-
-@compiled
-def place_mounts(poses: Floats, at: Mounts, x: Floats, y: Floats, yaw: Floats) -> None:
-    """Poses of sensors in `map`, into `x, y, yaw`."""
-    for i in range(at.owner.shape[0]):
-        owner = at.owner[i]
-        heading = poses[owner, 2]
-        cos, sin = math.cos(heading), math.sin(heading)
-        x[i] = poses[owner, 0] + cos * at.x[i] - sin * at.y[i]
-        y[i] = poses[owner, 1] + sin * at.x[i] + cos * at.y[i]
-        yaw[i] = heading + at.yaw[i]
-
-
-def _make_rays(at: Mounts) -> Rays:
-    x, y, yaw = np.empty((3, len(at.owner)))
-    return Rays(x, y, at.z, yaw, at.owner)
-
-
-def rays_of(poses: Floats, at: Mounts) -> Rays:
-    """The sensors' rays with the robots at `poses` (rows x, y, yaw in `map`)."""
-    rays = _make_rays(at)
-    place_mounts(poses, at, rays.x, rays.y, rays.yaw)
-    return rays
+        found = self.made.get((robot, place))
+        if found is None:
+            batch, row = self.rows[robot, place]
+            arrays = self.arrays[batch]
+            found = self.made[robot, place] = Reading(arrays.ranges[row], arrays.intensities[row])
+        return found
 
 
 class Lasers:
@@ -169,7 +134,7 @@ class Lasers:
             arrays = [self._measure(batch, pair, tick) for batch, pair in zip(self._batches, self._pairs, strict=True)]
             if self._options.dazzle != "off":
                 self._interfere(arrays, tick)
-            self._scans = Scans([Reading(*map(_read_only, reading)) for reading in arrays], self._rows)
+            self._scans = Scans([Reading(*map(_read_only, reading)) for reading in arrays], self._rows, {})
         self.begun = False
         return self._scans
 
@@ -280,7 +245,7 @@ def _make_batch(mounts: list[Mount], options: Options) -> Batch:
     beams = Beams(np.cos(angles)[None, :], np.sin(angles)[None, :], angle_min, ranger.angle_increment, ranger.range_max)
     at = mount_devices([(m.robot, m.ranger) for m in mounts])
     range_min = np.array([[m.ranger.range_min] for m in mounts], np.float32)
-    rays, buffers = _make_rays(at), make_buffers(len(mounts), beams)
+    rays, buffers = make_rays(at), make_buffers(len(mounts), beams)
     return Batch(mounts, at, beams, angles, range_min, _make_noise(mounts, options), rays, buffers)
 
 

@@ -64,6 +64,43 @@ def test_a_forked_child_is_like_a_spawned_one(
     assert forked["environment"]["ZTEAM_CONNECT"] == "tcp/1.2.3.4:5"
 
 
+def test_what_one_child_was_told_does_not_reach_the_next(
+    warm: WarmParent, lifeline: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The warm parent takes over folder, umask, signals, arguments and environment of one child, then of the other."""
+    started = Started(warm.start, lifeline, obey(FACTS))
+    assert started.finish() == 0, started.heard
+    before, handler = os.umask(0o027), signal.signal(signal.SIGUSR1, signal.SIG_IGN)
+    try:
+        with monkeypatch.context() as there:
+            there.chdir(tmp_path)
+            told = Started(warm.start, lifeline, obey("import random", "x"), ZTEAM_CONNECT="tcp/1.2.3.4:5")
+            assert told.finish() == 0, told.heard
+    finally:
+        os.umask(before)
+        signal.signal(signal.SIGUSR1, handler)
+    next_one = Started(warm.start, lifeline, obey(FACTS))
+    assert next_one.finish() == 0, next_one.heard
+    assert json.loads(next_one.heard[-1]) == json.loads(started.heard[-1])
+
+
+def test_a_child_whose_folder_is_gone_leaves_the_warm_parent_alive(
+    warm: WarmParent, lifeline: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It cannot be started there; the next one can."""
+    assert Started(warm.start, lifeline, obey("pass")).finish() == 0
+    pids = warm.pids
+    with monkeypatch.context() as there:
+        gone = tmp_path / "gone"
+        gone.mkdir()
+        there.chdir(gone)
+        gone.rmdir()
+        there.setattr(Path, "cwd", lambda: gone)
+        Started(warm.start, lifeline, obey("pass")).finish()
+    assert Started(warm.start, lifeline, obey("pass")).finish() == 0
+    assert warm.pids == pids
+
+
 @pytest.mark.parametrize(
     ("code", "expected"),
     [
@@ -175,3 +212,35 @@ def test_children_have_one_heap_and_their_own_environment(warm: WarmParent, life
     assert child.heard == [str(os.environ.get("MALLOC_ARENA_MAX"))]
     (pid,) = warm.pids.values()
     assert b"MALLOC_ARENA_MAX=" in Path(f"/proc/{pid}/environ").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (("--id", "x"), 2),
+        (("--id", "1", "--follow", "1"), 2),
+        (("--help",), 0),
+        (("--id", "0", "--behavior", "no_such"), 2),
+    ],
+)
+def test_a_robot_that_is_read_before_the_fork_says_the_same(
+    warm: WarmParent, lifeline: int, words: tuple[str, ...], expected: int
+) -> None:
+    """A mistake is said once, by the child, with the exit code of a spawned one; the next child is started as usual."""
+    children = [Started(start, lifeline, zteam_command("zteam-robot", *words)) for start in (spawn, warm.start)]
+    assert [child.finish() for child in children] == [expected, expected]
+    spawned, forked = (child.heard for child in children)
+    assert spawned
+    assert forked == spawned
+    (pid,) = warm.pids.values()
+    assert Started(warm.start, lifeline, obey("pass")).finish() == 0
+    assert list(warm.pids.values()) == [pid]
+
+
+def test_a_robot_that_is_read_before_the_fork_sees_its_own_environment(warm: WarmParent, lifeline: int) -> None:
+    """Options that the environment gives are those of the child, not of the warm parent or of another child."""
+    command = zteam_command("zteam-robot", "--id", "0")
+    assert Started(warm.start, lifeline, command, ZTEAM_LEASE="nonsense").finish() == 2
+    bad = Started(warm.start, lifeline, command, ZTEAM_CONNECT="nonsense")
+    bad.finish()
+    assert any("nonsense" in line for line in bad.heard), bad.heard

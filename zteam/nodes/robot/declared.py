@@ -2,23 +2,28 @@
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any
 
 from zteam import names
 from zteam.behaviors.inputs import DeclaredInput
 from zteam.nodes.robot.newest import Newest
 
 
-class _Waiting(NamedTuple):
-    """Where a message has come that may not have counted yet."""
+class _Slot:
+    """The newest message of one key."""
 
-    newest: Newest
-    before: Any
-    """What the view has of it."""
-    name: str
-    """Of the input."""
-    robot_id: int | None
-    """None where the input is one key."""
+    __slots__ = ("before", "name", "newest", "robot_id", "waits")
+
+    def __init__(self, name: str, robot_id: int | None) -> None:
+        self.name = name
+        """Of the input."""
+        self.robot_id = robot_id
+        """None where the input is one key."""
+        self.newest = Newest()
+        self.before: Any = None
+        """What the view has of it."""
+        self.waits = False
+        """Whether a message has come that may not have counted yet."""
 
 
 class DeclaredInputs:
@@ -26,10 +31,9 @@ class DeclaredInputs:
 
     def __init__(self, declared: list[DeclaredInput]) -> None:
         self.declared = declared
-        self._slots: dict[str, dict[int | None, Newest]] = {}
-        """By the input's name, then by robot; None where it is one key."""
-        self._waiting: dict[int, _Waiting] = {}
-        """By the `id` of the slot."""
+        self._slots: dict[tuple[str, str], _Slot] = {}
+        """By the input's name and the key."""
+        self._waiting: list[_Slot] = []
         self._view: Mapping[str, Any] = {}
         """What counts; it is replaced, not changed: a behaviour may look at it meanwhile."""
         self.forget()
@@ -38,31 +42,28 @@ class DeclaredInputs:
 
     def slot(self, declared: DeclaredInput, key: str) -> Newest:
         """Where a message of this input goes that has come on `key`, and is looked at in the next step."""
-        target = names.split_robot_key(key) if declared.of_all_robots else None
-        slots = self._slots[declared.name]
-        robot_id = None if target is None else target[0]
-        found = slots.get(robot_id)
+        found = self._slots.get((declared.name, key))
         if found is None:
-            found = slots[robot_id] = Newest()
-        if id(found) not in self._waiting:
-            self._waiting[id(found)] = _Waiting(found, found.message, declared.name, robot_id)
-        return found
+            target = names.split_robot_key(key) if declared.of_all_robots else None
+            found = self._slots[declared.name, key] = _Slot(declared.name, None if target is None else target[0])
+        if not found.waits:
+            found.waits = True
+            self._waiting.append(found)
+        return found.newest
 
     def view(self, now: int) -> Mapping[str, Any]:
         """What counts in a step at time `now` (ns), by the input's name."""
         if self._waiting:
             changed: dict[str, dict[int | None, Any]] = {}
-            waiting, self._waiting = self._waiting, {}
-            for number, (newest, before, name, robot_id) in waiting.items():
-                newest.settle(now)
-                if newest.message is not before:
-                    changed.setdefault(name, {})[robot_id] = newest.message
-                if newest.is_coming:
-                    self._waiting[number] = _Waiting(newest, newest.message, name, robot_id)
+            for slot in self._waiting:
+                slot.newest.settle(now)
+                if slot.newest.message is not slot.before:
+                    slot.before = changed.setdefault(slot.name, {})[slot.robot_id] = slot.newest.message
+                slot.waits = slot.newest.is_coming
+            self._waiting = [slot for slot in self._waiting if slot.waits]
             if changed:
-                self._view = MappingProxyType(
-                    {**self._view, **{name: self._merge(name, changed[name]) for name in changed}}
-                )
+                merged = {name: self._merge(name, news) for name, news in changed.items()}
+                self._view = MappingProxyType({**self._view, **merged})
         return self._view
 
     def _merge(self, name: str, changed: Mapping[int | None, Any]) -> Any:
@@ -76,8 +77,8 @@ class DeclaredInputs:
 
     def forget(self) -> None:
         """Time jumped back."""
-        self._slots = {declared.name: {} for declared in self.declared}
-        self._waiting = {}
+        self._slots = {}
+        self._waiting = []
         self._view = MappingProxyType(
             {declared.name: MappingProxyType({}) if declared.of_all_robots else None for declared in self.declared}
         )

@@ -2,7 +2,9 @@
 
 import logging
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
+
+import msgspec
 
 from zteam.behaviors import SafetyLayer, View, missing
 from zteam.behaviors.safety import LimitsOnly, ask
@@ -17,7 +19,7 @@ from zteam.runtime.robot_status import StatusReport
 log = logging.getLogger("zteam")
 
 
-class Turn(NamedTuple):
+class Turn(msgspec.Struct, frozen=True):
     """What one step goes by."""
 
     view: View

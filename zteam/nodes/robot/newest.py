@@ -4,13 +4,15 @@ In real time a message counts at once. In lock-step it counts from the tick afte
 order messages come in.
 """
 
-from typing import Any, NamedTuple
+from typing import Any
+
+import msgspec
 
 from zteam.messages import Message
 from zteam.runtime.sending_tick import precedence, tick_of
 
 
-class Sent(NamedTuple):
+class Sent(msgspec.Struct, frozen=True):
     """A message of lock-step that does not count yet."""
 
     tick: int
@@ -55,9 +57,9 @@ class Newest:
         coming = self._coming
         if len(coming) == 1:
             # Mostly there is nothing to choose from.
-            tick, _, message = coming[0]
-            if tick < now:
-                self.message, self.stamp, self._coming = message, tick, []
+            sent = coming[0]
+            if sent.tick < now:
+                self.message, self.stamp, self._coming = sent.message, sent.tick, []
             return
         due = [sent for sent in coming if sent.tick < now]
         if due:

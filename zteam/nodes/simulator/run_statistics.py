@@ -201,5 +201,6 @@ class RunStatistics:
 
     def latency(self) -> Latency:
         """Milliseconds from a robot's scan to its command."""
-        milliseconds = [1e3 * seconds for seconds in self._latencies]
+        # A copy is made in one piece: commands go on coming meanwhile.
+        milliseconds = [1e3 * seconds for seconds in self._latencies.copy()]
         return Latency(percentile(milliseconds, 0.5), percentile(milliseconds, 0.99), len(milliseconds))

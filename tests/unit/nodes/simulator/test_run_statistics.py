@@ -183,3 +183,17 @@ def test_a_gap_that_was_never_measured_is_none() -> None:
     add(statistics, {1: START[1]})
     assert statistics.robots()[1].gap_m is None
     assert not any(math.isnan(robot.distance_m) for robot in statistics.robots())
+
+
+def test_commands_may_come_while_latencies_are_counted() -> None:
+    """The report is made on the thread of queries, and commands come on another."""
+
+    class Interrupted(float):
+        def __rmul__(self, factor: float) -> float:
+            statistics.add_latency(0.2)
+            return factor * float(self)
+
+    statistics = started()
+    statistics.add_latency(Interrupted(0.1))
+    assert statistics.latency() == Latency(100.0, 100.0, 1)
+    assert statistics.latency().count == 2
