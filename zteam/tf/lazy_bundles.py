@@ -56,15 +56,6 @@ def _samples_of(layout: Layout | MessageLayout, payload: Any) -> _Samples:
     return known
 
 
-class _Known(NamedTuple):
-    """What a source found last. One value: the threads of several robots may ask a source."""
-
-    number: int
-    """Of the samples."""
-    read: list[Planar | None]
-    pose: Pose2 | None
-
-
 class _Source:
     """Makes poses of the transforms at some positions of a layout. Receivers of the same messages share it."""
 
@@ -72,17 +63,22 @@ class _Source:
 
     def __init__(self, rule: PlanarRule, indices: tuple[int, ...]) -> None:
         self._rule, self._indices = rule, indices
-        self._known = _Known(0, [], None)
+        self._known: tuple[int, list[Planar | None], Pose2 | None] = 0, [], None
+        """The number of the samples that were read last, what was read, and the pose.
+
+        One value: the threads of several robots may ask. A plain tuple, because it is made for each look-up.
+        """
 
     def find_pose(self, samples: _Samples) -> Pose2 | None:
         """The pose by the transforms of a payload: the same object while they say the same. None as of `_rule`."""
-        known = self._known
-        if known.number == samples.number:
-            return known.pose
+        number, before, pose = self._known
+        if number == samples.number:
+            return pose
         read = [samples[index] for index in self._indices]
         # Mostly a robot that is looked up stands.
-        pose = known.pose if read == known.read else self._rule.pose(read)
-        self._known = _Known(samples.number, read, pose)
+        if read != before:
+            pose = self._rule.pose(read)
+        self._known = samples.number, read, pose
         return pose
 
 
