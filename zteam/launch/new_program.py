@@ -1,7 +1,7 @@
 """What makes a fork of the warm parent like a new program, such as `python -P -m module` would have started.
 
 A child copies each page that it writes, be it for a count of references. So most is done in the warm parent before the
-fork (`prepare`), which does not need its own folder, environment and arguments, and little in the child (`Program.run`).
+fork (`prepare`), which does not need its own folder, environment and arguments, and little in the child (`run`).
 """
 
 import ctypes
