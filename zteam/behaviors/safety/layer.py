@@ -83,25 +83,43 @@ class Obstacles(NamedTuple):
 
     def free_share(self, motion: Motion, approach: Approach) -> tuple[float, int]:
         """The share of its speed at which `motion` can stop before all, and the id of the robot met first, or -1."""
+        # Where a stop is certain it depends on the teammates whether the rest is looked at.
+        asked = motion, approach.seconds, self.extra, not self.mates
+        free, more = self.around.known.get(asked) or self.around.keep(asked, self._free_of_things(motion, approach))
+        first = -1
+        if self.mates:
+            free, first = self._free_of_mates(motion, approach, free)
+        return (1.0 if free == math.inf else approach.share(motion, free - more)), first
+
+    def _free_of_things(self, motion: Motion, approach: Approach) -> tuple[float, float]:
+        """Seconds of the arc until the base is GAP before something; and how many are to be free besides.
+
+        Without teammates it may be any time that is not enough, where it is not enough.
+        """
         outline, arc = approach.outline, Arc(*approach.limits.arc(motion))
         a_metre, more = approach.gap_seconds(motion, self.extra)
-        stops = approach.stop_seconds(motion) + more
-        seconds = stops + a_metre * GAP
+        seconds = approach.stop_seconds(motion) + more + a_metre * GAP
         reach = abs(arc.speed) * seconds + outline.radius + DRIVE_MARGIN
         back = self._back(outline, arc, reach)
         looks_back = back > 0.0 and self.around.may_hide(back)
         way = Way(outline, arc, seconds, a_metre * GAP + more)
         # A look into the memory changes it.
         if not self.mates and not looks_back and self.stoppers.stop(way, self.around.sight):
-            return 0.0, -1
+            return 0.0, more
         points = self.around.points(swept_box(outline, arc, seconds), reach, back if looks_back else 0.0)
-        free, first = math.inf, -1
-        if points.size:
-            free = meeting_time(outline, arc, seconds, points) - a_metre * GAP
+        if not points.size:
+            return math.inf, more
+        free = meeting_time(outline, arc, seconds, points) - a_metre * GAP
         if free <= more:
             self.stoppers.note(way, self.around.sight, points)
-        if not self.mates:
-            return (1.0 if free == math.inf else approach.share(motion, free - more)), first
+        return free, more
+
+    def _free_of_mates(self, motion: Motion, approach: Approach, free: float) -> tuple[float, int]:
+        """Seconds of the arc until the base is so near to a teammate as it may be, or `free` where that is less; and
+        the teammate's id, or -1."""
+        outline, arc, first = approach.outline, Arc(*approach.limits.arc(motion)), -1
+        a_metre, more = approach.gap_seconds(motion, self.extra)
+        stops = approach.stop_seconds(motion) + more
         widest = swept_box(outline, arc, stops + a_metre * TEAMMATE_GAP)
         for mate in self.mates:
             if not mate.may_be_in(widest):
@@ -111,7 +129,7 @@ class Obstacles(NamedTuple):
                 met = meeting_time(outline, arc, seconds, mate.points, mate.clearance)
                 if met - a_metre * mate.gap < free:
                     free, first = met - a_metre * mate.gap, mate.robot_id
-        return (1.0 if free == math.inf else approach.share(motion, free - more)), first
+        return free, first
 
     def _back(self, outline: Outline, arc: Arc, reach: float) -> float:
         """How far (m) the memory is to be asked: all that is reached, only beside the base, or not (0)."""

@@ -159,7 +159,7 @@ class ScanMemory:
         """Points in `odom`."""
         self._born = np.empty(0)
         """How far the base had travelled when a point was seen."""
-        self._pose: Pose2 | None = None
+        self.pose: Pose2 | None = None
         self._start: Pose2 | None = None
         """Where it was put down."""
         self.ahead = 0.0
@@ -170,11 +170,11 @@ class ScanMemory:
 
     def move(self, base: Pose2) -> bool:
         """The base is at `base` in `odom`; whether its scan is to be kept."""
-        last, self._pose = self._pose, base
+        last, self.pose = self.pose, base
         moved = math.hypot(base.x - last.x, base.y - last.y) if last else 0.0
         if moved > _JUMP or not last:
             self.forget()
-            self._pose = self._start = base
+            self.pose = self._start = base
         else:
             self.ahead = math.cos(last.yaw) * (base.x - last.x) + math.sin(last.yaw) * (base.y - last.y)
             self._travelled += moved
@@ -187,12 +187,12 @@ class ScanMemory:
 
     def keep(self, sectors: Sectors, nearest: float, base_from_laser: Pose2) -> None:
         """Keep a scan that was made where the base is; no hit is nearer to the laser than `nearest` (m)."""
-        base = self._pose
+        base = self.pose
         assert base is not None
         if self._keys and not sectors.is_like(self._keys[-1].sectors):
             # Another laser than before.
             self.forget()
-            self._pose = base
+            self.pose = base
         key_scan = _Key(self._travelled, base, base.compose(base_from_laser), sectors)
         self._keys.append(key_scan)
         self._stack = None
@@ -209,7 +209,7 @@ class ScanMemory:
 
     def hidden(self, reach: float, now: Sectors, base_from_laser: Pose2) -> Floats:
         """Remembered points (2, n) of the base's frame, within `reach` (m), that the scan `now` tells nothing of."""
-        pose = self._pose
+        pose = self.pose
         if pose is None or not self.may_hide(reach):
             return _NOTHING
         for key in self._pending:
@@ -226,11 +226,11 @@ class ScanMemory:
 
     def never_seen(self, points: Floats) -> Flags:
         """Which of the points (2, n) of the base's frame no remembered scan saw."""
-        if self._pose is None or not self._keys:
+        if self.pose is None or not self._keys:
             return np.ones(points.shape[1], bool)
         if self._stack is None:
             self._stack = _Stack.of(self._keys)
-        places = _out_of(self._pose, points)
+        places = _out_of(self.pose, points)
         unseen = ~self._stack.saw(places, self._extent)
         if self._start is not None and self._travelled <= SPAN:
             unseen &= np.hypot(places[0] - self._start.x, places[1] - self._start.y) > self._room

@@ -1,6 +1,7 @@
 """What stands about a robot in one step, as points: from the scan and from memory."""
 
 import math
+from collections.abc import Hashable
 from functools import cached_property, lru_cache
 
 import msgspec
@@ -25,6 +26,8 @@ GAP = 0.15
 """Metres that a robot stops before what it would drive into."""
 LOOKS_ROUND = 0.5 * math.pi
 """Radians to either side that a laser has to see for a drive forwards to need no memory."""
+MOST_KNOWN = 16
+"""Answers that are kept, at most: a step asks for four."""
 NO_POSE = Pose2(0.0, 0.0, 0.0)
 NO_POINTS = np.empty((2, 0))
 
@@ -41,6 +44,10 @@ class Sight(msgspec.Struct, frozen=True, eq=False, dict=True):
     """In the base frame."""
     nearest: float
     """Metres from the laser: no hit is nearer."""
+
+    def is_of(self, beams: Beams, distances: Floats, silent: Flags | None, laser: Pose2) -> bool:
+        """Whether it is the sight of these: the very same objects."""
+        return self.beams is beams and self.distances is distances and self.silent is silent and self.laser is laser
 
     @cached_property
     def sectors(self) -> Sectors:
@@ -104,26 +111,40 @@ class Surroundings:
         self._has_room = True
         """As it says below, where that is known: driving forwards with a laser that looks round, it stays so."""
         self.sight: Sight | None = None
-        """None without usable beams."""
+        """None without usable beams; the same while the robot sees the same."""
+        self.known: dict[Hashable, tuple[float, float]] = {}
+        """What was worked out from sight and memory, by what was asked: empty when the robot sees something new, or has
+        moved."""
 
     def take(self, view: View) -> None:
         """See what the view shows."""
-        self.sight, self._looks_round = None, False
+        last, self.sight = self.sight, self._look(view)
+        if self.sight is not last:
+            self.known.clear()
+            self._looks_round = self.sight is not None and self.sight.covers(LOOKS_ROUND)
+        if self.sight is None or view.odom is None:
+            return
+        pose = _pose_of(view.odom)
+        if pose != self._memory.pose:
+            self.known.clear()
+        if math.isfinite(pose.x + pose.y + pose.yaw) and self._memory.move(pose):
+            self._memory.keep(self.sight.sectors, self.sight.nearest, self.sight.laser)
+        if self._memory.ahead < 0.0 or not self._looks_round:
+            self._has_room = False
+
+    def _look(self, view: View) -> Sight | None:
+        """What the laser sees: the same as before if that has not changed."""
         assert view.scan is not None
         beams = beams_of(view.scan)
         if beams is None:
-            return
+            return None
         distances, silent = self._words.fill(beams, view.now)
-        nearest = beams.nearest if beams.all_speak else _nearest(distances)
         laser = self._find_laser(view, view.scan.header.frame_id)
-        self.sight = Sight(beams, distances, silent, laser, nearest)
-        self._looks_round = self.sight.covers(LOOKS_ROUND)
-        if view.odom is not None:
-            pose = _pose_of(view.odom)
-            if math.isfinite(pose.x + pose.y + pose.yaw) and self._memory.move(pose):
-                self._memory.keep(self.sight.sectors, nearest, laser)
-            if self._memory.ahead < 0.0 or not self._looks_round:
-                self._has_room = False
+        last = self.sight
+        if last is not None and last.is_of(beams, distances, silent, laser):
+            return last
+        nearest = beams.nearest if beams.all_speak else _nearest(distances)
+        return Sight(beams, distances, silent, laser, nearest)
 
     def sees_all(self, speed: float) -> bool:
         """Whether a laser looks at all that the base drives to at this speed (m/s): forwards, and it looks round."""
@@ -133,6 +154,13 @@ class Surroundings:
     def is_blinded(self) -> bool:
         """Whether some beams see nothing."""
         return self.sight is not None and self.sight.silent is not None
+
+    def keep(self, asked: Hashable, answer: tuple[float, float]) -> tuple[float, float]:
+        """Keep an answer in `known`."""
+        if len(self.known) >= MOST_KNOWN:
+            self.known.clear()
+        self.known[asked] = answer
+        return answer
 
     def points(self, box: Box, reach: float, back: float) -> Floats:
         """(2, n): what stands in a box of the base frame, or a little outside, and within `reach` (m) of the base.
