@@ -103,8 +103,7 @@ class Obstacles(NamedTuple):
         back = self._back(outline, arc, reach)
         looks_back = back > 0.0 and self.around.may_hide(back)
         way = Way(outline, arc, seconds, a_metre * GAP + more)
-        # A look into the memory changes it.
-        if not self.mates and not looks_back and self.stoppers.stop(way, self.around.sight):
+        if not self.mates and self.stoppers.stop(way, self.around.sight):
             return 0.0, more
         points = self.around.points(swept_box(outline, arc, seconds), reach, back if looks_back else 0.0)
         if not points.size:
