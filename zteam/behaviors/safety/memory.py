@@ -7,13 +7,13 @@ distance of the nearest remembered point answers most questions.
 import math
 from collections import deque
 from collections.abc import Sequence
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.behaviors.scans import Beams
+from zteam.behaviors.safety.sectors import Sectors, axes_of, is_told
+from zteam.behaviors.safety.swept import DRIVE_MARGIN, Box
 from zteam.geometry import Pose2, normalize_angle
 
 Floats = NDArray[np.float64]
@@ -28,40 +28,11 @@ MAX_KEYS = 60
 """Kept scans, at most: thirty for SPAN straight on, and as many for turns."""
 REACH = 4.0
 """Metres: hits further from the laser are not remembered. More than SPAN and a braking distance."""
-SEEN_WITHIN = 0.05
-"""Metres that a point may seem to lie behind what a beam met and still be the same."""
-_GROUP = math.radians(1.0)
-"""Radians: beams are kept in groups of this width, as the nearest of them."""
-_FINEST = 1e-9
-"""Radians: finer sectors are no laser's, and their places too large for a number."""
 _JUMP = 1.0
 """Metres of odometry from step to step that no base drives: the robot was set down elsewhere."""
 _PUT = 0.02
 """Metres further than the corners that a base has room where it was put down."""
 _NOTHING = np.empty((2, 0))
-
-
-class Sectors(NamedTuple):
-    """Distances by bearing, in equal sectors."""
-
-    start: float
-    step: float
-    """Radians, not 0; below 0 for a laser that turns clockwise."""
-    distances: Floats
-    """NaN where nothing is known; (n,), or a row for each of several scans."""
-
-    def look(self, x: Floats, y: Floats) -> Floats:
-        """How far the laser saw towards points of its own frame: metres, NaN where it looked not or saw nothing."""
-        places = np.remainder((np.arctan2(y, x) - self.start) * math.copysign(1.0, self.step), math.tau)
-        index = (places / max(abs(self.step), _FINEST) + 0.5).astype(np.intp)
-        last = self.distances.shape[-1] - 1
-        nearest = np.minimum(index, last)
-        rows = self.distances[nearest] if self.distances.ndim == 1 else np.take_along_axis(self.distances, nearest, 1)
-        return np.where(index <= last, rows, np.nan)
-
-    def is_like(self, other: "Sectors") -> bool:
-        """Whether the other has the same bearings."""
-        return (self.start, self.step, self.distances.size) == (other.start, other.step, other.distances.size)
 
 
 class _Key(NamedTuple):
@@ -109,32 +80,24 @@ class _Stack(NamedTuple):
         return found
 
 
+class _Vicinity(NamedTuple):
+    """The points of the cloud about a place."""
+
+    x: float
+    y: float
+    radius: float
+    """Metres within which it has all points."""
+    points: Floats
+
+    def holds(self, pose: Pose2, reach: float) -> bool:
+        """Whether it has all points within `reach` (m) of a pose."""
+        return math.hypot(pose.x - self.x, pose.y - self.y) + reach <= self.radius
+
+
 def _columns(poses: Sequence[Pose2]) -> tuple[Floats, Floats, Floats, Floats]:
     """x, y, cosine and sine of poses, each (n, 1)."""
     x, y, yaw = np.array(poses).T[:, :, None]
     return x, y, np.cos(yaw), np.sin(yaw)
-
-
-def group(beams: Beams, distances: Floats) -> Sectors:
-    """The sectors of a scan."""
-    start, step, count = beams.laser
-    size = max(1, int(min(count, _GROUP / abs(step) + 1e-6))) if step else 1
-    if size == 1:
-        return Sectors(start, step or math.tau, distances)
-    groups = -(-count // size)
-    nearest = np.full(groups, np.nan)
-    for i in range(size):
-        part = distances[i::size]
-        # The smaller of two numbers; of a number and a NaN the number.
-        np.fmin(nearest[: part.size], part, out=nearest[: part.size])
-    return Sectors(start + 0.5 * (size - 1) * step, size * step, nearest)
-
-
-@lru_cache(maxsize=64)
-def axes_of(start: float, step: float, count: int) -> Floats:
-    """(2, n): cosines and sines of the bearings of sectors."""
-    angles = start + step * np.arange(count)
-    return np.array((np.cos(angles), np.sin(angles)))
 
 
 class ScanMemory:
@@ -159,6 +122,8 @@ class ScanMemory:
         """Points in `odom`."""
         self._born = np.empty(0)
         """How far the base had travelled when a point was seen."""
+        self._vicinity: _Vicinity | None = None
+        """Of the cloud, where it was last asked for."""
         self.pose: Pose2 | None = None
         self._start: Pose2 | None = None
         """Where it was put down."""
@@ -207,22 +172,35 @@ class ScanMemory:
         """Whether there may be a remembered point within `reach` (m)."""
         return self._bound <= reach
 
-    def hidden(self, reach: float, now: Sectors, base_from_laser: Pose2) -> Floats:
-        """Remembered points (2, n) of the base's frame, within `reach` (m), that the scan `now` tells nothing of."""
+    def remembered(self, box: Box, reach: float) -> Floats:
+        """Remembered points (2, n) of the base's frame: in a box, or a little outside, and within `reach` (m)."""
         pose = self.pose
         if pose is None or not self.may_hide(reach):
             return _NOTHING
+        near = self._vicinity_of(pose, reach).points
+        # Mostly none is in the box.
+        at = _in_box(pose, box, near).nonzero()[0]
+        if not at.size:
+            return _NOTHING
+        points = near.take(at, axis=1)
+        dx, dy = points[0] - pose.x, points[1] - pose.y
+        return into(pose, points[:, dx * dx + dy * dy <= reach * reach])
+
+    def _vicinity_of(self, pose: Pose2, reach: float) -> "_Vicinity":
+        """A part of the cloud with all points within `reach` (m) of the base."""
+        known = self._vicinity
+        if not self._pending and known is not None and known.holds(pose, reach):
+            return known
         for key in self._pending:
             self._add(key)
         self._pending.clear()
         dx, dy = self._cloud[0] - pose.x, self._cloud[1] - pose.y
         squares = dx * dx + dy * dy
         self._bound = math.sqrt(squares.min(initial=(REACH - SPAN) ** 2))
-        near = (squares <= reach * reach).nonzero()[0]
-        if not near.size:
-            return _NOTHING
-        points = _into(pose, self._cloud.take(near, axis=1))
-        return points[:, ~_is_told(now, _into(base_from_laser, points))]
+        radius = reach + KEY_DISTANCE
+        points = self._cloud.take((squares <= radius * radius).nonzero()[0], axis=1)
+        self._vicinity = _Vicinity(pose.x, pose.y, radius, points)
+        return self._vicinity
 
     def never_seen(self, points: Floats) -> Flags:
         """Which of the points (2, n) of the base's frame no remembered scan saw."""
@@ -240,7 +218,7 @@ class ScanMemory:
         """Bring a kept scan into the cloud: what it tells of takes the place of what was known there."""
         kept = self._born >= key.travelled - SPAN
         if kept.any():
-            kept &= ~_is_told(key.sectors, _into(key.laser, self._cloud))
+            kept &= ~is_told(key.sectors, into(key.laser, self._cloud))
         sectors = key.sectors
         hits = (sectors.distances < REACH).nonzero()[0]
         seen = sectors.distances[hits] * axes_of(sectors.start, sectors.step, sectors.distances.size)[:, hits]
@@ -248,13 +226,19 @@ class ScanMemory:
         self._born = np.concatenate((self._born[kept], np.full(hits.size, key.travelled)))
 
 
-def _is_told(sectors: Sectors, points: Floats) -> Flags:
-    """Which points of the laser's frame a scan tells of: it saw them, or through them."""
-    told: Flags = sectors.look(points[0], points[1]) >= np.hypot(points[0], points[1]) - SEEN_WITHIN
-    return told
+def _in_box(pose: Pose2, box: Box, points: Floats) -> Flags:
+    """Which points of `odom` lie in a box of the base, which is at `pose`, or up to DRIVE_MARGIN outside."""
+    cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
+    x, y = cos * pose.x + sin * pose.y, cos * pose.y - sin * pose.x
+    normals = np.array(((cos, sin), (-cos, -sin), (-sin, cos), (sin, -cos)))
+    offsets = np.array(((x + box.right,), (-x - box.left,), (y + box.top,), (-y - box.bottom,)))
+    depths = normals @ points
+    depths -= offsets
+    inside: Flags = np.maximum.reduce(depths) <= DRIVE_MARGIN
+    return inside
 
 
-def _into(frame: Pose2, points: Floats) -> Floats:
+def into(frame: Pose2, points: Floats) -> Floats:
     """Points in a frame of the pose `frame`."""
     cos, sin = math.cos(frame.yaw), math.sin(frame.yaw)
     x, y = points[0] - frame.x, points[1] - frame.y

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from zteam.base import Point2
 from zteam.behaviors.corridors import Laser
-from zteam.behaviors.safety.memory import ScanMemory, Sectors, group
+from zteam.behaviors.safety.memory import ScanMemory, into
+from zteam.behaviors.safety.sectors import Sectors, group, is_told
 from zteam.behaviors.safety.silence import LastWords
 from zteam.behaviors.safety.swept import Box, Outline
 from zteam.behaviors.safety.zones import zone_of
@@ -171,9 +172,10 @@ class Surroundings:
         if sight is None:
             return NO_POINTS
         hits = sight.hits(box, reach)
-        if back <= 0.0 or not self._memory.may_hide(back):
+        remembered = self._memory.remembered(box, back) if back > 0.0 else NO_POINTS
+        if not remembered.size:
             return hits
-        hidden = self._memory.hidden(back, sight.sectors, sight.laser)
+        hidden = remembered[:, ~is_told(sight.sectors, into(sight.laser, remembered))]
         return np.hstack((hits, hidden)) if hidden.size else hits
 
     def may_hide(self, reach: float) -> bool:
