@@ -32,6 +32,8 @@ _JUMP = 1.0
 """Metres of odometry from step to step that no base drives: the robot was set down elsewhere."""
 _PUT = 0.02
 """Metres further than the corners that a base has room where it was put down."""
+_FEW = 5
+"""One kept scan of so many is asked first what it saw: mostly that is all that any scan saw."""
 _NOTHING = np.empty((2, 0))
 
 
@@ -68,16 +70,20 @@ class _Stack(NamedTuple):
 
     def saw(self, places: Floats, extent: tuple[float, float, float]) -> Flags:
         """Which places (2, n) of `odom` a scan saw, or its base stood on: `extent` as in ScanMemory."""
-        x, y = places
-        dx, dy = x - self.x, y - self.y
+        dx, dy = places[0] - self.x, places[1] - self.y
         there = self.cos * dx + self.sin * dy, self.cos * dy - self.sin * dx
-        seen = self.sectors.look(*there) >= np.hypot(dx, dy)
-        dx, dy = x - self.base_x, y - self.base_y
+        seen: Flags = (self.sectors.look(*there) >= np.hypot(dx, dy)).any(axis=0)
+        if not seen.all():
+            seen[~seen] = self._covered(places[:, ~seen], extent)
+        return seen
+
+    def _covered(self, places: Floats, extent: tuple[float, float, float]) -> Flags:
+        """Which places a base stood on."""
+        dx, dy = places[0] - self.base_x, places[1] - self.base_y
         along, across = self.base_cos * dx + self.base_sin * dy, self.base_cos * dy - self.base_sin * dx
         rear, front, half_width = extent
-        seen |= (along >= -rear) & (along <= front) & (np.abs(across) <= half_width)
-        found: Flags = seen.any(axis=0)
-        return found
+        stood: Flags = ((along >= -rear) & (along <= front) & (np.abs(across) <= half_width)).any(axis=0)
+        return stood
 
 
 class _Vicinity(NamedTuple):
@@ -114,8 +120,8 @@ class ScanMemory:
     def forget(self) -> None:
         """The robot is somewhere else."""
         self._keys: deque[_Key] = deque(maxlen=MAX_KEYS)
-        self._stack: _Stack | None = None
-        """The kept scans as arrays, when they were last asked for."""
+        self._stacks: list[_Stack] | None = None
+        """The kept scans as arrays, when they were last asked for: a few, and the others."""
         self._pending: list[_Key] = []
         """Kept scans that are not in the cloud."""
         self._cloud = _NOTHING
@@ -160,7 +166,7 @@ class ScanMemory:
             self.pose = base
         key_scan = _Key(self._travelled, base, base.compose(base_from_laser), sectors)
         self._keys.append(key_scan)
-        self._stack = None
+        self._stacks = None
         self._pending.append(key_scan)
         while self._keys[0].travelled < self._travelled - SPAN:
             self._keys.popleft()
@@ -206,10 +212,16 @@ class ScanMemory:
         """Which of the points (2, n) of the base's frame no remembered scan saw."""
         if self.pose is None or not self._keys:
             return np.ones(points.shape[1], bool)
-        if self._stack is None:
-            self._stack = _Stack.of(self._keys)
+        if self._stacks is None:
+            keys = list(self._keys)
+            few, rest = keys[::_FEW], [key for i, key in enumerate(keys) if i % _FEW]
+            self._stacks = [_Stack.of(part) for part in (few, rest) if part]
         places = _out_of(self.pose, points)
-        unseen = ~self._stack.saw(places, self._extent)
+        unseen = np.ones(points.shape[1], bool)
+        for stack in self._stacks:
+            unseen[unseen] = ~stack.saw(places[:, unseen], self._extent)
+            if not unseen.any():
+                return unseen
         if self._start is not None and self._travelled <= SPAN:
             unseen &= np.hypot(places[0] - self._start.x, places[1] - self._start.y) > self._room
         return unseen

@@ -33,10 +33,11 @@ class Sectors(NamedTuple):
         """How far the laser saw towards points of its own frame: metres, NaN where it looked not or saw nothing."""
         places = np.remainder((np.arctan2(y, x) - self.start) * math.copysign(1.0, self.step), math.tau)
         index = (places / max(abs(self.step), _FINEST) + 0.5).astype(np.intp)
-        last = self.distances.shape[-1] - 1
-        nearest = np.minimum(index, last)
-        rows = self.distances[nearest] if self.distances.ndim == 1 else np.take_along_axis(self.distances, nearest, 1)
-        return np.where(index <= last, rows, np.nan)
+        count = self.distances.shape[-1]
+        at = np.minimum(index, count - 1)
+        if self.distances.ndim > 1:
+            at += np.arange(0, self.distances.size, count)[:, None]
+        return np.where(index < count, self.distances.take(at), np.nan)
 
     def is_like(self, other: "Sectors") -> bool:
         """Whether the other has the same bearings."""

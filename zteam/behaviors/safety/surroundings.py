@@ -183,17 +183,15 @@ class Surroundings:
         return self._memory.may_hide(reach)
 
     def never_seen(self, points: Floats) -> Flags:
-        """Which points of the base frame neither the laser sees nor a remembered scan saw."""
-        unseen = self._memory.never_seen(points)
-        if self.sight is not None:
-            unseen &= ~self.sees(points)
-        return unseen
+        """Which points of the base frame no remembered scan saw."""
+        return self._memory.never_seen(points)
 
     def has_room(self) -> bool:
         """Whether the ground within the circle of the corners was seen, or the base was put down there."""
         if not self._has_room:
             room = self._outline.room
-            self._has_room = not self.never_seen(room[:, self._outline.distances(room) > 0.0]).any()
+            beyond = ~self.sees(room) & (self._outline.distances(room) > 0.0)
+            self._has_room = not beyond.any() or not self.never_seen(room[:, beyond]).any()
         return self._has_room
 
     def in_view(self, points: Floats) -> Flags:
