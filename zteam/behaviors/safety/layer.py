@@ -101,11 +101,12 @@ class Obstacles(NamedTuple):
         seconds = approach.stop_seconds(motion) + more + a_metre * GAP
         reach = abs(arc.speed) * seconds + outline.radius + DRIVE_MARGIN
         back = self._back(outline, arc, reach)
-        looks_back = back > 0.0 and self.around.may_hide(back)
+        if self.around.is_clear(reach, back):
+            return math.inf, more
         way = Way(outline, arc, seconds, a_metre * GAP + more)
         if not self.mates and self.stoppers.stop(way, self.around.sight):
             return 0.0, more
-        points = self.around.points(swept_box(outline, arc, seconds), reach, back if looks_back else 0.0)
+        points = self.around.points(swept_box(outline, arc, seconds), reach, back)
         if not points.size:
             return math.inf, more
         free = meeting_time(outline, arc, seconds, points) - a_metre * GAP

@@ -55,11 +55,12 @@ class Sight(msgspec.Struct, frozen=True, eq=False, dict=True):
         """The scan by bearings."""
         return group(self.beams, self.distances)
 
-    def hits(self, box: Box, reach: float) -> Floats:
-        """(2, n): hits in a box of the base frame, or a little outside; none is further than `reach` (m) from the
-        base."""
-        if self.nearest > reach + math.hypot(self.laser.x, self.laser.y):
-            return NO_POINTS
+    def is_clear(self, reach: float) -> bool:
+        """Whether there is certainly no hit within `reach` (m) of the base."""
+        return self.nearest > reach + math.hypot(self.laser.x, self.laser.y)
+
+    def hits(self, box: Box) -> Floats:
+        """(2, n): hits in a box of the base frame, or a little outside."""
         ends, axes = zone_of(self.beams.laser, self.laser, box)
         near = self.distances < ends
         if not np.count_nonzero(near):
@@ -163,6 +164,12 @@ class Surroundings:
         self.known[asked] = answer
         return answer
 
+    def is_clear(self, reach: float, back: float) -> bool:
+        """Whether there certainly is nothing: no hit within `reach` (m) of the base, and nothing remembered within
+        `back` (m) that the laser might not see."""
+        sight = self.sight
+        return sight is None or (sight.is_clear(reach) and not (back > 0.0 and self._memory.may_hide(back)))
+
     def points(self, box: Box, reach: float, back: float) -> Floats:
         """(2, n): what stands in a box of the base frame, or a little outside, and within `reach` (m) of the base.
 
@@ -171,16 +178,12 @@ class Surroundings:
         sight = self.sight
         if sight is None:
             return NO_POINTS
-        hits = sight.hits(box, reach)
+        hits = NO_POINTS if sight.is_clear(reach) else sight.hits(box)
         remembered = self._memory.remembered(box, back) if back > 0.0 else NO_POINTS
         if not remembered.size:
             return hits
         hidden = remembered[:, ~is_told(sight.sectors, into(sight.laser, remembered))]
         return np.hstack((hits, hidden)) if hidden.size else hits
-
-    def may_hide(self, reach: float) -> bool:
-        """Whether the memory may tell of something within `reach` (m) that the laser does not see."""
-        return self._memory.may_hide(reach)
 
     def never_seen(self, points: Floats) -> Flags:
         """Which points of the base frame no remembered scan saw."""
