@@ -142,6 +142,9 @@ class ScanMemory:
     def move(self, base: Pose2) -> bool:
         """The base is at `base` in `odom`; whether its scan is to be kept."""
         last, self.pose = self.pose, base
+        if base == last and self._keys:
+            self.ahead = 0.0
+            return False
         moved = math.hypot(base.x - last.x, base.y - last.y) if last else 0.0
         if moved > _JUMP or not last:
             self.forget()
@@ -233,9 +236,11 @@ class ScanMemory:
             kept &= ~is_told(key.sectors, into(key.laser, self._cloud))
         sectors = key.sectors
         hits = (sectors.distances < REACH).nonzero()[0]
-        seen = sectors.distances[hits] * axes_of(sectors.start, sectors.step, sectors.distances.size)[:, hits]
-        self._cloud = np.hstack((self._cloud[:, kept], _out_of(key.laser, seen)))
-        self._born = np.concatenate((self._born[kept], np.full(hits.size, key.travelled)))
+        axes = axes_of(sectors.start, sectors.step, sectors.distances.size)
+        seen = sectors.distances.take(hits) * axes.take(hits, axis=1)
+        stays = kept.nonzero()[0]
+        self._cloud = np.concatenate((self._cloud.take(stays, axis=1), _out_of(key.laser, seen)), axis=1)
+        self._born = np.concatenate((self._born.take(stays), np.full(hits.size, key.travelled)))
 
 
 def _in_box(pose: Pose2, box: Box, points: Floats) -> Flags:
