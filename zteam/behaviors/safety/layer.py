@@ -193,21 +193,32 @@ class SafetyLayer:
         if self._mates.are_due(view):
             needs = approach.needed_seconds(asked, TEAMMATE_GAP, extra)
             mates = self._mates.look(view, self._outline, abs(speed) * needs)
-        cut = self._slow_down_blind(asked, approach, extra, view)
-        if cut.motion != STANDING:
-            free = _avoid(cut, approach, Obstacles(self._around, self._stoppers, mates, extra))
-            if free.motion is not asked and self._is_another(free.motion, speed, turn):
-                # It leads over other ground.
-                slow = self._slow_down_blind(free.motion, approach, extra, view)
-                free = Cut(slow.motion, free.cause or slow.cause)
-            cut = free
+        obstacles = Obstacles(self._around, self._stoppers, mates, extra)
+        if mates or self._around.is_blinded:
+            # What is silent hangs on the teammates too.
+            cut = self._find_cut(asked, approach, obstacles, view)
+        else:
+            known, same = self._around.known, (asked, seconds, extra)
+            cut = known.get(same) or self._around.keep(same, self._find_cut(asked, approach, obstacles, view))
         is_stopped = (asked.x and not cut.motion.x) or cut.motion == STANDING
         self._held = _way_of(asked) if is_stopped else None
         return cut
 
-    def _is_another(self, motion: Motion, speed: float, turn: float) -> bool:
-        """Whether `motion` is on another arc than this one."""
-        left = self._limits.arc(motion)
+    def _find_cut(self, asked: Motion, approach: Approach, obstacles: Obstacles, view: View) -> Cut:
+        """`asked` as far as the ground before it is seen, and these obstacles are not in the way."""
+        cut = self._slow_down_blind(asked, approach, obstacles.extra, view)
+        if cut.motion == STANDING:
+            return cut
+        free = _avoid(cut, approach, obstacles)
+        if free.motion is asked or not self._is_another(free.motion, asked):
+            return free
+        # It leads over other ground.
+        slow = self._slow_down_blind(free.motion, approach, obstacles.extra, view)
+        return Cut(slow.motion, free.cause or slow.cause)
+
+    def _is_another(self, motion: Motion, asked: Motion) -> bool:
+        """Whether `motion` is on another arc than `asked`."""
+        (speed, turn), left = self._limits.arc(asked), self._limits.arc(motion)
         return abs(left[0] * turn - speed * left[1]) > LEAST
 
     def _slow_down_blind(self, asked: Motion, approach: Approach, extra: float, view: View) -> Cut:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Hashable
 from functools import cached_property, lru_cache
+from typing import Any, TypeVar
 
 import msgspec
 import numpy as np
@@ -22,6 +23,7 @@ from zteam.messages import Odometry
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
+_Answer = TypeVar("_Answer")
 
 GAP = 0.15
 """Metres that a robot stops before what it would drive into."""
@@ -114,7 +116,7 @@ class Surroundings:
         """As it says below, where that is known: driving forwards with a laser that looks round, it stays so."""
         self.sight: Sight | None = None
         """None without usable beams; the same while the robot sees the same."""
-        self.known: dict[Hashable, tuple[float, float]] = {}
+        self.known: dict[Hashable, Any] = {}
         """What was worked out from sight and memory, by what was asked: empty when the robot sees something new, or has
         moved."""
 
@@ -157,7 +159,7 @@ class Surroundings:
         """Whether some beams see nothing."""
         return self.sight is not None and self.sight.silent is not None
 
-    def keep(self, asked: Hashable, answer: tuple[float, float]) -> tuple[float, float]:
+    def keep(self, asked: Hashable, answer: _Answer) -> _Answer:
         """Keep an answer in `known`."""
         if len(self.known) >= MOST_KNOWN:
             self.known.clear()

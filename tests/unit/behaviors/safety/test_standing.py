@@ -28,12 +28,16 @@ class Robot:
         """Where robot 1 is in `map`: no laser sees it."""
         self.shorter = 0.0
         """Metres less of the beam straight ahead."""
+        self.dazzled = 0
+        """Beams to either side of straight ahead that say nothing."""
         self.left: Left = []
 
     def view(self) -> View:
         """What it sees: its scans cannot be changed, as those that come over the bus."""
         ranges = cast(self.pose.compose(LASER), [(1.0, -1.5, 1.0, 1.5), (-3.0, 1.5, 1.0, 1.5), (-3.0, -1.5, 1.0, -1.5)])
-        ranges[ranges.size // 2] -= self.shorter
+        middle = ranges.size // 2
+        ranges[middle] -= self.shorter
+        ranges[middle - self.dazzled : middle + self.dazzled] = math.nan
         scan = make_scan(ranges, self.now)
         scan.ranges.flags.writeable = False
         odom = make_odometry(self.slip.compose(self.pose))
@@ -93,6 +97,23 @@ def a_teammate_comes_behind(robot: Robot) -> None:
     robot.step(-0.2)
 
 
+def a_teammate_stops_it(robot: Robot) -> None:
+    """Robot 1 stops it before a wall, and leaves: more than before has to be free then."""
+    for robot.mate in (None, Pose2(1.0, 0.0, math.pi), Pose2(-9.0, 0.0, 0.0)):
+        for _ in range(11):
+            robot.pose = Pose2(0.68, 0.0, 0.0)
+            robot.step(0.2)
+
+
+def a_teammate_dazzles(robot: Robot) -> None:
+    """Robot 1 explains, from behind the wall, why some beams say nothing, and leaves."""
+    robot.dazzled = 4
+    for robot.mate in (None, Pose2(3.0, 0.0, math.pi), Pose2(0.0, 9.0, 0.0)):
+        for _ in range(11):
+            robot.step(0.2)
+            robot.pose = Pose2(0.0, 0.0, 0.0)
+
+
 def odometry_jumps(robot: Robot) -> None:
     """It was set down elsewhere, and sees the same there: nothing is remembered."""
     robot.back_up_to_the_wall()
@@ -119,6 +140,8 @@ CHANGES = [
     a_beam_changes,
     a_teammate_comes,
     a_teammate_comes_behind,
+    a_teammate_stops_it,
+    a_teammate_dazzles,
     odometry_jumps,
     odometry_slips,
     scans_are_kept,
