@@ -94,10 +94,23 @@ class _Vicinity(NamedTuple):
     radius: float
     """Metres within which it has all points."""
     points: Floats
+    plane: NDArray[np.complex128]
+    """The same as complex numbers: they turn in one operation."""
 
     def holds(self, pose: Pose2, reach: float) -> bool:
         """Whether it has all points within `reach` (m) of a pose."""
         return math.hypot(pose.x - self.x, pose.y - self.y) + reach <= self.radius
+
+    def in_box(self, pose: Pose2, box: Box) -> Flags:
+        """Which points lie in a box of the base, which is at `pose`, or up to DRIVE_MARGIN outside."""
+        turn = complex(math.cos(pose.yaw), -math.sin(pose.yaw))
+        middle = complex(0.5 * (box.left + box.right), 0.5 * (box.bottom + box.top))
+        corner = complex(box.right, box.top) - middle
+        places = self.plane * turn
+        places -= complex(pose.x, pose.y) * turn + middle
+        along, across = np.abs(places.real), np.abs(places.imag)
+        inside: Flags = (along <= corner.real + DRIVE_MARGIN) & (across <= corner.imag + DRIVE_MARGIN)
+        return inside
 
 
 def _columns(poses: Sequence[Pose2]) -> tuple[Floats, Floats, Floats, Floats]:
@@ -186,12 +199,12 @@ class ScanMemory:
         pose = self.pose
         if pose is None or not self.may_hide(reach):
             return _NOTHING
-        near = self._vicinity_of(pose, reach).points
+        near = self._vicinity_of(pose, reach)
         # Mostly none is in the box.
-        at = _in_box(pose, box, near).nonzero()[0]
+        at = near.in_box(pose, box).nonzero()[0]
         if not at.size:
             return _NOTHING
-        points = near.take(at, axis=1)
+        points = near.points.take(at, axis=1)
         dx, dy = points[0] - pose.x, points[1] - pose.y
         return into(pose, points[:, dx * dx + dy * dy <= reach * reach])
 
@@ -208,7 +221,7 @@ class ScanMemory:
         self._bound = math.sqrt(squares.min(initial=(REACH - SPAN) ** 2))
         radius = reach + KEY_DISTANCE
         points = self._cloud.take((squares <= radius * radius).nonzero()[0], axis=1)
-        self._vicinity = _Vicinity(pose.x, pose.y, radius, points)
+        self._vicinity = _Vicinity(pose.x, pose.y, radius, points, points[0] + 1j * points[1])
         return self._vicinity
 
     def never_seen(self, points: Floats) -> Flags:
@@ -241,18 +254,6 @@ class ScanMemory:
         stays = kept.nonzero()[0]
         self._cloud = np.concatenate((self._cloud.take(stays, axis=1), _out_of(key.laser, seen)), axis=1)
         self._born = np.concatenate((self._born.take(stays), np.full(hits.size, key.travelled)))
-
-
-def _in_box(pose: Pose2, box: Box, points: Floats) -> Flags:
-    """Which points of `odom` lie in a box of the base, which is at `pose`, or up to DRIVE_MARGIN outside."""
-    cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
-    x, y = cos * pose.x + sin * pose.y, cos * pose.y - sin * pose.x
-    normals = np.array(((cos, sin), (-cos, -sin), (-sin, cos), (sin, -cos)))
-    offsets = np.array(((x + box.right,), (-x - box.left,), (y + box.top,), (-y - box.bottom,)))
-    depths = normals @ points
-    depths -= offsets
-    inside: Flags = np.maximum.reduce(depths) <= DRIVE_MARGIN
-    return inside
 
 
 def into(frame: Pose2, points: Floats) -> Floats:

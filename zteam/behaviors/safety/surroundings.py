@@ -30,7 +30,7 @@ GAP = 0.15
 LOOKS_ROUND = 0.5 * math.pi
 """Radians to either side that a laser has to see for a drive forwards to need no memory."""
 MOST_KNOWN = 16
-"""Answers that are kept, at most: a step asks for four."""
+"""Answers that are kept, at most: a step needs three."""
 NO_POSE = Pose2(0.0, 0.0, 0.0)
 NO_POINTS = np.empty((2, 0))
 
