@@ -83,25 +83,43 @@ class Obstacles(NamedTuple):
 
     def free_share(self, motion: Motion, approach: Approach) -> tuple[float, int]:
         """The share of its speed at which `motion` can stop before all, and the id of the robot met first, or -1."""
+        # Where a stop is certain it depends on the teammates whether the rest is looked at.
+        asked = motion, approach.seconds, self.extra, not self.mates
+        free, more = self.around.known.get(asked) or self.around.keep(asked, self._free_of_things(motion, approach))
+        first = -1
+        if self.mates:
+            free, first = self._free_of_mates(motion, approach, free)
+        return (1.0 if free == math.inf else approach.share(motion, free - more)), first
+
+    def _free_of_things(self, motion: Motion, approach: Approach) -> tuple[float, float]:
+        """Seconds of the arc until the base is GAP before something; and how many are to be free besides.
+
+        Without teammates it may be any time that is not enough, where it is not enough.
+        """
         outline, arc = approach.outline, Arc(*approach.limits.arc(motion))
         a_metre, more = approach.gap_seconds(motion, self.extra)
-        stops = approach.stop_seconds(motion) + more
-        seconds = stops + a_metre * GAP
+        seconds = approach.stop_seconds(motion) + more + a_metre * GAP
         reach = abs(arc.speed) * seconds + outline.radius + DRIVE_MARGIN
         back = self._back(outline, arc, reach)
-        looks_back = back > 0.0 and self.around.may_hide(back)
+        if self.around.is_clear(reach, back):
+            return math.inf, more
         way = Way(outline, arc, seconds, a_metre * GAP + more)
-        # A look into the memory changes it.
-        if not self.mates and not looks_back and self.stoppers.stop(way, self.around.sight):
-            return 0.0, -1
-        points = self.around.points(swept_box(outline, arc, seconds), reach, back if looks_back else 0.0)
-        free, first = math.inf, -1
-        if points.size:
-            free = meeting_time(outline, arc, seconds, points) - a_metre * GAP
+        if not self.mates and self.stoppers.stop(way, self.around.sight):
+            return 0.0, more
+        points = self.around.points(swept_box(outline, arc, seconds), reach, back)
+        if not points.size:
+            return math.inf, more
+        free = meeting_time(outline, arc, seconds, points) - a_metre * GAP
         if free <= more:
             self.stoppers.note(way, self.around.sight, points)
-        if not self.mates:
-            return (1.0 if free == math.inf else approach.share(motion, free - more)), first
+        return free, more
+
+    def _free_of_mates(self, motion: Motion, approach: Approach, free: float) -> tuple[float, int]:
+        """Seconds of the arc until the base is so near to a teammate as it may be, or `free` where that is less; and
+        the teammate's id, or -1."""
+        outline, arc, first = approach.outline, Arc(*approach.limits.arc(motion)), -1
+        a_metre, more = approach.gap_seconds(motion, self.extra)
+        stops = approach.stop_seconds(motion) + more
         widest = swept_box(outline, arc, stops + a_metre * TEAMMATE_GAP)
         for mate in self.mates:
             if not mate.may_be_in(widest):
@@ -111,7 +129,7 @@ class Obstacles(NamedTuple):
                 met = meeting_time(outline, arc, seconds, mate.points, mate.clearance)
                 if met - a_metre * mate.gap < free:
                     free, first = met - a_metre * mate.gap, mate.robot_id
-        return (1.0 if free == math.inf else approach.share(motion, free - more)), first
+        return free, first
 
     def _back(self, outline: Outline, arc: Arc, reach: float) -> float:
         """How far (m) the memory is to be asked: all that is reached, only beside the base, or not (0)."""
@@ -175,21 +193,32 @@ class SafetyLayer:
         if self._mates.are_due(view):
             needs = approach.needed_seconds(asked, TEAMMATE_GAP, extra)
             mates = self._mates.look(view, self._outline, abs(speed) * needs)
-        cut = self._slow_down_blind(asked, approach, extra, view)
-        if cut.motion != STANDING:
-            free = _avoid(cut, approach, Obstacles(self._around, self._stoppers, mates, extra))
-            if free.motion is not asked and self._is_another(free.motion, speed, turn):
-                # It leads over other ground.
-                slow = self._slow_down_blind(free.motion, approach, extra, view)
-                free = Cut(slow.motion, free.cause or slow.cause)
-            cut = free
+        obstacles = Obstacles(self._around, self._stoppers, mates, extra)
+        if mates or self._around.is_blinded:
+            # What is silent hangs on the teammates too.
+            cut = self._find_cut(asked, approach, obstacles, view)
+        else:
+            known, same = self._around.known, (asked, seconds, extra)
+            cut = known.get(same) or self._around.keep(same, self._find_cut(asked, approach, obstacles, view))
         is_stopped = (asked.x and not cut.motion.x) or cut.motion == STANDING
         self._held = _way_of(asked) if is_stopped else None
         return cut
 
-    def _is_another(self, motion: Motion, speed: float, turn: float) -> bool:
-        """Whether `motion` is on another arc than this one."""
-        left = self._limits.arc(motion)
+    def _find_cut(self, asked: Motion, approach: Approach, obstacles: Obstacles, view: View) -> Cut:
+        """`asked` as far as the ground before it is seen, and these obstacles are not in the way."""
+        cut = self._slow_down_blind(asked, approach, obstacles.extra, view)
+        if cut.motion == STANDING:
+            return cut
+        free = _avoid(cut, approach, obstacles)
+        if free.motion is asked or not self._is_another(free.motion, asked):
+            return free
+        # It leads over other ground.
+        slow = self._slow_down_blind(free.motion, approach, obstacles.extra, view)
+        return Cut(slow.motion, free.cause or slow.cause)
+
+    def _is_another(self, motion: Motion, asked: Motion) -> bool:
+        """Whether `motion` is on another arc than `asked`."""
+        (speed, turn), left = self._limits.arc(asked), self._limits.arc(motion)
         return abs(left[0] * turn - speed * left[1]) > LEAST
 
     def _slow_down_blind(self, asked: Motion, approach: Approach, extra: float, view: View) -> Cut:

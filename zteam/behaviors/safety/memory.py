@@ -7,13 +7,13 @@ distance of the nearest remembered point answers most questions.
 import math
 from collections import deque
 from collections.abc import Sequence
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.behaviors.scans import Beams
+from zteam.behaviors.safety.sectors import Sectors, axes_of, is_told
+from zteam.behaviors.safety.swept import DRIVE_MARGIN, Box
 from zteam.geometry import Pose2, normalize_angle
 
 Floats = NDArray[np.float64]
@@ -28,40 +28,13 @@ MAX_KEYS = 60
 """Kept scans, at most: thirty for SPAN straight on, and as many for turns."""
 REACH = 4.0
 """Metres: hits further from the laser are not remembered. More than SPAN and a braking distance."""
-SEEN_WITHIN = 0.05
-"""Metres that a point may seem to lie behind what a beam met and still be the same."""
-_GROUP = math.radians(1.0)
-"""Radians: beams are kept in groups of this width, as the nearest of them."""
-_FINEST = 1e-9
-"""Radians: finer sectors are no laser's, and their places too large for a number."""
 _JUMP = 1.0
 """Metres of odometry from step to step that no base drives: the robot was set down elsewhere."""
 _PUT = 0.02
 """Metres further than the corners that a base has room where it was put down."""
+_FEW = 5
+"""One kept scan of so many is asked first what it saw: mostly that is all that any scan saw."""
 _NOTHING = np.empty((2, 0))
-
-
-class Sectors(NamedTuple):
-    """Distances by bearing, in equal sectors."""
-
-    start: float
-    step: float
-    """Radians, not 0; below 0 for a laser that turns clockwise."""
-    distances: Floats
-    """NaN where nothing is known; (n,), or a row for each of several scans."""
-
-    def look(self, x: Floats, y: Floats) -> Floats:
-        """How far the laser saw towards points of its own frame: metres, NaN where it looked not or saw nothing."""
-        places = np.remainder((np.arctan2(y, x) - self.start) * math.copysign(1.0, self.step), math.tau)
-        index = (places / max(abs(self.step), _FINEST) + 0.5).astype(np.intp)
-        last = self.distances.shape[-1] - 1
-        nearest = np.minimum(index, last)
-        rows = self.distances[nearest] if self.distances.ndim == 1 else np.take_along_axis(self.distances, nearest, 1)
-        return np.where(index <= last, rows, np.nan)
-
-    def is_like(self, other: "Sectors") -> bool:
-        """Whether the other has the same bearings."""
-        return (self.start, self.step, self.distances.size) == (other.start, other.step, other.distances.size)
 
 
 class _Key(NamedTuple):
@@ -97,44 +70,53 @@ class _Stack(NamedTuple):
 
     def saw(self, places: Floats, extent: tuple[float, float, float]) -> Flags:
         """Which places (2, n) of `odom` a scan saw, or its base stood on: `extent` as in ScanMemory."""
-        x, y = places
-        dx, dy = x - self.x, y - self.y
+        dx, dy = places[0] - self.x, places[1] - self.y
         there = self.cos * dx + self.sin * dy, self.cos * dy - self.sin * dx
-        seen = self.sectors.look(*there) >= np.hypot(dx, dy)
-        dx, dy = x - self.base_x, y - self.base_y
+        seen: Flags = (self.sectors.look(*there) >= np.hypot(dx, dy)).any(axis=0)
+        if not seen.all():
+            seen[~seen] = self._covered(places[:, ~seen], extent)
+        return seen
+
+    def _covered(self, places: Floats, extent: tuple[float, float, float]) -> Flags:
+        """Which places a base stood on."""
+        dx, dy = places[0] - self.base_x, places[1] - self.base_y
         along, across = self.base_cos * dx + self.base_sin * dy, self.base_cos * dy - self.base_sin * dx
         rear, front, half_width = extent
-        seen |= (along >= -rear) & (along <= front) & (np.abs(across) <= half_width)
-        found: Flags = seen.any(axis=0)
-        return found
+        stood: Flags = ((along >= -rear) & (along <= front) & (np.abs(across) <= half_width)).any(axis=0)
+        return stood
+
+
+class _Vicinity(NamedTuple):
+    """The points of the cloud about a place."""
+
+    x: float
+    y: float
+    radius: float
+    """Metres within which it has all points."""
+    points: Floats
+    plane: NDArray[np.complex128]
+    """The same as complex numbers: they turn in one operation."""
+
+    def holds(self, pose: Pose2, reach: float) -> bool:
+        """Whether it has all points within `reach` (m) of a pose."""
+        return math.hypot(pose.x - self.x, pose.y - self.y) + reach <= self.radius
+
+    def in_box(self, pose: Pose2, box: Box) -> Flags:
+        """Which points lie in a box of the base, which is at `pose`, or up to DRIVE_MARGIN outside."""
+        turn = complex(math.cos(pose.yaw), -math.sin(pose.yaw))
+        middle = complex(0.5 * (box.left + box.right), 0.5 * (box.bottom + box.top))
+        corner = complex(box.right, box.top) - middle
+        places = self.plane * turn
+        places -= complex(pose.x, pose.y) * turn + middle
+        along, across = np.abs(places.real), np.abs(places.imag)
+        inside: Flags = (along <= corner.real + DRIVE_MARGIN) & (across <= corner.imag + DRIVE_MARGIN)
+        return inside
 
 
 def _columns(poses: Sequence[Pose2]) -> tuple[Floats, Floats, Floats, Floats]:
     """x, y, cosine and sine of poses, each (n, 1)."""
     x, y, yaw = np.array(poses).T[:, :, None]
     return x, y, np.cos(yaw), np.sin(yaw)
-
-
-def group(beams: Beams, distances: Floats) -> Sectors:
-    """The sectors of a scan."""
-    start, step, count = beams.laser
-    size = max(1, int(min(count, _GROUP / abs(step) + 1e-6))) if step else 1
-    if size == 1:
-        return Sectors(start, step or math.tau, distances)
-    groups = -(-count // size)
-    nearest = np.full(groups, np.nan)
-    for i in range(size):
-        part = distances[i::size]
-        # The smaller of two numbers; of a number and a NaN the number.
-        np.fmin(nearest[: part.size], part, out=nearest[: part.size])
-    return Sectors(start + 0.5 * (size - 1) * step, size * step, nearest)
-
-
-@lru_cache(maxsize=64)
-def axes_of(start: float, step: float, count: int) -> Floats:
-    """(2, n): cosines and sines of the bearings of sectors."""
-    angles = start + step * np.arange(count)
-    return np.array((np.cos(angles), np.sin(angles)))
 
 
 class ScanMemory:
@@ -151,15 +133,17 @@ class ScanMemory:
     def forget(self) -> None:
         """The robot is somewhere else."""
         self._keys: deque[_Key] = deque(maxlen=MAX_KEYS)
-        self._stack: _Stack | None = None
-        """The kept scans as arrays, when they were last asked for."""
+        self._stacks: list[_Stack] | None = None
+        """The kept scans as arrays, when they were last asked for: a few, and the others."""
         self._pending: list[_Key] = []
         """Kept scans that are not in the cloud."""
         self._cloud = _NOTHING
         """Points in `odom`."""
         self._born = np.empty(0)
         """How far the base had travelled when a point was seen."""
-        self._pose: Pose2 | None = None
+        self._vicinity: _Vicinity | None = None
+        """Of the cloud, where it was last asked for."""
+        self.pose: Pose2 | None = None
         self._start: Pose2 | None = None
         """Where it was put down."""
         self.ahead = 0.0
@@ -170,11 +154,14 @@ class ScanMemory:
 
     def move(self, base: Pose2) -> bool:
         """The base is at `base` in `odom`; whether its scan is to be kept."""
-        last, self._pose = self._pose, base
+        last, self.pose = self.pose, base
+        if base == last and self._keys:
+            self.ahead = 0.0
+            return False
         moved = math.hypot(base.x - last.x, base.y - last.y) if last else 0.0
         if moved > _JUMP or not last:
             self.forget()
-            self._pose = self._start = base
+            self.pose = self._start = base
         else:
             self.ahead = math.cos(last.yaw) * (base.x - last.x) + math.sin(last.yaw) * (base.y - last.y)
             self._travelled += moved
@@ -187,15 +174,15 @@ class ScanMemory:
 
     def keep(self, sectors: Sectors, nearest: float, base_from_laser: Pose2) -> None:
         """Keep a scan that was made where the base is; no hit is nearer to the laser than `nearest` (m)."""
-        base = self._pose
+        base = self.pose
         assert base is not None
         if self._keys and not sectors.is_like(self._keys[-1].sectors):
             # Another laser than before.
             self.forget()
-            self._pose = base
+            self.pose = base
         key_scan = _Key(self._travelled, base, base.compose(base_from_laser), sectors)
         self._keys.append(key_scan)
-        self._stack = None
+        self._stacks = None
         self._pending.append(key_scan)
         while self._keys[0].travelled < self._travelled - SPAN:
             self._keys.popleft()
@@ -207,31 +194,50 @@ class ScanMemory:
         """Whether there may be a remembered point within `reach` (m)."""
         return self._bound <= reach
 
-    def hidden(self, reach: float, now: Sectors, base_from_laser: Pose2) -> Floats:
-        """Remembered points (2, n) of the base's frame, within `reach` (m), that the scan `now` tells nothing of."""
-        pose = self._pose
+    def remembered(self, box: Box, reach: float) -> Floats:
+        """Remembered points (2, n) of the base's frame: in a box, or a little outside, and within `reach` (m)."""
+        pose = self.pose
         if pose is None or not self.may_hide(reach):
             return _NOTHING
+        near = self._vicinity_of(pose, reach)
+        # Mostly none is in the box.
+        at = near.in_box(pose, box).nonzero()[0]
+        if not at.size:
+            return _NOTHING
+        points = near.points.take(at, axis=1)
+        dx, dy = points[0] - pose.x, points[1] - pose.y
+        return into(pose, points[:, dx * dx + dy * dy <= reach * reach])
+
+    def _vicinity_of(self, pose: Pose2, reach: float) -> "_Vicinity":
+        """A part of the cloud with all points within `reach` (m) of the base."""
+        known = self._vicinity
+        if not self._pending and known is not None and known.holds(pose, reach):
+            return known
         for key in self._pending:
             self._add(key)
         self._pending.clear()
         dx, dy = self._cloud[0] - pose.x, self._cloud[1] - pose.y
         squares = dx * dx + dy * dy
         self._bound = math.sqrt(squares.min(initial=(REACH - SPAN) ** 2))
-        near = (squares <= reach * reach).nonzero()[0]
-        if not near.size:
-            return _NOTHING
-        points = _into(pose, self._cloud.take(near, axis=1))
-        return points[:, ~_is_told(now, _into(base_from_laser, points))]
+        radius = reach + KEY_DISTANCE
+        points = self._cloud.take((squares <= radius * radius).nonzero()[0], axis=1)
+        self._vicinity = _Vicinity(pose.x, pose.y, radius, points, points[0] + 1j * points[1])
+        return self._vicinity
 
     def never_seen(self, points: Floats) -> Flags:
         """Which of the points (2, n) of the base's frame no remembered scan saw."""
-        if self._pose is None or not self._keys:
+        if self.pose is None or not self._keys:
             return np.ones(points.shape[1], bool)
-        if self._stack is None:
-            self._stack = _Stack.of(self._keys)
-        places = _out_of(self._pose, points)
-        unseen = ~self._stack.saw(places, self._extent)
+        if self._stacks is None:
+            keys = list(self._keys)
+            few, rest = keys[::_FEW], [key for i, key in enumerate(keys) if i % _FEW]
+            self._stacks = [_Stack.of(part) for part in (few, rest) if part]
+        places = _out_of(self.pose, points)
+        unseen = np.ones(points.shape[1], bool)
+        for stack in self._stacks:
+            unseen[unseen] = ~stack.saw(places[:, unseen], self._extent)
+            if not unseen.any():
+                return unseen
         if self._start is not None and self._travelled <= SPAN:
             unseen &= np.hypot(places[0] - self._start.x, places[1] - self._start.y) > self._room
         return unseen
@@ -240,21 +246,17 @@ class ScanMemory:
         """Bring a kept scan into the cloud: what it tells of takes the place of what was known there."""
         kept = self._born >= key.travelled - SPAN
         if kept.any():
-            kept &= ~_is_told(key.sectors, _into(key.laser, self._cloud))
+            kept &= ~is_told(key.sectors, into(key.laser, self._cloud))
         sectors = key.sectors
         hits = (sectors.distances < REACH).nonzero()[0]
-        seen = sectors.distances[hits] * axes_of(sectors.start, sectors.step, sectors.distances.size)[:, hits]
-        self._cloud = np.hstack((self._cloud[:, kept], _out_of(key.laser, seen)))
-        self._born = np.concatenate((self._born[kept], np.full(hits.size, key.travelled)))
+        axes = axes_of(sectors.start, sectors.step, sectors.distances.size)
+        seen = sectors.distances.take(hits) * axes.take(hits, axis=1)
+        stays = kept.nonzero()[0]
+        self._cloud = np.concatenate((self._cloud.take(stays, axis=1), _out_of(key.laser, seen)), axis=1)
+        self._born = np.concatenate((self._born.take(stays), np.full(hits.size, key.travelled)))
 
 
-def _is_told(sectors: Sectors, points: Floats) -> Flags:
-    """Which points of the laser's frame a scan tells of: it saw them, or through them."""
-    told: Flags = sectors.look(points[0], points[1]) >= np.hypot(points[0], points[1]) - SEEN_WITHIN
-    return told
-
-
-def _into(frame: Pose2, points: Floats) -> Floats:
+def into(frame: Pose2, points: Floats) -> Floats:
     """Points in a frame of the pose `frame`."""
     cos, sin = math.cos(frame.yaw), math.sin(frame.yaw)
     x, y = points[0] - frame.x, points[1] - frame.y

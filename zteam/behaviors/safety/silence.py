@@ -1,6 +1,7 @@
 """Beams that say nothing: for a moment their last word counts, then the ground that they would see is not seen."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,14 @@ BRIDGE = math.radians(0.5)
 Ten centimetres ahead of the front of an erratic that is less than two millimetres."""
 
 
+class _Answer(NamedTuple):
+    """What was made of a scan."""
+
+    beams: Beams
+    distances: Floats
+    silent: Flags | None
+
+
 class LastWords:
     """What each beam of a laser said last."""
 
@@ -27,29 +36,40 @@ class LastWords:
         self._whole_at = 0
         self._distances: Floats | None = None
         self._spoke_at: NDArray[np.int64] | None = None
+        self._settled: _Answer | None = None
+        """Of the newest scan, if the last words of all beams that say nothing are too old: while the scan stays the
+        same, so does this."""
+        self._settled_at = 0
+        """When that scan was seen last (ns)."""
 
     def fill(self, beams: Beams, now: int) -> tuple[Floats, Flags | None]:
         """The distances of a scan of time `now` (ns), with fresh last words; and which beams see nothing (None: none).
 
         A distance is NaN where nothing is known, inf where nothing was met.
         """
-        if beams.all_speak:
-            self._whole, self._whole_at = beams, now
+        settled = self._settled
+        if settled is not None and settled.beams is beams:
+            self._settled_at = now
+            return settled.distances, settled.silent
+        silent = None if beams.all_speak else np.isnan(beams.distances)
+        if silent is None or not silent.any():
+            self._whole, self._whole_at, self._settled = beams, now, None
             return beams.distances, None
-        silent = np.isnan(beams.distances)
-        if not silent.any():
-            self._whole, self._whole_at = beams, now
-            return beams.distances, None
-        distances, spoke_at = self._words(beams, now)
+        distances, spoke_at = self._words(beams)
         speaks = ~silent
         np.copyto(distances, beams.distances, where=speaks)
         np.copyto(spoke_at, now, where=speaks)
-        silent &= spoke_at < now - to_ns(STALE_AFTER)
-        filled = np.where(silent, np.nan, distances)
-        return filled, _without_gaps(silent, beams.laser[1])
+        old = silent & (spoke_at < now - to_ns(STALE_AFTER))
+        is_settled = np.array_equal(old, silent)
+        filled = np.where(old, np.nan, distances)
+        answer = _Answer(beams, filled, _without_gaps(old, beams.laser[1]))
+        self._settled, self._settled_at = (answer if is_settled else None), now
+        return answer.distances, answer.silent
 
-    def _words(self, beams: Beams, now: int) -> tuple[Floats, NDArray[np.int64]]:
+    def _words(self, beams: Beams) -> tuple[Floats, NDArray[np.int64]]:
         """The kept words of the same laser, to be changed."""
+        if self._settled is not None and self._spoke_at is not None:
+            np.copyto(self._spoke_at, self._settled_at, where=~np.isnan(self._settled.beams.distances))
         whole, self._whole = self._whole, None
         if whole is not None and whole.laser == beams.laser:
             self._distances = whole.distances.copy()

@@ -1,7 +1,9 @@
 """What stands about a robot in one step, as points: from the scan and from memory."""
 
 import math
+from collections.abc import Hashable
 from functools import cached_property, lru_cache
+from typing import Any, TypeVar
 
 import msgspec
 import numpy as np
@@ -9,7 +11,8 @@ from numpy.typing import NDArray
 
 from zteam.base import Point2
 from zteam.behaviors.corridors import Laser
-from zteam.behaviors.safety.memory import ScanMemory, Sectors, group
+from zteam.behaviors.safety.memory import ScanMemory, into
+from zteam.behaviors.safety.sectors import Sectors, group, is_told
 from zteam.behaviors.safety.silence import LastWords
 from zteam.behaviors.safety.swept import Box, Outline
 from zteam.behaviors.safety.zones import zone_of
@@ -20,11 +23,14 @@ from zteam.messages import Odometry
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
+_Answer = TypeVar("_Answer")
 
 GAP = 0.15
 """Metres that a robot stops before what it would drive into."""
 LOOKS_ROUND = 0.5 * math.pi
 """Radians to either side that a laser has to see for a drive forwards to need no memory."""
+MOST_KNOWN = 16
+"""Answers that are kept, at most: a step needs three."""
 NO_POSE = Pose2(0.0, 0.0, 0.0)
 NO_POINTS = np.empty((2, 0))
 
@@ -42,16 +48,21 @@ class Sight(msgspec.Struct, frozen=True, eq=False, dict=True):
     nearest: float
     """Metres from the laser: no hit is nearer."""
 
+    def is_of(self, beams: Beams, distances: Floats, silent: Flags | None, laser: Pose2) -> bool:
+        """Whether it is the sight of these: the very same objects."""
+        return self.beams is beams and self.distances is distances and self.silent is silent and self.laser is laser
+
     @cached_property
     def sectors(self) -> Sectors:
         """The scan by bearings."""
         return group(self.beams, self.distances)
 
-    def hits(self, box: Box, reach: float) -> Floats:
-        """(2, n): hits in a box of the base frame, or a little outside; none is further than `reach` (m) from the
-        base."""
-        if self.nearest > reach + math.hypot(self.laser.x, self.laser.y):
-            return NO_POINTS
+    def is_clear(self, reach: float) -> bool:
+        """Whether there is certainly no hit within `reach` (m) of the base."""
+        return self.nearest > reach + math.hypot(self.laser.x, self.laser.y)
+
+    def hits(self, box: Box) -> Floats:
+        """(2, n): hits in a box of the base frame, or a little outside."""
         ends, axes = zone_of(self.beams.laser, self.laser, box)
         near = self.distances < ends
         if not np.count_nonzero(near):
@@ -104,26 +115,40 @@ class Surroundings:
         self._has_room = True
         """As it says below, where that is known: driving forwards with a laser that looks round, it stays so."""
         self.sight: Sight | None = None
-        """None without usable beams."""
+        """None without usable beams; the same while the robot sees the same."""
+        self.known: dict[Hashable, Any] = {}
+        """What was worked out from sight and memory, by what was asked: empty when the robot sees something new, or has
+        moved."""
 
     def take(self, view: View) -> None:
         """See what the view shows."""
-        self.sight, self._looks_round = None, False
+        last, self.sight = self.sight, self._look(view)
+        if self.sight is not last:
+            self.known.clear()
+            self._looks_round = self.sight is not None and self.sight.covers(LOOKS_ROUND)
+        if self.sight is None or view.odom is None:
+            return
+        pose = _pose_of(view.odom)
+        if pose != self._memory.pose:
+            self.known.clear()
+        if math.isfinite(pose.x + pose.y + pose.yaw) and self._memory.move(pose):
+            self._memory.keep(self.sight.sectors, self.sight.nearest, self.sight.laser)
+        if self._memory.ahead < 0.0 or not self._looks_round:
+            self._has_room = False
+
+    def _look(self, view: View) -> Sight | None:
+        """What the laser sees: the same as before if that has not changed."""
         assert view.scan is not None
         beams = beams_of(view.scan)
         if beams is None:
-            return
+            return None
         distances, silent = self._words.fill(beams, view.now)
-        nearest = beams.nearest if beams.all_speak else _nearest(distances)
         laser = self._find_laser(view, view.scan.header.frame_id)
-        self.sight = Sight(beams, distances, silent, laser, nearest)
-        self._looks_round = self.sight.covers(LOOKS_ROUND)
-        if view.odom is not None:
-            pose = _pose_of(view.odom)
-            if math.isfinite(pose.x + pose.y + pose.yaw) and self._memory.move(pose):
-                self._memory.keep(self.sight.sectors, nearest, laser)
-            if self._memory.ahead < 0.0 or not self._looks_round:
-                self._has_room = False
+        last = self.sight
+        if last is not None and last.is_of(beams, distances, silent, laser):
+            return last
+        nearest = beams.nearest if beams.all_speak else _nearest(distances)
+        return Sight(beams, distances, silent, laser, nearest)
 
     def sees_all(self, speed: float) -> bool:
         """Whether a laser looks at all that the base drives to at this speed (m/s): forwards, and it looks round."""
@@ -134,6 +159,19 @@ class Surroundings:
         """Whether some beams see nothing."""
         return self.sight is not None and self.sight.silent is not None
 
+    def keep(self, asked: Hashable, answer: _Answer) -> _Answer:
+        """Keep an answer in `known`."""
+        if len(self.known) >= MOST_KNOWN:
+            self.known.clear()
+        self.known[asked] = answer
+        return answer
+
+    def is_clear(self, reach: float, back: float) -> bool:
+        """Whether there certainly is nothing: no hit within `reach` (m) of the base, and nothing remembered within
+        `back` (m) that the laser might not see."""
+        sight = self.sight
+        return sight is None or (sight.is_clear(reach) and not (back > 0.0 and self._memory.may_hide(back)))
+
     def points(self, box: Box, reach: float, back: float) -> Floats:
         """(2, n): what stands in a box of the base frame, or a little outside, and within `reach` (m) of the base.
 
@@ -142,28 +180,23 @@ class Surroundings:
         sight = self.sight
         if sight is None:
             return NO_POINTS
-        hits = sight.hits(box, reach)
-        if back <= 0.0 or not self._memory.may_hide(back):
+        hits = NO_POINTS if sight.is_clear(reach) else sight.hits(box)
+        remembered = self._memory.remembered(box, back) if back > 0.0 else NO_POINTS
+        if not remembered.size:
             return hits
-        hidden = self._memory.hidden(back, sight.sectors, sight.laser)
+        hidden = remembered[:, ~is_told(sight.sectors, into(sight.laser, remembered))]
         return np.hstack((hits, hidden)) if hidden.size else hits
 
-    def may_hide(self, reach: float) -> bool:
-        """Whether the memory may tell of something within `reach` (m) that the laser does not see."""
-        return self._memory.may_hide(reach)
-
     def never_seen(self, points: Floats) -> Flags:
-        """Which points of the base frame neither the laser sees nor a remembered scan saw."""
-        unseen = self._memory.never_seen(points)
-        if self.sight is not None:
-            unseen &= ~self.sees(points)
-        return unseen
+        """Which points of the base frame no remembered scan saw."""
+        return self._memory.never_seen(points)
 
     def has_room(self) -> bool:
         """Whether the ground within the circle of the corners was seen, or the base was put down there."""
         if not self._has_room:
             room = self._outline.room
-            self._has_room = not self.never_seen(room[:, self._outline.distances(room) > 0.0]).any()
+            beyond = ~self.sees(room) & (self._outline.distances(room) > 0.0)
+            self._has_room = not beyond.any() or not self.never_seen(room[:, beyond]).any()
         return self._has_room
 
     def in_view(self, points: Floats) -> Flags:

@@ -23,6 +23,8 @@ STRAIGHT = 1e-5
 """Radians: an arc that turns less counts as straight. On a metre that is wrong by less than 0.01 mm."""
 _TINY = 1e-9
 """Metres: what numbers are wrong by."""
+_RING = 1e-6
+"""Metres that a ring is larger, for rounding."""
 _MOST = 48
 """Points of a side, at most."""
 TOUCH = 1e-3
@@ -58,6 +60,10 @@ class Outline:
             zip(*self.normals.T.tolist(), self.offsets.tolist(), strict=True)
         )
         """x and y of the normals, and the offsets, as plain numbers: for one point they are faster."""
+        # Where the sides move outward by a metre, the corners move by this.
+        before = np.roll(self.normals, 1, axis=0)
+        moves = (before + self.normals) / (1.0 + (before * self.normals).sum(axis=1))[:, None]
+        self._mitres: list[list[float]] = np.hstack((corners, moves)).tolist()
         self.bearings: Floats = np.arctan2(self.normals[:, 1], self.normals[:, 0])
         """(n,): where the normals point to."""
         self.radius = float(np.hypot(corners[:, 0], corners[:, 1]).max())
@@ -74,14 +80,26 @@ class Outline:
         self.rear_edge = _edge(corners, self.normals, -1.0)
         """(2, m): points of what leads when it drives forwards, and backwards."""
 
+    def depths(self, points: Floats) -> Floats:
+        """(n, m): how far the points (2, m) are outside of each half-plane: metres, below 0 inside."""
+        found: Floats = self.normals @ points
+        found -= self.offsets[:, None]
+        return found
+
     def distances(self, points: Floats) -> Floats:
         """Of points (2, m): metres from the hull, below 0 inside; too little beside a corner."""
-        found: Floats = (self.normals @ points - self.offsets[:, None]).max(axis=0)
+        found: Floats = np.maximum.reduce(self.depths(points))
         return found
 
     def distance(self, x: float, y: float) -> float:
         """As `distances`, of one point."""
         return max([normal_x * x + normal_y * y - offset for normal_x, normal_y, offset in self.planes])
+
+    def ring(self, centre: float, margin: float) -> tuple[float, float]:
+        """Metres from the place (0, `centre`) between which all points lie that are nearer to the hull than `margin`
+        (m): no other comes into the outline that turns about that place."""
+        outer = max([math.hypot(x + margin * aside, y + margin * up - centre) for x, y, aside, up in self._mitres])
+        return self.distance(0.0, centre) - margin - _RING, outer + _RING
 
 
 @lru_cache(maxsize=256)
@@ -211,21 +229,19 @@ def meeting_time(outline: Outline, arc: Arc, seconds: float, points: Floats, cle
     inf if it does not. Where it is nearer than that now, what counts is when it comes nearer still: so a base may
     always move away.
     """
-    depths = outline.normals @ points
-    depths -= outline.offsets[:, None]
-    limits = _limits_of(outline, arc, depths.max(axis=0), clearance)
     if abs(arc.turn * seconds) < STRAIGHT:
-        depths -= limits
-        time = _meet_straight(outline, arc.speed, depths)
+        time = _meet_straight(outline, arc, points, clearance)
     else:
-        time = _meet_turning(outline, arc, seconds, points, limits)
+        time = _meet_turning(outline, arc, seconds, points, clearance)
     return time if time <= seconds else math.inf
 
 
-def _meet_straight(outline: Outline, speed: float, depths: Floats) -> float:
-    """As meeting_time, for points of these depths (n, m) behind the half-planes: it is in all of them at once."""
+def _meet_straight(outline: Outline, arc: Arc, points: Floats, clearance: float) -> float:
+    """As meeting_time: when a point is in all half-planes at once."""
+    depths = outline.depths(points)
+    depths -= _limits_of(outline, arc, np.maximum.reduce(depths), clearance)
     # Adding 0 makes 0 of -0, which would turn infinities round.
-    closing = speed * outline.normals[:, 0] + 0.0
+    closing = arc.speed * outline.normals[:, 0] + 0.0
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
         crossed = depths / closing[:, None]
     away = closing < 0.0
@@ -235,14 +251,21 @@ def _meet_straight(outline: Outline, speed: float, depths: Floats) -> float:
     return float(enters.min(where=enters <= leaves, initial=np.inf))
 
 
-def _meet_turning(outline: Outline, arc: Arc, seconds: float, points: Floats, limits: Floats) -> float:
+def _meet_turning(outline: Outline, arc: Arc, seconds: float, points: Floats, clearance: float) -> float:
     """As meeting_time: seen from the base, each point goes round the centre of the turn.
 
     It comes into the outline where it crosses the edge of a half-plane and then is in all the others.
     """
     centre, side = arc.speed / arc.turn, math.copysign(1.0, arc.turn)
-    x, y = points[0], points[1] - centre
-    away, bearing = np.maximum(np.hypot(x, y), _TINY), np.arctan2(y, x)
+    away = np.hypot(points[0], points[1] - centre)
+    inner, outer = outline.ring(centre, margin_of(outline, arc) + clearance)
+    # Most points are not in the ring that the base sweeps, and so are never met.
+    near = ((away >= inner) & (away <= outer)).nonzero()[0]
+    if not near.size:
+        return math.inf
+    points, away = points.take(near, axis=1), np.maximum(away.take(near), _TINY)
+    limits = _limits_of(outline, arc, np.maximum.reduce(outline.depths(points)), clearance)
+    bearing = np.arctan2(points[1] - centre, points[0])
     # Seen from the centre: how far the half-planes reach, with the limit.
     reach = (outline.offsets - outline.normals[:, 1] * centre)[:, None]
     shares = (reach + limits) / away
@@ -256,5 +279,5 @@ def _meet_turning(outline: Outline, arc: Arc, seconds: float, points: Floats, li
     there = bearing.take(found) - side * turned
     depths = outline.normals @ (away.take(found) * np.array((np.cos(there), np.sin(there))))
     depths -= reach
-    inside = depths.max(axis=0) <= limits.take(found) + _TINY
+    inside = np.maximum.reduce(depths) <= limits.take(found) + _TINY
     return float(turned.min(where=inside, initial=np.inf)) / abs(arc.turn)
