@@ -2,7 +2,9 @@
 
 import math
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
+
+import msgspec
 
 from zteam import names
 from zteam.behaviors.view import View
@@ -13,7 +15,7 @@ STATUSES = {"statuses": (names.all_robots_key(names.STATUS), RobotStatus)}
 """What a behaviour declares as `inputs` that asks for the chain."""
 
 
-class Seen(NamedTuple):
+class Seen(msgspec.Struct, frozen=True):
     """Where a robot is."""
 
     pose: Pose2

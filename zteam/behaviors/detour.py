@@ -8,6 +8,7 @@ import math
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 
 from zteam import names
@@ -34,7 +35,7 @@ _ROUNDING = 1e-6
 """Metres: more than rounding makes of a distance."""
 
 
-class Standing(NamedTuple):
+class Standing(msgspec.Struct, frozen=True):
     """A robot that stands: its base in map, and the distance to pass it in, metres from base to base."""
 
     x: float

@@ -3,7 +3,9 @@
 import logging
 import math
 from collections.abc import Mapping, Set
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
+
+import msgspec
 
 from zteam import names
 from zteam.behaviors.behavior import Behavior
@@ -22,7 +24,7 @@ log = logging.getLogger("zteam")
 _LAWS: dict[Law, type[TrailLaw | DirectLaw]] = {"trail": TrailLaw, "direct": DirectLaw}
 
 
-class _Chain(NamedTuple):
+class _Chain(msgspec.Struct, frozen=True):
     """What a robot makes of the chain. It holds as long as these objects do: they are replaced, not changed."""
 
     statuses: Any
@@ -108,7 +110,9 @@ class Follow(Behavior):
         then = self.params.takeover_behavior
         seen, _ = see_robot(view, self._head, names.MAP_FRAME, math.inf)
         trail = self._law.trail if isinstance(self._law, TrailLaw) else Polyline()
-        return Takeover(trail, seen and seen.pose, behavior_of(view, named[-1]) if then == "same" else then)
+        return Takeover(
+            trail, None if seen is None else seen.pose, behavior_of(view, named[-1]) if then == "same" else then
+        )
 
     def missing(self, view: View) -> list[str]:
         """The leader's pose, as long as it is not there or old."""

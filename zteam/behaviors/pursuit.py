@@ -1,7 +1,8 @@
 """How a robot keeps to a path: it drives in an arc to a point of the path a little ahead (pure pursuit)."""
 
 import math
-from typing import NamedTuple
+
+import msgspec
 
 from zteam.behaviors.polyline import Polyline
 from zteam.geometry import Pose2
@@ -17,7 +18,7 @@ _NEAR = 0.02
 """Metres: a nearer point tells no direction."""
 
 
-class Limits(NamedTuple):
+class Limits(msgspec.Struct, frozen=True):
     """What limits a robot on a path."""
 
     linear: float = math.inf

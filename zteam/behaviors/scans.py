@@ -113,7 +113,7 @@ def _silence(ranges: Floats, at_least: float, at_most: float) -> NDArray[np.bool
     return too_close
 
 
-class _Read(NamedTuple):
+class _Read(msgspec.Struct, frozen=True):
     scan: LaserScan
     ranges: NDArray[Any]
     """Read-only."""

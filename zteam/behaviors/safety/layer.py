@@ -6,7 +6,8 @@ with the cause.
 """
 
 import math
-from typing import NamedTuple
+
+import msgspec
 
 from zteam import names
 from zteam.base import Base
@@ -31,14 +32,14 @@ SLOWEST = 0.02
 """m/s of the fastest corner: what has to be slower than this stands, so that nothing crawls at the edge."""
 
 
-class Cut(NamedTuple):
+class Cut(msgspec.Struct, frozen=True):
     """What is left of a wanted motion, and why ("" = all)."""
 
     motion: Motion
     cause: str
 
 
-class Approach(NamedTuple):
+class Approach(msgspec.Struct, frozen=True):
     """How a base comes to meet things on an arc."""
 
     limits: Limits
@@ -72,7 +73,7 @@ class Approach(NamedTuple):
         return 0.0 if share < 1.0 and crawls else min(1.0, share)
 
 
-class Obstacles(NamedTuple):
+class Obstacles(msgspec.Struct, frozen=True):
     """What may stand in a robot's way."""
 
     around: Surroundings
@@ -171,7 +172,8 @@ class SafetyLayer:
         else:
             asked = self._limits.clamp(Motion(float(x), float(turn)))
             asked = self._limits.approach(asked, self._last, seconds)
-            motion, trouble = self._cut(asked, seconds, view)
+            cut = self._cut(asked, seconds, view)
+            motion, trouble = cut.motion, cut.cause
             if motion != self._limits.approach(motion, self._last, seconds):
                 # What lies between the two was not looked at. The way of the last command was: with even braking.
                 motion = self._limits.brake(self._last, seconds)
