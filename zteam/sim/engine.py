@@ -113,10 +113,10 @@ class Engine:
         """What all robots sense now."""
         return self._assembled().observe(self.now, self.tick)
 
-    def odom(self, robot_id: int) -> Pose2:
-        """A robot's pose since its start, by its own wheels."""
-        team = self._assembled()
-        return pose_of(team.odometry.poses, self._index(team, robot_id))
+    def odoms(self) -> dict[int, Pose2]:
+        """The poses of all robots since their starts, by their own wheels, by id."""
+        rows = self._assembled().odometry.poses.tolist()
+        return {robot_id: pose_of(rows[i]) for robot_id, i in self._assembled().ids.items()}
 
     def odom_origin(self, robot_id: int) -> Pose2:
         """Where in `map` a robot's `odom` frame is: its start, until it is placed elsewhere."""
@@ -126,7 +126,7 @@ class Engine:
     def truth(self, robot_id: int) -> Pose2:
         """A robot's pose in `map`."""
         team = self._assembled()
-        return pose_of(team.bodies.poses, self._index(team, robot_id))
+        return pose_of(team.bodies.poses[self._index(team, robot_id)].tolist())
 
     def standing(self) -> Standing:
         """How all robots stand."""
@@ -252,12 +252,11 @@ class _Team:
 
     def at_present(self, world: World) -> tuple[World, dict[int, Robot]]:
         """The world with the things that can be pushed where they are now, and the robots by id where they are now."""
-        poses, first = self.bodies.poses, len(self._robots)
-        robots = {robot_id: replace(self._robots[i], pose=pose_of(poses, i)) for robot_id, i in self.ids.items()}
+        poses, first = self.bodies.poses.tolist(), len(self._robots)
+        robots = {robot_id: replace(self._robots[i], pose=pose_of(poses[i])) for robot_id, i in self.ids.items()}
         pushed = iter(poses[first:])
         things = [
-            thing if thing.mass is None else replace(thing, pose=Pose2(*next(pushed).tolist()))
-            for thing in world.obstacles
+            thing if thing.mass is None else replace(thing, pose=Pose2(*next(pushed))) for thing in world.obstacles
         ]
         return replace(world, obstacles=tuple(things)), robots
 
@@ -282,18 +281,18 @@ class _Team:
         """What all robots sense at `now` (ns)."""
         if not self._lasers.begun:
             self.begin_observing()
-        poses = self.bodies.poses
+        poses = self.bodies.poses.tolist()
         snapshot = Snapshot(
             ids=self.ids,
             robots=self._robots,
             scans=self._lasers.measure(tick),
-            poses=poses.copy(),
-            odom=self.odometry.poses.copy(),
-            velocity=self.velocity.copy(),
+            poses=poses,
+            odom=self.odometry.poses.tolist(),
+            velocity=self.velocity.tolist(),
             stalled=self.bodies.stalled.copy(),
             wheels=self._wheels._replace(angles=self._wheels.angles.copy(), rates=self._wheels.rates.copy()),
-            detections=self._devices.sense(poses),
+            detections=self._devices.sense(self.bodies.poses),
         )
         first = len(self._robots)
-        pushed = {obstacle.name: pose_of(poses, first + i) for i, obstacle in enumerate(self._pushed)}
+        pushed = {obstacle.name: pose_of(poses[first + i]) for i, obstacle in enumerate(self._pushed)}
         return Observation(now, tick, Robots(snapshot), pushed)

@@ -14,7 +14,8 @@ from zteam.sim.lasers import Reading, Scans
 from zteam.sim.odometry import Wheels
 from zteam.world.model import Robot
 
-Floats = NDArray[np.float64]
+Rows = list[list[float]]
+"""Plain numbers: each row is read several times a tick."""
 
 
 class Joints(NamedTuple):
@@ -32,9 +33,10 @@ class Snapshot(NamedTuple):
     """Robot id -> index."""
     robots: Sequence[Robot]
     scans: Scans
-    poses: Floats
-    odom: Floats
-    velocity: Floats
+    poses: Rows
+    """x, y, yaw in `map`, by index."""
+    odom: Rows
+    velocity: Rows
     stalled: NDArray[np.bool_]
     wheels: Wheels
     detections: Mapping[int, Detections]
@@ -66,17 +68,17 @@ class RobotObservation:
     @property
     def truth(self) -> Pose2:
         """In `map`."""
-        return pose_of(self._snapshot.poses, self._index)
+        return pose_of(self._snapshot.poses[self._index])
 
     @property
     def odom(self) -> Pose2:
         """Since the start, by its own wheels: starts at zero, and follows what the base did."""
-        return pose_of(self._snapshot.odom, self._index)
+        return pose_of(self._snapshot.odom[self._index])
 
     @property
     def velocity(self) -> tuple[float, float, float]:
         """In its own frame: forward and left in m/s, yaw rate in rad/s; what the base did, not what was commanded."""
-        vx, vy, w = self._snapshot.velocity[self._index].tolist()
+        vx, vy, w = self._snapshot.velocity[self._index]
         return vx, vy, w
 
     @property
@@ -132,9 +134,9 @@ class Robots(Mapping[int, RobotObservation]):
         return found
 
 
-def pose_of(poses: Floats, i: int) -> Pose2:
-    """Row `i` of poses (x, y, yaw), its yaw in [-pi, pi]."""
-    x, y, yaw = poses[i].tolist()
+def pose_of(row: Sequence[float]) -> Pose2:
+    """The pose of x, y and yaw, its yaw in [-pi, pi]."""
+    x, y, yaw = row
     return Pose2(x, y, normalize_angle(yaw))
 
 

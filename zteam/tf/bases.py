@@ -11,7 +11,12 @@ from zteam.messages import TFMessage, TransformStamped, ns_from_time
 
 def is_base(transform: TransformStamped) -> bool:
     """Whether it places the base of a robot; its frames have their names of the team's tree."""
-    return names.is_robot_frame(names.strip_slash(transform.child_frame_id), names.BASE_FOOTPRINT)
+    return _is_base(transform.child_frame_id)
+
+
+@lru_cache(maxsize=4096)
+def _is_base(child: str) -> bool:
+    return names.is_robot_frame(names.strip_slash(child), names.BASE_FOOTPRINT)
 
 
 def bases_stamp(message: TFMessage) -> int:

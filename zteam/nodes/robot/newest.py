@@ -55,6 +55,8 @@ class Newest:
     def settle(self, now: int) -> None:
         """Let what was sent before the tick of time `now` (ns) count."""
         coming = self._coming
+        if not coming:
+            return
         if len(coming) == 1:
             # Mostly there is nothing to choose from.
             sent = coming[0]

@@ -48,9 +48,9 @@ class TeamOutputs(Collection[int]):
 
     def put_transforms(self, robot_ids: Iterable[int]) -> None:
         """Send these robots' odom -> base_footprint at the engine's time."""
-        now = self._engine.now
+        now, poses = self._engine.now, self._engine.odoms()
         for robot_id in robot_ids:
-            self._outputs[robot_id].put_transforms(now, self._engine.odom(robot_id))
+            self._outputs[robot_id].put_transforms(now, poses[robot_id])
 
     def put_sensors(
         self,
