@@ -62,7 +62,10 @@ class Outline:
         """x and y of the normals, and the offsets, as plain numbers: for one point they are faster."""
         # Where the sides move outward by a metre, the corners move by this.
         before = np.roll(self.normals, 1, axis=0)
-        moves = (before + self.normals) / (1.0 + (before * self.normals).sum(axis=1))[:, None]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            moves = (before + self.normals) / (1.0 + (before * self.normals).sum(axis=1))[:, None]
+        # The tip of an outline that is hardly wider than a line may be anywhere.
+        moves[~np.isfinite(moves)] = np.inf
         self._mitres: list[list[float]] = np.hstack((corners, moves)).tolist()
         self.bearings: Floats = np.arctan2(self.normals[:, 1], self.normals[:, 0])
         """(n,): where the normals point to."""
