@@ -93,7 +93,7 @@ OTHER_DRIVES: dict[str, tuple[Pose2, Pose2, list[Standing], float, Limits]] = {
     "round one that moved": (OWN, TO, [Standing(0.8, -0.11, DISTANCE)], 0.5, LIMITS),
     "round a wider one": (OWN, TO, [Standing(0.8, -0.1, DISTANCE + 0.01)], 0.5, LIMITS),
     "round two": (OWN, TO, [*STANDING, Standing(1.0, 0.3, DISTANCE)], 0.5, LIMITS),
-    "round nobody": (OWN, TO, [], 0.5, LIMITS),
+    "no robot stands": (OWN, TO, [], 0.5, LIMITS),
     "slower": (OWN, TO, STANDING, 0.4, LIMITS),
     "with other limits": (OWN, TO, STANDING, 0.5, Limits(0.3, 3.0)),
 }

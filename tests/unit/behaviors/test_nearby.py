@@ -24,7 +24,7 @@ class Watch:
         self._view = make_view()
 
     def find(self, tick: int, places: Places, team: tuple[int, ...]) -> Set[int]:
-        """Who is near at this tick with the robots at these places in map."""
+        """The robots that are near at this tick, with all robots at these places in map."""
         by_frame = {names.robot_frame(robot, names.BASE_FOOTPRINT): place for robot, place in places.items()}
 
         def lookup(_target: str, source: str) -> tuple[Pose2, int] | None:
@@ -36,7 +36,7 @@ class Watch:
 
 
 def within_reach(places: Places, team: tuple[int, ...]) -> set[int]:
-    """Who is near."""
+    """The robots that are near."""
     return {i for i in team if i and i in places and math.dist(places[i], places[0]) <= REACH}
 
 
