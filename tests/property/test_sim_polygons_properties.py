@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from support.small_worlds import plain_kernels
 from zteam.geometry import Pose2
-from zteam.sim import kernels
+from zteam.sim import edge_kernels
 from zteam.sim.polygons import NO_MOVER, group_shapes, make_polygons, move_polygons
 from zteam.world.model import Obstacle, Robot, Shape
 
@@ -96,7 +96,7 @@ def test_bodies_are_seen_exactly(
         ranges, hit = np.full((1, BEAMS), LIMIT), np.full((1, BEAMS), -1, np.int32)
         place = np.array([at[0]]), np.array([at[1]]), np.array([0.15]), np.array([yaw]), np.array([own], np.int64)
         with mode():
-            kernels.cast_edges(polygons, *place, *table, -fov / 2, increment, 0.0, ranges, hit)
+            edge_kernels.cast_edges(polygons, *place, *table, -fov / 2, increment, 0.0, ranges, hit)
         results.append(ranges[0])
         assert ((hit[0] >= 0) == (ranges[0] < LIMIT)).all()
     assert (results[0] == results[1]).all()

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from zteam.sim import kernels, numpy_kernels
+from zteam.sim import numpy_kernels, square_kernels
 from zteam.sim.fields import build_fields
 
 LIMIT = 9.0
@@ -47,7 +47,7 @@ def test_rays_are_exact(occupied: np.ndarray, x: float, y: float, yaw: float, ce
     place = np.array([x]), np.array([y]), np.array([yaw]), np.array([True])
     table = np.cos(beams)[None, :], np.sin(beams)[None, :]
     results = []
-    for module in (kernels, numpy_kernels):
+    for module in (square_kernels, numpy_kernels):
         out, hit = np.full((1, 4), LIMIT), np.zeros((1, 4), np.int32)
         module.cast_squares(fields.sides, fields.rows, fields.columns, *cell, *place, *table, LIMIT, 7, out, hit)
         assert ((hit == 7) == (out < LIMIT)).all()

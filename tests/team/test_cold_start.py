@@ -64,7 +64,7 @@ def test_compiled_kernels_take_over_while_a_team_runs(tmp_path: Path, kept_kerne
 
 def test_lockstep_compiles_first_and_repeats(tmp_path: Path, kept_kernels: Path) -> None:
     """Missing kernels are compiled before the first tick, once, with progress; the trajectory is the same."""
-    for lacking in ("kernels.finish", "mounts.place_mounts", "motion"):
+    for lacking in ("edge_kernels.finish", "mounts.place_mounts", "motion"):
         for path in kept_kernels.glob(f"*/{lacking}*"):
             path.unlink()
     cold, first = up(tmp_path, "--lockstep")

@@ -7,10 +7,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from zteam.sim.edge_kernels import cast_edges, finish
 from zteam.sim.fields import Fields
 from zteam.sim.jit import compiled
-from zteam.sim.kernels import cast_edges, cast_squares, finish
 from zteam.sim.polygons import Group, Polygons, make_polygons, move_polygons
+from zteam.sim.square_kernels import cast_squares
 from zteam.world.model import Floorplan, Shape
 
 Floats = NDArray[np.float64]

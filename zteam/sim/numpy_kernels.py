@@ -1,6 +1,7 @@
 """The inner loops of the laser kernels on numpy, for where nothing is compiled: slower, and the same to the last bit.
 
-So every expression here is the one of `zteam.sim.kernels`, in the same order, and each kernel is one function as there.
+So every expression here is the one of `square_kernels` or `edge_kernels`, in the same order, and each kernel is one
+function as there.
 """
 
 import math
@@ -22,7 +23,7 @@ def cast_squares(
     x: Floats, y: Floats, yaw: Floats, seen: NDArray[np.bool_], cos: Floats, sin: Floats, limit: float, mark: int,
     ranges: Floats, hit: Ints,
 ) -> None:  # fmt: skip
-    """See `zteam.sim.kernels.cast_squares`."""
+    """See `zteam.sim.square_kernels.cast_squares`."""
     # numpy's own sine and cosine of arrays may differ from the C library's in the last digit.
     c0, s0 = (np.array([[f(angle)] for angle in yaw.tolist()]).reshape(-1, 1) for f in (math.cos, math.sin))
     dx = (c0 / cell_x * cos - s0 / cell_x * sin).ravel()
@@ -69,7 +70,7 @@ def cast_edge(
     ux: float, uy: float, ex: float, ey: float, cos: Floats, sin: Floats, begin: int, end: int, shape: int,
     ranges: Floats, hit: Ints,
 ) -> None:  # fmt: skip
-    """See `zteam.sim.kernels.cast_edge`."""
+    """See `zteam.sim.edge_kernels.cast_edge`."""
     if begin >= end:
         return
     c, s, found = cos[begin:end], sin[begin:end], ranges[begin:end]
@@ -84,7 +85,7 @@ def cast_edge(
 
 
 def find_tops(ranges: Floats, tops: Floats) -> float:
-    """See `zteam.sim.kernels.find_tops`."""
+    """See `zteam.sim.edge_kernels.find_tops`."""
     tops[:] = np.maximum(np.maximum.reduceat(ranges, np.arange(0, len(ranges), SECTOR)), 0.0)
     return float(tops.max())
 
@@ -92,6 +93,6 @@ def find_tops(ranges: Floats, tops: Floats) -> float:
 def finish(
     ranges: Floats, hit: Ints, intensity: NDArray[np.float32], out: NDArray[np.float32], bright: NDArray[np.float32]
 ) -> None:
-    """See `zteam.sim.kernels.finish`."""
+    """See `zteam.sim.edge_kernels.finish`."""
     out[:] = ranges
     bright[:] = intensity[hit]

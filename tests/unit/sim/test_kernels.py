@@ -11,7 +11,7 @@ import pytest
 
 from support.small_worlds import plain_kernels
 from zteam.geometry import Pose2
-from zteam.sim import jit, kernels
+from zteam.sim import edge_kernels, jit, square_kernels
 from zteam.sim.fields import build_fields
 from zteam.sim.polygons import NO_MOVER, Group, make_polygons, place_shape
 from zteam.world.model import Shape
@@ -52,7 +52,9 @@ def scan_squares(occupied: np.ndarray, at: Scans, angles: np.ndarray) -> tuple[n
     table = np.cos(angles)[None, :], np.sin(angles)[None, :]
     ranges, hit = np.full((SCANS, BEAMS), 8.0), np.zeros((SCANS, BEAMS), np.int32)
     seen = np.arange(SCANS) % 7 != 0
-    kernels.cast_squares(fields.sides, fields.rows, fields.columns, 0.1, 0.1, *at, seen, *table, 8.0, 3, ranges, hit)
+    square_kernels.cast_squares(
+        fields.sides, fields.rows, fields.columns, 0.1, 0.1, *at, seen, *table, 8.0, 3, ranges, hit
+    )
     return ranges, hit
 
 
@@ -97,7 +99,7 @@ def test_rays_against_edges_are_equal() -> None:
         for mode in (jit.use_compiled, jit.use_plain):
             mode()
             ranges, hit = np.full((SCANS, BEAMS), 8.0), np.full((SCANS, BEAMS), -1, np.int32)
-            kernels.cast_edges(
+            edge_kernels.cast_edges(
                 polygons, x, y, np.full(SCANS, 0.5), yaw, np.full(SCANS, NO_MOVER, np.int64), *table,
                 angle_min, increment, 0.0, ranges, hit,
             )  # fmt: skip
@@ -112,7 +114,7 @@ def cast_past(groups: list[Group], at: Scans, fan: tuple[float, float, np.ndarra
     table = np.cos(angles)[None, :], np.sin(angles)[None, :]
     place = x, y, np.full(len(x), 0.5), yaw, np.full(len(x), NO_MOVER, np.int64)
     hit = np.zeros(ranges.shape, np.int32)
-    kernels.cast_edges(make_polygons(groups), *place, *table, angle_min, increment, 0.0, ranges, hit)
+    edge_kernels.cast_edges(make_polygons(groups), *place, *table, angle_min, increment, 0.0, ranges, hit)
 
 
 def test_edges_behind_what_beams_have_met_change_nothing() -> None:

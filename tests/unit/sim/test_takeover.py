@@ -22,7 +22,7 @@ sys.path.insert(0, sys.argv[1])
 logging.basicConfig(level=logging.INFO, stream=sys.stdout, format="%(message)s")
 from support.small_worlds import drive, make_maze, make_robot
 from zteam.compiling import takeover
-from zteam.sim import Engine, Options, jit, kernels
+from zteam.sim import Engine, Options, edge_kernels, jit
 from zteam.sim.jit import SIMULATOR
 
 def make_engine():
@@ -189,7 +189,7 @@ def test_a_kernel_that_cannot_be_kept_is_compiled_in_memory(tmp_path: Path, fold
         jit.use_compiled()
         out, bright = np.zeros((2, 1, 3), np.float32)
         for _ in range(2):
-            kernels.finish(np.full((1, 3), 2.0), np.zeros((1, 3), np.int32), np.ones(1, np.float32), out, bright)
+            edge_kernels.finish(np.full((1, 3), 2.0), np.zeros((1, 3), np.int32), np.ones(1, np.float32), out, bright)
         print(out.tolist(), bright.tolist())
         """
     warning, rest = run(code, tmp_path / folder)
