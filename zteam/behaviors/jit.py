@@ -5,9 +5,9 @@ On numpy a robot's step takes a third longer, no more. So these are compiled onl
 
 from zteam.compiling.kernels import KernelSet, plainly
 
-__all__ = ["BEHAVIORS", "compiled", "plainly", "use_compiled", "use_plain"]
+__all__ = ["BEHAVIOR_KERNELS", "compiled", "plainly", "use_compiled", "use_plain"]
 
-BEHAVIORS = KernelSet(
+BEHAVIOR_KERNELS = KernelSet(
     "behaviors",
     warmup="zteam.behaviors.jit_warmup",
     log="zteam.behaviors",
@@ -16,5 +16,5 @@ BEHAVIORS = KernelSet(
     unasked=False,
 )
 
-compiled = BEHAVIORS.compiled
-use_plain, use_compiled = BEHAVIORS.use_plain, BEHAVIORS.use_compiled
+compiled = BEHAVIOR_KERNELS.compiled
+use_plain, use_compiled = BEHAVIOR_KERNELS.use_plain, BEHAVIOR_KERNELS.use_compiled

@@ -249,11 +249,11 @@ def _simulate(args: argparse.Namespace, choice: _Choice) -> int:
 
 
 def _compile() -> int:
-    from zteam.behaviors.jit import BEHAVIORS
+    from zteam.behaviors.jit import BEHAVIOR_KERNELS
     from zteam.compiling.takeover import fill_cache
     from zteam.sim.jit import SIMULATOR
 
-    if reason := fill_cache(SIMULATOR) or fill_cache(BEHAVIORS):
+    if reason := fill_cache(SIMULATOR) or fill_cache(BEHAVIOR_KERNELS):
         raise ZteamError(f"the kernels are not in the cache: {reason}")
     return 0
 

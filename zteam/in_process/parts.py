@@ -8,7 +8,7 @@ from contextlib import nullcontext
 from pathlib import Path
 
 from zteam import names
-from zteam.behaviors.jit import BEHAVIORS
+from zteam.behaviors.jit import BEHAVIOR_KERNELS
 from zteam.behaviors.registry import find_behavior, load_behavior, look_in
 from zteam.compiling.takeover import begin, prepare, run_kept
 from zteam.in_process.member import Part
@@ -71,7 +71,7 @@ def simulator_part(launch: TeamLaunch) -> Part:
         if pace.lockstep:
             prepare(SIMULATOR)
             # For all robots: none takes a step before the simulator's first tick.
-            prepare(BEHAVIORS)
+            prepare(BEHAVIOR_KERNELS)
         run_simulator(node, world, robots, options, None if pace.lockstep else begin(SIMULATOR))
 
     return Part(body)
@@ -110,7 +110,7 @@ def robot_part(launch: TeamLaunch, entry: RobotEntry) -> Part:
         if ":" in spec:
             look_in([*module_folders(launch), ""])
         load_behavior(spec, params, entry.id)
-        with nullcontext() if launch.pace.lockstep else run_kept(BEHAVIORS):
+        with nullcontext() if launch.pace.lockstep else run_kept(BEHAVIOR_KERNELS):
             run_robot(node, find_behavior(spec), options)
 
     return Part(body)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from zteam.behaviors.jit import BEHAVIORS
+from zteam.behaviors.jit import BEHAVIOR_KERNELS
 from zteam.behaviors.point_kernels import add_scan, select_near, select_untold
 from zteam.behaviors.safety.sectors import axes_of
 from zteam.behaviors.safety.swept import Arc, Outline, meeting_time
@@ -26,17 +26,17 @@ ODD = np.array((math.nan, math.inf, -math.inf, 0.0, -0.0, -1.0, 1e-7, 0.01, 0.02
 
 @pytest.fixture(autouse=True)
 def _kept() -> Iterator[None]:
-    takeover.fill_cache(BEHAVIORS)
+    takeover.fill_cache(BEHAVIOR_KERNELS)
     yield
-    BEHAVIORS.use_kept()
+    BEHAVIOR_KERNELS.use_kept()
 
 
 def both(call: Callable[[], tuple[Any, ...]]) -> tuple[Any, ...]:
     """What `call` gives with either kind of kernel, which is the same."""
-    BEHAVIORS.use_kept()
-    assert BEHAVIORS.choice, "the kernels are not kept"
+    BEHAVIOR_KERNELS.use_kept()
+    assert BEHAVIOR_KERNELS.choice, "the kernels are not kept"
     compiled = call()
-    BEHAVIORS.use_plain()
+    BEHAVIOR_KERNELS.use_plain()
     for one, other in zip(compiled, call(), strict=True):
         if isinstance(one, np.ndarray):
             assert one.tobytes() == other.tobytes()
@@ -203,14 +203,14 @@ DRIVES = """
 import sys
 from zteam.bench.steps.scenes import SCENES
 from zteam.bench.steps.figures import measure_steps
-from zteam.behaviors.jit import BEHAVIORS
+from zteam.behaviors.jit import BEHAVIOR_KERNELS
 from zteam.compiling import kept_kernels, kernels
 from zteam.behaviors.kernel_samples import call_kernels
 
 types = {}
 original = kernels.Kernel.__call__
 def noted(self, *args):
-    if self.owner is BEHAVIORS:
+    if self.owner is BEHAVIOR_KERNELS:
         types.setdefault(self.name, set()).add(kept_kernels.types_of(args))
     return original(self, *args)
 kernels.Kernel.__call__ = noted
@@ -219,7 +219,7 @@ called = len(types)
 figures = list(measure_steps(6.0, 1))
 print(all(scene.same for scene in figures), called, len(types))
 print(sorted(name for name, found in types.items() if len(found) > 1), "numba" in sys.modules)
-print(sorted(kernel.name for kernel in BEHAVIORS.kernels if kernel.name in types and kernel._kept is None))
+print(sorted(kernel.name for kernel in BEHAVIOR_KERNELS.kernels if kernel.name in types and kernel._kept is None))
 """
 
 

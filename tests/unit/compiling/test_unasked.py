@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from zteam.behaviors.jit import BEHAVIORS
+from zteam.behaviors.jit import BEHAVIOR_KERNELS
 from zteam.clock import monotonic, pause
 from zteam.compiling import kernel_cache
 from zteam.compiling.kernels import has_numba
@@ -23,13 +23,13 @@ pytestmark = pytest.mark.skipif(not has_numba(), reason="numba is not installed"
 LIMIT = 100.0
 RUN = """
 import sys
-from zteam.behaviors.jit import BEHAVIORS
+from zteam.behaviors.jit import BEHAVIOR_KERNELS as KERNELS
 from zteam.behaviors.kernel_samples import call_kernels
 from zteam.compiling.takeover import prepare, run_kept
 
 def show():
-    called = [kernel for kernel in BEHAVIORS.kernels if not kernel.name.rpartition(".")[2].startswith("_")]
-    print(BEHAVIORS.choice, sum(kernel._kept is not None for kernel in called), "numba" in sys.modules, flush=True)
+    called = [kernel for kernel in KERNELS.kernels if not kernel.name.rpartition(".")[2].startswith("_")]
+    print(KERNELS.choice, sum(kernel._kept is not None for kernel in called), "numba" in sys.modules, flush=True)
 """
 
 
@@ -79,7 +79,7 @@ def test_a_call_that_nothing_prepared_does_not_compile(tmp_path: Path) -> None:
 
 def test_what_is_kept_is_used_unasked(kept_kernels: Path) -> None:
     """Also where no team runs; `prepare` compiles what is missing, after calls too."""
-    assert run("call_kernels(); show(); prepare(BEHAVIORS); call_kernels(); show()", kept_kernels) == (
+    assert run("call_kernels(); show(); prepare(KERNELS); call_kernels(); show()", kept_kernels) == (
         "None 0 False\nTrue 7 False\n"
     )
     assert run("call_kernels(); show()", kept_kernels) == "None 7 False\n"
@@ -87,15 +87,15 @@ def test_what_is_kept_is_used_unasked(kept_kernels: Path) -> None:
 
 def test_a_choice_stays(kept_kernels: Path) -> None:
     """A process that was told to run plain does."""
-    run("prepare(BEHAVIORS)", kept_kernels)
-    assert run("BEHAVIORS.use_plain()\nwith run_kept(BEHAVIORS): call_kernels()\nshow()", kept_kernels) == (
+    run("prepare(KERNELS)", kept_kernels)
+    assert run("KERNELS.use_plain()\nwith run_kept(KERNELS): call_kernels()\nshow()", kept_kernels) == (
         "False 0 False\n"
     )
 
 
 def test_one_robot_compiles_for_the_next_start(kept_kernels: Path) -> None:
     """Two run plain, from an incomplete cache: one child completes it. Those that come later use it."""
-    wait = "with run_kept(BEHAVIORS):\n    call_kernels(); show(); sys.stdin.read(); call_kernels(); show()"
+    wait = "with run_kept(KERNELS):\n    call_kernels(); show(); sys.stdin.read(); call_kernels(); show()"
     with start(wait, kept_kernels) as first, start(wait, kept_kernels) as second:
         for robot in (first, second):
             assert robot.stdout is not None
@@ -113,7 +113,7 @@ def test_one_robot_compiles_for_the_next_start(kept_kernels: Path) -> None:
 def test_what_compiles_ends_with_its_robot(tmp_path: Path, end: str) -> None:
     """However that ends. The next one compiles. All of it has a low priority."""
     lowest = os.getpriority(os.PRIO_PROCESS, 0) + 10
-    for robot in (start("with run_kept(BEHAVIORS): sys.stdin.read()", tmp_path) for _ in range(2)):
+    for robot in (start("with run_kept(KERNELS): sys.stdin.read()", tmp_path) for _ in range(2)):
         try:
             wait_for(partial(children_of, robot))
             (child,) = children_of(robot)
@@ -131,7 +131,7 @@ def test_what_compiles_ends_with_its_robot(tmp_path: Path, end: str) -> None:
 def test_without_a_cache_a_robot_runs_plain(tmp_path: Path) -> None:
     """It says nothing of it: nothing that a user would see is different."""
     (tmp_path / "file").touch()
-    code = "with run_kept(BEHAVIORS): call_kernels()\nshow()"
+    code = "with run_kept(KERNELS): call_kernels()\nshow()"
     assert run(code, tmp_path / "file" / "cache") == "False 0 False\n"
 
 
@@ -139,7 +139,7 @@ def test_a_warm_parent_loads_kernels_before_it_forks(kept_kernels: Path) -> None
     """Once it has read a robot's command line, all are loaded; from an incomplete cache none, and the robot decides."""
     code = "from zteam.cli import zteam_robot; zteam_robot.prepared(['--id', '0']); show()"
     assert run(code, kept_kernels) == "None 0 False\n"
-    run("prepare(BEHAVIORS)", kept_kernels)
+    run("prepare(KERNELS)", kept_kernels)
     assert run(code, kept_kernels) == "True 7 False\n"
 
 
@@ -155,10 +155,10 @@ def test_compile_only_compiles_the_robots_kernels_too(kept_kernels: Path) -> Non
     assert [path.name.split("-")[1] for path in sorted(kept_kernels.glob("complete-*"))] == ["behaviors", "sim"]
 
 
-@pytest.mark.parametrize("kernels", [BEHAVIORS, PLANNING, SIMULATOR], ids=lambda kernels: kernels.name)
+@pytest.mark.parametrize("kernels", [BEHAVIOR_KERNELS, PLANNING, SIMULATOR], ids=lambda kernels: kernels.name)
 def test_what_is_kept_hangs_on_the_code_of_each_kernel(kernels: object) -> None:
     """Else kernels of older code would run: a module with kernels lies in its package and declares them as others."""
-    assert isinstance(kernels, type(BEHAVIORS))
+    assert isinstance(kernels, type(BEHAVIOR_KERNELS))
     __import__(kernels.warmup)
     assert kernels.kernels
     for kernel in kernels.kernels:
