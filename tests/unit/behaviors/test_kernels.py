@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from zteam.behaviors.jit import BEHAVIOR_KERNELS
-from zteam.behaviors.point_kernels import add_scan, select_near, select_untold
+from zteam.behaviors.memory_kernels import add_scan, clear_seen, select_near, select_untold
 from zteam.behaviors.safety.sectors import axes_of
 from zteam.behaviors.safety.swept import Arc, Outline, meeting_time
 from zteam.behaviors.scan_kernels import find_nearest, interpret, select_hits
@@ -176,6 +176,29 @@ def test_points_in_a_box_are_the_same() -> None:
     assert total > CASES
 
 
+def test_what_was_never_seen_is_the_same() -> None:
+    """Places that several scans saw, or one, or a base stood on, or nothing; of these some are known to be seen."""
+    rng, counts = np.random.default_rng(8), [0, 0]
+    for _ in range(CASES):
+        places, (start, step, first) = cloud(rng), sectors(rng)
+        scans = [np.minimum(rng.permutation(first), 3.0) for _ in range(int(rng.integers(1, 6)))]
+        frames = np.array([(*frame(rng), *frame(rng)) for _ in scans])
+        asked = rng.random(places.shape[1]) < 0.8
+        known = np.array(scans)
+
+        def clear(
+            places: np.ndarray = places, frames: np.ndarray = frames, known: np.ndarray = known,
+            asked: np.ndarray = asked, start: float = start, step: float = step,
+        ) -> tuple[Any, ...]:  # fmt: skip
+            unseen = asked.copy()
+            clear_seen(unseen, places, frames, start, step, known, 0.2, 0.1, 0.2)
+            return (unseen,)
+
+        counts[0] += int(both(clear)[0].sum())
+        counts[1] += int(asked.sum())
+    assert 0.1 < counts[0] / counts[1] < 0.9
+
+
 def outline(rng: np.random.Generator) -> Outline:
     """Three to seven corners; some a little more than a line."""
     corners = rng.uniform(-0.5, 0.5, (int(rng.integers(3, 8)), 2)) * (1.0, float(rng.choice((1.0, 0.2))))
@@ -228,4 +251,4 @@ def test_robots_need_no_numba() -> None:
     done = subprocess.run(
         [sys.executable, "-P", "-c", DRIVES], capture_output=True, text=True, timeout=100, check=False
     )
-    assert done.stdout == "True 7 7\n[] False\n[]\n", done.stderr
+    assert done.stdout == "True 8 8\n[] False\n[]\n", done.stderr

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.behaviors.point_kernels import add_scan, select_near
+from zteam.behaviors.memory_kernels import add_scan, clear_seen, select_near
 from zteam.behaviors.safety.sectors import Sectors, axes_of
 from zteam.behaviors.safety.swept import DRIVE_MARGIN, Box
 from zteam.geometry import Pose2, normalize_angle
@@ -49,42 +49,19 @@ class _Key(NamedTuple):
 
 
 class _Stack(NamedTuple):
-    """Kept scans of one laser as columns."""
+    """Kept scans of one laser."""
 
-    base_x: Floats
-    base_y: Floats
-    base_cos: Floats
-    base_sin: Floats
-    x: Floats
-    y: Floats
-    cos: Floats
-    sin: Floats
-    """Of the laser."""
+    frames: Floats
+    """(n, 8): of base and laser, as kernels take them."""
     sectors: Sectors
+    """With a row of distances for each scan."""
 
     @classmethod
     def of(cls, keys: Sequence[_Key]) -> "_Stack":
         """The stack of these scans."""
-        bases, lasers = (_columns([key.base for key in keys]), _columns([key.laser for key in keys]))
+        frames = np.array([(*_frame(key.base), *_frame(key.laser)) for key in keys])
         distances = np.array([key.sectors.distances for key in keys])
-        return cls(*bases, *lasers, keys[0].sectors._replace(distances=distances))
-
-    def saw(self, places: Floats, extent: tuple[float, float, float]) -> Flags:
-        """Which places (2, n) of `odom` a scan saw, or its base stood on: `extent` as in ScanMemory."""
-        dx, dy = places[0] - self.x, places[1] - self.y
-        there = self.cos * dx + self.sin * dy, self.cos * dy - self.sin * dx
-        seen: Flags = (self.sectors.look(*there) >= np.hypot(dx, dy)).any(axis=0)
-        if not seen.all():
-            seen[~seen] = self._covered(places[:, ~seen], extent)
-        return seen
-
-    def _covered(self, places: Floats, extent: tuple[float, float, float]) -> Flags:
-        """Which places a base stood on."""
-        dx, dy = places[0] - self.base_x, places[1] - self.base_y
-        along, across = self.base_cos * dx + self.base_sin * dy, self.base_cos * dy - self.base_sin * dx
-        rear, front, half_width = extent
-        stood: Flags = ((along >= -rear) & (along <= front) & (np.abs(across) <= half_width)).any(axis=0)
-        return stood
+        return cls(frames, keys[0].sectors._replace(distances=distances))
 
 
 class _Vicinity(NamedTuple):
@@ -99,12 +76,6 @@ class _Vicinity(NamedTuple):
     def holds(self, pose: Pose2, reach: float) -> bool:
         """Whether it has all points within `reach` (m) of a pose."""
         return math.hypot(pose.x - self.x, pose.y - self.y) + reach <= self.radius
-
-
-def _columns(poses: Sequence[Pose2]) -> tuple[Floats, Floats, Floats, Floats]:
-    """x, y, cosine and sine of poses, each (n, 1)."""
-    x, y, yaw = np.array(poses).T[:, :, None]
-    return x, y, np.cos(yaw), np.sin(yaw)
 
 
 class ScanMemory:
@@ -222,7 +193,7 @@ class ScanMemory:
         places = _out_of(self.pose, points)
         unseen = np.ones(points.shape[1], bool)
         for stack in self._stacks:
-            unseen[unseen] = ~stack.saw(places[:, unseen], self._extent)
+            clear_seen(unseen, places, stack.frames, *stack.sectors, *self._extent)
             if not unseen.any():
                 return unseen
         if self._start is not None and self._travelled <= SPAN:

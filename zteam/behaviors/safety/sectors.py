@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.behaviors.point_kernels import look, select_untold
+from zteam.behaviors.memory_kernels import look, select_untold
 from zteam.behaviors.scan_kernels import find_nearest
 from zteam.behaviors.scans import Beams
 from zteam.geometry import Pose2

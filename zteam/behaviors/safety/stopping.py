@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zteam.base import Point2
-from zteam.behaviors.point_kernels import TOUCH
+from zteam.behaviors.meeting_kernels import TOUCH
 from zteam.behaviors.safety.surroundings import Sight
 from zteam.behaviors.safety.swept import STRAIGHT, Arc, Outline, margin_of
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zteam.base import Base, Point2
-from zteam.behaviors.point_kernels import CLOSEST, ROUNDING, TOUCH, meet_turning
+from zteam.behaviors.meeting_kernels import CLOSEST, ROUNDING, TOUCH, meet_turning
 
 Floats = NDArray[np.float64]
 

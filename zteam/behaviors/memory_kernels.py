@@ -1,6 +1,6 @@
-"""Kernels that look at points which a laser met: what is remembered of them, and when the base meets them.
+"""Kernels that look at what is remembered of scans. The plain ones on numpy give the same bits.
 
-Points are metres, (2, n). A frame is given as x, y, cosine and sine of its yaw. The plain kernels give the same bits.
+Points are metres, (2, n). A frame is given as x, y, cosine and sine of its yaw.
 """
 
 import math
@@ -18,17 +18,6 @@ SEEN_WITHIN = 0.05
 """Metres that a point may seem to lie behind what a beam met and still be the same."""
 FINEST = 1e-9
 """Radians: finer sectors are no laser's, and their places too large for a number."""
-TOUCH = 1e-3
-"""Metres by which the base may come nearer, in each look, to what is nearer than the margin already: it may drive along
-a wall that it does not quite see as straight."""
-CLOSEST = 2e-3
-"""Metres: nearer than this it may not come so either. Between beams 0.5° apart so much of a corner is not seen."""
-ROUNDING = 1e-6
-"""Metres: what is nearer than CLOSEST may come nearer by this, so that rounding stops no base that moves along it."""
-TINY = 1e-9
-"""Metres: what numbers are wrong by."""
-_WRONG = 1e-10
-"""Radians: numpy's angles are wrong by less."""
 
 
 def look(start: float, step: float, distances: Floats, x: Floats, y: Floats) -> Floats:
@@ -48,15 +37,18 @@ def _are_told(start: float, step: float, distances: Floats, x: Floats, y: Floats
 
 
 @compiled
-def _is_told(start: float, step: float, distances: Floats, x: float, y: float) -> bool:
-    """Whether a scan tells of a point of the laser's frame: it saw it, or through it.
-
-    numpy's `arctan2` may differ in the last bit, but here it only chooses a sector.
-    """
+def _look(start: float, step: float, distances: Floats, x: float, y: float) -> float:
+    """As `look`, for one point. numpy's `arctan2` may differ in the last bit, but here it only chooses a sector."""
     place = ((math.atan2(y, x) - start) * math.copysign(1.0, step)) % math.tau
     index = int(place / max(abs(step), FINEST) + 0.5)
     # An index that no number made must not be used.
-    return 0 <= index < distances.size and distances[index] >= math.hypot(x, y) - SEEN_WITHIN
+    return distances[index] if 0 <= index < distances.size else math.nan
+
+
+@compiled
+def _is_told(start: float, step: float, distances: Floats, x: float, y: float) -> bool:
+    """Whether a scan tells of a point of the laser's frame: it saw it, or through it."""
+    return _look(start, step, distances, x, y) >= math.hypot(x, y) - SEEN_WITHIN
 
 
 def _select_untold_numpy(
@@ -165,87 +157,42 @@ def select_near(
     return count
 
 
+def _clear_seen_numpy(
+    unseen: Flags, places: Floats, frames: Floats, start: float, step: float, distances: Floats, rear: float,
+    front: float, half_width: float,
+) -> None:  # fmt: skip
+    at = unseen.nonzero()[0]
+    base_x, base_y, base_cos, base_sin, laser_x, laser_y, cos, sin = frames.T[:, :, None]
+    px, py = places.take(at, axis=1)
+    dx, dy = px - laser_x, py - laser_y
+    seen = (look(start, step, distances, cos * dx + sin * dy, cos * dy - sin * dx) >= np.hypot(dx, dy)).any(axis=0)
+    if not seen.all():
+        left = ~seen
+        dx, dy = px[left] - base_x, py[left] - base_y
+        along, across = base_cos * dx + base_sin * dy, base_cos * dy - base_sin * dx
+        seen[left] = ((along >= -rear) & (along <= front) & (np.abs(across) <= half_width)).any(axis=0)
+    unseen[at] = ~seen
+
+
+@plainly(_clear_seen_numpy)
 @compiled
-def _turn_until_met(
-    x: float, y: float, away: float, planes: Floats, centre: float, side: float, margin: float, most: float
-) -> float:
-    """As meet_turning, for one point that is so far `away` from the centre."""
-    away = max(away, TINY)
-    depth = -math.inf
-    for i in range(planes.shape[0]):
-        depth = max(depth, planes[i, 0] * x + planes[i, 1] * y - planes[i, 2])
-    limit = min(margin, max(depth - TOUCH, min(depth - ROUNDING, CLOSEST)))
-    bearing, met = math.atan2(y - centre, x), math.inf
-    for i in range(planes.shape[0]):
-        # Seen from the centre: how far the half-plane reaches, with the limit.
-        share = (planes[i, 2] - planes[i, 1] * centre + limit) / away
-        turned = (math.acos(min(max(share, -1.0), 1.0)) + side * (bearing - planes[i, 3])) % math.tau
-        if turned <= most and turned < met:
-            there = bearing - side * turned
-            along, across = away * math.cos(there), away * math.sin(there)
-            deepest = -math.inf
-            for j in range(planes.shape[0]):
-                reach = planes[j, 2] - planes[j, 1] * centre
-                deepest = max(deepest, planes[j, 0] * along + planes[j, 1] * across - reach)
-            if deepest <= limit + TINY:
-                met = turned
-    return met
+def clear_seen(
+    unseen: Flags, places: Floats, frames: Floats, start: float, step: float, distances: Floats, rear: float,
+    front: float, half_width: float,
+) -> None:  # fmt: skip
+    """Clear the flags (n,) of places (2, n) that a scan saw, or its base stood on, which reaches so far (m).
 
-
-def _meet_turning_plainly(
-    points: Floats, planes: Floats, centre: float, side: float, inner: float, outer: float, margin: float, most: float
-) -> float:
-    # numpy's functions of arrays may differ in the last bits from those of `math`, and `math.hypot` from the C
-    # library's. So numpy tells which points may be met first, and the kernel's own loop when.
-    away = np.hypot(points[0], points[1] - centre)
-    near = ((away >= inner) & (away <= outer)).nonzero()[0]
-    met = math.inf
-    if near.size:
-        points, away = points.take(near, axis=1), away.take(near)
-        for turned, i in _guess_turns(points, away, planes, centre, side, margin, most):
-            if turned > met + _WRONG:
-                break
-            x, y = points[:, i].tolist()
-            met = min(met, _turn_until_met(x, y, away.item(i), planes, centre, side, margin, most))
-    return met
-
-
-def _guess_turns(
-    points: Floats, away: Floats, planes: Floats, centre: float, side: float, margin: float, most: float
-) -> list[tuple[float, int]]:
-    """Radians after which points may be met, in their order, and which points: none of those that are is missing."""
-    (x, y), away = points, np.maximum(away, TINY)
-    normal_x, normal_y, offsets, bearings = planes.T[:, :, None]
-    depths = np.maximum.reduce(normal_x * x + normal_y * y - offsets)
-    limits = np.minimum(margin, np.maximum(depths - TOUCH, np.minimum(depths - ROUNDING, CLOSEST)))
-    reach, bearing = offsets - normal_y * centre, np.arctan2(y - centre, x)
-    turned = np.arccos(np.minimum(np.maximum((reach + limits) / away, -1.0), 1.0)) + side * (bearing - bearings)
-    # A whole turn that is a little less may be none.
-    turned = np.remainder(turned + _WRONG, math.tau) - _WRONG
-    sides, at = (turned <= most + _WRONG).nonzero()
-    turned = turned[sides, at]
-    there = bearing.take(at) - side * turned
-    along, across = away.take(at) * np.cos(there), away.take(at) * np.sin(there)
-    inside = np.maximum.reduce(normal_x * along + normal_y * across - reach) <= limits.take(at) + 2.0 * TINY
-    return sorted(zip(turned[inside].tolist(), at[inside].tolist(), strict=True))
-
-
-@plainly(_meet_turning_plainly)
-@compiled
-def meet_turning(
-    points: Floats, planes: Floats, centre: float, side: float, inner: float, outer: float, margin: float, most: float
-) -> float:
-    """Radians that a base turns about (0, `centre`), at most `most`, until it first meets a point; inf if it does not.
-
-    Seen from the base, each point goes round the centre, from left to right where `side` is 1, else (-1) from right to
-    left. It comes into the outline where it crosses the edge of a half-plane and then is in all the others. `planes`
-    (m, 4) are these: outward normal, offset, bearing of the normal. A point is met that comes nearer than `margin`, and
-    nearer than it is. Points that are nearer to the centre than `inner`, or further than `outer`, are never met.
+    `frames` (m, 8) are the base's and the laser's at each scan, `distances` (m, k) the sectors of all scans.
     """
-    met = math.inf
-    for i in range(points.shape[1]):
-        x, y = points[0, i], points[1, i]
-        away = math.hypot(x, y - centre)
-        if inner <= away <= outer:
-            met = min(met, _turn_until_met(x, y, away, planes, centre, side, margin, min(most, met)))
-    return met
+    for i in range(unseen.size):
+        for k in range(frames.shape[0]):
+            if not unseen[i]:
+                break
+            dx, dy = places[0, i] - frames[k, 0], places[1, i] - frames[k, 1]
+            along, across = frames[k, 2] * dx + frames[k, 3] * dy, frames[k, 2] * dy - frames[k, 3] * dx
+            if -rear <= along <= front and abs(across) <= half_width:
+                unseen[i] = False
+                break
+            dx, dy = places[0, i] - frames[k, 4], places[1, i] - frames[k, 5]
+            along, across = frames[k, 6] * dx + frames[k, 7] * dy, frames[k, 6] * dy - frames[k, 7] * dx
+            unseen[i] = not _look(start, step, distances[k], along, across) >= math.hypot(dx, dy)
