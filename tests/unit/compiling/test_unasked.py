@@ -80,9 +80,9 @@ def test_a_call_that_nothing_prepared_does_not_compile(tmp_path: Path) -> None:
 def test_what_is_kept_is_used_unasked(kept_kernels: Path) -> None:
     """Also where no team runs; `prepare` compiles what is missing, after calls too."""
     assert run("call_kernels(); show(); prepare(KERNELS); call_kernels(); show()", kept_kernels) == (
-        "None 0 False\nTrue 8 False\n"
+        "None 0 False\nTrue 9 False\n"
     )
-    assert run("call_kernels(); show()", kept_kernels) == "None 8 False\n"
+    assert run("call_kernels(); show()", kept_kernels) == "None 9 False\n"
 
 
 def test_a_choice_stays(kept_kernels: Path) -> None:
@@ -106,7 +106,7 @@ def test_one_robot_compiles_for_the_next_start(kept_kernels: Path) -> None:
         wait_for(lambda: not children_of(first) + children_of(second))
         for robot in (first, second):
             assert robot.communicate(timeout=LIMIT)[0] == "False 0 False\n"
-    assert run(wait, kept_kernels) == "True 8 False\n" * 2
+    assert run(wait, kept_kernels) == "True 9 False\n" * 2
 
 
 @pytest.mark.parametrize("end", ["kill", "order"])
@@ -140,7 +140,7 @@ def test_a_warm_parent_loads_kernels_before_it_forks(kept_kernels: Path) -> None
     code = "from zteam.cli import zteam_robot; zteam_robot.prepared(['--id', '0']); show()"
     assert run(code, kept_kernels) == "None 0 False\n"
     run("prepare(KERNELS)", kept_kernels)
-    assert run(code, kept_kernels) == "True 8 False\n"
+    assert run(code, kept_kernels) == "True 9 False\n"
 
 
 def test_compile_only_compiles_the_robots_kernels_too(kept_kernels: Path) -> None:
