@@ -100,8 +100,7 @@ class Bundles:
     """Bundles whose transforms are stored in a buffer when a look-up needs them. Thread-safe, by the buffer's lock."""
 
     def __init__(self, buffer: Buffer, authority: str) -> None:
-        self._buffer = buffer
-        self._authority = authority
+        self._buffer, self._authority = buffer, authority
         self._lock, self._prepared = buffer.lock, buffer.paths
         self._payloads: list[Any] = []
         """All of one layout, oldest first."""
@@ -128,12 +127,9 @@ class Bundles:
             layout = self._layout
             if layout is None or not layout.fits(payload):
                 return self._take_other(payload)
-            oldest, newest = self._keep(layout, payload)
             if len(self._payloads) % _PRUNE == 0:
                 self._prune()
-            if self._last_base is None:
-                return 0
-            return newest if oldest == newest else layout.stamp(payload, self._last_base)
+            return self._keep(layout, payload)
 
     def _take_other(self, payload: bytes | TFMessage) -> int:
         """Store all kept transforms of the old layout and then those of a bundle with another layout."""
@@ -144,33 +140,29 @@ class Bundles:
         self._forget()
         if not transforms:
             return 0
+        bases = [index for index, transform in enumerate(transforms) if is_base(transform)]
+        self._last_base = bases[-1] if bases else None
         indices = {strip_slash(transform.child_frame_id): index for index, transform in enumerate(transforms)}
         if len(indices) == len(transforms):
             self._layout = MessageLayout(payload) if isinstance(payload, TFMessage) else Layout(payload)
             self._indices, self._read = indices, dict.fromkeys(indices, 1)
             self._keep(self._layout, payload)
         self._newest = max(self._newest, *(ns_from_time(transform.header.stamp) for transform in transforms))
-        bases = [index for index, transform in enumerate(transforms) if is_base(transform)]
-        self._last_base = bases[-1] if bases else None
         return ns_from_time(transforms[bases[-1]].header.stamp) if bases else 0
 
-    def _keep(self, layout: Layout | MessageLayout, payload: Any) -> tuple[int, int]:
-        """Keep a payload of the layout, and find out whether newest poses can be read straight from it.
-
-        Returns its oldest and its newest stamp (ns).
-        """
+    def _keep(self, layout: Layout | MessageLayout, payload: Any) -> int:
+        """Keep a payload of the layout, and find out whether newest poses can be read from it. Returns as `take`."""
         oldest, newest = layout.span(payload)
         self._payloads.append(payload)
         self._ends.append(newest if oldest == newest else layout.stamp(payload, -1))
         self._samples = _samples_of(layout, payload) if self._newest < oldest == newest else None
         self._newest = max(self._newest, newest)
-        return oldest, newest
+        if self._last_base is None:
+            return 0
+        return newest if oldest == newest else layout.stamp(payload, self._last_base)
 
     def find_pose2(self, target_frame: str, source_frame: str) -> tuple[Pose2, int] | None:
-        """The newest planar pose of the source in the target and its stamp (ns), as `Buffer.lookup_pose2` finds it.
-
-        None where that raises.
-        """
+        """What `Buffer.lookup_pose2` finds: the newest planar pose of the source in the target; None if it raises."""
         key = target_frame, source_frame
         with self._lock:
             samples, route = self._samples, self._routes.get(key)
@@ -196,9 +188,7 @@ class Bundles:
     def _keep_route(self, key: tuple[str, str]) -> None:
         """Remember the way of a look-up that has just been answered, if it leads over planar edges of the layout."""
         path, layout, known = self._prepared.get(key), self._layout, self._routes.get(key)
-        if not isinstance(path, PlanarPath) or layout is None:
-            return
-        if known is not None and known.path is path:
+        if not isinstance(path, PlanarPath) or layout is None or (known is not None and known.path is path):
             return
         parents, edges = layout.parents, self._buffer.edges
         found = {edges[c]: self._indices[c] for c in self._paths[key] if c in edges}
@@ -228,8 +218,7 @@ class Bundles:
     def _forget(self) -> None:
         self._payloads, self._ends, self._layout, self._indices, self._read = [], [], None, {}, {}
         self._samples = None
-        self._paths.clear()
-        self._routes.clear()
+        self.forget_paths()
 
     def _find_path(self, *frames: str) -> list[str]:
         """Those of the frames and their ancestors that are in the layout."""
