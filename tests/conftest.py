@@ -64,12 +64,14 @@ def empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, own_types: Non
 @pytest.fixture
 def kept_kernels(tmp_path: Path) -> Path:
     """A cache that holds all kernels but does not say so, as one whose compiling ended just before its end."""
+    from zteam.behaviors.jit import BEHAVIOR_KERNELS
     from zteam.compiling import kernel_cache, takeover
     from zteam.sim.jit import SIMULATOR
 
-    # What ran before in this process may have made its choice without a look at the cache.
-    takeover.fill_cache(SIMULATOR)
     assert kernel_cache.FOLDER is not None
-    assert kernel_cache.is_complete(SIMULATOR.name), "this machine's cache cannot be filled"
+    for kernel_set in (SIMULATOR, BEHAVIOR_KERNELS):
+        # What ran before in this process may have made its choice without a look at the cache.
+        takeover.fill_cache(kernel_set)
+        assert kernel_cache.is_complete(kernel_set.name), "this machine's cache cannot be filled"
     shutil.copytree(kernel_cache.FOLDER, tmp_path / "cache", ignore=shutil.ignore_patterns("complete-*"))
     return tmp_path / "cache"

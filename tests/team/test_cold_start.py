@@ -62,6 +62,18 @@ def test_compiled_kernels_take_over_while_a_team_runs(tmp_path: Path, kept_kerne
     assert "rror" not in rest
 
 
+def test_one_process_in_lockstep_compiles_the_robots_kernels_too(tmp_path: Path, kept_kernels: Path) -> None:
+    """Before the first tick, once for all robots. The trajectory is that of processes, whose robots had none."""
+    together, first = up(tmp_path, "--lockstep", "--in-process")
+    assert together.index("compiling the robots' kernels, once on this machine") < together.index("All robots GO!")
+    assert list(kept_kernels.glob("complete-behaviors-*"))
+    for path in kept_kernels.glob("complete-behaviors-*"):
+        path.unlink()
+    apart, second = up(tmp_path, "--lockstep")
+    assert "robots' kernels" not in apart
+    assert first["trajectory_sha256"] == second["trajectory_sha256"]
+
+
 def test_lockstep_compiles_first_and_repeats(tmp_path: Path, kept_kernels: Path) -> None:
     """Missing kernels are compiled before the first tick, once, with progress; the trajectory is the same."""
     for lacking in ("edge_kernels.finish", "mounts.place_mounts", "motion"):

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zteam.behaviors.corridors import Corridor, Laser, find_corridor
+from zteam.behaviors.scan_kernels import interpret
 from zteam.messages import LaserScan
 
 Floats = NDArray[np.float64]
@@ -83,34 +84,17 @@ def _cone(start: float, step: float, count: int, half_angle: float) -> NDArray[n
 
 def _read(scan: LaserScan) -> Beams | None:
     ranges = np.array(scan.ranges, np.float64)
-    step, start = scan.angle_increment, scan.angle_min
+    step, start = float(scan.angle_increment), float(scan.angle_min)
     if ranges.size == 0 or not (math.isfinite(start) and math.isfinite(step)) or (step == 0.0 and ranges.size > 1):
         return None
-    # Both find a NaN first, and are several times as fast as `min` and `max`.
-    low, high = ranges.item(ranges.argmin()), ranges.item(ranges.argmax())
+    # Finds a NaN first, and is several times as fast as `min`.
+    low = ranges.item(ranges.argmin())
     at_least, at_most = scan.range_min * (1.0 - _ROUNDING), scan.range_max * (1.0 + _ROUNDING)
-    # A NaN among them fails the comparisons. Mostly every beam says something, and then no beam has to be looked at.
-    all_speak = low > 0.0 and low >= at_least and high <= at_most
-    too_close = None if all_speak else _silence(ranges, at_least, at_most)
     # A simulator without infinities writes range_max for "no hit".
-    no_hit = scan.range_max * (1.0 - _ROUNDING)
-    if not (all_speak and high < no_hit):
-        np.putmask(ranges, ranges >= no_hit, np.inf)
-    if too_close is not None:
-        ranges[too_close] = 0.0
+    all_speak = interpret(ranges, at_least, at_most, scan.range_max * (1.0 - _ROUNDING))
     laser = start, step, ranges.size
     distances = ranges if low >= _TOUCHING else np.maximum(ranges, _TOUCHING)
     return Beams(laser, _directions(*laser), ranges, distances, low if all_speak else 0.0, all_speak)
-
-
-def _silence(ranges: Floats, at_least: float, at_most: float) -> NDArray[np.bool_]:
-    """Make NaN of the ranges that say nothing; the beams that met something too close to measure."""
-    too_close: NDArray[np.bool_] = ranges == -np.inf
-    # NaN fails both comparisons, and so says nothing either.
-    in_range = (ranges >= at_least) & (ranges <= at_most)
-    says_something = (in_range | (ranges == np.inf)) & (ranges > 0.0)
-    ranges[~says_something] = np.nan
-    return too_close
 
 
 class _Read(msgspec.Struct, frozen=True):

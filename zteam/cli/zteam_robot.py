@@ -113,7 +113,19 @@ def prepared(argv: Sequence[str]) -> Callable[[], NoReturn]:
     except SystemExit:
         # A mistake, or --help: what is left is all of it.
         work = partial(main, argv)
+    _load_kernels()
     return lambda: leave(work())
+
+
+def _load_kernels() -> None:
+    """Load the kernels if they are kept, for this process and all that it forks."""
+    from zteam.behaviors.jit import BEHAVIOR_KERNELS
+    from zteam.behaviors.kernel_samples import call_kernels
+    from zteam.compiling.kernel_cache import is_complete
+
+    if BEHAVIOR_KERNELS.choice is None and is_complete(BEHAVIOR_KERNELS.name):
+        BEHAVIOR_KERNELS.use_kept()
+        call_kernels()
 
 
 def read_base(entries: Sequence[str]) -> "BaseOverride":
@@ -169,7 +181,9 @@ def _parse_id(text: str, option: str) -> int:
 
 
 def _drive(choice: _Choice, args: argparse.Namespace) -> int:
+    from zteam.behaviors.jit import BEHAVIOR_KERNELS
     from zteam.behaviors.registry import find_behavior, load_behavior, look_in
+    from zteam.compiling.takeover import run_kept
     from zteam.nodes.robot.node import RobotOptions, run_robot
     from zteam.runtime.faults import log_fault
     from zteam.runtime.node import Node
@@ -195,7 +209,8 @@ def _drive(choice: _Choice, args: argparse.Namespace) -> int:
     )
 
     def body(node: Node) -> None:
-        run_robot(node, kind, options)
+        with run_kept(BEHAVIOR_KERNELS):
+            run_robot(node, kind, options)
 
     return run_node(names.robot_name(choice.robot_id), bus_options(args, small=True), body, args.clock)
 

@@ -33,7 +33,9 @@ def build_parser() -> argparse.ArgumentParser:
         help="cell size of the published map, metres (default: %(default)s)",
     )
     parser.add_argument("--no-map", action="store_true", help="publish no map: zteam-map serves another one")
-    parser.add_argument("--compile-only", action="store_true", help="compile the kernels into the cache, then end")
+    parser.add_argument(
+        "--compile-only", action="store_true", help="compile the kernels, the robots' too, into the cache, then end"
+    )
     _add_robot_options(parser)
     _add_time_options(parser)
     _add_simulation_options(parser)
@@ -207,7 +209,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _simulate(args: argparse.Namespace, choice: _Choice) -> int:
-    from zteam.compiling.takeover import begin, fill_cache, prepare
+    from zteam.compiling.takeover import begin, prepare
     from zteam.nodes.simulator.node import SimOptions, run_simulator
     from zteam.runtime.node import Node
     from zteam.runtime.process import run_node
@@ -221,9 +223,7 @@ def _simulate(args: argparse.Namespace, choice: _Choice) -> int:
             raise UsageError(f"--add {robot_id}: the world already has a robot {robot_id}")
         robots[robot_id] = add_robot(world, model, pose, names.robot_name(robot_id))
     if args.compile_only:
-        if reason := fill_cache(SIMULATOR):
-            raise ZteamError(f"the kernels are not in the cache: {reason}")
-        return 0
+        return _compile()
     # A lock-step run keeps its first kernels: its result must not depend on the moment when others are compiled.
     later = None if choice.lockstep else begin(SIMULATOR)
     if choice.lockstep:
@@ -246,6 +246,16 @@ def _simulate(args: argparse.Namespace, choice: _Choice) -> int:
         run_simulator(node, world, robots, options, later)
 
     return run_node(names.SIMULATOR, bus_options(args), body)
+
+
+def _compile() -> int:
+    from zteam.behaviors.jit import BEHAVIOR_KERNELS
+    from zteam.compiling.takeover import fill_cache
+    from zteam.sim.jit import SIMULATOR
+
+    if reason := fill_cache(SIMULATOR) or fill_cache(BEHAVIOR_KERNELS):
+        raise ZteamError(f"the kernels are not in the cache: {reason}")
+    return 0
 
 
 if __name__ == "__main__":

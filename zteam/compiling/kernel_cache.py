@@ -5,6 +5,7 @@ leave nothing in it. Nothing here imports numba, which takes a third of a second
 starts without it.
 """
 
+import fcntl
 import hashlib
 import os
 import platform
@@ -17,7 +18,7 @@ from pathlib import Path
 
 _FORMAT = "numba's files and .nbo 2"
 """What is kept of a kernel."""
-_PACKAGES = ("planning", "sim")
+_PACKAGES = ("behaviors", "planning", "sim")
 """The packages that hold kernels, below zteam: a set of kernels each. They share a folder."""
 _MARKS = [f"from zteam.{name}.jit import".encode() for name in _PACKAGES]
 """What stands in a module that declares kernels."""
@@ -127,6 +128,21 @@ def find_kept(kernels: str, name: str) -> Path | None:
 def _kept_files(marker: Path, _changed: int) -> dict[str, Path]:
     """The files that the marker names, by their own names. Read once: a process begins with twenty questions."""
     return {Path(line).name: marker.parent / line for line in marker.read_text().splitlines()}
+
+
+def try_lock(kernels: str) -> int | None:
+    """Take the lock of processes that compile this set: its descriptor, None if it is held. Raises OSError.
+
+    The lock is held as long as a process has the descriptor, or inherited it.
+    """
+    assert FOLDER is not None
+    lock = os.open(FOLDER / f"compiling-{kernels}-{DIGEST}", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(lock)
+        return None
+    return lock
 
 
 def mark_complete(kernels: str, folder: Path) -> None:

@@ -1,8 +1,8 @@
 """Kernels: functions that numba compiles. Until they are compiled, or where numba is missing, they run without it.
 
 A kernel is compiled once per machine; `zteam.compiling.kernel_cache` says where the code is kept. Kernels come in sets,
-such as the simulator's. Which way the kernels of a set run is one choice for the whole process: `use_plain` or
-`use_compiled`. Without a choice the first call of a kernel compiles.
+such as the simulator's. Which way the kernels of a set run is one choice for the whole process: `use_plain`,
+`use_compiled`, or `use_kept`, which never compiles. Without a choice the set itself says what its first call does.
 
 Both ways compute the same numbers to the last bit: the same expressions in the same order, and no fused operations.
 """
@@ -34,9 +34,10 @@ _process = _Process()
 class KernelSet:
     """Kernels that run in the same way, and are compiled and kept together."""
 
-    def __init__(self, name: str, *, warmup: str, log: str, title: str, on_numpy: str) -> None:
+    def __init__(self, name: str, *, warmup: str, log: str, title: str, on_numpy: str, unasked: bool = True) -> None:
         """`name`: the folder of the package that declares them. `warmup`: the module that compiles them all when it is
         run. `log`: the logger that is told of them; `title`: what it calls them; `on_numpy`: how it is without them.
+        `unasked`: whether a kernel is compiled that is called before a way was chosen; else it runs as it is kept.
         """
         self.name, self.warmup, self.title, self.on_numpy = name, warmup, title, on_numpy
         self.log = logging.getLogger(log)
@@ -46,6 +47,8 @@ class KernelSet:
         """Whether compiled code is read from the cache and kept in it."""
         self.kept = False
         """Whether compiled code is run as it is kept, without numba, where that can be had."""
+        self.compiles = unasked
+        """Whether a kernel that is not kept is compiled; else it runs plain."""
         self._compiled: bool | None = None
 
     def compiled(self, function: F) -> F:
@@ -73,6 +76,7 @@ class KernelSet:
 
     def use_compiled(self) -> None:
         """Run all kernels compiled from now on; without numba plain, with a warning."""
+        self.compiles = True
         if has_numba() and self.caches and kernel_cache.is_complete(self.name) and not kernel_cache.find_obstacle():
             self.kept = True
             self._use(True)
@@ -89,6 +93,21 @@ class KernelSet:
         if reason and self.caches:
             self.give_up_cache(reason)
         self._use(True)
+
+    def use_kept(self) -> None:
+        """Run kernels as they are kept from now on, without numba; all of them plain if the set is not complete."""
+        self.compiles = False
+        self.kept = kernel_cache.is_complete(self.name)
+        self._use(self.kept)
+
+    def begin(self) -> None:
+        """A kernel is called, and no way was chosen."""
+        if self.compiles:
+            self.use_compiled()
+            return
+        self.use_kept()
+        # This is no choice: a team in lock-step may still ask for compiled ones.
+        self._compiled = None
 
     def give_up_cache(self, reason: str) -> None:
         """Compile in memory from now on, with a warning the first time."""
@@ -185,14 +204,18 @@ class Kernel:
         self.__dict__.pop("dispatcher", None)
 
     def _run_first(self, *args: Any) -> Any:
-        self.owner.use_compiled()
+        self.owner.begin()
         return self._run(*args)
 
     def _run_kept(self, *args: Any) -> Any:
-        self._run = (self.load(args) and self._kept) or self.dispatcher
+        self._run = (self.load(args) and self._kept) or self._not_kept
         if _process.checks and self._run is self._kept:
             self._run = kept_kernels.checked(self._run, args)
         return self._run(*args)
+
+    @property
+    def _not_kept(self) -> Callable[..., Any]:
+        return self.dispatcher if self.owner.compiles else self._run_plain
 
     def _run_plain(self, *args: Any) -> Any:
         if _process.running:

@@ -1,11 +1,12 @@
-"""Compiled kernels for a process: from the cache, compiled before the run, or taking over while it runs."""
+"""Compiled kernels for a process: from the cache, compiled before it runs, or meanwhile, to take over or for later."""
 
 import gc
 import os
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 from zteam.compiling import kernel_cache
@@ -40,7 +41,8 @@ def fill_cache(kernels: KernelSet) -> str:
     kernels.log.info("compiling %s, once on this machine", kernels.title)
     arguments: list[list[str]] = [[], ["--backwards"]]
     try:
-        children = _Children(kernels, arguments[: min(_AT_ONCE, os.cpu_count() or 1)])
+        lock = kernel_cache.try_lock(kernels.name)
+        children = _Children(kernels, arguments[: min(_AT_ONCE, os.cpu_count() or 1)], lock)
     except OSError as error:
         return f"no process can be started to compile ({error})"
     return children.wait(lambda ready, total: kernels.log.info("compiled %d of %d kernels", ready, total))
@@ -63,6 +65,39 @@ def begin(kernels: KernelSet) -> "Takeover | None":
     return Takeover(kernels)
 
 
+@contextmanager
+def run_kept(kernels: KernelSet) -> Iterator[None]:
+    """In here kernels run as they are kept, without numba; all of them plain to the end if the set is not complete.
+
+    Then a child compiles it meanwhile for processes that start later, unless another process does so already.
+    """
+    if kernels.choice is None:
+        kernels.use_kept()
+    children = None if kernels.choice else _fill_beside(kernels)
+    try:
+        yield
+    finally:
+        if children is not None:
+            children.end()
+
+
+def _fill_beside(kernels: KernelSet) -> "_Children | None":
+    """What compiles the set into the cache from now on; None where that cannot be, or another process does it."""
+    if not has_numba() or kernel_cache.find_obstacle():
+        return None
+    try:
+        lock = kernel_cache.try_lock(kernels.name)
+        children = None if lock is None else _Children(kernels, [["--nice"]], lock)
+    except OSError as error:
+        kernels.log.debug("no process can be started to compile (%s)", error)
+        return None
+    if children is not None:
+        kernels.log.debug("compiling %s for the next start, once on this machine", kernels.title)
+        # To wait for it is to note that the set is complete.
+        threading.Thread(target=children.wait, args=(lambda _ready, _total: None,), name="kernels", daemon=True).start()
+    return children
+
+
 class Takeover:
     """For a run that began with plain kernels: a child compiles, a thread loads, and `poll` switches."""
 
@@ -79,7 +114,7 @@ class Takeover:
         what = kernels.on_numpy.partition(",")[0]
         kernels.log.info("%s while their kernels are compiled, once on this machine", what)
         try:
-            self._children = _Children(kernels, [["--nice"]])
+            self._children = _Children(kernels, [["--nice"]], kernel_cache.try_lock(kernels.name))
         except OSError as error:
             kernels.warn_of_cache(f"no process can be started to compile ({error})", kernels.on_numpy)
             return
@@ -136,21 +171,27 @@ class Takeover:
 class _Children:
     """Processes that compile, one for each list of arguments. They end when this process ends, in any way."""
 
-    def __init__(self, kernels: KernelSet, arguments: Sequence[Sequence[str]]) -> None:
+    def __init__(self, kernels: KernelSet, arguments: Sequence[Sequence[str]], lock: int | None) -> None:
+        """`lock` is that of `kernel_cache.try_lock`: they hold it as long as one of them runs."""
         self._set = kernels.name
         reader, writer = os.pipe()
         self._lines = os.fdopen(reader)
-        self._processes = [
-            subprocess.Popen(
-                [sys.executable, "-P", "-m", kernels.warmup, *given],
-                stdin=subprocess.PIPE,
-                stdout=writer,
-                stderr=subprocess.DEVNULL,
-                env={**os.environ, "NUMBA_CACHE_DIR": str(kernel_cache.FOLDER)},
-            )
-            for given in arguments
-        ]
-        os.close(writer)
+        locks = () if lock is None else (lock,)
+        try:
+            self._processes = [
+                subprocess.Popen(
+                    [sys.executable, "-P", "-m", kernels.warmup, *given],
+                    stdin=subprocess.PIPE,
+                    stdout=writer,
+                    stderr=subprocess.DEVNULL,
+                    env={**os.environ, "NUMBA_CACHE_DIR": str(kernel_cache.FOLDER)},
+                    pass_fds=locks,
+                )
+                for given in arguments
+            ]
+        finally:
+            for descriptor in (writer, *locks):
+                os.close(descriptor)
 
     def wait(self, on_progress: Callable[[int, int], None]) -> str:
         """Wait until all kernels are in the cache; return why they are not, empty if they are.

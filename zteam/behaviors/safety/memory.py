@@ -12,7 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.behaviors.safety.sectors import Sectors, axes_of, is_told
+from zteam.behaviors.memory_kernels import add_scan, clear_seen, select_near
+from zteam.behaviors.safety.sectors import Sectors, axes_of
 from zteam.behaviors.safety.swept import DRIVE_MARGIN, Box
 from zteam.geometry import Pose2, normalize_angle
 
@@ -48,42 +49,19 @@ class _Key(NamedTuple):
 
 
 class _Stack(NamedTuple):
-    """Kept scans of one laser as columns."""
+    """Kept scans of one laser."""
 
-    base_x: Floats
-    base_y: Floats
-    base_cos: Floats
-    base_sin: Floats
-    x: Floats
-    y: Floats
-    cos: Floats
-    sin: Floats
-    """Of the laser."""
+    frames: Floats
+    """(n, 8): of base and laser, as kernels take them."""
     sectors: Sectors
+    """With a row of distances for each scan."""
 
     @classmethod
     def of(cls, keys: Sequence[_Key]) -> "_Stack":
         """The stack of these scans."""
-        bases, lasers = (_columns([key.base for key in keys]), _columns([key.laser for key in keys]))
+        frames = np.array([(*_frame(key.base), *_frame(key.laser)) for key in keys])
         distances = np.array([key.sectors.distances for key in keys])
-        return cls(*bases, *lasers, keys[0].sectors._replace(distances=distances))
-
-    def saw(self, places: Floats, extent: tuple[float, float, float]) -> Flags:
-        """Which places (2, n) of `odom` a scan saw, or its base stood on: `extent` as in ScanMemory."""
-        dx, dy = places[0] - self.x, places[1] - self.y
-        there = self.cos * dx + self.sin * dy, self.cos * dy - self.sin * dx
-        seen: Flags = (self.sectors.look(*there) >= np.hypot(dx, dy)).any(axis=0)
-        if not seen.all():
-            seen[~seen] = self._covered(places[:, ~seen], extent)
-        return seen
-
-    def _covered(self, places: Floats, extent: tuple[float, float, float]) -> Flags:
-        """Which places a base stood on."""
-        dx, dy = places[0] - self.base_x, places[1] - self.base_y
-        along, across = self.base_cos * dx + self.base_sin * dy, self.base_cos * dy - self.base_sin * dx
-        rear, front, half_width = extent
-        stood: Flags = ((along >= -rear) & (along <= front) & (np.abs(across) <= half_width)).any(axis=0)
-        return stood
+        return cls(frames, keys[0].sectors._replace(distances=distances))
 
 
 class _Vicinity(NamedTuple):
@@ -94,29 +72,10 @@ class _Vicinity(NamedTuple):
     radius: float
     """Metres within which it has all points."""
     points: Floats
-    plane: NDArray[np.complex128]
-    """The same as complex numbers: they turn in one operation."""
 
     def holds(self, pose: Pose2, reach: float) -> bool:
         """Whether it has all points within `reach` (m) of a pose."""
         return math.hypot(pose.x - self.x, pose.y - self.y) + reach <= self.radius
-
-    def in_box(self, pose: Pose2, box: Box) -> Flags:
-        """Which points lie in a box of the base, which is at `pose`, or up to DRIVE_MARGIN outside."""
-        turn = complex(math.cos(pose.yaw), -math.sin(pose.yaw))
-        middle = complex(0.5 * (box.left + box.right), 0.5 * (box.bottom + box.top))
-        corner = complex(box.right, box.top) - middle
-        places = self.plane * turn
-        places -= complex(pose.x, pose.y) * turn + middle
-        along, across = np.abs(places.real), np.abs(places.imag)
-        inside: Flags = (along <= corner.real + DRIVE_MARGIN) & (across <= corner.imag + DRIVE_MARGIN)
-        return inside
-
-
-def _columns(poses: Sequence[Pose2]) -> tuple[Floats, Floats, Floats, Floats]:
-    """x, y, cosine and sine of poses, each (n, 1)."""
-    x, y, yaw = np.array(poses).T[:, :, None]
-    return x, y, np.cos(yaw), np.sin(yaw)
 
 
 class ScanMemory:
@@ -201,12 +160,11 @@ class ScanMemory:
             return _NOTHING
         near = self._vicinity_of(pose, reach)
         # Mostly none is in the box.
-        at = near.in_box(pose, box).nonzero()[0]
-        if not at.size:
-            return _NOTHING
-        points = near.points.take(at, axis=1)
-        dx, dy = points[0] - pose.x, points[1] - pose.y
-        return into(pose, points[:, dx * dx + dy * dy <= reach * reach])
+        found = np.empty(near.points.shape)
+        left, right, bottom, top = box
+        grown = left - DRIVE_MARGIN, right + DRIVE_MARGIN, bottom - DRIVE_MARGIN, top + DRIVE_MARGIN
+        count = select_near(near.points, *_frame(pose), *grown, reach, found)
+        return found[:, :count].copy() if count else _NOTHING
 
     def _vicinity_of(self, pose: Pose2, reach: float) -> "_Vicinity":
         """A part of the cloud with all points within `reach` (m) of the base."""
@@ -221,7 +179,7 @@ class ScanMemory:
         self._bound = math.sqrt(squares.min(initial=(REACH - SPAN) ** 2))
         radius = reach + KEY_DISTANCE
         points = self._cloud.take((squares <= radius * radius).nonzero()[0], axis=1)
-        self._vicinity = _Vicinity(pose.x, pose.y, radius, points, points[0] + 1j * points[1])
+        self._vicinity = _Vicinity(pose.x, pose.y, radius, points)
         return self._vicinity
 
     def never_seen(self, points: Floats) -> Flags:
@@ -235,7 +193,7 @@ class ScanMemory:
         places = _out_of(self.pose, points)
         unseen = np.ones(points.shape[1], bool)
         for stack in self._stacks:
-            unseen[unseen] = ~stack.saw(places[:, unseen], self._extent)
+            clear_seen(unseen, places, stack.frames, *stack.sectors, *self._extent)
             if not unseen.any():
                 return unseen
         if self._start is not None and self._travelled <= SPAN:
@@ -244,23 +202,18 @@ class ScanMemory:
 
     def _add(self, key: _Key) -> None:
         """Bring a kept scan into the cloud: what it tells of takes the place of what was known there."""
-        kept = self._born >= key.travelled - SPAN
-        if kept.any():
-            kept &= ~is_told(key.sectors, into(key.laser, self._cloud))
-        sectors = key.sectors
-        hits = (sectors.distances < REACH).nonzero()[0]
+        sectors, most = key.sectors, self._born.size + key.sectors.distances.size
         axes = axes_of(sectors.start, sectors.step, sectors.distances.size)
-        seen = sectors.distances.take(hits) * axes.take(hits, axis=1)
-        stays = kept.nonzero()[0]
-        self._cloud = np.concatenate((self._cloud.take(stays, axis=1), _out_of(key.laser, seen)), axis=1)
-        self._born = np.concatenate((self._born.take(stays), np.full(hits.size, key.travelled)))
+        cloud, born = np.empty((2, most)), np.empty(most)
+        oldest = key.travelled - SPAN
+        known = self._cloud, self._born, oldest, key.travelled
+        count = add_scan(*known, *_frame(key.laser), *sectors, axes, REACH, cloud, born)
+        self._cloud, self._born = cloud[:, :count].copy(), born[:count].copy()
 
 
-def into(frame: Pose2, points: Floats) -> Floats:
-    """Points in a frame of the pose `frame`."""
-    cos, sin = math.cos(frame.yaw), math.sin(frame.yaw)
-    x, y = points[0] - frame.x, points[1] - frame.y
-    return np.array((cos * x + sin * y, cos * y - sin * x))
+def _frame(pose: Pose2) -> tuple[float, float, float, float]:
+    """As kernels take it."""
+    return pose.x, pose.y, math.cos(pose.yaw), math.sin(pose.yaw)
 
 
 def _out_of(frame: Pose2, points: Floats) -> Floats:

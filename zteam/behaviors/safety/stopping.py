@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zteam.base import Point2
+from zteam.behaviors.meeting_kernels import TOUCH
 from zteam.behaviors.safety.surroundings import Sight
-from zteam.behaviors.safety.swept import STRAIGHT, TOUCH, Arc, Outline, margin_of
+from zteam.behaviors.safety.swept import STRAIGHT, Arc, Outline, margin_of
 
 Floats = NDArray[np.float64]
 _Number = TypeVar("_Number", float, Floats)

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from zteam.base import Point2
 from zteam.behaviors.corridors import Laser
-from zteam.behaviors.safety.memory import ScanMemory, into
-from zteam.behaviors.safety.sectors import Sectors, group, is_told
+from zteam.behaviors.safety.memory import ScanMemory
+from zteam.behaviors.safety.sectors import Sectors, group, untold
 from zteam.behaviors.safety.silence import LastWords
 from zteam.behaviors.safety.swept import Box, Outline
 from zteam.behaviors.safety.zones import zone_of
+from zteam.behaviors.scan_kernels import select_hits
 from zteam.behaviors.scans import Beams, beams_of
 from zteam.behaviors.view import View
 from zteam.geometry import Pose2, yaw_from_quaternion
@@ -64,13 +65,10 @@ class Sight(msgspec.Struct, frozen=True, eq=False, dict=True):
     def hits(self, box: Box) -> Floats:
         """(2, n): hits in a box of the base frame, or a little outside."""
         ends, axes = zone_of(self.beams.laser, self.laser, box)
-        near = self.distances < ends
-        if not np.count_nonzero(near):
-            return NO_POINTS
-        at = near.nonzero()[0]
-        points: Floats = axes.take(at, axis=1) * self.distances.take(at)
-        points += ((self.laser.x,), (self.laser.y,))
-        return points
+        points = np.empty(axes.shape)
+        count = select_hits(self.distances, ends, axes, self.laser.x, self.laser.y, points)
+        # Mostly none.
+        return points[:, :count].copy() if count else NO_POINTS
 
     def hit(self, beam: int) -> Point2 | None:
         """Where a beam ended, in the base frame; None if it met nothing, or there is no such beam."""
@@ -184,7 +182,7 @@ class Surroundings:
         remembered = self._memory.remembered(box, back) if back > 0.0 else NO_POINTS
         if not remembered.size:
             return hits
-        hidden = remembered[:, ~is_told(sight.sectors, into(sight.laser, remembered))]
+        hidden = untold(sight.sectors, sight.laser, remembered)
         return np.hstack((hits, hidden)) if hidden.size else hits
 
     def never_seen(self, points: Floats) -> Flags:
@@ -226,7 +224,7 @@ class Surroundings:
             found = view.lookup(view.base_frame, frame) if frame else None
             if found is None or not all(map(math.isfinite, found[0])):
                 return NO_POSE
-            known = self._lasers[frame] = found[0]
+            known = self._lasers[frame] = Pose2(*map(float, found[0]))
         return known
 
 
@@ -237,4 +235,4 @@ def _nearest(distances: Floats) -> float:
 
 def _pose_of(odom: Odometry) -> Pose2:
     position, turn = odom.pose.pose.position, odom.pose.pose.orientation
-    return Pose2(position.x, position.y, yaw_from_quaternion(turn.x, turn.y, turn.z, turn.w))
+    return Pose2(float(position.x), float(position.y), yaw_from_quaternion(turn.x, turn.y, turn.z, turn.w))

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zteam.base import Base, Point2
+from zteam.behaviors.meeting_kernels import CLOSEST, ROUNDING, TOUCH, meet_turning
 
 Floats = NDArray[np.float64]
 
@@ -21,22 +22,13 @@ DRIVE_MARGIN = 0.025
 """Metres that stay free beside a base that drives: what the odometry and the laser are wrong by."""
 STRAIGHT = 1e-5
 """Radians: an arc that turns less counts as straight. On a metre that is wrong by less than 0.01 mm."""
-_TINY = 1e-9
-"""Metres: what numbers are wrong by."""
 _RING = 1e-6
 """Metres that a ring is larger, for rounding."""
 _MOST = 48
 """Points of a side, at most."""
-TOUCH = 1e-3
-"""Metres by which the base may come nearer, in each look, to what is nearer than the margin already: it may drive along
-a wall that it does not quite see as straight."""
-CLOSEST = 2e-3
-"""Metres: nearer than this it may not come so either. Between beams 0.5° apart so much of a corner is not seen."""
 SWING = CLOSEST
 """Metres that the rear may come out beside the way before that is looked at: no base stands nearer to a thing. An
 erratic comes out further on arcs of less than 12.5 m radius."""
-_ROUNDING = 1e-6
-"""Metres: what is nearer than CLOSEST may come nearer by this, so that rounding stops no base that moves along it."""
 _FACES = 0.5
 """Cosine of the angle to the driving direction up to which a side of the outline leads."""
 _EDGE = 0.1
@@ -67,8 +59,9 @@ class Outline:
         # The tip of an outline that is hardly wider than a line may be anywhere.
         moves[~np.isfinite(moves)] = np.inf
         self._mitres: list[list[float]] = np.hstack((corners, moves)).tolist()
-        self.bearings: Floats = np.arctan2(self.normals[:, 1], self.normals[:, 0])
-        """(n,): where the normals point to."""
+        bearings = [math.atan2(y, x) for x, y in self.normals.tolist()]
+        self.rows: Floats = np.column_stack((self.normals, self.offsets, bearings))
+        """(n, 4): normals, offsets, and where the normals point to: as kernels take it."""
         self.radius = float(np.hypot(corners[:, 0], corners[:, 1]).max())
         """Metres from the origin to the furthest corner."""
         self.rear = max(0.0, -float(corners[:, 0].min()))
@@ -221,7 +214,7 @@ def swept_box(outline: Outline, arc: Arc, seconds: float) -> Box:
 
 def _limits_of(outline: Outline, arc: Arc, distances: Floats, clearance: float = 0.0) -> Floats:
     """How near the base may come, on this arc, to points that are so far from it now: metres, (n,) both."""
-    nearer = np.maximum(distances - TOUCH, np.minimum(distances - _ROUNDING, CLOSEST))
+    nearer = np.maximum(distances - TOUCH, np.minimum(distances - ROUNDING, CLOSEST))
     limits: Floats = np.minimum(margin_of(outline, arc) + clearance, nearer)
     return limits
 
@@ -255,32 +248,8 @@ def _meet_straight(outline: Outline, arc: Arc, points: Floats, clearance: float)
 
 
 def _meet_turning(outline: Outline, arc: Arc, seconds: float, points: Floats, clearance: float) -> float:
-    """As meeting_time: seen from the base, each point goes round the centre of the turn.
-
-    It comes into the outline where it crosses the edge of a half-plane and then is in all the others.
-    """
+    """As meeting_time, on an arc or on the spot."""
     centre, side = arc.speed / arc.turn, math.copysign(1.0, arc.turn)
-    away = np.hypot(points[0], points[1] - centre)
-    inner, outer = outline.ring(centre, margin_of(outline, arc) + clearance)
-    # Most points are not in the ring that the base sweeps, and so are never met.
-    near = ((away >= inner) & (away <= outer)).nonzero()[0]
-    if not near.size:
-        return math.inf
-    points, away = points.take(near, axis=1), np.maximum(away.take(near), _TINY)
-    limits = _limits_of(outline, arc, np.maximum.reduce(outline.depths(points)), clearance)
-    bearing = np.arctan2(points[1] - centre, points[0])
-    # Seen from the centre: how far the half-planes reach, with the limit.
-    reach = (outline.offsets - outline.normals[:, 1] * centre)[:, None]
-    shares = (reach + limits) / away
-    angles = np.arccos(np.minimum(np.maximum(shares, -1.0), 1.0))
-    angles += side * (bearing - outline.bearings[:, None])
-    angles %= math.tau
-    edges, found = (angles <= abs(arc.turn) * seconds).nonzero()
-    if not found.size:
-        return math.inf
-    turned = angles[edges, found]
-    there = bearing.take(found) - side * turned
-    depths = outline.normals @ (away.take(found) * np.array((np.cos(there), np.sin(there))))
-    depths -= reach
-    inside = np.maximum.reduce(depths) <= limits.take(found) + _TINY
-    return float(turned.min(where=inside, initial=np.inf)) / abs(arc.turn)
+    margin, most = margin_of(outline, arc) + clearance, float(abs(arc.turn) * seconds)
+    ring = outline.ring(centre, margin)
+    return meet_turning(np.ascontiguousarray(points), outline.rows, centre, side, *ring, margin, most) / abs(arc.turn)

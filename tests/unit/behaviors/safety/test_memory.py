@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from zteam.behaviors.safety.memory import ScanMemory, into
+from zteam.behaviors.safety.memory import ScanMemory
 from zteam.behaviors.safety.sectors import Sectors
 from zteam.behaviors.safety.swept import DRIVE_MARGIN, Box
 from zteam.geometry import Pose2
@@ -25,6 +25,13 @@ def room(radius: float) -> Sectors:
 
 PILLARS = Sectors(-0.75 * math.pi, math.radians(1.0), np.linspace(0.25, 1.0, 271)[np.arange(271) * 7 % 271])
 """A scan of things at all distances."""
+
+
+def into(frame: Pose2, points: np.ndarray) -> np.ndarray:
+    """Points in a frame of the pose `frame`."""
+    cos, sin = math.cos(frame.yaw), math.sin(frame.yaw)
+    x, y = points[0] - frame.x, points[1] - frame.y
+    return np.array((cos * x + sin * y, cos * y - sin * x))
 
 
 @given(st.lists(looks, min_size=1, max_size=12), st.floats(-0.9, 0.0), st.floats(0.0, 0.9))
