@@ -12,6 +12,7 @@ from zteam import names
 from zteam.base import Base
 from zteam.behaviors.view import View
 from zteam.clock import to_ns
+from zteam.geometry import Pose2
 
 REACH = 5.0
 """Metres from base to base that are near."""
@@ -44,7 +45,9 @@ class Nearby:
         while due and due[0][0] <= view.now:
             asked.append(heappop(due)[1])
         if asked:
-            self._near = self._near.difference(asked).union([robot for robot in asked if self._look(view, robot)])
+            own = view.map_from_base()
+            near = [robot for robot in asked if self._look(view, robot, None if own is None else own[0])]
+            self._near = self._near.difference(asked).union(near)
         return self._near
 
     def _take_ids(self, view: View) -> None:
@@ -54,10 +57,10 @@ class Nearby:
         self._due = sorted((known.get(robot, 0), robot) for robot in ids)
         self._near = self._near & ids
 
-    def _look(self, view: View, robot: int) -> bool:
-        """Look a teammate up; whether it is near."""
-        own, at = view.map_from_base(), view.lookup(names.MAP_FRAME, names.robot_frame(robot, names.BASE_FOOTPRINT))
-        away = math.inf if own is None or at is None else math.hypot(at[0].x - own[0].x, at[0].y - own[0].y) - REACH
+    def _look(self, view: View, robot: int, own: Pose2 | None) -> bool:
+        """Look a teammate up; whether it is near the `own` pose in `map`."""
+        at = view.lookup(names.MAP_FRAME, names.robot_frame(robot, names.BASE_FOOTPRINT))
+        away = math.inf if own is None or at is None else math.hypot(at[0].x - own.x, at[0].y - own.y) - REACH
         is_known = math.isfinite(away)
         heappush(self._due, (cannot_meet_before(view.now, abs(away)) if is_known else view.now + LOOK_AGAIN, robot))
         return away <= 0.0

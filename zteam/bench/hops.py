@@ -114,4 +114,4 @@ class _Bundles:
 
     def look(self, target: str, source: str) -> tuple[Pose2, int] | None:
         """The newest pose of `source` in `target` and its stamp (ns); None without one."""
-        return self._bundles.lookup_pose2(target, source)
+        return self._bundles.find_pose2(target, source)

@@ -107,7 +107,6 @@ class Receiver:
                 # Each sample is refused and counted.
                 return None
             count = self._counters.count_of(key)
-            more = (source,) if with_source else ()
 
             def take(message: Message) -> None:
                 if type(message) is not message_type:
@@ -116,7 +115,11 @@ class Receiver:
                     return
                 count.received += 1
                 try:
-                    callback(key, message, *more)
+                    # Not with a tuple of arguments: it would have to be unpacked for each message.
+                    if with_source:
+                        callback(key, message, source)
+                    else:
+                        callback(key, message)
                 except Exception:
                     log.exception(_FAULT, key)
 

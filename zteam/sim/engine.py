@@ -5,38 +5,31 @@ sense at its end. The same world, seed and commands give the same bytes.
 """
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
 import numpy as np
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from zteam.clock import NS_PER_S, to_ns
+from zteam.clock import NS_PER_S
 from zteam.compiling.takeover import prepare
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.messages import Twist
 from zteam.robot_ids import format_robot_ids
-from zteam.sim.bodies import Bodies, make_bodies
-from zteam.sim.devices import Devices
-from zteam.sim.fields import Fields, build_fields
+from zteam.sim.fields import build_fields
 from zteam.sim.jit import SIMULATOR
-from zteam.sim.lasers import Lasers, Reading
-from zteam.sim.motion import make_drives, measure_tangents, measure_velocity, obey
-from zteam.sim.observation import Observation, RobotObservation, Robots, Snapshot, pose_of
-from zteam.sim.odometry import Odometry, make_wheels, roll
-from zteam.sim.surroundings import Surroundings
+from zteam.sim.lasers import Reading
+from zteam.sim.observation import Observation, RobotObservation, pose_of
+from zteam.sim.team import WATCHDOG, Team
 from zteam.simulation_options import Options
-from zteam.world.model import Floorplan, Obstacle, Robot, World
+from zteam.world.model import Obstacle, Robot, World
 from zteam.world.placing import find_hindrance
 
 Floats = NDArray[np.float64]
 
 __all__ = ["WATCHDOG", "Engine", "Observation", "Options", "Reading", "RobotObservation"]
-
-WATCHDOG = to_ns(0.2)
-"""A command moves its robot for this long (simulated ns); then the wheels stop."""
 
 
 class Standing(NamedTuple):
@@ -71,7 +64,7 @@ class Engine:
         self._floorplans = [(plan, fields[id(plan.occupied)]) for plan in world.floorplans]
         self._at_first = dict(enumerate(world.robots)) if robots is None else dict(robots)
         self._robots = dict(self._at_first)
-        self._team: _Team | None = None
+        self._team: Team | None = None
         self._outdated = True
 
     @property
@@ -105,18 +98,16 @@ class Engine:
         team.move(self.now, self.tick + 1, self.world.interval / NS_PER_S)
         self.tick += 1
 
-    def begin_observing(self) -> None:
-        """Let a second thread, if there is one, begin to cast rays. Nothing may change before `observe` follows."""
-        self._assembled().begin_observing()
+    def begin_observing(self) -> Observation:
+        """What the bases sense now: no sensor and no other device has measured yet.
+
+        A second thread, if there is one, begins to cast rays. Nothing may change before `observe` follows.
+        """
+        return self._assembled().begin_observing(self.now, self.tick)
 
     def observe(self) -> Observation:
         """What all robots sense now."""
         return self._assembled().observe(self.now, self.tick)
-
-    def odoms(self) -> dict[int, Pose2]:
-        """The poses of all robots since their starts, by their own wheels, by id."""
-        rows = self._assembled().odometry.poses.tolist()
-        return {robot_id: pose_of(rows[i]) for robot_id, i in self._assembled().ids.items()}
 
     def odom_origin(self, robot_id: int) -> Pose2:
         """Where in `map` a robot's `odom` frame is: its start, until it is placed elsewhere."""
@@ -188,14 +179,14 @@ class Engine:
             place = f"x {pose.x:g}, y {pose.y:g}"
             raise UsageError(f"robot {robot_id} has no room at {place}: {why} (--force puts it there)")
 
-    def _assembled(self) -> "_Team":
+    def _assembled(self) -> Team:
         """The team as it is now; it is made again only when robots came or went since the last call."""
         if self._team is None or self._outdated:
-            self._team = _Team(self.world, self.robots, self._floorplans, self.options, self.seed, self._team)
+            self._team = Team(self.world, self.robots, self._floorplans, self.options, self.seed, self._team)
             self._outdated = False
         return self._team
 
-    def _index(self, team: "_Team", robot_id: int) -> int:
+    def _index(self, team: Team, robot_id: int) -> int:
         if robot_id not in team.ids:
             raise _no_robot(robot_id, self._robots)
         return team.ids[robot_id]
@@ -203,96 +194,3 @@ class Engine:
 
 def _no_robot(robot_id: int, present: Collection[int]) -> UsageError:
     return UsageError(f"no robot {robot_id} in this world: it has {format_robot_ids(present) or 'none'}")
-
-
-class _Team:
-    """One set of robots as arrays, in the order of their ids; it takes over the state of the previous set."""
-
-    def __init__(
-        self,
-        world: World,
-        robots: Mapping[int, Robot],
-        floorplans: Sequence[tuple[Floorplan, Fields]],
-        options: Options,
-        seed: int,
-        old: "_Team | None",
-    ) -> None:
-        self.ids = {robot_id: i for i, robot_id in enumerate(robots)}
-        self._robots = list(robots.values())
-        self._pushed = [obstacle for obstacle in world.obstacles if obstacle.mass is not None]
-        self._physics = options.physics or world.physics
-        count = len(self._robots)
-        self.commands, self.setpoint, self.velocity = np.zeros((3, count, 3))
-        self.commanded = np.full(count, -WATCHDOG, np.int64)
-        self._drives = make_drives(self._robots)
-        self.odometry = Odometry(self._robots, list(self.ids), options.odom_alphas, seed)
-        self._wheels = make_wheels(self._robots)
-        poses = np.array([r.pose for r in self._robots] + [o.pose for o in self._pushed], float).reshape(-1, 3)
-        kept = self._adopt(old, poses) if old is not None else []
-        self.bodies: Bodies = make_bodies(self._physics, self._robots, poses, world, floorplans)
-        if old is not None:
-            self.bodies.adopt(old.bodies, kept)
-        self._surroundings = Surroundings(self._robots, world.obstacles, floorplans)
-        self._lasers = Lasers(self._robots, list(self.ids), self._surroundings.visible, options, seed)
-        self._devices = Devices(self._surroundings)
-
-    def _adopt(self, old: "_Team", poses: np.ndarray) -> list[tuple[int, int]]:
-        """Take over the state of the robots that stay; return the pairs (index here, index there) of the movers."""
-        kept = [(i, old.ids[robot_id]) for robot_id, i in self.ids.items() if robot_id in old.ids]
-        for here, there in kept:
-            poses[here] = old.bodies.poses[there]
-            self.commands[here], self.setpoint[here] = old.commands[there], old.setpoint[there]
-            self.velocity[here], self.commanded[here] = old.velocity[there], old.commanded[there]
-            mine = slice(self._wheels.first[here], self._wheels.first[here + 1])
-            theirs = slice(old._wheels.first[there], old._wheels.first[there + 1])
-            self._wheels.angles[mine] = old._wheels.angles[theirs]
-        poses[len(self._robots) :] = old.bodies.poses[len(old._robots) :]
-        self.odometry.adopt(old.odometry, kept)
-        return kept + [(len(self._robots) + i, len(old._robots) + i) for i in range(len(self._pushed))]
-
-    def at_present(self, world: World) -> tuple[World, dict[int, Robot]]:
-        """The world with the things that can be pushed where they are now, and the robots by id where they are now."""
-        poses, first = self.bodies.poses.tolist(), len(self._robots)
-        robots = {robot_id: replace(self._robots[i], pose=pose_of(poses[i])) for robot_id, i in self.ids.items()}
-        pushed = iter(poses[first:])
-        things = [
-            thing if thing.mass is None else replace(thing, pose=Pose2(*next(pushed))) for thing in world.obstacles
-        ]
-        return replace(world, obstacles=tuple(things)), robots
-
-    def move(self, now: int, tick: int, seconds: float) -> None:
-        """One tick, from `now` (ns) on."""
-        fresh = now - self.commanded < WATCHDOG
-        obey(self._drives, self.commands, fresh, seconds, self.setpoint)
-        before = self.bodies.poses.copy()
-        self.bodies.step(seconds, self.setpoint)
-        measure_velocity(before, self.bodies.poses, seconds, self.velocity)
-        self.odometry.advance(self.bodies.poses, self.velocity, seconds, tick)
-        if self._physics == "stage":
-            measure_tangents(before, self.bodies.poses, seconds, self.velocity)
-        wheels = self._wheels
-        roll(wheels.owner, wheels.rows, self.velocity, seconds, wheels.angles, wheels.rates)
-
-    def begin_observing(self) -> None:
-        self._surroundings.move(self.bodies.poses)
-        self._lasers.begin(self.bodies.poses)
-
-    def observe(self, now: int, tick: int) -> Observation:
-        """What all robots sense at `now` (ns)."""
-        if not self._lasers.begun:
-            self.begin_observing()
-        poses = self.bodies.poses.tolist()
-        snapshot = Snapshot(
-            ids=self.ids,
-            robots=self._robots,
-            scans=self._lasers.measure(tick),
-            poses=poses,
-            odom=self.odometry.poses.tolist(),
-            velocity=self.velocity.tolist(),
-            stalled=self.bodies.stalled.copy(),
-            wheels=self._wheels._replace(angles=self._wheels.angles.copy(), rates=self._wheels.rates.copy()),
-            detections=self._devices.sense(self.bodies.poses),
-        )
-        first = len(self._robots)
-        pushed = {obstacle.name: pose_of(poses[first + i]) for i, obstacle in enumerate(self._pushed)}
-        return Observation(now, tick, Robots(snapshot), pushed)

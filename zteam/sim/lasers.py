@@ -91,6 +91,10 @@ class Scans(NamedTuple):
         return found
 
 
+NO_SCANS = Scans([], {}, {})
+"""Before anything was measured."""
+
+
 class Lasers:
     """Every ranger of the world. `ids` are the robots' ids, on which their noise depends."""
 
@@ -114,12 +118,10 @@ class Lasers:
         """Of the movers at the last measurement."""
         self._scans: Scans | None = None
         """What it gave; None while one is under way."""
-        self.begun = False
-        """Whether `measure` is to follow."""
 
     def begin(self, poses: Floats) -> None:
         """Begin to measure with all movers at `poses` (rows x, y, yaw in `map`), where the caster is till `measure`."""
-        self.begun, at = True, poses.tobytes()
+        at = poses.tobytes()
         if self._is_exact and at == self._poses:
             return
         self._poses, self._scans = at, None
@@ -135,7 +137,6 @@ class Lasers:
             if self._options.dazzle != "off":
                 self._interfere(arrays, tick)
             self._scans = Scans([Reading(*map(_read_only, reading)) for reading in arrays], self._rows, {})
-        self.begun = False
         return self._scans
 
     def _measure(self, batch: Batch, pair: CastPair | None, tick: int) -> Reading:

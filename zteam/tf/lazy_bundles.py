@@ -21,6 +21,7 @@ from zteam.messages.tf_layout import Layout, MessageLayout
 from zteam.names import strip_slash
 from zteam.tf.bases import is_base
 from zteam.tf.buffer import Buffer
+from zteam.tf.errors import TransformException
 from zteam.tf.paths import Planar, PlanarPath, PlanarRule, read_planar
 
 _PRUNE = 64
@@ -59,26 +60,27 @@ def _samples_of(layout: Layout | MessageLayout, payload: Any) -> _Samples:
 class _Source:
     """Makes poses of the transforms at some positions of a layout. Receivers of the same messages share it."""
 
-    __slots__ = ("_indices", "_known", "_rule")
+    __slots__ = ("_indices", "_read", "_rule", "known")
 
     def __init__(self, rule: PlanarRule, indices: tuple[int, ...]) -> None:
         self._rule, self._indices = rule, indices
-        self._known: tuple[int, list[Planar | None], Pose2 | None] = 0, [], None
-        """The number of the samples that were read last, what was read, and the pose.
+        self.known: tuple[int, Pose2 | None] = 0, None
+        """The number of the samples that were read last, and the pose.
 
-        One value: the threads of several robots may ask. A plain tuple, because it is made for each look-up.
+        One value: the threads of several robots may ask. A plain tuple, because it is made for each payload.
         """
+        self._read: tuple[list[Planar | None], Pose2 | None] = [], None
+        """What was read last, and the pose."""
 
-    def find_pose(self, samples: _Samples) -> Pose2 | None:
+    def read_pose(self, samples: _Samples) -> Pose2 | None:
         """The pose by the transforms of a payload: the same object while they say the same. None as of `_rule`."""
-        number, before, pose = self._known
-        if number == samples.number:
-            return pose
         read = [samples[index] for index in self._indices]
+        before, pose = self._read
         # Mostly a robot that is looked up stands.
         if read != before:
             pose = self._rule.pose(read)
-        self._known = samples.number, read, pose
+            self._read = read, pose
+        self.known = samples.number, pose
         return pose
 
 
@@ -98,11 +100,12 @@ class Bundles:
     """Bundles whose transforms are stored in a buffer when a look-up needs them. Thread-safe, by the buffer's lock."""
 
     def __init__(self, buffer: Buffer, authority: str) -> None:
-        self._buffer = buffer
-        self._authority = authority
-        self._lock = buffer.lock
+        self._buffer, self._authority = buffer, authority
+        self._lock, self._prepared = buffer.lock, buffer.paths
         self._payloads: list[Any] = []
         """All of one layout, oldest first."""
+        self._ends: list[int] = []
+        """The stamp (ns) of the last transform of each payload."""
         self._layout: Layout | MessageLayout | None = None
         """None until a bundle arrives that has each of its frames once."""
         self._indices: dict[str, int] = {}
@@ -121,13 +124,12 @@ class Bundles:
     def take(self, payload: bytes | TFMessage) -> int:
         """Keep or store a bundle; return the stamp (ns) of its last base, 0 if it has none. Raises DecodeError."""
         with self._lock:
-            if self._layout is None or not self._layout.fits(payload):
+            layout = self._layout
+            if layout is None or not layout.fits(payload):
                 return self._take_other(payload)
-            self._payloads.append(payload)
             if len(self._payloads) % _PRUNE == 0:
-                self._prune(self._layout)
-            self._take_samples(self._layout, payload)
-            return 0 if self._last_base is None else self._layout.stamp(self._payloads[-1], self._last_base)
+                self._prune()
+            return self._keep(layout, payload)
 
     def _take_other(self, payload: bytes | TFMessage) -> int:
         """Store all kept transforms of the old layout and then those of a bundle with another layout."""
@@ -138,44 +140,55 @@ class Bundles:
         self._forget()
         if not transforms:
             return 0
+        bases = [index for index, transform in enumerate(transforms) if is_base(transform)]
+        self._last_base = bases[-1] if bases else None
         indices = {strip_slash(transform.child_frame_id): index for index, transform in enumerate(transforms)}
         if len(indices) == len(transforms):
             self._layout = MessageLayout(payload) if isinstance(payload, TFMessage) else Layout(payload)
-            self._indices, self._payloads = indices, [payload]
-            self._read = dict.fromkeys(indices, 1)
-            self._take_samples(self._layout, payload)
+            self._indices, self._read = indices, dict.fromkeys(indices, 1)
+            self._keep(self._layout, payload)
         self._newest = max(self._newest, *(ns_from_time(transform.header.stamp) for transform in transforms))
-        bases = [index for index, transform in enumerate(transforms) if is_base(transform)]
-        self._last_base = bases[-1] if bases else None
         return ns_from_time(transforms[bases[-1]].header.stamp) if bases else 0
 
-    def _take_samples(self, layout: Layout | MessageLayout, payload: Any) -> None:
-        """Find out whether newest poses can be read straight from this payload."""
+    def _keep(self, layout: Layout | MessageLayout, payload: Any) -> int:
+        """Keep a payload of the layout, and find out whether newest poses can be read from it. Returns as `take`."""
         oldest, newest = layout.span(payload)
+        self._payloads.append(payload)
+        self._ends.append(newest if oldest == newest else layout.stamp(payload, -1))
         self._samples = _samples_of(layout, payload) if self._newest < oldest == newest else None
         self._newest = max(self._newest, newest)
+        if self._last_base is None:
+            return 0
+        return newest if oldest == newest else layout.stamp(payload, self._last_base)
 
-    def lookup_pose2(self, target_frame: str, source_frame: str) -> tuple[Pose2, int]:
-        """The newest planar pose of the source in the target and its stamp, as `Buffer.lookup_pose2` finds it."""
+    def find_pose2(self, target_frame: str, source_frame: str) -> tuple[Pose2, int] | None:
+        """What `Buffer.lookup_pose2` finds: the newest planar pose of the source in the target; None if it raises."""
         key = target_frame, source_frame
         with self._lock:
             samples, route = self._samples, self._routes.get(key)
             # Bundles in between are not asked whether they fit: nothing older counts for the newest pose.
-            if samples is not None and route is not None:
-                pose = route.source.find_pose(samples) if route.path is self._buffer.paths.get(key) else None
+            if samples is not None and route is not None and route.path is self._prepared.get(key):
+                number, pose = route.source.known
+                if number != samples.number:
+                    pose = route.source.read_pose(samples)
                 if pose is not None:
                     return pose, self._newest
-            self.settle(target_frame, source_frame)
-            answer = self._buffer.lookup_pose2(target_frame, source_frame, 0)
-            self._keep_route(key)
-            return answer
+            return self._search(key)
+
+    def _search(self, key: tuple[str, str]) -> tuple[Pose2, int] | None:
+        """As `find_pose2`, from the buffer."""
+        self.settle(*key)
+        try:
+            answer = self._buffer.lookup_pose2(*key, 0)
+        except TransformException:
+            return None
+        self._keep_route(key)
+        return answer
 
     def _keep_route(self, key: tuple[str, str]) -> None:
         """Remember the way of a look-up that has just been answered, if it leads over planar edges of the layout."""
-        path, layout, known = self._buffer.paths.get(key), self._layout, self._routes.get(key)
-        if not isinstance(path, PlanarPath) or layout is None:
-            return
-        if known is not None and known.path is path:
+        path, layout, known = self._prepared.get(key), self._layout, self._routes.get(key)
+        if not isinstance(path, PlanarPath) or layout is None or (known is not None and known.path is path):
             return
         parents, edges = layout.parents, self._buffer.edges
         found = {edges[c]: self._indices[c] for c in self._paths[key] if c in edges}
@@ -203,10 +216,9 @@ class Bundles:
             self._routes.clear()
 
     def _forget(self) -> None:
-        self._payloads, self._layout, self._indices, self._read = [], None, {}, {}
+        self._payloads, self._ends, self._layout, self._indices, self._read = [], [], None, {}, {}
         self._samples = None
-        self._paths.clear()
-        self._routes.clear()
+        self.forget_paths()
 
     def _find_path(self, *frames: str) -> list[str]:
         """Those of the frames and their ancestors that are in the layout."""
@@ -226,12 +238,10 @@ class Bundles:
                 for payload in self._payloads[first:]:
                     self._buffer.set_transform(layout.transform(payload, index), self._authority)
 
-    def _prune(self, layout: Layout | MessageLayout) -> None:
+    def _prune(self) -> None:
         """Drop payloads that are older than what the buffer remembers."""
-        oldest = layout.stamp(self._payloads[-1], -1) - self._buffer.cache
-        cut = 0
-        while layout.stamp(self._payloads[cut], -1) < oldest:
-            cut += 1
+        oldest = self._ends[-1] - self._buffer.cache
+        cut = next(i for i, end in enumerate(self._ends) if end >= oldest)
         if cut:
-            del self._payloads[:cut]
+            del self._payloads[:cut], self._ends[:cut]
             self._read = {child: max(0, read - cut) for child, read in self._read.items()}

@@ -160,8 +160,10 @@ def test_what_is_kept_hangs_on_the_code_of_each_kernel(kernels: object) -> None:
     """Else kernels of older code would run: a module with kernels lies in its package and declares them as others."""
     assert isinstance(kernels, type(BEHAVIOR_KERNELS))
     __import__(kernels.warmup)
-    assert kernels.kernels
-    for kernel in kernels.kernels:
+    # Other tests declare some too.
+    ours = [kernel for kernel in kernels.kernels if kernel.__module__.startswith("zteam.")]
+    assert ours
+    for kernel in ours:
         path = Path(sys.modules[kernel.__module__].__file__ or "")
         assert path.parent == Path(kernel_cache.__file__).parents[1] / kernels.name
         assert any(mark in path.read_bytes() for mark in kernel_cache._MARKS)

@@ -63,15 +63,17 @@ def test_two_threads_measure_what_one_does(processors: list[int], seed: int, opt
 
 
 def test_the_rays_may_be_cast_beside_the_caller(processors: list[int]) -> None:
-    """An engine that begins to observe early senses what one does that observes at once."""
+    """An engine that begins to observe early senses what one does that observes at once; its bases do so at once."""
     world = make_team()
     at_once, early = Engine(world), Engine(world)
     for tick in range(20):
         commands = {i: drive(0.5, 0.3 * i) for i in at_once.robots} if tick % 3 else {}
         early.move(commands)
-        early.begin_observing()
+        bases = early.begin_observing()
         seen = [at_once.step(commands), early.observe()]
         one, other = ([robot.readings[0].ranges.tobytes() for robot in each.robots.values()] for each in seen)
+        assert one == other
+        one, other = ([(robot.odom, robot.velocity) for robot in each.robots.values()] for each in (bases, seen[0]))
         assert one == other
 
 

@@ -78,7 +78,7 @@ def test_thruns_noise_spreads_with_the_way() -> None:
     engine = Engine(make_world(wall_at=FAR), robots=robots, options=options)
     for _ in range(ticks):
         engine.move({i: drive(0.4) for i in robots})
-    ends = np.array([engine.odoms()[i].x for i in robots])
+    ends = np.array([seen.odom.x for seen in engine.observe().robots.values()])
     assert ends.mean() == pytest.approx(1.0, abs=0.01)
     # A standard deviation of 0.2 ways a tick, over 25 ticks.
     assert ends.std() == pytest.approx(0.2 * way * math.sqrt(ticks), rel=0.15)
@@ -87,7 +87,7 @@ def test_thruns_noise_spreads_with_the_way() -> None:
     )
     for _ in range(ticks):
         turned.move({i: drive(0.4) for i in robots})
-    yaws = np.array([turned.odoms()[i].yaw for i in robots])
+    yaws = np.array([seen.odom.yaw for seen in turned.observe().robots.values()])
     assert yaws.std() == pytest.approx(0.1 * way * math.sqrt(2 * ticks), rel=0.15)
 
 
@@ -97,8 +97,8 @@ def test_turning_on_the_spot_moves_noisy_odometry() -> None:
         engine = Engine(make_world(make_robot(odom_alphas=(0.0, 0.0, 0.0, 0.1)), wall_at=FAR))
         for _ in range(20):
             engine.step({0: drive(speed, 1.0)})
-        assert 1e-3 < math.hypot(*engine.odoms()[0][:2]) < 1.0
-        assert engine.odoms()[0].yaw == pytest.approx(2.0)
+        assert 1e-3 < math.hypot(*engine.observe().robots[0].odom[:2]) < 1.0
+        assert engine.observe().robots[0].odom.yaw == pytest.approx(2.0)
 
 
 def test_a_standing_robot_does_not_drift() -> None:
@@ -106,4 +106,4 @@ def test_a_standing_robot_does_not_drift() -> None:
     engine = Engine(make_world(make_robot(odom_alphas=(0.1, 0.1, 0.1, 0.1)), wall_at=FAR))
     for _ in range(20):
         engine.step({})
-    assert engine.odoms()[0] == (0.0, 0.0, 0.0)
+    assert engine.observe().robots[0].odom == (0.0, 0.0, 0.0)

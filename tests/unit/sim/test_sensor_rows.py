@@ -48,7 +48,7 @@ def prepare(surroundings: Surroundings, owned: Sequence[tuple[int, Thermometer]]
 class Temperature(Message):
     """The message type."""
 
-    ros_type: ClassVar[str] = "zteam_msgs/msg/Temperature"
+    ros_type: ClassVar[str] = "test_msgs/msg/Temperature"
     header: Header = msgspec.field(default_factory=Header)
     degrees: float64 = 0.0
 

@@ -17,9 +17,9 @@ def test_a_robot_that_joins_is_seen_and_drives(physics: str) -> None:
     engine = Engine(make_world(make_robot(0.0, -2.0), wall_at=9.0, physics=physics))
     for _ in range(5):
         engine.step({0: drive(0.5, 0.2)})
-    before, odom = engine.truth(0), engine.odoms()[0]
+    before, odom = engine.truth(0), engine.observe().robots[0].odom
     engine.spawn(4, make_robot(before.x, before.y + 2.0))
-    assert (engine.truth(0), engine.odoms()[0]) == (before, odom)
+    assert (engine.truth(0), engine.observe().robots[0].odom) == (before, odom)
     seen = engine.step({4: drive(0.5), 0: drive(0.5, 0.2)})
     assert list(seen.robots) == [0, 4]
     assert seen.robots[4].truth.x == pytest.approx(before.x + 0.05)
@@ -50,10 +50,10 @@ def test_a_lifted_robot_keeps_its_odometry(physics: str) -> None:
     engine = Engine(make_world(make_robot(0.5, 0.0, 0.3), wall_at=9.0, physics=physics))
     for _ in range(10):
         engine.step({0: drive(0.5, 0.3)})
-    odom = engine.odoms()[0]
+    odom = engine.observe().robots[0].odom
     engine.place(0, Pose2(-3.0, 1.0, 2.0))
     assert engine.truth(0) == pytest.approx((-3.0, 1.0, 2.0))
-    assert engine.odoms()[0] == pytest.approx(odom)
+    assert engine.observe().robots[0].odom == pytest.approx(odom)
     assert engine.odom_origin(0).compose(odom) == pytest.approx((-3.0, 1.0, 2.0))
     seen = engine.step({0: drive(0.5)}).robots[0]
     assert seen.truth[:2] == pytest.approx((-3.0 + 0.05 * math.cos(2.0), 1.0 + 0.05 * math.sin(2.0)))

@@ -2,7 +2,6 @@
 
 import math
 import random
-from functools import partial
 
 import pytest
 
@@ -61,16 +60,15 @@ class Pair:
                 answers.append((type(error), str(error)))
         return answers
 
-    def newest(self, target: str, source: str) -> list[tuple[float, ...] | str]:
-        """What both say of the newest planar pose: x, y, yaw and its stamp, or the error."""
-        answers: list[tuple[float, ...] | str] = []
-        for ask in (partial(self.whole.lookup_pose2, time=0), self.bundles.lookup_pose2):
-            try:
-                pose, stamp = ask(target, source)
-                answers.append((*pose, stamp))
-            except TransformException as error:
-                answers.append(repr(error))
-        return answers
+    def newest(self, target: str, source: str) -> list[tuple[float, ...] | None]:
+        """What both say of the newest planar pose: x, y, yaw and its stamp; None where there is none."""
+        try:
+            pose, stamp = self.whole.lookup_pose2(target, source, 0)
+            whole: tuple[float, ...] | None = (*pose, stamp)
+        except TransformException:
+            whole = None
+        found = self.bundles.find_pose2(target, source)
+        return [whole, None if found is None else (*found[0], found[1])]
 
     def move_start(self, robot: int, x: float) -> None:
         """Place a robot's start pose anew."""

@@ -196,11 +196,11 @@ class SafetyLayer:
             needs = approach.needed_seconds(asked, TEAMMATE_GAP, extra)
             mates = self._mates.look(view, self._outline, abs(speed) * needs)
         obstacles = Obstacles(self._around, self._stoppers, mates, extra)
-        if mates or self._around.is_blinded:
-            # What is silent hangs on the teammates too.
+        if self._around.is_blinded:
+            # What is silent hangs on all teammates.
             cut = self._find_cut(asked, approach, obstacles, view)
         else:
-            known, same = self._around.known, (asked, seconds, extra)
+            known, same = self._around.known, (asked, seconds, extra, tuple(mates))
             cut = known.get(same) or self._around.keep(same, self._find_cut(asked, approach, obstacles, view))
         is_stopped = (asked.x and not cut.motion.x) or cut.motion == STANDING
         self._held = _way_of(asked) if is_stopped else None
@@ -269,6 +269,15 @@ def _way_of(motion: Motion) -> tuple[bool, bool]:
 
 def old_scan(view: View) -> str:
     """Why the scan cannot be driven by: there is none, or it is old; empty if it can."""
+    # Asked before the behaviour steps, and before its command is limited.
+    known = view.__dict__
+    if "old_scan" not in known:
+        known["old_scan"] = _age_trouble(view)
+    trouble: str = known["old_scan"]
+    return trouble
+
+
+def _age_trouble(view: View) -> str:
     if view.scan is None:
         return "no scan yet"
     return "" if view.is_fresh(ns_from_time(view.scan.header.stamp), STALE_AFTER) else "stale scan"

@@ -119,7 +119,7 @@ class _Drive:
         robots = range(len(self._pilots))
         moving: list[TransformStamped] = []
         for i in robots:
-            moving += transforms(engine.now, i, engine.odoms()[i]).transforms
+            moving += transforms(seen.stamp, i, seen.robots[i].odom).transforms
         scans = tuple(scan_message(seen, i, 0) for i in robots)
         odometries = tuple(odometry_message(seen, i) for i in robots)
         tick = Tick(engine.now, scans, odometries, encode(TFMessage(moving)))

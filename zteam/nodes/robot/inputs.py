@@ -5,13 +5,12 @@ from collections.abc import Mapping
 from zteam import names
 from zteam.base import Base, BaseOverride, base_of
 from zteam.behaviors.inputs import DeclaredInput
-from zteam.behaviors.view import NO_BASES, View
-from zteam.geometry import Pose2
+from zteam.behaviors.view import NO_BASES, FindPose, View
 from zteam.messages import BaseInfo, LaserScan, Odometry, TeamState, TeamStatus, TFMessage, ns_from_time
 from zteam.nodes.robot.base_input import BaseInput
 from zteam.nodes.robot.declared import DeclaredInputs
 from zteam.nodes.robot.mux import Mux
-from zteam.tf import Buffer, TransformException
+from zteam.tf import Buffer
 from zteam.tf.lazy_bundles import Bundles
 
 
@@ -46,6 +45,8 @@ class Inputs:
         self._base = names.robot_frame(robot_id, names.BASE_FOOTPRINT)
         self._buffer = Buffer()
         self._bundles = Bundles(self._buffer, names.TF)
+        self.lookup: FindPose = self._bundles.find_pose2
+        """The newest `target_from_source` in the plane and its stamp; None if it is unknown."""
 
     def take_scan(self, scan: LaserScan) -> None:
         """A scan has come."""
@@ -121,13 +122,6 @@ class Inputs:
             inputs=self.declared.nothing if is_first else self.declared.view(now),
             seed=seed,
         )
-
-    def lookup(self, target: str, source: str) -> tuple[Pose2, int] | None:
-        """The newest `target_from_source` in the plane and its stamp; None if it is unknown."""
-        try:
-            return self._bundles.lookup_pose2(target, source)
-        except TransformException:
-            return None
 
     def forget(self) -> None:
         """Time jumped back: forget everything but the base, the fixed transforms and GO."""

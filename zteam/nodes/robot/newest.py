@@ -44,7 +44,8 @@ class Newest:
 
         Of one sender and tick the last one counts; of several senders the one that comes first by `precedence`.
         """
-        self.settle(open_stamp)
+        if self._coming:
+            self.settle(open_stamp)
         tick, coming = tick_of(message, open_stamp), self._coming
         if coming:
             # What a sender sent later was not sent in an earlier tick.

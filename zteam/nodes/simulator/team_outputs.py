@@ -46,13 +46,18 @@ class TeamOutputs(Collection[int]):
         """Send a robot's fixed frames."""
         self._outputs[robot_id].put_statics(self._engine.odom_origin(robot_id))
 
-    def put_transforms(self, robot_ids: Iterable[int]) -> None:
-        """Send these robots' odom -> base_footprint at the engine's time."""
-        now, poses = self._engine.now, self._engine.odoms()
+    def put_transforms(self, robot_ids: Iterable[int], observation: Observation) -> None:
+        """Send these robots' odom -> base_footprint."""
         for robot_id in robot_ids:
-            self._outputs[robot_id].put_transforms(now, poses[robot_id])
+            self._outputs[robot_id].put_transforms(observation.stamp, observation.robots[robot_id].odom)
 
-    def put_sensors(
+    def put_odometry(self, robot_ids: Iterable[int], observation: Observation, *, again: bool = False) -> None:
+        """Send these robots' odometry; `again` also without a known subscriber."""
+        self._note_subscribers()
+        for robot_id in robot_ids:
+            self._outputs[robot_id].put_odometry(observation, again=again)
+
+    def put_scans(
         self,
         robot_ids: Iterable[int],
         observation: Observation,
@@ -60,14 +65,13 @@ class TeamOutputs(Collection[int]):
         *,
         again: bool = False,
     ) -> None:
-        """Send what these robots' behaviours need; `again` also without a known subscriber.
+        """Send these robots' scans; `again` as with `put_odometry`.
 
         `on_scan(robot_id)` is called before the scans of a robot leave.
         """
         self._note_subscribers()
         for robot_id in robot_ids:
             output = self._outputs[robot_id]
-            output.put_odometry(observation, again=again)
             if output.scans:
                 on_scan(robot_id)
                 output.put_scans(observation, again=again)

@@ -50,13 +50,14 @@ class TickSender:
         if early:
             self._announce()
         # Transforms leave before the lasers are computed. They pass through the aggregator, and this way the tree is
-        # complete when a robot has its scan. A second thread may cast rays meanwhile.
-        engine.begin_observing()
-        self._outputs.put_transforms(self._outputs)
+        # complete when a robot has its scan. A second thread may cast rays meanwhile, so the odometry leaves too.
+        bases = engine.begin_observing()
+        self._outputs.put_transforms(self._outputs, bases)
+        self._outputs.put_odometry(self._outputs, bases)
         self._profile.end(tick_profile.PUBLISH)
         self._observation = engine.observe()
         self._profile.end(tick_profile.SENSORS)
-        self._outputs.put_sensors(self._outputs, self._observation, self._commands.scan_sent)
+        self._outputs.put_scans(self._outputs, self._observation, self._commands.scan_sent)
         if not early:
             self._announce()
         self._profile.end(tick_profile.PUBLISH)
@@ -97,5 +98,6 @@ class TickSender:
             self._repeat_inputs([robot_id for robot_id in self._outputs if robot_id in robots], self._observation)
 
     def _repeat_inputs(self, robot_ids: list[int], observation: Observation) -> None:
-        self._outputs.put_transforms(robot_ids)
-        self._outputs.put_sensors(robot_ids, observation, self._commands.scan_sent, again=True)
+        self._outputs.put_transforms(robot_ids, observation)
+        self._outputs.put_odometry(robot_ids, observation, again=True)
+        self._outputs.put_scans(robot_ids, observation, self._commands.scan_sent, again=True)

@@ -88,10 +88,8 @@ class Places:
                 return self.buffer.lookup_pose2(names.MAP_FRAME, frame, stamp)[0]
         except TransformException:
             pass
-        try:
-            return self._bundles.lookup_pose2(names.MAP_FRAME, frame)[0]
-        except TransformException:
-            return None
+        newest = self._bundles.find_pose2(names.MAP_FRAME, frame)
+        return None if newest is None else newest[0]
 
     def frames_settled(self, frames: Iterable[str]) -> None:
         """Let the buffer have the newest transforms of these frames."""

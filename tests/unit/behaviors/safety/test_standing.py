@@ -105,6 +105,12 @@ def a_teammate_stops_it(robot: Robot) -> None:
             robot.step(0.2)
 
 
+def a_teammate_inches_nearer(robot: Robot) -> None:
+    """Robot 1 stops it, stands, comes a centimetre nearer, and turns."""
+    for robot.mate in (Pose2(0.6, 0.0, math.pi), Pose2(0.59, 0.0, math.pi), Pose2(0.59, 0.0, 2.0)):
+        robot.step(0.2, times=20)
+
+
 def a_teammate_dazzles(robot: Robot) -> None:
     """Robot 1 explains, from behind the wall, why some beams say nothing, and leaves."""
     robot.dazzled = 4
@@ -141,6 +147,7 @@ CHANGES = [
     a_teammate_comes,
     a_teammate_comes_behind,
     a_teammate_stops_it,
+    a_teammate_inches_nearer,
     a_teammate_dazzles,
     odometry_jumps,
     odometry_slips,
@@ -161,26 +168,46 @@ def test_what_is_kept_is_never_old(change: Callable[[Robot], None]) -> None:
     assert len({speed for speed, _, _ in robot.left}) > 1
 
 
-def test_a_robot_that_stands_works_out_once_what_stops_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With the same scan, pose and wish; not with another wish, and not where it moves."""
-    looks = 0
+@pytest.fixture
+def looks(monkeypatch: pytest.MonkeyPatch) -> list[None]:
+    """Grows with each search for what an arc meets."""
+    found: list[None] = []
     meeting_time = safety_layer.meeting_time
 
     def counted(*args: object) -> float:
-        nonlocal looks
-        looks += 1
+        found.append(None)
         return meeting_time(*args)  # type: ignore[arg-type]
 
     monkeypatch.setattr(safety_layer, "meeting_time", counted)
+    return found
+
+
+def test_a_robot_that_stands_works_out_once_what_stops_it(looks: list[None]) -> None:
+    """With the same scan, pose and wish; not with another wish, and not where it moves."""
     robot = Robot()
     robot.back_up_to_the_wall()
     assert robot.left[-1][0] == 0.0
-    assert looks > 3
-    looks = 0
+    assert len(looks) > 3
+    looks.clear()
     robot.step(-0.4, times=5)
-    assert looks == 0
+    assert not looks
     robot.step(-0.05)
-    assert looks == 1
+    assert len(looks) == 1
+
+
+def test_a_robot_that_stands_works_out_once_which_teammate_stops_it(looks: list[None]) -> None:
+    """As long as the teammate stands too; not when that one comes nearer."""
+    robot = Robot()
+    robot.mate = Pose2(0.6, 0.0, math.pi)
+    robot.step(0.2, times=20)
+    assert robot.left[-1] == (0.0, 0.0, "robot_1 ahead")
+    assert looks
+    looks.clear()
+    robot.step(0.2, times=5)
+    assert not looks
+    robot.mate = Pose2(0.59, 0.0, math.pi)
+    robot.step(0.2)
+    assert looks
 
 
 def test_little_is_kept() -> None:
