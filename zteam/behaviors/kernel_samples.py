@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from zteam.behaviors.meeting_kernels import meet_turning
+from zteam.behaviors.meeting_kernels import meet_straight, meet_turning
 from zteam.behaviors.memory_kernels import add_scan, clear_seen, select_near, select_untold
 from zteam.behaviors.scan_kernels import find_nearest, interpret, select_hits
 
@@ -23,4 +23,5 @@ def call_kernels() -> None:
     empty = np.empty((2, 0)), np.empty(0)
     add_scan(*empty, 0.0, 1.0, *frame, -1.0, 0.5, ranges, points, 4.0, room, np.empty(_BEAMS))
     clear_seen(np.ones(_BEAMS, bool), points, np.zeros((1, 8)), -1.0, 0.5, np.ones((1, _BEAMS)), 0.1, 0.1, 0.1)
+    meet_straight(points, np.zeros((3, 4)), 0.5, 0.1)
     meet_turning(points, np.zeros((3, 4)), 0.0, 1.0, 0.0, math.inf, 0.1, 1.0)

@@ -4,6 +4,7 @@ Points are metres, (2, n), in the base frame.
 """
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,15 +28,65 @@ _WRONG = 1e-10
 
 
 @compiled
+def _limit_of(x: float, y: float, planes: Floats, margin: float) -> float:
+    """Metres that the base may come near to a point: `margin`, or less where it is nearer now."""
+    depth = -math.inf
+    for i in range(planes.shape[0]):
+        depth = max(depth, planes[i, 0] * x + planes[i, 1] * y - planes[i, 2])
+    return min(margin, max(depth - TOUCH, min(depth - ROUNDING, CLOSEST)))
+
+
+def _limits_of(depths: Floats, margin: float) -> Floats:
+    """As _limit_of, of points that are so far outside of each half-plane (m, n)."""
+    deepest = np.maximum.reduce(depths)
+    limits: Floats = np.minimum(margin, np.maximum(deepest - TOUCH, np.minimum(deepest - ROUNDING, CLOSEST)))
+    return limits
+
+
+def _meet_straight_numpy(points: Floats, planes: Floats, speed: float, margin: float) -> float:
+    normal_x, normal_y, offsets, _ = planes.T[:, :, None]
+    # Not a product of matrices, which may be fused.
+    depths = normal_x * points[0] + normal_y * points[1] - offsets
+    depths -= _limits_of(depths, margin)
+    closing = speed * planes[:, 0] + 0.0
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+        crossed = depths / closing[:, None]
+    away = closing < 0.0
+    enters = np.fmax.reduce(crossed[~away], axis=0, initial=0.0)
+    leaves = np.fmin.reduce(crossed[away], axis=0, initial=np.inf)
+    return float(enters.min(where=enters <= leaves, initial=np.inf))
+
+
+@plainly(_meet_straight_numpy)
+@compiled
+def meet_straight(points: Floats, planes: Floats, speed: float, margin: float) -> float:
+    """Seconds that a base drives straight on at `speed` (m/s) until it first meets a point: the point is in all
+    half-planes at once. inf if it meets none. `planes` and `margin` are as for meet_turning.
+    """
+    met = math.inf
+    for i in range(points.shape[1]):
+        x, y = points[0, i], points[1, i]
+        limit, enters, leaves = _limit_of(x, y, planes, margin), 0.0, math.inf
+        for j in range(planes.shape[0]):
+            # Adding 0 makes 0 of -0, which would turn infinities round.
+            closing = speed * planes[j, 0] + 0.0
+            crossed = (planes[j, 0] * x + planes[j, 1] * y - planes[j, 2] - limit) / closing
+            # A point on the edge of a half-plane that the base moves along is no number, and in it.
+            if closing < 0.0:
+                leaves = crossed if crossed < leaves else leaves
+            else:
+                enters = crossed if crossed > enters else enters
+        if enters <= leaves:
+            met = min(met, enters)
+    return met
+
+
+@compiled
 def _turn_until_met(
     x: float, y: float, away: float, planes: Floats, centre: float, side: float, margin: float, most: float
 ) -> float:
     """As meet_turning, for one point that is so far `away` from the centre."""
-    away = max(away, TINY)
-    depth = -math.inf
-    for i in range(planes.shape[0]):
-        depth = max(depth, planes[i, 0] * x + planes[i, 1] * y - planes[i, 2])
-    limit = min(margin, max(depth - TOUCH, min(depth - ROUNDING, CLOSEST)))
+    away, limit = max(away, TINY), _limit_of(x, y, planes, margin)
     bearing, met = math.atan2(y - centre, x), math.inf
     for i in range(planes.shape[0]):
         # Seen from the centre: how far the half-plane reaches, with the limit.
@@ -63,11 +114,13 @@ def _meet_turning_plainly(
     met = math.inf
     if near.size:
         points, away = points.take(near, axis=1), away.take(near)
+        # Its numbers are Python's, which the loop adds in less time than numpy's.
+        rows: Any = planes.data
         for turned, i in _guess_turns(points, away, planes, centre, side, margin, most):
             if turned > met + _WRONG:
                 break
             x, y = points[:, i].tolist()
-            met = min(met, _turn_until_met(x, y, away.item(i), planes, centre, side, margin, most))
+            met = min(met, _turn_until_met(x, y, away.item(i), rows, centre, side, margin, most))
     return met
 
 
@@ -77,8 +130,7 @@ def _guess_turns(
     """Radians after which points may be met, in their order, and which points: none of those that are is missing."""
     (x, y), away = points, np.maximum(away, TINY)
     normal_x, normal_y, offsets, bearings = planes.T[:, :, None]
-    depths = np.maximum.reduce(normal_x * x + normal_y * y - offsets)
-    limits = np.minimum(margin, np.maximum(depths - TOUCH, np.minimum(depths - ROUNDING, CLOSEST)))
+    limits = _limits_of(normal_x * x + normal_y * y - offsets, margin)
     reach, bearing = offsets - normal_y * centre, np.arctan2(y - centre, x)
     turned = np.arccos(np.minimum(np.maximum((reach + limits) / away, -1.0), 1.0)) + side * (bearing - bearings)
     # A whole turn that is a little less may be none.

@@ -18,6 +18,8 @@ SEEN_WITHIN = 0.05
 """Metres that a point may seem to lie behind what a beam met and still be the same."""
 FINEST = 1e-9
 """Radians: finer sectors are no laser's, and their places too large for a number."""
+_FEW = 5
+"""numpy asks one scan of so many first what it saw: mostly that is all that any scan saw."""
 
 
 def look(start: float, step: float, distances: Floats, x: Floats, y: Floats) -> Floats:
@@ -161,17 +163,18 @@ def _clear_seen_numpy(
     unseen: Flags, places: Floats, frames: Floats, start: float, step: float, distances: Floats, rear: float,
     front: float, half_width: float,
 ) -> None:  # fmt: skip
-    at = unseen.nonzero()[0]
-    base_x, base_y, base_cos, base_sin, laser_x, laser_y, cos, sin = frames.T[:, :, None]
-    px, py = places.take(at, axis=1)
-    dx, dy = px - laser_x, py - laser_y
-    seen = (look(start, step, distances, cos * dx + sin * dy, cos * dy - sin * dx) >= np.hypot(dx, dy)).any(axis=0)
-    if not seen.all():
-        left = ~seen
-        dx, dy = px[left] - base_x, py[left] - base_y
+    for some in (slice(None, None, _FEW), slice(None)):
+        at = unseen.nonzero()[0]
+        if not at.size:
+            break
+        base_x, base_y, base_cos, base_sin, laser_x, laser_y, cos, sin = frames[some].T[:, :, None]
+        px, py = places.take(at, axis=1)
+        dx, dy = px - base_x, py - base_y
         along, across = base_cos * dx + base_sin * dy, base_cos * dy - base_sin * dx
-        seen[left] = ((along >= -rear) & (along <= front) & (np.abs(across) <= half_width)).any(axis=0)
-    unseen[at] = ~seen
+        seen = ((along >= -rear) & (along <= front) & (np.abs(across) <= half_width)).any(axis=0)
+        dx, dy = px - laser_x, py - laser_y
+        saw = look(start, step, distances[some], cos * dx + sin * dy, cos * dy - sin * dx)
+        unseen[at] = ~(seen | (saw >= np.hypot(dx, dy)).any(axis=0))
 
 
 @plainly(_clear_seen_numpy)
@@ -185,13 +188,15 @@ def clear_seen(
     `frames` (m, 8) are the base's and the laser's at each scan, `distances` (m, k) the sectors of all scans.
     """
     for i in range(unseen.size):
+        # Where a base stood is told without an angle.
         for k in range(frames.shape[0]):
-            if not unseen[i]:
-                break
             dx, dy = places[0, i] - frames[k, 0], places[1, i] - frames[k, 1]
             along, across = frames[k, 2] * dx + frames[k, 3] * dy, frames[k, 2] * dy - frames[k, 3] * dx
             if -rear <= along <= front and abs(across) <= half_width:
                 unseen[i] = False
+                break
+        for k in range(frames.shape[0]):
+            if not unseen[i]:
                 break
             dx, dy = places[0, i] - frames[k, 4], places[1, i] - frames[k, 5]
             along, across = frames[k, 6] * dx + frames[k, 7] * dy, frames[k, 6] * dy - frames[k, 7] * dx

@@ -18,7 +18,9 @@ def _interpret_numpy(ranges: Floats, at_least: float, at_most: float, no_hit: fl
     low, high = ranges.item(ranges.argmin()), ranges.item(ranges.argmax())
     # A NaN among them fails the comparisons. Mostly every beam says something, and then no beam has to be looked at.
     all_speak: bool = low > 0.0 and low >= at_least and high <= at_most
-    if all_speak and high < no_hit:
+    if all_speak:
+        if high >= no_hit:
+            np.putmask(ranges, ranges >= no_hit, np.inf)
         return True
     too_close = ranges == -np.inf
     # NaN fails both comparisons, and so says nothing either.
@@ -26,7 +28,7 @@ def _interpret_numpy(ranges: Floats, at_least: float, at_most: float, no_hit: fl
     ranges[~((in_range | (ranges == np.inf)) & (ranges > 0.0))] = np.nan
     np.putmask(ranges, ranges >= no_hit, np.inf)
     ranges[too_close] = 0.0
-    return all_speak
+    return False
 
 
 @plainly(_interpret_numpy)

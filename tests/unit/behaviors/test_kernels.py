@@ -205,12 +205,12 @@ def outline(rng: np.random.Generator) -> Outline:
     return Outline(tuple(map(tuple, corners.round(3).tolist())))
 
 
-def test_turning_bases_meet_points_at_the_same_time() -> None:
-    """On arcs and on the spot, of points far off, near, and within the outline; and also just where the turn ends."""
+def test_bases_meet_points_at_the_same_time() -> None:
+    """Straight on, on arcs and on the spot: points far off, near, and within the outline, and where the way ends."""
     rng, met = np.random.default_rng(7), 0
     for _ in range(5 * CASES):
         base, points = outline(rng), cloud(rng, 1) * float(rng.choice((0.1, 0.3, 1.0)))
-        arc = Arc(float(rng.choice((0.0, 0.3, -0.5, 1.0))), float(rng.choice((0.8, -0.3, 3.0, -1e-3))))
+        arc = Arc(float(rng.choice((0.0, 0.3, -0.5, 1.0))), float(rng.choice((0.8, -0.3, 3.0, -1e-3, 0.0))))
 
         def meet(seconds: float, points: np.ndarray = points, base: Outline = base, arc: Arc = arc) -> tuple[float]:
             return (meeting_time(base, arc, seconds, points, 0.1),)
@@ -251,4 +251,4 @@ def test_robots_need_no_numba() -> None:
     done = subprocess.run(
         [sys.executable, "-P", "-c", DRIVES], capture_output=True, text=True, timeout=100, check=False
     )
-    assert done.stdout == "True 8 8\n[] False\n[]\n", done.stderr
+    assert done.stdout == "True 9 9\n[] False\n[]\n", done.stderr

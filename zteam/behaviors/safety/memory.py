@@ -6,7 +6,6 @@ distance of the nearest remembered point answers most questions.
 
 import math
 from collections import deque
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -33,8 +32,6 @@ _JUMP = 1.0
 """Metres of odometry from step to step that no base drives: the robot was set down elsewhere."""
 _PUT = 0.02
 """Metres further than the corners that a base has room where it was put down."""
-_FEW = 5
-"""One kept scan of so many is asked first what it saw: mostly that is all that any scan saw."""
 _NOTHING = np.empty((2, 0))
 
 
@@ -45,23 +42,24 @@ class _Key(NamedTuple):
     base: Pose2
     laser: Pose2
     """Both in `odom`."""
+    frames: tuple[float, ...]
+    """The same as kernels take it: four numbers each."""
     sectors: Sectors
 
 
 class _Stack(NamedTuple):
-    """Kept scans of one laser."""
+    """The kept scans of a laser."""
 
     frames: Floats
-    """(n, 8): of base and laser, as kernels take them."""
+    """(n, 8): of base and laser at each scan."""
     sectors: Sectors
     """With a row of distances for each scan."""
 
     @classmethod
-    def of(cls, keys: Sequence[_Key]) -> "_Stack":
+    def of(cls, keys: deque[_Key]) -> "_Stack":
         """The stack of these scans."""
-        frames = np.array([(*_frame(key.base), *_frame(key.laser)) for key in keys])
         distances = np.array([key.sectors.distances for key in keys])
-        return cls(frames, keys[0].sectors._replace(distances=distances))
+        return cls(np.array([key.frames for key in keys]), keys[-1].sectors._replace(distances=distances))
 
 
 class _Vicinity(NamedTuple):
@@ -92,8 +90,8 @@ class ScanMemory:
     def forget(self) -> None:
         """The robot is somewhere else."""
         self._keys: deque[_Key] = deque(maxlen=MAX_KEYS)
-        self._stacks: list[_Stack] | None = None
-        """The kept scans as arrays, when they were last asked for: a few, and the others."""
+        self._stack: _Stack | None = None
+        """The kept scans, when they were last asked for."""
         self._pending: list[_Key] = []
         """Kept scans that are not in the cloud."""
         self._cloud = _NOTHING
@@ -139,9 +137,10 @@ class ScanMemory:
             # Another laser than before.
             self.forget()
             self.pose = base
-        key_scan = _Key(self._travelled, base, base.compose(base_from_laser), sectors)
+        laser = base.compose(base_from_laser)
+        key_scan = _Key(self._travelled, base, laser, (*_frame(base), *_frame(laser)), sectors)
         self._keys.append(key_scan)
-        self._stacks = None
+        self._stack = None
         self._pending.append(key_scan)
         while self._keys[0].travelled < self._travelled - SPAN:
             self._keys.popleft()
@@ -186,16 +185,13 @@ class ScanMemory:
         """Which of the points (2, n) of the base's frame no remembered scan saw."""
         if self.pose is None or not self._keys:
             return np.ones(points.shape[1], bool)
-        if self._stacks is None:
-            keys = list(self._keys)
-            few, rest = keys[::_FEW], [key for i, key in enumerate(keys) if i % _FEW]
-            self._stacks = [_Stack.of(part) for part in (few, rest) if part]
+        if self._stack is None:
+            self._stack = _Stack.of(self._keys)
         places = _out_of(self.pose, points)
         unseen = np.ones(points.shape[1], bool)
-        for stack in self._stacks:
-            clear_seen(unseen, places, stack.frames, *stack.sectors, *self._extent)
-            if not unseen.any():
-                return unseen
+        clear_seen(unseen, places, self._stack.frames, *self._stack.sectors, *self._extent)
+        if not unseen.any():
+            return unseen
         if self._start is not None and self._travelled <= SPAN:
             unseen &= np.hypot(places[0] - self._start.x, places[1] - self._start.y) > self._room
         return unseen

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zteam.base import Base, Point2
-from zteam.behaviors.meeting_kernels import CLOSEST, ROUNDING, TOUCH, meet_turning
+from zteam.behaviors.meeting_kernels import CLOSEST, meet_straight, meet_turning
 
 Floats = NDArray[np.float64]
 
@@ -76,15 +76,9 @@ class Outline:
         self.rear_edge = _edge(corners, self.normals, -1.0)
         """(2, m): points of what leads when it drives forwards, and backwards."""
 
-    def depths(self, points: Floats) -> Floats:
-        """(n, m): how far the points (2, m) are outside of each half-plane: metres, below 0 inside."""
-        found: Floats = self.normals @ points
-        found -= self.offsets[:, None]
-        return found
-
     def distances(self, points: Floats) -> Floats:
         """Of points (2, m): metres from the hull, below 0 inside; too little beside a corner."""
-        found: Floats = np.maximum.reduce(self.depths(points))
+        found: Floats = np.maximum.reduce(self.normals @ points - self.offsets[:, None])
         return found
 
     def distance(self, x: float, y: float) -> float:
@@ -212,44 +206,17 @@ def swept_box(outline: Outline, arc: Arc, seconds: float) -> Box:
     return Box(left - rear, right + front, bottom - side, top + side)
 
 
-def _limits_of(outline: Outline, arc: Arc, distances: Floats, clearance: float = 0.0) -> Floats:
-    """How near the base may come, on this arc, to points that are so far from it now: metres, (n,) both."""
-    nearer = np.maximum(distances - TOUCH, np.minimum(distances - ROUNDING, CLOSEST))
-    limits: Floats = np.minimum(margin_of(outline, arc) + clearance, nearer)
-    return limits
-
-
 def meeting_time(outline: Outline, arc: Arc, seconds: float, points: Floats, clearance: float = 0.0) -> float:
     """When within `seconds` the base first comes nearer to a point of (2, n) than the margin and `clearance` (m).
 
     inf if it does not. Where it is nearer than that now, what counts is when it comes nearer still: so a base may
     always move away.
     """
+    points, margin = np.ascontiguousarray(points), margin_of(outline, arc) + clearance
     if abs(arc.turn * seconds) < STRAIGHT:
-        time = _meet_straight(outline, arc, points, clearance)
+        time = meet_straight(points, outline.rows, float(arc.speed), margin)
     else:
-        time = _meet_turning(outline, arc, seconds, points, clearance)
+        centre, side, most = arc.speed / arc.turn, math.copysign(1.0, arc.turn), float(abs(arc.turn) * seconds)
+        ring = outline.ring(centre, margin)
+        time = meet_turning(points, outline.rows, centre, side, *ring, margin, most) / abs(arc.turn)
     return time if time <= seconds else math.inf
-
-
-def _meet_straight(outline: Outline, arc: Arc, points: Floats, clearance: float) -> float:
-    """As meeting_time: when a point is in all half-planes at once."""
-    depths = outline.depths(points)
-    depths -= _limits_of(outline, arc, np.maximum.reduce(depths), clearance)
-    # Adding 0 makes 0 of -0, which would turn infinities round.
-    closing = arc.speed * outline.normals[:, 0] + 0.0
-    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
-        crossed = depths / closing[:, None]
-    away = closing < 0.0
-    # A point on the edge of a half-plane that the base moves along is no number, and in it.
-    enters = np.fmax.reduce(crossed[~away], axis=0, initial=0.0)
-    leaves = np.fmin.reduce(crossed[away], axis=0, initial=np.inf)
-    return float(enters.min(where=enters <= leaves, initial=np.inf))
-
-
-def _meet_turning(outline: Outline, arc: Arc, seconds: float, points: Floats, clearance: float) -> float:
-    """As meeting_time, on an arc or on the spot."""
-    centre, side = arc.speed / arc.turn, math.copysign(1.0, arc.turn)
-    margin, most = margin_of(outline, arc) + clearance, float(abs(arc.turn) * seconds)
-    ring = outline.ring(centre, margin)
-    return meet_turning(np.ascontiguousarray(points), outline.rows, centre, side, *ring, margin, most) / abs(arc.turn)
