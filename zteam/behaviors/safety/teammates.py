@@ -94,11 +94,15 @@ class _Teammate:
         self.stamp = 0
         self.velocity = 0.0, 0.0
         """m/s, in `map`."""
+        self.way = 0.0
+        """Metres that it drives from its known pose until it stands, if it brakes a tick from now on."""
+        self.growth = 0.0
+        """Metres that its outline has grown."""
         self.due = 0
         """Time at which it is looked up again (ns)."""
 
-    def take(self, pose: Pose2, stamp: int) -> None:
-        """It was at `pose` in `map` at `stamp` (ns; 0 = it never moves)."""
+    def take(self, pose: Pose2, stamp: int, now: int) -> None:
+        """It was at `pose` in `map` at `stamp` (ns; 0 = it never moves), and it is `now` (ns)."""
         last, seconds = self.pose, (stamp - self.stamp) / 1e9
         if last is None or seconds < 0.0 or not stamp:
             self.velocity = 0.0, 0.0
@@ -106,6 +110,10 @@ class _Teammate:
             vx, vy = (pose.x - last.x) / seconds, (pose.y - last.y) / seconds
             self.velocity = (vx, vy) if math.hypot(vx, vy) <= TOO_FAST else (0.0, 0.0)
         self.pose, self.stamp = pose, stamp
+        speed, age = math.hypot(*self.velocity), max(0.0, (now - stamp) / 1e9) if stamp else 0.0
+        self.way = speed * (age + 0.1) + 0.5 * speed * speed / BRAKING
+        late = age - GRACE
+        self.growth = min(MAX_GROWTH, late * max(speed, GROWTH)) if late > 0.0 else 0.0
 
 
 class Teammates:
@@ -154,12 +162,12 @@ class Teammates:
                 away = self._look_up(view, mate, own[0], outline.radius + mate.outline.radius)
                 # The gap is part of the reach.
                 left = away - reach - DRIVE_MARGIN
-                if left <= 0.0 or left <= _way(mate, now) + _growth(mate, now):
+                if left <= 0.0 or left <= mate.way + mate.growth:
                     found.append(mate)
             if mate.due < due:
                 due = mate.due
         self._due = due
-        return _nearby(found, own[0], now) if found else []
+        return _nearby(found, own[0]) if found else []
 
     def _look_up(self, view: View, mate: _Teammate, own: Pose2, radii: float) -> float:
         """Look a teammate up: metres between the circles of both robots, inf if it is not known where it is."""
@@ -168,29 +176,13 @@ class Teammates:
         if found is None or old or not math.isfinite(sum(found[0])):
             mate.pose, mate.due = None, view.now + LOOK_AGAIN
             return math.inf
-        mate.take(*found)
+        mate.take(*found, view.now)
         away = math.hypot(found[0].x - own.x, found[0].y - own.y) - radii
         mate.due = cannot_meet_before(view.now, away - HORIZON)
         return away
 
 
-def _age(mate: _Teammate, now: int) -> float:
-    return max(0.0, (now - mate.stamp) / 1e9) if mate.stamp else 0.0
-
-
-def _way(mate: _Teammate, now: int) -> float:
-    """Metres that a teammate drives from its known pose until it stands, if it brakes a tick from now on."""
-    speed = math.hypot(*mate.velocity)
-    return speed * (_age(mate, now) + 0.1) + 0.5 * speed * speed / BRAKING
-
-
-def _growth(mate: _Teammate, now: int) -> float:
-    """Metres that the outline of a teammate has grown."""
-    late = _age(mate, now) - GRACE
-    return min(MAX_GROWTH, late * max(math.hypot(*mate.velocity), GROWTH)) if late > 0.0 else 0.0
-
-
-def _nearby(mates: list[_Teammate], own: Pose2, now: int) -> list[Near]:
+def _nearby(mates: list[_Teammate], own: Pose2) -> list[Near]:
     """Teammates, seen from the pose `own` in `map`."""
     base_from_map, cos, sin = own.inverse(), math.cos(own.yaw), math.sin(own.yaw)
     found = []
@@ -199,6 +191,6 @@ def _nearby(mates: list[_Teammate], own: Pose2, now: int) -> list[Near]:
         at, velocity = base_from_map.compose(mate.pose), mate.velocity
         vx, vy = cos * velocity[0] + sin * velocity[1], cos * velocity[1] - sin * velocity[0]
         recedes = vx * at.x + vy * at.y > RECEDES * math.hypot(at.x, at.y)
-        gap, way = (FOLLOWING_GAP, 0.0) if recedes else (GAP, _way(mate, now))
-        found.append(Near(mate.robot_id, mate.outline, at, (vx, vy), way, gap, _growth(mate, now)))
+        gap, way = (FOLLOWING_GAP, 0.0) if recedes else (GAP, mate.way)
+        found.append(Near(mate.robot_id, mate.outline, at, (vx, vy), way, gap, mate.growth))
     return found
