@@ -97,8 +97,9 @@ def _read(scan: LaserScan) -> Beams | None:
     return Beams(laser, _directions(*laser), ranges, distances, low if all_speak else 0.0, all_speak)
 
 
-class _Read(msgspec.Struct, frozen=True):
+class _Read(msgspec.Struct):
     scan: LaserScan
+    """The newest one that says this."""
     ranges: NDArray[Any]
     """Read-only."""
     beams: Beams | None
@@ -132,7 +133,10 @@ def beams_of(scan: LaserScan) -> Beams | None:
     if not isinstance(ranges, np.ndarray) or ranges.flags.writeable:
         # It can be changed.
         return _read(scan)
-    beams = newest.beams if newest is not None and newest.says(scan, ranges) else _read(scan)
+    if newest is not None and newest.says(scan, ranges):
+        newest.scan, newest.ranges = scan, ranges
+        return newest.beams
+    beams = _read(scan)
     if newest is None and len(_newest) >= _MOST_LASERS:
         _newest.clear()
     _newest[scan.header.frame_id] = _Read(scan, ranges, beams)

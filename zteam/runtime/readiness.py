@@ -37,9 +37,9 @@ class Readiness:
             self.released, self.epoch = True, epoch
         return self.released
 
-    def drive(self, reason: str) -> None:
-        """The robot acts; `reason` says why it stands still, if it does."""
-        self.state, self.reason = RobotState.RUNNING, reason
+    def drive(self, reason: str, epoch: int = 0) -> None:
+        """The robot acts; `reason` says why it stands still, if it does; `epoch` is the GO that holds (0 = none)."""
+        self.state, self.reason, self.epoch = RobotState.RUNNING, reason, max(epoch, self.epoch)
 
     def stop(self) -> None:
         """The process ends."""

@@ -57,33 +57,40 @@ class Merger:
             stamp = transform.header.stamp
             if now and not -MAX_APART <= stamp.sec * 1_000_000_000 + stamp.nanosec - now <= MAX_APART:
                 refused: Rejection | None = _refuse_stamp(transform, authority, now)
-            elif tick and not is_base(transform):
+            elif is_base(transform):
+                refused = self._store(transform, authority, self._bases)
+            elif tick:
                 self._held.append(_Held(tick, transform, authority))
                 continue
             else:
-                refused = self._store_moving(transform, authority)
-            self._note_refusal(transform, authority, refused)
+                refused = self._store_other(transform, authority)
+            if refused is not None:
+                self._note_refusal(transform, authority, refused)
 
     def _note_refusal(self, transform: TransformStamped, authority: str, refused: Rejection | None) -> None:
         if refused is not None:
             self._conflicts.report(transform.child_frame_id, authority, refused.code, refused.text)
 
-    def _store_moving(self, transform: TransformStamped, authority: str) -> Rejection | None:
-        """Store a moving sample and keep it for the next bundle, unless it is an exact duplicate."""
+    def _store(self, transform: TransformStamped, authority: str, pending: list[TransformStamped]) -> Rejection | None:
+        """Store a moving sample; it is then `pending` for the next bundle, unless it is an exact duplicate."""
         # Only this thread stores moving transforms, so the count needs no lock.
         duplicates = self.buffer.duplicates
-        if is_start_pose(transform):
-            if self._statics.is_fixed_by_team_file(transform.child_frame_id):
-                return None
-            with self.buffer.lock:
-                refused = self._statics.localise(transform, authority)
-        else:
-            refused = self.buffer.set_transform(transform, authority)
+        refused = self.buffer.set_transform(transform, authority)
         if refused is None and self.buffer.duplicates == duplicates:
-            if is_base(transform):
-                self._bases.append(transform)
-            else:
-                self._others.append(transform)
+            pending.append(transform)
+        return refused
+
+    def _store_other(self, transform: TransformStamped, authority: str) -> Rejection | None:
+        """As _store, of a frame that is no base."""
+        if not is_start_pose(transform):
+            return self._store(transform, authority, self._others)
+        if self._statics.is_fixed_by_team_file(transform.child_frame_id):
+            return None
+        duplicates = self.buffer.duplicates
+        with self.buffer.lock:
+            refused = self._statics.localise(transform, authority)
+        if refused is None and self.buffer.duplicates == duplicates:
+            self._others.append(transform)
         return refused
 
     def describe(self, robot_id: int, transforms: Iterable[TransformStamped]) -> None:
@@ -130,7 +137,7 @@ class Merger:
             due = [held for held in self._held if held.tick < tick or not tick]
             self._held = [held for held in self._held if held.tick >= tick > 0]
             for _, transform, authority in sorted(due, key=_order):
-                self._note_refusal(transform, authority, self._store_moving(transform, authority))
+                self._note_refusal(transform, authority, self._store_other(transform, authority))
         if not self._others:
             return bases
         others, self._others = self._others, []

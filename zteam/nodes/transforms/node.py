@@ -112,7 +112,7 @@ class Aggregator:
             self._flush()
 
     def _take_in_lockstep(self, robot_id: int, message: TFMessage, stamp: int) -> None:
-        self._merger.take(robot_id, message, self._node.clock.now(), max(_open_tick(self._part, self._bundle), stamp))
+        self._merger.take(robot_id, message, self._node.clock.now(), max(self._part.stamp, self._bundle.stamp, stamp))
         self._bundle.take_in_lockstep(robot_id, stamp)
         if not self._part.advance() and self._bundle.may_leave(self._part.robots):
             self._flush(self._bundle.stamp)
