@@ -1,6 +1,7 @@
 """The messages of a user's own node: when they are handled, and which of them its step waits for."""
 
 from collections.abc import Callable
+from functools import partial
 from itertools import count
 from typing import Any
 
@@ -8,7 +9,7 @@ from zteam.clock import monotonic
 from zteam.messages import Message, NavigationStatus, RobotStatus, TeamStatus, Tick, Twist
 from zteam.runtime.node import Node
 from zteam.runtime.participant import Participant
-from zteam.runtime.tick_inputs import TickInputs
+from zteam.runtime.tick_inputs import TickInputs, stamp_of_tick
 from zteam.runtime.tick_messages import Arrival, TickMessages
 
 _OF_PROCESSES = (RobotStatus, NavigationStatus, TeamStatus)
@@ -44,6 +45,7 @@ class NodeInputs:
         It is called `at_once`, or when the message counts. `every_tick` says whether the node's step waits for them.
         """
         number, failing, part = next(self._numbers), self._node.failing(), self.part
+        ended = self._node.is_of_ended_time
 
         def handle(key: str, message: Message) -> None:
             with failing:
@@ -53,6 +55,8 @@ class NodeInputs:
             # A latched message may be the aggregator's, which is there before the simulator.
             if not (at_once or isinstance(message, _OF_PROCESSES)):
                 self.first_data = self.first_data or monotonic()
+            if (every_tick or isinstance(message, RobotStatus)) and ended(key, partial(stamp_of_tick, message)):
+                return
             due = self.of_ticks.take(key, message) if every_tick else None
             if at_once or not part.active:
                 handle(key, message)

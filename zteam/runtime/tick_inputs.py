@@ -10,6 +10,11 @@ from zteam.messages import Message, TFMessage, Tick, ns_from_time
 from zteam.tf.bases import bases_stamp
 
 
+def stamp_of_tick(message: Any) -> int:
+    """The stamp (ns) of a message with a header, or of the bases in one of `tf`: in lock-step that of its tick."""
+    return bases_stamp(message) if isinstance(message, TFMessage) else ns_from_time(message.header.stamp)
+
+
 class TickInputs:
     """The keys that are declared with `every_tick`, and what else a node needs of each tick."""
 
@@ -34,8 +39,7 @@ class TickInputs:
 
     def take(self, key: str, message: Any) -> int:
         """A message has come; its stamp in ns."""
-        stamp = bases_stamp(message) if isinstance(message, TFMessage) else ns_from_time(message.header.stamp)
-        self._stamps[key] = stamp
+        stamp = self._stamps[key] = stamp_of_tick(message)
         return stamp
 
     def forget(self) -> None:

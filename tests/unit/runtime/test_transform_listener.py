@@ -110,6 +110,22 @@ def test_a_reset_forgets_the_old_time() -> None:
     assert watch.xs == [11.0, 12.0, 13.0, 15.0]
 
 
+def test_a_late_bundle_of_the_old_time_is_not_that_of_the_tick() -> None:
+    """The aggregator may send its last bundle again before it hears of a reset; the step still waits for its own."""
+    watch = Watch()
+    with run_node(watch, MemoryHub(), name="watch", robots=[0]) as running:
+        running.publish("tf_static", start())
+        for x in (1.0, 2.0, 3.0):
+            last = moved(x, 0)
+            running.publish("tf", last)
+            running.tick()
+        running.reset()
+        running.bus.publisher("tf", TFMessage).put(last)
+        with pytest.raises(BusError, match=r"watch waits for inputs of 0\.1 s"):
+            running.tick()
+        assert watch.xs == [11.0, 12.0, 13.0]
+
+
 def test_look_ups_answer_like_tf2s_buffer() -> None:
     """The newest transform without a time, tf2's exceptions where there is none, and all else on `buffer`."""
     found: list[Any] = []

@@ -7,11 +7,17 @@ from zteam import names
 from zteam.behaviors.inputs import DeclaredInput
 from zteam.bus.topics import is_latched
 from zteam.clock import monotonic
-from zteam.messages import BaseInfo, LaserScan, Message, Odometry, TeamStatus, TFMessage
+from zteam.messages import BaseInfo, LaserScan, Message, Odometry, RobotStatus, TeamStatus, TFMessage, decode
 from zteam.nodes.robot.inputs import Inputs
 from zteam.nodes.robot.newest import Newest
 from zteam.runtime.node import Node
 from zteam.runtime.participant import Participant
+from zteam.runtime.sending_tick import stamp_of
+from zteam.tf.bases import bases_stamp
+
+
+def _stamp_of_bundle(bundle: bytes | TFMessage) -> int:
+    return bases_stamp(bundle if isinstance(bundle, TFMessage) else decode(TFMessage, bundle))
 
 
 class Subscriptions:
@@ -61,7 +67,9 @@ class Subscriptions:
     def _on_team_status(self, _key: str, status: TeamStatus) -> None:
         self._inputs.team = status
 
-    def _on_tf(self, _key: str, bundle: bytes | TFMessage) -> None:
+    def _on_tf(self, key: str, bundle: bytes | TFMessage) -> None:
+        if self._node.is_of_ended_time(key, lambda: _stamp_of_bundle(bundle)):
+            return
         self._inputs.take_bundle(bundle)
         self._on_input()
 
@@ -76,6 +84,9 @@ class Subscriptions:
             self._on_input()
 
     def _on_declared(self, declared: DeclaredInput, key: str, message: Message, source: str = "") -> None:
+        # A robot sends its last status again while the world stands still.
+        if isinstance(message, RobotStatus) and self._node.is_of_ended_time(key, lambda: stamp_of(message)):
+            return
         self._keep(self._inputs.declared.slot(declared, key), key, message, source)
 
     def _keep(self, newest: Newest, _key: str, message: Message, source: str) -> None:

@@ -6,10 +6,11 @@ from typing import ClassVar
 import pytest
 
 from support.lockstep_doubles import INTERVAL, ScriptedSimulator
+from support.transforms import stamped
 from zteam import names
 from zteam.behaviors import Behavior, View
 from zteam.bus import MemoryHub
-from zteam.messages import BaseInfo, Header, LaserScan, Message, Odometry, RobotStatus, Twist, time_from_ns
+from zteam.messages import BaseInfo, Header, LaserScan, Message, Odometry, RobotStatus, TFMessage, Twist, time_from_ns
 from zteam.nodes.robot.node import RobotNode, RobotOptions
 from zteam.runtime.node import Node
 from zteam.runtime.shutdown import Stop
@@ -101,6 +102,42 @@ def test_whoever_joins_and_whoever_is_there_know_each_other_from_the_next_tick_o
         told.append(len(heard) > before)
     assert [7 in robots for robots in Seen.told] == [False, True, True, True]
     assert told == [True, False, True, False]
+
+
+def test_what_comes_late_of_an_ended_time_has_no_part_in_the_new_one(
+    hub: MemoryHub, simulator: ScriptedSimulator, models: list[str]
+) -> None:
+    """A robot that has not heard of a reset may repeat its last status, and the aggregator its last bundle. Such a
+    status does not hold back those of the new time, and such a bundle is not the one that a step waits for."""
+    put(hub, names.BASE_INFO, BaseInfo(), latched=True)
+    put_inputs(hub, 2)
+    simulator.tick(9, "robot_0", "tf", robots=(0,))
+    put_bundle(hub, 9)
+    put_inputs(hub, 9)
+    assert [done.tick for done in simulator.take()] == [2, 9]
+    simulator.tick(1, "robot_0", "tf", robots=(0,))
+    put_bundle(hub, 9)
+    put_status(hub, 9)
+    put_inputs(hub, 1)
+    assert simulator.take() == []
+    put_bundle(hub, 1)
+    put_status(hub, 1)
+    assert [done.tick for done in simulator.take()] == [1]
+    Seen.told.clear()
+    simulator.tick(2, "robot_0", robots=(0,))
+    put_inputs(hub, 2)
+    assert [7 in robots for robots in Seen.told] == [True]
+
+
+def put_bundle(hub: MemoryHub, tick: int) -> None:
+    """The bundle of a tick."""
+    base = stamped("robot_0/odom", "robot_0/base_footprint", tick * INTERVAL)
+    hub.bus().publisher(names.TF, TFMessage).put(TFMessage([base]))
+
+
+def put_status(hub: MemoryHub, tick: int) -> None:
+    """The status of robot 7, of a tick."""
+    put(hub, names.STATUS, RobotStatus(Header(time_from_ns(tick * INTERVAL)), robot_id=7), robot=7)
 
 
 def test_a_heartbeat_is_a_message_only_where_the_steps_were_silent(

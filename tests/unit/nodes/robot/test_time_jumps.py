@@ -111,6 +111,26 @@ def test_nothing_of_the_old_time_is_done_after_a_jump(monkeypatch: pytest.Monkey
         robot.close()
 
 
+def test_a_late_bundle_of_the_old_time_is_not_that_of_the_scan(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The aggregator hears of a jump later than the robot; a bundle that it sends meanwhile has no part in a step."""
+    monkeypatch.setattr(pacing, "TF_PATIENCE", NEVER)
+    robot = RealTimeRobot()
+    try:
+        robot.say_statics()
+        robot.say_time(50)
+        robot.say_transforms(50)
+        robot.say_scan(50)
+        robot.wait_for_commands(1)
+        robot.say_time(1)
+        robot.say_transforms(50)
+        robot.say_scan(1)
+        robot.wait_for_waiting()
+        robot.say_transforms(1)
+        robot.wait_for_commands(2)
+    finally:
+        robot.close()
+
+
 class Broken(Behavior):
     """Fails in `fails_in`."""
 
