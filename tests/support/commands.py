@@ -1,6 +1,12 @@
-"""Commands called within the test's own process."""
+"""Commands called within the test's own process, and in processes of their own."""
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import zteam
+
+IMPORTED_FROM = str(Path(zteam.__file__).parents[1])
+"""PYTHONPATH of a process that has the zteam that is tested. From another folder it would compile its kernels."""
 
 
 def exit_code(main: Callable[[Sequence[str]], int], words: Sequence[str]) -> int:

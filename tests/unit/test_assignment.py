@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from support.pages import DOCS, ROOT, find_file
+from support.commands import IMPORTED_FROM
+from support.pages import DOCS, find_file
 
 ASSIGNMENT = DOCS / "assignment"
 TESTS = ("test_1_avoid_obstacles", "test_2_start_together", "test_3_drive_in_line")
@@ -27,7 +28,7 @@ def grade(hand_in: str, folder: Path, *words: str) -> subprocess.CompletedProces
     shutil.copy(ASSIGNMENT / hand_in, folder / "homework.py")
     command = [sys.executable, "-m", "pytest", "-rA", "--tb=line", "-p", "zteam.testing.plugin", *words]
     # Other plugins take longer to import than the tests take.
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "COLUMNS": "200", "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
+    environment = {**os.environ, "PYTHONPATH": IMPORTED_FROM, "COLUMNS": "200", "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
     return subprocess.run(
         command, cwd=folder, env=environment, capture_output=True, text=True, timeout=110, check=False
     )

@@ -6,12 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from support.commands import exit_code
+from support.commands import IMPORTED_FROM, exit_code
 from zteam.cli import main as zteam
 from zteam.cli import new
 from zteam.testing import find_faults
-
-ROOT = Path(__file__).resolve().parents[3]
 
 
 @pytest.fixture
@@ -34,7 +32,7 @@ def test_the_example_and_its_test_work(
     assert zteam.main(["new", kind, name]) == 0
     assert written(folder) == [f"{name}.py", f"test_{name}.py"]
     assert capsys.readouterr().out.startswith(f"wrote {name}.py and test_{name}.py\n")
-    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    monkeypatch.setenv("PYTHONPATH", IMPORTED_FROM)
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", f"test_{name}.py"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=110, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
