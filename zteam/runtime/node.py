@@ -34,8 +34,9 @@ class Node(BaseNode):
             self.clock.use_wall()
         self.wakes_with_clock = False
         """Whether every tick of the simulator's clock wakes the main loop."""
-        self._ended_time = EndedTime()
-        self.clock.sim.on_jump_back(self._ended_time.jump)
+        self.ended_time = EndedTime()
+        """Messages of the time before the last jump back may still come."""
+        self.clock.sim.on_jump_back(self.ended_time.jump)
         self._simulators: set[str] = set()
         self._on_simulator_lost: list[Callable[[], None]] = []
         self._clock_input: Closeable | None = None
@@ -47,10 +48,6 @@ class Node(BaseNode):
         It runs under `changed`, before anything of the new time. An error of it ends the process.
         """
         self.clock.sim.on_jump_back(lambda _old, _new: callback())
-
-    def is_of_ended_time(self, key: str, stamp: Callable[[], int]) -> bool:
-        """Whether a message of `stamp()` (ns) was sent before time jumped back: its sender had not heard of that."""
-        return self._ended_time.may_have(key) and self._ended_time.has(key, stamp(), self.clock.now())
 
     def follow_clock(self) -> None:
         """Take simulated time from the bus as soon as there is a simulator. A second call does nothing."""

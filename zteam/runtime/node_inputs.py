@@ -1,7 +1,6 @@
 """The messages of a user's own node: when they are handled, and which of them its step waits for."""
 
 from collections.abc import Callable
-from functools import partial
 from itertools import count
 from typing import Any
 
@@ -45,7 +44,7 @@ class NodeInputs:
         It is called `at_once`, or when the message counts. `every_tick` says whether the node's step waits for them.
         """
         number, failing, part = next(self._numbers), self._node.failing(), self.part
-        ended = self._node.is_of_ended_time
+        ended, clock = self._node.ended_time, self._node.clock
 
         def handle(key: str, message: Message) -> None:
             with failing:
@@ -55,7 +54,11 @@ class NodeInputs:
             # A latched message may be the aggregator's, which is there before the simulator.
             if not (at_once or isinstance(message, _OF_PROCESSES)):
                 self.first_data = self.first_data or monotonic()
-            if (every_tick or isinstance(message, RobotStatus)) and ended(key, partial(stamp_of_tick, message)):
+            if (
+                ended.may_be_heard
+                and (every_tick or isinstance(message, RobotStatus))
+                and ended.has(key, lambda: stamp_of_tick(message), clock.now())
+            ):
                 return
             due = self.of_ticks.take(key, message) if every_tick else None
             if at_once or not part.active:

@@ -173,6 +173,13 @@ def test_a_scan_that_says_the_same_gives_the_same_beams() -> None:
     assert beams_of(of_laser("robot_1/laser", [4.0, 5.0, 6.0])) is other
 
 
+def test_each_cone_of_a_scan_is_looked_into() -> None:
+    """The cone that was looked into last is kept with its scan: another angle, and another scan, are looked into."""
+    near, far = (of_laser("robot_0/laser", ranges) for ranges in ([1.0, 2.0, 3.0], [4.0, 5.0, 6.0]))
+    found = [look_ahead(scan, angle) for scan, angle in ((near, 3.0), (near, 0.1), (near, 3.0), (far, 3.0))]
+    assert [None if cone is None else cone.nearest for cone in found] == [1.0, 2.0, 1.0, 4.0]
+
+
 @pytest.mark.parametrize(
     ("ranges", "fields"),
     [

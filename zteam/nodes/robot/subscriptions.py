@@ -28,6 +28,7 @@ class Subscriptions:
     ) -> None:
         """`on_input()` is called after each message that a step may wait for."""
         self._node = node
+        self._ended = node.ended_time
         self._inputs = inputs
         self._part = part
         self._on_input = on_input
@@ -68,7 +69,7 @@ class Subscriptions:
         self._inputs.team = status
 
     def _on_tf(self, key: str, bundle: bytes | TFMessage) -> None:
-        if self._node.is_of_ended_time(key, lambda: _stamp_of_bundle(bundle)):
+        if self._ended.may_be_heard and self._ended.has(key, lambda: _stamp_of_bundle(bundle), self._node.clock.now()):
             return
         self._inputs.take_bundle(bundle)
         self._on_input()
@@ -84,8 +85,11 @@ class Subscriptions:
             self._on_input()
 
     def _on_declared(self, declared: DeclaredInput, key: str, message: Message, source: str = "") -> None:
-        # A robot sends its last status again while the world stands still.
-        if isinstance(message, RobotStatus) and self._node.is_of_ended_time(key, lambda: stamp_of(message)):
+        if (
+            self._ended.may_be_heard
+            and isinstance(message, RobotStatus)
+            and self._ended.has(key, lambda: stamp_of(message), self._node.clock.now())
+        ):
             return
         self._keep(self._inputs.declared.slot(declared, key), key, message, source)
 
