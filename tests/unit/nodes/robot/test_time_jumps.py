@@ -81,6 +81,15 @@ def test_a_command_of_the_old_time_is_not_published(interrupted: RealTimeRobot, 
     assert interrupted.commands[0].linear.x == 0.001
 
 
+def drive_at_tick_50(robot: RealTimeRobot) -> None:
+    """Give it all that it needs in that tick, and wait for its command."""
+    robot.say_statics()
+    robot.say_time(50)
+    robot.say_transforms(50)
+    robot.say_scan(50)
+    robot.wait_for_commands(1)
+
+
 def test_nothing_of_the_old_time_is_done_after_a_jump(monkeypatch: pytest.MonkeyPatch) -> None:
     """A robot that waits for the transforms of a scan when time jumps back does not act on that scan any more."""
     ticks: list[int] = []
@@ -93,11 +102,7 @@ def test_nothing_of_the_old_time_is_done_after_a_jump(monkeypatch: pytest.Monkey
     monkeypatch.setattr(pacing, "TF_PATIENCE", NEVER)
     robot = RealTimeRobot()
     try:
-        robot.say_statics()
-        robot.say_time(50)
-        robot.say_transforms(50)
-        robot.say_scan(50)
-        robot.wait_for_commands(1)
+        drive_at_tick_50(robot)
         # Its transforms do not come.
         robot.say_time(51)
         robot.say_scan(51)
@@ -116,11 +121,7 @@ def test_a_late_bundle_of_the_old_time_is_not_that_of_the_scan(monkeypatch: pyte
     monkeypatch.setattr(pacing, "TF_PATIENCE", NEVER)
     robot = RealTimeRobot()
     try:
-        robot.say_statics()
-        robot.say_time(50)
-        robot.say_transforms(50)
-        robot.say_scan(50)
-        robot.wait_for_commands(1)
+        drive_at_tick_50(robot)
         robot.say_time(1)
         robot.say_transforms(50)
         robot.say_scan(1)
