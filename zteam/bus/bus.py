@@ -53,6 +53,10 @@ class Publisher(Generic[M]):
         """
         return self._raw.has_subscribers
 
+    def find_subscribers(self) -> bool:
+        """As `has_subscribers`, by a question: for those that must know of a subscriber in the moment it is known."""
+        return self._raw.find_subscribers()
+
     def put(self, message: M) -> None:
         """Send without waiting: a message that finds no room in the queue is dropped. After `close` nothing is sent.
 

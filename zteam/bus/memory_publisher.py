@@ -79,6 +79,9 @@ class MemoryPublisher:
             matching = self._match()
         return (self._latched or bool(matching.all)) and not self._closed
 
+    def find_subscribers(self) -> bool:
+        return self.has_subscribers
+
     def _match(self) -> _Matching:
         """Look for the subscribers: there may be other ones than before."""
         found, version = self._hub.matching(self._key, self._passed_over)

@@ -62,6 +62,10 @@ class RawPublisher(Closeable, Protocol):
         """Whether a payload put now has a subscriber; always True for a latched publisher, False once closed."""
         ...
 
+    def find_subscribers(self) -> bool:
+        """As `has_subscribers`, which may be told of a change a moment later: this asks the session."""
+        ...
+
     def put(self, payload: bytes) -> None:
         """Send without waiting: a payload that finds no room is dropped."""
         ...

@@ -46,6 +46,7 @@ class ZenohPublisher(Declared):
         """
         super().__init__(entity, forget)
         self._matching = True
+        self._latched = latched
         self._stamp = stamp
         self._changed = on_matching
         if not latched:
@@ -62,6 +63,11 @@ class ZenohPublisher(Declared):
     @property
     def has_subscribers(self) -> bool:
         return self._matching and self._entity is not None
+
+    def find_subscribers(self) -> bool:
+        # Zenoh calls the listener in a task of its own, which may come late.
+        entity = self._entity
+        return entity is not None and (self._latched or bool(entity.matching_status.matching))
 
     def _on_matching(self, status: Any) -> None:
         with self._lock:

@@ -46,7 +46,7 @@ class _Audience:
 
     def __init__(self, bus: Bus, key: str, publisher: Publisher[Message]) -> None:
         self._bus, self._key, self._publisher = bus, key, publisher
-        self._matching = publisher.has_subscribers
+        self._matching = publisher.find_subscribers()
         self._known: list[str] | None = None
         """By name; None if they tell no name."""
 
@@ -63,7 +63,7 @@ class _Audience:
 
     def look(self) -> None:
         """Tell again if the subscribers have changed."""
-        if self._publisher.has_subscribers == self._matching:
+        if self._publisher.find_subscribers() == self._matching:
             return
         self._matching = not self._matching
         users = find_key_users(self._bus)
@@ -74,7 +74,7 @@ class _Audience:
 
     def _find(self, users: KeyUsers) -> list[str] | None:
         found = users.subscribers(self._key)
-        if found or not self._publisher.has_subscribers:
+        if found or not self._publisher.find_subscribers():
             return found
         # One that has come since `users` were asked tells its name now.
         return find_key_users(self._bus).subscribers(self._key) or None

@@ -121,6 +121,9 @@ class _PublisherPair(_Pair):
     def has_subscribers(self) -> bool:
         return self._inside.has_subscribers or self._outside.has_subscribers
 
+    def find_subscribers(self) -> bool:
+        return self._inside.find_subscribers() or self._outside.find_subscribers()
+
     def put(self, payload: bytes) -> None:
         if self._outside.has_subscribers:
             self._outside.put(payload)

@@ -110,18 +110,22 @@ def test_a_publisher_to_others_passes_over_its_own_session(sessions: Sessions) -
 
 
 def test_has_subscribers_follows_subscriptions(sessions: Sessions) -> None:
-    """False without one, true with one, false once it is closed or its session is."""
+    """False without one, true with one, false once it is closed or its session is; a question tells the same."""
     sender, listener, leaving = sessions(), sessions(), sessions()
     publisher = sender.publisher("a", Done)
-    assert not publisher.has_subscribers
+
+    def wait_until_it_is(expected: bool) -> None:
+        wait_until_true(lambda: publisher.has_subscribers is publisher.find_subscribers() is expected)
+
+    assert publisher.has_subscribers is publisher.find_subscribers() is False
     subscription = listener.subscribe("*", Done, Inbox())
-    wait_until_true(lambda: publisher.has_subscribers)
+    wait_until_it_is(True)
     subscription.close()
-    wait_until_true(lambda: not publisher.has_subscribers)
+    wait_until_it_is(False)
     leaving.subscribe("**", Done, Inbox())
-    wait_until_true(lambda: publisher.has_subscribers)
+    wait_until_it_is(True)
     leaving.close()
-    wait_until_true(lambda: not publisher.has_subscribers)
+    wait_until_it_is(False)
 
 
 def test_a_late_publisher_knows_its_subscribers_at_once(sessions: Sessions) -> None:
@@ -133,7 +137,9 @@ def test_a_late_publisher_knows_its_subscribers_at_once(sessions: Sessions) -> N
 
 def test_a_latched_publisher_always_has_a_subscriber(sessions: Sessions) -> None:
     """A late subscriber will ask for the message, so it must be made."""
-    assert sessions().publisher("a", Done, latched=True).has_subscribers
+    publisher = sessions().publisher("a", Done, latched=True)
+    assert publisher.has_subscribers
+    assert publisher.find_subscribers()
 
 
 def test_a_closed_publisher_delivers_nothing(sessions: Sessions) -> None:
