@@ -171,9 +171,11 @@ def look_ahead(scan: LaserScan, half_angle: float) -> Cone | None:
     newest = _newest.get(scan.header.frame_id)
     if newest is None or newest.beams is not beams:
         return _find_cone(beams, half_angle)
-    if newest.cone is None or newest.cone[0] != half_angle:
-        newest.cone = half_angle, _find_cone(beams, half_angle)
-    return newest.cone[1]
+    kept = newest.cone
+    if kept is None or kept[0] != half_angle:
+        # As one value: another thread may look into another cone.
+        kept = newest.cone = half_angle, _find_cone(beams, half_angle)
+    return kept[1]
 
 
 def _find_cone(beams: Beams, half_angle: float) -> Cone | None:
