@@ -27,9 +27,9 @@ print(digest.hexdigest())
 
 
 def run(order: str, ticks: int, before: str = "") -> str:
-    """What a fresh process prints."""
+    """What a fresh process prints; the zteam that is tested is imported, whose kernels are compiled already."""
     code = RUN.format(tests=str(Path(__file__).resolve().parents[2]), before=before, order=order, ticks=ticks)
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=110, check=False)
+    done = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True, timeout=110, check=False)
     assert done.returncode == 0, done.stderr
     return done.stdout.strip()
 
@@ -61,7 +61,7 @@ for physics in ("dynamic", "stage", "kinematic"):
     outputs = []
     for before in ("", "sys.modules['numba'] = None"):
         script = code.format(tests=tests, before=before)
-        done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=110, check=False)
+        done = subprocess.run([sys.executable, "-P", "-c", script], capture_output=True, text=True, timeout=110, check=False)
         assert done.returncode == 0, done.stderr
         outputs.append(done.stdout.splitlines())
     with_numba, (warning, *without_numba) = outputs
@@ -74,7 +74,7 @@ def test_kernels_are_kept_apart_from_the_package(tmp_path: Path) -> None:
     code = "import numba; from zteam.sim import jit; jit.use_compiled(); print(numba.config.CACHE_DIR)"
     environment = {key: value for key, value in os.environ.items() if key != "NUMBA_CACHE_DIR"}
     done = subprocess.run(
-        [sys.executable, "-c", code],
+        [sys.executable, "-P", "-c", code],
         env=environment | {"XDG_CACHE_HOME": str(tmp_path)},
         capture_output=True,
         text=True,
