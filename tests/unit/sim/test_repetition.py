@@ -61,7 +61,9 @@ for physics in ("dynamic", "stage", "kinematic"):
     outputs = []
     for before in ("", "sys.modules['numba'] = None"):
         script = code.format(tests=tests, before=before)
-        done = subprocess.run([sys.executable, "-P", "-c", script], capture_output=True, text=True, timeout=110, check=False)
+        done = subprocess.run(
+            [sys.executable, "-P", "-c", script], capture_output=True, text=True, timeout=110, check=False
+        )
         assert done.returncode == 0, done.stderr
         outputs.append(done.stdout.splitlines())
     with_numba, (warning, *without_numba) = outputs
