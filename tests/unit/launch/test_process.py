@@ -252,7 +252,7 @@ def test_an_end_is_reported_while_a_grandchild_lives(lifeline: int) -> None:
     )
     child = Child(code, lifeline)
     try:
-        assert child.ended.wait(LIMIT)
+        assert child.ended.wait(2.0)
     finally:
         child.process.kill()
         assert child.process.join(LIMIT)

@@ -84,7 +84,7 @@ def put_inputs(hub: MemoryHub, tick: int) -> None:
     put(hub, names.ODOM, Odometry(header))
 
 
-def test_whoever_joins_and_whoever_is_there_know_each_other_from_the_next_tick_on(
+def test_a_robot_that_joins_and_those_that_are_there_know_each_other_from_the_next_tick_on(
     hub: MemoryHub, simulator: ScriptedSimulator, models: list[str]
 ) -> None:
     """What a robot has heard before it joins does not count: chance says what that is. Each robot tells its status in
