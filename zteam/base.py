@@ -42,6 +42,14 @@ class BaseOverride(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     decel_lim_x: Negative | None = None
     acc_lim_theta: Positive | None = None
     """rad/s²."""
+    max_vel_y: Positive | None = None
+    """m/s, both ways; only an omni base drives sideways."""
+    acc_lim_y: Positive | None = None
+    """m/s², both ways."""
+    decel_lim_reverse: Positive | None = None
+    """m/s²: how hard it brakes when it drives backwards."""
+    wheelbase: Positive | None = None
+    """Metres from axle to axle of a car."""
 
     def __post_init__(self) -> None:
         if self.footprint is not None and not _is_outline(self.footprint):
@@ -75,6 +83,14 @@ class Base(msgspec.Struct, frozen=True, kw_only=True, eq=False, dict=True):
     """m/s², negative."""
     acc_lim_theta: float = math.inf
     """rad/s²."""
+    max_vel_y: float = 0.0
+    """m/s, both ways; only an omni base drives sideways."""
+    acc_lim_y: float = math.inf
+    """m/s², both ways."""
+    decel_lim_reverse: float = math.inf
+    """m/s²: how hard it brakes when it drives backwards; inf = as hard as forwards."""
+    wheelbase: float = 0.0
+    """Metres from axle to axle of a car; 0 = not told."""
 
     @cached_property
     def half_width(self) -> float:

@@ -4,6 +4,7 @@ Simulated and wall time are integer nanoseconds. Use `monotonic` to measure and 
 router that does not answer); no decision of a robot may depend on it.
 """
 
+import os
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -13,6 +14,27 @@ NS_PER_S = 1_000_000_000
 STILL = 2.0
 """Host seconds without a new simulated time after which a waiting tool tells its user."""
 
+
+def factor_from(text: str) -> float:
+    """The factor that a text gives, from 1 to 100. Raises ValueError."""
+    factor = float(text or 1)
+    if not 1.0 <= factor <= 100.0:
+        raise ValueError
+    return factor
+
+
+def _factor() -> float:
+    try:
+        return factor_from(os.environ.get("ZTEAM_PATIENCE", ""))
+    except ValueError:
+        # BusOptions.from_environment tells the user.
+        return 1.0
+
+
+HOST_FACTOR = _factor()
+"""Times every limit of the host's: how long a process may take to start or to end, and how long a silent link counts
+as whole. `ZTEAM_PATIENCE` sets it, for a busy machine. It changes no limit of a robot: neither the watchdog nor the
+limits on old data nor the time-out of lock-step."""
 
 monotonic: Callable[[], float] = time.monotonic
 """Seconds on the host's monotonic clock. Every tick asks for it often, so there is no function around it."""

@@ -1,5 +1,6 @@
 """Worlds and team files that come with zteam: inside the wheel, or beside the package in a checkout."""
 
+import errno
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -71,6 +72,8 @@ def _why_not(text: str, kind: _Kind, other: _Kind) -> str:
         return f"that is a {other.what}; {other.use.replace('{}', text)}"
     if text and is_folder(Path(text)):
         return f"that is a folder; name the {kind.what} file in it (*{kind.suffix})"
+    if fault := _link_fault(Path(text)):
+        return f"a symbolic link leads to no file ({fault}); mend the link, or name the {kind.what} file itself"
     import difflib
 
     known = names(kind.folder(), kind.suffix)
@@ -85,6 +88,19 @@ def is_folder(path: Path) -> bool:
         return path.is_dir()
     except (OSError, ValueError):
         return False
+
+
+def _link_fault(path: Path) -> str:
+    """Why the symbolic link at `path`, or on the way to it, leads to no file; empty if there is none."""
+    try:
+        path.stat()
+    except OSError as error:
+        if error.errno == errno.ELOOP or (error.errno == errno.ENOENT and path.is_symlink()):
+            return str(error.strerror)
+    except ValueError:
+        # With a NUL.
+        pass
+    return ""
 
 
 def existing_file(path: Path) -> Path | None:

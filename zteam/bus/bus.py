@@ -1,6 +1,7 @@
 """The typed bus: messages, queries and presence tokens over any transport."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, Generic, TypeVar
 
 import msgspec
@@ -8,6 +9,7 @@ import msgspec
 from zteam.bus.changes import Addressees, Change
 from zteam.bus.counters import Counters
 from zteam.bus.declarations import OpenDeclarations, Subscription
+from zteam.bus.holding import Holding
 from zteam.bus.queries import NoRequest, Request, query_handler, read_replies
 from zteam.bus.receiving import Receiver
 from zteam.bus.transport import Closeable, Declaration, RawPublisher, RawSample, SampleHandler, Transport
@@ -83,6 +85,7 @@ class Bus:
         self.counters = Counters()
         self._receiver = Receiver(self.counters)
         self._addressees = Addressees(self.query)
+        self.holding = Holding()
         self._open = OpenDeclarations()
         self.serve(declarations_key(self.instance), NoRequest, lambda _: self._open.read())
 
@@ -94,7 +97,7 @@ class Bus:
     @property
     def matching_changes(self) -> int:
         """While this stays the same, so does `has_subscribers` of every publisher: it saves asking many of them."""
-        return self.transport.matching_changes
+        return self.transport.matching_changes + self.holding.releases
 
     def publisher(
         self, key: str, message_type: type[M], *, latched: bool = False, to_others: bool = False
@@ -104,9 +107,9 @@ class Bus:
         With `to_others`, subscribers of the same session get nothing from it and do not count as its subscribers.
         """
         check_message_type(key, message_type)
+        declare = partial(self.transport.declare_publisher, key, encoding_of(message_type), latched, to_others)
         raw, forget = self._open.keep(
-            Declaration(key, self.instance, True),
-            lambda: self.transport.declare_publisher(key, encoding_of(message_type), latched, to_others),
+            Declaration(key, self.instance, True), lambda: self.holding.publisher(key, latched, declare)
         )
         return Publisher(raw, key, message_type, forget)
 
@@ -177,14 +180,16 @@ class Bus:
             raise BusError(f"no process answers the query {key}: 'zteam node list' shows those that are alive")
         return answers[0][1]
 
-    def serve(self, key: str, request_type: type[Request], handler: Callable[[Request], Any]) -> Closeable:
-        """Answer queries on `key` with what `handler(request)` returns, as JSON.
+    def serve(
+        self, key: str, request_type: type[Request], handler: Callable[[Request], Any], *, at_once: bool = False
+    ) -> Closeable:
+        """Answer queries on `key` with what `handler(request)` returns, as JSON; `at_once` also while others wait.
 
         The asker gets an error text if the request does not decode, if it is a `Change` that names another process or
         none, and if the handler raises. A handler that has to wait returns a `Deferred`.
         """
         handle = query_handler(key, request_type, handler, self.instance, self.counters)
-        return self.transport.declare_queryable(key, handle)
+        return self.holding.declaration(lambda: self.transport.declare_queryable(key, handle), at_once)
 
     def serve_stats(self, name: str) -> Closeable:
         """Answer `<name>/stats` with this process's counters."""

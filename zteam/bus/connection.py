@@ -4,7 +4,6 @@ import logging
 import os
 import random
 import select
-import socket
 import subprocess
 import sys
 import threading
@@ -15,8 +14,10 @@ import msgspec
 import zenoh
 
 from zteam.bus.bus import Bus
+from zteam.bus.link import LinkCheck
 from zteam.bus.options import FROM_STDIN as FROM_STDIN
-from zteam.bus.options import BusOptions, client_config, open_session
+from zteam.bus.options import LEASE, RELEASE, BusOptions, client_config, open_session
+from zteam.bus.probe import host_port, port_accepts, why_refused
 from zteam.bus.session import ZenohTransport
 from zteam.clock import Every, monotonic, pause
 from zteam.errors import BusError
@@ -27,6 +28,8 @@ _LOOK_AGAIN = 0.1
 """Seconds between looks at the request to stop while waiting for the launcher."""
 ON_DEMAND_DEADLINE = 20.0
 """Seconds until a router on demand must be up; an interpreter took 2.2 s to start on a crowded machine."""
+_RELEASE_DEADLINE = 5.0
+"""Seconds until a router that gives its port up must have ended."""
 IDLE_EXIT = 10.0
 """Seconds after its last client that a router on demand ends."""
 
@@ -54,6 +57,7 @@ def connect(options: BusOptions, *, patience: float | None = None, stopping: Cal
     else:
         session = _open_patiently(options, patience, stopping)
     transport = ZenohTransport(session)
+    transport.watch_link(LinkCheck(session, options).on_link)
     if options.connect is None:
         _keep_router_alive(transport, options)
     return Bus(transport)
@@ -77,7 +81,8 @@ def _open_patiently(options: BusOptions, patience: float | None, stopping: Calla
         if patience is not None and waited > patience:
             raise BusError(_no_router(options.endpoint))
         if waited > 1.0 and say.due():
-            log.warning("waiting for a Zenoh router at %s (Ctrl+C to give up)", options.endpoint)
+            why = f": {': '.join(why_refused(options.endpoint))}" if port_accepts(options.endpoint) else ""
+            log.warning("waiting for a Zenoh router at %s (Ctrl+C to give up)%s", options.endpoint, why)
         pause(delay)
         delay = min(0.5, delay * 1.5)
     raise BusError(f"stopped while waiting for a Zenoh router at {options.endpoint}")
@@ -85,17 +90,10 @@ def _open_patiently(options: BusOptions, patience: float | None, stopping: Calla
 
 def _no_router(endpoint: str) -> str:
     if port_accepts(endpoint):
-        return _foreign_listener(endpoint)
+        return ": ".join(why_refused(endpoint))
     return (
         f"no Zenoh router answers at {endpoint}: start one with 'zteam-router --listen {endpoint}', "
         "or leave --connect out"
-    )
-
-
-def _foreign_listener(endpoint: str) -> str:
-    return (
-        f"{endpoint} is held by something that does not speak Zenoh: "
-        "end it, or run a router elsewhere and name it with --connect"
     )
 
 
@@ -106,7 +104,7 @@ def _open_on_demand(options: BusOptions, stopping: Callable[[], bool]) -> zenoh.
     while monotonic() < deadline and not stopping():
         if not port_accepts(options.endpoint):
             if respawn.due():
-                spawn_router(options.endpoint)
+                spawn_router(options.endpoint, options.lease)
             pause(0.01)
             continue
         session = _try_open(options)
@@ -115,7 +113,7 @@ def _open_on_demand(options: BusOptions, stopping: Callable[[], bool]) -> zenoh.
             return session
         refused_handshakes += 1
         if refused_handshakes >= 3:
-            raise BusError(_foreign_listener(options.endpoint))
+            raise BusError(": ".join(why_refused(options.endpoint)))
     raise BusError(
         f"no router came up at {options.endpoint} within {ON_DEMAND_DEADLINE:.0f} s: "
         f"see {router_log_path(options.endpoint)}, or start 'zteam-router' by hand"
@@ -124,7 +122,7 @@ def _open_on_demand(options: BusOptions, stopping: Callable[[], bool]) -> zenoh.
 
 def _refuse_foreign_router(session: zenoh.Session, options: BusOptions) -> None:
     """On a shared machine the default port may be another user's: two users' teams must not mix by accident."""
-    owner = router_metadata(options.endpoint)
+    owner = router_metadata(options)
     uid = owner.uid if owner else None
     if uid is not None and uid != os.getuid():
         session.close()  # type: ignore[no-untyped-call]
@@ -150,15 +148,15 @@ class _Admin(msgspec.Struct):
     version: str = ""
 
 
-def router_metadata(endpoint: str) -> RouterMetadata | None:
-    """What the router at `endpoint` says of its process; None if it says nothing (zenohd, or no answer)."""
-    admin = read_admin(endpoint)
+def router_metadata(options: BusOptions) -> RouterMetadata | None:
+    """What the router says of its process; None if it says nothing (zenohd, or no answer)."""
+    admin = read_admin(options)
     return admin.metadata if admin else None
 
 
-def read_admin(endpoint: str) -> _Admin | None:
+def read_admin(options: BusOptions) -> _Admin | None:
     """The router's admin record, read through a session without a namespace (one with gets nothing)."""
-    session = _try_open(BusOptions(connect=endpoint))
+    session = _try_open(msgspec.structs.replace(options, namespace=None))
     if session is None:
         return None
     try:
@@ -173,25 +171,24 @@ def read_admin(endpoint: str) -> _Admin | None:
     return None
 
 
-def host_port(endpoint: str) -> tuple[str, int] | None:
-    """Host and port of a tcp or tls endpoint, None for any other kind."""
-    protocol, slash, address = endpoint.partition("/")
-    host, colon, port = address.partition("#")[0].partition("?")[0].rpartition(":")
-    if not slash or not colon or protocol not in {"tcp", "tls"} or not port.isdigit():
-        return None
-    return host.strip("[]"), int(port)
-
-
-def port_accepts(endpoint: str, timeout: float = 1.0) -> bool:
-    """Whether something accepts TCP connections at `endpoint`."""
-    address = host_port(endpoint)
-    if address is None:
-        return True
+def release_port(endpoint: str) -> bool:
+    """Whether the router on demand at `endpoint` has ended for the caller: it is this user's, and had no client."""
     try:
-        socket.create_connection(address, timeout=timeout).close()
-    except OSError:
+        # The caller may become the router: what the first session of a process runs on is settled for good.
+        session = open_session(client_config(BusOptions(connect=endpoint)), "router")
+    except zenoh.ZError as error:
+        log.debug("open: %s", error)
         return False
-    return True
+    try:
+        granted = [reply for reply in session.get(RELEASE, payload=str(os.getuid()), timeout=1.0) if reply.ok]
+    finally:
+        session.close()  # type: ignore[no-untyped-call]
+    deadline = monotonic() + _RELEASE_DEADLINE
+    while granted and monotonic() < deadline:
+        if not port_accepts(endpoint):
+            return True
+        pause(0.01)
+    return False
 
 
 def router_log_path(endpoint: str) -> Path:
@@ -201,11 +198,15 @@ def router_log_path(endpoint: str) -> Path:
     return state / f"router-{address[1] if address else 'local'}.log"
 
 
-def spawn_router(endpoint: str) -> None:
-    """Start a detached router that ends by itself. If several processes do this at once, one router gets the port."""
+def spawn_router(endpoint: str, lease: float = LEASE) -> None:
+    """Start a detached router that ends by itself. If several processes do this at once, one router gets the port.
+
+    Its lease is never shorter than the usual one, because others will use it too.
+    """
     log.info("starting a router at %s", endpoint)
     path = router_log_path(endpoint)
     command = [sys.executable, "-m", "zteam.cli.zteam_router", "--listen", endpoint, "--detached", str(IDLE_EXIT)]
+    command += ["--lease", str(max(lease, LEASE))]
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("ab") as output:
@@ -240,7 +241,7 @@ def _keep_router_alive(transport: ZenohTransport, options: BusOptions) -> None:
         if transport.up or transport.closed or port_accepts(options.endpoint):
             return
         try:
-            spawn_router(options.endpoint)
+            spawn_router(options.endpoint, options.lease)
         except BusError as error:
             log.error("%s", error)
 

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import msgspec
 
 from zteam.clock import monotonic
+from zteam.names import all_robots_key, split_robot_key
 
 log = logging.getLogger("zteam.bus")
 
@@ -52,7 +53,10 @@ def _next_drop(last: _Drop | None, now: float, reason: str) -> _Drop:
 
 
 class Counters:
-    """Thread-safe counts. Drops of a key are warned about at most once a second, and ever less often for one reason."""
+    """Thread-safe counts. Drops of a key are warned about at most once a second, and ever less often for one reason.
+
+    Robots of which every message was dropped count as one key.
+    """
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -81,6 +85,11 @@ class Counters:
             shown = key if key in self._counts else OTHER
             now = monotonic()
             last = self._last[shown] = _next_drop(self._last.get(shown), now, why[:_MAX_REASON])
+            target = split_robot_key(key)
+            if target is not None and count.received <= count.dropped:
+                # No message of this robot was good: a sender can invent robots, so they share the warnings of a topic.
+                topic = all_robots_key(target[1])
+                last = self._last[topic] = _next_drop(self._last.get(topic), now, why[:_MAX_REASON])
             dropped = count.dropped
         if last.warned == now:
             log.warning("dropped a message on %s: %s (%d so far)", key, why, dropped)

@@ -33,12 +33,14 @@ log = logging.getLogger("zteam.bus")
 class _Handle:
     """A declaration; closing it twice does nothing."""
 
-    def __init__(self, close: Callable[[], object]) -> None:
+    def __init__(self, close: Callable[[], object], forget: Callable[["_Handle"], object]) -> None:
         self._close: Callable[[], object] | None = close
+        self._forget = forget
 
     def close(self) -> None:
         close, self._close = self._close, None
         if close is not None:
+            self._forget(self)
             close()
 
 
@@ -106,6 +108,9 @@ class MemoryHub:
             before = self.tokens[key]
             self.tokens[key] += by
             alive = self.tokens[key] > 0
+            if not alive:
+                # Each session has a key of its own.
+                del self.tokens[key]
             if alive == (before > 0):
                 return
             told = [
@@ -135,7 +140,8 @@ class MemoryTransport:
         self._hub = hub
         self._owner = owner
         self.instance = instance or f"{hub.new_id():032x}"
-        self._open: list[Closeable] = []
+        self._open: dict[Closeable, None] = {}
+        """In the order in which they were declared."""
         self._deferred = DeferredAnswers()
         self._closed = False
 
@@ -147,8 +153,8 @@ class MemoryTransport:
         self, key: str, encoding: str, latched: bool, to_others: bool = False, source: str = ""
     ) -> RawPublisher:
         check_use("publish on", key, self._closed)
-        publisher = MemoryPublisher(self._hub, self.instance, key, encoding, latched, to_others, source)
-        self._open.append(publisher)
+        publisher = MemoryPublisher(self._hub, self.instance, key, encoding, latched, to_others, source, self._forget)
+        self._open[publisher] = None
         return publisher
 
     def declare_subscriber(
@@ -212,11 +218,13 @@ class MemoryTransport:
 
     def close(self) -> None:
         self._closed = True
-        opened, self._open = self._open, []
-        for handle in opened:
+        for handle in list(self._open):
             handle.close()
 
     def _keep(self, close: Callable[[], object]) -> Closeable:
-        handle = _Handle(close)
-        self._open.append(handle)
+        handle = _Handle(close, self._forget)
+        self._open[handle] = None
         return handle
+
+    def _forget(self, handle: Closeable) -> None:
+        self._open.pop(handle, None)

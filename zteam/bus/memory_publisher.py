@@ -59,10 +59,19 @@ class MemoryPublisher:
     """Puts payloads on one key of a hub."""
 
     def __init__(
-        self, hub: "MemoryHub", session: str, key: str, encoding: str, latched: bool, to_others: bool, source: str
+        self,
+        hub: "MemoryHub",
+        session: str,
+        key: str,
+        encoding: str,
+        latched: bool,
+        to_others: bool,
+        source: str,
+        forget: Callable[["MemoryPublisher"], object],
     ) -> None:
-        """`source` is the session id that its samples carry, if it is not `session`."""
+        """`source` is the session id that its samples carry, if it is not `session`. `forget` is called at its end."""
         self._hub = hub
+        self._forget = forget
         self._number = hub.new_id()
         self._source = source or session
         self._key = key
@@ -146,3 +155,4 @@ class MemoryPublisher:
         with self._hub.lock:
             self._closed = True
             self._hub.latched.pop(self._number, None)
+        self._forget(self)

@@ -8,7 +8,9 @@ from typing import Any
 import msgspec
 import zenoh
 
+from zteam.clock import HOST_FACTOR, factor_from
 from zteam.errors import UsageError
+from zteam.names import service_key
 from zteam.numbers import parse_number, parse_whole
 from zteam.version import __version__
 
@@ -19,7 +21,9 @@ FROM_STDIN = "-"
 process can start and import meanwhile."""
 _WITH_PORT = frozenset({"tcp", "tls", "udp", "quic", "ws"})
 
-LEASE = 2.0
+RELEASE = service_key("@router", "release")
+"""Query to a router on demand, with a user id: whether it ends when the asker has gone, for it is the only client."""
+LEASE = 2.0 * HOST_FACTOR
 """Host seconds after which a process that is cut off or frozen counts as gone."""
 LEASE_BOUNDS = (0.1, 7200.0)
 """Of a lease that a user asks for."""
@@ -66,6 +70,10 @@ class BusOptions(msgspec.Struct, frozen=True):
             lease = parse_number(given("LEASE") or str(LEASE), *LEASE_BOUNDS, "seconds")
         except UsageError as error:
             raise UsageError(f"ZTEAM_LEASE {error}") from None
+        try:
+            factor_from(given("PATIENCE") or "")
+        except ValueError:
+            raise UsageError(f"ZTEAM_PATIENCE: give a factor from 1 to 100, not {given('PATIENCE')!r}") from None
         return cls(given("CONNECT"), given("NAMESPACE"), given("CONFIG"), lease=lease)
 
     @property
@@ -154,15 +162,20 @@ def client_config(options: BusOptions) -> zenoh.Config:
     return _build(options.config, settings)
 
 
-def router_config(listen: str, config: str | None = None) -> zenoh.Config:
-    """Configuration of the router: it listens on one endpoint and tells its user id and process id."""
+def router_config(listen: str, config: str | None = None, lease: float = LEASE) -> zenoh.Config:
+    """Configuration of the router: it listens on one endpoint and tells its user id and process id.
+
+    `lease` is that of BusOptions, for the router: each side of a link says how long the other is to bear its silence.
+    """
     return _build(
         config,
         {
             **_COMMON,
-            "transport/link/tx/lease": round(LEASE * 1e3),
+            "transport/link/tx/lease": round(lease * 1e3),
             "mode": "router",
             "listen/endpoints": [check_endpoint(listen)],
+            # With the default of 100, a few hundred connections that say nothing keep all others out.
+            "transport/unicast/accept_pending": 1000,
             "adminspace/enabled": True,
             "metadata": {"name": "zteam-router", "uid": os.getuid(), "pid": os.getpid(), "version": __version__},
         },

@@ -9,7 +9,7 @@ import logging
 import os
 import socket
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import msgspec
 
@@ -45,6 +45,17 @@ def holder_text(name: str | None, session: str) -> str:
     return name or f"session {session}"
 
 
+def names_of_sessions(processes: Iterable[ProcessInfo], key: str = "") -> dict[str, str]:
+    """The name of each session; of one that holds several names, that of the robot of `key` if it is a robot's."""
+    target = names.split_robot_key(key)
+    fitting = () if target is None else (names.robot_name(target[0]), names.navigation_name(target[0]))
+    found: dict[str, str] = {}
+    for info in processes:
+        if info.name in fitting or info.instance not in found:
+            found[info.instance] = info.name
+    return found
+
+
 def own_info(name: str, instance: str, start: int) -> ProcessInfo:
     """This process's answer."""
     return ProcessInfo(name, socket.gethostname(), os.getpid(), start, instance, __version__)
@@ -65,7 +76,7 @@ class Claim:
         self._token: Closeable | None = None
         self._released = False
         self._info = own_info(name, bus.instance, self.start)
-        self._server = bus.serve(names.info_key(name), NoRequest, lambda _: self._info)
+        self._server = bus.serve(names.info_key(name), NoRequest, lambda _: self._info, at_once=True)
         self.under_name: list[Closeable] = []
         """What else is published and answered under the name: it ends when the name is given back."""
         self._watches = bus.watch_tokens([names.tokens_key(name), names.claim_key(name, "*")], self._on_token)

@@ -4,11 +4,12 @@ import logging
 import os
 import threading
 from collections.abc import Callable
+from typing import Any
 
 import msgspec
 import zenoh
 
-from zteam.bus.options import open_session, router_config
+from zteam.bus.options import LEASE, RELEASE, open_session, router_config
 from zteam.clock import monotonic
 from zteam.errors import BusError
 
@@ -22,9 +23,9 @@ class _Locators(msgspec.Struct):
 class Router:
     """An open router; `endpoint` is where it really listens (port 0 becomes the port it got)."""
 
-    def __init__(self, listen: str, config: str | None = None) -> None:
+    def __init__(self, listen: str, config: str | None = None, lease: float = LEASE) -> None:
         try:
-            self._session = open_session(router_config(listen, config), "router")
+            self._session = open_session(router_config(listen, config, lease), "router")
         except zenoh.ZError as error:
             text = str(error)
             if "Address already in use" in text:
@@ -35,6 +36,7 @@ class Router:
         self._clients: set[str] = set()
         self._changed = threading.Condition()
         self._idle_since = monotonic()
+        self._idle_exit: float | None = None
         self._events = self._session.info.declare_transport_events_listener(self._on_transport, history=True)
         self.endpoint = self._read_endpoint(listen)
 
@@ -56,15 +58,27 @@ class Router:
                 self._idle_since = monotonic()
             self._changed.notify_all()
 
+    def _on_release(self, query: zenoh.Query) -> None:
+        """A launcher of this user asks for the port: granted, and then this ends with it, if it is the only client."""
+        asker = query.payload.to_bytes() if query.payload else b""
+        with query, self._changed:
+            if asker == str(os.getuid()).encode() and len(self._clients) == 1:
+                self._idle_exit = 0.0
+                query.reply(RELEASE, b"")
+
     def run(self, stopping: Callable[[], bool], idle_exit: float | None = None) -> None:
         """Route until `stopping()`, checked when `wake` is called, or until no client was there for `idle_exit` s."""
+        self._idle_exit = idle_exit
+        if idle_exit is not None:
+            callback: Any = zenoh.handlers.Callback(self._on_release, indirect=False)
+            self._session.declare_queryable(RELEASE, callback)
         with self._changed:
             while not stopping():
                 left = None
-                if idle_exit is not None and not self._clients:
-                    left = self._idle_since + idle_exit - monotonic()
+                if self._idle_exit is not None and not self._clients:
+                    left = self._idle_since + self._idle_exit - monotonic()
                     if left <= 0:
-                        log.info("no client for %g s: the router ends", idle_exit)
+                        log.info("no client for %g s: the router ends", self._idle_exit)
                         return
                 self._changed.wait(left)
 

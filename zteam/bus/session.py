@@ -11,6 +11,7 @@ import zenoh.ext
 
 from zteam.bus.answering import DeferredAnswers, error_reply, make_answer
 from zteam.bus.keys import check_use, first_line
+from zteam.bus.token_watch import LOOK_PERIOD, TokenWatch, look_at_tokens
 from zteam.bus.transport import (
     Closeable,
     QueryHandler,
@@ -53,18 +54,18 @@ class ZenohTransport:
         self._session = session
         self.instance = str(session.zid())
         self._declared: set[Declared] = set()
-        self._changes = itertools.count(1)
-        self.matching_changes = 0
+        self._changes, self.matching_changes = itertools.count(1), 0
         self._link_handlers: list[Callable[[bool], None]] = []
         self._routers: set[str] = {str(zid) for zid in session.info.routers_zid()}
         # Answers do not wait for what a change of presence leads to.
-        self._queries, self._presence = Aside(), Aside()
-        self._events = session.info.declare_transport_events_listener(self._presence.callback(self._on_transport))
+        self._queries, self._presence = Aside(), Aside(LOOK_PERIOD, lambda: look_at_tokens(self._declared))
+        events = session.info.declare_transport_events_listener(self._presence.callback(self._on_transport))
+        # Closed before the session: its own end would be told too, perhaps while the interpreter ends already.
+        self._keep(Declared(events, self._declared.discard))
         # Asked again: a router may have connected before the listener was there.
         self._routers |= {str(zid) for zid in session.info.routers_zid()}
         self._deferred = DeferredAnswers()
-        self.up = True
-        self.closed = False
+        self.up, self.closed = True, False
         # A script may end without closing: then this does it, while Zenoh can still call into the session.
         atexit.register(self.close)
 
@@ -159,14 +160,9 @@ class ZenohTransport:
         return self._declare("declare the token", key, lambda: self._session.liveliness().declare_token(key))
 
     def watch_tokens(self, key_expr: str, handler: TokenHandler) -> Closeable:
-        def on_token(sample: zenoh.Sample) -> None:
-            handler(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
-
-        def declare() -> Any:
-            callback = self._presence.callback(on_token)
-            return self._session.liveliness().declare_subscriber(key_expr, callback, history=True)
-
-        return self._declare("watch", key_expr, declare)
+        watch = TokenWatch(self._session, key_expr, handler, self._declared.discard)
+        self._make("watch", key_expr, lambda: watch.declare(self._presence))
+        return self._keep(watch)
 
     def _on_matching(self) -> None:
         self.matching_changes = next(self._changes)

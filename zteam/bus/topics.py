@@ -54,7 +54,7 @@ _ROBOT: dict[str, type[Message]] = {
 """What a robot publishes or receives besides what is measured of it (`zteam.world.devices`)."""
 
 _LATCHED = frozenset({names.MAP, names.TEAM_STATUS, names.TF_STATIC, names.BASE_INFO})
-_LATCHED |= {names.PLAN, names.GLOBAL_COSTMAP, names.LOCAL_COSTMAP}
+_LATCHED |= {names.AMCL_POSE, names.PLAN, names.GLOBAL_COSTMAP, names.LOCAL_COSTMAP}
 
 
 def is_latched(key: str) -> bool:

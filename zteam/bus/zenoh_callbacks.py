@@ -37,7 +37,9 @@ class Aside:
     wait for them, and each costs a process 40 KB.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, period: float | None = None, on_idle: Callable[[], None] = lambda: None) -> None:
+        """Each time nothing has come for `period` host seconds, `on_idle()` is called on the thread."""
+        self._period, self._on_idle = period, on_idle
         self._waiting: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
         threading.Thread(target=self._work, name="bus", daemon=True).start()
 
@@ -54,8 +56,14 @@ class Aside:
         self._waiting.put(None)
 
     def _work(self) -> None:
-        while (work := self._waiting.get()) is not None:
+        while (work := self._next()) is not None:
             work()
+
+    def _next(self) -> Callable[[], None] | None:
+        try:
+            return self._waiting.get(timeout=self._period)
+        except queue.Empty:
+            return self._on_idle
 
 
 def call(handler: Callable[[T], None], event: T) -> None:

@@ -15,6 +15,7 @@ DTYPES = {"bool": "b1", "int8": "i1", "uint8": "u1", "int32": "i4", "float32": "
 _MAY_BE_INFINITE = {
     "LaserScan.range_max", "Range.min_range", "Range.max_range", "Range.range",
     "BaseInfo.acc_lim_x", "BaseInfo.decel_lim_x", "BaseInfo.acc_lim_theta",
+    "BaseInfo.acc_lim_y", "BaseInfo.decel_lim_reverse",
 }  # fmt: skip
 """Scalars that may be inf or NaN: fixed-distance rangers, lasers and bases without a limit. In any other, a NaN makes
 the payload undecodable."""

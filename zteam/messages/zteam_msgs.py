@@ -71,8 +71,10 @@ class Blobs(Message):
 class RobotStatus(Message):
     """What one robot says of itself; `state` is one of RobotState.
 
-    `behavior` and `leader` (-1 = none) are what it was started with. `driver` is one of RobotDriver. `reason` says why
-    the robot stands; it is empty while it does not. `speed` is that of its newest command in m/s, negative backwards.
+    `behavior` and `leader` (-1 = none) are what it was started with. `follows` is the robot that it follows now (-1 =
+    none), and `turns` how often its line was led from the other end (-1 = it cannot be); `gap` is what it keeps to
+    the robot that it follows, metres. `driver` is one of RobotDriver. `reason` says why the robot stands; it is empty
+    while it does not. `speed` is that of its newest command in m/s, negative backwards.
     """
 
     ros_type: ClassVar[str] = "zteam_msgs/msg/RobotStatus"
@@ -87,6 +89,14 @@ class RobotStatus(Message):
     reason: str = ""
     leader: int32 = -1
     speed: float64 = 0.0
+    follows: int32 = -1
+    turns: int32 = -1
+    gap: float64 = 0.0
+
+    @property
+    def followed(self) -> int:
+        """The robot that it follows now, -1 = none; as it was started where its line cannot be led from both ends."""
+        return self.follows if self.turns >= 0 else self.leader
 
 
 class TeamStatus(Message):
@@ -112,7 +122,9 @@ class BaseInfo(Message):
 
     `drive` is `diff`, `omni` or `car`. Speeds in m/s and rad/s, accelerations in m/s^2 and rad/s^2; `min_vel_x` is
     negative for a base that drives backwards, `decel_lim_x` is negative as in Nav2. An infinite acceleration means that
-    there is no limit.
+    there is no limit. `max_vel_y` and `acc_lim_y` hold to the left and to the right, for `omni`. `decel_lim_reverse`,
+    positive, is how hard the base brakes when it drives backwards; 0 or inf: as hard as forwards. `wheelbase` (metres)
+    is a car's; 0: not known.
     """
 
     ros_type: ClassVar[str] = "zteam_msgs/msg/BaseInfo"
@@ -125,6 +137,10 @@ class BaseInfo(Message):
     acc_lim_x: float64 = 0.0
     decel_lim_x: float64 = 0.0
     acc_lim_theta: float64 = 0.0
+    max_vel_y: float64 = 0.0
+    acc_lim_y: float64 = 0.0
+    decel_lim_reverse: float64 = 0.0
+    wheelbase: float64 = 0.0
 
 
 class NavigationState(IntEnum):

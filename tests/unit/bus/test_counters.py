@@ -85,6 +85,24 @@ def test_a_cause_that_returns_after_a_minute_is_warned_about_at_once(
     assert [record.args[-1] for record in caplog.records if isinstance(record.args, tuple)] == [1, 2, 4, 5]
 
 
+def test_invented_robots_share_their_warnings(now: list[float], caplog: pytest.LogCaptureFixture) -> None:
+    """Ten thousand robots of which nothing good came make one line; one that is known has its own."""
+    found = Counters()
+    for _ in range(2):
+        found.receive("robot_1/cmd_vel")
+    for robot in range(100, 10_100):
+        now[0] += 1e-5
+        found.receive(f"robot_{robot}/cmd_vel")
+        found.drop(f"robot_{robot}/cmd_vel", "the world has no such robot")
+    found.drop("robot_1/cmd_vel", "wrong type")
+    assert [record.args[0] for record in caplog.records if isinstance(record.args, tuple)] == [
+        "robot_100/cmd_vel",
+        "robot_1/cmd_vel",
+    ]
+    assert sum(count.dropped for count in found.snapshot().values()) == 10_001
+    assert "robot_$*/cmd_vel" not in found.snapshot()
+
+
 def test_a_key_without_messages_is_not_told() -> None:
     """A receiver that counts for itself has no row before its first message."""
     found = Counters()

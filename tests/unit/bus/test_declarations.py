@@ -9,6 +9,7 @@ import pytest
 import zenoh
 
 import zteam.bus.bus as bus_module
+from support.limits import LIMIT
 from support.transports import Inbox, RouterProcess, wait_until_true
 from zteam.bus import Bus, BusOptions, MemoryHub, connect
 from zteam.bus.memory import MemoryTransport
@@ -21,15 +22,13 @@ from zteam.names import declarations_key
 SESSIONS = 200
 """That open and close while the declarations are asked for; with a router that is asked for them, far fewer do."""
 MANY = 100
-LIMIT = 30.0
-"""Host seconds after which the router stands still."""
 
 
 @pytest.fixture
 def options() -> Iterator[BusOptions]:
     """How to reach a router of the test's own, which may stop for ever."""
     router = RouterProcess()
-    yield BusOptions(connect=router.endpoint, namespace=f"n{uuid.uuid4().hex}")
+    yield BusOptions(connect=router.endpoint, lease=LIMIT, namespace=f"n{uuid.uuid4().hex}")
     router.kill()
 
 
@@ -58,6 +57,7 @@ def reach_another(options: BusOptions, heard: Inbox) -> None:
             bus.close()
 
 
+@pytest.mark.ci
 def test_asking_for_declarations_while_sessions_come_and_go_stops_no_router(options: BusOptions) -> None:
     """Two new sessions reach each other afterwards: a router that is asked for its declarations may stop for ever."""
     team: list[Bus] = [connect(options, patience=LIMIT) for _ in range(2)]
@@ -100,7 +100,7 @@ def test_a_plain_zenoh_program_tells_no_declarations(options: BusOptions) -> Non
 
 def test_a_session_that_does_not_answer_in_time_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
     """The others are listed all the same; if there is no other one, nothing is."""
-    monkeypatch.setattr(bus_module, "_PATIENCE", 0.05)
+    monkeypatch.setattr(bus_module, "_PATIENCE", 0.0)
     hub, over = MemoryHub(), threading.Event()
     looking, frozen = hub.bus(), MemoryTransport(hub)
     frozen.declare_queryable(declarations_key("frozen"), lambda _: lambda: b"[]" if over.wait(LIMIT) else b"")

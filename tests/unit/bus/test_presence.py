@@ -4,7 +4,7 @@ import threading
 
 import pytest
 
-from support.lockstep_doubles import LIMIT
+from support.limits import LIMIT
 from zteam import names
 from zteam.bus import Bus, MemoryHub, NoRequest
 from zteam.bus import presence as module

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import pytest
 import zenoh
 
+from support.limits import LIMIT
 from zteam.bus.session import ZenohTransport
 from zteam.errors import BusError
 
@@ -18,7 +19,7 @@ def test_asking_a_closed_session_is_an_error_of_the_bus() -> None:
     transport = ZenohTransport(zenoh.open(zenoh.Config.from_json5(ALONE)))
     transport.close()
     with pytest.raises(BusError, match="cannot ask robot_1/info"):
-        transport.get("robot_1/info", b"", 1.0)
+        transport.get("robot_1/info", b"", LIMIT)
 
 
 @pytest.fixture
@@ -40,7 +41,7 @@ def test_further_queries_cost_no_further_thread(transport: ZenohTransport) -> No
     for number in range(3):
         transport.declare_queryable(f"robot_{number}/info", answer)
     for number in range(3):
-        assert [reply.payload for reply in transport.get(f"robot_{number}/info", b"", 5.0)] == [b"here"]
+        assert [reply.payload for reply in transport.get(f"robot_{number}/info", b"", LIMIT)] == [b"here"]
     assert len(threads) == 1
 
 
@@ -50,13 +51,13 @@ def test_a_handler_of_tokens_holds_up_no_query(transport: ZenohTransport) -> Non
 
     def on_token(_key: str, _is_there: bool) -> None:
         begun.set()
-        may_end.wait(10.0)
+        may_end.wait(LIMIT)
 
     transport.watch_tokens("robot_1/alive/*", on_token)
     transport.declare_queryable("robot_1/info", lambda _: b"here")
     transport.declare_token("robot_1/alive/a")
-    assert begun.wait(10.0)
-    assert [reply.payload for reply in transport.get("robot_1/info", b"", 5.0)] == [b"here"]
+    assert begun.wait(LIMIT)
+    assert [reply.payload for reply in transport.get("robot_1/info", b"", LIMIT)] == [b"here"]
     may_end.set()
 
 
@@ -72,5 +73,5 @@ def test_an_error_in_a_handler_stops_no_other(transport: ZenohTransport, caplog:
     transport.watch_tokens("robot_1/alive/*", on_token)
     transport.declare_token("robot_1/alive/bad")
     transport.declare_token("robot_1/alive/good")
-    assert seen.get(timeout=10.0) == "robot_1/alive/good"
+    assert seen.get(timeout=LIMIT) == "robot_1/alive/good"
     assert "error in a callback of the bus" in caplog.text

@@ -2,7 +2,8 @@
 
 import pytest
 
-from support.log_capture import LIMIT, captured_log
+from support.limits import LIMIT
+from support.log_capture import captured_log
 from support.transports import Inbox, Sessions, wait_until_true
 from zteam.bus import Bus, Publisher, payloads
 from zteam.clock import wait_until

@@ -6,8 +6,9 @@ from typing import Any
 import msgspec
 import pytest
 
+from support.limits import LIMIT
 from support.log_capture import captured_log
-from support.transports import LIMIT, Inbox, Sessions, wait_until_true
+from support.transports import Inbox, Sessions, wait_until_true
 from zteam.bus import Bus, Deferred, NoRequest, answering, payloads
 from zteam.errors import BusError
 
@@ -221,7 +222,8 @@ def test_a_time_out_keeps_the_answers_that_came(sessions: Sessions) -> None:
     serve(server, "a/fast", 2)
     introduce(asker, server)
     try:
-        assert asker.query("a/*", Number, timeout=0.5) == [("a/fast", Number(2))]
+        # On a busy machine the fast one may need longer, too.
+        assert any(asker.query("a/*", Number, timeout=patience) == [("a/fast", Number(2))] for patience in (0.5, LIMIT))
     finally:
         end.set()
 
