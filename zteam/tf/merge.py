@@ -4,7 +4,7 @@
 of each static transform, and `conflicts` records what was refused. Stamps are never changed.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 from zteam import names
@@ -34,10 +34,15 @@ class _Held(NamedTuple):
 class Merger:
     """The tree of a whole team."""
 
-    def __init__(self, configured: Iterable[TransformStamped] = ()) -> None:
+    def __init__(
+        self,
+        configured: Iterable[TransformStamped] = (),
+        name_of: Callable[[str], str | None] = lambda authority: authority,
+    ) -> None:
+        """The team file's fixed transforms; `name_of` as in StaticTransforms."""
         self.buffer = Buffer()
         self._conflicts = Conflicts()
-        self._statics = StaticTransforms(self.buffer)
+        self._statics = StaticTransforms(self.buffer, name_of)
         self._bases: list[TransformStamped] = []
         """For the next bundle."""
         self._others: list[TransformStamped] = []
@@ -99,13 +104,20 @@ class Merger:
         for transform in keep_own(robot_id, transforms, self._conflicts):
             self._put_static(Static(Rank.DESCRIPTION, transform, authority))
 
-    def take_static(self, robot_id: int, message: TFMessage) -> None:
-        """Store the full set of static transforms from `robot_N/tf_static`; it replaces the robot's last set."""
-        authority = names.robot_name(robot_id)
+    def take_static(self, robot_id: int, message: TFMessage, authority: str = "", sent: int = 0) -> None:
+        """Store static transforms from `robot_N/tf_static`, which `authority` (else the robot) sent.
+
+        They are merged by child frame. `sent` is when they were sent, in the source's own count; 0 where it has none.
+        """
+        authority = authority or names.robot_name(robot_id)
         new = {t.child_frame_id: t for t in keep_own(robot_id, message.transforms, self._conflicts)}
-        self._statics.drop_replaced(authority, Rank.SIMULATOR, new)
+        self._statics.drop_reparented(authority, new, sent)
         for transform in new.values():
-            self._put_static(Static(Rank.SIMULATOR, transform, authority))
+            self._put_static(Static(Rank.SIMULATOR, transform, authority, sent))
+
+    def look_again(self, authority: str) -> None:
+        """A source of static transforms has come to life or may have ended."""
+        self._statics.look_again(authority)
 
     def _put_static(self, static: Static) -> None:
         refused = self._statics.put(static)

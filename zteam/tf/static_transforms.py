@@ -1,11 +1,17 @@
-"""The static transforms of a whole team: each child frame has one authority, which is chosen by rank.
+"""The static transforms of a whole team: each child frame has one authority at a time.
+
+Several sources may say where a frame is. All that they say is kept, by child frame and source, and one of them counts.
+A source that lives counts before one that may have ended. Of those that live the first that said the frame counts, of
+the others the last. A frame outlives its source, as in tf2: where a laser is mounted does not change because its driver
+starts anew, and a link that is lost for a moment must not break a tree. The next source that says the frame takes it
+over.
 
 The start pose `map -> robot_N/odom` has several sources by design. A source of a higher rank replaces the other one
 without a conflict. A localiser publishes this edge as moving data: it shadows a start pose of a lower rank, which is
 kept aside and comes back when the localiser's data is forgotten.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -27,71 +33,120 @@ class Rank(IntEnum):
     """It gives way for every frame, not only for a start pose: the base itself knows best where its laser is."""
 
 
+MOST_SOURCES = 8
+"""Of one frame; a sender can invent sessions."""
+
+
 class Static(NamedTuple):
     """A static transform and its source."""
 
     rank: Rank
     transform: TransformStamped
     authority: str
+    sent: int = 0
+    """When, in the source's own count; 0 where it has none."""
 
 
 class StaticTransforms:
     """The static transforms of a team; those that are not shadowed are also in `buffer`."""
 
-    def __init__(self, buffer: Buffer) -> None:
+    def __init__(self, buffer: Buffer, name_of: Callable[[str], str | None] = lambda authority: authority) -> None:
+        """`name_of(authority)` is what users read for a source that lives; None for one that may have ended."""
         self.changed = False
         """Whether the full set differs from the last `message`."""
-        self._buffer = buffer
+        self._buffer, self._name_of = buffer, name_of
+        self._shown: Callable[[str], str] = lambda authority: name_of(authority) or authority
+        self._said: dict[str, dict[str, Static]] = {}
+        """By child frame and authority, in the order in which they first said the frame."""
         self._statics: dict[str, Static] = {}
-        """By child frame, the shadowed ones included."""
+        """Those that count, by child frame, the shadowed ones included."""
         self._localised: set[str] = set()
         """The `robot_N/odom` frames that a localiser has placed."""
 
     def get(self, child: str) -> Static | None:
-        """The static transform of a child frame, also a shadowed one."""
+        """The one that counts, also a shadowed one."""
         return self._statics.get(child)
 
     def put(self, static: Static) -> Rejection | None:
-        """Store a static transform, or leave it out if its rank is too low; None, or why it was refused."""
-        rank, transform, authority = static
+        """Keep what a source says; None, or why it does not count though no higher rank hides it."""
+        rank, transform, authority, sent = static
         child = transform.child_frame_id
-        known = self._statics.get(child)
-        if known is not None and known.authority != authority:
-            if Rank.DESCRIPTION in (known.rank, rank):
-                if rank > known.rank:
-                    return None
-                # The new edge may have another parent: with the old edge still there, that could look like a loop.
-                self._drop(child)
-            elif not is_start_pose(transform) or rank == known.rank:
-                text = f"{child} is said by {known.authority} and by {authority}: {known.authority} stays"
-                return Rejection("second authority", text)
-            elif rank > known.rank:
-                return None
-        if self._is_shadowed(child, static):
-            self._statics[child] = static
+        said = self._said.setdefault(child, {})
+        before = said.get(authority)
+        if before is not None and sent < before.sent:
             return None
-        if known is not None and known.transform == transform and known.authority == authority:
+        said[authority] = static
+        refused = self._choose(child)
+        if refused is not None:
+            if before is None:
+                self._take_back(child, authority)
+            else:
+                said[authority] = before
+            return refused
+        if len(said) > MOST_SOURCES:
+            del said[max(enumerate(said.values()), key=self._order)[1].authority]
+        holder = self._statics[child]
+        gives_way = Rank.DESCRIPTION in (holder.rank, rank) or (is_start_pose(transform) and holder.rank < rank)
+        if holder.authority == authority or gives_way:
             return None
-        refused = self._buffer.set_transform_static(transform, authority)
-        if refused is None:
-            self._statics[child] = static
-            self.changed = True
-        return refused
+        first, second = map(self._shown, (holder.authority, authority))
+        return Rejection("second authority", f"{child} is said by {first} and by {second}: {first} stays")
 
-    def drop_replaced(self, authority: str, rank: Rank, new: Mapping[str, TransformStamped]) -> None:
-        """Drop the source's transforms that its new full set, by child frame, lacks or has under another parent."""
-        for child, static in list(self._statics.items()):
-            if static.authority == authority and static.rank == rank:
-                # An edge whose parent changes must not make a loop with the rest of the new set.
-                transform = new.get(child)
-                if transform is None or transform.header.frame_id != static.transform.header.frame_id:
-                    self._drop(child)
+    def _choose(self, child: str) -> Rejection | None:
+        """Let the best source count; None, or why the buffer refused it and the one of before still counts."""
+        held, said = self._statics.get(child), self._said[child]
+        if not said:
+            del self._said[child]
+            self._drop(child)
+            return None
+        _, best = min(enumerate(said.values()), key=self._order)
+        if best != held and not self._is_shadowed(child, best):
+            if refused := self._store(best):
+                return refused
+            self.changed |= held is None or best.transform != held.transform
+        self._statics[child] = best
+        return None
+
+    def _store(self, static: Static) -> Rejection | None:
+        child = static.transform.child_frame_id
+        with self._buffer.lock:
+            edge = self._buffer.edges.get(child)
+            if edge is None or not edge.parent or edge.static:
+                return self._buffer.set_transform_static(static.transform, static.authority)
+            source, mover = self._shown(static.authority), edge.authority
+            return Rejection("moving frame", f"{child} moves, by {mover}: the static transform of {source} is refused")
+
+    def _order(self, numbered: tuple[int, Static]) -> tuple[int, bool, int]:
+        """The least one counts: of sources that live the first one, of the others the one that came last."""
+        number, (rank, transform, authority, _) = numbered
+        lives = self._name_of(authority) is not None
+        counts = rank if rank == Rank.DESCRIPTION or is_start_pose(transform) else 0
+        return counts, not lives, number if lives else -number
+
+    def look_again(self, authority: str) -> None:
+        """A source has come to life or may have ended: other sources may count now."""
+        for child, said in self._said.items():
+            if authority in said and len(said) > 1:
+                self._choose(child)
+
+    def drop_reparented(self, authority: str, new: Mapping[str, TransformStamped], sent: int = 0) -> None:
+        """Drop what the source said before it `sent` its `new` edges (by child frame) and that contradicts them."""
+        parents = {transform.header.frame_id for transform in new.values()}
+        for child, said in list(self._said.items()):
+            if authority in said and said[authority].sent <= sent:
+                parent = said[authority].transform.header.frame_id
+                if new[child].header.frame_id != parent if child in new else child in parents and parent in new:
+                    self._take_back(child, authority)
 
     def drop_authority(self, authority: str) -> None:
         """Drop all static transforms of one authority."""
-        for child, static in list(self._statics.items()):
-            if static.authority == authority:
-                self._drop(child)
+        for child, said in list(self._said.items()):
+            if authority in said:
+                self._take_back(child, authority)
+
+    def _take_back(self, child: str, authority: str) -> None:
+        del self._said[child][authority]
+        self._choose(child)
 
     def localise(self, transform: TransformStamped, authority: str) -> Rejection | None:
         """Store a localiser's moving `map -> robot_N/odom`, which shadows the static one; None, or why it was refused.
@@ -133,10 +188,10 @@ class StaticTransforms:
         return TFMessage(shown)
 
     def _drop(self, child: str) -> None:
-        del self._statics[child]
-        if child not in self._localised:
-            self._buffer.forget(child)
-        self.changed = True
+        if self._statics.pop(child, None) is not None:
+            self.changed = True
+            if child not in self._localised:
+                self._buffer.forget(child)
 
     def _is_shadowed(self, child: str, static: Static) -> bool:
         return static.rank > Rank.LOCALISER and child in self._localised

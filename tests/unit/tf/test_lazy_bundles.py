@@ -125,6 +125,7 @@ def spoil(fault: str, tick: int, transforms: list[TransformStamped], chance: ran
             one.header.frame_id = chance.choice(["map", one.child_frame_id, "/" + one.header.frame_id])
 
 
+@pytest.mark.few(12)
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("fault", ["", "one stamp", "all stamps", "rotation", "height", "tilt", "parent", "start"])
 def test_newest_poses_are_those_of_a_full_buffer(pair: Pair, fault: str, seed: int) -> None:
@@ -276,6 +277,7 @@ def test_frames_that_are_not_looked_up_are_not_read(form: str) -> None:
     assert counts == {f"robot_{i}/base_footprint": 50 if i < 2 else 1 for i in range(ROBOTS)}
 
 
+@pytest.mark.few(1)
 def test_old_bundles_go(pair: Pair) -> None:
     """Old bundles are dropped: after an hour, a look-up reaches back as far as a buffer does."""
     for tick in range(1, 36_000):

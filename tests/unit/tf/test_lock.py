@@ -8,6 +8,7 @@ from types import FrameType
 
 import pytest
 
+from support.limits import LIMIT
 from support.transforms import S, stamped
 from zteam.geometry import quaternion_from_rpy
 from zteam.messages import Quaternion
@@ -100,7 +101,7 @@ def _interrupt(outer: Call, inner: Call, line: int, roll: float) -> tuple[object
         lines += event == "line"
         if lines == line and thread.ident is None:
             thread.start()
-            assert stopped.wait(60.0)
+            assert stopped.wait(LIMIT)
         return trace
 
     usual = sys.gettrace()
@@ -111,11 +112,12 @@ def _interrupt(outer: Call, inner: Call, line: int, roll: float) -> tuple[object
         sys.settrace(usual)
     if thread.ident is None:
         return None
-    thread.join(60.0)
+    thread.join(LIMIT)
     assert answers, "the second call failed"
     return answer, answers[0]
 
 
+@pytest.mark.few(12)
 @pytest.mark.parametrize("roll", [0.0, 0.5], ids=["planar", "spatial"])
 @pytest.mark.parametrize("order", ["the writer is interrupted", "the reader is interrupted"])
 @pytest.mark.parametrize(
@@ -184,7 +186,7 @@ def test_every_call_waits_for_the_lock(call: Call) -> None:
     thread = threading.Thread(target=run, daemon=True)
     with buffer.lock:
         thread.start()
-        assert stopped.wait(60.0)
+        assert stopped.wait(LIMIT)
         order.append("holder")
-    thread.join(60.0)
+    thread.join(LIMIT)
     assert order == ["holder", "call"]

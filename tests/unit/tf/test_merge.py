@@ -5,7 +5,7 @@ from random import Random
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 
 from support.arrivals import TICK, Data, Event, Sent, arrive, orders, sent_messages
 from support.transforms import S, stamped
@@ -64,6 +64,14 @@ def test_a_second_authority_is_refused_and_named() -> None:
     assert "team file" in conflict
     assert "robot_0" in conflict
     assert merger.statics().transforms[0].transform.translation.x == 0.1
+
+
+def test_an_older_message_takes_back_no_newer_parent() -> None:
+    """Late history of a source comes after its newer message: the newer parent of the frame stays."""
+    merger = Merger()
+    merger.take_static(0, TFMessage([stamped("base_link", "camera", 0)]), "driver", 2)
+    merger.take_static(0, TFMessage([stamped("base_footprint", "camera", 0)]), "driver", 1)
+    assert _names(merger.statics().transforms) == [("robot_0/base_link", "robot_0/camera")]
 
 
 def test_a_robot_is_seen_from_another() -> None:
@@ -128,7 +136,6 @@ def merge(events: list[Event]) -> list[Any]:
     return [*found, sorted(merger.conflicts())]
 
 
-@settings(deadline=None)
 @given(sent_messages(len(FRAMES)), orders())
 def test_the_order_of_arrival_changes_no_bundle(sent: list[Sent], ways: list[Random]) -> None:
     """Frames of three senders in a tick, in two orders, that may contradict each other: the same bundles, the same

@@ -80,19 +80,19 @@ def test_moving_data_for_a_frame_of_the_team_file_is_a_conflict() -> None:
     assert merger.buffer.lookup_pose2("robot_0/base_link", "robot_0/camera", 0)[0].x == 0.1
 
 
-def test_what_left_a_robots_fixed_set_leaves_the_tree() -> None:
-    """Only edges of this robot are forgotten, and the full set is published again."""
-    merger = Merger([stamped("robot_0/base_link", "robot_0/camera", 0)])
-    merger.take_static(0, TFMessage([stamped("map", "odom", 0), stamped("odom", "mark", 0)]))
-    merger.take_static(1, TFMessage([stamped("map", "odom", 0)]))
-    assert merger.add_static(stamped("map", "table", 0), "tool") is None
-    merger.statics()
-    assert not merger.statics_changed
-    merger.take_static(0, TFMessage([stamped("map", "odom", 0)]))
-    assert merger.statics_changed
-    children = [t.child_frame_id for t in merger.statics().transforms]
-    assert children == ["robot_0/camera", "robot_0/odom", "robot_1/odom", "table"]
-    assert sorted(merger.buffer.frames()) == children
+def test_fixed_sets_are_merged_by_child_frame() -> None:
+    """A message with one frame more, of the same source or another one, takes no other frame away, as in tf2."""
+    merger = Merger()
+    merger.take_static(0, TFMessage([stamped("map", "odom", 0), stamped("odom", "mark", 0)]), "sim")
+    merger.take_static(0, TFMessage([stamped("map", "odom", 0, 2.0)]), "sim")
+    merger.take_static(0, TFMessage([stamped("base_link", "camera", 0)]), "driver")
+    assert [(t.child_frame_id, t.transform.translation.x) for t in merger.statics().transforms] == [
+        ("robot_0/camera", 0.0),
+        ("robot_0/mark", 0.0),
+        ("robot_0/odom", 2.0),
+    ]
+    authorities = {child: frame.authority for child, frame in merger.buffer.frames().items()}
+    assert authorities == {"robot_0/camera": "driver", "robot_0/mark": "sim", "robot_0/odom": "sim"}
 
 
 def test_an_unchanged_fixed_set_is_not_sent_again() -> None:

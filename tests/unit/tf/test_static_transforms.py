@@ -8,7 +8,7 @@ import pytest
 from support.transforms import S, stamped
 from zteam.messages import TransformStamped
 from zteam.tf.buffer import Buffer
-from zteam.tf.static_transforms import Rank, Static, StaticTransforms
+from zteam.tf.static_transforms import MOST_SOURCES, Rank, Static, StaticTransforms
 
 ODOM = "robot_0/odom"
 SOURCES = (Rank.TEAM_FILE, Rank.SIMULATOR, Rank.CALLER, Rank.DESCRIPTION)
@@ -129,18 +129,90 @@ def test_only_the_team_file_fixes_a_start_pose() -> None:
         assert statics.is_fixed_by_team_file(ODOM) is (rank == Rank.TEAM_FILE)
 
 
-def test_a_new_full_set_drops_missing_frames_and_changed_parents() -> None:
-    """Only edges of that authority and rank go: those that the new set lacks or has under another parent."""
+def test_an_edge_that_is_said_anew_under_another_parent_goes_first() -> None:
+    """Only edges of that source go: those with another parent, or turned round. Edges that it does not repeat stay."""
     buffer = Buffer()
     statics = StaticTransforms(buffer)
-    for child in ("kept", "gone", "moved"):
+    for child in ("kept", "silent", "moved", "turned"):
         statics.put(Static(Rank.SIMULATOR, stamped("base", child, 0), "robot_0"))
-    statics.put(Static(Rank.DESCRIPTION, stamped("base", "described", 0), "robot_0"))
-    statics.put(Static(Rank.SIMULATOR, stamped("base", "other", 0), "robot_1"))
-    new = {"kept": stamped("base", "kept", 0, 9.0), "moved": stamped("kept", "moved", 0)}
-    statics.drop_replaced("robot_0", Rank.SIMULATOR, new)
-    assert [child for child, _ in _shown(statics)] == ["described", "kept", "other"]
-    assert sorted(buffer.frames()) == ["described", "kept", "other"]
+    statics.put(Static(Rank.SIMULATOR, stamped("other", "moved_too", 0), "robot_1"))
+    new = {
+        "kept": stamped("base", "kept", 0, 9.0),
+        "moved": stamped("kept", "moved", 0),
+        "moved_too": stamped("kept", "moved_too", 0),
+        "base": stamped("turned", "base", 0),
+    }
+    statics.drop_reparented("robot_0", new)
+    assert [child for child, _ in _shown(statics)] == ["kept", "moved_too", "silent"]
+    assert sorted(buffer.frames()) == ["kept", "moved_too", "silent"]
+
+
+def test_a_source_that_lives_counts_before_one_that_may_have_ended() -> None:
+    """The first one that lives holds a frame; when it ends the next one has it, and the first one's return brings it
+    back.
+    """
+    living = {"sim", "driver"}
+    statics = StaticTransforms(Buffer(), lambda authority: authority if authority in living else None)
+    for x, source in enumerate(("script", "sim", "driver", "other")):
+        statics.put(Static(Rank.SIMULATOR, _camera(float(x)), source))
+    assert _shown(statics) == [("robot_0/camera", 1.0)]
+    for gone, x in (("sim", 2.0), ("driver", 3.0)):
+        living.discard(gone)
+        statics.look_again(gone)
+        assert _shown(statics) == [("robot_0/camera", x)]
+    living.add("driver")
+    statics.look_again("driver")
+    assert _shown(statics) == [("robot_0/camera", 2.0)]
+
+
+def test_a_source_that_cannot_be_asked_gives_way_to_the_next_one() -> None:
+    """A script that is started again may say the frame anew; what the first run repeats does not bring it back."""
+    statics = StaticTransforms(Buffer(), lambda authority: None)
+    for source, x in (("first", 0.1), ("second", 0.2), ("first", 0.3)):
+        statics.put(Static(Rank.SIMULATOR, _camera(x), source))
+    assert _shown(statics) == [("robot_0/camera", 0.2)]
+
+
+def test_what_a_source_said_last_counts() -> None:
+    """A message that was sent earlier and comes later changes nothing: a session may have two publishers."""
+    statics = StaticTransforms(Buffer())
+    for x, sent in ((0.2, 20), (0.1, 10)):
+        statics.put(Static(Rank.SIMULATOR, _camera(x), "sim", sent))
+    assert _shown(statics) == [("robot_0/camera", 0.2)]
+
+
+def test_invented_sources_do_not_fill_the_memory() -> None:
+    """A thousand sources of a frame are forgotten again; the one that lives stays."""
+    statics = StaticTransforms(Buffer(), lambda authority: authority if authority == "sim" else None)
+    statics.put(Static(Rank.SIMULATOR, _camera(1.0), "sim"))
+    for number in range(1000):
+        statics.put(Static(Rank.SIMULATOR, _camera(2.0), str(number)))
+    assert len(statics._said["robot_0/camera"]) == MOST_SOURCES
+    assert _shown(statics) == [("robot_0/camera", 1.0)]
+
+
+def test_a_source_that_lives_is_not_forgotten_for_those_that_ended() -> None:
+    """It does not hold the frame, and says it again when the holder has ended, however often others came and went."""
+    alive = {"sim", "driver"}
+    statics = StaticTransforms(Buffer(), lambda authority: authority if authority in alive else None)
+    statics.put(Static(Rank.SIMULATOR, _camera(1.0), "sim"))
+    statics.put(Static(Rank.SIMULATOR, _camera(2.0), "driver"))
+    for number in range(3 * MOST_SOURCES):
+        statics.put(Static(Rank.SIMULATOR, _camera(3.0), str(number)))
+    alive.discard("sim")
+    statics.look_again("sim")
+    assert _shown(statics) == [("robot_0/camera", 2.0)]
+
+
+def test_a_frame_that_moves_is_not_made_fixed() -> None:
+    """A static transform for a moving frame is refused, and both sources are named: else its samples would be."""
+    buffer = Buffer()
+    statics = StaticTransforms(buffer)
+    buffer.set_transform(stamped(ODOM, "robot_0/base", S, 1.0), "robot_0")
+    refused = statics.put(Static(Rank.SIMULATOR, stamped(ODOM, "robot_0/base", 0), "script"))
+    assert refused is not None
+    assert refused.text == "robot_0/base moves, by robot_0: the static transform of script is refused"
+    assert buffer.set_transform(stamped(ODOM, "robot_0/base", 2 * S, 2.0), "robot_0") is None
 
 
 def test_an_authority_leaves_with_all_its_frames() -> None:

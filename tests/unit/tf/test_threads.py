@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
+from support.limits import LIMIT
 from support.transforms import S, stamped
 from zteam.clock import wait_until
 from zteam.messages import ns_from_time
@@ -22,10 +23,10 @@ def test_a_look_up_can_wait() -> None:
     buffer = Buffer()
     buffer.set_transform(stamped("map", "base", S), "test")
     answers = []
-    waiting = threading.Thread(target=lambda: answers.append(buffer.wait_for_transform("map", "base", 2 * S, 20.0)))
+    waiting = threading.Thread(target=lambda: answers.append(buffer.wait_for_transform("map", "base", 2 * S, LIMIT)))
     waiting.start()
     buffer.set_transform(stamped("map", "base", 2 * S, 7.0), "test")
-    waiting.join(20.0)
+    waiting.join(LIMIT)
     assert answers[0].transform.translation.x == 7.0
     with pytest.raises(ExtrapolationException):
         buffer.wait_for_transform("map", "base", 9 * S, 0.01)
@@ -52,12 +53,12 @@ def test_every_waiter_is_woken(monkeypatch: pytest.MonkeyPatch) -> None:
     threads = [threading.Thread(target=wait, args=(name,), daemon=True) for name in ("a", "b", "c")]
     for thread in threads:
         thread.start()
-        assert asleep.acquire(timeout=30.0)
+        assert asleep.acquire(timeout=LIMIT)
     buffer.set_transform_static(stamped("map", "a", 0, 1.0), "test")
     buffer.set_transform(stamped("map", "b", S, 2.0), "test")
     buffer.set_all_static([stamped("map", "c", 0, 3.0)], "other")
     for thread in threads:
-        thread.join(30.0)
+        thread.join(LIMIT)
     assert answers == {"a": 1.0, "b": 2.0, "c": 3.0}
 
 
@@ -87,9 +88,10 @@ def test_threads_may_store_and_look_up_at_once() -> None:
     while not done.is_set():
         transform = buffer.lookup_transform("map", "base", 0)
         assert transform.transform.translation.x == float(ns_from_time(transform.header.stamp))
-    writer.join(20.0)
+    writer.join(LIMIT)
 
 
+@pytest.mark.ci
 def test_many_threads_see_one_tree() -> None:
     """With writers, late samples, a changing parent and readers at once, every answer is right or a tf2 exception.
 
@@ -142,10 +144,10 @@ def test_many_threads_see_one_tree() -> None:
     for thread in writers + readers:
         thread.start()
     for thread in writers:
-        thread.join(60.0)
+        thread.join(LIMIT)
     done.set()
     for thread in readers:
-        thread.join(60.0)
+        thread.join(LIMIT)
     assert not any(thread.is_alive() for thread in writers + readers)
     assert failures == []
     assert buffer.frames()["arm"].newest == 2999 * ms

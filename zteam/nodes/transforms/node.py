@@ -9,21 +9,22 @@ import logging
 from collections.abc import Iterable, Mapping
 
 from zteam import names
-from zteam.clock import Rate, monotonic, to_ns
+from zteam.clock import Every, Rate, monotonic, to_ns
 from zteam.messages import JointState, TFMessage, Tick, TransformStamped, ns_from_time
 from zteam.nodes.transforms.bundle import PATIENCE, Bundle
 from zteam.nodes.transforms.queries import serve_queries
-from zteam.nodes.transforms.static_callers import StaticCallers
+from zteam.nodes.transforms.static_sources import StaticSources
 from zteam.runtime.node import Node
 from zteam.runtime.participant import Participant
 from zteam.tf.bases import base_stamp
-from zteam.tf.merge import Merger
 from zteam.tf.urdf import Description
 
 log = logging.getLogger("zteam")
 
 WALL_RATE = 20.0
 """Bundles a second where there is no simulator and no other rate was asked for."""
+_MOST_CONFLICTS = 3
+"""Lines a second: a sender can invent robots. 'zteam tf monitor' lists all."""
 
 
 def _open_tick(part: Participant, bundle: Bundle) -> int:
@@ -50,7 +51,8 @@ class Aggregator:
         self._first_data = 0.0
         """Host time of the first moving transform; 0 before."""
         self._descriptions = descriptions
-        self._merger = Merger(configured)
+        self._sources = StaticSources(node, configured, self._publish_statics)
+        self._merger = self._sources.merger
         self._bundle = Bundle()
         self._last = TFMessage([])
         """The bundle that was sent last."""
@@ -59,9 +61,8 @@ class Aggregator:
         self._part = Participant(node, self._has_inputs, lambda _: self._flush(self._bundle.stamp), self._repeat)
         node.clock.sim.on_jump_back(self._on_jump_back)
         node.subscribe(names.all_robots_key(names.TF), TFMessage, self._on_tf, wake=False)
-        node.subscribe(names.all_robots_key(names.TF_STATIC), TFMessage, self._on_tf_static, latched=True)
-        self._callers = StaticCallers(node, self._merger, self._publish_statics)
-        serve_queries(node.bus, self._merger, lambda: self._last)
+        self._sources.listen(self._on_statics)
+        serve_queries(node.bus, self._merger, lambda: self._last, self._sources.name_of)
         for robot_id, description in descriptions.items():
             self._merger.describe(robot_id, description.static_transforms())
         if descriptions:
@@ -124,13 +125,9 @@ class Aggregator:
         if self._last.transforms:
             self._tf.hand_over(self._last)
 
-    def _on_tf_static(self, key: str, message: TFMessage) -> None:
-        target = names.split_robot_key(key)
-        if target is not None:
-            self._merger.take_static(target[0], message)
-            self._publish_statics()
-            self._bundle.place(target[0])
-            self._part.advance()
+    def _on_statics(self, robot_id: int) -> None:
+        self._bundle.place(robot_id)
+        self._part.advance()
 
     def _on_jump_back(self, old: int, new: int) -> None:
         log.warning("time jumped back from %.1f s to %.1f s: moving transforms are forgotten", old / 1e9, new / 1e9)
@@ -160,6 +157,7 @@ class Aggregator:
     def run(self) -> None:
         """Send late bundles, and log conflicts, until the process is asked to stop."""
         pace: Rate | None = None
+        may_log = Every(1.0)
         self._node.wakes_with_clock = self._given_rate is not None
         while not self._node.stopping:
             self._node.decide_clock(self._first_data)
@@ -172,10 +170,9 @@ class Aggregator:
                     with self._node.changed:
                         self._flush()
             with self._node.changed:
-                self._callers.drop_lost()
-                conflicts = self._merger.take_conflicts()
-            for conflict in conflicts:
-                log.warning("%s", conflict)
+                self._sources.drop_lost()
+                conflicts = self._merger.take_conflicts() if may_log.due() else []
+            _log_conflicts(conflicts)
 
     def _send_late(self) -> None:
         """Wait for a bundle, and send it if it does not leave in time."""
@@ -184,6 +181,13 @@ class Aggregator:
         with self._node.changed:
             if self._bundle.is_old(monotonic()):
                 self._flush_late()
+
+
+def _log_conflicts(conflicts: list[str]) -> None:
+    for conflict in conflicts[:_MOST_CONFLICTS]:
+        log.warning("%s", conflict)
+    if len(conflicts) > _MOST_CONFLICTS:
+        log.warning("and %d more conflicts: 'zteam tf monitor' lists them", len(conflicts) - _MOST_CONFLICTS)
 
 
 def run_aggregator(

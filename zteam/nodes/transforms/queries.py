@@ -23,13 +23,18 @@ from zteam.tf.do_transform import floats_of
 from zteam.tf.merge import Merger
 
 
-def serve_queries(bus: Bus, merger: Merger, newest: Callable[[], TFMessage]) -> None:
-    """Answer `tf/lookup`, `tf/history`, `tf/conflicts` and `tf/frames` from this tree, `tf/newest` from the bus."""
+def serve_queries(
+    bus: Bus, merger: Merger, newest: Callable[[], TFMessage], name_of: Callable[[str], str | None]
+) -> None:
+    """Answer `tf/lookup`, `tf/history`, `tf/conflicts` and `tf/frames` from this tree, `tf/newest` from the bus.
+
+    `name_of` as in StaticTransforms.
+    """
     serve, service, buffer = bus.serve, names.service_key, merger.buffer
     serve(service(names.AGGREGATOR, "lookup"), LookupRequest, lambda request: answer_lookups(buffer, request))
     serve(service(names.AGGREGATOR, "history"), HistoryRequest, lambda request: answer_history(buffer, request))
     serve(service(names.AGGREGATOR, "conflicts"), NoRequest, lambda _: merger.conflicts())
-    serve(service(names.AGGREGATOR, "frames"), NoRequest, lambda _: answer_frames(buffer))
+    serve(service(names.AGGREGATOR, "frames"), NoRequest, lambda _: answer_frames(buffer, name_of))
     serve(service(names.AGGREGATOR, "newest"), NoRequest, lambda _: BundleReply(encode(newest())))
 
 
@@ -96,6 +101,9 @@ def answer_history(buffer: Buffer, request: HistoryRequest) -> HistoryReply:
     return HistoryReply(rows)
 
 
-def answer_frames(buffer: Buffer) -> dict[str, FrameReply]:
-    """Every child frame, by name."""
-    return {child: FrameReply(*info) for child, info in buffer.frames().items()}
+def answer_frames(buffer: Buffer, name_of: Callable[[str], str | None]) -> dict[str, FrameReply]:
+    """Every child frame, by name, with its authority as users read it."""
+    frames = buffer.frames().items()
+    return {
+        child: FrameReply(*info._replace(authority=name_of(info.authority) or info.authority)) for child, info in frames
+    }

@@ -2,7 +2,8 @@
 
 import pytest
 
-from support.aggregator_desk import LIMIT, Base, Desk, Listener, S
+from support.aggregator_desk import Base, Desk, Listener, S
+from support.limits import LIMIT
 from support.transforms import stamped
 from zteam import names
 from zteam.bus import MemoryHub

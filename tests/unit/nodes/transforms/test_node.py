@@ -2,8 +2,9 @@
 
 import pytest
 
-from support.aggregator_desk import Base, Desk, Listener, S, look_up, transform
+from support.aggregator_desk import Base, Desk, Listener, S, look_up
 from support.log_capture import LogCapture
+from support.transforms import stamped
 from zteam import names
 from zteam.bus import MemoryHub
 from zteam.messages import Clock, TFMessage, decode, time_from_ns
@@ -13,7 +14,7 @@ from zteam.services.transforms import BundleReply, FrameReply
 def test_the_fixed_set_is_latched_and_whole(hub: MemoryHub) -> None:
     """The team file's and every robot's fixed transforms, in one message that late subscribers get too."""
     Base(hub, 0).stand(1.0)
-    desk = Desk(hub, (transform("robot_0/base_link", "robot_0/camera", 0, 0.1),))
+    desk = Desk(hub, (stamped("robot_0/base_link", "robot_0/camera", 0, 0.1),))
     Base(hub, 1).stand(2.0)
     listener = Listener(hub)
     assert listener.statics == [{"robot_0/camera": 0.1, "robot_0/odom": 1.0, "robot_1/odom": 2.0}]
@@ -31,7 +32,7 @@ def test_the_fixed_set_is_sent_on_change(hub: MemoryHub) -> None:
 
 def test_a_restarted_aggregator_rebuilds(hub: MemoryHub) -> None:
     """The latched sets of the robots and the team file make the same tree as before."""
-    configured = (transform("map", "table", 0, 4.0),)
+    configured = (stamped("map", "table", 0, 4.0),)
     first, base = Desk(hub, configured), Base(hub, 0)
     base.stand(1.0)
     first.end()
@@ -47,7 +48,7 @@ def test_a_localiser_takes_over_the_start_pose(hub: MemoryHub) -> None:
     """A robot that publishes its odometry frame as a moving one takes it out of the fixed set."""
     listener, base = Listener(hub), Base(hub, 0)
     base.stand(1.0)
-    base.tf.put(TFMessage([transform("map", "odom", S, 2.0)]))
+    base.tf.put(TFMessage([stamped("map", "odom", S, 2.0)]))
     assert listener.statics[-1] == {}
     assert listener.bundles == [[("robot_0/odom", S)]]
 
@@ -117,11 +118,11 @@ def test_the_newest_bundle_can_be_asked_for(hub: MemoryHub) -> None:
 
 def test_a_conflict_is_logged_once_with_both_sides(hub: MemoryHub, log: LogCapture) -> None:
     """Robot 0 contradicts the team file many times: one line names both, and the file's frame stays."""
-    desk, listener = Desk(hub, (transform("robot_0/base_link", "robot_0/camera", 0, 0.1),)), Listener(hub)
+    desk, listener = Desk(hub, (stamped("robot_0/base_link", "robot_0/camera", 0, 0.1),)), Listener(hub)
     base, other = Base(hub, 0), Base(hub, 1)
     desk.start()
     for tick in range(1, 20):
-        base.tf_static.put(TFMessage([transform("base_link", "camera", 0, 0.2)]))
+        base.tf_static.put(TFMessage([stamped("base_link", "camera", 0, 0.2)]))
         base.drive(tick * S)
         other.drive(tick * S)
     count = len(listener.bundles)
@@ -130,7 +131,7 @@ def test_a_conflict_is_logged_once_with_both_sides(hub: MemoryHub, log: LogCaptu
     desk.end()
     (line,) = [line for line in log.lines if "robot_0/camera" in line]
     assert "team file" in line
-    assert "by robot_0" in line
+    assert f"by session {base.bus.instance}" in line
     assert listener.statics[-1]["robot_0/camera"] == 0.1
 
 
@@ -160,7 +161,7 @@ def test_nonsense_changes_nothing(hub: MemoryHub, desk: Desk) -> None:
     for key in ("robot_0/tf", "robot_0/tf_static"):
         raw.declare_publisher(key, "", False).put(b"\x00\x01\x00\x00\xff\xff\xff\xff")
     for key in ("robot_0/tf", "robot_01/tf", "robot_x/tf"):
-        hub.bus().publisher(key, TFMessage).put(TFMessage([transform("robot_1/odom", "/robot_1/base", S)]))
+        hub.bus().publisher(key, TFMessage).put(TFMessage([stamped("robot_1/odom", "/robot_1/base", S)]))
         hub.bus().publisher(key, TFMessage).put(TFMessage())
     assert listener.bundles == []
     assert listener.statics == []

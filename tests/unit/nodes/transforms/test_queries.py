@@ -4,6 +4,7 @@ import threading
 
 import pytest
 
+from support.limits import LIMIT
 from support.transforms import S, stamped
 from zteam.bus import Deferred
 from zteam.errors import UsageError
@@ -41,13 +42,15 @@ def test_a_batch_is_answered_in_order(buffer: Buffer) -> None:
 
 def test_missing_data_is_waited_for(buffer: Buffer) -> None:
     """The answer comes once the data has come."""
-    later = answer_lookups(buffer, LookupRequest([Lookup("map", "robot", 3 * S), Lookup("map", "robot")], timeout=30.0))
+    later = answer_lookups(
+        buffer, LookupRequest([Lookup("map", "robot", 3 * S), Lookup("map", "robot")], timeout=LIMIT)
+    )
     assert isinstance(later, Deferred)
     replies = []
     waiter = threading.Thread(target=lambda: replies.extend(later.finish()))
     waiter.start()
     buffer.set_transform(stamped("map", "robot", 4 * S, 4.0), "t")
-    waiter.join(30.0)
+    waiter.join(LIMIT)
     assert [reply.error for reply in replies] == ["", ""]
     assert replies[0].translation[0] == pytest.approx(3.0)
 

@@ -4,13 +4,14 @@ import itertools
 
 import pytest
 
-from support.aggregator_desk import Desk, Listener, S, ask_static, transform
+from support.aggregator_desk import Desk, Listener, S, ask_static
 from support.log_capture import LogCapture
+from support.transforms import stamped
 from zteam import names
 from zteam.bus import MemoryHub
 from zteam.errors import BusError
 from zteam.messages import TFMessage
-from zteam.nodes.transforms import static_callers
+from zteam.nodes.transforms import static_sources
 from zteam.services.transforms import StaticReply, StaticRequest
 
 
@@ -91,12 +92,13 @@ def test_a_lost_router_takes_no_frames(hub: MemoryHub, desk: Desk) -> None:
     assert listener.statics[-1] == {"table": 4.0}
 
 
+@pytest.mark.ci
 def test_callers_have_time_to_find_the_router(
     hub: MemoryHub, desk: Desk, log: LogCapture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """However long the router is away, frames go only with callers that stay away when it is back."""
     now = [1000.0]
-    monkeypatch.setattr(static_callers, "monotonic", lambda: now[0])
+    monkeypatch.setattr(static_sources, "monotonic", lambda: now[0])
     desk.start()
     listener, strangers = Listener(hub), itertools.count()
 
@@ -104,7 +106,7 @@ def test_callers_have_time_to_find_the_router(
         # Conflicts are logged at the end of a round, after it has looked for losses.
         now[0] += seconds
         child = f"nowhere_{next(strangers)}"
-        hub.bus().publisher("robot_9/tf", TFMessage).put(TFMessage([transform("map", f"/{child}", S)]))
+        hub.bus().publisher("robot_9/tf", TFMessage).put(TFMessage([stamped("map", f"/{child}", S)]))
         log.wait_for(f"where {child} is")
 
     callers = [hub.bus(), hub.bus()]
