@@ -50,7 +50,7 @@ class Delivery:
     """Brings what is put on a hub to the handlers of the nodes."""
 
     def __init__(self) -> None:
-        self._direct = 0
+        self.direct = 0
         """The thread that calls handlers itself; 0 = none."""
         self._posted: deque[tuple[Sequence[Receiver], Any]] = deque()
         """What the other threads put. The first one is being handled."""
@@ -65,13 +65,13 @@ class Delivery:
 
     def deliver_in_this_thread(self) -> None:
         """From now on this thread calls the handlers of what it puts."""
-        self._direct = get_ident()
+        self.direct = get_ident()
 
     @marks_owner
     def deliver(self, receivers: Sequence[Receiver], news: Any) -> None:
         """Call the receivers, or have them called. The hub calls this in the thread that puts a message."""
         following = self._following
-        if get_ident() != self._direct:
+        if get_ident() != self.direct:
             self._post([(receivers, news)])
         elif self._posted:
             # This one may be newer than one of the same publisher that waits, and those that follow are older.

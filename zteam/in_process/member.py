@@ -12,7 +12,7 @@ from zteam.in_process.hub import TeamHub
 from zteam.runtime.node import Node
 from zteam.runtime.process import run_body
 from zteam.runtime.shutdown import Stop
-from zteam.runtime.step_node import StepNode
+from zteam.runtime.step_node import StepNode, stepping
 
 log = logging.getLogger("zteam")
 
@@ -27,7 +27,7 @@ class Part(msgspec.Struct, frozen=True):
 
 def own_part(body: Callable[[StepNode], None]) -> Part:
     """The part of a user's own node, whose body `zteam.run` would take as well."""
-    return Part(body, StepNode)
+    return Part(stepping(body), StepNode)
 
 
 class Member:
@@ -71,8 +71,9 @@ class Member:
             log.error("ended by %s", type(error).__name__)
         finally:
             self.exit_code = code
-            self._ended.set()
+            # First: what `join` waits for has an end that is known.
             self._on_end(self)
+            self._ended.set()
 
     def _body(self, node: Node) -> None:
         try:

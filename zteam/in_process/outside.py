@@ -29,10 +29,9 @@ class Outside:
         self._ends = ExitStack()
         self._held = ExitStack()
         with ExitStack() as ends:
-            self.endpoint = options.connect or _open_router(ends)
-            reached = msgspec.structs.replace(
-                options, connect=self.endpoint, lease=lease_for(pace, options.lease), small=False
-            )
+            lease = lease_for(pace, options.lease)
+            self.endpoint = options.connect or _open_router(ends, lease)
+            reached = msgspec.structs.replace(options, connect=self.endpoint, lease=lease, small=False)
             self.bus = connect(reached, patience=ROUTER_DEADLINE)
             ends.callback(self.bus.close)
             self._ends = ends.pop_all()
@@ -67,12 +66,12 @@ class Outside:
         self._ends.close()
 
 
-def _open_router(ends: ExitStack) -> str:
+def _open_router(ends: ExitStack, lease: float) -> str:
     """Open a router until `ends`; its endpoint."""
     try:
-        router = Router(choose_endpoint())
+        router = Router(choose_endpoint(), lease=lease)
     except BusError:
         # Another program took the port after `choose_endpoint` looked: any port will do.
-        router = Router(ANY_PORT)
+        router = Router(ANY_PORT, lease=lease)
     ends.callback(router.close)
     return router.endpoint

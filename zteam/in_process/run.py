@@ -20,6 +20,7 @@ from zteam.in_process.logs import naming_nodes
 from zteam.in_process.member import Member, Part, own_part
 from zteam.in_process.node_processes import NodeProcesses
 from zteam.in_process.parts import parts_of
+from zteam.in_process.user_calls import CallWatch, UserCall
 from zteam.launch.arguments import TeamLaunch
 from zteam.launch.overview import TeamOverview
 from zteam.launch.plan import plan_team, stop_order
@@ -62,10 +63,12 @@ class InProcessRun:
         since_start: Callable[[], float] = seconds_since_start,
         on_failure: Callable[[Member], None] = lambda _member: None,
         outside: "Outside | None" = None,
+        take_hang: Callable[[UserCall], bool] | None = None,
     ) -> None:
         """`on_line(name, text)` prints what a node writes; `nodes` are the bodies of own nodes, by name.
 
-        `on_failure(member)` is called when a node has ended without being asked to. Tools `outside` find the team.
+        `on_failure(member)` is called when a node has ended without being asked to; `take_hang` is that of CallWatch.
+        Tools `outside` find the team.
         """
         self._launch = launch
         self._stop = stop
@@ -78,6 +81,7 @@ class InProcessRun:
         self.endings = Endings(self._restarts, on_failure)
         self._outside = outside
         self.hub = TeamHub(None if outside is None else outside.bus)
+        self.calls = CallWatch(launch.pace, self.hub.delivery, take_hang)
         self.bus = self.hub.bus(names.LAUNCHER)
         serve_restarts(self.bus, self._counts)
         parts = _parts(launch, on_line, nodes or {})
@@ -87,6 +91,7 @@ class InProcessRun:
     def __enter__(self) -> "InProcessRun":
         self._log = ExitStack()
         self._log.enter_context(naming_nodes())
+        self._log.enter_context(self.calls.watching())
         if self._outside is not None:
             self._outside.hold_namespace(self.bus, (*self.members, *self.processes.names), self._stop)
         return self
@@ -185,8 +190,8 @@ class InProcessRun:
         self._stop_all()
         if counts is None or progress is None:
             return None
-        rows = [*self.processes.report(), *own]
-        return make_report(counts, progress.wall or self._since_start(), progress.go_after, rows, restarts)
+        rows, wall = [*self.processes.report(), *own], progress.wall or self._since_start()
+        return make_report(counts, wall, progress.go_after, rows, restarts, sorted(self.calls.hung))
 
     def _counts(self) -> dict[str, int]:
         return {**self._restarts.counts, **self.processes.restarts}

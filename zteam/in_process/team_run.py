@@ -114,6 +114,8 @@ def _carry_out(run: InProcessRun) -> RunReport | None:
 
 
 def _checked(run: InProcessRun, report: RunReport | None) -> RunReport:
+    for name in run.calls.hung:
+        raise ZteamError(f"{name}: a call of its own code did not return: see the log above")
     if run.endings.failures:
         _raise_failure(run.endings.failures[0])
     if report is None:

@@ -100,6 +100,7 @@ class BaseNode:
     def _win(self) -> None:
         # Before the token: a process that sees the token may ask this one at once.
         self.present = True
+        self.bus.holding.release()
 
     def on_present(self, hook: Callable[[], None]) -> None:
         """Run `hook()` once the process holds its name."""

@@ -2,12 +2,29 @@
 
 import logging
 import traceback
+from collections.abc import Iterable
 from pathlib import Path
+from types import FrameType
 
 log = logging.getLogger("zteam")
 
 _OWN = str(Path(__file__).parents[1])
 """The folder of zteam."""
+_SHORTAGES = ("can't start new thread", "can't spawn worker thread", "failed to map segment", "Cannot allocate memory")
+"""What Python, Zenoh, the dynamic loader and the system say."""
+ENDED = "ended by an error:"
+"""What the log says before the text of an error."""
+
+
+def is_own(file: str) -> bool:
+    """Whether the code of this file is zteam's."""
+    return file.startswith(_OWN)
+
+
+def frames_text(frames: Iterable[FrameType]) -> str:
+    """Where these frames are, the outermost first, as in a traceback."""
+    stack = traceback.StackSummary.extract((frame, frame.f_lineno) for frame in frames)
+    return "".join(["Traceback (most recent call last):\n", *stack.format()]).rstrip()
 
 
 def fault_text(error: BaseException) -> str:
@@ -17,13 +34,26 @@ def fault_text(error: BaseException) -> str:
     while links:
         link = links.pop()
         if link is not None:
-            mine = [frame for frame in link.stack if not frame.filename.startswith(_OWN)]
+            mine = [frame for frame in link.stack if not is_own(frame.filename)]
             link.stack = traceback.StackSummary.from_list(mine or link.stack)
             links += link.__cause__, link.__context__
     return "".join(told.format()).rstrip()
 
 
+def shortage_text(error: BaseException) -> str:
+    """One line for an error that says that the system gives the process no more memory or threads; empty for others."""
+    lines = [line for line in str(error).splitlines() if any(sign in line for sign in _SHORTAGES)]
+    if not lines and not isinstance(error, MemoryError):
+        return ""
+    reason = f" ({lines[0].strip()})" if lines else ""
+    return (
+        f"the system gives no more memory or threads{reason}: raise the limit ('ulimit -v', 'ulimit -u', a container's)"
+    )
+
+
 def log_fault(error: BaseException) -> int:
     """Log an error that ends the process; the exit code."""
-    log.error("ended by an error:\n%s", fault_text(error))
+    shortage, fault = shortage_text(error), f"{ENDED}\n{fault_text(error)}"
+    is_users = any(not is_own(frame.filename) for frame in traceback.extract_tb(error.__traceback__))
+    log.error("%s", f"{fault}\n{shortage}".rstrip() if is_users or not shortage else shortage)
     return 1

@@ -9,7 +9,8 @@ import logging
 import os
 import threading
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import msgspec
@@ -69,7 +70,7 @@ class LogKeeper:
         def make_record(*args: Any, **kwargs: Any) -> logging.LogRecord:
             record = make(*args, **kwargs)
             if active:
-                record.node = self.owner()
+                record.node = getattr(self._thread, "owner", "") or self.owner()
                 self._take(record)
             return record
 
@@ -82,6 +83,15 @@ class LogKeeper:
 
         logging.setLogRecordFactory(make_record)
         return end
+
+    @contextmanager
+    def owned_by(self, node: str) -> Iterator[None]:
+        """Within, the lines of this thread are those of `node`, whose code does not run in it."""
+        self._thread.owner = node
+        try:
+            yield
+        finally:
+            self._thread.owner = ""
 
     def kept(self, process: str) -> list[LogLine]:
         """The newest lines of the process, or of the node of this name in it, the oldest first."""

@@ -33,8 +33,10 @@ def open_node(
         ends.callback(KEEPER.begin())
         bus = open_bus()
         try:
+            # Its log is all that a process without its name publishes: readers are to see why it does not start.
             lines = LogPublisher(bus, name)
             ends.callback(lines.close)
+            bus.holding.begin()
             node = make(name, bus, stop, clock)
         except BaseException:
             bus.close()

@@ -5,6 +5,7 @@ processes ask for meanwhile is the last one again.
 """
 
 import logging
+from collections.abc import Callable
 
 from zteam import names
 from zteam.clock import to_ns
@@ -36,6 +37,8 @@ class StatusReport:
         self.behavior = behavior
         self.readiness = readiness
         self.leader: int | None = None
+        self.follows: int | None = None
+        self.turns, self.gap = -1, 0.0
         self.command: Twist | None = None
         """The newest command; None while nothing commands the wheels."""
         self._driver = RobotDriver.BEHAVIOR
@@ -47,6 +50,8 @@ class StatusReport:
         """When, in ns."""
         self._spoke = False
         """Whether one was published since `take_spoken` was asked last."""
+        self.rest: Callable[[], str] = lambda: ""
+        """Why the behaviour wants zero velocity, if it has a word for that."""
         self._publisher = node.bus.publisher(names.robot_key(robot_id, names.STATUS), RobotStatus)
         node.on_time_reset(self._forget)
 
@@ -54,8 +59,8 @@ class StatusReport:
         """The newest command, which `driver` (of RobotDriver) gave."""
         self._driver, self.command = driver, command
 
-    def _state(self) -> tuple[int, str, str]:
-        return self.readiness.state, self.readiness.reason, self.driver
+    def _state(self) -> tuple[int, str, str, int | None, int]:
+        return self.readiness.state, self.readiness.reason, self.driver, self.follows, self.turns
 
     @property
     def driver(self) -> str:
@@ -67,7 +72,7 @@ class StatusReport:
         now = self._state()
         if now == self._told:
             return
-        state, reason, _ = now
+        state, reason = now[:2]
         if logged and reason and reason != self._told[1]:
             log.info("%s: %s", RobotState.TEXT[state], reason)
         self._told = now
@@ -112,6 +117,9 @@ class StatusReport:
             reason=self._why_it_stands(),
             leader=-1 if self.leader is None else self.leader,
             speed=0.0 if command is None else command.linear.x,
+            follows=-1 if self.follows is None else self.follows,
+            turns=self.turns,
+            gap=self.gap,
         )
         self._publisher.put(self._last)
 
@@ -123,4 +131,5 @@ class StatusReport:
             return ""
         if reason or command.angular.z:
             return reason
-        return f"{_WHO.get(self._driver, self._driver)} commands zero velocity"
+        rest = self.rest() if self._driver == RobotDriver.BEHAVIOR else ""
+        return rest or f"{_WHO.get(self._driver, self._driver)} commands zero velocity"

@@ -12,13 +12,19 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from zteam.clock import HOST_FACTOR
+from zteam.runtime.step_watch import hanging
+
 log = logging.getLogger("zteam")
 
 PARENT_PIPE = "ZTEAM_PARENT_PIPE"
 """Environment: number of a descriptor that reaches its end of file when the launcher is gone."""
 
-HARD_EXIT = 1.5
+HARD_EXIT = 1.5 * HOST_FACTOR
 """Seconds from the stop request until the process ends whatever hangs (closing a session can take 10 s)."""
+
+HUNG = 3
+"""Exit code of a process that was asked to stop while a step did not return."""
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
@@ -99,14 +105,14 @@ class Stop:
         self.request("the launcher is gone")
 
 
-def exit_hard_later(stop: Stop) -> Callable[[], None]:
+def exit_hard_later(stop: Stop, hung: int = HUNG) -> Callable[[], None]:
     """From the stop request on, give the process HARD_EXIT seconds to end by itself; returns a function that cancels
-    this."""
+    this. `hung` is the exit code where a step does not return."""
 
     def end() -> None:
         log.error("did not stop within %g s: ending now", HARD_EXIT)
         logging.shutdown()
-        os._exit(1)
+        os._exit(hung if hanging() else 1)
 
     timer = threading.Timer(HARD_EXIT, end)
     timer.daemon = True

@@ -10,7 +10,7 @@ from zteam.behaviors.behavior import checked_command
 from zteam.bus import Bus, BusOptions, Publisher, connect
 from zteam.bus.bus import check_message_type
 from zteam.bus.transport import Closeable
-from zteam.clock import Rate, to_ns
+from zteam.clock import Every, Rate, to_ns
 from zteam.errors import UsageError
 from zteam.messages import Message, Tick, Twist, ns_from_time
 from zteam.runtime.node import ClockMode, Node
@@ -18,6 +18,7 @@ from zteam.runtime.node_gate import NodeGate
 from zteam.runtime.node_inputs import NodeInputs
 from zteam.runtime.process import run_body
 from zteam.runtime.shutdown import Stop, stopping_in_order
+from zteam.runtime.step_watch import StepWatch
 
 log = logging.getLogger("zteam")
 
@@ -25,6 +26,16 @@ M = TypeVar("M", bound=Message)
 
 Step = Callable[[int], Twist | None]
 """`step(now)`: a robot's own process (`robot_N`) may return its command, which goes to the wheels."""
+
+
+def _check_single(key: str) -> None:
+    if names.is_wildcard(key) or len(key.split()) != 1:
+        raise UsageError(f"{key!r} is no key to publish on: use one without spaces and wildcards, as 'planner/plan'")
+
+
+def _name_returned(node: str, value: object) -> None:
+    kind = type(value).__name__
+    log.warning("%s: step returned a %s, which nothing takes: put messages on a publisher", node, kind)
 
 
 class _HeldStep:
@@ -62,14 +73,19 @@ class StepNode(Node):
         self._part = self._inputs.part
         self._step: Step = lambda now: None
         self._cmd_vel: Publisher[Twist] | None = None
+        self._returned = Every(60.0)
         self._gate: NodeGate | None = None
+        self._watch = StepWatch(f"{name}: step", "one is due every", "do less in a step")
+        self._period: float | None = None
+        """Seconds between two steps in real time; None before `run`."""
         self._held = _HeldStep()
         self.on_time_reset(self._held.forget)
 
     def publisher(self, key: str, message_type: type[M], *, latched: bool = False) -> Publisher[M]:
-        """As in BaseNode. Raises UsageError for a type that a key of zteam does not carry: all would refuse it."""
+        """As in BaseNode. Raises UsageError for a wildcard, and for a type that a key of zteam does not carry."""
         from zteam.bus.topics import type_of_key
 
+        _check_single(key)
         carried = type_of_key(key)
         check_message_type(key, message_type)
         if carried not in (None, message_type):
@@ -122,7 +138,7 @@ class StepNode(Node):
 
         `step` must not ask the bus (`bus.ask`, a TransformClient): no answer is taken until it returns.
         """
-        self._step = step
+        self._step, self._period = step, period
         robot_id = names.robot_id_of(self.name)
         if robot_id is not None:
             self._cmd_vel = self.bus.publisher(names.robot_key(robot_id, names.CMD_VEL), Twist)
@@ -169,8 +185,14 @@ class StepNode(Node):
         return self._inputs.of_ticks.never_came() if tick is None else self._inputs.of_ticks.lacking(tick)
 
     def _ask_step(self, now: int) -> Twist | None:
-        command = self._step(now)
-        if self._cmd_vel is None or command is None:
+        # In lock-step the next tick waits for it.
+        period = 0.0 if self._part.active else self._period
+        command = self._watch.run(lambda: self._step(now), period or 0.0, paced=True)
+        if command is None:
+            return None
+        if self._cmd_vel is None:
+            if self._returned.due():
+                _name_returned(self.name, command)
             return None
         command = checked_command(command, f"{self.name}: step")
         if self._gate is not None:
@@ -185,6 +207,17 @@ class StepNode(Node):
         if self._gate is not None and not self._gate.passes([], tick.epoch):
             return None
         return self._held.step(tick, self._ask_step)
+
+
+def stepping(body: Callable[[StepNode], None]) -> Callable[[StepNode], None]:
+    """`body(node)`, with a word to the user if it returned without a step."""
+
+    def checked(node: StepNode) -> None:
+        body(node)
+        if node._period is None and not node.stopping:
+            log.warning("%s: its main has returned without node.run(step), so it took no part in the team", node.name)
+
+    return checked
 
 
 def run(
@@ -204,7 +237,7 @@ def run(
     chosen = BusOptions.from_environment() if options is None else options
     stop = Stop()
     with stopping_in_order(stop):
-        code = run_body(name, partial(connect, chosen, stopping=stop), body, stop, clock, make=StepNode)
+        code = run_body(name, partial(connect, chosen, stopping=stop), stepping(body), stop, clock, make=StepNode)
     if code:
         raise SystemExit(code)
     return code

@@ -6,10 +6,10 @@ from zteam import names
 from zteam.bus import Bus
 from zteam.bus.presence import Claim
 from zteam.bus.transport import Closeable
-from zteam.errors import BusError, DuplicateNameError, ZteamError
+from zteam.errors import DuplicateNameError, ZteamError
 from zteam.messages import RobotStatus, Twist
 from zteam.runtime.shutdown import Stop
-from zteam.services.simulator import SimStatus, absence_text
+from zteam.services.simulator_client import absence_of
 
 log = logging.getLogger("zteam")
 
@@ -47,7 +47,8 @@ class Wheels:
         else:
             self.direct, self._key = True, names.robot_key(self._id, names.CMD_VEL)
             self._claim.under_name.append(self._bus.serve_stats(self.name))
-            self._check_world()
+            if absence := absence_of(self._bus, self._id):
+                raise ZteamError(absence)
             log.warning("%s has no process: driving its base directly, without a safety layer", self.name)
         self._publisher = self._bus.publisher(self._key, Twist)
         self._open.append(self._publisher)
@@ -55,16 +56,6 @@ class Wheels:
     def _give_way(self, pid: int, host: str) -> None:
         log.error("%s is also held by process %d on %s, which is older: stopping", self.name, pid, host)
         self._stop.request("another process holds the name")
-
-    def _check_world(self) -> None:
-        try:
-            answers = self._bus.query(names.service_key(names.SIMULATOR, "status"), SimStatus)
-        except BusError as error:
-            log.debug("%s", error)
-            return
-        for _, status in answers:
-            if self._id not in status.robots:
-                raise ZteamError(f"{self.name} is {absence_text(self._id, status.robots)}")
 
     def _on_status(self, _key: str, status: RobotStatus) -> None:
         self.status = status

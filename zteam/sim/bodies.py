@@ -23,6 +23,8 @@ class Bodies(Protocol):
     """(movers, 3): x, y, yaw in `map`; robots first, then what can be pushed."""
     stalled: NDArray[np.bool_]
     """(robots)"""
+    met: NDArray[np.bool_]
+    """(robots): whether something may have hindered it in the last step."""
 
     def step(self, seconds: float, velocity: Floats) -> None:
         """Advance by `seconds` with body velocities (robots, 3)."""

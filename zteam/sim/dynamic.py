@@ -5,7 +5,7 @@ driven by a force instead, which the solver may overrule.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from typing import Any
 
 import numpy as np
@@ -41,8 +41,8 @@ _STILL = 1e-3
 """Speeds below this (m/s) are standing."""
 _GRIP = 0.5 * 9.81
 """Deceleration in m/s² of something pushed that slides over the floor: a friction of 0.5."""
-_GRIP_TURNING = 3.0 * _GRIP
-"""Likewise in rad/s²: dry friction under a body about a metre wide acts at about a third of that from its middle."""
+_LEVER = 0.94
+"""Mean distance of a body's area from its middle, by its radius of gyration: of squares and discs; of a rod 0.87."""
 _MAX_SLABS = 31
 """Layers of height that collisions tell apart: bits of Chipmunk's categories."""
 
@@ -125,7 +125,7 @@ class DynamicBodies:
         ]
         self._bodies = [*self._robots, *self._pushed]
         self._inertia = [(body.mass, body.moment) for body in self._bodies]
-        self.stalled = np.zeros(len(robots), bool)
+        self.stalled, self.met = np.zeros((2, len(robots)), bool)
         self._touching = [False] * len(robots)
         self._held: set[int] = set()
         self._cores = Cores(groups, floorplans, self.poses, _RIM if pushed else _WIDE_RIM, apart=bool(pushed))
@@ -172,6 +172,7 @@ class DynamicBodies:
             self._space.step(dt)
             if self._pushed or step == steps:
                 self._hold(length > self._least)
+        self.met = _hindered(self._touching, self._held.union(self._cores.stuck))
         if True in self._touching:
             self._touching = [touching and _touches(self._robots[i]) for i, touching in enumerate(self._touching)]
         self._note_stalls(before, way)
@@ -211,8 +212,7 @@ class DynamicBodies:
         if not (self._held or self._cores.stuck or True in self._touching):
             self.stalled[:], self._rests = False, not self._pushed and not way.any()
             return
-        met = [touching or i in self._held for i, touching in enumerate(self._touching)]
-        stopped = np.array(met, bool) | self._cores.in_wall[: len(before)]
+        stopped = _hindered(self._touching, self._held) | self._cores.in_wall[: len(before)]
         told = np.hypot(way[:, 0], way[:, 1])
         moved = np.hypot(*(self.poses[: len(before)] - before)[:, :2].T)
         self.stalled = stopped & (told > _STILL * SUBSTEP) & (moved < _BLOCKED * told)
@@ -244,6 +244,10 @@ class DynamicBodies:
             body.velocity, body.angular_velocity = other.velocity, other.angular_velocity
             if here < len(self._robots):
                 self.stalled[here], self._touching[here] = old.stalled[there], old._touching[there]
+
+
+def _hindered(touching: Sequence[bool], held: Set[int]) -> NDArray[np.bool_]:
+    return np.array([hit or i in held for i, hit in enumerate(touching)], bool)
 
 
 def _drive(body: pymunk.Body, vx: float, vy: float, dt: float) -> None:
@@ -280,7 +284,9 @@ def _touches(body: pymunk.Body) -> bool:
 
 
 def _slide(body: pymunk.Body, dt: float) -> None:
-    """Slow a body down by friction with the ground."""
+    """Slow a body down by friction with the ground: dry friction, under all of it."""
     speed, turn = body.velocity.length, abs(body.angular_velocity)
     body.velocity = body.velocity * (max(0.0, 1.0 - _GRIP * dt / speed) if speed > 0.0 else 0.0)
-    body.angular_velocity *= max(0.0, 1.0 - _GRIP_TURNING * dt / turn) if turn > 0.0 else 0.0
+    if turn > 0.0:
+        grip = _LEVER * _GRIP / math.sqrt(body.moment / body.mass)
+        body.angular_velocity *= max(0.0, 1.0 - grip * dt / turn)

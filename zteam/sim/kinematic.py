@@ -81,7 +81,7 @@ class KinematicBodies:
         self._polygons = make_polygons(solid)
         self._bodiless = np.setdiff1d(np.arange(robots), self._polygons.owner)
         self.poses = poses.copy()
-        self.stalled = np.zeros(robots, bool)
+        self.stalled = self.met = np.zeros(robots, bool)
         self._ends = np.empty((robots, 3))
 
     def step(self, seconds: float, velocity: Floats) -> None:

@@ -73,6 +73,19 @@ def obey(drives: Drives, commands: Floats, fresh: NDArray[np.bool_], seconds: fl
             velocity[i, 2] = min(max(velocity[i, 2], -most), most)
 
 
+def keep_what_is_left(drives: Drives, met: NDArray[np.bool_], velocity: Floats, setpoint: Floats) -> None:
+    """Of the `setpoint` of robots that `met` something keep what they made of it, their `velocity`; both (robots, 3).
+
+    So a robot that comes free gathers speed from there. A contact takes speed away and never adds any: what pushes a
+    robot does not drive it. A car's turn shrinks with its speed.
+    """
+    told = setpoint[met]
+    made = np.clip(velocity[met], np.minimum(told, 0.0), np.maximum(told, 0.0))
+    cars = drives.is_car[met] & (told[:, 0] != 0.0)
+    made[cars, 2] = told[cars, 2] * made[cars, 0] / told[cars, 0]
+    setpoint[met] = made
+
+
 @compiled
 def follow_arcs(poses: Floats, velocity: Floats, seconds: float, ends: Floats) -> None:
     """Where robots at `poses` (x, y, yaw) get to at constant body velocity: the exact arc, into `ends`."""

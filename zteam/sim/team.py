@@ -11,7 +11,7 @@ from zteam.sim.bodies import Bodies, make_bodies
 from zteam.sim.devices import Devices
 from zteam.sim.fields import Fields
 from zteam.sim.lasers import NO_SCANS, Lasers
-from zteam.sim.motion import make_drives, measure_tangents, measure_velocity, obey
+from zteam.sim.motion import keep_what_is_left, make_drives, measure_tangents, measure_velocity, obey
 from zteam.sim.observation import Observation, Robots, Snapshot, pose_of
 from zteam.sim.odometry import Odometry, make_wheels, roll
 from zteam.sim.surroundings import Surroundings
@@ -89,6 +89,8 @@ class Team:
         self.odometry.advance(self.bodies.poses, self.velocity, seconds, tick)
         if self._physics == "stage":
             measure_tangents(before, self.bodies.poses, seconds, self.velocity)
+        if self.bodies.met.any():
+            keep_what_is_left(self._drives, self.bodies.met, self.velocity, self.setpoint)
         wheels = self._wheels
         roll(wheels.owner, wheels.rows, self.velocity, seconds, wheels.angles, wheels.rates)
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from support.lockstep_doubles import HarnessFactory, ScriptedParticipant
 from support.transports import Inbox, ZenohTimes, wait_until_true
 from zteam import names
 from zteam.bus import Bus, MemoryHub, NoRequest
@@ -15,6 +16,7 @@ from zteam.bus.transport import RawPublisher
 from zteam.errors import DuplicateNameError
 from zteam.in_process.hub import TeamHub
 from zteam.messages import Done, Message
+from zteam.nodes.simulator import answers
 
 
 class Wire(MemoryTransport):
@@ -147,3 +149,27 @@ def test_a_process_that_is_gone_outside_is_gone_for_the_nodes(place: Place) -> N
     there.close()
     inbox.wait_for(("crowd/alive/x", False))
     wait_until_true(lambda: late.items[-1] == ("crowd/alive/x", False))
+
+
+def test_answers_from_outside_count_with_a_token_alone(place: Place, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A process outside takes part beside a node; one without the token of that node is refused."""
+    monkeypatch.setattr(answers, "TOKEN_GRACE", 0.02)
+    harnesses = HarnessFactory(place.outside)
+    try:
+        harness = harnesses(bus=place.hub.bus("sim"))
+        node = ScriptedParticipant(place.outside, "robot_0", bus=place.hub.bus("robot_0")).appear()
+        ScriptedParticipant(place.outside, "planner").appear()
+        harness.open(1)
+        assert harness.wait()
+        wait_until_true(lambda: {*harness.lockstep.joining, *harness.lockstep.participants} == {"planner", "robot_0"})
+        node.awake = False
+        harness.open(2)
+        harness.begin()
+        place.outside.bus().publisher(names.done_key("robot_0"), Done).put(Done(0, 2))
+        wait_until_true(lambda: harness.node.bus.counters.snapshot()["robot_0/done"].dropped == 1)
+        assert harness.holds
+        node.answer()
+        assert harness.end()
+        assert harness.lockstep.participants == ["planner", "robot_0"]
+    finally:
+        harnesses.close()

@@ -5,12 +5,11 @@ from collections.abc import Iterator
 
 import pytest
 
+from support.limits import LIMIT
 from zteam.bus import Publisher
 from zteam.in_process.delivery import call_as, current_owner
 from zteam.in_process.hub import TeamHub
 from zteam.messages import Bool, Float64
-
-LIMIT = 20.0
 
 
 @pytest.fixture

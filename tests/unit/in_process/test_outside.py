@@ -5,8 +5,8 @@ import pytest
 import zteam
 from support.transports import RouterProcess
 from zteam import names
-from zteam.bus.connection import port_accepts
 from zteam.bus.presence import ProcessInfo
+from zteam.bus.probe import port_accepts
 from zteam.errors import BusError
 from zteam.in_process.hub import TeamHub
 from zteam.in_process.outside import Outside

@@ -1,13 +1,14 @@
 """`zteam.run_team`: a team in the caller's process."""
 
 import logging
+import re
 import signal
 from pathlib import Path
 
 import pytest
 
 import zteam
-from zteam.messages import Bool, LaserScan
+from zteam.messages import Bool, LaserScan, RobotStatus
 
 TEAM = '[team]\nworld = "arena"\n[[robots]]\nid = 0\nbehavior = "wander"\nspeed = 0.4\n'
 FAULTY = """
@@ -54,6 +55,54 @@ def test_an_own_node_keeps_time() -> None:
     report = zteam.run_team("arena", until=11, nodes={"crowd": main})
     assert stamps[-10:] == [100_000_000 * tick for tick in range(1, 11)]
     assert "crowd" in report.rounds
+
+
+NAPPING = """
+import time
+from msgspec import Struct
+from zteam import Behavior
+from zteam.messages import Twist, Vector3
+
+class Naps(Behavior):
+    class Params(Struct):
+        seconds: float = 0.0
+
+    def step(self, view):
+        if view.now == 1_000_000_000:
+            time.sleep(self.params.seconds)
+        return Twist(Vector3(0.3), Vector3(z=0.1))
+"""
+
+
+def test_a_late_answer_holds_the_world(empty_folder: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """No time of the host's changes a command: the run is the same, and the log names the step."""
+    (empty_folder / "napping.py").write_text(NAPPING)
+    robot = '[team]\nworld = "arena"\n[[robots]]\nid = 0\nbehavior = "napping:Naps"\n'
+    reports = []
+    for seconds in (0.0, 1.6):
+        (empty_folder / "team.toml").write_text(f"{robot}seconds = {seconds}\n")
+        reports.append(zteam.run_team("team.toml", until=30))
+    assert reports[0].trajectory_sha256 == reports[1].trajectory_sha256
+    assert [report.hung for report in reports] == [[], []]
+    (told,) = [line for line in caplog.messages if "Naps.step takes" in line]
+    assert re.fullmatch(
+        r"\[robot_0\] Naps\.step takes \d+\.\d s, a scan comes every 0\.1 s; try zteam check napping:Naps", told
+    )
+
+
+def test_shipped_behaviours_say_why_they_stand(empty_folder: Path) -> None:
+    """Of a robot that stops before a wall and of its follower no status says that it commands zero velocity."""
+    leader = '[team]\nworld = "arena"\n[[robots]]\nid = 0\nbehavior = "avoid"\nspeed = 0.5\n'
+    (empty_folder / "team.toml").write_text(f'{leader}[[robots]]\nid = 1\nfollow = "previous"\n')
+    reasons: set[str] = set()
+
+    def main(node: zteam.Node) -> None:
+        node.subscribe("robot_$*/status", RobotStatus, lambda _key, status: reasons.add(status.reason))
+        node.run(lambda _now: None)
+
+    zteam.run_team("team.toml", seconds=30.0, nodes={"listener": main})
+    assert any(reason.startswith("waits: robot_0 is ") for reason in reasons), reasons
+    assert not [reason for reason in reasons if "commands zero velocity" in reason]
 
 
 def test_an_error_of_a_behaviour_is_raised(empty_folder: Path, caplog: pytest.LogCaptureFixture) -> None:

@@ -4,11 +4,12 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
+import zteam
 from support.lockstep_doubles import ScriptedSimulator
-from support.own_node import Own
 from support.participant_desk import NAME, Desk
 from zteam.bus import MemoryHub
 from zteam.messages import Done
+from zteam.runtime.shutdown import Stop
 
 
 @pytest.fixture
@@ -31,14 +32,14 @@ def desk(hub: MemoryHub, script: ScriptedSimulator) -> Iterator[Desk]:
 
 
 @pytest.fixture
-def make(hub: MemoryHub) -> Iterator[Callable[..., Own]]:
-    """Makes nodes that end with the test."""
-    made: list[Own] = []
+def make(hub: MemoryHub) -> Iterator[Callable[..., zteam.Node]]:
+    """Makes a user's nodes that end with the test."""
+    made: list[zteam.Node] = []
 
-    def start(*arguments: object) -> Own:
-        made.append(Own(hub, *arguments))  # type: ignore[arg-type]
+    def make_node(name: str = "planner") -> zteam.Node:
+        made.append(zteam.Node(name, hub.bus(), Stop()))
         return made[-1]
 
-    yield start
-    for own in made:
-        own.close()
+    yield make_node
+    for node in made:
+        node.close()

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from support.lockstep_doubles import LIMIT
+from support.limits import LIMIT
 from zteam.bus import MemoryHub
 from zteam.clock import wait_until
 from zteam.messages import String

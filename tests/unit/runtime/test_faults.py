@@ -2,9 +2,10 @@
 
 import pytest
 
+from support.log_capture import captured_log
 from zteam.errors import UsageError
 from zteam.names import parse_robot_id
-from zteam.runtime.faults import fault_text
+from zteam.runtime.faults import fault_text, log_fault, shortage_text
 
 
 def caught(call: object) -> BaseException:
@@ -54,3 +55,41 @@ def test_an_error_of_zteam_itself_is_shown_whole() -> None:
     text = fault_text(error.with_traceback(below))
     assert "zteam/names.py" in text
     assert "test_faults.py" not in text
+
+
+def test_a_users_own_demand_for_memory_shows_its_line() -> None:
+    """An array of a wrong size is a mistake of the user's code: its frames come before the word about limits."""
+
+    def allocate() -> None:
+        raise MemoryError("Unable to allocate 728 TiB")
+
+    with captured_log() as log:
+        log_fault(caught(allocate))
+    assert "in allocate" in log.lines[0]
+    assert "raise the limit" in log.lines[0]
+
+
+@pytest.mark.parametrize(
+    ("error", "reason"),
+    [
+        (MemoryError(), ""),
+        (RuntimeError("can't start new thread"), "can't start new thread"),
+        (OSError(12, "Cannot allocate memory"), "[Errno 12] Cannot allocate memory"),
+        (
+            ImportError("Error importing numpy:\nx.so: failed to map segment from shared object\n"),
+            "x.so: failed to map segment from shared object",
+        ),
+        (BaseException("OS can't spawn worker thread: try again"), "OS can't spawn worker thread: try again"),
+    ],
+)
+def test_too_little_memory_is_one_line(error: BaseException, reason: str) -> None:
+    """Whatever said it, Python, Zenoh, the loader or the system, the line names the limits."""
+    text = shortage_text(error)
+    shown = f" ({reason})" if reason else ""
+    assert text.startswith(f"the system gives no more memory or threads{shown}: raise the limit")
+    assert "\n" not in text
+
+
+def test_another_error_is_no_shortage() -> None:
+    """Its traceback is needed."""
+    assert shortage_text(RuntimeError("no way")) == ""

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from support.lockstep_doubles import LIMIT
+from support.limits import LIMIT
 from zteam.runtime.log_keeper import KEEPER, MAX_TEXT, LogKeeper
 from zteam.services.log_lines import KEPT, LogLine
 

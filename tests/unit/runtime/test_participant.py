@@ -4,7 +4,8 @@ import threading
 
 import pytest
 
-from support.lockstep_doubles import LIMIT, ScriptedSimulator
+from support.limits import LIMIT
+from support.lockstep_doubles import ScriptedSimulator
 from support.participant_desk import NAME, Desk
 from zteam.bus import MemoryHub
 from zteam.errors import ZteamError

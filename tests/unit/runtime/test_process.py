@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import zteam
-from support.lockstep_doubles import LIMIT
+from support.limits import LIMIT
 from zteam.bus import BusOptions, MemoryHub
 from zteam.errors import UsageError
 from zteam.messages import Bool, Log, LogLevel
@@ -39,7 +39,7 @@ def offline(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_after_run_the_process_is_the_users_again(monkeypatch: pytest.MonkeyPatch) -> None:
     """The code behind `zteam.run` is not ended by force, and signals go to the handlers that had them before."""
     ends: list[int] = []
-    monkeypatch.setattr(shutdown, "HARD_EXIT", 0.1)
+    monkeypatch.setattr(shutdown, "HARD_EXIT", 10 * LIMIT)
     monkeypatch.setattr(shutdown.os, "_exit", ends.append)
     before = {number: signal.getsignal(number) for number in shutdown.SIGNALS}
     threads = set(threading.enumerate())

@@ -3,7 +3,7 @@
 from random import Random
 from typing import Any
 
-from hypothesis import given, settings
+from hypothesis import given
 
 from support.arrivals import TICK, TICKS, Data, Opened, Sent, arrive, orders, sent_messages
 from zteam.messages import Header, Point, Pose, PoseStamped, time_from_ns
@@ -44,7 +44,6 @@ def handle_all(sent: list[Sent], random: Random) -> Handled:
     return handled
 
 
-@settings(deadline=None)
 @given(sent_messages(topics=2), orders())
 def test_the_order_of_arrival_changes_nothing(sent: list[Sent], ways: list[Random]) -> None:
     """The same messages of three senders in two orders are handled in the same ticks and in the same order."""

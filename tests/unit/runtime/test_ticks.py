@@ -4,7 +4,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from support.lockstep_doubles import INTERVAL, LIMIT, ScriptedSimulator, show_simulator
+from support.limits import LIMIT
+from support.lockstep_doubles import INTERVAL, ScriptedSimulator, show_simulator
 from support.log_capture import LogCapture, captured_log
 from support.participant_desk import NAME, Desk
 from zteam import names

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
+from support.limits import LIMIT
 from support.named_sessions import open_named
 from zteam import names
 from zteam.bus import Bus, MemoryHub, NoRequest
@@ -18,7 +19,6 @@ from zteam.runtime.shutdown import Stop
 from zteam.runtime.wheels import Wheels
 from zteam.services.simulator import SimStatus
 
-LIMIT = 30.0
 AHEAD = Twist(Vector3(0.5))
 
 

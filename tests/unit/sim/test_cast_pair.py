@@ -11,9 +11,12 @@ import msgspec
 import numpy as np
 import pytest
 
+from support.limits import LIMIT
 from support.small_worlds import LASER, drive, make_box, make_maze, make_robot, plain_kernels
 from zteam.sim import Engine, Options
 from zteam.world.model import World
+
+pytestmark = pytest.mark.ci
 
 MANY = msgspec.structs.replace(LASER, samples=1081, fov=4.7)
 TESTS = Path(__file__).resolve().parents[2]
@@ -49,6 +52,7 @@ def processors(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     return allowed
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("options", [Options(), Options(gaussian_noise=0.01)], ids=["exact", "noisy"])
 @pytest.mark.parametrize("seed", range(6))
 def test_two_threads_measure_what_one_does(processors: list[int], seed: int, options: Options) -> None:
@@ -94,6 +98,7 @@ def test_a_second_thread_only_where_it_pays(processors: list[int]) -> None:
     assert len(set(helpers()) - known) == 1
 
 
+@pytest.mark.ci
 def test_threads_end_with_their_engines(processors: list[int]) -> None:
     """After a hundred engines no helping thread is left."""
     world, known = make_team(), set(helpers())
@@ -101,7 +106,7 @@ def test_threads_end_with_their_engines(processors: list[int]) -> None:
         Engine(world).step({})
     gc.collect()
     for thread in set(helpers()) - known:
-        thread.join(30.0)
+        thread.join(LIMIT)
     assert not set(helpers()) - known
 
 
@@ -123,12 +128,13 @@ step()
 def run(code: str) -> list[str]:
     """Lines that a fresh process prints; it must end by itself."""
     done = subprocess.run(
-        [sys.executable, "-P", "-c", RUN + code], capture_output=True, text=True, timeout=110, check=False
+        [sys.executable, "-P", "-c", RUN + code], capture_output=True, text=True, timeout=3 * LIMIT, check=False
     )
     assert done.returncode == 0, done.stderr
     return done.stdout.splitlines()
 
 
+@pytest.mark.ci
 def test_the_helper_helps() -> None:
     """The second thread does a part of the scans while the first is at work, and the process ends with both of them."""
     code = """
@@ -141,6 +147,7 @@ print(pair._state[end] not in (0, 100), len(helpers()))
     assert run(code) == ["True 1"]
 
 
+@pytest.mark.ci
 def test_a_forked_child_measures_without_the_thread() -> None:
     """A child, which has no helping thread, senses what its parent does."""
     code = """

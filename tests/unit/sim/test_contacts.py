@@ -18,6 +18,7 @@ QUARTERS = [k * math.pi / 2 for k in range(4)]
 HORSESHOE = ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (0.6, 1.0), (0.6, -0.6), (-0.6, -0.6), (-0.6, 1.0), (-1.0, 1.0))
 
 
+@pytest.mark.few(16)
 @pytest.mark.parametrize("physics", PHYSICS)
 @pytest.mark.parametrize(("mine", "its"), list(itertools.product(QUARTERS, QUARTERS)))
 def test_aligned_bodies_of_one_size_stop_each_other(physics: Physics, mine: float, its: float) -> None:
@@ -53,6 +54,7 @@ def _apart(one: np.ndarray, other: np.ndarray) -> bool:
     return False
 
 
+@pytest.mark.ci
 def test_bodies_on_long_arms_stop_each_other() -> None:
     """A turn swings a body that is far from its centre of rotation by metres: none of a crowd ends in another."""
     arm = 20.0

@@ -9,6 +9,7 @@ import os
 import numpy as np
 import pytest
 
+from support.examples import SHARE
 from support.small_worlds import plain_kernels
 from zteam.geometry import Pose2
 from zteam.sim import edge_kernels, jit, square_kernels
@@ -16,7 +17,7 @@ from zteam.sim.fields import build_fields
 from zteam.sim.polygons import NO_MOVER, Group, make_polygons, place_shape
 from zteam.world.model import Shape
 
-RAYS = int(os.environ.get("ZTEAM_KERNEL_RAYS", "200000"))
+RAYS = int(os.environ.get("ZTEAM_KERNEL_RAYS", 200_000 * SHARE))
 SCANS, BEAMS = 50, 721
 EIGHTH = math.pi / 4
 WALL = Shape(((9.0, -15.0), (9.1, -15.0), (9.1, 15.0), (9.0, 15.0)), 0.0, 1.0)

@@ -1,6 +1,7 @@
 """How bases follow commands: acceleration, cars, wheels, and odometry with errors."""
 
 import math
+from typing import Literal
 
 import msgspec
 import numpy as np
@@ -11,6 +12,9 @@ from zteam.sim import Engine, Options
 from zteam.world.model import Limits
 
 FAR = 1e3
+
+Physics = Literal["dynamic", "stage", "kinematic"]
+Drive = Literal["diff", "omni", "car"]
 
 
 def test_acceleration_limits_hold_for_commands_and_stops() -> None:
@@ -26,6 +30,60 @@ def test_acceleration_limits_hold_for_commands_and_stops() -> None:
     assert falling[1:7] == pytest.approx([0.8, 0.6, 0.4, 0.2, 0.0, 0.0], abs=1e-9)
     turning = [engine.step({0: drive(0.0, 1.5)}).robots[0].velocity[2] for _ in range(3)]
     assert turning == pytest.approx([0.1, 0.2, 0.3])
+
+
+@pytest.mark.parametrize("physics", ["dynamic", "stage", "kinematic"])
+@pytest.mark.parametrize("kind", ["diff", "omni", "car"])
+def test_a_robot_that_is_freed_gathers_speed_from_rest(physics: Physics, kind: Drive) -> None:
+    """After 4 s against another one, which then goes, it is no faster in each tick than its limit allows."""
+    robot = make_robot(acceleration=Limits(x=(-2.0, 0.5)), drive=kind, wheelbase=0.5)
+    engine = Engine(make_world(robot, make_robot(0.8, mass=1e6), wall_at=FAR), options=Options(physics=physics))
+    for _ in range(40):
+        engine.step({0: drive(1.0)})
+    assert engine.truth(0).x == pytest.approx(0.4, abs=0.06)
+    engine.remove(1)
+    speeds = [engine.step({0: drive(1.0)}).robots[0].velocity[0] for _ in range(4)]
+    assert speeds == pytest.approx([0.05, 0.1, 0.15, 0.2], abs=0.011)  # 0.04 first in `dynamic`
+
+
+@pytest.mark.parametrize("physics", ["dynamic", "stage", "kinematic"])
+def test_a_robot_at_a_wall_backs_off_at_once(physics: Physics) -> None:
+    """What it was told while the wall held it need not be braked away first."""
+    robot = make_robot(acceleration=Limits(x=(-2.0, 0.5)))
+    engine = Engine(make_world(robot, wall_at=1.0), options=Options(physics=physics))
+    for _ in range(60):
+        engine.step({0: drive(1.0)})
+    start = engine.truth(0).x
+    for _ in range(2):
+        engine.step({0: drive(-1.0)})
+    assert engine.truth(0).x < start - 0.02
+
+
+def test_a_push_does_not_drive_a_robot() -> None:
+    """One that is pushed while it is told to stand stands as soon as the push ends, whatever its limits."""
+    pushed = make_robot(0.5, acceleration=Limits(x=(-0.1, 0.1)))
+    engine = Engine(make_world(make_robot(mass=500.0), pushed, wall_at=FAR))
+    for _ in range(20):
+        engine.step({0: drive(0.5)})
+    where = engine.truth(1).x
+    assert where > 0.7
+    engine.remove(0)
+    engine.step({})
+    ends = [engine.step({}).robots[1].truth.x for _ in range(5)]
+    assert ends == pytest.approx([ends[0]] * 5, abs=1e-3)
+
+
+def test_a_car_that_is_held_turns_no_more_sharply_than_it_is_steered() -> None:
+    """While a wall takes its speed and after it comes free, yaw rate over speed stays that of its wheels."""
+    limits = Limits(x=(-2.0, 0.5), yaw=(-0.5, 0.5))
+    car = make_robot(yaw=0.3, drive="car", wheelbase=0.5, acceleration=limits)
+    engine = Engine(make_world(car, make_robot(0.9), wall_at=FAR), options=Options(physics="kinematic"))
+    for _ in range(30):
+        engine.step({0: drive(1.0, 0.2)})
+    engine.remove(1)
+    for _ in range(10):
+        x, _, yaw = engine.step({0: drive(1.0, 0.2)}).robots[0].velocity
+        assert abs(yaw) <= math.tan(0.2) / 0.5 * abs(x) + 1e-9
 
 
 def test_a_car_steers_by_an_angle() -> None:

@@ -5,11 +5,16 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
+from support.limits import LIMIT
+
 RUN = """
 import hashlib, math, sys
 sys.path.insert(0, {tests!r})
 {before}
 from support.small_worlds import drive, make_maze, make_robot
+import pytest
 from zteam.sim import Engine, Options
 robots = {{i: make_robot(-0.6 + 0.6 * (i % 3), -0.5 + 0.9 * (i // 3), 0.7 * i) for i in range(5)}}
 options = Options(gaussian_noise=0.01, odom_alphas=(0.1, 0.1, 0.1, 0.1))
@@ -29,11 +34,14 @@ print(digest.hexdigest())
 def run(order: str, ticks: int, before: str = "") -> str:
     """What a fresh process prints; the zteam that is tested is imported, whose kernels are compiled already."""
     code = RUN.format(tests=str(Path(__file__).resolve().parents[2]), before=before, order=order, ticks=ticks)
-    done = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True, timeout=110, check=False)
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", code], capture_output=True, text=True, timeout=3 * LIMIT, check=False
+    )
     assert done.returncode == 0, done.stderr
     return done.stdout.strip()
 
 
+@pytest.mark.ci
 def test_two_processes_agree_for_ten_thousand_steps() -> None:
     """Five robots that ram walls and each other, with noise: the same bytes, in whatever order they joined."""
     assert run("[0, 1, 2, 3, 4]", 10_000) == run("[4, 2, 0, 3, 1]", 10_000)
@@ -62,7 +70,7 @@ for physics in ("dynamic", "stage", "kinematic"):
     for before in ("", "sys.modules['numba'] = None"):
         script = code.format(tests=tests, before=before)
         done = subprocess.run(
-            [sys.executable, "-P", "-c", script], capture_output=True, text=True, timeout=110, check=False
+            [sys.executable, "-P", "-c", script], capture_output=True, text=True, timeout=3 * LIMIT, check=False
         )
         assert done.returncode == 0, done.stderr
         outputs.append(done.stdout.splitlines())
@@ -71,6 +79,7 @@ for physics in ("dynamic", "stage", "kinematic"):
     assert without_numba == with_numba
 
 
+@pytest.mark.ci
 def test_kernels_are_kept_apart_from_the_package(tmp_path: Path) -> None:
     """Also where numba was imported first, compiled code goes to the chosen folder, not beside the source."""
     code = "import numba; from zteam.sim import jit; jit.use_compiled(); print(numba.config.CACHE_DIR)"
@@ -80,7 +89,7 @@ def test_kernels_are_kept_apart_from_the_package(tmp_path: Path) -> None:
         env=environment | {"XDG_CACHE_HOME": str(tmp_path)},
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=LIMIT,
         check=False,
     )
     assert Path(done.stdout.strip()).parent == tmp_path / "zteam" / "numba", done.stderr

@@ -32,6 +32,7 @@ def make_crowd(seed: int, boxes: int) -> World:
     return World(world.name, world.interval, world.floorplans, (*world.obstacles, *things), world.robots)
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("boxes", [0, 2])
 @pytest.mark.parametrize("seed", range(8))
 def test_steps_left_out_at_rest_leave_no_trace(seed: int, boxes: int, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,15 +6,14 @@ import signal
 import subprocess
 import sys
 import textwrap
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from zteam.clock import monotonic, pause
+from support.limits import LIMIT
+from support.transports import wait_until_true
 from zteam.launch.process import zteam_command
 
-LIMIT = 100.0
 TESTS = Path(__file__).resolve().parents[2]
 RUN = """
 import hashlib, logging, resource, sys
@@ -55,14 +54,7 @@ def run(code: str, folder: Path) -> list[str]:
     return output.splitlines()
 
 
-def wait_for(condition: Callable[[], object]) -> None:
-    """Wait until a condition holds."""
-    end = monotonic() + LIMIT
-    while not condition():
-        assert monotonic() < end
-        pause(0.02)
-
-
+@pytest.mark.ci
 def test_a_run_that_changes_over_gives_the_same_bytes(kept_kernels: Path) -> None:
     """Begun without compiled kernels, ended with them: poses, odometry and ranges are those of a compiled run."""
     code = """
@@ -92,15 +84,16 @@ def test_a_run_that_changes_over_gives_the_same_bytes(kept_kernels: Path) -> Non
     assert run("print(takeover.begin(SIMULATOR), 'numba' in sys.modules)", kept_kernels) == ["None False"]
 
 
+@pytest.mark.ci
 def test_what_compiles_ends_with_its_simulator_and_keeps_what_it_finished(tmp_path: Path) -> None:
     """A simulator killed by SIGKILL leaves no process, but the first kernel is in the cache."""
     process = start("later = takeover.begin(SIMULATOR); later.start(); later.wait(1000.0)", tmp_path)
     try:
         children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
-        wait_for(children.read_text)
+        wait_until_true(children.read_text)
         child = int(children.read_text())
         handle = os.pidfd_open(child)
-        wait_for(lambda: list(tmp_path.glob("*/fields._fill_squares*.nbc")))
+        wait_until_true(lambda: list(tmp_path.glob("*/fields._fill_squares*.nbc")))
         assert os.getpriority(os.PRIO_PROCESS, child) == os.getpriority(os.PRIO_PROCESS, 0) + 10
     finally:
         process.send_signal(signal.SIGKILL)
@@ -146,6 +139,7 @@ def test_a_simulator_starts_where_no_disk_takes_a_byte(tmp_path: Path) -> None:
     assert rest == "None"
 
 
+@pytest.mark.ci
 def test_a_simulator_goes_on_without_a_cache_that_is_full(tmp_path: Path) -> None:
     """What compiles cannot keep the first kernel: one warning, and the run stays on numpy."""
     code = """
@@ -179,6 +173,7 @@ def test_compile_only_fails_where_nothing_can_be_kept(tmp_path: Path) -> None:
     assert str(tmp_path / "file" / "cache") in line
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("folder", ["full", "file/missing"])
 def test_a_kernel_that_cannot_be_kept_is_compiled_in_memory(tmp_path: Path, folder: str) -> None:
     """In a run that does not start on numpy, too, a full or unwritable folder costs one warning and nothing else."""

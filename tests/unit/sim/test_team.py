@@ -4,11 +4,13 @@ import math
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from support.small_worlds import drive, make_box, make_robot, make_world
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.sim import Engine
+from zteam.world.model import Limits
 
 
 @pytest.mark.parametrize("physics", ["dynamic", "stage", "kinematic"])
@@ -98,6 +100,18 @@ def test_light_things_are_pushed_and_heavy_ones_stall_a_robot() -> None:
         seen = heavy.step({0: drive(0.4)})
     assert seen.pushed["box"].x == pytest.approx(0.8, abs=0.01)
     assert seen.robots[0].stall
+
+
+@pytest.mark.parametrize("size", [0.5, 1.0, 2.0])
+def test_a_larger_box_turns_on_for_longer(size: float) -> None:
+    """Friction slows the turn of a square by 2.3 g µ over its side: as much as its weight does that lies evenly."""
+    box = make_box("box", 0.4 + 0.5 * size, 0.2 + 0.3 * size, size=size, mass=3.0)
+    robot = make_robot(mass=100.0, velocity=Limits(x=(-5.0, 5.0)))
+    # Ticks of one step of the solver.
+    engine = Engine(replace(make_world(robot, wall_at=50.0, others=(box,)), interval=20_000_000))
+    yaws = [engine.step({0: drive(2.0 if tick < 5 else -5.0)}).pushed["box"].yaw for tick in range(12)]
+    slowing = -np.diff(np.diff(yaws)) / 0.02**2
+    assert np.median(slowing[-5:]) == pytest.approx(2.296 * 0.5 * 9.81 / size, rel=0.05)
 
 
 def test_where_moves_are_refused_nothing_is_pushed() -> None:

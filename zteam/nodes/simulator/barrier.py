@@ -25,6 +25,8 @@ class Barrier:
         self.left: set[str] = set()
         """Participants that have ended since the tick was opened. What they answered does not count: whether their
         answer or their end comes first is chance."""
+        self._gone: set[tuple[str, str]] = set()
+        """Names and sessions of participants that have left with their last token."""
         self._owing: set[str] = set()
         """Participants that have not answered the open tick."""
         self._key = (0, 0)
@@ -38,15 +40,29 @@ class Barrier:
         if name in self.members:
             self.left.add(name)
             self.answers.pop(name, None)
+            self._gone.add((name, instance))
         self.drop(name)
 
-    def is_alive(self, name: str) -> bool:
-        """Whether a process holds this name."""
-        return name in self._holders
+    def was_cut_off(self, name: str, session: str) -> bool:
+        """Whether the token that comes is that of a participant that left: it was frozen or without a link meanwhile.
 
-    def take_done(self, name: str, done: Done) -> bool:
-        """Take an answer. False if no process holds `name`: the answer is ignored."""
-        if name not in self._holders:
+        A process that has ended comes back with another session. True once.
+        """
+        gone = (name, session) in self._gone
+        self._gone.discard((name, session))
+        return gone
+
+    def holds(self, name: str, session: str) -> bool:
+        """Whether this session holds this name."""
+        return session in self._holders.instances(name)
+
+    def name_of(self, session: str) -> str | None:
+        """A name that this session holds; None if it holds none."""
+        return self._holders.name_of(session)
+
+    def take_done(self, name: str, session: str, done: Done) -> bool:
+        """Take an answer. False if its session does not hold `name`: the answer is ignored."""
+        if not self.holds(name, session):
             return False
         counts = (done.epoch, done.tick) == self._key
         if not (counts and name in self._owing) and name not in self.members:

@@ -13,7 +13,8 @@ import msgspec
 from zteam import names
 from zteam.clock import monotonic, wait_until
 from zteam.errors import BusError
-from zteam.messages import Done, TeamState, TeamStatus, Tick, Twist
+from zteam.messages import TeamState, TeamStatus, Tick, Twist
+from zteam.nodes.simulator.answers import Answers
 from zteam.nodes.simulator.open_tick import OpenTick
 from zteam.nodes.simulator.patience import TIMEOUT, Patience, Silence
 from zteam.runtime.node import Node
@@ -26,6 +27,8 @@ Resend = Callable[[list[str]], None]
 
 _LACKING_LIMIT = 0.5
 """Host seconds for the participants to say which inputs they wait for; the world is held meanwhile."""
+_LONGEST_LOOK = 1.5
+"""Host seconds between two looks at the silence, at most: more is a pause of this process, or of the machine."""
 
 
 class LockStepOptions(msgspec.Struct, frozen=True):
@@ -45,52 +48,33 @@ class LockStep:
     def __init__(self, node: Node, options: LockStepOptions, on_command: Callable[[int], None]) -> None:
         """`on_command(robot_id)` is called when a robot's answer carries a command."""
         self._node = node
-        self._on_command = on_command
         self._timeout = options.timeout
         self._lock = threading.RLock()
         self._changed = threading.Condition(self._lock)
         self._tick = OpenTick(options.expected, gate=options.gate)
-        self._opened = 0.0
-        """Host time from which the open tick's silence counts."""
+        self._looked, self._waited = 0.0, 0.0
+        """Host time of the last look at the open tick's silence, and the host seconds of it that count."""
         self.resends = 0
         """How often a tick was sent again."""
-        self.hung: list[str] = []
-        """Participants that were dropped so far because they did not answer."""
         self._publisher = node.bus.publisher(names.TICK, Tick)
         node.stop.on_request(self._wake)
-        node.bus.watch_tokens([names.tokens_key()], self._on_token)
-        node.bus.subscribe(names.done_key(), Done, self._on_done)
+        Answers(node, self._tick, self._changed, on_command, self._send_again)
         node.bus.subscribe(names.TEAM_STATUS, TeamStatus, self._on_team_status, latched=True)
 
     def _wake(self) -> None:
         with self._changed:
             self._changed.notify_all()
 
-    def _on_token(self, key: str, alive: bool) -> None:
-        token = names.split_token_key(key)
-        if token is None or token[0] == names.SIMULATOR:
-            return
-        with self._lock:
-            if self._tick.take_token(*token, alive):
-                self._publisher.hand_over(self._tick.refreshed())
-            self._changed.notify_all()
-
-    def _on_done(self, key: str, done: Done) -> None:
-        name = names.split_done_key(key)
-        robot_id = names.robot_id_of(name or "")
-        if done.has_command and robot_id is not None:
-            self._on_command(robot_id)
-        with self._lock:
-            if name is None or not self._tick.take_done(name, done):
-                self._node.bus.counters.drop(key, "no process holds this name")
-            elif self._tick.needs_attention:
-                self._changed.notify_all()
-
     def _on_team_status(self, _key: str, status: TeamStatus) -> None:
         if status.state == TeamState.GO:
             with self._lock:
                 self._tick.take_go(status.epoch)
                 self._changed.notify_all()
+
+    @property
+    def hung(self) -> list[str]:
+        """What was left behind so far."""
+        return self._tick.hung
 
     @property
     def participants(self) -> list[str]:
@@ -121,7 +105,7 @@ class LockStep:
         """Send tick `tick` at simulated time `stamp` (ns), with these robots in the world."""
         with self._lock:
             self._publisher.hand_over(self._tick.open(stamp, tick, robots))
-        self._opened = monotonic()
+        self._looked, self._waited = monotonic(), 0.0
 
     def start_anew(self) -> None:
         """The world returns to its start: answers to earlier ticks no longer count."""
@@ -134,7 +118,9 @@ class LockStep:
         while not stop.requested:
             with self._lock:
                 if not tick.is_over:
-                    wait_until(self._changed, lambda: tick.has_news or stop.requested, patience.delay)
+                    wait_until(
+                        self._changed, lambda: tick.is_over or tick.must_reopen or stop.requested, patience.delay
+                    )
                 if tick.is_over:
                     tick.held = False
                     return True
@@ -145,15 +131,22 @@ class LockStep:
                 self._act_on_silence(resend, patience)
         return False
 
+    def _send_again(self) -> None:
+        self._publisher.hand_over(self._tick.refreshed())
+
     def _reopen(self, resend: Resend) -> None:
         with self._lock:
             self._publisher.hand_over(self._tick.reopen())
             missing = self._tick.barrier.missing()
+        if not self._tick.has_time:
+            self._waited = 0.0
         if missing:
             resend(missing)
 
     def _act_on_silence(self, resend: Resend, patience: Patience) -> None:
-        waited, held = monotonic() - self._opened, self._tick.held
+        now, held = monotonic(), self._tick.has_time
+        self._waited += min(now - self._looked, _LONGEST_LOOK)
+        self._looked, waited = now, self._waited
         missing = self._tick.barrier.missing()
         if missing or held:
             self._repeat(resend, missing)
@@ -164,12 +157,14 @@ class LockStep:
         elif verdict is Silence.NAME:
             lacking = _ask_lacking(self._node)
             with self._lock:
-                log.warning("%s", self._tick.complaint(waited, lacking))
+                # The last answer may have come meanwhile.
+                if self._tick.waiting_for():
+                    log.warning("%s", self._tick.complaint(waited, lacking))
 
     def _repeat(self, resend: Resend, missing: list[str]) -> None:
         self.resends += bool(missing)
         with self._lock:
-            self._publisher.hand_over(self._tick.refreshed())
+            self._send_again()
             participants = self.participants
         # A held tick is repeated to all: one that has answered may still lack what makes it ready.
         resend(missing or participants)
@@ -177,14 +172,13 @@ class LockStep:
     def _drop(self, missing: list[str], waited: float) -> None:
         with self._lock:
             dropped = self._tick.drop_silent(missing)
-            self.hung += dropped
-            self._publisher.hand_over(self._tick.refreshed())
+            self._send_again()
         for name in dropped:
             log.error(
                 "%s did not answer tick %d within %.0f s: the world goes on without it until it answers again",
                 name, self._tick.message.tick, waited,
             )  # fmt: skip
-        self._opened = monotonic()
+        self._waited = 0.0
 
 
 def _ask_lacking(node: Node) -> dict[str, str]:

@@ -12,6 +12,9 @@ from zteam import names
 from zteam.messages import Done, Tick, Twist, time_from_ns
 from zteam.nodes.simulator.barrier import Barrier
 
+LINK = "router"
+"""In `hung`, the router: the simulator has lost its link."""
+
 
 class OpenTick:
     """The tick that the participants are to answer, and the rules by which it ends."""
@@ -29,6 +32,8 @@ class OpenTick:
         self._go_epoch = 0
         self._changed = False
         """Whether a token, a joining process or GO came since the tick was opened."""
+        self.hung: list[str] = []
+        """Participants that were left behind so far, for their silence or their lease; LINK for a lost link."""
         self.message = Tick()
         """The tick as it was sent last, which is not changed any more; number 0 before the first one."""
 
@@ -42,10 +47,10 @@ class OpenTick:
         # that the process that left is not to be waited for.
         return alive or name in self.message.participants
 
-    def take_done(self, name: str, done: Done) -> bool:
-        """Take an answer. False if no process holds `name`."""
+    def take_done(self, name: str, session: str, done: Done) -> bool:
+        """Take an answer. False if its session does not hold `name`."""
         joining = len(self.barrier.joining)
-        if not self.barrier.take_done(name, done):
+        if not self.barrier.take_done(name, session, done):
             return False
         if len(self.barrier.joining) > joining:
             self._changed = True
@@ -94,6 +99,11 @@ class OpenTick:
         return self.held and self._changed
 
     @property
+    def has_time(self) -> bool:
+        """Whether it may stay open for any time, as a start may: with GO the first tick is one like any other."""
+        return self.held and not self.message.epoch
+
+    @property
     def needs_attention(self) -> bool:
         """Whether the wait for the answers may be over, or the tick may have to be opened again."""
         return self._changed or self.barrier.complete
@@ -103,23 +113,31 @@ class OpenTick:
         """Whether every participant has answered and the tick is not held."""
         return self.barrier.complete and not (self.held and (self._changed or not self._complete))
 
-    @property
-    def has_news(self) -> bool:
-        """Whether the wait for the answers ends."""
-        return self.is_over or self.must_reopen
-
     def _note_complete(self) -> None:
         released = self.message.epoch > 0 or not self._gate
         if released and not self.barrier.expected.difference(self.barrier.members):
             self._complete = True
 
     def drop_silent(self, missing: list[str]) -> list[str]:
-        """Drop the participants that are to blame for the silence of `missing`; their names."""
+        """Drop those that are to blame for the silence of `missing`; their names. They may join again later."""
         # Robots wait for the aggregator's transforms: if it is silent, the robots' silence follows from that.
         culprits = [names.AGGREGATOR] if names.AGGREGATOR in missing else missing
         for name in culprits:
             self.barrier.drop(name)
+        self.hung += culprits
+        self.held = False
         return culprits
+
+    def note_lost_link(self) -> bool:
+        """The link to the router is lost. True if this changes the run."""
+        self.hung += [] if self.held else [LINK]
+        return not self.held
+
+    def note_return(self, name: str, session: str) -> bool:
+        """A token has come. True if it is that of a participant that had left, and did not end meanwhile."""
+        back = self.barrier.was_cut_off(name, session) and not self.held
+        self.hung += [name] if back else []
+        return back
 
     def waiting_for(self, lacking: Mapping[str, str] | None = None) -> str:
         """What holds the world, in words; empty for nothing. `lacking` says what some participants wait for."""

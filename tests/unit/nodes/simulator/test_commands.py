@@ -1,15 +1,19 @@
 """The simulator's view of the robots' commands, on a bus in memory: which robots it waits for."""
 
+import queue
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
 
-from support.lockstep_doubles import LIMIT, LONG
+from support.limits import LIMIT
+from support.lockstep_doubles import LONG
 from zteam import names
 from zteam.bus import MemoryHub
+from zteam.clock import wait_until
 from zteam.messages import Twist
+from zteam.nodes.simulator import commands
 from zteam.nodes.simulator.commands import Commands
 from zteam.nodes.simulator.run_statistics import RunStatistics
 from zteam.runtime.node import Node
@@ -50,14 +54,25 @@ def harness(hub: MemoryHub) -> Iterator[CommandsHarness]:
     made.close()
 
 
-def test_it_waits_for_the_robots_that_were_sent_a_scan(harness: CommandsHarness) -> None:
+def test_it_waits_for_the_robots_that_were_sent_a_scan(
+    harness: CommandsHarness, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The wait ends with the last command."""
+    waits: queue.SimpleQueue[Callable[[], bool]] = queue.SimpleQueue()
+
+    def note(changed: threading.Condition, ready: Callable[[], bool], timeout: float) -> bool:
+        waits.put(ready)
+        return wait_until(changed, ready, timeout)
+
+    monkeypatch.setattr(commands, "wait_until", note)
     for i in (0, 1):
         harness.commands.scan_sent(i)
     thread = harness.wait()
+    is_over = waits.get(timeout=LIMIT)
     harness.publishers[0].put(Twist())
-    assert thread.is_alive()
+    assert not is_over()
     harness.publishers[1].put(Twist())
+    assert is_over()
     thread.join(LIMIT)
     assert not thread.is_alive()
 
@@ -89,10 +104,10 @@ def test_the_last_command_of_a_robot_that_left_is_its_own(harness: CommandsHarne
 def test_only_robots_with_a_process_are_missing(harness: CommandsHarness) -> None:
     """A robot of the world whose process lives and that sent no command is late; the others are not."""
     harness.publishers[0].put(Twist())
-    commands = harness.commands.take()
-    assert harness.commands.missing(commands) == [1]
+    taken = harness.commands.take()
+    assert harness.commands.missing(taken) == [1]
     harness.tokens[1].close()
-    assert harness.commands.missing(commands) == []
+    assert harness.commands.missing(taken) == []
     assert harness.commands.missing({}) == [0]
     harness.robots.discard(0)
     assert harness.commands.missing({}) == []

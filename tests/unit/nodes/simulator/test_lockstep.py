@@ -2,10 +2,13 @@
 
 import pytest
 
-from support.lockstep_doubles import INTERVAL, HarnessFactory, ScriptedParticipant, make_team
+from support.lockstep_doubles import INTERVAL, LONG, SHORT, HarnessFactory, ScriptedParticipant, make_team
+from support.log_capture import captured_log
+from support.transports import wait_until_true
 from zteam import names
 from zteam.bus import MemoryHub
 from zteam.messages import Done, Twist, Vector3, ns_from_time
+from zteam.nodes.simulator import answers
 
 
 @pytest.mark.usefixtures("patient")
@@ -115,16 +118,69 @@ def test_a_stop_request_ends_the_wait(hub: MemoryHub, new_harness: HarnessFactor
 
 
 @pytest.mark.usefixtures("patient")
-def test_an_answer_without_a_token_is_counted_and_dropped(hub: MemoryHub, new_harness: HarnessFactory) -> None:
-    """A process that does not hold its name does not take part."""
+def test_an_answer_without_a_token_is_refused(
+    hub: MemoryHub, new_harness: HarnessFactory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is counted and named after its grace, and each further one at once; the robot's own answer is not replaced."""
+    monkeypatch.setattr(answers, "TOKEN_GRACE", SHORT)
     harness = new_harness()
-    ghost = ScriptedParticipant(hub, "robot_9")
+    robot, other = make_team(hub, harness, "robot_0", "robot_1")
+    robot.awake = False
+    key = names.done_key("robot_0")
+    forger = hub.bus()
+    forged, borrowed = forger.publisher(key, Done), other.bus.publisher(key, Done)
+    counters = harness.node.bus.counters
+    with captured_log() as log:
+        harness.open(3, 0)
+        harness.begin()
+        forged.put(Done(0, 3, True, Twist(Vector3(1.0))))
+        borrowed.put(Done(0, 3, True, Twist(Vector3(1.0))))
+        wait_until_true(lambda: key in counters.snapshot() and counters.snapshot()[key].dropped == 2)
+        forged.put(Done(0, 3, True, Twist(Vector3(1.0))))
+        assert counters.snapshot()[key].dropped == 3
+    assert log.count("dropped a message on robot_0/done: ") >= 1
+    assert counters.snapshot()[key].last_drop_reason.endswith("does not hold the name robot_0")
+    assert harness.holds
+    assert 0 not in harness.answered
+    robot.say(Done(0, 3, True, Twist(Vector3(0.1))))
+    assert harness.end()
+    assert harness.lockstep.take_commands({0: None}) == {0: Twist(Vector3(0.1))}
+
+
+@pytest.mark.usefixtures("patient")
+def test_invented_sessions_keep_no_early_answer_out(
+    hub: MemoryHub, new_harness: HarnessFactory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A hundred sessions without a token are refused and forgotten; then an answer may overtake its token as before."""
+    monkeypatch.setattr(answers, "TOKEN_GRACE", SHORT)
+    harness = new_harness()
+    make_team(hub, harness, "robot_0")
+    counters, key = harness.node.bus.counters, names.done_key("robot_1")
+    for _ in range(2):
+        before = counters.count_of(key).dropped
+        for _ in range(50):
+            hub.bus().publisher(key, Done).put(Done(0, 3, True, Twist()))
+        wait_until_true(lambda before=before: counters.count_of(key).dropped == before + 50)  # type: ignore[misc]
+    monkeypatch.setattr(answers, "TOKEN_GRACE", LONG)
+    late = ScriptedParticipant(hub, "robot_1")
+    late.say(Done(0, 3, True, Twist(Vector3(0.1))))
+    late.appear()
+    assert counters.count_of(key).dropped == 100
+    assert "robot_1" in {*harness.lockstep.joining, *harness.lockstep.participants}
+
+
+@pytest.mark.usefixtures("patient")
+def test_an_answer_that_overtakes_its_token_counts(hub: MemoryHub, new_harness: HarnessFactory) -> None:
+    """It is held until the token comes, and never counted as refused."""
+    harness = new_harness()
+    robot = ScriptedParticipant(hub, "robot_0")
+    robot.asks = False
     harness.open(1)
-    ghost.say(Done(0, 1))
+    robot.say(Done(0, 1))
     assert harness.lockstep.joining == []
-    assert harness.node.bus.counters.snapshot()[names.done_key("robot_9")].dropped == 1
-    harness.open(2)
-    assert harness.lockstep.participants == []
+    robot.appear()
+    assert harness.lockstep.joining == ["robot_0"]
+    assert not any(count.dropped for count in harness.node.bus.counters.snapshot().values())
 
 
 @pytest.mark.usefixtures("patient")

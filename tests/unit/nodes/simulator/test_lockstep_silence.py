@@ -4,13 +4,23 @@ from itertools import pairwise
 
 import pytest
 
-from support.lockstep_doubles import LIMIT, SHORT, HarnessFactory, ScriptedParticipant, lose_first, lossy_bus, make_team
+from support.cuttable_transport import cut_bus
+from support.lockstep_doubles import (
+    LIMIT,
+    LONG,
+    SHORT,
+    HarnessFactory,
+    ScriptedParticipant,
+    lose_first,
+    lossy_bus,
+    make_team,
+)
 from support.log_capture import captured_log
 from zteam import names
 from zteam.bus import MemoryHub
 from zteam.clock import monotonic
 from zteam.messages import Done
-from zteam.nodes.simulator import patience
+from zteam.nodes.simulator import lockstep, patience
 
 
 @pytest.mark.usefixtures("hasty")
@@ -140,3 +150,81 @@ def test_after_a_drop_the_time_out_starts_again(hub: MemoryHub, new_harness: Har
     assert harness.wait()
     assert monotonic() - begin >= 2 * timeout
     assert harness.lockstep.hung == ["tf", "robot_0"]
+
+
+@pytest.mark.usefixtures("hasty")
+def test_an_answer_that_comes_before_the_complaint_is_not_complained_of(
+    hub: MemoryHub, new_harness: HarnessFactory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """While participants are asked what they wait for, the last one answers the tick: the log names none."""
+    monkeypatch.setattr(patience, "NAME_AFTER", 0.0)
+    harness = new_harness()
+    (robot,) = make_team(hub, harness, "robot_0")
+    assert harness.wait()
+    robot.awake = False
+
+    def answer(_node: object) -> dict[str, str]:
+        robot.answer()
+        return {}
+
+    monkeypatch.setattr(lockstep, "_ask_lacking", answer)
+    with captured_log() as log:
+        harness.open(3)
+        assert harness.wait()
+    assert not any("waits for" in line for line in log.lines)
+
+
+@pytest.mark.usefixtures("hasty")
+def test_a_pause_of_the_simulator_is_no_silence_of_the_others(
+    hub: MemoryHub, new_harness: HarnessFactory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Between two looks it was frozen for longer than the time-out: what then answers is not left behind."""
+    harness = new_harness()
+    (robot,) = make_team(hub, harness, "robot_0")
+    assert harness.wait()
+    robot.awake = False
+    frozen = [0.0]
+    monkeypatch.setattr(lockstep, "monotonic", lambda: monotonic() + frozen[0])
+    harness.open(3)
+
+    def freeze() -> None:
+        frozen[0] = 10 * LONG
+        harness.on_resend = robot.answer
+
+    harness.on_resend = freeze
+    assert harness.wait()
+    assert harness.lockstep.hung == []
+
+
+@pytest.mark.usefixtures("patient")
+def test_a_participant_that_was_cut_off_is_reported(hub: MemoryHub, new_harness: HarnessFactory) -> None:
+    """Its own session's token comes back, so it had not ended; one that was started again has another session."""
+    harness = new_harness()
+    first, second = make_team(hub, harness, "robot_0", "robot_1")
+    assert harness.wait()
+    with captured_log() as log:
+        first.vanish()
+        ScriptedParticipant(hub, "robot_0").appear()
+        assert harness.lockstep.hung == []
+        second.vanish()
+        second.appear()
+    assert harness.lockstep.hung == ["robot_1"]
+    assert log.count("robot_1 was cut off, or frozen for longer than its lease: it missed ticks") == 1
+    second.vanish()
+    second.appear()
+    assert harness.lockstep.hung == ["robot_1"], "it had not taken part again"
+
+
+@pytest.mark.usefixtures("patient")
+def test_a_lost_link_is_reported(hub: MemoryHub, new_harness: HarnessFactory) -> None:
+    """All participants leave with it, so the run is another one; while the first tick is held nothing is lost."""
+    bus, link = cut_bus(hub)
+    harness = new_harness(bus=bus)
+    link.set_link(False)
+    assert harness.lockstep.hung == []
+    make_team(hub, harness, "robot_0")
+    with captured_log() as log:
+        link.set_link(False)
+        link.set_link(True)
+    assert harness.lockstep.hung == ["router"]
+    assert log.count("the link to the router was lost in tick 2") == 1

@@ -10,13 +10,13 @@ def join(tick: OpenTick, *names: str) -> None:
     """Let processes take these names and ask to join."""
     for name in names:
         tick.take_token(name, f"session-{name}", True)
-        assert tick.take_done(name, Done())
+        assert tick.take_done(name, f"session-{name}", Done())
 
 
 def answer(tick: OpenTick, *names: str) -> None:
     """Answer the open tick."""
     for name in names:
-        assert tick.take_done(name, Done(tick.message.epoch, tick.message.tick))
+        assert tick.take_done(name, f"session-{name}", Done(tick.message.epoch, tick.message.tick))
 
 
 def begun(*names: str) -> OpenTick:
@@ -117,7 +117,9 @@ def test_commands_are_those_of_robots_in_the_world() -> None:
     """By id; an answer without a command gives none."""
     tick = begun("robot_10", "robot_2", "robot_3", "tf")
     for robot_id in (10, 2):
-        tick.take_done(f"robot_{robot_id}", Done(0, 2, True, Twist(Vector3(0.1 * robot_id))))
+        tick.take_done(
+            f"robot_{robot_id}", f"session-robot_{robot_id}", Done(0, 2, True, Twist(Vector3(0.1 * robot_id)))
+        )
     answer(tick, "robot_3", "tf")
     assert list(tick.commands({2, 3, 10}).items()) == [(2, Twist(Vector3(0.2))), (10, Twist(Vector3(1.0)))]
     assert list(tick.commands({10})) == [10]
@@ -126,7 +128,7 @@ def test_commands_are_those_of_robots_in_the_world() -> None:
 def test_a_robot_that_leaves_stops() -> None:
     """Whether it has answered the open tick or not; with the next tick that rule has done its work."""
     tick = begun("robot_0", "robot_1", "tf")
-    tick.take_done("robot_0", Done(0, 2, True, Twist(Vector3(0.3))))
+    tick.take_done("robot_0", "session-robot_0", Done(0, 2, True, Twist(Vector3(0.3))))
     for name in ("robot_0", "robot_1"):
         tick.take_token(name, f"session-{name}", False)
     answer(tick, "tf")
@@ -144,7 +146,7 @@ def test_a_robot_that_comes_back_within_the_held_tick_has_its_say() -> None:
     tick.take_token("robot_0", "session-robot_0", False)
     join(tick, "robot_0")
     tick.reopen()
-    tick.take_done("robot_0", Done(0, 1, True, Twist(Vector3(0.3))))
+    tick.take_done("robot_0", "session-robot_0", Done(0, 1, True, Twist(Vector3(0.3))))
     assert tick.commands({0}) == {0: Twist(Vector3(0.3))}
 
 

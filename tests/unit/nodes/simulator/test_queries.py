@@ -1,11 +1,12 @@
 """The simulator's queries with a scripted simulation: steps, pace, changes between ticks, the end of a run, resets."""
 
+import threading
 from collections.abc import Callable, Iterator
 
 import pytest
 
 from support.control_harness import TICK, ControlHarness
-from support.lockstep_doubles import LIMIT
+from support.limits import ASKED, LIMIT
 from zteam.bus import Change
 from zteam.clock import wait_until
 from zteam.errors import BusError
@@ -172,7 +173,8 @@ def test_changes_are_made_between_two_ticks(make: Make) -> None:
     step = harness.ask_aside("step", SimStatus, StepRequest(1))
     harness.wait_for_tick(2)
     spawned = harness.ask_aside("spawn", SpawnReply, SpawnRequest(1.5, 2.0))
-    harness.wait_for_tick(2)
+    with harness.node.changed:
+        assert wait_until(harness.node.changed, lambda: bool(harness.turns._changes), LIMIT)
     assert harness.world.made == []
     harness.free.set()
     harness.join()
@@ -217,13 +219,21 @@ def test_a_change_does_not_wait_for_ever(make: Make, monkeypatch: pytest.MonkeyP
         harness.ask("spawn", SpawnReply, SpawnRequest(0.0, 0.0))
 
 
-def test_finish_waits_for_the_end_of_the_run(make: Make) -> None:
+def test_finish_waits_for_the_end_of_the_run(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
     """It answers False after its time-out, and True as soon as the run is over."""
     harness = make()
     assert harness.ask("finish", FinishReply, FinishRequest(0.0)) == FinishReply(False)
     assert harness.ask("finish", FinishReply, FinishRequest(0.05)) == FinishReply(False)
     harness.last = 10
-    waiting = harness.ask_aside("finish", FinishReply, FinishRequest(LIMIT))
+    waits, wait = threading.Event(), harness.turns.wait_until_finished
+
+    def note(timeout: float) -> bool:
+        waits.set()
+        return wait(timeout)
+
+    monkeypatch.setattr(harness.turns, "wait_until_finished", note)
+    waiting = harness.ask_aside("finish", FinishReply, FinishRequest(ASKED))
+    assert waits.wait(LIMIT)
     assert harness.ask("step", SimStatus, StepRequest(8)).tick == 9
     assert waiting == []
     harness.ask("step", SimStatus, StepRequest(1))
@@ -261,10 +271,10 @@ def test_a_reset_lets_a_finished_world_run_again(make: Make) -> None:
     harness = make()
     harness.last = 10
     harness.ask("resume")
-    assert harness.ask("finish", FinishReply, FinishRequest(LIMIT)).finished
+    assert harness.ask("finish", FinishReply, FinishRequest(ASKED)).finished
     harness.last = 15
     harness.ask("reset")
-    assert harness.ask("finish", FinishReply, FinishRequest(LIMIT)).finished
+    assert harness.ask("finish", FinishReply, FinishRequest(ASKED)).finished
     assert harness.ask("status").tick == 15
     assert harness.world.made == [("reset", 10)]
 

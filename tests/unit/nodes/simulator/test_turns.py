@@ -6,7 +6,7 @@ from concurrent.futures import Future
 
 import pytest
 
-from support.lockstep_doubles import LIMIT
+from support.limits import LIMIT
 from zteam import names
 from zteam.bus import MemoryHub
 from zteam.errors import UsageError
@@ -74,7 +74,7 @@ def test_a_change_wakes_a_world_that_stands(node: Node) -> None:
     thread.start()
     assert turns.wait_until_standing(LIMIT)
     assert turns.submit(lambda: "made").result(LIMIT) == "made"
-    assert thread.is_alive()
+    assert turns.submit(lambda: "made too").result(LIMIT) == "made too"
     node.stop.request("test over")
     thread.join(LIMIT)
     assert not thread.is_alive()

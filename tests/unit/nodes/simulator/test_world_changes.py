@@ -66,11 +66,35 @@ def test_every_robot_tells_its_base_and_a_new_one_anew(parts: SimulatorParts, hu
 
 
 def test_a_refused_change_changes_nothing(parts: SimulatorParts) -> None:
-    """A place without room, and an id that is taken."""
-    for request in (SpawnRequest(40.0, 0.0), SpawnRequest(-3.5, -1.5, id=1)):
-        with pytest.raises(UsageError):
-            parts.changes.spawn(request)
+    """A robot or a model that is not there, and an id that is taken: the error names it."""
+    before = [parts.engine.truth(robot_id) for robot_id in parts.outputs]
+    with pytest.raises(UsageError, match="robot 9"):
+        parts.changes.remove(9)
+    with pytest.raises(UsageError, match="robot 9"):
+        parts.changes.move(MoveRequest(9, -3.5, -1.5))
+    with pytest.raises(UsageError, match="robot 1"):
+        parts.changes.spawn(SpawnRequest(-3.5, -1.5, id=1))
+    with pytest.raises(UsageError, match="unicorn"):
+        parts.changes.spawn(SpawnRequest(-3.5, -1.5, model="unicorn"))
     assert list(parts.outputs) == [0, 1, 2]
+    assert [parts.engine.truth(robot_id) for robot_id in parts.outputs] == before
+
+
+def test_a_place_without_room_is_refused_unless_forced(parts: SimulatorParts) -> None:
+    """A wall, another robot, outside of the world: the error has the reason. With force the robot stands there."""
+    x, y, _ = parts.engine.truth(1)
+    for pose, why in (((-4.95, 0.0), "'west'"), ((x, y), "in robot 1"), ((40.0, 0.0), "outside of the world")):
+        with pytest.raises(UsageError, match=f"no room.*{why}.*--force"):
+            parts.changes.move(MoveRequest(0, *pose))
+        with pytest.raises(UsageError, match=f"no room.*{why}.*--force"):
+            parts.changes.spawn(SpawnRequest(*pose))
+    assert list(parts.outputs) == [0, 1, 2]
+    assert parts.changes.spawn(SpawnRequest(-4.95, 3.0, force=True)) == 3
+    parts.changes.move(MoveRequest(0, 0.0, -4.95, force=True))
+    for _ in range(30):
+        parts.tick()
+    assert parts.engine.truth(0)[:2] == pytest.approx((0.0, -4.95))
+    assert parts.engine.truth(3)[:2] == pytest.approx((-4.95, 3.0))
 
 
 def test_a_reset_tells_every_part(parts: SimulatorParts) -> None:
