@@ -9,7 +9,7 @@ from zteam.nodes.simulator.barrier import Barrier
 NAMES = st.sampled_from(["robot_0", "robot_1", "robot_10", "tf"])
 EPOCHS, TICKS = st.integers(0, 1), st.integers(1, 3)
 TOKENS = st.tuples(st.just("token"), NAMES, st.sampled_from("ab"), st.booleans())
-ANSWERS = st.tuples(st.just("done"), NAMES, EPOCHS, TICKS)
+ANSWERS = st.tuples(st.just("done"), NAMES, st.sampled_from("ab"), st.tuples(EPOCHS, TICKS))
 OPENS = st.tuples(st.just("open"), st.just(""), EPOCHS, TICKS)
 DROPS = st.tuples(st.just("drop"), NAMES, st.just(0), st.just(0))
 STEPS = st.lists(st.one_of(TOKENS, ANSWERS, ANSWERS, OPENS, DROPS), max_size=80)
@@ -42,13 +42,13 @@ def play(barrier: Barrier, model: BarrierModel, step: tuple[str, str, object, ob
         if not holders:
             model.leave(name)
     elif what == "done":
-        assert isinstance(first, int)
-        assert isinstance(second, int)
-        taken = barrier.take_done(name, Done(first, second, True, Twist(Vector3(mark))))
-        assert taken == bool(model.holders.get(name))
+        session, key = str(first), second
+        assert isinstance(key, tuple)
+        taken = barrier.take_done(name, session, Done(*key, True, Twist(Vector3(mark))))
+        assert taken == (session in model.holders.get(name, ()))
         if taken and name not in model.members:
             model.joining.add(name)
-        elif taken and (first, second) == model.key:
+        elif taken and key == model.key:
             model.said[name] = mark
     elif what == "open":
         assert isinstance(first, int)
@@ -85,8 +85,8 @@ def test_the_barrier_waits_for_its_members_alone(
         # A process becomes a member only when a tick is opened, and only with a token and an answer. It leaves at once.
         assert step[0] == "open" or set(barrier.members) <= before
         assert set(barrier.members) | barrier.joining <= answered
-        assert all(barrier.is_alive(name) for name in {*barrier.members, *barrier.joining})
-        assert all(barrier.is_alive(name) == bool(holders) for name, holders in model.holders.items())
+        assert all(model.holders[name] for name in {*barrier.members, *barrier.joining})
+        assert all(barrier.holds(name, each) == (each in held) for name, held in model.holders.items() for each in "ab")
         assert barrier.absent == sorted(expected - set(barrier.members) - barrier.joining)
 
 

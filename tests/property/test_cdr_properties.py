@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import astuple
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from support.examples import examples
 from support.strategies import messages
 from zteam.errors import DecodeError
 from zteam.messages import Message, TFMessage, TransformStamped, all_types, decode, encode, ns_from_time
@@ -20,9 +21,11 @@ from zteam.messages.tf_layout import Layout
 
 _ZTEAM_MSGS = {
     "zteam_msgs/msg/RobotStatus": "std_msgs/Header header\nint32 robot_id\nbool is_ready\nuint8 state\n"
-    "uint32 epoch\nstring text\nstring behavior\nstring driver\nstring reason\nint32 leader\nfloat64 speed\n",
+    "uint32 epoch\nstring text\nstring behavior\nstring driver\nstring reason\nint32 leader\nfloat64 speed\n"
+    "int32 follows\nint32 turns\nfloat64 gap\n",
     "zteam_msgs/msg/BaseInfo": "string model\nstring drive\ngeometry_msgs/Polygon footprint\nfloat64 max_vel_x\n"
-    "float64 min_vel_x\nfloat64 max_vel_theta\nfloat64 acc_lim_x\nfloat64 decel_lim_x\nfloat64 acc_lim_theta\n",
+    "float64 min_vel_x\nfloat64 max_vel_theta\nfloat64 acc_lim_x\nfloat64 decel_lim_x\nfloat64 acc_lim_theta\n"
+    "float64 max_vel_y\nfloat64 acc_lim_y\nfloat64 decel_lim_reverse\nfloat64 wheelbase\n",
     "zteam_msgs/msg/NavigationStatus": "std_msgs/Header header\nuint8 state\ngeometry_msgs/PoseStamped goal\n"
     "float64 distance_remaining\nbuiltin_interfaces/Duration estimated_time_remaining\nint32 recoveries\nstring text\n",
     "zteam_msgs/msg/TeamStatus": "std_msgs/Header header\nuint8 state\nuint32 epoch\nbuiltin_interfaces/Time go_stamp\n"
@@ -59,9 +62,10 @@ def _to_rosbags(message: Any) -> Any:
     return message
 
 
+@pytest.mark.few(27)
 @pytest.mark.parametrize("ros_type", _TYPES)
 @given(data=st.data())
-@settings(max_examples=40)
+@examples(40)
 def test_bytes_equal_those_of_rosbags(ros_type: str, data: st.DataObject) -> None:
     """Each message is encoded to the same bytes as by rosbags, and these decode to the same message."""
     message = data.draw(messages(all_types()[ros_type]))
@@ -81,9 +85,10 @@ def _state(value: Any) -> Any:
     return type(value), value.hex() if isinstance(value, float) else value
 
 
+@pytest.mark.few(12)
 @pytest.mark.parametrize("ros_type", _TYPES)
 @given(data=st.data())
-@settings(max_examples=40)
+@examples(40)
 def test_a_shared_message_is_the_one_that_would_be_decoded(ros_type: str, data: st.DataObject) -> None:
     """To the bit, and of the same types: also where numbers are numpy's, or more precise than the wire's."""
     message = data.draw(messages(all_types()[ros_type]))
@@ -96,9 +101,10 @@ def test_a_shared_message_is_the_one_that_would_be_decoded(ros_type: str, data: 
     assert _state(share(message)) == _state(decode(type(message), encode(message)))
 
 
+@pytest.mark.few(12)
 @pytest.mark.parametrize("ros_type", _TYPES)
 @given(data=st.data())
-@settings(max_examples=20)
+@examples(20)
 def test_big_endian_bytes_of_rosbags_decode(ros_type: str, data: st.DataObject) -> None:
     """A big-endian payload gives the same message as a little-endian one."""
     message = data.draw(messages(all_types()[ros_type]))
@@ -106,9 +112,10 @@ def test_big_endian_bytes_of_rosbags_decode(ros_type: str, data: st.DataObject) 
     assert decode(type(message), theirs) == message
 
 
+@pytest.mark.few(12)
 @pytest.mark.parametrize("ros_type", _TYPES)
 @given(payload=st.binary(max_size=200), header=st.sampled_from([b"", b"\0\1\0\0", b"\0\0\0\0"]))
-@settings(max_examples=60)
+@examples(60)
 def test_arbitrary_bytes_raise_only_the_codecs_error(ros_type: str, payload: bytes, header: bytes) -> None:
     """Any bytes either decode or raise DecodeError."""
     try:
@@ -117,9 +124,10 @@ def test_arbitrary_bytes_raise_only_the_codecs_error(ros_type: str, payload: byt
         pass
 
 
+@pytest.mark.few(12)
 @pytest.mark.parametrize("ros_type", _TYPES)
 @given(data=st.data())
-@settings(max_examples=30)
+@examples(30)
 def test_damaged_messages_raise_only_the_codecs_error(ros_type: str, data: st.DataObject) -> None:
     """A valid payload with any bytes overwritten or cut off either decodes or raises DecodeError."""
     kind = all_types()[ros_type]

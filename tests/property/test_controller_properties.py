@@ -5,9 +5,10 @@ from itertools import product
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
+from support.examples import examples
 from support.planning_cases import seeds
 from zteam.compiling.takeover import prepare
 from zteam.geometry import Pose2
@@ -72,7 +73,7 @@ def drive(pose: Pose2, velocity: Velocity, seconds: float) -> Pose2:
     return pose.compose(Pose2(chord * math.cos(half), chord * math.sin(half), 2.0 * half))
 
 
-@settings(max_examples=20)
+@examples(20)
 @given(seeds, OUTLINES, st.floats(0.0, 0.03))
 def test_no_command_takes_the_robot_into_a_lethal_cell(seed: int, outline: object, share: float) -> None:
     """Whatever the path, the place and the speed: while a command holds, the outline enters no lethal cell."""
@@ -97,7 +98,7 @@ def test_no_command_takes_the_robot_into_a_lethal_cell(seed: int, outline: objec
         pose = drive(pose, velocity, 0.1)
 
 
-@settings(max_examples=25)
+@examples(25)
 @given(seeds, OUTLINES)
 @example(96639836, BOX)
 def test_the_time_to_a_collision_is_that_of_small_steps(seed: int, outline: object) -> None:

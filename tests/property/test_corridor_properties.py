@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from support.flat_floor import make_view
 from zteam.behaviors import load_behavior
+from zteam.behaviors.around import ANGULAR_GAIN, REACH, SIDE_MARGIN, STEP, STEPS
 from zteam.behaviors.corridors import find_corridor
-from zteam.behaviors.direct_law import ANGULAR_GAIN, DETOUR_STEP, DETOUR_STEPS, LEADER_ROOM, REACH, SIDE_MARGIN
+from zteam.behaviors.follow import LEADER_ROOM
 from zteam.behaviors.scans import first_clear, is_clear, read_beams
 from zteam.geometry import Pose2, normalize_angle
 from zteam.messages import LaserScan
@@ -133,7 +134,7 @@ def test_a_follower_takes_the_heading_that_the_plain_search_finds(
     for _ in range(3):
         scan = data.draw(scans(half_width, reach, bearing))
         view = make_view(scan, robot_id=1, lookup=lambda _target, _source: (leader, 0))
-        turns = [sign * step * DETOUR_STEP for step in range(1, DETOUR_STEPS + 1) for sign in (1.0, -1.0)]
+        turns = [sign * step * STEP for step in range(1, STEPS + 1) for sign in (1.0, -1.0)]
         if side:
             turns.sort(key=lambda turn: turn * side < 0.0)
         found = plainly_first(scan, half_width, reach, bearing, turns)

@@ -4,9 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
+from support.examples import examples
 from support.planning_cases import RESOLUTION, both_ways, random_cells, seeds, shares
 from zteam.compiling.takeover import prepare
 from zteam.geometry import Pose2
@@ -24,7 +25,7 @@ def _compiled() -> None:
     prepare(PLANNING)
 
 
-@settings(max_examples=30)
+@examples(30)
 @given(seeds, shares, st.floats(0.05, 1.0), st.floats(0.0, 0.4), st.floats(0.5, 20.0), st.booleans())
 def test_a_costmap_is_that_of_a_brute_force_distance_field(
     seed: int, share: float, radius: float, inscribed: float, scaling: float, unknown: bool
@@ -47,7 +48,7 @@ def test_a_costmap_is_that_of_a_brute_force_distance_field(
         assert costmap.costs[row, column] == cost
 
 
-@settings(max_examples=30)
+@examples(30)
 @given(seeds, shares, st.integers(1, 12))
 def test_a_window_is_inflated_as_the_whole(seed: int, share: float, reach: int) -> None:
     """An update of a part gives the cells that an update of all would, compiled and plain."""
@@ -66,7 +67,7 @@ def test_a_window_is_inflated_as_the_whole(seed: int, share: float, reach: int) 
         assert np.array_equal(part, np.where(inside, whole, 0))
 
 
-@settings(max_examples=30)
+@examples(30)
 @given(seeds)
 def test_beams_clear_and_mark_alike(seed: int) -> None:
     """Compiled and plain; every end that was marked is lethal, and the cell of the sensor is clear."""

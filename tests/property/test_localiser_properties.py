@@ -4,9 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
+from support.examples import examples
 from support.planning_cases import RESOLUTION, both_ways, random_cells, seeds
 from zteam.compiling.takeover import prepare
 from zteam.geometry import Pose2
@@ -36,7 +37,7 @@ def test_sines_are_those_of_the_c_library(angle: float) -> None:
     assert [part[0] for part in cosine_sine.plain(many)] == [cos, sin]  # type: ignore[attr-defined]
 
 
-@settings(max_examples=30)
+@examples(30)
 @given(seeds, st.integers(1, 40), st.integers(0, 30))
 def test_weights_are_those_of_the_formula(seed: int, count: int, beams: int) -> None:
     """1 plus the sum of (z_hit exp(-d²/2σ²) + z_rand/range_max)³, d by looking at all cells; compiled and plain.
@@ -70,7 +71,7 @@ def test_weights_are_those_of_the_formula(seed: int, count: int, beams: int) -> 
         assert 1.0 + said.min(axis=0).sum() - rounding <= weight <= 1.0 + said.max(axis=0).sum() + rounding
 
 
-@settings(max_examples=30)
+@examples(30)
 @given(seeds)
 def test_a_match_is_never_worse_and_the_same_both_ways(seed: int) -> None:
     """Poses climb; compiled and plain give the same bits."""
@@ -98,7 +99,7 @@ def sum_values(values: np.ndarray, pose: Pose2, beams: tuple[np.ndarray, np.ndar
     return total
 
 
-@settings(max_examples=30)
+@examples(30)
 @given(seeds, st.integers(1, 60), st.integers(1, 80), st.floats(0.0, 0.5))
 def test_particles_are_drawn_by_their_weights(seed: int, count: int, most: int, share: float) -> None:
     """Each draw gives the first particle whose running sum is above it, until KLD's limit; compiled and plain."""
@@ -126,7 +127,7 @@ def test_particles_are_drawn_by_their_weights(seed: int, count: int, most: int, 
         assert (number + 1 >= limits[len(bins)]) == (number + 1 == counts[0] and counts[0] < most) or number + 1 == most
 
 
-@settings(max_examples=30)
+@examples(30)
 @given(seeds, st.integers(1, 60))
 def test_the_estimate_is_the_same_both_ways(seed: int, count: int) -> None:
     """Bit for bit. One cluster's mean and covariance are numpy's, wherever its headings lie."""
@@ -148,7 +149,7 @@ def test_the_estimate_is_the_same_both_ways(seed: int, count: int) -> None:
             assert covariance == pytest.approx(expected, abs=1e-12)
 
 
-@settings(max_examples=3)
+@examples(3)
 @given(seeds)
 def test_the_same_seed_gives_the_same_particles(seed: int) -> None:
     """Bit for bit, compiled and plain; another seed gives others."""

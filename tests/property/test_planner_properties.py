@@ -5,9 +5,10 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
+from support.examples import examples
 from support.planning_cases import both_ways, random_cells, seeds, shares
 from zteam.compiling.takeover import prepare
 from zteam.planning.costs import LETHAL_OBSTACLE
@@ -41,7 +42,7 @@ def dijkstra(free: np.ndarray, start: tuple[int, int]) -> dict[tuple[int, int], 
     return found
 
 
-@settings(max_examples=30)
+@examples(30)
 @given(seeds, shares)
 def test_the_search_finds_the_shortest_way_or_that_there_is_none(seed: int, share: float) -> None:
     """On maps at random its length is Dijkstra's, compiled and plain alike."""
@@ -67,7 +68,7 @@ def test_the_search_finds_the_shortest_way_or_that_there_is_none(seed: int, shar
         assert np.abs(np.diff(way, axis=0)).max(initial=0) <= 1
 
 
-@settings(max_examples=30)
+@examples(30)
 @given(seeds, shares, st.floats(0.0, 4.0))
 def test_a_way_near_a_goal_ends_at_the_nearest_cell_that_can_be_reached(
     seed: int, share: float, tolerance: float
@@ -91,7 +92,7 @@ def test_a_way_near_a_goal_ends_at_the_nearest_cell_that_can_be_reached(
         assert math.dist(way[-1], (goal[1], goal[0])) == near
 
 
-@settings(max_examples=30)
+@examples(30)
 @given(seeds, shares)
 def test_straight_ways_cost_no_more_and_are_free(seed: int, share: float) -> None:
     """Any-angle ways join the same ends at most at the cost of the cells' way, compiled and plain alike."""
@@ -114,7 +115,7 @@ def test_straight_ways_cost_no_more_and_are_free(seed: int, share: float) -> Non
     PLANNING.use_compiled()
 
 
-@settings(max_examples=30)
+@examples(30)
 @given(seeds, shares)
 def test_a_line_costs_the_integral_along_it(seed: int, share: float) -> None:
     """As a walk in a thousand small steps finds it; a line through a blocked cell costs inf."""

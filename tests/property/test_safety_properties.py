@@ -9,12 +9,23 @@ from hypothesis import assume, example, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from support.flat_floor import BEAMS, FOV, LASER, TICK, Segment, cast, drive, make_odometry, make_scan, make_view
+from support.flat_floor import (
+    BEAMS,
+    FOV,
+    LASER,
+    TICK,
+    Segment,
+    cast,
+    clearance,
+    drive,
+    make_odometry,
+    make_scan,
+    make_view,
+)
 from zteam.base import Base
 from zteam.behaviors import SafetyLayer
-from zteam.behaviors.safety.limits import Limits, Motion
-from zteam.behaviors.safety.swept import Arc, Outline, margin_of, meeting_time, outline_of, swept_box
-from zteam.behaviors.safety.zones import zone_of
+from zteam.behaviors.safety.limits import Limits
+from zteam.behaviors.safety.swept import Motion, Outline, margin_of, meeting_time, outline_of, place_after, swept_disc
 from zteam.geometry import Pose2
 from zteam.messages import LaserScan, Twist, Vector3
 
@@ -25,7 +36,7 @@ FINE = 400
 NOW = 100 * TICK
 lengths = st.floats(0.05, 0.6)
 turns = st.floats(-3.14, 3.14) | st.sampled_from([0.0, 1e-6, -1e-3, 3.14])
-arcs = st.builds(Arc, st.floats(-1.0, 1.0) | st.just(0.0), turns)
+arcs = st.builds(Motion, st.floats(-1.0, 1.0) | st.just(0.0), turns, st.just(0.0) | st.floats(-1.0, 1.0))
 
 
 @st.composite
@@ -42,9 +53,9 @@ def footprints(draw: st.DrawFn) -> tuple[tuple[float, float], ...]:
 outlines = footprints().map(Outline)
 
 
-def moved(arc: Arc, seconds: float) -> Pose2:
+def moved(arc: Motion, seconds: float) -> Pose2:
     """Where a base is after so long."""
-    return drive(Pose2(0.0, 0.0, 0.0), Twist(Vector3(arc.speed), Vector3(z=arc.turn)), seconds)
+    return drive(Pose2(0.0, 0.0, 0.0), Twist(Vector3(arc.x, arc.y), Vector3(z=arc.turn)), seconds)
 
 
 def distance(outline: Outline, at: Pose2, x: float, y: float) -> float:
@@ -53,13 +64,19 @@ def distance(outline: Outline, at: Pose2, x: float, y: float) -> float:
     return float(outline.distances(np.array([[inside.x], [inside.y]]))[0])
 
 
+def away(outline: Outline, at: Pose2, x: float, y: float) -> float:
+    """Metres from a point to the nearest of the outline's sides, also beside its tips."""
+    inside, corners = at.inverse().compose(Pose2(x, y, 0.0)), outline.corners.tolist()
+    return clearance(inside, [(*a, *b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)])
+
+
 @given(outlines, arcs, st.floats(0.05, 2.0), st.floats(-1.5, 1.5), st.floats(-1.5, 1.5), st.floats(0.0, 0.4))
-@example(Outline(Base().footprint), Arc(-0.3, 0.0), 1.0, 0.4, 0.0, 0.0)
-@example(Outline(Base().footprint), Arc(0.3, 0.0), 1.0, 0.4, 0.0, 0.0)
-def test_when_a_point_is_met(outline: Outline, arc: Arc, seconds: float, x: float, y: float, clearance: float) -> None:
+@example(Outline(Base().footprint), Motion(-0.3, 0.0), 1.0, 0.4, 0.0, 0.0)
+@example(Outline(Base().footprint), Motion(0.3, 0.0), 1.0, 0.4, 0.0, 0.0)
+def test_when_a_point_is_met(outline: Outline, arc: Motion, seconds: float, x: float, y: float, gap: float) -> None:
     """Until then the base is further away than the margin, or not nearer than it was; then it is as near."""
-    found = meeting_time(outline, arc, seconds, np.array([[x], [y]]), clearance)
-    limit = min(margin_of(outline, arc) + clearance, distance(outline, Pose2(0.0, 0.0, 0.0), x, y) - 1e-3)
+    found = meeting_time(outline, arc, seconds, np.array([[x], [y]]), gap)
+    limit = min(margin_of(outline, arc) + gap, distance(outline, Pose2(0.0, 0.0, 0.0), x, y) - 1e-3)
     until = min(found, seconds)
     for step in range(FINE):
         assert distance(outline, moved(arc, until * step / FINE), x, y) >= limit - 1e-3
@@ -69,40 +86,22 @@ def test_when_a_point_is_met(outline: Outline, arc: Arc, seconds: float, x: floa
 
 
 @given(outlines, arcs, st.lists(st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0)), min_size=1, max_size=9))
-def test_the_first_of_many_points_counts(outline: Outline, arc: Arc, points: list[tuple[float, float]]) -> None:
+def test_the_first_of_many_points_counts(outline: Outline, arc: Motion, points: list[tuple[float, float]]) -> None:
     """Many points at once are met as the first of them alone."""
     alone = [meeting_time(outline, arc, 1.0, np.array([[x], [y]])) for x, y in points]
     assert math.isclose(meeting_time(outline, arc, 1.0, np.array(points).T), min(alone), abs_tol=1e-9)
 
 
 @given(outlines, arcs, st.floats(0.0, 3.0))
-def test_the_box_of_an_arc_holds_all_that_it_sweeps(outline: Outline, arc: Arc, seconds: float) -> None:
+def test_the_disc_of_an_arc_holds_all_that_it_sweeps(outline: Outline, arc: Motion, seconds: float) -> None:
     """Every corner, with the margin, at every time."""
-    box, margin = swept_box(outline, arc, seconds), margin_of(outline, arc)
+    x, y, radius = swept_disc(outline, arc, seconds)
     for step in range(51):
         at = moved(arc, seconds * step / 50)
-        for x, y in outline.corners:
-            corner = at.compose(Pose2(float(x), float(y), 0.0))
-            assert box.left - 1e-3 <= corner.x - margin and corner.x + margin <= box.right + 1e-3
-            assert box.bottom - 1e-3 <= corner.y - margin and corner.y + margin <= box.top + 1e-3
-
-
-@given(
-    st.builds(Pose2, st.floats(-0.5, 0.5), st.floats(-0.5, 0.5), st.floats(-3.2, 3.2) | st.just(0.0)),
-    st.sampled_from([(-2.36, 0.0044, 1081), (-math.pi, math.pi / 4, 9), (1.0, -0.5, 5), (0.0, 0.0, 1)]),
-    outlines, arcs, st.floats(0.0, 2.0), st.floats(0.0, 3.0),
-)  # fmt: skip
-def test_every_hit_in_a_box_is_found(
-    at: Pose2, laser: tuple[float, float, int], outline: Outline, arc: Arc, seconds: float, length: float
-) -> None:
-    """Wherever the laser stands and looks: a beam that ends in the box ends before the distance of its zone."""
-    box = swept_box(outline, arc, seconds)
-    ends, axes = zone_of(laser, at, box)
-    angles = at.yaw + laser[0] + laser[1] * np.arange(laser[2])
-    x, y = at.x + length * np.cos(angles), at.y + length * np.sin(angles)
-    inside = (x >= box.left) & (x <= box.right) & (y >= box.bottom) & (y <= box.top)
-    assert (length <= ends[inside] + 1e-9).all()
-    assert np.allclose(axes, (np.cos(angles), np.sin(angles)))
+        assert np.allclose(at[:2], place_after(arc, seconds * step / 50)[:2], atol=1e-4)
+        for corner_x, corner_y in outline.corners:
+            corner = at.compose(Pose2(float(corner_x), float(corner_y), 0.0))
+            assert math.hypot(corner.x - x, corner.y - y) + margin_of(outline, arc) <= radius + 1e-3
 
 
 def hits_of(scan: LaserScan, laser: Pose2) -> list[tuple[float, float]]:
@@ -133,11 +132,14 @@ def test_no_command_leads_into_what_is_seen(
     motion = Motion(command.linear.x, command.angular.z)
     # Braking evenly takes as long as half of that time at full speed.
     seconds = dt + 0.5 * Limits(base).stop_time(motion)
-    outline, arc = outline_of(base), Arc(*motion)
+    outline, arc = outline_of(base), Motion(*motion)
     for x, y in hits_of(scan, LASER):
         nearest = min(margin_of(outline, arc), distance(outline, Pose2(0.0, 0.0, 0.0), x, y)) - 2e-3
         for step in range(1, 31):
-            assert distance(outline, moved(arc, seconds * step / 30), x, y) >= nearest
+            at = moved(arc, seconds * step / 30)
+            # Beside a tip the half-planes tell too little.
+            known = distance(outline, at, x, y)
+            assert known >= nearest or (known > 0.0 and away(outline, at, x, y) >= nearest)
 
 
 commands = st.tuples(st.sampled_from([-1.0, -0.3, 0.0, 0.2, 0.7, 1.0]), st.sampled_from([-3.0, -0.7, 0.0, 0.7, 3.0]))
@@ -145,7 +147,7 @@ posts = st.tuples(st.floats(-2.0, 2.0), st.floats(-2.0, 2.0))
 scripts = st.lists(st.tuples(commands, st.integers(1, 15)), min_size=1, max_size=8)
 Script = Sequence[tuple[tuple[float, float], int]]
 
-CREEP = 0.1
+UNSEEN = 0.2
 """m/s of the fastest corner into ground never seen."""
 SPAN = 3.0
 """Metres of travel for which what was seen counts."""
@@ -211,15 +213,15 @@ def walk(script: Script, places: Sequence[tuple[float, float]], base: Base) -> C
 )
 # Straight behind stands what was never seen.
 @example([((-1.0, 0.0), 15), ((-1.0, 0.0), 15)], [(-0.6, 0.0)], False)
-def test_a_robot_touches_nothing_it_saw_and_creeps_to_what_it_never_saw(
+def test_a_robot_touches_nothing_it_saw_and_is_slow_where_it_never_saw(
     script: Script, places: list[tuple[float, float]], accelerates: bool
 ) -> None:
     """Whatever is asked for, in whatever order, in a room with posts and a laser of 270°, backwards too: the outline
-    comes to no place that a beam showed in the last 3 m of travel, and to others at 0.1 m/s of its fastest corner."""
+    comes to no place that a beam showed in the last 3 m of travel, and to others at 0.2 m/s of its fastest corner."""
     assume(all(math.hypot(x, y) > 0.5 for x, y in places))
     base = Base(acc_lim_x=1.5, decel_lim_x=-1.0, acc_lim_theta=4.0) if accelerates else Base()
     contact = walk(script, places, base)
-    assert contact is None or (not contact.is_seen and contact.speed <= CREEP + 1e-9)
+    assert contact is None or (not contact.is_seen and contact.speed <= UNSEEN + 1e-9)
 
 
 def points_of(walls: Sequence[Segment]) -> Floats:

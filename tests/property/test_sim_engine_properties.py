@@ -5,9 +5,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
+from support.examples import examples
 from support.small_worlds import drive, make_maze, make_robot
 from zteam.sim import Engine, Options
 from zteam.sim.grids import is_occupied
@@ -22,7 +23,7 @@ SPEEDS = st.one_of(st.floats(-1.0, 1.0), st.sampled_from([30.0, -30.0, 1e300]))
     seed=st.integers(0, 50),
     commands=st.lists(st.tuples(SPEEDS, SPEEDS, SPEEDS, st.integers(1, 12)), min_size=1, max_size=12),
 )
-@settings(max_examples=25)
+@examples(25)
 def test_no_command_sequence_breaks_a_robot_or_a_wall(
     physics: Any, seed: int, commands: list[tuple[float, float, float, int]]
 ) -> None:
@@ -48,11 +49,36 @@ def test_no_command_sequence_breaks_a_robot_or_a_wall(
             assert ((ranges >= 0.0) & (ranges <= 8.0)).all()
 
 
+@pytest.mark.parametrize("physics", ["dynamic", "stage", "kinematic"])
+@given(
+    seed=st.integers(0, 50),
+    commands=st.lists(
+        st.tuples(st.floats(-1.0, 1.0), st.floats(-1.5, 1.5), st.integers(1, 30)), min_size=1, max_size=8
+    ),
+)
+@examples(25)
+def test_speed_grows_no_faster_than_its_bound(
+    physics: Any, seed: int, commands: list[tuple[float, float, int]]
+) -> None:
+    """In a maze, whatever a robot hits and slides along: from tick to tick its real speed grows by 0.5 m/s² at most."""
+    robot = make_robot(acceleration=Limits(x=(-0.5, 0.5)))
+    engine = Engine(make_maze(robot, seed=seed), options=Options(physics=physics))
+    last = 0.0
+    for v, w, ticks in commands:
+        for _ in range(ticks):
+            engine.move({0: drive(v, w)})
+            x, _, turn = engine.observe().robots[0].velocity
+            speed = abs(x)
+            # A wall pushes out what sank into it, and a corner that turns into it, 0.28 m from the base.
+            assert speed <= last + 0.05 + (0.02 + 0.3 * abs(turn) if physics == "dynamic" else 1e-9)
+            last = speed
+
+
 @given(
     seed=st.integers(0, 50),
     commands=st.lists(st.tuples(st.floats(-1.0, 1.0), st.floats(-1.5, 1.5)), min_size=5, max_size=60),
 )
-@settings(max_examples=25)
+@examples(25)
 def test_refused_moves_leave_no_overlap(seed: int, commands: list[tuple[float, float]]) -> None:
     """Where moves are refused, no corner or edge of a body is ever in a wall or in another body."""
     robots = tuple(make_robot(0.5 * x, 0.5 * y, 0.1) for x in (-1, 1) for y in (-1, 1))

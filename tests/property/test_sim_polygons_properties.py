@@ -4,9 +4,10 @@ import math
 from contextlib import nullcontext
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
+from support.examples import examples
 from support.small_worlds import plain_kernels
 from zteam.geometry import Pose2
 from zteam.sim import edge_kernels
@@ -63,7 +64,7 @@ def brute_force(shapes: list[tuple[int, float, float, np.ndarray]], own: int, ra
     yaw=st.floats(-7.0, 7.0),
     inside=st.booleans(),
 )
-@settings(max_examples=150)
+@examples(150)
 def test_bodies_are_seen_exactly(
     bodies: list[tuple[tuple[tuple[float, float], ...], float, float, float, float]],
     fov: float,

@@ -3,9 +3,10 @@
 import math
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
+from support.examples import examples
 from zteam.sim import numpy_kernels, square_kernels
 from zteam.sim.fields import build_fields
 
@@ -33,7 +34,7 @@ def brute_force(occupied: np.ndarray, cell: tuple[float, float], x: float, y: fl
 
 
 @given(bitmaps, st.floats(-1.0, 4.0), st.floats(-1.0, 4.0), angles, st.sampled_from([(0.2, 0.2), (0.15, 0.23)]))
-@settings(max_examples=300)
+@examples(300)
 def test_rays_are_exact(occupied: np.ndarray, x: float, y: float, yaw: float, cell: tuple[float, float]) -> None:
     """Both kernels agree with the slab test against every cell, also for starts outside and unequal cells."""
     # Off the lattice: from a cell's very corner, which of two touching cells a ray meets is a matter of taste.

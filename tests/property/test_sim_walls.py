@@ -3,13 +3,15 @@
 The search at large: `ZTEAM_WALL_SETUPS=2000 ZTEAM_WALL_ROOMS=100 pytest -n 2 --timeout 3600 THIS_FILE`.
 """
 
+import math
 import os
 
 import msgspec
 
+from support.examples import SHARE
 from support.pushing import Scene, deepest, entangled, make_room, make_setup, run
 
-SETUPS = int(os.environ.get("ZTEAM_WALL_SETUPS", "25"))
+SETUPS = int(os.environ.get("ZTEAM_WALL_SETUPS", math.ceil(25 * SHARE)))
 ROOMS = int(os.environ.get("ZTEAM_WALL_ROOMS", "1"))
 DEEP = 0.015
 """Metres that a corner may get into a wall: less than the thinnest wall."""

@@ -4,9 +4,10 @@ import itertools
 import math
 from typing import NamedTuple
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
+from support.examples import examples
 from zteam.messages import Header, Quaternion, Transform, TransformStamped, Vector3, ns_from_time, time_from_ns
 from zteam.tf import Buffer, TransformException
 from zteam.tf.rigid import IDENTITY, Floats, compose, interpolate, invert
@@ -162,7 +163,7 @@ def _same_answer(one: tuple[int, Floats] | str, other: tuple[int, Floats] | str)
 
 
 @given(st.data(), _histories(moves=True), _static)
-@settings(max_examples=50)
+@examples(50)
 def test_the_order_of_arrival_does_not_matter(data: st.DataObject, history: list[Said], static: frozenset[int]) -> None:
     """The order of moving samples, and look-ups between them, do not change any answer."""
     history = [said for said in history if said.child not in static]

@@ -4,9 +4,10 @@ import math
 
 import msgspec
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
+from support.examples import examples
 from zteam.errors import DecodeError
 from zteam.geometry import Pose2, normalize_angle
 from zteam.messages import LaserScan
@@ -77,7 +78,7 @@ def test_what_is_no_frame_is_refused(data: bytes) -> None:
         pass
 
 
-@settings(max_examples=1000)
+@examples(1000)
 @given(st.text() | json_values.map(lambda value: msgspec.json.encode(value).decode()))
 def test_any_text_is_a_request_or_is_refused(text: str) -> None:
     """Nothing else is raised, whatever a page sends."""
@@ -87,7 +88,7 @@ def test_any_text_is_a_request_or_is_refused(text: str) -> None:
         pass
 
 
-@settings(max_examples=1000)
+@examples(1000)
 @given(st.sampled_from(OPS), st.dictionaries(st.sampled_from(FIELDS), json_values, max_size=8))
 def test_requests_with_any_fields_are_taken_or_refused(op: str, fields: dict[str, object]) -> None:
     """Nearly right requests are the hardest."""

@@ -6,9 +6,10 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
+from support.examples import examples
 from zteam.errors import WorldError
 from zteam.world import load_world
 from zteam.world.bitmap import rectangles
@@ -152,7 +153,7 @@ models = st.recursive(
 )
 
 
-@settings(max_examples=200)
+@examples(200)
 @given(st.lists(models, max_size=4))
 def test_models_with_any_numbers_are_finite_or_a_world_error(trees: list[Entity]) -> None:
     """Well-formed models with odd numbers give a world of finite numbers and sound shapes."""

@@ -37,6 +37,10 @@ class Avoid(Behavior):
         self.reason = self._obstruction(view)
         return Twist() if self.reason else Twist(linear=Vector3(x=self.params.speed))
 
+    def why_it_rests(self) -> str:
+        """It drives unless it is told not to."""
+        return "its parameter speed is 0"
+
     def _obstruction(self, view: View) -> str:
         if view.scan is None:
             return "no scan yet"

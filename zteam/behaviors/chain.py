@@ -1,8 +1,6 @@
 """Robots that follow each other: which one leads them all, and where a robot is, if that is known for certain."""
 
 import math
-from collections.abc import Mapping
-from typing import Any
 
 import msgspec
 
@@ -37,24 +35,6 @@ def see_robot(view: View, robot_id: int, frame: str, stale_after: float) -> tupl
     if not all(map(math.isfinite, pose)):
         return None, f"the pose of leader {names.robot_name(robot_id)} is no number"
     return Seen(pose, stamp), ""
-
-
-def find_leaders(view: View, leader: int) -> dict[int, int]:
-    """The robot that each robot follows, by id: the own `leader`, and what the others tell in their statuses.
-
-    Statuses of robots that are gone count too. A robot with another behaviour follows in another way, and so it counts
-    as one that follows no robot.
-    """
-    statuses: Mapping[int, Any] = view.inputs.get("statuses") or {}
-    own = statuses.get(view.robot_id)
-    behavior = None if own is None else own.behavior
-    leaders = {
-        robot: status.leader
-        for robot, status in statuses.items()
-        if status.leader >= 0 and (behavior is None or status.behavior == behavior)
-    }
-    leaders[view.robot_id] = leader
-    return leaders
 
 
 def behavior_of(view: View, robot: int) -> str:

@@ -1,44 +1,41 @@
-"""Follow another robot: along the trail of the robot that leads the chain, or straight by the transforms alone."""
+"""Follow another robot: along the trail of the robot ahead, in a line that may be led from either end, or straight."""
 
 import logging
 import math
-from collections.abc import Mapping, Set
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
-import msgspec
-
 from zteam import names
+from zteam.behaviors.around import Around
+from zteam.behaviors.avoid import Avoid
 from zteam.behaviors.behavior import Behavior
-from zteam.behaviors.chain import STATUSES, behavior_of, find_leaders, see_robot
-from zteam.behaviors.direct_law import DirectLaw
-from zteam.behaviors.follow_params import FollowParams, Law
-from zteam.behaviors.polyline import Polyline
-from zteam.behaviors.succession import Presence, Role, chain_before, find_role
-from zteam.behaviors.takeover import Takeover
-from zteam.behaviors.trail_law import TrailLaw
+from zteam.behaviors.chain import STATUSES, behavior_of, see_robot
+from zteam.behaviors.follow_params import FollowParams
+from zteam.behaviors.forward import Forward
+from zteam.behaviors.head import Head, lead
+from zteam.behaviors.idle import Idle
+from zteam.behaviors.line import NO_TURNS, Line, Place, Presence
+from zteam.behaviors.pursuit import Limits
+from zteam.behaviors.trail import Trail
 from zteam.behaviors.view import View
+from zteam.behaviors.wander import Wander
+from zteam.geometry import Pose2
 from zteam.messages import Message, Twist
 
 log = logging.getLogger("zteam")
 
-_LAWS: dict[Law, type[TrailLaw | DirectLaw]] = {"trail": TrailLaw, "direct": DirectLaw}
-
-
-class _Chain(msgspec.Struct, frozen=True):
-    """What a robot makes of the chain. It holds as long as these objects do: they are replaced, not changed."""
-
-    statuses: Any
-    gone: Set[int]
-    params: FollowParams
-    leaders: Mapping[int, int]
-    role: Role
+SUCCESSORS: dict[Any, type[Behavior]] = {"idle": Idle, "forward": Forward, "avoid": Avoid, "wander": Wander}
+"""What a robot can go on with that takes over: they need no parameters and no further inputs."""
+HEAD_SPEED, HEAD_TURN_RATE = 0.4, 1.0
+"""m/s and rad/s of a robot to which the head has handed over."""
+LEADER_ROOM = 0.3
+"""Metres before the leader's base where its own body begins to be seen."""
 
 
 class Follow(Behavior):
-    """Follow a robot: along the trail of the robot at the head of the chain (law trail), or straight (law direct).
+    """Follow a robot along its trail, each the one before it (law trail), or straight (law direct).
 
-    With law trail each robot of a chain keeps its own distance behind the head, so no error grows along the chain.
-    With law direct it turns to its leader and drives up to it, round what stands between.
+    A head that gets on no more hands over to the last robot of the line, which then leads the other way.
     """
 
     Params = FollowParams
@@ -48,73 +45,98 @@ class Follow(Behavior):
 
     def __init__(self, params: FollowParams) -> None:
         super().__init__(params)
-        self.leader: int = params.leader
-        self._law = _LAWS[params.law]()
-        self._presence = Presence()
-        self._takeover: Takeover | None = None
-        """While it leads."""
-        self._known: _Chain | None = None
-        self._head = params.leader
-        """The robot that led the chain last."""
-        self._told: tuple[int, ...] = (params.leader,)
-        """The robot that it follows, as its log has it; none while it leads."""
+        self._line, self._trail, self._head, self._presence = Line(), Trail(), Head(), Presence()
+        self._around = Around()
+        self._successor: Behavior | None = None
+        """What it does in the place of a head that is gone."""
+        self._is_past = False
+        """Whether it has passed that head."""
+        self._before = params.leader
+        """The robot that it followed last."""
+        self._apart = 0.0
+        """Metres to the robot that it follows."""
+        self.on_params()
 
     def on_params(self) -> None:
         """Follow the robot that `params` names, by the law that they name."""
-        if self.params.leader != self.leader:
-            self.leader = self.params.leader
-            self._told = (self.leader,)
-        self._takeover = None
-        if not isinstance(self._law, _LAWS[self.params.law]):
-            self._law = _LAWS[self.params.law]()
+        self.leader, self.follows = self.params.leader, self.params.leader
+        self.turns = self._line.turns if self.params.hand_over and self.params.law == "trail" else NO_TURNS
+        self.gap, self._successor = self.params.gap, None
 
     def step(self, view: View) -> Twist:
         """By its law; zero where a pose that it needs is not known for certain, or a robot in front is gone."""
+        self.reason = ""
         gone = self._presence.find_gone(view)
-        leaders, role = self._find_chain(view, gone)
-        if role.reason:
-            self._takeover, self.reason = None, role.reason
+        place = self._line.find_place(view, self.params.leader, gone, self.params.on_leader_lost)
+        if self.turns != NO_TURNS:
+            self.turns = self._line.turns
+        own = view.map_from_base()
+        if place.reason or own is None or not all(map(math.isfinite, own[0])):
+            self.reason = place.reason or f"its own pose in {names.MAP_FRAME} is not known"
             return Twist()
-        self._tell(role.before[:1])
-        if role.before:
-            self._takeover, self._head = None, role.before[-1]
-            command, self.reason = self._law.step(view, role.before, gone, self.params)
-        else:
-            self._takeover = self._takeover or self._take_over(view, leaders)
-            command, self.reason = self._takeover.step(view, gone, self.params.max_linear, self.params.max_angular)
+        self._trail.note(own[0])
+        self._tell(place)
+        if place.ahead is None:
+            return self._lead(view, own[0], place)
+        self._head.rest()
+        self._successor, self._is_past, self._before = None, False, place.ahead
+        if self.params.law == "direct":
+            return self._drive_straight(view, place.ahead)
+        params = self.params
+        limits = Limits(params.max_linear, params.max_angular)
+        command, self.reason = self._trail.step(view, own[0], place, params.gap, params.stale_after, limits)
+        self._apart = self._trail.apart
         return command
 
-    def _find_chain(self, view: View, gone: Set[int]) -> tuple[Mapping[int, int], Role]:
-        """The robot that each robot follows, and the own role."""
-        statuses, known = view.inputs.get("statuses"), self._known
-        if known is not None and (known.gone is not gone or known.params is not self.params):
-            known = None
-        if known is None or known.statuses is not statuses:
-            leaders = find_leaders(view, self.leader)
-            # In most ticks some robot tells a new status, but seldom another leader.
-            if known is not None and known.leaders == leaders:
-                role = known.role
-            else:
-                role = find_role(view.robot_id, leaders, gone, self.params.on_leader_lost, leaders.keys())
-            known = self._known = _Chain(statuses, gone, self.params, leaders, role)
-        return known.leaders, known.role
+    def _lead(self, view: View, own: Pose2, place: Place) -> Twist:
+        """In the place of a head that is gone, or that has handed over."""
+        params = self.params
+        if self._before in place.gone and not self._is_past:
+            lost = see_robot(view, self._before, names.MAP_FRAME, math.inf)[0]
+            limits = Limits(params.max_linear, params.max_angular)
+            command = self._trail.pass_by(view, own, None if lost is None else lost.pose, limits, place.gone)
+            if command is not None:
+                return command
+            self._is_past = True
+        if place.head in place.gone:
+            then: str = params.takeover_behavior
+            then = behavior_of(view, place.head) if then == "same" and place.head is not None else then
+            if then != "wander" or not place.may_turn:
+                kind = SUCCESSORS.get(then, Avoid)
+                if type(self._successor) is not kind:
+                    self._successor = kind(kind.Params())
+                command, self.reason = self._successor.step(view), self._successor.reason
+                return command
+        speed = min(HEAD_SPEED, params.max_linear)
+        return lead(self, self._head, self._line, view, place, speed, HEAD_TURN_RATE)
 
-    def _tell(self, ahead: tuple[int, ...]) -> None:
-        if ahead != self._told:
-            self._told = ahead
-            log.info("%s now", f"follows {names.robot_name(ahead[0])}" if ahead else "leads the chain")
+    def why_it_rests(self) -> str:
+        """It is near enough, or is told to."""
+        if not self.params.max_linear:
+            return "its parameter max_linear is 0"
+        if self._successor is not None:
+            return self._successor.why_it_rests()
+        if self.follows is None:
+            return "it looks for a way to lead the line"
+        return f"waits: {names.robot_name(self.follows)} is {self._apart:.1f} m away"
 
-    def _take_over(self, view: View, leaders: Mapping[int, int]) -> Takeover:
-        """Lead the chain, whose head is gone, in the place of the robot that led it last."""
-        named = chain_before(view.robot_id, leaders) or [self.leader]
-        then = self.params.takeover_behavior
-        seen, _ = see_robot(view, self._head, names.MAP_FRAME, math.inf)
-        trail = self._law.trail if isinstance(self._law, TrailLaw) else Polyline()
-        return Takeover(
-            trail, None if seen is None else seen.pose, behavior_of(view, named[-1]) if then == "same" else then
-        )
+    def _drive_straight(self, view: View, ahead: int) -> Twist:
+        """The lectures' law, mended: to the robot ahead, past what stands between."""
+        seen, self.reason = see_robot(view, ahead, view.base_frame, self.params.stale_after)
+        if seen is None:
+            return Twist()
+        self._apart = math.hypot(seen.pose.x, seen.pose.y)
+        if self._apart <= self.params.min_dist:
+            return Twist()
+        limits = Limits(self.params.max_linear, self.params.max_angular)
+        return self._around.drive_to(view, seen.pose.x, seen.pose.y, limits, ahead, LEADER_ROOM)
+
+    def _tell(self, place: Place) -> None:
+        if place.ahead != self.follows:
+            self.follows = place.ahead
+            log.info("%s now", "leads the line" if place.ahead is None else f"follows {names.robot_name(place.ahead)}")
 
     def missing(self, view: View) -> list[str]:
         """The leader's pose, as long as it is not there or old."""
-        seen, _ = see_robot(view, self.leader, view.base_frame, self.params.stale_after)
-        return [] if seen else [f"the pose of its leader {names.robot_name(self.leader)}"]
+        seen, _ = see_robot(view, self.params.leader, view.base_frame, self.params.stale_after)
+        return [] if seen else [f"the pose of its leader {names.robot_name(self.params.leader)}"]

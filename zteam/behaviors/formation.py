@@ -99,6 +99,10 @@ class Formation(Behavior):
         target = self._find_target(view, here, {robot: others[robot] for robot in members if robot in others})
         return self._drive(here, target, self._in_the_way(here, others, view.robot_id))
 
+    def why_it_rests(self) -> str:
+        """It would come too near to another robot, or is told to."""
+        return "gives way to others" if self.params.max_linear else "its parameter max_linear is 0"
+
     def _see_leader(self, view: View) -> tuple[Seen | None, str]:
         return see_robot(view, self.leader, names.MAP_FRAME, self.params.stale_after)
 

@@ -24,3 +24,7 @@ class Forward(Behavior):
     def step(self, view: View) -> Twist:
         """Straight on."""
         return Twist(linear=Vector3(x=self.params.speed))
+
+    def why_it_rests(self) -> str:
+        """It is told to, or to drive backwards with a base that cannot."""
+        return "its parameter speed is 0" if not self.params.speed else "its base does not drive backwards"

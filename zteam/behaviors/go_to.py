@@ -89,6 +89,10 @@ class GoTo(Behavior):
             return Twist()
         return self._drive(heading, distance)
 
+    def why_it_rests(self) -> str:
+        """It drives or turns unless it is told not to."""
+        return "its parameter speed is 0"
+
     def _take(self, message: PoseStamped, view: View) -> None:
         """A goal has come. One that is repeated changes nothing on the way; it counts anew at the goal."""
         goal, self._refusal = read_goal(message, view)

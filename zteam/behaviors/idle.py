@@ -11,3 +11,7 @@ class Idle(Behavior):
     def step(self, view: View) -> Twist:
         """Zero."""
         return Twist()
+
+    def why_it_rests(self) -> str:
+        """It never drives."""
+        return "idle: only teleop or navigation drives it"

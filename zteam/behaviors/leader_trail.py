@@ -66,6 +66,8 @@ class LeaderTrail:
         """The trail up to a little behind the leader."""
         self._tip: _Tip | None = None
         """Its end; None where that has to be found anew."""
+        self._has_turned = False
+        """Whether it ends where the leader turned round."""
         self._first = self.leader
         """The pose at the trail's beginning."""
         self._noise = 0.005
@@ -97,7 +99,7 @@ class LeaderTrail:
         self.path = Polyline([(x, y) for x, y, _yaw in (*way, leader)])
         self._first, self.leader, self._stamp = (*way, leader)[0], leader, stamp
         self.place, self.speed = self.path.end, 0.0
-        self._samples, self._tip = [Sample(self.place, leader)], None
+        self._samples, self._tip, self._has_turned = [Sample(self.place, leader)], None, False
 
     def take(self, leader: Pose2, stamp: int, keep: float) -> None:
         """The leader's newest pose, of time `stamp` (ns); forgets what lies more than `keep` metres behind."""
@@ -137,12 +139,19 @@ class LeaderTrail:
     def _measure(self, leader: Pose2) -> float:
         """The place of this pose. Cuts the trail if the leader has backed up behind its end."""
         path, tip = self.path, self._tip
+        if self._has_turned:
+            return path.end + math.hypot(leader.x - path.last[0], leader.y - path.last[1])
         if tip is None:
             x, y, yaw = path.at(path.end)
             yaw = yaw if len(path) > 1 else leader.yaw
             tip = _Tip(x, y, math.cos(yaw), math.sin(yaw))
             # The direction of a single point is the leader's.
             self._tip = tip if len(path) > 1 else None
+        if tip.cos * math.cos(leader.yaw) + tip.sin * math.sin(leader.yaw) < 0.0:
+            # It has turned round: the trail goes on from here, back along itself.
+            path.append(leader.x, leader.y)
+            self._samples, self._tip, self._has_turned = [Sample(path.end, leader)], None, True
+            return path.end
         dx, dy = leader.x - tip.x, leader.y - tip.y
         ahead = tip.cos * dx + tip.sin * dy
         if ahead >= 0.0:
@@ -178,7 +187,7 @@ class LeaderTrail:
                 samples.pop(0)
             before = path.end
             path.append(*fit(samples, place, reach))
-            self._tip = None
+            self._tip, self._has_turned = None, False
             if path.end == before:
                 break
 

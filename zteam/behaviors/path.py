@@ -92,6 +92,10 @@ class FollowPath(Behavior):
         speed = min(self.params.speed, BRAKING_GAIN * left)
         return pursue(own, path, place, speed, Limits(angular=self.params.max_angular, lateral=LATERAL), LOOK_AHEAD)
 
+    def why_it_rests(self) -> str:
+        """It is told to, or its path is no longer than it sees ahead."""
+        return "its parameter speed is 0" if not self.params.speed else "its path leads to where it stands"
+
     def _find_place(self, own: Pose2) -> float:
         """The nearest place: of the whole path at first, then a little ahead. It never goes back."""
         path, last = self._path, self._place

@@ -1,7 +1,4 @@
-"""Kernels that look at every beam of a scan once. The plain ones on numpy give the same bits.
-
-Distances are metres, (n,). A distance is NaN where a beam says nothing, and inf where it met nothing.
-"""
+"""The kernel that looks at every beam of a scan once. The plain one on numpy gives the same bits."""
 
 import math
 
@@ -49,48 +46,3 @@ def interpret(ranges: Floats, at_least: float, at_most: float, no_hit: float) ->
         met = math.inf if distance >= no_hit else distance
         ranges[i] = met if says_something else silent
     return speak == ranges.size
-
-
-def _find_nearest_numpy(distances: Floats, size: int, nearest: Floats) -> None:
-    nearest.fill(np.nan)
-    for i in range(size):
-        part = distances[i::size]
-        # The smaller of two numbers; of a number and a NaN the number.
-        np.fmin(nearest[: part.size], part, out=nearest[: part.size])
-
-
-@plainly(_find_nearest_numpy)
-@compiled
-def find_nearest(distances: Floats, size: int, nearest: Floats) -> None:
-    """The nearest of each group of `size` beams, side by side; the last group may be smaller. NaN if all are NaN."""
-    for group in range(nearest.size):
-        least = math.nan
-        for i in range(group * size, min(distances.size, (group + 1) * size)):
-            if not least <= distances[i] and not math.isnan(distances[i]):
-                least = distances[i]
-        nearest[group] = least
-
-
-def _select_hits_numpy(distances: Floats, ends: Floats, axes: Floats, x: float, y: float, points: Floats) -> int:
-    near = distances < ends
-    if not np.count_nonzero(near):
-        return 0
-    at = near.nonzero()[0]
-    points[:, : at.size] = axes.take(at, axis=1) * distances.take(at) + ((x,), (y,))
-    return at.size
-
-
-@plainly(_select_hits_numpy)
-@compiled
-def select_hits(distances: Floats, ends: Floats, axes: Floats, x: float, y: float, points: Floats) -> int:
-    """Where the beams that end before `ends` (n,) meet something: into `points` (2, n); how many there are.
-
-    `axes` (2, n) are the directions of the beams in the base frame, and (x, y) is the laser's place there.
-    """
-    count = 0
-    for i in range(distances.size):
-        if distances[i] < ends[i]:
-            points[0, count] = axes[0, i] * distances[i] + x
-            points[1, count] = axes[1, i] * distances[i] + y
-            count += 1
-    return count

@@ -192,15 +192,6 @@ def _find_cone(beams: Beams, half_angle: float) -> Cone | None:
     return Cone(nearest, bearing, _silent_share(beams, inside))
 
 
-def silent_share(scan: LaserScan, half_angle: float) -> float | None:
-    """The share of the beams within `half_angle` (rad) of straight ahead that say nothing; None without such a beam."""
-    beams = beams_of(scan)
-    if beams is None:
-        return None
-    inside = _cone(*beams.laser, half_angle)
-    return _silent_share(beams, inside) if inside.size else None
-
-
 def _silent_share(beams: Beams, inside: NDArray[np.int64]) -> float:
     return 0.0 if beams.all_speak else int(np.isnan(beams.ranges.take(inside)).sum()) / inside.size
 

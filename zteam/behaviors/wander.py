@@ -1,15 +1,22 @@
 """Drive about at random (the lectures' random walk, mended)."""
 
 import math
-from typing import Annotated
+from collections.abc import Mapping
+from typing import Annotated, ClassVar
 
 from msgspec import Meta, Struct
 
+from zteam import names
 from zteam.behaviors.behavior import Behavior
-from zteam.behaviors.nearby import cannot_meet_before
+from zteam.behaviors.chain import STATUSES
+from zteam.behaviors.head import Head, lead
+from zteam.behaviors.line import NO_TURNS, Line, Place, Presence
+from zteam.behaviors.pursuit import Limits
 from zteam.behaviors.scans import Cone, is_clear, is_seen, look_ahead, look_along
+from zteam.behaviors.trail import Trail
 from zteam.behaviors.view import View
-from zteam.messages import LaserScan, Twist, Vector3
+from zteam.clock import to_ns
+from zteam.messages import LaserScan, Message, RobotDriver, Twist, Vector3
 
 HALF_ANGLE = math.radians(45.0)
 """It looks this far to either side."""
@@ -33,8 +40,14 @@ STUCK_AFTER = 1.0
 """Seconds without moving, though it wants to drive, after which it turns: the safety layer knows more than it does."""
 MOVED = 0.02
 """Metres of odometry that are a move."""
+CLOSING = 2.0
+"""m/s: two robots come no faster towards each other."""
 FAR = 2.0
 """Metres out of reach; what is farther away counts no more, so it looks again for teammates within a second."""
+STALE_AFTER = 0.5
+"""Seconds: older poses of the robot that it follows do not count."""
+LIMITS = Limits(0.7, math.pi)
+"""As the last of a line whose other end leads."""
 SIDE_MARGIN = 0.015
 """Metres on either side of the circle that the base's corners describe when it turns: what it needs to squeeze
 through."""
@@ -51,6 +64,9 @@ class WanderParams(Struct, frozen=True, forbid_unknown_fields=True):
     max_invalid: Annotated[
         float, Meta(ge=0.0, le=1.0, description="it turns while a larger share of beams says nothing")
     ] = 0.25
+    hand_over: Annotated[
+        bool, Meta(description="whether its line may be led from the other end where it gets on no more")
+    ] = True
 
 
 class Wander(Behavior):
@@ -62,9 +78,12 @@ class Wander(Behavior):
 
     Params = WanderParams
     params: WanderParams
+    inputs: ClassVar[Mapping[str, tuple[str, type[Message]]]] = STATUSES
 
     def __init__(self, params: WanderParams) -> None:
         super().__init__(params)
+        self._line, self._trail, self._head, self._presence = Line(), Trail(), Head(), Presence()
+        self.turns = 0
         self._side = 0.0
         """1 while turning left, -1 while turning right, 0 while driving."""
         self._turned = 0.0
@@ -81,11 +100,14 @@ class Wander(Behavior):
         """Nanoseconds: before this no teammate can be in the way."""
 
     def step(self, view: View) -> Twist:
-        """Straight on or a turn on the spot; zero without a scan."""
+        """Straight on or a turn on the spot; zero without a scan. With a line behind it, as its head or its tail."""
         if view.scan is None:
             self.reason = "no scan yet"
             return Twist()
         self.reason = ""
+        place = self._find_place(view)
+        if place is not None:
+            return self._step_in_line(view, place)
         if self._side:
             self._turned += self.params.turn_rate * view.dt
             self._stuck = 0.0
@@ -105,6 +127,38 @@ class Wander(Behavior):
             self._start_turn(view, mate if mate is not None else cone.bearing if cone else -1.0)
         return Twist(angular=Vector3(z=self._side * self.params.turn_rate))
 
+    def why_it_rests(self) -> str:
+        """It drives or turns unless it is told not to."""
+        if self.follows is not None:
+            return f"waits: {names.robot_name(self.follows)} is {self._trail.apart:.1f} m away"
+        return "its parameter speed is 0"
+
+    def _find_place(self, view: View) -> Place | None:
+        """Its place in a line that can be led from both ends; None where it drives for itself."""
+        statuses = view.inputs.get("statuses") or {}
+        own = statuses.get(view.robot_id)
+        self.turns = self._line.turns if self.params.hand_over else NO_TURNS
+        is_driven = own is not None and own.driver not in ("", RobotDriver.NONE, RobotDriver.BEHAVIOR)
+        place = self._line.find_place(view, None, self._presence.find_gone(view))
+        in_line = self.params.hand_over and not is_driven and (place.ahead is not None or place.may_turn)
+        # Alone it drives by its laser, and needs no transforms.
+        self.uses_tf = in_line
+        self.follows = place.ahead if in_line else None
+        return place if in_line else None
+
+    def _step_in_line(self, view: View, place: Place) -> Twist:
+        own = view.map_from_base()
+        if own is None or not all(map(math.isfinite, own[0])):
+            self.reason = f"its own pose in {names.MAP_FRAME} is not known"
+            return Twist()
+        self.turns = self._line.turns
+        self._trail.note(own[0])
+        if place.ahead is None:
+            return lead(self, self._head, self._line, view, place, self.params.speed, self.params.turn_rate)
+        self._head.rest()
+        command, self.reason = self._trail.step(view, own[0], place, place.gap, STALE_AFTER, LIMITS)
+        return command
+
     def _bearing_of_teammate(self, view: View) -> float | None:
         """Of one in the way ahead (rad), which the laser may look over; None if there is none.
 
@@ -118,7 +172,7 @@ class Wander(Behavior):
             apart = min(apart, math.hypot(x, y) - room - self._reach)
             if 0.0 < x < room + self._reach and abs(y) < room:
                 found = math.atan2(y, x)
-        self._alone_until = cannot_meet_before(view.now, min(apart, FAR))
+        self._alone_until = view.now + to_ns(max(0.0, min(apart, FAR)) / CLOSING)
         return found
 
     def _watch_for_stuck(self, view: View) -> None:

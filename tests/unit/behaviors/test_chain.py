@@ -7,7 +7,7 @@ import msgspec
 import pytest
 
 from support.flat_floor import make_view as view_of
-from zteam.behaviors.chain import behavior_of, find_leaders, see_robot
+from zteam.behaviors.chain import behavior_of, see_robot
 from zteam.behaviors.view import View
 from zteam.geometry import Pose2
 from zteam.messages import RobotStatus
@@ -18,24 +18,6 @@ def told(*statuses: tuple[int, str, int]) -> View:
     """Robot 3's view after these robots have told behaviour and leader."""
     messages = {i: RobotStatus(robot_id=i, behavior=behavior, leader=leader) for i, behavior, leader in statuses}
     return make_view(robot_id=3, inputs={"statuses": messages})
-
-
-def test_each_robot_tells_whom_it_follows() -> None:
-    """A status without a leader says nothing; the own leader counts as it is set and not as it was told."""
-    view = told((0, "wander", -1), (1, "follow", 0), (2, "follow", 1), (3, "follow", 1))
-    assert find_leaders(view, 2) == {1: 0, 2: 1, 3: 2}
-
-
-def test_before_any_status_there_is_the_own_leader() -> None:
-    """Also where a behaviour's view has no such input at all."""
-    assert find_leaders(told(), 2) == {3: 2}
-    assert find_leaders(make_view(robot_id=3), 2) == {3: 2}
-
-
-def test_whoever_follows_in_another_way_counts_as_a_head() -> None:
-    """A robot in a formation keeps another place behind its leader than a chain would have."""
-    assert find_leaders(told((1, "formation", 0), (2, "follow", 1), (3, "follow", 2)), 2) == {2: 1, 3: 2}
-    assert find_leaders(told((1, "formation", 0), (2, "follow", 1)), 2) == {1: 0, 2: 1, 3: 2}
 
 
 def test_a_behaviour_is_known_by_its_status() -> None:

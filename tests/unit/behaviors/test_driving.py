@@ -3,23 +3,19 @@
 import math
 
 import pytest
+from msgspec import structs
 
-from support.flat_floor import Floor, Segment, clearance, make_odometry, make_scan, make_view
+from support.flat_floor import LASER, Floor, Segment, box, cast, clearance, make_odometry, make_scan, make_view
 from support.world_texts import box_points
 from zteam import testing
 from zteam.base import Base
-from zteam.behaviors import load_behavior
+from zteam.behaviors import View, load_behavior
 from zteam.geometry import Pose2
-from zteam.messages import LaserScan
+from zteam.messages import LaserScan, RobotStatus, Twist
 
 FREE = [30.0] * 271
 BODY = 0.285
 """Metres from an erratic's base to its rear corners: less room than that is a collision while it turns."""
-
-
-def box(x0: float, y0: float, x1: float, y1: float) -> list[Segment]:
-    """Four walls."""
-    return [(x0, y0, x1, y0), (x1, y0, x1, y1), (x1, y1, x0, y1), (x0, y1, x0, y0)]
 
 
 def speed_of(behavior: str, scan: LaserScan | None, **params: float) -> float:
@@ -105,6 +101,7 @@ def test_avoid_halts_in_front_of_a_wall() -> None:
     assert floor.commands[0][0].linear.x == 0.0
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", range(1, 6))
 @pytest.mark.parametrize("speed", [0.4, 1.0])
 def test_wander_gets_about_and_touches_nothing(seed: int, speed: float) -> None:
@@ -231,3 +228,76 @@ def test_the_same_run_twice_is_the_same() -> None:
 
     assert walk(1) == walk(1)
     assert walk(1) != walk(2)
+
+
+def line_view(
+    walls: list[Segment], seconds: float, driver: str = "behavior", leader: int = -1, turns: int = -1
+) -> View:
+    """What robot 0 at the origin sees, 0.8 m before robot 1 that says `leader` and `turns`."""
+    poses = {"robot_0/base_footprint": Pose2(0.0, 0.0, 0.0), "robot_1/base_footprint": Pose2(-0.8, 0.0, 0.0)}
+
+    def lookup(target: str, source: str) -> tuple[Pose2, int] | None:
+        at = poses.get(target, Pose2(0.0, 0.0, 0.0)).inverse()
+        return (at.compose(poses[source]), now) if source in poses else None
+
+    now = round(seconds * 1e9)
+    statuses = {
+        0: RobotStatus(robot_id=0, behavior="wander", driver=driver),
+        1: RobotStatus(robot_id=1, behavior="follow", leader=leader, turns=turns, gap=0.8),
+    }
+    scan = make_scan(cast(LASER, walls), now)
+    return make_view(scan, now=now, team=(0, 1), inputs={"statuses": statuses}, lookup=lookup)
+
+
+def test_wander_without_a_line_drives_as_it_does_alone() -> None:
+    """A robot changes no command if it follows no other robot, or if its line cannot be led from the other end."""
+    walls = box(-4.0, -0.7, 0.9, 3.0)
+    drives = []
+    for leader, turns in ((-1, -1), (-1, 0), (0, -1)):
+        behavior = load_behavior("wander", {})
+        drives.append([behavior.step(line_view(walls, 0.1 * i, leader=leader, turns=turns)) for i in range(1, 100)])
+        assert (behavior.uses_tf, behavior.follows) == (False, None)
+    alone = load_behavior("wander", {})
+    views = [line_view(walls, 0.1 * i) for i in range(1, 100)]
+    expected = [alone.step(structs.replace(view, inputs={})) for view in views]
+    assert drives == [expected] * 3
+
+
+@pytest.mark.parametrize(
+    ("driver", "hand_over", "turns"),
+    [("behavior", True, 1), ("none", True, 1), ("teleop", True, 0), ("behavior", False, -1)],
+)
+def test_wander_with_a_line_behind_it_hands_over_where_it_is_shut_in(driver: str, hand_over: bool, turns: int) -> None:
+    """Then it follows; not while teleop drives it, nor where its parameter says that it must not."""
+    walls, behavior = box(-20.0, -0.7, 0.7, 0.7), load_behavior("wander", {"hand_over": hand_over})
+    said = []
+    for i in range(1, 90):
+        behavior.step(line_view(walls, 0.1 * i, driver, leader=0, turns=0))
+        said.append(behavior.reason)
+        if behavior.turns == 1:
+            break
+    assert behavior.turns == turns
+    assert (said[-1] == "hands over to the other end of the line") is (turns == 1)
+    behavior.step(line_view(walls, 9.1, driver, leader=0, turns=max(turns, 0)))
+    assert behavior.follows == (1 if turns == 1 else None)
+    assert behavior.uses_tf is (turns == 1)
+
+
+def test_wander_leads_a_line_by_the_law_of_the_head() -> None:
+    """It waits for the robot behind it, which it does not alone."""
+    view = line_view(box(-20.0, -20.0, 20.0, 20.0), 1.0, leader=0, turns=0)
+    far = structs.replace(
+        view, lookup=lambda _target, source: (Pose2(-2.4 if "1" in source else 0.0, 0.0, 0.0), view.now)
+    )
+    behavior = load_behavior("wander", {})
+    assert behavior.step(far) == Twist()
+    assert behavior.reason == "waits for robot_1 behind it"
+    assert behavior.step(view).linear.x == 0.4
+
+
+@pytest.mark.parametrize(("own", "follows"), [(0, None), (1, 1), (2, None)])
+def test_wander_takes_the_number_of_turns_that_it_hears(own: int, follows: int | None) -> None:
+    """Odd: it follows the robot behind it; even: it leads."""
+    behavior = load_behavior("wander", {})
+    behavior.step(line_view(box(-20.0, -20.0, 20.0, 20.0), 1.0, leader=0, turns=own))
+    assert (behavior.turns, behavior.follows) == (own, follows)

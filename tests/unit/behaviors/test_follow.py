@@ -133,6 +133,7 @@ def test_it_is_ready_with_its_leaders_pose() -> None:
     assert behavior.missing(seeing(Pose2(1.0, 0.0, 0.0))) == []
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("law", ["trail", "direct"])
 @pytest.mark.parametrize("delay", [0, 1, 2])
 def test_a_line_of_four_holds(delay: int, law: str) -> None:
@@ -175,12 +176,9 @@ def distance(floor: Floor) -> float:
     return math.hypot(floor.poses[0].x - floor.poses[1].x, floor.poses[0].y - floor.poses[1].y)
 
 
-FAR: Segment = (50.0, 50.0, 51.0, 50.0)
-
-
 def test_a_follower_goes_round_whoever_stands_between() -> None:
     """A robot that stands in the straight way is not run over, and does not end the following."""
-    floor, room = follow_still_leader(Pose2(4.0, 0.0, 0.0), [FAR], Pose2(1.5, 0.0, 0.0))
+    floor, room = follow_still_leader(Pose2(4.0, 0.0, 0.0), [], Pose2(1.5, 0.0, 0.0))
     assert distance(floor) < 0.85
     assert room > 0.2
 
@@ -261,7 +259,8 @@ def test_the_chain_is_the_newest_that_is_told() -> None:
 
     def reason(leader_of_1: int, team: tuple[int, ...] = (0, 1, 2)) -> str:
         told = {
-            i: RobotStatus(robot_id=i, behavior="follow", leader=leader) for i, leader in ((1, leader_of_1), (2, 1))
+            i: RobotStatus(robot_id=i, behavior="follow", leader=leader, gap=0.8)
+            for i, leader in ((1, leader_of_1), (2, 1))
         }
         behavior.step(make_view(robot_id=2, team=team, inputs={"statuses": told}))
         return behavior.reason

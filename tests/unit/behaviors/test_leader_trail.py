@@ -227,3 +227,51 @@ def test_a_leader_that_was_set_down_elsewhere_is_measured_from_there(before: int
         (pose,) = follow(trail, pose, STRAIGHT, 1)
         assert trail.place == pytest.approx(0.05 * ticks, abs=0.02)
     assert trail.place - TAIL < trail.path.end < trail.place
+
+
+@pytest.mark.parametrize("rate", [0.5, 1.0, -math.pi])
+@pytest.mark.parametrize("back", [0.0, 0.4, -0.4])
+def test_the_trail_of_a_leader_that_turns_round_goes_back_along_itself(rate: float, back: float) -> None:
+    """Its place goes on growing, the trail's end stays behind it, and what lies before the turn stays."""
+    trail = Trail()
+    trail.see(Pose2(0.0, 0.0, 0.0))
+    (*_, tip) = follow(trail, Pose2(0.0, 0.0, 0.0), STRAIGHT, 60)
+    (*_, turned) = follow(trail, tip, Twist(angular=Vector3(z=rate)), round(10.0 * math.pi / abs(rate)))
+    assert trail.place == pytest.approx(3.0, abs=0.02)
+    pose, before = turned, trail.place
+    for ticks in range(1, 41):
+        (pose,) = follow(trail, pose, Twist(Vector3(0.5), Vector3(z=back)), 1)
+        assert trail.place > before - 0.005
+        before = trail.place
+        assert trail.place == pytest.approx(3.0 + 0.05 * ticks, abs=0.1)
+        assert trail.place - TAIL - 0.05 < trail.path.end <= trail.place + 0.05
+    assert trail.at(2.0)[:2] == pytest.approx((2.0, 0.0), abs=0.03)
+    assert trail.at(3.0)[:2] == pytest.approx((3.0, 0.0), abs=0.1)
+    assert (
+        math.dist(trail.at(trail.place - 0.5)[:2], drive(pose, Twist(Vector3(0.5), Vector3(z=back)), -1.0)[:2]) < 0.05
+    )
+
+
+def test_a_leader_may_turn_round_again_and_again() -> None:
+    """Each way to and fro is as long as it was driven."""
+    trail, pose, driven = Trail(), Pose2(0.0, 0.0, 0.0), 0.0
+    trail.see(pose)
+    for _ in range(5):
+        pose = follow(trail, pose, STRAIGHT, 20)[-1]
+        driven += 1.0
+        assert trail.place == pytest.approx(driven, abs=0.2)
+        pose = follow(trail, pose, Twist(angular=Vector3(z=math.pi / 2)), 20)[-1]
+
+
+def test_a_leader_that_backs_up_after_a_turn_round_has_its_trail_cut() -> None:
+    """It turned round, came back 1 m and reverses 0.5 m of that: its place goes back by as much."""
+    trail = Trail()
+    trail.see(Pose2(0.0, 0.0, 0.0))
+    pose = follow(trail, Pose2(0.0, 0.0, 0.0), STRAIGHT, 60)[-1]
+    pose = follow(trail, pose, Twist(angular=Vector3(z=math.pi / 2)), 20)[-1]
+    pose = follow(trail, pose, STRAIGHT, 20)[-1]
+    end = trail.path.end
+    pose = follow(trail, pose, Twist(Vector3(-0.2)), 25)[-1]
+    assert pose.x == pytest.approx(2.5)
+    assert trail.place == pytest.approx(3.5, abs=0.12)
+    assert trail.path.end < end - 0.3

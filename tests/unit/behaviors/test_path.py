@@ -7,15 +7,13 @@ import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
-from support.flat_floor import TICK, Floor, Segment, make_scan, make_view
+from support.flat_floor import ORIGIN, TICK, Floor, make_scan, make_view
 from zteam.behaviors import Behavior, View, load_behavior
 from zteam.behaviors.polyline import Polyline
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.messages import Twist
 
-FAR: Segment = (50.0, 50.0, 51.0, 50.0)
-ORIGIN = Pose2(0.0, 0.0, 0.0)
 COURSES = {
     "square": [[0, 0], [4, 0], [4, 4], [0, 4], [0, 0.5]],
     "zigzag": [[0, 0], [2, 0], [3, 1], [5, 1], [6, -1], [8, -1]],
@@ -43,7 +41,7 @@ def drive(floor: Floor, behavior: Behavior, seconds: float) -> list[tuple[Pose2,
 @pytest.mark.parametrize("course", COURSES)
 def test_it_keeps_to_its_path(course: str) -> None:
     """At 0.5 m/s nine tenths of the way lie within 3 cm of the path, it does not swing, and it stands at the end."""
-    behavior, floor = along(COURSES[course]), Floor([ORIGIN], [FAR])
+    behavior, floor = along(COURSES[course]), Floor([ORIGIN], [])
     driven = drive(floor, behavior, 60.0)
     assert behavior.reason == "end of the path"
     x, y = COURSES[course][-1]
@@ -60,7 +58,7 @@ def test_it_keeps_to_its_path(course: str) -> None:
 
 def test_it_joins_its_path_at_the_nearest_place() -> None:
     """From beside the second leg it drives on along that leg, and not back to the first waypoint."""
-    behavior, floor = along(COURSES["square"]), Floor([Pose2(3.0, 2.0, 0.0)], [FAR])
+    behavior, floor = along(COURSES["square"]), Floor([Pose2(3.0, 2.0, 0.0)], [])
     driven = drive(floor, behavior, 60.0)
     assert behavior.reason == "end of the path"
     assert min(pose.y for pose, _ in driven[:100]) > 1.9
@@ -70,7 +68,7 @@ def test_it_joins_its_path_at_the_nearest_place() -> None:
 def test_a_loop_goes_round_and_round() -> None:
     """Two laps of a square take twice as long as one, and the path that lies behind is forgotten."""
     behavior = along([[0, 0], [2, 0], [2, 2], [0, 2]], loop=True, speed=0.4)
-    floor = Floor([ORIGIN], [FAR])
+    floor = Floor([ORIGIN], [])
     driven = drive(floor, behavior, 90.0)
     starts = [i for i, ((a, _), (b, _)) in enumerate(pairwise(driven)) if a.x < 1.0 <= b.x]
     assert behavior.reason == ""
@@ -83,7 +81,7 @@ def test_a_loop_goes_round_and_round() -> None:
 
 def test_new_waypoints_are_driven_from_the_nearest_place() -> None:
     """Another path begins anew, also after the end; another speed alone changes nothing else."""
-    behavior, floor = along([[0, 0], [1, 0]]), Floor([ORIGIN], [FAR])
+    behavior, floor = along([[0, 0], [1, 0]]), Floor([ORIGIN], [])
     drive(floor, behavior, 20.0)
     assert behavior.reason == "end of the path"
     behavior.params = along([[0, 0], [1, 0]], speed=0.3).params

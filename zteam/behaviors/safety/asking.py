@@ -3,7 +3,7 @@
 from zteam import names
 from zteam.behaviors.behavior import Behavior, checked_command
 from zteam.behaviors.safety.layer import SafetyLayer, old_scan
-from zteam.behaviors.safety.silence import STALE_AFTER
+from zteam.behaviors.safety.sight import STALE_AFTER
 from zteam.behaviors.view import View
 from zteam.messages import Twist
 

@@ -1,98 +1,125 @@
 """How fast a base may go and how fast its speed may change."""
 
 import math
-from typing import NamedTuple
+from functools import lru_cache
 
 from zteam.base import Base
+from zteam.behaviors.safety.swept import Motion
 from zteam.behaviors.view import View
 from zteam.messages import Twist, Vector3
 
 NO_NUMBER = "the driver asks for a velocity that is no number"
-MAX_LINEAR = 1.0
-"""m/s, forwards and backwards, also for a base that could go faster: Stage's own limit for a position model."""
-MAX_ANGULAR = math.pi
-"""rad/s, both ways, likewise."""
 BRAKING = 1.0
 """m/s²: how hard a base counts as braking that tells no limit: none stops at once. `wander` counts on the same."""
 TURN_BRAKING = 3.2
-"""rad/s², likewise: a stop from the fastest turn in a second."""
+"""rad/s², likewise: a stop from the fastest turn of an erratic in a second."""
 STOPPING, TURN_STOPPING = 2.5, 8.0
-"""m/s² and rad/s²: how hard such a base is made to stop when data is old or a leader is gone: it stands within 0.4 s,
-and so within 0.5 s of the loss."""
+"""m/s² and rad/s²: how hard such a base is made to stop when data is old or a leader is gone: an erratic stands within
+0.4 s, and so within 0.5 s of the loss."""
 LEAST = 1e-6
 """m/s and rad/s: no base moves so slowly, and a way divided by less would be no number."""
 _WHEELBASE_SHARE = 0.5
-"""Of the outline's length: the wheelbase of a car, which `base_info` does not tell. Shorter turns more sharply."""
-
-
-class Motion(NamedTuple):
-    """A velocity of the base that is kept: an arc, a straight line or a turn on the spot."""
-
-    x: float
-    """m/s."""
-    turn: float
-    """rad/s; of a car the angle of its wheels, radians."""
-
+"""Of the outline's length: the wheelbase of a car that does not tell it. Shorter turns more sharply."""
+_FASTER = 0.02
+"""m/s and rad/s more than commanded that odometry may say for nothing."""
 
 STANDING = Motion(0.0, 0.0)
 
 
 class Limits:
-    """The limits of one base."""
+    """The limits of one base. Motions are what the base does; a car's command is an angle of its wheels instead."""
 
     def __init__(self, base: Base) -> None:
         self._base = base
-        self._is_car = base.drive == "car"
-        # A car's command is an angle of its wheels.
-        self._max_turn = MAX_ANGULAR if self._is_car else min(MAX_ANGULAR, base.max_vel_theta)
-        self._least, self._most = max(-MAX_LINEAR, base.min_vel_x), min(MAX_LINEAR, base.max_vel_x)
-        self._has_accelerations = any(map(math.isfinite, (base.acc_lim_x, base.decel_lim_x, base.acc_lim_theta)))
-        self.braking = -base.decel_lim_x if math.isfinite(base.decel_lim_x) else BRAKING
-        """m/s²."""
-        self.turn_braking = base.acc_lim_theta if math.isfinite(base.acc_lim_theta) else TURN_BRAKING
-        """rad/s²."""
+        self._is_car, self._is_omni = base.drive == "car", base.drive == "omni"
+        self.turns_apart = not self._is_car
+        """Whether the base can turn as it likes while it drives more slowly."""
         reach = [x for x, _ in base.footprint]
-        self._wheelbase = _WHEELBASE_SHARE * (max(reach) - min(reach))
+        self._wheelbase = base.wheelbase or _WHEELBASE_SHARE * (max(reach) - min(reach))
+        self._most_y = base.max_vel_y if self._is_omni else 0.0
+        bounds = base.acc_lim_x, base.decel_lim_x, base.decel_lim_reverse, base.acc_lim_y, base.acc_lim_theta
+        self._has_accelerations = any(map(math.isfinite, bounds))
+        # Backwards a base gains speed no harder than it brakes forwards: that is the simulator's bound.
+        self._gain = base.acc_lim_x, min(base.acc_lim_x, -base.decel_lim_x)
+        back = base.decel_lim_reverse if math.isfinite(base.decel_lim_reverse) else -base.decel_lim_x
+        self._loss = -base.decel_lim_x, back
+        self._braking = tuple(loss if math.isfinite(loss) else BRAKING for loss in self._loss)
+        self._side_braking = base.acc_lim_y if math.isfinite(base.acc_lim_y) else BRAKING
+        self.least_braking = min(*self._braking, self._side_braking if self._is_omni else math.inf)
+        self._turn_braking = base.acc_lim_theta if math.isfinite(base.acc_lim_theta) else TURN_BRAKING
+
+    def motion_of(self, wanted: Twist) -> Motion | None:
+        """What the base makes of a command within its limits of speed; None if that is no number."""
+        x, turn, y = wanted.linear.x, wanted.angular.z, wanted.linear.y if self._is_omni else 0.0
+        if not (math.isfinite(x) and math.isfinite(turn) and math.isfinite(y)):
+            return None
+        motion = Motion(float(x), float(turn), float(y))
+        if self._is_car:
+            x = max(self._base.min_vel_x, min(self._base.max_vel_x, motion.x))
+            motion = Motion(x * math.cos(motion.turn), x * math.sin(motion.turn) / self._wheelbase)
+        return self.clamp(motion)
+
+    def command_of(self, motion: Motion) -> Twist:
+        """The command that makes the base do this."""
+        x, turn, y = motion
+        if self._is_car:
+            angle = math.atan2(math.copysign(turn, turn * x) * self._wheelbase, abs(x)) if x else 0.0
+            x, turn = math.copysign(math.hypot(x, turn * self._wheelbase), x) if x else 0.0, angle
+        return Twist(Vector3(x, y), Vector3(0.0, 0.0, turn))
 
     def clamp(self, wanted: Motion) -> Motion:
         """`wanted` within the limits of speed; what is less than LEAST is 0."""
-        x = wanted.x if abs(wanted.x) >= LEAST else 0.0
-        turn = wanted.turn if abs(wanted.turn) >= LEAST else 0.0
-        return Motion(max(self._least, min(self._most, x)), max(-self._max_turn, min(self._max_turn, turn)))
+        x, turn, y = (part if abs(part) >= LEAST else 0.0 for part in wanted)
+        base, most_y = self._base, self._most_y
+        x, turn = max(base.min_vel_x, min(base.max_vel_x, x)), max(-base.max_vel_theta, min(base.max_vel_theta, turn))
+        return Motion(x, turn, max(-most_y, min(most_y, y)))
 
     def approach(self, wanted: Motion, last: Motion, seconds: float) -> Motion:
         """What comes of `wanted` in `seconds` within the limits of acceleration, if the base has any."""
         if not self._has_accelerations:
             return wanted
-        x = _approach(wanted.x, last.x, self._base.acc_lim_x * seconds, -self._base.decel_lim_x * seconds)
-        if self._is_car:
-            return Motion(x, wanted.turn)
-        change = self._base.acc_lim_theta * seconds
-        return Motion(x, _approach(wanted.turn, last.turn, change, change))
+        x = _approach(wanted.x, last.x, self._gain[wanted.x < 0.0] * seconds, self._loss[last.x < 0.0] * seconds)
+        turning, sideways = self._base.acc_lim_theta * seconds, self._base.acc_lim_y * seconds
+        # The wheels of a car that slows down take its turn with them.
+        turn = _approach(wanted.turn, last.turn, turning, math.inf if self._is_car else turning)
+        if self._is_car and (x != wanted.x or wanted.turn * last.turn < 0.0):
+            # They go through straight on, and are never turned more sharply than was asked for.
+            sharpest = abs(wanted.turn * x / wanted.x) if wanted.x and wanted.turn * last.turn >= 0.0 else 0.0
+            turn = max(-sharpest, min(sharpest, turn))
+        return Motion(x, turn, _approach(wanted.y, last.y, sideways, sideways))
 
     def brake(self, last: Motion, seconds: float) -> Motion:
-        """The motion after braking for `seconds`: along the same arc, as hard as both parts can."""
-        longest = self.stop_time(last) if self._has_accelerations else self._time(last, STOPPING, TURN_STOPPING)
-        left = 1.0 - seconds / longest if longest > seconds else 0.0
-        return Motion(left * last.x, last.turn if self._is_car and left else left * last.turn)
+        """The motion after braking for `seconds`: along the same arc, as hard as all parts can."""
+        if self._has_accelerations:
+            longest = self.stop_time(last)
+        else:
+            straight, turning = last.speed / STOPPING, abs(last.turn) / TURN_STOPPING
+            longest = straight if self._is_car else max(straight, turning)
+        return last.scale(1.0 - seconds / longest) if longest > seconds else STANDING
+
+    def longest_way(self, reaction: float) -> float:
+        """Metres until the base stands that begins to brake `reaction` seconds from now, at most."""
+        fastest = max(self._base.max_vel_x, -self._base.min_vel_x, self._most_y)
+        return fastest * (reaction + 0.5 * fastest / self.least_braking)
 
     def stop_time(self, motion: Motion) -> float:
         """Seconds that braking along the arc takes."""
-        return self._time(motion, self.braking, self.turn_braking)
+        straight = max(abs(motion.x) / self._braking[motion.x < 0.0], abs(motion.y) / self._side_braking)
+        return straight if self._is_car else max(straight, abs(motion.turn) / self._turn_braking)
 
-    def _time(self, motion: Motion, braking: float, turn_braking: float) -> float:
-        straight = abs(motion.x) / braking
-        return straight if self._is_car else max(straight, abs(motion.turn) / turn_braking)
+    def measure(self, told: Motion, view: View) -> Motion | None:
+        """The velocity that odometry says, if the base is faster than it was told to be in some part; else None."""
+        if view.odom is None:
+            return None
+        linear, angular = view.odom.twist.twist.linear, view.odom.twist.twist.angular
+        x, turn, y = linear.x, angular.z, linear.y if self._is_omni else 0.0
+        is_faster = abs(x) > abs(told.x) + _FASTER or abs(turn) > abs(told.turn) + _FASTER
+        is_faster = is_faster or abs(y) > abs(told.y) + _FASTER
+        return Motion(float(x), float(turn), float(y)) if is_faster and math.isfinite(x + turn + y) else None
 
-    def arc(self, motion: Motion) -> tuple[float, float]:
-        """Speed and yaw rate of the base: m/s and rad/s."""
-        if not self._is_car:
-            return motion
-        return motion.x * math.cos(motion.turn), motion.x * math.sin(motion.turn) / self._wheelbase
 
-    def scale(self, motion: Motion, share: float) -> Motion:
-        """The same arc, driven at a share of its speed."""
-        return Motion(motion.x * share, motion.turn if self._is_car else motion.turn * share)
+limits_of = lru_cache(maxsize=256)(Limits)
+"""The limits of a base: worked out once, for a robot looks at those of its teammates in each step."""
 
 
 class LimitsOnly:
@@ -100,11 +127,16 @@ class LimitsOnly:
 
     def limit(self, wanted: Twist, view: View, reason: str = "") -> tuple[Twist, str]:
         """`wanted` within the limits of speed, and why it was cut ("" = it was not)."""
-        x, turn = wanted.linear.x, wanted.angular.z
-        if not (math.isfinite(x) and math.isfinite(turn)):
-            return Twist(), NO_NUMBER
-        motion = Limits(view.base).clamp(Motion(float(x), float(turn)))
-        return Twist(Vector3(motion.x), Vector3(0.0, 0.0, motion.turn)), ""
+        limits = limits_of(view.base)
+        motion = limits.motion_of(wanted)
+        return (Twist(), NO_NUMBER) if motion is None else (limits.command_of(motion), "")
+
+
+def at_least(motion: Motion, measured: Motion | None) -> Motion:
+    """`motion`, with each part as large as it is `measured` where the base is faster than it was told to be."""
+    if measured is None:
+        return motion
+    return Motion(*[math.copysign(max(abs(a), abs(b)), a) if a else a for a, b in zip(motion, measured, strict=True)])
 
 
 def _approach(wanted: float, last: float, gain: float, loss: float) -> float:

@@ -1,236 +1,149 @@
-"""What stands about a robot in one step, as points: from the scan and from memory."""
+"""What a robot knows of what stands around it: one set of points that stay where they are in `odom`.
+
+The newest scan clears what it sees through and adds its hits. What it does not look at stays for the last metres of
+travel. A beam that says nothing neither clears nor adds.
+"""
 
 import math
-from collections.abc import Hashable
-from functools import cached_property, lru_cache
-from typing import Any, TypeVar
+from functools import lru_cache
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.base import Point2
 from zteam.behaviors.corridors import Laser
-from zteam.behaviors.safety.memory import ScanMemory
-from zteam.behaviors.safety.sectors import Sectors, group, untold
-from zteam.behaviors.safety.silence import LastWords
-from zteam.behaviors.safety.swept import Box, Outline
-from zteam.behaviors.safety.zones import zone_of
-from zteam.behaviors.scan_kernels import select_hits
+from zteam.behaviors.safety.sight import Sight
 from zteam.behaviors.scans import Beams, beams_of
 from zteam.behaviors.view import View
-from zteam.geometry import Pose2, yaw_from_quaternion
-from zteam.messages import Odometry
+from zteam.geometry import Pose2, normalize_angle, yaw_from_quaternion
+from zteam.messages import LaserScan, Odometry
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
-_Answer = TypeVar("_Answer")
 
-GAP = 0.15
-"""Metres that a robot stops before what it would drive into."""
-LOOKS_ROUND = 0.5 * math.pi
-"""Radians to either side that a laser has to see for a drive forwards to need no memory."""
-MOST_KNOWN = 16
-"""Answers that are kept, at most: a step needs three."""
-NO_POSE = Pose2(0.0, 0.0, 0.0)
-NO_POINTS = np.empty((2, 0))
-
-
-class Sight(msgspec.Struct, frozen=True, eq=False, dict=True):
-    """What the laser sees in one step."""
-
-    beams: Beams
-    distances: Floats
-    """With last words; NaN where nothing is known."""
-    silent: Flags | None
-    """Beams that see nothing, without those that are bridged; None if there are none."""
-    laser: Pose2
-    """In the base frame."""
-    nearest: float
-    """Metres from the laser: no hit is nearer."""
-
-    def is_of(self, beams: Beams, distances: Floats, silent: Flags | None, laser: Pose2) -> bool:
-        """Whether it is the sight of these: the very same objects."""
-        return self.beams is beams and self.distances is distances and self.silent is silent and self.laser is laser
-
-    @cached_property
-    def sectors(self) -> Sectors:
-        """The scan by bearings."""
-        return group(self.beams, self.distances)
-
-    def is_clear(self, reach: float) -> bool:
-        """Whether there is certainly no hit within `reach` (m) of the base."""
-        return self.nearest > reach + math.hypot(self.laser.x, self.laser.y)
-
-    def hits(self, box: Box) -> Floats:
-        """(2, n): hits in a box of the base frame, or a little outside."""
-        ends, axes = zone_of(self.beams.laser, self.laser, box)
-        points = np.empty(axes.shape)
-        count = select_hits(self.distances, ends, axes, self.laser.x, self.laser.y, points)
-        # Mostly none.
-        return points[:, :count].copy() if count else NO_POINTS
-
-    def hit(self, beam: int) -> Point2 | None:
-        """Where a beam ended, in the base frame; None if it met nothing, or there is no such beam."""
-        if not 0 <= beam < self.distances.size:
-            return None
-        distance = self.distances.item(beam)
-        if not distance < math.inf:
-            return None
-        start, step, _ = self.beams.laser
-        angle = start + self.laser.yaw + step * beam
-        return distance * math.cos(angle) + self.laser.x, distance * math.sin(angle) + self.laser.y
-
-    def beam_towards(self, x: float, y: float) -> int:
-        """The beam that looks to a point of the base frame: its index, which may be that of no beam."""
-        start, step, _ = self.beams.laser
-        bearing = math.atan2(y - self.laser.y, x - self.laser.x) - self.laser.yaw
-        return round((bearing - start) * math.copysign(1.0, step) % math.tau / abs(step)) if step else 0
-
-    def covers(self, half_angle: float) -> bool:
-        """Whether the laser looks to all bearings within `half_angle` (rad) of straight ahead of the base."""
-        return _covers(self.beams.laser, self.laser.yaw, half_angle)
-
-
-@lru_cache(maxsize=16)
-def _covers(laser: Laser, yaw: float, half_angle: float) -> bool:
-    start, step, count = laser
-    low, high = sorted((start + yaw, start + step * (count - 1) + yaw))
-    shift = math.tau * round(0.5 * (low + high) / math.tau)
-    return low - shift <= -half_angle and high - shift >= half_angle
+SPAN = 3.0
+"""Metres of travel that are remembered: longer, and the odometry's error outgrows the margins."""
+REACH = 4.0
+"""Metres: points further from the laser are not remembered. More than SPAN and a braking distance."""
+SEEN_WITHIN = 0.05
+"""Metres that a point may seem to lie behind what a beam met and still be the same."""
+_FINEST = math.radians(1.0)
+"""Of beams so close together the nearest hit is a point: 5 mm apart where the corners of an erratic turn."""
+_PUT = 0.02
+"""Metres that a base may back up where it was put down and still has room to turn."""
+_WEARS = 0.5
+"""Metres of way behind it that a base no longer knows when it has turned by a radian."""
 
 
 class Surroundings:
-    """Keeps what one robot saw."""
+    """What one robot knows."""
 
-    def __init__(self, outline: Outline) -> None:
-        self._outline = outline
-        self._words = LastWords()
-        self._memory = ScanMemory(outline.rear, outline.front, outline.half_width, outline.radius)
+    def __init__(self) -> None:
         self._lasers: dict[str, Pose2] = {}
         """The pose of each laser in the base frame, by its frame: it is fixed there."""
-        self._looks_round = False
-        self._has_room = True
-        """As it says below, where that is known: driving forwards with a laser that looks round, it stays so."""
-        self.sight: Sight | None = None
-        """None without usable beams; the same while the robot sees the same."""
-        self.known: dict[Hashable, Any] = {}
-        """What was worked out from sight and memory, by what was asked: empty when the robot sees something new, or has
-        moved."""
+        self._scan: LaserScan | None = None
+        self._pose: Pose2 | None = None
+        """Of the base in `odom`."""
+        self._forget()
 
-    def take(self, view: View) -> None:
-        """See what the view shows."""
-        last, self.sight = self.sight, self._look(view)
-        if self.sight is not last:
-            self.known.clear()
-            self._looks_round = self.sight is not None and self.sight.covers(LOOKS_ROUND)
-        if self.sight is None or view.odom is None:
-            return
-        pose = _pose_of(view.odom)
-        if pose != self._memory.pose:
-            self.known.clear()
-        if math.isfinite(pose.x + pose.y + pose.yaw) and self._memory.move(pose):
-            self._memory.keep(self.sight.sectors, self.sight.nearest, self.sight.laser)
-        if self._memory.ahead < 0.0 or not self._looks_round:
-            self._has_room = False
-
-    def _look(self, view: View) -> Sight | None:
-        """What the laser sees: the same as before if that has not changed."""
-        assert view.scan is not None
-        beams = beams_of(view.scan)
-        if beams is None:
-            return None
-        distances, silent = self._words.fill(beams, view.now)
-        laser = self._find_laser(view, view.scan.header.frame_id)
-        last = self.sight
-        if last is not None and last.is_of(beams, distances, silent, laser):
-            return last
-        nearest = beams.nearest if beams.all_speak else _nearest(distances)
-        return Sight(beams, distances, silent, laser, nearest)
-
-    def sees_all(self, speed: float) -> bool:
-        """Whether a laser looks at all that the base drives to at this speed (m/s): forwards, and it looks round."""
-        return speed > 0.0 and self._looks_round
+    def _forget(self) -> None:
+        """The robot is somewhere else."""
+        self.sight = Sight()
+        self._known, self._travelled = np.empty((3, 0)), 0.0
+        """x and y of the points, and how far the base had travelled when each was seen (m). As it moves they
+        are told in its frame anew."""
+        self._room = 0.0
+        """Metres that the base may back up over ground that it drove over; below 0: so far it backed up over other."""
 
     @property
-    def is_blinded(self) -> bool:
-        """Whether some beams see nothing."""
-        return self.sight is not None and self.sight.silent is not None
+    def points(self) -> Floats:
+        """(2, n) in the base frame: what stands around."""
+        return self._known[:2]
 
-    def keep(self, asked: Hashable, answer: _Answer) -> _Answer:
-        """Keep an answer in `known`."""
-        if len(self.known) >= MOST_KNOWN:
-            self.known.clear()
-        self.known[asked] = answer
-        return answer
-
-    def is_clear(self, reach: float, back: float) -> bool:
-        """Whether there certainly is nothing: no hit within `reach` (m) of the base, and nothing remembered within
-        `back` (m) that the laser might not see."""
-        sight = self.sight
-        return sight is None or (sight.is_clear(reach) and not (back > 0.0 and self._memory.may_hide(back)))
-
-    def points(self, box: Box, reach: float, back: float) -> Floats:
-        """(2, n): what stands in a box of the base frame, or a little outside, and within `reach` (m) of the base.
-
-        The memory is asked for what is within `back` (m); with 0 it is not asked.
-        """
-        sight = self.sight
-        if sight is None:
-            return NO_POINTS
-        hits = NO_POINTS if sight.is_clear(reach) else sight.hits(box)
-        remembered = self._memory.remembered(box, back) if back > 0.0 else NO_POINTS
-        if not remembered.size:
-            return hits
-        hidden = untold(sight.sectors, sight.laser, remembered)
-        return np.hstack((hits, hidden)) if hidden.size else hits
-
-    def never_seen(self, points: Floats) -> Flags:
-        """Which points of the base frame no remembered scan saw."""
-        return self._memory.never_seen(points)
-
+    @property
     def has_room(self) -> bool:
-        """Whether the ground within the circle of the corners was seen, or the base was put down there."""
-        if not self._has_room:
-            room = self._outline.room
-            beyond = ~self.sees(room) & (self._outline.distances(room) > 0.0)
-            self._has_room = not beyond.any() or not self.never_seen(room[:, beyond]).any()
-        return self._has_room
+        """Whether the ground that the corners come to in a turn was seen, or the base was put down there."""
+        return self._room >= -_PUT or self.sight.looks(0.0, math.pi)
 
-    def in_view(self, points: Floats) -> Flags:
-        """Towards which points of the base frame the laser looks, whether it sees something there or not."""
-        sight = self.sight
-        if sight is None:
-            return np.zeros(points.shape[1], bool)
-        start, step, count = sight.beams.laser
-        bearings = np.arctan2(points[1] - sight.laser.y, points[0] - sight.laser.x) - sight.laser.yaw
-        places = np.remainder((bearings - start) * math.copysign(1.0, step), math.tau)
-        seen: Flags = places <= abs(step) * (count - 0.5)
-        return seen
+    def take(self, view: View, reach: float) -> None:
+        """See what the view shows, at least up to `reach` metres away."""
+        self._pose = self._move(view.odom, reach)
+        if view.scan is not None and view.scan is not self._scan:
+            self._scan, beams = view.scan, beams_of(view.scan)
+            self.sight.beams = beams
+            self.sight.range = view.scan.range_max if view.scan.range_max > 0.0 else math.inf
+            if beams is not None:
+                laser = self._find_laser(view, view.scan.header.frame_id)
+                self.sight.take(beams, laser, self._pose.yaw if self._pose else 0.0, view.now)
+                self._add(beams, laser, max(REACH, reach))
 
-    def sees(self, points: Floats) -> Flags:
-        """Which points of the base frame the laser looks to, and meets nothing before them."""
-        seen = self.in_view(points)
-        if self.sight is not None and seen.any():
-            x, y = points[0] - self.sight.laser.x, points[1] - self.sight.laser.y
-            cos, sin = math.cos(self.sight.laser.yaw), math.sin(self.sight.laser.yaw)
-            # NaN is no obstacle: beams that say nothing are judged by themselves.
-            seen &= ~(self.sight.sectors.look(cos * x + sin * y, cos * y - sin * x) < np.hypot(x, y))
-        return seen
+    def _move(self, odom: Odometry | None, reach: float) -> Pose2 | None:
+        """The base is where odometry says; the pose in `odom` by which points are told now."""
+        last, pose = self._pose, None if odom is None else _pose_of(odom)
+        if pose is not None and not math.isfinite(sum(pose)):
+            return last
+        if last is None or pose is None or math.hypot(pose.x - last.x, pose.y - last.y) > reach:
+            # It was set down here, or it is not known where the points are now.
+            self._forget()
+        elif pose != last:
+            x, y, turn = last.inverse().compose(pose)
+            turn, way = normalize_angle(turn), math.hypot(x, y)
+            self._travelled += way
+            cos, sin = math.cos(turn), math.sin(turn)
+            ahead, aside, seen = self._known[0] - x, self._known[1] - y, self._known[2]
+            self._known = np.array((cos * ahead + sin * aside, cos * aside - sin * ahead, seen))
+            forwards = math.cos(0.5 * turn) * x + math.sin(0.5 * turn) * y > 0.9 * way
+            self._room = min(SPAN, self._room + way) if forwards else self._room - way
+            self._room = max(min(0.0, self._room), self._room - _WEARS * abs(turn))
+        return pose
+
+    def _add(self, beams: Beams, laser: Pose2, far: float) -> None:
+        """Bring the newest scan into the points, up to `far` metres away."""
+        known = self._known
+        place, axes = np.array(((laser.x,), (laser.y,))), _axes(beams.laser, laser.yaw)
+        apart = _thin_out(beams, far)
+        along, across = axes.take(apart, axis=1) * beams.distances.take(apart) + place
+        added = np.array((along, across, np.full(apart.size, self._travelled)))
+        stays = (~_is_told(beams, laser, known, far) & (known[2] >= self._travelled - SPAN)).nonzero()[0]
+        self._known = np.concatenate((known.take(stays, axis=1), added), axis=1)
 
     def _find_laser(self, view: View, frame: str) -> Pose2:
-        known = self._lasers.get(frame)
-        if known is None:
+        if frame not in self._lasers:
             found = view.lookup(view.base_frame, frame) if frame else None
-            if found is None or not all(map(math.isfinite, found[0])):
-                return NO_POSE
-            known = self._lasers[frame] = Pose2(*map(float, found[0]))
-        return known
+            if found is None or not math.isfinite(sum(found[0])):
+                return Pose2(0.0, 0.0, 0.0)
+            self._lasers[frame] = Pose2(*map(float, found[0]))
+        return self._lasers[frame]
 
 
-def _nearest(distances: Floats) -> float:
-    lowest = float(np.fmin.reduce(distances, initial=math.inf))
-    return lowest if lowest < math.inf else math.inf
+def _is_told(beams: Beams, laser: Pose2, points: Floats, far: float) -> Flags:
+    """Which points of the base frame a scan tells of: it looks through them, or sees them; and those `far` away."""
+    start, step, count = beams.laser
+    x, y, step = points[0] - laser.x, points[1] - laser.y, math.copysign(max(abs(step), 1e-6), step)
+    away = np.sqrt(x * x + y * y)
+    index = np.rint((np.arctan2(y, x) - (laser.yaw + start)) / step).astype(np.intp)
+    index %= max(1, round(math.tau / abs(step)))
+    reached = beams.distances.take(index, mode="clip") >= away - SEEN_WITHIN
+    told: Flags = (reached & (index < count)) | (away > far)
+    return told
+
+
+@lru_cache(maxsize=16)
+def _axes(laser: Laser, yaw: float) -> Floats:
+    """(2, n): the directions of a laser's beams in the base frame."""
+    start, step, count = laser
+    angles = start + yaw + step * np.arange(count)
+    return np.array((np.cos(angles), np.sin(angles)))
+
+
+def _thin_out(beams: Beams, reach: float) -> NDArray[np.intp]:
+    """The beams that hit something within `reach` (m), and nearer than the few beside them."""
+    distances = beams.distances
+    few = max(1, int(_FINEST / max(abs(beams.laser[1]), 1e-9) + 1e-6))
+    padded = np.full(-(-distances.size // few) * few, np.inf)
+    # Of a number and a NaN it is the number.
+    np.fmin(distances, np.inf, out=padded[: distances.size])
+    nearest: NDArray[np.intp] = padded.reshape(-1, few).argmin(axis=1) + np.arange(0, padded.size, few)
+    return nearest[padded.take(nearest) < reach]
 
 
 def _pose_of(odom: Odometry) -> Pose2:

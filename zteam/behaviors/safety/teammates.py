@@ -1,24 +1,16 @@
-"""Where the teammates are, and will be until they stand: the laser looks over low bodies, and lasers dazzle each other.
-
-A look-up costs a few microseconds, and a team may have dozens of robots. So a teammate that is far away is looked up
-again only when it may have come near, both driving as fast as any robot may.
-"""
+"""Where teammates are, and will be until they stand: the laser looks over low bodies, and lasers dazzle each other."""
 
 import math
-from collections.abc import Mapping
-from functools import cached_property
+from typing import NamedTuple
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from zteam import names
 from zteam.base import DEFAULT_BASE, Base
-from zteam.behaviors.nearby import cannot_meet_before
-from zteam.behaviors.safety.limits import BRAKING
-from zteam.behaviors.safety.swept import DRIVE_MARGIN, Box, Outline, outline_of
+from zteam.behaviors.safety.limits import limits_of
+from zteam.behaviors.safety.swept import outline_of
 from zteam.behaviors.view import View
-from zteam.clock import to_ns
 from zteam.geometry import Pose2
 
 Floats = NDArray[np.float64]
@@ -35,85 +27,49 @@ GROWTH = 0.25
 """m/s at which the outline of a teammate grows whose pose is old, or its own speed if that is more."""
 MAX_GROWTH = 0.5
 """Metres."""
-FORGET_AFTER = to_ns(5.0)
-"""Nanoseconds after which a pose says nothing any more: the robot was taken away, or its transforms never come."""
-LOOK_AGAIN = to_ns(1.0)
-"""Nanoseconds until a teammate is looked up again that has no pose."""
+FORGET_AFTER = 5.0
+"""Seconds after which a pose says nothing any more: the robot was taken away, or its transforms never come."""
 TOO_FAST = 3.0
-"""m/s: a teammate that seems faster was set down elsewhere."""
-HORIZON = 1.6
-"""Metres between the circles of two robots from which on they cannot meet before both stand, whatever they do: twice
-the way in one tick (0.1 m) and the braking distance (0.5 m) at 1 m/s, and GAP, and a margin."""
+"""Times its base's limit of speed: a teammate that seems faster was set down elsewhere."""
 _STEP = 0.2
 """Metres between two outlines of a teammate on its way, at most: less than the length of any robot."""
 
 
-class Near(msgspec.Struct, frozen=True, dict=True):
-    """A teammate that may be in the way, and what it takes up until it stands."""
+class Near(NamedTuple):
+    """A teammate that may be in the way."""
 
     robot_id: int
-    outline: Outline
-    at: Pose2
-    """In the base frame of the robot that looks."""
-    velocity: tuple[float, float]
-    """m/s, in that frame."""
-    way: float
-    """Metres that it drives until it stands; 0 for one that drives away: it comes no nearer, should it stop at once."""
+    points: Floats
+    """(2, n): its border on all its way until it stands, in the base frame of the robot that looks."""
     gap: float
     """Metres to stop before it."""
     clearance: float
     """Metres that its outline has grown."""
 
-    def may_be_in(self, box: Box) -> bool:
-        """Whether what it takes up may reach into a box of the base frame."""
-        return box.away(self.at.x, self.at.y) <= self.outline.radius + self.way + self.clearance
-
-    @cached_property
-    def points(self) -> Floats:
-        """(2, n): its border on the whole way, in the base frame of the robot that looks."""
-        cos, sin = math.cos(self.at.yaw), math.sin(self.at.yaw)
-        x, y = self.outline.border
-        border = np.array((self.at.x + cos * x - sin * y, self.at.y + sin * x + cos * y))
-        if not self.way:
-            return border
-        count = math.ceil(self.way / _STEP)
-        times = np.arange(count + 1) * (self.way / count / math.hypot(*self.velocity))
-        points: Floats = border[:, :, None] + np.array(self.velocity)[:, None, None] * times
-        return points.reshape(2, -1)
-
 
 class _Teammate:
     """What is known of one teammate."""
 
-    def __init__(self, robot_id: int, outline: Outline) -> None:
-        self.robot_id = robot_id
-        self.outline = outline
-        self.frame = names.robot_frame(robot_id, names.BASE_FOOTPRINT)
+    def __init__(self, robot_id: int, base: Base) -> None:
+        self.robot_id, self.base, self.frame = robot_id, base, names.robot_frame(robot_id, names.BASE_FOOTPRINT)
+        self.outline, self.braking = outline_of(base), limits_of(base).least_braking
+        self._too_fast = TOO_FAST * max(base.max_vel_x, base.max_vel_y)
         self.pose: Pose2 | None = None
         """In `map`."""
-        self.stamp = 0
-        self.velocity = 0.0, 0.0
-        """m/s, in `map`."""
-        self.way = 0.0
-        """Metres that it drives from its known pose until it stands, if it brakes a tick from now on."""
-        self.growth = 0.0
-        """Metres that its outline has grown."""
-        self.due = 0
-        """Time at which it is looked up again (ns)."""
+        self.stamp, self.age, self.x, self.y, self.speed = 0, 0.0, 0.0, 0.0, 0.0
+        """When it was there (ns; 0 = it never moves), how many seconds ago, and how fast, in `map` (m/s)."""
 
-    def take(self, pose: Pose2, stamp: int, now: int) -> None:
-        """It was at `pose` in `map` at `stamp` (ns; 0 = it never moves), and it is `now` (ns)."""
+    def take(self, pose: Pose2, stamp: int, age: float) -> None:
+        """It was at `pose`, so many seconds ago."""
         last, seconds = self.pose, (stamp - self.stamp) / 1e9
         if last is None or seconds < 0.0 or not stamp:
-            self.velocity = 0.0, 0.0
+            self.x = self.y = self.speed = 0.0
         elif seconds > 0.0:
-            vx, vy = (pose.x - last.x) / seconds, (pose.y - last.y) / seconds
-            self.velocity = (vx, vy) if math.hypot(vx, vy) <= TOO_FAST else (0.0, 0.0)
-        self.pose, self.stamp = pose, stamp
-        speed, age = math.hypot(*self.velocity), max(0.0, (now - stamp) / 1e9) if stamp else 0.0
-        self.way = speed * (age + 0.1) + 0.5 * speed * speed / BRAKING
-        late = age - GRACE
-        self.growth = min(MAX_GROWTH, late * max(speed, GROWTH)) if late > 0.0 else 0.0
+            self.x, self.y = (pose.x - last.x) / seconds, (pose.y - last.y) / seconds
+            self.speed = math.hypot(self.x, self.y)
+            if self.speed > self._too_fast:
+                self.x = self.y = self.speed = 0.0
+        self.pose, self.stamp, self.age = pose, stamp, age
 
 
 class Teammates:
@@ -121,76 +77,65 @@ class Teammates:
 
     def __init__(self) -> None:
         self._known: dict[int, _Teammate] = {}
-        self._sources: tuple[Mapping[int, Base], tuple[int, ...]] | tuple[None, None] = (None, None)
+        self._sources: tuple[object, object] = (None, None)
         """What the ids came from."""
-        self._due = 0
-        """Time at which the first is due (ns)."""
+        self._here: Pose2 | None = None
+        """Of the robot in `map`, in this step."""
 
-    def are_due(self, view: View) -> bool:
-        """Whether some teammate may have come near. Mostly this compares one number."""
+    def look(self, view: View) -> None:
+        """See where all are now."""
         if self._sources[0] is not view.bases or self._sources[1] != view.team:
-            self._take_ids(view)
-        return view.now >= self._due
+            self._sources = view.bases, view.team
+            ids = sorted({*view.bases, *view.team} - {view.robot_id})
+            bases, known = {i: view.bases.get(i, DEFAULT_BASE) for i in ids}, self._known
+            is_same = {i: i in known and known[i].base is base for i, base in bases.items()}
+            self._known = {i: known[i] if is_same[i] else _Teammate(i, base) for i, base in bases.items()}
+        own = view.map_from_base()
+        self._here = own[0] if own is not None and math.isfinite(sum(own[0])) else None
+        for mate in self._known.values():
+            at = view.lookup(names.MAP_FRAME, mate.frame)
+            age = (view.now - at[1]) / 1e9 if at is not None and at[1] else 0.0
+            if at is None or age > FORGET_AFTER or not math.isfinite(sum(at[0])):
+                mate.pose = None
+            else:
+                mate.take(*at, max(0.0, age))
+
+    def near(self, x: float, y: float, radius: float, reaction: float) -> list[Near]:
+        """The teammates that may come into a disc of the base frame until they stand, in metres.
+
+        They begin to brake `reaction` seconds from now.
+        """
+        here, found = self._here, []
+        if here is None or not self._known:
+            return []
+        x, y, _ = here.compose(Pose2(x, y, 0.0))
+        for mate in self._known.values():
+            if mate.pose is not None:
+                speed, age = mate.speed, mate.age
+                way = speed * (age + reaction + 0.5 * speed / mate.braking)
+                growth = 0.0 if age <= GRACE else min(MAX_GROWTH, (age - GRACE) * max(speed, GROWTH))
+                away = math.hypot(mate.pose.x - x, mate.pose.y - y) - mate.outline.radius
+                if away <= radius + way + growth:
+                    found.append(_near(mate, here.inverse().compose(mate.pose), here.yaw, way, growth))
+        return found
 
     def bearings(self, view: View) -> list[tuple[float, float]]:
         """Where all teammates are whose pose is fresh, as (x, y) in the base frame."""
         found = (view.base_from_robot(robot_id) for robot_id in self._known)
         return [(at[0].x, at[0].y) for at in found if at and (not at[1] or view.is_fresh(at[1], 0.5))]
 
-    def _take_ids(self, view: View) -> None:
-        self._sources = view.bases, view.team
-        ids = sorted({*view.bases, *view.team} - {view.robot_id})
-        for i in ids:
-            outline = outline_of(view.bases.get(i, DEFAULT_BASE))
-            mate = self._known.setdefault(i, _Teammate(i, outline))
-            mate.outline = outline
-        self._known = {i: self._known[i] for i in ids}
-        self._due = 0 if ids else 1 << 62
 
-    def look(self, view: View, outline: Outline, reach: float) -> list[Near]:
-        """The teammates that a robot of this outline may meet that needs `reach` metres to stop GAP before something.
-
-        Ask `are_due` before.
-        """
-        own = view.map_from_base()
-        if own is None or not all(map(math.isfinite, own[0])):
-            self._due = view.now + LOOK_AGAIN
-            return []
-        found, due, now = [], 1 << 62, view.now
-        for mate in self._known.values():
-            if now >= mate.due:
-                away = self._look_up(view, mate, own[0], outline.radius + mate.outline.radius)
-                # The gap is part of the reach.
-                left = away - reach - DRIVE_MARGIN
-                if left <= 0.0 or left <= mate.way + mate.growth:
-                    found.append(mate)
-            if mate.due < due:
-                due = mate.due
-        self._due = due
-        return _nearby(found, own[0]) if found else []
-
-    def _look_up(self, view: View, mate: _Teammate, own: Pose2, radii: float) -> float:
-        """Look a teammate up: metres between the circles of both robots, inf if it is not known where it is."""
-        found = view.lookup(names.MAP_FRAME, mate.frame)
-        old = found is not None and found[1] and view.now - found[1] > FORGET_AFTER
-        if found is None or old or not math.isfinite(sum(found[0])):
-            mate.pose, mate.due = None, view.now + LOOK_AGAIN
-            return math.inf
-        mate.take(*found, view.now)
-        away = math.hypot(found[0].x - own.x, found[0].y - own.y) - radii
-        mate.due = cannot_meet_before(view.now, away - HORIZON)
-        return away
-
-
-def _nearby(mates: list[_Teammate], own: Pose2) -> list[Near]:
-    """Teammates, seen from the pose `own` in `map`."""
-    base_from_map, cos, sin = own.inverse(), math.cos(own.yaw), math.sin(own.yaw)
-    found = []
-    for mate in mates:
-        assert mate.pose is not None
-        at, velocity = base_from_map.compose(mate.pose), mate.velocity
-        vx, vy = cos * velocity[0] + sin * velocity[1], cos * velocity[1] - sin * velocity[0]
-        recedes = vx * at.x + vy * at.y > RECEDES * math.hypot(at.x, at.y)
-        gap, way = (FOLLOWING_GAP, 0.0) if recedes else (GAP, mate.way)
-        found.append(Near(mate.robot_id, mate.outline, at, (vx, vy), way, gap, mate.growth))
-    return found
+def _near(mate: _Teammate, at: Pose2, yaw: float, way: float, growth: float) -> Near:
+    """A teammate that is at a pose of the base frame; the base is turned by `yaw` in `map`."""
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    vx, vy = cos * mate.x + sin * mate.y, cos * mate.y - sin * mate.x
+    cos, sin, (x, y) = math.cos(at.yaw), math.sin(at.yaw), mate.outline.border
+    border = np.array((at.x + cos * x - sin * y, at.y + sin * x + cos * y))
+    if vx * at.x + vy * at.y > RECEDES * math.hypot(at.x, at.y):
+        # It comes no nearer, should it stop at once.
+        return Near(mate.robot_id, border, FOLLOWING_GAP, growth)
+    if way:
+        count = math.ceil(way / _STEP)
+        seconds = np.arange(count + 1) * (way / count / math.hypot(vx, vy))
+        border = (border[:, :, None] + np.array((vx, vy))[:, None, None] * seconds).reshape(2, -1)
+    return Near(mate.robot_id, border, GAP, growth)

@@ -4,13 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import example, given
-from hypothesis import strategies as st
 
-from support.flat_floor import TICK, make_scan, make_view
+from support.flat_floor import TICK, make_odometry, make_scan, make_view
 from zteam.behaviors import SafetyLayer
-from zteam.behaviors.safety.silence import LastWords
-from zteam.behaviors.scans import Beams, beams_of
 from zteam.geometry import Pose2
 from zteam.messages import LaserScan, Twist, Vector3
 
@@ -88,36 +84,17 @@ def test_a_teammate_explains_dazzled_beams() -> None:
         assert command.linear.x == expected
 
 
-def read(word: list[float]) -> Beams:
-    """A scan, read: a new object each time."""
-    beams = beams_of(make_scan(word, START))
-    assert beams is not None
-    return beams
-
-
-@given(st.lists(st.tuples(st.integers(0, 3), st.integers(1, 9)), min_size=1, max_size=8))
-@example([(0, 2), (1, 8), (2, 4), (0, 1)])
-@example([(1, 9), (3, 1), (1, 9), (2, 9)])
-@example([(1, 9), (0, 1), (1, 1)])
-def test_a_scan_that_stays_the_same_is_filled_as_new_ones_are(seen: list[tuple[int, int]]) -> None:
-    """Whatever comes before and after it: distances and silent beams are the same in each step."""
-    nothing = [math.nan] * 8
-    words = [[2.0] * 16, [2.0] * 8 + nothing, nothing + [3.0] * 8, [3.0] * 8 + [1.0] * 8]
-    known, kept, other, now = [read(word) for word in words], LastWords(), LastWords(), START
-    for which, ticks in seen:
-        for _ in range(ticks):
-            distances, silent = kept.fill(known[which], now)
-            expected, expected_silent = other.fill(read(words[which]), now)
-            assert np.array_equal(distances, expected, equal_nan=True)
-            assert (silent is None) == (expected_silent is None)
-            assert silent is None or np.array_equal(silent, expected_silent)
-            now += TICK
-
-
-def test_what_stays_silent_is_the_same_object() -> None:
-    """What follows from it needs not to be worked out again."""
-    words, same = LastWords(), read([2.0] * 8 + [math.nan] * 8)
-    first, silent = words.fill(same, START)
-    again, still_silent = words.fill(same, START + TICK)
-    assert first is again
-    assert silent is still_silent
+def test_beams_that_are_silent_from_the_start_stay_silent_when_it_turns() -> None:
+    """What a beam said, it said of its bearing then: a robot that turns into bearings that no beam has seen stands."""
+    layer, left = SafetyLayer(), []
+    for tick in range(12):
+        now, yaw = START + tick * TICK, 0.1 * tick
+        ranges = np.full(BEAMS, 20.0)
+        # Silent is what lies to the left of 70 degrees in `odom`.
+        ranges[np.linspace(-0.75 * math.pi, 0.75 * math.pi, BEAMS) + yaw > math.radians(70.0)] = math.nan
+        view = make_view(make_scan(ranges, now, math.radians(270.0)), now=now, odom=make_odometry(Pose2(0.0, 0.0, yaw)))
+        command, why = layer.limit(Twist(Vector3(0.4)), view)
+        left.append((command.linear.x, why))
+    assert left[0] == (0.4, "")
+    assert left[-3:] == [(0.0, "blind ahead")] * 3
+    assert {speed for speed, _ in left} == {0.4, 0.0}

@@ -1,0 +1,76 @@
+"""How a robot drives to a place past what stands between: walls that its laser sees, and robots that it looks over."""
+
+import math
+
+from zteam.behaviors.pursuit import Limits
+from zteam.behaviors.scans import is_clear
+from zteam.behaviors.view import View
+from zteam.geometry import normalize_angle
+from zteam.messages import Twist, Vector3
+
+LINEAR_GAIN, ANGULAR_GAIN = 0.5, 4.0
+"""1/s: the lectures' v = 0.5 d and w = 4 atan2(y, x)."""
+SPOT_ANGLE = 1.0
+"""Radians: where something stands between, it turns on the spot towards a heading that is further off."""
+REACH = 0.6
+"""Metres ahead of the laser that have to be clear of walls."""
+SIDE_MARGIN = 0.075
+"""Metres that have to be free on either side of the base."""
+MATE_REACH, MATE_MARGIN = 1.2, 0.24
+"""Metres ahead within which another robot is in the way, and metres beside it that have to be free."""
+STEP, STEPS = math.radians(10.0), 12
+"""It looks for a way up to so far from the bearing."""
+
+
+class Around:
+    """Keeps the side on which it passes until the straight way is clear, so it does not swing in front of a post."""
+
+    def __init__(self) -> None:
+        self._side = 0.0
+        """1 while it passes on the left, -1 on the right, 0 with a clear way."""
+
+    def drive_to(
+        self, view: View, x: float, y: float, limits: Limits, but: int | None = None, room: float = 0.0
+    ) -> Twist:
+        """The velocity towards (x, y) of the own base frame. The robot `but` is not in the way.
+
+        What stands within `room` metres of the place is not either.
+        """
+        distance, bearing = math.hypot(x, y), math.atan2(y, x)
+        heading = self._clear_heading(view, bearing, distance - room, but)
+        # A place behind is turned to on the spot: driving would lead away from it.
+        speed = 0.0 if abs(heading) > 0.5 * math.pi else min(LINEAR_GAIN * distance, limits.linear)
+        if self._side:
+            speed *= max(0.0, 1.0 - abs(heading) / SPOT_ANGLE)
+        turn = max(-limits.angular, min(limits.angular, ANGULAR_GAIN * heading))
+        return Twist(Vector3(speed), Vector3(z=turn))
+
+    def _clear_heading(self, view: View, bearing: float, reach: float, but: int | None) -> float:
+        """The bearing, or the nearest to it that is clear; without any the bearing."""
+        if _is_clear(view, bearing, reach, but):
+            self._side = 0.0
+            return bearing
+        sides = (1.0, -1.0) if self._side == 0.0 else (self._side,)
+        turns = [side * step * STEP for step in range(1, STEPS + 1) for side in sides]
+        if self._side:
+            turns += [-self._side * step * STEP for step in range(1, STEPS + 1)]
+        for turn in turns:
+            if _is_clear(view, bearing + turn, reach, but):
+                self._side = math.copysign(1.0, turn)
+                return normalize_angle(bearing + turn)
+        self._side = 0.0
+        return bearing
+
+
+def _is_clear(view: View, heading: float, reach: float, but: int | None) -> bool:
+    """Whether neither a wall nor a robot stands in the way towards a heading (rad)."""
+    half_width = view.base.half_width
+    if view.scan is not None and not is_clear(view.scan, half_width + SIDE_MARGIN, min(REACH, reach), heading):
+        return False
+    cos, sin = math.cos(heading), math.sin(heading)
+    for mate in view.teammates:
+        along, across = cos * mate.pose.x + sin * mate.pose.y, cos * mate.pose.y - sin * mate.pose.x
+        in_reach = 0.0 < along < min(MATE_REACH, reach + mate.base.radius)
+        if in_reach and abs(across) < half_width + mate.base.radius + MATE_MARGIN and mate.robot_id != but:
+            return False
+    return True

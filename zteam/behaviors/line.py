@@ -1,0 +1,136 @@
+"""A line of robots, which can be led from either end: which robot each one follows now, and which one leads.
+
+Each robot is started to follow the one before it. The robot in front that gets on no more hands over to the one at the
+other end: it says `turns` + 1 in its status, and each robot takes the highest number that it hears. While that is even,
+each follows the robot that it was started to follow; while it is odd, the one behind. So no robot has to turn round in
+its place, or to be passed.
+"""
+
+from collections.abc import Mapping, Set
+from typing import Any, Literal, NamedTuple
+
+from zteam import names
+from zteam.behaviors.view import View
+
+OnLeaderLost = Literal["relink", "stop", "takeover"]
+GONE = " is gone"
+"""The end of what a robot says that stands because another one is lost."""
+GAP = 0.8
+"""Metres between neighbours that have told nothing else."""
+NO_TURNS = -1
+"""`turns` of a robot that cannot follow the robot behind it."""
+
+
+class Place(NamedTuple):
+    """What a robot of a line does now: it follows, it leads, or it stands for a reason."""
+
+    before: tuple[int, ...] = ()
+    """The living robots before it, from the one to follow to the one that leads; none where it leads, or stands."""
+    after: tuple[int, ...] = ()
+    """The living robots behind it, if they are a line."""
+    behind: int | None = None
+    """The first of them, if it can follow."""
+    head: int | None = None
+    """The robot that was started to lead the line."""
+    may_turn: bool = False
+    """Whether the robot that leads may hand over to the one at the other end."""
+    reason: str = ""
+    """Why it has to stand; empty if it has not."""
+    gap: float = GAP
+    """Metres that the line keeps between neighbours."""
+    gone: Set[int] = frozenset()
+    """The robots that are gone: they may stand in the way."""
+
+    @property
+    def ahead(self) -> int | None:
+        """The robot to follow."""
+        return self.before[0] if self.before else None
+
+
+class Line:
+    """One robot's knowledge of its line."""
+
+    def __init__(self) -> None:
+        self.turns = 0
+        """How often the line has been led from the other end since it was there."""
+
+    def find_place(
+        self, view: View, leader: int | None, gone: Set[int], on_lost: OnLeaderLost = "relink", *, may_turn: bool = True
+    ) -> Place:
+        """The place of a robot that was started to follow `leader`, or to lead. Robots that are `gone` are left out."""
+        statuses: Mapping[int, Any] = view.inputs.get("statuses") or {}
+        # What follows in another way, as in a formation, tells no gap, and counts as a head.
+        leaders = {robot: told.leader for robot, told in statuses.items() if told.leader >= 0 and told.gap > 0.0}
+        leaders.pop(view.robot_id, None)
+        if leader is not None:
+            leaders[view.robot_id] = leader
+        before = chain_before(view.robot_id, leaders)
+        if before is None:
+            return Place(reason="the robots follow each other in a circle")
+        order, is_tree = _order([*reversed(before), view.robot_id], leaders)
+        head = order[0]
+        lost = [robot for robot in before if robot in gone]
+        if lost and (on_lost == "stop" or (on_lost == "relink" and head in gone)):
+            return Place(reason=f"leader {names.robot_name(lost[0] if on_lost == 'stop' else head)}{GONE}")
+        told = [statuses[robot].turns for robot in order if robot in statuses and robot != view.robot_id]
+        self.turns = max([self.turns, *told])
+        living = [robot for robot in order if robot not in gone]
+        if self.turns % 2 and not is_tree:
+            living.reverse()
+        at = living.index(view.robot_id)
+        after = () if is_tree else tuple(living[at + 1 :])
+        # A robot that stands until a lost one comes back is not waited for.
+        waits = bool(after) and not (after[0] in statuses and statuses[after[0]].reason.endswith(GONE))
+        can_turn = may_turn and not is_tree and len(living) > 1 and min(told, default=NO_TURNS) > NO_TURNS
+        return Place(
+            before=tuple(reversed(living[:at])),
+            after=after,
+            behind=after[0] if waits else None,
+            head=head,
+            may_turn=can_turn,
+            gap=max([GAP, *(statuses[robot].gap for robot in order if robot in statuses)]),
+            gone=gone,
+        )
+
+
+def chain_before(own: int, leaders: Mapping[int, int]) -> list[int] | None:
+    """The robots before `own`, from the one that it is to follow to the head; None if they lead back to one of them."""
+    found: list[int] = []
+    robot = own
+    while (leader := leaders.get(robot)) is not None:
+        if leader in found or leader == own:
+            return None
+        found.append(leader)
+        robot = leader
+    return found
+
+
+def _order(line: list[int], leaders: Mapping[int, int]) -> tuple[list[int], bool]:
+    """The robots from the head to the last one behind the own robot, the last of `line`; and whether it has branches.
+
+    Robots behind a branch are left out.
+    """
+    behind: dict[int, list[int]] = {}
+    for robot, leader in leaders.items():
+        behind.setdefault(leader, []).append(robot)
+    is_tree = any(len(behind.get(robot, ())) > 1 for robot in line)
+    while len(found := behind.get(line[-1], [])) == 1 and found[0] not in line:
+        line = [*line, *found]
+    return line, is_tree or len(found) > 1
+
+
+class Presence:
+    """Which robots have gone: those that were alive since this robot began, and are not any more.
+
+    A robot that never was alive may be driven by something else, so it is not gone: its transforms are followed.
+    """
+
+    def __init__(self) -> None:
+        self._seen: set[int] = set()
+
+    def find_gone(self, view: View) -> Set[int]:
+        """Those that are gone now; none while the robot does not even know that itself is there."""
+        if view.robot_id not in view.team:
+            return frozenset()
+        self._seen.update(view.team)
+        return self._seen.difference(view.team)

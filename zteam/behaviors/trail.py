@@ -1,0 +1,262 @@
+"""How a robot of a line follows: along the way of the robot that leads, and not too near to the one ahead."""
+
+import math
+from collections.abc import Sequence, Set
+
+from zteam import names
+from zteam.behaviors.around import Around
+from zteam.behaviors.chain import Seen, see_robot
+from zteam.behaviors.escape import Escape
+from zteam.behaviors.leader_trail import LeaderTrail
+from zteam.behaviors.line import Place
+from zteam.behaviors.polyline import Polyline
+from zteam.behaviors.pursuit import LOOK_AHEAD, Limits, pursue
+from zteam.behaviors.view import View
+from zteam.clock import to_ns
+from zteam.geometry import Pose2
+from zteam.messages import Twist, Vector3
+
+Answer = tuple[Twist, str]
+"""A velocity, and why it is zero."""
+
+SPACING, STEP = 0.05, 0.1
+"""Metres between two points of the own way, and of what becomes a trail of it."""
+KEPT = 30.0
+"""Metres of the own way that are kept: a new head stands on it."""
+JUMP = 1.0
+"""Metres in one step after which a robot was moved; and up to which a new head counts as standing on the own way."""
+BACK, AHEAD = 0.3, 0.5
+"""Metres of the trail around a robot's last place in which its next one is sought: the trail may cross itself."""
+OFF = 0.5
+"""Metres from the trail from which on the whole trail is searched, and a robot drives to it past what is between."""
+GAIN, NEAR_GAIN = 1.0, 1.5
+"""1/s: speed besides that of the robot that leads, by the error of the distance to it; by the room to the one ahead."""
+LAGS = 0.4
+"""Metres behind its place from which on it passes those that belong behind it."""
+PARKED, LEFT = 0.03, 0.1
+"""Metres to its place behind a standing head at which a robot stops, and at which it goes on."""
+PASSING = 0.4
+"""m/s past a lost head."""
+NEAREST = 0.6
+"""Metres from base to base within which a robot does not drive on towards its neighbour: both can still turn."""
+TOO_NEAR = 0.5
+"""Metres from base to base within which it makes room: it drives back along its way."""
+ROOM_SPEED = 0.2
+"""m/s while it makes room."""
+STRETCHED, TORN = 0.8, 1.5
+"""Metres beyond its gap that the robot behind may be away: from the first on a robot slows, at the second it stands."""
+PAST, BESIDE = 0.3, 1.5
+"""Metres ahead up to which, and beside the trail within which, a robot is waited for that comes past to its place."""
+FACED = to_ns(4.0)
+"""Nanoseconds that it stands face to face with its neighbour before it drives round it to its place behind it."""
+LOOK_ON, BODY = 1.5, 0.15
+"""Metres of the trail ahead on which no robot that is gone may stand, and metres beside it that have to be free."""
+BEYOND = 1.9
+"""Metres past a lost head to which the robot drives that leads in its place."""
+STALLED, PROGRESS = to_ns(3.0), 0.05
+"""It is there, too, if it has not got on so many metres in so many nanoseconds: that way may end at a wall."""
+
+
+class Trail:
+    """The way of the robot that leads, the own place on it, and the velocity along it.
+
+    All robots of a line measure from the same robot, so no error adds up from one to the next.
+    """
+
+    def __init__(self) -> None:
+        self._trail = LeaderTrail()
+        self._leads: int | None = None
+        """Whose way it is."""
+        self._place = 0.0
+        self._own = Polyline()
+        """The robot's own way."""
+        self._at = Pose2(0.0, 0.0, 0.0), 0
+        """The newest pose of the robot ahead in map, and its stamp (ns)."""
+        self._leaves = 0.0
+        """m/s at which it drives away; negative where it comes nearer."""
+        self._is_parked = False
+        self._has_place = False
+        """Whether it has been in its place since it began."""
+        self._around, self._escape = Around(), Escape()
+        self._faced_since: int | None = None
+        """Nanoseconds: since when it stands before the robot ahead."""
+        self._got_on = 0, 0.0
+        """When it got on last on its way past a lost head, and to which place."""
+        self.apart = 0.0
+        """Metres to the robot ahead."""
+
+    def note(self, own: Pose2) -> None:
+        """The own pose in map: part of its way, also while it leads."""
+        way = self._own
+        if not len(way) or math.dist(own[:2], way.last) >= SPACING:
+            if len(way) and math.dist(own[:2], way.last) > JUMP:
+                self._own = way = Polyline()
+            way.append(own.x, own.y)
+            way.drop_before(way.end - KEPT)
+
+    def step(self, view: View, own: Pose2, place: Place, gap: float, stale_after: float, limits: Limits) -> Answer:
+        """The velocity of a robot at `own` (map) behind the robots `place.before`, and why it is zero."""
+        before = place.before
+        head, reason = see_robot(view, before[-1], names.MAP_FRAME, stale_after)
+        ahead = see_robot(view, before[0], names.MAP_FRAME, math.inf)[0]
+        if head is None or ahead is None:
+            return Twist(), reason or f"leader {names.robot_name(before[0])} not seen"
+        self._take(view, before, head, own, gap)
+        self._look(own, ahead)
+        self._find_place(own)
+        straight = own.inverse().compose(ahead.pose)
+        # In a line that can be led from its other end the head hands over, and a robot keeps the place that it has had.
+        alone = not (place.may_turn and self._has_place)
+        if alone and self._is_faced(view, own, head.pose):
+            x, y, _ = own.inverse().compose(head.pose.compose(Pose2(-gap * len(before), 0.0, 0.0)))
+            return self._escape.free(view, own, self._around.drive_to(view, x, y, limits)), ""
+        trail = self._trail
+        age = max(0.0, (view.now - head.stamp) / 1e9) if head.stamp else 0.0
+        error = trail.place + trail.speed * age - gap * len(before) - self._place
+        self._has_place = self._has_place or error < LAGS
+        self._is_parked = trail.stands and error < (LEFT if self._is_parked else PARKED)
+        speed = 0.0 if self._is_parked else max(0.0, trail.speed + GAIN * error)
+        if straight.x > 0.0:
+            if alone and self.apart < TOO_NEAR:
+                return back_up(own, trail.path, self._place), ""
+            speed = max(0.0, min(speed, self._leaves + NEAR_GAIN * (self.apart - NEAREST)))
+        if not place.may_turn and len(before) > 1 and is_before(trail.path, self._place, ahead.pose):
+            return Twist(), f"waits: {names.robot_name(before[0])} comes past"
+        passed = (
+            {*place.gone, *overtaken(view, own, self._trail.path, self._place, place.after)}
+            if alone and error > LAGS
+            else place.gone
+        )
+        share, reason = (1.0, "") if place.behind in passed else keep_together(view, place)
+        if share == 0.0:
+            return Twist(), reason
+        command = self._along(view, own, min(speed, limits.linear) * share, limits, passed, place.ahead)
+        return self._escape.free(view, own, command), ""
+
+    def _look(self, own: Pose2, ahead: Seen) -> None:
+        """How far the robot ahead is, and how fast that grows."""
+        (before, since), (x, y, _) = self._at, ahead.pose
+        self.apart = math.hypot(x - own.x, y - own.y)
+        seconds = (ahead.stamp - since) / 1e9
+        if seconds > 0.0:
+            moved = (x - own.x) * (x - before.x) + (y - own.y) * (y - before.y)
+            self._leaves = moved / max(self.apart, NEAREST) / seconds if seconds < 1.0 else 0.0
+            self._at = ahead.pose, ahead.stamp
+
+    def _take(self, view: View, before: Sequence[int], head: Seen, own: Pose2, gap: float) -> None:
+        """The newest pose of the robot that leads; a new trail if it is another one, or was set down elsewhere."""
+        trail, stamp = self._trail, head.stamp or view.now
+        if before[-1] != self._leads or trail.is_far(head.pose):
+            trail.begin(head.pose, stamp, way_to(view, before, head.pose, own, gap, self._own))
+            self._leads, self._place = before[-1], trail.path.start
+        else:
+            trail.go_on(head.pose, stamp, trail.place - self._place + KEPT)
+
+    def pass_by(self, view: View, own: Pose2, head: Pose2 | None, limits: Limits, gone: Set[int]) -> Twist | None:
+        """The velocity along the trail to a lost head, and straight on past it (both in map); None when it is there."""
+        path = self._trail.path
+        if head is None:
+            return None
+        if self._leads is not None or not len(path):
+            self._leads = None
+            path.append(*(path.last if len(path) else own[:2]))
+            for along in (0.0, BEYOND):
+                x, y, _ = head.compose(Pose2(along, 0.0, 0.0))
+                path.append(x, y)
+            self._got_on = view.now, self._place
+        self._find_place(own)
+        if self._place > self._got_on[1] + PROGRESS:
+            self._got_on = view.now, self._place
+        if path.end - self._place < 2.0 * PROGRESS or view.now - self._got_on[0] > STALLED:
+            return None
+        return self._along(view, own, min(PASSING, limits.linear), limits, gone)
+
+    def _find_place(self, own: Pose2) -> None:
+        path = self._trail.path
+        place = path.project(own.x, own.y, self._place - BACK, self._place + AHEAD)
+        if math.dist(own[:2], path.point(place)) > OFF:
+            place = path.project(own.x, own.y)
+        self._place = place
+
+    def _along(
+        self, view: View, own: Pose2, speed: float, limits: Limits, passed: Set[int], ahead: int | None = None
+    ) -> Twist:
+        """Along the trail; past these robots where they are on it, and to the trail from elsewhere."""
+        path, here = self._trail.path, self._place
+        beyond = here + LOOK_ON if is_blocked(view, own, path, here, passed) else here
+        if speed > 0.0 and (beyond > here or math.dist(own[:2], path.point(here)) > OFF):
+            x, y, _ = own.inverse().compose(path.at(min(beyond + LOOK_AHEAD, path.end)))
+            return self._around.drive_to(view, x, y, limits, ahead)
+        return pursue(own, path, here, speed, limits)
+
+    def _is_faced(self, view: View, own: Pose2, head: Pose2) -> bool:
+        """Whether it has stood face to face with the robot that leads for long: that cannot get on."""
+        apart = math.dist(own[:2], head[:2])
+        if apart > 2.0 or head.inverse().compose(own).x <= 0.0:
+            self._faced_since = None
+        elif self._faced_since is None and own.inverse().compose(head).x > 0.0 and apart < 2.0 * NEAREST:
+            self._faced_since = view.now
+        return self._faced_since is not None and view.now - self._faced_since > FACED
+
+
+def way_to(view: View, before: Sequence[int], head: Pose2, own: Pose2, gap: float, way: Polyline) -> list[Pose2]:
+    """The way to a new head: back over the own `way` if it stands there, else over the places of those between."""
+    # The own way may have crossed itself: the head stands on the newest part of it.
+    place = way.project(head.x, head.y, way.end - 1.3 * gap * len(before) - JUMP) if len(way) else 0.0
+    if len(way) and math.dist(head[:2], way.point(place)) < JUMP:
+        count = int((way.end - place) / STEP)
+        return [own, *(Pose2(*way.point(way.end - i * STEP), 0.0) for i in range(1, count))]
+    seen = (see_robot(view, robot, names.MAP_FRAME, math.inf)[0] for robot in before[:-1])
+    return [own, *(each.pose for each in seen if each is not None)]
+
+
+def overtaken(view: View, own: Pose2, path: Polyline, here: float, after: Sequence[int]) -> list[int]:
+    """Those of the robots that belong behind the place `here` that are ahead of it on the path."""
+    found = []
+    for robot in after:
+        seen = view.base_from_robot(robot)
+        if seen is not None:
+            x, y, _ = own.compose(seen[0])
+            place = path.project(x, y)
+            if place > here + OFF and math.dist((x, y), path.point(place)) < OFF:
+                found.append(robot)
+    return found
+
+
+def is_before(path: Polyline, here: float, robot: Pose2) -> bool:
+    """Whether a robot that belongs ahead of the place `here` is behind it, near the path."""
+    place = path.project(robot.x, robot.y)
+    return place < here + PAST and math.dist(robot[:2], path.point(place)) < BESIDE
+
+
+def is_blocked(view: View, own: Pose2, path: Polyline, place: float, robots: Set[int]) -> bool:
+    """Whether one of these robots is on the path, a little ahead of `place`."""
+    for mate in view.teammates if robots else ():
+        if mate.robot_id in robots and math.hypot(*mate.pose[:2]) < LOOK_ON:
+            x, y, _ = own.compose(mate.pose)
+            at = path.point(path.project(x, y, place, place + LOOK_ON))
+            if math.dist((x, y), at) < view.base.half_width + mate.base.radius + BODY:
+                return True
+    return False
+
+
+def back_up(own: Pose2, path: Polyline, place: float) -> Twist:
+    """The velocity back along the way behind `place`."""
+    target = own.inverse().compose(path.at(place - LOOK_AHEAD))
+    square = target.x * target.x + target.y * target.y
+    if target.x >= 0.0 or square < 1e-4:
+        return Twist(Vector3(-ROOM_SPEED))
+    # The arc through the robot and the target, as in pursuit.
+    turn = -ROOM_SPEED * 2.0 * target.y / square
+    return Twist(Vector3(-ROOM_SPEED), Vector3(z=max(-1.0, min(1.0, turn))))
+
+
+def keep_together(view: View, place: Place) -> tuple[float, str]:
+    """The share of its speed, 1 to 0, at which a robot does not lose the robot behind it; and why that is 0."""
+    behind, seen = place.behind, None if place.behind is None else view.base_from_robot(place.behind)
+    if behind is None or seen is None:
+        return 1.0, ""
+    apart = math.hypot(seen[0].x, seen[0].y)
+    share = max(0.0, min(1.0, (place.gap + TORN - apart) / (TORN - STRETCHED)))
+    # Without the distance: each other text is a line of the log and a status.
+    return share, "" if share else f"waits for {names.robot_name(behind)} behind it"
