@@ -5,8 +5,9 @@ imports the user's own modules; behaviours of zteam are checked here, because th
 """
 
 import os
+import re
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from zteam import names
@@ -19,35 +20,42 @@ from zteam.resources import existing_file, is_folder
 from zteam.robot_ids import format_robot_ids
 from zteam.team_file import GROUP_KEYS, RobotEntry, TeamFile, behavior_of, navigation_of, team_world
 from zteam.world import add_robot, load_world
+from zteam.world.devices import KINDS
 from zteam.world.model import Robot, World
 from zteam.world.placing import find_hindrance
 
 _ROBOT_KEYS = (*(name for name in RobotEntry.__struct_fields__ if name != "params"), *GROUP_KEYS)
+_NUMBER = re.compile(r"_\d+$")
+"""Ends the topic of one of several devices of a kind."""
 
 
-def check_team(file: TeamFile, world_file: Path | None = None) -> Path | None:
+def check_team(file: TeamFile, world_file: Path | None = None, *, here: bool = False) -> Path | None:
     """The world of the team, None for real robots; `world_file` replaces the world of the team file.
 
+    With `here` this process imports the user's modules: it runs the team itself, and may have made a module.
     Raises ConfigError of one line for each mistake, in the team file or in the world's.
     """
     problems, told = list[Problem](), []
-    own = {i: entry for i, entry in file.robots.items() if behavior_of(entry)[0] not in BEHAVIORS}
+    name, robots = "", dict[int, Robot]()
+    topics = dict[int, list[str]]()
+    own = {i: entry for i, entry in file.robots.items() if not here and behavior_of(entry)[0] not in BEHAVIORS}
     with Inquiry([_question(entry) for entry in own.values()], file.team.folders) as inquiry:
         for i, entry in file.robots.items():
             problems += _description_problems(file.path, i, entry)
             problems += _navigation_problems(file.path, i, entry)
             if i not in own:
-                problems += _behavior_problems(i, entry, answer(_question(entry)))
+                problems += _behavior_problems(i, answer(_question(entry)), topics)
         try:
             if world_file is None and not _has_doubtful_world(file):
                 world_file = team_world(file)
             if world_file is not None:
-                problems += _world_problems(file, load_world(world_file))
+                name = world_file.name
+                problems += _world_problems(file, load_world(world_file), name, robots)
         except (ConfigError, WorldError) as error:
             told.append(str(error))
-        for (i, entry), answered in zip(own.items(), inquiry.answers(), strict=True):
-            problems += _behavior_problems(i, entry, answered)
-    problems += [*_node_problems(file), *_map_problems(file)]
+        for i, answered in zip(own, inquiry.answers(), strict=True):
+            problems += _behavior_problems(i, answered, topics)
+    problems += [*_sensor_problems(file, name, robots, topics), *_node_problems(file), *_map_problems(file)]
     problems = [*file.problems, *(problem for problem in problems if not file.is_unfilled(problem.path))]
     if problems:
         told.insert(0, str(file.error(problems)))
@@ -73,7 +81,9 @@ def _question(entry: RobotEntry) -> Question:
     return Question(spec, params, list(_ROBOT_KEYS))
 
 
-def _behavior_problems(i: int, entry: RobotEntry, answered: Answer) -> Iterator[Problem]:
+def _behavior_problems(i: int, answered: Answer, topics: dict[int, list[str]]) -> Iterator[Problem]:
+    """What is wrong with the behaviour of the robot at `i`; `topics` gets those that it declares."""
+    topics[i] = answered.topics
     if answered.refused:
         yield Problem(("robots", i, "behavior"), answered.refused)
     for path, text in answered.mistakes:
@@ -149,14 +159,27 @@ def _description_problems(team_file: Path, i: int, entry: RobotEntry) -> Iterato
             yield Problem(("robots", i, "description"), str(error))
 
 
-def _world_problems(file: TeamFile, world: World) -> Iterator[Problem]:
-    """Robots that the world does not have, that it has already, or that have no room in it."""
+def _world_problems(file: TeamFile, world: World, name: str, robots: dict[int, Robot]) -> Iterator[Problem]:
+    """Robots that the world in the file `name` does not have, that it has already, or that have no room in it.
+
+    `robots` gets all that will stand in it, by id.
+    """
     standing = dict(enumerate(world.robots)) if file.team.team.world_robots else {}
+    robots.update(standing)
+    ids = {entry.id for entry in file.robots.values()}
     for i, entry in file.robots.items():
         if entry.pose is None or entry.model is None:
-            if entry.id not in standing and not (entry.pose or entry.model):
+            if entry.id in standing:
+                robot = standing[entry.id]
+                # Of two robots of the team only the second is told.
+                others = {j: other for j, other in standing.items() if j < entry.id or j not in ids}
+                if hindrance := find_hindrance(world, robot, others):
+                    text = f"robot {entry.id} {hindrance.removeprefix('it ')}"
+                    text = f"at its pose in {name} {text}; give {robot.name!r} a free pose there"
+                    yield Problem(("robots", i, "id"), text)
+            elif not (entry.pose or entry.model):
                 yield Problem(("robots", i, "id"), f"{_lack(entry.id, standing)}; model and pose add one")
-        elif entry.id in standing:
+        elif entry.id in robots:
             text = f"the world has a robot {entry.id} already: leave model and pose out, or give another id"
             yield Problem(("robots", i, "id"), text)
         else:
@@ -165,10 +188,29 @@ def _world_problems(file: TeamFile, world: World) -> Iterator[Problem]:
             except WorldError as error:
                 yield Problem(("robots", i, "model"), str(error))
                 continue
-            hindrance = find_hindrance(world, robot, standing)
-            if hindrance:
+            if hindrance := find_hindrance(world, robot, robots):
                 yield Problem(("robots", i, "pose"), f"{hindrance}; give a free place as x, y, yaw")
-            standing[entry.id] = robot
+            robots[entry.id] = robot
+
+
+def _sensor_problems(
+    file: TeamFile, world: str, robots: Mapping[int, Robot], topics: Mapping[int, Sequence[str]]
+) -> Iterator[Problem]:
+    """Robots of the world file `world` without a sensor that their behaviour needs, one of `topics`."""
+    for i, entry in file.robots.items():
+        robot = robots.get(entry.id)
+        if robot is None:
+            continue
+        # No robot drives without a laser. The rest may come from a process of the user's own.
+        needed = [names.BASE_SCAN, *(() if file.nodes else topics.get(i, ()))]
+        published = {kind.key(entry.id, n) for kind in KINDS.values() for n in range(kind.count(robot))}
+        for topic in dict.fromkeys(needed):
+            owner, own_topic = names.split_robot_key(names.input_key(entry.id, topic)) or (None, "")
+            kind = KINDS.get(_NUMBER.sub("", own_topic))
+            if kind and owner == entry.id and names.robot_key(entry.id, own_topic) not in published:
+                text = f"{behavior_of(entry)[0]} needs {topic}, but robot {entry.id} carries no {kind.title} for it"
+                way_out = f"add one to {robot.name!r} (model {robot.model}) in {world}, or give it another model"
+                yield Problem(("robots", i, "behavior" if entry.follow is None else "follow"), f"{text}: {way_out}")
 
 
 def _lack(robot_id: int, standing: Mapping[int, Robot]) -> str:

@@ -15,6 +15,7 @@ from collections import deque
 from zteam.launch.fork_protocol import PADDING, End, Load, Message, Reply, Start, has_message, receive, send
 from zteam.launch.heap import fill_gaps
 from zteam.launch.new_program import Program, prepare, write_command_line
+from zteam.runtime.faults import shortage_text
 from zteam.runtime.process_name import show_name
 
 _DESCRIPTORS = 4
@@ -117,7 +118,10 @@ def main() -> None:
     gc.disable()
     show_name("zteam-parent")
     write_command_line([os.fsencode(word) for word in sys.orig_argv if word != PADDING])
-    program = serve(socket.socket(fileno=int(sys.argv[1])))
+    try:
+        program = serve(socket.socket(fileno=int(sys.argv[1])))
+    except MemoryError as error:
+        sys.exit(f"zteam-parent: {shortage_text(error)}")
     if program is not None:
         program.run()
 

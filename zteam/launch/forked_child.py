@@ -10,11 +10,12 @@ import threading
 from collections.abc import Sequence
 from typing import IO
 
+from zteam.clock import HOST_FACTOR
 from zteam.launch.fork_protocol import End, Load, Start, receive_reply, send
 
 log = logging.getLogger("zteam")
 
-_PATIENCE = 60.0
+_PATIENCE = 60.0 * HOST_FACTOR
 """Host seconds for a warm parent to answer: it may have to import from a slow disk first."""
 UNKNOWN = 255
 """Exit code of a child whose warm parent was killed, which alone knew it."""

@@ -13,12 +13,13 @@ from typing import Any
 import msgspec
 
 from zteam.behaviors.registry import find_behavior, look_in, parameter_problems
+from zteam.clock import HOST_FACTOR
 from zteam.errors import UsageError
 from zteam.launch.process import Process, exit_text
 from zteam.launch.supervisor import Supervisor
 from zteam.runtime.shutdown import Stop, exit_hard_later
 
-LIMIT = 60.0
+LIMIT = 60.0 * HOST_FACTOR
 """Host seconds for all imports together: a large library takes ten on a slow disk."""
 _MARK = "\x1eanswer "
 """Begins the line of an answer, because a module may print lines of its own."""
@@ -33,10 +34,12 @@ class Question(msgspec.Struct, frozen=True):
 
 
 class Answer(msgspec.Struct, frozen=True):
-    """Why the behaviour cannot be used, empty if it can; and the mistakes in its parameters as (path, text)."""
+    """Why the behaviour cannot be used, empty if it can; the mistakes in its parameters as (path, text); and the topics
+    of the inputs that it declares."""
 
     refused: str = ""
     mistakes: list[tuple[list[str | int], str]] = []
+    topics: list[str] = []
 
 
 def answer(question: Question) -> Answer:
@@ -46,7 +49,8 @@ def answer(question: Question) -> Answer:
     except UsageError as error:
         return Answer(str(error))
     found = parameter_problems(question.spec, kind, question.params, question.near)
-    return Answer(mistakes=[(list(problem.path), problem.text) for problem in found])
+    topics = [topic for topic, _ in kind.inputs.values()]
+    return Answer(mistakes=[(list(problem.path), problem.text) for problem in found], topics=topics)
 
 
 class Inquiry:

@@ -16,6 +16,9 @@ from zteam.launch.children import StartChild, spawn
 log = logging.getLogger("zteam")
 
 _KEPT_LINES = 200
+_LAST_LINES = 1.0
+"""Host seconds for the lines that a process has left when it ends. The output ends with it, unless a process that it
+started holds the output open from a session of its own."""
 
 
 class Usage(msgspec.Struct):
@@ -114,7 +117,7 @@ class Process:
         self._child.wait_for_end()
         self.kill()
         self._child.wait()
-        self._reader.join()
+        self._reader.join(_LAST_LINES)
         self._close_input()
         self._on_exit(self)
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from zteam import names
 from zteam.bus import Bus
-from zteam.clock import pause
+from zteam.clock import HOST_FACTOR, pause
 from zteam.errors import ZteamError
 from zteam.launch.kinds import kind_of
 from zteam.launch.report import seconds_since_start
@@ -18,7 +18,7 @@ from zteam.services.simulator import FinishReply, FinishRequest, SimStatus
 
 log = logging.getLogger("zteam")
 
-_FINISH_WAIT = 5.0
+_FINISH_WAIT = 5.0 * HOST_FACTOR
 """Host seconds that one request for the end of the run waits."""
 
 

@@ -3,7 +3,7 @@
 import errno
 import os
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import msgspec
@@ -11,6 +11,7 @@ import msgspec
 from zteam import names
 from zteam.bus import Bus
 from zteam.bus.counters import KeyCount
+from zteam.clock import HOST_FACTOR
 from zteam.errors import UsageError, ZteamError
 from zteam.launch.process import Process, Usage, measure_usage
 from zteam.numbers import counted, format_factor
@@ -57,6 +58,10 @@ class Counts(msgspec.Struct, frozen=True):
     rounds: dict[str, RoundTiming]
 
 
+_PATIENCE = 15.0 * HOST_FACTOR
+"""Host seconds for an answer: a frozen process may go on. One that has ended is not waited for."""
+
+
 def seconds_since_start() -> float:
     """Host seconds since this process was started, interpreter and imports included."""
     ticks = int(Path("/proc/self/stat").read_text().rpartition(")")[2].split()[19])
@@ -66,7 +71,7 @@ def seconds_since_start() -> float:
 
 def read_sim_report(bus: Bus) -> SimReport:
     """The simulator's count. Raises BusError when the simulator does not answer."""
-    return bus.ask(names.service_key(names.SIMULATOR, "report"), SimReport)
+    return bus.ask(names.service_key(names.SIMULATOR, "report"), SimReport, timeout=_PATIENCE)
 
 
 def read_counts(bus: Bus) -> Counts:
@@ -81,9 +86,14 @@ def make_report(
     go_after: float | None,
     processes: list[ProcessReport],
     restarts: Mapping[str, int],
+    hung: Iterable[str] = (),
 ) -> RunReport:
-    """The report of a run. `wall_seconds` and `go_after` are host seconds since the command's start."""
+    """The report of a run. `wall_seconds` and `go_after` are host seconds since the command's start.
+
+    `hung` are the processes with a step that did not return, besides those that lock-step left behind.
+    """
     figures = {name: getattr(counts.simulator, name) for name in RunFigures.__struct_fields__}
+    figures["hung"] = list(dict.fromkeys((*counts.simulator.hung, *hung)))
     return RunReport(
         **figures,
         wall_seconds=round(wall_seconds, 3),
@@ -97,14 +107,14 @@ def make_report(
 
 def read_rounds(bus: Bus) -> dict[str, RoundTiming]:
     """Every participant's own timing."""
-    answers = bus.query(names.service_key("*", "timing"), RoundTiming)
+    answers = bus.query(names.service_key("*", "timing"), RoundTiming, timeout=_PATIENCE)
     return {key.partition("/")[0]: timing for key, timing in answers}
 
 
 def read_dropped(bus: Bus) -> dict[str, int]:
     """Refused payloads by key, summed over every process that answers."""
     dropped: dict[str, int] = {}
-    for _, counts in bus.query(names.stats_key("*"), dict[str, KeyCount]):
+    for _, counts in bus.query(names.stats_key("*"), dict[str, KeyCount], timeout=_PATIENCE):
         for key, count in counts.items():
             if count.dropped:
                 dropped[key] = dropped.get(key, 0) + count.dropped

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+from zteam.bus.options import LEASE
 from zteam.launch.kinds import ROUTER_KIND
 from zteam.launch.process import Process
 from zteam.launch.supervisor import Supervisor
@@ -9,9 +10,10 @@ from zteam.launch.supervisor import Supervisor
 ANY_PORT = "tcp/127.0.0.1:0"
 
 
-def start_router(supervisor: Supervisor, listen: str = ANY_PORT) -> Process:
-    """Start a router that prints its endpoint when it listens."""
-    return supervisor.start(ROUTER_KIND.name, ROUTER_KIND.command_line("--listen", listen, "--announce"))
+def start_router(supervisor: Supervisor, listen: str = ANY_PORT, lease: float = LEASE) -> Process:
+    """Start a router that prints its endpoint when it listens; clients bear `lease` host seconds of its silence."""
+    arguments = ("--listen", listen, "--announce", "--lease", str(lease))
+    return supervisor.start(ROUTER_KIND.name, ROUTER_KIND.command_line(*arguments))
 
 
 def wait_for_endpoint(

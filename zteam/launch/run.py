@@ -2,16 +2,19 @@
 
 import logging
 import os
-from collections.abc import Callable
+import signal
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from pathlib import Path
 
 import msgspec
 
 from zteam import names
 from zteam.bus import Bus, BusOptions, connect
-from zteam.bus.connection import FROM_STDIN, port_accepts
+from zteam.bus.connection import FROM_STDIN, release_port
 from zteam.bus.options import DEFAULT_ENDPOINT
 from zteam.bus.presence import Claim
+from zteam.bus.probe import port_accepts
 from zteam.errors import BusError
 from zteam.launch.arguments import Pace, TeamLaunch
 from zteam.launch.namespace import claim_namespace, refuse_second_team
@@ -20,7 +23,6 @@ from zteam.launch.plan import Plan, launch_of, plan_team
 from zteam.launch.process import Process, exit_text
 from zteam.launch.progress import Progress, Watched
 from zteam.launch.report import (
-    Counts,
     ProcessReport,
     RunReport,
     make_report,
@@ -31,10 +33,10 @@ from zteam.launch.report import (
 )
 from zteam.launch.restarts import Again, log_failure, serve_restarts
 from zteam.launch.router import ANY_PORT, start_router, wait_for_endpoint
-from zteam.launch.supervisor import Job, Supervisor
+from zteam.launch.supervisor import GRACE, Job, Supervisor
 from zteam.launch.warm_parent import WarmParent
 from zteam.runtime.log_publisher import LogPublisher
-from zteam.runtime.shutdown import Stop
+from zteam.runtime.shutdown import HUNG, Stop
 from zteam.team_file import Team
 
 log = logging.getLogger("zteam")
@@ -86,13 +88,17 @@ LEASE_MARGIN = 5.0
 
 
 def lease_for(pace: Pace, given: float) -> float:
-    """The lease of all sessions of a team."""
+    """The lease of all sessions of a team, and of its router."""
     return max(given, pace.timeout + LEASE_MARGIN) if pace.lockstep else given
 
 
 def choose_endpoint() -> str:
-    """Where the team's router listens: at the default port, where tools look for it, or at any port."""
-    return ANY_PORT if port_accepts(DEFAULT_ENDPOINT, timeout=0.2) else DEFAULT_ENDPOINT
+    """Where the team's router listens: at the default port, where tools look for it, or at any port.
+
+    An idle router on demand, which a command has left behind, gives the default port up.
+    """
+    taken = port_accepts(DEFAULT_ENDPOINT, timeout=0.2) and not release_port(DEFAULT_ENDPOINT)
+    return ANY_PORT if taken else DEFAULT_ENDPOINT
 
 
 def warn_of_endpoint(endpoint: str, connect: str | None) -> None:
@@ -103,8 +109,9 @@ def warn_of_endpoint(endpoint: str, connect: str | None) -> None:
         )
 
 
-def _last_words(process: Process) -> str:
+def _last_words(processes: Mapping[str, Process], name: str) -> str:
     """Why a process ended: its exit code and the last line of its output."""
+    process = processes[name]
     process.join(_LAST_WORDS)
     said = [line for line in process.lines if line.strip()]
     return exit_text(process.exit_code) + (f": {said[-1].strip()}" if said else "")
@@ -136,12 +143,14 @@ class Run:
         self._hurry = False
         self._warm = warm
         self._own: list[ProcessReport] = []
+        self._hung: list[str] = []
         self._router: Process | None = None
         self._progress: Progress | None = None
         self._bus: Bus | None = None
         self._claim: Claim | None = None
         self._log: LogPublisher | None = None
         self.endpoint = options.bus.connect or ""
+        self._lease = lease_for(options.pace, options.bus.lease)
         self.plan = _plan(options)
         self.supervisor = Supervisor(on_line, self._on_failure, warm.start)
         stop.on_request(self._wake)
@@ -153,14 +162,11 @@ class Run:
         try:
             self._stop_all()
         finally:
-            if self._progress is not None:
-                self._progress.close()
             if self._claim is not None:
                 self._claim.release()
-            if self._log is not None:
-                self._log.close()
-            if self._bus is not None:
-                self._bus.close()
+            for part in (self._progress, self._log, self._bus):
+                if part is not None:
+                    part.close()
             self.supervisor.close()
 
     def _wake(self) -> None:
@@ -182,7 +188,7 @@ class Run:
         """Start all processes at once, so that they import while the router starts."""
         supervisor = self.supervisor
         if self._options.bus.connect is None:
-            self._router = start_router(supervisor, choose_endpoint())
+            self._router = start_router(supervisor, choose_endpoint(), self._lease)
         else:
             self._bus = self._connect()
             refuse_second_team(self._bus, (*self.plan.commands, *self.plan.nodes))
@@ -212,7 +218,7 @@ class Run:
         return TeamOverview(self._bus, ids, is_simulated=self._options.world is not None)
 
     def _connect(self) -> Bus:
-        bus = BusOptions(connect=self.endpoint, namespace=self._options.bus.namespace, config=self._options.bus.config)
+        bus = msgspec.structs.replace(self._options.bus, connect=self.endpoint, lease=self._lease)
         session = connect(bus, stopping=self._stop, patience=ROUTER_DEADLINE)
         self._log = LogPublisher(session, names.LAUNCHER)
         serve_restarts(session, lambda: dict(self.supervisor.restarts.counts))
@@ -225,8 +231,9 @@ class Run:
         if not endpoint and not self._stop.requested and not self._router.running:
             # Another program took the port after `choose_endpoint` looked: any port will do.
             self._router.join(ROUTER_DEADLINE)
-            self._router = start_router(self.supervisor)
-            self.supervisor.failures.clear()
+            # Robots that failed meanwhile have failed.
+            self.supervisor.failures.remove(self._router)
+            self._router = start_router(self.supervisor, lease=self._lease)
             endpoint = self._wait_for_endpoint(self._router)
         if not endpoint:
             last = list(self._router.lines)[-1:]
@@ -242,8 +249,7 @@ class Run:
         Raises ZteamError if the run cannot reach its end, or without GO within `go_timeout` host seconds.
         """
         assert self._progress is not None
-        processes = self.supervisor.processes
-        self._progress.watch(self._stop, self._watched, lambda name: _last_words(processes[name]), go_timeout)
+        self._progress.watch(self._stop, self._watched, partial(_last_words, self.supervisor.processes), go_timeout)
 
     def _watched(self) -> list[Watched]:
         supervisor, optional = self.supervisor, self.plan.optional
@@ -253,25 +259,35 @@ class Run:
     @property
     def failed(self) -> set[str]:
         """Names of the processes that have failed for good, without those that the team does not need."""
-        return {process.name for process in self.supervisor.failures} - self.plan.beside
+        return {process.name for process in self.supervisor.failures}.union(self._hung) - self.plan.beside
 
     def finish(self) -> RunReport | None:
         """Collect the counts, stop everything in order, and report; None after a stop or without a simulator."""
         bus, progress = self._bus, self._progress
-        counts: Counts | None = None
-        if bus is not None and self._options.world is not None and not self._stop.requested:
-            counts = read_counts(bus)
+        has_counts = self._options.world is not None and not self._stop.requested
+        counts = read_counts(bus) if bus is not None and has_counts else None
         self._stop_all()
         if counts is None or progress is None:
             return None
         restarts = self.supervisor.restarts.counts
-        processes = [*report_processes(self.supervisor.processes, restarts), *self._own]
-        return make_report(counts, progress.wall or seconds_since_start(), progress.go_after, processes, restarts)
+        rows = [*report_processes(self.supervisor.processes, restarts), *self._own]
+        wall = progress.wall or seconds_since_start()
+        return make_report(counts, wall, progress.go_after, rows, restarts, self._hung)
 
     def _stop_all(self) -> None:
         self.supervisor.measure()
-        if any(process.running for process in self.supervisor.processes.values()):
+        running = [process for process in self.supervisor.processes.values() if process.running]
+        if running:
             # Measured before the others end: then the pages that it shares with them would count as its own.
             self._own = measure_processes({names.LAUNCHER: os.getpid(), **self._warm.pids})
         for group in self.plan.stop_order():
             self.supervisor.stop(group, lambda: self._hurry)
+        self._hung += [p.name for p in running if p.exit_code == HUNG and p.name not in self.plan.beside]
+        _name_killed(() if self._hurry else running)
+
+
+def _name_killed(asked: Iterable[Process]) -> None:
+    """Say which of the processes that were asked to end were killed: a busy machine or a pause may be the reason."""
+    for process in asked:
+        if process.exit_code == -signal.SIGKILL:
+            log.warning("%s had not ended %g s after it was asked to, and was killed", process.name, GRACE)

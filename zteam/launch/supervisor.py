@@ -10,7 +10,7 @@ from types import TracebackType
 
 import msgspec
 
-from zteam.clock import monotonic, wait_until
+from zteam.clock import HOST_FACTOR, monotonic, wait_until
 from zteam.errors import ZteamError
 from zteam.launch.children import StartChild, spawn
 from zteam.launch.process import Process
@@ -19,7 +19,7 @@ from zteam.launch.sampling import Sampler
 
 log = logging.getLogger("zteam")
 
-GRACE = 2.0
+GRACE = 2.0 * HOST_FACTOR
 """Seconds from SIGTERM until SIGKILL; the processes end themselves after 1.5."""
 _SAMPLE_PERIOD = 5.0
 """Seconds between measurements: reading a process's PSS walks its page tables, which delays it by milliseconds."""

@@ -18,7 +18,7 @@ from zteam.team_file.entries import (
     static_transform,
 )
 from zteam.team_file.groups import GROUP_KEYS
-from zteam.team_file.reading import TeamFile, load_team, read_team_file, team_world
+from zteam.team_file.reading import TeamFile, load_team, read_team_file, read_team_tables, team_world
 
 __all__ = [
     "DEFAULT_BEHAVIOR",
@@ -37,6 +37,7 @@ __all__ = [
     "navigation_of",
     "parse_arguments",
     "read_team_file",
+    "read_team_tables",
     "robot_arguments",
     "static_transform",
     "team_world",

@@ -53,6 +53,12 @@ def gather(path: Path, given: Mapping[str, str]) -> Gathered:
     return Gathered(layer, reading.sources, filling.taken, filling.missing, problems)
 
 
+def as_file(name: str, tables: Tables) -> Gathered:
+    """Tables that a program gives, as if the file `name` held them."""
+    source = Source(Path(name), tables, {})
+    return Gathered(Layer(tables, _origins_of(source, tables, ())), [source], [], [], [])
+
+
 class _Reading:
     def __init__(self, filling: Filling) -> None:
         self.filling = filling
@@ -155,5 +161,10 @@ def _fix_paths(tables: Tables, folder: Path) -> None:
         team["map"] = str(folder / team["map"])
     robots = tables.get("robots")
     for table in [tables.get("defaults"), *(robots if isinstance(robots, list) else [])]:
-        if isinstance(table, dict) and isinstance(table.get("description"), str):
-            table["description"] = str(folder / table["description"])
+        for holder, key in ((table, "description"), (_below(table, "navigation"), "params")):
+            if isinstance(_below(holder, key), str):
+                holder[key] = str(folder / holder[key])
+
+
+def _below(table: Any, key: str) -> Any:
+    return table.get(key) if isinstance(table, dict) else None

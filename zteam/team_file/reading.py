@@ -13,7 +13,7 @@ from zteam.simulation_options import Options
 from zteam.team_file.arguments import Argument
 from zteam.team_file.entries import NO_WORLD, NodeEntry, RobotEntry, StaticTransform, Team, TeamSection
 from zteam.team_file.groups import expand
-from zteam.team_file.includes import Gathered, gather
+from zteam.team_file.includes import Gathered, as_file, gather
 from zteam.team_file.rules import check_follows, check_nodes, check_robots, check_transforms
 from zteam.team_file.sources import Origins, Place, Tables, place_of
 from zteam.toml_lines import Path as KeyPath
@@ -79,6 +79,11 @@ def read_team_file(path: Path, arguments: Mapping[str, str] | None = None) -> Te
     """The team file at `path` with the mistakes in its keys. Raises ConfigError if a file is not TOML."""
     given = arguments or {}
     return _from_files(path, gather(path, given), tuple(f"{name}={text}" for name, text in given.items()))
+
+
+def read_team_tables(name: str, tables: Tables) -> TeamFile:
+    """A team that a program gives as tables, with the mistakes in them; errors call it `name`."""
+    return _from_files(Path(name), as_file(name, tables), ())
 
 
 def team_world(file: TeamFile) -> Path | None:

@@ -13,7 +13,11 @@ from zteam.toml_lines import Path
 from zteam.toml_values import toml_text
 
 _NODE_NAME = re.compile(r"[A-Za-z0-9_.-]{1,100}")
-_PROCESSES = frozenset({names.SIMULATOR, names.AGGREGATOR, names.MONITOR, names.LAUNCHER, "router"})
+_PROCESSES = frozenset(
+    {names.SIMULATOR, names.AGGREGATOR, names.MONITOR, names.MAP_SERVER, names.VIEW, names.LAUNCHER, "router"}
+)
+_ROBOT_OF = (names.robot_id_of, names.navigated_robot_of)
+"""Of the processes of one robot."""
 _ANGLES = frozenset({"yaw", "pitch", "roll"})
 
 
@@ -81,7 +85,7 @@ def _check_follow(robot: RobotEntry, ids: Collection[int] | None) -> tuple[str, 
     if robot.follow == robot.id:
         return "follow", f"robot {robot.id} cannot follow itself; name another robot"
     if ids is not None and robot.follow not in ids:
-        return "follow", f"no robot {robot.follow} in this file (it has {format_robot_ids(ids)})"
+        return "follow", f"no robot {robot.follow} in this team (it has {format_robot_ids(ids)})"
     return "follow", ""
 
 
@@ -103,7 +107,7 @@ def check_nodes(nodes: Mapping[int, NodeEntry], ids: Collection[int]) -> list[Pr
         text = ""
         if not _NODE_NAME.fullmatch(node.name):
             text = f"{node.name!r} cannot be a name; use letters, digits, '_', '-' and '.'"
-        elif node.name in _PROCESSES or names.robot_id_of(node.name) in ids:
+        elif node.name in _PROCESSES or any(find(node.name) in ids for find in _ROBOT_OF):
             text = f"{node.name} is a process of the team already; give the node another name"
         elif node.name in seen:
             text = f"nodes[{seen[node.name]}] has this name already; give each node its own"

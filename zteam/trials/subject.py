@@ -7,7 +7,8 @@ from typing import Any, NamedTuple, TypeVar
 from zteam.behaviors.behavior import Behavior
 from zteam.behaviors.registry import read_params
 from zteam.behaviors.safety.asking import ask
-from zteam.behaviors.safety.limits import Limits, Motion
+from zteam.behaviors.safety.limits import Limits
+from zteam.behaviors.safety.swept import Motion
 from zteam.behaviors.view import View
 from zteam.errors import BehaviorError, EncodeError
 from zteam.messages import Message, Twist

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from typing import NamedTuple
 
-from zteam.behaviors.safety.limits import Motion
+from zteam.behaviors.safety.swept import Motion
 from zteam.behaviors.view import View
 from zteam.errors import UsageError
 from zteam.trials.fault import Fault, place_of_step

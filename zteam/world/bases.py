@@ -32,4 +32,8 @@ def base_info(robot: Robot) -> BaseInfo:
         acc_lim_x=acceleration.x[1],
         decel_lim_x=acceleration.x[0],
         acc_lim_theta=min(-acceleration.yaw[0], acceleration.yaw[1]),
+        max_vel_y=min(-velocity.y[0], velocity.y[1]) if robot.drive == "omni" else 0.0,
+        acc_lim_y=min(-acceleration.y[0], acceleration.y[1]),
+        decel_lim_reverse=acceleration.x[1],
+        wheelbase=robot.wheelbase if robot.drive == "car" else 0.0,
     )

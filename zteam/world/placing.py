@@ -3,7 +3,8 @@
 Plain geometry in numpy: the launcher asks before a simulator runs, the engine asks with the poses of the moment.
 """
 
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,12 +36,26 @@ def find_hindrance(world: World, robot: Robot, others: Mapping[int, Robot]) -> s
     for plan in world.floorplans:
         if plan.obstacle and any(_heights_overlap(plan, shape) and _meets_plan(plan, at) for shape, at in body):
             return f"it would stand in a wall of {plan.name!r}"
+    reach = _reach(robot.shapes)
     for name, pose, shapes in _standing(world, others):
+        if math.dist(pose[:2], robot.pose[:2]) > reach + _reach(shapes):
+            continue
         for shape in shapes:
             points = place_shape(pose, shape) if shape.obstacle else None
             if points is not None and any(_heights_overlap(shape, own) and _overlap(points, at) for own, at in body):
                 return f"it would stand in {name}"
     return ""
+
+
+def find_misplaced(world: World) -> Iterator[tuple[int, str]]:
+    """The world's own robots that have no room at their start poses, and what keeps each from standing there.
+
+    Of two robots in the same place it is the second.
+    """
+    for robot_id, robot in enumerate(world.robots):
+        hindrance = find_hindrance(world, robot, dict(enumerate(world.robots[:robot_id])))
+        if hindrance:
+            yield robot_id, hindrance
 
 
 def find_bounds(world: World) -> tuple[Floats, Floats] | None:
@@ -135,6 +150,11 @@ def _contains(polygon: Floats, x: Floats, y: Floats) -> NDArray[np.bool_]:
             crosses = (ay > y) != (by > y)
             inside ^= crosses & (x < ax + (y - ay) * (bx - ax) / (by - ay))
     return inside
+
+
+def _reach(shapes: Sequence[Shape]) -> float:
+    """Metres from their owner's origin to their furthest corner."""
+    return max((math.hypot(x, y) for shape in shapes for x, y in shape.points), default=0.0)
 
 
 def _overlap(one: Floats, other: Floats) -> bool:

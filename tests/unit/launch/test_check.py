@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from support.limits import LIMIT
 from zteam import run_team
 from zteam.errors import ConfigError
 from zteam.launch.check import check_team
@@ -238,6 +239,7 @@ def test_a_team_without_its_world_robots_adds_its_own(tmp_path: Path) -> None:
     check_team(read_team_file(write(tmp_path, text + 'model = "erratic"\npose = [0, 0, 0]\n')))
 
 
+@pytest.mark.ci
 def test_the_check_needs_no_engine(tmp_path: Path) -> None:
     """The launcher stays small and fast: the check imports neither numba nor pymunk nor the user's modules."""
     path = write(tmp_path, '[team]\nworld = "office"\n[[robots]]\nid = 0\nbehavior = "my_stopper:Stopper"\n')
@@ -246,7 +248,7 @@ def test_the_check_needs_no_engine(tmp_path: Path) -> None:
         f"from zteam.launch.check import check_team; check_team(read_team_file(Path({str(path)!r}))); "
         "print({'numba', 'pymunk', 'my_stopper'} & set(sys.modules))"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=LIMIT, check=True)
     assert done.stdout == "set()\n"
 
 
@@ -278,3 +280,53 @@ def test_commands_of_zteam_need_not_be_on_the_path(tmp_path: Path, monkeypatch: 
     node = '[[nodes]]\nname = "goals"\ncommand = ["zteam", "goals", "tour.yaml"]\n'
     path.write_text(f'[team]\nworld = "arena"\n[[robots]]\nid = 0\n{node}')
     check_team(read_team_file(path))
+
+
+ROBOTS_OF_A_WORLD = """
+define bare position( size [0.4 0.4 0.3] )
+define seeing bare( ranger( sensor( samples 181 fov 180 range [0 8] ) ) )
+model( name "block" size [1 1 1] pose [3 0 0 0] )
+bare( name "blind" pose [0 0 0 0] )
+seeing( name "inside" pose [3.2 0 0 0] )
+seeing( name "under" pose [-3 0 0 0] )
+seeing( name "over" pose [-3.1 0 0 0] )
+seeing( name "free" pose [0 3 0 0] )
+"""
+
+
+def test_a_robot_that_cannot_drive_in_its_world_is_told(tmp_path: Path) -> None:
+    """One without the sensor that its behaviour needs, and one that stands in a thing or in another robot."""
+    (tmp_path / "my.world").write_text(ROBOTS_OF_A_WORLD)
+    (tmp_path / "feeler.py").write_text(
+        STOPPER.replace(
+            "class Params", 'inputs = {"bumps": ("bumper", Bumper), "near": ("sonar_0", Range)}\n    class Params'
+        ).replace("import Twist", "import Bumper, Range, Twist")
+    )
+    text = '[team]\nworld = "my.world"\n[[robots]]\nids = "0,1,3"\nbehavior = "wander"\n'
+    path = write(tmp_path, text + '[[robots]]\nid = 4\nbehavior = "feeler:Stopper"\n')
+    with pytest.raises(ConfigError) as caught:
+        check_team(read_team_file(path))
+    assert str(caught.value).replace(f"{path}:", "").splitlines() == [
+        "4: robots[0].ids: at its pose in my.world robot 1 would stand in 'block'; give 'inside' a free pose there",
+        "4: robots[0].ids: at its pose in my.world robot 3 would stand in robot 2; give 'over' a free pose there",
+        *(
+            f"{place}.behavior: {what} for it: add one to {model}) in my.world, or give it another model"
+            for place, what, model in (
+                ("5: robots[0]", "wander needs base_scan, but robot 0 carries no laser", "'blind' (model bare"),
+                ("8: robots[1]", "feeler:Stopper needs bumper, but robot 4 carries no bumper", "'free' (model seeing"),
+                ("8: robots[1]", "feeler:Stopper needs sonar_0, but robot 4 carries no sonar", "'free' (model seeing"),
+            )
+        ),
+    ]
+
+
+def test_a_node_may_bring_the_sensor_that_a_robot_lacks(tmp_path: Path) -> None:
+    """Only the laser is the simulator's own: without it no robot drives."""
+    (tmp_path / "my.world").write_text(ROBOTS_OF_A_WORLD)
+    behavior = STOPPER.replace("class Params", 'inputs = {"bumps": ("bumper", Bumper)}\n    class Params')
+    (tmp_path / "feeler.py").write_text(behavior.replace("import Twist", "import Bumper, Twist"))
+    robot = '[team]\nworld = "my.world"\n[[robots]]\nid = {}\nbehavior = "feeler:Stopper"\n'
+    node = '[[nodes]]\nname = "skin"\ncommand = ["python", "-c", "pass"]\n'
+    check_team(read_team_file(write(tmp_path, robot.format(4) + node)))
+    with pytest.raises(ConfigError, match="robot 0 carries no laser"):
+        check_team(read_team_file(write(tmp_path, robot.format(0) + node)))

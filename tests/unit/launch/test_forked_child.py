@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from support.started_child import LIMIT, Started, has_ended, obey
+from support.limits import LIMIT
+from support.started_child import Started, has_ended, obey
 from zteam.launch import warm_parent
 from zteam.launch.children import spawn
 from zteam.launch.process import zteam_command
@@ -64,6 +65,7 @@ def test_a_forked_child_is_like_a_spawned_one(
     assert forked["environment"]["ZTEAM_CONNECT"] == "tcp/1.2.3.4:5"
 
 
+@pytest.mark.ci
 def test_what_one_child_was_told_does_not_reach_the_next(
     warm: WarmParent, lifeline: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -84,6 +86,7 @@ def test_what_one_child_was_told_does_not_reach_the_next(
     assert json.loads(next_one.heard[-1]) == json.loads(started.heard[-1])
 
 
+@pytest.mark.ci
 def test_a_child_whose_folder_is_gone_leaves_the_warm_parent_alive(
     warm: WarmParent, lifeline: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -101,6 +104,7 @@ def test_a_child_whose_folder_is_gone_leaves_the_warm_parent_alive(
     assert warm.pids == pids
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("code", "expected"),
     [
@@ -147,9 +151,8 @@ def test_it_can_be_written_to_signalled_and_killed(warm: WarmParent, lifeline: i
     asked.process.terminate()
     assert asked.finish() == -signal.SIGTERM
 
-    nested = (
-        f"import subprocess, sys; p = subprocess.Popen([sys.executable, '-c', {waiting!r}]); print(p.pid); p.wait()"
-    )
+    inner = "import os, signal; print(os.getpid(), flush=True); signal.pause()"
+    nested = f"import subprocess, sys; subprocess.Popen([sys.executable, '-c', {inner!r}]).wait()"
     killed = Started(warm.start, lifeline, obey(nested))
     assert killed.up.wait(LIMIT)
     grandchild = os.pidfd_open(int(killed.heard[0]))
@@ -159,6 +162,7 @@ def test_it_can_be_written_to_signalled_and_killed(warm: WarmParent, lifeline: i
     os.close(grandchild)
 
 
+@pytest.mark.ci
 def test_children_draw_different_random_numbers(
     warm: WarmParent, lifeline: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -172,6 +176,7 @@ def test_children_draw_different_random_numbers(
     assert first[1] != second[1]
 
 
+@pytest.mark.ci
 def test_the_modules_of_a_team_are_there(warm: WarmParent, lifeline: int) -> None:
     """All modules that are to be preloaded exist, and none that a robot must not import is among them."""
     code = (
@@ -184,6 +189,7 @@ def test_the_modules_of_a_team_are_there(warm: WarmParent, lifeline: int) -> Non
     assert (child.finish(), child.heard) == (0, ["[]", "[]"])
 
 
+@pytest.mark.ci
 def test_ps_shows_each_process_under_its_commands_name(lifeline: int) -> None:
     """Forked and spawned processes have the name that an installed command would have, and their own command line."""
 
@@ -205,6 +211,7 @@ def test_ps_shows_each_process_under_its_commands_name(lifeline: int) -> None:
         assert shown(*warm.pids.values()) == "zteam-parent"
 
 
+@pytest.mark.ci
 def test_children_have_one_heap_and_their_own_environment(warm: WarmParent, lifeline: int) -> None:
     """The C library of the warm parent was told to keep one heap; that is no variable of a child."""
     child = Started(warm.start, lifeline, obey("import os; print(os.environ.get('MALLOC_ARENA_MAX'))"))
@@ -214,6 +221,7 @@ def test_children_have_one_heap_and_their_own_environment(warm: WarmParent, life
     assert b"MALLOC_ARENA_MAX=" in Path(f"/proc/{pid}/environ").read_bytes()
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("words", "expected"),
     [

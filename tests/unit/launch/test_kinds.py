@@ -10,7 +10,8 @@ from zteam.launch import kinds
 from zteam.launch.arguments import Pace
 from zteam.launch.kinds import KINDS, Kind, kind_of
 from zteam.launch.plan import Plan, launch_of, plan_team
-from zteam.team_file import RobotEntry, Team
+from zteam.team_file import NodeEntry, RobotEntry, Team
+from zteam.team_file.rules import check_nodes
 
 TEAM = Team(robots=[RobotEntry(id=0, behavior="forward"), RobotEntry(id=12, behavior="forward")])
 WORLD = Path("/w/arena.world")
@@ -79,6 +80,14 @@ def test_every_command_of_the_table_is_a_command() -> None:
 
     installed = {entry.name for entry in entry_points(group="console_scripts") if entry.value.startswith(main.__name__)}
     assert {kind.command for kind in KINDS} == installed - {"zteam"}
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.title)
+def test_a_node_cannot_take_the_place_of_a_process(kind: Kind) -> None:
+    """A node with the name of any kind of process is refused: it would replace that process."""
+    name = kind.name.replace("_N", "_0")
+    (problem,) = check_nodes({0: NodeEntry(name=name, command=("true",))}, {0})
+    assert problem.text == f"{name} is a process of the team already; give the node another name"
 
 
 def test_a_run_needs_its_router_and_its_simulator() -> None:

@@ -4,13 +4,12 @@ import threading
 
 import pytest
 
+from support.limits import LIMIT
 from zteam.bus.memory import MemoryHub
 from zteam.bus.presence import Claim
 from zteam.errors import BusError
 from zteam.launch.namespace import claim_namespace, refuse_second_team
 from zteam.runtime.shutdown import Stop
-
-LIMIT = 30.0
 
 
 def test_a_process_of_the_team_is_named(hub: MemoryHub) -> None:

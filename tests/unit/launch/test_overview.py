@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from support.monitor_voice import MonitorVoice
+from support.lockstep_doubles import ScriptedMonitor
 from zteam import names
 from zteam.bus import Bus, NoRequest
 from zteam.bus.memory import MemoryHub
@@ -39,11 +39,11 @@ def test_a_robot_drives_if_it_runs_without_a_reason_to_stand(hub: MemoryHub) -> 
 
 def test_the_time_counts_from_go(hub: MemoryHub) -> None:
     """It is unknown before GO and without a simulator."""
-    watch, voice = TeamOverview(hub.bus(), [0], is_simulated=True), MonitorVoice(hub.bus())
+    watch, voice = TeamOverview(hub.bus(), [0], is_simulated=True), ScriptedMonitor(hub)
     assert (watch.look().begun, watch.look().elapsed) == (False, None)
-    voice.status(TeamState.WAITING)
+    voice.say(TeamState.WAITING)
     assert not watch.look().begun
-    voice.status(TeamState.GO, 500_000_000)
+    voice.give_go(stamp=500_000_000)
     assert watch.look().begun
     assert watch.look().elapsed is None
     serve_status(hub.bus(), lambda: SimStatus("w", [0], 100_000_000, 1, 2_000_000_000, 20, 1.0))

@@ -8,6 +8,7 @@ import pytest
 from zteam.launch.own_behaviors import Inquiry, Question
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("code", "told"),
     [

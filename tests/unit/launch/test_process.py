@@ -8,10 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from support.limits import LIMIT
 from zteam.launch.process import Process, Usage, exit_text, measure_usage, zteam_command
-
-LIMIT = 30.0
-"""Host seconds that a small child may take on a crowded machine."""
 
 
 class Child:
@@ -252,7 +250,24 @@ def test_an_end_is_reported_while_a_grandchild_lives(lifeline: int) -> None:
     )
     child = Child(code, lifeline)
     try:
-        assert child.ended.wait(2.0)
+        assert child.ended.wait(LIMIT)
     finally:
         child.process.kill()
         assert child.process.join(LIMIT)
+
+
+def test_an_end_is_reported_while_a_daemon_holds_the_output(lifeline: int) -> None:
+    """A process in a session of its own, which outlives the child, does not hide the child's end and exit code."""
+    # It ends with the lifeline, after this test.
+    code = (
+        "import os, subprocess, sys\n"
+        "pipe = int(os.environ['ZTEAM_PARENT_PIPE'])\n"
+        "wait = f'import os; os.read({pipe}, 1)'\n"
+        "subprocess.Popen([sys.executable, '-c', wait], pass_fds=[pipe], start_new_session=True)\n"
+        "print('left', flush=True)\n"
+        "raise SystemExit(3)"
+    )
+    child = Child(code, lifeline)
+    assert child.finish() == 3
+    assert child.ended.is_set()
+    assert child.heard == ["left"]

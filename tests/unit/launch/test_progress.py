@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from support.monitor_voice import MonitorVoice
+from support.limits import LIMIT
+from support.lockstep_doubles import ScriptedMonitor
 from zteam import names
 from zteam.bus import NoRequest
 from zteam.bus.memory import MemoryHub
@@ -16,8 +17,6 @@ from zteam.launch.progress import Progress, Watched
 from zteam.messages import TeamState, TeamStatus
 from zteam.runtime.shutdown import Stop
 from zteam.services.simulator import FinishReply, FinishRequest, SimStatus
-
-LIMIT = 30.0
 
 
 class Runner:
@@ -35,18 +34,18 @@ class Runner:
 def test_go_is_noted_once(hub: MemoryHub) -> None:
     """Waiting is not GO, and the time of the first GO stays."""
     moments = itertools.count(1.5)
-    progress, team = Progress(hub.bus(), False, lambda: next(moments)), MonitorVoice(hub.bus())
-    team.status(TeamState.WAITING)
+    progress, team = Progress(hub.bus(), False, lambda: next(moments)), ScriptedMonitor(hub)
+    team.say(TeamState.WAITING)
     assert progress.go_after is None
-    team.status(TeamState.GO, 100)
+    team.give_go(stamp=100)
     assert progress.go_after == 1.5
-    team.status(TeamState.GO, 200)
+    team.give_go(stamp=200)
     assert progress.go_after == 1.5
 
 
 def test_an_earlier_go_counts(hub: MemoryHub) -> None:
     """GO is latched: a launcher that subscribes late gets it."""
-    MonitorVoice(hub.bus()).status(TeamState.GO)
+    ScriptedMonitor(hub).give_go()
     assert Progress(hub.bus(), False).go_after is not None
 
 
@@ -61,7 +60,7 @@ def test_the_simulator_decides_the_end(hub: MemoryHub) -> None:
 
     hub.bus().serve(names.service_key(names.SIMULATOR, "finish"), FinishRequest, finish)
     progress = Progress(hub.bus(), True)
-    MonitorVoice(hub.bus()).status(TeamState.GO)
+    ScriptedMonitor(hub).give_go()
     for _ in range(3):
         assert asked.acquire(timeout=LIMIT)
     assert progress.wall is None
@@ -75,18 +74,18 @@ def test_the_simulator_decides_the_end(hub: MemoryHub) -> None:
 @pytest.mark.parametrize("has_gone", [False, True])
 def test_a_team_without_go_is_given_up(hub: MemoryHub, has_gone: bool) -> None:
     """After --go-timeout the run fails with the monitor's words for what is missing; after GO it goes on."""
-    moments = itertools.count(1.0)
+    moments = itertools.count(0.1, 0.1)
     progress, stop = Progress(hub.bus(), False, lambda: next(moments)), Stop()
     hub.bus().publisher(names.TEAM_STATUS, TeamStatus).put(TeamStatus(waiting_for="robot_3: no process yet"))
     if has_gone:
-        MonitorVoice(hub.bus()).status(TeamState.GO)
+        ScriptedMonitor(hub).give_go()
     robot = Runner(4)
     if has_gone:
-        progress.watch(stop, robot.watched, str, 2.5)
+        progress.watch(stop, robot.watched, str, 0.25)
         assert robot.looks == 0
     else:
-        with pytest.raises(ZteamError, match=r"no GO within 2\.5 s: waiting for robot_3: no process yet"):
-            progress.watch(stop, robot.watched, str, 2.5)
+        with pytest.raises(ZteamError, match=r"no GO within 0\.25 s: waiting for robot_3: no process yet"):
+            progress.watch(stop, robot.watched, str, 0.25)
 
 
 @pytest.mark.parametrize(
@@ -94,7 +93,7 @@ def test_a_team_without_go_is_given_up(hub: MemoryHub, has_gone: bool) -> None:
     [
         (
             {"lockstep": True, "tick": 1, "waiting_for": "planner"},
-            "the first tick is held for 2.5 s: waiting for planner",
+            "the first tick is held for 0.25 s: waiting for planner",
         ),
         ({"lockstep": True, "tick": 2, "waiting_for": "planner"}, ""),
         ({"lockstep": True, "tick": 1, "waiting_for": ""}, ""),
@@ -104,14 +103,14 @@ def test_a_team_without_go_is_given_up(hub: MemoryHub, has_gone: bool) -> None:
 )
 def test_a_held_first_tick_is_given_up_too(hub: MemoryHub, status: dict[str, Any], told: str) -> None:
     """GO is out when the robots are ready; lock-step may wait for a node that never comes. Anything else goes on."""
-    moments = itertools.count(1.0)
+    moments = itertools.count(0.1, 0.1)
     progress, robot = Progress(hub.bus(), False, lambda: next(moments)), Runner(4)
-    MonitorVoice(hub.bus()).status(TeamState.GO)
+    ScriptedMonitor(hub).give_go()
     if status:
         answer = SimStatus("arena", [0], 100_000_000, 1, 0, real_time_factor=1.0, **status)
         hub.bus().serve(names.service_key(names.SIMULATOR, "status"), NoRequest, lambda _: answer)
     with pytest.raises(ZteamError, match=told) if told else nullcontext():
-        progress.watch(Stop(), robot.watched, str, 2.5)
+        progress.watch(Stop(), robot.watched, str, 0.25)
     assert (robot.looks == 0) == (not told)
 
 
@@ -125,6 +124,6 @@ def test_without_a_limit_the_simulator_is_not_asked(hub: MemoryHub) -> None:
 
     hub.bus().serve(names.service_key(names.SIMULATOR, "finish"), FinishRequest, finish)
     progress = Progress(hub.bus(), False)
-    MonitorVoice(hub.bus()).status(TeamState.GO)
+    ScriptedMonitor(hub).give_go()
     assert progress.wall is None
     assert not asked.is_set()

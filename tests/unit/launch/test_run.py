@@ -10,25 +10,25 @@ from typing import Any
 
 import pytest
 
-from support.monitor_voice import MonitorVoice
+from support.limits import LIMIT
+from support.lockstep_doubles import ScriptedMonitor
+from support.log_capture import captured_log
 from zteam import names
 from zteam.bus import BusOptions
 from zteam.bus.memory import MemoryHub
+from zteam.bus.options import LEASE
 from zteam.bus.presence import Claim
 from zteam.cli import zteam_monitor, zteam_robot, zteam_sim, zteam_tf
 from zteam.cli.options import bus_options
 from zteam.errors import BusError, ZteamError
 from zteam.launch import run as running
 from zteam.launch.process import Process
+from zteam.launch.progress import Watched
 from zteam.launch.router import ANY_PORT
 from zteam.launch.run import Run, RunOptions, choose_endpoint
 from zteam.launch.warm_parent import WarmParent
-from zteam.messages import TeamState
 from zteam.runtime.shutdown import Stop
 from zteam.team_file import RobotEntry, Team
-
-LIMIT = 30.0
-
 
 TEAM = Team(robots=[RobotEntry(id=0, behavior="forward")])
 
@@ -117,8 +117,43 @@ def test_a_router_that_cannot_start_is_started_on_any_port(pretend: Pretend) -> 
     with pretend.run() as run:
         run.start()
         assert run.endpoint == "tcp/127.0.0.1:5"
-        assert pretend.asked[1] == ("--listen", ANY_PORT, "--announce")
+        assert pretend.asked[1] == ("--listen", ANY_PORT, "--announce", "--lease", str(LEASE))
         assert run.supervisor.failures == []
+
+
+def test_a_robot_that_fails_while_the_router_is_retried_has_failed(pretend: Pretend) -> None:
+    """The second router takes the first one's failure back, and not that of a process that ended meanwhile."""
+    pretend.others = "raise SystemExit(2)"
+    pretend.routers = ["raise SystemExit(1)", ANNOUNCE]
+    with pretend.run() as run:
+        first = run._wait_for_endpoint
+
+        def wait_for_robot(router: Process) -> str:
+            # All others have failed when the first router's end is looked at.
+            assert run.supervisor.wait(lambda: run.failed >= set(run.plan.commands), LIMIT)
+            return first(router)
+
+        run._wait_for_endpoint = wait_for_robot  # type: ignore[method-assign]
+        run.start()
+        assert run.failed == set(run.plan.commands)
+
+
+@pytest.mark.parametrize(
+    ("on_stop", "failed"),
+    [("signal.SIG_IGN", False), ("lambda *_: os._exit(3)", True)],
+    ids=["slow to end", "a step that hangs"],
+)
+def test_only_a_step_that_hangs_at_the_end_is_a_failure(
+    pretend: Pretend, monkeypatch: pytest.MonkeyPatch, on_stop: str, failed: bool
+) -> None:
+    """A process that says so by its exit code has failed; one that is killed because it is slow is named."""
+    monkeypatch.setattr("zteam.launch.supervisor.GRACE", 1.0)
+    pretend.others = f"import os, signal; signal.signal(signal.SIGTERM, {on_stop}); print(1, flush=True); {WAIT}"
+    with captured_log() as log, pretend.run() as run:
+        run.start()
+        assert run.supervisor.wait(lambda: {name for name, line in pretend.lines if line == "1"} >= {"robot_0"}, LIMIT)
+    assert ("robot_0" in run.failed) == failed
+    assert any("robot_0 had not ended" in line for line in log.lines) != failed
 
 
 def test_no_router_is_an_error(pretend: Pretend) -> None:
@@ -159,11 +194,22 @@ def test_a_failure_ends_a_run_with_a_limit(pretend: Pretend) -> None:
             run.watch()
 
 
-def test_a_stop_request_ends_the_wait(pretend: Pretend) -> None:
+def stop_once_watched(run: Run, stop: Stop, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Request a stop when `run.watch` has begun: it holds its lock from then on until it waits."""
+    look = run._watched
+
+    def look_and_stop() -> list[Watched]:
+        threading.Thread(target=stop.request, args=("test",)).start()
+        return look()
+
+    monkeypatch.setattr(run, "_watched", look_and_stop)
+
+
+def test_a_stop_request_ends_the_wait(pretend: Pretend, monkeypatch: pytest.MonkeyPatch) -> None:
     """Ctrl+C ends the wait, and the run then has no report."""
     with pretend.run(run_for=1000.0) as run:
         run.start()
-        threading.Timer(0.1, pretend.stop.request, ("test",)).start()
+        stop_once_watched(run, pretend.stop, monkeypatch)
         run.watch()
         assert run.finish() is None
 
@@ -173,11 +219,11 @@ def test_a_simulator_that_ends_with_0_ends_a_run_with_a_limit(pretend: Pretend) 
     with pretend.run(run_for=1.0) as run:
         run.plan.commands[names.SIMULATOR] = python("raise SystemExit(0)")
         run.start()
-        threading.Timer(2.5, pretend.stop.request, ("the test's patience",)).start()
         with pytest.raises(ZteamError, match="sim"):
             run.watch()
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("name", ["robot_0", names.AGGREGATOR, names.MONITOR])
 @pytest.mark.parametrize("code", [0, 2])
 def test_a_process_that_ends_before_go_ends_a_run_with_a_limit(pretend: Pretend, name: str, code: int) -> None:
@@ -190,17 +236,17 @@ def test_a_process_that_ends_before_go_ends_a_run_with_a_limit(pretend: Pretend,
             run.watch()
 
 
-def test_a_robot_that_ends_after_go_does_not_end_the_run(pretend: Pretend) -> None:
+def test_a_robot_that_ends_after_go_does_not_end_the_run(pretend: Pretend, monkeypatch: pytest.MonkeyPatch) -> None:
     """The other processes go on, as in a run without a limit."""
     with pretend.run(run_for=1000.0) as run:
         run.start()
-        MonitorVoice(pretend.hub.bus()).status(TeamState.GO)
+        ScriptedMonitor(pretend.hub).give_go()
         assert run._progress is not None
         with run._progress.changed:
             assert run._progress.changed.wait_for(lambda: run._progress.go_after is not None, LIMIT)  # type: ignore[union-attr]
         run.supervisor.processes["robot_0"].kill()
         assert run.supervisor.wait(lambda: bool(run.supervisor.failures), LIMIT)
-        threading.Timer(0.2, pretend.stop.request, ("test",)).start()
+        stop_once_watched(run, pretend.stop, monkeypatch)
         run.watch()
 
 

@@ -9,12 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from zteam.clock import monotonic
+from support.limits import LIMIT
+from support.transports import wait_until_true
 from zteam.launch import restarts
 from zteam.launch.process import Process
 from zteam.launch.supervisor import Job, Supervisor
-
-LIMIT = 30.0
 
 WAITING = "print('up', flush=True)\nimport time\ntime.sleep(600)"
 """A child that ends only when it gets a signal."""
@@ -156,13 +155,8 @@ def test_measuring_covers_every_process() -> None:
 
 
 def is_frozen(pid: int) -> bool:
-    """Whether a process that was sent SIGSTOP is stopped within LIMIT."""
-    deadline = monotonic() + LIMIT
-    while monotonic() < deadline:
-        # Only its parent is notified, and that is another process.
-        if (Path("/proc") / str(pid) / "stat").read_text().rpartition(")")[2].split()[0] == "T":
-            return True
-    return False
+    """Whether a process is stopped. Only its parent is notified of that."""
+    return (Path("/proc") / str(pid) / "stat").read_text().rpartition(")")[2].split()[0] == "T"
 
 
 SUPERVISED = f"""
@@ -170,12 +164,13 @@ import os, signal, sys
 from zteam.launch.supervisor import Job, Supervisor
 supervisor = Supervisor(lambda name, line: print(name, line, flush=True), lambda process, delay: None)
 child = supervisor.start("child", [sys.executable, "-c", {OWN!r}])
-supervisor.wait(lambda: bool(child.lines), 30)
+supervisor.wait(lambda: bool(child.lines), {LIMIT})
 print("pid", child.pid, flush=True)
 signal.pause()
 """
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGHUP])
 @pytest.mark.parametrize("frozen", [False, True])
 def test_children_end_when_their_supervisor_dies(number: signal.Signals, frozen: bool) -> None:
@@ -189,7 +184,7 @@ def test_children_end_when_their_supervisor_dies(number: signal.Signals, frozen:
         handle = os.pidfd_open(pid)
         if frozen:
             os.kill(pid, signal.SIGSTOP)
-            assert is_frozen(pid)
+            wait_until_true(lambda: is_frozen(pid))
         supervisor.send_signal(number)
         supervisor.wait(LIMIT)
         if frozen and not select.select([handle], [], [], 0)[0]:
@@ -202,14 +197,14 @@ def test_children_end_when_their_supervisor_dies(number: signal.Signals, frozen:
         assert ended, "the child outlives its supervisor"
 
 
-DEAF = """
+DEAF = f"""
 import sys
 from zteam.launch.supervisor import Job, Supervisor
 def on_line(name, line):
     raise BrokenPipeError
 supervisor = Supervisor(on_line, lambda process, delay: None)
 supervisor.start("child", [sys.executable, "-c", "print('line'); raise SystemExit(3)"])
-told = supervisor.wait(lambda: bool(supervisor.failures), 2)
+told = supervisor.wait(lambda: bool(supervisor.failures), {LIMIT})
 supervisor.close()
 raise SystemExit(0 if told else 1)
 """

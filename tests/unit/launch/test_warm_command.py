@@ -19,6 +19,7 @@ def warm() -> Iterator[WarmParent]:
         yield parent
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("fork", [True, False])
 def test_output_error_and_exit_code_are_apart(warm: WarmParent, monkeypatch: pytest.MonkeyPatch, fork: bool) -> None:
     """Forked or spawned, a command has its own streams and exit code, and no input."""
@@ -32,6 +33,7 @@ def test_output_error_and_exit_code_are_apart(warm: WarmParent, monkeypatch: pyt
     assert "did you mean check?" in wrong.stderr
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("fork", [True, False])
 def test_the_environment_of_one_command_is_its_own(
     warm: WarmParent, monkeypatch: pytest.MonkeyPatch, fork: bool

@@ -10,7 +10,8 @@ from typing import Any
 
 import pytest
 
-from support.started_child import LIMIT, Started, has_ended, obey
+from support.limits import LIMIT
+from support.started_child import Started, has_ended, obey
 from zteam.launch import forked_child
 from zteam.launch.children import Child
 from zteam.launch.forked_child import UNKNOWN, ForkedChild
@@ -48,6 +49,7 @@ def test_what_cannot_be_forked_is_spawned(lifeline: int, monkeypatch: pytest.Mon
         assert kind_of(warm, lifeline, help_text) is ForkedChild
 
 
+@pytest.mark.ci
 def test_another_environment_gets_another_warm_parent(
     warm: WarmParent, lifeline: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -63,6 +65,7 @@ def test_another_environment_gets_another_warm_parent(
     assert warm.pids != first
 
 
+@pytest.mark.ci
 def test_a_dead_warm_parent_is_replaced(warm: WarmParent, lifeline: int) -> None:
     """Its children go on and can be ended; only their exit codes are lost. The next ones have a new warm parent."""
     orphan = Started(warm.start, lifeline, obey("print('up', flush=True); input()"))
@@ -79,6 +82,7 @@ def test_a_dead_warm_parent_is_replaced(warm: WarmParent, lifeline: int) -> None
     assert orphan.finish() == UNKNOWN
 
 
+@pytest.mark.ci
 def test_a_warm_parent_that_does_not_answer_is_left_alone(
     warm: WarmParent, lifeline: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -116,6 +120,7 @@ def test_a_child_that_cannot_be_watched_does_not_run_beside_the_next(
     os.close(forked)
 
 
+@pytest.mark.ci
 def test_a_warm_parent_without_descriptors_says_so(
     warm: WarmParent, lifeline: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:

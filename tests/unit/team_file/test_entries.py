@@ -83,7 +83,7 @@ def test_arguments_leave_the_safety_layer_out_where_the_file_does(tmp_path: Path
     ("text", "told"),
     [
         ("max_vel_x", "--base 'max_vel_x' is not KEY=VALUE, e.g. --base max_vel_x=0.4"),
-        ("max_vel_y=1.0", "--base max_vel_y: unknown key (did you mean max_vel_x?); known: footprint, max_vel_x"),
+        ("max_vel_z=1.0", "--base max_vel_z: unknown key (did you mean max_vel_y?); known: footprint, max_vel_x"),
         ("max_vel_x=fast", '--base max_vel_x: a number is expected, not "fast"'),
         ("footprint=[[0, 0], [1, 0], [2, 0]]", "--base footprint: must enclose an area"),
     ],

@@ -6,7 +6,7 @@ import pytest
 
 from zteam.errors import ConfigError
 from zteam.resources import shipped_world
-from zteam.team_file import load_team, read_team_file, robot_arguments, team_world
+from zteam.team_file import load_team, navigation_of, read_team_file, robot_arguments, team_world
 from zteam.team_file.includes import MAX_FILES
 
 
@@ -80,6 +80,23 @@ def test_paths_belong_to_the_file_in_which_they_stand(tmp_path: Path) -> None:
     assert file.team.folders == (str(tmp_path), str(below))
 
 
+def test_a_parameter_file_of_navigation_belongs_to_the_file_that_names_it(tmp_path: Path) -> None:
+    """Beside an included file, for its robots and for those that take its defaults; a file's own stays as written."""
+    below = tmp_path / "below"
+    below.mkdir()
+    write(
+        below,
+        base='[defaults]\nnavigation = { params = "nav2.yaml" }\n'
+        '[[robots]]\nid = 0\nnavigation = { params = "other.yaml", localizer = "none" }\n',
+    )
+    path = write(
+        tmp_path,
+        team='include = ["below/base.toml"]\n[[robots]]\nid = 1\n[[robots]]\nid = 2\nnavigation.params = "own.yaml"\n',
+    )
+    params = [(navigation_of(robot) or {})["params"] for robot in load_team(path).robots]
+    assert params == [str(below / "other.yaml"), str(below / "nav2.yaml"), "own.yaml"]
+
+
 def test_mistakes_have_the_file_in_which_they_stand(tmp_path: Path) -> None:
     """Mistakes of all files in one error, in the order of reading; a rule across files names the right one."""
     path = write(
@@ -91,7 +108,7 @@ def test_mistakes_have_the_file_in_which_they_stand(tmp_path: Path) -> None:
         "team.toml:3: robots[0].id: a whole number of at least 0 is expected, not -1",
         "team.toml:7: robots[1].when: a parameter is a number, text, true, false, or an array or table of such",
         'base.toml:2: team.seed: a whole number is expected, not "x"',
-        "base.toml:5: robots[0].follow: no robot 9 in this file (it has -1, 1, 2)",
+        "base.toml:5: robots[0].follow: no robot 9 in this team (it has -1, 1, 2)",
     ]
 
 
@@ -123,7 +140,7 @@ def test_what_cannot_be_included_is_one_line(tmp_path: Path, include: str, told:
     path = write(tmp_path, team=f"include = {include}\n[[robots]]\nid = 0\nfollow = 7\n")
     first, second = error_of(path)
     assert first.startswith(f"team.toml:{told}")
-    assert second == "team.toml:4: robots[0].follow: no robot 7 in this file (it has 0)"
+    assert second == "team.toml:4: robots[0].follow: no robot 7 in this team (it has 0)"
 
 
 def test_a_circle_of_files_is_named(tmp_path: Path) -> None:

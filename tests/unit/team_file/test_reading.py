@@ -58,7 +58,7 @@ def test_a_whole_file(tmp_path: Path) -> None:
         ("[[robot]]\nid = 0", "1: robot: unknown key (did you mean robots?); known: robots, team"),
         ("[Team]\nseed = 1\n[[robots]]\nid = 0", "1: Team: unknown key (did you mean team?); known: robots, team"),
         ("[[robots]]\nid = 0\nfollow = 0", "robots[0].follow: robot 0 cannot follow itself"),
-        ("[[robots]]\nid = 0\nfollow = 4", "robots[0].follow: no robot 4 in this file (it has 0)"),
+        ("[[robots]]\nid = 0\nfollow = 4", "robots[0].follow: no robot 4 in this team (it has 0)"),
         ("[[robots]]\nid = 0\nfollow = -4", "robots[0].follow: a whole number of at least 0 is expected, not -4"),
         ("[[robots]]\nid = 0\nbehavior = 'follow'", "3: robots[0].behavior: to follow needs a leader; say follow = ID"),
         ("[[robots]]\nid = 0\nbehavior = ''", 'behavior: a text of at least 1 character is expected, not ""'),
@@ -193,7 +193,7 @@ def test_a_misspelt_table_is_checked_as_what_it_means(begin: str, tmp_path: Path
         load_team(tmp_path / "team.toml")
     told = str(caught.value).replace(f"{tmp_path}/team.toml:", "").splitlines()
     assert told[-3:] == [
-        f"4: {begin.strip('[]')}[0].follow: no robot 7 in this file (it has 0)",
+        f"4: {begin.strip('[]')}[0].follow: no robot 7 in this team (it has 0)",
         f"5: teams: unknown key (did you mean team?); known: {', '.join(KEYS)}",
         '6: teams.seed: a whole number is expected, not "x"',
     ]

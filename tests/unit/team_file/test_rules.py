@@ -89,6 +89,8 @@ def test_a_leader_with_mistakes_still_exists(tmp_path: Path) -> None:
         (["name='tf'\ncommand=['x']"], "4: nodes[0].name: tf is a process of the team already"),
         (["name='router'\ncommand=['x']"], "4: nodes[0].name: router is a process of the team already"),
         (["name='robot_0'\ncommand=['x']"], "4: nodes[0].name: robot_0 is a process of the team already"),
+        (["name='nav_0'\ncommand=['x']"], "4: nodes[0].name: nav_0 is a process of the team already"),
+        (["name='up'\ncommand=['x']"], "4: nodes[0].name: up is a process of the team already"),
         (["name='a'\ncommand=['x']"] * 2, "7: nodes[1].name: nodes[0] has this name already; give each node its own"),
         (["name='a'\ncommand=[]"], "5: nodes[0].command: a list of at least 1 value is expected, not []"),
         (["name='a'\ncommand=[[1]]"], "5: nodes[0].command[0]: a text is expected, not [1]"),

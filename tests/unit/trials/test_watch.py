@@ -7,20 +7,20 @@ import pytest
 
 from support.candidates import MINE, Candidate
 from zteam.behaviors import Behavior
-from zteam.clock import pause
 from zteam.trials import check, watch
 
 
 def test_slow_steps_are_found(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Steps that work for longer than a tick are counted, and the line is named that works."""
-    monkeypatch.setattr(watch, "TICK", 0.02)
-    monkeypatch.setattr(check, "_PATIENCE", 0.5)
-    mine = Candidate(folder, f"{MINE}sum(range(4_000_000))\n        return Twist()\n")
+    monkeypatch.setattr(watch, "TICK", 0.001)
+    monkeypatch.setattr(check, "_PATIENCE", 0.0)
+    monkeypatch.setattr(check, "_LOOK_EVERY", 0.001)
+    mine = Candidate(folder, f"{MINE}sum(range(1_000_000))\n        return Twist()\n")
     results = mine.try_it()
     assert len(results) == 1
     faults = {fault.kind: fault for fault in results[0].faults}
     assert [*faults] == ["slow"]
-    assert faults["slow"].text.startswith("24 steps took longer than a tick of 0.02 s, the longest ")
+    assert faults["slow"].text.startswith("24 steps took longer than a tick of 0.001 s, the longest ")
     assert faults["slow"].place == mine.place("sum(range")
 
 
@@ -29,11 +29,13 @@ def test_steps_that_wait_are_the_machines(
     steps: int, patience: float, is_slow: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Steps that wait without working are a fault only if they are many and long."""
+    time = [0.0]
+    monkeypatch.setattr(watch, "monotonic", lambda: time[0])
     monkeypatch.setattr(watch, "WAIT", patience)
     clock = watch.Watch(Behavior)
     for _ in range(steps):
         with clock.step():
-            pause(0.03)
+            time[0] += 0.03
     assert (clock.slowness() is not None) == is_slow
 
 

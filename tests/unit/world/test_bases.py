@@ -40,6 +40,14 @@ def test_limits_have_navs_names(load: LoadText) -> None:
     assert (info.model, info.drive, info.min_vel_x, info.max_vel_x) == ("cart", "omni", -0.5, 0.7)
     assert (info.decel_lim_x, info.acc_lim_x) == (-3.0, 1.0)
     assert (info.max_vel_theta, info.acc_lim_theta) == pytest.approx((math.pi / 2, math.pi / 2))
+    assert (info.max_vel_y, info.decel_lim_reverse, info.wheelbase) == (9.0, 1.0, 0.0)
     info = base_info(free)
     assert (info.acc_lim_x, info.decel_lim_x, info.acc_lim_theta) == (math.inf, -math.inf, math.inf)
+    assert (info.max_vel_y, info.acc_lim_y, info.decel_lim_reverse) == (0.0, math.inf, math.inf)
     assert isinstance(info, BaseInfo)
+
+
+def test_only_a_car_has_a_wheelbase(load: LoadText) -> None:
+    """It is the one of the world file."""
+    car, cart = load('position ( drive "car" wheelbase 1.7 )\nposition ( wheelbase 1.7 )', "").robots
+    assert (base_info(car).wheelbase, base_info(cart).wheelbase) == (1.7, 0.0)
