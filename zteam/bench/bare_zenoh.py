@@ -17,12 +17,12 @@ import zenoh
 
 from zteam import names
 from zteam.bus.options import BusOptions, client_config, open_session
-from zteam.clock import monotonic, wait_until
+from zteam.clock import HOST_FACTOR, monotonic, wait_until
 from zteam.errors import BusError, ZteamError
 
-START_LIMIT = 60.0
+START_LIMIT = 60.0 * HOST_FACTOR
 """Host seconds for all processes to start, and again for the warm-up."""
-TICK_LIMIT = 2.0
+TICK_LIMIT = 2.0 * HOST_FACTOR
 """Host seconds after which a tick without all of its answers counts as lost."""
 WARM_UP_TICKS = 100
 """Ticks before the measured ones."""

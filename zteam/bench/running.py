@@ -1,6 +1,5 @@
 """A whole team of real processes through a router: in lock-step as fast as it runs, or in real time."""
 
-import math
 import os
 import subprocess
 import tempfile
@@ -10,9 +9,11 @@ from pathlib import Path
 import msgspec
 
 from zteam import names
+from zteam.bench.chains.run import GAP
+from zteam.bench.circuit import Circuit, find_circuit
 from zteam.bench.floor import measure_floor
 from zteam.bench.hops import measure_hops
-from zteam.bench.simulation import free_poses, measure_simulation
+from zteam.bench.simulation import measure_simulation
 from zteam.errors import ZteamError
 from zteam.geometry import Pose2
 from zteam.launch.process import zteam_command
@@ -20,6 +21,7 @@ from zteam.launch.report import RunReport
 from zteam.runtime.participant import RoundTiming
 from zteam.services.simulator import Timing
 from zteam.simulation_options import Options
+from zteam.toml_values import toml_text
 from zteam.world import World, add_robot, load_world
 
 FLOOR_SECONDS = 4.0
@@ -77,6 +79,8 @@ class TeamFigures(msgspec.Struct):
     """Sum over all processes, each at its peak."""
     cpu_seconds: dict[str, float]
     dropped: int
+    least_driven_m: float
+    """The way of the robot that drove least."""
     hops_us: dict[str, float] = {}
     """Microseconds of the steps of a tick, each measured alone (zteam.bench.hops)."""
     floor_rtf: float | None = None
@@ -92,9 +96,9 @@ def measure_team(
 ) -> TeamFigures:
     """Run a line of `robots` robots with lasers of `beams` beams for `seconds` simulated seconds after GO.
 
-    The robots are the world's own if it has enough with such a laser, else added ones at free poses near each other.
-    Each follows the one before. With `in_process` the same team runs a second time, in one process, and the
-    simulator's core alone runs after it. Raises ZteamError with the last lines of a run that fails.
+    The first drives round and round on a circuit, each other one follows the one before; none ever stands. With
+    `in_process` the same team runs a second time, in one process, and the simulator's core alone runs after it. Raises
+    UsageError for a world without a circuit, ZteamError with the last lines of a run that fails.
     """
     loaded = load_world(world)
     ways = [[] if realtime else ["--lockstep"], *([["--lockstep", "--in-process"]] if in_process else [])]
@@ -110,7 +114,7 @@ def measure_team(
         trajectory_sha256=report.trajectory_sha256,
         pss_mb=round(sum(process.pss_mb for process in report.processes), 1),
         cpu_seconds={process.name: process.cpu_seconds for process in report.processes},
-        dropped=sum(report.dropped.values()),
+        dropped=sum(report.dropped.values()), least_driven_m=min(robot.distance_m for robot in report.robots),
     )  # fmt: skip
     if one:
         core = measure_simulation(loaded, robots, beams, 270.25, 30.0, seconds, Options())
@@ -140,16 +144,15 @@ def write_world(world: Path, beams: int, path: Path) -> None:
 
 
 def write_line_team(world: Path, robots: int, beams: int, folder: Path) -> Path:
-    """A team file in `folder` with a line of robots, each following the one before it."""
+    """A team file in `folder`: a line of robots that drives round and round through the world."""
     return _write_line(world, load_world(world), robots, beams, folder)
 
 
 def _write_line(world: Path, loaded: World, robots: int, beams: int, folder: Path) -> Path:
-    team, own = folder / "bench.toml", _own_robots(loaded, robots, beams)
-    chosen = world.resolve() if own else folder / "bench.world"
-    if not own:
-        write_world(world, beams, chosen)
-    team.write_text(_team(chosen, robots, None if own else chain(free_poses(loaded, robots, seed=1))))
+    team, changed = folder / "bench.toml", folder / "bench.world"
+    circuit = find_circuit(loaded, GAP * (robots - 1))
+    write_world(world, beams, changed)
+    team.write_text(_team(changed, robots, circuit))
     return team
 
 
@@ -164,32 +167,13 @@ def _in_process(one: RunReport, many: RunReport, core_rtf: float) -> InProcessFi
     )
 
 
-def _own_robots(world: World, robots: int, beams: int) -> bool:
-    own = world.robots[:robots]
-    return len(own) == robots and all(any(r.samples == beams for r in robot.rangers[:1]) for robot in own)
-
-
-def chain(poses: list[Pose2]) -> list[Pose2]:
-    """The same poses, ordered so that each is the nearest of the rest to the one before."""
-    rest, ordered = list(poses[1:]), [poses[0]]
-    while rest:
-        last = ordered[-1]
-        nearest = min(rest, key=lambda pose: math.hypot(pose.x - last.x, pose.y - last.y))
-        rest.remove(nearest)
-        ordered.append(nearest)
-    return ordered
-
-
-def _team(world: Path, robots: int, poses: list[Pose2] | None) -> str:
-    lines = [
-        "[team]",
-        f"world = {msgspec.json.encode(str(world)).decode()}",
-        f"world_robots = {str(not poses).lower()}",
-    ]
+def _team(world: Path, robots: int, circuit: Circuit) -> str:
+    """The head stands at the beginning of the circuit, the others behind it, each GAP from the one before."""
+    lines = ["[team]", f"world = {toml_text(str(world))}", "world_robots = false"]
+    head = {"behavior": "path", "waypoints": circuit.waypoints, "loop": True}
     for i in range(robots):
-        lines += ["[[robots]]", f"id = {i}", f"follow = {i - 1}" if i else 'behavior = "avoid"']
-        if poses:
-            lines += ['model = "bench_robot"', f"pose = [{poses[i].x!r}, {poses[i].y!r}, {poses[i].yaw!r}]"]
+        lines += ["[[robots]]", f"id = {i}", 'model = "bench_robot"', f"pose = {toml_text(circuit.at(-GAP * i))}"]
+        lines += [f"{key} = {toml_text(value)}" for key, value in ({"follow": i - 1} if i else head).items()]
     return "\n".join(lines) + "\n"
 
 

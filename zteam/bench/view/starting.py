@@ -8,12 +8,12 @@ from typing import Any
 import msgspec
 
 from zteam.bench.view.browser import LIMIT_MS, VIEWPORT, launch_browser
-from zteam.clock import monotonic
+from zteam.clock import HOST_FACTOR, monotonic
 from zteam.errors import ZteamError
 from zteam.launch.process import zteam_command
 from zteam.launch.supervisor import Supervisor
 
-START_LIMIT = 30.0
+START_LIMIT = 30.0 * HOST_FACTOR
 """Host seconds for the view to say where it is."""
 _DRAWN = "() => window.zteam && zteam.stats && zteam.stats.age_ms.length > 0"
 """Whether a robot's pose was drawn."""

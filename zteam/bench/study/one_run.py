@@ -1,0 +1,134 @@
+"""One run of a study, in this process: `python -m zteam.bench.study.one_run`, with a Task as the line of its input."""
+
+import logging
+import os
+import sys
+import tempfile
+import threading
+from pathlib import Path
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from zteam.bench.chains.recorder import NAME, Recorder, make_tracks
+from zteam.bench.study.cases import CASES
+from zteam.bench.study.driver import Driver
+from zteam.in_process.team_run import run_team
+from zteam.launch.report import RunReport
+
+HELD = 3.0
+"""Metres: a follower is held while its neighbour in the line, ahead of it or behind, is so near."""
+MOVED = 0.05
+"""Metres: a robot that has not gone so far stands."""
+
+
+class Task(msgspec.Struct, frozen=True):
+    """What is run: two runs of equal tasks are the same, to the bit."""
+
+    what: str
+    """A case by its name, or a team file."""
+    seconds: float
+    seed: int
+    world: str | None = None
+    """In the place of the team's own."""
+    arguments: dict[str, str] = {}
+    """Of a team file."""
+
+
+class Outcome(msgspec.Struct, omit_defaults=True):
+    """What a run gave; of one that failed only `error`."""
+
+    error: str = ""
+    driven: list[float] = []
+    """Metres, by robot."""
+    contacts: int = 0
+    held: dict[int, float] = {}
+    """Share of the time in which a follower and its neighbour were within HELD, by follower. It is the neighbour of
+    the team file, whichever leads: a line that turns round keeps its pairs."""
+    last: dict[int, float] = {}
+    """Metres between them at the end."""
+    still: float = 0.0
+    """Longest time in which no robot moved, seconds."""
+    share: float | None = None
+    """Way of the first robot by its speed times the time; None where the speed is not known."""
+    trajectory: str = ""
+    """Hash of the way of all robots: a run of the same task has the same one."""
+
+
+class Row(msgspec.Struct, frozen=True):
+    """A line of a file with results."""
+
+    task: Task
+    outcome: Outcome
+
+
+def measure(task: Task) -> Outcome:
+    """Run it. An error of the team is part of the outcome."""
+    case, recorder = CASES.get(task.what), Recorder()
+    nodes = {NAME: recorder.body}
+    if case is not None and case.is_driven:
+        nodes["teleop"] = Driver(0, task.seed).body
+    with tempfile.TemporaryDirectory() as folder:
+        team = task.what if case is None else case.team
+        if not team and case is not None:
+            path = Path(folder) / "team.toml"
+            path.write_text(case.team_text())
+            team = str(path)
+        try:
+            report = run_team(
+                team, seconds=task.seconds, seed=task.seed, world=task.world, nodes=nodes, arguments=task.arguments
+            )
+        # Anything that ends a run is a result of the study.
+        except (Exception, SystemExit) as error:
+            return Outcome(error=f"{type(error).__name__}: {error}"[:200])
+    outcome = look(report, make_tracks(recorder.rows()).poses[..., :2], task.seconds, is_line=case is not None)
+    if case is not None and case.speed is not None:
+        outcome.share = round(report.robots[0].distance_m / (case.speed * task.seconds), 3)
+    return outcome
+
+
+def look(report: RunReport, places: NDArray[np.float64], seconds: float, *, is_line: bool) -> Outcome:
+    """What true places (ticks, robots, 2) in `map` say; in a line each robot's neighbour is the one before it."""
+    index = {robot.id: i for i, robot in enumerate(report.robots)}
+    pairs = {robot.id: robot.id - 1 if is_line and robot.id else robot.follow for robot in report.robots}
+    gaps = {
+        i: np.hypot(*(places[:, index[i]] - places[:, index[other]]).T)
+        for i, other in pairs.items()
+        if other is not None
+    }
+    return Outcome(
+        driven=[round(robot.distance_m, 1) for robot in report.robots],
+        contacts=sum(robot.stalls for robot in report.robots),
+        held={i: round(float((gap < HELD).mean()), 4) for i, gap in gaps.items()},
+        last={i: round(float(gap[-1]), 1) for i, gap in gaps.items()},
+        still=round(longest_stand(places) * seconds / len(places), 1),
+        trajectory=report.trajectory_sha256,
+    )
+
+
+def longest_stand(places: NDArray[np.float64]) -> int:
+    """Ticks of the longest time in which no robot got MOVED from where it was; `places` are (ticks, robots, 2)."""
+    anchors, still, longest = places[0].copy(), 0, 0
+    for now in places:
+        moved = np.hypot(*(now - anchors).T) > MOVED
+        anchors[moved] = now[moved]
+        still = 0 if moved.any() else still + 1
+        longest = max(longest, still)
+    return longest
+
+
+def _end_with_input() -> None:
+    # Not through `sys.stdin`: its lock would be held when the interpreter ends.
+    while os.read(0, 1):
+        pass
+    os._exit(1)
+
+
+if __name__ == "__main__":
+    # A run's warnings, by the thousand, are no part of a study.
+    logging.getLogger("zteam").setLevel(logging.ERROR)
+    given = msgspec.json.decode(sys.stdin.buffer.readline(), type=Task)
+    # Its input ends with the process that asked for it.
+    threading.Thread(target=_end_with_input, daemon=True).start()
+    sys.stdout.write(msgspec.json.encode(measure(given)).decode())
