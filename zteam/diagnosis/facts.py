@@ -38,6 +38,8 @@ class Facts(msgspec.Struct, frozen=True, kw_only=True):
     sim: SimStatus | None = None
     holds: bool = False
     """Whether the simulator's tick was the same at the begin and at the end of the look."""
+    frames: Mapping[str, str] | None = None
+    """The parent of each frame of the aggregator's tree; None without an aggregator."""
     map: OccupancyGrid | None = None
     """The map that a late subscriber gets; its cells are left out."""
     map_writer: str = ""

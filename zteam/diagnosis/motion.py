@@ -1,5 +1,7 @@
 """Why a team does not drive: the world stands, the gate waits, a robot is not ready."""
 
+from collections.abc import Mapping
+
 from zteam import names
 from zteam.clock import to_seconds
 from zteam.diagnosis.facts import Facts
@@ -106,6 +108,32 @@ def check_readiness(facts: Facts) -> list[Finding]:
         elif status.state == RobotState.RUNNING and (reason := status.reason or status.text):
             found.append(note("robots", f"{name} stands: {reason}"))
     return found
+
+
+def check_frames(facts: Facts) -> list[Finding]:
+    """Robots that stand and have no pose in `map`, with the transform that lacks."""
+    found = []
+    for robot_id in facts.robots if facts.frames is not None else ():
+        status = facts.statuses.get(robot_id)
+        gap = _gap(facts.frames or {}, robot_id)
+        if gap is None or (status is not None and status.speed) or (facts.sim and robot_id not in facts.sim.robots):
+            continue
+        parent, child = gap
+        tf, fixed = (names.robot_key(robot_id, topic) for topic in (names.TF, names.TF_STATIC))
+        said = f"{fixed} or {tf}" if parent == names.MAP_FRAME else tf
+        text = f"{names.robot_name(robot_id)} has no pose in map: no process says {parent} -> {child}"
+        found.append(problem("transforms", text, f"it is due on {said}: see 'zteam topic info {said.split()[0]}'"))
+    return found
+
+
+def _gap(frames: Mapping[str, str], robot_id: int) -> tuple[str, str] | None:
+    """The transform (parent, child) that lacks between `map` and a robot's base; None if they are connected."""
+    odom, frame = (names.robot_frame(robot_id, name) for name in (names.ODOM, names.BASE_FOOTPRINT))
+    if frame not in frames:
+        return odom, frame
+    while frame in frames:
+        frame = frames[frame]
+    return None if frame == names.MAP_FRAME else (names.MAP_FRAME, frame)
 
 
 def _boot_step(facts: Facts, status: RobotStatus) -> str:

@@ -4,7 +4,7 @@ from zteam.diagnosis.data import check_data, check_writers
 from zteam.diagnosis.facts import Facts
 from zteam.diagnosis.finding import Finding
 from zteam.diagnosis.maps import check_map
-from zteam.diagnosis.motion import check_gate, check_readiness, check_silence, check_world
+from zteam.diagnosis.motion import check_frames, check_gate, check_readiness, check_silence, check_world
 from zteam.diagnosis.processes import check_elsewhere, check_processes, check_robots_of_world
 from zteam.diagnosis.refusals import check_refusals
 
@@ -14,6 +14,7 @@ _CHECKS = (
     check_robots_of_world,
     check_gate,
     check_readiness,
+    check_frames,
     check_silence,
     check_data,
     check_writers,

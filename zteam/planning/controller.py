@@ -57,7 +57,8 @@ class PursuitOptions(NamedTuple):
     regulated_linear_scaling_min_speed: float = 0.25
     cost_scaling_dist: float = 0.6
     cost_scaling_gain: float = 1.0
-    inflation_cost_scaling_factor: float = 3.0
+    inflation_cost_scaling_factor: float | None = None
+    """1/m, to tell from a cost how far an obstacle is. None: that of the costmap, as it should be; 0: do not tell."""
     use_rotate_to_heading: bool = True
     rotate_to_heading_angular_vel: float = 1.8
     rotate_to_heading_min_angle: float = 0.785
@@ -198,10 +199,11 @@ class RegulatedPurePursuit:
         if options.use_regulated_linear_velocity_scaling:
             in_bend = full * _bend(options, curvature)
         cost = costmap.cost_at(pose.x, pose.y)
-        if options.use_cost_regulated_linear_velocity_scaling and FREE_SPACE < cost <= INSCRIBED_INFLATED_OBSTACLE:
-            distance = costmap.footprint.inscribed_radius - math.log(cost / MAX_NON_OBSTACLE) / (
-                options.inflation_cost_scaling_factor
-            )
+        factor = options.inflation_cost_scaling_factor
+        factor = costmap.options.cost_scaling_factor if factor is None else factor
+        regulates = options.use_cost_regulated_linear_velocity_scaling and factor > 0.0
+        if regulates and FREE_SPACE < cost <= INSCRIBED_INFLATED_OBSTACLE:
+            distance = costmap.footprint.inscribed_radius - math.log(cost / MAX_NON_OBSTACLE) / factor
             if distance < options.cost_scaling_dist:
                 by_cost = full * options.cost_scaling_gain * max(0.0, distance) / options.cost_scaling_dist
         speed = max(min(in_bend, by_cost), min(full, options.regulated_linear_scaling_min_speed))

@@ -124,11 +124,11 @@ class Costmap:
 
     def clear_footprint(self, base: Pose2) -> None:
         """Take what lasers have seen away from under a robot at `base`."""
-        self._clear(cells_of_polygon(self.frame, place(self.footprint, *base)))
+        self._note(cells_of_polygon(self.frame, place(self.footprint, *base)), FREE_SPACE)
 
     def clear_around(self, base: Pose2, distance: float) -> None:
         """Forget what lasers have seen up to `distance` (m) from a robot at `base` (ClearCostmapAroundRobot)."""
-        self._clear(cells_of_disc(self.frame, base.x, base.y, distance))
+        self._note(cells_of_disc(self.frame, base.x, base.y, distance), NO_INFORMATION)
 
     def clear_seen(self) -> None:
         """Forget all that lasers have seen (ClearEntireCostmap)."""
@@ -173,8 +173,8 @@ class Costmap:
         cell = self.frame.cell_at(x, y)
         return int(self.costs[cell]) if self.frame.holds(*cell) else LETHAL_OBSTACLE
 
-    def _clear(self, cells: NDArray[np.int64]) -> None:
-        self._seen[cells[:, 0], cells[:, 1]] = FREE_SPACE
+    def _note(self, cells: NDArray[np.int64], cost: int) -> None:
+        self._seen[cells[:, 0], cells[:, 1]] = cost
         self._touch(cells[:, ::-1])
 
     def _whole(self) -> None:

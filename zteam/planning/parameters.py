@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, get_args, get_type_hints
 
@@ -16,6 +16,7 @@ from zteam.planning.costmap import CostmapOptions
 from zteam.planning.footprint import Footprint, make_circle, make_footprint
 from zteam.planning.parameter_tables import OWN, Tables, read_parameter_file, tables_of_file, tables_of_team
 from zteam.planning.planner import AStarOptions
+from zteam.planning.plugins import ASTAR, PURSUIT, Plugin, plugin_name
 from zteam.planning.recovery import Recovery, RecoveryOptions
 from zteam.problems import problems_of
 
@@ -88,25 +89,18 @@ class Parameters(NamedTuple):
     initial_pose: InitialPose = InitialPose()
     fake: FakeOptions = FakeOptions()
     controller: ControllerOptions = ControllerOptions()
-    controller_plugin: str = ""
-    """Its name; `zteam.nodes.navigation.plugins` has those that are here."""
+    controller_plugin: Plugin = Plugin(PURSUIT)
     pursuit: PursuitOptions = PursuitOptions()
     goal: GoalOptions = GoalOptions()
     progress: ProgressOptions = ProgressOptions()
     planner_server: PlannerServerOptions = PlannerServerOptions()
-    planner_plugin: str = ""
+    planner_plugin: Plugin = Plugin(ASTAR)
     planner: AStarOptions = AStarOptions()
     recovery: RecoveryOptions = RecoveryOptions()
     global_window: WindowOptions = WindowOptions(update_frequency=1.0)
     global_layers: CostmapOptions = CostmapOptions()
     local_window: WindowOptions = WindowOptions()
     local_layers: CostmapOptions = CostmapOptions()
-
-
-class _Plugin(NamedTuple):
-    """Options of a plugin that only its name is taken of."""
-
-    plugin: str = ""
 
 
 class _Section(NamedTuple):
@@ -139,10 +133,8 @@ _SECTIONS = (
     _Section("local_window", "local_costmap"),
     _Section("local_layers", "local_costmap", anywhere=True),
 )
-_PLUGINS = {
-    "controller_plugin": _Section("pursuit", "controller_server", "controller_plugins", "FollowPath"),
-    "planner_plugin": _Section("planner", "planner_server", "planner_plugins", "GridBased"),
-}
+_PLUGINS = {"pursuit": "controller", "planner": "planner"}
+"""Sections of plug-ins that packages may offer too, and their kinds."""
 NODES = (OWN, *dict.fromkeys(section.node for section in _SECTIONS))
 """Names of the nodes whose parameters are taken."""
 _RENAMED = {"initial_pose.x": "x", "initial_pose.y": "y", "initial_pose.yaw": "yaw"}
@@ -180,6 +172,16 @@ def read_parameters(tables: Tables, source: str) -> Reading:
     for section in _SECTIONS:
         table = tables.get(section.node, {})
         default = Parameters._field_defaults[section.field]
+        if kind := _PLUGINS.get(section.field):
+            try:
+                plugin, known = _read_plugin(kind, section, table)
+            except UsageError as error:
+                problems.append(str(error))
+                continue
+            found[f"{kind}_plugin"] = plugin
+            taken |= {(section.node, name) for name in known}
+            if plugin.name not in (ASTAR, PURSUIT):
+                continue
         given = _own_names(section, table, type(default))
         taken |= {(section.node, name) for name in given.values()}
         values = {key: table[name] for key, name in given.items()}
@@ -194,11 +196,6 @@ def read_parameters(tables: Tables, source: str) -> Reading:
     if problems:
         raise UsageError("\n".join(f"{source}: {problem}" for problem in problems))
     taken.add((OWN, "localizer"))
-    for field, section in _PLUGINS.items():
-        table = tables.get(section.node, {})
-        for name in _own_names(section, table, _Plugin).values():
-            found[field] = str(table[name])
-            taken.add((section.node, name))
     every = [(node, name) for node, table in tables.items() for name in table if name not in _LISTS]
     unknown = sorted(f"{node}.{name}" for node, name in every if (node, name) not in taken)
     parameters = Parameters(**found, localizer=localizer)
@@ -240,11 +237,7 @@ def _check(parameters: Parameters) -> None:
 
 def _own_names(section: _Section, table: Mapping[str, Any], kind: type[Any]) -> dict[str, str]:
     """Fields of the options that the table sets, and the names it has for them."""
-    prefix = ""
-    if section.plugins:
-        listed = table.get(section.plugins)
-        named = listed[0] if isinstance(listed, list) and listed and isinstance(listed[0], str) else section.usual
-        prefix = f"{named}."
+    prefix = _prefix(section, table)
     found = {}
     for name in table:
         if not section.anywhere and not name.startswith(prefix):
@@ -254,6 +247,26 @@ def _own_names(section: _Section, table: Mapping[str, Any], kind: type[Any]) -> 
         if own in kind._fields and (kind is not InitialPose or own == "set_initial_pose" or name in _RENAMED):
             found[own] = name
     return found
+
+
+def _read_plugin(kind: str, section: _Section, table: Mapping[str, Any]) -> tuple[Plugin, Iterable[str]]:
+    """The plug-in that is named, and the names that this explains: all of a package's plug-in. Raises UsageError."""
+    prefix = _prefix(section, table)
+    own = {name: value for name, value in table.items() if name.startswith(prefix)}
+    usual: Plugin = Parameters._field_defaults[f"{kind}_plugin"]
+    place = f"{prefix}plugin"
+    name = plugin_name(kind, str(own.get(place, usual.name)), f"{section.node}.{place}: ")
+    given = {name.removeprefix(prefix): value for name, value in own.items() if name != place}
+    return Plugin(name, given), [place] if name == usual.name else own
+
+
+def _prefix(section: _Section, table: Mapping[str, Any]) -> str:
+    """What the names of the section's parameters begin with."""
+    if not section.plugins:
+        return ""
+    listed = table.get(section.plugins)
+    named = listed[0] if isinstance(listed, list) and listed and isinstance(listed[0], str) else section.usual
+    return f"{named}."
 
 
 def _checked_type(kind: type[Any]) -> type[msgspec.Struct]:

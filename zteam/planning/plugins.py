@@ -6,7 +6,8 @@ planner that knows the ways of teammates needs no change here.
 """
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 from zteam.entry_points import load_offered, offered
 from zteam.errors import UsageError
@@ -27,33 +28,68 @@ def _make_pursuit(parameters: Parameters) -> RegulatedPurePursuit:
     return RegulatedPurePursuit(read_options(PursuitOptions, parameters)[0])
 
 
-PLANNERS: dict[str, Callable[[Parameters], Planner]] = {"astar": _make_astar}
-CONTROLLERS: dict[str, Callable[[Parameters], Controller]] = {"regulated_pure_pursuit": _make_pursuit}
+class Plugin(NamedTuple):
+    """A planner or a controller of a robot."""
+
+    name: str
+    """zteam's own, or that of an installed package's."""
+    parameters: Mapping[str, Any] = MappingProxyType({})
+    """What is set of it, by the plug-in's own names."""
+
+
+class _Kind(NamedTuple):
+    """Planners, or controllers."""
+
+    own: Mapping[str, Callable[[Parameters], Any]]
+    group: str
+    """Of entry points."""
+
+
+ASTAR, PURSUIT = "astar", "regulated_pure_pursuit"
+_KINDS = {
+    "planner": _Kind({ASTAR: _make_astar}, PLANNERS_GROUP),
+    "controller": _Kind({PURSUIT: _make_pursuit}, CONTROLLERS_GROUP),
+}
 NAV2_NAMES = {
-    "nav2_navfn_planner::NavfnPlanner": "astar",
-    "nav2_smac_planner::SmacPlanner2D": "astar",
-    "nav2_theta_star_planner::ThetaStarPlanner": "astar",
-    "nav2_regulated_pure_pursuit_controller::RegulatedPurePursuitController": "regulated_pure_pursuit",
+    "nav2_navfn_planner::NavfnPlanner": ASTAR,
+    "nav2_smac_planner::SmacPlanner2D": ASTAR,
+    "nav2_theta_star_planner::ThetaStarPlanner": ASTAR,
+    "nav2_regulated_pure_pursuit_controller::RegulatedPurePursuitController": PURSUIT,
 }
 """Plug-ins of Nav2, and what does their work here; Nav2 writes them with `/` too."""
 
 
 def make_planner(name: str, parameters: Parameters) -> Planner:
     """The planner of this name. Raises UsageError."""
-    planner: Planner = _find("planner", name, PLANNERS, PLANNERS_GROUP)(parameters)
+    planner: Planner = _find("planner", name)(parameters)
     return planner
 
 
 def make_controller(name: str, parameters: Parameters) -> Controller:
     """The controller of this name. Raises UsageError."""
-    controller: Controller = _find("controller", name, CONTROLLERS, CONTROLLERS_GROUP)(parameters)
+    controller: Controller = _find("controller", name)(parameters)
     return controller
 
 
-def _find(kind: str, name: str, own: Mapping[str, Callable[[Parameters], Any]], group: str) -> Callable[..., Any]:
+def plugin_name(kind: str, name: str, where: str = "") -> str:
+    """zteam's own name of a planner or a controller, or that of an installed package's, which is not imported.
+
+    `kind` is "planner" or "controller". Raises UsageError for a name that is neither; the text begins with `where`.
+    """
+    own, group = _KINDS[kind]
     own_name = NAV2_NAMES.get(name.replace("/", "::"), name)
-    found: Callable[..., Any] | None = own.get(own_name) or load_offered(group, name)
-    if found is None:
-        there = ", ".join(sorted({*own, *offered(group)}))
-        raise UsageError(f"there is no {kind} {name!r}: there are {there}, and packages may offer more ({group})")
-    return found
+    if own_name in own:
+        return own_name
+    there = offered(group)
+    if name not in there:
+        known = ", ".join(sorted({*own, *there}))
+        raise UsageError(
+            f"{where}there is no {kind} {name!r}: there are {known}, and packages may offer more ({group})"
+        )
+    return name
+
+
+def _find(kind: str, name: str) -> Callable[[Parameters], Any]:
+    found = plugin_name(kind, name)
+    own, group = _KINDS[kind]
+    return own.get(found) or load_offered(group, found)

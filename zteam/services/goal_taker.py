@@ -33,7 +33,9 @@ class GoalTaker:
         """What is missing, and the way out; empty if something takes goals."""
         if self.kind:
             return ""
-        name = names.robot_name(self._robot_id)
+        name, navigation = names.robot_name(self._robot_id), names.navigation_name(self._robot_id)
+        if self._holds(navigation):
+            return f"the first status of {navigation}: it runs, but no tick of a simulator and no data of a base comes"
         runs = f"; it runs the behaviour {self.behavior}, which takes no goals" if self.behavior else ""
         return f"the navigation of {name}: start 'zteam-nav --id {self._robot_id}'{runs}"
 

@@ -3,6 +3,8 @@
 import math
 from enum import IntEnum
 
+import msgspec
+
 from zteam import names
 from zteam.behaviors.go_to import GOAL_REACHED, NO_WAY
 from zteam.behaviors.goals import REFUSED
@@ -19,10 +21,11 @@ from zteam.messages import (
     RobotStatus,
     Time,
     ns_from_time,
+    time_from_ns,
 )
 
 SETTLED = to_ns(1.0)
-"""A status of the behaviour go_to names no goal: only after this time (ns) it is about a new one for certain."""
+"""After this time (ns) a status is about a new goal for certain; one of the behaviour go_to names no goal."""
 
 
 class TaskResult(IntEnum):
@@ -39,12 +42,20 @@ _ENDS: dict[int, TaskResult] = {
     NavigationState.ABORTED: TaskResult.FAILED,
     NavigationState.CANCELED: TaskResult.CANCELED,
 }
+ON_THE_WAY = frozenset({NavigationState.PLANNING, NavigationState.DRIVING, NavigationState.RECOVERING})
+"""States of a goal that lasts."""
 
 
 def goal_message(pose: Pose2, frame: str = names.MAP_FRAME, stamp: Time | None = None) -> PoseStamped:
     """A planar pose (m, rad) as a message."""
     turn = Quaternion(*quaternion_from_yaw(pose.yaw))
     return PoseStamped(Header(stamp or Time(), frame), Pose(Point(pose.x, pose.y), turn))
+
+
+def stamped(goal: PoseStamped, stamp: int) -> PoseStamped:
+    """The goal with another stamp (ns)."""
+    header = msgspec.structs.replace(goal.header, stamp=time_from_ns(stamp))
+    return msgspec.structs.replace(goal, header=header)
 
 
 def goal_text(goal: PoseStamped) -> str:
@@ -67,6 +78,8 @@ class GoalWatch:
         self.result = TaskResult.UNKNOWN
         self.text = ""
         """Why it ended as it did, or why the robot does not get on; empty where there is nothing to say."""
+        self.is_replaced = False
+        """Whether it ended because another goal took its place."""
 
     @property
     def ended(self) -> bool:
@@ -83,14 +96,59 @@ class GoalWatch:
                 self.end(_ENDS[status.state], status.text)
         elif self.status is not None:
             # It had taken this goal: what it has now came later.
-            forgotten = status.state == NavigationState.IDLE
-            why = "navigation began anew and has forgotten the goal" if forgotten else "another goal took its place"
-            self.end(TaskResult.FAILED, why if forgotten else f"{why}: {goal_text(status.goal)}")
+            if status.state == NavigationState.IDLE:
+                self.end(TaskResult.FAILED, "navigation began anew and has forgotten the goal")
+            else:
+                self.replace(status.goal)
+
+    def replace(self, goal: PoseStamped) -> None:
+        """Another goal has taken its place."""
+        self.is_replaced |= not self.ended
+        self.end(TaskResult.FAILED, f"another goal took its place: {goal_text(goal)}")
 
     def end(self, result: TaskResult, text: str) -> None:
         """Give it a result, unless it has one."""
         if not self.ended:
             self.result, self.text = result, text
+
+
+class OtherGoal:
+    """The goal of another sender while it lasts. Times are the team's, in ns."""
+
+    def __init__(self) -> None:
+        self.goal: PoseStamped | None = None
+        """None while there is none."""
+        self._came = 0
+        """When it was heard."""
+
+    @property
+    def lack(self) -> str:
+        """What is waited for while it lasts; else empty."""
+        return "" if self.goal is None else f"the end of another goal: {goal_text(self.goal)}"
+
+    def hear(self, goal: PoseStamped, own: GoalWatch | None, now: int) -> bool:
+        """It was sent, and ends one's own goal; whether it should be sent again, to be the newest for certain."""
+        self.goal, self._came = goal, now
+        if own is None:
+            return False
+        # Both were sent at about the same time, and navigation may have heard one's own last.
+        again = not own.ended and own.status is None
+        own.replace(goal)
+        return again
+
+    def take(self, status: NavigationStatus, own: GoalWatch | None, now: int) -> None:
+        """Navigation said something, about this goal, one's own or a third one."""
+        if status.state in ON_THE_WAY and not (own is not None and _is_same(status.goal, own.goal)):
+            self.goal, self._came = status.goal, now
+        elif self.goal is not None and (_is_same(status.goal, self.goal) or not 0 <= now - self._came < SETTLED):
+            # Before it has settled, navigation may still speak of the goal before.
+            self.goal = None
+
+    def take_go_to(self, status: RobotStatus) -> None:
+        """A robot that runs the behaviour go_to said something."""
+        told = None if self.goal is None else status_of_go_to(status, stamped(self.goal, self._came))
+        if told is not None and told.state not in ON_THE_WAY:
+            self.goal = None
 
 
 def _is_same(one: PoseStamped, other: PoseStamped) -> bool:

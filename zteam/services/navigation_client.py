@@ -5,17 +5,15 @@ import threading
 from collections.abc import Callable
 from typing import Protocol, TypeVar
 
-import msgspec
-
 from zteam import names
-from zteam.bus import Bus, Publisher
+from zteam.bus import Bus
 from zteam.bus.transport import Closeable
 from zteam.clock import monotonic
 from zteam.errors import BusError
 from zteam.geometry import Pose2, yaw_from_quaternion
 from zteam.messages import Message, NavigationStatus, PoseStamped, RobotStatus, time_from_ns
 from zteam.services.goal_taker import GO_TO, GoalTaker
-from zteam.services.goals import GoalWatch, TaskResult, goal_message, status_of_go_to
+from zteam.services.goals import GoalWatch, OtherGoal, TaskResult, goal_message, stamped, status_of_go_to
 from zteam.services.navigation import CANCEL, CancelReply, CancelRequest, navigation_query
 from zteam.services.transforms_client import TransformClient
 from zteam.tf import TransformException
@@ -29,10 +27,7 @@ CANCEL_LIMIT = 2.0
 
 
 class Link(Protocol):
-    """How messages come and go: a Bus, or a node, which handles them in its time."""
-
-    def publisher(self, key: str, message_type: type[M], /) -> Publisher[M]:
-        """A publisher."""
+    """How messages come: a Bus, or a node, which handles them in its time."""
 
     def subscribe(self, key_expr: str, message_type: type[M], callback: Callable[[str, M], None], /) -> Closeable:
         """Call `callback(key, message)` for each message."""
@@ -52,8 +47,11 @@ class NavigationClient:
         *,
         link: Link | None = None,
         on_change: Callable[[], None] = lambda: None,
+        yields: bool = False,
     ) -> None:
-        """`now()` is the team's time (ns). `on_change()` is called from the bus's threads when there is news."""
+        """`now()` is the team's time (ns). `on_change()` is called from the bus's threads when there is news.
+        With `yields`, nothing is sent while a goal of another sender lasts.
+        """
         self._bus, self.robot_id, self._now, self._on_change = bus, robot_id, now, on_change
         self.name = names.robot_name(robot_id)
         self.watch: GoalWatch | None = None
@@ -62,30 +60,32 @@ class NavigationClient:
         """Whether the newest goal is still to be sent."""
         self.taker = GoalTaker(robot_id, monotonic())
         self._lock = threading.RLock()
-        self._stamp = 0
-        """Of the newest goal: no two have the same."""
+        self._stamp = 0  # of the newest goal: no two have the same
+        self._other, self._yields = OtherGoal(), yields
         link = link or bus
-        self._publisher = link.publisher(names.robot_key(robot_id, names.GOAL_POSE), PoseStamped)
+        key = names.robot_key(robot_id, names.GOAL_POSE)
+        self._publisher = bus.publisher(key, PoseStamped, to_others=yields)
+        if yields:
+            link.subscribe(key, PoseStamped, self._on_other_goal)
         link.subscribe(names.robot_key(robot_id, names.NAVIGATION_STATUS), NavigationStatus, self._on_navigation)
         link.subscribe(names.robot_key(robot_id, names.STATUS), RobotStatus, self._on_robot)
-        holders = (names.navigation_name(robot_id), self.name)
-        bus.watch_tokens([names.tokens_key(holder) for holder in holders], self._on_token)
+        tokens = names.tokens_key(names.navigation_name(robot_id)), names.tokens_key(self.name)
+        bus.watch_tokens(tokens, self._on_token)
 
     @property
     def waits_for(self) -> str:
         """What the goal waits for to be sent, and the way out; empty if it is sent."""
         if not self.is_pending:
             return ""
-        return self.taker.lack or f"something that subscribes to {names.robot_key(self.robot_id, names.GOAL_POSE)}"
+        key = names.robot_key(self.robot_id, names.GOAL_POSE)
+        return self.taker.lack or self._other.lack or f"something that subscribes to {key}"
 
     def send(self, goal: PoseStamped) -> GoalWatch:
-        """Send a goal, stamped anew; its watch tells what becomes of it."""
+        """Send a goal, stamped when it leaves; its watch tells what becomes of it."""
         with self._lock:
             if self.watch is not None:
                 self.watch.end(TaskResult.FAILED, "a new goal took its place")
-            self._stamp = max(self._now(), self._stamp + 1)
-            header = msgspec.structs.replace(goal.header, stamp=time_from_ns(self._stamp))
-            watch = self.watch = GoalWatch(msgspec.structs.replace(goal, header=header))
+            watch = self.watch = GoalWatch(goal)
             self.is_pending = True
         self._flush()
         return watch
@@ -93,9 +93,12 @@ class NavigationClient:
     def _flush(self) -> None:
         """Send the newest goal, if that is due."""
         with self._lock:
-            if not (self.is_pending and self.taker.kind and self.watch and self._publisher.has_subscribers):
+            waits = self.taker.lack or self._other.lack
+            if waits or not (self.is_pending and self.watch and self._publisher.has_subscribers):
                 return
-            self.is_pending, goal = False, self.watch.goal
+            self._stamp = max(self._now(), self._stamp + 1)
+            goal = self.watch.goal = stamped(self.watch.goal, self._stamp)
+            self.is_pending = False
         # Without the lock: in memory, handlers of others run within.
         self._publisher.put(goal)
 
@@ -142,23 +145,25 @@ class NavigationClient:
 
     def _send_here(self) -> None:
         """Let the robot stay where it is: the behaviour go_to knows no other way to give a goal up."""
-        base = names.robot_frame(self.robot_id, names.BASE_FOOTPRINT)
-        try:
-            found = TransformClient(self._bus).lookup_transform(names.MAP_FRAME, base).transform
-        except TransformException as error:
-            raise BusError(f"{self.name} cannot be told to stay where it is: {error}") from None
-        turn = found.rotation
-        here = Pose2(found.translation.x, found.translation.y, yaw_from_quaternion(turn.x, turn.y, turn.z, turn.w))
+        here = _place_of(self._bus, self.robot_id)
         with self._lock:
             if self.watch is not None:
                 self.watch.end(TaskResult.CANCELED, "")
         self._publisher.put(goal_message(here, stamp=time_from_ns(self._now())))
+
+    def _on_other_goal(self, _key: str, goal: PoseStamped) -> None:
+        with self._lock:
+            again = self._other.hear(goal, None if self.is_pending else self.watch, self._now())
+        if again:
+            self._publisher.put(goal)
 
     def _on_navigation(self, _key: str, status: NavigationStatus) -> None:
         with self._lock:
             self.taker.take_navigation()
             if self.watch is not None and not self.is_pending:
                 self.watch.take(status)
+            if self._yields:
+                self._other.take(status, None if self.is_pending else self.watch, self._now())
         self._flush()
         self._on_change()
 
@@ -169,6 +174,8 @@ class NavigationClient:
                 told = status_of_go_to(status, self.watch.goal)
                 if told is not None:
                     self.watch.take(told)
+            if self.taker.kind == GO_TO:
+                self._other.take_go_to(status)
         self._flush()
         self._on_change()
 
@@ -176,3 +183,14 @@ class NavigationClient:
         with self._lock:
             self.taker.take_token(key, alive, monotonic())
         self._on_change()
+
+
+def _place_of(bus: Bus, robot_id: int) -> Pose2:
+    """Where a robot is in `map`. Raises BusError."""
+    base = names.robot_frame(robot_id, names.BASE_FOOTPRINT)
+    try:
+        found = TransformClient(bus).lookup_transform(names.MAP_FRAME, base).transform
+    except TransformException as error:
+        raise BusError(f"{names.robot_name(robot_id)} cannot be told to stay where it is: {error}") from None
+    turn = found.rotation
+    return Pose2(found.translation.x, found.translation.y, yaw_from_quaternion(turn.x, turn.y, turn.z, turn.w))

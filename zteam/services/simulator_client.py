@@ -25,6 +25,7 @@ from zteam.services.simulator import (
     StandReply,
     StandRequest,
     StepRequest,
+    absence_text,
 )
 
 T = TypeVar("T")
@@ -175,3 +176,14 @@ def _check_pose(x: float, y: float, yaw: float) -> None:
     # JSON has no NaN: it would arrive as something else.
     if not all(-MAX_PLACE <= number <= MAX_PLACE for number in (x, y, yaw)):
         raise UsageError(f"pose {x:g} {y:g} {yaw:g}: give finite numbers up to {MAX_PLACE:g}")
+
+
+def absence_of(bus: Bus, robot_id: int) -> str:
+    """What is said of a robot that the running simulator lacks; empty for others, and without a simulator."""
+    try:
+        answers = bus.query(names.service_key(names.SIMULATOR, "status"), SimStatus)
+    except BusError:
+        # It runs, but is busy or frozen.
+        return ""
+    worlds = [status.robots for _, status in answers if robot_id not in status.robots]
+    return f"{names.robot_name(robot_id)} is {absence_text(robot_id, worlds[0])}" if worlds else ""

@@ -1,9 +1,10 @@
 """Why a team does not drive."""
 
+import msgspec
 import pytest
 
 from support.team_facts import nodes, problems, robot_status, sim_status, team_facts, team_status
-from zteam.diagnosis.motion import check_gate, check_readiness, check_silence, check_world
+from zteam.diagnosis.motion import check_frames, check_gate, check_readiness, check_silence, check_world
 from zteam.diagnosis.team import check_team
 from zteam.messages import RobotState
 
@@ -139,3 +140,32 @@ def test_a_robot_without_a_status_hangs() -> None:
     assert (what, text) == ("process", "robot_1 is alive but publishes no status: its behaviour hangs")
     assert "process 1002 on host" in step
     assert check_silence(team_facts(statuses={}, nodes=nodes("robot_1", silent=("robot_1",)))) == []
+
+
+CHAIN = {"robot_0/odom": "map", "robot_0/base_footprint": "robot_0/odom", "robot_0/base_link": "robot_0/base_footprint"}
+
+
+@pytest.mark.parametrize(
+    ("lacking", "edge", "key"),
+    [
+        ("robot_0/odom", "map -> robot_0/odom", "robot_0/tf_static or robot_0/tf"),
+        ("robot_0/base_footprint", "robot_0/odom -> robot_0/base_footprint", "robot_0/tf"),
+    ],
+)
+def test_a_robot_that_stands_without_a_pose_is_told_with_the_transform_that_lacks(
+    lacking: str, edge: str, key: str
+) -> None:
+    """The way from `map` to its base is followed; a robot that drives, or that the world lacks, is left out."""
+    frames = {child: parent for child, parent in CHAIN.items() if child != lacking}
+    facts = team_facts(nodes=nodes("robot_0", "robot_7", "sim", "tf"), frames=frames)
+    assert problems(check_frames(facts)) == [
+        (
+            "transforms",
+            f"robot_0 has no pose in map: no process says {edge}",
+            f"it is due on {key}: see 'zteam topic info {key.split()[0]}'",
+        )
+    ]
+    assert "transforms" in [finding.what for finding in check_team(facts)]
+    driving = msgspec.structs.replace(facts, statuses={0: robot_status(0, speed=0.3)})
+    for fine in (driving, msgspec.structs.replace(facts, frames=CHAIN), msgspec.structs.replace(facts, frames=None)):
+        assert check_frames(fine) == []

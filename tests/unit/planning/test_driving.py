@@ -95,6 +95,7 @@ def drive(costmap: Costmap, pose: Pose2, goal: Pose2, seconds: float = 60.0) -> 
     return pose, False
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("yaw", [0.0, 1.5, 3.0, -1.5])
 def test_a_robot_reaches_a_goal_behind_a_wall(yaw: float) -> None:
     """With any heading at the start, and the heading of the goal at the end."""
@@ -224,6 +225,39 @@ def test_a_scan_marks_and_clears_and_teammates_come_and_go() -> None:
     costmap.update()
     assert not costmap.costs.any()
     assert costmap.cost_at(-1.0, 0.0) == 254
+
+
+@pytest.mark.parametrize(
+    ("of_costmap", "given", "meant"),
+    [(3.0, None, 0.4), (10.0, None, 0.4), (0.0, None, None), (10.0, 3.0, 0.2 + 0.2 * 10.0 / 3.0), (10.0, 0.0, None)],
+)
+def test_beside_a_wall_it_is_slower(of_costmap: float, given: float | None, meant: float | None) -> None:
+    """At 0.4 m it drives 0.4 / 0.6 of its speed, whatever the costmap's decay; a factor that is given is believed."""
+    cells = np.zeros((100, 100), np.int8)
+    cells[50, :] = 100
+    options = CostmapOptions(inflation_radius=1.0, cost_scaling_factor=of_costmap)
+    costmap = make_costmap(make_map(cells, 0.05), make_circle(0.2), options)
+    controller = RegulatedPurePursuit(PursuitOptions(inflation_cost_scaling_factor=given))
+    y = 50.5 * 0.05 - 0.4
+    controller.set_path(np.array([[0.05 * x, y, 0.0] for x in range(10, 90)]))
+    command = controller.command(costmap, Pose2(1.0, y, 0.0), Velocity(0.5), 0.1)
+    expected = 0.5 * min(1.0, (meant or 1.0) / 0.6)
+    assert command.x == pytest.approx(expected, rel=0.03)
+
+
+def test_to_forget_what_lasers_have_seen_leaves_what_the_map_says() -> None:
+    """Around the robot, unknown cells of the map stay unknown and its walls stay walls: only marks and clearings go."""
+    cells = np.zeros((100, 100), np.int8)
+    cells[:, 50:], cells[10, :] = -1, 100
+    costmap = make_costmap(make_map(cells, 0.05), make_circle(0.2))
+    before = costmap.costs.copy()
+    base = Pose2(2.4, 2.5, 0.0)
+    costmap.observe(Scan(np.array([1.0, 1.5], np.float32), 0.0, 0.3, 0.0, 10.0, Pose2(0.1, 0.0, 0.0)), base)
+    costmap.update()
+    assert (costmap.costs != before).any()
+    costmap.clear_around(base, 3.0)
+    costmap.update()
+    assert (costmap.costs == before).all()
 
 
 def test_plug_ins_are_found_by_name() -> None:

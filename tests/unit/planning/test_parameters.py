@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from support.installed_packages import install
 from zteam.errors import UsageError
 from zteam.planning.parameters import Parameters, navigation_of_robot
 
@@ -107,6 +108,14 @@ def test_names_that_are_not_known_are_listed(tmp_path: Path) -> None:
             'local_costmap: {local_costmap: {ros__parameters: {footprint: "round"}}}',
             "local_costmap: footprint 'round': give corners in metres",
         ),
+        (
+            "controller_server: {ros__parameters: {FollowPath: {plugin: dwb}}}",
+            "yaml: controller_server.FollowPath.plugin: there is no controller 'dwb': there are regulated_pure_pursuit",
+        ),
+        (
+            "planner_server: {ros__parameters: {planner_plugins: [Far], Far: {plugin: a::B, tolerance: 1.0}}}",
+            "nav2_params.yaml: planner_server.Far.plugin: there is no planner 'a::B': there are astar, and",
+        ),
         ("[1, 2]", "has no parameters"),
         ("a: [", "is no YAML file"),
         ("amcl: {alpha1: 0.3}", "has no parameters"),
@@ -133,3 +142,13 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
     """With the reason of the system."""
     with pytest.raises(UsageError, match=r"cannot read the parameters .*none\.yaml: No such file"):
         navigation_of_robot({"params": "none.yaml"}, 0, tmp_path, "navigation")
+
+
+def test_a_plugin_of_a_package_gets_its_own_parameters(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By their own names and unchecked, also those that zteam's own plug-ins have; none of them is unknown."""
+    install(tmp_path, "acme", "[zteam.controllers]\ncreep = acme:make\n", {"acme": "raise RuntimeError"})
+    monkeypatch.syspath_prepend(tmp_path)
+    table = {"controller_server": {"FollowPath": {"plugin": "creep", "desired_linear_vel": "slow", "size": {"x": 1}}}}
+    reading = navigation_of_robot(table, 1, tmp_path, "navigation")
+    assert reading.parameters.controller_plugin == ("creep", {"desired_linear_vel": "slow", "size.x": 1})
+    assert reading.unknown == ()

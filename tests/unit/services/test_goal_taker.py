@@ -34,6 +34,15 @@ def test_what_is_missing_is_said_with_the_way_out() -> None:
     assert taker.kind == ""
 
 
+def test_a_navigation_that_runs_need_not_be_started() -> None:
+    """It holds its name, but says nothing: there is no simulator, or simulated time stands still."""
+    taker = GoalTaker(1, 0.0)
+    taker.take_token(NAV, True, 0.0)
+    assert taker.lack.startswith("the first status of nav_1: it runs, but no tick of a simulator")
+    taker.take_token(NAV, False, 1.0)
+    assert taker.lack == "the navigation of robot_1: start 'zteam-nav --id 1'"
+
+
 def test_a_process_that_stays_away_is_gone() -> None:
     """A token that comes back in time, as after a router's end, is no loss; later the loss is told once."""
     taker = GoalTaker(1, 0.0)

@@ -54,6 +54,19 @@ def test_what_is_said_of_an_older_goal_does_not_count() -> None:
     assert not watch.ended
 
 
+def test_two_other_goals_replace_it_as_one_does() -> None:
+    """Between two looks another sender may have sent two."""
+    watch = GoalWatch(GOAL)
+    for x in (1.0, 2.0):
+        watch.replace(make_goal(x, 1.0))
+    assert watch.is_replaced
+    assert watch.result == TaskResult.FAILED
+    ended = GoalWatch(GOAL)
+    ended.end(TaskResult.SUCCEEDED, "")
+    ended.replace(make_goal(1.0, 1.0))
+    assert not ended.is_replaced
+
+
 def test_a_frame_that_navigation_has_resolved_is_the_same_goal() -> None:
     """A leading slash is stripped on the way."""
     watch = GoalWatch(at(GOAL, 7, "/map"))

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 import pytest
 
 from support.control_harness import TICK, ControlHarness
-from support.lockstep_doubles import LIMIT
+from support.limits import ASKED, LIMIT
 from zteam import names
 from zteam.bus import Bus, Change, MemoryHub, NoRequest
 from zteam.errors import BusError, UsageError
@@ -42,7 +42,7 @@ def often(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_step_is_exact(make: Make) -> None:
     """The world stands so many ticks further on, and not one more."""
     _, client = make()
-    assert client.stand(LIMIT).stands
+    assert client.stand(ASKED).stands
     for ticks, reached in ((1, 2), (3, 5), (1000, 1005)):
         status = client.step(ticks)
         assert (status.tick, status.paused) == (reached, True)
@@ -142,7 +142,7 @@ def test_a_pause_does_not_wait_for_who_holds_the_tick(make: Make, monkeypatch: p
     """In lock-step the tick at hand may never end: the answer comes all the same."""
     monkeypatch.setattr(simulator_client, "SETTLE", 0.05)
     desk, client = make()
-    assert client.stand(LIMIT).stands
+    assert client.stand(ASKED).stands
     desk.free.clear()
     desk.ask_aside("step", SimStatus, StepRequest(5))
     desk.wait_for_tick(2)

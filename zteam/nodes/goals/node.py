@@ -53,6 +53,7 @@ class Errand:
 class Dispatcher:
     """Gives robots goals until there are no more, and tells of each that has ended.
 
+    A goal of another sender goes before: its end is waited for, and then the goal that it replaced is sent again.
     All of it is done in `step`, so that a run in lock-step repeats.
     """
 
@@ -68,7 +69,7 @@ class Dispatcher:
         node.on_stop(self._cancel_all)
 
     def _client(self, robot_id: int) -> NavigationClient:
-        return NavigationClient(self._node.bus, robot_id, self._node.clock.now, link=self._node)
+        return NavigationClient(self._node.bus, robot_id, self._node.clock.now, link=self._node, yields=True)
 
     @property
     def all_reached(self) -> bool:
@@ -86,7 +87,9 @@ class Dispatcher:
         self._odometry.close()
         for errand in self.errands.values():
             errand.client.look()
-            if errand.watch is not None and errand.watch.ended:
+            if errand.watch is not None and errand.watch.is_replaced:
+                errand.watch = errand.client.send(errand.watch.goal)
+            elif errand.watch is not None and errand.watch.ended:
                 self._end(errand, now)
             if errand.watch is None:
                 self._send_next(errand, now)

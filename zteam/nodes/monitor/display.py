@@ -2,6 +2,7 @@
 
 import logging
 import math
+import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
@@ -129,7 +130,7 @@ def showing(options: MonitorOptions) -> Iterator[Output]:
     """The output that the options and standard output call for."""
     if options.json:
         yield JsonLines()
-    elif not sys.stdout.isatty() or options.exit_on_go:
+    elif not sys.stdout.isatty() or os.environ.get("TERM", "dumb") == "dumb" or options.exit_on_go:
         yield Lines()
     else:
         from zteam.nodes.monitor.live_table import LiveTable

@@ -1,5 +1,6 @@
 """The monitor's live table on a terminal."""
 
+import os
 from types import TracebackType
 
 from rich.console import Console
@@ -28,7 +29,7 @@ class LiveTable:
     is_live = True
 
     def __init__(self) -> None:
-        self._console = Console()
+        self._console = Console(no_color="NO_COLOR" in os.environ or None)
         self._contents: Contents = lambda: ([], [])
         self._live = Live(self._render(), console=self._console, auto_refresh=False)
 

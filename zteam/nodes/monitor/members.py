@@ -45,6 +45,12 @@ class Member(msgspec.Struct):
         return self.alive and not self.silent and self.status is not None and self.status.is_ready
 
     @property
+    def obeyed(self) -> int:
+        """The epoch of the GO that its live process obeys, 0 for none."""
+        status = self.status if self.alive else None
+        return status.epoch if status is not None and status.state == RobotState.RUNNING else 0
+
+    @property
     def why_not_ready(self) -> str:
         """What is known of why it is not ready."""
         if self.absence:

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from zteam import names
-from zteam.messages import Header, RobotState, RobotStatus, TeamState, TeamStatus, time_from_ns
+from zteam.messages import Header, RobotStatus, TeamState, TeamStatus, time_from_ns
 from zteam.nodes.monitor.members import Member, Members
 from zteam.robot_ids import format_robot_ids
 from zteam.services.simulator import absence_text
@@ -76,6 +76,7 @@ class Gate:
         """A process took or lost the name `robot_N`."""
         was_alive = self.members.get(robot_id).alive
         self.members.take_token(robot_id, instance, alive, late=self.gone)
+        self._adopt(robot_id)
         if alive and not was_alive:
             self._tell_unexpected(robot_id)
 
@@ -84,8 +85,7 @@ class Gate:
         if status.robot_id != robot_id:
             return False
         member = self.members.take_status(robot_id, status, now)
-        if status.state == RobotState.RUNNING and member.alive and self._counts(robot_id):
-            self._adopt(status.epoch)
+        self._adopt(robot_id)
         if self.gone:
             self._tell_late(robot_id, member)
         elif member.ready and not member.was_ready:
@@ -95,9 +95,10 @@ class Gate:
             member.was_ready = False
         return True
 
-    def _adopt(self, epoch: int) -> None:
-        """A robot of this team runs already: the newest GO that is obeyed is the team's."""
-        if epoch <= self.epoch:
+    def _adopt(self, robot_id: int) -> None:
+        """The newest GO that a robot of this team obeys is the team's."""
+        epoch = self.members.get(robot_id).obeyed
+        if epoch <= self.epoch or not self._counts(robot_id):
             return
         self.epoch = epoch
         if not self.gone:
@@ -114,8 +115,7 @@ class Gate:
 
     def try_go(self, stamp: int) -> bool:
         """Give GO from simulated time `stamp` (ns) on if all robots are ready; True when that happened now."""
-        complete = not self.missing if self.expected is not None else len(self.ready) >= self.team_size
-        if self.gone or not complete or len(self.ready) < self.team_size:
+        if self.gone or self.missing or len(self.ready) < self.team_size:
             return False
         self.epoch += 1
         self.go_stamp = stamp

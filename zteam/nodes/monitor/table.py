@@ -61,7 +61,7 @@ def _row(robot_id: int, member: Member, pose: Pose2 | None, now: float) -> Row:
     if status is None:
         row.reason = member.why_not_ready
         return row
-    row.behavior = printable(_behavior(status.behavior, status.leader, status.driver))
+    row.behavior = printable(_behavior(status.behavior, status.followed, status.driver))
     row.age = now - member.heard
     row.speed = status.speed
     if member.silent:

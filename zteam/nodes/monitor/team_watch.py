@@ -16,6 +16,48 @@ _SERVERS = {
 }
 """Processes that a team needs besides its robots: what they are called, and what it means that one is gone."""
 
+_HEARD = 4
+"""Robots without a process that are heard as any other: one may be a process whose token does not come."""
+_STRANGERS = 64
+"""Further robots without a process whose newest status is kept: a status may come before the token of its robot."""
+_STRANGE = 1.0
+"""Host seconds after which a robot whose token has not come is told."""
+
+
+class _Strangers:
+    """Statuses of robots that no process holds and that the team does not expect: a sender can invent any number."""
+
+    def __init__(self) -> None:
+        self._heard: set[int] = set()
+        self._newest: dict[int, RobotStatus] = {}
+        self._ids: set[int] = set()
+        self._told = 0
+        self._since = 0.0
+
+    def take(self, robot_id: int, status: RobotStatus, now: float) -> bool:
+        """A status of a robot that is not known, at host time `now`; whether it is heard."""
+        if len(self._heard) < _HEARD:
+            self._heard.add(robot_id)
+            return True
+        self._since = self._since if self._ids else now
+        self._ids.add(robot_id)
+        if robot_id in self._newest or len(self._newest) < _STRANGERS:
+            self._newest[robot_id] = status
+        return False
+
+    def admit(self, robot_id: int) -> RobotStatus | None:
+        """The robot has a process now: what it has said."""
+        self._ids.discard(robot_id)
+        return self._newest.pop(robot_id, None)
+
+    def news(self, now: float) -> str:
+        """How many there are, in one line; empty if that was told or too little time has gone by."""
+        if not self._ids or self._told or now - self._since < _STRANGE:
+            return ""
+        self._told, first = len(self._ids), min(self._ids)
+        rest = f" and {self._told - 1} other robots have" if self._told > 1 else " has"
+        return f"{names.robot_name(first)}{rest} a status but no process: the monitor leaves such robots out"
+
 
 class TeamWatch:
     """Callbacks run under `node.changed`."""
@@ -24,6 +66,7 @@ class TeamWatch:
         self._node = node
         self._team = team
         self._losses = TokenLossFilter()
+        self._strangers = _Strangers()
         self._servers = TokenSet()
         self.servers_gone: dict[str, str] = {}
         """Those processes that were there and are gone, by name: what that means, in words."""
@@ -62,6 +105,8 @@ class TeamWatch:
         robot_id = names.robot_id_of(name)
         if robot_id is not None:
             self._team.take_token(robot_id, instance, alive)
+            if alive and (status := self._strangers.admit(robot_id)) is not None:
+                self._team.take_status(robot_id, status, monotonic())
         elif self._servers.take(name, instance, alive):
             what, meaning = _SERVERS[name]
             if name == names.SIMULATOR and not alive:
@@ -74,6 +119,9 @@ class TeamWatch:
 
     def _on_status(self, key: str, status: RobotStatus) -> None:
         target = names.split_robot_key(key)
+        is_strange = target is not None and status.robot_id == target[0] and target[0] not in self._team.members.by_id
+        if is_strange and not self._strangers.take(status.robot_id, status, monotonic()):
+            return
         if target is None or not self._team.take_status(target[0], status, monotonic()):
             self._node.bus.counters.drop(key, f"it speaks for robot {status.robot_id}")
 
@@ -84,6 +132,8 @@ class TeamWatch:
             token = names.split_token_key(key)
             if token:
                 self._take(*token, False)
+        if news := self._strangers.news(now):
+            self._team.members.tell("strangers", None, news)
         if self._losses.trusted(now):
             self._team.members.check_silence(now)
 

@@ -15,12 +15,12 @@ from zteam.planning.collisions import Velocity
 from zteam.planning.controller import BlockedError, Controller
 from zteam.planning.parameters import Parameters
 from zteam.planning.planner import NoPathError, Planner
+from zteam.services.goals import ON_THE_WAY
 
 Floats = NDArray[np.float64]
 
 PATIENCE = 10.0
 """Seconds that a robot stands without what it needs, such as its place, before it gives up its goal."""
-_ACTIVE = frozenset({NavigationState.PLANNING, NavigationState.DRIVING, NavigationState.RECOVERING})
 
 
 class Navigator:
@@ -53,7 +53,7 @@ class Navigator:
     @property
     def active(self) -> bool:
         """Whether the robot is on its way."""
-        return self.state in _ACTIVE
+        return self.state in ON_THE_WAY
 
     @property
     def path(self) -> Floats | None:

@@ -79,7 +79,7 @@ class NavigationNode:
         self._later = later
         self._bases: dict[int, Base] = {}
         self._shared = StaticCostmaps()
-        self._planners: dict[Any, Planner] = {}
+        self._planners: dict[str, Planner] = {}
         self._grid: GridMap | None = None
         self._stepped = 0
         self._overrides = {i: robot.base for i, robot in options.robots.items()}
@@ -87,6 +87,7 @@ class NavigationNode:
         self._tick_length = self._period
         self._transforms = TeamTransforms(node)
         self._robots = {i: self._make_robot(i, robot.parameters, options.seed) for i, robot in options.robots.items()}
+        _warn_of_other_decay(options.robots)
         node.subscribe(names.MAP, OccupancyGrid, self._on_map, latched=True)
         node.subscribe(names.all_robots_key(names.BASE_INFO), BaseInfo, self._on_base_info, latched=True)
         node.need(self._lacks)
@@ -96,7 +97,7 @@ class NavigationNode:
 
     def _make_robot(self, robot_id: int, parameters: Parameters, seed: int) -> RobotNavigation:
         node = self._node
-        key = parameters.planner_plugin, parameters.planner
+        key = str(parameters.planner_plugin)
         if key not in self._planners:
             # Shared: the memory of a search is as large as the map.
             self._planners[key] = make_planner(parameters)
@@ -210,6 +211,19 @@ class NavigationNode:
         with self._node.changed:
             for robot in self._robots.values():
                 robot.halt()
+
+
+def _warn_of_other_decay(robots: Mapping[int, NavigatedRobot]) -> None:
+    for robot in robots.values():
+        given, costmap = robot.parameters.pursuit.inflation_cost_scaling_factor, robot.parameters.local_layers
+        if given and given != costmap.cost_scaling_factor:
+            log.warning(
+                "inflation_cost_scaling_factor is %g, but cost_scaling_factor of the local costmap is %g: "
+                "robots misjudge how near obstacles are; leave the first one out",
+                given,
+                costmap.cost_scaling_factor,
+            )
+            return
 
 
 def _listen_for_unreadable_goals(node: StepNode, inputs: Inputs) -> None:

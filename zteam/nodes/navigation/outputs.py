@@ -80,13 +80,15 @@ class Outputs:
         self._status = node.publisher(key(names.NAVIGATION_STATUS), NavigationStatus)
         self._plan = node.publisher(key(names.PLAN), Path, latched=True)
         self._local_plan = node.publisher(key(names.LOCAL_PLAN), Path)
-        self._pose = node.publisher(key(names.AMCL_POSE), PoseWithCovarianceStamped)
+        self._pose = node.publisher(key(names.AMCL_POSE), PoseWithCovarianceStamped, latched=True)
         self._cloud = node.publisher(key(names.PARTICLE_CLOUD), PoseArray)
         self._footprint = node.publisher(key(names.PUBLISHED_FOOTPRINT), PolygonStamped)
         self._global = _Watched(node, key(names.GLOBAL_COSTMAP), OccupancyGrid)
         self._local = _Watched(node, key(names.LOCAL_COSTMAP), OccupancyGrid)
         self._drives = False
         self._planned: object = None
+        self._placed = False
+        """Whether the pose was sent; the next one comes with the next scan that the localiser takes in."""
         self._clouded = False
         self._told: tuple[object, ...] = ()
         self._told_at = -(10**18)
@@ -95,7 +97,7 @@ class Outputs:
 
     def forget(self) -> None:
         """Time jumped back."""
-        self._told, self._told_at, self._planned = (), -(10**18), None
+        self._told, self._told_at, self._planned, self._placed = (), -(10**18), None, False
         self._global.due = self._local.due = -math.inf
 
     def drive(self, now: int, velocity: Velocity, *, active: bool) -> None:
@@ -123,7 +125,8 @@ class Outputs:
             )
         if localiser.pose is None or localiser.map_from_odom is None:
             return
-        if localiser.updated and self._pose.has_subscribers:
+        if localiser.updated or not self._placed:
+            self._placed = True
             self._pose.hand_over(to_messages.pose_estimate_message(stamp, localiser.pose, localiser.covariance))
         if self._cloud.has_subscribers and (localiser.updated or not self._clouded):
             self._cloud.hand_over(to_messages.poses_message(stamp, localiser.particles()))

@@ -1,14 +1,17 @@
-"""Planners and controllers by the names that Nav2 gives them."""
-
-from collections.abc import Callable
+"""The planner and the controller of one robot, as its parameters name them."""
 
 from zteam.base import Base
+from zteam.planning import plugins
 from zteam.planning.controller import Controller, RegulatedPurePursuit
 from zteam.planning.parameters import Parameters
 from zteam.planning.planner import AStarPlanner, Planner
 
 
-def _pursuit(parameters: Parameters, base: Base) -> Controller:
+def make_controller(parameters: Parameters, base: Base) -> Controller:
+    """The controller that the parameters name; zteam's own keeps within the limits of a base. Raises UsageError."""
+    name, given = parameters.controller_plugin
+    if name != plugins.PURSUIT:
+        return plugins.make_controller(name, given)
     options = parameters.pursuit
     return RegulatedPurePursuit(
         options._replace(
@@ -20,25 +23,7 @@ def _pursuit(parameters: Parameters, base: Base) -> Controller:
     )
 
 
-def _a_star(parameters: Parameters) -> Planner:
-    return AStarPlanner(parameters.planner)
-
-
-CONTROLLERS: dict[str, Callable[[Parameters, Base], Controller]] = {
-    "nav2_regulated_pure_pursuit_controller::RegulatedPurePursuitController": _pursuit,
-}
-"""The first one is taken where the parameters name none, or one that is not here."""
-PLANNERS: dict[str, Callable[[Parameters], Planner]] = {
-    "nav2_navfn_planner::NavfnPlanner": _a_star,
-    "nav2_navfn_planner/NavfnPlanner": _a_star,
-}
-
-
-def make_controller(parameters: Parameters, base: Base) -> Controller:
-    """The controller that the parameters name, within the limits of a base."""
-    return CONTROLLERS.get(parameters.controller_plugin, _pursuit)(parameters, base)
-
-
 def make_planner(parameters: Parameters) -> Planner:
-    """The planner that the parameters name. Raises ValueError for its parameters."""
-    return PLANNERS.get(parameters.planner_plugin, _a_star)(parameters)
+    """The planner that the parameters name. Raises UsageError, and ValueError for its parameters."""
+    name, given = parameters.planner_plugin
+    return AStarPlanner(parameters.planner) if name == plugins.ASTAR else plugins.make_planner(name, given)

@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import msgspec
@@ -10,6 +11,7 @@ from zteam.behaviors import SafetyLayer, View, missing
 from zteam.behaviors.safety import LimitsOnly, ask
 from zteam.messages import RobotDriver, Twist
 from zteam.nodes.robot.inputs import Inputs
+from zteam.nodes.robot.lookups import watch_steps
 from zteam.nodes.robot.mux import Choice
 from zteam.nodes.robot.parameters import Parameters
 from zteam.nodes.robot.safety_log import SafetyLog
@@ -35,6 +37,9 @@ class Turn(msgspec.Struct, frozen=True):
     """What the robot lacks before it is released that its view does not show, as nouns."""
 
 
+ALONE = "no simulator runs yet (zteam-sim WORLD), and no base sends data"
+
+
 class Driver:
     """Asks the behaviour of a robot, and has its status told.
 
@@ -43,6 +48,9 @@ class Driver:
     way. A jump back in time is only marked. The next step makes the behaviour anew, and what a step of the old time
     found out is dropped.
     """
+
+    is_alone = False
+    """Whether no simulator answers."""
 
     def __init__(
         self,
@@ -65,13 +73,15 @@ class Driver:
         """The parameters that the behaviour has."""
         self.behavior = parameters.make_behavior(self._given)
         self.status = status
-        status.leader = self.behavior.leader
+        self._tell_place()
+        status.rest = lambda: self.behavior.why_it_rests()
         self.readiness = status.readiness
         self.robot_id = robot_id
         self._seed = seed
         self._make_layer: type[SafetyLayer | LimitsOnly] = SafetyLayer if safety else LimitsOnly
         self._layer = self._make_layer()
         self._safety = SafetyLog(status.behavior)
+        self._watch = watch_steps(self.behavior, status.behavior, inputs)
         self.absence = ""
         """Why no scan comes; empty if nothing is known of that."""
         self.busy = False
@@ -105,7 +115,9 @@ class Driver:
         # Mostly the gate was passed long ago, and there is nothing to prepare.
         if not (self.readiness.released and self._is_prepared(turn)) and not self.pass_gate(turn):
             return None
-        wanted, reason = ask(self.behavior, turn.view)
+        # In lock-step, where the main loop does not step, the next scan waits.
+        asking = partial(ask, self.behavior, turn.view)
+        wanted, reason = self._watch.run(asking, self._inputs.scan_interval, paced=self.busy)
         driver = RobotDriver.BEHAVIOR
         if turn.choice is not None:
             driver, wanted, reason = *turn.choice, ""
@@ -120,10 +132,17 @@ class Driver:
             if turn.jumps != self.jumps:
                 return None
             self.readiness.drive(reason, turn.epoch)
+            self._tell_place()
             self.status.take(driver, command)
             # What the safety layer stops has lines of its own.
             self.status.tell(logged=not self._safety.stopped_at(turn.view.now))
         return command
+
+    def _tell_place(self) -> None:
+        """What the behaviour says of its place in a line."""
+        behavior, status = self.behavior, self.status
+        status.leader, status.follows = behavior.leader, behavior.follows
+        status.turns, status.gap = behavior.turns, behavior.gap
 
     def look(self, turn: Turn) -> None:
         """Say what the robot waits for, without a step."""
@@ -160,10 +179,13 @@ class Driver:
             return
         self._made_at, self._given = turn.jumps, turn.given
         with self._node.changed:
-            self.status.leader = self.behavior.leader
+            self._tell_place()
             self.status.publish()
 
     def _lacking(self, turn: Turn) -> list[str]:
         if self.absence and turn.view.scan is None:
             return [f"its first scan: {self.absence}"]
-        return missing(turn.view, self.behavior) + turn.missing
+        lacking = missing(turn.view, self.behavior) + turn.missing
+        if self.is_alone and turn.view.scan is None:
+            lacking[-1] += f": {ALONE}"
+        return lacking

@@ -30,6 +30,8 @@ class Inputs:
         self.scan: LaserScan | None = None
         self.scan_stamp = 0
         """Stamp of the newest scan; 0 = none."""
+        self.scan_interval = 0.1
+        """Seconds between the newest two scans; Stage's tick before."""
         self.odom: Odometry | None = None
         self.odom_stamp = 0
         """Stamp of the newest odometry; 0 = none."""
@@ -50,7 +52,9 @@ class Inputs:
 
     def take_scan(self, scan: LaserScan) -> None:
         """A scan has come."""
-        self.scan, self.scan_stamp = scan, ns_from_time(scan.header.stamp)
+        before, self.scan, self.scan_stamp = self.scan_stamp, scan, ns_from_time(scan.header.stamp)
+        if 0 < before < self.scan_stamp:
+            self.scan_interval = (self.scan_stamp - before) / 1e9
 
     def take_odom(self, odom: Odometry) -> None:
         """Odometry has come."""

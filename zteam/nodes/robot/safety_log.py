@@ -4,7 +4,7 @@ import logging
 import math
 
 from zteam.behaviors import View
-from zteam.behaviors.safety.blindness import CREEPS
+from zteam.behaviors.safety.layer import UNSEEN_CAUSE
 from zteam.behaviors.safety.swept import DRIVE_MARGIN
 from zteam.behaviors.scans import look_along
 from zteam.clock import to_ns
@@ -40,7 +40,7 @@ class SafetyLog:
         """A step: `driver` wanted a velocity; `trouble` says why that was stopped, empty if it was not."""
         if trouble:
             self._free, self._stopped = None, view.now
-            stands = not trouble.startswith(CREEPS)
+            stands = not trouble.startswith(UNSEEN_CAUSE)
             if self._began is None or (stands and not self._stands):
                 self._began, self._stands = self._began or view.now, stands
                 wanting = self._behavior if driver == RobotDriver.BEHAVIOR else driver

@@ -5,7 +5,7 @@ import logging
 from zteam import names
 from zteam.errors import BusError
 from zteam.messages import LaserScan, RobotState
-from zteam.nodes.robot.driver import Driver, Turn
+from zteam.nodes.robot.driver import ALONE, Driver, Turn
 from zteam.nodes.robot.inputs import Inputs
 from zteam.runtime.node import Node
 from zteam.runtime.participant import Participant
@@ -37,7 +37,7 @@ class Waiting:
         """The newest at the last look."""
 
     def find_absence(self) -> None:
-        """Ask the simulator whether it has this robot, if no scan comes. Not under `node.changed`."""
+        """Ask the simulator whether it has this robot, if no scan comes; say so if none runs. Not under the lock."""
         self._looks += 1
         # At the start all is on its way.
         if self._looks < _PATIENCE:
@@ -56,6 +56,10 @@ class Waiting:
         lacks = [status for _, status in answers if robot_id not in status.robots]
         name = names.robot_name(robot_id)
         self._driver.absence = f"{name} is {absence_text(robot_id, lacks[0].robots)}" if lacks else ""
+        if not answers and not self._driver.is_alone and self._driver.readiness.released:
+            # Without a gate nothing else says what the robot waits for.
+            log.info("waiting for a first scan: %s", ALONE)
+        self._driver.is_alone = not answers
 
     def begin_look(self) -> Turn | None:
         """A turn to find out what is missing: while nothing comes there is no other (under `node.changed`)."""

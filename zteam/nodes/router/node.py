@@ -2,22 +2,30 @@
 
 import logging
 
+from zteam.bus.options import LEASE
 from zteam.bus.router import Router, detach
 from zteam.runtime.shutdown import Stop, exit_hard_later
 
 log = logging.getLogger("zteam")
 
 
-def run_router(listen: str, *, config: str | None = None, detached: float | None = None, announce: bool = False) -> int:
+def run_router(
+    listen: str,
+    *,
+    config: str | None = None,
+    detached: float | None = None,
+    announce: bool = False,
+    lease: float = LEASE,
+) -> int:
     """Route at `listen` until a stop signal. `detached` forks away and ends after that many idle seconds;
-    `announce` prints the endpoint (with the real port) on stdout once it listens.
+    `announce` prints the endpoint (with the real port) on stdout once it listens. Clients bear `lease` s of silence.
     """
     if detached is not None:
         detach()
     stop = Stop()
     stop.install()
     exit_hard_later(stop)
-    router = Router(listen, config)
+    router = Router(listen, config, lease)
     stop.on_request(router.wake)
     try:
         log.info("router at %s", router.endpoint)

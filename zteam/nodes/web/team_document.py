@@ -118,7 +118,7 @@ def robot_row(robot_id: int, heard: Heard, outlines: Outlines, *, present: bool)
     if status is None:
         row.reason = "no status yet" if heard.alive else "no process"
         return row
-    row.behavior, row.driver, row.leader = printable(status.behavior), printable(status.driver), status.leader
+    row.behavior, row.driver, row.leader = printable(status.behavior), printable(status.driver), status.followed
     row.age = round(heard.age, 2)
     if not heard.alive:
         row.state = "stopped" if status.state == RobotState.STOPPED else "lost"

@@ -6,17 +6,20 @@ from collections.abc import Callable
 import pytest
 
 from support.fake_navigation import FakeNavigation
+from support.limits import LIMIT
 from support.transports import wait_until_true
+from zteam.behaviors.go_to import GOAL_REACHED, NO_WAY
 from zteam.bus import MemoryHub
+from zteam.clock import to_ns
 from zteam.errors import BusError
 from zteam.geometry import Pose2
-from zteam.messages import NavigationState, Odometry, PoseStamped
+from zteam.messages import Header, NavigationState, Odometry, PoseStamped, RobotStatus, time_from_ns
 from zteam.nodes.goals.file import FileGoal
 from zteam.nodes.goals.node import Dispatcher
 from zteam.nodes.goals.rounds import Rounds
 from zteam.runtime.shutdown import Stop
 from zteam.runtime.step_node import StepNode
-from zteam.services.goals import TaskResult
+from zteam.services.goals import TaskResult, goal_message
 from zteam.testing import run_node
 from zteam.testing.in_memory import RunningNode
 
@@ -138,9 +141,96 @@ def test_goals_wait_for_navigation(hub: MemoryHub) -> None:
         for _ in range(3):
             desk.running.tick()
         assert desk.places(1) == []
-        assert desk.dispatcher.errands[1].client.waits_for.startswith("the navigation of robot_1: start 'zteam-nav")
+        assert desk.dispatcher.errands[1].client.waits_for.startswith("the first status of nav_1: it runs, but")
         desk.greet()
         desk.tick_until(lambda: desk.places(1) == [1.0])
+
+
+def send_other(hub: MemoryHub, robot_id: int, x: float) -> None:
+    """Another sender's goal for a robot, as `zteam goto` and the view send it."""
+    hub.bus().publisher(f"robot_{robot_id}/goal_pose", PoseStamped).put(goal_message(Pose2(x, 0.0, 0.0)))
+
+
+@pytest.mark.parametrize("end", [State.SUCCEEDED, State.ABORTED, State.CANCELED])
+def test_the_goal_of_another_sender_goes_before(hub: MemoryHub, end: int) -> None:
+    """While it lasts nothing is sent; then the goal that it replaced is sent again, and has not failed."""
+    desk = Desk(Rounds([goal(1, 1.0), goal(2, 5.0)], rounds=None), hub)
+    with desk.running:
+        desk.greet()
+        desk.tick_until(lambda: desk.places(1) == [1.0] and desk.places(2) == [5.0])
+        desk.running.tick()
+        send_other(hub, 1, 9.0)
+        for _ in range(15):
+            desk.running.tick()
+            desk.navigations[1].say(State.DRIVING, left=1.0)
+        assert desk.places(1) == [1.0, 9.0]
+        assert desk.dispatcher.errands[1].client.waits_for == "the end of another goal: x 9, y 0, yaw 0"
+        desk.reach(2)
+        desk.tick_until(lambda: desk.places(2) == [5.0, 5.0])
+        desk.reach(1, end)
+        desk.tick_until(lambda: desk.places(1) == [1.0, 9.0, 1.0])
+        desk.reach(1)
+        desk.tick_until(lambda: desk.dispatcher.errands[1].reached == 1)
+        assert desk.dispatcher.errands[1].failed == 0
+
+
+def test_a_goal_that_lasts_at_the_start_goes_before(hub: MemoryHub) -> None:
+    """The process that sends goals comes when a robot has one already: it says its first when that has ended."""
+    desk = Desk(Rounds([goal(1, 1.0)]), hub)
+    with desk.running:
+        send_other(hub, 1, 9.0)
+        for _ in range(15):
+            desk.navigations[1].say(State.DRIVING)
+            desk.running.tick()
+        assert desk.places(1) == [9.0]
+        desk.reach(1)
+        desk.tick_until(lambda: desk.places(1) == [9.0, 1.0])
+
+
+def test_of_two_goals_of_one_tick_the_other_senders_counts(hub: MemoryHub) -> None:
+    """Navigation has heard the process's own goal last: it gets the other one once more, and drives there."""
+    desk = Desk(Rounds([goal(1, 1.0)]), hub)
+    with desk.running:
+        desk.greet()
+        desk.tick_until(lambda: desk.places(1) == [1.0])
+        desk.navigations[1].is_deaf = True
+        send_other(hub, 1, 9.0)
+        desk.navigations[1].is_deaf = False
+        for _ in range(3):
+            desk.running.tick()
+        assert desk.places(1) == [1.0, 9.0]
+        assert desk.dispatcher.errands[1].client.waits_for == "the end of another goal: x 9, y 0, yaw 0"
+
+
+@pytest.mark.parametrize("end", [GOAL_REACHED, NO_WAY])
+def test_a_robot_that_runs_go_to_keeps_the_goal_of_another_sender(hub: MemoryHub, end: str) -> None:
+    """Its status names no goal: what it says in the first second may be about the one before."""
+    taken: list[float] = []
+    robot = hub.bus()
+    robot.subscribe("robot_1/goal_pose", PoseStamped, lambda _key, goal: taken.append(goal.pose.position.x))
+    statuses = robot.publisher("robot_1/status", RobotStatus)
+    desk = Desk(Rounds([goal(1, 1.0)]), hub)
+    desk.navigations[1].end()
+
+    def say(ticks: int, reason: str) -> bool:
+        for _ in range(ticks):
+            statuses.put(
+                RobotStatus(Header(time_from_ns(to_ns(desk.running.next_time))), 1, behavior="go_to", reason=reason)
+            )
+            desk.running.tick()
+        return False
+
+    with desk.running:
+        wait_until_true(lambda: say(1, "") or bool(taken))
+        say(12, "")
+        send_other(hub, 1, 9.0)
+        say(5, GOAL_REACHED)
+        assert taken == [1.0, 9.0]
+        say(10, "")
+        assert taken == [1.0, 9.0]
+        say(3, end)
+        assert taken == [1.0, 9.0, 1.0]
+        assert desk.dispatcher.errands[1].failed == 0
 
 
 def test_a_repeated_run_sends_at_the_same_times(hub: MemoryHub) -> None:
@@ -176,10 +266,10 @@ def test_real_robots_have_the_hosts_time(hub: MemoryHub) -> None:
     try:
         wait_until_true(has_goal)
         navigation.say(State.SUCCEEDED)
-        thread.join(20.0)
+        thread.join(LIMIT)
     finally:
         stop.request("the test is over")
-        thread.join(20.0)
+        thread.join(LIMIT)
         node.close()
     assert dispatcher.is_done
     assert dispatcher.all_reached

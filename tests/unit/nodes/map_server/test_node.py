@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from support.limits import LIMIT
 from support.transports import wait_until_true
 from zteam.bus import MemoryHub
 from zteam.cli import main as zteam
@@ -90,7 +91,7 @@ def test_it_serves_late_subscribers_until_it_is_stopped(hub: MemoryHub, grid: Gr
         assert_same(map_grid(found[0]), grid)
     finally:
         stop.request("the test is over")
-        thread.join(20.0)
+        thread.join(LIMIT)
         node.close()
     assert not thread.is_alive()
 

@@ -7,25 +7,26 @@ import pytest
 from support.monitor_desk import Desk, HostTime, Open
 from zteam.bus import MemoryHub
 from zteam.nodes.monitor import display, team_watch
-from zteam.nodes.monitor.display import MonitorOptions
+from zteam.nodes.monitor.display import MonitorOptions, Output
 
 
 @pytest.fixture
 def open_desk(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> Iterator[Open]:
     """Starts monitors that wait for `ids` or `team_size` robots."""
-    time, desks = HostTime(), []
+    time, desks = HostTime(), list[Desk]()
     for module in (display, team_watch):
         monkeypatch.setattr(module, "monotonic", time)
 
     def make(
-        *ids: int, team_size: int = 0, run: bool = True, exit_on_go: bool = False, go_timeout: float | None = None
+        *ids: int,
+        team_size: int = 0,
+        exit_on_go: bool = False,
+        go_timeout: float | None = None,
+        output: Output | None = None,
     ) -> Desk:
         options = MonitorOptions(team_size or len(ids), ids or None, exit_on_go=exit_on_go, go_timeout=go_timeout)
-        desk = Desk(hub, time, options)
-        desks.append(desk)
-        if run:
-            desk.thread.start()
-        return desk
+        desks.append(Desk(hub, time, options, output))
+        return desks[-1]
 
     yield make
     for desk in desks:

@@ -75,6 +75,18 @@ def test_a_restarted_monitor_adopts_the_go() -> None:
     assert not gate.try_go(9)
 
 
+def test_a_restarted_monitor_may_hear_of_statuses_before_tokens() -> None:
+    """It adopts the GO with a robot's token then, and gives none of its own."""
+    gate = Gate([0, 1], 2)
+    for robot_id in (0, 1):
+        gate.take_status(robot_id, status(robot_id, RUNNING, 3), 0.5)
+    assert not gate.gone
+    for robot_id in (0, 1):
+        gate.take_token(robot_id, f"first-{robot_id}", True)
+    assert not gate.try_go(9)
+    assert (gate.gone, gate.epoch, told(gate)) == (True, 3, ["the team is running already (epoch 3)"])
+
+
 @pytest.mark.parametrize(("state", "epoch"), [(RUNNING, 0), (READY, 2), (STOPPED, 2)])
 def test_a_robot_that_runs_without_go_is_not_followed(state: int, epoch: int) -> None:
     """A --no-gate robot runs in epoch 0, and an epoch counts from a running robot only."""

@@ -5,9 +5,9 @@ import threading
 
 import pytest
 
-from support.monitor_desk import LIMIT, Open, Robot
+from support.limits import LIMIT
+from support.monitor_desk import Open, Robot
 from zteam.bus import MemoryHub
-from zteam.clock import wait_until
 from zteam.messages import RobotState, RobotStatus
 from zteam.nodes.monitor import display
 from zteam.nodes.monitor.display import Contents, Lines
@@ -91,7 +91,6 @@ class Screen(Lines):
     is_live = True
 
     def __init__(self) -> None:
-        self.changed = threading.Condition()
         self.drawn: list[str] = []
 
     def watch(self, contents: Contents) -> None:
@@ -101,14 +100,7 @@ class Screen(Lines):
     def print_table(self) -> None:
         """Draw."""
         rows, _ = self.contents()
-        with self.changed:
-            self.drawn.append(rows[0].state)
-            self.changed.notify_all()
-
-    def wait_for(self, state: str) -> None:
-        """Wait until that is drawn."""
-        with self.changed:
-            assert wait_until(self.changed, lambda: state in self.drawn, LIMIT), self.drawn
+        self.drawn.append(rows[0].state)
 
 
 def test_the_monitor_draws_the_table_again_and_again(
@@ -116,9 +108,10 @@ def test_the_monitor_draws_the_table_again_and_again(
 ) -> None:
     """Without an option, and also where there is no event: a robot's new state is in the table."""
     monkeypatch.setattr(display, "_LIVE_PERIOD", 0.0)
-    desk, screen = open_desk(0, 1, run=False), Screen()
-    desk.thread = threading.Thread(target=desk.monitor.run, args=[screen])
-    desk.thread.start()
-    screen.wait_for("absent")
+    screen = Screen()
+    desk = open_desk(0, 1, output=screen)
+    desk.look()
+    assert screen.drawn[-1] == "absent"
     Robot(hub, 0).say(RobotState.BOOT)
-    screen.wait_for("boot")
+    desk.look()
+    assert screen.drawn[-1] == "boot"

@@ -47,7 +47,7 @@ def test_no_go_without_a_router(hub: MemoryHub, open_desk: Open) -> None:
     desk.look()
     assert desk.told("go") == []
     desk.link.set_link(True)
-    desk.wait_for("go")
+    desk.event("go")
 
 
 def test_tokens_may_vanish_after_the_link(hub: MemoryHub, open_desk: Open) -> None:
@@ -102,9 +102,9 @@ def test_a_hung_robot_is_named(hub: MemoryHub, open_desk: Open) -> None:
     robot = Robot(hub, 0)
     robot.say()
     desk.pass_by(SILENT_AFTER + 1)
-    assert desk.wait_for("silent", 0).text == "does not answer for 4 s"
+    assert desk.event("silent", 0).text == "does not answer for 4 s"
     robot.say()
-    desk.wait_for("answers", 0)
+    desk.event("answers", 0)
     assert desk.told("lost") == []
 
 

@@ -1,12 +1,15 @@
 """The monitor on a bus in memory: what it publishes, when it gives GO, what it tells, how it ends."""
 
 import logging
+import threading
 
 import msgspec
 import pytest
 
+from support.limits import LIMIT
+from support.lockstep_doubles import show_simulator
 from support.log_capture import captured_log
-from support.monitor_desk import LIMIT, LOSS, Open, Robot, serve_simulator
+from support.monitor_desk import LOSS, Open, Robot
 from zteam import names
 from zteam.bus import MemoryHub
 from zteam.clock import wall_ns
@@ -24,12 +27,13 @@ def test_go_reaches_the_early_and_the_late(hub: MemoryHub, open_desk: Open) -> N
     desk = open_desk(0, 1)
     robots = [Robot(hub, 0), Robot(hub, 1)]
     robots[0].say()
-    desk.wait_for("ready", 0)
+    desk.event("ready", 0)
     assert desk.told("go") == []
     clock.put(Clock(time_from_ns(7_300_000_000)))
     robots[1].say()
-    assert desk.wait_for("go").text == "All robots GO!"
-    desk.wait(lambda: bool(desk.published) and desk.published[-1].state == TeamState.GO)
+    assert desk.event("go").text == "All robots GO!"
+    desk.look()
+    assert desk.published[-1].state == TeamState.GO
     late: list[TeamStatus] = []
     hub.bus().subscribe(names.TEAM_STATUS, TeamStatus, lambda _key, status: late.append(status), latched=True)
     for status in (desk.published[-1], late[-1]):
@@ -48,9 +52,9 @@ def test_events_are_lines_of_the_log(hub: MemoryHub, open_desk: Open, capsys: py
         desk = open_desk(0)
         robot = Robot(hub, 0)
         robot.say()
-        desk.wait_for("go")
+        desk.event("go")
         robot.say(RobotState.FAULT, text="no laser")
-        desk.wait_for("fault", 0)
+        desk.event("fault", 0)
     end()
     assert (logging.INFO, "All robots GO!") in kept
     assert (logging.WARNING, "robot_0 fault: no laser") in kept
@@ -63,31 +67,31 @@ def test_a_team_that_was_there_first_goes(hub: MemoryHub, open_desk: Open) -> No
     desk = open_desk(team_size=2)
     for robot in robots:
         robot.say()
-    desk.wait_for("go")
+    desk.event("go")
 
 
 def test_the_simulators_robots_are_waited_for(hub: MemoryHub, open_desk: Open) -> None:
     """If the simulator has as many robots as asked for, exactly those are waited for."""
-    serve_simulator(hub, [3, 5])
+    show_simulator(hub.bus(), robots=[3, 5])
     desk = open_desk(team_size=2)
     robots = {i: Robot(hub, i) for i in (0, 1, 3, 5)}
     for i in (0, 1, 3):
         robots[i].say()
-    assert desk.wait_for("ready", 3).text == "ready (1 of 2; waiting for robot_5)"
+    assert desk.event("ready", 3).text == "ready (1 of 2; waiting for robot_5)"
     desk.look()
     assert desk.told("go") == []
     robots[5].say()
-    desk.wait_for("go")
+    desk.event("go")
 
 
 def test_a_simulator_with_more_robots_names_none(hub: MemoryHub, open_desk: Open) -> None:
     """If the numbers differ, any robots count."""
-    serve_simulator(hub, [3, 5, 8])
+    show_simulator(hub.bus(), robots=[3, 5, 8])
     desk = open_desk(team_size=2)
     desk.look()
     for i in (0, 8):
         Robot(hub, i).say()
-    desk.wait_for("go")
+    desk.event("go")
 
 
 def test_the_team_status_is_published_on_change(hub: MemoryHub, open_desk: Open) -> None:
@@ -95,7 +99,8 @@ def test_the_team_status_is_published_on_change(hub: MemoryHub, open_desk: Open)
     desk = open_desk(0, 1)
     robot = Robot(hub, 0)
     robot.say()
-    desk.wait(lambda: bool(desk.published) and list(desk.published[-1].ready) == [0])
+    desk.look()
+    assert list(desk.published[-1].ready) == [0]
     desk.look()
     count = len(desk.published)
     for _ in range(3):
@@ -105,7 +110,8 @@ def test_the_team_status_is_published_on_change(hub: MemoryHub, open_desk: Open)
     robot.vanish()
     desk.look()
     desk.pass_by(LOSS)
-    desk.wait(lambda: list(desk.published[-1].lost) == [0])
+    desk.look()
+    assert list(desk.published[-1].lost) == [0]
     assert list(desk.published[-1].missing) == [0, 1]
     assert len(desk.published) == count + 1
 
@@ -139,11 +145,12 @@ def test_a_restarted_monitor_gives_the_same_go(hub: MemoryHub, open_desk: Open) 
     """It adopts the epoch of the running robots and publishes GO for a robot that waits."""
     desk = open_desk(0, 1)
     Robot(hub, 0).say(RobotState.RUNNING, epoch=6)
-    desk.wait_for("adopted")
-    desk.wait(lambda: bool(desk.published) and desk.published[-1].state == TeamState.GO)
+    desk.event("adopted")
+    desk.look()
+    assert desk.published[-1].state == TeamState.GO
     assert desk.published[-1].epoch == 6
     Robot(hub, 1).say()
-    desk.wait_for("late", 1)
+    desk.event("late", 1)
     assert desk.told("go") == []
 
 
@@ -153,22 +160,23 @@ def test_a_jump_back_renews_the_stamp(hub: MemoryHub, open_desk: Open) -> None:
     desk = open_desk(0)
     clock.put(Clock(time_from_ns(90_000_000_000)))
     Robot(hub, 0).say()
-    desk.wait_for("go")
+    desk.event("go")
     clock.put(Clock(time_from_ns(100_000_000)))
-    desk.wait(lambda: ns_from_time(desk.published[-1].go_stamp) == 100_000_000)
+    desk.look()
+    assert ns_from_time(desk.published[-1].go_stamp) == 100_000_000
     assert desk.published[-1].epoch == 1
 
 
 def test_a_tick_that_no_simulator_sent_does_not_stop_its_time(hub: MemoryHub, open_desk: Open) -> None:
     """The monitor still follows the clock of a simulator in real time, and GO has its stamp."""
-    serve_simulator(hub, [0])
+    show_simulator(hub.bus(), robots=[0])
     desk = open_desk(0)
     clock = hub.bus().publisher(names.CLOCK, Clock)
     clock.put(Clock(time_from_ns(1_000_000_000)))
     hub.bus().publisher(names.TICK, Tick).put(Tick())
     clock.put(Clock(time_from_ns(2_000_000_000)))
     Robot(hub, 0).say()
-    desk.wait_for("go")
+    desk.event("go")
     assert ns_from_time(desk.published[-1].go_stamp) == 2_000_000_000
 
 
@@ -177,8 +185,9 @@ def test_real_robots_go_in_wall_time(hub: MemoryHub, open_desk: Open) -> None:
     before = wall_ns()
     desk = open_desk(0)
     Robot(hub, 0).say()
-    desk.wait_for("go")
-    desk.wait(lambda: bool(desk.published) and desk.published[-1].state == TeamState.GO)
+    desk.event("go")
+    desk.look()
+    assert desk.published[-1].state == TeamState.GO
     assert ns_from_time(desk.published[-1].go_stamp) >= before
 
 
@@ -188,25 +197,24 @@ def test_exit_on_go_waits_until_all_obey(hub: MemoryHub, open_desk: Open) -> Non
     robots = [Robot(hub, 0), Robot(hub, 1)]
     for robot in robots:
         robot.say()
-    desk.wait_for("go")
+    desk.event("go")
     robots[0].say(RobotState.RUNNING, epoch=1)
     desk.look()
-    assert desk.thread.is_alive()
+    assert not desk.ended
     robots[1].say(RobotState.RUNNING, epoch=1)
-    desk.thread.join(LIMIT)
-    assert not desk.thread.is_alive()
+    desk.look()
+    assert desk.ended
 
 
 def test_exit_on_go_has_an_end(hub: MemoryHub, open_desk: Open) -> None:
     """A robot that never obeys keeps the monitor for a few seconds only."""
     desk = open_desk(0, exit_on_go=True)
     Robot(hub, 0).say()
-    desk.wait_for("go")
+    desk.event("go")
     desk.look()
-    assert desk.thread.is_alive()
-    desk.time.now += LEAVE_AFTER + 1
-    desk.thread.join(LIMIT)
-    assert not desk.thread.is_alive()
+    assert not desk.ended
+    desk.pass_by(LEAVE_AFTER + 1)
+    assert desk.ended
 
 
 def test_a_team_that_does_not_come_is_given_up(hub: MemoryHub, open_desk: Open) -> None:
@@ -214,11 +222,10 @@ def test_a_team_that_does_not_come_is_given_up(hub: MemoryHub, open_desk: Open) 
     desk = open_desk(0, 1, 2, go_timeout=2.0)
     Robot(hub, 0).say()
     Robot(hub, 2).say(RobotState.BOOT, text="waiting for a first scan")
-    desk.wait_for("ready", 0)
+    desk.event("ready", 0)
     desk.pass_by(1.0)
-    assert desk.thread.is_alive()
-    desk.time.now += 1.5
-    desk.thread.join(LIMIT)
+    assert not desk.ended
+    desk.pass_by(1.5)
     assert str(desk.failure) == (
         "no GO within 2 s: waiting for robot_1: no process yet; robot_2: waiting for a first scan"
     )
@@ -229,10 +236,10 @@ def test_after_go_there_is_no_time_out(hub: MemoryHub, open_desk: Open) -> None:
     desk = open_desk(0, go_timeout=30.0)
     robot = Robot(hub, 0)
     robot.say()
-    desk.wait_for("go")
+    desk.event("go")
     robot.vanish()
     desk.pass_by(60.0)
-    assert (desk.thread.is_alive(), desk.failure) == (True, None)
+    assert (desk.ended, desk.failure) == (False, None)
 
 
 def test_a_stop_request_ends_it(open_desk: Open) -> None:
@@ -240,20 +247,32 @@ def test_a_stop_request_ends_it(open_desk: Open) -> None:
     desk = open_desk(0, 1)
     desk.look()
     desk.stop.request("enough")
-    desk.thread.join(LIMIT)
-    assert not desk.thread.is_alive()
+    desk.look()
+    assert desk.ended
 
 
 def test_the_bus_does_not_wait_for_the_terminal(hub: MemoryHub, open_desk: Open) -> None:
     """Events are shown without the node's lock: a blocked terminal must not hold up the bus, nor a table deadlock."""
-    desk = open_desk(0)
+    others: list[threading.Thread] = []
+    changes: list[str] = []
+
+    class Terminal(Lines):
+        def show(self, event: Event) -> None:
+            others.append(threading.Thread(target=change, args=[event.kind], daemon=True))
+            others[-1].start()
+            others[-1].join(LIMIT)
+
+    def change(kind: str) -> None:
+        with desk.node.changed:
+            changes.append(kind)
+
+    desk = open_desk(0, output=Terminal())
     for up in (False, True):
-        before = len(desk.told("link"))
         desk.link.set_link(up)
-        desk.wait(lambda told=before: len(desk.told("link")) > told)  # type: ignore[misc]
+        desk.look()
     Robot(hub, 0).say()
-    desk.wait_for("go")
-    assert all(desk.free), list(zip(desk.events, desk.free, strict=True))
+    desk.look()
+    assert changes == ["link", "link", "ready", "go"]
 
 
 def test_lines_for_users_and_for_programs(capsys: pytest.CaptureFixture[str]) -> None:
@@ -274,7 +293,8 @@ def test_lines_for_users_and_for_programs(capsys: pytest.CaptureFixture[str]) ->
 def test_the_world_says_which_robots_it_lacks(hub: MemoryHub, open_desk: Open, monkeypatch: pytest.MonkeyPatch) -> None:
     """An id that the simulator does not have is named in the published status, with the way out."""
     monkeypatch.setattr(writer_watch, "LOOK", 0.0)
-    serve_simulator(hub, [0, 1])
+    show_simulator(hub.bus(), robots=[0, 1])
     desk = open_desk(0, 9)
     lacks = "robot_9: not in the world; it has 0, 1 ('zteam sim spawn --id 9 --pose X Y YAW' adds it)"
-    desk.wait(lambda: bool(desk.published) and desk.published[-1].waiting_for == f"robot_0: no process yet; {lacks}")
+    desk.look()
+    assert desk.published[-1].waiting_for == f"robot_0: no process yet; {lacks}"

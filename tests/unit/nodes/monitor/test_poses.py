@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 import pytest
 
+from support.limits import LIMIT
 from zteam import names
 from zteam.bus import MemoryHub
 from zteam.clock import wait_until
@@ -15,9 +16,6 @@ from zteam.nodes.monitor.poses import Poses
 from zteam.runtime.node import Node
 from zteam.runtime.shutdown import Stop
 from zteam.services.transforms import Lookup, LookupReply, LookupRequest
-
-LIMIT = 20.0
-"""Host seconds after which a wait has failed."""
 
 
 def answer(lookup: Lookup) -> LookupReply:

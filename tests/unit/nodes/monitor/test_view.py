@@ -7,8 +7,9 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import pytest
 
+from support.limits import LIMIT
 from support.log_capture import captured_log
-from support.monitor_desk import LIMIT, Desk, Open, Robot
+from support.monitor_desk import Desk, Open, Robot
 from zteam import names
 from zteam.bus import MemoryHub
 from zteam.clock import wait_until
@@ -64,9 +65,9 @@ class Second:
 @pytest.fixture
 def first(open_desk: Open) -> Desk:
     """A monitor that runs and waits for robots 0 and 1."""
-    desk = open_desk(0, 1, run=False)
+    desk = open_desk(0, 1)
     desk.node.become_present()
-    desk.thread.start()
+    desk.look()
     return desk
 
 
@@ -97,8 +98,10 @@ def test_it_shows_the_running_monitors_team(hub: MemoryHub, first: Desk, open_se
         robots = [Robot(hub, 0), Robot(hub, 1)]
         robots[0].say()
         robots[1].say(RobotState.BOOT, text="waiting for its scan")
+        first.look()
         second.wait_for("1 of 2 ready; waiting for robot_1: waiting for its scan\n")
         robots[1].say()
+        first.look()
         second.wait_for("All robots GO!\n")
     assert first.told("go") == [("go", None)]
     assert [status.state for status in first.published].count(TeamState.GO) == 1
@@ -113,13 +116,14 @@ def test_exit_on_go_waits_for_the_running_monitors_go(
     robots = [Robot(hub, 0), Robot(hub, 1)]
     for robot in robots:
         robot.say()
+    first.look()
     second.wait_for("All robots GO!")
     for robot in robots:
         robot.say(RobotState.RUNNING, epoch=1)
     second.join()
     third = open_second(exit_on_go=True)
     third.wait_for("GO is out; 2 of 2 ready")
-    first.time.now += display.LEAVE_AFTER + 1
+    first.pass_by(display.LEAVE_AFTER + 1)
     third.join()
 
 

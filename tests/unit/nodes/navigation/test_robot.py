@@ -1,11 +1,13 @@
 """One robot's navigation without a bus: what it says and does when something that it needs is missing or wrong."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from support.goals import make_goal
+from support.installed_packages import install
 from zteam import names
 from zteam.base import DEFAULT_BASE
 from zteam.geometry import Pose2
@@ -31,6 +33,7 @@ from zteam.nodes.navigation.way import STOP
 from zteam.planning.collisions import Velocity
 from zteam.planning.grid import GridMap, make_map
 from zteam.planning.parameters import Localizer, Parameters
+from zteam.planning.plugins import Plugin
 from zteam.tf import Buffer
 
 TICK = 100_000_000
@@ -270,3 +273,32 @@ def test_a_robot_that_may_be_anywhere_does_not_drive() -> None:
     assert robot.step() == STOP
     assert robot.text.startswith("it is lost: its place is known to ±")
     assert "no particles" in driving().robot.localize_globally()
+
+
+CREEP = """
+from zteam.planning import Velocity
+
+
+class Creep:
+    def __init__(self, parameters):
+        self.speed = parameters["speed"]
+
+    def set_path(self, path):
+        self.path = path
+
+    def command(self, costmap, pose, velocity, seconds):
+        return Velocity(self.speed)
+
+    def remaining(self):
+        return 1.0
+"""
+
+
+def test_the_controller_of_a_package_drives(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An entry point of the documented group, with the parameters that it is given."""
+    install(tmp_path, "acme", "[zteam.controllers]\ncreep = acme_creep:Creep\n", {"acme_creep": CREEP})
+    monkeypatch.syspath_prepend(tmp_path)
+    robot = Robot(controller_plugin=Plugin("creep", {"speed": 0.123}))
+    robot.robot.set_map(box())
+    robot.go(2.0)
+    assert robot.step(3).x == 0.123

@@ -7,9 +7,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 
 from support.arrivals import TICK, TICKS, Data, Opened, Sent, arrive, orders, sent_messages
+from support.examples import examples
 from support.in_process_team import InProcessTeam, TeamOptions
 from support.lockstep_doubles import ScriptedSimulator
 from zteam import names
@@ -140,7 +141,7 @@ def drive(sent: list[Sent], random: Random) -> Outcome:
 DATA: dict[str, type[Message]] = {names.BASE_SCAN: LaserScan, names.ODOM: Odometry}
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(sent_messages(len(TOPICS)).map(lambda found: [untimely(sent) for sent in found]), orders())
 def test_the_order_of_arrival_changes_nothing(sent: list[Sent], ways: Any) -> None:
     """The same messages of three senders in two orders: the same commands, the same views, the same statuses."""
@@ -149,7 +150,7 @@ def test_the_order_of_arrival_changes_nothing(sent: list[Sent], ways: Any) -> No
     assert first == second
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(sent_messages(len(TOPICS), sources=1).map(lambda found: [untimely(sent) for sent in found]), orders())
 def test_it_counts_from_the_next_tick_on(sent: list[Sent], ways: Any) -> None:
     """A step sees what was last sent in the ticks before its own, and nothing of its own tick."""

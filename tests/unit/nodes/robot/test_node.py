@@ -5,7 +5,8 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from support.real_time_robot import LIMIT, NEVER, RealTimeRobot
+from support.limits import LIMIT
+from support.real_time_robot import NEVER, RealTimeRobot
 from zteam.behaviors import Behavior, View
 from zteam.messages import Twist
 from zteam.nodes.robot import base_input, pacing

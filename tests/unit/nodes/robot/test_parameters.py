@@ -7,7 +7,8 @@ from typing import Annotated, Any, ClassVar
 import msgspec
 import pytest
 
-from support.real_time_robot import LIMIT, RealTimeRobot
+from support.limits import LIMIT
+from support.real_time_robot import RealTimeRobot
 from zteam import names
 from zteam.behaviors import Behavior, View
 from zteam.bus import Deferred, MemoryHub
@@ -215,7 +216,7 @@ def test_a_set_that_waits_for_a_behaviour_holds_up_no_other_query(monkeypatch: p
     """A set waits for user code that holds the node's lock, so it is not answered on the thread of all queries."""
     bus = MemoryHub().bus()
     served: dict[str, Callable[[Any], Any]] = {}
-    monkeypatch.setattr(bus, "serve", lambda key, _type, answer: served.update({key: answer}))
+    monkeypatch.setattr(bus, "serve", lambda key, _type, answer, **_: served.update({key: answer}))
     Parameters(Node(NAME, bus, Stop(), "wall"), Cruise, "cruise", {})
     assert isinstance(served[names.service_key(NAME, SET)](SetRequest(parameters={"speed": 0.2})), Deferred)
     bus.close()

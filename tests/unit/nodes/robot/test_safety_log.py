@@ -48,15 +48,15 @@ def test_a_stop_that_comes_and_goes_is_one_stop() -> None:
         assert FREE_AFTER > 3 * TICK
 
 
-def test_a_robot_that_creeps_is_slowed_and_then_stopped() -> None:
+def test_a_robot_that_is_slowed_and_then_stopped() -> None:
     """Each has its line: the second says what stands where no laser looks."""
     safety = SafetyLog("path")
     with captured_log() as log:
         for tick in range(1, 9):
-            cause = "creeps: the ground behind was never seen" if tick < 5 else "robot_2 behind"
+            cause = "no laser looks behind" if tick < 5 else "robot_2 behind"
             safety.take(RobotDriver.TELEOP, Twist(Vector3(-0.4)), cause, view(tick * TICK, 9.0))
     assert log.lines == [
-        "safety: slowed teleop (-0.40 m/s): creeps: the ground behind was never seen",
+        "safety: slowed teleop (-0.40 m/s): no laser looks behind",
         "safety: stopped teleop (-0.40 m/s): robot_2 behind",
     ]
 

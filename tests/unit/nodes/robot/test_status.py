@@ -4,10 +4,13 @@ from collections.abc import Callable
 
 import pytest
 
-from support.lockstep_doubles import LIMIT
+from support.limits import LIMIT
 from support.log_capture import captured_log
 from support.real_time_robot import RealTimeRobot
+from support.transports import wait_until_true
 from zteam.behaviors import Behavior, View
+from zteam.behaviors.follow import Follow
+from zteam.behaviors.idle import Idle
 from zteam.messages import RobotDriver, RobotState, TeamStatus, Twist, Vector3
 from zteam.nodes.robot import node as robot_module
 from zteam.nodes.robot import waiting
@@ -86,6 +89,82 @@ def test_it_says_what_drives_it_and_why_it_stands(wants: Callable[..., None], mo
         robot.close()
     robot.halt()
     assert (robot.said[-1].driver, robot.said[-1].reason, robot.said[-1].speed) == ("none", "stopped", 0.0)
+
+
+def test_a_shipped_behaviour_says_why_it_stands(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its own word is in the status, and neither in the text nor a line of the log."""
+    monkeypatch.setattr(robot_module, "Every", EveryBeat)
+    robot = RealTimeRobot(Idle)
+    try:
+        with captured_log() as log:
+            tick_to(robot, 1, 3)
+            said = robot.wait_for_status(lambda status: status.driver == RobotDriver.BEHAVIOR)
+        assert (said.reason, said.text) == ("idle: only teleop or navigation drives it", "")
+        assert log.count("idle") == 0
+    finally:
+        robot.close()
+
+
+class LooksUp(Behavior):
+    """Looks transforms up, and does not say so."""
+
+    def step(self, view: View) -> Twist:
+        """By the robot before it."""
+        view.base_from_robot(0)
+        return Twist()
+
+
+class LooksAtTeammates(Behavior):
+    """Those come with their age."""
+
+    def step(self, view: View) -> Twist:
+        """By any robot."""
+        return Twist(Vector3(0.1 * len(view.teammates)))
+
+
+@pytest.mark.parametrize(("kind", "lines"), [(LooksUp, 1), (LooksAtTeammates, 0), (Idle, 0), (Follow, 0)])
+def test_undeclared_look_ups_are_named_once(kind: type[Behavior], lines: int) -> None:
+    """In one line; teammates need no declaration, and what the safety layer looks up is not the behaviour's."""
+    with captured_log() as log:
+        robot = RealTimeRobot(kind)
+        try:
+            robot.say_statics()
+            robot.say_transforms(1)
+            tick_to(robot, 1, 5)
+        finally:
+            robot.close()
+    assert log.count("looks transforms up") == lines
+    assert log.count(f"{kind.__name__} looks transforms up without 'uses_tf = True'") == lines
+
+
+def test_a_robot_without_a_simulator_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It may be a real one, too: then its base sends no scan. With the first scan that is over."""
+    monkeypatch.setattr(robot_module, "Every", EveryBeat)
+    robot = RealTimeRobot(Idle, gate=True)
+    lacks = ": no simulator runs yet (zteam-sim WORLD), and no base sends data"
+    try:
+        said = robot.wait_for_status(lambda status: status.reason.endswith(lacks))
+        assert said.text == said.reason
+        assert said.text.startswith("waiting for a first scan (robot_1/base_scan), odometry (robot_1/odom)")
+        robot.say_scan(1)
+        robot.wait_for_status(
+            lambda status: status.text.startswith("waiting for odometry (robot_1/odom)") and lacks not in status.text
+        )
+    finally:
+        robot.close()
+
+
+def test_a_robot_without_a_gate_says_that_no_simulator_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It has no status to wait in, so the log says it, once."""
+    monkeypatch.setattr(robot_module, "Every", EveryBeat)
+    line = "waiting for a first scan: no simulator runs yet (zteam-sim WORLD), and no base sends data"
+    with captured_log() as log:
+        robot = RealTimeRobot(Idle, gate=False)
+        try:
+            wait_until_true(lambda: line in log.lines)
+        finally:
+            robot.close()
+    assert log.lines.count(line) == 1
 
 
 def test_a_follower_names_its_leader() -> None:

@@ -6,7 +6,8 @@ from typing import ClassVar
 
 import pytest
 
-from support.real_time_robot import LIMIT, NEVER, TICK, RealTimeRobot
+from support.limits import LIMIT
+from support.real_time_robot import NEVER, TICK, RealTimeRobot
 from zteam.behaviors import Behavior, View
 from zteam.behaviors.safety import ask
 from zteam.messages import Twist, Vector3

