@@ -1,4 +1,4 @@
-"""`zteam bench sim | kernel | tf | team | view | robots | steps | nav | codec`: measure zteam on this machine."""
+"""`zteam bench sim | kernel | tf | team | view | robots | steps | nav | codec | study`: measure zteam here."""
 
 import argparse
 import sys
@@ -9,7 +9,14 @@ from typing import Any
 
 import msgspec
 
-from zteam.cli import bench_nav_tables, bench_robots_tables, bench_steps_tables, bench_tables, bench_view_tables
+from zteam.cli import (
+    bench_nav_tables,
+    bench_robots_tables,
+    bench_steps_tables,
+    bench_study,
+    bench_tables,
+    bench_view_tables,
+)
 from zteam.cli.arguments import number, whole
 from zteam.cli.interrupts import leave, raise_from_now
 from zteam.cli.live_line import LiveLine, has_live_line
@@ -29,6 +36,7 @@ FORMATS: dict[str, Callable[[Sequence[Any]], str]] = {
     "steps": bench_steps_tables.format_steps,
     "nav": bench_nav_tables.format_navigation,
     "codec": bench_tables.format_codec,
+    "study": bench_study.format_study,
 }
 """Verb -> what makes a text of its figures."""
 CHAINS = ("lectures", "direct", "trail", "trail16", "disturbed")
@@ -44,16 +52,18 @@ FORMATIONS = "formations"
 def build_parser() -> argparse.ArgumentParser:
     """The command line."""
     parser = Parser(prog="zteam bench", description=__doc__)
-    verbs = parser.add_subparsers(dest="verb", required=True, metavar="sim|kernel|tf|team|view|robots|steps|nav|codec")
+    verbs = parser.add_subparsers(
+        dest="verb", required=True, metavar="sim|kernel|tf|team|view|robots|steps|nav|codec|study"
+    )
     sim = verbs.add_parser("sim", help="measure the simulator's core alone, as fast as it runs")
     kernel = verbs.add_parser("kernel", help="measure rays against a bitmap, beside a plain scalar grid traversal")
     transforms = verbs.add_parser("tf", help="measure the transform buffer, beside tf2_py if that is installed")
-    team = verbs.add_parser("team", help="measure a line of robots in processes, in lock-step or in real time")
+    team = verbs.add_parser("team", help="measure a line of robots on a tour, in lock-step or in real time")
     view = verbs.add_parser("view", help="measure a view: age of frames, memory, its cost in lock-step, drawing")
     robots = verbs.add_parser("robots", help="measure how well robots follow each other, and hold formations")
     steps = verbs.add_parser("steps", help="measure a robot's step: velocity mux, behaviour and safety layer")
     nav = verbs.add_parser("nav", help="measure planning, costmaps, localisation, and robots that navigate")
-    codec = verbs.add_parser("codec", help="measure encoding and decoding")
+    verbs.add_parser("codec", help="measure encoding and decoding")
     sim.add_argument("world", metavar="WORLD", help="a world file, or the name of a shipped world")
     for sub in (kernel, team, view, nav):
         sub.add_argument(
@@ -65,22 +75,27 @@ def build_parser() -> argparse.ArgumentParser:
     _add_number(sim, "--range", number(1e-3, 1e6, "metres"), 30.0, "maximum range of the lasers, metres")
     sim.add_argument("--physics", choices=PHYSICS, help="contacts (default: what the world says, else dynamic)")
     transforms.add_argument("--tf2-path", type=Path, metavar="DIR", help="folder of tf2_py, if Python does not find it")
-    team.add_argument(
+    _add_ways(team)
+    _add_view(view)
+    _add_robots(robots)
+    _add_navigation(nav)
+    bench_study.add_study(verbs.add_parser("study", help="run lines from many seeds: how well they hold and drive"))
+    _add_number(steps, "--seconds", number(1.0, 600.0, "simulated seconds"), 20.0, "simulated seconds of each scene")
+    for sub in verbs.choices.values():
+        sub.add_argument("--json", action="store_true", help="print JSON")
+        add_log_options(sub, "warning")
+    return parser
+
+
+def _add_ways(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
         "--realtime", action="store_true", help="run in real time; measure latency, lateness, CPU and memory"
     )
-    team.add_argument(
+    parser.add_argument(
         "--in-process",
         action="store_true",
         help="also run the same team in one process, and the simulator's core alone",
     )
-    _add_view(view)
-    _add_robots(robots)
-    _add_navigation(nav)
-    _add_number(steps, "--seconds", number(1.0, 600.0, "simulated seconds"), 20.0, "simulated seconds of each scene")
-    for sub in (sim, kernel, transforms, team, view, robots, steps, nav, codec):
-        sub.add_argument("--json", action="store_true", help="print JSON")
-        add_log_options(sub, "warning")
-    return parser
 
 
 def _add_view(parser: argparse.ArgumentParser) -> None:
@@ -154,9 +169,9 @@ def _bench(args: argparse.Namespace) -> int:
     rows = _measure(args)
     if args.json:
         print(msgspec.json.encode(rows[0] if args.verb in ("sim", "team", "view") else rows).decode())
-        return 0
-    print(FORMATS[args.verb](rows))
-    return 0
+    else:
+        print(FORMATS[args.verb](rows))
+    return bench_study.exit_code(rows) if args.verb == "study" else 0
 
 
 def _measure(args: argparse.Namespace) -> list[Any]:
@@ -174,6 +189,8 @@ def _measure(args: argparse.Namespace) -> list[Any]:
 
         world = load_world(find_world(args.world))
         return [measure_kernels(world, 1081, 270.0), measure_kernels(world, 180, 180.0)]
+    if args.verb == "study":
+        return list(bench_study.measure_study(args))
     if args.verb == "robots":
         return _measure_robots(args)
     if args.verb == "view":

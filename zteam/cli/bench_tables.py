@@ -180,6 +180,7 @@ def _run_of(row: "TeamFigures") -> list[tuple[str, str]]:
     late, again = counted(row.late_steps, "late step"), counted(row.resends, "tick")
     return [
         *pairs,
+        ("driven", f"{figure(row.least_driven_m)} m by the robot that drove least"),
         ("lost", f"{late}, {again} sent again, {counted(row.dropped, 'message')} refused"),
         ("memory", f"{figure(row.pss_mb)} MB (PSS of all processes, each at its peak)"),
         ("trajectory", row.trajectory_sha256),

@@ -1,7 +1,6 @@
 """`zteam doctor`: checks the router, the processes and the data; names cause and next step for every problem of now."""
 
 import argparse
-import os
 import sys
 import textwrap
 from collections.abc import Sequence
@@ -14,6 +13,7 @@ from zteam.cli.doctor_facts import collect_facts
 from zteam.cli.doctor_host import check_lasers, check_router, check_versions
 from zteam.cli.interrupts import leave
 from zteam.cli.listening import open_bus
+from zteam.cli.live_line import has_color
 from zteam.cli.options import Parser, add_bus_options, bus_options, run
 from zteam.cli.tables import terminal_width
 from zteam.diagnosis.finding import Finding, Level
@@ -53,7 +53,9 @@ def _examine(args: argparse.Namespace) -> int:
         finally:
             bus.close()
     print(
-        msgspec.json.encode(findings).decode() if args.json else format_findings(findings, _color(), terminal_width())
+        msgspec.json.encode(findings).decode()
+        if args.json
+        else format_findings(findings, has_color(sys.stdout), terminal_width())
     )
     return 0 if all(finding.good for finding in findings) else 1
 
@@ -73,10 +75,6 @@ def _read_map(path: Path) -> MapInfo:
     rows, columns = found.occupied.shape
     x, y, yaw = found.map_from_corner
     return MapInfo(x, y, yaw, found.resolution, columns, rows)
-
-
-def _color() -> bool:
-    return sys.stdout.isatty() and "NO_COLOR" not in os.environ
 
 
 def format_findings(findings: Sequence[Finding], color: bool = False, columns: int | None = None) -> str:

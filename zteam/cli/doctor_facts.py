@@ -18,6 +18,7 @@ from zteam.bus.topics import type_of_key
 from zteam.bus.transport import RawSample
 from zteam.cli.listening import SURVEY, Waiter
 from zteam.cli.node import find_nodes, writer_names
+from zteam.cli.tf_displays import ask_frames
 from zteam.diagnosis.facts import Facts, Fault
 from zteam.errors import BusError, DecodeError
 from zteam.launch import kinds
@@ -41,21 +42,23 @@ def collect_facts(bus: Bus, options: BusOptions) -> Facts:
     nodes = find_nodes(bus)
     heard = _listen(bus, nodes)
     after = _ask_simulator(bus)
-    admin = read_admin(options.endpoint)
+    admin = read_admin(options)
     router_id = admin.zid if admin else ""
     namer = _namer(nodes, router_id)
+    frames = ask_frames(bus)
     newest_map = _newest(heard, names.MAP, OccupancyGrid)
     return Facts(
         nodes=nodes,
-        writers={key: list(map(namer, by)) for key, by in sorted(heard.items())},
+        writers={key: [namer(session, key) for session in by] for key, by in sorted(heard.items())},
         faults=_faults(heard, namer),
         counts=_counts(bus),
         statuses=_statuses(heard),
         team=_message(_newest(heard, names.TEAM_STATUS, TeamStatus), TeamStatus),
         sim=after,
         holds=before is not None and after is not None and before.tick == after.tick,
+        frames=None if frames is None else {child: frame.parent for child, frame in frames.items()},
         map=_without_cells(_message(newest_map, OccupancyGrid)),
-        map_writer=namer(newest_map.source) if newest_map else "",
+        map_writer=namer(newest_map.source, names.MAP) if newest_map else "",
         namespace=options.namespace or "",
         elsewhere={} if nodes else _elsewhere(options),
         routers={} if _is_complete(nodes) else _at_other_routers(options, router_id),
@@ -64,16 +67,16 @@ def collect_facts(bus: Bus, options: BusOptions) -> Facts:
 
 Heard = dict[str, dict[str, RawSample]]
 """The newest sample of each key and session."""
-Namer = Callable[[str], str]
-"""The name of the process that has a session."""
+Namer = Callable[[str, str], str]
+"""The name of the process that has a session, as a user of a key."""
 
 
 def _namer(nodes: list[ProcessInfo], router_id: str) -> Namer:
-    def name(session: str) -> str:
+    def name(session: str, key: str) -> str:
         # The router stamps the samples of sessions that do not.
         if session and session == router_id:
             return "a client without time stamps (plain Zenoh)"
-        return writer_names(nodes, [session])[0]
+        return writer_names(nodes, [session], key)[0]
 
     return name
 
@@ -121,7 +124,7 @@ def _faults(heard: Heard, namer: Namer) -> list[Fault]:
         for source, sample in by.items():
             reason = _fault_of(sample, due) if due is not None else ""
             if reason:
-                found.append(Fault(key, namer(source), reason))
+                found.append(Fault(key, namer(source, key), reason))
     return found
 
 
@@ -181,11 +184,12 @@ def _at_other_routers(options: BusOptions, router_id: str) -> dict[str, list[str
     """The processes at other routers of this machine, by endpoint."""
 
     def ask(endpoint: str) -> list[str]:
-        admin = read_admin(endpoint)
+        there = msgspec.structs.replace(options, connect=endpoint)
+        admin = read_admin(there)
         if admin is None or admin.zid == router_id:
             return []
         try:
-            places = _find_processes(msgspec.structs.replace(options, connect=endpoint))
+            places = _find_processes(there)
         except BusError:
             # It has just ended.
             return []

@@ -6,6 +6,8 @@ import sys
 from collections.abc import Sequence
 
 from zteam import names
+from zteam.bus import Bus
+from zteam.bus.presence import ProcessInfo
 from zteam.cli.arguments import negative_numbers, number
 from zteam.cli.goal_progress import Progress, goal_report, result_text
 from zteam.cli.interrupts import leave
@@ -19,7 +21,9 @@ from zteam.geometry import Pose2
 from zteam.numbers import MAX_SECONDS
 from zteam.services.goal_taker import GO_TO
 from zteam.services.goals import GoalWatch, TaskResult, goal_message
+from zteam.services.navigation import navigation_query
 from zteam.services.navigation_client import NavigationClient
+from zteam.services.simulator_client import absence_of
 
 _USAGE = "zteam goto ID X Y [YAW] [--no-wait] [--timeout SECONDS] [--json] or zteam goto --cancel ID"
 _STATUS_LIMIT = 2.0
@@ -70,9 +74,18 @@ def parse_goal(args: argparse.Namespace) -> tuple[int, Pose2 | None]:
     return robot_id, Pose2(*parse_pose([*args.pose, "0"][:3]))
 
 
+def _check_robot(bus: Bus, robot_id: int) -> None:
+    """Raise BusError for a robot that neither the world nor a process knows."""
+    absence = absence_of(bus, robot_id)
+    keys = navigation_query(robot_id, "info"), names.service_key(names.robot_name(robot_id), "info")
+    if absence and not any(bus.query(key, ProcessInfo) for key in keys):
+        raise BusError(absence)
+
+
 def _cancel(args: argparse.Namespace, robot_id: int) -> int:
     bus = open_bus(bus_options(args))
     try:
+        _check_robot(bus, robot_id)
         clock, waiter = open_clock(bus, args.clock), Waiter()
         client = NavigationClient(bus, robot_id, clock.now, on_change=waiter.notify)
         try:
@@ -94,6 +107,7 @@ def _cancel(args: argparse.Namespace, robot_id: int) -> int:
 def _go(args: argparse.Namespace, robot_id: int, pose: Pose2) -> int:
     bus = open_bus(bus_options(args))
     try:
+        _check_robot(bus, robot_id)
         clock, waiter = open_clock(bus, args.clock), Waiter()
         client = NavigationClient(bus, robot_id, clock.now, on_change=waiter.notify)
         begin, watch = clock.steady(), client.send(goal_message(pose))

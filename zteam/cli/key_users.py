@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Sequence
 from zteam import names
 from zteam.bus import Bus
 from zteam.bus.keys import matches
-from zteam.bus.presence import ProcessInfo, holder_text
+from zteam.bus.presence import ProcessInfo, holder_text, names_of_sessions
 from zteam.bus.transport import Declaration
 from zteam.errors import BusError
 
@@ -17,8 +17,8 @@ _PATIENCE = 0.5
 class KeyUsers:
     """The publishers and subscribers of all sessions of zteam but the tool's own, by the names of their processes."""
 
-    def __init__(self, declarations: Sequence[Declaration], processes: dict[str, str]) -> None:
-        """`processes` has the name of each session that is a process of zteam."""
+    def __init__(self, declarations: Sequence[Declaration], processes: Sequence[ProcessInfo]) -> None:
+        """`processes` are those of zteam; one may be there with several names."""
         self._declarations = declarations
         self._processes = processes
 
@@ -32,11 +32,12 @@ class KeyUsers:
 
     def _names(self, key_expr: str, *, publishes: bool) -> list[str]:
         sessions = {d.session for d in self._declarations if d.publishes == publishes and matches(d.key, key_expr)}
-        return self.name_sessions(sessions)
+        return self.name_sessions(sessions, key_expr)
 
-    def name_sessions(self, sessions: Iterable[str]) -> list[str]:
-        """The sessions by name, sorted; one that is no process of zteam by its id."""
-        return sorted(holder_text(self._processes.get(session), session) for session in sessions)
+    def name_sessions(self, sessions: Iterable[str], key: str) -> list[str]:
+        """The users of a key by name, sorted; one that is no process of zteam by its session's id."""
+        known = names_of_sessions(self._processes, key)
+        return sorted(holder_text(known.get(session), session) for session in sessions)
 
     def known_keys(self, heard: Iterable[str] = ()) -> list[str]:
         """Every key with a publisher or a subscriber. A wildcard is a key of each robot here and in `heard`."""
@@ -56,7 +57,7 @@ def find_key_users(bus: Bus) -> KeyUsers:
         infos = bus.query(names.info_key("*"), ProcessInfo, timeout=_PATIENCE)
     except BusError:
         infos = []
-    return KeyUsers(declarations, {info.instance: info.name for _, info in infos})
+    return KeyUsers(declarations, [info for _, info in infos])
 
 
 NO_KEYS = "no key has a publisher or a subscriber (is a simulator running? see 'zteam doctor')"

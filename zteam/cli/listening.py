@@ -1,5 +1,6 @@
 """Shared by the tools that listen on the bus: opening it, waiting with a message to the user, surveying its keys."""
 
+import argparse
 import sys
 import threading
 from collections.abc import Callable
@@ -9,15 +10,19 @@ import msgspec
 from zteam.bus import Bus, BusOptions, connect
 from zteam.bus.topics import type_of_key
 from zteam.bus.transport import RawSample
+from zteam.cli.arguments import number
 from zteam.cli.interrupts import raise_from_now
 from zteam.cli.key_users import find_key_users, where_to_look
 from zteam.clock import monotonic, wait_until
 from zteam.errors import UsageError
 from zteam.messages import Message, message_type, type_of_encoding
 from zteam.names import strip_slash
+from zteam.numbers import MAX_SECONDS
 
 PATIENCE = 5.0
 """Seconds to wait for the router given with `--connect`."""
+ONCE_LIMIT = 10.0
+"""Host seconds for which a script waits for one message, or one transform."""
 SURVEY = 1.2
 """Seconds of a survey of the bus: longer than a tick and than the period of a robot's status."""
 
@@ -49,6 +54,27 @@ def kind_of(sample: RawSample, given: type[Message] | None) -> type[Message] | N
 def given_type(name: str | None) -> type[Message] | None:
     """The message type of a `--type` option."""
     return message_type(name) if name else None
+
+
+def add_timeout(parser: argparse.ArgumentParser, what: str) -> None:
+    """Add `--timeout`, after which the command fails without `what`."""
+    parser.add_argument(
+        "--timeout",
+        type=number(0.0, MAX_SECONDS, "host seconds"),
+        metavar="S",
+        help=f"fail after S host seconds without {what} (default: {ONCE_LIMIT:g} with --once where the output is no "
+        "terminal, else no limit)",
+    )
+
+
+def limit_of(args: argparse.Namespace) -> tuple[float | None, bool]:
+    """The time-out that holds, in host seconds, and whether it is that of a script that asks for one message.
+
+    None for no limit. Such a script must not wait for ever, and gets one line.
+    """
+    if args.timeout is None and args.once and not sys.stdout.isatty():
+        return ONCE_LIMIT, True
+    return args.timeout, False
 
 
 class Waiter:
@@ -144,12 +170,14 @@ class _Survey:
             return sorted(self._found.values(), key=lambda entry: entry.key)
 
 
-def wait_for_message(bus: Bus, waiter: Waiter, ready: Callable[[], bool], timeout: float | None, key: str) -> bool:
+def wait_for_message(
+    bus: Bus, waiter: Waiter, ready: Callable[[], bool], timeout: float | None, key: str, *, quiet: bool = False
+) -> bool:
     """Wait until `ready()`, for at most `timeout` s if given; return whether it is ready.
 
-    When no message has come for a while, say on stderr whether anything publishes on `key`.
+    When no message has come for a while, say on stderr whether anything publishes on `key`, unless `quiet`.
     """
-    if timeout is not None and timeout <= SURVEY:
+    if timeout is not None and (quiet or timeout <= SURVEY):
         return waiter.wait(ready, timeout, "")
     if waiter.wait(ready, SURVEY, ""):
         return True

@@ -19,6 +19,11 @@ def has_live_line(stream: TextIO) -> bool:
     return stream.isatty() and os.environ.get("TERM", "dumb") != "dumb"
 
 
+def has_color(stream: TextIO) -> bool:
+    """Whether `stream` is a terminal that shows colours, and its user wants them (https://no-color.org)."""
+    return has_live_line(stream) and "NO_COLOR" not in os.environ
+
+
 class LiveLine:
     """The live line of a terminal. In its context standard error prints above it; leaving erases it."""
 
@@ -29,7 +34,7 @@ class LiveLine:
         self._render: Callable[[int], str] = lambda columns: ""
         self._drawn = 0
         self._left = False
-        self._bold = ("", "") if "NO_COLOR" in os.environ else ("\033[1m", "\033[0m")
+        self._bold = ("\033[1m", "\033[0m") if has_color(stream) else ("", "")
         self._redirection = ExitStack()
 
     def __enter__(self) -> "LiveLine":

@@ -4,7 +4,6 @@ import argparse
 import fnmatch
 import logging
 import math
-import os
 import sys
 from collections.abc import Sequence
 
@@ -14,6 +13,7 @@ from zteam.bus import Bus
 from zteam.cli.arguments import one_of, whole
 from zteam.cli.interrupts import leave
 from zteam.cli.listening import Waiter, check_key, open_bus
+from zteam.cli.live_line import has_color
 from zteam.cli.options import Parser, add_bus_options, bus_options, checked, run
 from zteam.clock import local_time_text
 from zteam.errors import UsageError, ZteamError
@@ -147,7 +147,7 @@ def _follow(reader: LogReader, waiter: Waiter, as_json: bool, found: bool) -> No
 
 
 def _print(lines: Sequence[LogLine], as_json: bool) -> None:
-    color = sys.stdout.isatty() and "NO_COLOR" not in os.environ
+    color = has_color(sys.stdout)
     for line in lines:
         print(format_json(line) if as_json else format_line(line, color))
     sys.stdout.flush()

@@ -69,6 +69,15 @@ def _start(module: str) -> NoReturn:
         code = _run(module, sys.argv[1:])
     except KeyboardInterrupt:
         code = INTERRUPTED
+    except (ImportError, MemoryError) as error:
+        # A library that is imported may find no room.
+        from zteam.runtime.faults import shortage_text
+
+        if not (text := shortage_text(error)):
+            raise
+        name = "zteam" if module == "main" else module.replace("_", "-")
+        print(f"{name}: {text}", file=sys.stderr)
+        code = 1
     finally:
         ignore_from_now()
     leave(code)

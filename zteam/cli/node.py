@@ -7,7 +7,7 @@ import msgspec
 
 from zteam import names
 from zteam.bus import Bus
-from zteam.bus.presence import ProcessInfo, holder_text
+from zteam.bus.presence import ProcessInfo, holder_text, names_of_sessions
 from zteam.cli.interrupts import leave
 from zteam.cli.listening import Waiter, open_bus
 from zteam.cli.options import Parser, add_bus_options, bus_options, run
@@ -40,9 +40,9 @@ def find_nodes(bus: Bus) -> list[ProcessInfo]:
     return sorted(found, key=lambda info: (info.name, info.instance))
 
 
-def writer_names(nodes: Sequence[ProcessInfo], sessions: Sequence[str]) -> list[str]:
-    """Names of the processes that own these sessions; a session without a process name is shown by its id."""
-    known = {node.instance: node.name for node in nodes}
+def writer_names(nodes: Sequence[ProcessInfo], sessions: Sequence[str], key: str = "") -> list[str]:
+    """Names of the processes that own these sessions, as users of `key`; one without a name is shown by its id."""
+    known = names_of_sessions(nodes, key)
     return [holder_text(known.get(session), session) if session else "unknown (no time stamp)" for session in sessions]
 
 

@@ -7,13 +7,14 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 from zteam.bus import BusOptions
-from zteam.bus.options import FROM_STDIN, LEASE_BOUNDS, check_endpoint
+from zteam.bus.options import FROM_STDIN, LEASE, LEASE_BOUNDS, check_endpoint
 from zteam.cli.arguments import number, one_of
 from zteam.cli.interrupts import INTERRUPTED
 from zteam.cli.output import OutputError, guarded
 from zteam.cli.usage import answer, in_short, unknown_subcommand, unknown_words
 from zteam.errors import UsageError, ZteamError
 from zteam.names import strip_slash
+from zteam.runtime.faults import shortage_text
 from zteam.runtime.logs import LEVELS, start_logging
 from zteam.runtime.process_name import show_name
 
@@ -92,14 +93,19 @@ def add_bus_options(parser: argparse.ArgumentParser) -> None:
         default=os.environ.get("ZTEAM_CONFIG") or None,
         help="read Zenoh settings from this file first ($ZTEAM_CONFIG)",
     )
-    group.add_argument(
+    add_lease_option(group)
+    add_log_options(group)
+
+
+def add_lease_option(parser: argparse._ActionsContainer) -> None:
+    """Add `--lease`; the environment gives its default."""
+    parser.add_argument(
         "--lease",
         type=number(*LEASE_BOUNDS, "seconds"),
         metavar="SECONDS",
-        default=os.environ.get("ZTEAM_LEASE", "2"),
+        default=os.environ.get("ZTEAM_LEASE", f"{LEASE:g}"),
         help="declare this process lost after this silence on the link (default: 2; $ZTEAM_LEASE)",
     )
-    add_log_options(group)
 
 
 def add_log_options(parser: argparse._ActionsContainer, level: str = "info") -> None:
@@ -169,6 +175,11 @@ def run(name: str, args: argparse.Namespace, body: Callable[[], int], *, needs_o
             return fail(name, error)
         except KeyboardInterrupt:
             return INTERRUPTED
+        except BaseException as error:
+            # Zenoh's panics are no Exception.
+            if text := shortage_text(error):
+                return fail(name, ZteamError(text))
+            raise
 
     return guarded(name, reported, needs_output=needs_output)
 

@@ -14,7 +14,7 @@ def progress_line(seen: Overview, run_for: float | None, columns: int) -> str:
     text = _joined(_after_go(seen, run_for) if seen.begun else _before_go(seen), columns)
     room = min(columns - len(text) - 1, _BAR[1])
     if run_for and seen.elapsed is not None and room >= _BAR[0]:
-        text = f"{_bar(min(1.0, seen.elapsed / run_for), room)} {text}"
+        text = f"{bar(min(1.0, seen.elapsed / run_for), room)} {text}"
     return text
 
 
@@ -80,6 +80,7 @@ def duration_text(seconds: float) -> str:
     return f"{whole // 3600} h {whole // 60 % 60:02} min"
 
 
-def _bar(share: float, width: int) -> str:
+def bar(share: float, width: int) -> str:
+    """A bar of so many columns."""
     filled = int(share * (width - 2))
     return f"[{'#' * filled}{'-' * (width - 2 - filled)}]"

@@ -11,6 +11,7 @@ import msgspec
 from zteam import names
 from zteam.cli.arguments import negative_numbers, parse_speed
 from zteam.cli.listening import Waiter, open_bus
+from zteam.cli.live_line import has_live_line
 from zteam.cli.options import Parser, add_bus_options, bus_options, checked, run
 from zteam.cli.sim_status import format_hold, format_pace, format_status, format_when
 from zteam.clock import Every, monotonic
@@ -242,7 +243,7 @@ class _Progress:
         self._first: int | None = None
         self._tick: int | None = None
         self._due = Every(_REPORT_PERIOD)
-        self._overwrites = sys.stderr.isatty()
+        self._overwrites = has_live_line(sys.stderr)
         self._open = False
 
     def report(self, status: SimStatus) -> None:

@@ -8,16 +8,16 @@ from zteam import names
 from zteam.bus import Bus
 from zteam.cli.arguments import MAX_RATE, negative_numbers, number
 from zteam.cli.interrupts import leave
-from zteam.cli.listening import SURVEY, open_bus
+from zteam.cli.listening import SURVEY, add_timeout, limit_of, open_bus
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, run
 from zteam.cli.tf_displays import (
     NO_AGGREGATOR,
     TreeListener,
     ask_frames,
+    find_last,
     show_figures,
     show_positions,
     show_tree,
-    why_no_transform,
 )
 from zteam.cli.tf_static import hold_static
 from zteam.cli.tool_clock import open_clock, ticker
@@ -86,12 +86,7 @@ def _add_echo_options(parser: argparse.ArgumentParser) -> None:
         metavar="S",
         help="print the transform at S seconds of the team's clock, then end",
     )
-    parser.add_argument(
-        "--timeout",
-        type=number(0.0, MAX_SECONDS, "host seconds"),
-        metavar="S",
-        help="fail after S host seconds without the transform",
-    )
+    add_timeout(parser, "the transform")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -109,7 +104,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _echo(args: argparse.Namespace) -> int:
     target, source = names.strip_slash(args.target), names.strip_slash(args.source)
-    bus = open_bus(bus_options(args))
+    (limit, quiet), bus = limit_of(args), open_bus(bus_options(args))
     try:
         if args.at is not None:
             # Ask the aggregator for the past: this process has received nothing of it.
@@ -121,15 +116,18 @@ def _echo(args: argparse.Namespace) -> int:
         def is_known() -> bool:
             return listener.buffer.can_transform(target, source, 0)[0]
 
-        first = SURVEY if args.timeout is None else min(SURVEY, args.timeout)
-        if not listener.waiter.wait(is_known, first, ""):
-            if first == SURVEY:
-                why = why_no_transform(bus, listener, target, source)
-                print(f"{why} (waiting for it; Ctrl+C to give up)", file=sys.stderr, flush=True)
-            left = None if args.timeout is None else args.timeout - first
-            if not listener.waiter.wait(is_known, left, ""):
-                why = why_no_transform(bus, listener, target, source)
-                raise ZteamError(f"no transform within {args.timeout:g} s: {why}")
+        if not listener.waiter.wait(is_known, SURVEY if limit is None else min(SURVEY, limit), ""):
+            # Of a publisher that has ended, the aggregator still knows the last transform.
+            last = find_last(bus, target, source)
+            if isinstance(last, TransformStamped):
+                print(to_json(last).decode() if args.json else format_transform(last), flush=True)
+                if args.once:
+                    return 0
+                last = "nothing newer has come"
+            if not quiet and (limit is None or limit > SURVEY):
+                print(f"{last} (waiting for it; Ctrl+C to give up)", file=sys.stderr, flush=True)
+            if not listener.waiter.wait(is_known, None if limit is None else max(0.0, limit - SURVEY), ""):
+                raise ZteamError(f"no transform within {limit:g} s: {last}")
         wait = None if args.once else ticker(open_clock(bus, args.clock), 1.0 / args.rate)
         while True:
             transform = listener.buffer.lookup_transform(target, source, 0)

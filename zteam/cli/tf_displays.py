@@ -14,14 +14,17 @@ from zteam.cli.options import bus_options
 from zteam.cli.tables import format_table
 from zteam.cli.tool_clock import open_clock, ticker
 from zteam.errors import BusError, ZteamError
-from zteam.messages import Clock, TFMessage, ns_from_time
+from zteam.messages import Clock, TFMessage, TransformStamped, ns_from_time
 from zteam.numbers import counted, format_rate
 from zteam.services.transforms import FrameReply
+from zteam.services.transforms_client import TransformClient
 from zteam.tf import Buffer, FrameInfo, TransformException
 from zteam.tf.drawing import PICTURES, draw_tree
 from zteam.tf.statistics import FrameFigures, Watch
 from zteam.tf.text import format_tree
 
+_ENDED = 1_000_000_000
+"""Nanoseconds behind the newest frame after which a frame has no publisher any more."""
 _SEE_TREE = " (see 'zteam tf tree')"
 
 
@@ -65,8 +68,11 @@ def ask_frames(bus: Bus) -> dict[str, FrameInfo] | None:
     return {child: FrameInfo(*msgspec.structs.astuple(frame)) for child, frame in replies.items()}
 
 
-def why_no_transform(bus: Bus, listener: TreeListener, target: str, source: str) -> str:
-    """Why there is no transform between two frames: no aggregator, a frame that no process publishes, or two trees."""
+def find_last(bus: Bus, target: str, source: str) -> TransformStamped | str:
+    """The aggregator's newest transform between two frames.
+
+    Without one, why: no aggregator, a frame that no process publishes, two trees, or a publisher that has ended.
+    """
     frames = ask_frames(bus)
     if frames is None:
         return NO_AGGREGATOR
@@ -74,7 +80,26 @@ def why_no_transform(bus: Bus, listener: TreeListener, target: str, source: str)
     missing = [frame for frame in (target, source) if frame not in known]
     if missing:
         return "; ".join(f"frame {frame!r} does not exist{near_keys(frame, known)}" for frame in missing) + _SEE_TREE
-    return listener.buffer.can_transform(target, source, 0)[1].strip() + _SEE_TREE
+    try:
+        return TransformClient(bus).lookup_transform(target, source)
+    except (TransformException, BusError) as error:
+        return (_ended(frames, target, source) or str(error).strip()) + _SEE_TREE
+
+
+def _ended(frames: Mapping[str, FrameInfo], *ends: str) -> str:
+    """The frame above these that is far behind the newest one of the tree, in words; empty if there is none."""
+    above = set(ends)
+    for end in ends:
+        while end in frames:
+            end = frames[end].parent
+            above.add(end)
+    moving = [(info.newest, child) for child, info in frames.items() if child in above and not info.static]
+    newest = max((info.newest for info in frames.values()), default=0)
+    stamp, child = min(moving, default=(newest, ""))
+    if newest - stamp < _ENDED:
+        return ""
+    text = f"{child} was said last at {stamp / 1e9:.3f} s, {(newest - stamp) / 1e9:.1f} s before the newest frame"
+    return f"{text}: its publisher ({frames[child].authority}) has ended"
 
 
 def _names(frames: Mapping[str, FrameInfo]) -> set[str]:

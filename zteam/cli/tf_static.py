@@ -89,14 +89,14 @@ def _explain(bus: Bus, request: StaticRequest, refused: str) -> str:
     frame = (ask_frames(bus) or {}).get(request.child)
     if frame is None or frame.authority == f"{names.STATIC_CALLER} {request.caller}":
         return refused
-    edge, robot_id = f"{frame.parent} -> {request.child}", names.robot_id_of(frame.authority)
+    edge, robot_id = f"{frame.parent} -> {request.child}", names.robot_id_of(request.child.partition("/")[0])
     if frame.authority == TEAM_FILE:
         return f"the team file of zteam-tf has {edge} already: change it there"
-    if robot_id is None:
+    if robot_id is None or frame.authority.startswith(f"{names.STATIC_CALLER} "):
         holder = frame.authority.replace(f"{names.STATIC_CALLER} ", "another 'zteam tf static', session ", 1)
         return f"{holder} has {edge} already: end that one, or name another child frame"
     key = names.robot_key(robot_id, names.TF_STATIC if frame.static else names.TF)
-    publishers = ", ".join(find_key_users(bus).publishers(key)) or frame.authority
+    publishers = frame.authority if frame.static else ", ".join(find_key_users(bus).publishers(key)) or frame.authority
     if names.is_robot_frame(request.child, names.ODOM):
         way_out = "to set a start pose, put it into [[static_transforms]] of the team file that zteam-tf reads"
     else:

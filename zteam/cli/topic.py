@@ -14,7 +14,17 @@ import msgspec
 from zteam.bus.transport import RawSample
 from zteam.cli.arguments import MAX_RATE, number, whole
 from zteam.cli.interrupts import leave
-from zteam.cli.listening import Waiter, check_key, given_type, kind_of, open_bus, silence, wait_for_message
+from zteam.cli.listening import (
+    Waiter,
+    add_timeout,
+    check_key,
+    given_type,
+    kind_of,
+    limit_of,
+    open_bus,
+    silence,
+    wait_for_message,
+)
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, run
 from zteam.cli.tool_clock import open_clock
 from zteam.cli.topic_keys import show_info, show_list
@@ -22,7 +32,7 @@ from zteam.cli.topic_pub import publish
 from zteam.clock import monotonic, to_seconds
 from zteam.errors import DecodeError, UsageError, ZteamError
 from zteam.messages import Message, decode, to_json, to_plain, type_of_encoding
-from zteam.numbers import MAX_SECONDS, format_rate
+from zteam.numbers import format_rate
 
 _SHORT = 12
 """Elements of an array that the text output shows without --full."""
@@ -52,6 +62,7 @@ def build_parser() -> argparse.ArgumentParser:
         help="measure over this many messages (default: %(default)s)",
     )
     rate.add_argument("--once", action="store_true", help="end after the first line")
+    add_timeout(rate, "two messages")
     for sub in (listing, echo, rate, info):
         sub.add_argument("--json", action="store_true", help="print JSON, one object per line")
     _add_pub_options(pub)
@@ -66,12 +77,7 @@ def _add_echo_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--once", action="store_true", help="end after one message")
     parser.add_argument("--type", help="decode as this ROS type (default: from the encoding or the key)")
     parser.add_argument("--full", action="store_true", help="print whole arrays")
-    parser.add_argument(
-        "--timeout",
-        type=number(0.0, MAX_SECONDS, "host seconds"),
-        metavar="S",
-        help="fail after S host seconds without a message",
-    )
+    add_timeout(parser, "a message")
 
 
 def _add_pub_options(parser: argparse.ArgumentParser) -> None:
@@ -138,6 +144,7 @@ def _word(value: Any) -> str:
 
 def _echo(args: argparse.Namespace) -> int:
     key, given = check_key(args.key), given_type(args.type)
+    limit, quiet = limit_of(args)
     bus, waiter = open_bus(bus_options(args)), Waiter()
     queue: deque[RawSample] = deque(maxlen=1000)
 
@@ -148,14 +155,14 @@ def _echo(args: argparse.Namespace) -> int:
     try:
         bus.subscribe_raw(key, take, latched=True)
         wait: Callable[[Callable[[], bool]], bool] = partial(
-            wait_for_message, bus, waiter, timeout=args.timeout, key=key
+            wait_for_message, bus, waiter, timeout=limit, key=key, quiet=quiet
         )
         while True:
             if not wait(lambda: bool(queue)):
-                raise ZteamError(f"no message on {key} within {args.timeout:g} s: {silence(bus, key)}")
+                raise ZteamError(f"no message on {key} within {limit:g} s: {silence(bus, key)}")
             if _print_sample(queue.popleft(), given, args) and args.once:
                 return 0
-            wait = partial(waiter.wait, timeout=args.timeout, what=f"a message on {key}")
+            wait = partial(waiter.wait, timeout=limit, what=f"a message on {key}")
     finally:
         bus.close()
 
@@ -198,7 +205,9 @@ def _hz(args: argparse.Namespace) -> int:
             waiter.notify()
 
         bus.subscribe_raw(key, take)
-        wait_for_message(bus, waiter, lambda: total >= 2, None, key)
+        limit, quiet = limit_of(args)
+        if not wait_for_message(bus, waiter, lambda: total >= 2, limit, key, quiet=quiet):
+            raise ZteamError(f"no two messages on {key} within {limit:g} s: {silence(bus, key)}")
         while True:
             waiter.wait(lambda: False, 1.0, "")
             stamps = list(times)

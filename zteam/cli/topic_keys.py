@@ -44,7 +44,7 @@ def _silent(key: str) -> KeySurvey:
 def _row(entry: KeySurvey, users: KeyUsers) -> KeyRow:
     row = KeyRow(**msgspec.structs.asdict(entry))
     # A sender that tells no publisher, such as a program that is not zteam's, is heard all the same.
-    row.publishers = sorted({*users.publishers(entry.key), *users.name_sessions(entry.sources)})
+    row.publishers = sorted({*users.publishers(entry.key), *users.name_sessions(entry.sources, entry.key)})
     row.subscribers = users.subscribers(entry.key)
     return row
 
@@ -91,7 +91,7 @@ def show_info(args: argparse.Namespace) -> int:
         raise ZteamError(f"nothing publishes {key} or subscribes to it{where_to_look(key, users.known_keys())}")
     for row in rows:
         stats = {key.removesuffix("/stats"): per_key[row.key] for key, per_key in counts if row.key in per_key}
-        heard = writer_names(nodes, row.sources)
+        heard = writer_names(nodes, row.sources, row.key)
         info = {
             "key": row.key,
             "type": row.type,

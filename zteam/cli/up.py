@@ -277,7 +277,7 @@ def conclude(failed: Collection[str], report: "RunReport | None", stop: "Stop", 
         print(format_report(report))
         if file:
             write_report(Path(file), msgspec.json.format(msgspec.json.encode(report), indent=2) + b"\n")
-    if failed:
+    if failed := {*failed, *(report.hung if report is not None else ())}:
         raise ZteamError(f"{', '.join(sorted(failed))} failed: see the log above")
     return 0
 

@@ -1,14 +1,13 @@
 """What `zteam up` shows of a running team: on a terminal one live line, elsewhere a log line now and then."""
 
 import logging
-import os
 import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import Protocol
 
-from zteam.cli.live_line import LiveLine, has_live_line
+from zteam.cli.live_line import LiveLine, has_color, has_live_line
 from zteam.cli.progress_text import duration_text, progress_line
 from zteam.clock import Every
 from zteam.launch.overview import Overview, TeamOverview
@@ -31,7 +30,7 @@ class Printer:
     def __init__(self, write: Callable[[str], None]) -> None:
         self._write = write
         self._lock = threading.Lock()
-        self._color = sys.stdout.isatty() and "NO_COLOR" not in os.environ
+        self._color = has_color(sys.stdout)
         self._seen: dict[str, int] = {}
 
     def line(self, name: str, text: str) -> None:

@@ -34,7 +34,7 @@ def carry_out(options: "RunOptions", args: argparse.Namespace) -> int:
         with passing_lines(line, names.LAUNCHER), InProcessRun(options.launch, stop, line, outside=outside) as team_run:
             give_back = stop.install(on_repeat=_end_now)
             # Code of a behaviour that does not return holds the whole process.
-            cancel = exit_hard_later(stop)
+            cancel = exit_hard_later(stop, hung=1)
             try:
                 report = team_run.beside_simulator(lambda: _run(team_run, display, outside, args.go_timeout))
             except ZteamError:
@@ -44,7 +44,7 @@ def carry_out(options: "RunOptions", args: argparse.Namespace) -> int:
         cancel()
         give_back()
     failed = {member.name for member in team_run.endings.failures} | team_run.processes.failures
-    return conclude(failed, report, stop, options.has_end, args.report)
+    return conclude(failed | team_run.calls.hung, report, stop, options.has_end, args.report)
 
 
 def _open_outside(options: "RunOptions") -> "Outside":

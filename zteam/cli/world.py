@@ -18,6 +18,8 @@ from zteam.numbers import counted
 from zteam.resources import find_world
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from zteam.sim import RobotObservation
     from zteam.world import Ranger, Robot, World
     from zteam.world.drawing import Fan
@@ -98,13 +100,14 @@ def _check(args: argparse.Namespace, world: "World") -> int:
         print(f"  base       {base['model']:18} {_footprint_text(base)}")
         if limits := _limits_text(base):
             print(f"{'':32}{limits}")
-    for warning in summary["warnings"]:
+    warnings = summary["warnings"]
+    for warning in warnings:
         print(warning)
     counts = [
         counted(len(things), noun)
         for things, noun in ((world.robots, "robot"), (world.obstacles, "obstacle"), (world.floorplans, "floor plan"))
     ]
-    print(f"{', '.join(counts)}; {counted(len(world.warnings), 'warning') if world.warnings else 'no warnings'}")
+    print(f"{', '.join(counts)}; {counted(len(warnings), 'warning') if warnings else 'no warnings'}")
     return 0
 
 
@@ -142,8 +145,16 @@ def _summary(world: "World") -> dict[str, Any]:
             for robot_id, robot in enumerate(world.robots)
         ],
         "bases": _bases(world),
-        "warnings": list(map(str, world.warnings)),
+        "warnings": [*map(str, world.warnings), *_misplaced(world)],
     }
+
+
+def _misplaced(world: "World") -> "Iterator[str]":
+    from zteam.world.placing import find_misplaced
+
+    for robot_id, hindrance in find_misplaced(world):
+        text = f"robot {robot_id} ({world.robots[robot_id].name!r}) has no room at its pose"
+        yield f"{world.name}: {text}: {hindrance}; a team with this robot does not start"
 
 
 def _bases(world: "World") -> list[dict[str, Any]]:
@@ -173,7 +184,8 @@ def _limits_text(base: dict[str, Any]) -> str:
     """The limits by name; what has no limit is left out."""
     from zteam.base import LIMITS
 
-    return ", ".join(f"{name} {base[name]:.3g}" for name in LIMITS if base[name] is not None)
+    absent = dict.fromkeys(("max_vel_y", "wheelbase"), 0.0)
+    return ", ".join(f"{name} {base[name]:.3g}" for name in LIMITS if base[name] not in (None, absent.get(name)))
 
 
 def _sensors(robot: "Robot") -> list[str]:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from zteam.bus.options import DEFAULT_ENDPOINT
 from zteam.cli.arguments import number
 from zteam.cli.interrupts import leave
-from zteam.cli.options import Parser, add_log_options, run
+from zteam.cli.options import Parser, add_lease_option, add_log_options, run
 from zteam.nodes.router.node import run_router
 from zteam.numbers import MAX_SECONDS
 
@@ -22,6 +22,7 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--detached", type=number(0.0, MAX_SECONDS, "seconds"), metavar="SECONDS", help=argparse.SUPPRESS
     )
+    add_lease_option(parser)
     add_log_options(parser)
     return parser
 
@@ -32,7 +33,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     return run(
         "router",
         args,
-        lambda: run_router(args.listen, config=args.config, detached=args.detached, announce=args.announce),
+        lambda: run_router(
+            args.listen, config=args.config, detached=args.detached, announce=args.announce, lease=args.lease
+        ),
     )
 
 

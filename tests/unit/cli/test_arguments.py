@@ -50,6 +50,7 @@ WHOLE = [
 ]
 
 
+@pytest.mark.few(99)
 @pytest.mark.parametrize("text", BAD)
 @pytest.mark.parametrize(("command", "words", "option"), [*REAL, *WHOLE])
 def test_an_option_refuses_a_number_out_of_its_range(

@@ -25,6 +25,7 @@ TEAM = TeamFigures(
     rounds={"robot_0": RoundTiming(300, 0.0070749998, 0.1999)},
     go_after_seconds=2.34, latency_p50_ms=1.0912, latency_p99_ms=3.2134, lateness_p99_ms=None, late_steps=1, resends=0,
     trajectory_sha256="29c3", pss_mb=217.6, cpu_seconds={"sim": 0.87, "robot_0": 0.28}, dropped=2,
+    least_driven_m=14.93,
     hops_us={"encode_scan": 1.6, "look_up": 2.1},
     floor_rtf=125.3, floor_ratio=2.7895,
 )  # fmt: skip
@@ -102,6 +103,7 @@ def test_a_team_in_lockstep_has_its_run_and_the_parts_of_a_tick() -> None:
         "ratio             2.79 (bare Zenoh / team; 1 is as fast as the transport alone)",
         "GO                2.34 s after the start",
         "scan to command   1.09 ms (median), 3.21 ms (99 %)",
+        "driven            14.9 m by the robot that drove least",
         "lost              1 late step, 0 ticks sent again, 2 messages refused",
         "memory            218 MB (PSS of all processes, each at its peak)",
         "trajectory        29c3",

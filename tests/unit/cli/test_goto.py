@@ -6,6 +6,7 @@ import threading
 import pytest
 
 from support.fake_navigation import FakeNavigation
+from support.limits import LIMIT
 from support.transports import wait_until_true
 from zteam import names
 from zteam.behaviors.go_to import GOAL_REACHED, NO_WAY
@@ -36,7 +37,7 @@ class Goto:
 
     def end(self) -> int | None:
         """Its exit code, once it has ended."""
-        self._thread.join(20.0)
+        self._thread.join(LIMIT)
         assert not self._thread.is_alive()
         return self.code
 
@@ -171,14 +172,17 @@ def test_without_waiting(hub: MemoryHub, capsys: pytest.CaptureFixture[str]) -> 
     assert capsys.readouterr().out == "robot_1: goal sent: x 3, y 4, yaw 0\n"
 
 
-def test_a_timeout_cancels(hub: MemoryHub, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_timeout_cancels(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     """The robot does not drive on unobserved: its navigation is asked to cancel, and the time is the reason."""
+    time = [0.0]
+    monkeypatch.setattr(goto, "monotonic", lambda: time[0])
     navigation = FakeNavigation(hub, 1)
-    run = Goto("1", "3", "4", "--timeout", "0.5")
+    run = Goto("1", "3", "4", "--timeout", "5")
     wait_for_goal(navigation)
+    time[0] = 5.0
     assert run.end() == 1
     assert navigation.cancels == 1
-    assert capsys.readouterr().err.endswith(": not reached within 0.5 s\n")
+    assert capsys.readouterr().err.endswith(": not reached within 5 s\n")
 
 
 def test_a_timeout_without_navigation_says_what_is_missing(capsys: pytest.CaptureFixture[str]) -> None:

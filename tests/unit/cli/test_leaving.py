@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 import zteam.cli
+from support.limits import LIMIT
 
 BOMB = "import os, sys; sys.bomb = type('Bomb', (), {'__del__': lambda self, end=os.abort: end()})()\n"
 """Aborts the process when the interpreter is taken apart, as a late callback of foreign code does."""
@@ -12,7 +13,7 @@ BOMB = "import os, sys; sys.bomb = type('Bomb', (), {'__del__': lambda self, end
 
 def run(code: str) -> subprocess.CompletedProcess[str]:
     """Run `code` in a process of its own."""
-    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=LIMIT, check=False)
 
 
 def test_the_bomb_aborts_a_normal_end() -> None:

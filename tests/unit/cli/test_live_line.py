@@ -16,13 +16,20 @@ from typing import TextIO, cast
 
 import pytest
 
+from support.limits import LIMIT
 from support.terminal import Screen
-from zteam.cli.live_line import LiveLine, has_live_line
+from zteam.cli.doctor import format_findings
+from zteam.cli.live_line import LiveLine, has_color, has_live_line
+from zteam.cli.log import format_line
 from zteam.cli.output import Output
+from zteam.cli.up_display import Printer
+from zteam.diagnosis.finding import problem
+from zteam.messages import LogLevel
+from zteam.nodes.monitor.display import MonitorOptions, showing
 from zteam.runtime.logs import start_logging
+from zteam.services.log_lines import LogLine
 
 MARK = "\x05"
-LIMIT = 20.0
 
 
 class PseudoTerminal:
@@ -212,3 +219,23 @@ def test_a_process_in_the_background_draws_nothing(terminal: PseudoTerminal, mon
         monkeypatch.setattr(os, "tcgetpgrp", lambda descriptor: os.getpgrp())
         live.show(lambda columns: "live")
         assert terminal.rows() == ["$ line", "live"]
+
+
+@pytest.mark.parametrize(
+    ("variable", "value"), [("TERM", "dumb"), ("NO_COLOR", "1"), ("NO_COLOR", ""), ("TERM", "xterm")]
+)
+def test_no_command_has_colours_where_they_are_not_wanted(
+    variable: str, value: str, monkeypatch: pytest.MonkeyPatch, terminal: PseudoTerminal
+) -> None:
+    """Logs, findings, the lines of `zteam up` and the monitor's table: a colour is written on an xterm alone."""
+    monkeypatch.setenv(variable, value)
+    monkeypatch.delenv("FORCE_COLOR", raising=False)
+    monkeypatch.setattr(sys, "stdout", terminal.stream)
+    shown: list[str] = []
+    Printer(shown.append).line("robot_0", "ready")
+    shown.append(format_line(LogLine(1, "robot_0", LogLevel.ERROR, "no", "f", "f", 1), has_color(sys.stdout)))
+    shown.append(format_findings([problem("world", "stands", "go")], has_color(sys.stdout)))
+    with showing(MonitorOptions(1)) as output:
+        console = getattr(output, "_console", None)
+        colored = console is not None and not (console.no_color or console.color_system is None)
+    assert [colored, *("\033[" in text for text in shown)] == [value == "xterm"] * 4

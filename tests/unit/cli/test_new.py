@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from support.commands import IMPORTED_FROM, exit_code
+from support.limits import LIMIT
 from zteam.cli import main as zteam
 from zteam.cli import new
 from zteam.testing import find_faults
@@ -24,6 +25,7 @@ def written(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.iterdir())
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(("kind", "name"), [("behavior", "my_robot"), ("node", "crowd_watch")])
 def test_the_example_and_its_test_work(
     kind: str, name: str, folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -34,7 +36,7 @@ def test_the_example_and_its_test_work(
     assert capsys.readouterr().out.startswith(f"wrote {name}.py and test_{name}.py\n")
     monkeypatch.setenv("PYTHONPATH", IMPORTED_FROM)
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", f"test_{name}.py"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=110, check=False)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=3 * LIMIT, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     assert " passed" in done.stdout
 
@@ -46,6 +48,7 @@ def test_the_example_passes_the_check(folder: Path, monkeypatch: pytest.MonkeyPa
     assert find_faults("my_checked:MyChecked") == []
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("kind", new.KINDS)
 def test_the_examples_are_tidy(kind: str, folder: Path) -> None:
     """ruff has nothing to say of them with its own settings, nor mypy with its strict ones."""
@@ -57,7 +60,7 @@ def test_the_examples_are_tidy(kind: str, folder: Path) -> None:
         (mypy, "--strict", "my_example.py", "test_my_example.py"),
     ):
         command = [sys.executable, "-m", module.__name__, *words]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=110, check=False)
+        done = subprocess.run(command, capture_output=True, text=True, timeout=3 * LIMIT, check=False)
         assert done.returncode == 0, done.stdout + done.stderr
 
 

@@ -29,6 +29,7 @@ def run(command: Sequence[str], redirection: str, **environment: str) -> "subpro
     )
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize(
     ("redirection", "reason"), [(">/dev/full", "No space left on device"), (">&-", "Bad file descriptor")]
 )

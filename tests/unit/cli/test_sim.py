@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 import pytest
 
 from support.control_harness import TICK, ControlHarness
-from support.lockstep_doubles import LIMIT
+from support.limits import ASKED
 from zteam.bus import MemoryHub
 from zteam.cli import main as zteam
 from zteam.cli import sim
@@ -25,7 +25,7 @@ def desk(monkeypatch: pytest.MonkeyPatch) -> Iterator[ControlHarness]:
     """A simulator with a world paused at its first tick; `zteam` commands find it."""
     desk = ControlHarness(Pacer(TICK, None, paused=True))
     desk.wait_for_tick(1)
-    SimulatorClient(desk.bus).stand(LIMIT)
+    SimulatorClient(desk.bus).stand(ASKED)
     monkeypatch.setattr(sim, "open_bus", lambda _options: desk.hub.bus())
     yield desk
     desk.close()
@@ -239,7 +239,7 @@ def test_an_interrupted_step_pauses_the_world(
     monkeypatch.setattr(sim._Progress, "report", interrupt)
     assert zteam.main(["sim", "step", "1000000000"]) == 130
     assert "paused at" in capsys.readouterr().err
-    status = SimulatorClient(desk.bus).stand(LIMIT).status
+    status = SimulatorClient(desk.bus).stand(ASKED).status
     assert status.paused
     assert status.tick < 1000000000
 

@@ -1,5 +1,6 @@
 """`zteam tf` on a bus in memory: what it says when something is missing, and of a frame that is taken."""
 
+import argparse
 import json
 from collections.abc import Iterator
 from pathlib import Path
@@ -7,12 +8,13 @@ from typing import Any
 
 import pytest
 
-from support.aggregator_desk import Base, Desk, transform
+from support.aggregator_desk import Base, Desk, S
 from support.commands import exit_code
 from support.named_sessions import open_named
+from support.transforms import stamped
 from zteam import names
 from zteam.bus import MemoryHub
-from zteam.cli import tf, tf_displays, tf_static
+from zteam.cli import listening, tf, tf_displays, tf_static
 from zteam.messages import TFMessage
 from zteam.tf.statistics import FrameFigures, Watch
 
@@ -31,15 +33,15 @@ def opened(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def desk(hub: MemoryHub) -> Iterator[Desk]:
     """An aggregator with a table from its team file, and the simulator's robot 0."""
-    desk = Desk(hub, (transform("map", "table"),))
+    desk = Desk(hub, (stamped("map", "table", 0),))
     simulator = open_named(hub, names.SIMULATOR)
     moving = simulator.publisher("robot_0/tf", TFMessage)
     fixed = simulator.publisher("robot_0/tf_static", TFMessage, latched=True)
-    base = transform("odom", "base_footprint", x=-2.0002)
-    fixed.put(TFMessage([transform("map", "odom", x=2.0), base, transform("base_footprint", "base_link")]))
+    base = stamped("odom", "base_footprint", 0, -2.0002)
+    fixed.put(TFMessage([stamped("map", "odom", 0, 2.0), base, stamped("base_footprint", "base_link", 0)]))
     desk.node.bus.declare_token(names.token_key(names.AGGREGATOR, desk.node.bus.instance))
     desk.start()
-    moving.put(TFMessage([transform("base_link", "arm", 1)]))
+    moving.put(TFMessage([stamped("base_link", "arm", S)]))
     yield desk
     desk.end()
 
@@ -208,3 +210,34 @@ def test_a_parent_without_a_publisher_is_named(
         assert shown.out == f"{parent} -> camera holds until Ctrl+C\n"
         assert hint in shown.err
         assert bool(hint) is bool(shown.err)
+
+
+def test_a_frame_whose_publisher_has_ended_is_shown(
+    hub: MemoryHub, desk: Desk, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What `tf tree` shows can be echoed, although nothing sends it any more; where it cannot, the reason is told."""
+    assert tf.main(["echo", "robot_0/base_link", "robot_0/arm", "--once"]) == 0
+    assert "At time 1.000" in capsys.readouterr().out
+    hub.bus().publisher("robot_0/tf", TFMessage).put(TFMessage([stamped("arm", "hand", 40 * S)]))
+    assert tf.main(["echo", "map", "robot_0/hand", "--once", "--timeout", "0.01"]) == 1
+    assert capsys.readouterr().err == (
+        "zteam tf: no transform within 0.01 s: robot_0/arm was said last at 1.000 s, 39.0 s before the newest frame: "
+        "its publisher (robot_0) has ended (see 'zteam tf tree')\n"
+    )
+
+
+def test_a_script_waits_for_one_transform_for_a_time(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`--once` ends with one line where the output is no terminal; `--timeout` sets another limit."""
+    monkeypatch.setattr(listening, "ONCE_LIMIT", 0.05)
+    assert tf.main(["echo", "map", "robot_0/base_link", "--once"]) == 1
+    assert capsys.readouterr().err == f"zteam tf: no transform within 0.05 s: {START}\n"
+
+
+def test_in_a_terminal_nothing_limits_the_wait(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A user sees what is waited for, and has Ctrl+C; without `--once` a script has no limit either."""
+    for terminal, once, limit in ((True, True, None), (False, True, 10.0), (False, False, None)):
+        monkeypatch.setattr("sys.stdout.isatty", lambda is_one=terminal: is_one)
+        assert listening.limit_of(argparse.Namespace(timeout=None, once=once))[0] == limit
+        assert listening.limit_of(argparse.Namespace(timeout=3.0, once=once)) == (3.0, False)

@@ -8,6 +8,7 @@ from collections.abc import Callable
 
 import pytest
 
+from support.limits import LIMIT
 from zteam import clock as clock_module
 from zteam import names
 from zteam.bus import Bus, MemoryHub, NoRequest
@@ -17,9 +18,6 @@ from zteam.errors import BusError
 from zteam.messages import Bool, Clock, time_from_ns
 from zteam.runtime.node import ClockMode
 from zteam.services.simulator import SimStatus
-
-LIMIT = 20.0
-"""Host seconds after which a wait has failed."""
 
 
 class Simulator:

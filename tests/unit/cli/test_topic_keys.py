@@ -7,8 +7,9 @@ import pytest
 from support.named_sessions import ignore, open_named
 from support.transports import Inbox
 from zteam import names
-from zteam.bus import MemoryHub
+from zteam.bus import MemoryHub, NoRequest
 from zteam.bus.memory import MemoryTransport
+from zteam.bus.presence import own_info
 from zteam.cli import listening, topic, topic_keys
 from zteam.cli.key_users import near_keys
 from zteam.messages import Bool, Odometry, Twist, encode, encoding_of
@@ -165,3 +166,38 @@ def test_near_keys_end_alike_or_are_spelt_alike() -> None:
     assert near_keys("robot_0/base_scn", known) == ": did you mean robot_0/base_scan?"
     assert near_keys("robot_0/odm", ["robot_0/log", *known]).startswith(": did you mean robot_0/odom or ")
     assert near_keys("camera", known) == ""
+
+
+def test_a_session_of_several_names_is_shown_by_the_robots_own(
+    hub: MemoryHub, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One process that navigates three robots is nav_2 on the keys of robot 2, and its first name elsewhere."""
+    bus = open_named(hub, "nav_1")
+    for robot_id in (2, 3):
+        info = own_info(names.navigation_name(robot_id), bus.instance, 0)
+        bus.serve(names.info_key(info.name), NoRequest, lambda _, info=info: info)
+        bus.declare_token(names.token_key(info.name, bus.instance))
+    for key in ("robot_1/near", "robot_2/near", "near"):
+        bus.publisher(key, Bool, latched=True).put(Bool(True))
+    shown = {}
+    for key in ("robot_1/near", "robot_2/near", "near"):
+        assert topic.main(["info", key, "--json"]) == 0
+        row = json.loads(capsys.readouterr().out)
+        shown[key] = row["writers"], row["publishers"]
+    assert shown == {
+        "robot_1/near": (["nav_1"], ["nav_1"]),
+        "robot_2/near": (["nav_2"], ["nav_2"]),
+        "near": (["nav_1"], ["nav_1"]),
+    }
+
+
+@pytest.mark.parametrize(("verb", "what"), [("echo", "message"), ("hz", "two messages")])
+@pytest.mark.usefixtures("team")
+def test_a_script_waits_for_one_message_for_a_time(
+    verb: str, what: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`--once` ends with one line and exit code 1 where the output is no terminal."""
+    monkeypatch.setattr(listening, "ONCE_LIMIT", 0.1)
+    assert topic.main([verb, "robot_0/odom", "--once"]) == 1
+    silent = "robot_0/odom is published by sim, but nothing has come yet"
+    assert capsys.readouterr().err == f"zteam topic: no {what} on robot_0/odom within 0.1 s: {silent}\n"

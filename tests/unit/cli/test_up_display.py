@@ -7,6 +7,7 @@ from typing import cast
 
 import pytest
 
+from support.limits import LIMIT
 from support.log_capture import captured_log
 from zteam.cli import up_display
 from zteam.cli.up_display import Printer, open_display
@@ -15,7 +16,6 @@ from zteam.messages import TeamState, TeamStatus
 from zteam.services.simulator import SimStatus
 
 GO = TeamStatus(state=TeamState.GO)
-LIMIT = 30.0
 
 
 class Terminal(io.StringIO):

@@ -157,3 +157,20 @@ def test_an_unknown_world_is_a_usage_error(capsys: pytest.CaptureFixture[str]) -
     assert main(["check", "nowhere.world"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert "nowhere.world" in line
+
+
+def test_check_names_robots_that_have_no_room(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A robot in a wall and one in another robot are a warning each; robots that touch them are none."""
+    path = tmp_path / "full.world"
+    path.write_text(
+        'define rob position ( size [0.4 0.4 0.3] )\nmodel ( name "wall" pose [3 0 0 0] size [0.2 10 1] )\n'
+        + "".join(f"rob ( pose [{x} 0 0 0] )\n" for x in (0.0, 0.4, 2.9, 2.7, -0.2))
+    )
+    assert main(["check", str(path)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line for line in lines if line.startswith("full: robot")] == [
+        f"full: robot {i} ('robot_{i}') has no room at its pose: it would stand in {what}; "
+        "a team with this robot does not start"
+        for i, what in ((2, "'wall'"), (3, "robot 2"), (4, "robot 0"))
+    ]
+    assert lines[-1].endswith("; 3 warnings")

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from support.limits import LIMIT
 from zteam.cli import up, zteam_view
 from zteam.errors import UsageError
 from zteam.nodes.web.node import has_browser, page_url, read_layout
@@ -77,5 +78,5 @@ def test_a_robots_process_imports_no_web_server() -> None:
         "import sys, zteam.cli.zteam_robot, zteam.nodes.robot.node, zteam.nodes.simulator.node, zteam.launch.run\n"
         "print(sorted({'starlette', 'uvicorn', 'websockets', 'asyncio'} & sys.modules.keys()))"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=LIMIT)
     assert done.stdout.strip() == "[]"
