@@ -29,6 +29,16 @@ def team(request: pytest.FixtureRequest) -> Iterator["TeamFixture"]:
 
 
 @pytest.hookimpl(wrapper=True)
+def pytest_runtest_call(item: pytest.Item) -> Generator[None, object, object]:
+    """Fail a test that has come to its end with a process of its team that ended or hangs unasked."""
+    result = yield
+    fixture = item.stash.get(_TEAM, None)
+    if fixture is not None:
+        fixture.check_at_end()
+    return result
+
+
+@pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item: pytest.Item, call: Any) -> Generator[None, pytest.TestReport, pytest.TestReport]:
     """Add the logs of all processes of the team to the report of a failed test."""
     report = yield

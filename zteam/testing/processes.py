@@ -5,13 +5,16 @@ Waits here count host seconds, because a starting or ending process has no simul
 
 import subprocess
 from collections.abc import Callable
+from typing import Any
 
+from zteam.errors import UsageError
 from zteam.launch.plan import Plan
 from zteam.launch.process import exit_text, zteam_command
+from zteam.launch.supervisor import Job
 from zteam.launch.warm_command import run_command
-from zteam.testing.session import START_LIMIT, WARM_PARENT, TeamSession, TeamTimeout, numbers
+from zteam.testing.session import START_LIMIT, WARM_PARENT, TeamFailure, TeamSession, TeamTimeout, numbers
 
-__all__ = ["START_LIMIT", "TeamProcesses", "TeamTimeout"]
+__all__ = ["START_LIMIT", "TeamFailure", "TeamProcesses", "TeamTimeout"]
 
 
 class TeamProcesses(TeamSession):
@@ -20,12 +23,16 @@ class TeamProcesses(TeamSession):
     def __init__(self) -> None:
         super().__init__()
         self._plan = Plan({})
-        self._lease: float | None = None
+        self._present: set[str] = set()
+        """Processes of the team that were there once."""
 
     def close(self) -> None:
         """Stop everything, in order."""
         try:
-            self._in_process_ends.close()
+            if self._in_process is not None:
+                from zteam.testing.team_in_process import close_in_time
+
+                close_in_time(self._in_process, self._in_process_ends.close)
             for group in [*self._plan.stop_order(), sorted(self._supervisor.processes)]:
                 self._supervisor.stop(group)
         finally:
@@ -48,7 +55,8 @@ class TeamProcesses(TeamSession):
         self._need_processes("spawn")
         chosen = name or f"{command} #{next(numbers)}"
         self._plan.commands[chosen] = zteam_command(command, *arguments)
-        self._supervisor.start(chosen, self._plan.commands[chosen], self.environment)
+        # A tool ends by itself when its work is done.
+        self._supervisor.start_job(chosen, Job(self._plan.commands[chosen], self.environment, may_end=True))
         return chosen
 
     def command(self, *arguments: str, timeout: float = START_LIMIT) -> "subprocess.CompletedProcess[str]":
@@ -59,15 +67,20 @@ class TeamProcesses(TeamSession):
     def pid(self, name: str) -> int:
         """Process id of a process of this team."""
         self._need_processes("pid")
-        return self._supervisor.processes[name].pid
+        pid: int = self._process(name).pid
+        return pid
 
     def exit_code(self, name: str) -> int | None:
         """Exit code of a process, negative for a signal, None while it runs."""
-        return self._processes[name].exit_code
+        code: int | None = self._process(name).exit_code
+        return code
 
-    def lines(self, name: str) -> list[str]:
-        """What a process has written so far."""
-        return [line for process, line in self.log if process == name]
+    def _process(self, name: str) -> Any:
+        """A process of the team, or a node in this process. Raises UsageError."""
+        if name not in self._processes:
+            known = ", ".join(self._processes) or "no process yet"
+            raise UsageError(f"there is no process {name!r}; this team has {known}")
+        return self._processes[name]
 
     def wait_for_processes(self, *processes: str) -> None:
         """Wait until these names are present on the bus; a process that ends instead fails the test at once."""
@@ -79,11 +92,11 @@ class TeamProcesses(TeamSession):
         self._wait(lambda: bool(ended()) or all(self.alive(n) for n in processes), START_LIMIT)
         if ended():
             first = ended()[0]
-            said = "\n".join(self.lines(first)[-5:])
-            raise TeamTimeout(f"{first} ended ({exit_text(self.exit_code(first))}):\n{said}")
+            raise TeamTimeout(f"{first} ended ({exit_text(self.exit_code(first))}): {self._words(first)}")
         missing = [n for n in processes if not self.alive(n)]
         if missing:
             raise TeamTimeout(f"{', '.join(missing)} did not come up within {START_LIMIT:g} s")
+        self._present.update(self._processes.keys() & {*processes})
 
     def wait_for_line(self, name: str, text: str) -> None:
         """Wait until a process has written a line that holds `text`."""
@@ -91,12 +104,13 @@ class TeamProcesses(TeamSession):
             raise TeamTimeout(f"{name} never said {text!r}; its last lines: {self.lines(name)[-3:]}")
 
     def wait_for_exit(self, name: str) -> int:
-        """Wait until a process has ended; its exit code."""
-        process = self._processes[name]
+        """Wait until a process has ended, which it may do; its exit code."""
+        process = self._process(name)
+        self.expect_end(name)
         if not process.join(START_LIMIT):
             raise TeamTimeout(f"{name} still runs after {START_LIMIT:g} s")
-        assert process.exit_code is not None
-        return process.exit_code
+        code: int = process.exit_code
+        return code
 
     def wait_for(self, condition: Callable[[], bool]) -> None:
         """Wait until `condition()` by the host's clock: for what processes say or do while the world stands still."""

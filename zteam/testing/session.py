@@ -4,23 +4,30 @@ import itertools
 import os
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
+from itertools import takewhile
 from typing import TYPE_CHECKING
 
 from zteam.bus import Bus, BusOptions, connect
-from zteam.clock import monotonic
+from zteam.bus.options import LEASE
+from zteam.clock import HOST_FACTOR, monotonic
 from zteam.errors import UsageError, ZteamError
+from zteam.launch.arguments import Pace
 from zteam.launch.process import Process, exit_text
 from zteam.launch.router import start_router, wait_for_endpoint
+from zteam.launch.run import lease_for
 from zteam.launch.supervisor import Supervisor
 from zteam.launch.warm_parent import WarmParent
 from zteam.messages import Message
+from zteam.runtime.faults import ENDED
 from zteam.testing.view import RobotView, TeamView
 
 if TYPE_CHECKING:
     from zteam.in_process.member import Member
     from zteam.in_process.run import InProcessRun
 
-START_LIMIT = 60.0
+_LAST_LINES = 5
+"""Of a process that has ended without an error of the user's code."""
+START_LIMIT = 60.0 * HOST_FACTOR
 """Host seconds for processes to start: many times the longest start on a crowded machine."""
 
 WARM_PARENT = WarmParent()
@@ -29,7 +36,11 @@ WARM_PARENT = WarmParent()
 numbers = itertools.count(1)
 
 
-class TeamTimeout(ZteamError, AssertionError):  # noqa: N818 - it is a failed assertion first
+class TeamFailure(ZteamError, AssertionError):  # noqa: N818 - it is a failed assertion first
+    """A process of the team has ended or hangs, and the test did not ask for that."""
+
+
+class TeamTimeout(TeamFailure):
     """A condition did not come true in time."""
 
 
@@ -45,23 +56,65 @@ class TeamSession:
         self._bus: Bus | None = None
         """None until the router runs or the team in this process is made."""
         self._endpoint = ""
+        self._lease: float | None = None
+        """Of the sessions of a team that was started, in host seconds."""
         self._seen: TeamView
         self._in_process: InProcessRun | None = None
         """The team in this process; None for processes."""
         self._in_process_ends = ExitStack()
+        self._may_end: set[str] = set()
+        """Processes that may end or hang."""
+        self._hangs: dict[str, str] = {}
+        """How processes hang, in words."""
 
     def _take_line(self, name: str, line: str) -> None:
         self.log.append((name, line))
 
     def _open(self) -> None:
-        """Start the router and open the test's own session, unless that was done before."""
+        """Start the router and open the test's own session, unless that was done before.
+
+        All calls that look at the team come here, so they fail for a process that has failed.
+        """
+        self._check()
         if self._bus is not None:
             return
-        router = start_router(self._supervisor)
+        # A team that comes later may work in lock-step, where processes bear a longer silence of the router.
+        lease = lease_for(Pace(lockstep=True), LEASE) if self._lease is None else self._lease
+        router = start_router(self._supervisor, lease=lease)
         self._endpoint = wait_for_endpoint(self._supervisor, router, START_LIMIT)
         if not self._endpoint:
             raise TeamTimeout(f"the router did not start ({exit_text(router.exit_code)}): {list(router.lines)}")
-        self._look(connect(BusOptions(connect=self._endpoint, namespace=self.namespace), patience=START_LIMIT))
+        options = BusOptions(connect=self._endpoint, namespace=self.namespace, lease=lease)
+        self._look(connect(options, patience=START_LIMIT))
+
+    def expect_end(self, *processes: str) -> None:
+        """Let these processes end or hang by themselves, at any time: without this that fails the test."""
+        self._may_end.update(processes)
+
+    def _check(self) -> None:
+        """Raise TeamFailure for a process that has ended or hangs though nothing asked it to."""
+        run = self._in_process
+        for name, text in self._hangs.items():
+            if name not in self._may_end:
+                raise TeamFailure(text)
+        for process in [*self._supervisor.failures, *(() if run is None else run.endings.failures)]:
+            if process.name not in self._may_end:
+                raise TeamFailure(f"{process.name} ended ({exit_text(process.exit_code)}): {self._words(process.name)}")
+
+    def lines(self, name: str) -> list[str]:
+        """What a process has written so far."""
+        return [line for process, line in self.log if process == name]
+
+    def _words(self, name: str) -> str:
+        """The last error of a process with the user's frames, else its last lines."""
+        said = self.lines(name)
+        for i in reversed(range(len(said))):
+            _, found, told = said[i].partition(ENDED)
+            if found:
+                # A process writes each line by itself, up to the next one of its log.
+                text = told.splitlines()[1:] or [*takewhile(lambda line: f"[{name}] " not in line, said[i + 1 :])]
+                return "\n".join([*text[-1:], *text])
+        return "\n".join(said[-_LAST_LINES:])
 
     def _look(self, bus: Bus) -> None:
         """Look at the team through this session."""

@@ -3,33 +3,29 @@
 Limits named `within` are simulated seconds, so that a slow machine makes a test slow and not wrong.
 """
 
+import math
 from collections.abc import Callable
 from typing import Any, Self
 
 from zteam import names
-from zteam.clock import monotonic
+from zteam.clock import HOST_FACTOR, monotonic
 from zteam.errors import BusError, UsageError
 from zteam.launch.kinds import kind_of
 from zteam.messages import Message
 from zteam.services.simulator import SimReport, SimStatus, StepRequest
-from zteam.services.simulator_client import SimulatorClient
-from zteam.testing.processes import START_LIMIT, TeamProcesses, TeamTimeout
+from zteam.testing.processes import START_LIMIT, TeamTimeout
 from zteam.testing.view import TeamView
+from zteam.testing.watching import WatchedTeam
 
-STALL_LIMIT = 60.0
+STALL_LIMIT = 60.0 * HOST_FACTOR
 """Host seconds during which simulated time may stand still in a wait."""
 
 _SLICE = 50
 """Ticks of one request to the simulator."""
 
 
-class SteppedTeam(TeamProcesses):
+class SteppedTeam(WatchedTeam):
     """Processes whose simulated time the test controls."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._interval = 0
-        """Simulated ns of a tick in lock-step; 0 while the team is not in lock-step."""
 
     def _listen(self, key: str, kind: type[Message], arrived: Callable[[], bool]) -> None:
         super()._listen(key, kind, arrived)
@@ -37,16 +33,6 @@ class SteppedTeam(TeamProcesses):
             # A world that stands still publishes no more, so it is asked to publish its last tick again.
             self.sim.repeat()
             self._wait(arrived, START_LIMIT)
-
-    @property
-    def sim(self) -> SimulatorClient:
-        """The simulator's queries as calls: pause, resume, speed, reset, spawn, remove, move."""
-        return SimulatorClient(self.bus, START_LIMIT)
-
-    @property
-    def sim_status(self) -> SimStatus:
-        """The simulator's status: pace, participants, and the one that it waits for."""
-        return self.sim.status()
 
     @property
     def report(self) -> SimReport:
@@ -80,8 +66,14 @@ class SteppedTeam(TeamProcesses):
             status = self.sim_status
             self._interval = status.interval if status.lockstep else 0
 
+    def _need_team(self, call: str) -> None:
+        """Raise UsageError before anything was opened: nothing would ever happen."""
+        if self._bus is None:
+            raise UsageError(f"team.{call}: no process runs yet: call team.start or team.launch first")
+
     def wait_for_go(self) -> None:
         """Wait until the monitor has given GO; in lock-step, until the first tick after GO is over."""
+        self._need_team("wait_for_go")
         if not self._wait(lambda: self.is_go, START_LIMIT):
             raise TeamTimeout("no GO: " + "; ".join(self.lines(names.MONITOR)[-3:]))
         if self._interval and not self._wait(lambda: self.report.ticks > 0, START_LIMIT):
@@ -89,6 +81,9 @@ class SteppedTeam(TeamProcesses):
 
     def run(self, seconds: float) -> None:
         """Let `seconds` of simulated time pass: in lock-step to the tick."""
+        if not 0.0 <= seconds < math.inf:
+            raise UsageError(f"team.run({seconds!r}): give the seconds of simulated time that are to pass, 0 or more")
+        self._need_team("run")
         if self._interval:
             self._step(round(seconds * 1e9 / self._interval))
             return
@@ -97,6 +92,7 @@ class SteppedTeam(TeamProcesses):
 
     def at(self, tick: int) -> Self:
         """Let the world go on until it stands at `tick` (lock-step). Return the team, for the next call."""
+        self._need_team("at")
         if not self._interval:
             raise UsageError("at() needs lock-step: in real time no tick is waited for")
         ahead = tick - self.tick
@@ -111,6 +107,7 @@ class SteppedTeam(TeamProcesses):
         In real time the condition is checked whenever a message arrives. Simulated time that stands still for
         STALL_LIMIT host seconds fails too.
         """
+        self._need_team("until")
         end = self.now + within
         if not self._interval:
             self._watch(condition, end, within)
@@ -127,6 +124,7 @@ class SteppedTeam(TeamProcesses):
             # Without the view's lock: a condition may ask the bus, whose thread may need the lock to go on.
             seen = self._view.version
             if condition():
+                self._wait_for_silent()
                 return
             if self.now > end:
                 raise _not_true(within, self.now, self._view)
@@ -145,7 +143,9 @@ class SteppedTeam(TeamProcesses):
                 key = names.service_key(names.SIMULATOR, "step")
                 status = self.bus.ask(key, SimStatus, StepRequest(count), timeout=STALL_LIMIT)
             except BusError as error:
+                self._check()
                 raise TeamTimeout(f"simulated time stands still at {self.now:.1f} s: {error}") from error
+            self._take_status(status)
             self._wait_for_messages_of(status)
 
     def _wait_for_messages_of(self, status: SimStatus) -> None:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from msgspec import structs
 
 from zteam import names
+from zteam.behaviors.registry import look_in
 from zteam.bus.options import LEASE
 from zteam.errors import UsageError
 from zteam.launch.arguments import LOCKSTEP_TIMEOUT, Pace, TeamLaunch
@@ -22,7 +23,7 @@ from zteam.launch.run import lease_for
 from zteam.launch.supervisor import Job
 from zteam.resources import find_team, find_world
 from zteam.robot_ids import format_robot_ids, parse_robot_ids
-from zteam.team_file import RobotEntry, Team, argument_texts, read_team_file
+from zteam.team_file import argument_texts, read_team_file, read_team_tables
 from zteam.testing.processes import START_LIMIT, TeamTimeout
 from zteam.testing.stepping import SteppedTeam, wait_until_joined, wait_until_left
 from zteam.testing.view import RobotView
@@ -90,11 +91,15 @@ class TeamFixture(SteppedTeam):
         """
         if nodes and not in_process:
             raise UsageError("team.start: nodes needs in_process=True; start the process of an own node yourself")
-        team = Team(robots=_entries(robots, behavior, follow or {}, params or {}))
+        file = read_team_tables("team.start", {"robots": _tables(robots, behavior, follow or {}, params or {})})
+        if in_process:
+            look_in([""])
+        chosen = check_team(file, find_world(world).resolve(), here=in_process)
         pace = Pace(lockstep=lockstep, timeout=lockstep_timeout, expect=(*expect, *(nodes or ())), paused=lockstep)
-        self._launch(launch_of(team, find_world(world).resolve(), seed=seed, pace=pace), in_process, nodes)
+        self._launch(launch_of(file.team, chosen, seed=seed, pace=pace), in_process, nodes)
 
     def _launch(self, launch: TeamLaunch, in_process: bool, nodes: "Mapping[str, Body] | None" = None) -> None:
+        self._expect(launch)
         started = self._start_in_process(launch, nodes) if in_process else self._start_processes(launch)
         self.wait_for_processes(*started)
         if names.SIMULATOR in started:
@@ -109,10 +114,10 @@ class TeamFixture(SteppedTeam):
 
     def _start_processes(self, launch: TeamLaunch) -> list[str]:
         self._need_processes("start")
+        self._lease = lease_for(launch.pace, LEASE)
         self._open()
         plan = plan_team(launch, ())
         self._plan = Plan({**self._plan.commands, **plan.commands}, {**self._plan.nodes, **plan.nodes})
-        self._lease = lease_for(launch.pace, LEASE) if launch.pace.lockstep else None
         robots = {name: Job(command, restarts=name in plan.restarts) for name, command in plan.commands.items()}
         for name, job in {**robots, **plan.nodes}.items():
             self._supervisor.start_job(name, structs.replace(job, environment=self.environment))
@@ -123,7 +128,7 @@ class TeamFixture(SteppedTeam):
 
         if self._bus is not None or self._in_process is not None:
             raise UsageError("team.start: in_process=True comes first, and once: this team has processes already")
-        run = self._in_process_ends.enter_context(open_team(launch, nodes, self._take_line))
+        run = self._in_process_ends.enter_context(open_team(launch, nodes, self._take_line, self._take_hang))
         self._in_process = run
         self._look(run.hub.bus("test"))
         for name in run.members:
@@ -141,7 +146,8 @@ class TeamFixture(SteppedTeam):
     def kill(self, name: str) -> None:
         """End a process at once (SIGKILL) and wait until it is gone."""
         self._need_processes("kill")
-        process = self._supervisor.processes[name]
+        self._check()
+        process = self._process(name)
         process.stopping = True
         process.kill()
         process.join(START_LIMIT)
@@ -149,24 +155,25 @@ class TeamFixture(SteppedTeam):
 
     def stop(self, name: str) -> int:
         """Ask a process to stop (SIGTERM), or a node in this process; its exit code."""
-        self._processes[name].terminate()
+        self._process(name).terminate()
         code = self.wait_for_exit(name)
         wait_until_left(self, name)
         return code
 
     def pause_process(self, name: str) -> None:
-        """Freeze a process (SIGSTOP)."""
+        """Freeze a process (SIGSTOP). From here on it may hang."""
         self._need_processes("pause_process")
-        self._supervisor.processes[name].signal(signal.SIGSTOP)
+        self.expect_end(name)
+        self._process(name).signal(signal.SIGSTOP)
 
     def resume_process(self, name: str) -> None:
         """Let a frozen process go on (SIGCONT)."""
         self._need_processes("resume_process")
-        self._supervisor.processes[name].signal(signal.SIGCONT)
+        self._process(name).signal(signal.SIGCONT)
 
     def restart(self, name: str) -> None:
         """Start a process again with the same command and wait until it is there; end it first if it still runs."""
-        if self._processes[name].running:
+        if self._process(name).running:
             # A node in this process cannot be killed.
             (self.kill if self._in_process is None else self.stop)(name)
         self._wait(lambda: not self.alive(name), START_LIMIT)
@@ -178,19 +185,22 @@ class TeamFixture(SteppedTeam):
         wait_until_joined(self, name)
 
 
-def _entries(
+def _tables(
     robots: int | str | Sequence[int],
     behavior: str,
     follow: Mapping[int, int],
     params: Mapping[int, Mapping[str, Any]],
-) -> list[RobotEntry]:
+) -> list[dict[str, Any]]:
+    """The robots of `start` as tables of a team file. Raises UsageError."""
     ids = parse_robot_ids([robots], "robots") if isinstance(robots, str) else robots
+    ids = list(range(ids) if isinstance(ids, int) else ids)
+    if not ids:
+        raise UsageError(f"team.start: robots is {robots!r}: give at least one robot")
+    for name, given in (("follow", follow), ("params", params)):
+        for i in given:
+            if i not in ids:
+                raise UsageError(f"team.start: {name} has robot {i}, but robots has {format_robot_ids(ids)}")
     return [
-        RobotEntry(
-            id=i,
-            follow=follow.get(i),
-            behavior=None if i in follow else behavior,
-            params=dict(params.get(i, {})),
-        )
-        for i in (range(ids) if isinstance(ids, int) else ids)
+        {"id": i, **({"follow": follow[i]} if i in follow else {"behavior": behavior}), **params.get(i, {})}
+        for i in ids
     ]

@@ -7,7 +7,7 @@ from typing import TypeVar
 
 from zteam import names
 from zteam.bus import Bus
-from zteam.clock import wait_until
+from zteam.clock import monotonic, wait_until
 from zteam.geometry import Pose2, yaw_from_quaternion
 from zteam.messages import (
     Bool,
@@ -37,6 +37,8 @@ class RobotView:
         self._team = team
         self.truth: Odometry | None = None
         self.status: RobotStatus | None = None
+        self.spoke = 0.0
+        """Host time of `status`; 0 before the first."""
         self.newest: dict[str, Message] = {}
         """By topic, for the topics that the test has asked for."""
         self.heard: dict[str, int] = {}
@@ -208,7 +210,7 @@ class TeamView:
             if topic == names.GROUND_TRUTH and isinstance(message, Odometry):
                 robot.take_truth(message)
             elif isinstance(message, RobotStatus):
-                robot.status = message
+                robot.status, robot.spoke = message, monotonic()
             elif isinstance(message, Message):
                 robot.newest[topic] = message
                 robot.heard[topic] = robot.heard.get(topic, 0) + 1

@@ -45,6 +45,16 @@ def test_a_node_steps_once_a_tick_on_its_inputs() -> None:
     assert heard == [False, True, False]
 
 
+def test_a_key_has_one_publisher() -> None:
+    """However often a test publishes on a key, it declares one publisher for each type there."""
+    hub = MemoryHub()
+    with run_node(lambda node: node.run(lambda now: None), hub) as running:
+        for _ in range(3):
+            running.publish("lamp", Bool())
+            running.publish("lamp", Point())
+        assert [d.key for d in hub.bus().declarations() if d.publishes].count("lamp") == 2
+
+
 def test_a_missing_input_is_told() -> None:
     """Nothing is waited for: an input that was not published fails the test at once."""
     with run_node(crowd, MemoryHub(), name="crowd", robots=[0, 1]) as running:
