@@ -1,22 +1,24 @@
 """Makes the tests' own modules importable, in xdist workers too, and gives all tests the same surroundings."""
 
+import fcntl
 import os
 import shutil
 import signal
 import sys
+import tempfile
 import threading
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, settings
 
+import support.examples  # noqa: F401 - its profile is that of all property tests
+from zteam.behaviors.jit import BEHAVIOR_KERNELS
 from zteam.compiling import kernels
+from zteam.compiling.takeover import fill_cache
 from zteam.messages import sharing
-
-# Speed is the machine's business, not a test's: a slow example is no failure.
-settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
-settings.load_profile("any machine")
+from zteam.planning.jit import PLANNING
+from zteam.sim.jit import SIMULATOR
 
 # pytester gives the runs it starts a home of their own, where the simulator would compile its kernels once more.
 os.environ.setdefault("XDG_CACHE_HOME", str(Path.home() / ".cache"))
@@ -33,6 +35,90 @@ if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGHUP, signal.SIG_DFL)
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+TESTS = Path(__file__).parent
+CI_FOLDERS = [TESTS / name for name in ("bench", "team")]
+FOLDERS = {
+    "proof": "teams of processes, as a user starts them",
+    "golden": "recordings of Stage and tf2 come out again",
+    "property": "what holds for whatever is drawn",
+    "unit": "each part by itself",
+}
+"""What the default run runs."""
+PROVES = "proves"
+"""Key of a report's property: the title of a file of tests/proof, and the sentence of the test."""
+ONLY_CI = """only .ci/run proves (README, "Tests"):
+  tests/team, tests/bench: everything else that teams do, each failure of a process, speed as ratios
+  tests marked `ci`, ten times the examples of tests/property, the page in a browser and its JavaScript
+  a wheel, containers, each Python from 3.11 to 3.13, style, types, layers"""
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Compile the kernels before any test, once on this machine: a test that waited for them would measure that."""
+    if not hasattr(config, "workerinput") and not config.option.collectonly:
+        for kernel_set in (SIMULATOR, BEHAVIOR_KERNELS, PLANNING):
+            fill_cache(kernel_set)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark what only `.ci/run` runs, and note what each proof proves."""
+    sweeps: dict[tuple[Path, str], list[pytest.Item]] = {}
+    for item in items:
+        if any(item.path.is_relative_to(folder) for folder in CI_FOLDERS):
+            item.add_marker("ci")
+        if item.get_closest_marker("few") and isinstance(item, pytest.Function):
+            sweeps.setdefault((item.path, item.originalname), []).append(item)
+        if item.path.is_relative_to(TESTS / "proof") and isinstance(item, pytest.Function):
+            texts = (item.module.__doc__, item.function.__doc__)
+            item.user_properties.append((PROVES, [(text or "").strip().rstrip(".") for text in texts]))
+    for cases in sweeps.values():
+        count = min(len(cases), cases[0].get_closest_marker("few").args[0])  # type: ignore[union-attr]
+        taken = {(2 * k + 1) * len(cases) // (2 * count) for k in range(count)}
+        for index, item in enumerate(cases):
+            if index not in taken:
+                item.add_marker("ci")
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
+    """After the default run, say what it proved, and what only `.ci/run` proves."""
+    if config.args_source != pytest.Config.ArgsSource.TESTPATHS:
+        return
+    passed, failed, errors = (terminalreporter.stats.get(kind, []) for kind in ("passed", "failed", "error"))
+    proved: dict[str, dict[str, None]] = {}
+    for title, sentence in sorted(value for report in passed for key, value in report.user_properties if key == PROVES):
+        proved.setdefault(title, {})[sentence] = None
+    for report in (*failed, *errors):
+        # That of a file that cannot be collected has none.
+        properties = getattr(report, "user_properties", ())
+        for title, sentence in (value for key, value in properties if key == PROVES):
+            proved.get(title, {}).pop(sentence, None)
+    terminalreporter.section("what this run proved")
+    for title, sentences in proved.items():
+        terminalreporter.line(f"{title}:" if sentences else f"{title}: nothing")
+        for sentence in sentences:
+            terminalreporter.line(f"  {sentence}")
+    for folder, what in FOLDERS.items():
+        count = sum(report.nodeid.startswith(f"tests/{folder}/") for report in passed)
+        terminalreporter.line(f"tests/{folder}: {count} passed ({what})")
+    terminalreporter.line(ONLY_CI)
+
+
+@pytest.fixture(autouse=True)
+def one_real_time_test(request: pytest.FixtureRequest) -> Iterator[None]:
+    """A test in real time runs while no other one does on this machine: they would take each other's time.
+
+    The lock is on the folder of temporary files, so that it leaves no file.
+    """
+    if request.node.get_closest_marker("real_time") is None:
+        yield
+        return
+    folder = os.open(tempfile.gettempdir(), os.O_RDONLY)
+    try:
+        fcntl.flock(folder, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(folder)
 
 
 @pytest.fixture

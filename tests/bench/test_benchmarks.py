@@ -1,18 +1,26 @@
-"""`zteam bench` measures and prints. No test judges the figures (docs/benchmarks.md)."""
+"""`zteam bench` measures and prints. No test judges figures; `.ci/benchmarks` judges ratios (docs/benchmarks.md)."""
 
 import json
+import signal
 import subprocess
+from pathlib import Path
 from typing import Any
 
 import pytest
 
+from support.limits import LIMIT
+from zteam.clock import monotonic, pause
 from zteam.launch.process import zteam_command
 
 
 def bench(*arguments: str) -> Any:
     """Run `zteam bench` with these arguments; return its JSON."""
     done = subprocess.run(
-        zteam_command("zteam", "bench", *arguments, "--json"), capture_output=True, text=True, timeout=100, check=False
+        zteam_command("zteam", "bench", *arguments, "--json"),
+        capture_output=True,
+        text=True,
+        timeout=LIMIT,
+        check=False,
     )
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
@@ -45,10 +53,11 @@ def test_steps_are_measured() -> None:
 
 @pytest.mark.team
 def test_a_team_is_measured() -> None:
-    """A short lock-step run of added robots has its speed, the ratio to bare Zenoh's, and the parts of a tick."""
+    """A short lock-step run, in which all drive, has its speed, the ratio to bare Zenoh's, and the parts of a tick."""
     figures = bench("team", "office", "--robots", "3", "--beams", "90", "--seconds", "2")
     assert (figures["robots"], figures["lockstep"], figures["dropped"]) == (3, True, 0)
     assert figures["rtf"] > 0 and figures["floor_ratio"] > 0
+    assert figures["least_driven_m"] > 0.5
     assert set(figures["rounds"]) == {"tf", "robot_0", "robot_1", "robot_2"}
     assert all(cost > 0 for cost in figures["hops_us"].values())
     assert len(figures["trajectory_sha256"]) == 64
@@ -63,8 +72,9 @@ def test_a_team_is_measured_in_one_process_too() -> None:
 
 
 @pytest.mark.team
+@pytest.mark.real_time
 def test_a_team_is_measured_in_real_time() -> None:
-    """A short real-time run of the world's own robots has the time of GO, latencies and memory."""
+    """A short real-time run has the time of GO, latencies and memory."""
     figures = bench("team", "arena", "--robots", "2", "--seconds", "2", "--realtime")
     assert (figures["robots"], figures["lockstep"]) == (2, False)
     assert figures["go_after_seconds"] > 0
@@ -78,8 +88,39 @@ def test_a_wrong_size_is_refused() -> None:
         zteam_command("zteam", "bench", "sim", "arena", "--robots", "0"),
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=LIMIT,
         check=False,
     )
     assert done.returncode == 2
     assert len(done.stderr.strip().splitlines()) == 1
+
+
+@pytest.mark.team
+def test_a_study_is_stopped_and_goes_on(tmp_path: Path) -> None:
+    """Ctrl+C ends it with 130; the same command runs only what is left. A bound that is missed gives 1."""
+    results = tmp_path / "results.jsonl"
+    words = ["bench", "study", "arena", "--seconds", "20", "--seeds", "1-4", "--jobs", "1", "--results", str(results)]
+    first = subprocess.Popen(zteam_command("zteam", *words), stderr=subprocess.PIPE, text=True)
+    deadline = monotonic() + LIMIT
+    while not (results.exists() and results.read_text()):
+        assert first.poll() is None and monotonic() < deadline
+        pause(0.05)
+    first.send_signal(signal.SIGINT)
+    _, said = first.communicate(timeout=LIMIT)
+    assert first.returncode == 130
+    kept = results.read_text()
+    assert f"{results} has {len(kept.splitlines())} of 4 runs; the same command goes on" in said
+    assert "Traceback" not in said
+    done = subprocess.run(
+        zteam_command("zteam", *words, "--json", "--contacts", "0"), capture_output=True, text=True, timeout=LIMIT
+    )
+    assert done.returncode == 0, done.stderr
+    (case,) = json.loads(done.stdout)
+    assert [run["task"]["seed"] for run in case["runs"]] == [1, 2, 3, 4]
+    assert results.read_text().startswith(kept)
+    assert len(results.read_text().splitlines()) == 4
+    missed = subprocess.run(
+        zteam_command("zteam", *words, "--share", "1"), capture_output=True, text=True, timeout=LIMIT
+    )
+    assert missed.returncode == 1
+    assert "arena: MISSED: share" in missed.stdout

@@ -25,6 +25,7 @@ THEIRS = [
 ]
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize(
     "path", [*OWN, *(THEIRS if SHARED.is_dir() else [])], ids=lambda path: f"{path.parent.name}/{path.stem}"
 )

@@ -17,6 +17,7 @@ if not SHARED.is_dir():
 WORLDS = SHARED / "worlds"
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize(
     ("name", "robots", "rangers", "cells"),
     [

@@ -165,6 +165,7 @@ def reachable(free: np.ndarray[Any, np.dtype[np.bool_]], start: tuple[int, int])
     return reached
 
 
+@pytest.mark.ci
 def test_a_robot_can_drive_into_every_room_of_the_office() -> None:
     """Every room can be reached from the start 0.4 m away from all obstacles (doors are 1.1 m wide)."""
     world = load_world(worlds_folder() / "office.world")

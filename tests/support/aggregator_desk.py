@@ -4,36 +4,21 @@ import threading
 from collections.abc import Callable
 
 from support.cuttable_transport import CutTransport, cut_bus
+from support.limits import LIMIT
+from support.transforms import stamped
 from zteam import names
 from zteam.bus import Bus, MemoryHub
 from zteam.clock import wait_until
-from zteam.messages import (
-    Header,
-    Quaternion,
-    TFMessage,
-    Transform,
-    TransformStamped,
-    Vector3,
-    ns_from_time,
-    time_from_ns,
-)
+from zteam.messages import TFMessage, TransformStamped, ns_from_time
 from zteam.nodes.transforms.node import Aggregator
 from zteam.runtime.node import Node
 from zteam.runtime.shutdown import Stop
 from zteam.services.transforms import Lookup, LookupReply, LookupRequest, StaticReply, StaticRequest
 
 S = 1_000_000_000
-LIMIT = 20.0
-"""Host seconds after which a wait has failed."""
 
 Bundle = list[tuple[str, int]]
 """(child frame, stamp in ns) of each transform."""
-
-
-def transform(parent: str, child: str, stamp: int = 0, x: float = 0.0) -> TransformStamped:
-    """`child` lies x metres ahead of `parent`."""
-    pose = Transform(Vector3(x), Quaternion(0.0, 0.0, 0.0, 1.0))
-    return TransformStamped(Header(time_from_ns(stamp), parent), child, pose)
 
 
 class Base:
@@ -46,11 +31,11 @@ class Base:
 
     def stand(self, x: float) -> None:
         """The start pose, latched."""
-        self.tf_static.put(TFMessage([transform("map", "odom", 0, x)]))
+        self.tf_static.put(TFMessage([stamped("map", "odom", 0, x)]))
 
     def drive(self, stamp: int, x: float = 0.0) -> None:
         """Odometry of one tick."""
-        self.tf.put(TFMessage([transform("odom", "base_footprint", stamp, x)]))
+        self.tf.put(TFMessage([stamped("odom", "base_footprint", stamp, x)]))
 
 
 class Listener:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from zteam.clock import monotonic
+from zteam.clock import HOST_FACTOR, monotonic
 from zteam.testing.team import TeamFixture
 
 if TYPE_CHECKING:
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 ARGUMENTS = ("--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 """Without a sandbox, because containers run as root; WebGL2 in software."""
-LIMIT = 20_000
+LIMIT = round(20_000 * HOST_FACTOR)
 """Milliseconds that a page may take for anything on a crowded machine."""
 POLL = 20
 """Milliseconds between two looks at the page."""

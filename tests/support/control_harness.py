@@ -5,7 +5,7 @@ from typing import Any
 
 import msgspec
 
-from support.lockstep_doubles import LIMIT
+from support.limits import LIMIT
 from zteam import names
 from zteam.bus import Change, MemoryHub
 from zteam.clock import monotonic, wait_until

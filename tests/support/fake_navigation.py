@@ -23,6 +23,8 @@ class FakeNavigation:
         self.robot_id = robot_id
         self.goals: list[PoseStamped] = []
         self.cancels = 0
+        self.is_deaf = False
+        """Whether goals do not reach it."""
         self.obeys = True
         """Whether it says `canceled` when it is asked to cancel."""
         key = names.robot_key(robot_id, names.NAVIGATION_STATUS)
@@ -40,6 +42,8 @@ class FakeNavigation:
         self._publisher.put(NavigationStatus(state=state, **told))
 
     def _on_goal(self, _key: str, goal: PoseStamped) -> None:
+        if self.is_deaf:
+            return
         self.goals.append(goal)
         self.say(NavigationState.DRIVING, left=5.0, seconds=10)
 

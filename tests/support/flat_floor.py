@@ -1,15 +1,23 @@
-"""A flat floor for behaviours: walls as segments, robots as unicycles, a laser that sees both. No physics, no bus."""
+"""A flat floor for behaviours, in the simulator: walls as segments, robots with a laser that sees both. Nothing stops a
+robot that drives into a wall: tests ask for its clearance. No bus."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from zteam import names
 from zteam.behaviors import Behavior, SafetyLayer, View, decide
+from zteam.behaviors.view import FindPose
 from zteam.geometry import Pose2, quaternion_from_yaw
 from zteam.messages import Header, LaserScan, Odometry, Quaternion, Twist, time_from_ns
+from zteam.sim import Engine
+from zteam.sim.motion import follow_arcs
+from zteam.sim.to_messages import odometry_message, scan_message
+from zteam.trials import made_views
+from zteam.world.model import Limits, Obstacle, Ranger, Robot, Shape, World
 
 Segment = tuple[float, float, float, float]
 """x0, y0, x1, y1 in metres."""
@@ -19,21 +27,18 @@ BEAMS = 541
 FOV = math.radians(270.25)
 LASER = Pose2(0.05, 0.0, 0.0)
 """The erratic's laser in its base."""
-LASER_RADIUS = 0.03
+ORIGIN = Pose2(0.0, 0.0, 0.0)
+_RANGER = Ranger("laser", *LASER[:2], 0.3, 0.0, FOV, BEAMS, 0.0, made_views.RANGE_MAX)
+_HEAD = [(LASER.x + 0.03 * math.cos(a), 0.03 * math.sin(a)) for a in np.arange(8) * math.tau / 8]
 """What a laser sees of another robot: only the other laser stands at its height."""
+_FAST = Limits((-9.0, 9.0), (-9.0, 9.0), (-9.0, 9.0))
+_THIN = 1e-9
+"""Metres of a wall to either side of its segment."""
 
 
 def make_scan(ranges: Sequence[float] | NDArray[np.float64], stamp: int = TICK, fov: float = FOV) -> LaserScan:
     """A scan of evenly spread beams, 0 to 30 m."""
-    count = len(ranges)
-    return LaserScan(
-        header=Header(time_from_ns(stamp), "robot_0/base_laser_link"),
-        angle_min=-0.5 * fov,
-        angle_max=0.5 * fov,
-        angle_increment=fov / (count - 1) if count > 1 else 0.0,
-        range_max=30.0,
-        ranges=np.array(ranges, np.float32),
-    )
+    return made_views.make_scan(ranges, fov, Header(time_from_ns(stamp), made_views.laser_frame(0)))
 
 
 def make_view(scan: LaserScan | None = None, *, now: int = TICK, **changes: object) -> View:
@@ -50,27 +55,36 @@ def make_odometry(pose: Pose2) -> Odometry:
     return odom
 
 
-def cast(laser: Pose2, walls: Sequence[Segment], discs: Sequence[tuple[float, float]] = ()) -> NDArray[np.float64]:
-    """Distances (BEAMS,) from the laser to the nearest wall or disc of LASER_RADIUS, 30 m where there is none."""
-    angles = laser.yaw + np.linspace(-0.5 * FOV, 0.5 * FOV, BEAMS)
-    dx, dy = np.cos(angles), np.sin(angles)
-    ranges = np.full(BEAMS, 30.0)
-    for x0, y0, x1, y1 in walls:
-        ex, ey = x1 - x0, y1 - y0
-        px, py = x0 - laser.x, y0 - laser.y
-        cross = dx * ey - dy * ex
-        cross[cross == 0.0] = np.nan
-        along, across = (px * ey - py * ex) / cross, (px * dy - py * dx) / cross
-        hit = (along >= 0.0) & (across >= 0.0) & (across <= 1.0)
-        ranges[hit] = np.minimum(ranges[hit], along[hit])
-    for x, y in discs:
-        px, py = x - laser.x, y - laser.y
-        middle = px * dx + py * dy
-        rest = middle**2 - (px**2 + py**2 - LASER_RADIUS**2)
-        along = middle - np.sqrt(np.maximum(rest, 0.0))
-        hit = (rest >= 0.0) & (along >= 0.0)
-        ranges[hit] = np.minimum(ranges[hit], along[hit])
-    return ranges
+def box(x0: float, y0: float, x1: float, y1: float) -> list[Segment]:
+    """Four walls."""
+    return [(x0, y0, x1, y0), (x1, y0, x1, y1), (x1, y1, x0, y1), (x0, y1, x0, y0)]
+
+
+def _wall(wall: Segment) -> Obstacle:
+    x0, y0, x1, y1 = wall
+    length = math.hypot(x1 - x0, y1 - y0)
+    pose = Pose2(x0, y0, math.atan2(y1 - y0, x1 - x0))
+    corners = (0.0, -_THIN), (length, -_THIN), (length, _THIN), (0.0, _THIN)
+    return Obstacle("wall", pose, (Shape(corners, 0.0, 1.0, obstacle=False),))
+
+
+def _make_engine(poses: Sequence[Pose2], walls: Sequence[Segment], seed: int = 1) -> Engine:
+    head = Shape(tuple(_HEAD), 0.2, 0.4, obstacle=False)
+    robots = [Robot("robot", "flat", pose, (head,), (_RANGER,), velocity=_FAST) for pose in poses]
+    return Engine(World("floor", TICK, (), tuple(map(_wall, walls)), tuple(robots)), seed=seed)
+
+
+@lru_cache(1)
+def _room(walls: tuple[Segment, ...], robots: int) -> Engine:
+    return _make_engine([ORIGIN] * robots, walls)
+
+
+def cast(laser: Pose2, walls: Sequence[Segment], others: Sequence[tuple[float, float]] = ()) -> NDArray[np.float64]:
+    """Distances (BEAMS,) from the laser to the nearest wall or other laser, 30 m where there is none."""
+    room = _room(tuple(walls), 1 + len(others))
+    for robot_id, pose in enumerate([laser, *(Pose2(x, y, 0.0) for x, y in others)]):
+        room.place(robot_id, pose.compose(LASER.inverse()))
+    return room.observe().robots[0].reading(0).ranges.astype(np.float64)
 
 
 def clearance(pose: Pose2, walls: Sequence[Segment]) -> float:
@@ -81,17 +95,14 @@ def clearance(pose: Pose2, walls: Sequence[Segment]) -> float:
         share = ((pose.x - x0) * ex + (pose.y - y0) * ey) / (ex * ex + ey * ey)
         share = max(0.0, min(1.0, share))
         distances.append(math.hypot(pose.x - x0 - share * ex, pose.y - y0 - share * ey))
-    return min(distances)
+    return min(distances, default=math.inf)
 
 
 def drive(pose: Pose2, command: Twist, seconds: float) -> Pose2:
-    """Where a unicycle gets to: the exact arc."""
-    speed, turn = command.linear.x, command.angular.z
-    angle = turn * seconds
-    if abs(angle) < 1e-9:
-        return pose.compose(Pose2(speed * seconds, 0.0, 0.0))
-    radius = speed / turn
-    return pose.compose(Pose2(radius * math.sin(angle), radius * (1.0 - math.cos(angle)), angle))
+    """Where a base gets to: the exact arc."""
+    end = np.empty((1, 3))
+    follow_arcs(np.array([pose]), np.array([[command.linear.x, command.linear.y, command.angular.z]]), seconds, end)
+    return Pose2(*end[0].tolist())
 
 
 class Floor:
@@ -101,41 +112,40 @@ class Floor:
     """
 
     def __init__(self, poses: Sequence[Pose2], walls: Sequence[Segment], seed: int = 1, delay: int = 0) -> None:
-        self.poses = list(poses)
         self.walls = walls
-        self.seed = seed
-        self.ticks = 0
         self.commands: list[tuple[Twist, str]] = []
-        self._delay = delay
-        self._past = [self.poses]
+        self._engine = _make_engine(poses, walls, seed)
         self._layers = [SafetyLayer() for _ in poses]
+        self._seen = self._engine.step({})
+        self._past = [self.poses] * (1 + delay)
+        self._delay = delay
+
+    @property
+    def poses(self) -> list[Pose2]:
+        """Where the robots are."""
+        return [robot.truth for robot in self._seen.robots.values()]
+
+    def place(self, robot_id: int, pose: Pose2) -> None:
+        """Move a robot elsewhere."""
+        self._engine.place(robot_id, pose)
+        self._seen = self._engine.observe()
 
     def step(self, behaviors: Sequence[Behavior]) -> None:
         """One tick."""
-        self.ticks += 1
         self.commands = [decide(b, self.view(i), self._layers[i]) for i, b in enumerate(behaviors)]
-        self.poses = [drive(p, c, TICK / 1e9) for p, (c, _) in zip(self.poses, self.commands, strict=True)]
-        self._past.append(self.poses)
+        self._seen = self._engine.step({i: command for i, (command, _) in enumerate(self.commands)})
+        self._past = [*self._past[1:], self.poses]
 
     def view(self, robot_id: int) -> View:
         """What one robot knows now."""
-        now = self.ticks * TICK
-        lasers = [pose.compose(LASER) for pose in self.poses]
-        others = [(laser.x, laser.y) for i, laser in enumerate(lasers) if i != robot_id]
-        scan = make_scan(cast(lasers[robot_id], self.walls, others), now)
-        scan.header.frame_id = names.robot_frame(robot_id, names.BASE_LASER_LINK)
-        odom = make_odometry(self.poses[robot_id])
-        return make_view(scan, now=now, robot_id=robot_id, odom=odom, lookup=self._lookup(), seed=self.seed)
+        seen = self._seen
+        scan, odom = scan_message(seen, robot_id, 0), odometry_message(seen, robot_id)
+        lookup = self._lookup(max(1, seen.stamp - self._delay * TICK))
+        return make_view(scan, now=seen.stamp, robot_id=robot_id, odom=odom, lookup=lookup, seed=self._engine.seed)
 
-    def _lookup(self) -> Callable[[str, str], tuple[Pose2, int] | None]:
-        at = max(0, len(self._past) - 1 - self._delay)
-        stamp = max(1, (self.ticks - self._delay) * TICK)
-
-        def map_from(frame: str) -> Pose2:
-            if frame == "map":
-                return Pose2(0.0, 0.0, 0.0)
-            robot, _, local = frame.partition("/")
-            base = self._past[at][int(robot[6:])]
-            return base.compose(LASER) if local == names.BASE_LASER_LINK else base
-
-        return lambda target, source: (map_from(target).inverse().compose(map_from(source)), stamp)
+    def _lookup(self, stamp: int) -> FindPose:
+        known = {names.MAP_FRAME: ORIGIN}
+        for i, pose in enumerate(self._past[0]):
+            known[names.robot_frame(i, names.BASE_FOOTPRINT)] = pose
+            known[names.robot_frame(i, names.BASE_LASER_LINK)] = pose.compose(LASER)
+        return lambda target, source: (known[target].inverse().compose(known[source]), stamp)

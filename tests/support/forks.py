@@ -17,8 +17,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO, Any, NamedTuple, Self
 
-LIMIT = 60
-"""Seconds after which a command is ended by SIGALRM."""
+from zteam.clock import HOST_FACTOR
+
+_LONGEST = 60.0 * HOST_FACTOR
+"""Host seconds of one command: support.limits.LIMIT, which the program that this file is cannot import."""
 _PRELOADED = ("zteam.cli", "zteam.launch", "zteam.team_file", "zteam.world", "zteam.behaviors", "zteam.services")
 
 
@@ -57,7 +59,7 @@ class Forks:
 
 def _become(module: str, arguments: list[str], environment: dict[str, str], folder: str, output: IO[Any]) -> None:
     """Be the command `module` in this process, which has been forked for it."""
-    signal.alarm(LIMIT)
+    signal.alarm(round(_LONGEST))
     os.chdir(folder)
     os.environ.update(environment)
     for number, source in enumerate((os.open(os.devnull, os.O_RDONLY), output.fileno(), output.fileno())):

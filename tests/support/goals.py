@@ -16,11 +16,6 @@ def make_goal(x: float, y: float, yaw: float = 0.0, frame: str = "map") -> PoseS
     return PoseStamped(header=Header(frame_id=frame), pose=Pose(Point(x, y), Quaternion(*quaternion_from_yaw(yaw))))
 
 
-def box(x0: float, y0: float, x1: float, y1: float) -> list[Segment]:
-    """Four walls."""
-    return [(x0, y0, x1, y0), (x1, y0, x1, y1), (x1, y1, x0, y1), (x0, y1, x0, y0)]
-
-
 class GoalFloor(Floor):
     """A floor on which each robot has the goal of its id in `goals`, or none."""
 

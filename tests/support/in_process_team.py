@@ -10,7 +10,8 @@ from typing import Any, Self
 
 import msgspec
 
-from support.lockstep_doubles import LIMIT, ScriptedMonitor
+from support.limits import ASKED, LIMIT
+from support.lockstep_doubles import ScriptedMonitor
 from zteam import names
 from zteam.behaviors.registry import find_behavior
 from zteam.bus import Bus, Change, MemoryHub
@@ -20,7 +21,7 @@ from zteam.nodes.robot.node import RobotNode, RobotOptions
 from zteam.nodes.simulator.lockstep import LockStepOptions
 from zteam.nodes.simulator.node import SimOptions, Simulator
 from zteam.nodes.transforms.node import Aggregator
-from zteam.resources import shipped_world
+from zteam.resources import find_world
 from zteam.runtime.node import Node
 from zteam.runtime.shutdown import Stop
 from zteam.services.simulator import FinishReply, FinishRequest, SimReport, SimStatus, StepRequest
@@ -28,23 +29,19 @@ from zteam.world import Robot, World, add_robot, load_world
 
 NAMES = ("tf", "robot_0", "robot_1", "robot_2")
 ROBOTS = 3
+SCENE = find_world("arena")
 
 
-def load_scene(name: str = "arena") -> tuple[World, dict[int, Robot]]:
+def load_scene() -> tuple[World, dict[int, Robot]]:
     """A shipped world with three robots."""
-    path = shipped_world(name)
-    assert path is not None
-    world = load_world(path)
-    robots = dict(enumerate(world.robots[:ROBOTS]))
-    if len(robots) < ROBOTS:
-        robots[2] = add_robot(world, "erratic", Pose2(-3.5, 1.5, 0.0), "robot_2")
-    return world, robots
+    world = load_world(SCENE)
+    third = add_robot(world, "erratic", Pose2(-3.5, 1.5, 0.0), "robot_2")
+    return world, dict(enumerate((*world.robots, third)))
 
 
 class TeamOptions(msgspec.Struct, frozen=True, kw_only=True):
     """The options that tests vary."""
 
-    scene: str = "arena"
     order: tuple[str, ...] = NAMES
     """The order in which the processes come up."""
     staggered: bool = False
@@ -82,7 +79,7 @@ class InProcessTeam:
             self._monitor.give_go()
         self.bus.subscribe(names.done_key(), Done, lambda key, done: self.dones.append((key.split("/")[0], done)))
         self.bus.subscribe(names.all_robots_key(names.STATUS), RobotStatus, self._on_status)
-        world, self.robots = load_scene(options.scene)
+        world, self.robots = load_scene()
         self.world = world
         self._simulator_node = Node(names.SIMULATOR, self._open_bus(self.hub, names.SIMULATOR), Stop())
         self._simulator = Simulator(self._simulator_node, world, self.robots, self._sim_options())
@@ -96,10 +93,8 @@ class InProcessTeam:
 
     def _sim_options(self) -> SimOptions:
         options = self.options
-        path = shipped_world(options.scene)
-        assert path is not None
         return SimOptions(
-            path,
+            SCENE,
             seed=options.seed,
             follows={1: 0, 2: 1},
             run_for=options.run_for,
@@ -140,7 +135,10 @@ class InProcessTeam:
         if robot_id is None:
             Aggregator(node, (), {}, None)
             return node
-        behavior, params = ("follow", {"leader": robot_id - 1}) if robot_id else ("wander", {"speed": options.speed})
+        if robot_id:
+            behavior, params = "follow", {"leader": robot_id - 1}
+        else:
+            behavior, params = "wander", {"speed": options.speed, "hand_over": False}
         RobotNode(
             node,
             find_behavior(behavior),
@@ -155,15 +153,13 @@ class InProcessTeam:
     def ask(self, service: str, reply: Any = SimStatus, request: msgspec.Struct | None = None) -> Any:
         """Query `sim/<service>`."""
         # The simulator's own limits end a request earlier, and say why.
-        return self.bus.ask(names.service_key(names.SIMULATOR, service), reply, request or Change(), timeout=3 * LIMIT)
+        return self.bus.ask(names.service_key(names.SIMULATOR, service), reply, request or Change(), timeout=LIMIT)
 
     def step(self, ticks: int) -> SimStatus:
         """Take so many ticks; the status after them."""
-        status = self.ask("step", SimStatus, StepRequest(ticks))
-        assert isinstance(status, SimStatus)
-        return status
+        return self.ask("step", SimStatus, StepRequest(ticks))  # type: ignore[no-any-return]
 
-    def finish(self, limit: float = LIMIT) -> SimReport:
+    def finish(self, limit: float = ASKED) -> SimReport:
         """Wait for the end of `run_for`; the report."""
         finished = self.ask("finish", FinishReply, FinishRequest(limit)).finished
         assert finished, (self.ask("status").waiting_for, self.texts)
@@ -171,9 +167,7 @@ class InProcessTeam:
 
     def report(self) -> SimReport:
         """The current report."""
-        report = self.ask("report", SimReport)
-        assert isinstance(report, SimReport)
-        return report
+        return self.ask("report", SimReport)  # type: ignore[no-any-return]
 
     def __enter__(self) -> Self:
         self._thread.start()

@@ -2,11 +2,12 @@
 that loses messages."""
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
+from support.limits import LIMIT
 from zteam import names
 from zteam.bus import Bus, MemoryHub, NoRequest
 from zteam.bus.memory import MemoryTransport
@@ -18,8 +19,6 @@ from zteam.runtime.node import Node
 from zteam.runtime.shutdown import Stop
 from zteam.services.simulator import SimStatus
 
-LIMIT = 20.0
-"""Host seconds after which a wait has failed."""
 INTERVAL = to_ns(0.1)
 """Simulated nanoseconds of a tick."""
 SHORT = 0.02
@@ -77,17 +76,17 @@ class ScriptedParticipant:
         """It does not answer while the participant of this name takes part."""
         self.heard: list[Tick] = []
         self.changed = threading.Condition()
-        self._bus = bus or hub.bus()
+        self.bus = bus or hub.bus()
         self._present = False
         self._busy = 0
         """Ticks that its handler is still working on."""
-        self._done = self._bus.publisher(names.done_key(name), Done)
-        self._bus.subscribe(names.TICK, Tick, self._on_tick)
+        self._done = self.bus.publisher(names.done_key(name), Done)
+        self.bus.subscribe(names.TICK, Tick, self._on_tick)
 
     def appear(self) -> "ScriptedParticipant":
         """Declare the presence token."""
         self._present = True
-        self._token = self._bus.declare_token(names.token_key(self.name, self._bus.instance))
+        self._token = self.bus.declare_token(names.token_key(self.name, self.bus.instance))
         return self
 
     def vanish(self) -> None:
@@ -142,9 +141,9 @@ class ScriptedParticipant:
         return [tick.participants for tick in self.heard]
 
 
-def show_simulator(bus: Bus, lockstep: bool = True) -> Closeable:
+def show_simulator(bus: Bus, lockstep: bool = True, robots: Sequence[int] = ()) -> Closeable:
     """Let a session hold the simulator's name and serve `sim/status`; return its presence token."""
-    status = SimStatus("scripted", [], INTERVAL, 1, 0, 0, 1.0, lockstep=lockstep)
+    status = SimStatus("scripted", [*robots], INTERVAL, 1, 0, 0, 1.0, lockstep=lockstep)
     bus.serve(names.service_key(names.SIMULATOR, "status"), NoRequest, lambda _: status)
     return bus.declare_token(names.token_key(names.SIMULATOR, bus.instance))
 
@@ -165,6 +164,15 @@ class LockStepHarness:
         show_simulator(bus)
         self._thread = threading.Thread(target=self._wait)
         self._results: list[bool] = []
+        self._returned = False
+        self._looked = threading.Event()
+        """Whether `LockStep.wait` has looked at the tick."""
+        self._wait_for = self.lockstep._changed.wait_for
+        self.lockstep._changed.wait_for = self._note_look  # type: ignore[method-assign]
+
+    def _note_look(self, ready: Callable[[], bool], timeout: float | None = None) -> bool:
+        self._looked.set()
+        return self._wait_for(ready, timeout)
 
     def open(self, tick: int, *robots: int) -> None:
         """Open a tick."""
@@ -177,6 +185,8 @@ class LockStepHarness:
 
     def begin(self) -> None:
         """Call `LockStep.wait` in a thread."""
+        self._returned = False
+        self._looked.clear()
         self._thread = threading.Thread(target=self._wait)
         self._thread.start()
 
@@ -188,11 +198,14 @@ class LockStepHarness:
 
     @property
     def holds(self) -> bool:
-        """Whether `LockStep.wait` has not returned yet."""
-        return self._thread.is_alive()
+        """Whether `LockStep.wait` waits, and nothing that has happened until now ends that."""
+        assert self._looked.wait(LIMIT)
+        return not self._returned and not self.lockstep._tick.is_over
 
     def _wait(self) -> None:
         self._results.append(self.lockstep.wait(self._resend))
+        self._returned = True
+        self._looked.set()
 
     def _resend(self, missing: list[str]) -> None:
         self.resent.append(missing)
@@ -270,11 +283,15 @@ class ScriptedSimulator:
 
 
 class ScriptedMonitor:
-    """A monitor that gives GO when the test says so."""
+    """A monitor that says what the test tells it, and gives GO when the test does."""
 
     def __init__(self, hub: MemoryHub) -> None:
         self._publisher = hub.bus().publisher(names.TEAM_STATUS, TeamStatus, latched=True)
 
     def give_go(self, epoch: int = 1, stamp: int = 0) -> None:
         """Publish GO under this epoch, from time `stamp` (ns) on."""
-        self._publisher.put(TeamStatus(state=TeamState.GO, epoch=epoch, go_stamp=time_from_ns(stamp)))
+        self.say(TeamState.GO, epoch, stamp)
+
+    def say(self, state: int, epoch: int = 1, stamp: int = 0) -> None:
+        """Publish a state."""
+        self._publisher.put(TeamStatus(state=state, epoch=epoch, go_stamp=time_from_ns(stamp)))

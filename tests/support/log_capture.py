@@ -5,10 +5,8 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from support.limits import LIMIT
 from zteam.clock import wait_until
-
-LIMIT = 20.0
-"""Host seconds after which a wait has failed."""
 
 
 class LogCapture(logging.Handler):

@@ -8,6 +8,10 @@ _NODE = (
     "import os, zteam\nfrom zteam.messages import LaserScan, Twist\ndef main(node):\n    BODY\n"
     "zteam.run(f'mine_{os.getpid()}', main)\n"
 )
+_WALL = (
+    "define seeing position( ranger( sensor( samples 181 fov 180 range [0 8] ) ) )\n"
+    'model( name "wall" size [0.2 9 1] pose [1 0 0 0] )\n'
+)
 
 
 class Mistake(NamedTuple):
@@ -20,6 +24,8 @@ class Mistake(NamedTuple):
     """Name and text of a file that lies in the user's folder."""
     lines: int = 1
     """Lines of the answer at most, without those of a log that only tell what goes on."""
+    is_link: bool = False
+    """Whether the file is a symbolic link to its text."""
 
     @property
     def label(self) -> str:
@@ -56,6 +62,10 @@ ALONE = (
     Mistake("zteam rostopic echo map", ("did you mean 'zteam topic echo map'?",)),
     Mistake("zteam --connect tcp/localhost:7447 topic list", ("behind the command",)),
     Mistake("zteam topic", ("zteam topic", "usage:")),
+    Mistake(
+        "zteam-nav --id 0 --param controller_server.FollowPath.plugin=dwb",
+        ("controller_server.FollowPath.plugin: there is no controller 'dwb'", "regulated_pure_pursuit"),
+    ),
     Mistake("zteam topic ecko map", ("'ecko'", "did you mean echo?")),
     Mistake("zteam topic pub robot_0/cmd_vel", ("TYPE", "usage: zteam topic pub")),
     Mistake("zteam topic pub robot_0/cmd_vel Twist linear: {x: 0.5}", ("neither JSON nor YAML", "single quotes")),
@@ -94,12 +104,16 @@ ALONE = (
     _robot('speed = "fast"', "team.toml:5: robots[0].speed:", 'a number is expected, not "fast"'),
     _robot("leader = 1", "team.toml:5: robots[0].leader:", "follow = ID"),
     _robot('follow = "robot_0"', "team.toml:5: robots[0].follow:", 'a robot id or "previous" is expected'),
-    _robot("follow = 8", "team.toml:5: robots[0].follow:", "no robot 8 in this file (it has 0)"),
+    _robot("follow = 8", "team.toml:5: robots[0].follow:", "no robot 8 in this team (it has 0)"),
     _robot("follow = 0", "team.toml:5: robots[0].follow:", "cannot follow itself"),
     _robot(
         '[[nodes]]\nname = "a"\ncommand = ["python", "no.py"]', "team.toml:7: nodes[0].command[1]:", "no file 'no.py'"
     ),
     _robot('[[nodes]]\nname = "sim"\ncommand = ["true"]', "team.toml:6: nodes[0].name: sim is a process of the team"),
+    *(
+        _robot(f'[[nodes]]\nname = "{name}"\ncommand = ["true"]', f"{name} is a process of the team", "another name")
+        for name in ("map", "nav_0", "view")
+    ),
     _robot('[[nodes]]\nname = "a"\ncommand = "true"', "team.toml:7: nodes[0].command: a list is expected"),
     _robot('restart = "always"', "team.toml:5: robots[0].restart:", "one of no, on-failure"),
     Mistake(
@@ -112,11 +126,30 @@ ALONE = (
     _robot('[[robots]]\nid = 5\nmodel = "erratic"\npose = [1, 2, 90]', "team.toml:8:", "radians", "1.5708"),
     Mistake("zteam up --report no/such/run.json --for 1", ("--report no/such/run.json", "folder no/such", "make it")),
     Mistake("zteam up my.world", ("that is a world", "--world my.world"), file=("my.world", 'position( name "r0" )\n')),
+    Mistake("zteam up a.toml", ("a.toml", "symbolic link", "Too many levels"), file=("a.toml", "a.toml"), is_link=True),
+    Mistake(
+        "zteam up dazzle --world my.world --for 3",
+        ("robots[0].behavior: avoid needs base_scan, but robot 0 carries no laser", "add one to 'r0'", "my.world"),
+        file=("my.world", 'position( name "r0" )\nposition( name "r1" pose [3 0 0 0] )\n'),
+        lines=2,
+    ),
+    Mistake(
+        "zteam up arena --world my.world --for 3",
+        ("robots[0].id: at its pose in my.world robot 0 would stand in 'wall'; give 'r0' a free pose there",),
+        file=("my.world", f'{_WALL}seeing( name "r0" pose [1 0 0 0] )\nseeing( name "r1" pose [3 0 0 0] )\n'),
+    ),
     # World files.
     Mistake("zteam-sim", ("WORLD", "usage: zteam-sim")),
     Mistake("zteam-sim arena --gui", ("no option '--gui'", "zteam world show")),
     Mistake("zteam-sim no.world", ("no such file", "(arena, ", "office")),
     Mistake("zteam-sim my.world", ("my.world:1:9: this '(' is never closed",), file=("my.world", "position( \n")),
+    Mistake(
+        "zteam world check my.world",
+        ("robot 0 ('r0') has no room at its pose: it would stand in 'wall'", "1 warning"),
+        0,
+        ("my.world", f'{_WALL}seeing( name "r0" pose [1 0 0 0] )\n'),
+        lines=7,
+    ),
     _world('floorplan( bitmap "x.png" )\n', "my.world:1:1: unknown model type 'floorplan'", "'include'"),
     _world('model( bitmap "nothere.png" )\n', "my.world:1", "nothere.png", "not found"),
     _world("model( bitmap cave.png )\n", "my.world:1:15:", "quotes"),
@@ -175,6 +208,8 @@ BESIDE_A_TEAM = (
     Mistake("zteam param set robot_0 sped 0.5", ("sped", "did you mean speed?")),
     Mistake("zteam param set robot_0 speed fast", ('a number is expected, not "fast"',)),
     Mistake("zteam param get robot_7 speed", ("robot_7", "there is robot_0, robot_1"), 1),
+    Mistake("zteam goto 9 1 1", ("robot_9 is not in the world", "it has 0", "zteam sim spawn"), 1),
+    Mistake("zteam goto --cancel 9", ("robot_9 is not in the world", "it has 0"), 1),
     Mistake("zteam log robot_9 --once", ("no process robot_9", "robot_0"), 1),
     Mistake("zteam-robot --id 0", ("robot_0 is taken by process", "another id"), 1),
     Mistake("zteam-sim arena", ("sim is taken by process", "--namespace"), 1),
@@ -193,6 +228,15 @@ BESIDE_A_TEAM = (
         "node.publisher('robot_0/cmd_vel', LaserScan)", "robot_0/cmd_vel carries geometry_msgs/msg/Twist", exit_code=2
     ),
     _node("p = node.publisher('x', Twist); node.run(lambda now: p.put(0.5))", "put was given a float", exit_code=2),
+    _node("node.publisher('a b/*', Twist)", "'a b/*' is no key to publish on", "without spaces", exit_code=2),
+    _node("node.publisher('goal', Twist)", "its main has returned without node.run(step)", exit_code=0),
+    _node("node.run(lambda now: node.stop.request('over') or 'go')", "a str, which nothing takes", exit_code=0),
+    _node(
+        "import time; node.run(lambda now: time.sleep(2) or node.stop.request('over'))",
+        *("step has not returned for 1.", "step takes 2.", "one is due every 0.1 s; do less in a step"),
+        exit_code=0,
+        lines=2,
+    ),
     _node("node.run(lambda: None)", "mine.py", "line 4", "positional argument", lines=10),
 )
 """Mistakes beside a running team of robots 0 and 1; robots 2 to 5 are in its world and have no process."""

@@ -1,28 +1,23 @@
-"""A running monitor on a bus in memory, robots as it sees them, and its host clock set by hand."""
+"""A monitor on a bus in memory that runs when the test lets it, robots as it sees them, and its host clock by hand."""
 
 import threading
 from collections.abc import Callable
 
 from support.cuttable_transport import cut_bus
+from support.limits import LIMIT
 from zteam import names
-from zteam.bus import MemoryHub, NoRequest
-from zteam.clock import wait_until
+from zteam.bus import MemoryHub
 from zteam.errors import ZteamError
 from zteam.messages import RobotState, RobotStatus, TeamStatus
-from zteam.nodes.monitor.display import Lines, MonitorOptions
+from zteam.nodes.monitor.display import Lines, MonitorOptions, Output
 from zteam.nodes.monitor.members import Event
 from zteam.nodes.monitor.node import Monitor
 from zteam.runtime.node import Node
 from zteam.runtime.shutdown import Stop
-from zteam.services.simulator import SimStatus
 
-LIMIT = 20.0
-"""Host seconds after which a wait has failed."""
 FLICKER, LOSS, RETURN = 0.1, 1.0, 10.0
 """Host seconds: a token that is gone for FLICKER is no loss, one that is gone for LOSS is lost; after RETURN all
 processes have found a router that is back."""
-SCOUT = 99
-"""A robot outside of every team: the monitor has told its fault when it has handled all that happened before."""
 
 
 class HostTime:
@@ -59,110 +54,90 @@ class Robot:
         self._status.put(RobotStatus(robot_id=self.id, is_ready=ready, state=state, epoch=epoch, text=text))
 
 
-class Desk:
-    """A running monitor, and what it shows and publishes."""
+class Shown(Lines):
+    """An output that keeps the events."""
 
-    def __init__(self, hub: MemoryHub, time: HostTime, options: MonitorOptions) -> None:
-        self.hub = hub
-        self.time = time
-        self.changed = threading.Condition(threading.RLock())
+    def __init__(self) -> None:
         self.events: list[Event] = []
+
+    def show(self, event: Event) -> None:
+        """Keep an event."""
+        self.events.append(event)
+
+
+class Desk:
+    """A monitor, and what it shows and publishes. Its main loop goes on while the test is in `look`, and only then."""
+
+    def __init__(self, hub: MemoryHub, time: HostTime, options: MonitorOptions, output: Output | None = None) -> None:
+        self._time = time
+        self._shown = Shown()
+        self._output = output or self._shown
         self.published: list[TeamStatus] = []
-        self.free: list[bool] = []
-        """For each event, whether `node.changed` was free while it was shown."""
         bus, self.link = cut_bus(hub)
         self.stop = Stop()
         self.node = Node(names.MONITOR, bus, self.stop)
-        hub.bus().subscribe(names.TEAM_STATUS, TeamStatus, self._on_team_status)
+        self._node_wait = self.node.wait
+        self.node.wait = self._wait  # type: ignore[method-assign]
+        hub.bus().subscribe(names.TEAM_STATUS, TeamStatus, lambda _, status: self.published.append(status))
         self.monitor = Monitor(self.node, options)
+        self.ended = False
         self.failure: ZteamError | None = None
         """What ended the monitor, if that was an error for users."""
-        self.thread = threading.Thread(target=self._run)
+        self._idle, self._may_go_on = threading.Event(), threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+        assert self._idle.wait(LIMIT)
 
     def _run(self) -> None:
         try:
-            self.monitor.run(_Shown(self))
+            self.monitor.run(self._output)
         except ZteamError as error:
             self.failure = error
+        finally:
+            self.ended = True
+            self._idle.set()
 
-    def _on_team_status(self, _key: str, status: TeamStatus) -> None:
-        with self.changed:
-            self.published.append(status)
-            self.changed.notify_all()
-
-    def show(self, event: Event) -> None:
-        """Note an event, and whether the node's lock is free."""
-        probe = threading.Thread(target=self._try_lock)
-        probe.start()
-        probe.join()
-        with self.changed:
-            self.events.append(event)
-            self.changed.notify_all()
-
-    def _try_lock(self) -> None:
-        free = self.node.changed.acquire(blocking=False)
-        if free:
-            self.node.changed.release()
-        self.free.append(free)
-
-    def wait(self, condition: Callable[[], bool]) -> None:
-        """Wait until something shown or published makes it true."""
-        with self.changed:
-            assert wait_until(self.changed, condition, LIMIT), (self.events, self.published[-1:])
-
-    def wait_for(self, kind: str, robot: int | None = None) -> Event:
-        """Wait for an event of this kind about this robot."""
-        self.wait(lambda: any((e.kind, e.robot) == (kind, robot) for e in self.events))
-        return next(e for e in self.events if (e.kind, e.robot) == (kind, robot))
-
-    def pass_by(self, seconds: float) -> None:
-        """Let host time pass, and the monitor look at what that means."""
-        self.time.now += seconds
-        self.look()
+    def _wait(self, ready: Callable[[], bool], _timeout: float) -> bool:
+        """Instead of `Node.wait`: where there is no work, the next round is that of the next `look`."""
+        if not ready() and not self.stop.requested:
+            self._idle.set()
+            self._may_go_on.wait()
+            self._may_go_on.clear()
+        return self._node_wait(ready, 0.0)
 
     def look(self) -> None:
         """Return when the monitor has looked at, and told, everything that happened until now."""
-        # A robot outside of the team is at fault twice. What the monitor tells in the round of the first time may
-        # come after it; the second time is told in a later round.
-        for _ in range(2):
-            with self.changed:
-                seen = self.told("fault").count(("fault", SCOUT))
-            scout = Robot(self.hub, SCOUT, present=False)
-            scout.say(RobotState.BOOT)
-            scout.say(RobotState.FAULT)
-            self.wait(lambda before=seen: self.told("fault").count(("fault", SCOUT)) > before)  # type: ignore[misc]
+        if not self.ended:
+            self._idle.clear()
+            self._may_go_on.set()
+            assert self._idle.wait(LIMIT)
+
+    def pass_by(self, seconds: float) -> None:
+        """Let host time pass, and the monitor look at what that means."""
+        self._time.now += seconds
+        self.look()
+
+    @property
+    def events(self) -> list[Event]:
+        """All that it has shown so far; it looks first."""
+        self.look()
+        return self._shown.events
+
+    def event(self, kind: str, robot: int | None = None) -> Event:
+        """The first event of this kind about this robot."""
+        return next(e for e in self.events if (e.kind, e.robot) == (kind, robot))
 
     def told(self, *kinds: str) -> list[tuple[str, int | None]]:
         """(kind, robot) of the events of these kinds so far."""
-        with self.changed:
-            return [(e.kind, e.robot) for e in self.events if e.kind in kinds]
+        return [(e.kind, e.robot) for e in self.events if e.kind in kinds]
 
     def end(self) -> None:
         """Stop the monitor and wait for it."""
         self.stop.request("test over")
-        if self.thread.ident is not None:
-            self.thread.join(LIMIT)
+        self._may_go_on.set()
+        self._thread.join(LIMIT)
         self.node.close()
-        assert not self.thread.is_alive()
-
-
-class _Shown(Lines):
-    """An output that the desk notes."""
-
-    def __init__(self, desk: Desk) -> None:
-        self._desk = desk
-
-    def show(self, event: Event) -> None:
-        """Note an event."""
-        self._desk.show(event)
+        assert not self._thread.is_alive()
 
 
 Open = Callable[..., Desk]
-
-
-def serve_simulator(hub: MemoryHub, robots: list[int]) -> None:
-    """A simulator with these robots appears."""
-    bus = hub.bus()
-    answer = SimStatus("w", robots, 100, 1, 0, 0, 1.0)
-    bus.serve(names.service_key(names.SIMULATOR, "status"), NoRequest, lambda _: answer)
-    bus.declare_token(names.token_key(names.SIMULATOR, bus.instance))

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from support.limits import LIMIT
 from zteam import names
 from zteam.behaviors import Behavior
 from zteam.behaviors.follow import Follow
@@ -35,8 +36,6 @@ from zteam.sim import to_messages
 from zteam.world import load_world
 from zteam.world.bases import base_info
 
-LIMIT = 20.0
-"""Host seconds after which a wait has failed."""
 TICK = 100_000_000
 """Nanoseconds."""
 NEVER = 600.0

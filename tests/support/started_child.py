@@ -4,11 +4,9 @@ import select
 import sys
 import threading
 
+from support.limits import LIMIT
 from zteam.launch.children import StartChild
 from zteam.launch.process import Process
-
-LIMIT = 30.0
-"""Host seconds that a small child may take on a crowded machine."""
 
 
 def obey(code: str, *arguments: str) -> list[str]:

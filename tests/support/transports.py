@@ -2,6 +2,8 @@
 
 import contextlib
 import itertools
+import os
+import signal
 import subprocess
 import sys
 import threading
@@ -10,25 +12,30 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from support.limits import LIMIT
 from zteam.bus import Bus, BusOptions, MemoryHub, connect
 from zteam.clock import monotonic, pause, wall_ns
 from zteam.in_process.hub import TeamHub
-
-LIMIT = 30.0
-"""Host seconds after which a wait has failed."""
 
 
 class RouterProcess:
     """A router in a process of its own, on loopback."""
 
-    def __init__(self, listen: str = "tcp/127.0.0.1:0") -> None:
+    def __init__(self, listen: str = "tcp/127.0.0.1:0", *arguments: str) -> None:
         command = [sys.executable, "-m", "zteam.cli.zteam_router", "--listen", listen, "--announce"]
+        # A busy machine that lets a router or session wait for its turn ends no link.
+        command += ["--lease", str(LIMIT), *arguments]
         self._process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
         assert self._process.stdout is not None
         self.endpoint = self._process.stdout.readline().strip()
         if not self.endpoint:
             self.kill()
             raise AssertionError("the router did not start")
+
+    def freeze(self) -> None:
+        """Stop it, and wait until all its threads stand."""
+        self._process.send_signal(signal.SIGSTOP)
+        os.waitid(os.P_PID, self._process.pid, os.WSTOPPED)
 
     def kill(self) -> None:
         """End it at once, as a crash does."""
@@ -78,7 +85,7 @@ def memory_sessions() -> Iterator[Sessions]:
 @contextmanager
 def zenoh_sessions(endpoint: str) -> Iterator[Sessions]:
     """Sessions on a router, in a namespace of their own."""
-    options = BusOptions(connect=endpoint, namespace=f"n{uuid.uuid4().hex}")
+    options = BusOptions(connect=endpoint, lease=LIMIT, namespace=f"n{uuid.uuid4().hex}")
     sessions = Sessions(lambda: connect(options, patience=LIMIT), "zenoh")
     try:
         yield sessions

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
+from support.limits import LIMIT
 from zteam.bus import Bus
 from zteam.clock import monotonic
 from zteam.nodes.web.frames import DOC, Frame, decode_frame
@@ -19,8 +20,6 @@ from zteam.runtime.node import Node
 from zteam.runtime.shutdown import Stop
 
 TOKEN = "the token"
-LIMIT = 20.0
-"""Host seconds for anything to come."""
 
 
 class Page:

@@ -1,4 +1,7 @@
-"""The blocks of the pages that need processes: tests with the fixture, nodes and scripts beside a team, commands."""
+"""The blocks of the pages that need processes: tests with the fixture, nodes and scripts beside a team, commands.
+
+Those of the README: tests/proof.
+"""
 
 import importlib
 import inspect
@@ -10,13 +13,14 @@ from pathlib import Path
 
 import pytest
 
-from support.pages import PAGES, Block, all_blocks, blocks_of, find_file
+from support.limits import LIMIT
+from support.pages import PAGES, ROOT, Block, all_blocks, blocks_of, find_file
 from zteam import names
 from zteam.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team
 
-LIMIT = 60.0
+README = ROOT / "README.md"
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 
 
@@ -31,7 +35,7 @@ def environment(extra: dict[str, str]) -> dict[str, str]:
     [
         pytest.param(block, name, id=f"{block.id}-{name}")
         for block in all_blocks("python")
-        if block.has_team_tests
+        if block.has_team_tests and block.page != README
         for name in block.tests
     ],
 )
@@ -54,7 +58,7 @@ def beside_the_team(page: Path) -> list[Block]:
 
 
 COURSE = [page for page in PAGES if page.name == "course.md"]
-OTHERS = [page for page in PAGES if page.name != "course.md"]
+OTHERS = [page for page in PAGES if page not in (README, *COURSE)]
 
 
 @pytest.mark.parametrize("pages", [COURSE, OTHERS], ids=["course", "others"])
@@ -141,6 +145,7 @@ DRIVERS = [
 
 
 @pytest.mark.parametrize("block", DRIVERS, ids=lambda block: block.id)
+@pytest.mark.real_time
 def test_a_robots_own_process_drives_it(block: Block, team: TeamFixture, tmp_path: Path) -> None:
     """A process with a robot's name, whose number it gets as its argument, moves the robot until it is stopped."""
     robot_id = names.robot_id_of(block.notes["process"])
@@ -152,11 +157,11 @@ def test_a_robots_own_process_drives_it(block: Block, team: TeamFixture, tmp_pat
     with subprocess.Popen(command, cwd=tmp_path, env=environment(team.environment)) as process:
         try:
             team.wait_for(lambda: team.robot(robot_id).truth is not None)
-            team.until(lambda: team.robot(robot_id).distance_travelled > 0.1, within=60.0)
+            team.wait_for(lambda: team.robot(robot_id).distance_travelled > 0.1)
         finally:
             process.terminate()
             assert process.wait(LIMIT) == 0
-    team.until(lambda: team.robot(robot_id).speed == 0.0, within=10.0)
+    team.wait_for(lambda: team.robot(robot_id).speed == 0.0)
 
 
 def test_a_follower_of_a_published_frame_repeats(team: TeamFixture, empty_folder: Path) -> None:
@@ -179,7 +184,7 @@ def test_a_follower_of_a_published_frame_repeats(team: TeamFixture, empty_folder
     assert hashes[0] == hashes[1]
 
 
-@pytest.mark.parametrize("mode", ["real time", "lock-step"])
+@pytest.mark.parametrize("mode", [pytest.param("real time", marks=pytest.mark.real_time), "lock-step"])
 def test_a_robots_own_process_joins_the_gate(mode: str, team: TeamFixture, tmp_path: Path) -> None:
     """The node of the page is ready when it has a scan, waits for GO, and drives from GO on."""
     path = find_file("racer.py", PAGES[0]).save(tmp_path)

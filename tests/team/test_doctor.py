@@ -96,14 +96,17 @@ def check_refusals(team: TeamFixture) -> None:
 
 def test_doctor_names_causes_in_a_running_team(team: TeamFixture, tmp_path: Path) -> None:
     """A pause, shifted maps and refused messages are each told with cause and next step, all in one team."""
-    team.start("arena", robots=2, behavior="forward", params=SLOW, lockstep=False)
+    team.start("arena", robots=2, behavior="forward", params=SLOW)
     team.wait_for_go()
+    team.sim.set_speed(1.0)
+    team.sim.resume()
     assert problems(team) == {}
     check_pause(team)
     check_maps(team, tmp_path)
     check_refusals(team)
 
 
+@pytest.mark.real_time
 def test_doctor_names_what_a_team_lacks(team: TeamFixture) -> None:
     """An id that the world lacks, a gate that waits for it, and the wrong namespace are named."""
     team.spawn("zteam-sim", "arena", name="sim")
@@ -126,6 +129,7 @@ def test_doctor_names_what_a_team_lacks(team: TeamFixture) -> None:
     assert "monitor, robot_7, sim" in missing["namespace"]
 
 
+@pytest.mark.real_time
 def test_doctor_names_the_router_where_the_team_is(team: TeamFixture) -> None:
     """At a router without processes, the other routers of this machine are told with their processes."""
     team.spawn("zteam-sim", "arena", name="sim")

@@ -125,14 +125,16 @@ def same_team() -> Iterator[TeamFixture]:
 def send(team: TeamFixture, key: str, message: Message) -> None:
     """Publish a message from outside; robot 0 has received it when this returns."""
 
-    def received() -> int:
-        counts = team.bus.ask(names.stats_key(names.robot_name(0)), dict[str, KeyCount])
-        count = counts.get(key, KeyCount())
-        return count.received + count.dropped
-
-    before = received()
+    before = received(team, key)
     team.bus.publisher(key, type(message)).put(message)
-    team.wait_for(lambda: received() > before)
+    team.wait_for(lambda: received(team, key) > before)
+
+
+def received(team: TeamFixture, key: str) -> int:
+    """How many messages with this key robot 0 has received, those that it dropped included."""
+    counts = team.bus.ask(names.stats_key(names.robot_name(0)), dict[str, KeyCount])
+    count = counts.get(key, KeyCount())
+    return count.received + count.dropped
 
 
 def driver_of(team: TeamFixture) -> str:
@@ -177,9 +179,13 @@ def test_nothing_drives_before_go(team: TeamFixture) -> None:
     team.spawn("zteam-monitor", "--ids", "0", "1", name=names.MONITOR)
     team.wait_for_processes(names.SIMULATOR, "robot_0", names.MONITOR)
     team.wait_for(lambda: team.robot(0).status is not None and team.robot(0).status.is_ready)
-    commands = team.robot(0).commands
+    team.sim.pause()
+    commands, scans = team.robot(0).commands, names.robot_key(0, names.BASE_SCAN)
     send(team, TELEOP, Twist(Vector3(0.3)))
-    team.until(lambda: team.robot(0).truth_stamp > team.now + 0.5 or team.now > 3.0, within=30.0)
+    for _ in range(5):
+        before = received(team, scans)
+        team.sim.step()
+        team.wait_for(lambda least=before: received(team, scans) > least)  # type: ignore[misc]
     assert (team.robot(0).commands, driver_of(team)) == (commands, RobotDriver.NONE)
     assert team.robot(0).distance_travelled == 0.0
 

@@ -6,13 +6,12 @@ from pathlib import Path
 
 import pytest
 
+from support.limits import LIMIT
 from zteam.clock import monotonic
 from zteam.launch.process import zteam_command
 from zteam.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team
-
-LIMIT = 30.0
 
 
 def waiting(*arguments: str) -> "subprocess.Popen[str]":

@@ -11,15 +11,14 @@ from pathlib import Path
 
 import pytest
 
+from support.limits import LIMIT
 from support.pages import DOCS, find_file
 from support.terminal import TerminalCommand
 from zteam.launch.process import zteam_command
-from zteam.services.simulator_client import SimulatorClient
 from zteam.testing.team import TeamFixture
 
-pytestmark = [pytest.mark.team, pytest.mark.timeout(180)]
+pytestmark = pytest.mark.team
 
-LIMIT = 120.0
 NAVIGATED = """
 [team]
 world = "arena"
@@ -34,8 +33,31 @@ WITH_GOALS = (
 name = "goals"
 command = ["zteam", "goals", "goals.yaml", "--json"]
 expect = true
+[[nodes]]
+name = "visitor"
+command = ["python", "visitor.py"]
+expect = true
 """
 )
+VISITOR = """
+from zteam import BasicNavigator, Pose2, run
+
+
+def main(node):
+    navigator, told = BasicNavigator(0, node), []
+
+    def step(now):
+        if now == 3_000_000_000:
+            navigator.go_to_pose(Pose2(-2.0, -2.0, 0.0))
+        elif now > 3_000_000_000 and not told and navigator.is_task_complete():
+            told.append(print("visited:", navigator.get_result().name, flush=True))
+
+    node.run(step)
+
+
+run("visitor", main)
+"""
+"""Sends robot 0 elsewhere while it drives to the first of its goals."""
 GOALS = """
 - {robot: 0, x: 0.0, y: -1.0}
 - {robot: 1, x: -3.5, y: -2.0, yaw: 1.57}
@@ -74,48 +96,52 @@ def distance(team: TeamFixture, robot_id: int, x: float, y: float) -> float:
 
 def test_goto_waits_for_the_robot_and_says_how_it_ended(team: TeamFixture, empty_folder: Path) -> None:
     """A goal that is reached ends with 0, one in a crate with 1 and navigation's reason; cancel finds the next one."""
-    team.launch(write(empty_folder, "team.toml", NAVIGATED), lockstep=False)
+    team.launch(write(empty_folder, "team.toml", NAVIGATED))
     team.wait_for_go()
-    SimulatorClient(team.bus).set_speed(3.0)
+    team.sim.resume()
     code, told = goto(team, "0", "0.5", "-1", "1.57")
     assert (code, told["result"], told["driven_by"]) == (0, "succeeded", "navigation")
     assert distance(team, 0, 0.5, -1.0) < 0.5
     code, told = goto(team, "0", "1.5", "2.5")
     assert (code, told["result"]) == (1, "failed")
     assert "in an obstacle" in str(told["text"])
+    team.sim.set_speed(1.0)
     code, told = goto(team, "1", "3.5", "3.5", "--no-wait")
     assert (code, told["result"]) == (0, "sent")
-    team.until(lambda: team.robot(1).distance_travelled > 0.2, within=30.0)
+    team.wait_for(lambda: team.robot(1).distance_travelled > 0.2)
+    team.sim.pause()
     assert goto(team, "--cancel", "1") == (0, {"robot": 1, "canceled": True})
-    team.until(lambda: team.robot(1).speed == 0.0, within=10.0)
+    team.until(lambda: team.robot(1).speed == 0.0, within=3.0)
     assert distance(team, 1, 3.5, 3.5) > 1.0
 
 
 def test_on_a_terminal_goto_shows_one_line_and_ctrl_c_cancels(team: TeamFixture, empty_folder: Path) -> None:
     """The line is rewritten with what is left; Ctrl+C leaves a robot that stands, and says so."""
-    team.launch(write(empty_folder, "team.toml", NAVIGATED), lockstep=False)
+    team.launch(write(empty_folder, "team.toml", NAVIGATED))
     team.wait_for_go()
+    team.sim.set_speed(1.0)
+    team.sim.resume()
     terminal = TerminalCommand(zteam_command("zteam", "goto", "0", "3.5", "-3.5"), team.environment)
     try:
         terminal.wait_for(
             lambda rows: re.fullmatch(r"robot_0: driving, \d\.\d m left, about \d+ s", rows[-1]) is not None
         )
-        team.until(lambda: team.robot(0).distance_travelled > 0.2, within=30.0)
+        team.wait_for(lambda: team.robot(0).distance_travelled > 0.2)
         terminal.press(b"\x03")
         code, rows = terminal.end()
     finally:
         terminal.close()
     assert code == 130, rows
     assert any(re.search(r"robot_0: goal canceled after .*: x 3.5, y -3.5, yaw 0: interrupted$", row) for row in rows)
-    team.until(lambda: team.robot(0).speed == 0.0, within=10.0)
+    team.wait_for(lambda: team.robot(0).speed == 0.0)
     assert distance(team, 0, 3.5, -3.5) > 1.0
 
 
 def test_goto_without_navigation_uses_the_behaviour_go_to(team: TeamFixture) -> None:
     """A robot that runs go_to gets there by its laser, and the command says what drives it."""
-    team.start("arena", robots=1, behavior="go_to", lockstep=False)
+    team.start("arena", robots=1, behavior="go_to")
     team.wait_for_go()
-    SimulatorClient(team.bus).set_speed(3.0)
+    team.sim.resume()
     done = team.command("goto", "0", "0.5", "-1", timeout=LIMIT)
     assert done.returncode == 0, done.stderr
     assert "robot_0 has no navigation: its behaviour go_to drives it" in done.stderr
@@ -123,18 +149,25 @@ def test_goto_without_navigation_uses_the_behaviour_go_to(team: TeamFixture) -> 
 
 
 def run_goals(team: TeamFixture, folder: Path) -> tuple[list[dict[str, object]], str]:
-    """What `zteam goals` told as a node of a team in lock-step, and the run's hash after 45 s."""
+    """What `zteam goals` told as a node of a team in lock-step, and the run's hash after 60 s."""
+    # One goal fails, and so does the node in the end.
+    team.expect_end("goals")
     team.launch(folder / "team.toml")
     team.wait_for_go()
-    team.run(45.0)
+    team.run(60.0)
+    assert "visited: SUCCEEDED" in "".join(team.lines("visitor"))
     lines = [line for line in team.lines("goals") if line.startswith("{")]
     return [json.loads(line) for line in lines], team.report.trajectory_sha256
 
 
 def test_goals_as_a_node_of_lock_step_repeat(team: TeamFixture, second_team: TeamFixture, empty_folder: Path) -> None:
-    """Each robot drives to its own goals in turn, one that is in a crate is passed over, and two runs are the same."""
+    """Each robot drives to its own goals in turn, but first where another program sends it, and two runs are the same.
+
+    A goal that is in a crate is passed over.
+    """
     write(empty_folder, "team.toml", WITH_GOALS)
     write(empty_folder, "goals.yaml", GOALS)
+    write(empty_folder, "visitor.py", VISITOR)
     told, trajectory = run_goals(team, empty_folder)
     assert [(end["line"], end["result"]) for end in told if end["robot"] == 0] == [
         (2, "succeeded"),
@@ -161,11 +194,12 @@ def test_a_mistake_in_the_goals_starts_nothing(team: TeamFixture, empty_folder: 
 
 
 def test_the_script_of_the_page_drives_a_robot(team: TeamFixture, empty_folder: Path) -> None:
-    """`zteam.BasicNavigator` with Nav2's names, in a process of its own beside a team in real time."""
+    """`zteam.BasicNavigator` with Nav2's names, in a process of its own beside a team at a user's pace."""
     write(empty_folder, "team.toml", NAVIGATED.replace("arena", "office"))
-    team.launch(empty_folder / "team.toml", lockstep=False)
+    team.launch(empty_folder / "team.toml")
     team.wait_for_go()
-    SimulatorClient(team.bus).set_speed(2.0)
+    team.sim.set_speed(2.0)
+    team.sim.resume()
     script = find_file("tour.py", DOCS / "navigation.md").save(empty_folder)
     script.write_text(script.read_text().replace("    tour()\n", "    print(tour().name)\n"))
     around = {**os.environ, **team.environment}
@@ -196,7 +230,7 @@ def test_a_map_is_served_and_saved(team: TeamFixture, empty_folder: Path) -> Non
     team.spawn("zteam-map", str(empty_folder / "hall.yaml"), name="map")
     team.wait_for_processes("map")
     saved = empty_folder / "saved"
-    done = team.command("map", "save", str(saved), "--timeout", "30")
+    done = team.command("map", "save", str(saved), "--timeout", str(LIMIT))
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("8 x 6 cells of 0.5 m: ")
     from zteam.planning.map_files import read_map

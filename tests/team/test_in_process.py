@@ -64,16 +64,12 @@ def same_team() -> Iterator[TeamFixture]:
     team.close()
 
 
-@pytest.mark.parametrize(("name", "world"), [("line", None), ("arena", None), ("willow", WILLOW)])
-def test_a_shipped_team_gives_the_same_run(
-    team: TeamFixture, same_team: TeamFixture, name: str, world: Path | None
-) -> None:
-    """The hash of each shipped team is the same with processes and in one process."""
-    if world is not None and not world.exists():
-        pytest.skip("the lectures' world is not here")
+@pytest.mark.skipif(not WILLOW.exists(), reason="the lectures' world is not here")
+def test_the_lectures_team_gives_the_same_run(team: TeamFixture, same_team: TeamFixture) -> None:
+    """The hash is the same with processes and in one process."""
     found = []
     for one, in_process in ((team, False), (same_team, True)):
-        one.launch(name, world=world, in_process=in_process)
+        one.launch("willow", world=WILLOW, in_process=in_process)
         one.wait_for_go()
         one.run(10)
         found.append(one.report.trajectory_sha256)
@@ -93,6 +89,7 @@ def test_noise_own_behaviors_and_changes_give_the_same_run(
         one.wait_for_go()
         one.run(2)
         one.sim.spawn(2.0, 3.5)
+        one.expect_end("robot_2")
         one.run(4)
         assert one.wait_for_exit("robot_2") == 1
         assert any("RuntimeError: the end" in line for line in one.lines("robot_2"))

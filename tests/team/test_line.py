@@ -1,28 +1,13 @@
 """Teams of real processes drive."""
 
-import math
-
 import numpy as np
 import pytest
 
 from zteam.bench.chains.figures import measure_tour
 from zteam.bench.chains.run import Chain
 from zteam.resources import find_world
-from zteam.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team
-
-
-@pytest.mark.parametrize("in_process", [False, True])
-def test_a_follower_follows(team: TeamFixture, in_process: bool) -> None:
-    """Two robots in the arena get GO, and the follower drives after its leader."""
-    team.start("arena", robots=2, follow={1: 0}, in_process=in_process)
-    team.wait_for_go()
-    start = team.robot(1).pose
-    team.until(lambda: team.robot(1).distance_travelled > 1.0, within=40)
-    end = team.robot(1).pose
-    assert math.dist(start[:2], end[:2]) > 0.3
-    assert team.robot(0).distance_travelled > 0.5
 
 
 def test_a_line_drives_where_its_leader_drove() -> None:

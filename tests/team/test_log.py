@@ -8,8 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from support.limits import LIMIT
 from zteam.launch.process import zteam_command
-from zteam.testing.team import START_LIMIT, TeamFixture
+from zteam.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team
 
@@ -39,7 +40,7 @@ def once(team: TeamFixture, *arguments: str) -> list[tuple[str, str, str]]:
 def test_the_logs_of_a_team_are_read_in_one_place(team: TeamFixture) -> None:
     """`zteam log --once` prints what living processes log, also before they were on the bus, and chooses by name and
     level; it refuses a name that no process has."""
-    team.start("arena", robots=2, behavior="forward", lockstep=False)
+    team.start("arena", robots=2, behavior="forward")
     team.wait_for_go()
     team.wait_for_line("robot_1", "GO: driving")
     told = once(team)
@@ -55,6 +56,7 @@ def test_the_logs_of_a_team_are_read_in_one_place(team: TeamFixture) -> None:
     assert refused.stderr == "zteam log: no process robto_1; alive: monitor, robot_0, robot_1, sim, tf\n"
 
 
+@pytest.mark.real_time
 def test_a_follower_sees_a_process_from_its_start_to_its_end(team: TeamFixture, tmp_path: Path) -> None:
     """`zteam log` prints what a robot logged before it joined, each line once, and the error that ended it; what a
     user's module logs is included."""
@@ -84,5 +86,5 @@ def test_ctrl_c_ends_a_follower(team: TeamFixture) -> None:
         assert follower.stderr is not None
         assert follower.stderr.readline() == "waiting for a process (Ctrl+C to give up)\n"
         follower.send_signal(signal.SIGINT)
-        assert follower.wait(START_LIMIT) == 130
+        assert follower.wait(LIMIT) == 130
         assert follower.stderr.read() == ""

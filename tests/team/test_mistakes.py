@@ -13,9 +13,10 @@ from pathlib import Path
 import pytest
 
 from support.forks import Ended, Forks
+from support.limits import LIMIT
 from support.mistakes import ALONE, BESIDE_A_TEAM, Mistake
 from zteam.errors import UsageError
-from zteam.testing.team import START_LIMIT, TeamFixture, TeamTimeout
+from zteam.testing.team import TeamFixture, TeamTimeout
 
 pytestmark = pytest.mark.team
 
@@ -40,7 +41,7 @@ def _run_script(words: Sequence[str], environment: Mapping[str, str], folder: Pa
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
-        timeout=START_LIMIT,
+        timeout=LIMIT,
         check=False,
         stdin=subprocess.DEVNULL,
     )
@@ -50,7 +51,9 @@ def _run_script(words: Sequence[str], environment: Mapping[str, str], folder: Pa
 def faults_of(mistake: Mistake, forks: Forks, environment: Mapping[str, str], folder: Path) -> str:
     """What is wrong with the answer to a mistake that is made in an empty `folder`; empty if nothing is."""
     name, text = mistake.file
-    if name:
+    if mistake.is_link:
+        (folder / name).symlink_to(text)
+    elif name:
         (folder / name).write_text(text)
     first, *rest = shlex.split(mistake.command)
     run, words = (_run_script, rest) if first == "python" else (forks.run, [first, *rest])
@@ -72,6 +75,7 @@ def test_a_mistake_is_answered(mistake: Mistake, forks: Forks, tmp_path: Path) -
     assert not faults, faults
 
 
+@pytest.mark.real_time
 def test_mistakes_beside_a_team_are_answered(team: TeamFixture, tmp_path: Path) -> None:
     """All answers are given by the same team, which goes on undisturbed (one team, because its start is slow)."""
     team.start("arena", robots="0-1", behavior="forward", params={i: {"speed": 0.05} for i in (0, 1)}, lockstep=False)
@@ -91,6 +95,7 @@ def test_mistakes_beside_a_team_are_answered(team: TeamFixture, tmp_path: Path) 
     assert team.alive("robot_0")
 
 
+@pytest.mark.real_time
 def test_a_process_that_waits_says_for_what(team: TeamFixture) -> None:
     """A robot names the process that it lacks, one after the other, and a robot that is not in the world."""
     team.spawn("zteam-sim", "arena", name="sim")
@@ -112,7 +117,7 @@ def test_a_team_that_cannot_be_started_is_answered(team: TeamFixture) -> None:
         team.start("nowhere")
     with pytest.raises(UsageError, match=r"team 'missing.toml': no such file, nor a shipped team"):
         team.launch("missing.toml")
-    with pytest.raises(UsageError, match=r"the world has no robot 2, 3 \(it has 0, 1\)"):
+    with pytest.raises(UsageError, match=r"robots\[3\]\.id: the world has no robot 3 \(it has 0, 1\)"):
         team.start("arena", robots=4, behavior="forward")
 
 

@@ -25,6 +25,7 @@ def test_a_second_monitor_shows_the_team_of_the_first(team: TeamFixture) -> None
         team.wait_for_line(name, "the aggregator is gone: there are no new transforms")
 
 
+@pytest.mark.real_time
 def test_an_id_that_the_world_lacks_is_named(team: TeamFixture) -> None:
     """The robot and the monitor say which robots there are and how to add the one that is missing; then GO follows."""
     team.spawn("zteam-sim", "arena", name=names.SIMULATOR)

@@ -27,7 +27,7 @@ from zteam.services.navigation import (
 )
 from zteam.testing.team import TeamFixture
 
-pytestmark = [pytest.mark.team, pytest.mark.timeout(120)]
+pytestmark = pytest.mark.team
 
 FAKE = """
 [team]
@@ -65,24 +65,6 @@ def write(folder: Path, text: str) -> Path:
     path = folder / "team.toml"
     path.write_text(text)
     return path
-
-
-def test_a_robot_reaches_its_goal_and_stands(team: TeamFixture, empty_folder: Path) -> None:
-    """It says `driving` on its way, arrives within Nav2's tolerance, and stands there."""
-    team.launch(write(empty_folder, FAKE))
-    team.wait_for_go()
-    nav = NavigatedTeam(team)
-    nav.go(0, 3.0, 3.0, 1.57)
-    nav.wait(0, NavigationState.DRIVING, within=1.0)
-    assert 5.0 < nav.newest(0).distance_remaining < 7.0
-    assert team.robot(0).truth is not None
-    nav.wait(0, *DONE, within=30.0)
-    assert nav.state(0) is NavigationState.SUCCEEDED
-    assert nav.distance(0, 3.0, 3.0) < 0.3
-    team.run(0.3)
-    before = team.robot(0).pose
-    team.run(2.0)
-    assert team.robot(0).pose == before
 
 
 def test_amcl_brings_robots_to_their_goals_in_processes_and_in_one(
@@ -164,8 +146,8 @@ def test_a_goal_that_is_not_finite_is_refused_as_the_tools_send_it(team: TeamFix
     nav.go(0, 3.0, 3.0)
     nav.wait(0, NavigationState.DRIVING, within=1.0)
     goal = "{header: {frame_id: map}, pose: {position: {x: .nan, y: 1.0}}}"
-    team.spawn("zteam", "topic", "pub", "--once", "robot_0/goal_pose", "PoseStamped", goal, name="pub")
-    nav.wait(0, NavigationState.ABORTED, within=10.0)
+    assert team.command("topic", "pub", "--once", "robot_0/goal_pose", "PoseStamped", goal).returncode == 0
+    nav.wait(0, NavigationState.ABORTED, within=1.0)
     assert "not finite" in nav.newest(0).text
     team.run(0.5)
     stands = team.robot(0).pose
@@ -230,7 +212,7 @@ def test_after_a_reset_the_robot_begins_anew(same_team: TeamFixture, empty_folde
 def test_what_is_for_looking_at_is_published_while_there_is_a_subscriber(
     same_team: TeamFixture, empty_folder: Path
 ) -> None:
-    """Plan and costmaps are there for a late subscriber too; costmaps come at most twice a second."""
+    """Pose, plan and costmaps are there for a late subscriber too; costmaps come at most twice a second."""
     same_team.launch(write(empty_folder, AMCL), in_process=True)
     same_team.wait_for_go()
     nav = NavigatedTeam(same_team)
@@ -257,6 +239,7 @@ def test_what_is_for_looking_at_is_published_while_there_is_a_subscriber(
     same_team.run(3.0)
     assert {topic for topic, messages in heard.items() if not messages} == set()
     first = {topic: ns_from_time(messages[0].header.stamp) / 1e9 for topic, messages in heard.items()}
+    assert first[names.AMCL_POSE] <= subscribed
     assert first[names.PLAN] <= subscribed < first[names.GLOBAL_COSTMAP]
     assert all(len(heard[topic]) <= 6 for topic in (names.GLOBAL_COSTMAP, names.LOCAL_COSTMAP))
     whole, near = heard[names.GLOBAL_COSTMAP][-1], heard[names.LOCAL_COSTMAP][-1]

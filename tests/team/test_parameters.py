@@ -1,7 +1,5 @@
 """Parameters of robots that run, through the command line and in lock-step."""
 
-import json
-
 import pytest
 
 from zteam import names
@@ -10,44 +8,6 @@ from zteam.services.parameters_client import ParametersClient
 from zteam.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team
-
-
-def commanded(team: TeamFixture) -> float:
-    """The speed that robot 0 is commanded at the beginning of the next tick."""
-    robot = team.robot(0)
-    before = robot.commands
-    team.run(0.1)
-    team.wait_for(lambda: robot.commands > before)
-    assert robot.command is not None
-    return robot.command.linear.x
-
-
-def test_a_set_counts_from_the_next_tick_on(team: TeamFixture) -> None:
-    """In lock-step the robot commands the new speed in the very next tick; a refused value changes nothing.
-
-    The values that were set outlast a reset of the world.
-    """
-    team.start("arena", behavior="forward", params={0: {"speed": 0.1}})
-    team.wait_for_go()
-    team.run(1)
-    assert [commanded(team) for _ in range(2)] == [0.1, 0.1]
-
-    done = team.command("param", "set", "robot_0", "speed", "0.3")
-    assert (done.returncode, done.stdout) == (0, "robot_0: speed = 0.3\n")
-    # The command that a tick shows is the answer to the tick before, which was given before the set.
-    assert [commanded(team) for _ in range(3)] == [0.1, 0.3, 0.3]
-
-    refused = team.command("param", "set", "robot_0", "speed", "fast")
-    assert refused.returncode == 2
-    assert refused.stderr == ('zteam param: robot_0: behaviour forward: speed: a number is expected, not "fast"\n')
-    assert [commanded(team) for _ in range(2)] == [0.3, 0.3]
-
-    team.sim.reset()
-    team.run(1)
-    assert commanded(team) == 0.3
-    (listed,) = json.loads(team.command("param", "list", "--json").stdout)
-    assert (listed["name"], listed["parameters"][0]["value"]) == ("robot_0", 0.3)
-    assert team.command("param", "dump", "0").stdout == 'behavior = "forward"\nspeed = 0.3\n'
 
 
 @pytest.mark.parametrize("in_process", [False, True])

@@ -1,7 +1,6 @@
 """The `team` fixture in a user's project."""
 
 import os
-import re
 import select
 import signal
 import subprocess
@@ -10,63 +9,20 @@ from pathlib import Path
 
 import pytest
 
+from support.limits import LIMIT
+from zteam.testing.session import TeamFailure
+from zteam.testing.team import TeamFixture
+
 pytest_plugins = "pytester"
 pytestmark = pytest.mark.team
 
-LIMIT = 60.0
 
-FIVE_LINES = """
-def test_line(team):
-    team.start("arena", robots=2, follow={1: 0})
-    team.wait_for_go()
-    team.until(lambda: team.robot(1).distance_travelled > 0.3, within=30)
-"""
-
-
-def test_five_lines_test_a_team(pytester: pytest.Pytester) -> None:
-    """A user's test needs no conftest.py and no pytest option; a test that passes shows no logs."""
-    pytester.makepyfile(FIVE_LINES)
-    result = pytester.runpytest_subprocess("-W", "error", "-rP")
-    result.assert_outcomes(passed=1)
-    result.stdout.no_fnmatch_line("*processes of the team*")
-
-
-def test_a_failure_shows_the_output_of_the_processes(pytester: pytest.Pytester) -> None:
-    """The report of a failed test has every line with its process's name; a failed test without a team has none."""
-    pytester.makepyfile(
-        """
-        def test_fails(team):
-            team.spawn("zteam-sim", "arena", name="sim")
-            team.wait_for_line("sim", "2 robots")
-            assert team.robot(7).commands == 1
-
-        def test_fails_alone():
-            assert 1 == 2
-        """
-    )
-    result = pytester.runpytest_subprocess()
-    result.assert_outcomes(failed=2)
-    lines = result.stdout.str()
-    first, _, second = lines.partition("_ test_fails_alone _")
-    assert "processes of the team" in first
-    assert re.search(r"^\[router\] .*tcp/127\.0\.0\.1:\d+", first, re.MULTILINE)
-    assert re.search(r"^\[sim\] .*arena: 2 robots", first, re.MULTILINE)
-    assert "processes of the team" not in second
-
-
-def test_a_process_that_dies_fails_the_test_at_once(pytester: pytest.Pytester) -> None:
+def test_a_process_that_dies_fails_the_test_at_once(team: TeamFixture) -> None:
     """A wait for a process that has ended fails with its exit code and its last lines."""
-    pytester.makepyfile(
-        """
-        def test_fails(team):
-            team.spawn("zteam-robot", "--id", "0", "--behavior", "dance", name="robot_0")
-            team.wait_for_processes("robot_0")
-        """
-    )
-    result = pytester.runpytest_subprocess()
-    result.assert_outcomes(failed=1)
-    result.stdout.re_match_lines([r"E .*robot_0 ended \(exit code 2\)"])
-    result.stdout.re_match_lines([r".*dance"])
+    team.spawn("zteam-robot", "--id", "0", "--behavior", "dance", name="robot_0")
+    with pytest.raises(TeamFailure, match=r"^robot_0 ended \(exit code 2\).*dance"):
+        team.wait_for_processes("robot_0")
+    team.expect_end("robot_0")
 
 
 def test_teams_of_two_workers_are_separate(pytester: pytest.Pytester) -> None:
@@ -117,7 +73,7 @@ def ended(handles: list[int]) -> bool:
     return all(done)
 
 
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
 def test_no_process_outlives_pytest(pytester: pytest.Pytester, number: signal.Signals) -> None:
     """However pytest ends during a test, the team's processes end too, a frozen one included."""
     end = "print('READY', flush=True)\n    __import__('signal').pause()"
@@ -147,36 +103,24 @@ def test_after():
     result.assert_outcomes(failed=1, passed=1)
 
 
-def test_a_restart_leaves_nothing(pytester: pytest.Pytester) -> None:
+def test_a_restart_leaves_nothing(team: TeamFixture) -> None:
     """`restart` ends a frozen process first, so that none is left after the test."""
-    pytester.makepyfile(
-        HANGING.replace("END", "team.restart('robot_0')")
-        + """
-def test_after():
-    left = [pid for pid in Path("pids").read_text().split() if Path("/proc", pid).exists()]
-    for pid in left:
-        __import__("os").kill(int(pid), 9)
-    assert left == []
-"""
-    )
-    result = pytester.runpytest_subprocess()
-    result.assert_outcomes(passed=2)
+    team.spawn("zteam-sim", "arena", "--paused", name="sim")
+    team.spawn("zteam-robot", "--id", "0", name="robot_0")
+    team.wait_for_processes("sim", "robot_0")
+    frozen = team.pid("robot_0")
+    team.pause_process("robot_0")
+    team.restart("robot_0")
+    assert team.pid("robot_0") != frozen
+    assert not Path("/proc", str(frozen)).exists()
 
 
-def test_an_unnamed_process_gets_a_name_of_its_own(pytester: pytest.Pytester) -> None:
+def test_an_unnamed_process_gets_a_name_of_its_own(team: TeamFixture) -> None:
     """A process that is spawned without a name does not replace another one of the team."""
-    pytester.makepyfile(
-        """
-        def test_names(team):
-            team.start("office", robots=4, behavior="forward", params={i: {"speed": 0.0} for i in range(4)})
-            known = {name: team.pid(name) for name in ("robot_0", "robot_1", "robot_2", "robot_3")}
-            for i in (21, 22, 23):
-                team.spawn("zteam-robot", "--id", str(i))
-            assert {name: team.pid(name) for name in known} == known
-        """
-    )
-    result = pytester.runpytest_subprocess()
-    result.assert_outcomes(passed=1)
+    team.start("office", robots=2, behavior="idle")
+    known = {name: team.pid(name) for name in ("robot_0", "robot_1")}
+    team.expect_end(*(team.spawn("zteam-robot", "--id", str(i)) for i in (21, 22, 23)))
+    assert {name: team.pid(name) for name in known} == known
 
 
 def test_the_plugin_costs_nothing_where_it_is_not_used() -> None:

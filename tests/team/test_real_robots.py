@@ -10,11 +10,12 @@ from pathlib import Path
 
 import pytest
 
+from support.limits import LIMIT
 from zteam.clock import wait_until
 from zteam.messages import BaseInfo, Odometry, RobotStatus
-from zteam.testing.team import START_LIMIT, TeamFixture
+from zteam.testing.team import TeamFixture
 
-pytestmark = pytest.mark.team
+pytestmark = [pytest.mark.team, pytest.mark.real_time]
 
 PAGE = Path(__file__).parents[2] / "docs" / "real-robots.md"
 WALL = 2.0
@@ -61,12 +62,12 @@ class Watched:
     def wait_for_x(self, x: float) -> None:
         """Wait until the robot is so far."""
         with self.changed:
-            assert wait_until(self.changed, lambda: self.x > x, START_LIMIT), (self.x, self.status)
+            assert wait_until(self.changed, lambda: self.x > x, LIMIT), (self.x, self.status)
 
     def wait_for_stand(self) -> None:
         """Wait until the wheels stand."""
         with self.changed:
-            assert wait_until(self.changed, lambda: self.speed == 0.0, START_LIMIT), self.x
+            assert wait_until(self.changed, lambda: self.speed == 0.0, LIMIT), self.x
 
 
 @pytest.fixture
@@ -99,13 +100,13 @@ def test_a_base_of_ones_own_drives_and_stops(team: TeamFixture, base: "subproces
     team.resume_process("robot_0")
     watched.wait_for_x(stood + 0.1)
     with watched.changed:
-        assert wait_until(watched.changed, lambda: watched.status.text == "obstacle ahead", START_LIMIT)
+        assert wait_until(watched.changed, lambda: watched.status.text == "obstacle ahead", LIMIT)
     watched.wait_for_stand()
     assert WALL - 0.6 < watched.x < WALL - 0.3
     assert watched.bases == ["cart"]
     assert not [line for line in team.lines("robot_0") if "base_info" in line]
     base.terminate()
-    assert base.communicate(timeout=START_LIMIT) == ("", None)
+    assert base.communicate(timeout=LIMIT) == ("", None)
     assert base.returncode == 0
 
 

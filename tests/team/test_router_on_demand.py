@@ -13,22 +13,26 @@ from pathlib import Path
 
 import pytest
 
+from support.freezing import freeze
+from support.limits import LIMIT
 from zteam.bus import Bus, BusOptions, connect, connection
 from zteam.bus.connection import router_log_path, router_metadata, spawn_router
-from zteam.clock import pause
+from zteam.bus.options import LEASE
+from zteam.clock import HOST_FACTOR, monotonic, pause
 from zteam.errors import BusError
+from zteam.launch import run as running
+from zteam.launch.router import ANY_PORT
+from zteam.launch.run import choose_endpoint
 from zteam.messages import Bool
 
 pytestmark = pytest.mark.team
 
-LIMIT = 30.0
-
 
 @pytest.fixture
 def endpoint(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
-    """A free port in place of the default one. A router there ends after 1 s without clients, or with the test."""
+    """A free port in place of the default one. A router there ends a second after its last client, or with the test."""
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
-    monkeypatch.setattr(connection, "IDLE_EXIT", 1.0)
+    monkeypatch.setattr(connection, "IDLE_EXIT", HOST_FACTOR)
     while True:
         # Outside the range of ephemeral ports.
         port = random.randint(21000, 31000)
@@ -38,7 +42,7 @@ def endpoint(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     chosen = f"tcp/127.0.0.1:{port}"
     monkeypatch.setattr("zteam.bus.options.DEFAULT_ENDPOINT", chosen)
     yield chosen
-    info = router_metadata(chosen)
+    info = router_metadata(BusOptions(connect=chosen))
     if info is not None and info.pid is not None:
         wait_for_end(info.pid)
 
@@ -58,7 +62,7 @@ def wait_for_end(pid: int) -> None:
 
 def router_pid(endpoint: str) -> int:
     """Process id of the router at `endpoint`."""
-    info = router_metadata(endpoint)
+    info = router_metadata(BusOptions(connect=endpoint))
     assert info is not None
     assert info.pid is not None
     return info.pid
@@ -128,7 +132,7 @@ def test_it_ends_when_its_last_client_has_gone(endpoint: str) -> None:
     bus.close()
     wait_for_end(pid)
     assert "the router ends" in router_log_path(endpoint).read_text()
-    assert router_metadata(endpoint) is None
+    assert router_metadata(BusOptions(connect=endpoint)) is None
 
 
 def test_a_router_that_dies_is_started_again(endpoint: str) -> None:
@@ -173,6 +177,20 @@ def test_processes_that_start_at_once_share_a_router(endpoint: str) -> None:
     assert [each.returncode for each in started] == [0] * 6
 
 
+def test_a_router_on_demand_has_the_lease_of_the_process_that_starts_it(endpoint: str) -> None:
+    """Frozen for longer than the usual lease, it keeps the link to a process that asked for a longer one."""
+    changes: list[bool] = []
+    bus = connect(BusOptions(lease=15.0))
+    try:
+        bus.watch_link(changes.append)
+        freeze([router_pid(endpoint)], LEASE + 0.5)
+        # The router answers, and the link is the old one.
+        assert bus.declarations() == []
+        assert changes == []
+    finally:
+        bus.close()
+
+
 def test_a_router_that_finds_its_port_taken_ends_quietly(endpoint: str) -> None:
     """The loser of the race leaves no process, and its line is in the log, not on a screen."""
     bus = connect(BusOptions())
@@ -180,9 +198,8 @@ def test_a_router_that_finds_its_port_taken_ends_quietly(endpoint: str) -> None:
         spawn_router(endpoint)
         pid = router_pid(endpoint)
         log = router_log_path(endpoint)
-        for _ in range(1000):
-            if "in use" in log.read_text():
-                break
+        end = monotonic() + LIMIT
+        while "in use" not in log.read_text() and monotonic() < end:
             pause(0.01)
         assert "in use" in log.read_text()
         assert router_pid(endpoint) == pid
@@ -223,9 +240,28 @@ def test_another_users_router_is_not_joined(endpoint: str, monkeypatch: pytest.M
         bus.close()
 
 
+@pytest.mark.parametrize("held", ["idle", "a client", "another user's"])
+def test_a_launcher_gets_the_port_of_an_idle_router(endpoint: str, held: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An idle router on demand ends at once; one with a client, and another user's, stays and keeps the port."""
+    monkeypatch.setattr(connection, "IDLE_EXIT", 2 * LIMIT)
+    monkeypatch.setattr(running, "DEFAULT_ENDPOINT", endpoint)
+    bus = connect(BusOptions())
+    pid = router_pid(endpoint)
+    with monkeypatch.context() as patched:
+        if held == "another user's":
+            bus.close()
+            patched.setattr(connection.os, "getuid", lambda: 12345)
+        if held != "idle":
+            assert choose_endpoint() == ANY_PORT
+            assert router_pid(endpoint) == pid
+    bus.close()
+    assert choose_endpoint() == endpoint
+    wait_for_end(pid)
+
+
 def test_with_connect_nothing_is_started(endpoint: str) -> None:
     """--connect waits as long as it was told to, then says how to go on; no router appears."""
     with pytest.raises(BusError, match="zteam-router --listen"):
         connect(BusOptions(connect=endpoint), patience=0.2)
-    assert router_metadata(endpoint) is None
+    assert router_metadata(BusOptions(connect=endpoint)) is None
     assert not router_log_path(endpoint).exists()

@@ -83,7 +83,7 @@ def test_two_dazzled_robots_head_on_stop_apart(team: TeamFixture, tmp_path: Path
 
 
 def test_a_robot_that_backs_up_stops_before_a_teammate(team: TeamFixture, tmp_path: Path) -> None:
-    """No laser looks back, and it never saw the ground: it creeps, and stops 0.3 m before the other's outline."""
+    """No laser looks back: it is slow, and stops 0.3 m before the other's outline."""
     launch(team, tmp_path, [Start(1.0, 0.0, 0.0, -0.5), Start(-0.5, 0.1, 90.0, 0.0)])
     speeds, last = [], 1.0
     for _ in range(120):
@@ -91,15 +91,15 @@ def test_a_robot_that_backs_up_stops_before_a_teammate(team: TeamFixture, tmp_pa
         x = team.robot(0).pose[0]
         speeds.append((last - x) / 0.1)
         last = x
-    assert max(speeds) <= 0.1 + 1e-6
+    assert 0.15 < max(speeds) <= 0.2 + 1e-6
     assert speeds[-1] == 0.0
     assert 0.3 <= last - REAR - (-0.5 + SIDE) < 0.4
     assert any("robot_1 behind" in line for line in team.lines("robot_0"))
-    assert any("the ground behind was never seen" in line for line in team.lines("robot_0"))
+    assert any("no laser looks behind" in line for line in team.lines("robot_0"))
 
 
 def test_a_robot_that_backs_up_stops_before_a_wall_that_it_has_passed(team: TeamFixture, tmp_path: Path) -> None:
-    """The post was seen in passing; with the rear towards it, it is remembered, and the way there is driven fast."""
+    """The wall was seen in passing; with the rear towards it, it is remembered, and the robot stops before it."""
     (tmp_path / "own_backer.py").write_text(BACKER)
     launch(team, tmp_path, [Start(-1.5, 1.0, 0.0, 0.0, 'behavior = "own_backer:PassAndBack"')])
     team.until(lambda: team.robot(0).pose[2] < -1.5, within=30)
@@ -109,7 +109,7 @@ def test_a_robot_that_backs_up_stops_before_a_wall_that_it_has_passed(team: Team
         team.run(0.1)
         y = team.robot(0).pose[1]
         fastest, last = max(fastest, (y - last) / 0.1), y
-    assert fastest > 0.3
+    assert 0.15 < fastest <= 0.2 + 1e-6
     assert not team.robot(0).stall
     assert 0.1 < (3.0 - 0.05) - (last + REAR) < 0.25
     assert any("obstacle behind" in line for line in team.lines("robot_0"))

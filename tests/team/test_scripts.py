@@ -3,10 +3,12 @@
 import os
 import subprocess
 import sys
+from collections.abc import Iterator
 
 import pytest
 
-from zteam.testing.team import START_LIMIT, TeamFixture
+from support.limits import LIMIT
+from zteam.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team
 
@@ -29,16 +31,24 @@ def body(node):
 from zteam.messages import Bool
 zteam.run("box", body)
 """
-THREAD = """
+THREAD = f"""
 import threading
 heard = threading.Event()
 bus.subscribe("flag", Bool, lambda *_: heard.set())
 def work():
     threading.main_thread().join()
     bus.publisher("flag", Bool).put(Bool(True))
-    print("heard", heard.wait(20))
+    print("heard", heard.wait({LIMIT}))
 threading.Thread(target=work).start()
 """
+
+
+@pytest.fixture(scope="module")
+def router() -> Iterator[dict[str, str]]:
+    """The environment of commands at a router without a team."""
+    team = TeamFixture()
+    yield team.environment
+    team.close()
 
 
 @pytest.mark.parametrize(
@@ -55,14 +65,14 @@ threading.Thread(target=work).start()
         (OPEN + THREAD, 0, "heard True"),
     ],
 )
-def test_a_script_ends_by_itself(team: TeamFixture, script: str, code: int, text: str) -> None:
+def test_a_script_ends_by_itself(router: dict[str, str], script: str, code: int, text: str) -> None:
     """Without `bus.close()` a script ends with its exit code or its exception, after its threads have finished."""
     done = subprocess.run(
         [sys.executable, "-c", script],
-        env={**os.environ, **team.environment},
+        env={**os.environ, **router},
         capture_output=True,
         text=True,
-        timeout=START_LIMIT,
+        timeout=LIMIT,
         check=False,
     )
     # The interpreter's own code for an uncaught KeyboardInterrupt is the signal.

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 import zenoh
 
+from support.limits import ASKED, LIMIT
 from zteam import names
 from zteam.bus.options import BusOptions, client_config
 from zteam.services.simulator_client import SimulatorClient
@@ -23,6 +24,7 @@ def sim(team: TeamFixture, *words: str) -> Any:
     return json.loads(done.stdout)
 
 
+@pytest.mark.real_time
 def test_time_stands_still_and_goes_on_by_the_tick(team: TeamFixture) -> None:
     """A paused world stands still, steps have the exact length, resume lets it go on, and reset starts it again."""
     team.spawn("zteam-sim", "arena", name="sim")
@@ -84,21 +86,7 @@ def test_robots_come_move_and_go(team: TeamFixture) -> None:
     team.wait_for(lambda: math.dist(team.robot(0).pose[:2], (-0.5, -1.5)) > 0.1)
 
 
-def test_the_python_client_does_the_same(team: TeamFixture) -> None:
-    """SimulatorClient has the same requests as the command line."""
-    team.spawn("zteam-sim", "arena", "--paused", name="sim")
-    team.wait_for_processes("sim")
-    client = SimulatorClient(team.bus)
-    assert client.step(25).tick == client.status().tick
-    assert client.spawn(0.5, 1.0, robot_id=4) == 4
-    assert client.move(4, 1.0, 1.0).robots == [0, 1, 4]
-    assert client.remove(4).robots == [0, 1]
-    assert client.set_speed(None).speed is None
-    assert client.reset().tick == 1
-    assert client.step(10, patience=30.0).tick == 11
-    assert client.report().seed == 1
-
-
+@pytest.mark.real_time
 def test_a_look_at_everything_changes_nothing(team: TeamFixture) -> None:
     """A plain client's get("**") reaches every query, whatever its payload; requests for a change are refused, each
     with its reason."""
@@ -120,7 +108,7 @@ def test_a_look_at_everything_changes_nothing(team: TeamFixture) -> None:
             b'{"id": 0, "x": 1, "y": 1, "ticks": 5, "instance": ""}',
             b'{"parent": "map", "child": "table", "caller": "x"}',
         ):
-            replies = plain.get("**", payload=payload, target=zenoh.QueryTarget.ALL, timeout=20.0)
+            replies = plain.get("**", payload=payload, target=zenoh.QueryTarget.ALL, timeout=LIMIT)
             refusals += [reply.err.payload.to_string() for reply in replies if reply.err is not None]
     finally:
         plain.close()  # type: ignore[no-untyped-call]
@@ -141,7 +129,7 @@ def test_a_client_of_any_language_changes_the_world(team: TeamFixture) -> None:
     plain = zenoh.open(client_config(BusOptions(connect=team.endpoint, namespace=team.namespace)))
 
     def ask(service: str, **request: Any) -> tuple[bool, str]:
-        (reply,) = plain.get(f"sim/{service}", payload=json.dumps(request), timeout=20.0)
+        (reply,) = plain.get(f"sim/{service}", payload=json.dumps(request), timeout=LIMIT)
         said = reply.ok or reply.err
         assert said is not None
         return reply.ok is not None, said.payload.to_string()
@@ -176,7 +164,7 @@ def test_messages_are_published_in_simulated_time(team: TeamFixture) -> None:
     team.spawn("zteam-sim", "arena", "--paused", name="sim")
     team.wait_for_processes("sim")
     robot, client = team.robot(0), SimulatorClient(team.bus)
-    client.stand(10.0)
+    client.stand(ASKED)
     assert robot.commands == 0
     team.spawn("zteam", "topic", "pub", "robot_0/cmd_vel", "Twist", "{}", "--rate", "5", "--times", "4", name="pub")
     team.wait_for_line("pub", "simulated time stands still at 0.100 s")
@@ -189,13 +177,3 @@ def test_messages_are_published_in_simulated_time(team: TeamFixture) -> None:
     client.step()
     assert team.wait_for_exit("pub") == 0
     team.wait_for(lambda: robot.commands == 4)
-
-
-def test_rates_are_measured_in_simulated_time_if_asked(team: TeamFixture) -> None:
-    """At five times real time a topic still has ten messages per simulated second."""
-    team.spawn("zteam-sim", "arena", "--speed", "5", name="sim")
-    team.wait_for_processes("sim")
-    words = ("topic", "hz", "robot_0/odom", "--once", "--json")
-    simulated = json.loads(team.command(*words, "--clock", "auto").stdout)
-    assert (simulated["clock"], simulated["rate"]) == ("sim", pytest.approx(10.0, rel=0.2))
-    assert json.loads(team.command(*words).stdout)["clock"] == "wall"

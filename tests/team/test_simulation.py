@@ -40,6 +40,7 @@ id = 0
 """
 
 
+@pytest.mark.real_time
 def test_every_device_is_on_the_bus(team: TeamFixture, tmp_path: Path) -> None:
     """Fiducials, blobs, bumper and joint states arrive with their frames and values, and driving turns the wheels."""
     (tmp_path / "yard.world").write_text(WORLD)
@@ -53,7 +54,7 @@ def test_every_device_is_on_the_bus(team: TeamFixture, tmp_path: Path) -> None:
         ("robot_0/joint_states", JointState),
     ):
         bus.subscribe(key, kind, lambda key, message: seen.__setitem__(key, message))
-    team.until(lambda: len(seen) == 4, within=10)
+    team.wait_for(lambda: len(seen) == 4)
     (fiducial,) = seen["robot_0/fiducials"].fiducials
     assert (fiducial.id, fiducial.range) == (2, pytest.approx(math.hypot(1, 0.5), abs=1e-5))
     assert fiducial.bearing == pytest.approx(math.atan2(0.5, 1), abs=1e-5)
@@ -68,7 +69,7 @@ def test_every_device_is_on_the_bus(team: TeamFixture, tmp_path: Path) -> None:
         commands.put(Twist(Vector3(0.9)))
         return bool(seen["robot_0/bumper"].pressed.any())
 
-    team.until(touches, within=20)
+    team.wait_for(touches)
     assert seen["robot_0/joint_states"].position[0] > 20.0
     tree = json.loads(team.command("topic", "echo", "robot_0/tf_static", "--once", "--json").stdout)
     children = {t["child_frame_id"] for t in tree["transforms"]}

@@ -2,26 +2,17 @@
 
 import json
 import subprocess
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from support.limits import LIMIT
 from zteam.launch.process import zteam_command
+from zteam.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team
-
-
-def test_the_shipped_chain_drives_with_its_arguments(team: Any) -> None:
-    """Eight robots, or as many as asked for, drive behind the first one, at the speed that is given."""
-    team.launch("chain", in_process=True, arguments={"speed": 0.6, "followers": "1-4"})
-    team.wait_for_go()
-    team.run(10.0)
-    assert team.robot(0).speed == pytest.approx(0.6, abs=0.01)
-    assert all(team.robot(i).distance_to(i - 1) < 2.0 for i in range(1, 5))
-    report = team.report
-    assert [(robot.id, robot.follow) for robot in report.robots] == [(0, None), (1, 0), (2, 1), (3, 2), (4, 3)]
-    assert all(robot.distance_m > 3.0 and robot.stalls == 0 for robot in report.robots)
 
 
 COUNTER = """
@@ -59,7 +50,7 @@ def up(folder: Path, *arguments: str) -> tuple[int, str, dict[str, Any]]:
     """Run `zteam up team.toml` with a report to its end: exit code, output, report."""
     done = subprocess.run(
         zteam_command("zteam", "up", "team.toml", "--report", "r.json", *arguments),
-        cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=110, check=False,
+        cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=LIMIT, check=False,
     )  # fmt: skip
     report = folder / "r.json"
     return done.returncode, done.stdout, json.loads(report.read_text()) if report.exists() else {}
@@ -131,16 +122,26 @@ command = ["python", "flaky.py"]
 """
 
 
-def test_what_fails_comes_back(tmp_path: Path) -> None:
+def up_until(team: TeamFixture, folder: Path, *told: str, options: Sequence[str] = ()) -> tuple[int, str, Any]:
+    """As `up`, in lock-step for 4 s, of which almost all pass when these lines have come: exit code, output, report."""
+    pace = ("--lockstep", "--speed", str(1.0 / LIMIT), "--for", "4", "--report", str(folder / "r.json"))
+    name = team.spawn("zteam", "up", str(folder / "team.toml"), *pace, *options)
+    for line in told:
+        team.wait_for_line(name, line)
+    team.sim.set_speed(None)
+    code = team.wait_for_exit(name)
+    return code, "\n".join(team.lines(name)), json.loads((folder / "r.json").read_text())
+
+
+def test_what_fails_comes_back(team: TeamFixture, tmp_path: Path) -> None:
     """A killed robot drives again and a node works again after a second; lines, report and its table count them."""
     (tmp_path / "flaky.py").write_text(FLAKY)
     (tmp_path / "team.toml").write_text(WITH_FLAKY)
-    code, output, report = up(tmp_path, "--for", "6")
+    code, output, report = up_until(team, tmp_path, "[monitor] robot_0 is back", "[flaky] the node works")
     assert code == 0, output
     assert "robot_0 ended: killed by SIGKILL; it is started again in 1 s (1 of 5)" in output
     assert "flaky ended: killed by SIGSEGV; it is started again in 1 s (1 of 5)" in output
     assert output.index("[monitor] robot_0 lost") < output.index("[monitor] robot_0 is back")
-    assert "[flaky] the node works" in output
     assert "started again: flaky 1 time, robot_0 1 time" in output
     assert report["restarts"] == {"flaky": 1, "robot_0": 1}
     rows = {row["name"]: (row["exit"], row["restarts"]) for row in report["processes"]}
@@ -148,13 +149,14 @@ def test_what_fails_comes_back(tmp_path: Path) -> None:
     assert report["robots"][0]["distance_m"] > 0.02
 
 
-def test_what_does_not_say_restart_stays_away(tmp_path: Path) -> None:
+def test_what_does_not_say_restart_stays_away(team: TeamFixture, tmp_path: Path) -> None:
     """The team goes on without the robot and the node; the command names both and ends with 1."""
     (tmp_path / "flaky.py").write_text(FLAKY)
     (tmp_path / "team.toml").write_text(WITH_FLAKY.replace("on-failure", "no"))
-    code, output, report = up(tmp_path, "--for", "1")
+    again = "; it is not started again"
+    told = (f"robot_0 ended: killed by SIGKILL{again}", f"flaky ended: killed by SIGSEGV{again}")
+    code, output, report = up_until(team, tmp_path, *told)
     assert code == 1
-    assert "robot_0 ended: killed by SIGKILL; it is not started again" in output
     assert "up: flaky, robot_0 failed: see the log above" in output
     assert report["restarts"] == {}
 
@@ -173,15 +175,15 @@ class Raising(zteam.Behavior):
 """
 
 
-def test_a_robot_in_one_process_comes_back(tmp_path: Path) -> None:
+def test_a_robot_in_one_process_comes_back(team: TeamFixture, tmp_path: Path) -> None:
     """An error of its behaviour ends its node, which is started again and drives with a new behaviour."""
     (tmp_path / "raising.py").write_text(RAISING)
     text = '[team]\nworld = "arena"\n[[robots]]\nid = 0\nbehavior = "raising:Raising"\nrestart = "on-failure"\n'
     (tmp_path / "team.toml").write_text(text)
-    code, output, report = up(tmp_path, "--for", "3", "--in-process")
+    options = ("--in-process", "--bus")
+    code, output, report = up_until(team, tmp_path, "[monitor] robot_0 is back", options=options)
     assert code == 0, output
     assert "RuntimeError: the first of its kind" in output
     assert "robot_0 ended: exit code 1; it is started again in 1 s (1 of 5)" in output
-    assert "[monitor] robot_0 is back" in output
     assert report["restarts"] == {"robot_0": 1}
     assert report["robots"][0]["distance_m"] > 0.02

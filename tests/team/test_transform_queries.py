@@ -5,9 +5,12 @@ from pathlib import Path
 
 import pytest
 
+from support.limits import ASKED
+from support.transforms import stamped
 from zteam import names
 from zteam.errors import BusError
-from zteam.services.transforms import HistoryRequest, Lookup
+from zteam.messages import TFMessage, TransformStamped
+from zteam.services.transforms import FrameReply, HistoryRequest, Lookup
 from zteam.services.transforms_client import TransformClient
 from zteam.testing.team import TeamFixture
 from zteam.tf import LookupException
@@ -20,7 +23,7 @@ def test_a_client_looks_up_without_listening(team: TeamFixture) -> None:
     team.start("arena", robots=2, behavior="forward", params={0: {"speed": 0.1}, 1: {"speed": 0.1}})
     team.wait_for_go()
     client = TransformClient(team.bus)
-    found = client.lookup_transform("/map", "robot_0/base_footprint", timeout=5.0)
+    found = client.lookup_transform("/map", "robot_0/base_footprint", timeout=ASKED)
     where = found.transform.translation
     assert math.dist((where.x, where.y), team.robot(0).pose[:2]) < 0.5
     many = client.lookup_many([Lookup("robot_0/base_link", "robot_1/base_link"), Lookup("map", "unknown")])
@@ -35,8 +38,37 @@ def test_a_client_looks_up_without_listening(team: TeamFixture) -> None:
     with pytest.raises(BusError, match="larger step"):
         client.history(HistoryRequest("map", "robot_0/base_footprint", step=1, start=-500_000_000))
     team.spawn("zteam", "tf", "static", "0", "0", "1", "0", "0", "0", "robot_0/base_link", "robot_0/mast")
-    mast = client.lookup_transform("robot_0/base_link", "robot_0/mast", timeout=20.0)
+    mast = client.lookup_transform("robot_0/base_link", "robot_0/mast", timeout=ASKED)
     assert mast.transform.translation.z == 1.0
+
+
+def test_several_broadcasters_of_a_robot_live_side_by_side(team: TeamFixture) -> None:
+    """Another session's fixed frame takes nothing away and changes nothing that the simulator says, and the robots
+    drive on; an aggregator that starts later has the sets of both.
+    """
+    team.start("arena", robots=2, behavior="forward", follow={1: 0}, params={0: {"speed": 0.05}})
+    team.wait_for_go()
+    client = TransformClient(team.bus)
+    chain = [Lookup("map", "robot_0/base_laser_link"), Lookup("robot_0/base_link", "robot_0/camera")]
+    other = team.bus.publisher("robot_0/tf_static", TFMessage, latched=True)
+    other.put(TFMessage([stamped("map", "odom", 0, 99.0), stamped("base_link", "camera", 0, 0.1)]))
+    client.lookup_transform("robot_0/base_link", "robot_0/camera", timeout=ASKED)
+    for restart in (False, True):
+        if restart:
+            team.restart(names.AGGREGATOR)
+        commands = team.robot(1).commands
+        team.until(lambda least=commands: team.robot(1).commands > least + 5, within=5)
+        scanner, camera = client.lookup_many(chain, timeout=ASKED)
+        assert isinstance(scanner, TransformStamped)
+        assert isinstance(camera, TransformStamped)
+        assert math.dist((scanner.transform.translation.x, 0.0), (team.robot(0).pose.x, 0.0)) < 1.0
+        assert camera.transform.translation.x == 0.1
+    assert team.robot(1).speed > 0.0
+    frames = team.bus.ask("tf/frames", dict[str, FrameReply])
+    assert (frames["robot_0/odom"].authority, frames["robot_0/camera"].authority) == (
+        "sim",
+        f"session {team.bus.instance}",
+    )
 
 
 URDF = """<robot name="bot">
@@ -58,11 +90,11 @@ def test_a_described_robot_has_its_joints_in_the_tree(team: TeamFixture, tmp_pat
     team.launch(tmp_path / "team.toml")
     team.wait_for_go()
     client = TransformClient(team.bus)
-    mast = client.lookup_transform("robot_0/base_link", "robot_0/mast", timeout=10.0)
+    mast = client.lookup_transform("robot_0/base_link", "robot_0/mast", timeout=ASKED)
     assert mast.transform.translation.z == 1.0
     # What comes in a tick is in the tree from the next one on.
     team.run(0.1)
-    before = client.lookup_transform("robot_0/base_link", "robot_0/wheel_left", timeout=10.0).transform.rotation
+    before = client.lookup_transform("robot_0/base_link", "robot_0/wheel_left", timeout=ASKED).transform.rotation
     team.until(lambda: team.robot(0).distance_travelled > 0.2, within=20)
     after = client.lookup_transform("robot_0/base_link", "robot_0/wheel_left").transform.rotation
     assert abs(before.y * after.y + before.w * after.w) < 0.99
@@ -81,7 +113,7 @@ def test_a_restarted_aggregator_has_the_whole_tree_again(team: TeamFixture) -> N
     found = client.lookup_many(
         [Lookup("map", f"robot_{i}/base_laser_link") for i in (0, 1)]
         + [Lookup("robot_1/base_link", "robot_0/base_link")],
-        timeout=5.0,
+        timeout=ASKED,
     )
     assert [reply for reply in found if isinstance(reply, Exception)] == []
     team.until(lambda: team.robot(1).speed > 0.01, within=10)

@@ -15,17 +15,17 @@ from typing import Any
 import pytest
 import zenoh
 
+from support.limits import LIMIT
 from support.terminal import CONTROLLED
 from zteam import names
+from zteam.bus.counters import KeyCount
 from zteam.bus.presence import ProcessInfo
 from zteam.launch.process import zteam_command
 from zteam.launch.warm_parent import can_fork
 from zteam.messages import Twist, Vector3, encode
 from zteam.testing.team import TeamFixture
 
-pytestmark = pytest.mark.team
-
-LIMIT = 60.0
+pytestmark = [pytest.mark.team, pytest.mark.real_time]
 
 
 def command(team: TeamFixture, *arguments: str) -> list[str]:
@@ -64,14 +64,22 @@ def test_a_given_router_is_used(team: TeamFixture, outsider: zenoh.Session, tmp_
         '[team]\nworld = "office"\nseed = 1\n[[robots]]\nid = 0\nbehavior = "forward"\nspeed = 0.0\n'
         '[[robots]]\nid = 1\nbehavior = "forward"\nspeed = 0.0\n'
     )
-    options = ("--world", "arena", "--seed", "9", "--for", "3", "--report", str(path))
+    # All of it passes when the outsider's messages have come.
+    pace = ("--lockstep", "--speed", str(1.0 / LIMIT))
+    options = ("--world", "arena", "--seed", "9", *pace, "--for", "3", "--report", str(path))
     launcher = launch(team, str(team_file), *options)
     team.wait_for_go()
-    go = team.now
-    team.until(lambda: team.now > go + 0.5, within=5)
+    team.wait_for(lambda: team.report.ticks > 0)
     for _ in range(3):
         outsider.put(f"{team.namespace}/robot_0/cmd_vel", b"no Twist")
     outsider.put(f"{team.namespace}/robot_1/cmd_vel", encode(Twist(Vector3(0.0), Vector3(0.0, 0.0, 0.1))))
+
+    def all_came() -> bool:
+        counts = team.bus.ask(names.stats_key(names.SIMULATOR), dict[str, KeyCount])
+        return counts.get("robot_0/cmd_vel", KeyCount()).dropped == 3 and team.report.external_commands == 1
+
+    team.wait_for(all_came)
+    team.sim.set_speed(None)
     code, output = finish(launcher)
     assert code == 0, output
     report = json.loads(path.read_text())
@@ -83,7 +91,7 @@ def test_a_given_router_is_used(team: TeamFixture, outsider: zenoh.Session, tmp_
     # The fixture listens too, but only the processes' own counters are in the report.
     assert report["dropped"] == {"robot_0/cmd_vel": 3}
     assert [robot["id"] for robot in report["robots"]] == [0, 1]
-    assert report["sim_seconds"] == pytest.approx(3.0, abs=0.11)
+    assert report["sim_seconds"] == pytest.approx(3.0)
     assert team.robot(0).pose.x == pytest.approx(report["robots"][0]["pose"][0])
 
 
@@ -94,9 +102,9 @@ def test_a_dead_robot_is_reported_and_the_others_go_on(team: TeamFixture) -> Non
         team.wait_for_go()
         victim = pid_of(team, "robot_1")
         os.kill(victim, signal.SIGKILL)
-        team.until(lambda: team.status is not None and 1 in team.status.lost, within=5)
+        team.wait_for(lambda: team.status is not None and 1 in team.status.lost)
         commands = team.robot(0).commands
-        team.until(lambda: team.robot(0).commands > commands + 5, within=5)
+        team.wait_for(lambda: team.robot(0).commands > commands + 5)
         assert not team.alive("robot_1")
     finally:
         launcher.send_signal(signal.SIGINT)
@@ -120,7 +128,7 @@ def test_ctrl_c_on_a_terminal_stops_in_order(team: TeamFixture) -> None:
     os.close(slave)
     try:
         team.wait_for_go()
-        team.until(lambda: team.robot(0).speed > 0.05 and all(team.robot(i).commands > 5 for i in (0, 1)), within=20)
+        team.wait_for(lambda: team.robot(0).speed > 0.05 and all(team.robot(i).commands > 5 for i in (0, 1)))
         os.write(master, b"\x03")
         output = read_all(master)
         code = launcher.wait(LIMIT)
@@ -161,7 +169,7 @@ def test_a_second_ctrl_c_does_not_wait(team: TeamFixture) -> None:
         os.kill(frozen, signal.SIGSTOP)
         launcher.send_signal(signal.SIGINT)
         # The end of the other robot shows that the launcher is stopping and waits for the frozen one.
-        team.until(lambda: not team.alive("robot_1"), within=10)
+        team.wait_for(lambda: not team.alive("robot_1"))
         launcher.send_signal(signal.SIGINT)
     finally:
         code, output = finish(launcher)
@@ -189,10 +197,10 @@ def test_a_behaviour_beside_the_team_file_drives(team: TeamFixture, tmp_path: Pa
     team_file = tmp_path / "team.toml"
     table = '[[robots]]\nid = 0\nbehavior = "my_slow_robot:Slow"\nspeed = 0.125\n'
     team_file.write_text('[team]\nworld = "arena"\n' + table)
-    launcher = launch(team, str(team_file), "--for", "1", cwd="/")
+    launcher = launch(team, str(team_file), "--for", "2", cwd="/")
     try:
         team.wait_for_go()
-        team.until(lambda: team.robot(0).command == Twist(Vector3(0.125)), within=20)
+        team.wait_for(lambda: team.robot(0).command == Twist(Vector3(0.125)))
     finally:
         code, output = finish(launcher)
     assert code == 0, output
@@ -244,13 +252,3 @@ def test_output_without_a_reader_causes_no_traceback(team: TeamFixture) -> None:
         launcher.kill()
         launcher.wait()
     assert "Traceback" not in errors
-
-
-def test_a_team_that_is_not_ready_in_time_ends(team: TeamFixture, tmp_path: Path) -> None:
-    """With --go-timeout a team whose bases send nothing stops in order, and the error names the robot."""
-    path = tmp_path / "team.toml"
-    path.write_text('[team]\nworld = "none"\n[[robots]]\nid = 3\nbehavior = "wander"\n')
-    code, output = finish(launch(team, str(path), "--go-timeout", "10"))
-    assert code == 1, output
-    assert "no GO within 10 s: waiting for robot_3: " in output.splitlines()[-1]
-    assert any(line.endswith(" stopped") for line in output.splitlines()), output

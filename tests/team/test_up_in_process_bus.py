@@ -11,7 +11,8 @@ import msgspec
 import pytest
 
 import zteam
-from zteam.bus.connection import port_accepts
+from support.limits import LIMIT
+from zteam.bus.probe import port_accepts
 from zteam.launch.process import zteam_command
 from zteam.launch.report import read_sim_report
 from zteam.messages import Twist, Vector3
@@ -19,7 +20,6 @@ from zteam.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team
 
-LIMIT = 60.0
 ARENA = ("sim", "tf", "monitor", "robot_0", "robot_1", "up")
 CROWD = """
 from zteam import Node, run

@@ -8,7 +8,7 @@ from support.terminal import TerminalCommand
 from zteam.launch.process import zteam_command
 from zteam.testing.team import TeamFixture
 
-pytestmark = pytest.mark.team
+pytestmark = [pytest.mark.team, pytest.mark.real_time]
 
 
 def show(team: TeamFixture, *arguments: str, **environment: str) -> TerminalCommand:
@@ -40,11 +40,16 @@ def test_a_run_shows_its_progress_and_leaves_its_lines(team: TeamFixture) -> Non
     assert rows[-1] == ""
 
 
-def test_ctrl_c_leaves_a_clean_terminal(team: TeamFixture) -> None:
-    """The live line and the echoed ^C are gone, and the cursor is at the beginning of an empty line."""
+def test_a_pause_is_shown_and_ctrl_c_leaves_a_clean_terminal(team: TeamFixture) -> None:
+    """Another client's pause is on the line, and its end too. At the end the live line and the echoed ^C are gone, and
+    the cursor is at the beginning of an empty line."""
     shown = show(team, "arena")
     try:
         shown.wait_for(lambda rows: re.search("[12] of 2 robots driving", rows[-1]) is not None)
+        team.sim.pause()
+        assert re.match(r"[\d.]+ s simulated, paused, ", shown.wait_for(lambda rows: "paused" in rows[-1])[-1])
+        team.sim.resume()
+        shown.wait_for(lambda rows: "x real time" in rows[-1])
         shown.press(b"\x03")
         code, rows = shown.end()
     finally:
@@ -66,22 +71,6 @@ def test_a_closed_terminal_ends_the_team(team: TeamFixture) -> None:
         shown.close()
     assert code == 0
     team.wait_for(lambda: not any(team.alive(name) for name in ("robot_0", "robot_1", "sim")))
-
-
-def test_a_paused_world_is_said_so(team: TeamFixture) -> None:
-    """Another client's pause is on the line, and its end too."""
-    shown = show(team, "arena")
-    try:
-        shown.wait_for(lambda rows: re.search("[12] of 2 robots driving", rows[-1]) is not None)
-        team.sim.pause()
-        assert re.match(r"[\d.]+ s simulated, paused, ", shown.wait_for(lambda rows: "paused" in rows[-1])[-1])
-        team.sim.resume()
-        shown.wait_for(lambda rows: "x real time" in rows[-1])
-        shown.press(b"\x03")
-        code, _ = shown.end()
-    finally:
-        shown.close()
-    assert code == 0
 
 
 def test_the_world_without_a_live_line(team: TeamFixture) -> None:

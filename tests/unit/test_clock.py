@@ -4,6 +4,7 @@ import threading
 
 import pytest
 
+from support.limits import LIMIT
 from zteam import clock
 from zteam.clock import (
     AutoClock,
@@ -17,9 +18,6 @@ from zteam.clock import (
     to_seconds,
     wait_until,
 )
-
-LIMIT = 20.0
-"""Host seconds after which a wait has failed."""
 
 
 def moments(rate: Rate, times: list[int]) -> list[int]:

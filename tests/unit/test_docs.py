@@ -3,11 +3,9 @@
 import ast
 import re
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from support.flat_floor import make_scan, make_view
 from support.pages import DOCS, PAGES, ROOT, all_blocks, find_file
 from zteam.world import vocabulary
 from zteam.world.devices import device_models
@@ -114,15 +112,6 @@ def test_examples_import_public_names_only() -> None:
                 continue
             internal += [name for name in modules if name.split(".")[0] == "zteam" and name not in PUBLIC]
     assert not internal
-
-
-def test_the_behaviour_of_the_readme_works() -> None:
-    """The README's first example drives on where there is room, and turns where there is none."""
-    scope: dict[str, Any] = {}
-    exec(find_file("my_robot.py", ROOT / "README.md").code, scope)
-    turner = scope["Turner"](scope["Turner"].Params(speed=0.5))
-    assert turner.step(make_view(make_scan([3.0] * 9))).linear.x == 0.5
-    assert turner.step(make_view(make_scan([0.5] * 9))).angular.z == 0.8
 
 
 def test_a_team_of_ones_own_is_short() -> None:

@@ -1,4 +1,4 @@
-"""Every block of the pages is what it says: Python runs, team files are right. Blocks that need a team: tests/team."""
+"""Every block of the pages is what it says: Python runs, team files are right. Tests of teams do the rest."""
 
 import inspect
 import re

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from support.installed_packages import install
+from support.limits import LIMIT
 from zteam.behaviors import load_behavior
 from zteam.bus import MemoryHub
 from zteam.bus.transport import RawSample
@@ -160,5 +161,5 @@ def test_a_robot_starts_without_the_machinery_of_metadata() -> None:
         "b.load_behavior('wander', {});"
         "print('importlib.metadata' in sys.modules)"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=LIMIT)
     assert done.stdout.strip() == "False"

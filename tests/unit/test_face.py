@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 import zteam
+from support.limits import LIMIT
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "api.md"
 PACKAGES = ("behaviors", "messages", "sim", "world", "tf", "testing", "errors")
@@ -89,5 +90,5 @@ def test_an_unknown_name_is_an_attribute_error() -> None:
 def test_importing_is_cheap(code: str, absent: set[str]) -> None:
     """A name pays for what it needs and no more."""
     program = f"import sys; before = {{*sys.modules}}; {code}; print(*({{*sys.modules}} - before))"
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=True)
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=LIMIT, check=True)
     assert not absent & set(done.stdout.split())

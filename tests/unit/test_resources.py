@@ -39,6 +39,19 @@ def test_an_unknown_file_error_lists_the_shipped_ones() -> None:
         resources.find_world("ofice")
 
 
+def test_a_link_that_leads_to_no_file_is_named_as_such(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A circle of symbolic links, one that dangles, and a file below a circle."""
+    monkeypatch.chdir(tmp_path)
+    Path("a.toml").symlink_to("b.toml")
+    Path("b.toml").symlink_to("a.toml")
+    Path("gone.world").symlink_to("nowhere.world")
+    for name, reason in (("a.toml", "Too many levels of symbolic links"), ("a.toml/c.toml", "Too many levels")):
+        with pytest.raises(UsageError, match=f"^team '{name}': a symbolic link leads to no file \\({reason}"):
+            resources.find_team(name)
+    with pytest.raises(UsageError, match=r"^world 'gone.world': a symbolic link leads to no file \(No such file"):
+        resources.find_world("gone.world")
+
+
 def test_a_name_is_not_a_path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Only files directly in the folder are found; folders and files below it are not."""
     monkeypatch.setattr(resources, "_PACKAGE", tmp_path / "zteam")

@@ -46,6 +46,10 @@ ALLOWED = {
         "threading.Timer",
     ): "a restart is due at host time, while the launcher waits for the end of the run",
     (
+        "nodes/simulator/answers.py",
+        "threading.Timer",
+    ): "an answer without a token is refused at host time, while the world may be held and no thread looks",
+    (
         "nodes/web/connection.py",
         "asyncio.wait_for",
     ): "a page that says nothing is let go, while the server's thread serves others",

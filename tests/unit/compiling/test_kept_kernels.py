@@ -13,13 +13,14 @@ import msgspec
 import numpy as np
 import pytest
 
+from support.limits import LIMIT
 from zteam.compiling import kept_kernels, kernel_cache, takeover
 from zteam.compiling.kept_kernels import KeptKernel, load, pack, types_of
 from zteam.compiling.kernels import has_numba
 from zteam.compiling.object_code import ObjectCode, ObjectCodeError
 from zteam.sim.jit import SIMULATOR
 
-pytestmark = pytest.mark.skipif(not has_numba(), reason="numba is not installed")
+pytestmark = [pytest.mark.ci, pytest.mark.skipif(not has_numba(), reason="numba is not installed")]
 
 
 @pytest.fixture
@@ -223,6 +224,7 @@ def test_files_for_other_surroundings_have_other_names(kept: Path) -> None:
     assert kernel_cache.DIGEST in kept.name
 
 
+@pytest.mark.ci
 def test_two_processes_that_keep_the_same_kernel_do_not_disturb_each_other(kept: Path) -> None:
     """While two write again and again, a third reads whole files only."""
     writing = (
@@ -301,11 +303,12 @@ print(sorted(name for name, found in types.items() if len(found) > 1), len(types
 """
 
 
+@pytest.mark.ci
 def test_a_simulator_needs_no_numba() -> None:
     """In all shipped worlds, with all physics, every kernel is called with the same types from first to last, and none
     of them needs numba."""
     takeover.fill_cache(SIMULATOR)
     done = subprocess.run(
-        [sys.executable, "-P", "-c", ALL_KERNELS], capture_output=True, text=True, timeout=100, check=False
+        [sys.executable, "-P", "-c", ALL_KERNELS], capture_output=True, text=True, timeout=3 * LIMIT, check=False
     )
     assert done.stdout == "[] True False\n", done.stderr

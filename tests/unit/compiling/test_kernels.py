@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from support.limits import LIMIT
+
 CODE = """
 import resource, sys
 sys.path.insert(0, {folder!r})
@@ -40,11 +42,12 @@ def use_kernels(folder: Path, *sizes: str) -> "subprocess.CompletedProcess[str]"
         env={**environment, "XDG_CACHE_HOME": str(folder / "cache")},
         capture_output=True,
         text=True,
-        timeout=100,
+        timeout=3 * LIMIT,
         check=False,
     )
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("size", ["0", "100"])
 def test_without_room_for_a_cache_the_kernels_work(tmp_path: Path, size: str) -> None:
     """A disk that is full, or nearly so, is told once; nothing is kept, and the kernels are right."""
@@ -56,6 +59,7 @@ def test_without_room_for_a_cache_the_kernels_work(tmp_path: Path, size: str) ->
     assert list(tmp_path.rglob("*.nbc")) == []
 
 
+@pytest.mark.ci
 def test_with_room_the_kernels_are_kept(tmp_path: Path) -> None:
     """The cache holds both, and nothing is said."""
     pytest.importorskip("numba")

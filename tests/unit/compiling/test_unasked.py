@@ -5,19 +5,18 @@ import select
 import subprocess
 import sys
 import textwrap
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
 import pytest
 
-from zteam.clock import monotonic, pause
+from support.limits import LIMIT
+from support.transports import wait_until_true
 from zteam.compiling import kernel_cache
 from zteam.compiling.kernels import has_numba
 from zteam.launch.process import zteam_command
 
 pytestmark = pytest.mark.skipif(not has_numba(), reason="numba is not installed")
-LIMIT = 100.0
 RUN = """
 import sys
 from zteam.behaviors.jit import BEHAVIOR_KERNELS as KERNELS
@@ -50,14 +49,6 @@ def run(code: str, folder: Path) -> str:
     return output
 
 
-def wait_for(condition: Callable[[], object]) -> None:
-    """Wait until a condition holds."""
-    end = monotonic() + LIMIT
-    while not condition():
-        assert monotonic() < end
-        pause(0.02)
-
-
 def children_of(process: "subprocess.Popen[str]") -> list[int]:
     """The ids of its children."""
     return [int(word) for word in Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()]
@@ -74,14 +65,16 @@ def test_a_call_that_nothing_prepared_does_not_compile(tmp_path: Path) -> None:
     assert list(tmp_path.glob("cache/*")) == []
 
 
+@pytest.mark.ci
 def test_what_is_kept_is_used_unasked(kept_kernels: Path) -> None:
     """Also where no team runs; `prepare` compiles what is missing, after calls too."""
     assert run("call_kernels(); show(); prepare(KERNELS); call_kernels(); show()", kept_kernels) == (
-        "None 0 False\nTrue 9 False\n"
+        "None 0 False\nTrue 3 False\n"
     )
-    assert run("call_kernels(); show()", kept_kernels) == "None 9 False\n"
+    assert run("call_kernels(); show()", kept_kernels) == "None 3 False\n"
 
 
+@pytest.mark.ci
 def test_a_choice_stays(kept_kernels: Path) -> None:
     """A process that was told to run plain does."""
     run("prepare(KERNELS)", kept_kernels)
@@ -90,6 +83,7 @@ def test_a_choice_stays(kept_kernels: Path) -> None:
     )
 
 
+@pytest.mark.ci
 def test_one_robot_compiles_for_the_next_start(kept_kernels: Path) -> None:
     """Two run plain, from an incomplete cache: one child completes it. Those that come later use it."""
     wait = "with run_kept(KERNELS):\n    call_kernels(); show(); sys.stdin.read(); call_kernels(); show()"
@@ -99,23 +93,24 @@ def test_one_robot_compiles_for_the_next_start(kept_kernels: Path) -> None:
             assert robot.stdout.readline() == "False 0 False\n"
         children = children_of(first) + children_of(second)
         assert len(children) == 1
-        wait_for(lambda: list(kept_kernels.glob("complete-behaviors-*")))
-        wait_for(lambda: not children_of(first) + children_of(second))
+        wait_until_true(lambda: list(kept_kernels.glob("complete-behaviors-*")))
+        wait_until_true(lambda: not children_of(first) + children_of(second))
         for robot in (first, second):
             assert robot.communicate(timeout=LIMIT)[0] == "False 0 False\n"
-    assert run(wait, kept_kernels) == "True 9 False\n" * 2
+    assert run(wait, kept_kernels) == "True 3 False\n" * 2
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("end", ["kill", "order"])
 def test_what_compiles_ends_with_its_robot(tmp_path: Path, end: str) -> None:
     """However that ends. The next one compiles. All of it has a low priority."""
     lowest = os.getpriority(os.PRIO_PROCESS, 0) + 10
     for robot in (start("with run_kept(KERNELS): sys.stdin.read()", tmp_path) for _ in range(2)):
         try:
-            wait_for(partial(children_of, robot))
+            wait_until_true(partial(children_of, robot))
             (child,) = children_of(robot)
             handle = os.pidfd_open(child)
-            wait_for(partial(has_priority, child, lowest))
+            wait_until_true(partial(has_priority, child, lowest))
         finally:
             if end == "kill":
                 robot.kill()
@@ -132,14 +127,16 @@ def test_without_a_cache_a_robot_runs_plain(tmp_path: Path) -> None:
     assert run(code, tmp_path / "file" / "cache") == "False 0 False\n"
 
 
+@pytest.mark.ci
 def test_a_warm_parent_loads_kernels_before_it_forks(kept_kernels: Path) -> None:
     """Once it has read a robot's command line, all are loaded; from an incomplete cache none, and the robot decides."""
     code = "from zteam.cli import zteam_robot; zteam_robot.prepared(['--id', '0']); show()"
     assert run(code, kept_kernels) == "None 0 False\n"
     run("prepare(KERNELS)", kept_kernels)
-    assert run(code, kept_kernels) == "True 9 False\n"
+    assert run(code, kept_kernels) == "True 3 False\n"
 
 
+@pytest.mark.ci
 def test_compile_only_compiles_the_robots_kernels_too(kept_kernels: Path) -> None:
     """As for an image: then nothing is compiled in it."""
     done = subprocess.run(

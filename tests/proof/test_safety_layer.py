@@ -1,4 +1,4 @@
-"""The shipped teams whose lasers do not see the other robot: collisions without the safety layer, none with it."""
+"""The safety layer."""
 
 import math
 from pathlib import Path
@@ -33,7 +33,7 @@ def ahead(team: TeamFixture) -> float:
 
 @pytest.mark.parametrize("name", ["dazzle", "heights"])
 def test_without_the_safety_layer_they_collide(team: TeamFixture, name: str) -> None:
-    """A behaviour that trusts the laser alone drives into a robot that is not in the scan, and stalls there."""
+    """Without the safety layer a robot drives into another that its laser does not see."""
     launch(team, name, safety=False)
     team.until(lambda: team.robot(0).stall, within=20)
     assert gap(team) < 0.02
@@ -43,7 +43,7 @@ def test_without_the_safety_layer_they_collide(team: TeamFixture, name: str) -> 
 
 @pytest.mark.parametrize("name", ["dazzle", "heights"])
 def test_with_the_safety_layer_they_stop_apart(team: TeamFixture, name: str) -> None:
-    """The same robots come near each other and stand 0.3 m apart, though the scan shows nothing there."""
+    """With the safety layer the same robots stop 0.3 m apart."""
     launch(team, name, safety=True)
     least = math.inf
 
@@ -61,7 +61,7 @@ def test_with_the_safety_layer_they_stop_apart(team: TeamFixture, name: str) -> 
 
 
 def test_the_pages_own_solution_works(team: TeamFixture, empty_folder: Path) -> None:
-    """The behaviour of the page stops before the dazzled teammate without the safety layer."""
+    """The behaviour of docs/robots.md stops before the unseen robot without the safety layer."""
     find_file("look_twice.py", DOCS / "robots.md").save(empty_folder)
     path = shipped_team("dazzle")
     assert path is not None

@@ -1,0 +1,45 @@
+"""The main job: a line that drives."""
+
+from pathlib import Path
+
+import pytest
+
+from zteam.resources import shipped_team, shipped_world
+from zteam.testing.team import TeamFixture
+
+WALLS = """
+wall ( name "south" pose [0 -3.95 0 0] size [12 0.1 0.5] )
+wall ( name "north" pose [0  3.95 0 0] size [12 0.1 0.5] )
+wall ( name "west"  pose [-5.95 0 0 90] size [8 0.1 0.5] )
+wall ( name "east"  pose [ 5.95 0 0 90] size [8 0.1 0.5] )
+wall ( name "between_0" pose [-2 1.5 0 90] size [5 0.1 0.5] )
+wall ( name "between_1" pose [ 2 1.5 0 90] size [5 0.1 0.5] )
+erratic ( name "robot_0" pose [ 0.0 -2.5 0 0] )
+erratic ( name "robot_1" pose [-1.2 -2.5 0 0] )
+erratic ( name "robot_2" pose [-2.4 -2.5 0 0] )
+erratic ( name "robot_3" pose [-3.6 -2.5 0 0] )
+"""
+"""A way of 12 m with three bays, each 4 m wide and 5 m deep."""
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_line_drives_among_dead_ends(team: TeamFixture, tmp_path: Path, seed: int) -> None:
+    """With each of three seeds the shipped line drives a minute among dead ends: no robot collides or falls behind."""
+    arena, line = shipped_world("arena"), shipped_team("line")
+    assert arena is not None and line is not None
+    (tmp_path / "bays.world").write_text(arena.read_text().partition("wall (")[0] + WALLS)
+    (tmp_path / "line.toml").write_text(line.read_text().replace("seed = 1\n", f"seed = {seed}\n"))
+    team.launch(tmp_path / "line.toml", world=tmp_path / "bays.world", in_process=True)
+    team.wait_for_go()
+    standing = 0
+    for _ in range(60):
+        before = [team.robot(robot).distance_travelled for robot in range(4)]
+        team.run(1.0)
+        driven = max(team.robot(robot).distance_travelled - before[robot] for robot in range(4))
+        standing = 0 if driven > 0.05 else standing + 1
+        assert standing < 10
+    report = team.report
+    assert report.seed == seed
+    assert [robot.stalls for robot in report.robots] == [0] * 4
+    assert min(robot.distance_m for robot in report.robots) > 5.0
+    assert max(robot.gap_m.max for robot in report.robots if robot.gap_m is not None) < 3.0

@@ -1,0 +1,160 @@
+"""A process of the team that ends or hangs unasked fails the test of the `team` fixture."""
+
+import signal
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from zteam.clock import HOST_FACTOR
+from zteam.testing import Team
+
+pytestmark = pytest.mark.team
+pytest_plugins = "pytester"
+
+OWN = """
+import pathlib
+from zteam import Behavior
+from zteam.messages import Twist, Vector3
+
+class Loops(Behavior):
+    def step(self, view):
+        while view.now > 1_000_000_000:
+            pathlib.Path("looping").touch()
+            try:
+                pass
+            except Exception:
+                pass
+        return Twist(Vector3(0.1))
+"""
+RETURNING = """
+[team]
+world = "arena"
+restart = "on-failure"
+[[robots]]
+id = 0
+behavior = "returns:Returns"
+"""
+RETURNS = """
+import pathlib, zteam
+from zteam.messages import Twist
+
+class Returns(zteam.Behavior):
+    def step(self, view):
+        mark = pathlib.Path(__file__).parent / "mark"
+        if not mark.exists():
+            mark.touch()
+            raise RuntimeError("the first of its kind")
+        return Twist()
+"""
+
+
+@pytest.fixture
+def folder(empty_folder: Path) -> Path:
+    """With the behaviours of these tests."""
+    (empty_folder / "bad_ways.py").write_text(OWN)
+    return empty_folder
+
+
+@pytest.fixture
+def next_team() -> Iterator[Team]:
+    """The team of a test that follows."""
+    team = Team()
+    yield team
+    team.close()
+
+
+@pytest.mark.parametrize("lockstep", [True, pytest.param(False, marks=pytest.mark.real_time)])
+def test_a_loop_in_one_process_is_named_and_ended(team: Team, next_team: Team, folder: Path, lockstep: bool) -> None:
+    """The failure has the user's line; the loop ends, so that the next team is not held up."""
+    team.start("arena", 1, behavior="bad_ways:Loops", in_process=True, lockstep=lockstep, lockstep_timeout=HOST_FACTOR)
+    team.wait_for_go()
+    with pytest.raises(
+        AssertionError,
+        match=rf"^robot_0 hangs: after {HOST_FACTOR:g} s Loops\.step has not returned .*bad_ways\.py:\d+",
+    ):
+        team.until(lambda: False, within=60)
+    team.expect_end("robot_0")
+    assert team.wait_for_exit("robot_0") is not None
+    next_team.start("arena", 1, in_process=True)
+    next_team.wait_for_go()
+    next_team.run(1)
+
+
+@pytest.mark.parametrize("lockstep", [True, pytest.param(False, marks=pytest.mark.real_time)])
+def test_a_process_that_hangs_is_named(team: Team, folder: Path, lockstep: bool) -> None:
+    """In lock-step it is left behind, in real time it is silent; its last lines are in the failure."""
+    team.start("arena", 1, behavior="bad_ways:Loops", lockstep=lockstep, lockstep_timeout=2.0 * HOST_FACTOR)
+    team.wait_for_go()
+    with pytest.raises(AssertionError, match=r"^robot_0 hangs: (?s:.*)GO: driving"):
+        team.run(3)
+    team.expect_end("robot_0")
+    team.run(0.5)
+
+
+def test_what_is_started_again_is_no_failure_if_it_comes_back(team: Team, folder: Path) -> None:
+    """The end of the test waits until it is there."""
+    (folder / "returns.py").write_text(RETURNS)
+    (folder / "team.toml").write_text(RETURNING)
+    team.launch(folder / "team.toml", in_process=True)
+    team.wait_for_go()
+    team.run(1)
+    assert any("RuntimeError: the first of its kind" in line for line in team.lines("robot_0"))
+    team.check_at_end()
+    assert team.alive("robot_0")
+
+
+def test_the_end_of_a_test_looks_once_more(pytester: pytest.Pytester) -> None:
+    """A process that ends after the last call fails the test itself, not its teardown, unless that is expected."""
+    pytester.makepyfile(
+        """
+        def spawn(team):
+            team.spawn("zteam-robot", "--id", "0", "--behavior", "dance", name="robot_0")
+            # The end of the process is no call of the fixture.
+            assert team._supervisor.processes["robot_0"].join(60)
+
+        def test_forgotten(team):
+            spawn(team)
+
+        def test_expected(team):
+            team.expect_end("robot_0")
+            spawn(team)
+        """
+    )
+    result = pytester.runpytest_subprocess()
+    result.assert_outcomes(failed=1, passed=1)
+    result.stdout.re_match_lines([r"E .*TeamFailure: robot_0 ended \(exit code 2\): .*no behaviour 'dance'"])
+
+
+class Alarm(Exception):  # noqa: N818 - it is no error
+    """What pytest-timeout raises in the main thread."""
+
+
+def test_a_time_out_of_pytest_ends_a_loop(team: Team, folder: Path) -> None:
+    """An error that a signal raises in a test whose behaviour loops ends the loop, and the next team runs."""
+
+    def fail(*_: object) -> None:
+        raise Alarm
+
+    def interrupt() -> None:
+        while not (folder / "looping").exists():
+            wait_for_change.wait(0.05)
+        signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGUSR1)
+
+    wait_for_change = threading.Event()
+    before = signal.signal(signal.SIGUSR1, fail)
+    looping = Team()
+    try:
+        looping.start("arena", 1, behavior="bad_ways:Loops", in_process=True, lockstep_timeout=600.0)
+        looping.wait_for_go()
+        threading.Thread(target=interrupt, daemon=True).start()
+        with pytest.raises(Alarm):
+            looping.run(3)
+    finally:
+        looping.close()
+        signal.signal(signal.SIGUSR1, before)
+    assert looping.exit_code("robot_0") is not None
+    team.start("arena", 1, in_process=True)
+    team.wait_for_go()
+    team.run(1)
