@@ -2,6 +2,7 @@
 
 import sys
 import threading
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 
@@ -32,8 +33,8 @@ class Watch:
         """Seconds of the steps above TICK or WAIT since `slowness` was asked for."""
         self.lost = 0.0
         """Seconds of all of them."""
-        self._place = ""
-        """Where the author's code was in one of them."""
+        self._places: Counter[str] = Counter()
+        """Where the author's code was in them, and in how many looks."""
         self.heard: Heard | None = None
         """Takes what steps call; None while none is wanted."""
 
@@ -60,11 +61,12 @@ class Watch:
         frame = sys._current_frames().get(self._thread) if seconds > TICK else None
         if frame is None or self._began != began:
             return None
-        self._place = place_of_frame(frame, self._kind)
+        place = place_of_frame(frame, self._kind)
+        self._places[place] += 1
         if seconds < HANGS_AFTER:
             return None
         text = f"step did not return within {HANGS_AFTER:g} s"
-        return Fault("hangs", text, "do one thing and return: step is called anew for each scan", self._place)
+        return Fault("hangs", text, "do one thing and return: step is called anew for each scan", place)
 
     def slowness(self) -> Fault | None:
         """The fault of the steps since the last call, if too many were slow."""
@@ -73,4 +75,5 @@ class Watch:
             return None
         text = f"{len(slow)} steps took longer than a tick of {TICK:g} s, the longest {max(slow):.2f} s"
         hint = "do less in a step, and never sleep: count view.dt until it is time"
-        return Fault("slow", text, hint, self._place or place_of_step(self._kind))
+        places = [place for place, _looks in self._places.most_common(1)] or [place_of_step(self._kind)]
+        return Fault("slow", text, hint, places[0])

@@ -62,14 +62,16 @@ import time
 from msgspec import Struct
 from zteam import Behavior
 from zteam.messages import Twist, Vector3
+from zteam.runtime import step_watch
 
 class Naps(Behavior):
     class Params(Struct):
-        seconds: float = 0.0
+        nap: bool = False
 
     def step(self, view):
-        if view.now == 1_000_000_000:
-            time.sleep(self.params.seconds)
+        end = time.monotonic() + 60.0
+        while self.params.nap and view.now == 1_000_000_000 and not step_watch.hanging() and time.monotonic() < end:
+            time.sleep(0.1)
         return Twist(Vector3(0.3), Vector3(z=0.1))
 """
 
@@ -79,8 +81,8 @@ def test_a_late_answer_holds_the_world(empty_folder: Path, caplog: pytest.LogCap
     (empty_folder / "napping.py").write_text(NAPPING)
     robot = '[team]\nworld = "arena"\n[[robots]]\nid = 0\nbehavior = "napping:Naps"\n'
     reports = []
-    for seconds in (0.0, 1.6):
-        (empty_folder / "team.toml").write_text(f"{robot}seconds = {seconds}\n")
+    for nap in ("false", "true"):
+        (empty_folder / "team.toml").write_text(f"{robot}nap = {nap}\n")
         reports.append(zteam.run_team("team.toml", until=30))
     assert reports[0].trajectory_sha256 == reports[1].trajectory_sha256
     assert [report.hung for report in reports] == [[], []]
