@@ -16,7 +16,7 @@ from zteam.behaviors.head import Head, lead
 from zteam.behaviors.idle import Idle
 from zteam.behaviors.line import NO_TURNS, Line, Place, Presence
 from zteam.behaviors.pursuit import Limits
-from zteam.behaviors.trail import Trail
+from zteam.behaviors.trail import Trail, head_comes_round
 from zteam.behaviors.view import View
 from zteam.behaviors.wander import Wander
 from zteam.geometry import Pose2
@@ -80,6 +80,9 @@ class Follow(Behavior):
             return self._lead(view, own[0], place)
         self._head.rest()
         self._successor, self._is_past, self._before = None, False, place.ahead
+        if place.may_reverse and not place.after and head_comes_round(view, place):
+            self._line.turns += 1
+            self.turns = self._line.turns
         if self.params.law == "direct":
             return self._drive_straight(view, place.ahead)
         params = self.params

@@ -20,6 +20,8 @@ _STEP = 0.01
 """Metres that the leader has to come forward for its next pose to tell something of the trail."""
 _REVERSE = 0.05
 """Metres that the leader backs up behind the trail's end before its trail is cut."""
+_BESIDE = 0.2
+"""Metres beside its trail at which it backs up another way."""
 _JUMP = 1.0
 """Metres in one step after which the leader has not driven but was moved."""
 _CHORD = 0.1
@@ -147,18 +149,20 @@ class LeaderTrail:
             tip = _Tip(x, y, math.cos(yaw), math.sin(yaw))
             # The direction of a single point is the leader's.
             self._tip = tip if len(path) > 1 else None
-        if tip.cos * math.cos(leader.yaw) + tip.sin * math.sin(leader.yaw) < 0.0:
-            # It has turned round: the trail goes on from here, back along itself.
+        dx, dy = leader.x - tip.x, leader.y - tip.y
+        ahead = tip.cos * dx + tip.sin * dy
+        place = path.project(leader.x, leader.y, path.end - _JUMP)
+        is_beside = ahead <= -_REVERSE and math.dist(leader[:2], path.point(place)) > _BESIDE
+        if is_beside or tip.cos * math.cos(leader.yaw) + tip.sin * math.sin(leader.yaw) < 0.0:
+            # It has turned round, or backs up another way: the trail goes on from here.
             path.append(leader.x, leader.y)
             self._samples, self._tip, self._has_turned = [Sample(path.end, leader)], None, True
             return path.end
-        dx, dy = leader.x - tip.x, leader.y - tip.y
-        ahead = tip.cos * dx + tip.sin * dy
         if ahead >= 0.0:
             return path.end + math.hypot(dx, dy)
         if ahead > -_REVERSE:
             return path.end + ahead
-        path.cut_after(path.project(leader.x, leader.y, path.end - _JUMP))
+        path.cut_after(place)
         self._samples, self._tip = [], None
         return path.end
 

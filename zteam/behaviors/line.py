@@ -6,6 +6,7 @@ each follows the robot that it was started to follow; while it is odd, the one b
 its place, or to be passed.
 """
 
+import math
 from collections.abc import Mapping, Set
 from typing import Any, Literal, NamedTuple
 
@@ -17,6 +18,10 @@ GONE = " is gone"
 """The end of what a robot says that stands because another one is lost."""
 GAP = 0.8
 """Metres between neighbours that have told nothing else."""
+STRETCHED, TORN = 0.8, 1.5
+"""Metres beyond its gap that the robot behind may be away: from the first on a robot slows, at the second it stands."""
+LEAST_SHARE = 0.05
+"""A smaller share of its speed is 0."""
 NO_TURNS = -1
 """`turns` of a robot that cannot follow the robot behind it."""
 
@@ -34,6 +39,8 @@ class Place(NamedTuple):
     """The robot that was started to lead the line."""
     may_turn: bool = False
     """Whether the robot that leads may hand over to the one at the other end."""
+    may_reverse: bool = False
+    """Whether the robots behind a head that keeps its place may follow it in the opposite order."""
     reason: str = ""
     """Why it has to stand; empty if it has not."""
     gap: float = GAP
@@ -75,19 +82,23 @@ class Line:
         told = [statuses[robot].turns for robot in order if robot in statuses and robot != view.robot_id]
         self.turns = max([self.turns, *told])
         living = [robot for robot in order if robot not in gone]
+        first = statuses.get(living[0])
+        stays = not may_turn if living[0] == view.robot_id else first is None or first.turns == NO_TURNS
         if self.turns % 2 and not is_tree:
-            living.reverse()
+            living = [living[0], *reversed(living[1:])] if stays else living[::-1]
         at = living.index(view.robot_id)
         after = () if is_tree else tuple(living[at + 1 :])
         # A robot that stands until a lost one comes back is not waited for.
         waits = bool(after) and not (after[0] in statuses and statuses[after[0]].reason.endswith(GONE))
-        can_turn = may_turn and not is_tree and len(living) > 1 and min(told, default=NO_TURNS) > NO_TURNS
+        others = [statuses[robot].turns for robot in living[1:] if robot in statuses and robot != view.robot_id]
+        can_turn = not is_tree and len(living) > 1 + stays and min(others, default=0) > NO_TURNS
         return Place(
             before=tuple(reversed(living[:at])),
             after=after,
             behind=after[0] if waits else None,
             head=head,
-            may_turn=can_turn,
+            may_turn=can_turn and not stays,
+            may_reverse=can_turn and stays,
             gap=max([GAP, *(statuses[robot].gap for robot in order if robot in statuses)]),
             gone=gone,
         )
@@ -134,3 +145,15 @@ class Presence:
             return frozenset()
         self._seen.update(view.team)
         return self._seen.difference(view.team)
+
+
+def keep_together(view: View, place: Place) -> tuple[float, str]:
+    """The share of its speed, 1 to 0, at which a robot does not lose the robot behind it; and why that is 0."""
+    behind, seen = place.behind, None if place.behind is None else view.base_from_robot(place.behind)
+    if behind is None or seen is None:
+        return 1.0, ""
+    apart = math.hypot(seen[0].x, seen[0].y)
+    share = min(1.0, (place.gap + TORN - apart) / (TORN - STRETCHED))
+    share = share if share > LEAST_SHARE else 0.0
+    # Without the distance: each other text is a line of the log and a status.
+    return share, "" if share else f"waits for {names.robot_name(behind)} behind it"

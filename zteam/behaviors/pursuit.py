@@ -45,6 +45,9 @@ def pursue(
     cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
     x, y = cos * dx + sin * dy, cos * dy - sin * dx
     square = x * x + y * y
+    if square < _NEAR * _NEAR and beyond < 0.0:
+        # The path goes on, back past this place.
+        return pursue(pose, path, s, speed, limits, 2.0 * look_ahead)
     if square < _NEAR * _NEAR or speed <= 0.0:
         return Twist()
     angle = math.atan2(y, x)

@@ -2,15 +2,18 @@
 
 import math
 from collections.abc import Sequence, Set
+from itertools import pairwise
 
 from zteam import names
 from zteam.behaviors.around import Around
 from zteam.behaviors.chain import Seen, see_robot
 from zteam.behaviors.escape import Escape
+from zteam.behaviors.head import Head
 from zteam.behaviors.leader_trail import LeaderTrail
-from zteam.behaviors.line import Place
+from zteam.behaviors.line import STRETCHED, Place, keep_together
 from zteam.behaviors.polyline import Polyline
 from zteam.behaviors.pursuit import LOOK_AHEAD, Limits, pursue
+from zteam.behaviors.scans import is_clear
 from zteam.behaviors.view import View
 from zteam.clock import to_ns
 from zteam.geometry import Pose2
@@ -29,6 +32,8 @@ BACK, AHEAD = 0.3, 0.5
 """Metres of the trail around a robot's last place in which its next one is sought: the trail may cross itself."""
 OFF = 0.5
 """Metres from the trail from which on the whole trail is searched, and a robot drives to it past what is between."""
+ASIDE = 0.3
+"""Metres from the trail within which it has come back to the robot."""
 GAIN, NEAR_GAIN = 1.0, 1.5
 """1/s: speed besides that of the robot that leads, by the error of the distance to it; by the room to the one ahead."""
 LAGS = 0.4
@@ -39,20 +44,30 @@ PASSING = 0.4
 """m/s past a lost head."""
 NEAREST = 0.6
 """Metres from base to base within which a robot does not drive on towards its neighbour: both can still turn."""
-TOO_NEAR = 0.5
+TOO_NEAR = 0.58
 """Metres from base to base within which it makes room: it drives back along its way."""
+ROOM = 1.0
+"""The same where that one comes towards it."""
+BESIDE = 0.4
+"""Metres beside each other up to which two robots that come towards each other cannot pass."""
 ROOM_SPEED = 0.2
 """m/s while it makes room."""
-STRETCHED, TORN = 0.8, 1.5
-"""Metres beyond its gap that the robot behind may be away: from the first on a robot slows, at the second it stands."""
-PAST, BESIDE = 0.3, 1.5
+PAST, BESIDEX = 0.3, 1.5
 """Metres ahead up to which, and beside the trail within which, a robot is waited for that comes past to its place."""
+SCRIBBLE = 2.0
+"""So many times longer than the way from robot to robot a trail is given up: its leader has driven to and fro."""
 FACED = to_ns(4.0)
 """Nanoseconds that it stands face to face with its neighbour before it drives round it to its place behind it."""
 LOOK_ON, BODY = 1.5, 0.15
 """Metres of the trail ahead on which no robot that is gone may stand, and metres beside it that have to be free."""
 BEYOND = 1.9
 """Metres past a lost head to which the robot drives that leads in its place."""
+STRAY, STRAY_TURN = 0.3, 1.0
+"""m/s and rad/s of a robot that leaves its trail because it does not get on."""
+STUCK = 0.2
+"""Metres from where it was within which a robot that is late counts as stuck."""
+FREED = 0.5
+"""Metres from where it stalled after which it keeps to its trail again."""
 STALLED, PROGRESS = to_ns(3.0), 0.05
 """It is there, too, if it has not got on so many metres in so many nanoseconds: that way may end at a wall."""
 
@@ -78,8 +93,11 @@ class Trail:
         self._has_place = False
         """Whether it has been in its place since it began."""
         self._around, self._escape = Around(), Escape()
+        self._stray = Head()
         self._faced_since: int | None = None
         """Nanoseconds: since when it stands before the robot ahead."""
+        self._drove_from = (0.0, 0.0), 0
+        """Where it got on last, and when."""
         self._got_on = 0, 0.0
         """When it got on last on its way past a lost head, and to which place."""
         self.apart = 0.0
@@ -104,6 +122,8 @@ class Trail:
         self._take(view, before, head, own, gap)
         self._look(own, ahead)
         self._find_place(own)
+        if self._trail.place - self._place > SCRIBBLE * gap * len(before) + OFF:
+            self._skip_loop(own, ahead.pose)
         straight = own.inverse().compose(ahead.pose)
         # In a line that can be led from its other end the head hands over, and a robot keeps the place that it has had.
         alone = not (place.may_turn and self._has_place)
@@ -115,19 +135,21 @@ class Trail:
         error = trail.place + trail.speed * age - gap * len(before) - self._place
         self._has_place = self._has_place or error < LAGS
         self._is_parked = trail.stands and error < (LEFT if self._is_parked else PARKED)
+        passed = place.gone
+        if alone and error > LAGS:
+            passed = {*passed, *overtaken(view, own, trail.path, self._place, place.after)}
+        share, reason = (1.0, "") if place.behind in passed else keep_together(view, place)
+        if alone and self._is_stuck(view, own, error > LAGS and share > 0.0):
+            command, _ = self._stray.step(view, own, Place(), min(STRAY, limits.linear), min(STRAY_TURN, limits.angular))
+            if command is not None:
+                return command, ""
+            self._drove_from = own[:2], view.now
+        self._stray.rest()
         speed = 0.0 if self._is_parked else max(0.0, trail.speed + GAIN * error)
         if straight.x > 0.0:
-            if alone and self.apart < TOO_NEAR:
+            if alone and self.apart < (ROOM if is_met(straight) else TOO_NEAR):
                 return back_up(own, trail.path, self._place), ""
             speed = max(0.0, min(speed, self._leaves + NEAR_GAIN * (self.apart - NEAREST)))
-        if not place.may_turn and len(before) > 1 and is_before(trail.path, self._place, ahead.pose):
-            return Twist(), f"waits: {names.robot_name(before[0])} comes past"
-        passed = (
-            {*place.gone, *overtaken(view, own, self._trail.path, self._place, place.after)}
-            if alone and error > LAGS
-            else place.gone
-        )
-        share, reason = (1.0, "") if place.behind in passed else keep_together(view, place)
         if share == 0.0:
             return Twist(), reason
         command = self._along(view, own, min(speed, limits.linear) * share, limits, passed, place.ahead)
@@ -149,8 +171,29 @@ class Trail:
         if before[-1] != self._leads or trail.is_far(head.pose):
             trail.begin(head.pose, stamp, way_to(view, before, head.pose, own, gap, self._own))
             self._leads, self._place = before[-1], trail.path.start
+        elif trail.place - self._place > SCRIBBLE * gap * len(before) + OFF and self._is_scribble(view, before, own):
+            trail.begin(head.pose, stamp, [own, *places_of(view, before[:-1])])
+            self._place = trail.path.start
         else:
             trail.go_on(head.pose, stamp, trail.place - self._place + KEPT)
+
+    def _skip_loop(self, own: Pose2, ahead: Pose2) -> None:
+        """Go on where the trail comes back to the robot, unless the robot ahead is on the way there."""
+        path, here = self._trail.path, self._place
+        there = path.project(own.x, own.y, here + AHEAD, path.end)
+        if there > here + AHEAD and math.dist(own[:2], path.point(there)) < ASIDE:
+            nearest = path.project(ahead.x, ahead.y, here, there)
+            if math.dist(ahead[:2], path.point(nearest)) > OFF:
+                self._place = there
+
+    def _is_scribble(self, view: View, before: Sequence[int], own: Pose2) -> bool:
+        """Whether the trail is much longer than the way from robot to robot, and its first robot is in sight."""
+        way = [own, *places_of(view, before)]
+        length = sum(math.dist(a[:2], b[:2]) for a, b in pairwise(way))
+        x, y, _ = own.inverse().compose(way[1])
+        return self._trail.place - self._place > SCRIBBLE * length + OFF and (
+            view.scan is None or is_clear(view.scan, view.base.half_width, math.hypot(x, y) - NEAREST, math.atan2(y, x))
+        )
 
     def pass_by(self, view: View, own: Pose2, head: Pose2 | None, limits: Limits, gone: Set[int]) -> Twist | None:
         """The velocity along the trail to a lost head, and straight on past it (both in map); None when it is there."""
@@ -189,6 +232,14 @@ class Trail:
             return self._around.drive_to(view, x, y, limits, ahead)
         return pursue(own, path, here, speed, limits)
 
+    def _is_stuck(self, view: View, own: Pose2, is_late: bool) -> bool:
+        """Whether it has been late for long and has not got on, or has come free but a little."""
+        place, since = self._drove_from
+        is_stuck = view.now - since > STALLED
+        if math.dist(own[:2], place) > (FREED if is_stuck else STUCK) or not is_late:
+            self._drove_from = own[:2], view.now
+        return is_stuck
+
     def _is_faced(self, view: View, own: Pose2, head: Pose2) -> bool:
         """Whether it has stood face to face with the robot that leads for long: that cannot get on."""
         apart = math.dist(own[:2], head[:2])
@@ -199,6 +250,12 @@ class Trail:
         return self._faced_since is not None and view.now - self._faced_since > FACED
 
 
+def is_met(robot: Pose2) -> bool:
+    """Whether a robot (own base frame) and this one have each other ahead."""
+    back = robot.inverse()
+    return robot.x > 0.0 and back.x > 0.0 and max(abs(robot.y), abs(back.y)) < BESIDE
+
+
 def way_to(view: View, before: Sequence[int], head: Pose2, own: Pose2, gap: float, way: Polyline) -> list[Pose2]:
     """The way to a new head: back over the own `way` if it stands there, else over the places of those between."""
     # The own way may have crossed itself: the head stands on the newest part of it.
@@ -206,8 +263,13 @@ def way_to(view: View, before: Sequence[int], head: Pose2, own: Pose2, gap: floa
     if len(way) and math.dist(head[:2], way.point(place)) < JUMP:
         count = int((way.end - place) / STEP)
         return [own, *(Pose2(*way.point(way.end - i * STEP), 0.0) for i in range(1, count))]
-    seen = (see_robot(view, robot, names.MAP_FRAME, math.inf)[0] for robot in before[:-1])
-    return [own, *(each.pose for each in seen if each is not None)]
+    return [own, *places_of(view, before[:-1])]
+
+
+def places_of(view: View, robots: Sequence[int]) -> list[Pose2]:
+    """The poses in map of those that are seen."""
+    seen = (see_robot(view, robot, names.MAP_FRAME, math.inf)[0] for robot in robots)
+    return [each.pose for each in seen if each is not None]
 
 
 def overtaken(view: View, own: Pose2, path: Polyline, here: float, after: Sequence[int]) -> list[int]:
@@ -251,12 +313,10 @@ def back_up(own: Pose2, path: Polyline, place: float) -> Twist:
     return Twist(Vector3(-ROOM_SPEED), Vector3(z=max(-1.0, min(1.0, turn))))
 
 
-def keep_together(view: View, place: Place) -> tuple[float, str]:
-    """The share of its speed, 1 to 0, at which a robot does not lose the robot behind it; and why that is 0."""
-    behind, seen = place.behind, None if place.behind is None else view.base_from_robot(place.behind)
-    if behind is None or seen is None:
-        return 1.0, ""
-    apart = math.hypot(seen[0].x, seen[0].y)
-    share = max(0.0, min(1.0, (place.gap + TORN - apart) / (TORN - STRETCHED)))
-    # Without the distance: each other text is a line of the log and a status.
-    return share, "" if share else f"waits for {names.robot_name(behind)} behind it"
+def head_comes_round(view: View, place: Place) -> bool:
+    """Whether the head, past the robot that is to follow it, has come to this one, the last."""
+    head, first = (view.base_from_robot(robot) for robot in (place.before[-1], place.before[-2]))
+    if head is None or first is None:
+        return False
+    apart = math.dist(head[0][:2], first[0][:2])
+    return place.gap + STRETCHED < apart and math.hypot(*head[0][:2]) < apart - NEAREST

@@ -24,7 +24,7 @@ CASES = ("line", "arena", "eight", "world", "amcl", "noise", "driven")
 """Of zteam.bench.study.cases."""
 _BAR = 20
 _LEGEND = [
-    "failed, contacts: of all runs. held: share of the time within 3 m of the neighbour in the line, worst follower.",
+    "failed, contacts: of all runs. held: share of the time within 3 m of the robot that it follows, worst follower.",
     "still: longest time in which no robot moved. share: the head's way / (its speed x the time), mean of the runs.",
 ]
 

@@ -1,6 +1,7 @@
 """One run of a study, in this process: `python -m zteam.bench.study.one_run`, with a Task as the line of its input."""
 
 import logging
+import math
 import os
 import sys
 import tempfile
@@ -11,14 +12,16 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from zteam import names
 from zteam.bench.chains.recorder import NAME, Recorder, make_tracks
 from zteam.bench.study.cases import CASES
 from zteam.bench.study.driver import Driver
 from zteam.in_process.team_run import run_team
-from zteam.launch.report import RunReport
+from zteam.messages import Odometry, RobotStatus
+from zteam.runtime.step_node import StepNode
 
 HELD = 3.0
-"""Metres: a follower is held while its neighbour in the line, ahead of it or behind, is so near."""
+"""Metres: a follower is held while the robot that it follows is so near."""
 MOVED = 0.05
 """Metres: a robot that has not gone so far stands."""
 
@@ -44,10 +47,10 @@ class Outcome(msgspec.Struct, omit_defaults=True):
     """Metres, by robot."""
     contacts: int = 0
     held: dict[int, float] = {}
-    """Share of the time in which a follower and its neighbour were within HELD, by follower. It is the neighbour of
-    the team file, whichever leads: a line that turns round keeps its pairs."""
+    """Of the time in which a robot followed another, the share in which that was within HELD, by follower. Its status
+    names the other: the robot of the team file, or its other neighbour after a turn of the line."""
     last: dict[int, float] = {}
-    """Metres between them at the end."""
+    """Metres between them in the last tick of that time."""
     still: float = 0.0
     """Longest time in which no robot moved, seconds."""
     share: float | None = None
@@ -63,10 +66,40 @@ class Row(msgspec.Struct, frozen=True):
     outcome: Outcome
 
 
+class Neighbours:
+    """How far each robot is from the one that it follows, tick by tick. Give its `body` to `run_team` as a node."""
+
+    def __init__(self) -> None:
+        self._places: dict[int, tuple[float, float]] = {}
+        """In `map`, the true ones."""
+        self._followed: dict[int, int] = {}
+        self.apart: dict[int, list[float]] = {}
+        """Metres, by follower."""
+
+    def body(self, node: StepNode) -> None:
+        """Measure until asked to stop."""
+        node.subscribe(names.all_robots_key(names.GROUND_TRUTH), Odometry, self._take_pose, every_tick=True)
+        node.subscribe(names.all_robots_key(names.STATUS), RobotStatus, self._take_status)
+        node.run(self._step)
+
+    def _take_pose(self, key: str, message: Odometry) -> None:
+        position, robot = message.pose.pose.position, names.split_robot_key(key)
+        if robot is not None:
+            self._places[robot[0]] = position.x, position.y
+
+    def _take_status(self, _key: str, status: RobotStatus) -> None:
+        self._followed[status.robot_id] = status.followed
+
+    def _step(self, _now: int) -> None:
+        for robot, other in self._followed.items():
+            if robot in self._places and other in self._places:
+                self.apart.setdefault(robot, []).append(math.dist(self._places[robot], self._places[other]))
+
+
 def measure(task: Task) -> Outcome:
     """Run it. An error of the team is part of the outcome."""
-    case, recorder = CASES.get(task.what), Recorder()
-    nodes = {NAME: recorder.body}
+    case, recorder, neighbours = CASES.get(task.what), Recorder(), Neighbours()
+    nodes = {NAME: recorder.body, "neighbours": neighbours.body}
     if case is not None and case.is_driven:
         nodes["teleop"] = Driver(0, task.seed).body
     with tempfile.TemporaryDirectory() as folder:
@@ -82,29 +115,18 @@ def measure(task: Task) -> Outcome:
         # Anything that ends a run is a result of the study.
         except (Exception, SystemExit) as error:
             return Outcome(error=f"{type(error).__name__}: {error}"[:200])
-    outcome = look(report, make_tracks(recorder.rows()).poses[..., :2], task.seconds, is_line=case is not None)
+    places = make_tracks(recorder.rows()).poses[..., :2]
+    outcome = Outcome(
+        driven=[round(robot.distance_m, 1) for robot in report.robots],
+        contacts=sum(robot.stalls for robot in report.robots),
+        held={i: round(sum(gap < HELD for gap in gaps) / len(gaps), 4) for i, gaps in sorted(neighbours.apart.items())},
+        last={i: round(gaps[-1], 1) for i, gaps in sorted(neighbours.apart.items())},
+        still=round(longest_stand(places) * task.seconds / len(places), 1),
+        trajectory=report.trajectory_sha256,
+    )
     if case is not None and case.speed is not None:
         outcome.share = round(report.robots[0].distance_m / (case.speed * task.seconds), 3)
     return outcome
-
-
-def look(report: RunReport, places: NDArray[np.float64], seconds: float, *, is_line: bool) -> Outcome:
-    """What true places (ticks, robots, 2) in `map` say; in a line each robot's neighbour is the one before it."""
-    index = {robot.id: i for i, robot in enumerate(report.robots)}
-    pairs = {robot.id: robot.id - 1 if is_line and robot.id else robot.follow for robot in report.robots}
-    gaps = {
-        i: np.hypot(*(places[:, index[i]] - places[:, index[other]]).T)
-        for i, other in pairs.items()
-        if other is not None
-    }
-    return Outcome(
-        driven=[round(robot.distance_m, 1) for robot in report.robots],
-        contacts=sum(robot.stalls for robot in report.robots),
-        held={i: round(float((gap < HELD).mean()), 4) for i, gap in gaps.items()},
-        last={i: round(float(gap[-1]), 1) for i, gap in gaps.items()},
-        still=round(longest_stand(places) * seconds / len(places), 1),
-        trajectory=report.trajectory_sha256,
-    )
 
 
 def longest_stand(places: NDArray[np.float64]) -> int:
