@@ -67,7 +67,8 @@ class Follow(Behavior):
         """By its law; zero where a pose that it needs is not known for certain, or a robot in front is gone."""
         self.reason = ""
         gone = self._presence.find_gone(view)
-        place = self._line.find_place(view, self.params.leader, gone, self.params.on_leader_lost)
+        may_turn = self.turns != NO_TURNS
+        place = self._line.find_place(view, self.params.leader, gone, self.params.on_leader_lost, may_turn=may_turn)
         if self.turns != NO_TURNS:
             self.turns = self._line.turns
         own = view.map_from_base()

@@ -66,11 +66,7 @@ class Line:
     ) -> Place:
         """The place of a robot that was started to follow `leader`, or to lead. Robots that are `gone` are left out."""
         statuses: Mapping[int, Any] = view.inputs.get("statuses") or {}
-        # What follows in another way, as in a formation, tells no gap, and counts as a head.
-        leaders = {robot: told.leader for robot, told in statuses.items() if told.leader >= 0 and told.gap > 0.0}
-        leaders.pop(view.robot_id, None)
-        if leader is not None:
-            leaders[view.robot_id] = leader
+        leaders = _told_leaders(statuses, view.robot_id, leader)
         before = chain_before(view.robot_id, leaders)
         if before is None:
             return Place(reason="the robots follow each other in a circle")
@@ -79,19 +75,19 @@ class Line:
         lost = [robot for robot in before if robot in gone]
         if lost and (on_lost == "stop" or (on_lost == "relink" and head in gone)):
             return Place(reason=f"leader {names.robot_name(lost[0] if on_lost == 'stop' else head)}{GONE}")
-        told = [statuses[robot].turns for robot in order if robot in statuses and robot != view.robot_id]
-        self.turns = max([self.turns, *told])
+        turns = {robot: statuses[robot].turns for robot in order if robot in statuses}
+        turns[view.robot_id] = 0 if may_turn else NO_TURNS
+        self.turns = max(self.turns, *turns.values())
         living = [robot for robot in order if robot not in gone]
-        first = statuses.get(living[0])
-        stays = not may_turn if living[0] == view.robot_id else first is None or first.turns == NO_TURNS
+        stays = turns.get(living[0], NO_TURNS) == NO_TURNS
+        others = [turns.get(robot, 0) for robot in living[stays:]]
+        can_turn = not is_tree and len(others) > 1 and NO_TURNS not in others
         if self.turns % 2 and not is_tree:
-            living = [living[0], *reversed(living[1:])] if stays else living[::-1]
+            living[stays:] = living[stays:][::-1]
         at = living.index(view.robot_id)
         after = () if is_tree else tuple(living[at + 1 :])
         # A robot that stands until a lost one comes back is not waited for.
         waits = bool(after) and not (after[0] in statuses and statuses[after[0]].reason.endswith(GONE))
-        others = [statuses[robot].turns for robot in living[1:] if robot in statuses and robot != view.robot_id]
-        can_turn = not is_tree and len(living) > 1 + stays and min(others, default=0) > NO_TURNS
         return Place(
             before=tuple(reversed(living[:at])),
             after=after,
@@ -102,6 +98,14 @@ class Line:
             gap=max([GAP, *(statuses[robot].gap for robot in order if robot in statuses)]),
             gone=gone,
         )
+
+
+def _told_leaders(statuses: Mapping[int, Any], own: int, leader: int | None) -> dict[int, int]:
+    """The robot that each was started to follow; the own one as it is set now."""
+    # What follows in another way, as in a formation, tells no gap, and counts as a head.
+    leaders = {robot: told.leader for robot, told in statuses.items() if told.leader >= 0 and told.gap > 0.0}
+    leaders.pop(own, None)
+    return leaders if leader is None else {**leaders, own: leader}
 
 
 def chain_before(own: int, leaders: Mapping[int, int]) -> list[int] | None:

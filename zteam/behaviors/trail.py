@@ -8,16 +8,16 @@ from zteam import names
 from zteam.behaviors.around import Around
 from zteam.behaviors.chain import Seen, see_robot
 from zteam.behaviors.escape import Escape
-from zteam.behaviors.head import Head
 from zteam.behaviors.leader_trail import LeaderTrail
 from zteam.behaviors.line import STRETCHED, Place, keep_together
 from zteam.behaviors.polyline import Polyline
 from zteam.behaviors.pursuit import LOOK_AHEAD, Limits, pursue
+from zteam.behaviors.room import Room, back_up, is_too_near
 from zteam.behaviors.scans import is_clear
 from zteam.behaviors.view import View
 from zteam.clock import to_ns
 from zteam.geometry import Pose2
-from zteam.messages import Twist, Vector3
+from zteam.messages import Twist
 
 Answer = tuple[Twist, str]
 """A velocity, and why it is zero."""
@@ -44,30 +44,15 @@ PASSING = 0.4
 """m/s past a lost head."""
 NEAREST = 0.6
 """Metres from base to base within which a robot does not drive on towards its neighbour: both can still turn."""
-TOO_NEAR = 0.58
-"""Metres from base to base within which it makes room: it drives back along its way."""
-ROOM = 1.0
-"""The same where that one comes towards it."""
-BESIDE = 0.4
-"""Metres beside each other up to which two robots that come towards each other cannot pass."""
-ROOM_SPEED = 0.2
-"""m/s while it makes room."""
-PAST, BESIDEX = 0.3, 1.5
-"""Metres ahead up to which, and beside the trail within which, a robot is waited for that comes past to its place."""
+PAST, BESIDE, SLOW = 0.3, 1.0, 0.1
+"""Metres ahead up to which, and beside the trail within which, a robot is waited for that comes past to its place; and
+m/s below which it does not come."""
 SCRIBBLE = 2.0
-"""So many times longer than the way from robot to robot a trail is given up: its leader has driven to and fro."""
-FACED = to_ns(4.0)
-"""Nanoseconds that it stands face to face with its neighbour before it drives round it to its place behind it."""
+"""So many times longer than the way straight from robot to robot a trail is given up."""
 LOOK_ON, BODY = 1.5, 0.15
 """Metres of the trail ahead on which no robot that is gone may stand, and metres beside it that have to be free."""
 BEYOND = 1.9
 """Metres past a lost head to which the robot drives that leads in its place."""
-STRAY, STRAY_TURN = 0.3, 1.0
-"""m/s and rad/s of a robot that leaves its trail because it does not get on."""
-STUCK = 0.2
-"""Metres from where it was within which a robot that is late counts as stuck."""
-FREED = 0.5
-"""Metres from where it stalled after which it keeps to its trail again."""
 STALLED, PROGRESS = to_ns(3.0), 0.05
 """It is there, too, if it has not got on so many metres in so many nanoseconds: that way may end at a wall."""
 
@@ -89,15 +74,12 @@ class Trail:
         """The newest pose of the robot ahead in map, and its stamp (ns)."""
         self._leaves = 0.0
         """m/s at which it drives away; negative where it comes nearer."""
+        self._moves = False
+        """Whether it drives at all."""
         self._is_parked = False
         self._has_place = False
         """Whether it has been in its place since it began."""
-        self._around, self._escape = Around(), Escape()
-        self._stray = Head()
-        self._faced_since: int | None = None
-        """Nanoseconds: since when it stands before the robot ahead."""
-        self._drove_from = (0.0, 0.0), 0
-        """Where it got on last, and when."""
+        self._around, self._escape, self._room = Around(), Escape(), Room()
         self._got_on = 0, 0.0
         """When it got on last on its way past a lost head, and to which place."""
         self.apart = 0.0
@@ -122,33 +104,32 @@ class Trail:
         self._take(view, before, head, own, gap)
         self._look(own, ahead)
         self._find_place(own)
-        if self._trail.place - self._place > SCRIBBLE * gap * len(before) + OFF:
-            self._skip_loop(own, ahead.pose)
-        straight = own.inverse().compose(ahead.pose)
+        if self._is_far_behind(gap * len(before)):
+            self._place = after_loop(self._trail.path, self._place, own, ahead.pose)
         # In a line that can be led from its other end the head hands over, and a robot keeps the place that it has had.
         alone = not (place.may_turn and self._has_place)
-        if alone and self._is_faced(view, own, head.pose):
-            x, y, _ = own.inverse().compose(head.pose.compose(Pose2(-gap * len(before), 0.0, 0.0)))
-            return self._escape.free(view, own, self._around.drive_to(view, x, y, limits)), ""
         trail = self._trail
         age = max(0.0, (view.now - head.stamp) / 1e9) if head.stamp else 0.0
         error = trail.place + trail.speed * age - gap * len(before) - self._place
-        self._has_place = self._has_place or error < LAGS
+        is_late = error > LAGS
+        self._has_place = self._has_place or not is_late
         self._is_parked = trail.stands and error < (LEFT if self._is_parked else PARKED)
         passed = place.gone
-        if alone and error > LAGS:
+        if alone and is_late:
             passed = {*passed, *overtaken(view, own, trail.path, self._place, place.after)}
         share, reason = (1.0, "") if place.behind in passed else keep_together(view, place)
-        if alone and self._is_stuck(view, own, error > LAGS and share > 0.0):
-            command, _ = self._stray.step(view, own, Place(), min(STRAY, limits.linear), min(STRAY_TURN, limits.angular))
+        straight = own.inverse().compose(ahead.pose)
+        if alone:
+            behind = head.pose.compose(Pose2(-gap * len(before), 0.0, 0.0))
+            command = self._room.step(view, own, head.pose, behind, limits, is_late=is_late and share > 0.0)
             if command is not None:
                 return command, ""
-            self._drove_from = own[:2], view.now
-        self._stray.rest()
+            if is_too_near(straight):
+                return back_up(own, trail.path, self._place), ""
+            if len(before) > 1 and self._moves and comes_past(trail.path, self._place, ahead.pose):
+                return Twist(), f"waits: {names.robot_name(before[0])} comes past"
         speed = 0.0 if self._is_parked else max(0.0, trail.speed + GAIN * error)
         if straight.x > 0.0:
-            if alone and self.apart < (ROOM if is_met(straight) else TOO_NEAR):
-                return back_up(own, trail.path, self._place), ""
             speed = max(0.0, min(speed, self._leaves + NEAR_GAIN * (self.apart - NEAREST)))
         if share == 0.0:
             return Twist(), reason
@@ -163,6 +144,7 @@ class Trail:
         if seconds > 0.0:
             moved = (x - own.x) * (x - before.x) + (y - own.y) * (y - before.y)
             self._leaves = moved / max(self.apart, NEAREST) / seconds if seconds < 1.0 else 0.0
+            self._moves = math.dist(before[:2], ahead.pose[:2]) > SLOW * seconds
             self._at = ahead.pose, ahead.stamp
 
     def _take(self, view: View, before: Sequence[int], head: Seen, own: Pose2, gap: float) -> None:
@@ -171,29 +153,15 @@ class Trail:
         if before[-1] != self._leads or trail.is_far(head.pose):
             trail.begin(head.pose, stamp, way_to(view, before, head.pose, own, gap, self._own))
             self._leads, self._place = before[-1], trail.path.start
-        elif trail.place - self._place > SCRIBBLE * gap * len(before) + OFF and self._is_scribble(view, before, own):
+        elif self._is_far_behind(gap * len(before)) and self._is_far_behind(length_in_sight(view, before, own)):
             trail.begin(head.pose, stamp, [own, *places_of(view, before[:-1])])
             self._place = trail.path.start
         else:
             trail.go_on(head.pose, stamp, trail.place - self._place + KEPT)
 
-    def _skip_loop(self, own: Pose2, ahead: Pose2) -> None:
-        """Go on where the trail comes back to the robot, unless the robot ahead is on the way there."""
-        path, here = self._trail.path, self._place
-        there = path.project(own.x, own.y, here + AHEAD, path.end)
-        if there > here + AHEAD and math.dist(own[:2], path.point(there)) < ASIDE:
-            nearest = path.project(ahead.x, ahead.y, here, there)
-            if math.dist(ahead[:2], path.point(nearest)) > OFF:
-                self._place = there
-
-    def _is_scribble(self, view: View, before: Sequence[int], own: Pose2) -> bool:
-        """Whether the trail is much longer than the way from robot to robot, and its first robot is in sight."""
-        way = [own, *places_of(view, before)]
-        length = sum(math.dist(a[:2], b[:2]) for a, b in pairwise(way))
-        x, y, _ = own.inverse().compose(way[1])
-        return self._trail.place - self._place > SCRIBBLE * length + OFF and (
-            view.scan is None or is_clear(view.scan, view.base.half_width, math.hypot(x, y) - NEAREST, math.atan2(y, x))
-        )
+    def _is_far_behind(self, length: float) -> bool:
+        """Whether the trail up to the head is much longer than a way of this length: the head has driven to and fro."""
+        return self._trail.place - self._place > SCRIBBLE * length + OFF
 
     def pass_by(self, view: View, own: Pose2, head: Pose2 | None, limits: Limits, gone: Set[int]) -> Twist | None:
         """The velocity along the trail to a lost head, and straight on past it (both in map); None when it is there."""
@@ -232,29 +200,6 @@ class Trail:
             return self._around.drive_to(view, x, y, limits, ahead)
         return pursue(own, path, here, speed, limits)
 
-    def _is_stuck(self, view: View, own: Pose2, is_late: bool) -> bool:
-        """Whether it has been late for long and has not got on, or has come free but a little."""
-        place, since = self._drove_from
-        is_stuck = view.now - since > STALLED
-        if math.dist(own[:2], place) > (FREED if is_stuck else STUCK) or not is_late:
-            self._drove_from = own[:2], view.now
-        return is_stuck
-
-    def _is_faced(self, view: View, own: Pose2, head: Pose2) -> bool:
-        """Whether it has stood face to face with the robot that leads for long: that cannot get on."""
-        apart = math.dist(own[:2], head[:2])
-        if apart > 2.0 or head.inverse().compose(own).x <= 0.0:
-            self._faced_since = None
-        elif self._faced_since is None and own.inverse().compose(head).x > 0.0 and apart < 2.0 * NEAREST:
-            self._faced_since = view.now
-        return self._faced_since is not None and view.now - self._faced_since > FACED
-
-
-def is_met(robot: Pose2) -> bool:
-    """Whether a robot (own base frame) and this one have each other ahead."""
-    back = robot.inverse()
-    return robot.x > 0.0 and back.x > 0.0 and max(abs(robot.y), abs(back.y)) < BESIDE
-
 
 def way_to(view: View, before: Sequence[int], head: Pose2, own: Pose2, gap: float, way: Polyline) -> list[Pose2]:
     """The way to a new head: back over the own `way` if it stands there, else over the places of those between."""
@@ -272,6 +217,26 @@ def places_of(view: View, robots: Sequence[int]) -> list[Pose2]:
     return [each.pose for each in seen if each is not None]
 
 
+def length_in_sight(view: View, before: Sequence[int], own: Pose2) -> float:
+    """Metres straight from robot to robot up to the head; infinite where something stands before the first of them."""
+    way = [own, *places_of(view, before)]
+    x, y, _ = own.inverse().compose(way[1])
+    reach = math.hypot(x, y) - NEAREST
+    if view.scan is not None and not is_clear(view.scan, view.base.half_width, reach, math.atan2(y, x)):
+        return math.inf
+    return sum(math.dist(a[:2], b[:2]) for a, b in pairwise(way))
+
+
+def after_loop(path: Polyline, here: float, own: Pose2, ahead: Pose2) -> float:
+    """Where the path comes back to the robot at the place `here`, unless the robot ahead is on the way there."""
+    there = path.project(own.x, own.y, here + AHEAD, path.end)
+    if there > here + AHEAD and math.dist(own[:2], path.point(there)) < ASIDE:
+        nearest = path.project(ahead.x, ahead.y, here, there)
+        if math.dist(ahead[:2], path.point(nearest)) > OFF:
+            return there
+    return here
+
+
 def overtaken(view: View, own: Pose2, path: Polyline, here: float, after: Sequence[int]) -> list[int]:
     """Those of the robots that belong behind the place `here` that are ahead of it on the path."""
     found = []
@@ -285,7 +250,7 @@ def overtaken(view: View, own: Pose2, path: Polyline, here: float, after: Sequen
     return found
 
 
-def is_before(path: Polyline, here: float, robot: Pose2) -> bool:
+def comes_past(path: Polyline, here: float, robot: Pose2) -> bool:
     """Whether a robot that belongs ahead of the place `here` is behind it, near the path."""
     place = path.project(robot.x, robot.y)
     return place < here + PAST and math.dist(robot[:2], path.point(place)) < BESIDE
@@ -302,21 +267,11 @@ def is_blocked(view: View, own: Pose2, path: Polyline, place: float, robots: Set
     return False
 
 
-def back_up(own: Pose2, path: Polyline, place: float) -> Twist:
-    """The velocity back along the way behind `place`."""
-    target = own.inverse().compose(path.at(place - LOOK_AHEAD))
-    square = target.x * target.x + target.y * target.y
-    if target.x >= 0.0 or square < 1e-4:
-        return Twist(Vector3(-ROOM_SPEED))
-    # The arc through the robot and the target, as in pursuit.
-    turn = -ROOM_SPEED * 2.0 * target.y / square
-    return Twist(Vector3(-ROOM_SPEED), Vector3(z=max(-1.0, min(1.0, turn))))
-
-
 def head_comes_round(view: View, place: Place) -> bool:
-    """Whether the head, past the robot that is to follow it, has come to this one, the last."""
-    head, first = (view.base_from_robot(robot) for robot in (place.before[-1], place.before[-2]))
-    if head is None or first is None:
+    """Whether the head has left the robot that is to follow it, and is nearest to this one, the last of its line."""
+    seen = [view.base_from_robot(robot) for robot in reversed(place.before)]
+    if len(seen) < 2 or seen[0] is None or seen[1] is None:
         return False
-    apart = math.dist(head[0][:2], first[0][:2])
-    return place.gap + STRETCHED < apart and math.hypot(*head[0][:2]) < apart - NEAREST
+    head, own = seen[0][0], math.hypot(*seen[0][0][:2])
+    apart = [math.dist(head[:2], each[0][:2]) for each in seen[1:] if each is not None]
+    return apart[0] > max(place.gap + STRETCHED, own + NEAREST) and min(apart) > own

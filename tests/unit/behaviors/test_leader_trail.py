@@ -275,3 +275,16 @@ def test_a_leader_that_backs_up_after_a_turn_round_has_its_trail_cut() -> None:
     assert pose.x == pytest.approx(2.5)
     assert trail.place == pytest.approx(3.5, abs=0.12)
     assert trail.path.end < end - 0.3
+
+
+@pytest.mark.parametrize("turn", [0.5, 1.0, 1.5, -1.0])
+def test_a_leader_that_backs_up_another_way_leaves_its_trail_as_it_is(turn: float) -> None:
+    """It turned on the spot first, and backs up for 2 m beside its trail: the trail follows it there."""
+    trail = Trail()
+    show(trail, [Pose2(0.05 * i, 0.0, 0.0) for i in range(61)])
+    show(trail, [Pose2(3.0, 0.0, turn)] * 3)
+    way = [Pose2(3.0, 0.0, turn).compose(Pose2(-0.05 * i, 0.0, 0.0)) for i in range(1, 41)]
+    show(trail, way)
+    assert math.dist(trail.path.last, way[-1][:2]) < 0.3
+    assert trail.path.project(2.5, 0.0) == pytest.approx(2.5, abs=0.1)
+    assert trail.place > 4.0

@@ -92,6 +92,29 @@ def test_a_line_with_branches_does_not_turn() -> None:
     assert not any(place.may_turn for place in found.values())
 
 
+@pytest.mark.parametrize(("turns", "expected"), [(2, {1: 0, 2: 1, 3: 2}), (3, {3: 0, 2: 3, 1: 2})])
+def test_a_head_that_cannot_follow_keeps_its_place(turns: int, expected: dict[int, int]) -> None:
+    """The robots behind it may turn their order: after an odd number of times the last one follows the head."""
+    told = {robot: RobotStatus(robot_id=robot, leader=robot - 1, turns=turns, gap=0.8) for robot in LINE}
+    told[0].turns = NO_TURNS
+    found = {
+        robot: Line().find_place(make_view(robot_id=robot, inputs={"statuses": told}), robot - 1, frozenset())
+        for robot in (1, 2, 3)
+    }
+    assert {robot: place.ahead for robot, place in found.items()} == expected
+    assert all(place.may_reverse and not place.may_turn and place.head == 0 for place in found.values())
+
+
+@pytest.mark.parametrize("robot", [0, 2, 3])
+def test_it_takes_one_robot_that_keeps_its_order_for_all_to_keep_theirs(robot: int) -> None:
+    """With `hand_over = false` on any follower the robots behind a head that keeps its place do not turn."""
+    told = {each: RobotStatus(robot_id=each, leader=each - 1, turns=0, gap=0.8) for each in LINE}
+    told[0].turns = NO_TURNS
+    told[robot].turns = NO_TURNS
+    place = Line().find_place(make_view(robot_id=1, inputs={"statuses": told}), 0, frozenset())
+    assert place.may_reverse == (robot == 0)
+
+
 def test_a_robot_that_cannot_follow_the_one_behind_it_keeps_the_line_as_it_is() -> None:
     """One such robot is enough: a formation, or `hand_over = false`."""
     told = {robot: RobotStatus(robot_id=robot, leader=robot - 1, turns=0, gap=0.8) for robot in (0, 1, 2)}

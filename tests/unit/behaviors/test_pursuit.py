@@ -6,7 +6,7 @@ import pytest
 
 from support.flat_floor import TICK, drive
 from zteam.behaviors.polyline import Polyline
-from zteam.behaviors.pursuit import Limits, pursue, slow_down
+from zteam.behaviors.pursuit import LOOK_AHEAD, Limits, pursue, slow_down
 from zteam.geometry import Pose2
 
 STRAIGHT = Polyline([(0.0, 0.0), (10.0, 0.0)])
@@ -53,6 +53,14 @@ def test_it_turns_on_the_spot_when_the_path_leads_elsewhere(yaw: float, turn: fl
     """More than a radian off it does not drive, and turns the shorter way round within its limit."""
     command = pursue(Pose2(1.0, 0.0, yaw), STRAIGHT, 1.0, 0.5, Limits(0.7, 3.14))
     assert (command.linear.x, command.angular.z) == (0.0, turn)
+
+
+def test_it_drives_on_where_the_path_comes_back_to_it() -> None:
+    """The point ahead is the robot's own place, because the path turns round half way to it: it drives to the turn."""
+    there_and_back = Polyline([(0.0, 0.0), (2.0, 0.0), (2.0 - 0.5 * LOOK_AHEAD, 0.0), (0.0, 3.0)])
+    place = 2.0 - 0.5 * LOOK_AHEAD
+    command = pursue(Pose2(place, 0.0, 0.0), there_and_back, place, 0.5, LIMITS)
+    assert (command.linear.x, command.angular.z) != (0.0, 0.0)
 
 
 @pytest.mark.parametrize("speed", [0.0, -0.5])

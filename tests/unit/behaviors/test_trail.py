@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import msgspec
 import pytest
@@ -10,6 +10,7 @@ import pytest
 from support.flat_floor import Floor, Segment
 from zteam.base import Base
 from zteam.behaviors import Behavior, View, load_behavior
+from zteam.behaviors.line import NO_TURNS
 from zteam.behaviors.polyline import Polyline
 from zteam.geometry import Pose2
 from zteam.messages import RobotDriver, RobotStatus, Twist, Vector3
@@ -275,3 +276,33 @@ def test_a_line_gets_out_of_a_dead_end(width: float, seed: int) -> None:
             assert team[0].turns > 0
             return
     pytest.fail(f"still inside at {floor.poses}")
+
+
+def driven(commands: Sequence[tuple[float, float]]) -> Behavior:
+    """A head that commands drive: it cannot follow, so it keeps its place."""
+    head = Commanded(commands)
+    head.turns = NO_TURNS
+    return head
+
+
+def test_a_head_that_drives_back_past_its_line_is_followed_by_the_last_robot() -> None:
+    """The head was set down behind its line and drives on: the last robot follows it, the others that one."""
+    floor = Chain([Pose2(-3.6, 0.6, math.pi), *in_line(5)[1:]])
+    team = [driven([(0.3, 0.0)] * 120), *followers(5)]
+    for _ in range(300):
+        floor.step(team)
+        assert room(floor.poses) > 0.4
+    assert [robot.follows for robot in team[1:]] == [2, 3, 4, 0]
+    apart = [math.dist(floor.poses[a][:2], floor.poses[b][:2]) for a, b in pairwise((0, 4, 3, 2, 1))]
+    assert apart == pytest.approx([GAP] * 4, abs=0.15)
+
+
+def test_a_line_makes_room_for_a_head_that_comes_towards_it() -> None:
+    """In a corridor in which no two robots pass, the robots before the head drive back."""
+    walls: list[Segment] = [(-12.0, -0.6, 3.0, -0.6), (-12.0, 0.6, 3.0, 0.6)]
+    floor = Chain(in_line(2), walls)
+    team = [driven([(0.0, 1.0)] * 31 + [(0.2, 0.0)] * 60), *followers(2)]
+    for _ in range(91):
+        floor.step(team)
+        assert room(floor.poses) > 0.4
+    assert floor.poses[1].x < -1.0

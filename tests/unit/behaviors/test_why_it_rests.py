@@ -100,9 +100,9 @@ def _is_sane(text: str) -> bool:
 
 def test_a_follower_says_which_robot_is_how_near() -> None:
     """By both laws, at its place and before it."""
-    for law, said in (("trail", "waits: robot_0 is 0.5 m away"), ("direct", "waits: robot_0 is 0.5 m away")):
+    for law, said in (("trail", "waits: robot_0 is 0.6 m away"), ("direct", "waits: robot_0 is 0.6 m away")):
         behavior = load_behavior("follow", {"leader": LEADER, "law": law})
-        for view in Moment(behavior.inputs).views(poses={**POSES, LEADER: (0.52, 0.0, 0.0)}):
+        for view in Moment(behavior.inputs).views(poses={**POSES, LEADER: (0.59, 0.0, 0.0)}):
             command, reason = decide(behavior, view)
         assert (command.linear.x, command.angular.z, reason) == (0.0, 0.0, "")
         assert behavior.why_it_rests() == said
