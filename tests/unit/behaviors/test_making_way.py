@@ -40,10 +40,11 @@ class FormationFloor(Floor):
         return msgspec.structs.replace(super().view(robot_id), inputs={"statuses": statuses}, team=team)
 
 
-def follow(floor: Floor, leader: Behavior, shape: str, seconds: float) -> tuple[list[set[str]], float]:
+def follow(floor: Floor, leader: Behavior, shape: str, seconds: float, **params: float) -> tuple[list[set[str]], float]:
     """What each follower said, and the least distance between two robots."""
     followers = [
-        load_behavior("formation", {"leader": 0, "shape": shape}, robot) for robot in range(1, len(floor.poses))
+        load_behavior("formation", {"leader": 0, "shape": shape, **params}, robot)
+        for robot in range(1, len(floor.poses))
     ]
     said: list[set[str]] = [set() for _ in followers]
     nearest = math.inf
@@ -77,7 +78,7 @@ def test_a_leader_that_only_stands_is_waited_for() -> None:
 def test_a_robot_behind_a_corner_comes_along_the_trail() -> None:
     """Its leader has driven round a corner out of its sight: it does not stand at the wall between."""
     walls: list[Segment] = [(1.0, 0.6, 1.0, 6.0), (-1.0, 0.6, 1.0, 0.6), (3.0, -2.0, 3.0, 6.0)]
-    floor = FormationFloor([Pose2(0.8, -0.5, 0.0), Pose2(0.0, 0.1, 1.57)], walls)
+    floor = FormationFloor([Pose2(0.8, -0.5, 0.0), Pose2(-0.5, 0.25, 0.3)], walls)
     ways = [(2.0, -0.5), (2.0, 4.0)]
 
     def drive(view: View) -> Twist:
@@ -90,5 +91,13 @@ def test_a_robot_behind_a_corner_comes_along_the_trail() -> None:
         done = math.hypot(x, y) < 0.2
         return Twist() if done else Twist(Vector3(0.7 if abs(bearing) < 0.5 else 0.0), Vector3(z=2.0 * bearing))
 
-    follow(floor, Led(drive), "column", 40.0)
+    follow(floor, Led(drive), "column", 60.0, max_linear=0.3)
     assert math.dist(floor.poses[0][:2], floor.poses[1][:2]) < 1.0
+
+
+def test_a_robot_that_has_no_room_to_turn_to_its_slot_backs_out() -> None:
+    """In a pocket that is too narrow to turn in it drives back until it can, and comes to its slot."""
+    pocket: list[Segment] = [(-0.1, 0.21, 0.4, 0.21), (-0.1, -0.21, 0.4, -0.21), (0.4, -0.21, 0.4, 0.21)]
+    floor = FormationFloor([Pose2(-2.0, 1.0, math.pi), Pose2(0.0, 0.0, 0.0)], pocket)
+    follow(floor, Led(lambda view: Twist()), "column", 40.0)
+    assert math.dist(floor.poses[1][:2], (-1.2, 1.0)) < 0.15
