@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from zteam.behaviors.assignment import assign
 from zteam.behaviors.formation_slots import Assignment
-from zteam.behaviors.yielding import Other
+from zteam.behaviors.slot_driving import Other
 
 costs = st.integers(0, 6).flatmap(
     lambda n: st.lists(

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 from zteam.behaviors.assignment import assign
-from zteam.behaviors.yielding import Other
+from zteam.behaviors.slot_driving import Other
 
 _PERIOD = 500_000_000
 """Nanoseconds between two looks for a better assignment: at the same times in all robots."""

@@ -9,9 +9,10 @@ from msgspec import Meta, Struct
 from zteam import names
 from zteam.behaviors.behavior import Behavior
 from zteam.behaviors.boundary import Boundary, meet
+from zteam.behaviors.escape import Escape
 from zteam.behaviors.goals import read_goal
 from zteam.behaviors.view import View
-from zteam.geometry import Pose2
+from zteam.geometry import Pose2, normalize_angle
 from zteam.messages import LaserScan, Message, PoseStamped, Twist, Vector3
 
 ANGULAR_GAIN = 2.0
@@ -22,9 +23,12 @@ LEAST_SPEED = 0.1
 """m/s, up to the edge of the tolerance."""
 SPOT_ANGLE = 1.0
 """Radians: it turns on the spot towards a heading that is further off."""
+BEHIND = 0.5 * math.pi
+"""Radians: towards a heading that is further off it keeps the side to which it turns."""
 SIDE_MARGIN = 0.015
 """Metres on either side of the circle that the base's corners describe when it turns."""
 GOAL_REACHED = "goal reached"
+BOXED_IN = "boxed in: it finds no way that is wide enough"
 NO_WAY = "no way to the goal found: it went all round what stands between"
 
 
@@ -65,6 +69,11 @@ class GoTo(Behavior):
         """Whether it has been within the tolerance; then it only turns."""
         self._boundary: Boundary | None = None
         """What it goes round."""
+        self._turn = 0.0
+        """Radians that it had to turn at the last step, left positive."""
+        self._spun = 0.0
+        """Radians that it was to turn since it last drove."""
+        self._escape = Escape()
 
     def step(self, view: View) -> Twist:
         """Towards the goal or along what stands between; zero without a goal and at the goal."""
@@ -83,11 +92,13 @@ class GoTo(Behavior):
         distance = math.hypot(goal.x, goal.y)
         self._is_there = self._is_there or distance <= self.params.xy_goal_tolerance
         if self._is_there:
-            return self._turn_to(goal.yaw)
+            return self._escape.free(view, own, self._turn_to(goal.yaw))
         heading = self._way(view, own, math.atan2(goal.y, goal.x), distance)
         if heading is None:
             return Twist()
-        return self._drive(heading, distance)
+        command = self._drive(heading, distance)
+        self._spun = 0.0 if command.linear.x else self._spun + abs(command.angular.z) * view.dt
+        return self._escape.free(view, own, command)
 
     def why_it_rests(self) -> str:
         """It drives or turns unless it is told not to."""
@@ -106,7 +117,7 @@ class GoTo(Behavior):
             self.reason = GOAL_REACHED
             return Twist()
         self.reason = ""
-        return Twist(angular=Vector3(z=self._limit(ANGULAR_GAIN * yaw)))
+        return Twist(angular=Vector3(z=self._turn_rate(yaw)))
 
     def _way(self, view: View, own: Pose2, bearing: float, distance: float) -> float | None:
         """The heading to take (rad), or None where there is none; `reason` says why."""
@@ -127,14 +138,21 @@ class GoTo(Behavior):
         if boundary.is_closed:
             self.reason = NO_WAY
             return None
+        # What the laser does not see, behind it, looks clear again and again.
+        self.reason = BOXED_IN if self._spun > math.tau else ""
         heading = boundary.heading(scan, half_width, own)
         # Without any clear heading it turns away from the obstacle until there is one.
         return boundary.side * math.pi if heading is None else heading
 
     def _drive(self, heading: float, distance: float) -> Twist:
-        straight = max(0.0, 1.0 - abs(heading) / SPOT_ANGLE)
+        straight = max(0.0, 1.0 - abs(normalize_angle(heading)) / SPOT_ANGLE)
         speed = min(self.params.speed, max(LINEAR_GAIN * distance, LEAST_SPEED)) * straight
-        return Twist(Vector3(speed), Vector3(z=self._limit(ANGULAR_GAIN * heading)))
+        return Twist(Vector3(speed), Vector3(z=self._turn_rate(heading)))
 
-    def _limit(self, turn: float) -> float:
-        return max(-self.params.max_angular, min(self.params.max_angular, turn))
+    def _turn_rate(self, angle: float) -> float:
+        """Rad/s towards a heading. What is behind may be now a little to the left and now to the right."""
+        angle = normalize_angle(angle)
+        if abs(angle) > BEHIND and angle * self._turn < 0.0:
+            angle += math.copysign(math.tau, self._turn)
+        self._turn = angle
+        return max(-self.params.max_angular, min(self.params.max_angular, ANGULAR_GAIN * angle))

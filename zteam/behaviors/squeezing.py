@@ -4,13 +4,10 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from zteam.behaviors.scans import beams_of
 from zteam.geometry import Pose2
 from zteam.messages import LaserScan
-
-Floats = NDArray[np.float64]
 
 MARGIN = 0.1
 """Metres that have to be free beside the outermost robot."""
@@ -33,18 +30,18 @@ class Squeeze:
 
     def __init__(self) -> None:
         self.share = 0.0
+        self.needed = 0.0
+        """The share that is needed now."""
         self._roomy = 0.0
         """Seconds in a row in which a smaller share would have done."""
 
-    def take(self, needed: float, dt: float) -> None:
-        """The share that is needed now; it closes at once and opens after a while."""
-        if needed >= self.share:
-            self._roomy = 0.0
-            self.share = min(needed, self.share + CLOSING * dt)
-            return
-        self._roomy += dt
-        if self._roomy > HOLD:
-            self.share = max(needed, self.share - OPENING * dt)
+    def step(self, dt: float) -> None:
+        """It closes at once and opens after a while."""
+        self._roomy = self._roomy + dt if self.needed < self.share else 0.0
+        if not self._roomy:
+            self.share = min(self.needed, self.share + CLOSING * dt)
+        elif self._roomy > HOLD:
+            self.share = max(self.needed, self.share - OPENING * dt)
 
 
 def share_for_bend(curvature: float, left: float, right: float) -> float:
@@ -72,23 +69,15 @@ def share_for_room(
     beams = beams_of(scan)
     if beams is None or beams.nearest >= bound:
         return 0.0
-    x, y = beams.find_hits(bound)
-    # All places at once, one row each: numpy has a cost for each call.
-    rows = [(place.x, place.y, math.cos(place.yaw), math.sin(place.yaw)) for place in places]
-    place_x, place_y, cos, sin = np.array(rows).T[:, :, None]
-    dx, dy = x - place_x, y - place_y
-    along, across = cos * dx + sin * dy, cos * dy - sin * dx
-    beside_place = (along > -BEHIND) & (along < AHEAD) & (np.abs(across) < side)
-    off = across[beside_place & _is_wall(x, y, others)]
+    hits = beams.find_hits(bound)
+    for x, y in others:
+        hits = hits[:, np.hypot(hits[0] - x, hits[1] - y) > BODY]
     needed = 0.0
-    for reach, offs in ((left, off[off > 0.0]), (right, -off[off < 0.0])):
-        if reach > 0.0 and offs.size:
-            needed = max(needed, 1.0 - (float(offs.min()) - beside) / reach)
+    for x, y, yaw in places:
+        dx, dy, cos, sin = hits[0] - x, hits[1] - y, math.cos(yaw), math.sin(yaw)
+        along, across = cos * dx + sin * dy, cos * dy - sin * dx
+        off = across[(along > -BEHIND) & (along < AHEAD) & (np.abs(across) < side)]
+        for reach, offs in ((left, off[off > 0.0]), (right, -off[off < 0.0])):
+            if reach > 0.0 and offs.size:
+                needed = max(needed, 1.0 - (float(offs.min()) - beside) / reach)
     return min(needed, 1.0)
-
-
-def _is_wall(x: Floats, y: Floats, others: Sequence[tuple[float, float]]) -> NDArray[np.bool_]:
-    """Which hits are not of another robot."""
-    other_x, other_y = np.array(others).reshape(-1, 2).T[:, :, None]
-    is_wall: NDArray[np.bool_] = ((x - other_x) ** 2 + (y - other_y) ** 2 > BODY * BODY).all(axis=0)
-    return is_wall

@@ -1,7 +1,7 @@
 """Who keeps which slot."""
 
 from zteam.behaviors.formation_slots import Assignment
-from zteam.behaviors.yielding import Other
+from zteam.behaviors.slot_driving import Other
 
 SLOTS = [(0.0, 0.0), (1.0, 0.0)]
 SECOND = 1_000_000_000

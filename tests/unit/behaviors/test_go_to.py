@@ -73,6 +73,36 @@ def test_a_goal_is_reached_within_its_tolerances(yaw: float) -> None:
         assert floor.poses[0] == there
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_it_keeps_the_side_to_which_it_turns(side: float) -> None:
+    """A goal behind that is now a little to the left and now to the right is turned to on the first of the sides."""
+    behavior, told = go_to(), []
+    for i in range(20):
+        own = Pose2(0.0, 0.0, -side * 0.3 * (-1) ** i)
+        told.append(behavior.step(seeing(make_goal(-3.0, 0.0), own)).angular.z)
+    assert told[0] == pytest.approx(-side) or told[0] == pytest.approx(side)
+    assert told == [told[0]] * 20
+
+
+def test_where_it_cannot_turn_it_backs_out() -> None:
+    """In a pocket that is too narrow to turn in it drives back until it can."""
+    pocket: list[Segment] = [(-0.1, 0.21, 0.4, 0.21), (-0.1, -0.21, 0.4, -0.21), (0.4, -0.21, 0.4, 0.21)]
+    floor, behavior = GoalFloor([ORIGIN], pocket, make_goal(-2.0, 0.5)), go_to()
+    for _ in range(150):
+        floor.step([behavior])
+    assert floor.poses[0].x < -0.2
+    assert floor.poses[0].yaw > 1.0
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_in_a_box_it_says_so(side: float) -> None:
+    """Where it turns all round and no way is wide enough, its status tells it, and that it goes on looking."""
+    floor, behavior = GoalFloor([ORIGIN], box(-0.5, -0.5, 0.5, 0.5), make_goal(0.0, 3.0 * side)), go_to()
+    for _ in range(200):
+        floor.step([behavior])
+    assert behavior.reason == "boxed in: it finds no way that is wide enough"
+
+
 def test_a_new_goal_replaces_the_old_one() -> None:
     """On the way to a goal and at a goal, a new one is headed for at once."""
     floor = GoalFloor([ORIGIN], [], make_goal(2.0, 0.0))

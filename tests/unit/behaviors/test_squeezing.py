@@ -26,19 +26,18 @@ def share(walls: list[Segment], reach: float = 1.0, others: list[tuple[float, fl
 def test_it_closes_at_once_and_opens_after_a_while() -> None:
     """It closes at its rate from the first tick on, and opens, slower, when there was more room for some time."""
     squeeze = Squeeze()
-    squeeze.take(1.0, 0.1)
-    assert squeeze.share == pytest.approx(0.1 * CLOSING)
-    for _ in range(100):
-        squeeze.take(0.8, 0.1)
-    assert squeeze.share == pytest.approx(0.8)
-    for _ in range(round(10.0 * HOLD)):
-        squeeze.take(0.0, 0.1)
-    assert squeeze.share == pytest.approx(0.8)
-    for _ in range(10):
-        squeeze.take(0.0, 0.1)
-    assert 0.0 < squeeze.share <= 0.8 - 9.0 * 0.1 * OPENING
-    squeeze.take(0.9, 0.1)
-    assert squeeze.share > 0.5
+
+    def take(needed: float, steps: int) -> float:
+        squeeze.needed = needed
+        for _ in range(steps):
+            squeeze.step(0.1)
+        return squeeze.share
+
+    assert take(1.0, 1) == pytest.approx(0.1 * CLOSING)
+    assert take(0.8, 100) == pytest.approx(0.8)
+    assert take(0.0, round(10.0 * HOLD)) == pytest.approx(0.8)
+    assert 0.0 < take(0.0, 10) <= 0.8 - 9.0 * 0.1 * OPENING
+    assert take(0.9, 1) > 0.5
 
 
 def test_a_corridor_takes_its_share() -> None:

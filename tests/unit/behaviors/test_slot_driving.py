@@ -6,7 +6,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from zteam.behaviors.yielding import HORIZON, Other, Others, give_way, is_free
+from zteam.behaviors.slot_driving import HORIZON, Other, Others, Target, drive_to, give_way, meets
 from zteam.geometry import Pose2
 from zteam.testing import make_view
 
@@ -56,11 +56,15 @@ def test_what_comes_after_its_arrival_does_not_count() -> None:
 
 def test_a_heading_that_does_not_point_along_the_velocity_is_looked_at_too() -> None:
     """A robot that still turns drives along its heading: not into one that stands there, but past one beside it."""
-    mate = [Other(0.7, 0.0)]
-    assert not is_free(ORIGIN, 0.4, mate, 0.45, 1.0)
-    assert is_free(Pose2(0.0, 0.0, 1.5), 0.4, mate, 0.45, 1.0)
-    assert is_free(ORIGIN, 0.2, mate, 0.45, 1.0)
-    assert is_free(ORIGIN, 0.0, mate, 0.45, 1.0)
+    mate = [Other(0.7, 0.0, robot=7)]
+    assert meets(ORIGIN, 0.4, 0.0, mate, 0.45, 1.0) == 7
+    assert meets(ORIGIN, 0.0, 0.4, mate, 0.45, 1.0) is None
+    assert meets(ORIGIN, 0.2, 0.0, mate, 0.45, 1.0) is None
+    assert meets(ORIGIN, 0.0, 0.0, mate, 0.45, 1.0) is None
+    slot = Target(Pose2(1.0, 1.2, 0.0), 0.0, 0.0)
+    command, waits_for = drive_to(ORIGIN, slot, [Other(0.5, 0.0, robot=7)], 0.3, 1.0, 2.0)
+    assert (command.linear.x, waits_for) == (0.0, 7)
+    assert command.angular.z > 0.0
 
 
 @given(speeds, speeds, others)
