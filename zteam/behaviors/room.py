@@ -27,7 +27,7 @@ STUCK, STUCK_FOR = 0.2, to_ns(3.0)
 """Metres, and nanoseconds: a robot that is late and has not come so far in so long leaves its trail."""
 FREED = 0.5
 """Metres from there after which it takes its trail again."""
-STRAY, STRAY_TURN = 0.3, 1.0
+STRAY, STRAY_TURN = 0.4, 1.0
 """m/s and rad/s while it is off its trail."""
 
 
