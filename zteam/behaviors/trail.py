@@ -118,23 +118,28 @@ class Trail:
         if alone and is_late:
             passed = {*passed, *overtaken(view, own, trail.path, self._place, place.after)}
         share, reason = (1.0, "") if place.behind in passed else keep_together(view, place)
-        straight = own.inverse().compose(ahead.pose)
         if alone:
             behind = head.pose.compose(Pose2(-gap * len(before), 0.0, 0.0))
             command = self._room.step(view, own, head.pose, behind, limits, is_late=is_late and share > 0.0)
-            if command is not None:
-                return command, ""
-            if is_too_near(straight):
-                return back_up(own, trail.path, self._place), ""
-            if len(before) > 1 and self._moves and comes_past(trail.path, self._place, ahead.pose):
-                return Twist(), f"waits: {names.robot_name(before[0])} comes past"
+            answer = (command, "") if command is not None else self._make_room(own, ahead.pose, before)
+            if answer is not None:
+                return answer
         speed = 0.0 if self._is_parked else max(0.0, trail.speed + GAIN * error)
-        if straight.x > 0.0:
+        if own.inverse().compose(ahead.pose).x > 0.0:
             speed = max(0.0, min(speed, self._leaves + NEAR_GAIN * (self.apart - NEAREST)))
         if share == 0.0:
             return Twist(), reason
         command = self._along(view, own, min(speed, limits.linear) * share, limits, passed, place.ahead)
         return self._escape.free(view, own, command), ""
+
+    def _make_room(self, own: Pose2, ahead: Pose2, before: Sequence[int]) -> Answer | None:
+        """For the robot ahead, that comes too near or comes past; None where it need not."""
+        path = self._trail.path
+        if is_too_near(own.inverse().compose(ahead)):
+            return back_up(own, path, self._place), ""
+        if len(before) > 1 and self._moves and comes_past(path, self._place, ahead):
+            return Twist(), f"waits: {names.robot_name(before[0])} comes past"
+        return None
 
     def _look(self, own: Pose2, ahead: Seen) -> None:
         """How far the robot ahead is, and how fast that grows."""
