@@ -148,7 +148,7 @@ def test_a_chain_closes_without_a_killed_robot_and_forms_again(team: TeamFixture
     assert gaps(team, 0, 2, 3) == pytest.approx([GAP, GAP], abs=0.1)
     assert team.robot(2).pose.x > team.robot(1).pose.x + 1.0
     team.restart("robot_1")
-    assert watch(team, 4, 20.0) > TOUCHING
+    assert watch(team, 4, 30.0) > TOUCHING
     assert_is_line(team, 4, 0.15)
 
 

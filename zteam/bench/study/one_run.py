@@ -73,8 +73,7 @@ class Neighbours:
         self._places: dict[int, tuple[float, float]] = {}
         """In `map`, the true ones."""
         self._followed: dict[int, int] = {}
-        self.apart: dict[int, list[float]] = {}
-        """Metres, by follower."""
+        self._rows: list[tuple[dict[int, tuple[float, float]], dict[int, int]]] = []
 
     def body(self, node: StepNode) -> None:
         """Measure until asked to stop."""
@@ -91,9 +90,18 @@ class Neighbours:
         self._followed[status.robot_id] = status.followed
 
     def _step(self, _now: int) -> None:
-        for robot, other in self._followed.items():
-            if robot in self._places and other in self._places:
-                self.apart.setdefault(robot, []).append(math.dist(self._places[robot], self._places[other]))
+        self._rows.append((self._places.copy(), self._followed.copy()))
+
+    def apart(self) -> dict[int, list[float]]:
+        """Metres, by follower."""
+        # Statuses before the first tick come in real time: until one is there, the first one counts.
+        first = {robot: other for _, followed in reversed(self._rows) for robot, other in followed.items()}
+        apart: dict[int, list[float]] = {}
+        for places, followed in self._rows:
+            for robot, other in sorted({**first, **followed}.items()):
+                if robot in places and other in places:
+                    apart.setdefault(robot, []).append(math.dist(places[robot], places[other]))
+        return apart
 
 
 def measure(task: Task) -> Outcome:
@@ -115,12 +123,13 @@ def measure(task: Task) -> Outcome:
         # Anything that ends a run is a result of the study.
         except (Exception, SystemExit) as error:
             return Outcome(error=f"{type(error).__name__}: {error}"[:200])
+    apart = neighbours.apart()
     places = make_tracks(recorder.rows()).poses[..., :2]
     outcome = Outcome(
         driven=[round(robot.distance_m, 1) for robot in report.robots],
         contacts=sum(robot.stalls for robot in report.robots),
-        held={i: round(sum(gap < HELD for gap in gaps) / len(gaps), 4) for i, gaps in sorted(neighbours.apart.items())},
-        last={i: round(gaps[-1], 1) for i, gaps in sorted(neighbours.apart.items())},
+        held={i: round(sum(gap < HELD for gap in gaps) / len(gaps), 4) for i, gaps in apart.items()},
+        last={i: round(gaps[-1], 1) for i, gaps in apart.items()},
         still=round(longest_stand(places) * task.seconds / len(places), 1),
         trajectory=report.trajectory_sha256,
     )

@@ -44,7 +44,18 @@ def test_held_is_about_the_robot_that_is_followed_now() -> None:
             pairs._take_pose(f"robot_{robot}/base_pose_ground_truth", pose_at(4.0 * robot))
             pairs._take_status("", RobotStatus(robot_id=robot, leader=robot - 1, follows=other, turns=now))
         pairs._step(now)
-    assert pairs.apart == {1: [4.0, 4.0], 2: [4.0, 8.0]}
+    assert pairs.apart() == {1: [4.0, 4.0], 2: [4.0, 8.0]}
+
+
+def test_a_status_that_comes_late_changes_nothing() -> None:
+    """In a tick before a robot's first status it counts as a follower of the robot which that names."""
+    pairs = Neighbours()
+    for robot in (0, 1):
+        pairs._take_pose(f"robot_{robot}/base_pose_ground_truth", pose_at(4.0 * robot))
+    pairs._step(0)
+    pairs._take_status("", RobotStatus(robot_id=1, leader=0, follows=0))
+    pairs._step(1)
+    assert pairs.apart() == {1: [4.0, 4.0]}
 
 
 def test_an_error_is_an_outcome() -> None:
