@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 
 from zteam.behaviors.assignment import assign
 from zteam.behaviors.formation_slots import Assignment
-from zteam.behaviors.slot_driving import Other
 
 costs = st.integers(0, 6).flatmap(
     lambda n: st.lists(
@@ -31,7 +30,7 @@ def test_no_other_assignment_is_cheaper(table: list[list[float]]) -> None:
 @given(st.lists(st.tuples(places, places), min_size=1, max_size=6), st.randoms())
 def test_all_robots_assign_alike(pairs: list[tuple[tuple[float, float], tuple[float, float]]], random: object) -> None:
     """The order in which a robot came to know the others does not matter."""
-    members = {robot: Other(*robot_at) for robot, (robot_at, _) in enumerate(pairs)}
+    members = {robot: robot_at for robot, (robot_at, _) in enumerate(pairs)}
     slots = [slot_at for _, slot_at in pairs]
     shuffled = list(members)
     random.shuffle(shuffled)  # type: ignore[attr-defined]

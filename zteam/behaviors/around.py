@@ -25,7 +25,11 @@ STEP, STEPS = math.radians(10.0), 12
 class Around:
     """Keeps the side on which it passes until the straight way is clear, so it does not swing in front of a post."""
 
-    def __init__(self) -> None:
+    def __init__(
+        self, gain: float = LINEAR_GAIN, mate_reach: float = MATE_REACH, mate_margin: float = MATE_MARGIN
+    ) -> None:
+        """`gain` is the speed by the distance (1/s). For the others see above."""
+        self._gain, self._mate_reach, self._mate_margin = gain, mate_reach, mate_margin
         self._side = 0.0
         """1 while it passes on the left, -1 on the right, 0 with a clear way."""
 
@@ -39,7 +43,7 @@ class Around:
         distance, bearing = math.hypot(x, y), math.atan2(y, x)
         heading = self._clear_heading(view, bearing, distance - room, but)
         # A place behind is turned to on the spot: driving would lead away from it.
-        speed = 0.0 if abs(heading) > 0.5 * math.pi else min(LINEAR_GAIN * distance, limits.linear)
+        speed = 0.0 if abs(heading) > 0.5 * math.pi else min(self._gain * distance, limits.linear)
         if self._side:
             speed *= max(0.0, 1.0 - abs(heading) / SPOT_ANGLE)
         turn = max(-limits.angular, min(limits.angular, ANGULAR_GAIN * heading))
@@ -47,7 +51,7 @@ class Around:
 
     def _clear_heading(self, view: View, bearing: float, reach: float, but: int | None) -> float:
         """The bearing, or the nearest to it that is clear; without any the bearing."""
-        if _is_clear(view, bearing, reach, but):
+        if self._is_clear(view, bearing, reach, but):
             self._side = 0.0
             return bearing
         sides = (1.0, -1.0) if self._side == 0.0 else (self._side,)
@@ -55,22 +59,21 @@ class Around:
         if self._side:
             turns += [-self._side * step * STEP for step in range(1, STEPS + 1)]
         for turn in turns:
-            if _is_clear(view, bearing + turn, reach, but):
+            if self._is_clear(view, bearing + turn, reach, but):
                 self._side = math.copysign(1.0, turn)
                 return normalize_angle(bearing + turn)
         self._side = 0.0
         return bearing
 
-
-def _is_clear(view: View, heading: float, reach: float, but: int | None) -> bool:
-    """Whether neither a wall nor a robot stands in the way towards a heading (rad)."""
-    half_width = view.base.half_width
-    if view.scan is not None and not is_clear(view.scan, half_width + SIDE_MARGIN, min(REACH, reach), heading):
-        return False
-    cos, sin = math.cos(heading), math.sin(heading)
-    for mate in view.teammates:
-        along, across = cos * mate.pose.x + sin * mate.pose.y, cos * mate.pose.y - sin * mate.pose.x
-        in_reach = 0.0 < along < min(MATE_REACH, reach + mate.base.radius)
-        if in_reach and abs(across) < half_width + mate.base.radius + MATE_MARGIN and mate.robot_id != but:
+    def _is_clear(self, view: View, heading: float, reach: float, but: int | None) -> bool:
+        """Whether neither a wall nor a robot stands in the way towards a heading (rad)."""
+        half_width = view.base.half_width
+        if view.scan is not None and not is_clear(view.scan, half_width + SIDE_MARGIN, min(REACH, reach), heading):
             return False
-    return True
+        cos, sin = math.cos(heading), math.sin(heading)
+        for mate in view.teammates:
+            along, across = cos * mate.pose.x + sin * mate.pose.y, cos * mate.pose.y - sin * mate.pose.x
+            in_reach = 0.0 < along < min(self._mate_reach, reach + mate.base.radius)
+            if in_reach and abs(across) < half_width + mate.base.radius + self._mate_margin and mate.robot_id != but:
+                return False
+        return True

@@ -7,16 +7,18 @@ from typing import Annotated, Any, ClassVar
 from msgspec import Meta, Struct
 
 from zteam import names
+from zteam.behaviors.around import Around
 from zteam.behaviors.behavior import Behavior
-from zteam.behaviors.chain import STATUSES, Seen, see_robot
+from zteam.behaviors.chain import STATUSES, see_robot
 from zteam.behaviors.escape import Escape
 from zteam.behaviors.formation_slots import Assignment
+from zteam.behaviors.formation_way import MakingWay
 from zteam.behaviors.leader_trail import LeaderTrail
-from zteam.behaviors.making_way import Detour, MakingWay
+from zteam.behaviors.line_room import Stray
 from zteam.behaviors.pursuit import Limits
 from zteam.behaviors.shapes import Shape, Slot, reach_of, slots_of, squeeze
-from zteam.behaviors.slot_driving import STANDING, Other, Others, Target, drive_to, turn_to
-from zteam.behaviors.squeezing import Squeeze, share_for_bend, share_for_room
+from zteam.behaviors.slot_driving import SLOT_GAIN, STANDING, find_goal, hold, turn_to
+from zteam.behaviors.squeezing import approach, share_for_bend, share_for_room
 from zteam.behaviors.view import View
 from zteam.geometry import Pose2
 from zteam.messages import Message, Twist
@@ -25,8 +27,14 @@ PARKED, LEFT = 0.04, 0.12
 """Metres to the slot of a standing leader at which it stops, and at which it goes on."""
 KEPT = 20.0
 """Metres of the leader's trail behind the last slot that are kept, for robots that were left behind."""
-ROOM = 0.6
-"""Metres: no robot is passed nearer, or nearer than three quarters of the spacing."""
+NEAR = 0.5
+"""Metres to the slot within which it moves and turns as the slot does."""
+APART = 0.75
+"""Of the spacing: no robot stands nearer to its leader."""
+MATE_REACH, MATE_MARGIN = 2.2, 0.1
+"""Metres ahead up to which others are in the way to its slot, and metres that are left beside them."""
+STALE_AFTER = 1.0
+"""Seconds; a member with an older pose is not seen any more."""
 
 
 class FormationParams(Struct, frozen=True, forbid_unknown_fields=True):
@@ -60,13 +68,12 @@ class Formation(Behavior):
         super().__init__(params)
         self.leader: int = params.leader
         self._assignment = Assignment()
-        self._others = Others()
         self._trail = LeaderTrail()
-        self._squeeze = Squeeze()
-        self._making_way, self._detour, self._escape = MakingWay(), Detour(), Escape()
+        self._squeezed = self._needed = 0.0
+        """The share of the way from the shape's slots to those of the column, 0 to 1: now, and as the room needs it."""
+        self._making_way, self._around, self._escape = MakingWay(), Around(SLOT_GAIN, MATE_REACH, MATE_MARGIN), Escape()
+        self._stray = Stray()
         self._is_parked = False
-        self._rank = 0
-        """The number of its slot."""
 
     def on_params(self) -> None:
         """Follow the leader that `params` names; another shape or spacing counts at the next step."""
@@ -77,74 +84,89 @@ class Formation(Behavior):
 
     def missing(self, view: View) -> list[str]:
         """The leader's pose, as long as it is not there or old."""
-        leader, _ = self._see_leader(view)
+        leader, _ = see_robot(view, self.leader, names.MAP_FRAME, self.params.stale_after)
         return [] if leader else [f"the pose of its leader {names.robot_name(self.leader)}"]
 
     def step(self, view: View) -> Twist:
         """Towards its slot, or zero in the slot of a leader that stands."""
         own = view.map_from_base()
-        leader, self.reason = self._see_leader(view)
+        leader, self.reason = see_robot(view, self.leader, names.MAP_FRAME, self.params.stale_after)
         if leader is None or own is None:
             self.reason = self.reason or f"its own pose in {names.MAP_FRAME} is not known"
             self._trail.forget()
             self._making_way.forget()
             return Twist()
-        here = own[0]
-        members = self._members(view)
-        others = self._others.take(view, here, {*members, self.leader})
+        here, members = own[0], self._members(view)
         self._trail.take(leader.pose, leader.stamp or view.now, (len(members) + 1) * self.params.spacing + KEPT)
-        target = self._find_target(view, here, {robot: others[robot] for robot in members if robot in others})
+        slot = self._apart(self._find_slot(view, here, members))
         limits = Limits(self.params.max_linear, self.params.max_angular)
-        command = self._making_way.step(view, here, leader.pose, others.values(), limits)
+        command = self._drive(view, here, slot, limits)
+        stray = self._stray.step(view, here, limits, is_late=command.linear.x != 0.0)
+        if stray is None:
+            return self._escape.free(view, here, command)
+        self.reason = "boxed in: leaves its way to its slot"
+        return stray
+
+    def _drive(self, view: View, here: Pose2, slot: Slot, limits: Limits) -> Twist:
+        trail, at = self._trail, here.inverse().compose(self._place(slot))
+        distance, place = math.hypot(at.x, at.y), trail.place - slot.back
+        command = self._making_way.step(view, here, trail.leader, limits)
         if command is not None:
             self.reason = f"makes way: {names.robot_name(self.leader)} turns back"
-        elif self._parks(math.dist(target.pose[:2], here[:2])):
+            return command
+        self._is_parked = abs(trail.speed) <= STANDING and distance < (LEFT if self._is_parked else PARKED)
+        if self._is_parked:
             self.reason = f"in its slot; leader {names.robot_name(self.leader)} stands"
-            return turn_to(target.pose.yaw - here.yaw, limits.angular)
-        elif self._detour.is_needed(view, here, target.pose):
-            command = self._detour.step(view, here, self._trail, target.pose, limits)
-        else:
-            way = self._in_the_way(here, others)
-            command, waits_for = drive_to(here, target, way, self._room, limits.linear, limits.angular)
-            self.reason = f"waits: {names.robot_name(waits_for)} comes past" if waits_for is not None else ""
-        return self._escape.free(view, here, command)
+            return turn_to(at.yaw, limits)
+        bend = trail.curvature(place)
+        speed = trail.speed * (1.0 - bend * slot.lateral)
+        if distance < NEAR:
+            return hold(at, speed, trail.speed * bend, limits)
+        goal = find_goal(view, here, at, speed, trail, place)
+        return self._around.drive_to(view, goal.x, goal.y, limits)
 
     def why_it_rests(self) -> str:
-        """It would come too near to another robot, or is told to."""
-        return "gives way to others" if self.params.max_linear else "its parameter max_linear is 0"
+        """It is in its slot, or is told to."""
+        return "in its slot" if self.params.max_linear else "its parameter max_linear is 0"
 
-    def _see_leader(self, view: View) -> tuple[Seen | None, str]:
-        return see_robot(view, self.leader, names.MAP_FRAME, self.params.stale_after)
-
-    def _members(self, view: View) -> list[int]:
-        """The robots that form it, itself among them, by id."""
+    def _members(self, view: View) -> dict[int, Pose2]:
+        """The robots that form it and are seen, itself among them, in its own base frame."""
         statuses: Mapping[int, Any] = view.inputs.get("statuses") or {}
         told = self.params.team or [
             robot
             for robot, status in statuses.items()
             if status.behavior == "formation" and status.leader == self.leader
         ]
-        alive = set(told) & set(view.team) if view.team else set(told)
-        return sorted((alive | {view.robot_id}) - {self.leader})
+        found = {
+            robot: pose
+            for robot, pose, age, _base in view.teammates
+            if robot in told and robot != self.leader and (robot in view.team or not view.team) and age < STALE_AFTER
+        }
+        return {**found, view.robot_id: Pose2(0.0, 0.0, 0.0)}
 
-    def _find_target(self, view: View, here: Pose2, members: dict[int, Other]) -> Target:
+    def _find_slot(self, view: View, here: Pose2, members: Mapping[int, Pose2]) -> Slot:
         """The own slot now."""
-        params, assignment, trail = self.params, self._assignment, self._trail
-        members[view.robot_id] = Other(here.x, here.y)
+        params, assignment = self.params, self._assignment
         slots = slots_of(params.shape, len(members), params.spacing)
         is_due = assignment.is_due(view.now, members)
         if is_due:
             # Not squeezed: each robot squeezes for itself, and all have to assign alike.
-            assignment.look(view.now, members, [self._place(slot)[:2] for slot in slots])
-        self._rank = assignment.slot_of(view.robot_id) or 0
-        slot = squeeze(slots[self._rank], self._rank, params.spacing, self._squeeze.share)
-        bend = trail.curvature(trail.place - slot.back)
+            places = {robot: here.compose(pose)[:2] for robot, pose in members.items()}
+            assignment.look(view.now, places, [self._place(slot)[:2] for slot in slots])
+        rank = assignment.slot_of(view.robot_id) or 0
+        slot = squeeze(slots[rank], rank, params.spacing, self._squeezed)
         if is_due:
-            self._squeeze.needed = self._needed_share(
-                view, here, slot, *reach_of(params.shape, len(slots), params.spacing)
-            )
-        self._squeeze.step(view.dt)
-        return Target(self._place(slot), trail.speed * (1.0 - bend * slot.lateral), trail.speed * bend)
+            self._needed = self._needed_share(view, here, slot, *reach_of(slots))
+        self._squeezed = approach(self._squeezed, self._needed, view.dt)
+        return slot
+
+    def _apart(self, slot: Slot) -> Slot:
+        """The slot, or a place further back where the leader has come back to it: it needs room to turn."""
+        trail = self._trail
+        least = APART * self.params.spacing
+        while math.dist(self._place(slot)[:2], trail.leader[:2]) < least and trail.place - slot.back > trail.path.start:
+            slot = Slot(slot.back + least, slot.lateral)
+        return slot
 
     def _needed_share(self, view: View, here: Pose2, own: Slot, left: float, right: float) -> float:
         """What share of the squeeze the bend and the walls need: at the leader, and where the own slot is."""
@@ -162,23 +184,3 @@ class Formation(Behavior):
 
     def _place(self, slot: Slot) -> Pose2:
         return self._trail.at(self._trail.place - slot.back).compose(Pose2(0.0, slot.lateral, 0.0))
-
-    def _in_the_way(self, here: Pose2, others: Mapping[int, Other]) -> list[Other]:
-        """The robots that it gives way to: the leader, those with a slot before its own, that stand or are near."""
-        room, slot_of = self._room, self._assignment.slot_of
-        return [
-            other
-            for robot, other in others.items()
-            if (slot_of(robot) or -1) < self._rank
-            or other.speed < STANDING
-            or math.hypot(other.x - here.x, other.y - here.y) < room
-        ]
-
-    @property
-    def _room(self) -> float:
-        return min(ROOM, 0.75 * self.params.spacing)
-
-    def _parks(self, distance: float) -> bool:
-        """Whether it stands in the slot of a leader that stands."""
-        self._is_parked = abs(self._trail.speed) <= STANDING and distance < (LEFT if self._is_parked else PARKED)
-        return self._is_parked

@@ -1,9 +1,9 @@
 """Which robot of a formation has which slot: the same for all robots that compute it from the same poses."""
 
+import math
 from collections.abc import Mapping, Sequence
 
 from zteam.behaviors.assignment import assign
-from zteam.behaviors.slot_driving import Other
 
 _PERIOD = 500_000_000
 """Nanoseconds between two looks for a better assignment: at the same times in all robots."""
@@ -26,18 +26,18 @@ class Assignment:
         """The number of a member's slot; None for a robot that has none."""
         return self._slots.get(robot)
 
-    def is_due(self, now: int, members: Mapping[int, Other]) -> bool:
+    def is_due(self, now: int, members: Mapping[int, object]) -> bool:
         """Whether to look at time `now` (ns): when members have come or gone, and from time to time."""
         return self._slots.keys() != members.keys() or now // _PERIOD != self._looked
 
-    def look(self, now: int, members: Mapping[int, Other], places: Sequence[tuple[float, float]]) -> None:
+    def look(self, now: int, members: Mapping[int, Sequence[float]], places: Sequence[tuple[float, float]]) -> None:
         """Assign the slots at these places (as many as members) with the least sum of squared distances.
 
         Straight ways to slots that are assigned so do not cross.
         """
         self._looked = now // _PERIOD
         robots = sorted(members)
-        costs = [[(members[r].x - x) ** 2 + (members[r].y - y) ** 2 for x, y in places] for r in robots]
+        costs = [[math.dist(members[robot], place) ** 2 for place in places] for robot in robots]
         best = assign(costs)
         if self._slots.keys() == members.keys():
             present = sum(costs[row][self._slots[robot]] for row, robot in enumerate(robots))

@@ -5,16 +5,13 @@ train does, and does not swing outwards like a board.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache
 from itertools import combinations
 from typing import Literal, NamedTuple, get_args
 
 Shape = Literal["line", "column", "wedge", "diamond", "circle"]
-
-
-_LEAST = 1e-6
-"""Metres."""
+_RISE = math.sqrt(0.5)
 
 
 class Slot(NamedTuple):
@@ -37,13 +34,10 @@ def slots_of(shape: Shape, count: int, spacing: float) -> tuple[Slot, ...]:
     return tuple(sorted(_SLOTS[shape](count, spacing), key=lambda slot: (round(slot.back, 6), abs(slot.lateral))))
 
 
-@lru_cache(maxsize=64)
-def reach_of(shape: Shape, count: int, spacing: float) -> tuple[float, float]:
-    """Metres that the slots reach to the left and to the right of the trail."""
-    laterals = [slot.lateral for slot in slots_of(shape, count, spacing)]
-    left, right = max(laterals, default=0.0), -min(laterals, default=0.0)
-    # The rear of a circle is beside the trail by rounding.
-    return left if left > _LEAST else 0.0, right if right > _LEAST else 0.0
+def reach_of(slots: Sequence[Slot]) -> tuple[float, float]:
+    """Metres that the slots reach to the left and to the right of the trail, to the micrometre."""
+    laterals = [round(slot.lateral, 6) for slot in slots]
+    return max((0.0, *laterals)), -min((0.0, *laterals))
 
 
 def squeeze(slot: Slot, rank: int, spacing: float, share: float) -> Slot:
@@ -54,19 +48,6 @@ def squeeze(slot: Slot, rank: int, spacing: float, share: float) -> Slot:
     """
     column = (rank + 1) * spacing
     return Slot(slot.back + min(1.0, 2.0 * share) * (column - slot.back), (1.0 - share) * slot.lateral)
-
-
-def _line(count: int, spacing: float) -> list[Slot]:
-    return [Slot(0.0, side * pair * spacing) for pair, side in _pairs(count)]
-
-
-def _column(count: int, spacing: float) -> list[Slot]:
-    return [Slot(place * spacing, 0.0) for place in range(1, count + 1)]
-
-
-def _wedge(count: int, spacing: float) -> list[Slot]:
-    step = spacing * math.sqrt(0.5)
-    return [Slot(pair * step, side * pair * step) for pair, side in _pairs(count)]
 
 
 def _diamond(count: int, spacing: float) -> list[Slot]:
@@ -89,15 +70,17 @@ def _circle(count: int, spacing: float) -> list[Slot]:
     return [Slot(radius * (1.0 - math.cos(turn)), radius * math.sin(turn)) for turn in turns]
 
 
-def _pairs(count: int) -> list[tuple[int, float]]:
+def _pairs(count: int) -> Iterator[tuple[int, float]]:
     """The number of the pair and the side (1 left, -1 right) of each follower."""
-    return [(place // 2 + 1, -1.0 if place % 2 else 1.0) for place in range(count)]
+    return ((place // 2 + 1, -1.0 if place % 2 else 1.0) for place in range(count))
 
 
 _SLOTS: dict[Shape, Callable[[int, float], list[Slot]]] = {
-    "line": _line,
-    "column": _column,
-    "wedge": _wedge,
+    "line": lambda count, spacing: [Slot(0.0, side * pair * spacing) for pair, side in _pairs(count)],
+    "column": lambda count, spacing: [Slot((place + 1) * spacing, 0.0) for place in range(count)],
+    "wedge": lambda count, spacing: [
+        Slot(_RISE * pair * spacing, side * _RISE * pair * spacing) for pair, side in _pairs(count)
+    ],
     "diamond": _diamond,
     "circle": _circle,
 }

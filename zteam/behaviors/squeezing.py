@@ -17,31 +17,13 @@ BODY = 0.45
 """Metres around another robot within which a hit is that robot."""
 BEND = 0.9
 """The outermost slot lies within this share of the radius of a bend."""
-CLOSING, OPENING = 0.5, 0.25
+CLOSING, OPENING = 0.5, 0.1
 """1/s: how fast the formation closes and opens."""
-HOLD = 1.0
-"""Seconds with more room before it opens."""
-_ROUNDING = 1e-6
-"""Metres."""
 
 
-class Squeeze:
-    """The share of the way from the shape's slots to those of the column, 0 to 1."""
-
-    def __init__(self) -> None:
-        self.share = 0.0
-        self.needed = 0.0
-        """The share that is needed now."""
-        self._roomy = 0.0
-        """Seconds in a row in which a smaller share would have done."""
-
-    def step(self, dt: float) -> None:
-        """It closes at once and opens after a while."""
-        self._roomy = self._roomy + dt if self.needed < self.share else 0.0
-        if not self._roomy:
-            self.share = min(self.needed, self.share + CLOSING * dt)
-        elif self._roomy > HOLD:
-            self.share = max(self.needed, self.share - OPENING * dt)
+def approach(share: float, needed: float, dt: float) -> float:
+    """The share after `dt` seconds: it closes faster than it opens, so a doorway does not open it."""
+    return min(needed, share + CLOSING * dt) if needed > share else max(needed, share - OPENING * dt)
 
 
 def share_for_bend(curvature: float, left: float, right: float) -> float:
@@ -64,7 +46,7 @@ def share_for_room(
     """
     beside = half_width + MARGIN
     # What is further to the side needs nothing.
-    side = max(left, right) + beside + _ROUNDING
+    side = max(left, right) + beside
     bound = math.hypot(side, AHEAD) + max(math.hypot(place.x, place.y) for place in places)
     beams = beams_of(scan)
     if beams is None or beams.nearest >= bound:

@@ -10,9 +10,9 @@ from zteam.behaviors.chain import Seen, see_robot
 from zteam.behaviors.escape import Escape
 from zteam.behaviors.leader_trail import LeaderTrail
 from zteam.behaviors.line import STRETCHED, Place, keep_together
+from zteam.behaviors.line_room import MakingRoom, back_up, is_too_near
 from zteam.behaviors.polyline import Polyline
 from zteam.behaviors.pursuit import LOOK_AHEAD, Limits, pursue
-from zteam.behaviors.room import Room, back_up, is_too_near
 from zteam.behaviors.scans import is_clear
 from zteam.behaviors.view import View
 from zteam.clock import to_ns
@@ -79,7 +79,7 @@ class Trail:
         self._is_parked = False
         self._has_place = False
         """Whether it has been in its place since it began."""
-        self._around, self._escape, self._room = Around(), Escape(), Room()
+        self._around, self._escape, self._making_room = Around(), Escape(), MakingRoom()
         self._got_on = 0, 0.0
         """When it got on last on its way past a lost head, and to which place."""
         self.apart = 0.0
@@ -115,15 +115,14 @@ class Trail:
         self._has_place = self._has_place or not is_late
         self._is_parked = trail.stands and error < (LEFT if self._is_parked else PARKED)
         passed = place.gone
-        if alone and is_late:
+        if is_late:
             passed = {*passed, *overtaken(view, own, trail.path, self._place, place.after)}
         share, reason = (1.0, "") if place.behind in passed else keep_together(view, place)
-        if alone:
-            behind = head.pose.compose(Pose2(-gap * len(before), 0.0, 0.0))
-            command = self._room.step(view, own, head.pose, behind, limits, is_late=is_late and share > 0.0)
-            answer = (command, "") if command is not None else self._make_room(own, ahead.pose, before)
-            if answer is not None:
-                return answer
+        faced, is_stuck = head.pose if alone else None, is_late and share > 0.0
+        command = self._making_room.step(view, own, faced, gap * len(before), limits, is_late=is_stuck)
+        answer = (command, "") if command is not None else self._make_room(own, ahead.pose, before) if alone else None
+        if answer is not None:
+            return answer
         speed = 0.0 if self._is_parked else max(0.0, trail.speed + GAIN * error)
         if own.inverse().compose(ahead.pose).x > 0.0:
             speed = max(0.0, min(speed, self._leaves + NEAR_GAIN * (self.apart - NEAREST)))

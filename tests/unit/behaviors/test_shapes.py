@@ -75,5 +75,5 @@ def test_the_ends_of_a_squeeze(shape: Shape, count: int) -> None:
 
 def test_how_far_a_shape_reaches() -> None:
     """To the left and to the right of the trail; a column reaches nowhere."""
-    assert reach_of("line", 3, 1.0) == (2.0, 1.0)
-    assert reach_of("column", 3, 1.0) == (0.0, 0.0)
+    assert reach_of(slots_of("line", 3, 1.0)) == (2.0, 1.0)
+    assert reach_of(slots_of("column", 3, 1.0)) == (0.0, 0.0)

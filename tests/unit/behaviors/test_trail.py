@@ -306,3 +306,16 @@ def test_a_line_makes_room_for_a_head_that_comes_towards_it() -> None:
         floor.step(team)
         assert room(floor.poses) > 0.4
     assert floor.poses[1].x < -1.0
+
+
+def test_a_robot_that_was_passed_does_not_wait_for_the_one_that_passed_it() -> None:
+    """The last of three has come past the second: the second passes it again, and the line drives on in its order."""
+    floor = Chain(in_line(3))
+    behaviors = [load_behavior("wander", {"speed": 0.4}, 0), *followers(3)]
+    for _ in range(100):
+        floor.step(behaviors)
+    floor.place(1, floor.poses[2].compose(Pose2(-2.5, 0.0, 0.0)))
+    for _ in range(200):
+        floor.step(behaviors)
+    assert [behavior.turns for behavior in behaviors] == [0, 0, 0]
+    assert [math.dist(one[:2], other[:2]) for one, other in pairwise(floor.poses)] == pytest.approx([GAP] * 2, abs=0.1)

@@ -31,34 +31,52 @@ STRAY, STRAY_TURN = 0.4, 1.0
 """m/s and rad/s while it is off its trail."""
 
 
-class Room:
-    """What a robot does instead of following: it goes round a head that faces it, strays, or drives back."""
+class Stray:
+    """Takes a robot that is late and stuck off its way: there it drives as a head does."""
 
     def __init__(self) -> None:
-        self._around, self._escape, self._stray = Around(), Escape(), Head()
-        self._faced_since: int | None = None
-        """Nanoseconds: since when it stands face to face with the head."""
+        self._head = Head()
         self._anchor = (0.0, 0.0), 0
         """Where it got on last, and when (ns)."""
 
-    def step(
-        self, view: View, own: Pose2, head: Pose2, behind: Pose2, limits: Limits, *, is_late: bool
-    ) -> Twist | None:
-        """The velocity of a robot at `own`, whose place is `behind` the head; None to follow. All poses are in map.
+    def step(self, view: View, own: Pose2, limits: Limits, *, is_late: bool) -> Twist | None:
+        """The velocity of a robot at `own` in map; None to go its way.
 
-        `is_late`: it is not in its place and does not wait for another robot.
+        `is_late`: it is to drive on, and does not wait for another robot.
         """
-        if self._is_faced(view, own, head):
-            x, y, _ = own.inverse().compose(behind)
-            return self._escape.free(view, own, self._around.drive_to(view, x, y, limits))
-        if self._is_stuck(view, own, is_late):
+        place, since = self._anchor
+        is_stuck = view.now - since > STUCK_FOR
+        if math.dist(own[:2], place) > (FREED if is_stuck else STUCK) or not is_late:
+            self._anchor = own[:2], view.now
+        if is_stuck:
             linear, angular = min(STRAY, limits.linear), min(STRAY_TURN, limits.angular)
-            command, _ = self._stray.step(view, own, Place(), linear, angular)
+            command, _ = self._head.step(view, own, Place(), linear, angular)
             if command is not None:
                 return command
             self._anchor = own[:2], view.now
-        self._stray.rest()
+        self._head.rest()
         return None
+
+
+class MakingRoom:
+    """What a robot does instead of following: it goes round a head that faces it, or strays."""
+
+    def __init__(self) -> None:
+        self._around, self._escape, self._stray = Around(), Escape(), Stray()
+        self._faced_since: int | None = None
+        """Nanoseconds: since when it stands face to face with the head."""
+
+    def step(
+        self, view: View, own: Pose2, head: Pose2 | None, back: float, limits: Limits, *, is_late: bool
+    ) -> Twist | None:
+        """The velocity of a robot at `own`, whose place is `back` metres behind the head; None to follow.
+
+        Poses are in map. `head` is None where the head hands over instead.
+        """
+        if head is not None and self._is_faced(view, own, head):
+            x, y, _ = own.inverse().compose(head).compose(Pose2(-back, 0.0, 0.0))
+            return self._escape.free(view, own, self._around.drive_to(view, x, y, limits))
+        return self._stray.step(view, own, limits, is_late=is_late)
 
     def _is_faced(self, view: View, own: Pose2, head: Pose2) -> bool:
         apart = math.dist(own[:2], head[:2])
@@ -67,13 +85,6 @@ class Room:
         elif self._faced_since is None and own.inverse().compose(head).x > 0.0 and apart < FACING:
             self._faced_since = view.now
         return self._faced_since is not None and view.now - self._faced_since > FACED_FOR
-
-    def _is_stuck(self, view: View, own: Pose2, is_late: bool) -> bool:
-        place, since = self._anchor
-        is_stuck = view.now - since > STUCK_FOR
-        if math.dist(own[:2], place) > (FREED if is_stuck else STUCK) or not is_late:
-            self._anchor = own[:2], view.now
-        return is_stuck
 
 
 def is_too_near(ahead: Pose2) -> bool:
