@@ -40,6 +40,8 @@ _FIRST_STEPS = 0.1, 0.05
 """Metres and radians of the first steps of the search for the place where a scan fits best."""
 _MATCHED_DEVIATIONS = 0.03, 0.03, 0.02
 """Metres, metres, radians: how the particles scatter that are put where the scan fits best."""
+_MATCHED_WITHIN = 1.0, 0.7
+"""Metres and radians from the expected pose up to which they are: beyond, a scan fits as one corner fits another."""
 
 
 def _make_field(grid: GridMap, options: AmclOptions, range_max: float) -> LikelihoodField:
@@ -63,10 +65,13 @@ def _normals(state: NDArray[np.uint64], count: int) -> Floats:
     return gaussian_pairs(state, (3 * count + 1) // 2)[0, : 3 * count].reshape(-1, 3).astype(np.float64)
 
 
-def _scatter(poses: Floats, about: Floats, share: float, state: NDArray[np.uint64]) -> None:
-    """Put a share of the particles, which were drawn in no order, about a pose."""
-    count = int(share * len(poses))
-    poses[:count] = about + _normals(state, count) * _MATCHED_DEVIATIONS
+def _scatter(poses: Floats, fitting: Floats, expected: Pose2, share: float, state: NDArray[np.uint64]) -> None:
+    """Put a share of the particles, which were drawn in no order, about a pose that is near the expected one."""
+    x, y, yaw = fitting.tolist()
+    off = math.hypot(x - expected.x, y - expected.y), abs(normalize_angle(yaw - expected.yaw))
+    if off[0] < _MATCHED_WITHIN[0] and off[1] < _MATCHED_WITHIN[1]:
+        count = int(share * len(poses))
+        poses[:count] = fitting + _normals(state, count) * _MATCHED_DEVIATIONS
 
 
 def choose_beams(scan: Scan, teammates: Iterable[Teammate], options: AmclOptions) -> Floats:
@@ -165,8 +170,8 @@ class Amcl:
         if self._count % self.options.resample_interval == 0:
             heaviest = self._poses[[self._weights.argmax()]]
             self._resample()
-            fitting = match(field, heaviest, beams, *_FIRST_STEPS)[0][0]
-            _scatter(self._poses, fitting, self.options.matched_share, self._state(_MATCHED, self._count))
+            fitting, share = match(field, heaviest, beams, *_FIRST_STEPS)[0][0], self.options.matched_share
+            _scatter(self._poses, fitting, self._pose_of_odom.compose(odom), share, self._state(_MATCHED, self._count))
         self._estimate()
         self._pose_of_odom = self.pose.compose(odom.inverse())
         return True

@@ -83,6 +83,17 @@ def test_it_waits_until_the_robot_has_moved() -> None:
     assert localiser.update(Pose2(0.26, 0.0, 0.21), scan)
 
 
+@pytest.mark.parametrize(("aside", "goes"), [(0.5, True), (1.3, False)])
+def test_no_particle_is_put_far_off_where_the_scan_fits(aside: float, goes: bool) -> None:
+    """Where the scan fits 1.3 m from the expected pose no particle is put there; half a metre off some are."""
+    grid, truth = make_hall(), Pose2(5.0, 1.0, 0.3)
+    localiser = Amcl(grid, seed=5)
+    localiser.set_pose(truth._replace(x=truth.x - aside), (0.02, 0.02, 0.02))
+    localiser.update(Pose2(0.0, 0.0, 0.0), look(grid, truth))
+    apart = np.hypot(localiser.particles[:, 0] - truth.x, localiser.particles[:, 1] - truth.y)
+    assert bool(apart.min() < 0.05) is goes
+
+
 @pytest.mark.ci
 def test_it_finds_a_robot_on_the_whole_map() -> None:
     """From nothing, while the robot moves a little."""
