@@ -6,6 +6,7 @@ import os
 import sys
 import tempfile
 import threading
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import msgspec
@@ -17,7 +18,7 @@ from zteam.bench.chains.recorder import NAME, Recorder, make_tracks
 from zteam.bench.study.cases import CASES
 from zteam.bench.study.driver import Driver
 from zteam.in_process.team_run import run_team
-from zteam.messages import Odometry, RobotStatus
+from zteam.messages import RobotStatus
 from zteam.runtime.step_node import StepNode
 
 HELD = 3.0
@@ -66,48 +67,26 @@ class Row(msgspec.Struct, frozen=True):
     outcome: Outcome
 
 
-class Neighbours:
-    """How far each robot is from the one that it follows, tick by tick. Give its `body` to `run_team` as a node."""
+class Followed:
+    """Which robot each one follows, by follower, tick by tick. Give its `body` to `run_team` as a node."""
 
     def __init__(self) -> None:
-        self._places: dict[int, tuple[float, float]] = {}
-        """In `map`, the true ones."""
-        self._followed: dict[int, int] = {}
-        self._rows: list[tuple[dict[int, tuple[float, float]], dict[int, int]]] = []
+        self._now: dict[int, int] = {}
+        self.rows: list[dict[int, int]] = []
 
     def body(self, node: StepNode) -> None:
-        """Measure until asked to stop."""
-        node.subscribe(names.all_robots_key(names.GROUND_TRUTH), Odometry, self._take_pose, every_tick=True)
-        node.subscribe(names.all_robots_key(names.STATUS), RobotStatus, self._take_status)
-        node.run(self._step)
+        """Note it until asked to stop."""
+        node.subscribe(names.all_robots_key(names.STATUS), RobotStatus, self._take)
+        node.run(lambda _now: self.rows.append(self._now.copy()))
 
-    def _take_pose(self, key: str, message: Odometry) -> None:
-        position, robot = message.pose.pose.position, names.split_robot_key(key)
-        if robot is not None:
-            self._places[robot[0]] = position.x, position.y
-
-    def _take_status(self, _key: str, status: RobotStatus) -> None:
-        self._followed[status.robot_id] = status.followed
-
-    def _step(self, _now: int) -> None:
-        self._rows.append((self._places.copy(), self._followed.copy()))
-
-    def apart(self) -> dict[int, list[float]]:
-        """Metres, by follower."""
-        # Statuses before the first tick come in real time: until one is there, the first one counts.
-        first = {robot: other for _, followed in reversed(self._rows) for robot, other in followed.items()}
-        apart: dict[int, list[float]] = {}
-        for places, followed in self._rows:
-            for robot, other in sorted({**first, **followed}.items()):
-                if robot in places and other in places:
-                    apart.setdefault(robot, []).append(math.dist(places[robot], places[other]))
-        return apart
+    def _take(self, _key: str, status: RobotStatus) -> None:
+        self._now[status.robot_id] = status.followed
 
 
 def measure(task: Task) -> Outcome:
     """Run it. An error of the team is part of the outcome."""
-    case, recorder, neighbours = CASES.get(task.what), Recorder(), Neighbours()
-    nodes = {NAME: recorder.body, "neighbours": neighbours.body}
+    case, recorder, followed = CASES.get(task.what), Recorder(), Followed()
+    nodes = {NAME: recorder.body, "followed": followed.body}
     if case is not None and case.is_driven:
         nodes["teleop"] = Driver(0, task.seed).body
     with tempfile.TemporaryDirectory() as folder:
@@ -123,8 +102,8 @@ def measure(task: Task) -> Outcome:
         # Anything that ends a run is a result of the study.
         except (Exception, SystemExit) as error:
             return Outcome(error=f"{type(error).__name__}: {error}"[:200])
-    apart = neighbours.apart()
     places = make_tracks(recorder.rows()).poses[..., :2]
+    apart = distances(places, [robot.id for robot in report.robots], followed.rows[-len(places) :])
     outcome = Outcome(
         driven=[round(robot.distance_m, 1) for robot in report.robots],
         contacts=sum(robot.stalls for robot in report.robots),
@@ -136,6 +115,21 @@ def measure(task: Task) -> Outcome:
     if case is not None and case.speed is not None:
         outcome.share = round(report.robots[0].distance_m / (case.speed * task.seconds), 3)
     return outcome
+
+
+def distances(
+    places: NDArray[np.float64], robots: Sequence[int], followed: Sequence[Mapping[int, int]]
+) -> dict[int, list[float]]:
+    """Metres to the robot that each one follows, by follower; `places` are (ticks, robots, 2)."""
+    # Statuses before the first tick come in real time: until one is there, the first one counts.
+    first = {robot: other for row in reversed(followed) for robot, other in row.items()}
+    index = {robot: i for i, robot in enumerate(robots)}
+    apart: dict[int, list[float]] = {}
+    for at, row in zip(places, followed, strict=True):
+        for robot, other in sorted({**first, **row}.items()):
+            if robot in index and other in index:
+                apart.setdefault(robot, []).append(math.dist(at[index[robot]], at[index[other]]))
+    return apart
 
 
 def longest_stand(places: NDArray[np.float64]) -> int:

@@ -3,13 +3,7 @@
 import numpy as np
 import pytest
 
-from zteam.bench.study.one_run import Neighbours, Outcome, Task, longest_stand, measure
-from zteam.messages import Odometry, Point, Pose, PoseWithCovariance, RobotStatus
-
-
-def pose_at(x: float) -> Odometry:
-    """A true pose on the x axis of `map`."""
-    return Odometry(pose=PoseWithCovariance(pose=Pose(position=Point(x, 0.0, 0.0))))
+from zteam.bench.study.one_run import Outcome, Task, distances, longest_stand, measure
 
 
 def test_a_stand_is_one_of_the_whole_team() -> None:
@@ -38,24 +32,14 @@ def test_a_run_is_measured() -> None:
 
 def test_held_is_about_the_robot_that_is_followed_now() -> None:
     """A robot that follows another one from then on is measured from that; one that leads is not measured."""
-    pairs = Neighbours()
-    for now, followed in enumerate(([-1, 0, 1], [-1, 2, 0])):
-        for robot, other in enumerate(followed):
-            pairs._take_pose(f"robot_{robot}/base_pose_ground_truth", pose_at(4.0 * robot))
-            pairs._take_status("", RobotStatus(robot_id=robot, leader=robot - 1, follows=other, turns=now))
-        pairs._step(now)
-    assert pairs.apart() == {1: [4.0, 4.0], 2: [4.0, 8.0]}
+    places = np.array([[[4.0 * robot, 0.0] for robot in range(3)]] * 2)
+    assert distances(places, (0, 1, 2), [{0: -1, 1: 0, 2: 1}, {0: -1, 1: 2, 2: 0}]) == {1: [4.0, 4.0], 2: [4.0, 8.0]}
 
 
 def test_a_status_that_comes_late_changes_nothing() -> None:
     """In a tick before a robot's first status it counts as a follower of the robot which that names."""
-    pairs = Neighbours()
-    for robot in (0, 1):
-        pairs._take_pose(f"robot_{robot}/base_pose_ground_truth", pose_at(4.0 * robot))
-    pairs._step(0)
-    pairs._take_status("", RobotStatus(robot_id=1, leader=0, follows=0))
-    pairs._step(1)
-    assert pairs.apart() == {1: [4.0, 4.0]}
+    places = np.array([[[0.0, 0.0], [4.0, 0.0]]] * 2)
+    assert distances(places, (0, 1), [{}, {1: 0}]) == {1: [4.0, 4.0]}
 
 
 def test_an_error_is_an_outcome() -> None:
