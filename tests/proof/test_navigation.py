@@ -6,24 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from support.navigated_team import DONE, NavigatedTeam
+from support.navigated_team import DONE, FAKE, NavigatedTeam
 from zteam import Node, names, run_team
 from zteam.messages import NavigationState, PoseWithCovarianceStamped, encode
 from zteam.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team
 
-FAKE = """
-[team]
-world = "arena"
-seed = 4
-[[robots]]
-id = 0
-navigation = {localizer = "fake", planner_server.GridBased.tolerance = 0.2}
-[[robots]]
-id = 1
-behavior = "idle"
-"""
 AMCL = """
 [team]
 world = "arena"

@@ -9,6 +9,18 @@ from zteam.messages import Message, NavigationState, NavigationStatus
 from zteam.services.navigation import CANCEL, CancelReply, CancelRequest, navigation_query
 from zteam.testing.team import TeamFixture
 
+FAKE = """
+[team]
+world = "arena"
+seed = 4
+[[robots]]
+id = 0
+navigation = {localizer = "fake", planner_server.GridBased.tolerance = 0.2}
+[[robots]]
+id = 1
+behavior = "idle"
+"""
+"""A navigated robot with perfect poses, and one that stands."""
 DONE = frozenset({NavigationState.SUCCEEDED, NavigationState.ABORTED, NavigationState.CANCELED})
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from support.navigated_team import DONE, NavigatedTeam
+from support.navigated_team import DONE, FAKE, NavigatedTeam
 from zteam import names
 from zteam.bus.topics import is_latched
 from zteam.messages import (
@@ -29,17 +29,6 @@ from zteam.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team
 
-FAKE = """
-[team]
-world = "arena"
-seed = 4
-[[robots]]
-id = 0
-navigation = {localizer = "fake", planner_server.GridBased.tolerance = 0.2}
-[[robots]]
-id = 1
-behavior = "idle"
-"""
 AMCL = """
 [team]
 world = "arena"

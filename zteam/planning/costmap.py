@@ -74,11 +74,6 @@ class Costmap:
         )
         self._whole()
 
-    def set_footprint(self, footprint: Footprint) -> None:
-        """From the next update on the robot has this outline."""
-        self.footprint = footprint
-        self._tabulate()
-
     def set_map(self, grid: GridMap) -> None:
         """Take the static layer from a map of the same frame. Raises ValueError for another one."""
         if grid.frame != self.frame:
@@ -129,11 +124,6 @@ class Costmap:
     def clear_around(self, base: Pose2, distance: float) -> None:
         """Forget what lasers have seen up to `distance` (m) from a robot at `base` (ClearCostmapAroundRobot)."""
         self._note(cells_of_disc(self.frame, base.x, base.y, distance), NO_INFORMATION)
-
-    def clear_seen(self) -> None:
-        """Forget all that lasers have seen (ClearEntireCostmap)."""
-        self._seen.fill(NO_INFORMATION)
-        self._whole()
 
     def set_teammates(self, teammates: Iterable[Teammate]) -> None:
         """Teammates stand here now, and nowhere else; they are obstacles."""

@@ -91,11 +91,6 @@ class Places:
         newest = self._bundles.find_pose2(names.MAP_FRAME, frame)
         return None if newest is None else newest[0]
 
-    def frames_settled(self, frames: Iterable[str]) -> None:
-        """Let the buffer have the newest transforms of these frames."""
-        for frame in frames:
-            self._bundles.settle(names.MAP_FRAME, frame)
-
     def _look_at_truth(self, robots: Iterable[int]) -> dict[int, Pose2]:
         found = {}
         for robot_id in robots:
