@@ -41,7 +41,8 @@ class Around:
         What stands within `room` metres of the place is not either.
         """
         distance, bearing = math.hypot(x, y), math.atan2(y, x)
-        heading = self._clear_heading(view, bearing, distance - room, but)
+        heading = self.find_heading(view, bearing, distance - room, but)
+        heading = bearing if heading is None else heading
         # A place behind is turned to on the spot: driving would lead away from it.
         speed = 0.0 if abs(heading) > 0.5 * math.pi else min(self._gain * distance, limits.linear)
         if self._side:
@@ -49,8 +50,8 @@ class Around:
         turn = max(-limits.angular, min(limits.angular, ANGULAR_GAIN * heading))
         return Twist(Vector3(speed), Vector3(z=turn))
 
-    def _clear_heading(self, view: View, bearing: float, reach: float, but: int | None) -> float:
-        """The bearing, or the nearest to it that is clear; without any the bearing."""
+    def find_heading(self, view: View, bearing: float, reach: float, but: int | None = None) -> float | None:
+        """The bearing (rad), or the nearest to it that is clear for `reach` metres; None without any."""
         if self._is_clear(view, bearing, reach, but):
             self._side = 0.0
             return bearing
@@ -63,7 +64,7 @@ class Around:
                 self._side = math.copysign(1.0, turn)
                 return normalize_angle(bearing + turn)
         self._side = 0.0
-        return bearing
+        return None
 
     def _is_clear(self, view: View, heading: float, reach: float, but: int | None) -> bool:
         """Whether neither a wall nor a robot stands in the way towards a heading (rad)."""

@@ -14,7 +14,7 @@ from zteam.behaviors.follow_params import FollowParams
 from zteam.behaviors.forward import Forward
 from zteam.behaviors.head import Head, lead
 from zteam.behaviors.idle import Idle
-from zteam.behaviors.line import NO_TURNS, Line, Place, Presence
+from zteam.behaviors.line import NO_TURNS, WAITS, Line, Place, Presence
 from zteam.behaviors.pursuit import Limits
 from zteam.behaviors.trail import Trail, head_comes_round
 from zteam.behaviors.view import View
@@ -122,7 +122,7 @@ class Follow(Behavior):
             return self._successor.why_it_rests()
         if self.follows is None:
             return "it looks for a way to lead the line"
-        return f"waits: {names.robot_name(self.follows)} is {self._apart:.1f} m away"
+        return f"{WAITS}{names.robot_name(self.follows)} is {self._apart:.1f} m away"
 
     def _drive_straight(self, view: View, ahead: int) -> Twist:
         """The lectures' law, mended: to the robot ahead, past what stands between."""

@@ -101,9 +101,9 @@ class Formation(Behavior):
         slot = self._apart(self._find_slot(view, here, members))
         limits = Limits(self.params.max_linear, self.params.max_angular)
         command = self._drive(view, here, slot, limits)
-        stray = self._stray.step(view, here, limits, is_late=command.linear.x != 0.0)
+        stray = self._stray.step(view, here, limits, wants=command.linear.x != 0.0)
         if stray is None:
-            return self._escape.free(view, here, command)
+            return self._escape.free(view, command)
         self.reason = "boxed in: leaves its way to its slot"
         return stray
 

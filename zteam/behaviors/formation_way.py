@@ -3,14 +3,12 @@
 import math
 
 from zteam.behaviors.around import Around
+from zteam.behaviors.line_room import MOVED, BoxedIn
 from zteam.behaviors.pursuit import Limits
 from zteam.behaviors.view import View
-from zteam.clock import to_ns
-from zteam.geometry import Pose2, normalize_angle
+from zteam.geometry import Pose2
 from zteam.messages import Twist
 
-PATIENCE, MOVED, TURNED = to_ns(2.5), 0.1, 1.0
-"""A leader is boxed in that has not moved so many metres in so many nanoseconds, but has turned by so many radians."""
 ROOM, BESIDE = 1.6, 0.75
 """Metres that it gets ahead, and on either side of its way."""
 STEP = 1.5
@@ -21,21 +19,17 @@ class MakingWay:
     """Drives off until the leader has room, and then aside as long as the leader comes towards it."""
 
     def __init__(self) -> None:
-        self._leader, self._since, self._has_turned = Pose2(0.0, 0.0, 0.0), 0, False
-        """Where the leader has got on last, and when, and whether it has turned there."""
+        self._boxed_in = BoxedIn()
         self._is_asked = False
         self._around = Around()
 
     def forget(self) -> None:
         """The leader is not seen."""
-        self._since, self._is_asked = 0, False
+        self._boxed_in, self._is_asked = BoxedIn(), False
 
     def step(self, view: View, here: Pose2, leader: Pose2, limits: Limits) -> Twist | None:
         """The velocity of a robot that is in the way; None for one that is not. Poses are in map."""
-        if not self._since or math.dist(leader[:2], self._leader[:2]) > MOVED:
-            self._leader, self._since, self._has_turned = leader, view.now, False
-        self._has_turned = self._has_turned or abs(normalize_angle(leader.yaw - self._leader.yaw)) > TURNED
-        is_boxed = self._has_turned and view.now - self._since > PATIENCE
+        is_boxed = self._boxed_in.look(view.now, leader)
         if not is_boxed and not self._is_asked:
             return None
         x, y, yaw = leader.inverse().compose(here)

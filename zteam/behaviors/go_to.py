@@ -92,13 +92,13 @@ class GoTo(Behavior):
         distance = math.hypot(goal.x, goal.y)
         self._is_there = self._is_there or distance <= self.params.xy_goal_tolerance
         if self._is_there:
-            return self._escape.free(view, own, self._turn_to(goal.yaw))
+            return self._escape.free(view, self._turn_to(goal.yaw))
         heading = self._way(view, own, math.atan2(goal.y, goal.x), distance)
         if heading is None:
             return Twist()
         command = self._drive(heading, distance)
         self._spun = 0.0 if command.linear.x else self._spun + abs(command.angular.z) * view.dt
-        return self._escape.free(view, own, command)
+        return self._escape.free(view, command)
 
     def why_it_rests(self) -> str:
         """It drives or turns unless it is told not to."""

@@ -82,7 +82,7 @@ class Head:
         error = 0.0 if self._heading is None else normalize_angle(self._heading - own.yaw)
         turn = max(-turn_rate, min(turn_rate, TURN_GAIN * error))
         if abs(error) > ON_THE_SPOT or ahead < NARROW:
-            return self._escape.free(view, own, Twist(angular=Vector3(z=turn))), ""
+            return self._escape.free(view, Twist(angular=Vector3(z=turn))), ""
         return Twist(Vector3(speed * share), Vector3(z=turn * share)), "" if share else reason
 
     def _wants_another(self, view: View, own: Pose2, ahead: float) -> bool:

@@ -16,6 +16,8 @@ from zteam.behaviors.view import View
 OnLeaderLost = Literal["relink", "stop", "takeover"]
 GONE = " is gone"
 """The end of what a robot says that stands because another one is lost."""
+WAITS = "waits: "
+"""The beginning of what a robot says that stands because one before it does, or comes past."""
 GAP = 0.8
 """Metres between neighbours that have told nothing else."""
 STRETCHED, TORN = 0.8, 1.5
@@ -86,8 +88,9 @@ class Line:
             living[stays:] = living[stays:][::-1]
         at = living.index(view.robot_id)
         after = () if is_tree else tuple(living[at + 1 :])
-        # A robot that stands until a lost one comes back is not waited for.
-        waits = bool(after) and not (after[0] in statuses and statuses[after[0]].reason.endswith(GONE))
+        # A robot that stands until a lost one comes back, or that waits itself, is not waited for.
+        why = statuses[after[0]].reason if after and after[0] in statuses else ""
+        waits = bool(after) and not (why.endswith(GONE) or why.startswith(WAITS))
         return Place(
             before=tuple(reversed(living[:at])),
             after=after,

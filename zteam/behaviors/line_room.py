@@ -1,7 +1,10 @@
 """How the robots of a line make room behind a head that keeps its place, and that may turn back into its line."""
 
 import math
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
+from zteam import names
 from zteam.behaviors.around import Around
 from zteam.behaviors.escape import Escape
 from zteam.behaviors.head import Head
@@ -10,7 +13,7 @@ from zteam.behaviors.polyline import Polyline
 from zteam.behaviors.pursuit import LOOK_AHEAD, Limits
 from zteam.behaviors.view import View
 from zteam.clock import to_ns
-from zteam.geometry import Pose2
+from zteam.geometry import Pose2, normalize_angle
 from zteam.messages import Twist, Vector3
 
 NEAR, MET = 0.58, 1.0
@@ -19,6 +22,10 @@ BESIDE = 0.4
 """Metres beside each other up to which two robots that come towards each other cannot pass."""
 BACK_SPEED = 0.2
 """m/s at which it drives back."""
+PATIENCE, MOVED, TURNED = to_ns(2.5), 0.1, 1.0
+"""A leader is boxed in that has not moved so many metres in so many nanoseconds, but has turned by so many radians."""
+ROOM = 1.6
+"""Metres from base to base that it then gets."""
 FACING, FACED = 1.2, 2.0
 """Metres from the head within which a robot begins to stand face to face with it, and beyond which it does no more."""
 FACED_FOR = to_ns(4.0)
@@ -31,22 +38,52 @@ STRAY, STRAY_TURN = 0.4, 1.0
 """m/s and rad/s while it is off its trail."""
 
 
+Answer = tuple[Twist, str]
+"""A velocity, and why it is zero, or what the robot does instead of following."""
+
+
+class Way(NamedTuple):
+    """Where a robot follows."""
+
+    path: Polyline
+    """The way of the head."""
+    here: float
+    """The robot's place on it."""
+    back: float
+    """Metres behind the head where it belongs."""
+
+
+class BoxedIn:
+    """Whether a leader has no room to get on."""
+
+    def __init__(self) -> None:
+        self._leader, self._since, self._has_turned = Pose2(0.0, 0.0, 0.0), 0, False
+        """Where it has got on last, and when, and whether it has turned there."""
+
+    def look(self, now: int, leader: Pose2) -> bool:
+        """Whether it is boxed in, at `leader` in map at time `now` (ns)."""
+        if not self._since or math.dist(leader[:2], self._leader[:2]) > MOVED:
+            self._leader, self._since, self._has_turned = leader, now, False
+        self._has_turned = self._has_turned or abs(normalize_angle(leader.yaw - self._leader.yaw)) > TURNED
+        return self._has_turned and now - self._since > PATIENCE
+
+
 class Stray:
-    """Takes a robot that is late and stuck off its way: there it drives as a head does."""
+    """Takes a robot off its way that is stuck: there it drives as a head does."""
 
     def __init__(self) -> None:
         self._head = Head()
         self._anchor = (0.0, 0.0), 0
         """Where it got on last, and when (ns)."""
 
-    def step(self, view: View, own: Pose2, limits: Limits, *, is_late: bool) -> Twist | None:
+    def step(self, view: View, own: Pose2, limits: Limits, *, wants: bool) -> Twist | None:
         """The velocity of a robot at `own` in map; None to go its way.
 
-        `is_late`: it is to drive on, and does not wait for another robot.
+        `wants`: it is to drive on, and does not wait for another robot.
         """
         place, since = self._anchor
         is_stuck = view.now - since > STUCK_FOR
-        if math.dist(own[:2], place) > (FREED if is_stuck else STUCK) or not is_late:
+        if math.dist(own[:2], place) > (FREED if is_stuck else STUCK) or not wants:
             self._anchor = own[:2], view.now
         if is_stuck:
             linear, angular = min(STRAY, limits.linear), min(STRAY_TURN, limits.angular)
@@ -59,32 +96,69 @@ class Stray:
 
 
 class MakingRoom:
-    """What a robot does instead of following: it goes round a head that faces it, or strays."""
+    """What a robot does instead of following: it strays, goes round a head that faces it, or drives back."""
 
     def __init__(self) -> None:
         self._around, self._escape, self._stray = Around(), Escape(), Stray()
         self._faced_since: int | None = None
         """Nanoseconds: since when it stands face to face with the head."""
+        self._boxed_in = BoxedIn()
+        self._asking: int | None = None
+        """The robot for which it drives back."""
 
     def step(
-        self, view: View, own: Pose2, head: Pose2 | None, back: float, limits: Limits, *, is_late: bool
-    ) -> Twist | None:
-        """The velocity of a robot at `own`, whose place is `back` metres behind the head; None to follow.
+        self, view: View, own: Pose2, before: Sequence[int], way: Way, limits: Limits, *, keeps: bool, wants: bool
+    ) -> Answer | None:
+        """The velocity of a robot at `own` (map) behind the robots `before`, and what it does; None to follow.
 
-        Poses are in map. `head` is None where the head hands over instead.
+        `keeps`: the head keeps its place, as one that is driven by hand does. For `wants` see `Stray`.
         """
-        if head is not None and self._is_faced(view, own, head):
-            x, y, _ = own.inverse().compose(head).compose(Pose2(-back, 0.0, 0.0))
-            return self._escape.free(view, own, self._around.drive_to(view, x, y, limits))
-        return self._stray.step(view, own, limits, is_late=is_late)
+        seen = {robot: at[0] for robot in before if (at := view.base_from_robot(robot)) is not None}
+        self._asking = self._find_asking(view, own, before, seen) if keeps else None
+        command = self._stray.step(view, own, limits, wants=wants or self._asking is not None)
+        if command is not None:
+            return command, "is stuck: leaves its way"
+        if not keeps:
+            return None
+        command = self._go_round(view, seen.get(before[-1]), way.back, limits)
+        if command is not None:
+            return self._escape.free(view, command), f"drives round {names.robot_name(before[-1])}"
+        if self._asking is not None and seen[self._asking].x > 0.0:
+            return back_up(own, way.path, way.here), f"makes room for {names.robot_name(self._asking)}"
+        return None
 
-    def _is_faced(self, view: View, own: Pose2, head: Pose2) -> bool:
-        apart = math.dist(own[:2], head[:2])
-        if apart > FACED or head.inverse().compose(own).x <= 0.0:
+    def _find_asking(
+        self, view: View, own: Pose2, before: Sequence[int], seen: Mapping[int, Pose2]
+    ) -> int | None:
+        """The robot that comes too near from ahead, or is boxed in, or says that this one is in its way."""
+        head, stopped = before[-1], find_stopped(view, before)
+        is_boxed = head in seen and self._boxed_in.look(view.now, own.compose(seen[head]))
+        for robot, at in seen.items():
+            near = ROOM if is_boxed and robot == head else MET if robot == self._asking else 0.0
+            is_near = at.x > 0.0 and (math.hypot(at.x, at.y) < near or (robot == before[0] and is_too_near(at)))
+            if robot in stopped or is_near:
+                return robot
+        return None
+
+    def _go_round(self, view: View, head: Pose2 | None, back: float, limits: Limits) -> Twist | None:
+        """To the place behind a head that has faced it for long, if there is a way; `head` is in the own base frame."""
+        apart = math.inf if head is None else math.hypot(head.x, head.y)
+        if head is None or apart > FACED or head.inverse().x <= 0.0:
             self._faced_since = None
-        elif self._faced_since is None and own.inverse().compose(head).x > 0.0 and apart < FACING:
+        elif self._faced_since is None and head.x > 0.0 and apart < FACING:
             self._faced_since = view.now
-        return self._faced_since is not None and view.now - self._faced_since > FACED_FOR
+        if head is None or self._faced_since is None or view.now - self._faced_since <= FACED_FOR:
+            return None
+        x, y, _ = head.compose(Pose2(-back, 0.0, 0.0))
+        if self._around.find_heading(view, math.atan2(y, x), math.hypot(x, y)) is None:
+            return None
+        return self._around.drive_to(view, x, y, limits)
+
+
+def find_stopped(view: View, robots: Sequence[int]) -> list[int]:
+    """Those of these robots that say that this one is in their way."""
+    statuses, name = view.inputs.get("statuses") or {}, names.robot_name(view.robot_id) + " "
+    return [robot for robot in robots if robot in statuses and statuses[robot].reason.startswith(name)]
 
 
 def is_too_near(ahead: Pose2) -> bool:

@@ -9,8 +9,8 @@ from zteam.behaviors.around import Around
 from zteam.behaviors.chain import Seen, see_robot
 from zteam.behaviors.escape import Escape
 from zteam.behaviors.leader_trail import LeaderTrail
-from zteam.behaviors.line import STRETCHED, Place, keep_together
-from zteam.behaviors.line_room import MakingRoom, back_up, is_too_near
+from zteam.behaviors.line import STRETCHED, WAITS, Place, keep_together
+from zteam.behaviors.line_room import Answer, MakingRoom, Way, find_stopped
 from zteam.behaviors.polyline import Polyline
 from zteam.behaviors.pursuit import LOOK_AHEAD, Limits, pursue
 from zteam.behaviors.scans import is_clear
@@ -18,9 +18,6 @@ from zteam.behaviors.view import View
 from zteam.clock import to_ns
 from zteam.geometry import Pose2
 from zteam.messages import Twist
-
-Answer = tuple[Twist, str]
-"""A velocity, and why it is zero."""
 
 SPACING, STEP = 0.05, 0.1
 """Metres between two points of the own way, and of what becomes a trail of it."""
@@ -38,8 +35,12 @@ GAIN, NEAR_GAIN = 1.0, 1.5
 """1/s: speed besides that of the robot that leads, by the error of the distance to it; by the room to the one ahead."""
 LAGS = 0.4
 """Metres behind its place from which on it passes those that belong behind it."""
+WANTED = 0.1
+"""m/s from which on it wants to get on also where it is less behind."""
 PARKED, LEFT = 0.03, 0.1
 """Metres to its place behind a standing head at which a robot stops, and at which it goes on."""
+CREEP = 0.01
+"""m/s: what is slower stands, and says why."""
 PASSING = 0.4
 """m/s past a lost head."""
 NEAREST = 0.6
@@ -117,28 +118,24 @@ class Trail:
         passed = place.gone
         if is_late:
             passed = {*passed, *overtaken(view, own, trail.path, self._place, place.after)}
-        share, reason = (1.0, "") if place.behind in passed else keep_together(view, place)
-        faced, is_stuck = head.pose if alone else None, is_late and share > 0.0
-        command = self._making_room.step(view, own, faced, gap * len(before), limits, is_late=is_stuck)
-        answer = (command, "") if command is not None else self._make_room(own, ahead.pose, before) if alone else None
-        if answer is not None:
-            return answer
+        # One that is in the way of a robot behind it does not wait for that.
+        goes_on = place.behind in passed or find_stopped(view, place.after)
+        share, reason = (1.0, "") if goes_on else keep_together(view, place)
         speed = 0.0 if self._is_parked else max(0.0, trail.speed + GAIN * error)
         if own.inverse().compose(ahead.pose).x > 0.0:
             speed = max(0.0, min(speed, self._leaves + NEAR_GAIN * (self.apart - NEAREST)))
+        way, wants = Way(trail.path, self._place, gap * len(before)), share > 0.0 and (is_late or speed > WANTED)
+        answer = self._making_room.step(view, own, before, way, limits, keeps=alone, wants=wants)
+        if answer is not None:
+            return answer
         if share == 0.0:
             return Twist(), reason
+        if speed < CREEP:
+            speed = 0.0
+        if alone and len(before) > 1 and self._moves and comes_past(trail.path, self._place, ahead.pose):
+            return Twist(), f"{WAITS}{names.robot_name(before[0])} comes past"
         command = self._along(view, own, min(speed, limits.linear) * share, limits, passed, place.ahead)
-        return self._escape.free(view, own, command), ""
-
-    def _make_room(self, own: Pose2, ahead: Pose2, before: Sequence[int]) -> Answer | None:
-        """For the robot ahead, that comes too near or comes past; None where it need not."""
-        path = self._trail.path
-        if is_too_near(own.inverse().compose(ahead)):
-            return back_up(own, path, self._place), ""
-        if len(before) > 1 and self._moves and comes_past(path, self._place, ahead):
-            return Twist(), f"waits: {names.robot_name(before[0])} comes past"
-        return None
+        return self._escape.free(view, command), ""
 
     def _look(self, own: Pose2, ahead: Seen) -> None:
         """How far the robot ahead is, and how fast that grows."""

@@ -9,8 +9,9 @@ from msgspec import Meta, Struct
 from zteam import names
 from zteam.behaviors.behavior import Behavior
 from zteam.behaviors.chain import STATUSES
+from zteam.behaviors.escape import Escape
 from zteam.behaviors.head import Head, lead
-from zteam.behaviors.line import NO_TURNS, Line, Place, Presence
+from zteam.behaviors.line import NO_TURNS, WAITS, Line, Place, Presence
 from zteam.behaviors.pursuit import Limits
 from zteam.behaviors.scans import Cone, is_clear, is_seen, look_ahead, look_along
 from zteam.behaviors.trail import Trail
@@ -96,6 +97,7 @@ class Wander(Behavior):
         """Seconds for which it has not moved, though it wants to drive."""
         self._place = math.nan, math.nan
         """In odometry, where it has moved last."""
+        self._escape = Escape()
         self._alone_until = 0
         """Nanoseconds: before this no teammate can be in the way."""
 
@@ -125,12 +127,12 @@ class Wander(Behavior):
             return Twist(linear=Vector3(x=self.params.speed))
         if not self._side:
             self._start_turn(view, mate if mate is not None else cone.bearing if cone else -1.0)
-        return Twist(angular=Vector3(z=self._side * self.params.turn_rate))
+        return self._escape.free(view, Twist(angular=Vector3(z=self._side * self.params.turn_rate)))
 
     def why_it_rests(self) -> str:
         """It drives or turns unless it is told not to."""
         if self.follows is not None:
-            return f"waits: {names.robot_name(self.follows)} is {self._trail.apart:.1f} m away"
+            return f"{WAITS}{names.robot_name(self.follows)} is {self._trail.apart:.1f} m away"
         return "its parameter speed is 0"
 
     def _find_place(self, view: View) -> Place | None:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from support.flat_floor import TICK, make_view
+from support.flat_floor import TICK, make_odometry, make_view
 from zteam.behaviors.escape import Escape
 from zteam.geometry import Pose2
 from zteam.messages import Twist, Vector3
@@ -13,7 +13,13 @@ TURN = Twist(angular=Vector3(z=1.0))
 def free(turned: float, command: Twist, ticks: int) -> list[Twist]:
     """What it is told in so many ticks while it turns `turned` rad in each."""
     escape = Escape()
-    return [escape.free(make_view(now=i * TICK), Pose2(1.0, 2.0, turned * i), command) for i in range(1, ticks + 1)]
+    return [ask(escape, i, turned * i, command) for i in range(1, ticks + 1)]
+
+
+def ask(escape: Escape, tick: int, yaw: float, command: Twist) -> Twist:
+    """What it is told in one tick."""
+    odom = make_odometry(Pose2(1.0, 2.0, yaw))
+    return escape.free(make_view(now=tick * TICK, odom=odom), command)
 
 
 def test_a_robot_that_cannot_turn_moves_back_and_then_forward() -> None:
@@ -43,5 +49,5 @@ def test_a_robot_that_need_not_turn_on_the_spot_is_left_alone(command: Twist) ->
 def test_the_time_before_it_wanted_to_turn_does_not_count() -> None:
     """A robot that begins to turn late, and turns, is left alone."""
     escape = Escape()
-    told = [escape.free(make_view(now=(100 + i) * TICK), Pose2(0.0, 0.0, 0.1 * i), TURN) for i in range(20)]
+    told = [ask(escape, 100 + i, 0.1 * i, TURN) for i in range(20)]
     assert told == [TURN] * 20

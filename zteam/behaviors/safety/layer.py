@@ -116,7 +116,10 @@ class SafetyLayer:
         return asked.scale(share), f"{UNSEEN_CAUSE} {'behind' if is_seen and not forwards else side}"
 
     def _avoid(self, motion: Motion) -> tuple[Motion, str]:
-        """What is left of a motion before the obstacles: slower, but turning as was wanted where there is room."""
+        """What is left of a motion before the obstacles: slower, but turning as was wanted where there is room.
+
+        Where there is no room to turn, as for the tail beside a wall, it drives straight on.
+        """
         share, what = self._share(motion)
         if share >= 1.0:
             return motion, ""
@@ -126,6 +129,9 @@ class SafetyLayer:
             free, _ = self._share(turning)
             if free >= 1.0 or not share:
                 slow = turning.scale(free) if free < 1.0 else turning
+            if slow == STANDING:
+                straight = Motion(motion.x, 0.0, motion.y)
+                slow = straight.scale(min(1.0, self._share(straight)[0]))
         is_stopped = not slow.speed and (motion.speed or not slow.turn)
         return slow, f"{what} {_side_of(motion)}" if is_stopped else ""
 
