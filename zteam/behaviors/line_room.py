@@ -127,9 +127,7 @@ class MakingRoom:
             return back_up(own, way.path, way.here), f"makes room for {names.robot_name(self._asking)}"
         return None
 
-    def _find_asking(
-        self, view: View, own: Pose2, before: Sequence[int], seen: Mapping[int, Pose2]
-    ) -> int | None:
+    def _find_asking(self, view: View, own: Pose2, before: Sequence[int], seen: Mapping[int, Pose2]) -> int | None:
         """The robot that comes too near from ahead, or is boxed in, or says that this one is in its way."""
         head, stopped = before[-1], find_stopped(view, before)
         is_boxed = head in seen and self._boxed_in.look(view.now, own.compose(seen[head]))

@@ -182,7 +182,8 @@ def test_wander_turns_where_it_is_stopped() -> None:
     """Something that only the safety layer knows of stops it: after a second it turns by 60 degrees or more."""
     behavior, turned, driven = load_behavior("wander", {}), 0.0, 0
     for tick in range(40):
-        command = behavior.step(make_view(make_scan(FREE), now=tick * 100_000_000, odom=make_odometry(Pose2(1, 1, 0))))
+        odom = make_odometry(Pose2(1.0, 1.0, turned))
+        command = behavior.step(make_view(make_scan(FREE), now=tick * 100_000_000, odom=odom))
         if command.angular.z:
             turned += 0.1 * abs(command.angular.z)
         elif turned:
@@ -192,6 +193,16 @@ def test_wander_turns_where_it_is_stopped() -> None:
     assert 10 <= driven <= 12
     assert math.radians(60.0) <= turned <= math.radians(130.0)
     assert command.linear.x > 0.0
+
+
+def test_wander_gets_free_where_it_cannot_turn() -> None:
+    """A wall is before it, and something keeps it from turning: it moves back."""
+    behavior = load_behavior("wander", {})
+    commands = [
+        behavior.step(make_view(make_scan([0.5] * 271), now=tick * 100_000_000, odom=make_odometry(Pose2(1, 1, 0))))
+        for tick in range(30)
+    ]
+    assert min(command.linear.x for command in commands) == -0.2
 
 
 def test_wander_turns_to_both_sides_and_by_many_angles() -> None:

@@ -1,5 +1,7 @@
 """escape: a robot that has to turn on the spot and cannot moves back, then forward."""
 
+from itertools import groupby
+
 import pytest
 
 from support.flat_floor import TICK, make_odometry, make_view
@@ -10,28 +12,35 @@ from zteam.messages import Twist, Vector3
 TURN = Twist(angular=Vector3(z=1.0))
 
 
+def ask(escape: Escape, tick: int, yaw: float, command: Twist, x: float = 0.0) -> Twist:
+    """What it is told in one tick."""
+    return escape.free(make_view(now=tick * TICK, odom=make_odometry(Pose2(x, 2.0, yaw))), command)
+
+
 def free(turned: float, command: Twist, ticks: int) -> list[Twist]:
     """What it is told in so many ticks while it turns `turned` rad in each."""
     escape = Escape()
     return [ask(escape, i, turned * i, command) for i in range(1, ticks + 1)]
 
 
-def ask(escape: Escape, tick: int, yaw: float, command: Twist) -> Twist:
-    """What it is told in one tick."""
-    odom = make_odometry(Pose2(1.0, 2.0, yaw))
-    return escape.free(make_view(now=tick * TICK, odom=odom), command)
+def told_ways(room: float) -> list[tuple[float, int]]:
+    """Which way a robot moves that cannot turn, and for how many ticks; a wall is `room` metres behind it."""
+    escape, x, moves = Escape(), 0.0, []
+    for tick in range(1, 80):
+        command = ask(escape, tick, 0.0, TURN, x)
+        moves.append(command.linear.x)
+        x = max(-room, x + 0.1 * command.linear.x)
+    return [(way, len(list(same))) for way, same in groupby(moves)]
 
 
 def test_a_robot_that_cannot_turn_moves_back_and_then_forward() -> None:
-    """It tries for a second and a half, moves for a second at 0.2 m/s, and tries again; the other way next."""
-    told = free(0.0, TURN, 80)
-    moves = [command.linear.x for command in told if command != TURN]
-    ways = [way for i, way in enumerate(moves) if i == 0 or way != moves[i - 1]]
-    assert ways == [-0.2, 0.2, -0.2]
-    assert moves.count(0.2) in (9, 10)
-    first = next(i for i, command in enumerate(told) if command != TURN)
-    assert 1.4 <= 0.1 * first <= 1.8
-    assert all(command.angular.z == 0.0 for command in told if command != TURN)
+    """It tries for a second, moves for a second at 0.2 m/s, and tries again; the other way next."""
+    assert told_ways(room=10.0)[:6] == [(0.0, 11), (-0.2, 9), (0.0, 12), (0.2, 9), (0.0, 12), (-0.2, 9)]
+
+
+def test_a_robot_that_has_no_room_behind_it_moves_forward_at_once() -> None:
+    """It notices within 0.4 s that it does not move."""
+    assert told_ways(room=0.0)[:3] == [(0.0, 11), (-0.2, 3), (0.2, 6)]
 
 
 @pytest.mark.parametrize("turned", [0.1, -0.1, 0.01])

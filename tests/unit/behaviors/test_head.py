@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 
 import pytest
 
-from support.flat_floor import LASER, Segment, cast, drive, make_scan, make_view
+from support.flat_floor import LASER, Segment, cast, drive, make_odometry, make_scan, make_view
 from zteam.behaviors import View
 from zteam.behaviors.head import Head
 from zteam.behaviors.line import Place
@@ -41,7 +41,7 @@ def look(
         return (frames[source], 0) if source in frames else None
 
     scan = make_scan(cast(own.compose(LASER), walls), to_ns(seconds))
-    return make_view(scan, now=to_ns(seconds), lookup=lookup, team=(0, *mates), seed=seed)
+    return make_view(scan, now=to_ns(seconds), odom=make_odometry(own), lookup=lookup, team=(0, *mates), seed=seed)
 
 
 def lead(head: Head, view: View, own: Pose2 = START, behind: int | None = None) -> tuple[Twist | None, str]:

@@ -1,20 +1,21 @@
-"""line_room: when a robot drives back from the one ahead, and when it leaves its trail and takes it again."""
+"""line_room: when a robot drives back from those ahead, and when it leaves its trail and takes it again."""
 
 import math
 
 import pytest
 
-from zteam.behaviors.line_room import MakingRoom, back_up, is_too_near
+from zteam.behaviors.line_room import BoxedIn, MakingRoom, Way, back_up, is_too_near
 from zteam.behaviors.polyline import Polyline
 from zteam.behaviors.pursuit import Limits
+from zteam.clock import to_ns
 from zteam.geometry import Pose2
-from zteam.messages import Twist, Vector3
+from zteam.messages import RobotStatus, Twist, Vector3
 from zteam.testing import make_view
 
 LIMITS = Limits(0.7, math.pi)
 AHEAD = Pose2(5.0, 0.0, 0.0)
 """The head, which drives away."""
-BACK = 0.8
+GAP = 0.8
 """Metres to the place behind it."""
 
 
@@ -43,24 +44,55 @@ def test_it_drives_back_along_its_way(side: float, turn: float) -> None:
     assert command.angular.z == pytest.approx(turn, abs=0.1)
 
 
-def test_a_robot_that_is_late_and_stuck_leaves_its_trail_until_it_is_free() -> None:
+def step(
+    room: MakingRoom, seconds: float, x: float = 1.0, *, head: Pose2 = AHEAD, said: str = "", wants: bool = True
+) -> tuple[Twist, str] | None:
+    """What robot 1 does at x on the x axis, in a large hall, with its head (in its own base frame) that said this."""
+    view = make_view(
+        [5.0] * 180, now=seconds, poses={0: head, 1: (0.0, 0.0, 0.0)}, robot_id=1,
+        inputs={"statuses": {0: RobotStatus(reason=said)}},
+    )  # fmt: skip
+    way = Way(Polyline([(-5.0, 0.0), (5.0, 0.0)]), 5.0 + x, GAP)
+    return room.step(view, Pose2(x, 0.0, 0.0), (0,), way, LIMITS, keeps=True, wants=wants)
+
+
+def test_a_robot_that_is_stuck_leaves_its_trail_until_it_is_free() -> None:
     """It follows for 3 s where it stands, then drives as a head does, and follows again 0.5 m from there."""
-    room, here = MakingRoom(), Pose2(1.0, 0.0, 0.0)
-    commands = []
-    for tick in range(60):
-        view = make_view([5.0] * 180, now=1.0 + 0.1 * tick)
-        commands.append(room.step(view, here, AHEAD, BACK, LIMITS, is_late=True))
+    room = MakingRoom()
+    commands = [step(room, 1.0 + 0.1 * tick) for tick in range(60)]
     left = next(tick for tick, command in enumerate(commands) if command is not None)
     assert left == 31
-    assert commands[left] == Twist(Vector3(0.4))
-    view = make_view([5.0] * 180, now=8.0)
-    assert room.step(view, Pose2(1.6, 0.0, 0.0), AHEAD, BACK, LIMITS, is_late=True) is not None
-    assert room.step(view, Pose2(1.6, 0.0, 0.0), AHEAD, BACK, LIMITS, is_late=True) is None
+    assert commands[left] == (Twist(Vector3(0.4)), "is stuck: leaves its way")
+    assert step(room, 8.0, 1.6) is not None
+    assert step(room, 8.0, 1.6) is None
 
 
 def test_a_robot_that_waits_does_not_leave_its_trail() -> None:
     """One that is in its place, or waits for another one, may stand for as long as it has to."""
     room = MakingRoom()
-    for tick in range(100):
-        view = make_view([5.0] * 180, now=1.0 + 0.1 * tick)
-        assert room.step(view, Pose2(1.0, 0.0, 0.0), AHEAD, BACK, LIMITS, is_late=False) is None
+    assert not any(step(room, 1.0 + 0.1 * tick, wants=False) for tick in range(100))
+
+
+def test_a_robot_in_the_way_of_its_head_drives_back_until_that_has_room() -> None:
+    """It begins when its head says that this robot stops it, and goes on while the head is within 1 m."""
+    room, near, far = MakingRoom(), Pose2(0.7, 0.0, 0.0), Pose2(1.1, 0.0, 0.0)
+    assert step(room, 1.0, head=near, wants=False) is None
+    told = step(room, 1.1, head=near, said="robot_1 behind", wants=False)
+    assert told == (Twist(Vector3(-0.2)), "makes room for robot_0")
+    assert step(room, 1.2, head=near, wants=False) == told
+    assert step(room, 1.3, head=far, wants=False) is None
+    assert step(room, 1.4, head=near, wants=False) is None
+
+
+def test_what_is_said_of_another_robot_is_nothing_to_it() -> None:
+    """Robot 1 does not take robot_10 for itself."""
+    assert step(MakingRoom(), 1.0, head=Pose2(0.7, 0.0, 0.0), said="robot_10 behind", wants=False) is None
+
+
+def test_a_head_that_turns_on_the_spot_and_does_not_get_on_is_boxed_in() -> None:
+    """For 2.5 s it may; then it has turned for nothing, until it has moved by 0.1 m."""
+    boxed = BoxedIn()
+    found = [boxed.look(to_ns(1.0 + 0.1 * tick), Pose2(0.0, 0.0, 0.1 * tick)) for tick in range(40)]
+    assert found.index(True) == 26
+    assert not boxed.look(to_ns(5.1), Pose2(0.2, 0.0, 0.0))
+    assert not BoxedIn().look(to_ns(9.0), Pose2(0.0, 0.0, 0.0))

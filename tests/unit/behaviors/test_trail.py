@@ -46,6 +46,10 @@ class Chain(Floor):
                 self._statuses[i], follows=follows, turns=behavior.turns, reason=self.commands[i][1]
             )
 
+    def says(self, robot_id: int, reason: str) -> None:
+        """The reason of a robot, heard in the next tick."""
+        self._statuses[robot_id] = msgspec.structs.replace(self._statuses[robot_id], reason=reason)
+
     def view(self, robot_id: int) -> View:
         """With the statuses of all robots; the bases of those that are gone stay known."""
         team = tuple(set(self._statuses) - self.gone)
@@ -297,15 +301,38 @@ def test_a_head_that_drives_back_past_its_line_is_followed_by_the_last_robot() -
     assert apart == pytest.approx([GAP] * 4, abs=0.15)
 
 
-def test_a_line_makes_room_for_a_head_that_comes_towards_it() -> None:
-    """In a corridor in which no two robots pass, the robots before the head drive back."""
+@pytest.mark.parametrize(
+    "commands", [[(-0.2, 0.0)] * 150, [(0.0, 1.0)] * 31 + [(0.2, 0.0)] * 150], ids=["backs up", "turns round"]
+)
+def test_a_line_makes_room_for_a_head_that_comes_back(commands: list[tuple[float, float]]) -> None:
+    """In a corridor in which no two robots pass, the robots drive back along their way, the last one first."""
     walls: list[Segment] = [(-12.0, -0.6, 3.0, -0.6), (-12.0, 0.6, 3.0, 0.6)]
-    floor = Chain(in_line(2), walls)
-    team = [driven([(0.0, 1.0)] * 31 + [(0.2, 0.0)] * 60), *followers(2)]
-    for _ in range(91):
+    floor = Chain(in_line(4), walls)
+    team, began = [driven(commands), *followers(4)], {}
+    for tick in range(len(commands)):
         floor.step(team)
         assert room(floor.poses) > 0.4
-    assert floor.poses[1].x < -1.0
+        for robot in (1, 2, 3):
+            if floor.poses[robot].x < -GAP * robot - 0.2:
+                began.setdefault(robot, tick)
+    assert floor.poses[0].x < -2.0
+    assert floor.poses[3].x < -4.2
+    assert began[3] <= began[2] + 5
+
+
+def test_a_robot_does_not_wait_for_one_that_waits_itself() -> None:
+    """Two that wait for each other would stand for good: the one ahead drives on."""
+    floor = Chain(in_line(3))
+    floor.place(2, Pose2(-4.0, 0.0, 0.0))
+    team = [driven([(0.3, 0.0)] * 100), *followers(3)]
+    team[2].step = lambda view: Twist()  # type: ignore[method-assign]
+    for _ in range(30):
+        floor.step(team)
+    assert floor.poses[1].x == pytest.approx(-GAP, abs=0.1)
+    for _ in range(70):
+        floor.says(2, "waits: robot_1 is 3.2 m away")
+        floor.step(team)
+    assert floor.poses[0].x - floor.poses[1].x < 1.5
 
 
 def test_a_robot_that_was_passed_does_not_wait_for_the_one_that_passed_it() -> None:

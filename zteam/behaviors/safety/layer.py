@@ -116,10 +116,7 @@ class SafetyLayer:
         return asked.scale(share), f"{UNSEEN_CAUSE} {'behind' if is_seen and not forwards else side}"
 
     def _avoid(self, motion: Motion) -> tuple[Motion, str]:
-        """What is left of a motion before the obstacles: slower, but turning as was wanted where there is room.
-
-        Where there is no room to turn, as for the tail beside a wall, it drives straight on.
-        """
+        """What is left of a motion: slower, but turning as was wanted where there is room; else straight on."""
         share, what = self._share(motion)
         if share >= 1.0:
             return motion, ""
@@ -128,10 +125,11 @@ class SafetyLayer:
             turning = Motion(slow.x, motion.turn, slow.y)
             free, _ = self._share(turning)
             if free >= 1.0 or not share:
-                slow = turning.scale(free) if free < 1.0 else turning
+                slow = turning.scale(free)
             if slow == STANDING:
-                straight = Motion(motion.x, 0.0, motion.y)
-                slow = straight.scale(min(1.0, self._share(straight)[0]))
+                # The tail of a robot beside a wall has room to drive on, but not to turn.
+                straight = motion._replace(turn=0.0)
+                slow = straight.scale(self._share(straight)[0])
         is_stopped = not slow.speed and (motion.speed or not slow.turn)
         return slow, f"{what} {_side_of(motion)}" if is_stopped else ""
 

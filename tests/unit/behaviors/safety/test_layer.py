@@ -74,6 +74,15 @@ def test_no_chatter_at_the_edge(speed: float, noise: float) -> None:
     assert not any(speeds[stopped:])
 
 
+def test_it_gets_away_from_a_wall_beside_it_that_its_tail_would_touch() -> None:
+    """It is to turn away from a wall at 3 cm: it drives straight on where its tail has no room to turn."""
+    side = -Base().half_width - 0.03
+    robot = Drive([(-9.0, side, 9.0, side)])
+    for _ in range(60):
+        robot.step(0.3, 1.0)
+    assert robot.pose.y > 0.3
+
+
 def test_it_drives_on_when_the_way_is_free() -> None:
     """What is stopped is not held for ever: the obstacle goes away, and the robot drives at once."""
     robot = Drive([(2.0, -5.0, 2.0, 5.0)])
