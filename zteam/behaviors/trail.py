@@ -112,30 +112,32 @@ class Trail:
         trail = self._trail
         age = max(0.0, (view.now - head.stamp) / 1e9) if head.stamp else 0.0
         error = trail.place + trail.speed * age - gap * len(before) - self._place
-        is_late = error > LAGS
+        is_late, speed = error > LAGS, self._speed(own, ahead.pose, error)
         self._has_place = self._has_place or not is_late
-        self._is_parked = trail.stands and error < (LEFT if self._is_parked else PARKED)
         passed = place.gone
         if is_late:
             passed = {*passed, *overtaken(view, own, trail.path, self._place, place.after)}
         # One that is in the way of a robot behind it does not wait for that.
         goes_on = place.behind in passed or find_stopped(view, place.after)
         share, reason = (1.0, "") if goes_on else keep_together(view, place)
-        speed = 0.0 if self._is_parked else max(0.0, trail.speed + GAIN * error)
-        if own.inverse().compose(ahead.pose).x > 0.0:
-            speed = max(0.0, min(speed, self._leaves + NEAR_GAIN * (self.apart - NEAREST)))
         way, wants = Way(trail.path, self._place, gap * len(before)), share > 0.0 and (is_late or speed > WANTED)
         answer = self._making_room.step(view, own, before, way, limits, keeps=alone, wants=wants)
         if answer is not None:
             return answer
         if share == 0.0:
             return Twist(), reason
-        if speed < CREEP:
-            speed = 0.0
         if alone and len(before) > 1 and self._moves and comes_past(trail.path, self._place, ahead.pose):
             return Twist(), f"{WAITS}{names.robot_name(before[0])} comes past"
         command = self._along(view, own, min(speed, limits.linear) * share, limits, passed, place.ahead)
         return self._escape.free(view, command), ""
+
+    def _speed(self, own: Pose2, ahead: Pose2, error: float) -> float:
+        """m/s, by the metres that it is behind its place, and not too near to the robot ahead."""
+        self._is_parked = self._trail.stands and error < (LEFT if self._is_parked else PARKED)
+        speed = 0.0 if self._is_parked else self._trail.speed + GAIN * error
+        if own.inverse().compose(ahead).x > 0.0:
+            speed = min(speed, self._leaves + NEAR_GAIN * (self.apart - NEAREST))
+        return speed if speed >= CREEP else 0.0
 
     def _look(self, own: Pose2, ahead: Seen) -> None:
         """How far the robot ahead is, and how fast that grows."""

@@ -194,18 +194,8 @@ class Wander(Behavior):
         self._turned = 0.0
         self._squeezing = self._driven < SHORT_DRIVE
         if self._squeezing:
-            heading = self._draw_heading(view)
+            heading = draw_heading(view)
             self._side, self._wanted = math.copysign(1.0, heading), abs(heading)
-
-    def _draw_heading(self, view: View) -> float:
-        """Of those that the laser sees (rad); the more room there is, the likelier."""
-        best, most = math.pi, -1.0
-        for draw, heading in enumerate(HEADINGS, 2):
-            if view.scan is not None and is_seen(view.scan, heading):
-                room = min(look_along(view.scan, view.base.radius + SIDE_MARGIN, heading), ROOMY)
-                weight = room * view.random(draw)
-                best, most = (heading, weight) if weight > most else (best, most)
-        return best
 
     def _may_drive(self, cone: Cone, scan: LaserScan, half_width: float) -> bool:
         reach = self._reach
@@ -221,3 +211,14 @@ class Wander(Behavior):
         """Metres ahead of the laser that have to be free."""
         speed = self.params.speed
         return self.params.stop_distance + REACTION_TIME * speed + 0.5 * speed * speed / BRAKING
+
+
+def draw_heading(view: View) -> float:
+    """Of those that the laser sees (rad); the more room there is, the likelier."""
+    best, most = math.pi, -1.0
+    for draw, heading in enumerate(HEADINGS, 2):
+        if view.scan is not None and is_seen(view.scan, heading):
+            room = min(look_along(view.scan, view.base.radius + SIDE_MARGIN, heading), ROOMY)
+            weight = room * view.random(draw)
+            best, most = (heading, weight) if weight > most else (best, most)
+    return best
