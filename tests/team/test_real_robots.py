@@ -104,7 +104,7 @@ def test_a_base_of_ones_own_drives_and_stops(team: TeamFixture, base: "subproces
     watched.wait_for_stand()
     assert WALL - 0.6 < watched.x < WALL - 0.3
     assert watched.bases == ["cart"]
-    assert not [line for line in team.lines("robot_0") if "base_info" in line]
+    assert not [line for line in team.lines("robot_0") if "no robot_0/base_info" in line]
     base.terminate()
     assert base.communicate(timeout=LIMIT) == ("", None)
     assert base.returncode == 0

@@ -17,7 +17,7 @@ BODY = 0.45
 """Metres around another robot within which a hit is that robot."""
 BEND = 0.9
 """The outermost slot lies within this share of the radius of a bend."""
-CLOSING, OPENING = 0.5, 0.1
+CLOSING, OPENING = 0.5, 0.13
 """1/s: how fast the formation closes and opens."""
 
 
