@@ -31,10 +31,7 @@ UNSEEN_CAUSE = "no laser looks"
 
 
 class SafetyLayer:
-    """Limits the velocities of one robot; it remembers what came before, so each robot has its own.
-
-    Make a new one when time has jumped back.
-    """
+    """Limits the velocities of one robot. It remembers what came before: make a new one when time has jumped back."""
 
     def __init__(self) -> None:
         self._base: Base | None = None
@@ -127,7 +124,6 @@ class SafetyLayer:
             if free >= 1.0 or not share:
                 slow = turning.scale(free)
             if slow == STANDING:
-                # The tail of a robot beside a wall has room to drive on, but not to turn.
                 straight = motion._replace(turn=0.0)
                 slow = straight.scale(self._share(straight)[0])
         is_stopped = not slow.speed and (motion.speed or not slow.turn)

@@ -113,8 +113,7 @@ class Limits:
             return None
         linear, angular = view.odom.twist.twist.linear, view.odom.twist.twist.angular
         x, turn, y = linear.x, angular.z, linear.y if self._is_omni else 0.0
-        is_faster = abs(x) > abs(told.x) + _FASTER or abs(turn) > abs(told.turn) + _FASTER
-        is_faster = is_faster or abs(y) > abs(told.y) + _FASTER
+        is_faster = any(abs(a) > abs(b) + _FASTER for a, b in zip((x, turn, y), told, strict=True))
         return Motion(float(x), float(turn), float(y)) if is_faster and math.isfinite(x + turn + y) else None
 
 
