@@ -31,7 +31,7 @@ FACING, FACED = 1.2, 2.0
 FACED_FOR = to_ns(4.0)
 """Nanoseconds face to face after which it drives round the head to its place behind it, because that cannot get on."""
 STUCK, STUCK_FOR = 0.2, to_ns(3.0)
-"""Metres, and nanoseconds: a robot that is late and has not come so far in so long leaves its trail."""
+"""Metres, and nanoseconds: a robot that wants to drive on and has not come so far in so long leaves its way."""
 FREED = 0.5
 """Metres from there after which it takes its trail again."""
 STRAY, STRAY_TURN = 0.4, 1.0
@@ -113,7 +113,8 @@ class MakingRoom:
 
         `keeps`: the head keeps its place, as one that is driven by hand does. For `wants` see `Stray`.
         """
-        seen = {robot: at[0] for robot in before if (at := view.base_from_robot(robot)) is not None}
+        found = ((robot, view.base_from_robot(robot)) for robot in before if keeps)
+        seen = {robot: at[0] for robot, at in found if at is not None}
         self._asking = self._find_asking(view, own, before, seen) if keeps else None
         command = self._stray.step(view, own, limits, wants=wants or self._asking is not None)
         if command is not None:
