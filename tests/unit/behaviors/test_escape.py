@@ -28,6 +28,7 @@ def told_ways(room: float) -> list[tuple[float, int]]:
     escape, x, moves = Escape(), 0.0, []
     for tick in range(1, 80):
         command = ask(escape, tick, 0.0, TURN, x)
+        assert command.linear.x == 0.0 or command.angular.z == 0.0
         moves.append(command.linear.x)
         x = max(-room, x + 0.1 * command.linear.x)
     return [(way, len(list(same))) for way, same in groupby(moves)]
