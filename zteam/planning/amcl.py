@@ -42,6 +42,8 @@ _MATCHED_DEVIATIONS = 0.03, 0.03, 0.02
 """Metres, metres, radians: how the particles scatter that are put where the scan fits best."""
 _MATCHED_WITHIN = 1.0, 0.7
 """Metres and radians from the expected pose up to which they are: beyond, a scan fits as one corner fits another."""
+_MOST_DEVIATION = 0.5
+"""Metres that a teammate may seem to be off, at most: with more, too few beams would be left."""
 
 
 def _make_field(grid: GridMap, options: AmclOptions, range_max: float) -> LikelihoodField:
@@ -74,13 +76,16 @@ def _scatter(poses: Floats, fitting: Floats, expected: Pose2, share: float, stat
         poses[:count] = fitting + _normals(state, count) * _MATCHED_DEVIATIONS
 
 
-def choose_beams(scan: Scan, teammates: Iterable[Teammate], options: AmclOptions) -> Floats:
-    """Ends of up to `max_beams` beams, spread evenly, in the base frame: (n, 2). Those on teammates are left out."""
+def choose_beams(scan: Scan, teammates: Iterable[Teammate], options: AmclOptions, deviation: float = 0.0) -> Floats:
+    """Ends of up to `max_beams` beams, spread evenly, in the base frame: (n, 2). Those on teammates are left out.
+
+    `deviation` (m) of the own place is also that of the teammates as seen from there.
+    """
     last = len(scan.ranges) - 1
     count = min(options.max_beams, last + 1)
     chosen = np.arange(count) * last // max(1, count - 1)
     ends, met = find_ends(scan, Pose2(0.0, 0.0, 0.0), options.laser_max_range, chosen)
-    met &= ~on_teammates(ends, teammates, options.teammate_margin)
+    met &= ~on_teammates(ends, teammates, options.teammate_margin + deviation)
     return ends[met]
 
 
@@ -160,7 +165,7 @@ class Amcl:
         self._forced = False
         self._count += 1
         self._odom = odom
-        ends = choose_beams(scan, teammates, self.options)
+        ends = choose_beams(scan, teammates, self.options, self._deviation())
         if self._search is not None:
             self._look_everywhere(self._search, before, odom, ends)
             return True
@@ -203,6 +208,12 @@ class Amcl:
         options = self.options
         self._slow += (options.recovery_alpha_slow if self._slow else 1.0) * (total - self._slow)
         self._fast += (options.recovery_alpha_fast if self._fast else 1.0) * (total - self._fast)
+
+    def _deviation(self) -> float:
+        """Metres by which it may be elsewhere; 0 while it may be anywhere."""
+        if self._search is not None:
+            return 0.0
+        return min(_MOST_DEVIATION, math.sqrt(self.covariance[:2, :2].diagonal().max()))
 
     def _likelihoods(self, range_max: float) -> LikelihoodField:
         if self._field is None or self._field[0] != range_max:

@@ -121,10 +121,26 @@ def test_beams_on_a_teammate_say_nothing() -> None:
     found = []
     for scan, mates in ((hidden, mate), (absent, []), (hidden, [])):
         localiser = Amcl(grid, seed=5)
-        localiser.set_pose(place)
+        localiser.set_pose(place, (0.2, 0.2, 0.2))
         localiser.update(Pose2(0.0, 0.0, 0.0), scan, mates)
         found.append(localiser.particles.tobytes())
     assert found[0] == found[1] != found[2]
+
+
+@pytest.mark.parametrize(("deviation", "is_left_out"), [(0.2, False), (0.5, True)])
+def test_a_robot_that_knows_its_place_badly_leaves_out_more_beams(deviation: float, is_left_out: bool) -> None:
+    """A teammate that seems to stand 0.5 m beside its place is no wall if the robot itself may be 0.5 m off."""
+    grid, place = make_hall(), Pose2(0.5, -1.2, 0.0)
+    clear, ahead = look(grid, place), np.abs(ANGLES) < 0.2
+    hidden = clear._replace(ranges=np.where(ahead, 0.7, clear.ranges).astype(np.float32))
+    absent = clear._replace(ranges=np.where(ahead, np.nan, clear.ranges).astype(np.float32))
+    found = []
+    for scan, mates in ((hidden, [Teammate(0.9, 0.45, 0.1)]), (absent, [])):
+        localiser = Amcl(grid, seed=5)
+        localiser.set_pose(place, (deviation, deviation, 0.1))
+        localiser.update(Pose2(0.0, 0.0, 0.0), scan, mates)
+        found.append(localiser.particles.tobytes())
+    assert (found[0] == found[1]) is is_left_out
 
 
 def test_without_errors_particles_move_as_odometry_does() -> None:
