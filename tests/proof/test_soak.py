@@ -43,3 +43,26 @@ def test_a_line_drives_among_dead_ends(team: TeamFixture, tmp_path: Path, seed: 
     assert [robot.stalls for robot in report.robots] == [0] * 4
     assert min(robot.distance_m for robot in report.robots) > 5.0
     assert max(robot.gap_m.max for robot in report.robots if robot.gap_m is not None) < 3.0
+
+
+IN_A_CORNER = ((49.04, 10.98, -2.64), (48.58, 11.40, -2.10), (48.36, 11.89, 0.35), (48.93, 12.03, 0.97))
+AT_AN_END = ((42.07, 48.92, -1.22), (42.02, 48.11, 1.90), (41.42, 48.54, 1.58), (41.22, 49.12, 2.80))
+"""Places in the office where the two ends of a line had no way out but through its middle (m, m, rad)."""
+
+
+@pytest.mark.parametrize("places", [IN_A_CORNER, AT_AN_END])
+def test_a_line_gets_out_whose_ends_are_both_shut_in(
+    team: TeamFixture, tmp_path: Path, places: tuple[tuple[float, float, float], ...]
+) -> None:
+    """After both ends have handed over in vain the robots between them make way: in 90 s each one drives 2 m."""
+    robots = "".join(
+        f'[[robots]]\nid = {i}\nmodel = "erratic"\npose = {list(place)}\n'
+        + (f"follow = {i - 1}\n" if i else 'behavior = "wander"\nspeed = 0.4\n')
+        for i, place in enumerate(places)
+    )
+    (tmp_path / "line.toml").write_text(f'[team]\nworld = "office"\nworld_robots = false\n{robots}')
+    team.launch(tmp_path / "line.toml", in_process=True)
+    team.wait_for_go()
+    team.run(90.0)
+    assert min(team.robot(robot).distance_travelled for robot in range(4)) > 2.0
+    assert [robot.stalls for robot in team.report.robots] == [0] * 4

@@ -49,6 +49,8 @@ class Place(NamedTuple):
     """Metres that the line keeps between neighbours."""
     gone: Set[int] = frozenset()
     """The robots that are gone: they may stand in the way."""
+    turns: int = 0
+    """How often the line has been led from the other end since it was there."""
 
     @property
     def ahead(self) -> int | None:
@@ -100,6 +102,7 @@ class Line:
             may_reverse=can_turn and stays,
             gap=max([GAP, *(statuses[robot].gap for robot in order if robot in statuses)]),
             gone=gone,
+            turns=self.turns,
         )
 
 

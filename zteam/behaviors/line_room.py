@@ -32,6 +32,8 @@ FACED_FOR = to_ns(4.0)
 """Nanoseconds face to face after which it drives round the head to its place behind it, because that cannot get on."""
 STUCK, STUCK_FOR = 0.2, to_ns(3.0)
 """Metres, and nanoseconds: a robot that wants to drive on and has not come so far in so long leaves its way."""
+FRUITLESS = 2
+"""Turns of the line after which that holds for each robot: neither end gets on, so those between are in the way."""
 FREED = 0.5
 """Metres from there after which it takes its trail again."""
 STRAY, STRAY_TURN = 0.4, 1.0
@@ -73,24 +75,27 @@ class Stray:
 
     def __init__(self) -> None:
         self._head = Head()
-        self._anchor = (0.0, 0.0), 0
-        """Where it got on last, and when (ns)."""
+        self._anchor = (0.0, 0.0), 0, 0
+        """Where it got on last, when (ns), and how often the line had turned then."""
 
-    def step(self, view: View, own: Pose2, limits: Limits, *, wants: bool) -> Twist | None:
+    def step(self, view: View, own: Pose2, limits: Limits, *, wants: bool, turns: int = 0) -> Twist | None:
         """The velocity of a robot at `own` in map; None to go its way.
 
-        `wants`: it is to drive on, and does not wait for another robot.
+        `wants`: it is to drive on, and does not wait for another robot. `turns`: of its line, so far.
         """
-        place, since = self._anchor
-        is_stuck = view.now - since > STUCK_FOR
-        if math.dist(own[:2], place) > (FREED if is_stuck else STUCK) or not wants:
-            self._anchor = own[:2], view.now
+        place, since, before = self._anchor
+        is_fruitless = turns - before >= FRUITLESS
+        is_stuck = is_fruitless or view.now - since > STUCK_FOR
+        if math.dist(own[:2], place) > (FREED if is_stuck else STUCK):
+            self._anchor, is_stuck = (own[:2], view.now, turns), False
+        elif not (wants or is_fruitless):
+            self._anchor = own[:2], view.now, before
         if is_stuck:
             linear, angular = min(STRAY, limits.linear), min(STRAY_TURN, limits.angular)
             command, _ = self._head.step(view, own, Place(), linear, angular)
             if command is not None:
                 return command
-            self._anchor = own[:2], view.now
+            self._anchor = own[:2], view.now, turns
         self._head.rest()
         return None
 
@@ -107,16 +112,17 @@ class MakingRoom:
         """The robot for which it drives back."""
 
     def step(
-        self, view: View, own: Pose2, before: Sequence[int], way: Way, limits: Limits, *, keeps: bool, wants: bool
+        self, view: View, own: Pose2, place: Place, way: Way, limits: Limits, *, keeps: bool, wants: bool
     ) -> Answer | None:
-        """The velocity of a robot at `own` (map) behind the robots `before`, and what it does; None to follow.
+        """The velocity of a robot at `own` (map) and its `place` in the line, and what it does; None to follow.
 
         `keeps`: the head keeps its place, as one that is driven by hand does. For `wants` see `Stray`.
         """
+        before = place.before
         found = ((robot, view.base_from_robot(robot)) for robot in before if keeps)
         seen = {robot: at[0] for robot, at in found if at is not None}
         self._asking = self._find_asking(view, own, before, seen) if keeps else None
-        command = self._stray.step(view, own, limits, wants=wants or self._asking is not None)
+        command = self._stray.step(view, own, limits, wants=wants or self._asking is not None, turns=place.turns)
         if command is not None:
             return command, "is stuck: leaves its way"
         if not keeps:

@@ -121,7 +121,7 @@ class Trail:
         goes_on = place.behind in passed or find_stopped(view, place.after)
         share, reason = (1.0, "") if goes_on else keep_together(view, place)
         way, wants = Way(trail.path, self._place, gap * len(before)), share > 0.0 and (is_late or speed > WANTED)
-        answer = self._making_room.step(view, own, before, way, limits, keeps=alone, wants=wants)
+        answer = self._making_room.step(view, own, place, way, limits, keeps=alone, wants=wants)
         if answer is not None:
             return answer
         if share == 0.0:

@@ -4,7 +4,8 @@ import math
 
 import pytest
 
-from zteam.behaviors.line_room import BoxedIn, MakingRoom, Way, back_up, is_too_near
+from zteam.behaviors.line import Place
+from zteam.behaviors.line_room import FRUITLESS, BoxedIn, MakingRoom, Way, back_up, is_too_near
 from zteam.behaviors.polyline import Polyline
 from zteam.behaviors.pursuit import Limits
 from zteam.clock import to_ns
@@ -45,7 +46,14 @@ def test_it_drives_back_along_its_way(side: float, turn: float) -> None:
 
 
 def step(
-    room: MakingRoom, seconds: float, x: float = 1.0, *, head: Pose2 = AHEAD, said: str = "", wants: bool = True
+    room: MakingRoom,
+    seconds: float,
+    x: float = 1.0,
+    *,
+    head: Pose2 = AHEAD,
+    said: str = "",
+    wants: bool = True,
+    turns: int = 0,
 ) -> tuple[Twist, str] | None:
     """What robot 1 does at x on the x axis, in a large hall, with its head (in its own base frame) that said this."""
     view = make_view(
@@ -53,7 +61,7 @@ def step(
         inputs={"statuses": {0: RobotStatus(reason=said)}},
     )  # fmt: skip
     way = Way(Polyline([(-5.0, 0.0), (5.0, 0.0)]), 5.0 + x, GAP)
-    return room.step(view, Pose2(x, 0.0, 0.0), (0,), way, LIMITS, keeps=True, wants=wants)
+    return room.step(view, Pose2(x, 0.0, 0.0), Place((0,), turns=turns), way, LIMITS, keeps=True, wants=wants)
 
 
 def test_a_robot_that_is_stuck_leaves_its_trail_until_it_is_free() -> None:
@@ -63,14 +71,24 @@ def test_a_robot_that_is_stuck_leaves_its_trail_until_it_is_free() -> None:
     left = next(tick for tick, command in enumerate(commands) if command is not None)
     assert left == 31
     assert commands[left] == (Twist(Vector3(0.4)), "is stuck: leaves its way")
-    assert step(room, 8.0, 1.6) is not None
-    assert step(room, 8.0, 1.6) is None
+    assert step(room, 8.0, 1.4) is not None
+    assert step(room, 8.1, 1.6) is None
 
 
 def test_a_robot_that_waits_does_not_leave_its_trail() -> None:
     """One that is in its place, or waits for another one, may stand for as long as it has to."""
     room = MakingRoom()
     assert not any(step(room, 1.0 + 0.1 * tick, wants=False) for tick in range(100))
+
+
+def test_a_robot_between_two_ends_that_get_on_no_more_leaves_its_trail() -> None:
+    """It waits in its place while the line turns once; after the second turn it goes, until it has moved 0.5 m."""
+    room = MakingRoom()
+    assert step(room, 1.0, wants=False) is None
+    assert step(room, 1.1, wants=False, turns=FRUITLESS - 1) is None
+    assert step(room, 1.2, wants=False, turns=FRUITLESS) == (Twist(Vector3(0.4)), "is stuck: leaves its way")
+    assert step(room, 1.3, 1.6, wants=False, turns=FRUITLESS) is None
+    assert step(room, 1.4, 1.6, wants=False, turns=FRUITLESS + 1) is None
 
 
 def test_a_robot_in_the_way_of_its_head_drives_back_until_that_has_room() -> None:
