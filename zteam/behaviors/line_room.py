@@ -119,8 +119,7 @@ class MakingRoom:
         `keeps`: the head keeps its place, as one that is driven by hand does. For `wants` see `Stray`.
         """
         before = place.before
-        found = ((robot, view.base_from_robot(robot)) for robot in before if keeps)
-        seen = {robot: at[0] for robot, at in found if at is not None}
+        seen = self._see(view, before) if keeps else {}
         self._asking = self._find_asking(view, own, before, seen) if keeps else None
         command = self._stray.step(view, own, limits, wants=wants or self._asking is not None, turns=place.turns)
         if command is not None:
@@ -133,6 +132,12 @@ class MakingRoom:
         if self._asking is not None and seen[self._asking].x > 0.0:
             return back_up(own, way.path, way.here), f"makes room for {names.robot_name(self._asking)}"
         return None
+
+    def _see(self, view: View, before: Sequence[int]) -> dict[int, Pose2]:
+        """Where those of the robots `before` are that may ask for room, in the own base frame."""
+        near = {before[0], before[-1], self._asking, *find_stopped(view, before)}
+        found = ((robot, view.base_from_robot(robot)) for robot in before if robot in near)
+        return {robot: at[0] for robot, at in found if at is not None}
 
     def _find_asking(self, view: View, own: Pose2, before: Sequence[int], seen: Mapping[int, Pose2]) -> int | None:
         """The robot that comes too near from ahead, or is boxed in, or says that this one is in its way."""
