@@ -76,6 +76,11 @@ def _scatter(poses: Floats, fitting: Floats, expected: Pose2, share: float, stat
         poses[:count] = fitting + _normals(state, count) * _MATCHED_DEVIATIONS
 
 
+def _deviation_of(covariance: Floats) -> float:
+    """Metres by which a robot may be elsewhere, as far as that counts for beams."""
+    return min(_MOST_DEVIATION, math.sqrt(covariance[:2, :2].diagonal().max()))
+
+
 def choose_beams(scan: Scan, teammates: Iterable[Teammate], options: AmclOptions, deviation: float = 0.0) -> Floats:
     """Ends of up to `max_beams` beams, spread evenly, in the base frame: (n, 2). Those on teammates are left out.
 
@@ -165,7 +170,9 @@ class Amcl:
         self._forced = False
         self._count += 1
         self._odom = odom
-        ends = choose_beams(scan, teammates, self.options, self._deviation())
+        # While it may be anywhere, so may they.
+        deviation = 0.0 if self.is_lost else _deviation_of(self.covariance)
+        ends = choose_beams(scan, teammates, self.options, deviation)
         if self._search is not None:
             self._look_everywhere(self._search, before, odom, ends)
             return True
@@ -208,12 +215,6 @@ class Amcl:
         options = self.options
         self._slow += (options.recovery_alpha_slow if self._slow else 1.0) * (total - self._slow)
         self._fast += (options.recovery_alpha_fast if self._fast else 1.0) * (total - self._fast)
-
-    def _deviation(self) -> float:
-        """Metres by which it may be elsewhere; 0 while it may be anywhere."""
-        if self._search is not None:
-            return 0.0
-        return min(_MOST_DEVIATION, math.sqrt(self.covariance[:2, :2].diagonal().max()))
 
     def _likelihoods(self, range_max: float) -> LikelihoodField:
         if self._field is None or self._field[0] != range_max:
