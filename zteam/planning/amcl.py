@@ -76,21 +76,17 @@ def _scatter(poses: Floats, fitting: Floats, expected: Pose2, share: float, stat
         poses[:count] = fitting + _normals(state, count) * _MATCHED_DEVIATIONS
 
 
-def _deviation_of(covariance: Floats) -> float:
-    """Metres by which a robot may be elsewhere, as far as that counts for beams."""
-    return min(_MOST_DEVIATION, math.sqrt(covariance[:2, :2].diagonal().max()))
-
-
-def choose_beams(scan: Scan, teammates: Iterable[Teammate], options: AmclOptions, deviation: float = 0.0) -> Floats:
+def choose_beams(scan: Scan, teammates: Iterable[Teammate], options: AmclOptions, covariance: Floats | None) -> Floats:
     """Ends of up to `max_beams` beams, spread evenly, in the base frame: (n, 2). Those on teammates are left out.
 
-    `deviation` (m) of the own place is also that of the teammates as seen from there.
+    The `covariance` (3, 3) of the own place is also that of the teammates as seen from there; None: it may be anywhere.
     """
+    deviation = 0.0 if covariance is None else math.sqrt(covariance[:2, :2].diagonal().max())
     last = len(scan.ranges) - 1
     count = min(options.max_beams, last + 1)
     chosen = np.arange(count) * last // max(1, count - 1)
     ends, met = find_ends(scan, Pose2(0.0, 0.0, 0.0), options.laser_max_range, chosen)
-    met &= ~on_teammates(ends, teammates, options.teammate_margin + deviation)
+    met &= ~on_teammates(ends, teammates, options.teammate_margin + min(_MOST_DEVIATION, deviation))
     return ends[met]
 
 
@@ -170,9 +166,7 @@ class Amcl:
         self._forced = False
         self._count += 1
         self._odom = odom
-        # While it may be anywhere, so may they.
-        deviation = 0.0 if self.is_lost else _deviation_of(self.covariance)
-        ends = choose_beams(scan, teammates, self.options, deviation)
+        ends = choose_beams(scan, teammates, self.options, None if self.is_lost else self.covariance)
         if self._search is not None:
             self._look_everywhere(self._search, before, odom, ends)
             return True
