@@ -1,7 +1,7 @@
 """How the robots of a line make room behind a head that keeps its place, and that may turn back into its line."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from zteam import names
@@ -118,37 +118,36 @@ class MakingRoom:
 
         `keeps`: the head keeps its place, as one that is driven by hand does. For `wants` see `Stray`.
         """
-        before = place.before
-        seen = self._see(view, before) if keeps else {}
-        self._asking = self._find_asking(view, own, before, seen) if keeps else None
+        head = place.before[-1]
+        self._asking, seen = self._find_asking(view, own, place.before) if keeps else (None, {})
         command = self._stray.step(view, own, limits, wants=wants or self._asking is not None, turns=place.turns)
         if command is not None:
             return command, "is stuck: leaves its way"
         if not keeps:
             return None
-        command = self._go_round(view, seen.get(before[-1]), way.back, limits)
+        command = self._go_round(view, seen.get(head), way.back, limits)
         if command is not None:
-            return self._escape.free(view, command), f"drives round {names.robot_name(before[-1])}"
+            return self._escape.free(view, command), f"drives round {names.robot_name(head)}"
         if self._asking is not None and seen[self._asking].x > 0.0:
             return back_up(own, way.path, way.here), f"makes room for {names.robot_name(self._asking)}"
         return None
 
-    def _see(self, view: View, before: Sequence[int]) -> dict[int, Pose2]:
-        """Where those of the robots `before` are that may ask for room, in the own base frame."""
-        near = {before[0], before[-1], self._asking, *find_stopped(view, before)}
-        found = ((robot, view.base_from_robot(robot)) for robot in before if robot in near)
-        return {robot: at[0] for robot, at in found if at is not None}
+    def _find_asking(self, view: View, own: Pose2, before: Sequence[int]) -> tuple[int | None, dict[int, Pose2]]:
+        """The robot that comes too near from ahead, or is boxed in, or says that this one is in its way.
 
-    def _find_asking(self, view: View, own: Pose2, before: Sequence[int], seen: Mapping[int, Pose2]) -> int | None:
-        """The robot that comes too near from ahead, or is boxed in, or says that this one is in its way."""
+        And where those of the robots `before` are that may do so, in the own base frame.
+        """
         head, stopped = before[-1], find_stopped(view, before)
+        asked = {before[0], head, self._asking, *stopped}
+        found = ((robot, view.base_from_robot(robot)) for robot in before if robot in asked)
+        seen = {robot: at[0] for robot, at in found if at is not None}
         is_boxed = head in seen and self._boxed_in.look(view.now, own.compose(seen[head]))
         for robot, at in seen.items():
             near = ROOM if is_boxed and robot == head else MET if robot == self._asking else 0.0
             is_near = at.x > 0.0 and (math.hypot(at.x, at.y) < near or (robot == before[0] and is_too_near(at)))
             if robot in stopped or is_near:
-                return robot
-        return None
+                return robot, seen
+        return None, seen
 
     def _go_round(self, view: View, head: Pose2 | None, back: float, limits: Limits) -> Twist | None:
         """To the place behind a head that has faced it for long, if there is a way; `head` is in the own base frame."""

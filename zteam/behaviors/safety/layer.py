@@ -124,6 +124,7 @@ class SafetyLayer:
             if free >= 1.0 or not share:
                 slow = turning.scale(free)
             if slow == STANDING:
+                # The tail of a robot beside a wall has room to drive on, but not to turn.
                 straight = motion._replace(turn=0.0)
                 slow = straight.scale(self._share(straight)[0])
         is_stopped = not slow.speed and (motion.speed or not slow.turn)
