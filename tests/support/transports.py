@@ -46,10 +46,9 @@ class RouterProcess:
 class Sessions:
     """Opens sessions that see each other, and no other ones; closes them at the end."""
 
-    def __init__(self, open_bus: Callable[[], Bus], kind: str) -> None:
+    def __init__(self, open_bus: Callable[[], Bus]) -> None:
         self._open_bus = open_bus
         self._opened = contextlib.ExitStack()
-        self.kind = kind
 
     def __call__(self) -> Bus:
         """A new session."""
@@ -79,14 +78,14 @@ class ZenohTimes:
 @contextmanager
 def memory_sessions() -> Iterator[Sessions]:
     """Sessions on one hub, whose samples have Zenoh's timestamps."""
-    yield Sessions(MemoryHub(timestamps=ZenohTimes()).bus, "memory")
+    yield Sessions(MemoryHub(timestamps=ZenohTimes()).bus)
 
 
 @contextmanager
 def zenoh_sessions(endpoint: str) -> Iterator[Sessions]:
     """Sessions on a router, in a namespace of their own."""
     options = BusOptions(connect=endpoint, lease=LIMIT, namespace=f"n{uuid.uuid4().hex}")
-    sessions = Sessions(lambda: connect(options, patience=LIMIT), "zenoh")
+    sessions = Sessions(lambda: connect(options, patience=LIMIT))
     try:
         yield sessions
     finally:
@@ -110,7 +109,7 @@ def bridged_sessions(outside: Sessions) -> Iterator[Sessions]:
         number = next(numbers)
         return outside() if number % 2 else hub.bus(f"node_{number}")
 
-    sessions = Sessions(open_bus, f"bridge to {outside.kind}")
+    sessions = Sessions(open_bus)
     try:
         yield sessions
     finally:

@@ -182,10 +182,10 @@ def test_an_error_of_a_deferred_answer_goes_to_the_asker(sessions: Sessions) -> 
         asker.ask("a", Number, timeout=LIMIT)
 
 
+# The limit of a session outside is set when the bridge is opened.
+@pytest.mark.parametrize("sessions", ["memory", "zenoh"], indirect=True)
 def test_too_many_deferred_answers_are_refused(sessions: Sessions, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each has a thread, so there is a limit; later queries are answered again."""
-    if sessions.kind.startswith("bridge"):
-        pytest.skip("the limit of the session outside was set when the bridge was opened")
     monkeypatch.setattr(answering, "MAX_DEFERRED", 1)
     server, asker = sessions(), sessions()
     end, started, answers = threading.Event(), Inbox(), Inbox()
