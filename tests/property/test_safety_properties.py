@@ -120,6 +120,15 @@ def hits_of(scan: LaserScan, laser: Pose2) -> list[tuple[float, float]]:
     st.sampled_from([math.radians(90.0), math.radians(270.0), math.tau]),
     st.sampled_from([0.05, 0.1, 0.3]),
 )  # fmt: skip
+# The way back is blind on what is left of the arc, and then only the turn is.
+@example(
+    ((0.125, 0.5), (-0.5, 0.5), (-0.5, -0.5), (0.125, -0.5)),
+    -1.0,
+    -3.0,
+    [math.nan, 0.25, 1.0],
+    math.radians(270.0),
+    0.1,
+)
 def test_no_command_leads_into_what_is_seen(
     footprint: tuple[tuple[float, float], ...], speed: float, turn: float, ranges: list[float], fov: float, dt: float
 ) -> None:

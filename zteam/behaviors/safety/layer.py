@@ -79,14 +79,13 @@ class SafetyLayer:
         self._measured = self._limits.measure(self._last, view)
         self._mates.look(view)
         slow, cause = self._slow_down_unseen(asked, view)
-        motion = slow
-        if slow != STANDING:
-            motion, why = self._avoid(slow)
-            cause = why or cause
+        motion, why = self._avoid(slow)
+        cause = why or cause
         if motion != slow:
-            # It may lead over other ground.
-            motion, why = self._slow_down_unseen(motion, view)
+            # It may lead over other ground. A turn on the spot that is left then was not looked at.
+            seen, why = self._slow_down_unseen(motion, view)
             cause = cause or why
+            motion = seen if seen.speed or not motion.speed else self._avoid(seen)[0]
         self._held = _way_of(asked) if (asked.speed and not motion.speed) or motion == STANDING else None
         return motion, cause
 
@@ -114,7 +113,7 @@ class SafetyLayer:
 
     def _avoid(self, motion: Motion) -> tuple[Motion, str]:
         """What is left of a motion: slower, but turning as was wanted where there is room; else straight on."""
-        share, what = self._share(motion)
+        share, what = self._share(motion) if motion != STANDING else (1.0, "")
         if share >= 1.0:
             return motion, ""
         slow = motion.scale(share)
