@@ -74,8 +74,8 @@ class LeaderTrail:
         """The pose at the trail's beginning."""
         self._noise = 0.005
         """Metres: the mean deviation of a pose from the place that was expected."""
-        self._stamp = 0
-        """Of the newest pose, ns."""
+        self.stamp = 0
+        """Of that pose, ns."""
         self._samples: list[Sample] = []
         """The newest poses, by place: from a little before the end of `path` on."""
 
@@ -99,7 +99,7 @@ class LeaderTrail:
     def begin(self, leader: Pose2, stamp: int, way: Sequence[Pose2] = ()) -> None:
         """Begin anew with this pose of time `stamp` (ns), and with the `way` up to it."""
         self.path = Polyline([(x, y) for x, y, _yaw in (*way, leader)])
-        self._first, self.leader, self._stamp = (*way, leader)[0], leader, stamp
+        self._first, self.leader, self.stamp = (*way, leader)[0], leader, stamp
         self.place, self.speed = self.path.end, 0.0
         self._samples, self._tip, self._has_turned = [Sample(self.place, leader)], None, False
 
@@ -112,10 +112,10 @@ class LeaderTrail:
 
     def go_on(self, leader: Pose2, stamp: int, keep: float) -> None:
         """As `take`, of a leader that is not far."""
-        seconds = (stamp - self._stamp) / 1e9
+        seconds = (stamp - self.stamp) / 1e9
         if seconds <= 0.0:
             return
-        self.leader, self._stamp = leader, stamp
+        self.leader, self.stamp = leader, stamp
         self._estimate(self._measure(leader), seconds)
         self._grow(leader)
         self._shorten(min(keep, _LONGEST))

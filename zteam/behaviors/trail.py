@@ -29,6 +29,8 @@ BACK, AHEAD = 0.3, 0.5
 """Metres of the trail around a robot's last place in which its next one is sought: the trail may cross itself."""
 OFF = 0.5
 """Metres from the trail from which on the whole trail is searched, and a robot drives to it past what is between."""
+MARGIN = 0.1
+"""Metres before a robot in which what the laser sees may be that robot."""
 ASIDE = 0.3
 """Metres from the trail within which it has come back to the robot."""
 GAIN, NEAR_GAIN = 1.0, 1.5
@@ -71,6 +73,10 @@ class Trail:
         self._place = 0.0
         self._own = Polyline()
         """The robot's own way."""
+        self._known = 0.0
+        """The place from which on the trail is the way of a robot: before that it may lead through walls."""
+        self._left: tuple[float, float] | None = None
+        """The last place of these at which it was, and the place on its own way there."""
         self._at = Pose2(0.0, 0.0, 0.0), 0
         """The newest pose of the robot ahead in map, and its stamp (ns)."""
         self._leaves = 0.0
@@ -104,7 +110,7 @@ class Trail:
             return Twist(), reason or f"leader {names.robot_name(before[0])} not seen"
         self._take(view, before, head, own, gap)
         self._look(own, ahead)
-        self._find_place(own)
+        self._find_place(view, own)
         if self._is_far_behind(gap * len(before)):
             self._place = after_loop(self._trail.path, self._place, own, ahead.pose)
         # In a line that can be led from its other end the head hands over, and a robot keeps the place that it has had.
@@ -154,13 +160,14 @@ class Trail:
         """The newest pose of the robot that leads; a new trail if it is another one, or was set down elsewhere."""
         trail, stamp = self._trail, head.stamp or view.now
         if before[-1] != self._leads or trail.is_far(head.pose):
-            trail.begin(head.pose, stamp, way_to(view, before, head.pose, own, gap, self._own))
-            self._leads, self._place = before[-1], trail.path.start
+            way = way_to(view, before, head.pose, own, gap, self._own)
         elif self._is_far_behind(gap * len(before)) and self._is_far_behind(length_in_sight(view, before, own)):
-            trail.begin(head.pose, stamp, [own, *places_of(view, before[:-1])])
-            self._place = trail.path.start
+            way = [own, *places_of(view, before[:-1])]
         else:
             trail.go_on(head.pose, stamp, trail.place - self._place + KEPT)
+            return
+        trail.begin(head.pose, stamp, way)
+        self._leads, self._place, self._known, self._left = before[-1], trail.path.start, trail.path.end, None
 
     def _is_far_behind(self, length: float) -> bool:
         """Whether the trail up to the head is much longer than a way of this length: the head has driven to and fro."""
@@ -178,19 +185,31 @@ class Trail:
                 x, y, _ = head.compose(Pose2(along, 0.0, 0.0))
                 path.append(x, y)
             self._got_on = view.now, self._place
-        self._find_place(own)
+        self._find_place(view, own)
         if self._place > self._got_on[1] + PROGRESS:
             self._got_on = view.now, self._place
         if path.end - self._place < 2.0 * PROGRESS or view.now - self._got_on[0] > STALLED:
             return None
         return self._along(view, own, min(PASSING, limits.linear), limits, gone)
 
-    def _find_place(self, own: Pose2) -> None:
+    def _find_place(self, view: View, own: Pose2) -> None:
         path = self._trail.path
         place = path.project(own.x, own.y, self._place - BACK, self._place + AHEAD)
         if math.dist(own[:2], path.point(place)) > OFF:
             place = path.project(own.x, own.y)
-        self._place = place
+            if self._left is not None and is_walled_off(view, own, path.point(place)):
+                place = self._go_back(own, *self._left)
+        self._place, path = place, self._trail.path
+        if place >= self._known and math.dist(own[:2], path.point(place)) < OFF:
+            self._left = place, self._own.end
+
+    def _go_back(self, own: Pose2, left: float, since: float) -> float:
+        """The beginning of a new trail: over the own way back to where it has `left` the old one, and along that."""
+        trail = self._trail
+        on = (trail.path.point(left + i * STEP) for i in range(int((trail.path.end - left) / STEP)))
+        trail.begin(trail.leader, trail.stamp, [*way_back(own, self._own, since), *(Pose2(x, y, 0.0) for x, y in on)])
+        self._known = trail.path.start
+        return self._known
 
     def _along(
         self, view: View, own: Pose2, speed: float, limits: Limits, passed: Set[int], ahead: int | None = None
@@ -209,9 +228,25 @@ def way_to(view: View, before: Sequence[int], head: Pose2, own: Pose2, gap: floa
     # The own way may have crossed itself: the head stands on the newest part of it.
     place = way.project(head.x, head.y, way.end - 1.3 * gap * len(before) - JUMP) if len(way) else 0.0
     if len(way) and math.dist(head[:2], way.point(place)) < JUMP:
-        count = int((way.end - place) / STEP)
-        return [own, *(Pose2(*way.point(way.end - i * STEP), 0.0) for i in range(1, count))]
+        return way_back(own, way, place)
     return [own, *places_of(view, before[:-1])]
+
+
+def way_back(own: Pose2, way: Polyline, place: float) -> list[Pose2]:
+    """From the own pose back over the own way to this place on it."""
+    return [own, *(Pose2(*way.point(way.end - i * STEP), 0.0) for i in range(1, int((way.end - place) / STEP)))]
+
+
+def is_walled_off(view: View, own: Pose2, point: tuple[float, float]) -> bool:
+    """Whether a wall leaves no straight way to this point (map), as far as to the first robot on it."""
+    x, y, _ = own.inverse().compose(Pose2(*point, 0.0))
+    reach = apart = math.hypot(x, y)
+    for mate in view.teammates:
+        along, across = (x * mate.pose.x + y * mate.pose.y) / apart, (x * mate.pose.y - y * mate.pose.x) / apart
+        if along > 0.0 and abs(across) < view.base.half_width + mate.base.radius:
+            reach = min(reach, along - mate.base.radius - MARGIN)
+    is_seen = view.scan is not None and reach > 0.0
+    return is_seen and not is_clear(view.scan, view.base.half_width, reach, math.atan2(y, x))
 
 
 def places_of(view: View, robots: Sequence[int]) -> list[Pose2]:
@@ -223,9 +258,7 @@ def places_of(view: View, robots: Sequence[int]) -> list[Pose2]:
 def length_in_sight(view: View, before: Sequence[int], own: Pose2) -> float:
     """Metres straight from robot to robot up to the head; infinite where something stands before the first of them."""
     way = [own, *places_of(view, before)]
-    x, y, _ = own.inverse().compose(way[1])
-    reach = math.hypot(x, y) - NEAREST
-    if view.scan is not None and not is_clear(view.scan, view.base.half_width, reach, math.atan2(y, x)):
+    if is_walled_off(view, own, way[1][:2]):
         return math.inf
     return sum(math.dist(a[:2], b[:2]) for a, b in pairwise(way))
 
