@@ -15,8 +15,9 @@ from zteam.behaviors.forward import Forward
 from zteam.behaviors.head import Head, lead
 from zteam.behaviors.idle import Idle
 from zteam.behaviors.line import NO_TURNS, WAITS, Line, Place, Presence
+from zteam.behaviors.line_sight import head_comes_round
 from zteam.behaviors.pursuit import Limits
-from zteam.behaviors.trail import Trail, head_comes_round
+from zteam.behaviors.trail import Trail
 from zteam.behaviors.view import View
 from zteam.behaviors.wander import Wander
 from zteam.geometry import Pose2

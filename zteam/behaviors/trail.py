@@ -2,18 +2,27 @@
 
 import math
 from collections.abc import Sequence, Set
-from itertools import pairwise
 
 from zteam import names
 from zteam.behaviors.around import Around
 from zteam.behaviors.chain import Seen, see_robot
 from zteam.behaviors.escape import Escape
 from zteam.behaviors.leader_trail import LeaderTrail
-from zteam.behaviors.line import STRETCHED, WAITS, Place, keep_together
+from zteam.behaviors.line import WAITS, Place, keep_together
 from zteam.behaviors.line_room import Answer, MakingRoom, Way, find_stopped
+from zteam.behaviors.line_sight import (
+    LOOK_ON,
+    NEAREST,
+    OFF,
+    comes_past,
+    is_blocked,
+    is_walled_off,
+    length_in_sight,
+    overtaken,
+    places_of,
+)
 from zteam.behaviors.polyline import Polyline
 from zteam.behaviors.pursuit import LOOK_AHEAD, Limits, pursue
-from zteam.behaviors.scans import is_clear
 from zteam.behaviors.view import View
 from zteam.clock import to_ns
 from zteam.geometry import Pose2
@@ -27,10 +36,6 @@ JUMP = 1.0
 """Metres in one step after which a robot was moved; and up to which a new head counts as standing on the own way."""
 BACK, AHEAD = 0.3, 0.5
 """Metres of the trail around a robot's last place in which its next one is sought: the trail may cross itself."""
-OFF = 0.5
-"""Metres from the trail from which on the whole trail is searched, and a robot drives to it past what is between."""
-MARGIN = 0.1
-"""Metres before a robot in which what the laser sees may be that robot."""
 ASIDE = 0.3
 """Metres from the trail within which it has come back to the robot."""
 GAIN, NEAR_GAIN = 1.0, 1.5
@@ -45,15 +50,10 @@ CREEP = 0.01
 """m/s: what is slower stands, and says why."""
 PASSING = 0.4
 """m/s past a lost head."""
-NEAREST = 0.6
-"""Metres from base to base within which a robot does not drive on towards its neighbour: both can still turn."""
-PAST, BESIDE, SLOW = 0.3, 1.0, 0.1
-"""Metres ahead up to which, and beside the trail within which, a robot is waited for that comes past to its place; and
-m/s below which it does not come."""
+SLOW = 0.1
+"""m/s below which a robot does not come past to its place."""
 SCRIBBLE = 2.0
 """So many times longer than the way straight from robot to robot a trail is given up."""
-LOOK_ON, BODY = 1.5, 0.15
-"""Metres of the trail ahead on which no robot that is gone may stand, and metres beside it that have to be free."""
 BEYOND = 1.9
 """Metres past a lost head to which the robot drives that leads in its place."""
 STALLED, PROGRESS = to_ns(3.0), 0.05
@@ -237,32 +237,6 @@ def way_back(own: Pose2, way: Polyline, place: float) -> list[Pose2]:
     return [own, *(Pose2(*way.point(way.end - i * STEP), 0.0) for i in range(1, int((way.end - place) / STEP)))]
 
 
-def is_walled_off(view: View, own: Pose2, point: tuple[float, float]) -> bool:
-    """Whether a wall leaves no straight way to this point (map), as far as to the first robot on it."""
-    x, y, _ = own.inverse().compose(Pose2(*point, 0.0))
-    reach = apart = math.hypot(x, y)
-    for mate in view.teammates:
-        along, across = (x * mate.pose.x + y * mate.pose.y) / apart, (x * mate.pose.y - y * mate.pose.x) / apart
-        if along > 0.0 and abs(across) < view.base.half_width + mate.base.radius:
-            reach = min(reach, along - mate.base.radius - MARGIN)
-    is_seen = view.scan is not None and reach > 0.0
-    return is_seen and not is_clear(view.scan, view.base.half_width, reach, math.atan2(y, x))
-
-
-def places_of(view: View, robots: Sequence[int]) -> list[Pose2]:
-    """The poses in map of those that are seen."""
-    seen = (see_robot(view, robot, names.MAP_FRAME, math.inf)[0] for robot in robots)
-    return [each.pose for each in seen if each is not None]
-
-
-def length_in_sight(view: View, before: Sequence[int], own: Pose2) -> float:
-    """Metres straight from robot to robot up to the head; infinite where something stands before the first of them."""
-    way = [own, *places_of(view, before)]
-    if is_walled_off(view, own, way[1][:2]):
-        return math.inf
-    return sum(math.dist(a[:2], b[:2]) for a, b in pairwise(way))
-
-
 def after_loop(path: Polyline, here: float, own: Pose2, ahead: Pose2) -> float:
     """Where the path comes back to the robot at the place `here`, unless the robot ahead is on the way there."""
     there = path.project(own.x, own.y, here + AHEAD, path.end)
@@ -271,43 +245,3 @@ def after_loop(path: Polyline, here: float, own: Pose2, ahead: Pose2) -> float:
         if math.dist(ahead[:2], path.point(nearest)) > OFF:
             return there
     return here
-
-
-def overtaken(view: View, own: Pose2, path: Polyline, here: float, after: Sequence[int]) -> list[int]:
-    """Those of the robots that belong behind the place `here` that are ahead of it on the path."""
-    found = []
-    for robot in after:
-        seen = view.base_from_robot(robot)
-        if seen is not None:
-            x, y, _ = own.compose(seen[0])
-            place = path.project(x, y)
-            if place > here + OFF and math.dist((x, y), path.point(place)) < OFF:
-                found.append(robot)
-    return found
-
-
-def comes_past(path: Polyline, here: float, robot: Pose2) -> bool:
-    """Whether a robot that belongs ahead of the place `here` is behind it, near the path."""
-    place = path.project(robot.x, robot.y)
-    return place < here + PAST and math.dist(robot[:2], path.point(place)) < BESIDE
-
-
-def is_blocked(view: View, own: Pose2, path: Polyline, place: float, robots: Set[int]) -> bool:
-    """Whether one of these robots is on the path, a little ahead of `place`."""
-    for mate in view.teammates if robots else ():
-        if mate.robot_id in robots and math.hypot(*mate.pose[:2]) < LOOK_ON:
-            x, y, _ = own.compose(mate.pose)
-            at = path.point(path.project(x, y, place, place + LOOK_ON))
-            if math.dist((x, y), at) < view.base.half_width + mate.base.radius + BODY:
-                return True
-    return False
-
-
-def head_comes_round(view: View, place: Place) -> bool:
-    """Whether the head has left the robot that is to follow it, and is nearest to this one, the last of its line."""
-    seen = [view.base_from_robot(robot) for robot in reversed(place.before)]
-    if len(seen) < 2 or seen[0] is None or seen[1] is None:
-        return False
-    head, own = seen[0][0], math.hypot(*seen[0][0][:2])
-    apart = [math.dist(head[:2], each[0][:2]) for each in seen[1:] if each is not None]
-    return apart[0] > max(place.gap + STRETCHED, own + NEAREST) and min(apart) > own

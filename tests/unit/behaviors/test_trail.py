@@ -7,7 +7,7 @@ from itertools import combinations, pairwise
 import msgspec
 import pytest
 
-from support.flat_floor import Floor, Segment
+from support.flat_floor import Floor, Segment, clearance
 from zteam.base import Base
 from zteam.behaviors import Behavior, View, load_behavior
 from zteam.behaviors.line import NO_TURNS
@@ -247,6 +247,41 @@ def test_it_waits_for_the_robot_behind_unless_that_one_stands_for_a_lost_one(rea
     for _ in range(40):
         floor.step(team)
     assert (floor.poses[1].x < -0.9) is waits
+
+
+class TakenAway(Behavior):
+    """A follower that commands drive away after so many ticks, as by hand, and that then drives on by itself."""
+
+    def __init__(self, behavior: Behavior, ticks: int, commands: Sequence[tuple[float, float]]) -> None:
+        super().__init__(None)
+        self._inner, self._commands, self._ticks = behavior, list(commands), ticks
+
+    def step(self, view: View) -> Twist:
+        """The command of its behaviour, or the next one by hand."""
+        command = self._inner.step(view)
+        self.uses_tf, self.follows, self.reason = True, self._inner.follows, self._inner.reason
+        self._ticks -= 1
+        if self._ticks >= 0 or not self._commands:
+            return command
+        speed, turn = self._commands.pop(0)
+        return Twist(Vector3(speed), Vector3(z=turn))
+
+
+def test_a_robot_behind_a_wall_goes_back_over_its_own_way() -> None:
+    """It was driven to the other side of a long wall beside its trail: it comes back round the wall to its place."""
+    quarter = [(0.0, math.pi / 2)] * 10
+    away = [*quarter, *[(0.5, 0.0)] * 22, *((0.0, -turn) for _, turn in quarter), *[(0.5, 0.0)] * 100]
+    floor = Chain(in_line(2), [(2.0, 0.55, 40.0, 0.55)])
+    team = [driven([(0.4, 0.0)] * 250), TakenAway(followers(2)[0], 50, away)]
+    for _ in range(50 + len(away)):
+        floor.step(team)
+    assert floor.poses[1].x > 4.0
+    assert floor.poses[1].y > 0.9
+    for _ in range(400):
+        floor.step(team)
+        assert clearance(floor.poses[1], floor.walls) > 0.2
+    assert floor.poses[0].x - floor.poses[1].x == pytest.approx(GAP, abs=0.1)
+    assert floor.poses[1].y == pytest.approx(0.0, abs=0.1)
 
 
 @pytest.mark.parametrize("side", [0.0, 0.05, -0.05])
