@@ -23,6 +23,7 @@ class LossyFollow(Follow):
     """`follow`, to which a share of the teammates' poses and statuses never comes: it goes on with the ones before."""
 
     Params = FollowParams
+    why_it_rests = Follow.why_it_rests
 
     def __init__(self, params: FollowParams) -> None:
         super().__init__(params)
