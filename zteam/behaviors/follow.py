@@ -90,7 +90,7 @@ class Follow(Behavior):
         params = self.params
         limits = Limits(params.max_linear, params.max_angular)
         command, self.reason = self._trail.step(view, own[0], place, params.gap, params.stale_after, limits)
-        self._apart = self._trail.apart
+        self._apart = self._trail.ahead.apart
         return command
 
     def _lead(self, view: View, own: Pose2, place: Place) -> Twist:

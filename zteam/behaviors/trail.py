@@ -60,6 +60,30 @@ STALLED, PROGRESS = to_ns(3.0), 0.05
 """It is there, too, if it has not got on so many metres in so many nanoseconds: that way may end at a wall."""
 
 
+class Ahead:
+    """The robot to follow, as it was seen last."""
+
+    def __init__(self) -> None:
+        self._seen = Seen(Pose2(0.0, 0.0, 0.0), 0)
+        self.apart = 0.0
+        """Metres to it."""
+        self.leaves = 0.0
+        """m/s at which it drives away; negative where it comes nearer."""
+        self.moves = False
+        """Whether it drives at all."""
+
+    def see(self, own: Pose2, ahead: Seen) -> None:
+        """It is there now; `own`: the robot that follows, in map."""
+        before, (x, y, _) = self._seen, ahead.pose
+        self.apart = math.hypot(x - own.x, y - own.y)
+        seconds = (ahead.stamp - before.stamp) / 1e9
+        if seconds > 0.0:
+            moved = (x - own.x) * (x - before.pose.x) + (y - own.y) * (y - before.pose.y)
+            self.leaves = moved / max(self.apart, NEAREST) / seconds if seconds < 1.0 else 0.0
+            self.moves = math.dist(before.pose[:2], ahead.pose[:2]) > SLOW * seconds
+            self._seen = ahead
+
+
 class Trail:
     """The way of the robot that leads, the own place on it, and the velocity along it.
 
@@ -77,20 +101,13 @@ class Trail:
         """The place from which on the trail is the way of a robot: before that it may lead through walls."""
         self._left: tuple[float, float] | None = None
         """The last place of these at which it was, and the place on its own way there."""
-        self._at = Pose2(0.0, 0.0, 0.0), 0
-        """The newest pose of the robot ahead in map, and its stamp (ns)."""
-        self._leaves = 0.0
-        """m/s at which it drives away; negative where it comes nearer."""
-        self._moves = False
-        """Whether it drives at all."""
+        self.ahead = Ahead()
         self._is_parked = False
         self._has_place = False
         """Whether it has been in its place since it began."""
         self._around, self._escape, self._making_room = Around(), Escape(), MakingRoom()
         self._got_on = 0, 0.0
         """When it got on last on its way past a lost head, and to which place."""
-        self.apart = 0.0
-        """Metres to the robot ahead."""
 
     def note(self, own: Pose2) -> None:
         """The own pose in map: part of its way, also while it leads."""
@@ -109,7 +126,7 @@ class Trail:
         if head is None or ahead is None:
             return Twist(), reason or f"leader {names.robot_name(before[0])} not seen"
         self._take(view, before, head, own, gap)
-        self._look(own, ahead)
+        self.ahead.see(own, ahead)
         self._find_place(view, own)
         if self._is_far_behind(gap * len(before)):
             self._place = after_loop(self._trail.path, self._place, own, ahead.pose)
@@ -132,7 +149,7 @@ class Trail:
             return answer
         if share == 0.0:
             return Twist(), reason
-        if alone and len(before) > 1 and self._moves and comes_past(trail.path, self._place, ahead.pose):
+        if alone and len(before) > 1 and self.ahead.moves and comes_past(trail.path, self._place, ahead.pose):
             return Twist(), f"{WAITS}{names.robot_name(before[0])} comes past"
         command = self._along(view, own, min(speed, limits.linear) * share, limits, passed, place.ahead)
         return self._escape.free(view, command), ""
@@ -142,19 +159,8 @@ class Trail:
         self._is_parked = self._trail.stands and error < (LEFT if self._is_parked else PARKED)
         speed = 0.0 if self._is_parked else self._trail.speed + GAIN * error
         if own.inverse().compose(ahead).x > 0.0:
-            speed = min(speed, self._leaves + NEAR_GAIN * (self.apart - NEAREST))
+            speed = min(speed, self.ahead.leaves + NEAR_GAIN * (self.ahead.apart - NEAREST))
         return speed if speed >= CREEP else 0.0
-
-    def _look(self, own: Pose2, ahead: Seen) -> None:
-        """How far the robot ahead is, and how fast that grows."""
-        (before, since), (x, y, _) = self._at, ahead.pose
-        self.apart = math.hypot(x - own.x, y - own.y)
-        seconds = (ahead.stamp - since) / 1e9
-        if seconds > 0.0:
-            moved = (x - own.x) * (x - before.x) + (y - own.y) * (y - before.y)
-            self._leaves = moved / max(self.apart, NEAREST) / seconds if seconds < 1.0 else 0.0
-            self._moves = math.dist(before[:2], ahead.pose[:2]) > SLOW * seconds
-            self._at = ahead.pose, ahead.stamp
 
     def _take(self, view: View, before: Sequence[int], head: Seen, own: Pose2, gap: float) -> None:
         """The newest pose of the robot that leads; a new trail if it is another one, or was set down elsewhere."""

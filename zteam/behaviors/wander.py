@@ -132,7 +132,7 @@ class Wander(Behavior):
     def why_it_rests(self) -> str:
         """It drives or turns unless it is told not to."""
         if self.follows is not None:
-            return f"{WAITS}{names.robot_name(self.follows)} is {self._trail.apart:.1f} m away"
+            return f"{WAITS}{names.robot_name(self.follows)} is {self._trail.ahead.apart:.1f} m away"
         return "its parameter speed is 0"
 
     def _find_place(self, view: View) -> Place | None:
