@@ -114,7 +114,8 @@ class Trail:
         way = self._own
         if not len(way) or math.dist(own[:2], way.last) >= SPACING:
             if len(way) and math.dist(own[:2], way.last) > JUMP:
-                self._own = way = Polyline()
+                self._own, self._left = Polyline(), None
+                way = self._own
             way.append(own.x, own.y)
             way.drop_before(way.end - KEPT)
 
@@ -185,7 +186,8 @@ class Trail:
         if head is None:
             return None
         if self._leads is not None or not len(path):
-            self._leads = None
+            # What lies beyond the lost head is no robot's way: this one does not go back to it.
+            self._leads, self._known, self._left = None, math.inf, None
             path.append(*(path.last if len(path) else own[:2]))
             for along in (0.0, BEYOND):
                 x, y, _ = head.compose(Pose2(along, 0.0, 0.0))
@@ -199,6 +201,7 @@ class Trail:
         return self._along(view, own, min(PASSING, limits.linear), limits, gone)
 
     def _find_place(self, view: View, own: Pose2) -> None:
+        """Where it is on the trail. Where a wall parts it from that, the trail begins anew."""
         path = self._trail.path
         place = path.project(own.x, own.y, self._place - BACK, self._place + AHEAD)
         if math.dist(own[:2], path.point(place)) > OFF:
