@@ -120,18 +120,6 @@ class Polyline:
             from_x, from_y, begin = to_x, to_y, end
         return best
 
-    def curvature(self, s: float, span: float) -> float:
-        """1/m, left positive: of the circle through the points at `s` and `span` before and behind it.
-
-        0 where the path is straight or ends within `span`.
-        """
-        if s - span < self.start or s + span > self.end:
-            return 0.0
-        (ax, ay, _), (bx, by, _), (cx, cy, _) = self.at(s - span), self.at(s), self.at(s + span)
-        sides = math.hypot(bx - ax, by - ay) * math.hypot(cx - bx, cy - by) * math.hypot(cx - ax, cy - ay)
-        # A path that turns back on itself has no circle.
-        return 2.0 * ((bx - ax) * (cy - by) - (by - ay) * (cx - bx)) / sides if sides > _LEAST else 0.0
-
     def _point(self, piece: int, s: float) -> tuple[float, float]:
         """The point at `s`, which lies on this piece: as `at`."""
         x, y, begin = self._x[piece], self._y[piece], self._s[piece]

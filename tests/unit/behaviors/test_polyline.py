@@ -39,7 +39,6 @@ def test_one_point_is_a_path_without_length() -> None:
     path = Polyline([(3.0, 4.0)])
     assert path.at(1.0) == Pose2(3.0, 4.0, 0.0)
     assert path.project(9.0, 9.0) == 0.0
-    assert path.curvature(0.0, 0.1) == 0.0
 
 
 def test_a_path_without_points_has_no_place() -> None:
@@ -66,23 +65,6 @@ def test_a_path_without_points_has_no_place() -> None:
 def test_the_nearest_place_of_a_stretch(x: float, y: float, low: float, high: float, s: float) -> None:
     """Only places from `low` to `high` count, so a path that comes near itself is not confused."""
     assert corner().project(x, y, low, high) == pytest.approx(s)
-
-
-def test_curvature_of_a_circle() -> None:
-    """A circle of radius 2 m bends by 0.5/m, to the left positive; the ends and straight pieces by nothing."""
-    angles = [i * 0.01 for i in range(200)]
-    left = Polyline([(2.0 * math.sin(a), 2.0 - 2.0 * math.cos(a)) for a in angles])
-    right = Polyline([(2.0 * math.sin(a), 2.0 * math.cos(a) - 2.0) for a in angles])
-    assert left.curvature(2.0, 0.2) == pytest.approx(0.5, rel=1e-3)
-    assert right.curvature(2.0, 0.2) == pytest.approx(-0.5, rel=1e-3)
-    assert left.curvature(0.1, 0.2) == 0.0
-    assert corner().curvature(1.0, 0.5) == 0.0
-
-
-def test_there_and_back_has_no_curvature() -> None:
-    """A path that turns back on itself has no circle, and no division by nothing."""
-    path = Polyline([(0.0, 0.0), (1.0, 0.0), (0.0, 0.0)])
-    assert path.curvature(1.0, 0.5) == 0.0
 
 
 def test_what_is_dropped_leaves_all_other_places() -> None:
