@@ -7,6 +7,7 @@ its place, or to be passed.
 """
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Set
 from typing import Any, Literal, NamedTuple
 
@@ -131,13 +132,12 @@ def _order(line: list[int], leaders: Mapping[int, int]) -> tuple[list[int], bool
 
     Robots behind a branch are left out.
     """
-    behind: dict[int, list[int]] = {}
-    for robot, leader in leaders.items():
-        behind.setdefault(leader, []).append(robot)
-    is_tree = any(len(behind.get(robot, ())) > 1 for robot in line)
-    while len(found := behind.get(line[-1], [])) == 1 and found[0] not in line:
-        line = [*line, *found]
-    return line, is_tree or len(found) > 1
+    behind = {leader: robot for robot, leader in leaders.items()}
+    followers = Counter(leaders.values())
+    is_tree = any(followers[robot] > 1 for robot in line)
+    while followers[line[-1]] == 1 and behind[line[-1]] not in line:
+        line = [*line, behind[line[-1]]]
+    return line, is_tree or followers[line[-1]] > 1
 
 
 class Presence:

@@ -1,7 +1,7 @@
 """How the robots of a line make room behind a head that keeps its place, and that may turn back into its line."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from typing import NamedTuple
 
 from zteam import names
@@ -112,14 +112,16 @@ class MakingRoom:
         """The robot for which it drives back."""
 
     def step(
-        self, view: View, own: Pose2, place: Place, way: Way, limits: Limits, *, keeps: bool, wants: bool
-    ) -> Answer | None:
+        self, view: View, own: Pose2, place: Place, way: Way, limits: Limits, stopped: Set[int],
+        *, keeps: bool, wants: bool,
+    ) -> Answer | None:  # fmt: skip
         """The velocity of a robot at `own` (map) and its `place` in the line, and what it does; None to follow.
 
-        `keeps`: the head keeps its place, as one that is driven by hand does. For `wants` see `Stray`.
+        `stopped`: the robots that this one is in the way of. `keeps`: the head keeps its place, as one that is driven
+        by hand does. For `wants` see `Stray`.
         """
         head = place.before[-1]
-        self._asking, seen = self._find_asking(view, own, place.before) if keeps else (None, {})
+        self._asking, seen = self._find_asking(view, own, place.before, stopped) if keeps else (None, {})
         command = self._stray.step(view, own, limits, wants=wants or self._asking is not None, turns=place.turns)
         if command is not None:
             return command, "is stuck: leaves its way"
@@ -132,13 +134,14 @@ class MakingRoom:
             return back_up(own, way.path, way.here), f"makes room for {names.robot_name(self._asking)}"
         return None
 
-    def _find_asking(self, view: View, own: Pose2, before: Sequence[int]) -> tuple[int | None, dict[int, Pose2]]:
+    def _find_asking(
+        self, view: View, own: Pose2, before: Sequence[int], stopped: Set[int]
+    ) -> tuple[int | None, dict[int, Pose2]]:
         """The robot that comes too near from ahead, or is boxed in, or says that this one is in its way.
 
         And where those of the robots `before` are that may do so, in the own base frame.
         """
-        head, stopped = before[-1], find_stopped(view, before)
-        asked = {before[0], head, self._asking, *stopped}
+        head, asked = before[-1], {before[0], before[-1], self._asking, *stopped}
         found = ((robot, view.base_from_robot(robot)) for robot in before if robot in asked)
         seen = {robot: at[0] for robot, at in found if at is not None}
         is_boxed = head in seen and self._boxed_in.look(view.now, own.compose(seen[head]))
@@ -164,10 +167,10 @@ class MakingRoom:
         return self._around.drive_to(view, x, y, limits)
 
 
-def find_stopped(view: View, robots: Sequence[int]) -> list[int]:
-    """Those of these robots that say that this one is in their way."""
+def find_stopped(view: View) -> Set[int]:
+    """The robots that say that this one is in their way."""
     statuses, name = view.inputs.get("statuses") or {}, names.robot_name(view.robot_id) + " "
-    return [robot for robot in robots if robot in statuses and statuses[robot].reason.startswith(name)]
+    return {robot for robot, status in statuses.items() if status.reason.startswith(name)}
 
 
 def is_too_near(ahead: Pose2) -> bool:

@@ -18,8 +18,9 @@ MARGIN = 0.1
 """Metres before a robot in which what the laser sees may be that robot."""
 NEAREST = 0.6
 """Metres from base to base within which a robot does not drive on towards its neighbour: both can still turn."""
-PAST, BESIDE = 0.3, 1.0
-"""Metres ahead up to which, and beside the trail within which, a robot is waited for that comes past to its place."""
+BEHIND, PAST, BESIDE = 5.0, 0.3, 1.0
+"""Metres of the trail: a robot that is no further behind, no further ahead, and no further beside it comes past to its
+place, and is waited for."""
 LOOK_ON, BODY = 1.5, 0.15
 """Metres of the trail ahead on which no robot that is gone may stand, and metres beside it that have to be free."""
 
@@ -68,7 +69,7 @@ def overtaken(view: View, own: Pose2, path: Polyline, here: float, after: Sequen
 
 def comes_past(path: Polyline, here: float, robot: Pose2) -> bool:
     """Whether a robot that belongs ahead of the place `here` is behind it, near the path."""
-    place = path.project(robot.x, robot.y)
+    place = path.project(robot.x, robot.y, here - BEHIND, here + BEHIND)
     return place < here + PAST and math.dist(robot[:2], path.point(place)) < BESIDE
 
 

@@ -142,10 +142,11 @@ class Trail:
         if is_late:
             passed = {*passed, *overtaken(view, own, trail.path, self._place, place.after)}
         # One that is in the way of a robot behind it does not wait for that.
-        goes_on = place.behind in passed or find_stopped(view, place.after)
+        stopped = find_stopped(view)
+        goes_on = place.behind in passed or not stopped.isdisjoint(place.after)
         share, reason = (1.0, "") if goes_on else keep_together(view, place)
         way, wants = Way(trail.path, self._place, gap * len(before)), share > 0.0 and (is_late or speed > WANTED)
-        answer = self._making_room.step(view, own, place, way, limits, keeps=alone, wants=wants)
+        answer = self._making_room.step(view, own, place, way, limits, stopped, keeps=alone, wants=wants)
         if answer is not None:
             return answer
         if share == 0.0:

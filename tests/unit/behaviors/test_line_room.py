@@ -5,7 +5,7 @@ import math
 import pytest
 
 from zteam.behaviors.line import Place
-from zteam.behaviors.line_room import FRUITLESS, BoxedIn, MakingRoom, Way, back_up, is_too_near
+from zteam.behaviors.line_room import FRUITLESS, BoxedIn, MakingRoom, Way, back_up, find_stopped, is_too_near
 from zteam.behaviors.polyline import Polyline
 from zteam.behaviors.pursuit import Limits
 from zteam.clock import to_ns
@@ -61,7 +61,8 @@ def step(
         inputs={"statuses": {0: RobotStatus(reason=said)}},
     )  # fmt: skip
     way = Way(Polyline([(-5.0, 0.0), (5.0, 0.0)]), 5.0 + x, GAP)
-    return room.step(view, Pose2(x, 0.0, 0.0), Place((0,), turns=turns), way, LIMITS, keeps=True, wants=wants)
+    own, place = Pose2(x, 0.0, 0.0), Place((0,), turns=turns)
+    return room.step(view, own, place, way, LIMITS, find_stopped(view), keeps=True, wants=wants)
 
 
 def test_a_robot_that_is_stuck_leaves_its_trail_until_it_is_free() -> None:
