@@ -50,6 +50,8 @@ CREEP = 0.01
 """m/s: what is slower stands, and says why."""
 PASSING = 0.4
 """m/s past a lost head."""
+SMOOTHING = 0.25
+"""Of the speed at which the robot ahead drives away, by each new pose: noise of a pose is no way."""
 SLOW = 0.1
 """m/s below which a robot does not come past to its place."""
 SCRIBBLE = 2.0
@@ -69,19 +71,25 @@ class Ahead:
         """Metres to it."""
         self.leaves = 0.0
         """m/s at which it drives away; negative where it comes nearer."""
+        self._steadily = 0.0
+        """The same without noise, m/s."""
+        self.since = 0.0
+        """Metres that it has driven away since, because that is late."""
         self.moves = False
         """Whether it drives at all."""
 
-    def see(self, own: Pose2, ahead: Seen) -> None:
-        """It is there now; `own`: the robot that follows, in map."""
+    def see(self, own: Pose2, ahead: Seen, now: int) -> None:
+        """It was there; `own`: the robot that follows, in map, at the time `now` (ns)."""
         before, (x, y, _) = self._seen, ahead.pose
         self.apart = math.hypot(x - own.x, y - own.y)
         seconds = (ahead.stamp - before.stamp) / 1e9
         if seconds > 0.0:
             moved = (x - own.x) * (x - before.pose.x) + (y - own.y) * (y - before.pose.y)
             self.leaves = moved / max(self.apart, NEAREST) / seconds if seconds < 1.0 else 0.0
+            self._steadily += SMOOTHING * (self.leaves - self._steadily)
             self.moves = math.dist(before.pose[:2], ahead.pose[:2]) > SLOW * seconds
             self._seen = ahead
+        self.since = max(0.0, self._steadily) * max(0.0, (now - ahead.stamp) / 1e9) if ahead.stamp else 0.0
 
 
 class Trail:
@@ -127,7 +135,7 @@ class Trail:
         if head is None or ahead is None:
             return Twist(), reason or f"leader {names.robot_name(before[0])} not seen"
         self._take(view, before, head, own, gap)
-        self.ahead.see(own, ahead)
+        self.ahead.see(own, ahead, view.now)
         self._find_place(view, own)
         if self._is_far_behind(gap * len(before)):
             self._place = after_loop(self._trail.path, self._place, own, ahead.pose)
@@ -145,7 +153,8 @@ class Trail:
         stopped = find_stopped(view)
         goes_on = place.behind in passed or not stopped.isdisjoint(place.after)
         share, reason = (1.0, "") if goes_on else keep_together(view, place)
-        way, wants = Way(trail.path, self._place, gap * len(before)), share > 0.0 and (is_late or speed > WANTED)
+        way = Way(trail.path, self._place, gap * len(before), self.ahead.since)
+        wants = share > 0.0 and (is_late or speed > WANTED)
         answer = self._making_room.step(view, own, place, way, limits, stopped, keeps=alone, wants=wants)
         if answer is not None:
             return answer
@@ -161,7 +170,7 @@ class Trail:
         self._is_parked = self._trail.stands and error < (LEFT if self._is_parked else PARKED)
         speed = 0.0 if self._is_parked else self._trail.speed + GAIN * error
         if own.inverse().compose(ahead).x > 0.0:
-            speed = min(speed, self.ahead.leaves + NEAR_GAIN * (self.ahead.apart - NEAREST))
+            speed = min(speed, self.ahead.leaves + NEAR_GAIN * (self.ahead.apart + self.ahead.since - NEAREST))
         return speed if speed >= CREEP else 0.0
 
     def _take(self, view: View, before: Sequence[int], head: Seen, own: Pose2, gap: float) -> None:
