@@ -74,7 +74,7 @@ class Ahead:
         self._steadily = 0.0
         """The same without noise, m/s."""
         self.since = 0.0
-        """Metres that it has driven away since, because that is late."""
+        """Metres that it has driven away since that pose, which may be late."""
         self.moves = False
         """Whether it drives at all."""
 
