@@ -53,7 +53,7 @@ class Way(NamedTuple):
     """The robot's place on it."""
     back: float
     """Metres behind the head where it belongs."""
-    since: float = 0.0
+    driven_on: float = 0.0
     """Metres that the robot ahead has driven away since its pose, which may be late."""
 
 
@@ -123,7 +123,7 @@ class MakingRoom:
         by hand does. For `wants` see `Stray`.
         """
         head = place.before[-1]
-        self._asking, seen = self._find_asking(view, own, place.before, stopped, way.since) if keeps else (None, {})
+        self._asking, seen = self._find_asking(view, own, place.before, stopped, way.driven_on) if keeps else (None, {})
         command = self._stray.step(view, own, limits, wants=wants or self._asking is not None, turns=place.turns)
         if command is not None:
             return command, "is stuck: leaves its way"
@@ -137,7 +137,7 @@ class MakingRoom:
         return None
 
     def _find_asking(
-        self, view: View, own: Pose2, before: Sequence[int], stopped: Set[int], since: float
+        self, view: View, own: Pose2, before: Sequence[int], stopped: Set[int], driven_on: float
     ) -> tuple[int | None, dict[int, Pose2]]:
         """The robot that comes too near from ahead, or is boxed in, or says that this one is in its way.
 
@@ -148,7 +148,7 @@ class MakingRoom:
         seen = {robot: at[0] for robot, at in found if at is not None}
         is_boxed = head in seen and self._boxed_in.look(view.now, own.compose(seen[head]))
         if before[0] in seen:
-            seen[before[0]] = seen[before[0]]._replace(x=seen[before[0]].x + since)
+            seen[before[0]] = seen[before[0]]._replace(x=seen[before[0]].x + driven_on)
         for robot, at in seen.items():
             near = ROOM if is_boxed and robot == head else MET if robot == self._asking else 0.0
             is_near = at.x > 0.0 and (math.hypot(at.x, at.y) < near or (robot == before[0] and is_too_near(at)))

@@ -72,8 +72,8 @@ class Ahead:
         self.leaves = 0.0
         """m/s at which it drives away; negative where it comes nearer."""
         self._steadily = 0.0
-        """The same without noise, m/s."""
-        self.since = 0.0
+        """The same smoothed, m/s."""
+        self.driven_on = 0.0
         """Metres that it has driven away since that pose, which may be late."""
         self.moves = False
         """Whether it drives at all."""
@@ -89,7 +89,7 @@ class Ahead:
             self._steadily += SMOOTHING * (self.leaves - self._steadily)
             self.moves = math.dist(before.pose[:2], ahead.pose[:2]) > SLOW * seconds
             self._seen = ahead
-        self.since = max(0.0, self._steadily) * max(0.0, (now - ahead.stamp) / 1e9) if ahead.stamp else 0.0
+        self.driven_on = max(0.0, self._steadily) * max(0.0, (now - ahead.stamp) / 1e9) if ahead.stamp else 0.0
 
 
 class Trail:
@@ -108,7 +108,7 @@ class Trail:
         self._known = 0.0
         """The place from which on the trail is the way of a robot: before that it may lead through walls."""
         self._left: tuple[float, float] | None = None
-        """The last place of these at which it was, and the place on its own way there."""
+        """The last place on that part at which it was, and where that is on its own way; None: it was at none."""
         self.ahead = Ahead()
         self._is_parked = False
         self._has_place = False
@@ -153,7 +153,7 @@ class Trail:
         stopped = find_stopped(view)
         goes_on = place.behind in passed or not stopped.isdisjoint(place.after)
         share, reason = (1.0, "") if goes_on else keep_together(view, place)
-        way = Way(trail.path, self._place, gap * len(before), self.ahead.since)
+        way = Way(trail.path, self._place, gap * len(before), self.ahead.driven_on)
         wants = share > 0.0 and (is_late or speed > WANTED)
         answer = self._making_room.step(view, own, place, way, limits, stopped, keeps=alone, wants=wants)
         if answer is not None:
@@ -170,7 +170,7 @@ class Trail:
         self._is_parked = self._trail.stands and error < (LEFT if self._is_parked else PARKED)
         speed = 0.0 if self._is_parked else self._trail.speed + GAIN * error
         if own.inverse().compose(ahead).x > 0.0:
-            speed = min(speed, self.ahead.leaves + NEAR_GAIN * (self.ahead.apart + self.ahead.since - NEAREST))
+            speed = min(speed, self.ahead.leaves + NEAR_GAIN * (self.ahead.apart + self.ahead.driven_on - NEAREST))
         return speed if speed >= CREEP else 0.0
 
     def _take(self, view: View, before: Sequence[int], head: Seen, own: Pose2, gap: float) -> None:
@@ -222,11 +222,11 @@ class Trail:
         if place >= self._known and math.dist(own[:2], path.point(place)) < OFF:
             self._left = place, self._own.end
 
-    def _go_back(self, own: Pose2, left: float, since: float) -> float:
-        """The beginning of a new trail: over the own way back to where it has `left` the old one, and along that."""
+    def _go_back(self, own: Pose2, left: float, left_at: float) -> float:
+        """The beginning of a new trail: over the own way back to `left_at`, and along the old one from `left` on."""
         trail = self._trail
         on = (trail.path.point(left + i * STEP) for i in range(int((trail.path.end - left) / STEP)))
-        trail.begin(trail.leader, trail.stamp, [*way_back(own, self._own, since), *(Pose2(x, y, 0.0) for x, y in on)])
+        trail.begin(trail.leader, trail.stamp, [*way_back(own, self._own, left_at), *(Pose2(x, y, 0.0) for x, y in on)])
         self._known = trail.path.start
         return self._known
 

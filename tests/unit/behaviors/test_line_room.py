@@ -54,14 +54,14 @@ def step(
     said: str = "",
     wants: bool = True,
     turns: int = 0,
-    since: float = 0.0,
+    driven_on: float = 0.0,
 ) -> tuple[Twist, str] | None:
     """What robot 1 does at x on the x axis, in a large hall, with its head (in its own base frame) that said this."""
     view = make_view(
         [5.0] * 180, now=seconds, poses={0: head, 1: (0.0, 0.0, 0.0)}, robot_id=1,
         inputs={"statuses": {0: RobotStatus(reason=said)}},
     )  # fmt: skip
-    way = Way(Polyline([(-5.0, 0.0), (5.0, 0.0)]), 5.0 + x, GAP, since)
+    way = Way(Polyline([(-5.0, 0.0), (5.0, 0.0)]), 5.0 + x, GAP, driven_on)
     own, place = Pose2(x, 0.0, 0.0), Place((0,), turns=turns)
     return room.step(view, own, place, way, LIMITS, find_stopped(view), keeps=True, wants=wants)
 
@@ -122,4 +122,4 @@ def test_a_robot_ahead_whose_pose_is_late_is_not_made_room_for() -> None:
     """Its pose is 0.55 m away, which is too near; where it has driven 0.15 m since, it is not."""
     near = Pose2(0.55, 0.0, 0.0)
     assert step(MakingRoom(), 1.0, head=near, wants=False) == (Twist(Vector3(-0.2)), "makes room for robot_0")
-    assert step(MakingRoom(), 1.0, head=near, wants=False, since=0.15) is None
+    assert step(MakingRoom(), 1.0, head=near, wants=False, driven_on=0.15) is None
