@@ -178,19 +178,27 @@ def test_a_robot_with_a_process_is_driven_through_it(team: TeamFixture) -> None:
         hands.terminal.close()
 
 
-def test_a_script_drives_in_simulated_time(team: TeamFixture) -> None:
-    """Ten presses of i at 0.5 m/s are ten ticks, half a metre, in a world that takes a tick for each command."""
+def test_a_script_is_sent_press_by_press(team: TeamFixture) -> None:
+    """Ten presses of i are ten commands of 0.5 m/s; five of k and the end of the script are six zeros."""
+    start_world(team)
+    commands: list[Twist] = []
+    team.bus.subscribe(names.robot_key(0, names.CMD_VEL), Twist, lambda _, command: commands.append(command))
+    ended = team.command("teleop", "--id", "0", "--script", "i*10 k*5")
+    assert ended.returncode == 0, ended.stderr
+    team.wait_for(lambda: len(commands) >= 16)
+    assert commands == [ahead()[1]] * 10 + [STILL] * 6
+
+
+def test_a_script_drives_the_base(team: TeamFixture) -> None:
+    """A tick that finds a command of 0.5 m/s drives 5 cm; the script is a minute long, and ended after that tick."""
     team.spawn("zteam-sim", "arena", "--paused", name=names.SIMULATOR)
     team.wait_for_processes(names.SIMULATOR)
     robot = team.robot(0)
-    team.spawn("zteam", "teleop", "--id", "0", "--script", "i*10 k*5", name="teleop")
-    for count in range(1, 16):
-        team.wait_for(lambda least=count: heard(team) >= least)  # type: ignore[misc]
-        team.sim.step()
-    assert team.wait_for_exit("teleop") == 0
-    team.sim.step(3)
-    team.wait_for(lambda: robot.speed == 0.0)
-    assert robot.distance_travelled == pytest.approx(0.5, abs=0.01)
+    team.spawn("zteam", "teleop", "--id", "0", "--script", "i*600", name="teleop")
+    team.wait_for(lambda: heard(team) >= 1)
+    team.sim.step()
+    team.wait_for(lambda: robot.speed > 0.0)
+    assert robot.distance_travelled == pytest.approx(0.05)
 
 
 def heard(team: TeamFixture) -> int:
