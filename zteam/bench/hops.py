@@ -25,7 +25,7 @@ from zteam.tf import Buffer
 from zteam.tf.lazy_bundles import Bundles
 from zteam.world import Robot
 
-ROBOT_BUDGET_US = 60.0
+ROBOT_BUDGET_US = 150.0
 """Microseconds that the behaviour, the safety layer and what comes between them may take a robot and tick, with 1081
 beams: a robot's part of a fast tick in one process."""
 _ROUNDS, _TIMES = 5, 200

@@ -138,7 +138,7 @@ def test_a_team_in_one_process_stands_beside_the_processes_and_the_core() -> Non
         ["simulator's", "core", "alone", "440", "9.86"],
     ]
     assert lines[begin + 4] == "trajectory: the same in processes and in one; memory of the one process: 210 MB"
-    assert "31.2 µs a robot and tick, alone (budget 60); 71.4 µs in the team" in lines[begin + 5]
+    assert "31.2 µs a robot and tick, alone (budget 150); 71.4 µs in the team" in lines[begin + 5]
     other = msgspec.structs.replace(one, same_trajectory=False)
     assert "NOT the same" in format_team([msgspec.structs.replace(TEAM, in_process=other)])
 
