@@ -151,8 +151,9 @@ class LeaderTrail:
             self._tip = tip if len(path) > 1 else None
         dx, dy = leader.x - tip.x, leader.y - tip.y
         ahead = tip.cos * dx + tip.sin * dy
-        place = path.project(leader.x, leader.y, path.end - _JUMP)
-        is_beside = ahead <= -_REVERSE and math.dist(leader[:2], path.point(place)) > _BESIDE
+        backs_up = ahead <= -_REVERSE
+        place = path.project(leader.x, leader.y, path.end - _JUMP) if backs_up else path.end
+        is_beside = backs_up and math.dist(leader[:2], path.point(place)) > _BESIDE
         if is_beside or tip.cos * math.cos(leader.yaw) + tip.sin * math.sin(leader.yaw) < 0.0:
             # It has turned round, or backs up another way: the trail goes on from here.
             path.append(leader.x, leader.y)

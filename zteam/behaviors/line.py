@@ -7,7 +7,6 @@ its place, or to be passed.
 """
 
 import math
-from collections import Counter
 from collections.abc import Mapping, Set
 from typing import Any, Literal, NamedTuple
 
@@ -80,7 +79,8 @@ class Line:
         lost = [robot for robot in before if robot in gone]
         if lost and (on_lost == "stop" or (on_lost == "relink" and head in gone)):
             return Place(reason=f"leader {names.robot_name(lost[0] if on_lost == 'stop' else head)}{GONE}")
-        turns = {robot: statuses[robot].turns for robot in order if robot in statuses}
+        told = {robot: statuses[robot] for robot in order if robot in statuses}
+        turns = {robot: status.turns for robot, status in told.items()}
         turns[view.robot_id] = 0 if may_turn else NO_TURNS
         self.turns = max(self.turns, *turns.values())
         living = [robot for robot in order if robot not in gone]
@@ -101,7 +101,7 @@ class Line:
             head=head,
             may_turn=can_turn and not stays,
             may_reverse=can_turn and stays,
-            gap=max([GAP, *(statuses[robot].gap for robot in order if robot in statuses)]),
+            gap=max([GAP, *[status.gap for status in told.values()]]),
             gone=gone,
             turns=self.turns,
         )
@@ -120,7 +120,7 @@ def chain_before(own: int, leaders: Mapping[int, int]) -> list[int] | None:
     found: list[int] = []
     robot = own
     while (leader := leaders.get(robot)) is not None:
-        if leader in found or leader == own:
+        if len(found) == len(leaders):
             return None
         found.append(leader)
         robot = leader
@@ -133,11 +133,10 @@ def _order(line: list[int], leaders: Mapping[int, int]) -> tuple[list[int], bool
     Robots behind a branch are left out.
     """
     behind = {leader: robot for robot, leader in leaders.items()}
-    followers = Counter(leaders.values())
-    is_tree = any(followers[robot] > 1 for robot in line)
-    while followers[line[-1]] == 1 and behind[line[-1]] not in line:
-        line = [*line, behind[line[-1]]]
-    return line, is_tree or followers[line[-1]] > 1
+    branches = {leader for robot, leader in leaders.items() if behind[leader] != robot}
+    while line[-1] in behind and line[-1] not in branches:
+        line.append(behind[line[-1]])
+    return line, not branches.isdisjoint(line)
 
 
 class Presence:

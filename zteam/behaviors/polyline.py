@@ -107,13 +107,10 @@ class Polyline:
         ):
             ex, ey = to_x - from_x, to_y - from_y
             off_x, off_y = x - from_x, y - from_y
-            square = ex * ex + ey * ey
-            share = (off_x * ex + off_y * ey) / square if square > 0.0 else 0.0
-            if share > 0.0:
-                share = min(share, 1.0)
+            along, square, share = off_x * ex + off_y * ey, ex * ex + ey * ey, 0.0
+            if along > 0.0:
+                share = along / square if along < square else 1.0
                 off_x, off_y = off_x - share * ex, off_y - share * ey
-            else:
-                share = 0.0
             off = off_x * off_x + off_y * off_y
             if off < nearest:
                 nearest, best = off, begin + share * (end - begin)

@@ -99,7 +99,7 @@ class Surroundings:
     def _add(self, beams: Beams, laser: Pose2, far: float) -> None:
         """Bring the newest scan into the points, up to `far` metres away."""
         known = self._known
-        place, axes = np.array(((laser.x,), (laser.y,))), _axes(beams.laser, laser.yaw)
+        axes, place = _axes(beams.laser, laser)
         apart = _thin_out(beams, far)
         along, across = axes.take(apart, axis=1) * beams.distances.take(apart) + place
         added = np.array((along, across, np.full(apart.size, self._travelled)))
@@ -128,11 +128,11 @@ def _is_told(beams: Beams, laser: Pose2, points: Floats, far: float) -> Flags:
 
 
 @lru_cache(maxsize=16)
-def _axes(laser: Laser, yaw: float) -> Floats:
-    """(2, n): the directions of a laser's beams in the base frame."""
+def _axes(laser: Laser, pose: Pose2) -> tuple[Floats, Floats]:
+    """The directions (2, n) of the beams of a laser at a pose of the base frame, and its place (2, 1)."""
     start, step, count = laser
-    angles = start + yaw + step * np.arange(count)
-    return np.array((np.cos(angles), np.sin(angles)))
+    angles = start + pose.yaw + step * np.arange(count)
+    return np.array((np.cos(angles), np.sin(angles))), np.array(((pose.x,), (pose.y,)))
 
 
 def _thin_out(beams: Beams, reach: float) -> NDArray[np.intp]:

@@ -100,8 +100,9 @@ def _border(corners: Floats) -> Floats:
 
 def margin_of(outline: Outline, motion: Motion) -> float:
     """Metres to keep free around the outline on this arc."""
-    fastest = motion.speed + abs(motion.turn) * outline.radius
-    return SPIN_MARGIN + (DRIVE_MARGIN - SPIN_MARGIN) * (motion.speed / fastest if fastest else 0.0)
+    speed = motion.speed
+    fastest = speed + abs(motion.turn) * outline.radius
+    return SPIN_MARGIN + (DRIVE_MARGIN - SPIN_MARGIN) * (speed / fastest if fastest else 0.0)
 
 
 def place_after(motion: Motion, seconds: float) -> Pose2:
