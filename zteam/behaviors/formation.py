@@ -98,17 +98,17 @@ class Formation(Behavior):
             return Twist()
         here, members = own[0], self._members(view)
         self._trail.take(leader.pose, leader.stamp or view.now, (len(members) + 1) * self.params.spacing + KEPT)
-        slot = self._apart(self._find_slot(view, here, members))
+        slot, target = self._apart(self._find_slot(view, here, members))
         limits = Limits(self.params.max_linear, self.params.max_angular)
-        command = self._drive(view, here, slot, limits)
+        command = self._drive(view, here, slot, target, limits)
         stray = self._stray.step(view, here, limits, wants=command.linear.x != 0.0)
         if stray is None:
             return self._escape.free(view, command)
         self.reason = "boxed in: leaves its way to its slot"
         return stray
 
-    def _drive(self, view: View, here: Pose2, slot: Slot, limits: Limits) -> Twist:
-        trail, at = self._trail, here.inverse().compose(self._place(slot))
+    def _drive(self, view: View, here: Pose2, slot: Slot, target: Pose2, limits: Limits) -> Twist:
+        trail, at = self._trail, here.inverse().compose(target)
         distance, place = math.hypot(at.x, at.y), trail.place - slot.back
         command = self._making_way.step(view, here, trail.leader, limits)
         if command is not None:
@@ -160,13 +160,14 @@ class Formation(Behavior):
         self._squeezed = approach(self._squeezed, self._needed, view.dt)
         return slot
 
-    def _apart(self, slot: Slot) -> Slot:
-        """The slot, or a place further back where the leader has come back to it: it needs room to turn."""
-        trail = self._trail
+    def _apart(self, slot: Slot) -> tuple[Slot, Pose2]:
+        """The slot and its pose in map; further back where the leader has come back to it: it needs room to turn."""
+        trail, place = self._trail, self._place(slot)
         least = APART * self.params.spacing
-        while math.dist(self._place(slot)[:2], trail.leader[:2]) < least and trail.place - slot.back > trail.path.start:
+        while math.dist(place[:2], trail.leader[:2]) < least and trail.place - slot.back > trail.path.start:
             slot = Slot(slot.back + least, slot.lateral)
-        return slot
+            place = self._place(slot)
+        return slot, place
 
     def _needed_share(self, view: View, here: Pose2, own: Slot, left: float, right: float) -> float:
         """What share of the squeeze the bend and the walls need: at the leader, and where the own slot is."""

@@ -147,7 +147,7 @@ class MakingRoom:
         found = ((robot, view.base_from_robot(robot)) for robot in before if robot in asked)
         seen = {robot: at[0] for robot, at in found if at is not None}
         is_boxed = head in seen and self._boxed_in.look(view.now, own.compose(seen[head]))
-        if before[0] in seen:
+        if driven_on and before[0] in seen:
             seen[before[0]] = seen[before[0]]._replace(x=seen[before[0]].x + driven_on)
         for robot, at in seen.items():
             near = ROOM if is_boxed and robot == head else MET if robot == self._asking else 0.0

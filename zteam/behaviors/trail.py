@@ -213,14 +213,15 @@ class Trail:
     def _find_place(self, view: View, own: Pose2) -> None:
         """Where it is on the trail. Where a wall parts it from that, the trail begins anew."""
         path = self._trail.path
-        place = path.project(own.x, own.y, self._place - BACK, self._place + AHEAD)
-        if math.dist(own[:2], path.point(place)) > OFF:
-            place = path.project(own.x, own.y)
-            if self._left is not None and is_walled_off(view, own, path.point(place)):
-                place = self._go_back(own, *self._left)
-        self._place, path = place, self._trail.path
-        if place >= self._known and math.dist(own[:2], path.point(place)) < OFF:
-            self._left = place, self._own.end
+        self._place = path.project(own.x, own.y, self._place - BACK, self._place + AHEAD)
+        off = math.dist(own[:2], path.point(self._place))
+        if off > OFF:
+            self._place = path.project(own.x, own.y)
+            if self._left is not None and is_walled_off(view, own, path.point(self._place)):
+                self._place = self._go_back(own, *self._left)
+            off = math.dist(own[:2], self._trail.path.point(self._place))
+        if self._place >= self._known and off < OFF:
+            self._left = self._place, self._own.end
 
     def _go_back(self, own: Pose2, left: float, left_at: float) -> float:
         """The beginning of a new trail: over the own way back to `left_at`, and along the old one from `left` on."""

@@ -69,7 +69,7 @@ class Limits:
 
     def clamp(self, wanted: Motion) -> Motion:
         """`wanted` within the limits of speed; what is less than LEAST is 0."""
-        x, turn, y = (part if abs(part) >= LEAST else 0.0 for part in wanted)
+        x, turn, y = [part if abs(part) >= LEAST else 0.0 for part in wanted]
         base, most_y = self._base, self._most_y
         x, turn = max(base.min_vel_x, min(base.max_vel_x, x)), max(-base.max_vel_theta, min(base.max_vel_theta, turn))
         return Motion(x, turn, max(-most_y, min(most_y, y)))
@@ -113,7 +113,7 @@ class Limits:
             return None
         linear, angular = view.odom.twist.twist.linear, view.odom.twist.twist.angular
         x, turn, y = linear.x, angular.z, linear.y if self._is_omni else 0.0
-        is_faster = any(abs(a) > abs(b) + _FASTER for a, b in zip((x, turn, y), told, strict=True))
+        is_faster = any([abs(a) > abs(b) + _FASTER for a, b in zip((x, turn, y), told, strict=True)])
         return Motion(float(x), float(turn), float(y)) if is_faster and math.isfinite(x + turn + y) else None
 
 

@@ -89,8 +89,8 @@ class Surroundings:
             turn, way = normalize_angle(turn), math.hypot(x, y)
             self._travelled += way
             cos, sin = math.cos(turn), math.sin(turn)
-            ahead, aside, seen = self._known[0] - x, self._known[1] - y, self._known[2]
-            self._known = np.array((cos * ahead + sin * aside, cos * aside - sin * ahead, seen))
+            ahead, aside = self._known[0] - x, self._known[1] - y
+            self._known[0], self._known[1] = cos * ahead + sin * aside, cos * aside - sin * ahead
             forwards = math.cos(0.5 * turn) * x + math.sin(0.5 * turn) * y > 0.9 * way
             self._room = min(SPAN, self._room + way) if forwards else self._room - way
             self._room = max(min(0.0, self._room), self._room - _WEARS * abs(turn))
@@ -139,9 +139,10 @@ def _thin_out(beams: Beams, reach: float) -> NDArray[np.intp]:
     """The beams that hit something within `reach` (m), and nearer than the few beside them."""
     distances = beams.distances
     few = max(1, int(_FINEST / max(abs(beams.laser[1]), 1e-9) + 1e-6))
-    padded = np.full(-(-distances.size // few) * few, np.inf)
+    padded = np.empty(-(-distances.size // few) * few)
     # Of a number and a NaN it is the number.
     np.fmin(distances, np.inf, out=padded[: distances.size])
+    padded[distances.size :] = np.inf
     nearest: NDArray[np.intp] = padded.reshape(-1, few).argmin(axis=1) + np.arange(0, padded.size, few)
     return nearest[padded.take(nearest) < reach]
 
