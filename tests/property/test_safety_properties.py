@@ -73,13 +73,16 @@ def away(outline: Outline, at: Pose2, x: float, y: float) -> float:
 @given(outlines, arcs, st.floats(0.05, 2.0), st.floats(-1.5, 1.5), st.floats(-1.5, 1.5), st.floats(0.0, 0.4))
 @example(Outline(Base().footprint), Motion(-0.3, 0.0), 1.0, 0.4, 0.0, 0.0)
 @example(Outline(Base().footprint), Motion(0.3, 0.0), 1.0, 0.4, 0.0, 0.0)
+# Beyond a sharp tip the half-planes are nearer than the outline is: such a point may be taken for met, or not.
+@example(Outline(((0.5, 0.0), (-0.5, 0.0), (-0.25, -0.433))), Motion(0.0, -1.0), 1.0, 1.25, 0.0, 0.25)
 def test_when_a_point_is_met(outline: Outline, arc: Motion, seconds: float, x: float, y: float, gap: float) -> None:
     """Until then the base is further away than the margin, or not nearer than it was; then it is as near."""
     found = meeting_time(outline, arc, seconds, np.array([[x], [y]]), gap)
-    limit = min(margin_of(outline, arc) + gap, distance(outline, Pose2(0.0, 0.0, 0.0), x, y) - 1e-3)
-    until = min(found, seconds)
-    for step in range(FINE):
-        assert distance(outline, moved(arc, until * step / FINE), x, y) >= limit - 1e-3
+    near = margin_of(outline, arc) + gap
+    limit, until = min(near, distance(outline, Pose2(0.0, 0.0, 0.0), x, y) - 1e-3), min(found, seconds)
+    for at in (moved(arc, until * step / FINE) for step in range(FINE)):
+        known = distance(outline, at, x, y)
+        assert known >= limit - 1e-3 or (known > 0.0 and away(outline, at, x, y) >= near)
     if found < math.inf:
         assert found <= seconds
         assert distance(outline, moved(arc, found), x, y) <= limit + 1e-3
