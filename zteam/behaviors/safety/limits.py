@@ -113,7 +113,7 @@ class Limits:
             return None
         linear, angular = view.odom.twist.twist.linear, view.odom.twist.twist.angular
         x, turn, y = linear.x, angular.z, linear.y if self._is_omni else 0.0
-        is_faster = any([abs(a) > abs(b) + _FASTER for a, b in zip((x, turn, y), told, strict=True)])
+        is_faster = any(abs(a) > abs(b) + _FASTER for a, b in zip((x, turn, y), told, strict=True))
         return Motion(float(x), float(turn), float(y)) if is_faster and math.isfinite(x + turn + y) else None
 
 
