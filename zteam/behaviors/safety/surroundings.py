@@ -139,10 +139,9 @@ def _thin_out(beams: Beams, reach: float) -> NDArray[np.intp]:
     """The beams that hit something within `reach` (m), and nearer than the few beside them."""
     distances = beams.distances
     few = max(1, int(_FINEST / max(abs(beams.laser[1]), 1e-9) + 1e-6))
-    padded = np.empty(-(-distances.size // few) * few)
+    padded = np.full(-(-distances.size // few) * few, np.inf)
     # Of a number and a NaN it is the number.
     np.fmin(distances, np.inf, out=padded[: distances.size])
-    padded[distances.size :] = np.inf
     nearest: NDArray[np.intp] = padded.reshape(-1, few).argmin(axis=1) + np.arange(0, padded.size, few)
     return nearest[padded.take(nearest) < reach]
 

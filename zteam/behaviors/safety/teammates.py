@@ -92,10 +92,9 @@ class Teammates:
             self._known = {i: known[i] if is_same[i] else _Teammate(i, base) for i, base in bases.items()}
         own = view.map_from_base()
         self._here = own[0] if own is not None and math.isfinite(sum(own[0])) else None
-        lookup, now = view.lookup, view.now
         for mate in self._known.values():
-            at = lookup(names.MAP_FRAME, mate.frame)
-            age = (now - at[1]) / 1e9 if at is not None and at[1] else 0.0
+            at = view.lookup(names.MAP_FRAME, mate.frame)
+            age = (view.now - at[1]) / 1e9 if at is not None and at[1] else 0.0
             if at is None or age > FORGET_AFTER or not math.isfinite(sum(at[0])):
                 mate.pose = None
             else:
