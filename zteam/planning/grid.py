@@ -82,9 +82,3 @@ def make_map(cells: NDArray[np.int8], resolution: float, origin: Pose2 = NOWHERE
         raise ValueError(f"a map needs a resolution above 0 and a finite origin, not {resolution} and {tuple(origin)}")
     rows, columns = cells.shape
     return GridMap(Frame(rows, columns, resolution, origin), np.ascontiguousarray(cells, np.int8))
-
-
-def refine(grid: GridMap, factor: int) -> GridMap:
-    """The same map with each cell cut into `factor` x `factor`."""
-    cells = np.repeat(np.repeat(grid.cells, factor, axis=0), factor, axis=1)
-    return make_map(cells, grid.frame.resolution / factor, grid.frame.origin)

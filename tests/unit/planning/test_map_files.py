@@ -8,7 +8,7 @@ from PIL import Image
 
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
-from zteam.planning.grid import make_map, refine
+from zteam.planning.grid import make_map
 from zteam.planning.map_files import Mode, read_map, write_map
 
 SHADES = np.array([[0, 50, 100, 127], [180, 205, 254, 255]], np.uint8)
@@ -102,13 +102,8 @@ def test_files_that_are_no_maps_are_refused(tmp_path: Path) -> None:
         write_map(grid, tmp_path / "none" / "m.yaml")
 
 
-def test_a_finer_map_is_the_same_map() -> None:
-    """Every cell becomes several of its value, over the same ground."""
-    grid = make_map(np.array([[0, 100], [-1, 7]], np.int8), 0.2, Pose2(1.0, 1.0, 0.3))
-    fine = refine(grid, 2)
-    assert fine.cells.tolist() == [[0, 0, 100, 100], [0, 0, 100, 100], [-1, -1, 7, 7], [-1, -1, 7, 7]]
-    assert fine.frame.centre_of(0, 0) != grid.frame.centre_of(0, 0)
-    assert fine.frame.from_cells(4, 4) == pytest.approx(grid.frame.from_cells(2, 2))
+def test_an_array_that_is_no_map_is_refused() -> None:
+    """Rows and columns, at least one of each, and a resolution above 0."""
     for shape, resolution in (((0, 3), 0.1), ((3,), 0.1), ((2, 2), 0.0), ((2, 2), float("nan"))):
         with pytest.raises(ValueError, match="map"):
             make_map(np.zeros(shape, np.int8), resolution)
