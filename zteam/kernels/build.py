@@ -1,0 +1,94 @@
+"""Hatchling's build hook: compiles the kernels once, when zteam is installed.
+
+It takes the system's C compiler (`cc`, or what CC names) where that works. Else pip fetches zig's for the build alone.
+`CC="aarch64-linux-gnu-gcc" python zteam/kernels/build.py OUT` compiles the library for another system.
+"""
+
+import hashlib
+import os
+import shlex
+import subprocess
+import sys
+import sysconfig
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from cffi import FFI
+from hatchling.builders.hooks.plugin.interface import BuildHookInterface
+
+HERE = Path(__file__).parent
+FLAGS = "-std=c11 -O3 -fPIC -ffp-contract=off -fno-math-errno -fno-trapping-math".split()
+"""The same bits from every compiler: no fused products and sums, no liberties with numbers."""
+ZIG = [sys.executable, "-m", "ziglang", "cc", "-mcpu=baseline"]
+
+
+def compile_library(compiler: list[str], out: Path, sources: list[Path], flags: list[str] = FLAGS) -> None:
+    """Compile and link. Raises CalledProcessError or OSError."""
+    target = subprocess.run([*compiler, "-dumpmachine"], check=True, capture_output=True, text=True).stdout
+    wide = target.startswith("x86_64")
+    jobs = [(path, ["-msse4.1"] if wide else []) for path in sources]
+    jobs += [(path, ["-mavx2"]) for path in sources if wide and path.name == "squares.c"]
+    with tempfile.TemporaryDirectory() as folder:
+        objects = [f"{folder}/{number}.o" for number in range(len(jobs))]
+        for (path, own), made in zip(jobs, objects, strict=True):
+            subprocess.run([*compiler, *flags, *own, "-c", str(path), "-o", made], check=True)
+        subprocess.run([*compiler, *flags, "-shared", *objects, "-o", str(out), "-lm"], check=True)
+
+
+def find_compiler() -> list[str] | None:
+    """The system's compiler, if it compiles and links: on macOS `cc` may be there and do nothing."""
+    compiler = shlex.split(os.environ.get("CC", "cc"))
+    with tempfile.TemporaryDirectory() as folder:
+        source = Path(folder, "probe.c")
+        source.write_text("#include <math.h>\n#include <stdlib.h>\ndouble probe(double x) { return floor(x); }\n")
+        try:
+            compile_library(compiler, Path(folder, "probe"), [source])
+        except (OSError, subprocess.CalledProcessError):
+            return None
+    return compiler
+
+
+def write_declarations(out: Path) -> None:
+    """Write what Python reads instead of the header: with it a process needs no parser of C."""
+    lines = (HERE / "kernels.h").read_text().splitlines()
+    ffi = FFI()
+    ffi.cdef("\n".join(line for line in lines if not line.startswith("#")))
+    ffi.set_source("declarations", None)
+    ffi.emit_python_code(str(out))
+    with out.open("a") as file:
+        file.write(f'SOURCES = "{digest_sources()}"\n')
+
+
+def digest_sources() -> str:
+    """Of the C sources: a library that was made of others has to be compiled again."""
+    return hashlib.sha256(b"".join(path.read_bytes() for path in sorted(HERE.glob("*.[ch]")))).hexdigest()
+
+
+class KernelsHook(BuildHookInterface[Any]):
+    """What hatchling calls."""
+
+    def dependencies(self) -> list[str]:
+        """What the build needs besides what pyproject.toml says."""
+        return [] if find_compiler() else ["ziglang"]
+
+    def initialize(self, version: str, build_data: dict[str, Any]) -> None:
+        """Compile for a wheel; for an editable install, into the checkout."""
+        folder = HERE if version == "editable" else Path(tempfile.mkdtemp())
+        library, declarations = folder / "library.so", folder / "declarations.py"
+        try:
+            compile_library(find_compiler() or ZIG, library, sorted(HERE.glob("*.c")))
+        except (OSError, subprocess.CalledProcessError) as error:
+            raise SystemExit(
+                f"zteam's kernels cannot be compiled ({error}): install a C compiler such as gcc or clang, "
+                "or the package ziglang (pip install ziglang)"
+            ) from None
+        write_declarations(declarations)
+        if version != "editable":
+            build_data["force_include"] |= {str(path): f"zteam/kernels/{path.name}" for path in (library, declarations)}
+        build_data["pure_python"] = False
+        build_data["tag"] = f"py3-none-{sysconfig.get_platform().replace('-', '_').replace('.', '_')}"
+
+
+if __name__ == "__main__":
+    compile_library(shlex.split(os.environ.get("CC", "cc")), Path(sys.argv[1]), sorted(HERE.glob("*.c")))
