@@ -35,8 +35,8 @@ def measure_kernels(world: World, beams: int, fov_deg: float, seed: int = 1) -> 
         raise UsageError(f"world {world.name} has no bitmap to cast rays against: use another world, such as office")
     plan = world.floorplans[0]
     maps = Bitmaps([bitmap_of(plan, build_fields(plan.occupied))])
-    x, y, yaw = np.array(free_poses(world, _SCANS, seed)).T.copy()
-    rays = Rays(x, y, np.full(_SCANS, plan.z_min), yaw, np.full(_SCANS, -1, np.int64))
+    at = np.array(free_poses(world, _SCANS, seed)).T.copy()
+    rays = Rays(at, np.full(_SCANS, plan.z_min), np.full(_SCANS, -1, np.int64))
     angles = np.radians(np.linspace(-fov_deg / 2, fov_deg / 2, beams))[None, :]
     directions = Beams(np.cos(angles), np.sin(angles), math.radians(-fov_deg / 2), 0.0, 30.0)
     leaping, plain = Fans(rays, directions), Fans(rays, directions)

@@ -11,8 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.kernels.declarations import ffi
+from zteam.kernels import declarations
 
+ffi: Any = declarations.ffi
 lib: Any = ffi.dlopen(str(Path(__file__).with_name("library.so")))
 
 _POINTERS = {
@@ -104,30 +105,28 @@ class Beams(NamedTuple):
 
 
 class Rays(NamedTuple):
-    """Where fans of rays start, in `map`: arrays (fans), metres and radians."""
+    """Where fans of rays start: sensors in `map`, or in the base frames of their robots."""
 
-    x: Floats
-    y: Floats
+    at: Floats
+    """(3, fans): rows x, y (metres) and yaw (radians)."""
     z: Floats
-    yaw: Floats
+    """(fans): metres above the ground."""
     owner: NDArray[np.int64]
-    """The mover that carries the sensor and that the sensor does not see, or -1."""
+    """(fans): the mover that carries the sensor and that the sensor does not see, or -1."""
 
 
 class Fans:
     """Fans of rays, and what they met. The arrays are kept: their contents may change."""
 
     def __init__(self, rays: Rays, beams: Beams) -> None:
-        count, width = len(rays.x), beams.cos.shape[1]
+        count, width = len(rays.z), beams.cos.shape[1]
         tables = 1 if len(beams.cos) == 1 else count
         self.beams = beams
         self.ranges, self.hits = np.empty((count, width)), np.empty((count, width), np.int32)
         """(fans, beams): metres, and what was met."""
         self._kept = {
-            "x": _given("x", rays.x, _DOUBLE, count),
-            "y": _given("y", rays.y, _DOUBLE, count),
+            "at": _given("at", rays.at, _DOUBLE, 3, count),
             "z": _given("z", rays.z, _DOUBLE, count),
-            "yaw": _given("yaw", rays.yaw, _DOUBLE, count),
             "owner": _given("owner", rays.owner, _INT64, count),
             "cosine": _given("cos", beams.cos, _DOUBLE, tables, width),
             "sine": _given("sin", beams.sin, _DOUBLE, tables, width),
@@ -275,17 +274,71 @@ def follow(poses: Floats, velocity: Floats, seconds: float, *, tangents: bool = 
     return ends
 
 
-def measure(before: Floats, after: Floats, seconds: float, *, tangents: bool = False) -> Floats:
-    """The body velocity (robots; m/s, m/s, rad/s) of the arcs that lead from `before` to `after` (robots; x, y, yaw).
+def place_mounts(mounts: Rays, poses: Floats, rays: Rays) -> None:
+    """Bring `rays` (in `map`) of sensors, which are mounted so, to where they are with the robots at `poses` (robots; x,
+    y, yaw)."""
+    count, robots = len(mounts.z), len(poses)
+    owner, at = _given("owner", mounts.owner, _INT64, count), _given("mounts", mounts.at, _DOUBLE, 3, count)
+    poses, out = _given("poses", poses, _DOUBLE, robots, 3), _given("rays", rays.at, _DOUBLE, 3, count, out=True)
+    if not lib.place_mounts(count, owner, at, robots, poses, out):
+        raise ValueError(f"owner: a robot is not within 0 to {robots - 1}")
 
-    With `tangents` of Stage's steps, by the heading before.
+
+class Bases:
+    """The bases of all robots, their odometry without errors, and their wheels.
+
+    Rows are x, y (m/s) and yaw (rad/s) in the base frame.
     """
-    velocity, count = np.empty_like(before), len(before)
-    lib.measure(
-        count, _given("before", before, _DOUBLE, count, 3), _given("after", after, _DOUBLE, count, 3), seconds,
-        tangents, _given("velocity", velocity, _DOUBLE, count, 3, out=True),
-    )  # fmt: skip
-    return velocity
+
+    def __init__(
+        self, limits: Floats, is_car: NDArray[np.bool_], wheelbase: Floats, start: Floats,
+        wheel_owner: NDArray[np.int64], wheel_rows: Floats,
+    ) -> None:  # fmt: skip
+        """`limits` (4, robots, 3): least and largest velocity, least (below 0) and largest acceleration. `start` (robots;
+        x, y, yaw in `map`) is where odometry is zero. Wheels turn by `wheel_rows` (wheels, 3; rad/s for each unit of
+        velocity) of their robots, `wheel_owner` (wheels)."""
+        robots, wheels = len(is_car), len(wheel_owner)
+        _within("wheel_owner", wheel_owner, 0, robots)
+        self.setpoint, self.velocity, self.odom = np.zeros((3, robots, 3))
+        """(robots, 3): velocity as commanded, within the limits; velocity as it was; pose seen from the start."""
+        self.start = start
+        self.angles, self.rates = np.zeros((2, wheels))
+        """(wheels): rad since the start, and rad/s."""
+        of_robots = dict(zip(("low", "high", "slow", "fast"), limits, strict=True))
+        self._kept = {
+            **{name: _given(name, array, _DOUBLE, robots, 3) for name, array in of_robots.items()},
+            "is_car": _given("is_car", is_car, _BOOL, robots),
+            "wheelbase": _given("wheelbase", wheelbase, _DOUBLE, robots),
+            "setpoint": _given("setpoint", self.setpoint, _DOUBLE, robots, 3, out=True),
+            "velocity": _given("velocity", self.velocity, _DOUBLE, robots, 3, out=True),
+            "odom": _given("odom", self.odom, _DOUBLE, robots, 3, out=True),
+            "start": _given("start", start, _DOUBLE, robots, 3),
+            "wheel_owner": _given("wheel_owner", wheel_owner, _INT64, wheels),
+            "wheel_rows": _given("wheel_rows", wheel_rows, _DOUBLE, wheels, 3),
+            "angles": _given("angles", self.angles, _DOUBLE, wheels, out=True),
+            "rates": _given("rates", self.rates, _DOUBLE, wheels, out=True),
+        }
+        self._robots = robots
+        self._data = ffi.new("bases *", {"robots": robots, "wheels": wheels, **self._kept})
+
+    def obey(self, commands: Floats, fresh: NDArray[np.bool_], seconds: float) -> None:
+        """Change the setpoints towards `commands` (robots, 3) as far as the limits allow in `seconds`; one that is not
+        `fresh` (robots) is 0.
+
+        A car's angular command is Stage's: the angle of the steered wheels, v sin(angle) / wheelbase the yaw rate.
+        """
+        count = self._robots
+        given = _given("commands", commands, _DOUBLE, count, 3), _given("fresh", fresh, _BOOL, count)
+        lib.obey(self._data, *given, seconds)
+
+    def note_motion(self, before: Floats, after: Floats, seconds: float, *, tangents: bool) -> None:
+        """Note velocity, odometry and wheels after the ways from `before` to `after` (robots; x, y, yaw in `map`).
+
+        They were arcs or, with `tangents`, Stage's steps by the heading before.
+        """
+        count = self._robots
+        given = _given("before", before, _DOUBLE, count, 3), _given("after", after, _DOUBLE, count, 3)
+        lib.note_motion(self._data, *given, seconds, tangents)
 
 
 # costmaps.c: grids of costs

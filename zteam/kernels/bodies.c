@@ -1,4 +1,4 @@
-/* What moves: polygons that are carried along, overlap or not, and the ways of bases. */
+/* What moves and what it meets: polygons that are carried along, and overlap or not. */
 #include "polygons.h"
 #include "sines.h"
 
@@ -307,40 +307,4 @@ void hold(polygons *o, const bitmap *maps, int64_t count, const double *half, co
             double begin = poses[3 * i + axis];
             ends[3 * i + axis] = begin + shares[i] * (ends[3 * i + axis] - begin);
         }
-}
-
-/* Where robots at `poses` (x, y, yaw) get to at constant body velocity: on the exact arc or, with `tangents`, as Stage
-   steps (Euler): straight ahead by the old heading, then the turn. */
-void follow(int64_t robots, const double *poses, const double *velocity, double seconds, int tangents, double *ends)
-{
-    for (int64_t i = 0; i < 3 * robots; i += 3) {
-        double turn = velocity[i + 2] * seconds, half = tangents ? 0.0 : 0.5 * turn, c, s, chord = seconds, aside;
-        /* The chord of the arc: sin(half) / half long, half the turn to the side. */
-        if (fabs(half) > 1e-9) {
-            cosine_sine(half, &aside, &s);
-            chord *= s / half;
-        }
-        cosine_sine(poses[i + 2] + half, &c, &s);
-        ends[i] = poses[i] + c * chord * velocity[i] - s * chord * velocity[i + 1];
-        ends[i + 1] = poses[i + 1] + s * chord * velocity[i] + c * chord * velocity[i + 1];
-        ends[i + 2] = poses[i + 2] + turn;
-    }
-}
-
-/* The body velocity of the arcs (or of Stage's steps, with `tangents`) that lead from `before` to `after`. */
-void measure(int64_t robots, const double *before, const double *after, double seconds, int tangents, double *velocity)
-{
-    for (int64_t i = 0; i < 3 * robots; i += 3) {
-        double turn = after[i + 2] - before[i + 2], half = tangents ? 0.0 : 0.5 * turn, c, s, stretch = 1.0, aside;
-        /* The way made good, seen from half the turn and stretched from the chord to the arc. */
-        if (fabs(half) > 1e-9) {
-            cosine_sine(half, &aside, &s);
-            stretch = half / s;
-        }
-        cosine_sine(before[i + 2] + half, &c, &s);
-        double dx = after[i] - before[i], dy = after[i + 1] - before[i + 1];
-        velocity[i] = (c * dx + s * dy) * stretch / seconds;
-        velocity[i + 1] = (c * dy - s * dx) * stretch / seconds;
-        velocity[i + 2] = turn / seconds;
-    }
 }

@@ -168,7 +168,7 @@ void cast_edges(const polygons *o, const fans *all)
     s.slack = all->jitter + 1e-6 + (all->increment > 0.0 ? ROUGH / all->increment : 0.0);
     for (int64_t i = 0; i < all->count && all->beams > 0; i++) {
         int64_t table = all->tables > 1 ? i * all->beams : 0;
-        s.x = all->x[i], s.y = all->y[i], s.z = all->z[i], s.yaw = all->yaw[i];
+        s.x = all->at[i], s.y = all->at[all->count + i], s.yaw = all->at[2 * all->count + i], s.z = all->z[i];
         s.cosines = all->cosine + table, s.sines = all->sine + table;
         s.ranges = all->ranges + i * all->beams, s.hits = all->hits + i * all->beams;
         cosine_sine(s.yaw, &s.cosine, &s.sine);

@@ -15,7 +15,8 @@ typedef struct {
 /* Rays that fan out from sensors of one kind. */
 typedef struct {
     int64_t count, beams;
-    const double *x, *y, *z, *yaw; /* (count), in `map` */
+    const double *at;              /* (3, count): x, y, yaw in `map` */
+    const double *z;               /* (count) */
     const int64_t *owner;          /* (count): the mover that carries the sensor and that it does not see, or -1 */
     int64_t tables;                /* rows of the next two: 1 for all scans, or one for each */
     const double *cosine, *sine;   /* (tables, beams): directions in the sensor's frame */
@@ -47,6 +48,21 @@ typedef struct {
     double *corner_x, *corner_y;     /* room for the corners of a shape */
 } polygons;
 
+/* The bases of all robots; rows are x, y (m/s, m) and yaw (rad/s, rad), in the base frame but for poses. */
+typedef struct {
+    int64_t robots, wheels;
+    const double *low, *high;    /* (robots, 3): velocity */
+    const double *slow, *fast;   /* (robots, 3): acceleration */
+    const uint8_t *is_car;       /* (robots) */
+    const double *wheelbase;     /* (robots), metres */
+    double *setpoint, *velocity; /* (robots, 3): as commanded, within the limits; as it was */
+    const double *start;         /* (robots, 3): where odometry is zero, in `map` */
+    double *odom;                /* (robots, 3): the pose seen from there */
+    const int64_t *wheel_owner;  /* (wheels) */
+    const double *wheel_rows;    /* (wheels, 3): rad/s for each unit of velocity */
+    double *angles, *rates;      /* (wheels): rad, rad/s */
+} bases;
+
 /* squares.c: rays against a bitmap */
 int has_avx2(void);
 void fill_squares(const uint8_t *free_cells, int64_t rows, int64_t columns, uint8_t *out);
@@ -64,9 +80,13 @@ void move_all(polygons *o, const bitmap *maps, int64_t count, int64_t robots, do
               uint8_t *blocked);
 void hold(polygons *o, const bitmap *maps, int64_t count, const double *half, const double *poses, double *ends,
           const uint8_t *suspects, const uint8_t *tangled, int apart, double *places, double *shares);
+
+/* bases.c: what bases do */
+void obey(bases *b, const double *commands, const uint8_t *fresh, double seconds);
 void follow(int64_t robots, const double *poses, const double *velocity, double seconds, int tangents, double *ends);
-void measure(int64_t robots, const double *before, const double *after, double seconds, int tangents,
-             double *velocity);
+void note_motion(bases *b, const double *before, const double *after, double seconds, int tangents);
+int place_mounts(
+    int64_t count, const int64_t *owner, const double *mounts, int64_t robots, const double *poses, double *rays);
 
 /* costmaps.c: grids of costs */
 

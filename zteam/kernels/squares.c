@@ -143,9 +143,9 @@ void cast_squares(const bitmap *map, const fans *s, int32_t mark)
     double cosine, sine;
     cosine_sine(map->yaw, &cosine, &sine);
     for (int64_t scan = 0; scan < s->count; scan++) {
-        double dx = s->x[scan] - map->x, dy = s->y[scan] - map->y, c, w;
+        double dx = s->at[scan] - map->x, dy = s->at[s->count + scan] - map->y, c, w;
         double px = (cosine * dx + sine * dy) / map->cell_x, py = (cosine * dy - sine * dx) / map->cell_y;
-        cosine_sine(s->yaw[scan] - map->yaw, &c, &w);
+        cosine_sine(s->at[2 * s->count + scan] - map->yaw, &c, &w);
         if (!(map->z_min <= s->z[scan] && s->z[scan] <= map->z_max) || !isfinite(px + py + c + w))
             continue;
         const double turn[4] = {c / map->cell_x, w / map->cell_x, w / map->cell_y, c / map->cell_y};
@@ -180,9 +180,9 @@ void cast_cells(const bitmap *map, const fans *s, int32_t mark)
     double cosine, sine, c, w;
     cosine_sine(map->yaw, &cosine, &sine);
     for (int64_t fan = 0; fan < s->count; fan++) {
-        double dx = s->x[fan] - map->x, dy = s->y[fan] - map->y;
+        double dx = s->at[fan] - map->x, dy = s->at[s->count + fan] - map->y;
         double px = (cosine * dx + sine * dy) / map->cell_x, py = (cosine * dy - sine * dx) / map->cell_y;
-        cosine_sine(s->yaw[fan] - map->yaw, &c, &w);
+        cosine_sine(s->at[2 * s->count + fan] - map->yaw, &c, &w);
         int inside = px >= 0.0 && px < (double)map->columns && py >= 0.0 && py < (double)map->rows;
         for (int64_t beam = 0; inside && beam < s->beams; beam++) {
             double u = s->cosine[beam], v = s->sine[beam], t = 0.0;

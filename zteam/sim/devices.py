@@ -117,13 +117,8 @@ def _bumper_rays(owner: int, bumper: Bumper) -> Mounts:
     count = max(2, math.ceil(bumper.length / _SPACING) + 1)
     along = np.linspace(-0.5 * bumper.length, 0.5 * bumper.length, count)
     cos, sin = math.cos(bumper.yaw), math.sin(bumper.yaw)
-    return Mounts(
-        bumper.x - sin * along - cos * _BEHIND,
-        bumper.y + cos * along - sin * _BEHIND,
-        np.full(count, bumper.z),
-        np.full(count, bumper.yaw),
-        np.full(count, owner, np.int64),
-    )
+    x, y = bumper.x - sin * along - cos * _BEHIND, bumper.y + cos * along - sin * _BEHIND
+    return Mounts(np.stack((x, y, np.full(count, bumper.yaw))), np.full(count, bumper.z), np.full(count, owner, np.int64))
 
 
 class _FiducialFinders:
@@ -142,7 +137,7 @@ class _FiducialFinders:
         places = np.array([target.place(poses) for target in self._targets], float).reshape(-1, 3)
         found = []
         for row, (i, finder) in enumerate(self._finders):
-            here = Pose2(float(at.x[row]), float(at.y[row]), float(at.yaw[row]))
+            here = Pose2(*at.at[:, row].tolist())
             found.append(self._sightings(i, here, finder, places))
         return found
 
@@ -160,10 +155,8 @@ class _FiducialFinders:
         if not len(chosen):
             return ()
         count = len(chosen)
-        rays = Rays(
-            np.full(count, here.x), np.full(count, here.y), np.full(count, finder.z),
-            here.yaw + bearing[chosen], np.full(count, i, np.int64),
-        )  # fmt: skip
+        towards = np.stack((np.full(count, here.x), np.full(count, here.y), here.yaw + bearing[chosen]))
+        rays = Rays(towards, np.full(count, finder.z), np.full(count, i, np.int64))
         ranges, hit = self._visible.cast(Fans(rays, _ahead(finder.range_max)))
         seen = self._visible.source_of[hit[:, 0]] == self._target_sources[chosen]
         if finder.ignore_zloc:
@@ -181,7 +174,7 @@ class _FiducialFinders:
 
 def _prepare_bumpers(surroundings: Surroundings, owned: Sequence[tuple[int, Bumper]]) -> Sense:
     rays = [_bumper_rays(i, bumper) for i, bumper in owned]
-    at = Mounts._make(np.concatenate(parts) for parts in zip(*rays, strict=True))
+    at = Mounts._make(np.concatenate(parts, axis=-1) for parts in zip(*rays, strict=True))
     ends = np.cumsum([len(own.owner) for own in rays])
     solid = surroundings.solid
 

@@ -165,7 +165,7 @@ class Engine:
             self._check_room(robot_id, self._robots[robot_id], pose)
         team.bodies.place(i, pose)
         team.odometry.carry(i, pose)
-        team.setpoint[i] = team.velocity[i] = 0.0
+        team.bases.setpoint[i] = team.bases.velocity[i] = 0.0
 
     def _check_room(self, robot_id: int, robot: Robot, pose: Pose2) -> None:
         """Raise UsageError if a robot of this id has no room at `pose`; where it stands now does not count."""

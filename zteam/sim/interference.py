@@ -74,8 +74,8 @@ def _are_in_sight(pairs: Sequence[tuple[Emitter, Emitter]], caster: Caster) -> l
     distance = np.hypot(way[:, 0], way[:, 1])
     owners = np.array([a.owner for a, _ in pairs], np.int64)
     ahead = Beams(np.ones((1, 1)), np.zeros((1, 1)), 0.0, 0.0, float(distance.max()) + 1.0)
-    x, y, z = np.ascontiguousarray(start.T)
-    rays = Rays(x, y, z, np.arctan2(way[:, 1], way[:, 0]), owners)
+    at = np.stack((start[:, 0], start[:, 1], np.arctan2(way[:, 1], way[:, 0])))
+    rays = Rays(at, start[:, 2].copy(), owners)
     ranges, hit = caster.cast(Fans(rays, ahead))
     reached = ranges[:, 0] >= distance - 1e-9
     other = caster.source_of[hit[:, 0]] == np.array([b.owner for _, b in pairs], np.int64)

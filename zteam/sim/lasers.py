@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from zteam.counter_random import gaussians, stream, streams, uniforms
 from zteam.geometry import Pose2
-from zteam.kernels.binding import Beams, Fans, Rays
+from zteam.kernels.binding import Beams, Fans, Rays, place_mounts
 from zteam.sim.casting import Caster
 from zteam.sim.interference import Emitter, Interference, find_interference
-from zteam.sim.mounts import Mounts, make_rays, mount_devices, place_rays
+from zteam.sim.mounts import Mounts, mount_devices
 from zteam.simulation_options import Options
 from zteam.world.model import Ranger, Robot
 
@@ -125,7 +125,7 @@ class Lasers:
             return
         self._poses, self._scans = at, None
         for batch in self._batches:
-            place_rays(poses, batch.at, batch.rays)
+            place_mounts(batch.at, poses, batch.rays)
 
     def measure(self, tick: int) -> Scans:
         """The readings that `begin` began. Where nothing has moved and nothing is random, they are the last ones."""
@@ -159,7 +159,7 @@ class Lasers:
                 row,
                 mount.states[_INTERFERENCE],
                 mount.robot,
-                Pose2(float(batch.rays.x[row]), float(batch.rays.y[row]), float(batch.rays.yaw[row])),
+                Pose2(*batch.rays.at[:, row].tolist()),
                 mount.ranger,
             )
             for number, batch in enumerate(self._batches)
@@ -233,7 +233,7 @@ def _make_batch(mounts: list[Mount], options: Options) -> Batch:
     beams = Beams(np.cos(directions), np.sin(directions), angle_min, ranger.angle_increment, ranger.range_max, jitter)
     at = mount_devices([(m.robot, m.ranger) for m in mounts])
     range_min = np.array([[m.ranger.range_min] for m in mounts], np.float32)
-    rays = make_rays(at)
+    rays = at._replace(at=np.empty_like(at.at))
     return Batch(mounts, at, beams, angles, range_min, noise, rays, Fans(rays, beams))
 
 

@@ -11,7 +11,7 @@ from zteam import names
 from zteam.geometry import Pose2, normalize_angle
 from zteam.sim.devices import Blob, Detections, Sighting
 from zteam.sim.lasers import Reading, Scans
-from zteam.sim.odometry import Wheels
+from zteam.sim.motion import Wheels
 from zteam.world.model import Robot
 
 Rows = list[list[float]]

@@ -7,14 +7,13 @@ from msgspec.structs import replace
 
 from zteam.clock import to_ns
 from zteam.geometry import Pose2
-from zteam.kernels.binding import measure
 from zteam.sim.bodies import Bodies, make_bodies
 from zteam.sim.devices import Devices
 from zteam.sim.fields import Fields
 from zteam.sim.lasers import NO_SCANS, Lasers
-from zteam.sim.motion import keep_what_is_left, make_drives, obey
+from zteam.sim.motion import keep_what_is_left, make_bases
 from zteam.sim.observation import Observation, Robots, Snapshot, pose_of
-from zteam.sim.odometry import Odometry, make_wheels, roll
+from zteam.sim.odometry import Odometry
 from zteam.sim.surroundings import Surroundings
 from zteam.simulation_options import Options
 from zteam.world.model import Floorplan, Robot, World
@@ -40,11 +39,11 @@ class Team:
         self._pushed = [obstacle for obstacle in world.obstacles if obstacle.mass is not None]
         self._physics = options.physics or world.physics
         count = len(self._robots)
-        self.commands, self.setpoint, self.velocity = np.zeros((3, count, 3))
+        self.commands = np.zeros((count, 3))
         self.commanded = np.full(count, -WATCHDOG, np.int64)
-        self._drives = make_drives(self._robots)
-        self.odometry = Odometry(self._robots, list(self.ids), options.odom_alphas, seed)
-        self._wheels = make_wheels(self._robots)
+        self.bases, self._wheels = make_bases(self._robots)
+        self.odometry = Odometry(self.bases, self._robots, list(self.ids), options.odom_alphas, seed)
+        self._is_car = np.array([robot.drive == "car" for robot in self._robots], bool)
         poses = np.array([r.pose for r in self._robots] + [o.pose for o in self._pushed], float).reshape(-1, 3)
         kept = self._adopt(old, poses) if old is not None else []
         self.bodies: Bodies = make_bodies(self._physics, self._robots, poses, world, floorplans)
@@ -61,8 +60,8 @@ class Team:
         kept = [(i, old.ids[robot_id]) for robot_id, i in self.ids.items() if robot_id in old.ids]
         for here, there in kept:
             poses[here] = old.bodies.poses[there]
-            self.commands[here], self.setpoint[here] = old.commands[there], old.setpoint[there]
-            self.velocity[here], self.commanded[here] = old.velocity[there], old.commanded[there]
+            self.commands[here], self.bases.setpoint[here] = old.commands[there], old.bases.setpoint[there]
+            self.bases.velocity[here], self.commanded[here] = old.bases.velocity[there], old.commanded[there]
             mine = slice(self._wheels.first[here], self._wheels.first[here + 1])
             theirs = slice(old._wheels.first[there], old._wheels.first[there + 1])
             self._wheels.angles[mine] = old._wheels.angles[theirs]
@@ -83,18 +82,15 @@ class Team:
     def move(self, now: int, tick: int, seconds: float) -> None:
         """One tick, from `now` (ns) on."""
         fresh = now - self.commanded < WATCHDOG
-        self.setpoint = obey(self._drives, self.commands, fresh, seconds, self.setpoint)
-        count = len(self.ids)
+        bases, count = self.bases, len(self.ids)
+        bases.obey(self.commands, fresh, seconds)
         before = self.bodies.poses[:count].copy()
-        self.bodies.step(seconds, self.setpoint)
+        self.bodies.step(seconds, bases.setpoint)
         after = self.bodies.poses[:count]
-        self.velocity = measure(before, after, seconds)
-        self.odometry.advance(after, self.velocity, seconds, tick)
-        if self._physics == "stage":
-            self.velocity = measure(before, after, seconds, tangents=True)
+        bases.note_motion(before, after, seconds, tangents=self._physics == "stage")
+        self.odometry.advance(before, after, tick)
         if self.bodies.met.any():
-            keep_what_is_left(self._drives, self.bodies.met, self.velocity, self.setpoint)
-        roll(self._wheels, self.velocity, seconds)
+            keep_what_is_left(self._is_car, self.bodies.met, bases.velocity, bases.setpoint)
 
     def begin_observing(self, now: int, tick: int) -> Observation:
         """What the bases sense at `now` (ns)."""
@@ -106,7 +102,7 @@ class Team:
             scans=NO_SCANS,
             poses=self.bodies.poses.tolist(),
             odom=self.odometry.poses.tolist(),
-            velocity=self.velocity.tolist(),
+            velocity=self.bases.velocity.tolist(),
             stalled=self.bodies.stalled.copy(),
             wheels=self._wheels._replace(angles=self._wheels.angles.copy(), rates=self._wheels.rates.copy()),
             detections={},
