@@ -1,15 +1,12 @@
 """Small worlds for the simulator's core: square robots, a wall, bitmaps."""
 
 import math
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 
 from zteam.geometry import Pose2
 from zteam.messages import Twist, Vector3
-from zteam.sim import jit
 from zteam.world.model import Floorplan, Obstacle, Ranger, Robot, Shape, World
 
 BODY = ((-0.2, -0.2), (0.2, -0.2), (0.2, 0.2), (-0.2, 0.2))
@@ -57,16 +54,6 @@ def make_maze(*robots: Robot, seed: int = 0) -> World:
 def drive(v: float, w: float = 0.0, vy: float = 0.0) -> Twist:
     """A command."""
     return Twist(Vector3(v, vy), Vector3(0.0, 0.0, w))
-
-
-@contextmanager
-def plain_kernels() -> Iterator[None]:
-    """All kernels run without numba in here."""
-    jit.use_plain()
-    try:
-        yield
-    finally:
-        jit.use_compiled()
 
 
 def is_occupied(floor: Floorplan, x: float, y: float) -> bool:

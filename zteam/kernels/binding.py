@@ -217,7 +217,7 @@ def cast_squares(maps: Bitmaps, index: int, fans: Fans, mark: int, *, plainly: b
 
 
 def cast_edges(polygons: Polygons, fans: Fans) -> None:
-    """Shorten ranges to polygons, to 0 in their interior, and set hits to the index of the shape where one is nearer."""
+    """Shorten ranges to polygons, to 0 in their interior, and set hits to the index of the shape that is nearer."""
     lib.cast_edges(polygons.data, fans.data)
 
 
@@ -275,8 +275,8 @@ def follow(poses: Floats, velocity: Floats, seconds: float, *, tangents: bool = 
 
 
 def place_mounts(mounts: Rays, poses: Floats, rays: Rays) -> None:
-    """Bring `rays` (in `map`) of sensors, which are mounted so, to where they are with the robots at `poses` (robots; x,
-    y, yaw)."""
+    """Bring the `rays` (in `map`) of sensors, which are mounted so, to where they are now: with the robots at `poses`
+    (robots; x, y, yaw)."""
     count, robots = len(mounts.z), len(poses)
     owner, at = _given("owner", mounts.owner, _INT64, count), _given("mounts", mounts.at, _DOUBLE, 3, count)
     poses, out = _given("poses", poses, _DOUBLE, robots, 3), _given("rays", rays.at, _DOUBLE, 3, count, out=True)
@@ -294,9 +294,11 @@ class Bases:
         self, limits: Floats, is_car: NDArray[np.bool_], wheelbase: Floats, start: Floats,
         wheel_owner: NDArray[np.int64], wheel_rows: Floats,
     ) -> None:  # fmt: skip
-        """`limits` (4, robots, 3): least and largest velocity, least (below 0) and largest acceleration. `start` (robots;
-        x, y, yaw in `map`) is where odometry is zero. Wheels turn by `wheel_rows` (wheels, 3; rad/s for each unit of
-        velocity) of their robots, `wheel_owner` (wheels)."""
+        """`limits` (4, robots, 3): least and largest velocity, least (below 0) and largest acceleration.
+
+        Odometry is zero at `start` (robots; x, y, yaw in `map`). A wheel turns by its row of `wheel_rows` (wheels, 3;
+        rad/s for each unit of velocity) with its robot, `wheel_owner` (wheels).
+        """
         robots, wheels = len(is_car), len(wheel_owner)
         _within("wheel_owner", wheel_owner, 0, robots)
         self.setpoint, self.velocity, self.odom = np.zeros((3, robots, 3))

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from zteam import names
 from zteam.geometry import Pose2, normalize_angle
+from zteam.kernels.binding import Beams, Fans, Rays
 from zteam.messages import Blob as BlobMessage
 from zteam.messages import Blobs, ColorRGBA, Fiducial, Fiducials, Header, Message, time_from_ns
 from zteam.messages import Bumper as BumperMessage
-from zteam.kernels.binding import Beams, Fans, Rays
 from zteam.sim.casting import Caster
 from zteam.sim.mounts import Mounts, mount_devices, rays_of
 from zteam.sim.polygons import NO_MOVER
@@ -118,7 +118,9 @@ def _bumper_rays(owner: int, bumper: Bumper) -> Mounts:
     along = np.linspace(-0.5 * bumper.length, 0.5 * bumper.length, count)
     cos, sin = math.cos(bumper.yaw), math.sin(bumper.yaw)
     x, y = bumper.x - sin * along - cos * _BEHIND, bumper.y + cos * along - sin * _BEHIND
-    return Mounts(np.stack((x, y, np.full(count, bumper.yaw))), np.full(count, bumper.z), np.full(count, owner, np.int64))
+    return Mounts(
+        np.stack((x, y, np.full(count, bumper.yaw))), np.full(count, bumper.z), np.full(count, owner, np.int64)
+    )
 
 
 class _FiducialFinders:

@@ -22,6 +22,7 @@ from zteam.world.model import Floorplan, Point2, Shape
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
+
 class Cores:
     """The cores of all movers, and what they must stay out of: what stands still and, with `apart`, each other."""
 

@@ -10,7 +10,7 @@ import pytest
 from support.small_worlds import LASER, make_box, make_robot, make_world
 from zteam.geometry import Pose2
 from zteam.messages import Twist, Vector3
-from zteam.sim import Engine, Options, jit
+from zteam.sim import Engine, Options
 from zteam.world.model import Floorplan, Obstacle, Robot, Shape, World
 
 
@@ -143,12 +143,10 @@ def test_a_laser_in_a_block_or_a_bitmaps_wall_reads_zero() -> None:
     model = make_world(make_robot(), others=(Obstacle("block", Pose2(0.3, 0.2, 0.5), (block,)),))
     plan = Floorplan("solid", np.ones((20, 20), bool), (0.1, 0.1), Pose2(-1.0, -1.0, 0.0), 0.0, 1.0, ranger_return=0.4)
     bitmap = World("solid", 100_000_000, (plan,), (), (make_robot(),))
-    for mode in (jit.use_plain, jit.use_compiled):
-        mode()
-        for world in (model, bitmap):
-            (reading,) = Engine(world).observe().robots[0].readings
-            assert (reading.ranges == 0.0).all()
-            assert reading.intensities == pytest.approx(0.4)
+    for world in (model, bitmap):
+        (reading,) = Engine(world).observe().robots[0].readings
+        assert (reading.ranges == 0.0).all()
+        assert reading.intensities == pytest.approx(0.4)
 
 
 def test_a_laser_sees_through_its_own_body_but_not_through_anothers() -> None:

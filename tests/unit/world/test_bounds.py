@@ -11,8 +11,6 @@ from support.small_worlds import make_robot
 from zteam.errors import UsageError, WorldError
 from zteam.geometry import Pose2
 from zteam.sim import Engine, Options
-from zteam.sim.fields import build_fields
-from zteam.sim.grids import make_grids
 from zteam.world import load_world
 from zteam.world.model import Floorplan, World
 
@@ -78,8 +76,6 @@ def test_floors_of_one_bitmap_share_its_cells() -> None:
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < 60e6
-    fields = build_fields(occupied)
-    assert make_grids([(plan, fields) for plan in plans]).sides.size == 1_000_000
 
 
 def test_noise_is_no_wall_for_the_dynamic_physics() -> None:
