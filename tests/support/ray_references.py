@@ -59,6 +59,17 @@ def cast_at_polygons(
     return ranges
 
 
+def is_on_border(points: list[Point], x: float, y: float) -> bool:
+    """Whether a point lies on the border of a polygon, to a nanometre: inside or outside is a matter of rounding."""
+    for (ax, ay), (bx, by) in zip((points[-1], *points[:-1]), points, strict=True):
+        way = math.dist((ax, ay), (bx, by))
+        if way > 0.0:
+            along = min(max(((x - ax) * (bx - ax) + (y - ay) * (by - ay)) / way**2, 0.0), 1.0)
+            if math.dist((x, y), (ax + along * (bx - ax), ay + along * (by - ay))) < 1e-9:
+                return True
+    return False
+
+
 def contains(points: list[Point], x: float, y: float) -> bool:
     """Whether a point lies in a polygon, by the even-odd rule."""
     inside = False
