@@ -13,11 +13,12 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.behaviors.corridors import Corridor, Laser, find_corridor
-from zteam.behaviors.scan_kernels import interpret
+from zteam.kernels import binding as kernels
 from zteam.messages import LaserScan
 
 Floats = NDArray[np.float64]
+Laser = tuple[float, float, int]
+"""First angle, increment and number of beams."""
 
 _ANGLE_TOLERANCE = 1e-5
 """Radians: the scan's angles are float32 sums, so a beam on the edge of a cone may come to lie beside it."""
@@ -89,11 +90,19 @@ def _read(scan: LaserScan) -> Beams | None:
     step, start = float(scan.angle_increment), float(scan.angle_min)
     if ranges.size == 0 or not (math.isfinite(start) and math.isfinite(step)) or (step == 0.0 and ranges.size > 1):
         return None
-    # Finds a NaN first, and is several times as fast as `min`.
-    low = ranges.item(ranges.argmin())
+    # Both find a NaN first, and are several times as fast as `min` and `max`.
+    low, high = ranges.item(ranges.argmin()), ranges.item(ranges.argmax())
     at_least, at_most = scan.range_min * (1.0 - _ROUNDING), scan.range_max * (1.0 + _ROUNDING)
+    # A NaN fails the comparisons. Mostly every beam says something, and then no beam has to be looked at.
+    all_speak = low > 0.0 and low >= at_least and high <= at_most
+    too_close = None if all_speak else ranges == -np.inf
+    if too_close is not None:
+        says = (ranges > 0.0) & (ranges >= at_least) & (ranges <= at_most) | (ranges == np.inf)
+        np.putmask(ranges, ~says, np.nan)
     # A simulator without infinities writes range_max for "no hit".
-    all_speak = interpret(ranges, at_least, at_most, scan.range_max * (1.0 - _ROUNDING))
+    np.putmask(ranges, ranges >= scan.range_max * (1.0 - _ROUNDING), np.inf)
+    if too_close is not None:
+        np.putmask(ranges, too_close, 0.0)
     laser = start, step, ranges.size
     distances = ranges if low >= _TOUCHING else np.maximum(ranges, _TOUCHING)
     return Beams(laser, _directions(*laser), ranges, distances, low if all_speak else 0.0, all_speak)
@@ -201,11 +210,7 @@ def look_along(scan: LaserScan, half_width: float, heading: float = 0.0) -> floa
     beams = beams_of(scan)
     if beams is None:
         return math.inf
-    hit_x, hit_y = beams.find_hits(math.inf)
-    cos, sin = math.cos(heading), math.sin(heading)
-    x = cos * hit_x + sin * hit_y
-    ahead = (x > 0.0) & (np.abs(cos * hit_y - sin * hit_x) <= half_width)
-    return float(np.min(x, where=ahead, initial=math.inf))
+    return kernels.look_along(beams.directions.axes, beams.distances, half_width, heading)
 
 
 def is_seen(scan: LaserScan, heading: float) -> bool:
@@ -215,15 +220,8 @@ def is_seen(scan: LaserScan, heading: float) -> bool:
 
 
 def is_clear(scan: LaserScan, half_width: float, reach: float, heading: float = 0.0) -> bool:
-    """Whether a corridor of 2 * `half_width` towards `heading` (rad) is clear for `reach` metres.
-
-    The same as asking `look_along`, but faster.
-    """
-    beams = beams_of(scan)
-    if beams is None:
-        return True
-    corridor = _near_corridor(beams, half_width, reach)
-    return corridor is None or not _is_blocked(beams, corridor, heading)
+    """Whether a corridor of 2 * `half_width` towards `heading` (rad) is clear for `reach` metres."""
+    return first_clear(scan, half_width, reach, heading, ()) is not None
 
 
 def first_clear(
@@ -231,35 +229,11 @@ def first_clear(
 ) -> float | None:
     """`heading` (rad) if a corridor of 2 * `half_width` towards it is clear for `reach` metres, else the first clear
     one of `heading` + each of the `turns`; None if there is none.
-
-    The same as asking `is_clear` for each, but faster.
     """
     beams = beams_of(scan)
-    corridor = None if beams is None else _near_corridor(beams, half_width, reach)
-    if beams is None or corridor is None or not _is_blocked(beams, corridor, heading):
+    # Mostly no hit is near enough to stand in it.
+    if beams is None or beams.nearest >= math.hypot(reach, half_width) * (1.0 + _ROUNDING):
         return heading
-    blocked = corridor.are_blocked(beams.distances, heading, turns)
-    for turn, certain in zip(turns, blocked, strict=True):
-        if not certain and not _is_blocked(beams, corridor, heading + turn):
-            return heading + turn
-    return None
-
-
-def _near_corridor(beams: Beams, half_width: float, reach: float) -> Corridor | None:
-    """The corridor of this half width and length; None if no hit is near enough to stand in it."""
-    if reach <= 0.0 or beams.nearest >= math.hypot(reach, half_width) * (1.0 + _ROUNDING):
-        return None
-    return find_corridor(beams.laser, half_width, reach)
-
-
-def _is_blocked(beams: Beams, corridor: Corridor, heading: float) -> bool:
-    """Whether a hit stands in the corridor towards `heading` (rad)."""
-    certain = corridor.is_blocked(beams.distances, heading)
-    if certain is not None:
-        return certain
-    half_width, reach = corridor.half_width, corridor.reach
-    # Only what is near can stand in it.
-    hit_x, hit_y = beams.find_hits(math.hypot(reach, half_width) * (1.0 + _ROUNDING))
-    cos, sin = math.cos(heading), math.sin(heading)
-    x = cos * hit_x + sin * hit_y
-    return bool(((x > 0.0) & (x < reach) & (np.abs(cos * hit_y - sin * hit_x) <= half_width)).any())
+    headings = [heading, *[heading + turn for turn in turns]]
+    found = kernels.first_clear(beams.directions.axes, beams.distances, half_width, reach, np.array(headings))
+    return headings[found] if found >= 0 else None
