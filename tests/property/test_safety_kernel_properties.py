@@ -138,7 +138,8 @@ def test_a_million_points_and_beams() -> None:
     known, axes, distances = np.ones((3, 10**6)), np.ones((2, 10**6)), np.full(10**6, 2.0)
     assert binding.see(known, axes, distances, (0.0, 1e-6), 1, (0.0, 0.0, 0.0), 9.0, 5.0, 0.0).shape == (3, 10**6)
     planes = Outline(((0.5, 0.5), (-0.5, 0.5), (-0.5, -0.5), (0.5, -0.5))).rows
-    assert binding.meet(known[:2], planes, (1.0, 0.0, 0.0), 9.0, 0.5, EVERYWHERE) == 0.0
+    assert binding.meet(known[:2], planes, (0.0, 0.0, 1.0), 9.0, 0.6, EVERYWHERE) == math.inf
+    assert binding.meet(known[:2] * 0.9, planes, (1.0, 0.0, 1.0), 9.0, 0.1, EVERYWHERE) == pytest.approx(0.3)
 
 
 @pytest.mark.parametrize(
