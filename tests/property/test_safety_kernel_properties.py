@@ -88,9 +88,10 @@ def test_a_scan_tells_of_points_and_adds_its_hits(
     far: float,
     oldest: float,
 ) -> None:
-    """As the slow loop does; points between two beams are not drawn."""
+    """As the slow loop does; points between two beams, at the laser or straight behind it are not drawn."""
     laser, axes, distances = scan
     for x, y, _ in known.T.tolist():
+        assume(abs(y - pose[1]) > NEAR)
         turned = (math.atan2(y - pose[1], x - pose[0]) - pose[2] - laser[0]) / max(abs(laser[1]), 1e-6)
         assume(abs(turned - math.floor(turned) - 0.5) > NEAR * max(1.0, abs(turned)))
         assume(abs(math.hypot(x - pose[0], y - pose[1]) - far) > NEAR)
