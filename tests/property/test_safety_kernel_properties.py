@@ -127,6 +127,7 @@ def test_odd_numbers_give_defined_results(known: Floats, distances: Floats, n: l
     axes = np.resize(known, (2, 5))
     seen = binding.see(known, axes, distances, (n[0], n[1]), 2, (n[2], n[3], n[4]), n[5], n[6], n[7])
     assert seen.shape[1] <= 4 + 3
+    assert binding.see(known, axes, distances, (0.0, 0.1), 2**63 - 1, (0.0, 0.0, 0.0), 9.0, 0.0, 0.0).shape[1] <= 4 + 1
     for planes in (known.T.copy(), np.empty((0, 3))):
         assert not math.isnan(binding.meet(known[:2], planes, (n[0], n[1], n[2]), n[3], n[4], (n[5], n[6], n[7])))
     assert not math.isnan(binding.look_along(axes, distances, n[0], n[1]))

@@ -110,7 +110,7 @@ int64_t see(
     const double *known, int64_t count, const double *axes, const double *distances, int64_t beams, double start,
     double step, int64_t few, double x, double y, double yaw, double far, double way, double oldest, double *seen)
 {
-    const int64_t room = count + (beams + few - 1) / few;
+    const int64_t room = count + beams / few + (beams % few > 0);
     const double stride = fabs(step) > 1e-6 ? step : step < 0.0 ? -1e-6 : 1e-6, circle = rint(TAU / fabs(stride));
     const double around = circle > 1.0 ? circle : 1.0;
     double cosine, sine, *seen_x = seen, *seen_y = seen + room, *seen_at = seen + 2 * room;
