@@ -13,7 +13,6 @@ from pathlib import Path
 import pytest
 
 import support.examples  # noqa: F401 - its profile is that of all property tests
-from zteam.behaviors.jit import BEHAVIOR_KERNELS
 from zteam.compiling import kernels
 from zteam.compiling.takeover import fill_cache
 from zteam.messages import sharing
@@ -57,7 +56,7 @@ ONLY_CI = """only .ci/run proves (README, "Tests"):
 def pytest_configure(config: pytest.Config) -> None:
     """Compile the kernels before any test, once on this machine: a test that waited for them would measure that."""
     if not hasattr(config, "workerinput") and not config.option.collectonly:
-        for kernel_set in (SIMULATOR, BEHAVIOR_KERNELS, PLANNING):
+        for kernel_set in (SIMULATOR, PLANNING):
             fill_cache(kernel_set)
 
 
@@ -150,14 +149,11 @@ def empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, own_types: Non
 @pytest.fixture
 def kept_kernels(tmp_path: Path) -> Path:
     """A cache that holds all kernels but does not say so, as one whose compiling ended just before its end."""
-    from zteam.behaviors.jit import BEHAVIOR_KERNELS
     from zteam.compiling import kernel_cache, takeover
-    from zteam.sim.jit import SIMULATOR
 
     assert kernel_cache.FOLDER is not None
-    for kernel_set in (SIMULATOR, BEHAVIOR_KERNELS):
-        # What ran before in this process may have made its choice without a look at the cache.
-        takeover.fill_cache(kernel_set)
-        assert kernel_cache.is_complete(kernel_set.name), "this machine's cache cannot be filled"
+    # What ran before in this process may have made its choice without a look at the cache.
+    takeover.fill_cache(SIMULATOR)
+    assert kernel_cache.is_complete(SIMULATOR.name), "this machine's cache cannot be filled"
     shutil.copytree(kernel_cache.FOLDER, tmp_path / "cache", ignore=shutil.ignore_patterns("complete-*"))
     return tmp_path / "cache"

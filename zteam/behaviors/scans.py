@@ -7,17 +7,18 @@ them) and finite values above `range_max` say nothing at all. A beam that says n
 
 import math
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.behaviors.corridors import Corridor, Laser, find_corridor
-from zteam.behaviors.scan_kernels import interpret
+from zteam.kernels import binding as kernels
 from zteam.messages import LaserScan
 
 Floats = NDArray[np.float64]
+Laser = tuple[float, float, int]
+"""First angle, increment and number of beams."""
 
 _ANGLE_TOLERANCE = 1e-5
 """Radians: the scan's angles are float32 sums, so a beam on the edge of a cone may come to lie beside it."""
@@ -25,8 +26,6 @@ _TOUCHING = 1e-6
 """Metres: where a hit that is too close to measure is taken to be."""
 _EDGE = math.radians(5.0)
 """The outermost beams see only one side of what is there."""
-_FIRST = 8
-"""Beams that are compared before all others."""
 _ROUNDING = 1e-6
 """Relative: limits and ranges may have been rounded to float32 or not."""
 
@@ -89,67 +88,41 @@ def _read(scan: LaserScan) -> Beams | None:
     step, start = float(scan.angle_increment), float(scan.angle_min)
     if ranges.size == 0 or not (math.isfinite(start) and math.isfinite(step)) or (step == 0.0 and ranges.size > 1):
         return None
-    # Finds a NaN first, and is several times as fast as `min`.
-    low = ranges.item(ranges.argmin())
+    # Both find a NaN first, and are several times as fast as `min` and `max`.
+    low, high = ranges.item(ranges.argmin()), ranges.item(ranges.argmax())
     at_least, at_most = scan.range_min * (1.0 - _ROUNDING), scan.range_max * (1.0 + _ROUNDING)
+    # A NaN fails the comparisons. Mostly every beam says something, and then no beam has to be looked at.
+    all_speak = low > 0.0 and low >= at_least and high <= at_most
+    if not all_speak:
+        says = (ranges > 0.0) & (ranges >= at_least) & (ranges <= at_most)
+        np.putmask(ranges, ~(says | np.isinf(ranges)), np.nan)
     # A simulator without infinities writes range_max for "no hit".
-    all_speak = interpret(ranges, at_least, at_most, scan.range_max * (1.0 - _ROUNDING))
+    np.putmask(ranges, ranges >= scan.range_max * (1.0 - _ROUNDING), np.inf)
+    # What is too close to measure is -inf still.
+    np.maximum(ranges, 0.0, out=ranges)
     laser = start, step, ranges.size
     distances = ranges if low >= _TOUCHING else np.maximum(ranges, _TOUCHING)
     return Beams(laser, _directions(*laser), ranges, distances, low if all_speak else 0.0, all_speak)
 
 
-class _Read(msgspec.Struct):
-    scan: LaserScan
-    """The newest one that says this."""
-    ranges: NDArray[Any]
-    """Read-only."""
-    beams: Beams | None
-    cone: tuple[float, Cone | None] | None = None
-    """The half angle (rad) of the cone that was looked into last, and what was there."""
-
-    def says(self, scan: LaserScan, ranges: NDArray[Any]) -> bool:
-        """Whether this scan with these ranges says the same, to the bit."""
-        known = self.scan
-        return (
-            ranges.dtype == self.ranges.dtype
-            and (known.angle_min, known.angle_increment) == (scan.angle_min, scan.angle_increment)
-            and (known.range_min, known.range_max) == (scan.range_min, scan.range_max)
-            and (ranges is self.ranges or _are_same(ranges, self.ranges))
-        )
-
-
-def _are_same(ranges: NDArray[Any], before: NDArray[Any]) -> bool:
-    """Whether both are the same to the bit."""
-    # The first beams of a robot that moves tell: then the others of the old scan need not be fetched from memory.
-    return ranges[:_FIRST].tobytes() == before[:_FIRST].tobytes() and ranges.tobytes() == before.tobytes()
-
-
-_newest: dict[str, _Read] = {}
-"""The scan of each laser that was read last, by its frame. A behaviour and the safety layer look at one several times.
-
-A robot that stands gets the same ranges again from a laser without noise. It then gets the same `Beams` too, so that
-what was worked out from them holds on.
-"""
+_newest: dict[str, tuple[LaserScan, object, Beams | None]] = {}
+"""The scan of each laser that was read last, with its ranges, by its frame: a step looks at one several times."""
 _MOST_LASERS = 256
 """Lasers whose newest scans are kept: a process has one robot, or a whole team."""
 
 
 def beams_of(scan: LaserScan) -> Beams | None:
-    """The scan, read; None where there are no beams. The same object as long as a laser's scans say the same."""
-    newest, ranges = _newest.get(scan.header.frame_id), scan.ranges
-    if newest is not None and newest.scan is scan and newest.ranges is ranges:
-        return newest.beams
-    if not isinstance(ranges, np.ndarray) or ranges.flags.writeable:
-        # It can be changed.
-        return _read(scan)
-    if newest is not None and newest.says(scan, ranges):
-        newest.scan, newest.ranges = scan, ranges
-        return newest.beams
+    """The scan, read; None where there are no beams."""
+    frame, ranges = scan.header.frame_id, scan.ranges
+    newest = _newest.get(frame)
+    if newest is not None and newest[0] is scan and newest[1] is ranges:
+        return newest[2]
     beams = _read(scan)
-    if newest is None and len(_newest) >= _MOST_LASERS:
-        _newest.clear()
-    _newest[scan.header.frame_id] = _Read(scan, ranges, beams)
+    # What can be changed is read each time.
+    if isinstance(ranges, np.ndarray) and not ranges.flags.writeable:
+        if newest is None and len(_newest) >= _MOST_LASERS:
+            _newest.clear()
+        _newest[frame] = scan, ranges, beams
     return beams
 
 
@@ -168,32 +141,18 @@ def look_ahead(scan: LaserScan, half_angle: float) -> Cone | None:
     beams = beams_of(scan)
     if beams is None:
         return None
-    newest = _newest.get(scan.header.frame_id)
-    if newest is None or newest.beams is not beams:
-        return _find_cone(beams, half_angle)
-    kept = newest.cone
-    if kept is None or kept[0] != half_angle:
-        # As one value: another thread may look into another cone.
-        kept = newest.cone = half_angle, _find_cone(beams, half_angle)
-    return kept[1]
-
-
-def _find_cone(beams: Beams, half_angle: float) -> Cone | None:
     inside = _cone(*beams.laser, half_angle)
     if not inside.size:
         return None
-    distances = beams.ranges.take(inside)
+    distances, silent = beams.ranges.take(inside), 0
     if not beams.all_speak:
         # Silent beams must not be taken for the nearest.
-        distances[np.isnan(distances)] = np.inf
+        is_silent = np.isnan(distances)
+        distances[is_silent], silent = np.inf, int(is_silent.sum())
     at = int(distances.argmin())
     nearest = float(distances[at])
     bearing = float(beams.directions.angles[inside[at]]) if nearest < math.inf else 0.0
-    return Cone(nearest, bearing, _silent_share(beams, inside))
-
-
-def _silent_share(beams: Beams, inside: NDArray[np.int64]) -> float:
-    return 0.0 if beams.all_speak else int(np.isnan(beams.ranges.take(inside)).sum()) / inside.size
+    return Cone(nearest, bearing, silent / inside.size)
 
 
 def look_along(scan: LaserScan, half_width: float, heading: float = 0.0) -> float:
@@ -201,11 +160,7 @@ def look_along(scan: LaserScan, half_width: float, heading: float = 0.0) -> floa
     beams = beams_of(scan)
     if beams is None:
         return math.inf
-    hit_x, hit_y = beams.find_hits(math.inf)
-    cos, sin = math.cos(heading), math.sin(heading)
-    x = cos * hit_x + sin * hit_y
-    ahead = (x > 0.0) & (np.abs(cos * hit_y - sin * hit_x) <= half_width)
-    return float(np.min(x, where=ahead, initial=math.inf))
+    return kernels.look_along(beams.directions.axes, beams.distances, half_width, heading)
 
 
 def is_seen(scan: LaserScan, heading: float) -> bool:
@@ -215,15 +170,8 @@ def is_seen(scan: LaserScan, heading: float) -> bool:
 
 
 def is_clear(scan: LaserScan, half_width: float, reach: float, heading: float = 0.0) -> bool:
-    """Whether a corridor of 2 * `half_width` towards `heading` (rad) is clear for `reach` metres.
-
-    The same as asking `look_along`, but faster.
-    """
-    beams = beams_of(scan)
-    if beams is None:
-        return True
-    corridor = _near_corridor(beams, half_width, reach)
-    return corridor is None or not _is_blocked(beams, corridor, heading)
+    """Whether a corridor of 2 * `half_width` towards `heading` (rad) is clear for `reach` metres."""
+    return first_clear(scan, half_width, reach, heading, ()) is not None
 
 
 def first_clear(
@@ -231,35 +179,11 @@ def first_clear(
 ) -> float | None:
     """`heading` (rad) if a corridor of 2 * `half_width` towards it is clear for `reach` metres, else the first clear
     one of `heading` + each of the `turns`; None if there is none.
-
-    The same as asking `is_clear` for each, but faster.
     """
     beams = beams_of(scan)
-    corridor = None if beams is None else _near_corridor(beams, half_width, reach)
-    if beams is None or corridor is None or not _is_blocked(beams, corridor, heading):
+    # Mostly no hit is near enough to stand in it.
+    if beams is None or beams.nearest >= math.hypot(reach, half_width) * (1.0 + _ROUNDING):
         return heading
-    blocked = corridor.are_blocked(beams.distances, heading, turns)
-    for turn, certain in zip(turns, blocked, strict=True):
-        if not certain and not _is_blocked(beams, corridor, heading + turn):
-            return heading + turn
-    return None
-
-
-def _near_corridor(beams: Beams, half_width: float, reach: float) -> Corridor | None:
-    """The corridor of this half width and length; None if no hit is near enough to stand in it."""
-    if reach <= 0.0 or beams.nearest >= math.hypot(reach, half_width) * (1.0 + _ROUNDING):
-        return None
-    return find_corridor(beams.laser, half_width, reach)
-
-
-def _is_blocked(beams: Beams, corridor: Corridor, heading: float) -> bool:
-    """Whether a hit stands in the corridor towards `heading` (rad)."""
-    certain = corridor.is_blocked(beams.distances, heading)
-    if certain is not None:
-        return certain
-    half_width, reach = corridor.half_width, corridor.reach
-    # Only what is near can stand in it.
-    hit_x, hit_y = beams.find_hits(math.hypot(reach, half_width) * (1.0 + _ROUNDING))
-    cos, sin = math.cos(heading), math.sin(heading)
-    x = cos * hit_x + sin * hit_y
-    return bool(((x > 0.0) & (x < reach) & (np.abs(cos * hit_y - sin * hit_x) <= half_width)).any())
+    headings = [heading, *[heading + turn for turn in turns]]
+    found = kernels.first_clear(beams.directions.axes, beams.distances, half_width, reach, np.array(headings))
+    return headings[found] if found >= 0 else None

@@ -113,19 +113,7 @@ def prepared(argv: Sequence[str]) -> Callable[[], NoReturn]:
     except SystemExit:
         # A mistake, or --help: what is left is all of it.
         work = partial(main, argv)
-    _load_kernels()
     return lambda: leave(work())
-
-
-def _load_kernels() -> None:
-    """Load the kernels if they are kept, for this process and all that it forks."""
-    from zteam.behaviors.jit import BEHAVIOR_KERNELS
-    from zteam.behaviors.kernel_samples import call_kernels
-    from zteam.compiling.kernel_cache import is_complete
-
-    if BEHAVIOR_KERNELS.choice is None and is_complete(BEHAVIOR_KERNELS.name):
-        BEHAVIOR_KERNELS.use_kept()
-        call_kernels()
 
 
 def read_base(entries: Sequence[str]) -> "BaseOverride":
@@ -181,12 +169,9 @@ def _parse_id(text: str, option: str) -> int:
 
 
 def _drive(choice: _Choice, args: argparse.Namespace) -> int:
-    from zteam.behaviors.jit import BEHAVIOR_KERNELS
     from zteam.behaviors.registry import find_behavior, load_behavior, look_in
-    from zteam.compiling.takeover import run_kept
     from zteam.nodes.robot.node import RobotOptions, run_robot
     from zteam.runtime.faults import log_fault
-    from zteam.runtime.node import Node
     from zteam.runtime.process import run_node
 
     look_in([*args.path, ""])
@@ -208,11 +193,8 @@ def _drive(choice: _Choice, args: argparse.Namespace) -> int:
         safety=not args.no_safety,
     )
 
-    def body(node: Node) -> None:
-        with run_kept(BEHAVIOR_KERNELS):
-            run_robot(node, kind, options)
-
-    return run_node(names.robot_name(choice.robot_id), bus_options(args, small=True), body, args.clock)
+    bus = bus_options(args, small=True)
+    return run_node(names.robot_name(choice.robot_id), bus, lambda node: run_robot(node, kind, options), args.clock)
 
 
 if __name__ == "__main__":

@@ -249,11 +249,10 @@ def _simulate(args: argparse.Namespace, choice: _Choice) -> int:
 
 
 def _compile() -> int:
-    from zteam.behaviors.jit import BEHAVIOR_KERNELS
     from zteam.compiling.takeover import fill_cache
     from zteam.sim.jit import SIMULATOR
 
-    if reason := fill_cache(SIMULATOR) or fill_cache(BEHAVIOR_KERNELS):
+    if reason := fill_cache(SIMULATOR):
         raise ZteamError(f"the kernels are not in the cache: {reason}")
     return 0
 

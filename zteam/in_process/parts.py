@@ -8,9 +8,8 @@ from contextlib import nullcontext
 from pathlib import Path
 
 from zteam import names
-from zteam.behaviors.jit import BEHAVIOR_KERNELS
 from zteam.behaviors.registry import find_behavior, load_behavior, look_in
-from zteam.compiling.takeover import begin, prepare, run_kept
+from zteam.compiling.takeover import begin, prepare
 from zteam.in_process.member import Part
 from zteam.launch.arguments import Pace, TeamLaunch, module_folders, navigated_robots, team_map
 from zteam.nodes.map_server.node import run_map_server
@@ -70,8 +69,6 @@ def simulator_part(launch: TeamLaunch) -> Part:
     def body(node: Node) -> None:
         if pace.lockstep:
             prepare(SIMULATOR)
-            # For all robots: none takes a step before the simulator's first tick.
-            prepare(BEHAVIOR_KERNELS)
         run_simulator(node, world, robots, options, None if pace.lockstep else begin(SIMULATOR))
 
     return Part(body)
@@ -110,8 +107,7 @@ def robot_part(launch: TeamLaunch, entry: RobotEntry) -> Part:
         if ":" in spec:
             look_in([*module_folders(launch), ""])
         load_behavior(spec, params, entry.id)
-        with nullcontext() if launch.pace.lockstep else run_kept(BEHAVIOR_KERNELS):
-            run_robot(node, find_behavior(spec), options)
+        run_robot(node, find_behavior(spec), options)
 
     return Part(body)
 

@@ -94,6 +94,21 @@ int place_mounts(
 
 /* particles.c: localisation */
 
-/* safety.c: what a base meets */
+/* safety.c: what a base meets. Points are (2, count) or, with how far the base had travelled then, (3, count). */
+/* Seconds until a base on an arc first comes nearer to a point in a disc (x, y, radius) than it may; inf: it does not. */
+double meet(const double *points, int64_t count, const double *planes, int64_t sides, double speed_x, double speed_y,
+            double turn, double seconds, double margin, double x, double y, double radius);
+/* Tell points in the frame that is at this pose of theirs. */
+void move_points(double *points, int64_t count, double x, double y, double turn);
+/* Drop known points that a scan tells of, or that are far or old; add its hits, the nearest of every few; count them. */
+int64_t see(const double *known, int64_t count, const double *axes, const double *distances, int64_t beams,
+            double start, double step, int64_t few, double x, double y, double yaw, double far, double way,
+            double oldest, double *seen);
+/* Metres to the nearest hit in a corridor; it looks no further once a hit is nearer than enough. */
+double look_along(const double *axes, const double *distances, int64_t beams, double half_width, double heading,
+                  double enough);
+/* The first of some headings whose corridor is clear for some reach, or -1. */
+int64_t first_clear(const double *axes, const double *distances, int64_t beams, double half_width, double reach,
+                    const double *headings, int64_t count);
 
 #endif

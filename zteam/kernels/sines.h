@@ -25,4 +25,17 @@ static inline void cosine_sine(double angle, double *cosine, double *sine)
     *sine = sign * (rest * odd);
 }
 
+/* The angle of a direction in [-pi, pi], wrong by less than 1e-15; 0 of no direction. Three half angles, then Taylor. */
+static inline double angle_of(double x, double y)
+{
+    double away = sqrt(x * x + y * y), half = away > 0.0 ? fabs(y) / (away + fabs(x)) : 0.0;
+    double quarter = half / (1.0 + sqrt(1.0 + half * half)), t = quarter / (1.0 + sqrt(1.0 + quarter * quarter));
+    double u = t * t;
+    double rest = 1.0 / 13.0 - u * (1.0 / 15.0 - u * (1.0 / 17.0 - u * (1.0 / 19.0 - u * (1.0 / 21.0))));
+    rest = 1.0 / 3.0 - u * (1.0 / 5.0 - u * (1.0 / 7.0 - u * (1.0 / 9.0 - u * (1.0 / 11.0 - u * rest))));
+    double angle = 8.0 * (t - t * u * rest);
+    angle = x < 0.0 ? PI - angle : angle;
+    return y < 0.0 ? -angle : angle;
+}
+
 #endif

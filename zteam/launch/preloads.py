@@ -20,8 +20,6 @@ PRELOADS = {
         *_NODE,
         "zteam.nodes.robot.node",
         "zteam.behaviors.registry",
-        "zteam.behaviors.kernel_samples",
-        "zteam.compiling.takeover",
         "zteam.messages.team_codecs",
         "zteam.cli.zteam_robot",
     ),

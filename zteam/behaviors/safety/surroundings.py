@@ -5,27 +5,23 @@ travel. A beam that says nothing neither clears nor adds.
 """
 
 import math
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.behaviors.corridors import Laser
 from zteam.behaviors.safety.sight import Sight
-from zteam.behaviors.scans import Beams, beams_of
+from zteam.behaviors.scans import beams_of
 from zteam.behaviors.view import View
 from zteam.geometry import Pose2, normalize_angle, yaw_from_quaternion
+from zteam.kernels import binding as kernels
 from zteam.messages import LaserScan, Odometry
 
 Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 SPAN = 3.0
 """Metres of travel that are remembered: longer, and the odometry's error outgrows the margins."""
 REACH = 4.0
 """Metres: points further from the laser are not remembered. More than SPAN and a braking distance."""
-SEEN_WITHIN = 0.05
-"""Metres that a point may seem to lie behind what a beam met and still be the same."""
 _FINEST = math.radians(1.0)
 """Of beams so close together the nearest hit is a point: 5 mm apart where the corners of an erratic turn."""
 _PUT = 0.02
@@ -74,7 +70,12 @@ class Surroundings:
             if beams is not None:
                 laser = self._find_laser(view, view.scan.header.frame_id)
                 self.sight.take(beams, laser, self._pose.yaw if self._pose else 0.0, view.now)
-                self._add(beams, laser, max(REACH, reach))
+                (start, step, _), way = beams.laser, self._travelled
+                few = max(1, int(_FINEST / max(abs(step), 1e-9) + 1e-6))
+                self._known = kernels.see(
+                    self._known, beams.directions.axes, beams.distances, (start, step), few,
+                    laser, max(REACH, reach), way, way - SPAN,
+                )  # fmt: skip
 
     def _move(self, odom: Odometry | None, reach: float) -> Pose2 | None:
         """The base is where odometry says; the pose in `odom` by which points are told now."""
@@ -88,23 +89,11 @@ class Surroundings:
             x, y, turn = last.inverse().compose(pose)
             turn, way = normalize_angle(turn), math.hypot(x, y)
             self._travelled += way
-            cos, sin = math.cos(turn), math.sin(turn)
-            ahead, aside = self._known[0] - x, self._known[1] - y
-            self._known[0], self._known[1] = cos * ahead + sin * aside, cos * aside - sin * ahead
+            kernels.move_points(self._known, x, y, turn)
             forwards = math.cos(0.5 * turn) * x + math.sin(0.5 * turn) * y > 0.9 * way
             self._room = min(SPAN, self._room + way) if forwards else self._room - way
             self._room = max(min(0.0, self._room), self._room - _WEARS * abs(turn))
         return pose
-
-    def _add(self, beams: Beams, laser: Pose2, far: float) -> None:
-        """Bring the newest scan into the points, up to `far` metres away."""
-        known = self._known
-        axes, place = _axes(beams.laser, laser)
-        apart = _thin_out(beams, far)
-        along, across = axes.take(apart, axis=1) * beams.distances.take(apart) + place
-        added = np.array((along, across, np.full(apart.size, self._travelled)))
-        stays = (~_is_told(beams, laser, known, far) & (known[2] >= self._travelled - SPAN)).nonzero()[0]
-        self._known = np.concatenate((known.take(stays, axis=1), added), axis=1)
 
     def _find_laser(self, view: View, frame: str) -> Pose2:
         if frame not in self._lasers:
@@ -113,37 +102,6 @@ class Surroundings:
                 return Pose2(0.0, 0.0, 0.0)
             self._lasers[frame] = Pose2(*map(float, found[0]))
         return self._lasers[frame]
-
-
-def _is_told(beams: Beams, laser: Pose2, points: Floats, far: float) -> Flags:
-    """Which points of the base frame a scan tells of: it looks through them, or sees them; and those `far` away."""
-    start, step, count = beams.laser
-    x, y, step = points[0] - laser.x, points[1] - laser.y, math.copysign(max(abs(step), 1e-6), step)
-    away = np.sqrt(x * x + y * y)
-    index = np.rint((np.arctan2(y, x) - (laser.yaw + start)) / step).astype(np.intp)
-    index %= max(1, round(math.tau / abs(step)))
-    reached = beams.distances.take(index, mode="clip") >= away - SEEN_WITHIN
-    told: Flags = (reached & (index < count)) | (away > far)
-    return told
-
-
-@lru_cache(maxsize=16)
-def _axes(laser: Laser, pose: Pose2) -> tuple[Floats, Floats]:
-    """The directions (2, n) of the beams of a laser at a pose of the base frame, and its place (2, 1)."""
-    start, step, count = laser
-    angles = start + pose.yaw + step * np.arange(count)
-    return np.array((np.cos(angles), np.sin(angles))), np.array(((pose.x,), (pose.y,)))
-
-
-def _thin_out(beams: Beams, reach: float) -> NDArray[np.intp]:
-    """The beams that hit something within `reach` (m), and nearer than the few beside them."""
-    distances = beams.distances
-    few = max(1, int(_FINEST / max(abs(beams.laser[1]), 1e-9) + 1e-6))
-    padded = np.full(-(-distances.size // few) * few, np.inf)
-    # Of a number and a NaN it is the number.
-    np.fmin(distances, np.inf, out=padded[: distances.size])
-    nearest: NDArray[np.intp] = padded.reshape(-1, few).argmin(axis=1) + np.arange(0, padded.size, few)
-    return nearest[padded.take(nearest) < reach]
 
 
 def _pose_of(odom: Odometry) -> Pose2:

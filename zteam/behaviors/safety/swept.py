@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zteam.base import Base, Point2
-from zteam.behaviors.meeting_kernels import meet_straight, meet_turning
 from zteam.geometry import Pose2
+from zteam.kernels import binding as kernels
 from zteam.world.shapes import convex_hull
 
 Floats = NDArray[np.float64]
@@ -62,9 +62,8 @@ class Outline:
         along = np.roll(corners, -1, axis=0) - corners
         along /= np.hypot(along[:, 0], along[:, 1])[:, None]
         normals = np.column_stack((along[:, 1], -along[:, 0]))
-        bearings = [math.atan2(y, x) for x, y in normals.tolist()]
-        self.rows: Floats = np.column_stack((normals, (normals * corners).sum(axis=1), bearings))
-        """(n, 4): outward normals of length 1, offsets (inside, normal @ point is less), bearings of the normals."""
+        self.rows: Floats = np.column_stack((normals, (normals * corners).sum(axis=1)))
+        """(n, 3): outward normals of length 1, offsets (inside, normal @ point is less)."""
         self.radius = float(np.hypot(corners[:, 0], corners[:, 1]).max())
         """Metres from the origin to the furthest corner."""
         self._tips: list[list[float]] = corners.tolist()
@@ -127,27 +126,8 @@ def meeting_time(outline: Outline, motion: Motion, seconds: float, points: Float
     inf if it does not. Where it is nearer than that now, what counts is when it comes nearer still: so a base may
     always move away.
     """
-    margin = margin_of(outline, motion) + clearance
-    if motion.y:
-        # Seen along its way, it drives straight on.
-        heading = math.atan2(motion.y, motion.x)
-        outline = Outline(tuple(map(tuple, (_turned(outline.corners.T, -heading).T).tolist())))
-        points, motion = _turned(points, -heading), Motion(motion.speed, motion.turn)
-    points = np.ascontiguousarray(points)
-    if abs(motion.turn * seconds) < STRAIGHT:
-        time = meet_straight(points, outline.rows, float(motion.x), margin)
-    else:
-        centre, side, most = motion.x / motion.turn, math.copysign(1.0, motion.turn), float(abs(motion.turn) * seconds)
-        # No corner leaves this ring; a point just outside of it may be nearer to two sides than the margin.
-        ring = abs(centre) - outline.radius - 2.0 * margin, abs(centre) + outline.radius + 2.0 * margin
-        time = meet_turning(points, outline.rows, centre, side, *ring, margin, most) / abs(motion.turn)
-    return time if time <= seconds else math.inf
-
-
-def _turned(points: Floats, angle: float) -> Floats:
-    """Points (2, n) turned about the origin by `angle` (rad)."""
-    cos, sin = math.cos(angle), math.sin(angle)
-    return np.array((cos * points[0] - sin * points[1], sin * points[0] + cos * points[1]))
+    margin, (x, y, radius) = margin_of(outline, motion) + clearance, swept_disc(outline, motion, seconds)
+    return kernels.meet(np.ascontiguousarray(points), outline.rows, motion, seconds, margin, (x, y, radius + clearance))
 
 
 def admissible(
@@ -163,10 +143,7 @@ def admissible(
     fastest = arc.speed + abs(arc.turn) * hull.radius
     kept = arc.speed / fastest**2 * gap + extra / fastest
     seconds = reaction + 0.5 * braking + kept
-    (x, y, radius), (along, across) = swept_disc(hull, arc, seconds), points
-    # Mostly few are so near.
-    near = points.take(((along - x) ** 2 + (across - y) ** 2 <= (radius + clearance) ** 2).nonzero()[0], axis=1)
-    free = meeting_time(hull, arc, seconds, near, clearance) if near.size else math.inf
+    free = meeting_time(hull, arc, seconds, points, clearance)
     return share_of(free - kept, braking, reaction, fastest)
 
 
