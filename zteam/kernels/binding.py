@@ -4,6 +4,8 @@ Arrays are numpy's, in C order. A kernel that is called in every tick takes its 
 for it and keeps them: their contents may change, the arrays not.
 """
 
+import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -23,10 +25,11 @@ _POINTERS = {
         (np.uint32, "uint32_t"),
         (np.int32, "int32_t"),
         (np.int64, "int64_t"),
+        (np.float32, "float"),
         (np.float64, "double"),
     )
 }
-_BOOL, _UINT8, _UINT16, _UINT32, _INT32, _INT64, _DOUBLE = _POINTERS
+_BOOL, _UINT8, _UINT16, _UINT32, _INT32, _INT64, _FLOAT, _DOUBLE = _POINTERS
 Floats = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
 Cells = NDArray[np.int64]
@@ -66,51 +69,40 @@ def _grid(name: str, array: NDArray[Any], kind: np.dtype[Any], out: bool = False
     return _given(name, array, kind, *array.shape, out=out), array.shape[0], array.shape[1]
 
 
-def _check_window(window: tuple[int, int, int, int], rows: int, columns: int, reach: int) -> None:
-    r0, r1, c0, c1 = window
-    if not (0 <= r0 <= r1 <= rows and 0 <= c0 <= c1 <= columns):
-        raise ValueError(f"window: {window} is not within {rows} rows and {columns} columns")
-    if not 0 <= reach <= _MOST_REACH:
-        raise ValueError(f"reach: {reach} is not within 0 to {_MOST_REACH}")
+Window = tuple[int, int, int, int]
+"""Rows from, to (not included), columns from, to."""
 
 
-def square_distances(costs: Bytes, window: tuple[int, int, int, int], reach: int) -> NDArray[np.uint16]:
-    """Squared distance of each cell of a window (rows from, to; columns from, to) to the nearest lethal one, in cells.
-
-    `costs` (rows, columns) to (rows, columns) of the window; it is at most (`reach` + 1)². Distances are exact, from
-    centre to centre. Raises ValueError.
-    """
+def _inflate(costs: Bytes, window: Window, reach: int, table: Any, unknown_from: int, out: Any) -> NDArray[np.uint16]:
     grid, rows, columns = _grid("costs", costs, _UINT8)
-    _check_window(window, rows, columns, reach)
     r0, r1, c0, c1 = window
+    if not (0 <= r0 <= r1 <= rows and 0 <= c0 <= c1 <= columns and 0 <= reach <= _MOST_REACH):
+        raise ValueError(f"window, reach: {window} is not within {rows} rows and {columns} columns, or {reach} too far")
     width = c1 - c0 + 2 * reach
     steps, line = np.empty((r1 - r0 + 2 * reach + 1) * width, np.uint8), np.empty(width, np.uint16)
-    out = np.empty((r1 - r0, c1 - c0), np.uint16)
+    squares = np.empty((r1 - r0, c1 - c0), np.uint16)
     scratch = _given("steps", steps, _UINT8, len(steps), out=True), _given("line", line, _UINT16, width, out=True)
-    lib.square_distances(
-        grid, rows, columns, window, reach, *scratch, _given("out", out, _UINT16, *out.shape, out=True)
-    )
-    return out
+    made = _given("squares", squares, _UINT16, *squares.shape, out=True)
+    lib.inflate(grid, rows, columns, window, reach, *scratch, made, table, unknown_from, out)
+    return squares
 
 
-def inflate(
-    costs: Bytes, table: Bytes, reach: int, window: tuple[int, int, int, int], unknown_from: int, out: Bytes
-) -> None:
+def square_distances(costs: Bytes, window: Window, reach: int) -> NDArray[np.uint16]:
+    """Squared distance of each cell of a window of `costs` (rows, columns) to the nearest lethal one, in cells.
+
+    Distances are exact, from centre to centre, and cut to (`reach` + 1)². Raises ValueError.
+    """
+    return _inflate(costs, window, reach, ffi.NULL, 0, ffi.NULL)
+
+
+def inflate(costs: Bytes, table: Bytes, reach: int, window: Window, unknown_from: int, out: Bytes) -> None:
     """Raise the cells in `window` of `costs` (rows, columns) to the cost of their distance to a lethal one, into `out`.
 
     `table` ((`reach` + 1)² + 1) has the cost by squared distance in cells; lethal cells up to `reach` cells outside of
     the window count. A cell without information gets a cost from `unknown_from` on. Raises ValueError.
     """
-    squares = square_distances(costs, window, reach)
-    lib.inflate(
-        _given("costs", costs, _UINT8, *costs.shape),
-        costs.shape[1],
-        window,
-        _given("squares", squares, _UINT16, *squares.shape),
-        _given("table", table, _UINT8, (reach + 1) ** 2 + 1),
-        unknown_from,
-        _given("out", out, _UINT8, *costs.shape, out=True),
-    )
+    prices = _given("table", table, _UINT8, (reach + 1) ** 2 + 1)
+    _inflate(costs, window, reach, prices, unknown_from, _given("out", out, _UINT8, *costs.shape, out=True))
 
 
 def trace_beams(costs: Bytes, x0: int, y0: int, ends: Cells, marks: Cells) -> None:
@@ -262,53 +254,61 @@ def shorten(weights: Bytes, way: Cells, stride: int, reach: int, least: float) -
 
 # particles.c: localisation
 
-Beams = tuple[Floats, Floats]
-"""Where beams end in the base frame, in cells: along x and along y, (m) each."""
-_MOST_BEAMS = 1 << 15
-"""The sum of so many values of 16 bits fits into 31."""
+Beams = NDArray[np.float32]
+"""(2, m): where beams end in the base frame, in cells, along x and along y."""
 
 
-def _field(values: NDArray[np.uint16]) -> tuple[Any, int, int]:
-    given = _grid("values", values, _UINT16)
-    if not values.size or max(values.shape) > 1 << 24 or values.size >= 1 << 31:
-        raise ValueError(f"values: {values.shape} has no cells, or too many")
-    return given
+def move_poses(poses: Floats, motion: Sequence[float], draws: Floats) -> None:
+    """Turn, drive and turn: move poses (n, 3; metres, radians) in place.
 
-
-def _beams(beams: Beams) -> tuple[Any, Any, int]:
-    count = len(beams[0])
-    return _given("beams", beams[0], _DOUBLE, count), _given("beams", beams[1], _DOUBLE, count), count
-
-
-def sum_poses(values: NDArray[np.uint16], poses: Floats, beams: Beams) -> NDArray[np.int32]:
-    """Sums (n) of the field's `values` (rows, columns) where the beams of poses (n, 3) end.
-
-    Poses are x, y in cells of the field, and yaw in radians. Outside of the field counts as its border. Places have
-    seven digits. Raises ValueError, also for more than 32 768 beams.
+    `motion` is the first turn, the way, the last turn, and the deviation of each, by which `draws` (n, 3) count. Raises
+    ValueError.
     """
     count = len(poses)
-    out = np.empty(count, np.int32)
-    if len(beams[0]) > _MOST_BEAMS:
-        raise ValueError(f"beams: {len(beams[0])} are more than {_MOST_BEAMS}")
-    places = _given("poses", poses, _DOUBLE, count, 3), count
-    lib.sum_poses(*_field(values), *places, *_beams(beams), _given("out", out, _INT32, count, out=True))
+    if len(motion) != 6:
+        raise ValueError(f"motion: {len(motion)} numbers are not 6")
+    places = _given("poses", poses, _DOUBLE, count, 3, out=True)
+    lib.move_poses(places, count, motion, _given("draws", draws, _DOUBLE, count, 3))
+
+
+def _likelihoods(values: NDArray[np.uint16], place: tuple[float, float, float, float]) -> Any:
+    given, rows, columns = _grid("values", values, _UINT16)
+    if not values.size or max(values.shape) > 1 << 24 or values.size >= 1 << 31 or not place[3] > 0.0:
+        raise ValueError(f"values, place: {values.shape} cells, or {place[3]} metres a cell")
+    x, y, yaw, cell = place
+    # The struct does not keep the memory: its caller does.
+    return ffi.new("likelihoods *", (given, rows, columns, x, y, yaw, math.cos(yaw), math.sin(yaw), cell))
+
+
+def sum_poses(
+    values: NDArray[np.uint16], place: tuple[float, float, float, float], poses: Floats, beams: Beams
+) -> NDArray[np.int64]:
+    """Sums (n) of a map's `values` (rows + 2, columns + 2: it has a border) where the beams of poses (n, 3) end.
+
+    `place` is the map's lower left corner x, y, yaw in `map` and the metres of a cell; poses are x, y (metres), yaw in
+    `map`. What is outside counts as the border. Places have seven digits. Raises ValueError.
+    """
+    count, many = len(poses), beams.shape[-1]
+    out = np.empty(count, np.int64)
+    places = _given("poses", poses, _DOUBLE, count, 3), count, _given("beams", beams, _FLOAT, 2, many), many
+    lib.sum_poses(_likelihoods(values, place), *places, _given("out", out, _INT64, count, out=True))
     return out
 
 
 def climb(
-    values: NDArray[np.uint16], poses: Floats, beams: Beams, step: float, turn: float, halvings: int, most: int
-) -> NDArray[np.int64]:
-    """Move each of `poses` (n, 3; as in `sum_poses`) to a place near by where the beams are likeliest: pattern search.
+    values: NDArray[np.uint16], place: tuple[float, float, float, float], poses: Floats, beams: Beams,
+    steps: tuple[float, float], halvings: int, most: int,
+) -> NDArray[np.int64]:  # fmt: skip
+    """Move each of `poses` (n, 3) to a place near by where the beams are likeliest (`sum_poses`): a pattern search.
 
-    It looks at the 26 neighbours at a distance of `step` (cells) and `turn` (radians), goes to the best one, and halves
-    the steps where none is better, so many times, in at most `most` rounds. Return the sums of values (n), with all
-    digits. Raises ValueError.
+    It looks at the 26 neighbours at a distance of `steps` (metres, radians), goes to the best one, and halves the steps
+    where none is better, so many times, in at most `most` rounds. Return the sums of values (n). Raises ValueError.
     """
-    count = len(poses)
+    count, many = len(poses), beams.shape[-1]
     sums = np.empty(count, np.int64)
-    places = _given("poses", poses, _DOUBLE, count, 3, out=True), count
+    places = _given("poses", poses, _DOUBLE, count, 3, out=True), count, _given("beams", beams, _FLOAT, 2, many), many
     out = _given("sums", sums, _INT64, count, out=True)
-    lib.climb(*_field(values), *places, *_beams(beams), step, turn, halvings, most, out)
+    lib.climb(_likelihoods(values, place), *places, *steps, halvings, most, out)
     return sums
 
 
@@ -318,43 +318,51 @@ def _table(count: int) -> tuple[Any, int]:
     return _given("table", table, _INT64, len(table), out=True), len(table) - 1
 
 
+Size = tuple[float, float, float]
+"""Of a bin of particles: metres, metres, radians."""
+
+
 def resample(
-    sums: Floats, draws: Floats, strange: NDArray[np.bool_], bins: NDArray[np.int64], enough: NDArray[np.int64]
-) -> NDArray[np.int64]:
-    """Numbers of the particles that are drawn, at most (m), until there are `enough` (k) for their bins.
+    poses: Floats, sums: Floats, draws: Floats, strange: NDArray[np.bool_], enough: Cells, size: Size
+) -> Floats:
+    """Particles (up to m, 3) that are drawn from `poses` (n or more, 3) until there are `enough` (k) for their bins.
 
     `sums` (n) are the running sums of the weights, up to 1, and `draws` (m) uniform numbers: each means the first
-    particle whose sum is above it. Where `strange` (m) is true it is n + i for the ith. `bins` (n, or n + m if any is
-    strange) are the particles' bins. Raises ValueError.
+    particle whose sum is above it. Where `strange` (m) is true the ith comes from row n + i of `poses` instead. Raises
+    ValueError.
     """
     count, most = len(sums), len(draws)
-    if not count or not len(enough) or len(bins) < count + (most if strange.any() else 0):
-        raise ValueError(f"sums, enough, bins: {count}, {len(enough)} and {len(bins)} elements")
-    guide, chosen = np.empty(count, np.int64), np.empty(most, np.int64)
-    table = _table(most)
+    if not count or not len(enough) or len(poses) < count + (most if strange.any() else 0) or min(size) <= 0.0:
+        raise ValueError(f"poses, sums, enough, size: {len(poses)}, {count}, {len(enough)} elements, and {size}")
+    guide, out = np.empty(count, np.int64), np.empty((most, 3))
     found = lib.resample(
-        _given("sums", sums, _DOUBLE, count), count, _given("draws", draws, _DOUBLE, most),
-        _given("strange", strange, _BOOL, most), most, _given("bins", bins, _INT64, len(bins)),
-        _given("enough", enough, _INT64, len(enough)), len(enough), *table,
-        _given("guide", guide, _INT64, count, out=True), _given("chosen", chosen, _INT64, most, out=True),
+        _given("poses", poses, _DOUBLE, len(poses), 3), _given("sums", sums, _DOUBLE, count), count,
+        _given("draws", draws, _DOUBLE, most), _given("strange", strange, _BOOL, most), most,
+        _given("enough", enough, _INT64, len(enough)), len(enough), size, *_table(most),
+        _given("guide", guide, _INT64, count, out=True), _given("out", out, _DOUBLE, most, 3, out=True),
     )  # fmt: skip
-    return chosen[:found]
+    return out[:found]
 
 
-def label_clusters(bins: NDArray[np.int64], turns: int) -> tuple[NDArray[np.int64], int]:
-    """Labels (n) of particles, the same where their `bins` (n) touch, if only at a corner; and how many there are.
+def find_cluster(poses: Floats, weights: Floats, size: Size, turns: int) -> tuple[Cells, Floats, Floats]:
+    """Clusters of particles (n, 3): those whose bins touch, if only at a corner. Return labels (n), the same in each.
 
-    `turns`: bins of a full turn, where the last one touches the first. Raises ValueError.
+    Also the moments (4, 4) of the heaviest one: the sums of weight times products of 1, x, y, turn, counted from the
+    heaviest of its particles; and that particle (3). `turns` bins make a full turn. Raises ValueError.
     """
-    count = len(bins)
-    if turns < 1:
-        raise ValueError(f"turns: {turns} is not above 0")
+    count = len(poses)
+    if not (count and 0 < turns <= 64 and min(size) > 0.0):
+        raise ValueError(f"poses, turns, size: {count} poses, {turns}, {size}")
     table, mask = _table(count)
     cluster, stack, labels = np.empty(mask + 1, np.int64), np.empty(count, np.int64), np.empty(count, np.int64)
-    scratch = _given("cluster", cluster, _INT64, mask + 1, out=True), _given("stack", stack, _INT64, count, out=True)
-    out = _given("labels", labels, _INT64, count, out=True)
-    clusters = lib.label_clusters(_given("bins", bins, _INT64, count), count, turns, table, mask, *scratch, out)
-    return labels, int(clusters)
+    totals, moments = np.zeros(count), np.zeros(19)
+    lib.find_cluster(
+        _given("poses", poses, _DOUBLE, count, 3), _given("weights", weights, _DOUBLE, count), count, size, turns,
+        table, mask, _given("cluster", cluster, _INT64, mask + 1, out=True),
+        _given("stack", stack, _INT64, count, out=True), _given("totals", totals, _DOUBLE, count, out=True),
+        _given("labels", labels, _INT64, count, out=True), _given("moments", moments, _DOUBLE, 19, out=True),
+    )  # fmt: skip
+    return labels, moments[:16].reshape(4, 4), moments[16:]
 
 
 # safety.c: what a base meets

@@ -18,7 +18,7 @@ from cffi import FFI
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 HERE = Path(__file__).parent
-FLAGS = "-std=c11 -O3 -fPIC -ffp-contract=off -fno-math-errno -fno-trapping-math".split()
+FLAGS = ["-std=c11", "-O3", "-fPIC", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math"]
 """The same bits from every compiler: no fused products and sums, no liberties with numbers."""
 ZIG = [sys.executable, "-m", "ziglang", "cc", "-mcpu=baseline"]
 

@@ -3,18 +3,19 @@
 #include <string.h>
 
 #include "kernels.h"
-
 #include "sines.h"
 
 enum { LETHAL = 254, UNKNOWN = 255 }; /* zteam.planning.costs */
 #define MARGIN 0.05 /* cells that an outline keeps from lethal ones, for what happens between two poses */
 #define FAR 1e9     /* cells; what is farther away, or not a number, is outside of every grid */
 
-/* Find the squared distance to the nearest lethal cell, at most (reach + 1)^2, for each cell of the window.
+/* Find the squared distance to the nearest lethal cell, at most (reach + 1)^2, for each cell of the window, and, with
+   a table of their costs, raise the cell to its cost; one without information gets a cost from `unknown_from` on.
    Two passes along the columns give the distance within the column; a third one takes, along the row, the least of its
    square and that of the way there (Felzenszwalb and Huttenlocher 2012, by brute force: that is vector code). */
-void square_distances(const uint8_t *costs, int64_t rows, int64_t columns, const int64_t *window, int64_t reach,
-                      uint8_t *restrict steps, uint16_t *restrict line, uint16_t *restrict out)
+void inflate(const uint8_t *costs, int64_t rows, int64_t columns, const int64_t *window, int64_t reach,
+             uint8_t *restrict steps, uint16_t *restrict line, uint16_t *restrict squares, const uint8_t *table,
+             int64_t unknown_from, uint8_t *restrict out)
 {
     const int64_t r0 = window[0], r1 = window[1], c0 = window[2], c1 = window[3];
     const int64_t low = r0 - reach > 0 ? r0 - reach : 0, high = r1 + reach < rows ? r1 + reach : rows;
@@ -44,7 +45,7 @@ void square_distances(const uint8_t *costs, int64_t rows, int64_t columns, const
         }
     }
     for (int64_t y = r0; y < r1; y++) {
-        uint16_t *restrict least = out + (y - r0) * count;
+        uint16_t *restrict least = squares + (y - r0) * count;
         const uint8_t *restrict step = steps + (y - low) * width;
         for (int64_t x = 0; x < width; x++)
             line[x] = (uint16_t)(step[x] * step[x]);
@@ -57,20 +58,12 @@ void square_distances(const uint8_t *costs, int64_t rows, int64_t columns, const
                 least[x] = near < least[x] ? near : least[x];
             }
         }
-    }
-}
-
-/* Raise the costs of a window's cells to those of their squared distances; a cell without information gets a cost from
-   `unknown_from` on. */
-void inflate(const uint8_t *costs, int64_t columns, const int64_t *window, const uint16_t *squares,
-             const uint8_t *table, int64_t unknown_from, uint8_t *restrict out)
-{
-    for (int64_t y = window[0]; y < window[1]; y++)
-        for (int64_t x = window[2]; x < window[3]; x++) {
-            uint8_t cost = table[*squares++], here = costs[y * columns + x];
-            int raised = here == UNKNOWN ? cost >= unknown_from : cost > here;
-            out[y * columns + x] = raised ? cost : here;
+        for (int64_t x = 0; table && x < count; x++) {
+            const uint8_t cost = table[least[x]], here = costs[y * columns + c0 + x];
+            const int raised = here == UNKNOWN ? cost >= unknown_from : cost > here;
+            out[y * columns + c0 + x] = raised ? cost : here;
         }
+    }
 }
 
 /* Clear the cells on each beam (Bresenham 1965) from column x0 and row y0 to its end, then mark those in `marks`. */

@@ -21,7 +21,6 @@ from zteam.planning.likelihood import LikelihoodField, beams_of, make_likelihood
 from zteam.planning.matching import match
 from zteam.planning.particles import (
     BIN_SIZE,
-    bins_of,
     kld_limits,
     move_differential,
     move_omnidirectional,
@@ -222,8 +221,8 @@ class Amcl:
         sums = np.cumsum(self._weights)
         sums /= sums[-1]
         poses = np.concatenate((self._poses, strangers))
-        chosen = resample(sums, draws, strange, bins_of(poses, BIN_SIZE), self._enough)
-        self._poses, self._weights = poses[chosen], np.full(len(chosen), 1.0 / len(chosen))
+        self._poses = resample(poses, sums, draws, strange, self._enough, BIN_SIZE).copy()
+        self._weights = np.full(len(self._poses), 1.0 / len(self._poses))
         if share:
             self._slow = self._fast = 0.0
 

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zteam.geometry import Pose2
-from zteam.kernels.binding import inflate, trace_beams
+from zteam.kernels.binding import Window, inflate, trace_beams
 from zteam.planning.costs import FREE_SPACE, LETHAL_OBSTACLE, NO_INFORMATION, Costs, inflated_cost
 from zteam.planning.footprint import Footprint, place
 from zteam.planning.grid import Frame, GridMap
-from zteam.planning.inflation import Window, cost_table, radius_in_cells, threshold_of_unknown
+from zteam.planning.inflation import cost_table, radius_in_cells, threshold_of_unknown
 from zteam.planning.polygons import cells_of_disc, cells_of_polygon
 from zteam.planning.scans import Scan, Teammate, find_ends, on_teammates
 

@@ -17,9 +17,6 @@ from zteam.planning.costs import (
 MAX_CELLS = 180
 """Largest radius, as `zteam.kernels.binding.square_distances` has it."""
 
-Window = tuple[int, int, int, int]
-"""Rows from, to (not included), columns from, to."""
-
 
 def radius_in_cells(radius: float, resolution: float) -> int:
     """Cells that a radius (m) reaches: Costmap2D::cellDistance of Nav2. Raises ValueError above MAX_CELLS."""

@@ -24,10 +24,10 @@ class LikelihoodField(NamedTuple):
     occupied cell; around the map a border with the value of the largest distance."""
     unit: float
 
-    def to_cells(self, poses: Floats) -> Floats:
-        """Poses (n, 3; in `map`) in cells of `values`, and radians."""
-        turns = poses[:, 2:] - self.frame.origin.yaw
-        return np.concatenate((self.frame.points_to_cells(poses) + 1.0, turns), axis=1)
+    @property
+    def place(self) -> tuple[float, float, float, float]:
+        """x, y (metres) and yaw of the map's lower left corner in `map`, and metres a cell."""
+        return *self.frame.origin, self.frame.resolution
 
 
 def make_likelihood_field(
@@ -46,11 +46,10 @@ def make_likelihood_field(
 
 
 def beams_of(frame: Frame, ends: Floats) -> Beams:
-    """The ends of beams (n, 2; metres in the base frame) in cells: along x and along y, (n) each."""
-    cells = np.ascontiguousarray(ends.T) / frame.resolution
-    return cells[0], cells[1]
+    """The ends of beams (n, 2; metres in the base frame) in cells: (2, n)."""
+    return np.ascontiguousarray(ends.T / frame.resolution, np.float32)
 
 
 def weigh_poses(field: LikelihoodField, poses: Floats, beams: Beams, weights: Floats) -> None:
     """Multiply the weight of each pose (n, 3; base in `map`) by 1 plus the sum of likelihoods where the beams end."""
-    weights *= 1.0 + sum_poses(field.values, field.to_cells(poses), beams) * field.unit
+    weights *= 1.0 + sum_poses(field.values, field.place, poses, beams) * field.unit

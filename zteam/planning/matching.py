@@ -16,11 +16,8 @@ def match(field: LikelihoodField, poses: Floats, beams: Beams, step: float, turn
 
     And the mean of their likelihoods, (n). `step` (m) and `turn` (radians) are the first steps of the search.
     """
-    frame = field.frame
-    if not len(beams[0]):
-        return poses.copy(), np.zeros(len(poses))
-    found = field.to_cells(poses)
-    sums = climb(field.values, found, beams, step / frame.resolution, turn, _HALVINGS, _MOST_STEPS)
-    found[:, :2] = frame.points_from_cells(found[:, :2] - 1.0)
-    found[:, 2] += frame.origin.yaw
-    return found, sums.astype(np.float64) * (field.unit / len(beams[0]))
+    found = poses.copy()
+    if not beams.shape[1]:
+        return found, np.zeros(len(poses))
+    sums = climb(field.values, field.place, found, beams, (step, turn), _HALVINGS, _MOST_STEPS)
+    return found, sums * (field.unit / beams.shape[1])

@@ -6,15 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zteam.geometry import Pose2, normalize_angle
+from zteam.kernels.binding import move_poses
 from zteam.planning.grid import Frame
 
 Floats = NDArray[np.float64]
-Bins = NDArray[np.int64]
 
 BIN_SIZE = 0.5, 0.5, math.radians(10.0)
 """Of the histogram that says how spread out the particles are (amcl's pf_kdtree): metres, metres, radians."""
-STEP_X, STEP_Y = 1 << 34, 1 << 6
-"""From a bin's number to that of its neighbours along x and y: 64 bins of a turn, and 2^28 along y."""
 
 
 def move_differential(poses: Floats, before: Pose2, after: Pose2, alphas: tuple[float, ...], draws: Floats) -> None:
@@ -32,11 +30,7 @@ def move_differential(poses: Floats, before: Pose2, after: Pose2, alphas: tuple[
     a1, a2, a3, a4 = alphas[:4]
     squares = a1 * small_first**2 + a2 * way**2, a1 * small_second**2 + a2 * way**2
     ahead = math.sqrt(a3 * way**2 + a4 * (small_first**2 + small_second**2))
-    poses[:, 2] += first - math.sqrt(squares[0]) * draws[:, 0]
-    length = way - ahead * draws[:, 1]
-    poses[:, 0] += length * np.cos(poses[:, 2])
-    poses[:, 1] += length * np.sin(poses[:, 2])
-    poses[:, 2] += second - math.sqrt(squares[1]) * draws[:, 2]
+    move_poses(poses, (first, way, second, math.sqrt(squares[0]), ahead, math.sqrt(squares[1])), draws)
 
 
 def move_omnidirectional(poses: Floats, before: Pose2, after: Pose2, alphas: tuple[float, ...], draws: Floats) -> None:
@@ -67,13 +61,6 @@ def kld_limits(least: int, most: int, error: float, quantile: float) -> NDArray[
     enough = np.clip(np.ceil(k / (2.0 * error) * cube), least, most).astype(np.int64)
     enough[:2] = most
     return enough
-
-
-def bins_of(poses: Floats, size: tuple[float, float, float]) -> Bins:
-    """The bins (n) of particles (n, 3) as numbers: of steps along x, along y, and of headings from 0 to a full turn."""
-    turns = poses[:, 2] - 2.0 * math.pi * np.floor(poses[:, 2] / (2.0 * math.pi))
-    x, y, turn = np.floor(np.stack((poses[:, 0], poses[:, 1], turns)) / np.reshape(size, (3, 1))).astype(np.int64)
-    return np.asarray(x * STEP_X + y * STEP_Y + turn)
 
 
 def spread_poses(frame: Frame, free: NDArray[np.int64], draws: Floats) -> Floats:
