@@ -20,7 +20,6 @@ from zteam.nodes.robot.node import RobotOptions, run_robot
 from zteam.nodes.simulator.lockstep import LockStepOptions
 from zteam.nodes.simulator.node import SimOptions, run_simulator
 from zteam.nodes.transforms.node import run_aggregator
-from zteam.planning.jit import PLANNING
 from zteam.planning.map_files import read_map
 from zteam.planning.parameters import navigation_of_robot
 from zteam.runtime.node import Node
@@ -127,9 +126,7 @@ def navigation_parts(launch: TeamLaunch) -> dict[str, Part]:
     options = NavigationOptions({i: robots[i] for i in ids}, launch.seed)
 
     def body(node: StepNode) -> None:
-        if launch.pace.lockstep:
-            prepare(PLANNING)
-        run_navigation(node, options, None if launch.pace.lockstep else begin(PLANNING))
+        run_navigation(node, options, None)
 
     return {names.navigation_name(ids[0]): Part(body, StepNode)}
 

@@ -1,7 +1,4 @@
-"""Navigation without a bus: maps and scans in; paths, poses and velocities out. docs/planning.md shows how.
-
-Importing this package imports no numba; kernels are compiled, or loaded, when they are used first.
-"""
+"""Navigation without a bus: maps and scans in; paths, poses and velocities out. docs/planning.md shows how."""
 
 from typing import TYPE_CHECKING, Any
 

@@ -10,22 +10,20 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.compiling.takeover import prepare
 from zteam.counter_random import gaussian_pairs, gaussians, stream, uniforms
 from zteam.geometry import Pose2, normalize_angle
+from zteam.kernels.binding import Beams, resample
 from zteam.planning.amcl_options import AmclOptions, alphas_of, check_options
 from zteam.planning.clusters import estimate_pose
 from zteam.planning.global_search import GlobalSearch
 from zteam.planning.grid import FREE, GridMap
-from zteam.planning.jit import PLANNING
-from zteam.planning.likelihood import Beams, LikelihoodField, beams_of, make_likelihood_field, weigh_poses
+from zteam.planning.likelihood import LikelihoodField, beams_of, make_likelihood_field, weigh_poses
 from zteam.planning.matching import match
 from zteam.planning.particles import (
     BIN_SIZE,
     kld_limits,
     move_differential,
     move_omnidirectional,
-    resample,
     spread_poses,
 )
 from zteam.planning.scans import Scan, Teammate, find_ends, on_teammates
@@ -95,7 +93,6 @@ class Amcl:
 
     def __init__(self, grid: GridMap, options: AmclOptions | None = None, *, seed: int = 1) -> None:
         """Starts at the map's origin: call `set_pose`, or `localize_globally`. Raises ValueError for options."""
-        prepare(PLANNING)
         self.options = options or AmclOptions()
         check_options(self.options)
         self._grid = grid
@@ -220,13 +217,12 @@ class Amcl:
         share = max(0.0, 1.0 - self._fast / self._slow) if self._slow else 0.0
         strangers = self._anywhere(most, _STRANGERS, self._count) if share else np.empty((0, 3))
         draws = uniforms(self._state(_DRAW, self._count), most)[0]
-        mixing = uniforms(self._state(_MIX, self._count), most)[0] if share else np.empty(0)
+        strange = uniforms(self._state(_MIX, self._count), most)[0] < share if share else np.zeros(most, bool)
         sums = np.cumsum(self._weights)
         sums /= sums[-1]
-        out = np.empty((most, 3))
-        count = resample(self._poses, sums, draws, strangers, mixing, share, self._enough, BIN_SIZE, out)
-        self._poses = out[:count].copy()
-        self._weights = np.full(count, 1.0 / count)
+        poses = np.concatenate((self._poses, strangers))
+        self._poses = resample(poses, sums, draws, strange, self._enough, BIN_SIZE).copy()
+        self._weights = np.full(len(self._poses), 1.0 / len(self._poses))
         if share:
             self._slow = self._fast = 0.0
 

@@ -9,15 +9,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.compiling.takeover import prepare
 from zteam.geometry import Pose2
+from zteam.kernels.binding import Window, inflate, trace_beams
 from zteam.planning.costs import FREE_SPACE, LETHAL_OBSTACLE, NO_INFORMATION, Costs, inflated_cost
 from zteam.planning.footprint import Footprint, place
 from zteam.planning.grid import Frame, GridMap
-from zteam.planning.inflation import Window, cost_table, inflate, radius_in_cells, threshold_of_unknown
-from zteam.planning.jit import PLANNING
+from zteam.planning.inflation import cost_table, radius_in_cells, threshold_of_unknown
 from zteam.planning.polygons import cells_of_disc, cells_of_polygon
-from zteam.planning.raytracing import trace_beams
 from zteam.planning.scans import Scan, Teammate, find_ends, on_teammates
 
 _BEHIND = 0.25
@@ -48,7 +46,6 @@ class Costmap:
     """The cost of each cell for one robot. Change layers, then `update`."""
 
     def __init__(self, frame: Frame, footprint: Footprint, options: CostmapOptions | None = None) -> None:
-        prepare(PLANNING)
         self.frame = frame
         self.footprint = footprint
         self.options = options or CostmapOptions()

@@ -1,0 +1,175 @@
+/* Grids of costs: distances to obstacles, inflation, what beams clear, and what outlines touch. */
+#include <math.h>
+#include <string.h>
+
+#include "kernels.h"
+#include "sines.h"
+
+enum { LETHAL = 254, UNKNOWN = 255 }; /* zteam.planning.costs */
+#define MARGIN 0.05 /* cells that an outline keeps from lethal ones, for what happens between two poses */
+#define FAR 1e9     /* cells; what is farther away, or not a number, is outside of every grid */
+
+/* Find the squared distance to the nearest lethal cell, at most (reach + 1)^2, for each cell of the window, and, with
+   a table of their costs, raise the cell to its cost; one without information gets a cost from `unknown_from` on.
+   Two passes along the columns give the distance within the column; a third one takes, along the row, the least of its
+   square and that of the way there (Felzenszwalb and Huttenlocher 2012, by brute force: that is vector code). */
+void inflate(const uint8_t *costs, int64_t rows, int64_t columns, const int64_t *window, int64_t reach,
+             uint8_t *restrict steps, uint16_t *restrict line, uint16_t *restrict squares, const uint8_t *table,
+             int64_t unknown_from, uint8_t *restrict out)
+{
+    const int64_t r0 = window[0], r1 = window[1], c0 = window[2], c1 = window[3];
+    const int64_t low = r0 - reach > 0 ? r0 - reach : 0, high = r1 + reach < rows ? r1 + reach : rows;
+    const int64_t left = c0 - reach > 0 ? c0 - reach : 0, right = c1 + reach < columns ? c1 + reach : columns;
+    /* Column 0 of `steps` and `line` is column c0 - reach of the grid, whether it has that one or not. */
+    const int64_t count = c1 - c0, width = count + 2 * reach, shift = left - (c0 - reach), inner = right - left;
+    const uint8_t cap = (uint8_t)(reach + 1);
+    if (count == 0 || r0 == r1)
+        return;
+    /* A row more stands for what is beyond the first one and the last one. */
+    memset(steps, cap, (size_t)((high - low + 1) * width));
+    for (int64_t y = low; y < high; y++) {
+        const uint8_t *restrict row = costs + y * columns + left;
+        uint8_t *restrict here = steps + (y - low) * width + shift;
+        const uint8_t *restrict before = y > low ? here - width : steps + (high - low) * width;
+        for (int64_t x = 0; x < inner; x++) {
+            uint8_t above = before[x], further = above < cap ? (uint8_t)(above + 1) : cap;
+            here[x] = row[x] == LETHAL ? 0 : further;
+        }
+    }
+    for (int64_t y = high - low - 1; y >= 0; y--) {
+        uint8_t *restrict here = steps + y * width;
+        const uint8_t *restrict below = here + width;
+        for (int64_t x = 0; x < width; x++) {
+            uint8_t further = below[x] < cap ? (uint8_t)(below[x] + 1) : cap;
+            here[x] = further < here[x] ? further : here[x];
+        }
+    }
+    for (int64_t y = r0; y < r1; y++) {
+        uint16_t *restrict least = squares + (y - r0) * count;
+        const uint8_t *restrict step = steps + (y - low) * width;
+        for (int64_t x = 0; x < width; x++)
+            line[x] = (uint16_t)(step[x] * step[x]);
+        memcpy(least, line + reach, (size_t)count * sizeof *least);
+        for (int64_t k = 1; k <= reach; k++) {
+            const uint16_t *before = line + reach - k, *after = line + reach + k, way = (uint16_t)(k * k);
+            for (int64_t x = 0; x < count; x++) {
+                uint16_t near = before[x] < after[x] ? before[x] : after[x];
+                near = (uint16_t)(near + way);
+                least[x] = near < least[x] ? near : least[x];
+            }
+        }
+        for (int64_t x = 0; table && x < count; x++) {
+            const uint8_t cost = table[least[x]], here = costs[y * columns + c0 + x];
+            const int raised = here == UNKNOWN ? cost >= unknown_from : cost > here;
+            out[y * columns + c0 + x] = raised ? cost : here;
+        }
+    }
+}
+
+/* Clear the cells on each beam (Bresenham 1965) from column x0 and row y0 to its end, then mark those in `marks`. */
+void trace_beams(uint8_t *costs, int64_t rows, int64_t columns, int64_t x0, int64_t y0, const int64_t *ends,
+                 int64_t count, const int64_t *marks, int64_t marked)
+{
+    for (int64_t beam = 0; beam < count; beam++) {
+        int64_t dx = ends[2 * beam] - x0, dy = ends[2 * beam + 1] - y0, x = x0, y = y0;
+        int64_t across = dx < 0 ? -dx : dx, along = dy < 0 ? -dy : dy, longest = across > along ? across : along;
+        int64_t sum_x = longest, sum_y = longest;
+        for (int64_t step = 0; step <= longest; step++) {
+            if (0 <= x && x < columns && 0 <= y && y < rows)
+                costs[y * columns + x] = 0;
+            sum_x += 2 * across;
+            sum_y += 2 * along;
+            if (sum_x >= 2 * longest) {
+                sum_x -= 2 * longest;
+                x += dx > 0 ? 1 : -1;
+            }
+            if (sum_y >= 2 * longest) {
+                sum_y -= 2 * longest;
+                y += dy > 0 ? 1 : -1;
+            }
+        }
+    }
+    for (int64_t i = 0; i < marked; i++) {
+        int64_t x = marks[2 * i], y = marks[2 * i + 1];
+        if (0 <= x && x < columns && 0 <= y && y < rows)
+            costs[y * columns + x] = LETHAL;
+    }
+}
+
+/* Whether a polygon of (x, y) in cells touches a cell that is `margin` larger on each side. */
+static int touches_cell(const double *points, int64_t count, double column, double row, double margin)
+{
+    const double low[2] = {column - margin, row - margin};
+    const double high[2] = {column + 1.0 + margin, row + 1.0 + margin}, middle[2] = {column + 0.5, row + 0.5};
+    int inside = 0;
+    const double *a = points + 2 * (count - 1);
+    for (int64_t i = 0; i < count; i++) {
+        const double *b = points + 2 * i, delta[2] = {b[0] - a[0], b[1] - a[1]};
+        if ((a[1] > middle[1]) != (b[1] > middle[1])
+            && middle[0] < a[0] + (middle[1] - a[1]) * delta[0] / delta[1])
+            inside = !inside;
+        /* The part of the edge in the cell (Liang and Barsky 1984). */
+        double begin = 0.0, end = 1.0;
+        for (int k = 0; k < 2; k++)
+            if (delta[k] == 0.0) {
+                if (a[k] < low[k] || a[k] > high[k])
+                    end = -1.0;
+            } else {
+                double one = (low[k] - a[k]) / delta[k], other = (high[k] - a[k]) / delta[k];
+                double first = one < other ? one : other, last = one < other ? other : one;
+                begin = first > begin ? first : begin;
+                end = last < end ? last : end;
+            }
+        if (begin <= end)
+            return 1;
+        a = b;
+    }
+    return inside;
+}
+
+/* Find the first step at which an outline touches a lethal cell that it does not touch at the start; -1 if none.
+   With 0 steps: 0 if it touches one where it stands. `points` has room for the outline twice, at the start and now. */
+int64_t find_hit(const uint8_t *costs, int64_t rows, int64_t columns, const double *corners, int64_t count, double x,
+                 double y, double yaw, const double *motion, int64_t steps, double *points)
+{
+    const double *start = points;
+    for (int64_t step = 0; step <= steps; step++) {
+        double cosine, sine, low[2] = {INFINITY, INFINITY}, high[2] = {-INFINITY, -INFINITY};
+        if (step > 0) {
+            /* The middle of the step's arc tells its direction. */
+            cosine_sine(yaw + 0.5 * motion[2], &cosine, &sine);
+            x += cosine * motion[0] - sine * motion[1];
+            y += sine * motion[0] + cosine * motion[1];
+            yaw += motion[2];
+        }
+        double *now = points + (step > 0 ? 2 * count : 0);
+        cosine_sine(yaw, &cosine, &sine);
+        for (int64_t i = 0; i < count; i++) {
+            now[2 * i] = x + cosine * corners[2 * i] - sine * corners[2 * i + 1];
+            now[2 * i + 1] = y + sine * corners[2 * i] + cosine * corners[2 * i + 1];
+            for (int k = 0; k < 2; k++) {
+                double at = now[2 * i + k];
+                if (!(fabs(at) < FAR))
+                    return step;
+                low[k] = at < low[k] ? at : low[k];
+                high[k] = at > high[k] ? at : high[k];
+            }
+        }
+        if (step == 0 && steps > 0)
+            continue;
+        const int64_t top = (int64_t)floor(high[1] + MARGIN), right = (int64_t)floor(high[0] + MARGIN);
+        for (int64_t row = (int64_t)floor(low[1] - MARGIN); row <= top; row++)
+            for (int64_t column = (int64_t)floor(low[0] - MARGIN); column <= right; column++) {
+                if (0 <= row && row < rows && 0 <= column && column < columns
+                    && costs[row * columns + column] != LETHAL)
+                    continue;
+                if (!touches_cell(now, count, column, row, step > 0 ? MARGIN : 0.0))
+                    continue;
+                /* Near at the start already: then it may come nearer, but not touch it, unless it did. */
+                if (step == 0 || !touches_cell(start, count, column, row, MARGIN)
+                    || (touches_cell(now, count, column, row, 0.0) && !touches_cell(start, count, column, row, 0.0)))
+                    return step;
+            }
+    }
+    return -1;
+}

@@ -1,0 +1,225 @@
+/* Ways over grids of weights: A*, and straight lines. Weights are 0 where no way leads, as on the grid's border.
+   Costs are whole numbers, so they do not depend on the order in which cells are visited. */
+#include <math.h>
+#include <stdlib.h>
+
+#include "kernels.h"
+
+enum {
+    BUCKETS = 1024,
+    SHIFT = 8,    /* of a cost to its bucket; no step adds 2^18 to cost and heuristic together */
+    ROOM = 16384, /* entries of the queue that fit at first */
+};
+#define NONE UINT32_MAX /* no entry; as a cost, of a cell that the search has not met */
+
+/* A cell in the queue, in a list of those of one bucket. */
+typedef struct {
+    uint32_t cell, cost, next;
+} entry;
+
+/* Write a costmap's cells as weights to the inner part of `out`: neutral + cost * factor / 256, 0 from `barred` on. */
+void weigh_cells(const uint8_t *costs, int64_t rows, int64_t columns, int64_t neutral, int64_t factor, int64_t barred,
+                 int64_t unknown, uint8_t *restrict out)
+{
+    const uint16_t base = (uint16_t)neutral, slope = (uint16_t)factor, first = (uint16_t)barred;
+    for (int64_t y = 0; y < rows; y++) {
+        const uint8_t *given = costs + y * columns;
+        uint8_t *restrict made = out + (y + 1) * (columns + 2) + 1;
+        for (int64_t x = 0; x < columns; x++) {
+            uint16_t cost = given[x], product = (uint16_t)(cost * slope);
+            uint8_t weight = (uint8_t)(base + (product >> 8));
+            weight = cost < first ? weight : 0;
+            made[x] = cost == 255 ? (uint8_t)unknown : weight;
+        }
+    }
+}
+
+/* Octile distance, times what steps cost: no way on the grid is cheaper if they are the cheapest ones. */
+static inline int64_t octile(int64_t dx, int64_t dy, int64_t straight, int64_t diagonal)
+{
+    dx = dx < 0 ? -dx : dx;
+    dy = dy < 0 ? -dy : dy;
+    return dx > dy ? straight * (dx - dy) + diagonal * dy : straight * (dy - dx) + diagonal * dx;
+}
+
+/* Find the cheapest way between two cells and write its costs; 1 if there is one, 0 if all that can be reached has been,
+   -1 without memory. Cells whose cost plus heuristic have the same digits above SHIFT are visited in no order. */
+int search(const uint8_t *restrict weights, int64_t columns, int64_t start, int64_t goal, const int64_t *steps,
+           uint32_t *restrict costs, int64_t *restrict box)
+{
+    const int64_t straight = steps[0], diagonal = steps[1], least = steps[2];
+    const int64_t goal_x = goal % columns, goal_y = goal / columns;
+    const int move_x[8] = {1, -1, 0, 0, 1, -1, 1, -1}, move_y[8] = {0, 0, 1, -1, 1, 1, -1, -1};
+    int64_t bottom = start / columns, top = bottom, left = start % columns, right = left;
+    int64_t bucket = octile(left - goal_x, bottom - goal_y, straight * least, diagonal * least) >> SHIFT;
+    uint32_t heads[BUCKETS], used = 1, room = ROOM, spare = NONE;
+    entry *queue = malloc(ROOM * sizeof *queue);
+    if (!queue)
+        return -1;
+    for (int i = 0; i < BUCKETS; i++)
+        heads[i] = NONE;
+    costs[start] = 0;
+    queue[0] = (entry){(uint32_t)start, 0, NONE};
+    heads[bucket & (BUCKETS - 1)] = 0;
+    for (int64_t waiting = 1; waiting > 0;) {
+        uint32_t found = heads[bucket & (BUCKETS - 1)];
+        if (found == NONE) {
+            if (costs[goal] != NONE && costs[goal] >> SHIFT <= bucket)
+                break;
+            bucket++;
+            continue;
+        }
+        const uint32_t cell = queue[found].cell, cost = queue[found].cost;
+        heads[bucket & (BUCKETS - 1)] = queue[found].next;
+        queue[found].next = spare;
+        spare = found;
+        waiting--;
+        /* It may have been met on a cheaper way since. */
+        if (cost != costs[cell])
+            continue;
+        const int64_t y = cell / (uint32_t)columns, x = cell - y * columns;
+        bottom = y < bottom ? y : bottom;
+        top = y > top ? y : top;
+        left = x < left ? x : left;
+        right = x > right ? x : right;
+        int open[4];
+        for (int k = 0; k < 8; k++) {
+            const int64_t to = cell + move_y[k] * columns + move_x[k], weight = weights[to];
+            if (k < 4)
+                open[k] = weight > 0;
+            if (weight == 0 || (k >= 4 && !(open[k & 1] && open[2 + (k - 4) / 2])))
+                continue;
+            const int64_t new = cost + (k < 4 ? straight : diagonal) * weight;
+            if (new >= costs[to])
+                continue;
+            costs[to] = (uint32_t)new;
+            const int64_t rest
+                = octile(x + move_x[k] - goal_x, y + move_y[k] - goal_y, straight * least, diagonal * least);
+            const int64_t place = ((new + rest) >> SHIFT) & (BUCKETS - 1);
+            uint32_t at = spare;
+            if (at != NONE) {
+                spare = queue[at].next;
+            } else {
+                if (used == room) {
+                    entry *larger = room < NONE / 2 ? realloc(queue, 2 * (size_t)room * sizeof *queue) : NULL;
+                    if (!larger) {
+                        free(queue);
+                        return -1;
+                    }
+                    queue = larger;
+                    room *= 2;
+                }
+                at = used++;
+            }
+            queue[at] = (entry){(uint32_t)to, (uint32_t)new, heads[place]};
+            heads[place] = at;
+            waiting++;
+        }
+    }
+    free(queue);
+    /* The neighbours of what was visited have costs too. */
+    box[0] = bottom - 1, box[1] = top + 1, box[2] = left - 1, box[3] = right + 1;
+    return costs[goal] != NONE;
+}
+
+/* Write the cells of the way that `search` has found, from the goal back to the start; return how many they are, 0 if
+   the costs lead to no start, or to more cells than `out` has room for. */
+int64_t trace(const uint8_t *weights, int64_t columns, int64_t start, int64_t goal, const int64_t *steps,
+              const uint32_t *costs, int64_t *out, int64_t room)
+{
+    int64_t cell = goal, count = 0;
+    while (cell >= 0 && count < room) {
+        out[count++] = cell;
+        if (cell == start)
+            return count;
+        const int64_t weight = weights[cell], cost = costs[cell];
+        int64_t before = -1;
+        /* Always the same one of several ways that cost the same. */
+        for (int64_t dy = -1; dy <= 1; dy++)
+            for (int64_t dx = -1; dx <= 1; dx++) {
+                const int64_t other = cell + dy * columns + dx, step = dx != 0 && dy != 0 ? steps[1] : steps[0];
+                if ((dx == 0 && dy == 0) || costs[other] + step * weight != cost || weights[other] == 0)
+                    continue;
+                if (dx == 0 || dy == 0 || (weights[cell + dx] != 0 && weights[cell + dy * columns] != 0))
+                    before = other;
+            }
+        cell = before;
+    }
+    return 0;
+}
+
+/* Cost of the line between the middles of two cells (column, row): the integral of the weights along it. INFINITY if
+   it is blocked, or certainly costs more than `most`. It is followed through every cell that it touches. */
+static double measure_line(const uint8_t *weights, int64_t columns, const int64_t *from, const int64_t *to, double most)
+{
+    const int64_t dx = to[0] > from[0] ? to[0] - from[0] : from[0] - to[0];
+    const int64_t dy = to[1] > from[1] ? to[1] - from[1] : from[1] - to[1];
+    const int64_t step_x = to[0] > from[0] ? 1 : -1, step_y = to[1] > from[1] ? columns : -columns;
+    /* Along the line time runs in whole ticks: it crosses sides of cells every 2 dy and every 2 dx of them. */
+    const int64_t every_x = dx == 0 ? 0 : 2 * (dy > 1 ? dy : 1), every_y = 2 * (dx > 1 ? dx : 1);
+    const int64_t total = dx > 0 ? every_x * dx : 2 * dy;
+    if (total == 0)
+        return 0.0;
+    const double length = sqrt((double)(dx * dx + dy * dy));
+    const double bound = most / length * (double)total * (1.0 + 1e-9) + 1.0;
+    int64_t next_x = every_x / 2, next_y = every_y / 2, now = 0, ticks = 0, cell = from[1] * columns + from[0];
+    for (int64_t left_x = dx, left_y = dy; left_x > 0 || left_y > 0;) {
+        const int64_t weight = weights[cell];
+        if (weight == 0 || (double)ticks > bound)
+            return INFINITY;
+        const int by_x = left_y == 0 || (left_x > 0 && next_x <= next_y);
+        const int by_y = left_x == 0 || (left_y > 0 && next_y <= next_x);
+        /* Through a corner: as with steps, both cells beside it must be free. */
+        if (by_x && by_y && (weights[cell + step_x] == 0 || weights[cell + step_y] == 0))
+            return INFINITY;
+        const int64_t next = by_x ? next_x : next_y;
+        ticks += weight * (next - now);
+        now = next;
+        if (by_x) {
+            next_x += every_x;
+            cell += step_x;
+            left_x--;
+        }
+        if (by_y) {
+            next_y += every_y;
+            cell += step_y;
+            left_y--;
+        }
+    }
+    if (weights[cell] == 0)
+        return INFINITY;
+    ticks += weights[cell] * (total - now);
+    return length * ((double)ticks / (double)total);
+}
+
+/* Write the cost of each line between two cells; INFINITY where it is blocked. */
+void measure_lines(const uint8_t *weights, int64_t columns, const int64_t *begins, const int64_t *ends, int64_t count,
+                   double *out)
+{
+    for (int64_t i = 0; i < count; i++)
+        out[i] = measure_line(weights, columns, begins + 2 * i, ends + 2 * i, INFINITY);
+}
+
+/* Find the cheapest way along lines that join every `stride`th cell of a way, and the last, to such cells up to `reach`
+   cells before: dynamic programming. `best` becomes what the way to each cell costs, `before` where its line begins. */
+void shorten(const uint8_t *weights, int64_t columns, const int64_t *way, int64_t count, int64_t stride, int64_t reach,
+             double least, double *best, int64_t *before)
+{
+    best[0] = 0.0, before[0] = -1;
+    for (int64_t i = 1; i < count; i++) {
+        const int64_t *to = way + 2 * i;
+        best[i] = best[i - 1] + measure_line(weights, columns, to - 2, to, INFINITY);
+        before[i] = i - 1;
+        if (i % stride != 0 && i != count - 1)
+            continue;
+        for (int64_t j = (i > reach ? i - reach : 0) / stride * stride; j < i - 1; j += stride) {
+            const double most = best[i] - best[j];
+            const double dx = (double)(way[2 * j] - to[0]), dy = (double)(way[2 * j + 1] - to[1]);
+            if (least * sqrt(dx * dx + dy * dy) >= most)
+                continue;
+            const double cost = best[j] + measure_line(weights, columns, way + 2 * j, to, most);
+            if (cost < best[i])
+                best[i] = cost, before[i] = j;
+        }
+    }
+}
