@@ -17,7 +17,6 @@ from zteam.behaviors.jit import BEHAVIOR_KERNELS
 from zteam.compiling import kernels
 from zteam.compiling.takeover import fill_cache
 from zteam.messages import sharing
-from zteam.planning.jit import PLANNING
 from zteam.sim.jit import SIMULATOR
 
 # pytester gives the runs it starts a home of their own, where the simulator would compile its kernels once more.
@@ -57,7 +56,7 @@ ONLY_CI = """only .ci/run proves (README, "Tests"):
 def pytest_configure(config: pytest.Config) -> None:
     """Compile the kernels before any test, once on this machine: a test that waited for them would measure that."""
     if not hasattr(config, "workerinput") and not config.option.collectonly:
-        for kernel_set in (SIMULATOR, BEHAVIOR_KERNELS, PLANNING):
+        for kernel_set in (SIMULATOR, BEHAVIOR_KERNELS):
             fill_cache(kernel_set)
 
 

@@ -2,7 +2,6 @@
    A field holds what a beam that ends in a cell is worth (zteam.planning.likelihood); what is outside of it counts as
    its border. Whole numbers add to the same sum in any order. */
 #include <string.h>
-
 #include "kernels.h"
 #include "sines.h"
 
