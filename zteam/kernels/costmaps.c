@@ -32,14 +32,18 @@ void inflate(const uint8_t *costs, int64_t rows, int64_t columns, const int64_t 
         const uint8_t *restrict row = costs + y * columns + left;
         uint8_t *restrict here = steps + (y - low) * width + shift;
         const uint8_t *restrict above = y > low ? here - width : steps + (high - low) * width;
-        for (int64_t x = 0; x < inner; x++)
-            here[x] = row[x] == LETHAL ? 0 : (uint8_t)(above[x] + (above[x] < cap));
+        for (int64_t x = 0; x < inner; x++) {
+            const uint8_t further = above[x] < cap ? (uint8_t)(above[x] + 1) : cap;
+            here[x] = row[x] == LETHAL ? 0 : further;
+        }
     }
     for (int64_t y = high - low - 1; y >= 0; y--) {
         uint8_t *restrict here = steps + y * width;
         const uint8_t *restrict below = here + width;
-        for (int64_t x = 0; x < width; x++)
-            here[x] = LEAST((uint8_t)(below[x] + (below[x] < cap)), here[x]);
+        for (int64_t x = 0; x < width; x++) {
+            const uint8_t further = below[x] < cap ? (uint8_t)(below[x] + 1) : cap;
+            here[x] = LEAST(further, here[x]);
+        }
     }
     for (int64_t y = r0; y < r1; y++) {
         uint16_t *restrict least = squares + (y - r0) * count;

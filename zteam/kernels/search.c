@@ -32,23 +32,18 @@ void weigh_cells(const uint8_t *costs, int64_t rows, int64_t columns, int64_t ne
     }
 }
 
-/* Octile distance, times what steps cost: no way on the grid is cheaper if they are the cheapest ones. */
-static inline int64_t octile(int64_t dx, int64_t dy, int64_t straight, int64_t diagonal)
-{
-    dx = MOST(dx, -dx), dy = MOST(dy, -dy);
-    return dx > dy ? straight * (dx - dy) + diagonal * dy : straight * (dy - dx) + diagonal * dx;
-}
-
 /* Find the cheapest way between two cells and write its costs; 1 if there is one, 0 if all that can be reached has been,
-   -1 without memory. Cells whose cost plus heuristic have the same digits above SHIFT are visited in no order. */
+   -1 without memory. The heuristic is the octile distance, at the least weight. Cells whose cost plus heuristic have the
+   same digits above SHIFT are visited in no order. */
 int search(const uint8_t *restrict weights, int64_t columns, int64_t start, int64_t goal, const int64_t *steps,
            uint32_t *restrict costs, int64_t *restrict box)
 {
-    const int64_t straight = steps[0], diagonal = steps[1], least = steps[2];
-    const int64_t goal_x = goal % columns, goal_y = goal / columns;
+    const int64_t straight = steps[0], diagonal = steps[1], longer = steps[2] * straight;
+    const int64_t shorter = steps[2] * (diagonal - straight), goal_x = goal % columns, goal_y = goal / columns;
     const int move_x[8] = {1, -1, 0, 0, 1, -1, 1, -1}, move_y[8] = {0, 0, 1, -1, 1, 1, -1, -1};
     int64_t bottom = start / columns, top = bottom, left = start % columns, right = left;
-    int64_t bucket = octile(left - goal_x, bottom - goal_y, straight * least, diagonal * least) >> SHIFT;
+    const int64_t first_x = MOST(left - goal_x, goal_x - left), first_y = MOST(top - goal_y, goal_y - top);
+    int64_t bucket = (longer * MOST(first_x, first_y) + shorter * LEAST(first_x, first_y)) >> SHIFT;
     uint32_t heads[BUCKETS], used = 1, room = ROOM, spare = NONE;
     entry *queue = malloc(ROOM * sizeof *queue);
     if (!queue)
@@ -87,8 +82,9 @@ int search(const uint8_t *restrict weights, int64_t columns, int64_t start, int6
             if (new >= costs[to])
                 continue;
             costs[to] = (uint32_t)new;
-            const int64_t dx = x + move_x[k] - goal_x, dy = y + move_y[k] - goal_y;
-            const int64_t total = new + octile(dx, dy, straight * least, diagonal * least);
+            int64_t dx = x + move_x[k] - goal_x, dy = y + move_y[k] - goal_y;
+            dx = MOST(dx, -dx), dy = MOST(dy, -dy);
+            const int64_t total = new + longer * MOST(dx, dy) + shorter * LEAST(dx, dy);
             const int64_t place = (total >> SHIFT) & (BUCKETS - 1);
             if (spare == NONE && used == room) {
                 entry *larger = room < NONE / 2 ? realloc(queue, 2 * (size_t)room * sizeof *queue) : NULL;
