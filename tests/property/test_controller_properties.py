@@ -4,26 +4,19 @@ import math
 from itertools import product
 
 import numpy as np
-import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
 from support.examples import examples
 from support.planning_cases import seeds
-from zteam.compiling.takeover import prepare
 from zteam.geometry import Pose2
-from zteam.planning.collisions import Velocity, find_hit, time_to_collision
+from zteam.kernels.binding import find_hit
+from zteam.planning.collisions import Velocity, time_to_collision
 from zteam.planning.controller import BlockedError, RegulatedPurePursuit
 from zteam.planning.costmap import Costmap, CostmapOptions, make_costmap
 from zteam.planning.costs import LETHAL_OBSTACLE
 from zteam.planning.footprint import make_circle, make_footprint, place
 from zteam.planning.grid import make_map
-from zteam.planning.jit import PLANNING
-
-
-@pytest.fixture(autouse=True, scope="module")
-def _compiled() -> None:
-    prepare(PLANNING)
 
 
 def touched(costmap: Costmap, pose: Pose2) -> set[tuple[int, int]]:
@@ -122,8 +115,11 @@ def test_the_time_to_a_collision_is_that_of_small_steps(seed: int, outline: obje
 
 
 def test_outside_of_the_grid_is_lethal() -> None:
-    """A robot on the edge of the map touches what is beyond."""
+    """A robot on the edge of the map touches what is beyond, and so does one that is nowhere, or gets there."""
     costs = np.zeros((10, 10), np.uint8)
     corners = make_circle(0.2).corners / 0.05
     assert find_hit(costs, corners, 5.0, 5.0, 0.0, np.zeros(3), 0) == -1
     assert find_hit(costs, corners, 2.0, 5.0, 0.0, np.zeros(3), 0) == 0
+    for lost in (math.nan, math.inf, -1e300):
+        assert find_hit(costs, corners, lost, 5.0, 0.0, np.zeros(3), 0) == 0
+        assert find_hit(costs, corners, 5.0, 5.0, 0.0, np.array((0.0, lost, 0.0)), 3) == 1

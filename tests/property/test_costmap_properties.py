@@ -1,4 +1,4 @@
-"""Costmaps against distances found by looking at all cells, and compiled kernels against plain ones."""
+"""Costmaps against distances found by looking at all cells."""
 
 import math
 
@@ -7,22 +7,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from support import planning_references
 from support.examples import examples
-from support.planning_cases import RESOLUTION, both_ways, random_cells, seeds, shares
-from zteam.compiling.takeover import prepare
+from support.planning_cases import RESOLUTION, random_cells, seeds, shares
 from zteam.geometry import Pose2
+from zteam.kernels.binding import inflate, trace_beams
 from zteam.planning.costmap import CostmapOptions, make_costmap
 from zteam.planning.costs import LETHAL_OBSTACLE, NO_INFORMATION, inflated_cost
 from zteam.planning.footprint import make_circle
 from zteam.planning.grid import Frame, make_map
-from zteam.planning.inflation import inflate
-from zteam.planning.jit import PLANNING
-from zteam.planning.raytracing import trace_beams
-
-
-@pytest.fixture(autouse=True, scope="module")
-def _compiled() -> None:
-    prepare(PLANNING)
 
 
 @examples(30)
@@ -49,39 +42,36 @@ def test_a_costmap_is_that_of_a_brute_force_distance_field(
 
 
 @examples(30)
-@given(seeds, shares, st.integers(1, 12))
-def test_a_window_is_inflated_as_the_whole(seed: int, share: float, reach: int) -> None:
-    """An update of a part gives the cells that an update of all would, compiled and plain."""
-    costs = np.where(random_cells(seed, 0.2 * share), 254, 0).astype(np.uint8)
+@given(seeds, shares, st.integers(0, 12), st.sampled_from([1, 253]))
+def test_a_window_is_inflated_as_the_whole(seed: int, share: float, reach: int, unknown_from: int) -> None:
+    """An update of a part, empty ones too, gives the cells that the reference gives of all, and changes no other."""
     rng = np.random.default_rng(seed)
+    costs = np.where(random_cells(seed, 0.2 * share), LETHAL_OBSTACLE, 0).astype(np.uint8)
+    costs[rng.random(costs.shape) < 0.1] = NO_INFORMATION
     table = np.sort(rng.integers(0, 254, (reach + 1) ** 2 + 1))[::-1].astype(np.uint8)
-    table[0], table[-1] = 254, 0
-    rows, columns = costs.shape
-    whole = np.zeros_like(costs)
-    inflate(costs, table, reach, (0, rows, 0, columns), 253, whole)
-    r0, c0 = rng.integers(0, rows), rng.integers(0, columns)
-    window = int(r0), int(rng.integers(r0, rows + 1)), int(c0), int(rng.integers(c0, columns + 1))
-    for (part,) in both_ways(lambda out: inflate(costs, table, reach, window, 253, out), np.zeros_like(costs)):
-        inside = np.zeros(costs.shape, bool)
-        inside[window[0] : window[1], window[2] : window[3]] = True
-        assert np.array_equal(part, np.where(inside, whole, 0))
+    table[0], table[-1] = LETHAL_OBSTACLE, 0
+    whole = planning_references.inflate(costs, table, reach, unknown_from)
+    r0, c0 = (int(rng.integers(0, size + 1)) for size in costs.shape)
+    r1, c1 = (int(rng.integers(low, size + 1)) for low, size in zip((r0, c0), costs.shape, strict=True))
+    part = np.full_like(costs, 7)
+    inflate(costs, table, reach, (r0, r1, c0, c1), unknown_from, part)
+    expected = np.full_like(costs, 7)
+    expected[r0:r1, c0:c1] = whole[r0:r1, c0:c1]
+    assert np.array_equal(part, expected)
 
 
 @examples(30)
-@given(seeds)
-def test_beams_clear_and_mark_alike(seed: int) -> None:
-    """Compiled and plain; every end that was marked is lethal, and the cell of the sensor is clear."""
+@given(seeds, st.integers(0, 30), st.integers(0, 5))
+def test_beams_clear_and_mark_the_cells_of_the_reference(seed: int, beams: int, marked: int) -> None:
+    """Wherever the sensor and the ends lie, on the grid or beside it."""
     rng = np.random.default_rng(seed)
-    ends, marks = rng.integers(-5, 25, (30, 2)), rng.integers(-5, 25, (5, 2))
+    ends, marks = rng.integers(-5, 25, (beams, 2)), rng.integers(-5, 25, (marked, 2))
     x0, y0 = rng.integers(-2, 22, 2).tolist()
-    (first,), (second,) = both_ways(
-        lambda costs: trace_beams(costs, x0, y0, ends, marks), np.full((20, 18), NO_INFORMATION, np.uint8)
-    )
-    assert np.array_equal(first, second)
-    for x, y in marks.tolist():
-        assert not (0 <= x < 18 and 0 <= y < 20) or first[y, x] == LETHAL_OBSTACLE
-    if 0 <= x0 < 18 and 0 <= y0 < 20 and [x0, y0] not in marks.tolist():
-        assert first[y0, x0] == 0
+    costs = np.full((20, 18), NO_INFORMATION, np.uint8)
+    expected = costs.copy()
+    trace_beams(costs, x0, y0, ends, marks)
+    planning_references.trace_beams(expected, x0, y0, ends, marks)
+    assert np.array_equal(costs, expected)
 
 
 @given(st.floats(-5, 5), st.floats(-5, 5), st.floats(-4, 4), st.floats(-50, 50), st.floats(-50, 50))

@@ -1,4 +1,4 @@
-"""The planner against Dijkstra and against small steps, and compiled kernels against plain ones."""
+"""The planner against Dijkstra, against all lines, and against small steps."""
 
 import heapq
 import math
@@ -8,18 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from support import planning_references
 from support.examples import examples
-from support.planning_cases import both_ways, random_cells, seeds, shares
-from zteam.compiling.takeover import prepare
+from support.planning_cases import random_cells, seeds, shares
+from zteam.kernels.binding import measure_lines, shorten
 from zteam.planning.costs import LETHAL_OBSTACLE
-from zteam.planning.jit import PLANNING
-from zteam.planning.lines import measure_line, measure_lines
 from zteam.planning.search import Field, length_of
-
-
-@pytest.fixture(autouse=True, scope="module")
-def _compiled() -> None:
-    prepare(PLANNING)
 
 
 def dijkstra(free: np.ndarray, start: tuple[int, int]) -> dict[tuple[int, int], float]:
@@ -45,7 +39,7 @@ def dijkstra(free: np.ndarray, start: tuple[int, int]) -> dict[tuple[int, int], 
 @examples(30)
 @given(seeds, shares)
 def test_the_search_finds_the_shortest_way_or_that_there_is_none(seed: int, share: float) -> None:
-    """On maps at random its length is Dijkstra's, compiled and plain alike."""
+    """On maps at random its length is Dijkstra's."""
     free = ~random_cells(seed, share)
     rng = np.random.default_rng(seed)
     if not free.any():
@@ -56,12 +50,8 @@ def test_the_search_finds_the_shortest_way_or_that_there_is_none(seed: int, shar
     field = Field(*free.shape)
     field.set_free(free)
     way = field.find_way(start, goal)
-    PLANNING.use_plain()
-    plain = field.find_way(start, goal)
-    PLANNING.use_compiled()
-    assert (way is None) == (plain is None) == (expected is None)
-    if way is not None and plain is not None and expected is not None:
-        assert np.array_equal(way, plain)
+    assert (way is None) == (expected is None)
+    if way is not None and expected is not None:
         assert length_of(way) == pytest.approx(expected, rel=1e-4)
         assert (way[0].tolist(), way[-1].tolist()) == ([start[1], start[0]], [goal[1], goal[0]])
         assert all(free[row, column] for column, row in way.tolist())
@@ -95,7 +85,7 @@ def test_a_way_near_a_goal_ends_at_the_nearest_cell_that_can_be_reached(
 @examples(30)
 @given(seeds, shares)
 def test_straight_ways_cost_no_more_and_are_free(seed: int, share: float) -> None:
-    """Any-angle ways join the same ends at most at the cost of the cells' way, compiled and plain alike."""
+    """Any-angle ways join the same ends at most at the cost of the cells' way."""
     rng = np.random.default_rng(seed)
     costs = rng.integers(0, 254, (40, 40)).astype(np.uint8)
     costs[rng.random(costs.shape) < 0.6] = 0
@@ -110,9 +100,22 @@ def test_straight_ways_cost_no_more_and_are_free(seed: int, share: float) -> Non
     corners = field.shorten(way)
     assert field.cost_of(corners) <= field.cost_of(way) * (1.0 + 1e-9)
     assert np.array_equal(corners[[0, -1]], way[[0, -1]])
-    PLANNING.use_plain()
-    assert np.array_equal(field.shorten(way), corners)
-    PLANNING.use_compiled()
+
+
+@examples(30)
+@given(seeds, shares, st.integers(1, 5), st.integers(0, 30))
+def test_lines_shorten_a_way_as_if_all_of_them_were_tried(seed: int, share: float, stride: int, reach: int) -> None:
+    """On ways at random, some of them through blocked cells; the same costs to the bit."""
+    rng = np.random.default_rng(seed)
+    weights = rng.integers(1, 255, (20, 23)).astype(np.uint8)
+    weights[rng.random(weights.shape) < 0.2 * share] = 0
+    way = np.clip(np.cumsum(rng.integers(-1, 2, (40, 2)), axis=0) + 10, 0, 19)
+    best, before = shorten(weights, way, stride, reach, float(weights[weights > 0].min()))
+    expected, places = planning_references.shorten(weights, way, stride, reach)
+    assert best.tolist() == expected
+    assert [b for b, cost in zip(before.tolist(), expected, strict=True) if math.isfinite(cost)] == [
+        b for b, cost in zip(places, expected, strict=True) if math.isfinite(cost)
+    ]
 
 
 @examples(30)
@@ -125,10 +128,8 @@ def test_a_line_costs_the_integral_along_it(seed: int, share: float) -> None:
     weights[[0, -1]] = weights[:, [0, -1]] = 0
     ends = rng.integers(1, 12, (20, 2, 2))
     begins, stops = np.ascontiguousarray(ends[:, 0]), np.ascontiguousarray(ends[:, 1])
-    flat = weights.reshape(-1)
-    first, second = both_ways(lambda out: measure_lines(flat, 17, begins, stops, out), np.empty(20))
-    assert np.array_equal(first, second)
-    for (x0, y0), (x1, y1), cost in zip(begins.tolist(), stops.tolist(), first[0].tolist(), strict=True):
+    costs = measure_lines(weights, begins, stops).tolist()
+    for (x0, y0), (x1, y1), cost in zip(begins.tolist(), stops.tolist(), costs, strict=True):
         share_of_way = (np.arange(4000) + 0.5) / 4000
         x, y = x0 + 0.5 + (x1 - x0) * share_of_way, y0 + 0.5 + (y1 - y0) * share_of_way
         passed = weights[np.floor(y).astype(int), np.floor(x).astype(int)].astype(float)
@@ -137,4 +138,3 @@ def test_a_line_costs_the_integral_along_it(seed: int, share: float) -> None:
         elif (passed > 0).all():
             # Through a corner between two cells, one of which is blocked.
             assert abs(x1 - x0) and abs(y1 - y0)
-        assert measure_line(flat, 17, x0, y0, x1, y1, math.inf) == cost

@@ -16,9 +16,7 @@ ALLOWED = {
     ("sim/square_kernels.py", "cast_squares"): "a compiled kernel: its loops share their local variables",
     ("sim/edge_kernels.py", "cast_edges"): "a compiled kernel: its loops share their local variables",
     ("sim/numpy_kernels.py", "cast_squares"): "mirrors the compiled kernel of the same name, step by step",
-    ("planning/lines.py", "measure_line"): "a compiled kernel: its loop shares its local variables",
-    ("planning/search_kernels.py", "search"): "a compiled kernel: its loops share their local variables",
-    ("planning/search_kernels.py", "_search_numpy"): "mirrors the compiled kernel, step by step",
+    ("kernels/binding.py", ""): "all of the kernels' checks, beside each other",
     ("tf/buffer.py", "Buffer"): "tf2's whole interface in one class, as its users know it",
     ("tf/paths.py", "PlanarPath.solve"): "every look-up runs it: a call for each kind of step would slow it down",
 }

@@ -1,10 +1,11 @@
 /* Grids of costs: distances to obstacles, inflation, what beams clear, and what outlines touch. */
 #include <math.h>
 #include <string.h>
-
 #include "kernels.h"
 #include "sines.h"
 
+#define LEAST(a, b) ((a) < (b) ? (a) : (b))
+#define MOST(a, b) ((a) > (b) ? (a) : (b))
 enum { LETHAL = 254, UNKNOWN = 255 }; /* zteam.planning.costs */
 #define MARGIN 0.05 /* cells that an outline keeps from lethal ones, for what happens between two poses */
 #define FAR 1e9     /* cells; what is farther away, or not a number, is outside of every grid */
@@ -18,10 +19,10 @@ void inflate(const uint8_t *costs, int64_t rows, int64_t columns, const int64_t 
              int64_t unknown_from, uint8_t *restrict out)
 {
     const int64_t r0 = window[0], r1 = window[1], c0 = window[2], c1 = window[3];
-    const int64_t low = r0 - reach > 0 ? r0 - reach : 0, high = r1 + reach < rows ? r1 + reach : rows;
-    const int64_t left = c0 - reach > 0 ? c0 - reach : 0, right = c1 + reach < columns ? c1 + reach : columns;
+    const int64_t low = MOST(r0 - reach, 0), high = LEAST(r1 + reach, rows);
     /* Column 0 of `steps` and `line` is column c0 - reach of the grid, whether it has that one or not. */
-    const int64_t count = c1 - c0, width = count + 2 * reach, shift = left - (c0 - reach), inner = right - left;
+    const int64_t left = MOST(c0 - reach, 0), inner = LEAST(c1 + reach, columns) - left, count = c1 - c0;
+    const int64_t width = count + 2 * reach, shift = left - (c0 - reach);
     const uint8_t cap = (uint8_t)(reach + 1);
     if (count == 0 || r0 == r1)
         return;
@@ -30,9 +31,9 @@ void inflate(const uint8_t *costs, int64_t rows, int64_t columns, const int64_t 
     for (int64_t y = low; y < high; y++) {
         const uint8_t *restrict row = costs + y * columns + left;
         uint8_t *restrict here = steps + (y - low) * width + shift;
-        const uint8_t *restrict before = y > low ? here - width : steps + (high - low) * width;
+        const uint8_t *restrict above = y > low ? here - width : steps + (high - low) * width;
         for (int64_t x = 0; x < inner; x++) {
-            uint8_t above = before[x], further = above < cap ? (uint8_t)(above + 1) : cap;
+            const uint8_t further = above[x] < cap ? (uint8_t)(above[x] + 1) : cap;
             here[x] = row[x] == LETHAL ? 0 : further;
         }
     }
@@ -40,8 +41,8 @@ void inflate(const uint8_t *costs, int64_t rows, int64_t columns, const int64_t 
         uint8_t *restrict here = steps + y * width;
         const uint8_t *restrict below = here + width;
         for (int64_t x = 0; x < width; x++) {
-            uint8_t further = below[x] < cap ? (uint8_t)(below[x] + 1) : cap;
-            here[x] = further < here[x] ? further : here[x];
+            const uint8_t further = below[x] < cap ? (uint8_t)(below[x] + 1) : cap;
+            here[x] = LEAST(further, here[x]);
         }
     }
     for (int64_t y = r0; y < r1; y++) {
@@ -53,15 +54,13 @@ void inflate(const uint8_t *costs, int64_t rows, int64_t columns, const int64_t 
         for (int64_t k = 1; k <= reach; k++) {
             const uint16_t *before = line + reach - k, *after = line + reach + k, way = (uint16_t)(k * k);
             for (int64_t x = 0; x < count; x++) {
-                uint16_t near = before[x] < after[x] ? before[x] : after[x];
-                near = (uint16_t)(near + way);
-                least[x] = near < least[x] ? near : least[x];
+                const uint16_t near = (uint16_t)(LEAST(before[x], after[x]) + way);
+                least[x] = LEAST(near, least[x]);
             }
         }
         for (int64_t x = 0; table && x < count; x++) {
             const uint8_t cost = table[least[x]], here = costs[y * columns + c0 + x];
-            const int raised = here == UNKNOWN ? cost >= unknown_from : cost > here;
-            out[y * columns + c0 + x] = raised ? cost : here;
+            out[y * columns + c0 + x] = (here == UNKNOWN ? cost >= unknown_from : cost > here) ? cost : here;
         }
     }
 }
@@ -71,26 +70,21 @@ void trace_beams(uint8_t *costs, int64_t rows, int64_t columns, int64_t x0, int6
                  int64_t count, const int64_t *marks, int64_t marked)
 {
     for (int64_t beam = 0; beam < count; beam++) {
-        int64_t dx = ends[2 * beam] - x0, dy = ends[2 * beam + 1] - y0, x = x0, y = y0;
-        int64_t across = dx < 0 ? -dx : dx, along = dy < 0 ? -dy : dy, longest = across > along ? across : along;
-        int64_t sum_x = longest, sum_y = longest;
-        for (int64_t step = 0; step <= longest; step++) {
+        const int64_t dx = ends[2 * beam] - x0, dy = ends[2 * beam + 1] - y0, across = MOST(dx, -dx);
+        const int64_t along = MOST(dy, -dy), longest = MOST(across, along);
+        for (int64_t step = 0, x = x0, y = y0, sum_x = longest, sum_y = longest; step <= longest; step++) {
             if (0 <= x && x < columns && 0 <= y && y < rows)
                 costs[y * columns + x] = 0;
             sum_x += 2 * across;
             sum_y += 2 * along;
-            if (sum_x >= 2 * longest) {
-                sum_x -= 2 * longest;
-                x += dx > 0 ? 1 : -1;
-            }
-            if (sum_y >= 2 * longest) {
-                sum_y -= 2 * longest;
-                y += dy > 0 ? 1 : -1;
-            }
+            if (sum_x >= 2 * longest)
+                sum_x -= 2 * longest, x += dx > 0 ? 1 : -1;
+            if (sum_y >= 2 * longest)
+                sum_y -= 2 * longest, y += dy > 0 ? 1 : -1;
         }
     }
     for (int64_t i = 0; i < marked; i++) {
-        int64_t x = marks[2 * i], y = marks[2 * i + 1];
+        const int64_t x = marks[2 * i], y = marks[2 * i + 1];
         if (0 <= x && x < columns && 0 <= y && y < rows)
             costs[y * columns + x] = LETHAL;
     }
@@ -105,8 +99,7 @@ static int touches_cell(const double *points, int64_t count, double column, doub
     const double *a = points + 2 * (count - 1);
     for (int64_t i = 0; i < count; i++) {
         const double *b = points + 2 * i, delta[2] = {b[0] - a[0], b[1] - a[1]};
-        if ((a[1] > middle[1]) != (b[1] > middle[1])
-            && middle[0] < a[0] + (middle[1] - a[1]) * delta[0] / delta[1])
+        if ((a[1] > middle[1]) != (b[1] > middle[1]) && middle[0] < a[0] + (middle[1] - a[1]) * delta[0] / delta[1])
             inside = !inside;
         /* The part of the edge in the cell (Liang and Barsky 1984). */
         double begin = 0.0, end = 1.0;
@@ -115,10 +108,9 @@ static int touches_cell(const double *points, int64_t count, double column, doub
                 if (a[k] < low[k] || a[k] > high[k])
                     end = -1.0;
             } else {
-                double one = (low[k] - a[k]) / delta[k], other = (high[k] - a[k]) / delta[k];
-                double first = one < other ? one : other, last = one < other ? other : one;
-                begin = first > begin ? first : begin;
-                end = last < end ? last : end;
+                const double one = (low[k] - a[k]) / delta[k], other = (high[k] - a[k]) / delta[k];
+                begin = MOST(LEAST(one, other), begin);
+                end = LEAST(MOST(one, other), end);
             }
         if (begin <= end)
             return 1;
@@ -148,11 +140,10 @@ int64_t find_hit(const uint8_t *costs, int64_t rows, int64_t columns, const doub
             now[2 * i] = x + cosine * corners[2 * i] - sine * corners[2 * i + 1];
             now[2 * i + 1] = y + sine * corners[2 * i] + cosine * corners[2 * i + 1];
             for (int k = 0; k < 2; k++) {
-                double at = now[2 * i + k];
-                if (!(fabs(at) < FAR))
+                if (!(fabs(now[2 * i + k]) < FAR))
                     return step;
-                low[k] = at < low[k] ? at : low[k];
-                high[k] = at > high[k] ? at : high[k];
+                low[k] = LEAST(now[2 * i + k], low[k]);
+                high[k] = MOST(now[2 * i + k], high[k]);
             }
         }
         if (step == 0 && steps > 0)
@@ -160,10 +151,9 @@ int64_t find_hit(const uint8_t *costs, int64_t rows, int64_t columns, const doub
         const int64_t top = (int64_t)floor(high[1] + MARGIN), right = (int64_t)floor(high[0] + MARGIN);
         for (int64_t row = (int64_t)floor(low[1] - MARGIN); row <= top; row++)
             for (int64_t column = (int64_t)floor(low[0] - MARGIN); column <= right; column++) {
-                if (0 <= row && row < rows && 0 <= column && column < columns
-                    && costs[row * columns + column] != LETHAL)
-                    continue;
-                if (!touches_cell(now, count, column, row, step > 0 ? MARGIN : 0.0))
+                const int is_inside = 0 <= row && row < rows && 0 <= column && column < columns;
+                if ((is_inside && costs[row * columns + column] != LETHAL)
+                    || !touches_cell(now, count, column, row, step > 0 ? MARGIN : 0.0))
                     continue;
                 /* Near at the start already: then it may come nearer, but not touch it, unless it did. */
                 if (step == 0 || !touches_cell(start, count, column, row, MARGIN)

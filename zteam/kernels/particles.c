@@ -2,7 +2,6 @@
    A field holds what a beam that ends in a cell is worth (zteam.planning.likelihood); what is outside of it counts as
    its border. Whole numbers add to the same sum in any order. */
 #include <string.h>
-
 #include "kernels.h"
 #include "sines.h"
 
@@ -83,10 +82,8 @@ void climb(const likelihoods *f, double *poses, int64_t count, const float *beam
             sum_poses(f, near[0], 27, beams, many, found);
             const int64_t before = sums[i];
             for (int k = 0; k < 27; k++)
-                if (found[k] > sums[i]) {
-                    sums[i] = found[k];
-                    memcpy(poses + 3 * i, near[k], sizeof near[k]);
-                }
+                if (found[k] > sums[i])
+                    sums[i] = found[k], memcpy(poses + 3 * i, near[k], sizeof near[k]);
             if (sums[i] == before)
                 left--, reach *= 0.5, swing *= 0.5;
         }
@@ -163,18 +160,15 @@ void find_cluster(const double *poses, const double *weights, int64_t count, con
     for (int64_t i = 0; i < count; i++) {
         if (cluster[labels[i]] < 0) {
             int64_t height = 1;
-            stack[0] = labels[i];
-            cluster[labels[i]] = clusters;
+            stack[0] = labels[i], cluster[labels[i]] = clusters;
             while (height > 0) {
                 const int64_t place = table[stack[--height]], turn = place & (STEP_Y - 1);
                 for (int near = 0; near < 27; near++) {
                     const int64_t aside = (near / 9 - 1) * STEP_X + (near / 3 % 3 - 1) * STEP_Y;
-                    const int64_t row
-                        = find_bin(table, mask, place - turn + aside + (turn + near % 3 - 1 + turns) % turns);
-                    if (table[row] != EMPTY && cluster[row] < 0) {
-                        cluster[row] = clusters;
-                        stack[height++] = row;
-                    }
+                    const int64_t next = (turn + near % 3 - 1 + turns) % turns;
+                    const int64_t row = find_bin(table, mask, place - turn + aside + next);
+                    if (table[row] != EMPTY && cluster[row] < 0)
+                        cluster[row] = clusters, stack[height++] = row;
                 }
             }
             clusters++;

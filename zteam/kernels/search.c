@@ -2,9 +2,10 @@
    Costs are whole numbers, so they do not depend on the order in which cells are visited. */
 #include <math.h>
 #include <stdlib.h>
-
 #include "kernels.h"
 
+#define LEAST(a, b) ((a) < (b) ? (a) : (b))
+#define MOST(a, b) ((a) > (b) ? (a) : (b))
 enum {
     BUCKETS = 1024,
     SHIFT = 8,    /* of a cost to its bucket; no step adds 2^18 to cost and heuristic together */
@@ -12,9 +13,8 @@ enum {
 };
 #define NONE UINT32_MAX /* no entry; as a cost, of a cell that the search has not met */
 
-/* A cell in the queue, in a list of those of one bucket. */
 typedef struct {
-    uint32_t cell, cost, next;
+    uint32_t cell, cost, next; /* in the list of one bucket */
 } entry;
 
 /* Write a costmap's cells as weights to the inner part of `out`: neutral + cost * factor / 256, 0 from `barred` on. */
@@ -26,32 +26,24 @@ void weigh_cells(const uint8_t *costs, int64_t rows, int64_t columns, int64_t ne
         const uint8_t *given = costs + y * columns;
         uint8_t *restrict made = out + (y + 1) * (columns + 2) + 1;
         for (int64_t x = 0; x < columns; x++) {
-            uint16_t cost = given[x], product = (uint16_t)(cost * slope);
-            uint8_t weight = (uint8_t)(base + (product >> 8));
-            weight = cost < first ? weight : 0;
-            made[x] = cost == 255 ? (uint8_t)unknown : weight;
+            const uint16_t cost = given[x], weight = (uint16_t)(base + ((uint16_t)(cost * slope) >> 8));
+            made[x] = (uint8_t)(cost == 255 ? unknown : cost < first ? weight : 0);
         }
     }
 }
 
-/* Octile distance, times what steps cost: no way on the grid is cheaper if they are the cheapest ones. */
-static inline int64_t octile(int64_t dx, int64_t dy, int64_t straight, int64_t diagonal)
-{
-    dx = dx < 0 ? -dx : dx;
-    dy = dy < 0 ? -dy : dy;
-    return dx > dy ? straight * (dx - dy) + diagonal * dy : straight * (dy - dx) + diagonal * dx;
-}
-
 /* Find the cheapest way between two cells and write its costs; 1 if there is one, 0 if all that can be reached has been,
-   -1 without memory. Cells whose cost plus heuristic have the same digits above SHIFT are visited in no order. */
+   -1 without memory. The heuristic is the octile distance, at the least weight. Cells whose cost plus heuristic have the
+   same digits above SHIFT are visited in no order. */
 int search(const uint8_t *restrict weights, int64_t columns, int64_t start, int64_t goal, const int64_t *steps,
            uint32_t *restrict costs, int64_t *restrict box)
 {
-    const int64_t straight = steps[0], diagonal = steps[1], least = steps[2];
-    const int64_t goal_x = goal % columns, goal_y = goal / columns;
+    const int64_t straight = steps[0], diagonal = steps[1], longer = steps[2] * straight;
+    const int64_t shorter = steps[2] * (diagonal - straight), goal_x = goal % columns, goal_y = goal / columns;
     const int move_x[8] = {1, -1, 0, 0, 1, -1, 1, -1}, move_y[8] = {0, 0, 1, -1, 1, 1, -1, -1};
     int64_t bottom = start / columns, top = bottom, left = start % columns, right = left;
-    int64_t bucket = octile(left - goal_x, bottom - goal_y, straight * least, diagonal * least) >> SHIFT;
+    const int64_t first_x = MOST(left - goal_x, goal_x - left), first_y = MOST(top - goal_y, goal_y - top);
+    int64_t bucket = (longer * MOST(first_x, first_y) + shorter * LEAST(first_x, first_y)) >> SHIFT;
     uint32_t heads[BUCKETS], used = 1, room = ROOM, spare = NONE;
     entry *queue = malloc(ROOM * sizeof *queue);
     if (!queue)
@@ -78,10 +70,7 @@ int search(const uint8_t *restrict weights, int64_t columns, int64_t start, int6
         if (cost != costs[cell])
             continue;
         const int64_t y = cell / (uint32_t)columns, x = cell - y * columns;
-        bottom = y < bottom ? y : bottom;
-        top = y > top ? y : top;
-        left = x < left ? x : left;
-        right = x > right ? x : right;
+        bottom = LEAST(y, bottom), top = MOST(y, top), left = LEAST(x, left), right = MOST(x, right);
         int open[4];
         for (int k = 0; k < 8; k++) {
             const int64_t to = cell + move_y[k] * columns + move_x[k], weight = weights[to];
@@ -93,24 +82,21 @@ int search(const uint8_t *restrict weights, int64_t columns, int64_t start, int6
             if (new >= costs[to])
                 continue;
             costs[to] = (uint32_t)new;
-            const int64_t rest
-                = octile(x + move_x[k] - goal_x, y + move_y[k] - goal_y, straight * least, diagonal * least);
-            const int64_t place = ((new + rest) >> SHIFT) & (BUCKETS - 1);
-            uint32_t at = spare;
-            if (at != NONE) {
-                spare = queue[at].next;
-            } else {
-                if (used == room) {
-                    entry *larger = room < NONE / 2 ? realloc(queue, 2 * (size_t)room * sizeof *queue) : NULL;
-                    if (!larger) {
-                        free(queue);
-                        return -1;
-                    }
-                    queue = larger;
-                    room *= 2;
+            int64_t dx = x + move_x[k] - goal_x, dy = y + move_y[k] - goal_y;
+            dx = MOST(dx, -dx), dy = MOST(dy, -dy);
+            const int64_t total = new + longer * MOST(dx, dy) + shorter * LEAST(dx, dy);
+            const int64_t place = (total >> SHIFT) & (BUCKETS - 1);
+            if (spare == NONE && used == room) {
+                entry *larger = room < NONE / 2 ? realloc(queue, 2 * (size_t)room * sizeof *queue) : NULL;
+                if (!larger) {
+                    free(queue);
+                    return -1;
                 }
-                at = used++;
+                queue = larger;
+                room *= 2;
             }
+            const uint32_t at = spare == NONE ? used++ : spare;
+            spare = spare == NONE ? NONE : queue[at].next;
             queue[at] = (entry){(uint32_t)to, (uint32_t)new, heads[place]};
             heads[place] = at;
             waiting++;
@@ -152,11 +138,10 @@ int64_t trace(const uint8_t *weights, int64_t columns, int64_t start, int64_t go
    it is blocked, or certainly costs more than `most`. It is followed through every cell that it touches. */
 static double measure_line(const uint8_t *weights, int64_t columns, const int64_t *from, const int64_t *to, double most)
 {
-    const int64_t dx = to[0] > from[0] ? to[0] - from[0] : from[0] - to[0];
-    const int64_t dy = to[1] > from[1] ? to[1] - from[1] : from[1] - to[1];
+    const int64_t dx = MOST(to[0] - from[0], from[0] - to[0]), dy = MOST(to[1] - from[1], from[1] - to[1]);
     const int64_t step_x = to[0] > from[0] ? 1 : -1, step_y = to[1] > from[1] ? columns : -columns;
     /* Along the line time runs in whole ticks: it crosses sides of cells every 2 dy and every 2 dx of them. */
-    const int64_t every_x = dx == 0 ? 0 : 2 * (dy > 1 ? dy : 1), every_y = 2 * (dx > 1 ? dx : 1);
+    const int64_t every_x = dx == 0 ? 0 : 2 * MOST(dy, 1), every_y = 2 * MOST(dx, 1);
     const int64_t total = dx > 0 ? every_x * dx : 2 * dy;
     if (total == 0)
         return 0.0;
@@ -175,16 +160,10 @@ static double measure_line(const uint8_t *weights, int64_t columns, const int64_
         const int64_t next = by_x ? next_x : next_y;
         ticks += weight * (next - now);
         now = next;
-        if (by_x) {
-            next_x += every_x;
-            cell += step_x;
-            left_x--;
-        }
-        if (by_y) {
-            next_y += every_y;
-            cell += step_y;
-            left_y--;
-        }
+        if (by_x)
+            next_x += every_x, cell += step_x, left_x--;
+        if (by_y)
+            next_y += every_y, cell += step_y, left_y--;
     }
     if (weights[cell] == 0)
         return INFINITY;
@@ -212,7 +191,7 @@ void shorten(const uint8_t *weights, int64_t columns, const int64_t *way, int64_
         before[i] = i - 1;
         if (i % stride != 0 && i != count - 1)
             continue;
-        for (int64_t j = (i > reach ? i - reach : 0) / stride * stride; j < i - 1; j += stride) {
+        for (int64_t j = MOST(i - reach, 0) / stride * stride; j < i - 1; j += stride) {
             const double most = best[i] - best[j];
             const double dx = (double)(way[2 * j] - to[0]), dy = (double)(way[2 * j + 1] - to[1]);
             if (least * sqrt(dx * dx + dy * dy) >= most)

@@ -221,7 +221,7 @@ class Amcl:
         sums = np.cumsum(self._weights)
         sums /= sums[-1]
         poses = np.concatenate((self._poses, strangers))
-        self._poses = resample(poses, sums, draws, strange, self._enough, BIN_SIZE).copy()
+        self._poses = resample(poses, sums, draws, strange, self._enough, BIN_SIZE)
         self._weights = np.full(len(self._poses), 1.0 / len(self._poses))
         if share:
             self._slow = self._fast = 0.0

@@ -185,9 +185,9 @@ class Costmap:
 
 def interpret_map(grid: GridMap, options: CostmapOptions) -> Costs:
     """A map's cells as costs: StaticLayer::interpretValue of Nav2 with `trinary_costmap`."""
-    costs = np.where(grid.cells >= options.lethal_cost_threshold, LETHAL_OBSTACLE, FREE_SPACE)
-    unknown = NO_INFORMATION if options.track_unknown_space else FREE_SPACE
-    return np.where(grid.cells < 0, unknown, costs).astype(np.uint8)
+    costs = np.where(grid.cells >= options.lethal_cost_threshold, np.uint8(LETHAL_OBSTACLE), np.uint8(FREE_SPACE))
+    unknown = np.uint8(NO_INFORMATION if options.track_unknown_space else FREE_SPACE)
+    return np.where(grid.cells < 0, unknown, costs)
 
 
 def _join(below: Costs, above: Costs) -> Costs:

@@ -1,21 +1,15 @@
-"""AMCL, and the kernels of navigation as a set."""
+"""AMCL."""
 
 import math
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 
-from support.limits import LIMIT
-from zteam.compiling import kernel_cache
-from zteam.compiling.takeover import prepare
 from zteam.geometry import Pose2, normalize_angle
+from zteam.kernels.binding import find_cluster
 from zteam.planning.amcl import Amcl
 from zteam.planning.amcl_options import AmclOptions
-from zteam.planning.clusters import label_clusters
 from zteam.planning.grid import GridMap, make_map
-from zteam.planning.jit import PLANNING
 from zteam.planning.particles import BIN_SIZE, kld_limits, move_differential
 from zteam.planning.scans import Scan, Teammate
 
@@ -169,9 +163,7 @@ def test_kld_limits_are_amcls() -> None:
 def test_clusters_touch() -> None:
     """Particles in bins side by side, also across the end of a full turn, are one cluster."""
     poses = np.array([[0.1, 0.1, 0.05], [0.6, 0.6, -0.05], [3.0, 0.1, 0.05], [0.1, 0.1, 3.1]])
-    labels = np.empty(4, np.int64)
-    assert label_clusters(poses, BIN_SIZE, 36, labels) == 3
-    assert labels.tolist() == [0, 0, 1, 2]
+    assert find_cluster(poses, np.ones(4), BIN_SIZE, 36)[0].tolist() == [0, 0, 1, 2]
 
 
 @pytest.mark.parametrize(
@@ -192,26 +184,3 @@ def test_options_that_cannot_work_are_refused(options: AmclOptions) -> None:
         Amcl(make_hall()).set_pose(Pose2(math.nan, 0.0, 0.0))
     with pytest.raises(ValueError, match="no free cells"):
         Amcl(make_map(np.full((3, 3), 100, np.int8), 0.1)).localize_globally()
-
-
-def test_all_kernels_are_kept_and_run_without_numba() -> None:
-    """The sample run of the warm-up is repeated by a process that finds them kept: numba is not imported."""
-    prepare(PLANNING)
-    assert kernel_cache.is_complete("planning")
-    code = (
-        "import sys\n"
-        "from zteam.compiling import kernels\n"
-        "kernels.check_types()\n"
-        "from zteam.planning.jit import PLANNING\n"
-        "from zteam.planning import jit_warmup\n"
-        "PLANNING.use_plain, use = (lambda: None), PLANNING.use_plain\n"
-        "PLANNING.use_compiled()\n"
-        "jit_warmup.find_kernels()\n"
-        "missing = [k.name for k in PLANNING.kernels if k._run == k._run_kept]\n"
-        "use(); names = {k.name for k in jit_warmup.find_kernels()}\n"
-        "print('numba' in sys.modules, sorted(names & set(missing)))\n"
-    )
-    done = subprocess.run(
-        [sys.executable, "-P", "-c", code], capture_output=True, text=True, timeout=3 * LIMIT, check=False
-    )
-    assert done.stdout == "False []\n", done.stdout + done.stderr
