@@ -2,7 +2,6 @@
 
 import fcntl
 import os
-import shutil
 import signal
 import sys
 import tempfile
@@ -13,18 +12,8 @@ from pathlib import Path
 import pytest
 
 import support.examples  # noqa: F401 - its profile is that of all property tests
-from zteam.behaviors.jit import BEHAVIOR_KERNELS
-from zteam.compiling import kernels
-from zteam.compiling.takeover import fill_cache
 from zteam.messages import sharing
-from zteam.planning.jit import PLANNING
-from zteam.sim.jit import SIMULATOR
 
-# pytester gives the runs it starts a home of their own, where the simulator would compile its kernels once more.
-os.environ.setdefault("XDG_CACHE_HOME", str(Path.home() / ".cache"))
-
-# A kernel that is called with other types than it was compiled for would compute nonsense.
-kernels.check_types()
 # A message that is handed over is not checked otherwise.
 sharing.check_adopted()
 
@@ -52,13 +41,6 @@ ONLY_CI = """only .ci/run proves (README, "Tests"):
   tests/team, tests/bench: everything else that teams do, each failure of a process, speed as ratios
   tests marked `ci`, ten times the examples of tests/property, the page in a browser and its JavaScript
   a wheel, containers, each Python from 3.11 to 3.13, style, types, layers"""
-
-
-def pytest_configure(config: pytest.Config) -> None:
-    """Compile the kernels before any test, once on this machine: a test that waited for them would measure that."""
-    if not hasattr(config, "workerinput") and not config.option.collectonly:
-        for kernel_set in (SIMULATOR, BEHAVIOR_KERNELS, PLANNING):
-            fill_cache(kernel_set)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -145,19 +127,3 @@ def empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, own_types: Non
     for name in set(sys.modules) - known:
         if str(getattr(sys.modules[name], "__file__", "")).startswith(str(tmp_path)):
             del sys.modules[name]
-
-
-@pytest.fixture
-def kept_kernels(tmp_path: Path) -> Path:
-    """A cache that holds all kernels but does not say so, as one whose compiling ended just before its end."""
-    from zteam.behaviors.jit import BEHAVIOR_KERNELS
-    from zteam.compiling import kernel_cache, takeover
-    from zteam.sim.jit import SIMULATOR
-
-    assert kernel_cache.FOLDER is not None
-    for kernel_set in (SIMULATOR, BEHAVIOR_KERNELS):
-        # What ran before in this process may have made its choice without a look at the cache.
-        takeover.fill_cache(kernel_set)
-        assert kernel_cache.is_complete(kernel_set.name), "this machine's cache cannot be filled"
-    shutil.copytree(kernel_cache.FOLDER, tmp_path / "cache", ignore=shutil.ignore_patterns("complete-*"))
-    return tmp_path / "cache"

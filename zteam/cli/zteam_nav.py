@@ -43,9 +43,6 @@ def build_parser() -> argparse.ArgumentParser:
         choices=("amcl", "fake", "none"),
         help="how to find out where a robot is: by its laser (amcl, the default), from the simulator, or not at all",
     )
-    parser.add_argument(
-        "--lockstep", action="store_true", help="for a team in lock-step: compile kernels that are missing at once"
-    )
     add_seed_option(parser)
     add_clock_option(parser)
     add_bus_options(parser)
@@ -117,20 +114,14 @@ def _read(args: argparse.Namespace, ids: Iterable[int]) -> "NavigationOptions":
 
 
 def _navigate(args: argparse.Namespace, ids: tuple[int, ...]) -> int:
-    from zteam.compiling.takeover import begin, prepare
     from zteam.nodes.navigation.node import run_navigation
-    from zteam.planning.jit import PLANNING
     from zteam.runtime.process import run_node
     from zteam.runtime.step_node import StepNode
 
     options = _read(args, ids)
-    # A lock-step run keeps its first kernels, as the simulator's does.
-    later = None if args.lockstep else begin(PLANNING)
-    if args.lockstep:
-        prepare(PLANNING)
 
     def body(node: StepNode) -> None:
-        run_navigation(node, options, later)
+        run_navigation(node, options)
 
     return run_node(names.navigation_name(ids[0]), bus_options(args), body, args.clock, make=StepNode)
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from zteam import names
 from zteam.behaviors.jit import BEHAVIOR_KERNELS
 from zteam.behaviors.registry import find_behavior, load_behavior, look_in
-from zteam.compiling.takeover import begin, prepare, run_kept
+from zteam.compiling.takeover import run_kept
 from zteam.in_process.member import Part
 from zteam.launch.arguments import Pace, TeamLaunch, module_folders, navigated_robots, team_map
 from zteam.nodes.map_server.node import run_map_server
@@ -21,12 +21,10 @@ from zteam.nodes.robot.node import RobotOptions, run_robot
 from zteam.nodes.simulator.lockstep import LockStepOptions
 from zteam.nodes.simulator.node import SimOptions, run_simulator
 from zteam.nodes.transforms.node import run_aggregator
-from zteam.planning.jit import PLANNING
 from zteam.planning.map_files import read_map
 from zteam.planning.parameters import navigation_of_robot
 from zteam.runtime.node import Node
 from zteam.runtime.step_node import StepNode
-from zteam.sim.jit import SIMULATOR
 from zteam.team_file import RobotEntry, behavior_of, navigation_of, static_transform
 from zteam.tf.urdf import read_description
 from zteam.world import Robot, World, add_robot, load_world
@@ -67,14 +65,7 @@ def simulator_part(launch: TeamLaunch) -> Part:
     world = load_world(launch.world)
     robots = _robots(launch, world)
 
-    def body(node: Node) -> None:
-        if pace.lockstep:
-            prepare(SIMULATOR)
-            # For all robots: none takes a step before the simulator's first tick.
-            prepare(BEHAVIOR_KERNELS)
-        run_simulator(node, world, robots, options, None if pace.lockstep else begin(SIMULATOR))
-
-    return Part(body)
+    return Part(lambda node: run_simulator(node, world, robots, options))
 
 
 def map_parts(launch: TeamLaunch) -> dict[str, Part]:
@@ -129,13 +120,7 @@ def navigation_parts(launch: TeamLaunch) -> dict[str, Part]:
             read = navigation_of_robot(table, entry.id, folder, f"robot {entry.id}, navigation")
             robots[entry.id] = NavigatedRobot(read.parameters, entry.base)
     options = NavigationOptions({i: robots[i] for i in ids}, launch.seed)
-
-    def body(node: StepNode) -> None:
-        if launch.pace.lockstep:
-            prepare(PLANNING)
-        run_navigation(node, options, None if launch.pace.lockstep else begin(PLANNING))
-
-    return {names.navigation_name(ids[0]): Part(body, StepNode)}
+    return {names.navigation_name(ids[0]): Part(lambda node: run_navigation(node, options), StepNode)}
 
 
 def parts_of(launch: TeamLaunch, say: Callable[[str, str], None]) -> dict[str, Part]:

@@ -13,11 +13,9 @@ import msgspec
 import numpy as np
 
 from zteam import names
-from zteam.behaviors.jit import BEHAVIOR_KERNELS
 from zteam.bench.steps.pilot import Cost, Pilot, Tick
 from zteam.bench.steps.scenes import HALL, SCENES, Scene
 from zteam.clock import monotonic_times
-from zteam.compiling.takeover import prepare
 from zteam.messages import TFMessage, TransformStamped, Twist, encode
 from zteam.sim import Engine
 from zteam.sim.to_messages import odometry_message, scan_message, static_transforms, transforms
@@ -57,7 +55,6 @@ def measure_steps(seconds: float = 20.0, rounds: int = 7, scenes: Iterable[str] 
         path = Path(folder) / "hall.world"
         path.write_text(HALL)
         world = load_world(path)
-    prepare(BEHAVIOR_KERNELS)
     ticks = max(2, round(seconds * 1e9 / world.interval))
     return (_measure(name, SCENES[name], world, ticks, rounds) for name in scenes)
 
