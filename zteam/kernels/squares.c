@@ -10,6 +10,7 @@
 enum {
     LANES = 64, /* beams that advance together, so that the loops over them become vector code */
     GROUP = 16, /* lanes that rest together, once all of them have arrived */
+    LONGEST = 254, /* side of a square */
 };
 /* Direction components are kept off zero, so that no division gives inf; 30 m away that is 30 nm. */
 #define TINY 1e-9
@@ -137,12 +138,13 @@ static void cast_block(
     }
 }
 
-void cast_squares(const bitmap *map, const scans *s, int32_t mark)
+void cast_squares(const bitmap *map, const fans *s, int32_t mark)
 {
+    double cosine, sine;
+    cosine_sine(map->yaw, &cosine, &sine);
     for (int64_t scan = 0; scan < s->count; scan++) {
         double dx = s->x[scan] - map->x, dy = s->y[scan] - map->y, c, w;
-        double px = (map->cosine * dx + map->sine * dy) / map->cell_x;
-        double py = (map->cosine * dy - map->sine * dx) / map->cell_y;
+        double px = (cosine * dx + sine * dy) / map->cell_x, py = (cosine * dy - sine * dx) / map->cell_y;
         cosine_sine(s->yaw[scan] - map->yaw, &c, &w);
         if (!(map->z_min <= s->z[scan] && s->z[scan] <= map->z_max) || !isfinite(px + py + c + w))
             continue;
@@ -157,6 +159,55 @@ void cast_squares(const bitmap *map, const scans *s, int32_t mark)
 }
 
 #ifndef __AVX2__
+/* The largest empty square that begins at each cell: one larger than the smallest of its three neighbours'. One pass
+   from the far corner; beyond the bitmap all is free. Sides are bytes: a larger square is left in several leaps. */
+void fill_squares(const uint8_t *free_cells, int64_t rows, int64_t columns, uint8_t *out)
+{
+    for (int64_t y = rows - 1; y >= 0; y--)
+        for (int64_t x = columns - 1; x >= 0; x--) {
+            uint8_t *here = out + y * columns + x;
+            int right = x + 1 < columns ? here[1] : LONGEST, above = y + 1 < rows ? here[columns] : LONGEST;
+            int corner = x + 1 < columns && y + 1 < rows ? here[columns + 1] : LONGEST;
+            int side = right < above ? right : above;
+            side = (corner < side ? corner : side) + 1;
+            *here = (uint8_t)(!free_cells[y * columns + x] ? 0 : side < LONGEST ? side : LONGEST);
+        }
+}
+
+/* What cast_squares does, cell by cell (Amanatides and Woo 1987): benchmarks and tests compare the two. */
+void cast_cells(const bitmap *map, const fans *s, int32_t mark)
+{
+    double cosine, sine, c, w;
+    cosine_sine(map->yaw, &cosine, &sine);
+    for (int64_t fan = 0; fan < s->count; fan++) {
+        double dx = s->x[fan] - map->x, dy = s->y[fan] - map->y;
+        double px = (cosine * dx + sine * dy) / map->cell_x, py = (cosine * dy - sine * dx) / map->cell_y;
+        cosine_sine(s->yaw[fan] - map->yaw, &c, &w);
+        int inside = px >= 0.0 && px < (double)map->columns && py >= 0.0 && py < (double)map->rows;
+        for (int64_t beam = 0; inside && beam < s->beams; beam++) {
+            double u = s->cosine[beam], v = s->sine[beam], t = 0.0;
+            double way_x = (c * u - w * v) / map->cell_x, way_y = (w * u + c * v) / map->cell_y;
+            int64_t ix = (int64_t)px, iy = (int64_t)py, step_x = way_x >= 0.0 ? 1 : -1, step_y = way_y >= 0.0 ? 1 : -1;
+            double across_x = 1.0 / (fabs(way_x) > TINY ? fabs(way_x) : TINY);
+            double across_y = 1.0 / (fabs(way_y) > TINY ? fabs(way_y) : TINY);
+            double next_x = (way_x >= 0.0 ? (double)ix + 1.0 - px : px - (double)ix) * across_x;
+            double next_y = (way_y >= 0.0 ? (double)iy + 1.0 - py : py - (double)iy) * across_y;
+            while (t < s->limit && map->sides[iy * map->columns + ix]) {
+                if (next_x <= next_y)
+                    t = next_x, next_x += across_x, ix += step_x;
+                else
+                    t = next_y, next_y += across_y, iy += step_y;
+                if (ix < 0 || iy < 0 || ix >= map->columns || iy >= map->rows)
+                    t = s->limit;
+            }
+            if (t < s->ranges[fan * s->beams + beam]) {
+                s->ranges[fan * s->beams + beam] = t;
+                s->hits[fan * s->beams + beam] = mark;
+            }
+        }
+    }
+}
+
 #ifdef __x86_64__
 #include <cpuid.h>
 

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from zteam.geometry import Pose2
 from zteam.sim.fields import Fields
 from zteam.sim.kinematic import KinematicBodies
-from zteam.sim.motion import follow_arcs, follow_tangents
 from zteam.sim.polygons import group_shapes
 from zteam.world.model import Floorplan, Robot, World
 
@@ -44,5 +43,5 @@ def make_bodies(
         from zteam.sim.dynamic import DynamicBodies  # pymunk: imported only where it is used
 
         return DynamicBodies(robots, poses, floorplans, world.obstacles)
-    follow = follow_tangents if physics == "stage" else follow_arcs
-    return KinematicBodies(len(robots), poses, floorplans, group_shapes(robots, world.obstacles), follow)
+    groups = group_shapes(robots, world.obstacles)
+    return KinematicBodies(len(robots), poses, floorplans, groups, tangents=physics == "stage")

@@ -16,7 +16,8 @@ from zteam.geometry import Pose2, normalize_angle
 from zteam.messages import Blob as BlobMessage
 from zteam.messages import Blobs, ColorRGBA, Fiducial, Fiducials, Header, Message, time_from_ns
 from zteam.messages import Bumper as BumperMessage
-from zteam.sim.casting import Beams, Caster, Rays
+from zteam.kernels.binding import Beams, Fans, Rays
+from zteam.sim.casting import Caster
 from zteam.sim.mounts import Mounts, mount_devices, rays_of
 from zteam.sim.polygons import NO_MOVER
 from zteam.sim.surroundings import Surroundings
@@ -163,7 +164,7 @@ class _FiducialFinders:
             np.full(count, here.x), np.full(count, here.y), np.full(count, finder.z),
             here.yaw + bearing[chosen], np.full(count, i, np.int64),
         )  # fmt: skip
-        ranges, hit = self._visible.cast(rays, _ahead(finder.range_max))
+        ranges, hit = self._visible.cast(Fans(rays, _ahead(finder.range_max)))
         seen = self._visible.source_of[hit[:, 0]] == self._target_sources[chosen]
         if finder.ignore_zloc:
             seen |= ranges[:, 0] >= far[chosen]
@@ -185,7 +186,7 @@ def _prepare_bumpers(surroundings: Surroundings, owned: Sequence[tuple[int, Bump
     solid = surroundings.solid
 
     def sense(poses: Floats) -> list[bool]:
-        ranges, _ = solid.cast(rays_of(poses, at), _ahead(_BEHIND + _TOUCH))
+        ranges, _ = solid.cast(Fans(rays_of(poses, at), _ahead(_BEHIND + _TOUCH)))
         hit = ranges[:, 0] < _BEHIND + _TOUCH
         return [bool(part.any()) for part in np.split(hit, ends[:-1])]
 
@@ -203,7 +204,7 @@ def _find_blobs(visible: Caster, i: int, finder: Blobfinder, poses: Floats) -> t
     step = finder.fov / max(1, finder.samples - 1)
     angles = angle_min + step * np.arange(finder.samples)
     beams = Beams(np.cos(angles)[None, :], np.sin(angles)[None, :], angle_min, step, finder.range_max)
-    ranges, hit = visible.cast(rays_of(poses, mount_devices([(i, finder)])), beams)
+    ranges, hit = visible.cast(Fans(rays_of(poses, mount_devices([(i, finder)])), beams))
     colors = [s.color if s is not None else "" for s in (visible.surfaces[h] for h in hit[0].tolist())]
     blobs, begin = [], 0
     for color, group in groupby(colors):

@@ -14,10 +14,10 @@ import pymunk.autogeometry
 from numpy.typing import NDArray
 
 from zteam.geometry import Pose2
+from zteam.kernels.binding import follow
 from zteam.sim.fields import Fields
 from zteam.sim.grids import Lines, find_walls
 from zteam.sim.holding import Cores
-from zteam.sim.motion import find_ways
 from zteam.sim.polygons import find_slabs, group_shapes, place_shape
 from zteam.world.model import Floorplan, Obstacle, Robot, Shape
 from zteam.world.shapes import is_convex
@@ -135,7 +135,6 @@ class DynamicBodies:
         self._anchored = np.zeros(len(self._bodies), bool)
         self._anchor()
         self._space.on_collision(begin=self._on_begin)
-        self._ways = np.empty((len(robots), 3))
         self._rests = not self._bodies
         """Whether nothing moves or touches anything, so that a step without velocities changes nothing."""
 
@@ -150,8 +149,9 @@ class DynamicBodies:
         if self._rests and not velocity.any():
             return
         count = len(self._robots)
-        before, way = self.poses[:count], self._ways
-        length = find_ways(before, velocity, seconds, way)
+        before = self.poses[:count]
+        way = follow(before, velocity, seconds) - before
+        length = float(np.abs(way[:, :2]).max(initial=0.0))
         steps = min(max(1, math.ceil(seconds / SUBSTEP - 1e-9), math.ceil(length / self._stride)), _MAX_SUBSTEPS)
         if length > self._stride * steps:
             way *= self._stride * steps / length

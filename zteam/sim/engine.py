@@ -13,13 +13,11 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from zteam.clock import NS_PER_S
-from zteam.compiling.takeover import prepare
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.messages import Twist
 from zteam.robot_ids import format_robot_ids
 from zteam.sim.fields import build_fields
-from zteam.sim.jit import SIMULATOR
 from zteam.sim.lasers import Reading
 from zteam.sim.observation import Observation, RobotObservation, pose_of
 from zteam.sim.team import WATCHDOG, Team
@@ -53,7 +51,6 @@ class Engine:
         robots: Mapping[int, Robot] | None = None,
         options: Options | None = None,
     ) -> None:
-        prepare(SIMULATOR)
         self.world = world
         self.seed = seed
         self.options = options or Options()
@@ -99,9 +96,8 @@ class Engine:
         self.tick += 1
 
     def begin_observing(self) -> Observation:
-        """What the bases sense now: no sensor and no other device has measured yet.
-
-        A second thread, if there is one, begins to cast rays. Nothing may change before `observe` follows.
+        """What the bases sense now: no sensor and no other device has measured yet. Nothing may change before `observe`
+        follows.
         """
         return self._assembled().begin_observing(self.now, self.tick)
 

@@ -9,10 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.sim.jit import compiled, plainly
-
-_CAP = 254
-"""Sides are bytes; a larger square is left in several leaps."""
+from zteam.kernels.binding import Bitmap, fill_squares
+from zteam.world.model import Floorplan
 
 
 class Fields(NamedTuple):
@@ -23,38 +21,6 @@ class Fields(NamedTuple):
     columns: int
 
 
-def _fill_squares_numpy(free: NDArray[np.bool_], out: NDArray[np.uint8]) -> None:
-    """The same without numba: anti-diagonals are independent, so each is one vector operation."""
-    rows, columns = free.shape
-    sides = np.full((rows + 1, columns + 1), _CAP, np.int16)
-    for diagonal in range(rows + columns - 2, -1, -1):
-        y = np.arange(max(0, diagonal - columns + 1), min(rows, diagonal + 1))
-        x = diagonal - y
-        side = np.minimum(np.minimum(sides[y, x + 1], sides[y + 1, x]), sides[y + 1, x + 1]) + 1
-        sides[y, x] = np.where(free[y, x], np.minimum(side, _CAP), 0)
-    out[:] = sides[:rows, :columns].ravel().astype(np.uint8)
-
-
-@plainly(_fill_squares_numpy)
-@compiled
-def _fill_squares(free: NDArray[np.bool_], out: NDArray[np.uint8]) -> None:
-    # One pass from the far corner: a square is one larger than the smallest of its three neighbours'. Beyond the
-    # bitmap all is free.
-    rows, columns = free.shape
-    for y in range(rows - 1, -1, -1):
-        for x in range(columns - 1, -1, -1):
-            side = 0
-            if free[y, x]:
-                side = 254
-                if x + 1 < columns:
-                    side = min(side, out[y * columns + x + 1] + 1)
-                if y + 1 < rows:
-                    side = min(side, out[(y + 1) * columns + x] + 1)
-                if x + 1 < columns and y + 1 < rows:
-                    side = min(side, out[(y + 1) * columns + x + 1] + 1)
-            out[y * columns + x] = side
-
-
 def build_fields(occupied: NDArray[np.bool_]) -> Fields:
     """Fields of a bitmap (rows, columns), row 0 at the bottom."""
     rows, columns = occupied.shape
@@ -62,5 +28,10 @@ def build_fields(occupied: NDArray[np.bool_]) -> Fields:
     for quadrant in range(4):
         view = occupied[:, ::-1] if quadrant & 1 else occupied
         view = view[::-1] if quadrant & 2 else view
-        _fill_squares(np.ascontiguousarray(~view), sides[quadrant, :-1])
+        fill_squares(np.ascontiguousarray(~view), sides[quadrant, :-1])
     return Fields(sides, rows, columns)
+
+
+def bitmap_of(plan: Floorplan, fields: Fields) -> Bitmap:
+    """A floor plan as kernels take it, with the fields of its bitmap."""
+    return Bitmap(*fields, *plan.cell, *plan.pose, plan.z_min, plan.z_max)

@@ -2,47 +2,24 @@
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from zteam.errors import UsageError
-from zteam.sim.fields import Fields
+from zteam.kernels.binding import Bitmaps
+from zteam.sim.fields import Fields, bitmap_of
 from zteam.world.model import Floorplan
 
-Floats = NDArray[np.float64]
 Lines = NDArray[np.intp]
 """(lines, 4): from x, y to x, y in cells."""
 MAX_WALLS = 400_000
 """Straight pieces of wall of all bitmaps: noise has more, and Chipmunk takes a kilobyte and 20 us for each."""
 
 
-class Grids(NamedTuple):
-    """All bitmaps that collide, as numba takes them."""
-
-    sides: NDArray[np.uint8]
-    """Fields of quadrant 0, one after the other: a cell is occupied where its largest empty square is 0."""
-    table: Floats
-    """(bitmaps, 11): offset in `sides`, rows, columns, cell x, cell y, cos, sin, x, y, z_min, z_max."""
-
-
-def make_grids(floorplans: Sequence[tuple[Floorplan, Fields]]) -> Grids:
-    """Grids of the floor plans that are obstacles."""
-    solid = [(plan, fields) for plan, fields in floorplans if plan.obstacle]
-    sides: list[NDArray[np.uint8]] = []
-    offsets: dict[int, int] = {}
-    end, rows = 0, []
-    for plan, fields in solid:
-        # Floor plans of one bitmap share their cells.
-        if id(fields.sides) not in offsets:
-            offsets[id(fields.sides)] = end
-            sides.append(fields.sides[0, :-1])
-            end += fields.rows * fields.columns
-        turn = math.cos(plan.pose.yaw), math.sin(plan.pose.yaw)
-        place = plan.pose.x, plan.pose.y, plan.z_min, plan.z_max
-        rows.append([offsets[id(fields.sides)], fields.rows, fields.columns, *plan.cell, *turn, *place])
-    return Grids(np.concatenate(sides) if sides else np.zeros(1, np.uint8), np.array(rows, float).reshape(-1, 11))
+def make_grids(floorplans: Sequence[tuple[Floorplan, Fields]]) -> Bitmaps:
+    """The floor plans that are obstacles."""
+    return Bitmaps([bitmap_of(plan, fields) for plan, fields in floorplans if plan.obstacle])
 
 
 def is_occupied(plan: Floorplan, x: float, y: float) -> bool:

@@ -13,121 +13,14 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from zteam.kernels.binding import find_overlaps, hold
 from zteam.sim.fields import Fields
-from zteam.sim.grids import Grids, make_grids
-from zteam.sim.jit import compiled
-from zteam.sim.overlaps import NOTHING, convex_solids, find_overlap, most_corners, place_group
-from zteam.sim.polygons import NO_MOVER, Group, Polygons, make_polygons, move_polygons
+from zteam.sim.grids import make_grids
+from zteam.sim.polygons import NO_MOVER, Group, convex_solids, make_polygons
 from zteam.world.model import Floorplan, Point2, Shape
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
-
-_MAX_PLACES = 1000
-"""Places along one way that are tested."""
-_HALVINGS = 6
-"""Of the piece of a way in which a core was stopped."""
-_ROUNDS = 4
-"""Rounds over all bodies: one that was stopped by another goes on when the other has gone."""
-
-
-@compiled
-def _go(o: Polygons, group: int, pose: Floats, end: Floats, share: float, out: Floats) -> None:
-    """Place a group at this share of its way, and write the pose into `out`."""
-    for axis in range(3):
-        out[axis] = end[axis] if share == 1.0 else pose[axis] + share * (end[axis] - pose[axis])
-    place_group(o, group, out[0], out[1], out[2])
-
-
-@compiled
-def _advance(
-    o: Polygons, group: int, grids: Grids, slack: float, ignored: Flags, pose: Floats, end: Floats,
-    share: float, places: int, out: Floats, px: Floats, py: Floats,
-) -> float:  # fmt: skip
-    """How far, from `share` on, a group's way is free; the group is placed there, its pose is `out`."""
-    free, blocked = share, 2.0
-    tested = halvings = 0
-    # One call for both purposes: each is compiled once more into this function.
-    while free < 1.0 and halvings < _HALVINGS:
-        if blocked > 1.0:
-            tested += 1
-            at = 1.0 if tested == places else share + (1.0 - share) * tested / places
-        else:
-            halvings += 1
-            at = 0.5 * (free + blocked)
-        _go(o, group, pose, end, at, out)
-        if find_overlap(o, group, grids, slack, ignored, px, py) == NOTHING:
-            free = at
-        else:
-            blocked = at
-    if free < 1.0:
-        _go(o, group, pose, end, free, out)
-    return free
-
-
-@compiled
-def _measure_ways(
-    owner: NDArray[np.int64], centre: Floats, radius: Floats, half: Floats, poses: Floats, ends: Floats,
-    suspects: Flags, places: Floats, shares: Floats,
-) -> float:  # fmt: skip
-    """Number the `places` to test along each suspect's way; the longest way of any point of a body in metres.
-
-    `owner`, `centre` and `radius` are the groups'. `shares` is 0 for a way to be tested, 1 for any other. A way to a
-    place that is not finite is none.
-    """
-    longest = 0.0
-    for group in range(owner.shape[0]):
-        i = owner[group]
-        if i < 0:
-            continue
-        dx, dy, turn = ends[i, 0] - poses[i, 0], ends[i, 1] - poses[i, 1], ends[i, 2] - poses[i, 2]
-        if not math.isfinite(dx + dy + turn):
-            shares[i] = 0.0
-            ends[i] = poses[i]
-        elif suspects[i] and (dx != 0.0 or dy != 0.0 or turn != 0.0):
-            arm = math.hypot(centre[group, 0], centre[group, 1])
-            way = math.hypot(dx, dy) + (arm + radius[group]) * abs(turn)
-            longest = max(longest, way)
-            places[i] = 1.0 + min(float(_MAX_PLACES), way / half[group])
-            shares[i] = 0.0
-    return longest
-
-
-@compiled
-def hold(
-    o: Polygons, grids: Grids, half: Floats, poses: Floats, ends: Floats, suspects: Flags, tangled: Flags, apart: bool,
-    shares: Floats,
-) -> None:  # fmt: skip
-    """Cut the ways of the `suspects` from `poses` to `ends` (movers; x, y, yaw) to what is free; `shares` is how much.
-
-    `half` (groups) is half the width of a core: no two places that are tested are farther apart. With `apart` cores
-    stay out of each other too, unless both are `tangled`. All groups have been placed at `poses`.
-    """
-    movers = poses.shape[0]
-    none, every = np.zeros(movers, np.bool_), np.ones(movers, np.bool_)
-    size = most_corners(o)
-    px, py, out = np.empty(size), np.empty(size), np.empty(3)
-    shares[:] = 1.0
-    places = np.zeros(movers)
-    slack = _measure_ways(o.owner, o.local_centre, o.radius, half, poses, ends, suspects, places, shares)
-    for _ in range(_ROUNDS):
-        went = False
-        # What is pushed goes before what pushes it: robots come first in the order of movers.
-        for group in range(o.owner.shape[0] - 1, -1, -1):
-            i = o.owner[group]
-            if i < 0 or shares[i] >= 1.0 or places[i] == 0.0:
-                continue
-            ignored = every if not apart else tangled if tangled[i] else none
-            way, share = int(places[i]), shares[i]
-            shares[i] = _advance(o, group, grids, slack, ignored, poses[i], ends[i], share, way, out, px, py)
-            went |= shares[i] > share
-        if not went:
-            break
-    for i in range(movers):
-        if places[i] > 0.0 and shares[i] < 1.0:
-            for axis in range(3):
-                ends[i, axis] = poses[i, axis] + shares[i] * (ends[i, axis] - poses[i, axis])
-
 
 class Cores:
     """The cores of all movers, and what they must stay out of: what stands still and, with `apart`, each other."""
@@ -168,27 +61,17 @@ class Cores:
 
     def look(self, poses: Floats) -> None:
         """See which cores overlap what, after something has been put elsewhere."""
-        o = self._polygons
-        if not len(self._core_half):
-            return
-        move_polygons(o, poses)
-        px, py = np.empty((2, most_corners(o)))
-        for found, ignored in ((self.in_wall, True), (self._tangled, not self._apart)):
-            uncounted = np.full(len(poses), ignored)
-            for group in np.flatnonzero(o.owner != NO_MOVER).tolist():
-                found[o.owner[group]] = find_overlap(o, group, self._grids, 0.0, uncounted, px, py) != NOTHING
+        self._polygons.move(poses)
+        find_overlaps(self._polygons, self._grids, False, self.in_wall)
+        find_overlaps(self._polygons, self._grids, self._apart, self._tangled)
         self.stuck = np.flatnonzero(self.in_wall).tolist()
 
     def hold(self, poses: Floats, ends: Floats, suspects: Flags) -> Floats:
         """Cut the ways of `suspects` from `poses` to `ends` (movers, 3) short; the shares (movers) that are left."""
-        shares = np.ones(len(poses))
-        if len(self._core_half):
-            if self._apart and self._tangled.any():
-                self.look(poses)
-            move_polygons(self._polygons, poses)
-            state = self._tangled, self._apart, shares
-            hold(self._polygons, self._grids, self._core_half, poses, ends, suspects, *state)
-        return shares
+        if self._apart and self._tangled.any():
+            self.look(poses)
+        self._polygons.move(poses)
+        return hold(self._polygons, self._grids, self._core_half, poses, ends, suspects, self._tangled, self._apart)
 
 
 def half_width(points: Sequence[Point2]) -> float:

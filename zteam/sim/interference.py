@@ -8,7 +8,8 @@ import numpy as np
 
 from zteam.counter_random import mix64, stream
 from zteam.geometry import Pose2
-from zteam.sim.casting import Beams, Caster, Rays
+from zteam.kernels.binding import Beams, Fans, Rays
+from zteam.sim.casting import Caster
 from zteam.world.model import Ranger
 
 SAME_HEIGHT = 0.05
@@ -75,7 +76,7 @@ def _are_in_sight(pairs: Sequence[tuple[Emitter, Emitter]], caster: Caster) -> l
     ahead = Beams(np.ones((1, 1)), np.zeros((1, 1)), 0.0, 0.0, float(distance.max()) + 1.0)
     x, y, z = np.ascontiguousarray(start.T)
     rays = Rays(x, y, z, np.arctan2(way[:, 1], way[:, 0]), owners)
-    ranges, hit = caster.cast(rays, ahead)
+    ranges, hit = caster.cast(Fans(rays, ahead))
     reached = ranges[:, 0] >= distance - 1e-9
     other = caster.source_of[hit[:, 0]] == np.array([b.owner for _, b in pairs], np.int64)
     return [bool(r or o) for r, o in zip(reached, other, strict=True)]

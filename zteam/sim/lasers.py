@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from zteam.counter_random import gaussians, stream, streams, uniforms
 from zteam.geometry import Pose2
-from zteam.sim.cast_pair import WORTH, CastPair
-from zteam.sim.casting import Beams, Caster, Rays, ScanBuffers, finish, make_buffers
+from zteam.kernels.binding import Beams, Fans, Rays
+from zteam.sim.casting import Caster
 from zteam.sim.interference import Emitter, Interference, find_interference
-from zteam.sim.mounts import Mounts, make_rays, mount_devices, place_mounts
+from zteam.sim.mounts import Mounts, make_rays, mount_devices, place_rays
 from zteam.simulation_options import Options
 from zteam.world.model import Ranger, Robot
 
@@ -68,7 +68,7 @@ class Batch(NamedTuple):
     noise: _Noise | None
     rays: Rays
     """Where the sensors are at present."""
-    buffers: ScanBuffers
+    fans: Fans
 
 
 class Scans(NamedTuple):
@@ -110,7 +110,6 @@ class Lasers:
             for row, mount in enumerate(batch.mounts)
         }
         self._intensity = np.array([s.ranger_return if s else 0.0 for s in caster.surfaces], np.float32)
-        self._pairs = [_make_pair(caster, batch) for batch in self._batches]
         self._interference = Interference(options.dazzle_angle, options.dazzle_probability)
         self._is_exact = options.dazzle == "off" and all(batch.noise is None for batch in self._batches)
         """Whether the poses alone decide what is measured."""
@@ -125,33 +124,27 @@ class Lasers:
         if self._is_exact and at == self._poses:
             return
         self._poses, self._scans = at, None
-        for batch, pair in zip(self._batches, self._pairs, strict=True):
-            place_mounts(poses, batch.at, batch.rays.x, batch.rays.y, batch.rays.yaw)
-            if pair is not None:
-                pair.begin()
+        for batch in self._batches:
+            place_rays(poses, batch.at, batch.rays)
 
     def measure(self, tick: int) -> Scans:
         """The readings that `begin` began. Where nothing has moved and nothing is random, they are the last ones."""
         if self._scans is None:
-            arrays = [self._measure(batch, pair, tick) for batch, pair in zip(self._batches, self._pairs, strict=True)]
+            arrays = [self._measure(batch, tick) for batch in self._batches]
             if self._options.dazzle != "off":
                 self._interfere(arrays, tick)
             self._scans = Scans([Reading(*map(_read_only, reading)) for reading in arrays], self._rows, {})
         return self._scans
 
-    def _measure(self, batch: Batch, pair: CastPair | None, tick: int) -> Reading:
+    def _measure(self, batch: Batch, tick: int) -> Reading:
         noise = batch.noise
-        if pair is not None:
-            beams, (exact, hit) = batch.beams, batch.buffers
-            pair.finish()
-        else:
-            beams = batch.beams if noise is None else _jittered(batch, noise, tick)
-            exact, hit = self._caster.cast(batch.rays, beams, batch.buffers)
+        if noise is not None:
+            _jitter(batch, noise, tick)
+        exact, hit = self._caster.cast(batch.fans)
         if noise is not None:
             hits = hit != self._caster.nothing
-            exact[hits] = np.clip(_disturbed(exact, noise, tick), 0.0, beams.limit)[hits]
-        reading = Reading(np.empty(exact.shape, np.float32), np.empty(exact.shape, np.float32))
-        finish(exact, hit, self._intensity, *reading)
+            exact[hits] = np.clip(_disturbed(exact, noise, tick), 0.0, batch.beams.limit)[hits]
+        reading = Reading(exact.astype(np.float32), self._intensity.take(hit))
         if self._options.below_min != "measured":
             below = reading.ranges < batch.range_min
             reading.ranges[below] = -np.inf if self._options.below_min == "-inf" else 0.0
@@ -190,29 +183,19 @@ class Lasers:
                 ranges[struck] = np.nan
 
 
-def _make_pair(caster: Caster, batch: Batch) -> CastPair | None:
-    # Beams that jitter are others in each tick.
-    if batch.buffers.ranges.size < WORTH or (batch.noise is not None and batch.noise.angular.any()):
-        return None
-    job = caster.make_job(batch.rays, batch.beams, batch.buffers)
-    return None if job is None else CastPair(job)
-
-
 def _read_only(array: NDArray[np.float32]) -> NDArray[np.float32]:
-    # A view: the array itself is a sample of what a kernel writes to (`Kernel.sample`).
-    view = array.view()
-    view.flags.writeable = False
-    return view
+    array.flags.writeable = False
+    return array
 
 
-def _jittered(batch: Batch, noise: _Noise, tick: int) -> Beams:
-    """The beams, each turned by its own share of an increment."""
+def _jitter(batch: Batch, noise: _Noise, tick: int) -> None:
+    """Turn each beam by its own share of an increment."""
     beams = batch.beams
-    if not noise.angular.any():
-        return beams
-    draws = uniforms(streams(noise.states[_ANGLE_NOISE], tick), len(batch.angles))
-    angles = batch.angles + (2.0 * draws - 1.0) * noise.angular * beams.increment
-    return beams._replace(cos=np.cos(angles), sin=np.sin(angles), jitter=float(noise.angular.max()))
+    if beams.jitter:
+        draws = uniforms(streams(noise.states[_ANGLE_NOISE], tick), len(batch.angles))
+        angles = batch.angles + (2.0 * draws - 1.0) * noise.angular * beams.increment
+        np.cos(angles, out=beams.cos)
+        np.sin(angles, out=beams.sin)
 
 
 def _disturbed(ranges: Floats, noise: _Noise, tick: int) -> Floats:
@@ -243,11 +226,15 @@ def _make_batch(mounts: list[Mount], options: Options) -> Batch:
     # A single ray looks straight ahead; several fill the field of view, its ends included.
     angle_min = -ranger.fov / 2 if ranger.samples > 1 else 0.0
     angles: Floats = angle_min + ranger.angle_increment * np.arange(ranger.samples, dtype=np.float64)
-    beams = Beams(np.cos(angles)[None, :], np.sin(angles)[None, :], angle_min, ranger.angle_increment, ranger.range_max)
+    noise = _make_noise(mounts, options)
+    jitter = 0.0 if noise is None else float(noise.angular.max())
+    # Beams that jitter are others in each scan.
+    directions = np.tile(angles, (len(mounts) if jitter else 1, 1))
+    beams = Beams(np.cos(directions), np.sin(directions), angle_min, ranger.angle_increment, ranger.range_max, jitter)
     at = mount_devices([(m.robot, m.ranger) for m in mounts])
     range_min = np.array([[m.ranger.range_min] for m in mounts], np.float32)
-    rays, buffers = make_rays(at), make_buffers(len(mounts), beams)
-    return Batch(mounts, at, beams, angles, range_min, _make_noise(mounts, options), rays, buffers)
+    rays = make_rays(at)
+    return Batch(mounts, at, beams, angles, range_min, noise, rays, Fans(rays, beams))
 
 
 def _make_noise(mounts: Sequence[Mount], options: Options) -> _Noise | None:

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from zteam.counter_random import gaussians, stream, streams
 from zteam.geometry import Pose2
-from zteam.sim.jit import compiled
 from zteam.world.model import Robot
 
 Floats = NDArray[np.float64]
@@ -27,52 +26,37 @@ class OdometryNoise(NamedTuple):
     """(robots, 4): Thrun's."""
 
 
-@compiled
-def integrate(
-    velocity: Floats, seconds: float, wrong: NDArray[np.bool_], noise: OdometryNoise, draws: Floats, odom: Floats
-) -> None:
-    """Carry the `odom` (robots; x, y, yaw) that is `wrong` on by what `velocity` (body frame) did in `seconds`.
+def _integrate(velocity: Floats, seconds: float, noise: OdometryNoise, draws: Floats, odom: Floats) -> Floats:
+    """The `odom` (robots; x, y, yaw) after what `velocity` (body frame) did in `seconds`.
 
-    Bias: each component counts 1 + e. Noise, if any alpha is set (Thrun, Burgard, Fox 2005, table 5.6, `draws`
-    (robots, 3) standard normal): the way is a turn, a straight piece and a turn, each with its own variance; here both
-    turns are half the arc's.
+    Bias: each component counts 1 + e. Noise (Thrun, Burgard, Fox 2005, table 5.6, `draws` (robots, 3) standard normal):
+    the way is a turn, a straight piece and a turn, each with its own variance; here both turns are half the arc's.
     """
-    for i in range(odom.shape[0]):
-        if not wrong[i]:
-            continue
-        turn = velocity[i, 2] * seconds
-        half = 0.5 * turn
-        chord = seconds * (math.sin(half) / half if abs(half) > 1e-9 else 1.0)
-        forward = velocity[i, 0] * chord * (1.0 + noise.bias[i, 0])
-        left = velocity[i, 1] * chord * (1.0 + noise.bias[i, 1])
-        half *= 1.0 + noise.bias[i, 2]
-        first = second = half
-        a1, a2, a3, a4 = noise.alphas[i, 0], noise.alphas[i, 1], noise.alphas[i, 2], noise.alphas[i, 3]
-        if a1 + a2 + a3 + a4 > 0.0:
-            length = math.hypot(forward, left)
-            way = length * length
-            first += math.sqrt(a1 * half * half + a2 * way) * draws[i, 0]
-            second += math.sqrt(a1 * half * half + a2 * way) * draws[i, 1]
-            # Along the way made; a turn on the spot has none, and errs ahead.
-            ahead, aside = (forward / length, left / length) if length > 1e-9 else (1.0, 0.0)
-            wrong_by = math.sqrt(a3 * way + a4 * 2.0 * half * half) * draws[i, 2]
-            forward, left = forward + ahead * wrong_by, left + aside * wrong_by
-        heading = odom[i, 2] + first
-        cos, sin = math.cos(heading), math.sin(heading)
-        odom[i, 0] += cos * forward - sin * left
-        odom[i, 1] += sin * forward + cos * left
-        odom[i, 2] += first + second
+    half = 0.5 * seconds * velocity[:, 2]
+    # np.sinc takes its angle in half turns: the chord of an arc is sin(half) / half long.
+    chord = seconds * np.sinc(half / math.pi)
+    forward, left = (velocity[:, axis] * chord * (1.0 + noise.bias[:, axis]) for axis in (0, 1))
+    half = half * (1.0 + noise.bias[:, 2])
+    a1, a2, a3, a4 = noise.alphas.T
+    way = forward * forward + left * left
+    wrong = np.sqrt(a1 * half * half + a2 * way)
+    first, second = half + wrong * draws[:, 0], half + wrong * draws[:, 1]
+    # Along the way made; a turn on the spot has none, and errs ahead.
+    length = np.sqrt(way)
+    stands = length <= 1e-9
+    share = np.sqrt(a3 * way + a4 * 2.0 * half * half) * draws[:, 2] / np.where(stands, 1.0, length)
+    forward, left = forward + share * np.where(stands, 1.0, forward), left + share * np.where(stands, 0.0, left)
+    heading = odom[:, 2] + first
+    cos, sin = np.cos(heading), np.sin(heading)
+    moved: Floats = odom + np.column_stack((cos * forward - sin * left, sin * forward + cos * left, first + second))
+    return moved
 
 
-@compiled
-def see_from_start(poses: Floats, start: Floats, wrong: NDArray[np.bool_], odom: Floats) -> None:
-    """Where robots at `poses` are as seen from `start` (both in `map`), into `odom` but for those that are `wrong`."""
-    for i in range(odom.shape[0]):
-        if wrong[i]:
-            continue
-        cos, sin = math.cos(start[i, 2]), math.sin(start[i, 2])
-        dx, dy = poses[i, 0] - start[i, 0], poses[i, 1] - start[i, 1]
-        odom[i, 0], odom[i, 1], odom[i, 2] = cos * dx + sin * dy, cos * dy - sin * dx, poses[i, 2] - start[i, 2]
+def _see_from_start(poses: Floats, start: Floats) -> Floats:
+    """Where robots at `poses` are as seen from `start` (robots; x, y, yaw in `map`)."""
+    cos, sin = np.cos(start[:, 2]), np.sin(start[:, 2])
+    dx, dy, turn = (poses - start).T
+    return np.column_stack((cos * dx + sin * dy, cos * dy - sin * dx, turn))
 
 
 class Odometry:
@@ -88,19 +72,19 @@ class Odometry:
         bias = [robot.odom_error if robot.localization == "odom" else (0.0, 0.0, 0.0) for robot in robots]
         chosen = [alphas or robot.odom_alphas for robot in robots]
         self._noise = OdometryNoise(np.array(bias, float).reshape(-1, 3), np.array(chosen, float).reshape(-1, 4))
-        self._wrong = np.array([any(row) for row in np.hstack(self._noise).tolist()], bool)
-        self._is_wrong = bool(self._wrong.any())
-        self._noisy = bool(self._noise.alphas.any())
+        self._wrong = np.hstack(self._noise).any(axis=1)
         self._states = np.array([stream(seed, robot_id, _STREAM) for robot_id in ids], np.uint64)
         self._start = np.array([robot.pose for robot in robots], float).reshape(-1, 3)
         self.poses = np.zeros((len(robots), 3))
 
     def advance(self, after: Floats, velocity: Floats, seconds: float, tick: int) -> None:
         """One tick; `after` are the true poses at its end, `velocity` what the bases did in it."""
-        see_from_start(after, self._start, self._wrong, self.poses)
-        if self._is_wrong:
-            draws = gaussians(streams(self._states, tick), 3) if self._noisy else np.zeros((len(after), 3))
-            integrate(velocity, seconds, self._wrong, self._noise, draws, self.poses)
+        exact = _see_from_start(after, self._start)
+        if self._wrong.any():
+            draws = gaussians(streams(self._states, tick), 3)
+            counted = _integrate(velocity, seconds, self._noise, draws, self.poses)
+            exact[self._wrong] = counted[self._wrong]
+        self.poses = exact
 
     def adopt(self, old: "Odometry", kept: Sequence[tuple[int, int]]) -> None:
         """Go on from another's state, for pairs (index here, index there)."""
@@ -162,13 +146,7 @@ def make_wheels(robots: Sequence[Robot]) -> Wheels:
     )
 
 
-@compiled
-def roll(
-    owner: NDArray[np.int64], rows: Floats, velocity: Floats, seconds: float, angles: Floats, rates: Floats
-) -> None:
+def roll(wheels: Wheels, velocity: Floats, seconds: float) -> None:
     """Turn the wheels by the bases' velocities (robots, 3)."""
-    for i in range(owner.shape[0]):
-        robot = owner[i]
-        rate = rows[i, 0] * velocity[robot, 0] + rows[i, 1] * velocity[robot, 1] + rows[i, 2] * velocity[robot, 2]
-        rates[i] = rate
-        angles[i] += rate * seconds
+    np.add.reduce(wheels.rows * velocity.take(wheels.owner, axis=0), axis=1, out=wheels.rates)
+    wheels.angles[:] += wheels.rates * seconds

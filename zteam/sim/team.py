@@ -7,11 +7,12 @@ from msgspec.structs import replace
 
 from zteam.clock import to_ns
 from zteam.geometry import Pose2
+from zteam.kernels.binding import measure
 from zteam.sim.bodies import Bodies, make_bodies
 from zteam.sim.devices import Devices
 from zteam.sim.fields import Fields
 from zteam.sim.lasers import NO_SCANS, Lasers
-from zteam.sim.motion import keep_what_is_left, make_drives, measure_tangents, measure_velocity, obey
+from zteam.sim.motion import keep_what_is_left, make_drives, obey
 from zteam.sim.observation import Observation, Robots, Snapshot, pose_of
 from zteam.sim.odometry import Odometry, make_wheels, roll
 from zteam.sim.surroundings import Surroundings
@@ -82,17 +83,18 @@ class Team:
     def move(self, now: int, tick: int, seconds: float) -> None:
         """One tick, from `now` (ns) on."""
         fresh = now - self.commanded < WATCHDOG
-        obey(self._drives, self.commands, fresh, seconds, self.setpoint)
-        before = self.bodies.poses.copy()
+        self.setpoint = obey(self._drives, self.commands, fresh, seconds, self.setpoint)
+        count = len(self.ids)
+        before = self.bodies.poses[:count].copy()
         self.bodies.step(seconds, self.setpoint)
-        measure_velocity(before, self.bodies.poses, seconds, self.velocity)
-        self.odometry.advance(self.bodies.poses, self.velocity, seconds, tick)
+        after = self.bodies.poses[:count]
+        self.velocity = measure(before, after, seconds)
+        self.odometry.advance(after, self.velocity, seconds, tick)
         if self._physics == "stage":
-            measure_tangents(before, self.bodies.poses, seconds, self.velocity)
+            self.velocity = measure(before, after, seconds, tangents=True)
         if self.bodies.met.any():
             keep_what_is_left(self._drives, self.bodies.met, self.velocity, self.setpoint)
-        wheels = self._wheels
-        roll(wheels.owner, wheels.rows, self.velocity, seconds, wheels.angles, wheels.rates)
+        roll(self._wheels, self.velocity, seconds)
 
     def begin_observing(self, now: int, tick: int) -> Observation:
         """What the bases sense at `now` (ns)."""
