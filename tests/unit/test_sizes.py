@@ -13,9 +13,6 @@ MAX_CLASS, MAX_FUNCTION, MAX_FILE = 150, 40, 300
 """Lines, from the first one of a definition to its last; decorators do not count."""
 
 ALLOWED = {
-    ("sim/square_kernels.py", "cast_squares"): "a compiled kernel: its loops share their local variables",
-    ("sim/edge_kernels.py", "cast_edges"): "a compiled kernel: its loops share their local variables",
-    ("sim/numpy_kernels.py", "cast_squares"): "mirrors the compiled kernel of the same name, step by step",
     ("planning/lines.py", "measure_line"): "a compiled kernel: its loop shares its local variables",
     ("planning/search_kernels.py", "search"): "a compiled kernel: its loops share their local variables",
     ("planning/search_kernels.py", "_search_numpy"): "mirrors the compiled kernel, step by step",
