@@ -6,7 +6,7 @@ from pathlib import Path
 import zteam
 
 IMPORTED_FROM = str(Path(zteam.__file__).parents[1])
-"""PYTHONPATH of a process that has the zteam that is tested. From another folder it would compile its kernels."""
+"""PYTHONPATH of a process that has the zteam that is tested."""
 
 
 def exit_code(main: Callable[[Sequence[str]], int], words: Sequence[str]) -> int:

@@ -13,9 +13,6 @@ MAX_CLASS, MAX_FUNCTION, MAX_FILE = 150, 40, 300
 """Lines, from the first one of a definition to its last; decorators do not count."""
 
 ALLOWED = {
-    ("sim/square_kernels.py", "cast_squares"): "a compiled kernel: its loops share their local variables",
-    ("sim/edge_kernels.py", "cast_edges"): "a compiled kernel: its loops share their local variables",
-    ("sim/numpy_kernels.py", "cast_squares"): "mirrors the compiled kernel of the same name, step by step",
     ("kernels/binding.py", ""): "all of the kernels' checks, beside each other",
     ("tf/buffer.py", "Buffer"): "tf2's whole interface in one class, as its users know it",
     ("tf/paths.py", "PlanarPath.solve"): "every look-up runs it: a call for each kind of step would slow it down",

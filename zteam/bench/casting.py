@@ -57,7 +57,7 @@ def measure_kernels(world: World, beams: int, fov_deg: float, seed: int = 1) -> 
 
 
 def _time_alternately(first: Callable[[], None], second: Callable[[], None]) -> list[tuple[float, float]]:
-    """CPU seconds of both calls in each round; a round before the measured ones compiles them."""
+    """CPU seconds of both calls in each round; a round before the measured ones does not count."""
     spent = []
     for _ in range(_ROUNDS + 1):
         begin = process_time()

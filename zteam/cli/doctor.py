@@ -10,7 +10,7 @@ import msgspec
 
 from zteam.bus import Bus, BusOptions
 from zteam.cli.doctor_facts import collect_facts
-from zteam.cli.doctor_host import check_lasers, check_router, check_versions
+from zteam.cli.doctor_host import check_router, check_versions
 from zteam.cli.interrupts import leave
 from zteam.cli.listening import open_bus
 from zteam.cli.live_line import has_color
@@ -45,7 +45,7 @@ def _examine(args: argparse.Namespace) -> int:
     options = bus_options(args)
     map_file = None if args.map is None else _read_map(Path(args.map))
     router = check_router(options)
-    findings = [check_versions(), check_lasers(), router]
+    findings = [check_versions(), router]
     if router.good:
         bus = open_bus(msgspec.structs.replace(options, connect=options.endpoint))
         try:

@@ -9,7 +9,7 @@ from zteam.bus.probe import port_accepts, why_refused
 from zteam.diagnosis.finding import Finding, ok, problem
 from zteam.launch import kinds
 
-_PACKAGES = ("zteam", "eclipse-zenoh", "numpy", "msgspec", "numba", "pymunk", "pillow")
+_PACKAGES = ("zteam", "eclipse-zenoh", "numpy", "msgspec", "pymunk", "pillow")
 
 
 def check_versions() -> Finding:
@@ -21,15 +21,6 @@ def check_versions() -> Finding:
         except PackageNotFoundError:
             found.append(f"{package} missing")
     return ok("versions", ", ".join(found))
-
-
-def check_lasers() -> Finding:
-    """Whether lasers are computed fast."""
-    from importlib.util import find_spec
-
-    if find_spec("numba") is None:
-        return problem("lasers", "numba is missing: scans are computed slowly", "pip install numba")
-    return ok("lasers", "compiled by numba")
 
 
 def check_router(options: BusOptions) -> Finding:

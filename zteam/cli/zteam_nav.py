@@ -43,9 +43,6 @@ def build_parser() -> argparse.ArgumentParser:
         choices=("amcl", "fake", "none"),
         help="how to find out where a robot is: by its laser (amcl, the default), from the simulator, or not at all",
     )
-    parser.add_argument(
-        "--lockstep", action="store_true", help="for a team in lock-step: compile kernels that are missing at once"
-    )
     add_seed_option(parser)
     add_clock_option(parser)
     add_bus_options(parser)
@@ -124,7 +121,7 @@ def _navigate(args: argparse.Namespace, ids: tuple[int, ...]) -> int:
     options = _read(args, ids)
 
     def body(node: StepNode) -> None:
-        run_navigation(node, options, None)
+        run_navigation(node, options)
 
     return run_node(names.navigation_name(ids[0]), bus_options(args), body, args.clock, make=StepNode)
 

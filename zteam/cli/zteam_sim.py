@@ -9,7 +9,7 @@ from zteam import names
 from zteam.cli.arguments import LOCKSTEP_TIMEOUTS, MIN_RUN, UNTIL_TICKS, add_seed_option, number, parse_speed, whole
 from zteam.cli.interrupts import leave
 from zteam.cli.options import Parser, add_bus_options, bus_options, checked, run
-from zteam.errors import UsageError, ZteamError
+from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.numbers import MAX_SECONDS, parse_number
 from zteam.resources import find_world
@@ -33,9 +33,6 @@ def build_parser() -> argparse.ArgumentParser:
         help="cell size of the published map, metres (default: %(default)s)",
     )
     parser.add_argument("--no-map", action="store_true", help="publish no map: zteam-map serves another one")
-    parser.add_argument(
-        "--compile-only", action="store_true", help="compile the kernels, the robots' too, into the cache, then end"
-    )
     _add_robot_options(parser)
     _add_time_options(parser)
     _add_simulation_options(parser)
@@ -209,11 +206,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _simulate(args: argparse.Namespace, choice: _Choice) -> int:
-    from zteam.compiling.takeover import begin, prepare
     from zteam.nodes.simulator.node import SimOptions, run_simulator
     from zteam.runtime.node import Node
     from zteam.runtime.process import run_node
-    from zteam.sim.jit import SIMULATOR
     from zteam.world import add_robot, load_world
 
     world = load_world(find_world(args.world))
@@ -222,12 +217,6 @@ def _simulate(args: argparse.Namespace, choice: _Choice) -> int:
         if robot_id in robots:
             raise UsageError(f"--add {robot_id}: the world already has a robot {robot_id}")
         robots[robot_id] = add_robot(world, model, pose, names.robot_name(robot_id))
-    if args.compile_only:
-        return _compile()
-    # A lock-step run keeps its first kernels: its result must not depend on the moment when others are compiled.
-    later = None if choice.lockstep else begin(SIMULATOR)
-    if choice.lockstep:
-        prepare(SIMULATOR)
     options = SimOptions(
         world=Path(args.world),
         seed=args.seed,
@@ -243,18 +232,9 @@ def _simulate(args: argparse.Namespace, choice: _Choice) -> int:
     )
 
     def body(node: Node) -> None:
-        run_simulator(node, world, robots, options, later)
+        run_simulator(node, world, robots, options)
 
     return run_node(names.SIMULATOR, bus_options(args), body)
-
-
-def _compile() -> int:
-    from zteam.compiling.takeover import fill_cache
-    from zteam.sim.jit import SIMULATOR
-
-    if reason := fill_cache(SIMULATOR):
-        raise ZteamError(f"the kernels are not in the cache: {reason}")
-    return 0
 
 
 if __name__ == "__main__":

@@ -9,7 +9,6 @@ from pathlib import Path
 
 from zteam import names
 from zteam.behaviors.registry import find_behavior, load_behavior, look_in
-from zteam.compiling.takeover import begin, prepare
 from zteam.in_process.member import Part
 from zteam.launch.arguments import Pace, TeamLaunch, module_folders, navigated_robots, team_map
 from zteam.nodes.map_server.node import run_map_server
@@ -24,7 +23,6 @@ from zteam.planning.map_files import read_map
 from zteam.planning.parameters import navigation_of_robot
 from zteam.runtime.node import Node
 from zteam.runtime.step_node import StepNode
-from zteam.sim.jit import SIMULATOR
 from zteam.team_file import RobotEntry, behavior_of, navigation_of, static_transform
 from zteam.tf.urdf import read_description
 from zteam.world import Robot, World, add_robot, load_world
@@ -65,12 +63,7 @@ def simulator_part(launch: TeamLaunch) -> Part:
     world = load_world(launch.world)
     robots = _robots(launch, world)
 
-    def body(node: Node) -> None:
-        if pace.lockstep:
-            prepare(SIMULATOR)
-        run_simulator(node, world, robots, options, None if pace.lockstep else begin(SIMULATOR))
-
-    return Part(body)
+    return Part(lambda node: run_simulator(node, world, robots, options))
 
 
 def map_parts(launch: TeamLaunch) -> dict[str, Part]:
@@ -124,11 +117,7 @@ def navigation_parts(launch: TeamLaunch) -> dict[str, Part]:
             read = navigation_of_robot(table, entry.id, folder, f"robot {entry.id}, navigation")
             robots[entry.id] = NavigatedRobot(read.parameters, entry.base)
     options = NavigationOptions({i: robots[i] for i in ids}, launch.seed)
-
-    def body(node: StepNode) -> None:
-        run_navigation(node, options, None)
-
-    return {names.navigation_name(ids[0]): Part(body, StepNode)}
+    return {names.navigation_name(ids[0]): Part(lambda node: run_navigation(node, options), StepNode)}
 
 
 def parts_of(launch: TeamLaunch, say: Callable[[str, str], None]) -> dict[str, Part]:

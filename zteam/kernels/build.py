@@ -1,7 +1,7 @@
-"""Hatchling's build hook: compiles the kernels once, when zteam is installed.
+"""Hatchling's build hook: it compiles the kernels once, when zteam is installed.
 
 It takes the system's C compiler (`cc`, or what CC names) where that works. Else pip fetches zig's for the build alone.
-`CC="aarch64-linux-gnu-gcc" python zteam/kernels/build.py OUT` compiles the library for another system.
+`CC=aarch64-linux-gnu-gcc python zteam/kernels/build.py OUT [FLAG …]` compiles the library alone, for any system.
 """
 
 import hashlib
@@ -11,6 +11,8 @@ import subprocess
 import sys
 import sysconfig
 import tempfile
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,22 +20,27 @@ from cffi import FFI
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 HERE = Path(__file__).parent
-FLAGS = ["-std=c11", "-O3", "-fPIC", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math"]
+SOURCES = sorted(HERE.glob("*.c"))
+FLAGS = ("-std=c11", "-O3", "-fPIC", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math")
 """The same bits from every compiler: no fused products and sums, no liberties with numbers."""
 ZIG = [sys.executable, "-m", "ziglang", "cc", "-mcpu=baseline"]
 
 
-def compile_library(compiler: list[str], out: Path, sources: list[Path], flags: list[str] = FLAGS) -> None:
+def compile_library(compiler: list[str], out: Path, sources: Sequence[Path], flags: Sequence[str] = FLAGS) -> None:
     """Compile and link. Raises CalledProcessError or OSError."""
-    target = subprocess.run([*compiler, "-dumpmachine"], check=True, capture_output=True, text=True).stdout
-    wide = target.startswith("x86_64")
-    jobs = [(path, ["-msse4.1"] if wide else []) for path in sources]
-    jobs += [(path, ["-mavx2"]) for path in sources if wide and path.name == "squares.c"]
     with tempfile.TemporaryDirectory() as folder:
+        # Else zig leaves 140 MB in the user's cache.
+        run = partial(subprocess.run, check=True, env={**os.environ, "ZIG_GLOBAL_CACHE_DIR": folder})
+        wide = run([*compiler, "-dumpmachine"], capture_output=True, text=True).stdout.startswith("x86_64")
+        jobs = [(path, ["-msse4.1"] if wide else []) for path in sources]
+        jobs += [(path, ["-mavx2"]) for path in sources if wide and path.name == "squares.c"]
         objects = [f"{folder}/{number}.o" for number in range(len(jobs))]
         for (path, own), made in zip(jobs, objects, strict=True):
-            subprocess.run([*compiler, *flags, *own, "-c", str(path), "-o", made], check=True)
-        subprocess.run([*compiler, *flags, "-shared", *objects, "-o", str(out), "-lm"], check=True)
+            run([*compiler, *flags, *own, "-c", str(path), "-o", made])
+        # A process that runs keeps the library that it has loaded.
+        out.unlink(missing_ok=True)
+        run([*compiler, *flags, "-shared", *objects, "-o", str(out), "-lm"])
+        out.stat()
 
 
 def find_compiler() -> list[str] | None:
@@ -51,9 +58,8 @@ def find_compiler() -> list[str] | None:
 
 def write_declarations(out: Path) -> None:
     """Write what Python reads instead of the header: with it a process needs no parser of C."""
-    lines = (HERE / "kernels.h").read_text().splitlines()
     ffi = FFI()
-    ffi.cdef("\n".join(line for line in lines if not line.startswith("#")))
+    ffi.cdef("\n".join(line for line in (HERE / "kernels.h").read_text().splitlines() if not line.startswith("#")))
     ffi.set_source("declarations", None)
     ffi.emit_python_code(str(out))
     with out.open("a") as file:
@@ -73,22 +79,19 @@ class KernelsHook(BuildHookInterface[Any]):
         return [] if find_compiler() else ["ziglang"]
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
-        """Compile for a wheel; for an editable install, into the checkout."""
-        folder = HERE if version == "editable" else Path(tempfile.mkdtemp())
-        library, declarations = folder / "library.so", folder / "declarations.py"
+        """Compile into the source tree, where an editable install finds the library; a wheel takes it from there."""
         try:
-            compile_library(find_compiler() or ZIG, library, sorted(HERE.glob("*.c")))
+            compile_library(find_compiler() or ZIG, HERE / "library.so", SOURCES)
         except (OSError, subprocess.CalledProcessError) as error:
             raise SystemExit(
                 f"zteam's kernels cannot be compiled ({error}): install a C compiler such as gcc or clang, "
                 "or the package ziglang (pip install ziglang)"
             ) from None
-        write_declarations(declarations)
-        if version != "editable":
-            build_data["force_include"] |= {str(path): f"zteam/kernels/{path.name}" for path in (library, declarations)}
+        write_declarations(HERE / "declarations.py")
+        build_data["artifacts"] += ["/zteam/kernels/library.so", "/zteam/kernels/declarations.py"]
         build_data["pure_python"] = False
         build_data["tag"] = f"py3-none-{sysconfig.get_platform().replace('-', '_').replace('.', '_')}"
 
 
 if __name__ == "__main__":
-    compile_library(shlex.split(os.environ.get("CC", "cc")), Path(sys.argv[1]), sorted(HERE.glob("*.c")))
+    compile_library(shlex.split(os.environ.get("CC", "cc")), Path(sys.argv[1]), SOURCES, [*FLAGS, *sys.argv[2:]])

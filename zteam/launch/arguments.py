@@ -123,9 +123,7 @@ def navigation_arguments(launch: TeamLaunch) -> Arguments:
     if not ids:
         return {}
     file = [str(launch.team_file), *launch.team.arguments] if launch.team_file else []
-    pace = ["--lockstep"] if launch.pace.lockstep else []
-    arguments = [*file, "--ids", *map(str, ids), "--seed", str(launch.seed), *pace]
-    return {names.navigation_name(ids[0]): arguments}
+    return {names.navigation_name(ids[0]): [*file, "--ids", *map(str, ids), "--seed", str(launch.seed)]}
 
 
 def navigated_robots(launch: TeamLaunch) -> list[int]:

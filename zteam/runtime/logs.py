@@ -11,8 +11,6 @@ from zteam.clock import local_time_text, wall_ns
 from zteam.runtime.log_keeper import KEEPER
 
 LEVELS = ("debug", "info", "warning", "error")
-_TALKATIVE = ("PIL", "numba")
-"""Libraries of zteam whose debug lines are thousands."""
 
 
 def node_of(record: logging.LogRecord) -> str:
@@ -69,8 +67,8 @@ def start_logging(name: str, level: str = "info", form: str = "text") -> None:
     everything.handlers[:] = [*(other for other in everything.handlers if not isinstance(other, _Stderr)), handler]
     for logger in (own, everything):
         logger.setLevel(level.upper())
-    for library in _TALKATIVE:
-        logging.getLogger(library).setLevel(logging.WARNING)
+    # Its debug lines are thousands.
+    logging.getLogger("PIL").setLevel(logging.WARNING)
     KEEPER.begin()
 
 

@@ -32,7 +32,7 @@ def kind_of(warm: WarmParent, lifeline: int, command: list[str], **environment: 
     return type(child)
 
 
-def test_what_cannot_be_forked_is_spawned(lifeline: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_what_cannot_be_forked_is_spawned(lifeline: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Foreign commands, variables that modules read when they are imported, the wish of the user, and measuring tools
     that begin with the interpreter."""
     help_text = zteam_command("zteam-router", "--help")
@@ -41,7 +41,7 @@ def test_what_cannot_be_forked_is_spawned(lifeline: int, monkeypatch: pytest.Mon
         assert kind_of(warm, lifeline, help_text, ZTEAM_LEASE="3") is ForkedChild
         assert kind_of(warm, lifeline, [sys.executable, "-c", "pass"]) is not ForkedChild
         assert kind_of(warm, lifeline, ["true"]) is not ForkedChild
-        assert kind_of(warm, lifeline, help_text, NUMBA_CACHE_DIR=str(tmp_path)) is not ForkedChild
+        assert kind_of(warm, lifeline, help_text, OMP_NUM_THREADS="1") is not ForkedChild
         for name in ("ZTEAM_NO_FORK", "COVERAGE_PROCESS_START"):
             with monkeypatch.context() as changed:
                 changed.setenv(name, "1")

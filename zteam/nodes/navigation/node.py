@@ -15,7 +15,6 @@ from zteam.base import Base, BaseOverride, base_of, override_base
 from zteam.bus import NoRequest
 from zteam.bus.presence import Claim, own_info
 from zteam.bus.transport import RawSample
-from zteam.compiling.takeover import Takeover
 from zteam.errors import DecodeError, UsageError
 from zteam.messages import (
     BaseInfo,
@@ -73,10 +72,8 @@ class NavigationOptions(msgspec.Struct, frozen=True):
 class NavigationNode:
     """All robots of one process. Handlers of messages run under `node.changed`, and so do steps."""
 
-    def __init__(self, node: StepNode, options: NavigationOptions, later: Takeover | None = None) -> None:
-        """`later`: compiled kernels that may take over while the process runs."""
+    def __init__(self, node: StepNode, options: NavigationOptions) -> None:
         self._node = node
-        self._later = later
         self._bases: dict[int, Base] = {}
         self._shared = StaticCostmaps()
         self._planners: dict[str, Planner] = {}
@@ -187,8 +184,6 @@ class NavigationNode:
 
     def step(self, now: int) -> None:
         """One step of all robots at `now` (ns)."""
-        if self._later is not None:
-            self._later.poll()
         if 0 < self._stepped < now:
             self._tick_length = min(1.0, (now - self._stepped) / 1e9)
         self._stepped = now
@@ -248,12 +243,6 @@ class _Release:
         self.close = claim.release
 
 
-def run_navigation(node: StepNode, options: NavigationOptions, later: Takeover | None = None) -> None:
+def run_navigation(node: StepNode, options: NavigationOptions) -> None:
     """Navigate these robots until asked to stop."""
-    if later is not None:
-        later.start()
-    try:
-        NavigationNode(node, options, later).run()
-    finally:
-        if later is not None:
-            later.close()
+    NavigationNode(node, options).run()

@@ -12,7 +12,6 @@ import msgspec
 
 from zteam import names
 from zteam.clock import NS_PER_S, Every, monotonic
-from zteam.compiling.takeover import Takeover
 from zteam.errors import UsageError
 from zteam.messages import OccupancyGrid, TeamState, TeamStatus, Twist, ns_from_time
 from zteam.nodes.simulator import tick_profile
@@ -69,10 +68,8 @@ class SimOptions(msgspec.Struct, frozen=True):
 class Simulator:
     """A world on the bus: the main loop, and the parts that it drives. `run` is the main loop."""
 
-    def __init__(
-        self, node: Node, world: World, robots: dict[int, Robot], options: SimOptions, kernels: Takeover | None = None
-    ) -> None:
-        self._node, self._world, self._options, self._kernels = node, world, options, kernels
+    def __init__(self, node: Node, world: World, robots: dict[int, Robot], options: SimOptions) -> None:
+        self._node, self._world, self._options = node, world, options
         self._engine = Engine(world, seed=options.seed, robots=robots, options=options.engine)
         self._profile = TickProfile()
         self._pacer = Pacer(world.interval, options.speed, paused=options.paused)
@@ -149,8 +146,6 @@ class Simulator:
                 return
             self._profile.end(tick_profile.IDLE)
             commands = self._take_commands()
-            if self._kernels is not None:
-                self._kernels.poll()
             self._profile.end_tick()
             if self._pacer.behind and self._behind.due():
                 log.warning("real-time factor %.2g: %s", self._pacer.factor, self._profile.last_text())
@@ -209,17 +204,11 @@ def check_follows(follows: Mapping[int, int], robots: Mapping[int, Robot]) -> No
             raise UsageError(f"--gap names robot {robot_id}, but the world has {sorted(robots)}")
 
 
-def run_simulator(
-    node: Node, world: World, robots: dict[int, Robot], options: SimOptions, kernels: Takeover | None = None
-) -> None:
-    """Run the simulator until it is asked to stop; `kernels` replaces the kernels of its start when they are ready."""
+def run_simulator(node: Node, world: World, robots: dict[int, Robot], options: SimOptions) -> None:
+    """Run the simulator until it is asked to stop."""
     check_follows(options.follows, robots)
-    simulator = Simulator(node, world, robots, options, kernels)
+    simulator = Simulator(node, world, robots, options)
     simulator.publish_statics()
     node.become_present()
     log.info("%s: %s, a tick every %g ms", world.name, counted(len(robots), "robot"), world.interval / 1e6)
-    if kernels is not None:
-        # Not earlier: the processes that start at the same time need the processors now.
-        kernels.start()
-        node.on_stop(kernels.close)
     simulator.run()

@@ -1,0 +1,154 @@
+/* Prints a hash of what the kernels compute in a drawn world. Every compiler and processor must give the same. */
+#include "kernels.h"
+#include "sines.h"
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { ROWS = 200, COLUMNS = 300, STRIDE = ROWS * COLUMNS + 1, MOVERS = 20, GROUPS = 60, BEAMS = 1081, SCANS = 200 };
+
+static uint64_t hash = 14695981039346656037u; /* FNV-1a */
+
+/* A drawn number from `low` to below `high`. */
+static double drawn(double low, double high)
+{
+    static uint64_t state = 1;
+    state = state * 6364136223846793005u + 1442695040888963407u;
+    return low + (high - low) * ((double)(state >> 11) / 9007199254740992.0);
+}
+
+/* Take bytes into the hash. */
+static void add(const void *data, size_t size)
+{
+    for (size_t i = 0; i < size; i++)
+        hash = (hash ^ ((const uint8_t *)data)[i]) * 1099511628211u;
+}
+
+/* Say which part has been reached with which hash. */
+static void tell(const char *part)
+{
+    printf("%s %016llx\n", part, (unsigned long long)hash);
+}
+
+static uint8_t sides[4 * STRIDE];
+static const bitmap map = {sides, ROWS, COLUMNS, 0.05, 0.05, -7.0, -5.0, 0.1, 0.0, 1.0};
+
+/* Occupy a twentieth of the cells, and find the squares of every quadrant. */
+static void fill_map(void)
+{
+    static uint8_t cells[ROWS][COLUMNS], mirrored[ROWS][COLUMNS];
+    for (int row = 0; row < ROWS; row++)
+        for (int column = 0; column < COLUMNS; column++)
+            cells[row][column] = drawn(0.0, 1.0) > 0.05;
+    for (int quadrant = 0; quadrant < 4; quadrant++) {
+        for (int row = 0; row < ROWS; row++)
+            for (int column = 0; column < COLUMNS; column++)
+                mirrored[row][column] = cells[quadrant & 2 ? ROWS - 1 - row : row]
+                                             [quadrant & 1 ? COLUMNS - 1 - column : column];
+        fill_squares(mirrored[0], ROWS, COLUMNS, sides + quadrant * STRIDE);
+    }
+    add(sides, sizeof sides);
+    tell("squares");
+}
+
+static double local_x[4 * GROUPS], local_y[4 * GROUPS], x[4 * GROUPS], y[4 * GROUPS], low[GROUPS], high[GROUPS];
+static double centre[GROUPS][2], centre_x[GROUPS], centre_y[GROUPS], radius[GROUPS], corners[2][4];
+static int32_t first_vertex[GROUPS + 1], first_shape[GROUPS + 1], in_bin[GROUPS], bin_start[64 * 64 + 2];
+static int64_t owner[GROUPS];
+static double poses[MOVERS][3];
+static polygons things = {
+    GROUPS, GROUPS, MOVERS, local_x, local_y, x, y, first_vertex, low, high, first_shape, owner, centre[0],
+    centre_x, centre_y, radius, in_bin, bin_start, .corner_x = corners[0], .corner_y = corners[1],
+};
+
+/* Rectangles: one for each mover, the rest stand still. */
+static void fill_polygons(void)
+{
+    for (int i = 0; i < GROUPS; i++) {
+        double across = drawn(0.05, 0.4), along = drawn(0.05, 0.4);
+        double at_x = i < MOVERS ? 0.0 : drawn(-7.0, 8.0), at_y = i < MOVERS ? 0.0 : drawn(-5.0, 5.0);
+        const double corner_x[4] = {-across, across, across, -across}, corner_y[4] = {-along, -along, along, along};
+        for (int k = 0; k < 4; k++) {
+            x[4 * i + k] = local_x[4 * i + k] = at_x + corner_x[k];
+            y[4 * i + k] = local_y[4 * i + k] = at_y + corner_y[k];
+        }
+        first_vertex[i + 1] = 4 * (i + 1);
+        first_shape[i + 1] = i + 1;
+        owner[i] = i < MOVERS ? i : -1;
+        high[i] = 1.0;
+        centre_x[i] = centre[i][0] = at_x;
+        centre_y[i] = centre[i][1] = at_y;
+        radius[i] = sqrt(across * across + along * along);
+    }
+    for (int i = 0; i < MOVERS; i++)
+        poses[i][0] = drawn(-7.0, 8.0), poses[i][1] = drawn(-5.0, 5.0), poses[i][2] = drawn(-4.0, 4.0);
+    move_polygons(&things, poses[0]);
+    add(x, sizeof x), add(y, sizeof y);
+    tell("polygons");
+}
+
+/* Cast fans from anywhere, some of them outside the bitmap, against the bitmap and then against the polygons. */
+static void cast(int64_t beams)
+{
+    static double at[4][SCANS], cosine[BEAMS], sine[BEAMS], tops[BEAMS / 8 + 1], ranges[SCANS * BEAMS];
+    static int64_t carrier[SCANS];
+    static int32_t hits[SCANS * BEAMS];
+    const double fov = 1.5 * PI, increment = beams > 1 ? fov / (double)(beams - 1) : 0.0;
+    fans all = {SCANS, beams, at[0], at[1], at[2], at[3], carrier, 1, cosine, sine, -0.5 * fov, increment, 0.0, 30.0,
+                ranges, hits, tops};
+    size_t rays = (size_t)(SCANS * beams);
+    for (int i = 0; i < SCANS; i++) {
+        at[0][i] = drawn(-9.0, 10.0), at[1][i] = drawn(-7.0, 7.0), at[2][i] = 0.2, at[3][i] = drawn(-9.0, 9.0);
+        carrier[i] = i % MOVERS;
+    }
+    for (int64_t i = 0; i < beams; i++)
+        cosine_sine(-0.5 * fov + (double)i * increment, &cosine[i], &sine[i]);
+    for (int wide = 0; wide < 2; wide++) {
+        for (size_t i = 0; i < rays; i++)
+            ranges[i] = 30.0, hits[i] = -1;
+#ifdef __x86_64__
+        (wide && has_avx2() ? cast_squares_avx2 : cast_squares)(&map, &all, 7);
+#else
+        cast_squares(&map, &all, 7);
+#endif
+        add(ranges, rays * sizeof *ranges), add(hits, rays * sizeof *hits);
+    }
+    tell("bitmap");
+    cast_edges(&things, &all);
+    add(ranges, rays * sizeof *ranges), add(hits, rays * sizeof *hits);
+    tell("edges");
+}
+
+/* Drive all movers a few steps, each way cut to what is free. */
+static void drive(void)
+{
+    static double velocity[MOVERS][3], ends[MOVERS][3], places[MOVERS], shares[MOVERS], half[GROUPS];
+    static uint8_t suspects[MOVERS], tangled[MOVERS], found[MOVERS];
+    memset(suspects, 1, sizeof suspects);
+    for (int i = 0; i < GROUPS; i++)
+        half[i] = 0.05;
+    for (int step = 0; step < 20; step++) {
+        for (int i = 0; i < MOVERS; i++) {
+            velocity[i][0] = drawn(-2.0, 2.0), velocity[i][1] = drawn(-0.2, 0.2), velocity[i][2] = drawn(-3.0, 3.0);
+            shares[i] = 1.0;
+        }
+        follow(MOVERS, poses[0], velocity[0], 0.1, step % 2, ends[0]);
+        measure(MOVERS, poses[0], ends[0], 0.1, step % 2, velocity[0]);
+        find_overlaps(&things, &map, 1, 1, found);
+        hold(&things, &map, 1, half, poses[0], ends[0], suspects, tangled, 1, places, shares);
+        memcpy(poses, ends, sizeof poses);
+        move_polygons(&things, poses[0]);
+        add(poses, sizeof poses), add(velocity, sizeof velocity), add(shares, sizeof shares), add(found, sizeof found);
+    }
+    tell("bodies");
+}
+
+int main(void)
+{
+    fill_map();
+    fill_polygons();
+    cast(BEAMS);
+    cast(1);
+    drive();
+    return 0;
+}
