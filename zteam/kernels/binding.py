@@ -548,7 +548,7 @@ def shorten(weights: Bytes, way: Cells, stride: int, reach: int, least: float) -
 
 # particles.c: localisation
 
-Beams = NDArray[np.float32]
+BeamEnds = NDArray[np.float32]
 """(2, m): where beams end in the base frame, in cells, along x and along y."""
 
 
@@ -575,7 +575,7 @@ def _likelihoods(values: NDArray[np.uint16], place: tuple[float, float, float, f
 
 
 def sum_poses(
-    values: NDArray[np.uint16], place: tuple[float, float, float, float], poses: Floats, beams: Beams
+    values: NDArray[np.uint16], place: tuple[float, float, float, float], poses: Floats, beams: BeamEnds
 ) -> NDArray[np.int64]:
     """Sums (n) of a map's `values` (rows + 2, columns + 2: it has a border) where the beams of poses (n, 3) end.
 
@@ -590,7 +590,7 @@ def sum_poses(
 
 
 def climb(
-    values: NDArray[np.uint16], place: tuple[float, float, float, float], poses: Floats, beams: Beams,
+    values: NDArray[np.uint16], place: tuple[float, float, float, float], poses: Floats, beams: BeamEnds,
     steps: tuple[float, float], halvings: int, most: int,
 ) -> NDArray[np.int64]:  # fmt: skip
     """Move each of `poses` (n, 3) to a place near by where the beams are likeliest (`sum_poses`): a pattern search.

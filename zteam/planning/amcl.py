@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from zteam.counter_random import gaussian_pairs, gaussians, stream, uniforms
 from zteam.geometry import Pose2, normalize_angle
-from zteam.kernels.binding import Beams, resample
+from zteam.kernels.binding import BeamEnds, resample
 from zteam.planning.amcl_options import AmclOptions, alphas_of, check_options
 from zteam.planning.clusters import estimate_pose
 from zteam.planning.global_search import GlobalSearch
@@ -199,7 +199,7 @@ class Amcl:
         move = move_omnidirectional if self.options.robot_model_type.endswith("OmniMotionModel") else move_differential
         move(self._poses, before, after, alphas_of(self.options), draws)
 
-    def _weigh(self, field: LikelihoodField, beams: Beams) -> None:
+    def _weigh(self, field: LikelihoodField, beams: BeamEnds) -> None:
         weigh_poses(field, self._poses, beams, self._weights)
         total = float(self._weights.sum())
         self._weights /= total

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.kernels.binding import Beams, Floats, square_distances, sum_poses
+from zteam.kernels.binding import BeamEnds, Floats, square_distances, sum_poses
 from zteam.planning.costs import FREE_SPACE, LETHAL_OBSTACLE
 from zteam.planning.grid import OCCUPIED, Frame, GridMap
 from zteam.planning.inflation import MAX_CELLS
@@ -45,11 +45,11 @@ def make_likelihood_field(
     return LikelihoodField(frame, np.rint(values / unit).astype(np.uint16)[squares], unit)
 
 
-def beams_of(frame: Frame, ends: Floats) -> Beams:
+def beams_of(frame: Frame, ends: Floats) -> BeamEnds:
     """The ends of beams (n, 2; metres in the base frame) in cells: (2, n)."""
     return np.ascontiguousarray(ends.T / frame.resolution, np.float32)
 
 
-def weigh_poses(field: LikelihoodField, poses: Floats, beams: Beams, weights: Floats) -> None:
+def weigh_poses(field: LikelihoodField, poses: Floats, beams: BeamEnds, weights: Floats) -> None:
     """Multiply the weight of each pose (n, 3; base in `map`) by 1 plus the sum of likelihoods where the beams end."""
     weights *= 1.0 + sum_poses(field.values, field.place, poses, beams) * field.unit

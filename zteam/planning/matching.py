@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from zteam.kernels.binding import Beams, Floats, climb
+from zteam.kernels.binding import BeamEnds, Floats, climb
 from zteam.planning.likelihood import LikelihoodField
 
 _HALVINGS = 4
@@ -11,7 +11,7 @@ _MOST_STEPS = 30
 """... how many are made at most."""
 
 
-def match(field: LikelihoodField, poses: Floats, beams: Beams, step: float, turn: float) -> tuple[Floats, Floats]:
+def match(field: LikelihoodField, poses: Floats, beams: BeamEnds, step: float, turn: float) -> tuple[Floats, Floats]:
     """The poses (n, 3) near `poses` (base in `map`) at which the beams fit best.
 
     And the mean of their likelihoods, (n). `step` (m) and `turn` (radians) are the first steps of the search.

@@ -1,4 +1,4 @@
-"""The simulator's core: pure, no bus, no clock. Importing this package imports neither numba nor pymunk."""
+"""The simulator's core: pure, no bus, no clock. Importing this package does not import pymunk."""
 
 from typing import TYPE_CHECKING, Any
 
