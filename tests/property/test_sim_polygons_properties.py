@@ -1,17 +1,15 @@
-"""Bodies as lasers see them: both kernels against every ray and every edge."""
+"""Bodies as lasers see them: movers of several heights, against every ray and every edge."""
 
 import math
-from contextlib import nullcontext
 
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
 from support.examples import examples
-from support.small_worlds import plain_kernels
 from zteam.geometry import Pose2
-from zteam.sim import edge_kernels
-from zteam.sim.polygons import NO_MOVER, group_shapes, make_polygons, move_polygons
+from zteam.kernels.binding import Beams, Fans, Rays, cast_edges
+from zteam.sim.polygons import NO_MOVER, group_shapes, make_polygons
 from zteam.world.model import Obstacle, Robot, Shape
 
 LIMIT = 9.0
@@ -71,37 +69,33 @@ def test_bodies_are_seen_exactly(
     yaw: float,
     inside: bool,
 ) -> None:
-    """Each beam of a sensor among up to 45 bodies of three heights reads what brute force says, in both kernels."""
+    """Each beam of a sensor among up to 45 bodies of three heights reads what brute force says."""
     robots = [
         Robot(f"r{i}", "r", Pose2(x, y, a), (Shape(points, 0.0, high),), ())
         for i, (points, x, y, a, high) in enumerate(bodies[:-1])
     ]
     points, x, y, _, high = bodies[-1]
     fixed = Obstacle("o", Pose2(x, y, 0.0), (Shape(points, 0.0, high), Shape(points, 0.3, 0.4)))
-    polygons = make_polygons(group_shapes(robots, [fixed]))
-    poses = np.array([robot.pose for robot in robots], float).reshape(-1, 3)
-    move_polygons(polygons, poses)
-    owners = np.repeat(polygons.owner, np.diff(polygons.first_shape))
+    groups = group_shapes(robots, [fixed])
+    polygons = make_polygons(groups)
+    polygons.move(np.array([robot.pose for robot in robots], float).reshape(-1, 3))
     shapes = []
-    for k, owner in enumerate(owners.tolist()):
-        vertices = slice(polygons.first_vertex[k], polygons.first_vertex[k + 1])
-        corners = np.stack((polygons.x[vertices], polygons.y[vertices]), axis=1)
-        shapes.append((owner, float(polygons.z_min[k]), float(polygons.z_max[k]), corners))
+    for group in groups:
+        pose = Pose2(0.0, 0.0, 0.0) if group.owner == NO_MOVER else robots[group.owner].pose
+        for shape in group.shapes:
+            corners = np.array([pose.compose(Pose2(u, v, 0.0))[:2] for u, v in shape.points])
+            shapes.append((group.owner, shape.z_min, shape.z_max, corners))
     at = (robots[0].pose.x, robots[0].pose.y) if inside and robots else (0.0123, -0.0321)
     own = 0 if inside and robots else NO_MOVER
     increment = fov / (BEAMS - 1)
     angles = -fov / 2 + increment * np.arange(BEAMS)
-    table = np.cos(angles)[None, :], np.sin(angles)[None, :]
-    results = []
-    for mode in (nullcontext, plain_kernels):
-        ranges, hit = np.full((1, BEAMS), LIMIT), np.full((1, BEAMS), -1, np.int32)
-        place = np.array([at[0]]), np.array([at[1]]), np.array([0.15]), np.array([yaw]), np.array([own], np.int64)
-        with mode():
-            edge_kernels.cast_edges(polygons, *place, *table, -fov / 2, increment, 0.0, ranges, hit)
-        results.append(ranges[0])
-        assert ((hit[0] >= 0) == (ranges[0] < LIMIT)).all()
-    assert (results[0] == results[1]).all()
-    for angle, ours in zip(angles.tolist(), results[0].tolist(), strict=True):
+    beams = Beams(np.cos(angles)[None, :], np.sin(angles)[None, :], -fov / 2, increment, LIMIT)
+    fans = Fans(Rays(np.array([[at[0]], [at[1]], [yaw]]), np.array([0.15]), np.array([own])), beams)
+    fans.ranges.fill(LIMIT)
+    fans.hits.fill(-1)
+    cast_edges(polygons, fans)
+    assert ((fans.hits >= 0) == (fans.ranges < LIMIT)).all()
+    for angle, ours in zip(angles.tolist(), fans.ranges[0].tolist(), strict=True):
         # A ray past a corner may be said to touch it or not; a hair beside it decides the same way.
         near = [brute_force(shapes, own, (*at, 0.15, yaw + angle + turn)) for turn in (0.0, -1e-8, 1e-8)]
         assert min(abs(ours - expected) for expected in near) <= 1e-6

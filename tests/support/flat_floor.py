@@ -12,9 +12,9 @@ from zteam import names
 from zteam.behaviors import Behavior, SafetyLayer, View, decide
 from zteam.behaviors.view import FindPose
 from zteam.geometry import Pose2, quaternion_from_yaw
+from zteam.kernels.binding import follow
 from zteam.messages import Header, LaserScan, Odometry, Quaternion, Twist, time_from_ns
 from zteam.sim import Engine
-from zteam.sim.motion import follow_arcs
 from zteam.sim.to_messages import odometry_message, scan_message
 from zteam.trials import made_views
 from zteam.world.model import Limits, Obstacle, Ranger, Robot, Shape, World
@@ -100,9 +100,8 @@ def clearance(pose: Pose2, walls: Sequence[Segment]) -> float:
 
 def drive(pose: Pose2, command: Twist, seconds: float) -> Pose2:
     """Where a base gets to: the exact arc."""
-    end = np.empty((1, 3))
-    follow_arcs(np.array([pose]), np.array([[command.linear.x, command.linear.y, command.angular.z]]), seconds, end)
-    return Pose2(*end[0].tolist())
+    velocity = np.array([(command.linear.x, command.linear.y, command.angular.z)])
+    return Pose2(*follow(np.array([pose]), velocity, seconds)[0].tolist())
 
 
 class Floor:
