@@ -90,15 +90,14 @@ static void fill_polygons(void)
 /* Cast fans from anywhere, some of them outside the bitmap, against the bitmap and then against the polygons. */
 static void cast(int64_t beams)
 {
-    static double at[4][SCANS], cosine[BEAMS], sine[BEAMS], tops[BEAMS / 8 + 1], ranges[SCANS * BEAMS];
+    static double at[3][SCANS], z[SCANS], cosine[BEAMS], sine[BEAMS], tops[BEAMS / 8 + 1], ranges[SCANS * BEAMS];
     static int64_t carrier[SCANS];
     static int32_t hits[SCANS * BEAMS];
     const double fov = 1.5 * PI, increment = beams > 1 ? fov / (double)(beams - 1) : 0.0;
-    fans all = {SCANS, beams, at[0], at[1], at[2], at[3], carrier, 1, cosine, sine, -0.5 * fov, increment, 0.0, 30.0,
-                ranges, hits, tops};
+    fans all = {SCANS, beams, at[0], z, carrier, 1, cosine, sine, -0.5 * fov, increment, 0.0, 30.0, ranges, hits, tops};
     size_t rays = (size_t)(SCANS * beams);
     for (int i = 0; i < SCANS; i++) {
-        at[0][i] = drawn(-9.0, 10.0), at[1][i] = drawn(-7.0, 7.0), at[2][i] = 0.2, at[3][i] = drawn(-9.0, 9.0);
+        at[0][i] = drawn(-9.0, 10.0), at[1][i] = drawn(-7.0, 7.0), at[2][i] = drawn(-9.0, 9.0), z[i] = 0.2;
         carrier[i] = i % MOVERS;
     }
     for (int64_t i = 0; i < beams; i++)
@@ -122,7 +121,9 @@ static void cast(int64_t beams)
 /* Drive all movers a few steps, each way cut to what is free. */
 static void drive(void)
 {
-    static double velocity[MOVERS][3], ends[MOVERS][3], places[MOVERS], shares[MOVERS], half[GROUPS];
+    static double velocity[MOVERS][3], noted[MOVERS][3], odom[MOVERS][3], start[MOVERS][3], ends[MOVERS][3];
+    static double places[MOVERS], shares[MOVERS], half[GROUPS];
+    bases b = {.robots = MOVERS, .velocity = noted[0], .odom = odom[0], .start = start[0]};
     static uint8_t suspects[MOVERS], tangled[MOVERS], found[MOVERS];
     memset(suspects, 1, sizeof suspects);
     for (int i = 0; i < GROUPS; i++)
@@ -133,14 +134,63 @@ static void drive(void)
             shares[i] = 1.0;
         }
         follow(MOVERS, poses[0], velocity[0], 0.1, step % 2, ends[0]);
-        measure(MOVERS, poses[0], ends[0], 0.1, step % 2, velocity[0]);
+        note_motion(&b, poses[0], ends[0], 0.1, step % 2);
         find_overlaps(&things, &map, 1, 1, found);
         hold(&things, &map, 1, half, poses[0], ends[0], suspects, tangled, 1, places, shares);
         memcpy(poses, ends, sizeof poses);
         move_polygons(&things, poses[0]);
-        add(poses, sizeof poses), add(velocity, sizeof velocity), add(shares, sizeof shares), add(found, sizeof found);
+        add(poses, sizeof poses), add(noted, sizeof noted), add(odom, sizeof odom), add(shares, sizeof shares), add(found, sizeof found);
     }
     tell("bodies");
+}
+
+/* Particles move, and a scan is compared with a field at each of them. */
+static void localise(void)
+{
+    enum { PARTICLES = 1000, ENDS = 60 };
+    static double particles[3 * PARTICLES], draws[3 * PARTICLES];
+    static float ends[2 * ENDS];
+    static uint16_t values[ROWS * COLUMNS];
+    static int64_t sums[PARTICLES];
+    const double motion[6] = {0.1, 0.3, -0.2, 0.02, 0.05, 0.03};
+    const likelihoods field = {values, ROWS, COLUMNS, -7.0, -5.0, 0.1, 0.995, 0.0998, 0.05};
+    for (int i = 0; i < ROWS * COLUMNS; i++)
+        values[i] = (uint16_t)drawn(0.0, 65535.0);
+    for (int i = 0; i < 3 * PARTICLES; i++)
+        particles[i] = drawn(-7.0, 7.0), draws[i] = drawn(-2.0, 2.0);
+    for (int i = 0; i < 2 * ENDS; i++)
+        ends[i] = (float)drawn(-100.0, 100.0);
+    move_poses(particles, PARTICLES, motion, draws);
+    sum_poses(&field, particles, PARTICLES, ends, ENDS, sums);
+    climb(&field, particles, 20, ends, ENDS, 0.1, 0.1, 4, 30, sums);
+    add(particles, sizeof particles), add(sums, sizeof sums);
+    tell("particles");
+}
+
+/* A base meets points on drawn arcs, and remembers what drawn scans show. */
+static void look(void)
+{
+    enum { POINTS = 500 };
+    static double axes[2][POINTS], distances[POINTS], known[3 * POINTS], seen[6 * POINTS];
+    const double planes[4][3] = {{1.0, 0.0, 0.3}, {-1.0, 0.0, 0.2}, {0.0, 1.0, 0.2}, {0.0, -1.0, 0.2}};
+    int64_t count = 0;
+    for (int round = 0; round < 20; round++) {
+        for (int i = 0; i < POINTS; i++) {
+            cosine_sine(-2.0 + 4.0 * i / POINTS, &axes[0][i], &axes[1][i]);
+            distances[i] = drawn(0.2, 5.0);
+        }
+        count = see(known, count, axes[0], distances, POINTS, -2.0, 4.0 / POINTS, 3, 0.1, 0.0, 0.01, 3.0, round, round - 2.0,
+                    seen);
+        memcpy(known, seen, (size_t)(3 * count) * sizeof *seen);
+        /* A compiler may draw a call's arguments in any order. */
+        const double x = drawn(0.0, 0.1), turn = drawn(-0.2, 0.2), speed = drawn(-0.5, 1.0);
+        move_points(known, count, x, 0.01, turn);
+        double met = meet(known, count, planes[0], 4, speed, 0.1 * turn, 3.0 * turn, 3.0, 0.05, 0.0, 0.0, 4.0);
+        double free_way = look_along(axes[0], distances, POINTS, 0.3, 5.0 * turn, -1.0);
+        add(&met, sizeof met), add(&free_way, sizeof free_way);
+    }
+    add(known, (size_t)(3 * count) * sizeof *known);
+    tell("safety");
 }
 
 int main(void)
@@ -150,5 +200,7 @@ int main(void)
     cast(BEAMS);
     cast(1);
     drive();
+    localise();
+    look();
     return 0;
 }
