@@ -87,23 +87,19 @@ def test_rays_at_bitmaps_are_exact(
 @given(seeds, st.booleans())
 @examples(30)
 def test_every_build_of_the_bitmap_kernel_gives_the_same_bytes(seed: int, on_lattice: bool) -> None:
-    """The one for each processor and the one for AVX2; and a walk from cell to cell gives the same to a nanometre."""
+    """The one for each processor and the one for AVX2."""
     rng = np.random.default_rng(seed)
     maps = maps_of(bitmap(seed, 60, 70, 0.1), (0.1, 0.1), Pose2(-1.0, 2.0, rng.uniform(-3.0, 3.0)))
     poses = rng.uniform(-8.0, 8.0, (20, 3))
     if on_lattice:
         maps, poses = maps_of(bitmap(seed, 60, 70, 0.1), (0.1, 0.1)), np.round(poses * 20.0) / 20.0
         poses[:, 2] = rng.integers(-8, 9, 20) * EIGHTH
-    fans = [fan_of(poses, np.linspace(-2.0, 2.0, 361)) for _ in range(3)]
+    fans = [fan_of(poses, np.linspace(-2.0, 2.0, 361)) for _ in range(2)]
     binding.lib.cast_squares(maps.data, fans[0].data, 1)
     if binding.lib.has_avx2():
         binding.lib.cast_squares_avx2(maps.data, fans[1].data, 1)
         assert fans[0].ranges.tobytes() == fans[1].ranges.tobytes()
         assert fans[0].hits.tobytes() == fans[1].hits.tobytes()
-    if not on_lattice:
-        cast_squares(maps, 0, fans[2], 1, plainly=True)
-        inside = (fans[2].hits == 1).any(axis=1)
-        assert np.abs(fans[0].ranges - fans[2].ranges)[inside].max(initial=0.0) < 1e-9
 
 
 def random_groups(rng: np.random.Generator, on_lattice: bool) -> list[Group]:

@@ -1,4 +1,4 @@
-"""The laser kernel alone, compared in one run with a plain scalar grid traversal from the same compiler."""
+"""The laser kernels alone: rays against a bitmap, and against robots."""
 
 import math
 from collections.abc import Callable
@@ -7,62 +7,56 @@ from statistics import median
 import msgspec
 import numpy as np
 
+from zteam.bench.navigation.figures import reference_ms
 from zteam.bench.simulation import free_poses
 from zteam.clock import process_time
 from zteam.errors import UsageError
-from zteam.kernels.binding import Beams, Bitmaps, Fans, Rays, cast_squares
+from zteam.kernels.binding import Beams, Bitmaps, Fans, Rays, cast_edges, cast_squares
 from zteam.sim.fields import bitmap_of, build_fields
-from zteam.world import World
+from zteam.sim.polygons import group_shapes, make_polygons
+from zteam.world import World, add_robot
 
 _SCANS = 100
 _ROUNDS = 15
 
 
 class KernelFigures(msgspec.Struct):
-    """Rays per second of one core against the world's first bitmap, up to 30 m, from 100 free poses."""
+    """Rays per second of one core, up to 30 m, from 100 free poses."""
 
+    target: str
     beams: int
     rays_per_s: float
-    scalar_dda_rays_per_s: float
     ratio: float
-    """Median ratio of the two kernels, which alternate in each round."""
-    max_difference_m: float
+    """Time of a fixed piece of numpy (`reference_ms`) by that of these 100 scans: the median of alternating rounds."""
 
 
-def measure_kernels(world: World, beams: int, fov_deg: float, seed: int = 1) -> KernelFigures:
-    """Measure both kernels on the same rays. Raises UsageError for a world without a bitmap."""
+def measure_kernels(world: World, seed: int = 1) -> list[KernelFigures]:
+    """Measure rays against the world's first bitmap, and against 100 robots. Raises UsageError without a bitmap."""
     if not world.floorplans:
         raise UsageError(f"world {world.name} has no bitmap to cast rays against: use another world, such as office")
     plan = world.floorplans[0]
     maps = Bitmaps([bitmap_of(plan, build_fields(plan.occupied))])
+    robots = [add_robot(world, "erratic", pose, f"r{i}") for i, pose in enumerate(free_poses(world, _SCANS, seed + 1))]
+    polygons = make_polygons(group_shapes(robots, []))
+    polygons.move(np.array([robot.pose for robot in robots], float))
     at = np.array(free_poses(world, _SCANS, seed)).T.copy()
-    rays = Rays(at, np.full(_SCANS, plan.z_min), np.full(_SCANS, -1, np.int64))
+    rays = Rays(at, np.full(_SCANS, plan.z_min + 0.1), np.full(_SCANS, -1, np.int64))
+    return [
+        _measure("bitmap", rays, 1081, 270.0, lambda fans: cast_squares(maps, 0, fans, 1)),
+        _measure("bitmap", rays, 180, 180.0, lambda fans: cast_squares(maps, 0, fans, 1)),
+        _measure(f"{len(robots)} robots", rays, 1081, 270.0, lambda fans: cast_edges(polygons, fans)),
+    ]
+
+
+def _measure(target: str, rays: Rays, beams: int, fov_deg: float, cast: Callable[[Fans], None]) -> KernelFigures:
     angles = np.radians(np.linspace(-fov_deg / 2, fov_deg / 2, beams))[None, :]
-    directions = Beams(np.cos(angles), np.sin(angles), math.radians(-fov_deg / 2), 0.0, 30.0)
-    leaping, plain = Fans(rays, directions), Fans(rays, directions)
-
-    def cast(fans: Fans) -> None:
-        fans.ranges.fill(directions.limit)
-        cast_squares(maps, 0, fans, 1, plainly=fans is plain)
-
-    spent = _time_alternately(lambda: cast(leaping), lambda: cast(plain))
-    count = plain.ranges.size
-    return KernelFigures(
-        beams=beams,
-        rays_per_s=count / median(s for s, _ in spent),
-        scalar_dda_rays_per_s=count / median(p for _, p in spent),
-        ratio=median(p / s for s, p in spent),
-        max_difference_m=float(np.abs(leaping.ranges - plain.ranges).max()),
-    )
-
-
-def _time_alternately(first: Callable[[], None], second: Callable[[], None]) -> list[tuple[float, float]]:
-    """CPU seconds of both calls in each round; a round before the measured ones does not count."""
-    spent = []
-    for _ in range(_ROUNDS + 1):
+    first, increment = math.radians(-fov_deg / 2), math.radians(fov_deg) / (beams - 1)
+    fans = Fans(rays, Beams(np.cos(angles), np.sin(angles), first, increment, 30.0))
+    spent, ratios = [], []
+    for _ in range(_ROUNDS):
+        fans.ranges.fill(30.0)
         begin = process_time()
-        first()
-        middle = process_time()
-        second()
-        spent.append((middle - begin, process_time() - middle))
-    return spent[1:]
+        cast(fans)
+        spent.append(process_time() - begin)
+        ratios.append(1e-3 * reference_ms() / spent[-1])
+    return KernelFigures(target, beams, fans.ranges.size / median(spent), median(ratios))

@@ -56,7 +56,7 @@ def build_parser() -> argparse.ArgumentParser:
         dest="verb", required=True, metavar="sim|kernel|tf|team|view|robots|steps|nav|codec|study"
     )
     sim = verbs.add_parser("sim", help="measure the simulator's core alone, as fast as it runs")
-    kernel = verbs.add_parser("kernel", help="measure rays against a bitmap, beside a plain scalar grid traversal")
+    kernel = verbs.add_parser("kernel", help="measure rays against a bitmap, and against robots")
     transforms = verbs.add_parser("tf", help="measure the transform buffer, beside tf2_py if that is installed")
     team = verbs.add_parser("team", help="measure a line of robots on a tour, in lock-step or in real time")
     view = verbs.add_parser("view", help="measure a view: age of frames, memory, its cost in lock-step, drawing")
@@ -188,7 +188,7 @@ def _measure(args: argparse.Namespace) -> list[Any]:
         from zteam.world import load_world
 
         world = load_world(find_world(args.world))
-        return [measure_kernels(world, 1081, 270.0), measure_kernels(world, 180, 180.0)]
+        return measure_kernels(world)
     if args.verb == "study":
         return list(bench_study.measure_study(args))
     if args.verb == "robots":

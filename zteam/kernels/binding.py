@@ -12,7 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.kernels import declarations
+try:
+    from zteam.kernels import declarations
+except ImportError:
+    raise ImportError("zteam's kernels are not compiled here: run pip install -e . in the checkout") from None
 
 ffi: Any = declarations.ffi
 lib: Any = ffi.dlopen(str(Path(__file__).with_name("library.so")))
@@ -210,15 +213,14 @@ def fill_squares(free: NDArray[np.bool_], out: NDArray[np.uint8]) -> None:
     )
 
 
-def cast_squares(maps: Bitmaps, index: int, fans: Fans, mark: int, *, plainly: bool = False) -> None:
+def cast_squares(maps: Bitmaps, index: int, fans: Fans, mark: int) -> None:
     """Shorten ranges to the occupied cells of a bitmap, and set hits to `mark` where it is nearer.
 
-    A start inside an occupied cell gives 0. A sensor sees only a bitmap that has its height. `plainly`: cell by cell,
-    for starts inside the bitmap and one row of beams; it is there to be compared with.
+    A start inside an occupied cell gives 0. A sensor sees only a bitmap that has its height.
     """
     if not 0 <= index < maps.count:
         raise ValueError(f"index: {index} is not within 0 to {maps.count - 1}")
-    (lib.cast_cells if plainly else _cast_squares)(maps.data + index, fans.data, mark)
+    _cast_squares(maps.data + index, fans.data, mark)
 
 
 def cast_edges(polygons: Polygons, fans: Fans) -> None:
@@ -352,6 +354,8 @@ class Bases:
 
 _MOST_REACH = 180
 """Cells: the sum of two squares of it fits into 16 bits."""
+_WIDEST = 10_000
+"""Cells from a robot's base to its corners."""
 _FARTHEST = 1 << 58
 """Cells from the grid at which a beam may end: twice a beam's length fits into 64 bits."""
 
@@ -419,8 +423,8 @@ def find_hit(costs: Bytes, corners: Floats, x: float, y: float, yaw: float, moti
     cell where it stands. What is outside of the grid is lethal, also if it is not finite. Raises ValueError.
     """
     count = len(corners)
-    if not count or steps < 0:
-        raise ValueError(f"corners, steps: {count} corners, {steps} steps")
+    if not count or steps < 0 or np.abs(corners).max() > _WIDEST:
+        raise ValueError(f"corners, steps: {count} corners up to {_WIDEST} cells from the base, {steps} steps")
     outline = _given("corners", corners, _DOUBLE, count, 2)
     points = np.empty((2, count, 2))
     return int(
@@ -445,18 +449,6 @@ class Steps(NamedTuple):
     diagonal: int
     least: int
     """The least weight of a cell that can be entered."""
-
-
-def weigh_cells(costs: Bytes, neutral: int, factor: int, barred: int, unknown: int, out: Bytes) -> None:
-    """Write a costmap's cells (rows, columns) as weights to the inner part of `out` (rows + 2, columns + 2).
-
-    A cell weighs `neutral` + cost · `factor` / 256, cut to a whole number below 256; 0 from the cost `barred` on, and
-    `unknown` without information. Raises ValueError.
-    """
-    grid, rows, columns = _grid("costs", costs, _UINT8)
-    made = _given("out", out, _UINT8, rows + 2, columns + 2, out=True)
-    _within("neutral, factor, barred, unknown", np.array((neutral, factor, barred, unknown)), 0, 257)
-    lib.weigh_cells(grid, rows, columns, neutral, factor, barred, unknown, made)
 
 
 def _walled(weights: Bytes, steps: Steps, *cells: int) -> tuple[Any, int]:

@@ -118,23 +118,6 @@ static int groups_overlap(const polygons *o, int32_t one, int32_t other)
     return 0;
 }
 
-/* Whether a line passes through the open unit square at `left, bottom` (Liang and Barsky's clipping). */
-static int edge_meets_cell(double ax, double ay, double bx, double by, double left, double bottom)
-{
-    double first = 0.0, last = 1.0;
-    for (int axis = 0; axis < 2; axis++) {
-        double start = axis ? ay : ax, way = axis ? by - ay : bx - ax, low = axis ? bottom : left;
-        if (way == 0.0) {
-            if (start <= low || start >= low + 1.0)
-                return 0;
-            continue;
-        }
-        double t = (low - start) / way, u = (low + 1.0 - start) / way;
-        first = most(first, least(t, u)), last = least(last, most(t, u));
-    }
-    return first < last;
-}
-
 /* Whether a polygon covers part of an occupied cell. */
 static int shape_meets_bitmap(const polygons *o, int32_t shape, const bitmap *map)
 {
@@ -155,15 +138,9 @@ static int shape_meets_bitmap(const polygons *o, int32_t shape, const bitmap *ma
     if (map->sides[first_y * map->columns + first_x] > size)
         return 0;
     for (int64_t y = first_y; y <= last_y; y++)
-        for (int64_t x = first_x; x <= last_x; x++) {
-            if (map->sides[y * map->columns + x])
-                continue;
-            if (contains(px, py, 0, count, (double)x + 0.5, (double)y + 0.5))
+        for (int64_t x = first_x; x <= last_x; x++)
+            if (!map->sides[y * map->columns + x] && meets_cell(px, py, count, (double)x, (double)y, 0.0, 0))
                 return 1;
-            for (int32_t i = 0, j = count - 1; i < count; j = i++)
-                if (edge_meets_cell(px[j], py[j], px[i], py[i], (double)x, (double)y))
-                    return 1;
-        }
     return 0;
 }
 

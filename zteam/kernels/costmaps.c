@@ -1,7 +1,7 @@
 /* Grids of costs: distances to obstacles, inflation, what beams clear, and what outlines touch. */
 #include <math.h>
 #include <string.h>
-#include "kernels.h"
+#include "polygons.h"
 #include "sines.h"
 
 #define LEAST(a, b) ((a) < (b) ? (a) : (b))
@@ -90,41 +90,12 @@ void trace_beams(uint8_t *costs, int64_t rows, int64_t columns, int64_t x0, int6
     }
 }
 
-/* Whether a polygon of (x, y) in cells touches a cell that is `margin` larger on each side. */
-static int touches_cell(const double *points, int64_t count, double column, double row, double margin)
-{
-    const double low[2] = {column - margin, row - margin};
-    const double high[2] = {column + 1.0 + margin, row + 1.0 + margin}, middle[2] = {column + 0.5, row + 0.5};
-    int inside = 0;
-    const double *a = points + 2 * (count - 1);
-    for (int64_t i = 0; i < count; i++) {
-        const double *b = points + 2 * i, delta[2] = {b[0] - a[0], b[1] - a[1]};
-        if ((a[1] > middle[1]) != (b[1] > middle[1]) && middle[0] < a[0] + (middle[1] - a[1]) * delta[0] / delta[1])
-            inside = !inside;
-        /* The part of the edge in the cell (Liang and Barsky 1984). */
-        double begin = 0.0, end = 1.0;
-        for (int k = 0; k < 2; k++)
-            if (delta[k] == 0.0) {
-                if (a[k] < low[k] || a[k] > high[k])
-                    end = -1.0;
-            } else {
-                const double one = (low[k] - a[k]) / delta[k], other = (high[k] - a[k]) / delta[k];
-                begin = MOST(LEAST(one, other), begin);
-                end = LEAST(MOST(one, other), end);
-            }
-        if (begin <= end)
-            return 1;
-        a = b;
-    }
-    return inside;
-}
-
 /* Find the first step at which an outline touches a lethal cell that it does not touch at the start; -1 if none.
    With 0 steps: 0 if it touches one where it stands. `points` has room for the outline twice, at the start and now. */
 int64_t find_hit(const uint8_t *costs, int64_t rows, int64_t columns, const double *corners, int64_t count, double x,
                  double y, double yaw, const double *motion, int64_t steps, double *points)
 {
-    const double *start = points;
+    const double *start_x = points, *start_y = points + count;
     for (int64_t step = 0; step <= steps; step++) {
         double cosine, sine, low[2] = {INFINITY, INFINITY}, high[2] = {-INFINITY, -INFINITY};
         if (step > 0) {
@@ -134,17 +105,15 @@ int64_t find_hit(const uint8_t *costs, int64_t rows, int64_t columns, const doub
             y += sine * motion[0] + cosine * motion[1];
             yaw += motion[2];
         }
-        double *now = points + (step > 0 ? 2 * count : 0);
+        double *now_x = points + (step > 0 ? 2 * count : 0), *now_y = now_x + count;
         cosine_sine(yaw, &cosine, &sine);
         for (int64_t i = 0; i < count; i++) {
-            now[2 * i] = x + cosine * corners[2 * i] - sine * corners[2 * i + 1];
-            now[2 * i + 1] = y + sine * corners[2 * i] + cosine * corners[2 * i + 1];
-            for (int k = 0; k < 2; k++) {
-                if (!(fabs(now[2 * i + k]) < FAR))
-                    return step;
-                low[k] = LEAST(now[2 * i + k], low[k]);
-                high[k] = MOST(now[2 * i + k], high[k]);
-            }
+            now_x[i] = x + cosine * corners[2 * i] - sine * corners[2 * i + 1];
+            now_y[i] = y + sine * corners[2 * i] + cosine * corners[2 * i + 1];
+            if (!(fabs(now_x[i]) < FAR && fabs(now_y[i]) < FAR))
+                return step;
+            low[0] = LEAST(now_x[i], low[0]), high[0] = MOST(now_x[i], high[0]);
+            low[1] = LEAST(now_y[i], low[1]), high[1] = MOST(now_y[i], high[1]);
         }
         if (step == 0 && steps > 0)
             continue;
@@ -152,12 +121,14 @@ int64_t find_hit(const uint8_t *costs, int64_t rows, int64_t columns, const doub
         for (int64_t row = (int64_t)floor(low[1] - MARGIN); row <= top; row++)
             for (int64_t column = (int64_t)floor(low[0] - MARGIN); column <= right; column++) {
                 const int is_inside = 0 <= row && row < rows && 0 <= column && column < columns;
+                const double u = (double)column, v = (double)row;
                 if ((is_inside && costs[row * columns + column] != LETHAL)
-                    || !touches_cell(now, count, column, row, step > 0 ? MARGIN : 0.0))
+                    || !meets_cell(now_x, now_y, count, u, v, step > 0 ? MARGIN : 0.0, 1))
                     continue;
                 /* Near at the start already: then it may come nearer, but not touch it, unless it did. */
-                if (step == 0 || !touches_cell(start, count, column, row, MARGIN)
-                    || (touches_cell(now, count, column, row, 0.0) && !touches_cell(start, count, column, row, 0.0)))
+                if (step == 0 || !meets_cell(start_x, start_y, count, u, v, MARGIN, 1)
+                    || (meets_cell(now_x, now_y, count, u, v, 0.0, 1)
+                        && !meets_cell(start_x, start_y, count, u, v, 0.0, 1)))
                     return step;
             }
     }

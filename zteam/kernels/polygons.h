@@ -1,4 +1,4 @@
-/* What edges.c and bodies.c share: which groups of polygons are near a place, and whether a point is in one. */
+/* What kernels share: which groups of polygons are near a place, what is in a polygon, and what it meets. */
 #ifndef ZTEAM_POLYGONS_H
 #define ZTEAM_POLYGONS_H
 
@@ -46,13 +46,40 @@ static inline int32_t next_group(const polygons *o, walk *w)
 }
 
 /* Whether a point lies in the polygon of vertices `begin` to `end`, by the even-odd rule. */
-static inline int contains(const double *px, const double *py, int32_t begin, int32_t end, double x, double y)
+static inline int contains(const double *px, const double *py, int64_t begin, int64_t end, double x, double y)
 {
     int inside = 0;
-    for (int32_t i = begin, j = end - 1; i < end; j = i++)
+    for (int64_t i = begin, j = end - 1; i < end; j = i++)
         if ((py[i] > y) != (py[j] > y) && x < px[i] + (y - py[i]) * (px[j] - px[i]) / (py[j] - py[i]))
             inside = !inside;
     return inside;
+}
+
+/* Whether a polygon in cells covers a part of a cell that is `margin` larger on each side; with `closed`, whether it
+   touches it. An edge is clipped to the cell (Liang and Barsky 1984). */
+static inline int meets_cell(
+    const double *px, const double *py, int64_t count, double column, double row, double margin, int closed)
+{
+    const double low[2] = {column - margin, row - margin}, high[2] = {column + 1.0 + margin, row + 1.0 + margin};
+    if (contains(px, py, 0, count, column + 0.5, row + 0.5))
+        return 1;
+    for (int64_t i = 0, j = count - 1; i < count; j = i++) {
+        double first = 0.0, last = 1.0;
+        for (int axis = 0; axis < 2; axis++) {
+            const double start = axis ? py[j] : px[j], way = (axis ? py[i] : px[i]) - start;
+            if (way == 0.0) {
+                if (start < low[axis] || start > high[axis] || (!closed && (start == low[axis] || start == high[axis])))
+                    last = -1.0;
+                continue;
+            }
+            const double t = (low[axis] - start) / way, u = (high[axis] - start) / way;
+            first = t < u ? t > first ? t : first : u > first ? u : first;
+            last = t < u ? u < last ? u : last : t < last ? t : last;
+        }
+        if (closed ? first <= last : first < last)
+            return 1;
+    }
+    return 0;
 }
 
 #endif

@@ -174,40 +174,6 @@ void fill_squares(const uint8_t *free_cells, int64_t rows, int64_t columns, uint
         }
 }
 
-/* What cast_squares does, cell by cell (Amanatides and Woo 1987): benchmarks and tests compare the two. */
-void cast_cells(const bitmap *map, const fans *s, int32_t mark)
-{
-    double cosine, sine, c, w;
-    cosine_sine(map->yaw, &cosine, &sine);
-    for (int64_t fan = 0; fan < s->count; fan++) {
-        double dx = s->at[fan] - map->x, dy = s->at[s->count + fan] - map->y;
-        double px = (cosine * dx + sine * dy) / map->cell_x, py = (cosine * dy - sine * dx) / map->cell_y;
-        cosine_sine(s->at[2 * s->count + fan] - map->yaw, &c, &w);
-        int inside = px >= 0.0 && px < (double)map->columns && py >= 0.0 && py < (double)map->rows;
-        for (int64_t beam = 0; inside && beam < s->beams; beam++) {
-            double u = s->cosine[beam], v = s->sine[beam], t = 0.0;
-            double way_x = (c * u - w * v) / map->cell_x, way_y = (w * u + c * v) / map->cell_y;
-            int64_t ix = (int64_t)px, iy = (int64_t)py, step_x = way_x >= 0.0 ? 1 : -1, step_y = way_y >= 0.0 ? 1 : -1;
-            double across_x = 1.0 / (fabs(way_x) > TINY ? fabs(way_x) : TINY);
-            double across_y = 1.0 / (fabs(way_y) > TINY ? fabs(way_y) : TINY);
-            double next_x = (way_x >= 0.0 ? (double)ix + 1.0 - px : px - (double)ix) * across_x;
-            double next_y = (way_y >= 0.0 ? (double)iy + 1.0 - py : py - (double)iy) * across_y;
-            while (t < s->limit && map->sides[iy * map->columns + ix]) {
-                if (next_x <= next_y)
-                    t = next_x, next_x += across_x, ix += step_x;
-                else
-                    t = next_y, next_y += across_y, iy += step_y;
-                if (ix < 0 || iy < 0 || ix >= map->columns || iy >= map->rows)
-                    t = s->limit;
-            }
-            if (t < s->ranges[fan * s->beams + beam]) {
-                s->ranges[fan * s->beams + beam] = t;
-                s->hits[fan * s->beams + beam] = mark;
-            }
-        }
-    }
-}
-
 #ifdef __x86_64__
 #include <cpuid.h>
 
