@@ -84,8 +84,9 @@ def test_a_run_without_an_end_is_not_looked_at(monkeypatch: pytest.MonkeyPatch) 
 
 @pytest.fixture(autouse=True)
 def colours(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The environment does not turn colours off."""
+    """The environment does not turn colours off, as an empty TERM does."""
     monkeypatch.delenv("NO_COLOR", raising=False)
+    monkeypatch.setenv("TERM", "xterm")
 
 
 def printed(monkeypatch: pytest.MonkeyPatch, output: io.StringIO, *lines: tuple[str, str]) -> str:
