@@ -451,6 +451,18 @@ class Steps(NamedTuple):
     """The least weight of a cell that can be entered."""
 
 
+def weigh_cells(costs: Bytes, neutral: int, factor: int, barred: int, unknown: int, out: Bytes) -> None:
+    """Write a costmap's cells (rows, columns) as weights to the inner part of `out` (rows + 2, columns + 2).
+
+    A cell weighs `neutral` + cost · `factor` / 256, cut to a whole number below 256; 0 from the cost `barred` on, and
+    `unknown` without information. Raises ValueError.
+    """
+    grid, rows, columns = _grid("costs", costs, _UINT8)
+    made = _given("out", out, _UINT8, rows + 2, columns + 2, out=True)
+    _within("neutral, factor, barred, unknown", np.array((neutral, factor, barred, unknown)), 0, 257)
+    lib.weigh_cells(grid, rows, columns, neutral, factor, barred, unknown, made)
+
+
 def _walled(weights: Bytes, steps: Steps, *cells: int) -> tuple[Any, int]:
     """A grid's memory and columns. Raises ValueError unless its border is 0, and those cells, which are inner, not."""
     grid, _, columns = _grid("weights", weights, _UINT8)

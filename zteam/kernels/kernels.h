@@ -96,6 +96,8 @@ int64_t find_hit(const uint8_t *costs, int64_t rows, int64_t columns, const doub
                  double y, double yaw, const double *motion, int64_t steps, double *points);
 
 /* search.c: ways over grids of weights */
+void weigh_cells(const uint8_t *costs, int64_t rows, int64_t columns, int64_t neutral, int64_t factor, int64_t barred,
+                 int64_t unknown, uint8_t *out);
 int search(const uint8_t *weights, int64_t columns, int64_t start, int64_t goal, const int64_t *steps,
            uint32_t *costs, int64_t *box);
 int64_t trace(const uint8_t *weights, int64_t columns, int64_t start, int64_t goal, const int64_t *steps,

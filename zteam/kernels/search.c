@@ -17,6 +17,21 @@ typedef struct {
     uint32_t cell, cost, next; /* in the list of one bucket */
 } entry;
 
+/* Write a costmap's cells as weights to the inner part of `out`: neutral + cost * factor / 256, 0 from `barred` on. */
+void weigh_cells(const uint8_t *costs, int64_t rows, int64_t columns, int64_t neutral, int64_t factor, int64_t barred,
+                 int64_t unknown, uint8_t *restrict out)
+{
+    const uint16_t base = (uint16_t)neutral, slope = (uint16_t)factor, first = (uint16_t)barred;
+    for (int64_t y = 0; y < rows; y++) {
+        const uint8_t *given = costs + y * columns;
+        uint8_t *restrict made = out + (y + 1) * (columns + 2) + 1;
+        for (int64_t x = 0; x < columns; x++) {
+            const uint16_t cost = given[x], weight = (uint16_t)(base + ((uint16_t)(cost * slope) >> 8));
+            made[x] = (uint8_t)(cost == 255 ? unknown : cost < first ? weight : 0);
+        }
+    }
+}
+
 /* Find the cheapest way between two cells and write its costs; 1 if there is one, 0 if all that can be reached has been,
    -1 without memory. The heuristic is the octile distance, at the least weight. Cells whose cost plus heuristic have the
    same digits above SHIFT are visited in no order. */

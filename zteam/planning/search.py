@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.kernels.binding import UNREACHED, Cells, Steps, measure_lines, search, trace
-from zteam.planning.costs import INSCRIBED_INFLATED_OBSTACLE, NO_INFORMATION, Costs
+from zteam.kernels.binding import UNREACHED, Cells, Steps, measure_lines, search, trace, weigh_cells
+from zteam.planning.costs import INSCRIBED_INFLATED_OBSTACLE, Costs
 from zteam.planning.shortening import make_any_angle
 
 COSTMAP_STEPS = (70, 99)
@@ -45,10 +45,7 @@ class Field:
         heaviest = neutral + int(factor * 256.0) * (INSCRIBED_INFLATED_OBSTACLE - 1) // 256
         if not (neutral >= 1 and factor >= 0.0 and heaviest <= 255):
             raise ValueError(f"weights must lie from 1 to 255, not from {neutral} to {heaviest}")
-        weights = np.zeros(256, np.uint8)
-        weights[:barred] = neutral + (np.arange(barred) * int(factor * 256.0) >> 8)
-        weights[NO_INFORMATION] = heaviest if allow_unknown else 0
-        np.take(weights, costs, out=self._weights[1:-1, 1:-1], mode="clip")
+        weigh_cells(costs, neutral, int(factor * 256.0), barred, heaviest if allow_unknown else 0, self._weights)
         self.steps = Steps(*COSTMAP_STEPS, neutral)
 
     def is_free(self, row: int, column: int) -> bool:

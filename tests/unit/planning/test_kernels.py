@@ -55,6 +55,7 @@ REFUSED: dict[str, list[Callable[[], object]]] = {
         lambda: binding.shorten(WEIGHTS, WALK, 0, 3, 1.0),
         lambda: binding.shorten(WEIGHTS, -WALK, 1, 3, 1.0),
     ],
+    "neutral": [lambda: binding.weigh_cells(COSTS, 50, -1, 253, 0, np.zeros((8, 10), np.uint8))],
     "values": [
         lambda: binding.sum_poses(VALUES[:0], PLACE, POSES, BEAMS),
         lambda: binding.sum_poses(VALUES, (0.0, 0.0, 0.0, 0.0), POSES, BEAMS),
