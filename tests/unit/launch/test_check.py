@@ -241,12 +241,12 @@ def test_a_team_without_its_world_robots_adds_its_own(tmp_path: Path) -> None:
 
 @pytest.mark.ci
 def test_the_check_needs_no_engine(tmp_path: Path) -> None:
-    """The launcher stays small and fast: the check imports neither the kernels nor pymunk nor the user's modules."""
+    """The launcher stays small and fast: the check imports neither the engine nor pymunk nor the user's modules."""
     path = write(tmp_path, '[team]\nworld = "office"\n[[robots]]\nid = 0\nbehavior = "my_stopper:Stopper"\n')
     code = (
         "import sys; from pathlib import Path; from zteam.team_file import read_team_file; "
         f"from zteam.launch.check import check_team; check_team(read_team_file(Path({str(path)!r}))); "
-        "print({'zteam.kernels.binding', 'pymunk', 'my_stopper'} & set(sys.modules))"
+        "print({'zteam.sim.engine', 'pymunk', 'my_stopper'} & set(sys.modules))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=LIMIT, check=True)
     assert done.stdout == "set()\n"
