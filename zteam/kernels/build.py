@@ -12,6 +12,7 @@ import sys
 import sysconfig
 import tempfile
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -35,8 +36,9 @@ def compile_library(compiler: list[str], out: Path, sources: Sequence[Path], fla
         jobs = [(path, ["-msse4.1"] if wide else []) for path in sources]
         jobs += [(path, ["-mavx2"]) for path in sources if wide and path.name == "squares.c"]
         objects = [f"{folder}/{number}.o" for number in range(len(jobs))]
-        for (path, own), made in zip(jobs, objects, strict=True):
-            run([*compiler, *flags, *own, "-c", str(path), "-o", made])
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            commands = ([*compiler, *flags, *own, "-c", str(path)] for path, own in jobs)
+            list(pool.map(lambda command, made: run([*command, "-o", made]), commands, objects))
         # A process that runs keeps the library that it has loaded.
         out.unlink(missing_ok=True)
         run([*compiler, *flags, "-shared", *objects, "-o", str(out), "-lm"])
