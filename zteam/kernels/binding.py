@@ -194,11 +194,11 @@ class Polygons:
         """Bring the groups of movers to `poses` (movers or more; x, y, yaw in `map`)."""
         lib.move_polygons(self.data, self.poses(poses))
 
-    def poses(self, poses: Floats, *, name: str = "poses", out: bool = False) -> Any:
+    def poses(self, poses: Floats, *, out: bool = False) -> Any:
         """The memory of an array of poses (movers or more; x, y, yaw)."""
         if len(poses) < self.movers:
-            raise ValueError(f"{name}: {len(poses)} are too few for {self.movers} movers")
-        return _given(name, poses, _DOUBLE, len(poses), 3, out=out)
+            raise ValueError(f"poses: {len(poses)} are too few for {self.movers} movers")
+        return _given("poses", poses, _DOUBLE, len(poses), 3, out=out)
 
 
 _cast_squares = lib.cast_squares_avx2 if lib.has_avx2() else lib.cast_squares
@@ -310,7 +310,7 @@ class Bases:
         _within("wheel_owner", wheel_owner, 0, robots)
         self.setpoint, self.velocity, self.odom = np.zeros((3, robots, 3))
         """(robots, 3): velocity as commanded, within the limits; velocity as it was; pose seen from the start."""
-        self.start = start
+        self.start, self.is_car = start, is_car
         self.angles, self.rates = np.zeros((2, wheels))
         """(wheels): rad since the start, and rad/s."""
         of_robots = dict(zip(("low", "high", "slow", "fast"), limits, strict=True))

@@ -43,7 +43,6 @@ class Team:
         self.commanded = np.full(count, -WATCHDOG, np.int64)
         self.bases, self._wheels = make_bases(self._robots)
         self.odometry = Odometry(self.bases, self._robots, list(self.ids), options.odom_alphas, seed)
-        self._is_car = np.array([robot.drive == "car" for robot in self._robots], bool)
         poses = np.array([r.pose for r in self._robots] + [o.pose for o in self._pushed], float).reshape(-1, 3)
         kept = self._adopt(old, poses) if old is not None else []
         self.bodies: Bodies = make_bodies(self._physics, self._robots, poses, world, floorplans)
@@ -90,7 +89,7 @@ class Team:
         bases.note_motion(before, after, seconds, tangents=self._physics == "stage")
         self.odometry.advance(before, after, tick)
         if self.bodies.met.any():
-            keep_what_is_left(self._is_car, self.bodies.met, bases.velocity, bases.setpoint)
+            keep_what_is_left(bases.is_car, self.bodies.met, bases.velocity, bases.setpoint)
 
     def begin_observing(self, now: int, tick: int) -> Observation:
         """What the bases sense at `now` (ns)."""
