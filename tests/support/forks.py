@@ -59,7 +59,7 @@ class Forks:
 
 def _become(module: str, arguments: list[str], environment: dict[str, str], folder: str, output: IO[Any]) -> None:
     """Be the command `module` in this process, which has been forked for it."""
-    signal.alarm(round(_LONGEST))
+    signal.alarm(round(_LONGEST))  # noqa: TID251
     os.chdir(folder)
     os.environ.update(environment)
     for number, source in enumerate((os.open(os.devnull, os.O_RDONLY), output.fileno(), output.fileno())):

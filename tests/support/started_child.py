@@ -42,4 +42,4 @@ class Started:
 
 def has_ended(pidfd: int) -> bool:
     """Whether the process ends within the limit."""
-    return bool(select.select([pidfd], [], [], LIMIT)[0])
+    return bool(select.select([pidfd], [], [], LIMIT)[0])  # noqa: TID251

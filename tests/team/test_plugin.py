@@ -65,7 +65,7 @@ def ended(handles: list[int]) -> bool:
     """Whether the processes of these pidfds end within LIMIT; the others are killed."""
     done = []
     for handle in handles:
-        readable, _, _ = select.select([handle], [], [], LIMIT)
+        readable, _, _ = select.select([handle], [], [], LIMIT)  # noqa: TID251
         if not readable:
             signal.pidfd_send_signal(handle, signal.SIGKILL)
         os.close(handle)

@@ -53,7 +53,7 @@ def wait_for_end(pid: int) -> None:
         handle = os.pidfd_open(pid)
     except ProcessLookupError:
         return
-    readable, _, _ = select.select([handle], [], [], LIMIT)
+    readable, _, _ = select.select([handle], [], [], LIMIT)  # noqa: TID251
     if not readable:
         signal.pidfd_send_signal(handle, signal.SIGKILL)
     os.close(handle)

@@ -74,6 +74,6 @@ def wait_for_end(handle: int) -> None:
     """Wait until the process behind a pidfd has ended."""
     import select
 
-    readable, _, _ = select.select([handle], [], [], LIMIT)
+    readable, _, _ = select.select([handle], [], [], LIMIT)  # noqa: TID251
     os.close(handle)
     assert readable, "a child process still runs"

@@ -196,7 +196,7 @@ def test_a_new_stamp_wakes_a_waiting_thread() -> None:
     """A thread that waits for a change of simulated time goes on with the next stamp."""
     sim = SimClock()
     sim.set(100)
-    thread = threading.Timer(0.01, lambda: sim.set(200))
+    thread = threading.Timer(0.01, lambda: sim.set(200))  # noqa: TID251
     thread.start()
     begin = monotonic()
     assert sim.wait_for_change(100, LIMIT)

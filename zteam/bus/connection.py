@@ -35,7 +35,8 @@ IDLE_EXIT = 10.0
 
 
 def _read_endpoint(stopping: Callable[[], bool]) -> str:
-    while not stopping() and not select.select([sys.stdin], [], [], _LOOK_AGAIN)[0]:
+    # Host time: the read of an endpoint must notice a request to stop.
+    while not stopping() and not select.select([sys.stdin], [], [], _LOOK_AGAIN)[0]:  # noqa: TID251
         # Nothing yet; a read would not see the request to stop.
         continue
     line = "" if stopping() else sys.stdin.readline().strip()
@@ -233,7 +234,8 @@ def _keep_router_alive(transport: ZenohTransport, options: BusOptions) -> None:
     def on_link(up: bool) -> None:
         if not up:
             # Not in the callback: it holds a Zenoh thread. Spread out, so that few routers compete for the port.
-            timer = threading.Timer(random.uniform(0.0, 0.2), revive)
+            # Host time: a restart must not block Zenoh's thread, and clients must not all try at once.
+            timer = threading.Timer(random.uniform(0.0, 0.2), revive)  # noqa: TID251
             timer.daemon = True
             timer.start()
 

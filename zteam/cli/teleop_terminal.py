@@ -58,7 +58,8 @@ class KeyTerminal:
         """Keys and the host's time, at once when a key comes and every PERIOD, until the stop or the terminal's end."""
         decoder, due = KeyDecoder(), monotonic()
         while not self._stopping():
-            if select.select([self._input], [], [], max(0.0, due - monotonic()))[0]:
+            # Host time: neither a key nor the next command may wait for the other.
+            if select.select([self._input], [], [], max(0.0, due - monotonic()))[0]:  # noqa: TID251
                 data = self._read()
                 if not data:
                     return

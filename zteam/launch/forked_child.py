@@ -98,7 +98,8 @@ class ForkedChild:
 
     def has_ended(self, timeout: float | None) -> bool:
         """Whether it ends within `timeout` host seconds; None = no limit."""
-        waiting = select.poll()
+        # Host time: a process has ended when its descriptor can be read; no time is measured.
+        waiting = select.poll()  # noqa: TID251
         waiting.register(self._descriptor, select.POLLIN)
         return bool(waiting.poll(None if timeout is None else 1e3 * timeout))
 

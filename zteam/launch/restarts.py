@@ -48,7 +48,7 @@ class Restarts:
         self._lock = threading.Lock()
         self._allowed = {name: Backoff() for name in allowed}
         self._begun: dict[str, float] = {}
-        self._timers: dict[str, threading.Timer] = {}
+        self._timers: dict[str, threading.Timer] = {}  # noqa: TID251
         self._ended = False
         self.counts: dict[str, int] = {}
         """How often each process was started again."""
@@ -69,7 +69,8 @@ class Restarts:
                 return Again()
             again = backoff.take_failure(monotonic() - self._begun.get(name, 0.0))
             if again.delay is not None:
-                timer = self._timers[name] = threading.Timer(again.delay, self._again, (name,))
+                # Host time: a restart is due at host time, while the launcher waits for the end of the run.
+                timer = self._timers[name] = threading.Timer(again.delay, self._again, (name,))  # noqa: TID251
                 timer.name, timer.daemon = f"restart {name}", True
                 timer.start()
         return again

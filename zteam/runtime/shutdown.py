@@ -114,7 +114,8 @@ def exit_hard_later(stop: Stop, hung: int = HUNG) -> Callable[[], None]:
         logging.shutdown()
         os._exit(hung if hanging() else 1)
 
-    timer = threading.Timer(HARD_EXIT, end)
+    # Host time: the hard exit: the process may hang, so no other thread can wait.
+    timer = threading.Timer(HARD_EXIT, end)  # noqa: TID251
     timer.daemon = True
     stop.on_request(timer.start)
     return timer.cancel

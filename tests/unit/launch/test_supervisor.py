@@ -187,10 +187,10 @@ def test_children_end_when_their_supervisor_dies(number: signal.Signals, frozen:
             wait_until_true(lambda: is_frozen(pid))
         supervisor.send_signal(number)
         supervisor.wait(LIMIT)
-        if frozen and not select.select([handle], [], [], 0)[0]:
+        if frozen and not select.select([handle], [], [], 0)[0]:  # noqa: TID251
             # The kernel continues stopped orphans, but may miss one that was just about to stop.
             signal.pidfd_send_signal(handle, signal.SIGCONT)
-        ended, _, _ = select.select([handle], [], [], LIMIT)
+        ended, _, _ = select.select([handle], [], [], LIMIT)  # noqa: TID251
         if not ended:
             signal.pidfd_send_signal(handle, signal.SIGKILL)
         os.close(handle)

@@ -1,10 +1,10 @@
 """What else than its view a behaviour asks, and which of it counts."""
 
-import datetime
+import datetime  # noqa: TID251
 import logging
 import random
 import sys
-import time
+import time  # noqa: TID251
 
 from zteam.behaviors import Behavior
 from zteam.trials.chance import Heard
@@ -18,7 +18,7 @@ def test_clocks_and_chance_are_heard_with_the_line() -> None:
     """The host's clocks by name, and random numbers through whatever function of `random`."""
     heard = Heard(Asks)
     with heard.listening():
-        time.time()  # noqa: TID251
+        time.time()
         datetime.datetime.now()
         random.gauss(0.0, 1.0)
     assert [*heard.clocks] == ["time.time", "datetime.now"]
@@ -31,8 +31,8 @@ def test_what_a_library_asks_does_not_count() -> None:
     heard = Heard(Asks)
     with heard.listening():
         logging.getLogger("mine").warning("a line")
-        time.perf_counter()  # noqa: TID251
-    time.time()  # noqa: TID251
+        time.perf_counter()
+    time.time()
     assert not heard.clocks
     assert not heard.chance
     assert sys.getprofile() is None

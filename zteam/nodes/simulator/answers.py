@@ -76,7 +76,8 @@ class Answers:
                     return
                 if len(self._early) >= _MOST_EARLY:
                     del self._early[refused[0]]
-                timer = threading.Timer(TOKEN_GRACE, self._expire, sender)
+                # Host time: an answer without a token is refused at host time, while the world is held.
+                timer = threading.Timer(TOKEN_GRACE, self._expire, sender)  # noqa: TID251
                 timer.name, timer.daemon = "early answer", True
                 timer.start()
             self._early[sender] = done

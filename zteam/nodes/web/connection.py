@@ -82,7 +82,8 @@ class Page:
 
     async def _greet(self) -> Viewer:
         try:
-            hello = await asyncio.wait_for(self._read(), HELLO_LIMIT)
+            # Host time: a page that says nothing is let go, while this thread serves others.
+            hello = await asyncio.wait_for(self._read(), HELLO_LIMIT)  # noqa: TID251
         except TimeoutError:
             raise RefusedError(f"no hello within {HELLO_LIMIT:g} s") from None
         if not isinstance(hello, Hello):
@@ -149,7 +150,8 @@ class Page:
                 self._ready.clear()
                 await self._ready.wait()
             await self._news.wait()
-            await asyncio.sleep(max(GATHER, viewer.sent + self._hub.period - monotonic()))
+            # Host time: a page gets so many frames a second of host time.
+            await asyncio.sleep(max(GATHER, viewer.sent + self._hub.period - monotonic()))  # noqa: TID251
             self._news.clear()
             data = self._desk.composer.compose(viewer)
             if viewer.lacks_tiles:
