@@ -7,7 +7,7 @@ from typing import Any
 
 from zteam.behaviors.registry import find_behavior
 from zteam.trials.check import TrialResult, run_trials
-from zteam.trials.fault import Fault
+from zteam.trials.subject import Fault
 from zteam.trials.worlds import PLACES
 
 HEAD = """\

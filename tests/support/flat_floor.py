@@ -16,7 +16,7 @@ from zteam.kernels.binding import follow
 from zteam.messages import Header, LaserScan, Odometry, Quaternion, Twist, time_from_ns
 from zteam.sim import Engine
 from zteam.sim.to_messages import odometry_message, scan_message
-from zteam.trials import made_views
+from zteam.trials import situations
 from zteam.world.model import Limits, Obstacle, Ranger, Robot, Shape, World
 
 Segment = tuple[float, float, float, float]
@@ -28,7 +28,7 @@ FOV = math.radians(270.25)
 LASER = Pose2(0.05, 0.0, 0.0)
 """The erratic's laser in its base."""
 ORIGIN = Pose2(0.0, 0.0, 0.0)
-_RANGER = Ranger("laser", *LASER[:2], 0.3, 0.0, FOV, BEAMS, 0.0, made_views.RANGE_MAX)
+_RANGER = Ranger("laser", *LASER[:2], 0.3, 0.0, FOV, BEAMS, 0.0, situations.RANGE_MAX)
 _HEAD = [(LASER.x + 0.03 * math.cos(a), 0.03 * math.sin(a)) for a in np.arange(8) * math.tau / 8]
 """What a laser sees of another robot: only the other laser stands at its height."""
 _FAST = Limits((-9.0, 9.0), (-9.0, 9.0), (-9.0, 9.0))
@@ -38,7 +38,7 @@ _THIN = 1e-9
 
 def make_scan(ranges: Sequence[float] | NDArray[np.float64], stamp: int = TICK, fov: float = FOV) -> LaserScan:
     """A scan of evenly spread beams, 0 to 30 m."""
-    return made_views.make_scan(ranges, fov, Header(time_from_ns(stamp), made_views.laser_frame(0)))
+    return situations.make_scan(ranges, fov, Header(time_from_ns(stamp), situations.laser_frame(0)))
 
 
 def make_view(scan: LaserScan | None = None, *, now: int = TICK, **changes: object) -> View:

@@ -19,8 +19,12 @@ _OF_ROS = {
 
 def explain(error: BaseException) -> str:
     """`file:line: Type: text (way out)` of an error that importing a user's module raised."""
-    told = f"{type(error).__name__}: {' '.join(str(error).split())}".removesuffix(": ")
-    return f"{_place(error)}{told}{_way_out(error)}"
+    return f"{_place(error)}{error_text(error)}{_way_out(error)}"
+
+
+def error_text(error: BaseException) -> str:
+    """The type of an error and what it says, on one line."""
+    return f"{type(error).__name__}: {' '.join(str(error).split())}".removesuffix(": ")
 
 
 def _place(error: BaseException) -> str:

@@ -20,7 +20,7 @@ from zteam.cli.zteam_robot import add_param_option, parse_param
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from zteam.trials.check import TrialResult
-    from zteam.trials.fault import Fault
+    from zteam.trials.subject import Fault
 
 _WIDTH = 31
 """Columns of a trial's name."""

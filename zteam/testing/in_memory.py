@@ -21,7 +21,7 @@ from zteam.messages import Done, Header, Message, Odometry, Tick, Twist, time_fr
 from zteam.runtime.node import ClockMode
 from zteam.runtime.shutdown import Stop
 from zteam.runtime.step_node import StepNode
-from zteam.trials.made_views import laser_frame, lookup_in, make_scan
+from zteam.trials.situations import laser_frame, lookup_in, make_scan
 
 LIMIT = 30.0 * HOST_FACTOR
 """Host seconds for the node's thread to begin or to end: many times what a crowded machine needs."""

@@ -1,7 +1,7 @@
-"""Trials by hand: what a robot knows in awkward moments, as views."""
+"""Trials by hand: what a robot knows in awkward moments, as views; and values at the bounds of parameters."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
@@ -9,12 +9,53 @@ import numpy as np
 
 from zteam import names
 from zteam.base import DEFAULT_BASE
+from zteam.behaviors.behavior import Behavior
 from zteam.behaviors.inputs import declared_inputs
-from zteam.behaviors.view import View
+from zteam.behaviors.parameters import Parameter, parameters_of
+from zteam.behaviors.view import FindPose, View
 from zteam.clock import to_ns
+from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.messages import Header, LaserScan, Odometry, time_from_ns
-from zteam.trials.made_views import RANGE_MAX, laser_frame, lookup_in, make_scan
+
+RANGE_MAX = 30.0
+"""Metres."""
+_HERE = Pose2(0.0, 0.0, 0.0)
+
+
+def make_scan(ranges: Sequence[float], fov: float, header: Header) -> LaserScan:
+    """A scan of these metres, evenly spread over `fov` radians from right to left."""
+    return LaserScan(
+        header=header,
+        angle_min=-0.5 * fov,
+        angle_max=0.5 * fov,
+        angle_increment=fov / (len(ranges) - 1) if len(ranges) > 1 else 0.0,
+        range_max=RANGE_MAX,
+        ranges=np.array(ranges, np.float32),
+    )
+
+
+def lookup_in(poses: Mapping[int, tuple[float, float, float]], stamp: int) -> FindPose:
+    """Look-ups among `map` and the bases of robots with these poses (x, y in m, yaw in rad) in `map`, at `stamp` (ns).
+
+    Every look-up fails where no robot is known.
+    """
+    known = {names.robot_frame(i, names.BASE_FOOTPRINT): Pose2(*pose) for i, pose in poses.items()}
+    if known:
+        known[names.MAP_FRAME] = _HERE
+
+    def lookup(target: str, source: str) -> tuple[Pose2, int] | None:
+        if target not in known or source not in known:
+            return None
+        return known[target].inverse().compose(known[source]), stamp
+
+    return lookup
+
+
+def laser_frame(robot_id: int) -> str:
+    """The frame of a robot's laser."""
+    return names.robot_frame(robot_id, names.BASE_LASER_LINK)
+
 
 Poses = Mapping[int, tuple[float, float, float]]
 
@@ -173,3 +214,39 @@ def elsewhere(*, own: bool) -> list[Poses]:
 def nothing(moment: Moment) -> View:
     """Before anything has come."""
     return moment.view(1.0, 0.0, None, {}, has_odom=False)
+
+
+_INSIDE = 1e-3
+"""How far inside a bound that does not belong to the allowed values, relative to 1 or to the bound."""
+_SIGNS = {"ge": 0.0, "gt": 1.0, "le": 0.0, "lt": -1.0}
+
+
+def bounds(kind: type[Behavior]) -> Iterator[tuple[str, Any]]:
+    """(parameter, value) for each bound that a number has, and both values of a switch."""
+    for parameter in parameters_of(kind.Params):
+        for value in _extremes(parameter):
+            yield parameter.name, value
+
+
+def _extremes(parameter: Parameter) -> list[Any]:
+    if parameter.type == "bool":
+        return [False, True]
+    return [
+        _inside(bound, _SIGNS[limit], parameter.type == "int")
+        for limit, bound in parameter.limits.items()
+        if limit in _SIGNS
+    ]
+
+
+def _inside(bound: float, sign: float, is_whole: bool) -> float:
+    return int(bound + sign) if is_whole else bound + sign * _INSIDE * max(1.0, abs(bound))
+
+
+def given_params(spec: str, kind: type[Behavior], params: dict[str, Any]) -> dict[str, Any]:
+    """`params`, and the leader if the behaviour needs one. Raises UsageError where another one is missing."""
+    needed = [p.name for p in parameters_of(kind.Params) if p.required and p.name not in params]
+    given = {"leader": LEADER, **params} if "leader" in needed else dict(params)
+    missing = [name for name in needed if name not in given]
+    if missing:
+        raise UsageError(f"behaviour {spec} needs {', '.join(missing)}: give --param {missing[0]}=VALUE")
+    return given

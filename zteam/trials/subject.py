@@ -1,20 +1,232 @@
-"""One object of a behaviour under trial: it is asked as a robot asks it, and what it answers is looked at."""
+"""One object of a behaviour under trial: it is asked as a robot asks it, and watched; what it does wrong is a fault."""
 
+import inspect
+import linecache
 import math
-from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple, TypeVar
+import os
+import pickle
+import random
+import sys
+import threading
+import traceback
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager, nullcontext
+from pathlib import Path
+from types import FrameType, FunctionType, ModuleType
+from typing import Any, Literal, NamedTuple, TypeVar
+
+import msgspec
 
 from zteam.behaviors.behavior import Behavior
+from zteam.behaviors.import_errors import error_text, is_own
 from zteam.behaviors.registry import read_params
 from zteam.behaviors.safety.asking import ask
 from zteam.behaviors.safety.limits import Limits
 from zteam.behaviors.safety.swept import Motion
 from zteam.behaviors.view import View
+from zteam.clock import monotonic, thread_time
 from zteam.errors import BehaviorError, EncodeError
 from zteam.messages import Message, Twist
 from zteam.messages.cdr import encode
-from zteam.trials.fault import Fault, place_of_error, place_of_step
-from zteam.trials.watch import Watch
+
+Kind = Literal[
+    "raises", "type", "number", "limit", "ignored", "changed", "slow", "hangs", "clock", "random", "state", "old",
+    "touched",
+]  # fmt: skip
+
+
+class Fault(msgspec.Struct, frozen=True):
+    """One thing that a behaviour does wrong in one trial."""
+
+    kind: Kind
+    text: str
+    """What it does, with the behaviour as the subject that is left out: `step raises …`."""
+    hint: str = ""
+    """What to do instead."""
+    place: str = ""
+    """`file:line: source` of the author's own line; empty where there is none."""
+    is_remark: bool = False
+    """Whether no robot ever gets there, so that it is not wrong."""
+
+
+def place_of_error(error: BaseException, kind: type[Behavior]) -> str:
+    """The innermost line of the author's that raised."""
+    return _innermost(((f.filename, f.lineno or 0) for f in traceback.extract_tb(error.__traceback__)), kind)
+
+
+def place_of_frame(frame: FrameType, kind: type[Behavior]) -> str:
+    """The author's line that runs in `frame` or has called what runs there."""
+    return _innermost(((f.filename, f.lineno or 0) for f in traceback.extract_stack(frame)), kind)
+
+
+def place_of_step(kind: type[Behavior], method: str = "step") -> str:
+    """Where its `step`, or another method, begins."""
+    code = getattr(inspect.unwrap(getattr(kind, method)), "__code__", None)
+    return "" if code is None else _line_text(code.co_filename, code.co_firstlineno)
+
+
+def _innermost(lines: Iterable[tuple[str, int]], kind: type[Behavior]) -> str:
+    own = [(name, line) for name, line in lines if is_authors(name, kind)]
+    return _line_text(*own[-1]) if own else place_of_step(kind)
+
+
+def is_authors(filename: str, kind: type[Behavior]) -> bool:
+    """Whether the author wrote this file of code: that of the class counts also where it is installed or shipped."""
+    return is_own(filename) or filename == getattr(sys.modules.get(kind.__module__), "__file__", "")
+
+
+def _line_text(file: str, line: int) -> str:
+    source = linecache.getline(file, line).strip()
+    path = Path(file)
+    shown = path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
+    return f"{os.fspath(shown)}:{line}: {source}".removesuffix(": ")
+
+
+_CLOCKS = {
+    *(("time", name) for name in ("time", "time_ns", "monotonic", "monotonic_ns", "sleep")),
+    *(("datetime", name) for name in ("now", "utcnow", "today")),
+}
+"""(module or class, function). `time.perf_counter` only measures."""
+
+
+class Heard:
+    """The calls that were heard: by what was called, the author's line."""
+
+    def __init__(self, kind: type[Behavior]) -> None:
+        self._kind = kind
+        self.clocks: dict[str, str] = {}
+        self.chance: dict[str, str] = {}
+
+    @contextmanager
+    def listening(self) -> Iterator[None]:
+        """Within, listen to what this thread calls."""
+        before = sys.getprofile()
+        sys.setprofile(self._take)
+        try:
+            yield
+        finally:
+            sys.setprofile(before)
+
+    def _take(self, frame: FrameType, event: str, called: Any) -> None:
+        if event != "c_call":
+            return
+        owner = getattr(called, "__self__", None)
+        asked = getattr(owner, "__name__", ""), getattr(called, "__name__", "")
+        if isinstance(owner, random.Random):
+            self._note(self.chance, "random", frame)
+        elif asked in _CLOCKS and is_authors(frame.f_code.co_filename, self._kind):
+            # A library such as `logging` may look at the clock.
+            self._note(self.clocks, ".".join(asked), frame)
+
+    def _note(self, heard: dict[str, str], name: str, frame: FrameType) -> None:
+        if name not in heard:
+            heard[name] = place_of_frame(frame, self._kind)
+
+
+_NO_STATE = (type, ModuleType, FunctionType, classmethod, staticmethod, property)
+
+
+def shared_state(kind: type[Behavior]) -> dict[str, bytes]:
+    """What all objects of a class share, and so survives a reset: attributes of the class and globals of its module.
+
+    By name, as bytes that differ when a value does.
+    """
+    return {name: _pickled(value) for name, value in _shared(kind)}
+
+
+def _shared(kind: type[Behavior]) -> Iterator[tuple[str, Any]]:
+    for owner in kind.__mro__[: kind.__mro__.index(Behavior)]:
+        for name, value in vars(owner).items():
+            if _is_state(name, value):
+                yield f"{owner.__name__}.{name}", value
+    for name, value in vars(sys.modules.get(kind.__module__, kind)).items():
+        if _is_state(name, value):
+            yield name, value
+
+
+def _is_state(name: str, value: Any) -> bool:
+    """Whether it can keep something; a generator of random numbers is chance, and a cache changes no answer."""
+    if name.startswith("__") or isinstance(value, _NO_STATE) or hasattr(value, "cache_info"):
+        return False
+    return not type(value).__module__.startswith(("random", "numpy.random"))
+
+
+def _pickled(value: Any) -> bytes:
+    try:
+        return pickle.dumps(value)
+    except Exception:
+        # Whatever an author's object raises: its text is better than nothing.
+        return repr(value).encode()
+
+
+TICK = 0.1
+"""Seconds of processor time that a step may take: a scan of Stage's worlds comes every 0.1 s."""
+WAIT = 1.0
+"""Seconds of the host's clock that a step may take: on a crowded machine a step waits for the processor."""
+SLOW_STEPS = 3
+"""So many steps above TICK are the behaviour's fault; a single one may be the machine's."""
+HANGS_AFTER = 5.0
+"""Seconds after which a step counts as one that does not return."""
+
+
+class Watch:
+    """Watches the thread that steps a behaviour, from another one."""
+
+    def __init__(self, kind: type[Behavior]) -> None:
+        self._kind = kind
+        self._thread = 0
+        self._began: float | None = None
+        """When the step began that is under way."""
+        self._slow: list[float] = []
+        """Seconds of the steps above TICK or WAIT since `slowness` was asked for."""
+        self.lost = 0.0
+        """Seconds of all of them."""
+        self._places: Counter[str] = Counter()
+        """Where the author's code was in them, and in how many looks."""
+        self.heard: Heard | None = None
+        """Takes what steps call; None while none is wanted."""
+
+    @contextmanager
+    def step(self) -> Iterator[None]:
+        """Within, the behaviour has the thread."""
+        self._thread = threading.get_ident()
+        began = self._began = monotonic()
+        worked = thread_time()
+        try:
+            with nullcontext() if self.heard is None else self.heard.listening():
+                yield
+        finally:
+            self._began = None
+            seconds, worked = monotonic() - began, thread_time() - worked
+            if worked > TICK or seconds > WAIT:
+                self._slow.append(seconds)
+                self.lost += seconds
+
+    def look(self) -> Fault | None:
+        """Note where a slow step is; the fault of one that does not return. Called by the other thread."""
+        began = self._began
+        seconds = 0.0 if began is None else monotonic() - began
+        frame = sys._current_frames().get(self._thread) if seconds > TICK else None
+        if frame is None or self._began != began:
+            return None
+        place = place_of_frame(frame, self._kind)
+        self._places[place] += 1
+        if seconds < HANGS_AFTER:
+            return None
+        text = f"step did not return within {HANGS_AFTER:g} s"
+        return Fault("hangs", text, "do one thing and return: step is called anew for each scan", place)
+
+    def slowness(self) -> Fault | None:
+        """The fault of the steps since the last call, if too many were slow."""
+        slow, self._slow = self._slow, []
+        if len(slow) < SLOW_STEPS:
+            return None
+        text = f"{len(slow)} steps took longer than a tick of {TICK:g} s, the longest {max(slow):.2f} s"
+        hint = "do less in a step, and never sleep: count view.dt until it is time"
+        places = [place for place, _looks in self._places.most_common(1)] or [place_of_step(self._kind)]
+        return Fault("slow", text, hint, places[0])
+
 
 T = TypeVar("T")
 
@@ -82,7 +294,7 @@ class Subject:
         try:
             self._behavior.step(view)
         except BaseException as error:
-            text = f"before its first scan step raises {_text(error)}; no robot asks it then, but a test may"
+            text = f"before its first scan step raises {error_text(error)}; no robot asks it then, but a test may"
             place = place_of_error(error, self._candidate.kind)
             self._blame(Fault("raises", text, _hint(error), place, is_remark=True))
 
@@ -127,13 +339,9 @@ class Subject:
             self._blame(Fault("type", str(error) + self._label, place=place_of_step(self._candidate.kind)))
         except BaseException as error:
             # The author's own code may raise anything, also SystemExit.
-            text = f"{method} raises {_text(error)}{self._label}"
+            text = f"{method} raises {error_text(error)}{self._label}"
             self._blame(Fault("raises", text, _hint(error), place_of_error(error, self._candidate.kind)))
         raise TrialOver
-
-
-def _text(error: BaseException) -> str:
-    return f"{type(error).__name__}: {' '.join(str(error).split())}".removesuffix(": ")
 
 
 def velocity_text(motion: Motion) -> str:

@@ -16,8 +16,7 @@ from zteam.messages import Twist
 from zteam.resources import find_world
 from zteam.sim.engine import Engine, Observation
 from zteam.sim.to_messages import odometry_message, scan_message
-from zteam.trials.made_views import lookup_in
-from zteam.trials.situations import LEADER, ROBOT
+from zteam.trials.situations import LEADER, ROBOT, lookup_in
 from zteam.trials.subject import Answer, Subject
 from zteam.world import World, add_robot, load_world
 

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from zteam.trials import watch
+from zteam.trials import subject
 
 
 @pytest.fixture(autouse=True)
 def patient_watch(monkeypatch: pytest.MonkeyPatch) -> None:
     """A crowded machine makes no step too slow."""
-    monkeypatch.setattr(watch, "TICK", 2.0)
-    monkeypatch.setattr(watch, "HANGS_AFTER", 30.0)
+    monkeypatch.setattr(subject, "TICK", 2.0)
+    monkeypatch.setattr(subject, "HANGS_AFTER", 30.0)
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from msgspec import Meta
 
 from zteam.behaviors import Behavior
 from zteam.behaviors.follow import Follow
-from zteam.trials.limits import bounds, given_params
+from zteam.trials.situations import bounds, given_params
 
 
 class Bounded(Behavior):
