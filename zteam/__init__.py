@@ -119,7 +119,7 @@ _HOMES = {
     "Behavior": "behaviors.behavior",
     "Bus": "bus.bus",
     "BusOptions": "bus.options",
-    "Change": "bus.changes",
+    "Change": "bus.queries",
     "Deferred": "bus.queries",
     "HistoryRequest": "services.transforms",
     "Lookup": "services.transforms",

@@ -105,7 +105,7 @@ def test_a_look_at_everything_changes_nothing(team: TeamFixture) -> None:
             b"{}",
             b'{"id": 0}',
             b'{"speed": 5}',
-            b'{"id": 0, "x": 1, "y": 1, "ticks": 5, "instance": ""}',
+            b'{"id": 0, "x": 1, "y": 1, "ticks": 5}',
             b'{"parent": "map", "child": "table", "caller": "x"}',
         ):
             replies = plain.get("**", payload=payload, target=zenoh.QueryTarget.ALL, timeout=LIMIT)
@@ -118,12 +118,12 @@ def test_a_look_at_everything_changes_nothing(team: TeamFixture) -> None:
     frames = team.bus.ask(names.service_key(names.AGGREGATOR, "frames"), dict[str, FrameReply])
     assert "table" not in frames
     for service in ("pause", "resume", "speed", "step", "repeat", "reset", "spawn", "remove", "move"):
-        assert any(text.startswith(f"sim/{service} changes something and has to name") for text in refusals)
-    assert any(text.startswith("tf/static changes something and has to name") for text in refusals)
+        assert any(text.startswith(f"sim/{service} changes something: ask for it by this key") for text in refusals)
+    assert any(text.startswith("tf/static changes something: ask for it by this key") for text in refusals)
 
 
 def test_a_client_of_any_language_changes_the_world(team: TeamFixture) -> None:
-    """A request with the instance id of `sim/status` is accepted until the simulator is replaced."""
+    """A request needs no more than the key, also of a simulator that has replaced another one."""
     team.spawn("zteam-sim", "arena", "--paused", name="sim")
     team.wait_for_processes("sim")
     plain = zenoh.open(client_config(BusOptions(connect=team.endpoint, namespace=team.namespace)))
@@ -136,17 +136,15 @@ def test_a_client_of_any_language_changes_the_world(team: TeamFixture) -> None:
 
     client = SimulatorClient(team.bus)
     try:
-        instance = json.loads(ask("status")[1])["instance"]
-        good, said = ask("remove", id=1, instance=instance)
+        good, said = ask("remove", id=1)
         assert good
         assert json.loads(said)["robots"] == [0]
         assert client.reset().robots == [0, 1]
         team.restart("sim")
-        good, said = ask("remove", id=1, instance=instance)
-        assert not good
-        assert said.startswith("sim/remove is meant for another process")
-        # SimulatorClient reads the new instance id by itself.
         assert client.remove(1).robots == [0]
+        good, said = ask("remove", id=1)
+        assert not good
+        assert said.startswith("no robot 1 in this world")
     finally:
         plain.close()  # type: ignore[no-untyped-call]
 

@@ -4,16 +4,15 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from zteam.bus.bus import Bus, Publisher
-    from zteam.bus.changes import Change
     from zteam.bus.connection import connect
     from zteam.bus.memory import MemoryHub
     from zteam.bus.options import BusOptions
-    from zteam.bus.queries import Deferred, NoRequest
+    from zteam.bus.queries import Change, Deferred, NoRequest
 
 _HOME = {
     "Bus": "bus",
     "BusOptions": "options",
-    "Change": "changes",
+    "Change": "queries",
     "Deferred": "queries",
     "MemoryHub": "memory",
     "NoRequest": "queries",

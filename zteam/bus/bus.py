@@ -6,7 +6,6 @@ from typing import Any, Generic, TypeVar
 
 import msgspec
 
-from zteam.bus.changes import Addressees, Change
 from zteam.bus.counters import Counters
 from zteam.bus.declarations import OpenDeclarations, Subscription
 from zteam.bus.holding import Holding
@@ -84,7 +83,6 @@ class Bus:
         self.transport = transport
         self.counters = Counters()
         self._receiver = Receiver(self.counters)
-        self._addressees = Addressees(self.query)
         self.holding = Holding()
         self._open = OpenDeclarations()
         self.serve(declarations_key(self.instance), NoRequest, lambda _: self._open.read())
@@ -165,11 +163,8 @@ class Bus:
     ) -> list[tuple[str, T]]:
         """Ask all processes that serve `key_expr`; (key, answer) pairs sorted by key, empty if none serves it.
 
-        A `Change` without an instance gets that of the process that serves the key. Raises BusError with the server's
-        text if the only answers are errors.
+        Raises BusError with the server's text if the only answers are errors.
         """
-        if isinstance(request, Change) and not request.instance:
-            return self._addressees.query(key_expr, reply_type, request, timeout)
         payload = msgspec.json.encode(request if request is not None else NoRequest())
         return read_replies(key_expr, self.transport.get(key_expr, payload, timeout), reply_type)
 
@@ -185,10 +180,10 @@ class Bus:
     ) -> Closeable:
         """Answer queries on `key` with what `handler(request)` returns, as JSON; `at_once` also while others wait.
 
-        The asker gets an error text if the request does not decode, if it is a `Change` that names another process or
-        none, and if the handler raises. A handler that has to wait returns a `Deferred`.
+        The asker gets an error text if the request does not decode, if it is a `Change` asked for by a wildcard, and if
+        the handler raises. A handler that has to wait returns a `Deferred`.
         """
-        handle = query_handler(key, request_type, handler, self.instance, self.counters)
+        handle = query_handler(key, request_type, handler, self.counters)
         return self.holding.declaration(lambda: self.transport.declare_queryable(key, handle), at_once)
 
     def serve_stats(self, name: str) -> Closeable:

@@ -188,7 +188,7 @@ class MemoryTransport:
         served = list(self._hub.queryables.values())
         asked = [q for q in served if q.session != passed_over and matches(key_expr, q.key)]
         for queryable in asked:
-            answer = make_answer(queryable.key, partial(queryable.handler, payload))
+            answer = make_answer(queryable.key, partial(queryable.handler, key_expr, payload))
             if isinstance(answer, Reply):
                 take(answer)
             else:

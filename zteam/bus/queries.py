@@ -5,7 +5,6 @@ from typing import Any, NamedTuple, TypeVar
 
 import msgspec
 
-from zteam.bus.changes import Change, check_instance
 from zteam.bus.counters import Counters
 from zteam.bus.payloads import decode_json
 from zteam.bus.transport import QueryHandler, Reply
@@ -17,6 +16,13 @@ T = TypeVar("T")
 
 class NoRequest(msgspec.Struct):
     """The request of a query that needs none."""
+
+
+class Change(msgspec.Struct, kw_only=True):
+    """A request that changes something; the base of all such requests.
+
+    A query on a wildcard, such as `**`, reaches every query of every process: it changes nothing.
+    """
 
 
 class Deferred(NamedTuple):
@@ -43,18 +49,18 @@ def read_replies(key_expr: str, replies: Iterable[Reply], reply_type: type[T]) -
 
 
 def query_handler(
-    key: str, request_type: type[Request], handler: Callable[[Request], Any], instance: str, counters: Counters
+    key: str, request_type: type[Request], handler: Callable[[Request], Any], counters: Counters
 ) -> QueryHandler:
-    """The transport's handler that calls the typed `handler`; `instance` is the session that serves `key`."""
+    """The transport's handler that calls the typed `handler`."""
 
-    def handle(payload: bytes) -> bytes | Callable[[], bytes]:
+    def handle(asked: str, payload: bytes) -> bytes | Callable[[], bytes]:
+        if issubclass(request_type, Change) and asked != key:
+            raise BusError(f"{key} changes something: ask for it by this key, not by the wildcard {asked}")
         try:
             request = decode_json(payload or b"{}", request_type)
         except DecodeError as error:
             counters.drop(key, f"bad request: {error}")
             raise BusError(f"bad request: {error}") from None
-        if isinstance(request, Change):
-            check_instance(key, request, instance)
         answer = handler(request)
         if isinstance(answer, Deferred):
             return lambda: msgspec.json.encode(answer.finish())

@@ -122,7 +122,7 @@ class ZenohTransport:
     def declare_queryable(self, key: str, handler: QueryHandler) -> Closeable:
         def on_query(query: zenoh.Query) -> None:
             payload = query.payload.to_bytes() if query.payload is not None else b""
-            answer = make_answer(key, lambda: handler(payload))
+            answer = make_answer(key, lambda: handler(str(query.key_expr), payload))
             if isinstance(answer, Reply):
                 _reply(query, answer)
             else:

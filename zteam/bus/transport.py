@@ -100,8 +100,9 @@ class DirectHandler:
         self._handle(sample)
 
 
-QueryHandler = Callable[[bytes], bytes | Callable[[], bytes]]
-"""Answers a query's payload at once, or with a call that may take its time."""
+QueryHandler = Callable[[str, bytes], bytes | Callable[[], bytes]]
+"""Answers a query, of which it gets the key expression that was asked and the payload: at once, or with a call that may
+take its time."""
 TokenHandler = Callable[[str, bool], None]
 
 

@@ -125,10 +125,10 @@ def call_as(owner: str, function: Callable[..., T], *arguments: Any) -> T:
 
 
 def answering_as(owner: str, handler: QueryHandler) -> QueryHandler:
-    """Calls `handler(payload)` as the node `owner`, and what it returns if that takes its time."""
+    """Calls `handler(asked, payload)` as the node `owner`, and what it returns if that takes its time."""
 
-    def answer(payload: bytes) -> bytes | Callable[[], bytes]:
-        made = call_as(owner, handler, payload)
+    def answer(asked: str, payload: bytes) -> bytes | Callable[[], bytes]:
+        made = call_as(owner, handler, asked, payload)
         return partial(call_as, owner, made) if callable(made) else made
 
     return answer

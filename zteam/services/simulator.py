@@ -1,7 +1,6 @@
 """Requests and replies of the simulator's queries (`sim/status`, `sim/step`, …), for the simulator and its clients.
 
-A request that is refused is answered with an error that says why. A request that is a `Change` names the simulator
-that it is meant for.
+A request that is refused is answered with an error that says why.
 """
 
 from collections.abc import Sequence
@@ -149,7 +148,7 @@ class SimStatus(msgspec.Struct):
     finished: bool = False
     """Whether the time asked for with `--for` is over and the world stands still."""
     instance: str = ""
-    """This simulator's session id: a request that changes something carries it."""
+    """This simulator's session id."""
     writers: dict[int, list[str]] = {}
     """Robots that more than one process commands, and the session ids of these."""
     map: MapInfo | None = None

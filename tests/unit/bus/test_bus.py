@@ -1,18 +1,16 @@
-"""The typed bus on a bus in memory: latched keys, refusals, and queries that change something."""
+"""The typed bus on a bus in memory: latched keys and refusals."""
 
 import math
 from collections.abc import Callable
 from typing import ClassVar
 
-import msgspec
 import numpy as np
 import pytest
 
-from zteam.bus import Bus, Change, MemoryHub, NoRequest, payloads, receiving
+from zteam.bus import Bus, MemoryHub, payloads, receiving
 from zteam.bus.memory import MemoryTransport
-from zteam.bus.presence import own_info
 from zteam.bus.transport import Closeable, RawSample, SampleHandler
-from zteam.errors import BusError, UsageError
+from zteam.errors import UsageError
 from zteam.messages import (
     Bool,
     Float32,
@@ -25,43 +23,7 @@ from zteam.messages import (
     encode,
     encoding_of,
 )
-from zteam.names import info_key
 from zteam.sim.occupancy_grid import MAX_CELLS
-
-
-class Told(msgspec.Struct):
-    """An answer."""
-
-    count: int
-
-
-class Counting(Change):
-    """A request that counts up."""
-
-    by: int = 1
-
-
-class Service:
-    """A process `box` with a count that `box/add` changes and `box/count` tells."""
-
-    def __init__(self, hub: MemoryHub, start: int = 0) -> None:
-        self.bus = hub.bus()
-        self.count = 0
-        info = own_info("box", self.bus.instance, start)
-        self._served = [
-            self.bus.serve(info_key("box"), NoRequest, lambda _: info),
-            self.bus.serve("box/add", Counting, self._add),
-            self.bus.serve("box/count", NoRequest, lambda _: Told(self.count)),
-        ]
-
-    def _add(self, request: Counting) -> Told:
-        self.count += request.by
-        return Told(self.count)
-
-    def close(self) -> None:
-        """The process ends."""
-        for served in self._served:
-            served.close()
 
 
 class Wire(MemoryTransport):
@@ -166,79 +128,6 @@ def test_subscribers_may_come_and_go_between_two_messages(hub: MemoryHub) -> Non
         heard.clear()
         for handle in handles:
             handle.close()
-
-
-def test_a_change_without_an_instance_is_refused(hub: MemoryHub) -> None:
-    """Whatever else it carries: the error says what to send and where to learn it, and nothing happens."""
-    service, plain = Service(hub), MemoryTransport(hub)
-    for payload in (b"", b"{}", b'{"by": 7}', b'{"instance": ""}'):
-        replies = plain.get("**", payload, 1.0)
-        assert sorted(reply.key for reply in replies if not reply.error) == ["box/count", "box/info"]
-        (text,) = (reply.payload.decode() for reply in replies if reply.error)
-        assert text.startswith(
-            'box/add changes something and has to name the process it is meant for: send {"instance"'
-        )
-        assert "box/info" in text
-    assert service.count == 0
-
-
-def test_a_change_for_another_process_is_refused(hub: MemoryHub) -> None:
-    """Such as for the one that held the name before."""
-    service, plain = Service(hub), MemoryTransport(hub)
-    (reply,) = plain.get("box/add", b'{"instance": "0123"}', 1.0)
-    assert reply.error
-    assert "is meant for another process: no process '0123' serves it" in reply.payload.decode()
-    assert service.count == 0
-
-
-def test_a_change_that_names_its_process_is_made(hub: MemoryHub) -> None:
-    """A client in any language sends the id that `<name>/info` tells."""
-    service, plain = Service(hub), MemoryTransport(hub)
-    (info,) = plain.get("box/info", b"", 1.0)
-    instance = msgspec.json.decode(info.payload)["instance"]
-    (reply,) = plain.get("box/add", msgspec.json.encode({"instance": instance, "by": 2}), 1.0)
-    assert (reply.error, service.count) == (False, 2)
-
-
-def test_the_bus_names_the_process_by_itself(hub: MemoryHub) -> None:
-    """It learns the id once, and again when the process was restarted."""
-    first, asker, questions = Service(hub), hub.bus(), []
-    hub.bus().serve("box/info", NoRequest, lambda _: questions.append(1) or own_info("box", first.bus.instance, 0))
-    for count in (1, 2, 3):
-        assert asker.ask("box/add", Told, Counting()) == Told(count)
-    assert len(questions) == 1
-    first.close()
-    second = Service(hub, start=-1)
-    assert asker.ask("box/add", Told, Counting(by=5)) == Told(5)
-    assert asker.ask("box/add", Told, Counting()) == Told(6)
-    assert (first.count, second.count) == (3, 6)
-
-
-def test_a_change_that_reaches_no_process_has_no_answer(hub: MemoryHub) -> None:
-    """As any other query has none."""
-    assert hub.bus().query("box/add", Told, Counting()) == []
-    service, asker = Service(hub), hub.bus()
-    asker.ask("box/add", Told, Counting())
-    service.close()
-    assert asker.query("box/add", Told, Counting()) == []
-
-
-def test_a_change_below_the_place_of_a_robot_names_the_process_there(hub: MemoryHub) -> None:
-    """`robot_1/navigation/cancel` is of another process than `robot_1/set_parameters`: `info` lies beside each."""
-    robot, navigation = hub.bus(), hub.bus()
-    for place, bus in (("robot_1", robot), ("robot_1/navigation", navigation)):
-        bus.serve(info_key(place), NoRequest, lambda _, bus=bus: own_info("box", bus.instance, 0))
-        bus.serve(f"{place}/add", Counting, lambda _, place=place: Told(len(place)))
-    asker = hub.bus()
-    for place in ("robot_1/navigation", "robot_1"):
-        assert asker.ask(f"{place}/add", Told, Counting()) == Told(len(place))
-
-
-def test_a_given_instance_is_not_replaced(hub: MemoryHub) -> None:
-    """A request that names a process is for that one only, and fails when it is gone."""
-    Service(hub)
-    with pytest.raises(BusError, match="meant for another process"):
-        hub.bus().ask("box/add", Told, Counting(instance="0123"))
 
 
 def test_the_largest_map_is_small_enough() -> None:

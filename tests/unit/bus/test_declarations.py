@@ -103,7 +103,7 @@ def test_a_session_that_does_not_answer_in_time_is_missing(monkeypatch: pytest.M
     monkeypatch.setattr(bus_module, "_PATIENCE", 0.0)
     hub, over = MemoryHub(), threading.Event()
     looking, frozen = hub.bus(), MemoryTransport(hub)
-    frozen.declare_queryable(declarations_key("frozen"), lambda _: lambda: b"[]" if over.wait(LIMIT) else b"")
+    frozen.declare_queryable(declarations_key("frozen"), lambda *_: lambda: b"[]" if over.wait(LIMIT) else b"")
     for buses in ([], [hub.bus()]):
         for bus in buses:
             bus.publisher("lamp", Bool)
@@ -115,6 +115,6 @@ def test_an_unreadable_answer_is_passed_over() -> None:
     """Such as that of a session of another version."""
     hub = MemoryHub()
     looking, odd, good = hub.bus(), MemoryTransport(hub), hub.bus()
-    odd.declare_queryable(declarations_key("odd"), lambda _: b'{"keys": 1}')
+    odd.declare_queryable(declarations_key("odd"), lambda *_: b'{"keys": 1}')
     good.publisher("lamp", Bool)
     assert looking.declarations() == [Declaration("lamp", good.instance, True)]

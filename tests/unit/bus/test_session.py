@@ -34,7 +34,7 @@ def test_further_queries_cost_no_further_thread(transport: ZenohTransport) -> No
     """All queries of a session are answered on one thread: a process with twenty would have twenty."""
     threads = set()
 
-    def answer(_payload: bytes) -> bytes:
+    def answer(_asked: str, _payload: bytes) -> bytes:
         threads.add(threading.get_ident())
         return b"here"
 
@@ -54,7 +54,7 @@ def test_a_handler_of_tokens_holds_up_no_query(transport: ZenohTransport) -> Non
         may_end.wait(LIMIT)
 
     transport.watch_tokens("robot_1/alive/*", on_token)
-    transport.declare_queryable("robot_1/info", lambda _: b"here")
+    transport.declare_queryable("robot_1/info", lambda *_: b"here")
     transport.declare_token("robot_1/alive/a")
     assert begun.wait(LIMIT)
     assert [reply.payload for reply in transport.get("robot_1/info", b"", LIMIT)] == [b"here"]

@@ -9,7 +9,7 @@ import pytest
 from support.limits import LIMIT
 from support.log_capture import captured_log
 from support.transports import Inbox, Sessions, wait_until_true
-from zteam.bus import Bus, Deferred, NoRequest, answering, payloads
+from zteam.bus import Bus, Change, Deferred, NoRequest, answering, payloads
 from zteam.errors import BusError
 
 DEEP = 100_000
@@ -20,6 +20,12 @@ class Number(msgspec.Struct):
     """A request and an answer."""
 
     value: int = 0
+
+
+class Add(Change):
+    """A request that changes something."""
+
+    by: int = 1
 
 
 def serve(bus: Bus, key: str, value: int) -> Any:
@@ -130,7 +136,7 @@ def test_a_fault_goes_to_the_asker_with_its_kind(sessions: Sessions) -> None:
 def test_an_error_on_a_wildcard_names_what_was_asked(sessions: Sessions) -> None:
     """An error carries no key of its own."""
     server, asker = sessions(), sessions()
-    server.transport.declare_queryable("a/x", lambda _: 1 / 0)
+    server.transport.declare_queryable("a/x", lambda *_: 1 / 0)
     introduce(asker, server)
     assert raw_replies(asker, "a/*", b"") == [("", b"ZeroDivisionError: division by zero", True)]
     with pytest.raises(BusError, match=r"^a/\*: ZeroDivisionError"):
@@ -140,7 +146,7 @@ def test_an_error_on_a_wildcard_names_what_was_asked(sessions: Sessions) -> None
 def test_good_answers_count_beside_errors(sessions: Sessions) -> None:
     """One server that fails does not spoil the others' answers."""
     server, asker = sessions(), sessions()
-    server.transport.declare_queryable("a/x", lambda _: 1 / 0)
+    server.transport.declare_queryable("a/x", lambda *_: 1 / 0)
     serve(server, "a/y", 2)
     introduce(asker, server)
     assert asker.query("a/*", Number) == [("a/y", Number(2))]
@@ -228,6 +234,31 @@ def test_a_time_out_keeps_the_answers_that_came(sessions: Sessions) -> None:
         end.set()
 
 
+@pytest.mark.parametrize("asked", ["**", "box/*", "*/add", "box/a$*", "box/add/**"])
+def test_a_change_asked_by_a_wildcard_is_refused(sessions: Sessions, asked: str) -> None:
+    """Whatever the request carries nothing changes, and the refusal says how to ask; other queries answer."""
+    server, asker, added = sessions(), sessions(), Inbox()
+    server.serve("box/add", Add, lambda request: added(request.by) or Number(1))
+    serve(server, "box/add/last", 2)
+    introduce(asker, server)
+    for payload in (b"", b"{}", b'{"by": 7}', b"no JSON"):
+        replies = [reply for reply in raw_replies(asker, asked, payload) if reply[2]]
+        text = f"box/add changes something: ask for it by this key, not by the wildcard {asked}"
+        assert ("", text.encode(), True) in replies
+    assert added.items == []
+    assert "box/add" not in server.counters.snapshot()
+
+
+def test_a_change_asked_by_its_key_is_made(sessions: Sessions) -> None:
+    """By the bus, and by a client that sends more than the request knows, such as the session id of other versions."""
+    server, asker, added = sessions(), sessions(), Inbox()
+    server.serve("box/add", Add, lambda request: added(request.by) or Number(request.by))
+    introduce(asker, server)
+    assert asker.ask("box/add", Number, Add(by=2)) == Number(2)
+    assert raw_replies(asker, "box/add", b'{"by": 3, "instance": "0123"}') == [("box/add", b'{"value":3}', False)]
+    assert added.items == [2, 3]
+
+
 @pytest.mark.parametrize("text", ['{"x":' * DEEP, "[" * DEEP, '{"value":' + "[" * DEEP])
 def test_deeply_nested_json_is_refused_in_one_line(sessions: Sessions, text: str) -> None:
     """A request of any depth gets an error and one count; there is no traceback."""
@@ -247,7 +278,7 @@ def test_deeply_nested_json_is_refused_in_one_line(sessions: Sessions, text: str
 def test_an_unreadable_answer_is_an_error(sessions: Sessions, answer: bytes) -> None:
     """Another process may answer anything."""
     server, asker = sessions(), sessions()
-    server.transport.declare_queryable("odd", lambda _: answer)
+    server.transport.declare_queryable("odd", lambda *_: answer)
     introduce(asker, server)
     with pytest.raises(BusError, match=r"^odd: unreadable answer: "):
         asker.ask("odd", Number)
@@ -276,7 +307,7 @@ def test_an_oversized_answer_is_not_decoded(sessions: Sessions, monkeypatch: pyt
     """The asker gets an error that says so."""
     monkeypatch.setattr(payloads, "MAX_PAYLOAD", 100)
     server, asker = sessions(), sessions()
-    server.transport.declare_queryable("a", lambda _: b" " * 200)
+    server.transport.declare_queryable("a", lambda *_: b" " * 200)
     introduce(asker, server)
     with pytest.raises(BusError, match="its 200 bytes are more than 100"):
         asker.ask("a", Number)
