@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from zteam.bench.navigation.scenarios import read_cells, read_problems
-from zteam.planning.search import Field, length_of
+from zteam.planning.planner import Field, length_of
 
 FOLDER = Path(__file__).resolve().parents[3] / "shared" / "planning" / "movingai"
 SCENARIOS = sorted(FOLDER.glob("*.scen.xz"))

@@ -11,11 +11,16 @@ from support.examples import examples
 from support.planning_cases import seeds
 from zteam.geometry import Pose2
 from zteam.kernels.binding import find_hit
-from zteam.planning.collisions import Velocity, time_to_collision
-from zteam.planning.controller import BlockedError, RegulatedPurePursuit
-from zteam.planning.costmap import Costmap, CostmapOptions, make_costmap
-from zteam.planning.costs import LETHAL_OBSTACLE
-from zteam.planning.footprint import make_circle, make_footprint, place
+from zteam.planning.controller import BlockedError, RegulatedPurePursuit, Velocity, time_to_collision
+from zteam.planning.costmap import (
+    LETHAL_OBSTACLE,
+    Costmap,
+    CostmapOptions,
+    make_circle,
+    make_costmap,
+    make_footprint,
+    place,
+)
 from zteam.planning.grid import make_map
 
 

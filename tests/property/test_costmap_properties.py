@@ -12,9 +12,14 @@ from support.examples import examples
 from support.planning_cases import RESOLUTION, random_cells, seeds, shares
 from zteam.geometry import Pose2
 from zteam.kernels.binding import inflate, trace_beams
-from zteam.planning.costmap import CostmapOptions, make_costmap
-from zteam.planning.costs import LETHAL_OBSTACLE, NO_INFORMATION, inflated_cost
-from zteam.planning.footprint import make_circle
+from zteam.planning.costmap import (
+    LETHAL_OBSTACLE,
+    NO_INFORMATION,
+    CostmapOptions,
+    inflated_cost,
+    make_circle,
+    make_costmap,
+)
 from zteam.planning.grid import Frame, make_map
 
 

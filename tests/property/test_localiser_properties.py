@@ -12,12 +12,9 @@ from support.examples import examples
 from support.planning_cases import RESOLUTION, random_cells, seeds
 from zteam.geometry import Pose2
 from zteam.kernels.binding import climb, find_cluster, move_poses, resample, sum_poses
-from zteam.planning.amcl import Amcl
-from zteam.planning.amcl_options import AmclOptions
-from zteam.planning.clusters import estimate_pose
+from zteam.planning.amcl import BIN_SIZE, Amcl, AmclOptions, estimate_pose, kld_limits
 from zteam.planning.grid import make_map
 from zteam.planning.likelihood import make_likelihood_field, weigh_poses
-from zteam.planning.particles import BIN_SIZE, kld_limits
 from zteam.planning.scans import Scan, Teammate
 
 

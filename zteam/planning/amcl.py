@@ -6,30 +6,30 @@ defaults. Every random number comes from counters, so the same seed and the same
 
 import math
 from collections.abc import Iterable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from zteam.counter_random import gaussian_pairs, gaussians, stream, uniforms
 from zteam.geometry import Pose2, normalize_angle
-from zteam.kernels.binding import BeamEnds, resample
-from zteam.planning.amcl_options import AmclOptions, alphas_of, check_options
-from zteam.planning.clusters import estimate_pose
-from zteam.planning.global_search import GlobalSearch
+from zteam.kernels.binding import BeamEnds, find_cluster, move_poses, resample
 from zteam.planning.grid import FREE, GridMap
-from zteam.planning.likelihood import LikelihoodField, beams_of, make_likelihood_field, weigh_poses
-from zteam.planning.matching import match
-from zteam.planning.particles import (
-    BIN_SIZE,
-    kld_limits,
-    move_differential,
-    move_omnidirectional,
-    spread_poses,
+from zteam.planning.likelihood import (
+    GlobalSearch,
+    LikelihoodField,
+    beams_of,
+    make_likelihood_field,
+    match,
+    weigh_poses,
 )
 from zteam.planning.scans import Scan, Teammate, find_ends, on_teammates
 
 Floats = NDArray[np.float64]
 
+BIN_SIZE = 0.5, 0.5, math.radians(10.0)
+"""Of the histogram that says how spread out the particles are (amcl's pf_kdtree): metres, metres, radians."""
+_BINS_OF_TURN = 36
 _MOVE, _DRAW, _SPREAD, _STRANGERS, _MATCHED, _MIX = range(6)
 """Streams of random numbers."""
 _FOUND = 0.2, 0.2, 0.1
@@ -44,20 +44,57 @@ _MOST_DEVIATION = 0.5
 """Metres that a teammate may seem to be off, at most: with more, too few beams would be left."""
 
 
-def _make_field(grid: GridMap, options: AmclOptions, range_max: float) -> LikelihoodField:
-    return make_likelihood_field(
-        grid,
-        z_hit=options.z_hit,
-        z_rand=options.z_rand,
-        sigma_hit=options.sigma_hit,
-        max_dist=options.laser_likelihood_max_dist,
-        range_max=min(range_max, options.laser_max_range),
-    )
+class AmclOptions(NamedTuple):
+    """Parameters, with amcl's names and Nav2's defaults."""
+
+    alpha1: float = 0.2
+    alpha2: float = 0.2
+    alpha3: float = 0.2
+    alpha4: float = 0.2
+    alpha5: float = 0.2
+    max_beams: int = 60
+    min_particles: int = 500
+    max_particles: int = 2000
+    update_min_d: float = 0.25
+    update_min_a: float = 0.2
+    z_hit: float = 0.5
+    z_rand: float = 0.5
+    sigma_hit: float = 0.2
+    laser_likelihood_max_dist: float = 2.0
+    laser_max_range: float = 100.0
+    """Metres; a longer beam, or one of the laser's range_max, says nothing."""
+    pf_err: float = 0.05
+    pf_z: float = 0.99
+    recovery_alpha_slow: float = 0.0
+    recovery_alpha_fast: float = 0.0
+    resample_interval: int = 1
+    robot_model_type: str = "nav2_amcl::DifferentialMotionModel"
+    """Or nav2_amcl::OmniMotionModel."""
+    matched_share: float = 0.15
+    """Share of the particles that are put where the scan fits best, near the heaviest one; 0 is plain amcl, which takes
+    many updates to follow a turn that odometry did not see."""
+    global_particles: int = 25_000
+    """Poses that are tried with each scan while the robot may be anywhere."""
+    teammate_margin: float = 0.1
+    """Metres around a teammate in which a beam that ends there counts as on the teammate, and is left out."""
 
 
-def _has_moved(before: Pose2, after: Pose2, options: AmclOptions) -> bool:
-    turned = abs(normalize_angle(after.yaw - before.yaw))
-    return math.hypot(after.x - before.x, after.y - before.y) >= options.update_min_d or turned >= options.update_min_a
+def check_options(options: AmclOptions) -> None:
+    """Raise ValueError for options that cannot work."""
+    if not 1 <= options.min_particles <= options.max_particles:
+        raise ValueError(
+            f"min_particles {options.min_particles} and max_particles {options.max_particles}: "
+            "give two numbers from 1 on, the first one not above the second"
+        )
+    if options.max_beams < 1 or options.resample_interval < 1:
+        raise ValueError("max_beams and resample_interval are whole numbers from 1 on")
+    if not (options.sigma_hit > 0.0 and options.laser_likelihood_max_dist > 0.0 and options.pf_err > 0.0):
+        raise ValueError("sigma_hit, laser_likelihood_max_dist and pf_err are above 0")
+    if options.robot_model_type.rpartition("::")[2] not in ("DifferentialMotionModel", "OmniMotionModel"):
+        raise ValueError(
+            f"robot_model_type {options.robot_model_type!r}: give nav2_amcl::DifferentialMotionModel or "
+            "nav2_amcl::OmniMotionModel"
+        )
 
 
 def _normals(state: NDArray[np.uint64], count: int) -> Floats:
@@ -158,7 +195,8 @@ class Amcl:
         if self._odom is None:
             self._odom, self._pose_of_odom = odom, self.pose.compose(odom.inverse())
         before = self._odom
-        if not self._forced and not _has_moved(before, odom, self.options):
+        way, turn = math.hypot(odom.x - before.x, odom.y - before.y), abs(normalize_angle(odom.yaw - before.yaw))
+        if not self._forced and way < self.options.update_min_d and turn < self.options.update_min_a:
             return False
         self._forced = False
         self._count += 1
@@ -197,7 +235,9 @@ class Amcl:
     def _move(self, before: Pose2, after: Pose2) -> None:
         draws = _normals(self._state(_MOVE, self._count), len(self._poses))
         move = move_omnidirectional if self.options.robot_model_type.endswith("OmniMotionModel") else move_differential
-        move(self._poses, before, after, alphas_of(self.options), draws)
+        options = self.options
+        alphas = options.alpha1, options.alpha2, options.alpha3, options.alpha4, options.alpha5
+        move(self._poses, before, after, alphas, draws)
 
     def _weigh(self, field: LikelihoodField, beams: BeamEnds) -> None:
         weigh_poses(field, self._poses, beams, self._weights)
@@ -209,7 +249,18 @@ class Amcl:
 
     def _likelihoods(self, range_max: float) -> LikelihoodField:
         if self._field is None or self._field[0] != range_max:
-            self._field = range_max, _make_field(self._grid, self.options, range_max)
+            options = self.options
+            self._field = (
+                range_max,
+                make_likelihood_field(
+                    self._grid,
+                    z_hit=options.z_hit,
+                    z_rand=options.z_rand,
+                    sigma_hit=options.sigma_hit,
+                    max_dist=options.laser_likelihood_max_dist,
+                    range_max=min(range_max, options.laser_max_range),
+                ),
+            )
         return self._field[1]
 
     def _resample(self) -> None:
@@ -230,9 +281,71 @@ class Amcl:
         self.pose, self.covariance = estimate_pose(self._poses, self._weights)
 
     def _anywhere(self, count: int, purpose: int, counter: int) -> Floats:
-        """Poses all over the free cells: (count, 3)."""
+        """Poses all over the free cells: (count, 3). Raises ValueError for a map without any."""
+        if not len(self._free):
+            raise ValueError("the map has no free cells: a robot can be nowhere on it")
+        frame = self._grid.frame
         draws = uniforms(self._state(purpose, counter), 4 * count).reshape(-1, 4)
-        return spread_poses(self._grid.frame, self._free, draws)
+        row, column = np.divmod(self._free[(draws[:, 0] * len(self._free)).astype(np.int64)], frame.columns)
+        places = frame.points_from_cells(np.stack((column + draws[:, 1], row + draws[:, 2]), axis=1))
+        return np.column_stack((places, 2.0 * math.pi * draws[:, 3] - math.pi))
 
     def _state(self, purpose: int, counter: int) -> NDArray[np.uint64]:
         return np.array([stream(self._seed, purpose, counter)], np.uint64)
+
+
+def move_differential(poses: Floats, before: Pose2, after: Pose2, alphas: tuple[float, ...], draws: Floats) -> None:
+    """Move particles (n, 3) as odometry says that a differential base went, with its errors.
+
+    amcl's DifferentialMotionModel (Thrun, Burgard, Fox 2005, table 5.6); `draws` (n, 3) are standard normal.
+    """
+    dx, dy = after.x - before.x, after.y - before.y
+    way, turn = math.hypot(dx, dy), normalize_angle(after.yaw - before.yaw)
+    # A turn on the spot has no direction of its own.
+    first = normalize_angle(math.atan2(dy, dx) - before.yaw) if way >= 0.01 else 0.0
+    second = normalize_angle(turn - first)
+    # A robot that backs up turns by nearly half a turn before and after: that is no turn.
+    small_first, small_second = (min(abs(a), abs(normalize_angle(a - math.pi))) for a in (first, second))
+    a1, a2, a3, a4 = alphas[:4]
+    squares = a1 * small_first**2 + a2 * way**2, a1 * small_second**2 + a2 * way**2
+    ahead = math.sqrt(a3 * way**2 + a4 * (small_first**2 + small_second**2))
+    move_poses(poses, (first, way, second, math.sqrt(squares[0]), ahead, math.sqrt(squares[1])), draws)
+
+
+def move_omnidirectional(poses: Floats, before: Pose2, after: Pose2, alphas: tuple[float, ...], draws: Floats) -> None:
+    """As `move_differential`, for a base that drives sideways too: amcl's OmniMotionModel."""
+    dx, dy = after.x - before.x, after.y - before.y
+    way, turn = math.hypot(dx, dy), normalize_angle(after.yaw - before.yaw)
+    a1, a2, a3, a4, a5 = alphas
+    along = math.sqrt(a3 * way**2 + a1 * turn**2)
+    around = math.sqrt(a4 * turn**2 + a2 * way**2)
+    aside = math.sqrt(a1 * turn**2 + a5 * way**2)
+    bearing = (math.atan2(dy, dx) - before.yaw if way > 0.0 else 0.0) + poses[:, 2]
+    cos, sin = np.cos(bearing), np.sin(bearing)
+    forward, left = way + along * draws[:, 0], aside * draws[:, 1]
+    poses[:, 0] += forward * cos + left * sin
+    poses[:, 1] += forward * sin - left * cos
+    poses[:, 2] += turn + around * draws[:, 2]
+
+
+def kld_limits(least: int, most: int, error: float, quantile: float) -> NDArray[np.int64]:
+    """Particles that are enough for a histogram with k bins, for k from 0 to `most` (Fox 2003; amcl's formula).
+
+    With them the error of the distribution is below `error` in the share of cases of which `quantile` is the upper
+    standard normal quantile.
+    """
+    k = np.maximum(np.arange(most + 1), 2) - 1.0
+    b = 2.0 / (9.0 * k)
+    cube = (1.0 - b + np.sqrt(b) * quantile) ** 3
+    enough = np.clip(np.ceil(k / (2.0 * error) * cube), least, most).astype(np.int64)
+    enough[:2] = most
+    return enough
+
+
+def estimate_pose(poses: Floats, weights: Floats) -> tuple[Pose2, NDArray[np.float64]]:
+    """The mean and covariance (3, 3) of the heaviest cluster of particles (n, 3)."""
+    _, moments, about = find_cluster(poses, weights, BIN_SIZE, _BINS_OF_TURN)
+    moments /= moments[0, 0]
+    mean = moments[0, 1:]
+    x, y, yaw = (about + mean).tolist()
+    return Pose2(x, y, normalize_angle(yaw)), moments[1:, 1:] - np.outer(mean, mean)

@@ -1,18 +1,56 @@
-"""Controllers: a path, a costmap and a pose in, a velocity out."""
+"""Controllers: a path, a costmap and a pose in, a velocity out; and when a goal is reached or a robot does not get on.
+
+A command is checked before it is given: whether the robot's outline would touch lethal cells on the way. A cell that
+the outline touches already where the robot stands does not count: it may leave it, and enters no other one.
+"""
 
 import math
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from zteam.errors import ZteamError
 from zteam.geometry import Pose2, normalize_angle
-from zteam.planning.collisions import Velocity, time_to_collision
-from zteam.planning.costmap import Costmap
-from zteam.planning.costs import FREE_SPACE, INSCRIBED_INFLATED_OBSTACLE, MAX_NON_OBSTACLE
+from zteam.kernels.binding import Floats, find_hit
+from zteam.planning.costmap import FREE_SPACE, INSCRIBED_INFLATED_OBSTACLE, MAX_NON_OBSTACLE, Costmap
 
-Floats = NDArray[np.float64]
+_STEP = 0.1
+"""Cells that no point of the outline moves more than from one looked-at pose to the next."""
+
+
+class Velocity(NamedTuple):
+    """What a robot is told: m/s forwards and to the left, rad/s to the left."""
+
+    x: float = 0.0
+    y: float = 0.0
+    turn: float = 0.0
+
+
+def stands_free(costmap: Costmap, pose: Pose2) -> bool:
+    """Whether a robot at `pose` (in `map`) touches no lethal cell."""
+    return find_hit(costmap.costs, *_in_cells(costmap, pose), np.zeros(3), 0) < 0
+
+
+def time_to_collision(costmap: Costmap, pose: Pose2, velocity: Velocity, duration: float) -> float:
+    """Seconds until a robot that drives with `velocity` from `pose` on touches a lethal cell; inf if not in `duration`.
+
+    Cells that it touches at `pose` do not count.
+    """
+    resolution = costmap.frame.resolution
+    speed = math.hypot(velocity.x, velocity.y) + abs(velocity.turn) * costmap.footprint.circumscribed_radius
+    steps = math.ceil(speed * duration / (_STEP * resolution))
+    if steps == 0:
+        return math.inf
+    interval = duration / steps
+    motion = np.array([velocity.x / resolution, velocity.y / resolution, velocity.turn]) * interval
+    hit = find_hit(costmap.costs, *_in_cells(costmap, pose), motion, steps)
+    return math.inf if hit < 0 else (hit - 1) * interval
+
+
+def _in_cells(costmap: Costmap, pose: Pose2) -> tuple[Floats, float, float, float]:
+    frame = costmap.frame
+    u, v = frame.to_cells(pose.x, pose.y)
+    return costmap.footprint.corners / frame.resolution, u, v, pose.yaw - frame.origin.yaw
 
 
 class BlockedError(ZteamError):
@@ -247,3 +285,60 @@ def _badness(carrot: tuple[float, float], command: Velocity, seconds: float) -> 
 def _bend(options: PursuitOptions, curvature: float) -> float:
     """Share of the speed in a bend: radius / least radius, up to 1."""
     return min(1.0, 1.0 / max(abs(curvature) * options.regulated_linear_scaling_min_radius, 1e-9))
+
+
+class GoalOptions(NamedTuple):
+    """Parameters, with Nav2's names and defaults."""
+
+    xy_goal_tolerance: float = 0.25
+    yaw_goal_tolerance: float = 0.25
+    stateful: bool = True
+    """Once the place is reached, only the heading counts."""
+
+
+class GoalChecker:
+    """Whether one goal is reached. A new goal needs a new checker, or `reset`."""
+
+    def __init__(self, options: GoalOptions | None = None) -> None:
+        self.options = options or GoalOptions()
+        self._there = False
+
+    def reset(self) -> None:
+        """Begin with another goal."""
+        self._there = False
+
+    def is_reached(self, pose: Pose2, goal: Pose2) -> bool:
+        """Whether a robot at `pose` is at the goal; a goal whose yaw is NaN takes any heading."""
+        if not (self._there and self.options.stateful):
+            self._there = math.hypot(goal.x - pose.x, goal.y - pose.y) <= self.options.xy_goal_tolerance
+        if not self._there:
+            return False
+        return math.isnan(goal.yaw) or (abs(normalize_angle(goal.yaw - pose.yaw)) <= self.options.yaw_goal_tolerance)
+
+
+class ProgressOptions(NamedTuple):
+    """Parameters, with Nav2's names and defaults."""
+
+    required_movement_radius: float = 0.5
+    movement_time_allowance: float = 10.0
+
+
+class ProgressChecker:
+    """Whether a robot that should drive gets on."""
+
+    def __init__(self, options: ProgressOptions | None = None) -> None:
+        self.options = options or ProgressOptions()
+        self._from: Pose2 | None = None
+        self._since = 0.0
+
+    def reset(self) -> None:
+        """Begin anew at the next check."""
+        self._from = None
+
+    def makes_progress(self, now: float, pose: Pose2) -> bool:
+        """Whether the robot has moved far enough within the time allowed; `now` is in seconds."""
+        start, options = self._from, self.options
+        if start is None or math.hypot(pose.x - start.x, pose.y - start.y) > options.required_movement_radius:
+            self._from, self._since = pose, now
+            return True
+        return now - self._since <= options.movement_time_allowance

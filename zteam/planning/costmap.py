@@ -1,9 +1,11 @@
 """Costmaps in layers: the static map, what lasers have seen, teammates where they are now, and inflation.
 
-Names and defaults are those of nav2_costmap_2d; layers are joined by its `updateWithMax`.
+Names, values and defaults are those of nav2_costmap_2d; layers are joined by its `updateWithMax`. Distances to
+obstacles are exact, from centre to centre of cells (Nav2 spreads from cell to cell: that is off by a cell in places).
 """
 
-from collections.abc import Iterable
+import math
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -11,15 +13,87 @@ from numpy.typing import NDArray
 
 from zteam.geometry import Pose2
 from zteam.kernels.binding import Window, inflate, trace_beams
-from zteam.planning.costs import FREE_SPACE, LETHAL_OBSTACLE, NO_INFORMATION, Costs, inflated_cost
-from zteam.planning.footprint import Footprint, place
 from zteam.planning.grid import Frame, GridMap
-from zteam.planning.inflation import cost_table, radius_in_cells, threshold_of_unknown
 from zteam.planning.polygons import cells_of_disc, cells_of_polygon
 from zteam.planning.scans import Scan, Teammate, find_ends, on_teammates
 
+Floats = NDArray[np.float64]
+Costs = NDArray[np.uint8]
+"""(rows, columns)."""
+
+FREE_SPACE = 0
+MAX_NON_OBSTACLE = 252
+INSCRIBED_INFLATED_OBSTACLE = 253
+"""A robot whose centre is here touches an obstacle, however it is turned."""
+LETHAL_OBSTACLE = 254
+NO_INFORMATION = 255
+
+MAX_CELLS = 180
+"""Largest inflation radius in cells, as `zteam.kernels.binding.square_distances` has it."""
 _BEHIND = 0.25
 """Cells from the end of a beam to the point whose cell is marked."""
+_CORNERS_OF_CIRCLE = 16
+
+
+class Footprint(NamedTuple):
+    """A robot's outline in its base frame, as a polygon in metres."""
+
+    corners: Floats
+    """(n, 2), in order; a circle has 16 that lie outside of it."""
+    inscribed_radius: float
+    """Distance of the origin to the nearest point of the outline; 0 if the origin is outside."""
+    circumscribed_radius: float
+    """Distance to the farthest one."""
+    half_width: float
+    """How far it reaches to its wider side."""
+
+
+def make_footprint(corners: Sequence[Sequence[float]] | Floats, padding: float = 0.0) -> Footprint:
+    """A footprint of three corners or more (metres), each `padding` farther out along both axes, as Nav2 pads it.
+
+    Raises ValueError.
+    """
+    points = np.array(corners, np.float64)
+    if points.ndim != 2 or points.shape[0] < 3 or points.shape[1] != 2 or not np.isfinite(points).all():
+        raise ValueError("a footprint is a list of three corners [x, y] or more, in metres")
+    points = points + np.where(points > 0.0, padding, np.where(points < 0.0, -padding, 0.0))
+    inside, nearest = _distance_of_origin(points)
+    return Footprint(
+        points,
+        nearest if inside else 0.0,
+        float(np.hypot(points[:, 0], points[:, 1]).max()),
+        float(np.abs(points[:, 1]).max()),
+    )
+
+
+def make_circle(radius: float, padding: float = 0.0) -> Footprint:
+    """The footprint of a round robot. Raises ValueError for a radius that is not above 0."""
+    if not 0.0 < radius < math.inf:
+        raise ValueError(f"a robot's radius is above 0 m, not {radius}")
+    turns = (np.arange(_CORNERS_OF_CIRCLE) + 0.5) * (2.0 * math.pi / _CORNERS_OF_CIRCLE)
+    outer = (radius + padding) / math.cos(math.pi / _CORNERS_OF_CIRCLE)
+    points = outer * np.stack((np.cos(turns), np.sin(turns)), axis=1)
+    return Footprint(points, radius + padding, outer, radius + padding)
+
+
+def _distance_of_origin(points: Floats) -> tuple[bool, float]:
+    """Whether the origin lies inside a polygon, and its distance to the outline."""
+    ends = np.roll(points, -1, axis=0)
+    along = ends - points
+    square = np.maximum((along * along).sum(axis=1), 1e-300)
+    share = np.clip(-(points * along).sum(axis=1) / square, 0.0, 1.0)
+    nearest = np.hypot(*(points + share[:, None] * along).T).min()
+    crosses = (points[:, 1] > 0.0) != (ends[:, 1] > 0.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        where = points[:, 0] - points[:, 1] * along[:, 0] / along[:, 1]
+    return bool((crosses & (where > 0.0)).sum() % 2), float(nearest)
+
+
+def place(footprint: Footprint, x: float, y: float, yaw: float) -> Floats:
+    """The corners (n, 2) of a robot at this pose."""
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    px, py = footprint.corners[:, 0], footprint.corners[:, 1]
+    return np.stack((x + cos * px - sin * py, y + sin * px + cos * py), axis=1)
 
 
 class CostmapOptions(NamedTuple):
@@ -42,10 +116,23 @@ class CostmapOptions(NamedTuple):
     """Metres beside a teammate that still count as the teammate, when a laser meets it."""
 
 
+def inflated_cost(distance: float, inscribed_radius: float, cost_scaling_factor: float) -> int:
+    """The cost of a cell whose centre is `distance` metres from that of the nearest lethal cell.
+
+    InflationLayer::computeCost of Nav2: 252 · exp(−k (d − inscribed radius)), cut to a whole number.
+    """
+    if distance == 0.0:
+        return LETHAL_OBSTACLE
+    if distance <= inscribed_radius:
+        return INSCRIBED_INFLATED_OBSTACLE
+    return int(MAX_NON_OBSTACLE * math.exp(-cost_scaling_factor * (distance - inscribed_radius)))
+
+
 class Costmap:
     """The cost of each cell for one robot. Change layers, then `update`."""
 
     def __init__(self, frame: Frame, footprint: Footprint, options: CostmapOptions | None = None) -> None:
+        """Raises ValueError for an inflation radius of more than MAX_CELLS cells."""
         self.frame = frame
         self.footprint = footprint
         self.options = options or CostmapOptions()
@@ -57,25 +144,27 @@ class Costmap:
         self._static: Costs = np.full(shape, FREE_SPACE, np.uint8)
         self._seen: Costs = np.full(shape, NO_INFORMATION, np.uint8)
         self._teammates: tuple[Teammate, ...] = ()
-        self._reach = radius_in_cells(self.options.inflation_radius, frame.resolution)
-        self._changed: Window | None = None
-        self._tabulate()
-
-    def _tabulate(self) -> None:
-        options = self.options
-        self._table = cost_table(
-            options.inflation_radius,
-            self.footprint.inscribed_radius,
-            options.cost_scaling_factor,
-            self.frame.resolution,
-        )
-        self._whole()
+        self._changed: Window | None = (0, frame.rows, 0, frame.columns)
+        radius = self.options.inflation_radius
+        # As Costmap2D::cellDistance of Nav2.
+        self._reach = max(0, math.ceil(radius / frame.resolution))
+        if self._reach > MAX_CELLS:
+            raise ValueError(
+                f"inflation_radius {radius:g} is {self._reach} cells of {frame.resolution:g} m: at most {MAX_CELLS}"
+            )
+        # By squared distance in cells, up to that of one cell beyond the radius.
+        self._table = np.full((self._reach + 1) ** 2 + 1, FREE_SPACE, np.uint8)
+        for square in range(self._reach**2 + 1):
+            self._table[square] = self._cost_at_distance(math.sqrt(square) * frame.resolution)
 
     def set_map(self, grid: GridMap) -> None:
         """Take the static layer from a map of the same frame. Raises ValueError for another one."""
         if grid.frame != self.frame:
             raise ValueError(f"a costmap of {self.frame} cannot take a map of {grid.frame}")
-        self._static = interpret_map(grid, self.options)
+        # StaticLayer::interpretValue of Nav2 with `trinary_costmap`.
+        unknown = NO_INFORMATION if self.options.track_unknown_space else FREE_SPACE
+        known = np.where(grid.cells >= self.options.lethal_cost_threshold, LETHAL_OBSTACLE, FREE_SPACE)
+        self._static = np.where(grid.cells < 0, unknown, known).astype(np.uint8)
         self._whole()
 
     def move(self, frame: Frame, rows: int, columns: int) -> None:
@@ -142,18 +231,17 @@ class Costmap:
             cells = cells_of_disc(self.frame, mate.x, mate.y, mate.radius)
             self.base[cells[:, 0], cells[:, 1]] = LETHAL_OBSTACLE
         window = self._clip(window, self._reach)
-        unknown_from = threshold_of_unknown(self.options.inflate_unknown)
+        # The cost from which on a cell without information becomes known.
+        unknown_from = FREE_SPACE + 1 if self.options.inflate_unknown else INSCRIBED_INFLATED_OBSTACLE
         inflate(self.base, self._table, self._reach, window, unknown_from, self.costs)
         return window
 
     def cost_of_distance(self, distance: float) -> int:
         """The cost of a cell at this distance (m) from an obstacle, or at the inflation radius if that is less."""
-        options = self.options
-        return inflated_cost(
-            max(distance, 1e-9) if distance <= options.inflation_radius else options.inflation_radius,
-            self.footprint.inscribed_radius,
-            options.cost_scaling_factor,
-        )
+        return self._cost_at_distance(min(max(distance, 1e-9), self.options.inflation_radius))
+
+    def _cost_at_distance(self, distance: float) -> int:
+        return inflated_cost(distance, self.footprint.inscribed_radius, self.options.cost_scaling_factor)
 
     def cost_at(self, x: float, y: float) -> int:
         """The cost at a point (metres, in the frame of the map); outside it is LETHAL_OBSTACLE."""
@@ -181,13 +269,6 @@ class Costmap:
         low, high = max(0, min(rows, window[0] - more)), max(0, min(rows, window[1] + more))
         left, right = max(0, min(columns, window[2] - more)), max(0, min(columns, window[3] + more))
         return low, max(low, high), left, max(left, right)
-
-
-def interpret_map(grid: GridMap, options: CostmapOptions) -> Costs:
-    """A map's cells as costs: StaticLayer::interpretValue of Nav2 with `trinary_costmap`."""
-    costs = np.where(grid.cells >= options.lethal_cost_threshold, np.uint8(LETHAL_OBSTACLE), np.uint8(FREE_SPACE))
-    unknown = np.uint8(NO_INFORMATION if options.track_unknown_space else FREE_SPACE)
-    return np.where(grid.cells < 0, unknown, costs)
 
 
 def _join(below: Costs, above: Costs) -> Costs:

@@ -9,11 +9,9 @@ from typing import Any, Literal, NamedTuple, get_args, get_type_hints
 import msgspec
 
 from zteam.errors import UsageError
-from zteam.planning.amcl_options import AmclOptions, check_options
-from zteam.planning.checkers import GoalOptions, ProgressOptions
-from zteam.planning.controller import PursuitOptions
-from zteam.planning.costmap import CostmapOptions
-from zteam.planning.footprint import Footprint, make_circle, make_footprint
+from zteam.planning.amcl import AmclOptions, check_options
+from zteam.planning.controller import GoalOptions, ProgressOptions, PursuitOptions
+from zteam.planning.costmap import CostmapOptions, Footprint, make_circle, make_footprint
 from zteam.planning.parameter_tables import OWN, Tables, read_parameter_file, tables_of_file, tables_of_team
 from zteam.planning.planner import AStarOptions
 from zteam.planning.plugins import ASTAR, PURSUIT, Plugin, plugin_name

@@ -1,19 +1,48 @@
-"""Global planners: a costmap and two poses in, a path out."""
+"""Global planners: a costmap and two poses in, a path out. A* over weighted cells, then straight lines.
+
+A way from cell to cell becomes one of straight lines that cost no more: first the cheapest way along lines between its
+cells (dynamic programming, over lines of bounded length), then its points move to the side where that makes it cheaper
+(dynamic programming over a few places for each point).
+"""
 
 import math
-from typing import NamedTuple, Protocol
+from itertools import pairwise
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from zteam.errors import ZteamError
 from zteam.geometry import Pose2
-from zteam.planning.costmap import Costmap
-from zteam.planning.costs import INSCRIBED_INFLATED_OBSTACLE
+from zteam.kernels.binding import (
+    UNREACHED,
+    Bytes,
+    Cells,
+    Steps,
+    measure_lines,
+    search,
+    shorten,
+    trace,
+    weigh_cells,
+)
+from zteam.planning.costmap import INSCRIBED_INFLATED_OBSTACLE, Costmap, Costs
 from zteam.planning.grid import Frame
-from zteam.planning.search import Field
 
 Floats = NDArray[np.float64]
+
+COSTMAP_STEPS = (70, 99)
+"""A diagonal step is √2 straight ones, less a hundredth of a percent; small, so that long ways fit into 32 bits."""
+OCTILE_STEPS = (985, 1393)
+"""For plain grids: √2 to less than a millionth."""
+
+STRIDE, REACH = 4, 320
+"""Lines join every fourth cell of a way from cell to cell, to those up to 320 cells before."""
+_SPACING = 20
+"""Cells between the points that move to the side."""
+_WIDTHS = (4, 2, 1)
+"""Cells that they move at a time."""
+_SIDES = np.arange(-3, 4)
+"""Times that width, to either side."""
 
 
 class NoPathError(ZteamError):
@@ -37,6 +66,104 @@ class Planner(Protocol):
     def plan(self, costmap: Costmap, start: Pose2, goal: Pose2) -> Plan:
         """A path from `start` to `goal` (poses in the frame of the map). Raises NoPathError."""
         ...
+
+
+class Field:
+    """Weights of a grid's cells, and the memory of searches on it. Keep it: making it costs as much as a search."""
+
+    def __init__(self, rows: int, columns: int) -> None:
+        self.shape = rows, columns
+        self.steps = Steps(*OCTILE_STEPS, 1)
+        self._weights = np.zeros((rows + 2, columns + 2), np.uint8)
+        self._costs = np.full((rows + 2, columns + 2), UNREACHED, np.uint32)
+
+    def set_free(self, free: NDArray[np.bool_]) -> None:
+        """A plain grid: cells (rows, columns) can be entered, at the cost of the way, or cannot."""
+        self._weights[1:-1, 1:-1] = free
+        self.steps = Steps(*OCTILE_STEPS, 1)
+
+    def set_costs(
+        self,
+        costs: Costs,
+        neutral: int,
+        factor: float,
+        allow_unknown: bool,
+        barred: int = INSCRIBED_INFLATED_OBSTACLE,
+    ) -> None:
+        """A costmap: a cell weighs `neutral` + `factor` · its cost; those from the cost `barred` on cannot be entered.
+
+        Unknown cells weigh as much as the dearest ones that can, or cannot be entered. Weights are cut to whole
+        numbers from 1 to 255: raises ValueError for others.
+        """
+        heaviest = neutral + int(factor * 256.0) * (INSCRIBED_INFLATED_OBSTACLE - 1) // 256
+        if not (neutral >= 1 and factor >= 0.0 and heaviest <= 255):
+            raise ValueError(f"weights must lie from 1 to 255, not from {neutral} to {heaviest}")
+        weigh_cells(costs, neutral, int(factor * 256.0), barred, heaviest if allow_unknown else 0, self._weights)
+        self.steps = Steps(*COSTMAP_STEPS, neutral)
+
+    def is_free(self, row: int, column: int) -> bool:
+        """Whether a cell can be entered; one outside cannot."""
+        rows, columns = self.shape
+        return 0 <= row < rows and 0 <= column < columns and bool(self._weights[row + 1, column + 1])
+
+    def nearest_free(self, cell: tuple[int, int], tolerance: float) -> tuple[int, int] | None:
+        """The cell (row, column) nearest to this one that can be entered, up to `tolerance` cells from it."""
+        found = self._nearest(self._weights, 0, cell, tolerance)
+        return None if found is None else (found // (self.shape[1] + 2) - 1, found % (self.shape[1] + 2) - 1)
+
+    def find_way(self, start: tuple[int, int], goal: tuple[int, int], tolerance: float = 0.0) -> Cells | None:
+        """The cheapest way between two cells (row, column): (n, 2) as (column, row), each beside the one before.
+
+        If there is none, the way to the cell nearest to the goal that can be reached, up to `tolerance` cells from it.
+        None if there is no way at all. Raises ValueError for a start that cannot be entered.
+        """
+        if not self.is_free(*start):
+            raise ValueError(f"the start, row {start[0]}, column {start[1]}, cannot be entered")
+        stride = self.shape[1] + 2
+        begin = (start[0] + 1) * stride + start[1] + 1
+        end = self._nearest(self._weights, 0, goal, tolerance)
+        if end is None:
+            return None
+        found, (low, high, left, right) = search(self._weights, begin, end, self.steps, self._costs)
+        if not found:
+            # All that can be reached has been.
+            end = self._nearest(self._costs, UNREACHED, goal, tolerance)
+        cells = None if end is None else trace(self._weights, begin, end, self.steps, self._costs)
+        self._costs[low : high + 1, left : right + 1] = UNREACHED
+        if cells is None:
+            return None
+        y, x = np.divmod(cells[::-1], stride)
+        return np.stack((x - 1, y - 1), axis=1)
+
+    def _nearest(self, cells: NDArray[Any], nothing: int, goal: tuple[int, int], tolerance: float) -> int | None:
+        """The index of the cell other than `nothing` that is nearest to the goal, up to `tolerance` cells from it."""
+        reach = int(tolerance)
+        low, left = max(0, goal[0] + 1 - reach), max(0, goal[1] + 1 - reach)
+        part = cells[low : max(0, goal[0] + 2 + reach), left : max(0, goal[1] + 2 + reach)]
+        found = np.argwhere(part != nothing) + np.array((low, left))
+        away = ((found - np.array(goal) - 1) ** 2).sum(axis=1)
+        if not len(found) or away.min() > tolerance * tolerance:
+            return None
+        row, column = found[away.argmin()].tolist()
+        return int(row * cells.shape[1] + column)
+
+    def shorten(self, way: Cells) -> Cells:
+        """The corners of a way of straight lines (n, 2) that costs no more than a way from cell to cell."""
+        if len(way) < 3:
+            return way
+        return make_any_angle(self._weights, way + 1, self.steps.least) - 1
+
+    def cost_of(self, corners: Cells) -> float:
+        """Cost of the straight lines between these cells (n, 2): weight times cells; inf where they are blocked."""
+        if len(corners) < 2:
+            return 0.0
+        points = np.ascontiguousarray(corners + 1)
+        return float(measure_lines(self._weights, points[:-1], points[1:]).sum())
+
+
+def length_of(corners: Cells) -> float:
+    """Length of the straight lines between cells, in cells."""
+    return float(np.hypot(*np.diff(corners, axis=0).T).sum())
 
 
 class AStarOptions(NamedTuple):
@@ -153,3 +280,71 @@ def make_path(points: Floats, yaw: float, spacing: float) -> Floats:
     path[:-1, 2] = np.arctan2(delta[line, 1], delta[line, 0])
     path[-1] = points[-1, 0], points[-1, 1], yaw
     return path
+
+
+def make_any_angle(weights: Bytes, way: Cells, least: int) -> Cells:
+    """The corners of a way of straight lines that costs no more than `way` (cells, each beside the one before)."""
+    corners, cost = _join(weights, way, STRIDE, REACH, least)
+    points = corners
+    for width in _WIDTHS:
+        points = _shift(weights, _space_out(points), width)
+    moved, moved_cost = _join(weights, points, 1, REACH // _SPACING, least)
+    return moved if moved_cost < cost else corners
+
+
+def _join(weights: Bytes, way: Cells, stride: int, reach: int, least: int) -> tuple[Cells, float]:
+    """The corners of the cheapest way along lines between points of `way`, and its cost."""
+    best, before = shorten(weights, way, stride, reach, float(least))
+    found = [len(way) - 1]
+    while before[found[-1]] >= 0:
+        found.append(int(before[found[-1]]))
+    return _drop_straight(way[found[::-1]]), float(best[-1])
+
+
+def _drop_straight(corners: Cells) -> Cells:
+    """Without the points at which the way does not turn."""
+    moved = (corners[1:] != corners[:-1]).any(axis=1)
+    corners = corners[np.concatenate(([True], moved))]
+    if len(corners) < 3:
+        return corners
+    to, on = corners[1:-1] - corners[:-2], corners[2:] - corners[1:-1]
+    turns = (to[:, 0] * on[:, 1] != to[:, 1] * on[:, 0]) | ((to * on).sum(axis=1) < 0)
+    return corners[np.concatenate(([True], turns, [True]))]
+
+
+def _space_out(corners: Cells) -> Cells:
+    """The corners, with points on the lines between them, at most _SPACING cells apart."""
+    parts = []
+    for begin, end in pairwise(corners):
+        count = max(1, math.ceil(math.dist(begin, end) / _SPACING))
+        parts.append(np.rint(begin + (end - begin) * (np.arange(count) / count)[:, None]).astype(np.int64))
+    return np.concatenate([*parts, corners[-1:]])
+
+
+def _shift(weights: Bytes, points: Cells, width: int) -> Cells:
+    """The cheapest way through one place for each point: itself, or some widths to its side."""
+    if len(points) < 3:
+        return points
+    along = (points[2:] - points[:-2]).astype(np.float64)
+    along /= np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-9)[:, None]
+    aside = np.stack((-along[:, 1], along[:, 0]), axis=1)
+    sides = len(_SIDES)
+    places = np.repeat(points[:, None], sides, axis=1)
+    places[1:-1] += np.rint(aside[:, None] * (width * _SIDES)[None, :, None]).astype(np.int64)
+    np.clip(places, 0, [weights.shape[1] - 1, weights.shape[0] - 1], out=places)
+    count = len(points) - 1
+    begins = np.repeat(places[:-1], sides, axis=1).reshape(-1, 2)
+    ends = np.tile(places[1:], (1, sides, 1)).reshape(-1, 2)
+    lines = measure_lines(weights, begins, ends).reshape(count, sides, sides)
+    best, before = lines[0].min(axis=0), np.zeros((count + 1, sides), np.int64)
+    for i in range(1, count):
+        sums = best[:, None] + lines[i]
+        before[i + 1] = sums.argmin(axis=0)
+        best = sums.min(axis=0)
+    at = int(best.argmin())
+    chosen = [at]
+    for i in range(count, 1, -1):
+        at = int(before[i][at])
+        chosen.append(at)
+    chosen.append(sides // 2)
+    return places[np.arange(count + 1), chosen[::-1]]

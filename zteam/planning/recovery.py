@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
 from zteam.geometry import Pose2, normalize_angle
-from zteam.planning.collisions import Velocity, time_to_collision
+from zteam.planning.controller import Velocity, time_to_collision
 from zteam.planning.costmap import Costmap
 
 Behavior = Literal["wait", "clear_costmap", "back_up", "spin"]

@@ -7,11 +7,16 @@ import pytest
 
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
-from zteam.planning.checkers import GoalChecker, ProgressChecker
-from zteam.planning.collisions import Velocity, stands_free
-from zteam.planning.controller import BlockedError, PursuitOptions, RegulatedPurePursuit
-from zteam.planning.costmap import Costmap, CostmapOptions, make_costmap
-from zteam.planning.footprint import make_circle, make_footprint
+from zteam.planning.controller import (
+    BlockedError,
+    GoalChecker,
+    ProgressChecker,
+    PursuitOptions,
+    RegulatedPurePursuit,
+    Velocity,
+    stands_free,
+)
+from zteam.planning.costmap import Costmap, CostmapOptions, make_circle, make_costmap, make_footprint
 from zteam.planning.grid import make_map
 from zteam.planning.planner import AStarOptions, AStarPlanner, NoPathError
 from zteam.planning.plugins import make_controller, make_planner

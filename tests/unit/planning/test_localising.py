@@ -7,10 +7,8 @@ import pytest
 
 from zteam.geometry import Pose2, normalize_angle
 from zteam.kernels.binding import find_cluster
-from zteam.planning.amcl import Amcl
-from zteam.planning.amcl_options import AmclOptions
+from zteam.planning.amcl import BIN_SIZE, Amcl, AmclOptions, kld_limits, move_differential
 from zteam.planning.grid import GridMap, make_map
-from zteam.planning.particles import BIN_SIZE, kld_limits, move_differential
 from zteam.planning.scans import Scan, Teammate
 
 RESOLUTION = 0.05

@@ -11,9 +11,7 @@ from zteam.bench.navigation.scene import Way, make_robot, scan_of, twist_of
 from zteam.clock import NS_PER_S
 from zteam.geometry import Pose2
 from zteam.messages import Twist
-from zteam.planning.checkers import GoalChecker, ProgressChecker
-from zteam.planning.collisions import Velocity
-from zteam.planning.controller import BlockedError, RegulatedPurePursuit
+from zteam.planning.controller import BlockedError, GoalChecker, ProgressChecker, RegulatedPurePursuit, Velocity
 from zteam.planning.costmap import Costmap
 from zteam.planning.planner import AStarPlanner, NoPathError
 from zteam.planning.recovery import Recovery

@@ -13,12 +13,9 @@ from zteam.bench.navigation.scene import costmap_of, find_map, find_starts, find
 from zteam.bench.navigation.team_rows import TEAM_ROWS
 from zteam.clock import process_time
 from zteam.geometry import Pose2
-from zteam.planning.amcl import Amcl
-from zteam.planning.amcl_options import AmclOptions
-from zteam.planning.costmap import CostmapOptions, make_costmap
-from zteam.planning.footprint import make_circle
-from zteam.planning.planner import AStarPlanner
-from zteam.planning.search import length_of
+from zteam.planning.amcl import Amcl, AmclOptions
+from zteam.planning.costmap import CostmapOptions, make_circle, make_costmap
+from zteam.planning.planner import AStarPlanner, length_of
 from zteam.sim import Options
 from zteam.world import World, load_world
 

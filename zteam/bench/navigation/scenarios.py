@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zteam.errors import UsageError
-from zteam.planning.search import Field, length_of
+from zteam.planning.planner import Field, length_of
 
 _FREE = ".GS"
 """Terrain that can be entered from open ground."""

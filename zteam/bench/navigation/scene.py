@@ -10,9 +10,8 @@ from zteam.counter_random import uniform
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.messages import Twist, Vector3
-from zteam.planning.collisions import Velocity
-from zteam.planning.costmap import Costmap, CostmapOptions, make_costmap
-from zteam.planning.footprint import Footprint, make_footprint
+from zteam.planning.controller import Velocity
+from zteam.planning.costmap import Costmap, CostmapOptions, Footprint, make_costmap, make_footprint
 from zteam.planning.grid import GridMap, make_map
 from zteam.planning.planner import AStarPlanner, NoPathError, Plan
 from zteam.planning.scans import Scan

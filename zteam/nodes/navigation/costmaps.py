@@ -6,8 +6,7 @@ from typing import Any, NamedTuple
 
 from zteam.base import Base
 from zteam.geometry import Pose2
-from zteam.planning.costmap import Costmap, make_costmap
-from zteam.planning.footprint import Footprint, make_footprint
+from zteam.planning.costmap import Costmap, Footprint, make_costmap, make_footprint
 from zteam.planning.grid import Frame, GridMap
 from zteam.planning.parameters import Parameters, WindowOptions, read_outline
 from zteam.planning.scans import Scan, Teammate

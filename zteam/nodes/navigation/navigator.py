@@ -10,9 +10,7 @@ from zteam.messages import NavigationState, PoseStamped
 from zteam.nodes.navigation.costmaps import Costmaps
 from zteam.nodes.navigation.recovering import Recovering
 from zteam.nodes.navigation.way import STOP, Goal, Moment, Way
-from zteam.planning.checkers import GoalChecker, ProgressChecker
-from zteam.planning.collisions import Velocity
-from zteam.planning.controller import BlockedError, Controller
+from zteam.planning.controller import BlockedError, Controller, GoalChecker, ProgressChecker, Velocity
 from zteam.planning.parameters import Parameters
 from zteam.planning.planner import NoPathError, Planner
 from zteam.services.goals import ON_THE_WAY

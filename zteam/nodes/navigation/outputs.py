@@ -27,7 +27,7 @@ from zteam.nodes.navigation.costmaps import Costmaps
 from zteam.nodes.navigation.localisers import Localiser
 from zteam.nodes.navigation.navigator import Navigator
 from zteam.nodes.navigation.way import STOP
-from zteam.planning.collisions import Velocity
+from zteam.planning.controller import Velocity
 from zteam.planning.parameters import Parameters
 from zteam.runtime.step_node import StepNode
 

@@ -14,7 +14,7 @@ from zteam.nodes.navigation.outputs import Outputs
 from zteam.nodes.navigation.plugins import make_controller
 from zteam.nodes.navigation.requests import read_goal, read_initial_pose
 from zteam.nodes.navigation.way import STOP, Moment
-from zteam.planning.collisions import Velocity
+from zteam.planning.controller import Velocity
 from zteam.planning.grid import GridMap
 from zteam.planning.parameters import Parameters
 from zteam.planning.planner import Planner

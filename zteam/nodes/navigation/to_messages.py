@@ -30,10 +30,15 @@ from zteam.messages import (
     TwistStamped,
     Vector3,
 )
-from zteam.planning.collisions import Velocity
-from zteam.planning.costmap import Costmap
-from zteam.planning.costs import INSCRIBED_INFLATED_OBSTACLE, LETHAL_OBSTACLE, NO_INFORMATION
-from zteam.planning.footprint import Footprint, place
+from zteam.planning.controller import Velocity
+from zteam.planning.costmap import (
+    INSCRIBED_INFLATED_OBSTACLE,
+    LETHAL_OBSTACLE,
+    NO_INFORMATION,
+    Costmap,
+    Footprint,
+    place,
+)
 
 Floats = NDArray[np.float64]
 

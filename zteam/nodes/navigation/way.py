@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 from zteam.geometry import Pose2
 from zteam.messages import PoseStamped
 from zteam.nodes.navigation.costmaps import Costmaps, Sight
-from zteam.planning.collisions import Velocity
-from zteam.planning.controller import BlockedError, Controller
+from zteam.planning.controller import BlockedError, Controller, Velocity
 from zteam.planning.parameters import Parameters
 from zteam.planning.planner import NoPathError, Planner
 

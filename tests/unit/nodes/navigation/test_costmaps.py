@@ -6,7 +6,7 @@ import pytest
 from zteam.base import DEFAULT_BASE
 from zteam.geometry import Pose2
 from zteam.nodes.navigation.costmaps import Costmaps, Sight, StaticCostmaps, footprint_of
-from zteam.planning.costs import FREE_SPACE, LETHAL_OBSTACLE
+from zteam.planning.costmap import FREE_SPACE, LETHAL_OBSTACLE
 from zteam.planning.grid import make_map
 from zteam.planning.parameters import Parameters, WindowOptions
 from zteam.planning.scans import Scan, Teammate

@@ -13,8 +13,7 @@ from zteam.messages import NavigationState
 from zteam.nodes.navigation.costmaps import Sight
 from zteam.nodes.navigation.navigator import PATIENCE, Navigator
 from zteam.nodes.navigation.way import STOP, Goal, Moment
-from zteam.planning.collisions import Velocity
-from zteam.planning.controller import BlockedError
+from zteam.planning.controller import BlockedError, Velocity
 from zteam.planning.parameters import Parameters
 from zteam.planning.planner import NoPathError, Plan
 

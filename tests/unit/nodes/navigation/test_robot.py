@@ -30,7 +30,7 @@ from zteam.nodes.navigation.inputs import Inputs
 from zteam.nodes.navigation.plugins import make_planner
 from zteam.nodes.navigation.robot import NO_MAP, RobotNavigation
 from zteam.nodes.navigation.way import STOP
-from zteam.planning.collisions import Velocity
+from zteam.planning.controller import Velocity
 from zteam.planning.grid import GridMap, make_map
 from zteam.planning.parameters import Localizer, Parameters
 from zteam.planning.plugins import Plugin
