@@ -5,8 +5,7 @@ import sys
 import threading
 
 from support.limits import LIMIT
-from zteam.launch.children import StartChild
-from zteam.launch.process import Process
+from zteam.launch.process import Process, StartChild
 
 
 def obey(code: str, *arguments: str) -> list[str]:

@@ -4,7 +4,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 _PROC = Path("/proc")
-_COMMANDS = (b"zteam.cli.zteam_router", b"zteam-router")
+_COMMAND = "zteam-router"
+"""As it shows itself (`zteam.runtime.process_name`)."""
 _LISTENS = "0A"
 
 
@@ -13,17 +14,12 @@ def find_local_routers() -> list[str]:
     found: set[str] = set()
     for folder in _PROC.glob("[0-9]*"):
         try:
-            if _is_router((folder / "cmdline").read_bytes()):
+            if (folder / "comm").read_text().rstrip("\n") == _COMMAND:
                 found.update(_endpoints(folder))
         except OSError:
             # It has just ended, or belongs to another user.
             continue
     return sorted(found)
-
-
-def _is_router(command_line: bytes) -> bool:
-    words = command_line.split(b"\0")[:4]
-    return any(word.endswith(_COMMANDS) for word in words)
 
 
 def _endpoints(folder: Path) -> Iterator[str]:

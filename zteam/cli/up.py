@@ -170,7 +170,7 @@ def _up(args: argparse.Namespace) -> int:
 
     with WarmParent() as parent:
         # It imports while the team is checked.
-        parent.prepare(view=args.view)
+        parent.prepare()
         return _start_processes(_options(args), args, parent)
 
 

@@ -2,8 +2,7 @@
 
 import argparse
 from collections.abc import Callable, Sequence
-from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from zteam import names
 from zteam.cli.arguments import add_path_option, add_seed_option
@@ -94,26 +93,9 @@ def _pair(option: str) -> Callable[[str], str]:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point."""
-    return _find_work(argv)()
-
-
-def _find_work(argv: Sequence[str] | None) -> Callable[[], int]:
     args = build_parser().parse_args(argv)
     choice = checked(args, lambda: _read(args))
-    return lambda: run(names.robot_name(choice.robot_id), args, lambda: _drive(choice, args))
-
-
-def prepared(argv: Sequence[str]) -> Callable[[], NoReturn]:
-    """What is left to do of this command line, once it has been read; that does what the command does and ends as it.
-
-    A warm parent reads it before it forks: a robot is half a megabyte smaller.
-    """
-    try:
-        work = _find_work(argv)
-    except SystemExit:
-        # A mistake, or --help: what is left is all of it.
-        work = partial(main, argv)
-    return lambda: leave(work())
+    return run(names.robot_name(choice.robot_id), args, lambda: _drive(choice, args))
 
 
 def read_base(entries: Sequence[str]) -> "BaseOverride":

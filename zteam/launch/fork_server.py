@@ -1,62 +1,141 @@
 """`python -P -m zteam.launch.fork_server N`: a warm parent. It imports once what children need, and forks them.
 
-It has one thread and opens nothing, so a child begins like a new program: what `python -P -m module` would have
-started, with an environment, a folder, arguments, signals and streams of its own. N is the descriptor of its orders.
+It has one thread and opens nothing, so a child begins like a new program. N is the descriptor of a socket, of which
+each message is an order; each order has a reply. The launcher's side is `warm_parent.py`.
 """
 
 import gc
 import importlib
 import os
+import signal
 import socket
 import sys
 import warnings
-from collections import deque
+from collections.abc import Sequence
 
-from zteam.launch.fork_protocol import PADDING, End, Load, Message, Reply, Start, has_message, receive, send
-from zteam.launch.heap import fill_gaps
-from zteam.launch.new_program import Program, prepare, write_command_line
+import msgspec
+
 from zteam.runtime.faults import shortage_text
 from zteam.runtime.process_name import show_name
+from zteam.runtime.shutdown import PARENT_PIPE
 
-_DESCRIPTORS = 4
-"""Of a child: standard input, output, error, lifeline."""
+MAX_MESSAGE = 1 << 18
+"""Bytes."""
+_DESCRIPTORS = 5
+"""Of a child: standard input, output, error, lifeline, folder."""
+
+PRELOADS = (
+    "zteam.cli.options",
+    # argparse imports shutil when it reads a command line.
+    "shutil",
+    "zteam.runtime.process",
+    "zteam.nodes.router.node",
+    "zteam.world",
+    "zteam.nodes.transforms.node",
+    "zteam.team_file",
+    "zteam.tf.urdf",
+    "zteam.nodes.monitor.node",
+    "zteam.nodes.robot.node",
+    "zteam.behaviors.registry",
+    "zteam.messages.team_codecs",
+    "zteam.runtime.step_node",
+)
+"""What the commands of a team import anyway. A missing entry costs the children time and memory, no more."""
 
 
-def serve(control: socket.socket) -> Program | None:
-    """Obey the messages of `control`. Returns in a child what it is to become; None when the other end is gone."""
-    modules: deque[str] = deque()
+class Start(msgspec.Struct, array_like=True, frozen=True):
+    """Start a child: what `python -P -m module …` would run. The reply is its process id.
+
+    Along come its descriptors.
+    """
+
+    module: str
+    arguments: list[str]
+    environment: dict[bytes, bytes]
+
+
+Order = Start | int
+"""A number is the process id of a child that has ended: end the rest of its group, release the number, and reply with
+the exit code, negative for a signal."""
+Reply = int | str
+"""A text says why there is no number."""
+
+
+def serve(control: socket.socket) -> Start | None:
+    """Obey the orders of `control`. Returns in a child what it is to run; None when the other end is gone."""
+    orders: msgspec.msgpack.Decoder[Order] = msgspec.msgpack.Decoder(Order)
     while True:
-        if modules and not has_message(control):
-            _load(modules.popleft())
-            continue
-        received = _receive(control)
-        if received is None:
+        try:
+            data, descriptors, _, _ = socket.recv_fds(control, MAX_MESSAGE, _DESCRIPTORS, socket.MSG_CMSG_CLOEXEC)
+        except ConnectionResetError:
             return None
-        message, descriptors = received
-        match message:
-            case Load():
-                modules.extend(message.modules)
-            case End():
-                send(control, _exit_code(message))
-            case Start() if len(descriptors) != _DESCRIPTORS:
-                # Those for which this process has no room are lost.
-                send(control, Reply(error="too many open files in the warm parent"))
-            case Start():
-                for module in message.needs:
-                    _load(module)
-                program = _start(control, message, descriptors)
-                if program is not None:
-                    control.close()
-                    return program
+        if not data:
+            return None
+        order = orders.decode(data)
+        reply: Reply
+        if isinstance(order, int):
+            reply = _collect(order)
+        elif len(descriptors) < _DESCRIPTORS:
+            # Those for which this process has no room are lost.
+            reply = "too many open files in the warm parent"
+        else:
+            reply = _fork(order.module)
+            if reply == 0:
+                control.close()
+                _become(order, descriptors)
+                return order
         for descriptor in descriptors:
             os.close(descriptor)
+        control.send(msgspec.msgpack.encode(reply))
 
 
-def _receive(control: socket.socket) -> tuple[Message, list[int]] | None:
+def _fork(module: str) -> Reply:
+    """The process id of a child, 0 in the child."""
+    _load(module)
+    # The collector of a child leaves alone what all share: looking through it would copy it.
+    gc.freeze()
     try:
-        return receive(control)
-    except ConnectionResetError:
-        return None
+        with warnings.catch_warnings():
+            # numpy's library for linear algebra has threads; it ends them before a fork.
+            warnings.simplefilter("ignore", DeprecationWarning)
+            pid = os.fork()
+    except OSError as error:
+        return str(error)
+    try:
+        # In both processes: the launcher, too, may send a signal to the group at once.
+        os.setpgid(pid, pid)
+    except OSError:
+        # It has ended already.
+        pass
+    return pid
+
+
+def _become(start: Start, descriptors: Sequence[int]) -> None:
+    """Change in a child what a new program would find otherwise."""
+    *streams, lifeline, folder = descriptors
+    os.fchdir(folder)
+    os.close(folder)
+    for place, descriptor in enumerate(streams):
+        os.dup2(descriptor, place)
+        os.close(descriptor)
+    os.environb.clear()
+    os.environb.update({**start.environment, PARENT_PIPE.encode(): b"%d" % lifeline})
+    if "numpy.random" in sys.modules:
+        # Python's own generator sees to it that children draw different numbers; numpy's does not.
+        sys.modules["numpy.random"].seed()
+    gc.enable()
+
+
+def _collect(pid: int) -> Reply:
+    try:
+        os.killpg(pid, signal.SIGKILL)
+    except OSError:
+        # It was the last of its group.
+        pass
+    try:
+        return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
+    except OSError as error:
+        return str(error)
 
 
 def _load(module: str) -> None:
@@ -67,63 +146,22 @@ def _load(module: str) -> None:
         pass
 
 
-def _start(control: socket.socket, message: Start, descriptors: list[int]) -> Program | None:
-    """Fork and reply; in the child, what it is to become."""
-    try:
-        program = prepare(message, descriptors)
-        pid = _fork()
-    except OSError as error:
-        send(control, Reply(error=str(error)))
-        return None
-    if pid == 0:
-        os.setpgid(0, 0)
-        return program
-    try:
-        # Here too: the launcher may send a signal to the group at once.
-        os.setpgid(pid, pid)
-    except OSError:
-        # It has ended already.
-        pass
-    send(control, Reply(pid))
-    return None
-
-
-def _fork() -> int:
-    # The collector of a child leaves alone what all share: looking through it would copy it.
-    gc.freeze()
-    fill_gaps()
-    with warnings.catch_warnings():
-        # numpy's library for linear algebra has threads; it ends them before a fork. Later Pythons prefer another name
-        # for the next function.
-        warnings.simplefilter("ignore", DeprecationWarning)
-        # Full of names of which imports have asked. As each gives way to one of the child's, its count of references
-        # changes, on a page of its own.
-        sys._clear_type_cache()
-        return os.fork()
-
-
-def _exit_code(message: End) -> Reply:
-    options = os.WEXITED | os.WNOHANG | (0 if message.release else os.WNOWAIT)
-    try:
-        result = os.waitid(os.P_PID, message.pid, options)
-    except OSError as error:
-        return Reply(error=str(error))
-    if result is None:
-        return Reply(error="it has not ended")
-    return Reply(result.si_status if result.si_code == os.CLD_EXITED else -result.si_status)
-
-
 def main() -> None:
-    """Serve, and in a child be what was asked for."""
+    """Serve, and in a child run the command that was asked for."""
     gc.disable()
     show_name("zteam-parent")
-    write_command_line([os.fsencode(word) for word in sys.orig_argv if word != PADDING])
     try:
-        program = serve(socket.socket(fileno=int(sys.argv[1])))
+        for module in PRELOADS:
+            _load(module)
+        start = serve(socket.socket(fileno=int(sys.argv[1])))
     except MemoryError as error:
         sys.exit(f"zteam-parent: {shortage_text(error)}")
-    if program is not None:
-        program.run()
+    if start is not None:
+        command = importlib.import_module(start.module)
+        sys.argv[:] = [str(command.__file__), *start.arguments]
+        from zteam.cli.interrupts import leave
+
+        leave(command.main(start.arguments))
 
 
 if __name__ == "__main__":

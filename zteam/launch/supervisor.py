@@ -12,8 +12,7 @@ import msgspec
 
 from zteam.clock import HOST_FACTOR, monotonic, wait_until
 from zteam.errors import ZteamError
-from zteam.launch.children import StartChild, spawn
-from zteam.launch.process import Process
+from zteam.launch.process import Process, StartChild, spawn
 from zteam.launch.restarts import Again, Restarts
 from zteam.launch.sampling import Sampler
 

@@ -8,16 +8,21 @@ import contextlib
 import io
 import logging
 import os
+import select
 import signal
+import socket
 import subprocess
 import sys
+import threading
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import IO
 
-from zteam.launch.children import Child, environment_of, spawn
-from zteam.launch.fork_protocol import PADDING, Start, make_sockets
-from zteam.launch.forked_child import ForkedChild, Orders, start_child
-from zteam.launch.preloads import all_preloads, preloads_of
+import msgspec
+
+from zteam.clock import HOST_FACTOR
+from zteam.launch.fork_server import MAX_MESSAGE, Order, Reply, Start
+from zteam.launch.process import Child, environment_of, spawn
 
 log = logging.getLogger("zteam")
 
@@ -25,15 +30,14 @@ NAME = "warm_parent"
 """What a report calls it."""
 NO_FORK = "ZTEAM_NO_FORK"
 """Environment: anything but nothing makes all children be spawned."""
+UNKNOWN = 255
+"""Exit code of a child whose warm parent was killed, which alone knew it."""
 _HOOKS = ("COVERAGE_PROCESS_START", "COV_CORE_SOURCE")
 """Environment: measures every interpreter from its first line on, so a fork would miss some."""
 _OWN_VARIABLES = ("ZTEAM_", "PYTEST_")
 """Prefixes of the variables that zteam reads when it needs them, and that modules and libraries do not read."""
-
-
-_MEMORY = {"MALLOC_ARENA_MAX": "1"}
-"""For the C library, which reads it when a program starts: one heap, not one for each thread. It saves 0.3 MB a child;
-its threads seldom allocate at the same time."""
+_PATIENCE = 60.0 * HOST_FACTOR
+"""Host seconds for a warm parent to answer: it may have to import from a slow disk first."""
 
 
 def can_fork() -> bool:
@@ -47,17 +51,144 @@ def can_fork() -> bool:
     return True
 
 
+class _Server:
+    """A process that forks. It ends when its socket is closed."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self.children: set[int] = set()
+        """Process ids of those that have not been collected."""
+        self.environment = _inherited_environment()
+        self._end, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self._end.settimeout(_PATIENCE)
+        with theirs:
+            self.process = subprocess.Popen(
+                [sys.executable, "-P", "-m", "zteam.launch.fork_server", str(theirs.fileno())],
+                # Pipes, as its children will have them. What modules say while they are imported is not read.
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                pass_fds=(theirs.fileno(),),
+                env=environment_of({}),
+                process_group=0,
+            )
+        assert self.process.stdin is not None and self.process.stdout is not None
+        self.process.stdin.close()
+        self.process.stdout.close()
+
+    @property
+    def running(self) -> bool:
+        """Whether it can be asked."""
+        return self._end.fileno() >= 0 and self.process.poll() is None
+
+    def fork(self, start: Start, descriptors: Sequence[int]) -> "ForkedChild":
+        """A child with this standard input, output, error and lifeline. Raises OSError."""
+        folder = os.open(".", os.O_PATH)
+        try:
+            pid = self._ask(start, [*descriptors, folder])
+        finally:
+            os.close(folder)
+        try:
+            child = ForkedChild(pid, os.pidfd_open(pid), self)
+        except OSError:
+            # There is none left to watch it with. It must not run beside the one that is spawned in its place.
+            os.kill(pid, signal.SIGKILL)
+            raise
+        self.children.add(pid)
+        return child
+
+    def collect(self, pid: int) -> int:
+        """The exit code of a child that has ended; its process id becomes free."""
+        self.children.discard(pid)
+        try:
+            return self._ask(pid)
+        except OSError as error:
+            log.debug("exit code of process %d: %s", pid, error)
+            return UNKNOWN
+
+    def close(self) -> None:
+        """End the process. Its children go on, but their exit codes are lost."""
+        self._end.close()
+        self.process.kill()
+        self.process.wait()
+
+    def _ask(self, order: Order, descriptors: Sequence[int] = ()) -> int:
+        with self._lock:
+            try:
+                socket.send_fds(self._end, [msgspec.msgpack.encode(order)], descriptors)
+                data = self._end.recv(MAX_MESSAGE)
+            except TimeoutError:
+                # What it says later would be taken for the reply to another order.
+                self._end.close()
+                raise
+        if not data:
+            raise ConnectionResetError("the warm parent is gone")
+        reply = msgspec.msgpack.decode(data, type=Reply)
+        if isinstance(reply, int):
+            return reply
+        raise OSError(reply)
+
+
+class ForkedChild:
+    """A child of a warm parent: a `Child`."""
+
+    def __init__(self, pid: int, descriptor: int, server: _Server) -> None:
+        self.pid = pid
+        self.returncode: int | None = None
+        self.stdin: IO[str] | None = None
+        self.stdout: IO[str] | None = None
+        self._descriptor = descriptor
+        self._server = server
+        self._lock = threading.Lock()
+
+    def poll(self) -> int | None:
+        """Find out whether it has ended; its exit code."""
+        with self._lock:
+            if self.returncode is None and _wait_for(self._descriptor, 0):
+                self.returncode = self._server.collect(self.pid)
+                os.close(self._descriptor)
+        return self.returncode
+
+    def wait_for_end(self) -> None:
+        """Wait until it has ended."""
+        with self._lock:
+            # A copy: another thread may call `poll` meanwhile, which closes the descriptor.
+            descriptor = os.dup(self._descriptor) if self.returncode is None else None
+        if descriptor is not None:
+            _wait_for(descriptor, None)
+            os.close(descriptor)
+
+    def wait(self) -> int:
+        """Wait until it has ended, release its process id, and return its exit code."""
+        self.wait_for_end()
+        code = self.poll()
+        assert code is not None
+        return code
+
+    def send_signal(self, sig: int) -> None:
+        """Send it a signal if it still runs."""
+        with self._lock:
+            if self.returncode is None:
+                with contextlib.suppress(ProcessLookupError):
+                    signal.pidfd_send_signal(self._descriptor, sig)
+
+
+def _wait_for(descriptor: int, timeout: float | None) -> bool:
+    # Host time: a process has ended when its descriptor can be read; no time is measured.
+    waiting = select.poll()  # noqa: TID251
+    waiting.register(descriptor, select.POLLIN)
+    return bool(waiting.poll(timeout))
+
+
 class WarmParent:
-    """Starts children as `spawn` does, but forks those that run a module of zteam.
+    """Starts children as `spawn` does, but forks those that run a command of zteam.
 
     Its process starts with `prepare` or the first child, and anew when it has died.
     """
 
     def __init__(self) -> None:
-        self._orders: Orders | None = None
-        self._surroundings: dict[str, str] = {}
-        self._processes: list[subprocess.Popen[bytes]] = []
-        self._children: list[ForkedChild] = []
+        self._server: _Server | None = None
+        self._lock = threading.Lock()
 
     def __enter__(self) -> "WarmParent":
         return self
@@ -68,23 +199,34 @@ class WarmParent:
     @property
     def pids(self) -> dict[str, int]:
         """Process id of the warm parent by its name, if it runs."""
-        running = [process.pid for process in self._processes if process.poll() is None]
-        return {NAME: running[-1]} if running else {}
+        server = self._server
+        return {NAME: server.process.pid} if server is not None and server.running else {}
 
-    def prepare(self, *, view: bool = False) -> None:
-        """Begin to import now, with `view` what a view needs too."""
+    def prepare(self) -> None:
+        """Begin to import now."""
         if can_fork():
             with contextlib.suppress(OSError):
-                orders = self._find_orders()
-                if view:
-                    orders.load(all_preloads(view=True))
+                self._find_server()
 
     def start(
         self, command: Sequence[str], lifeline: int, environment: Mapping[str, str], folder: Path | None = None
     ) -> Child:
         """Start a child, as StartChild says."""
-        if folder is not None:
-            return spawn(command, lifeline, environment, folder)
+        if (
+            folder is None
+            and can_fork()
+            and _is_own(command)
+            and all(n.startswith(_OWN_VARIABLES) for n in environment)
+        ):
+            try:
+                return self._fork(command, lifeline, environment)
+            except OSError as error:
+                log.debug("%s is spawned: %s", command[3], error)
+        return spawn(command, lifeline, environment, folder)
+
+    def _fork(self, command: Sequence[str], lifeline: int, environment: Mapping[str, str]) -> ForkedChild:
+        given = {os.fsencode(name): os.fsencode(value) for name, value in environment_of(environment).items()}
+        start = Start(command[3], list(command[4:]), given)
         with contextlib.ExitStack() as theirs, contextlib.ExitStack() as ours:
             stdin, writer = os.pipe()
             theirs.callback(os.close, stdin)
@@ -92,115 +234,41 @@ class WarmParent:
             reader, stdout = os.pipe()
             theirs.callback(os.close, stdout)
             ours.callback(os.close, reader)
-            child = self.start_with(command, [stdin, stdout, stdout, lifeline], environment)
-            if child is not None:
-                ours.pop_all()
-        if child is None:
-            return spawn(command, lifeline, environment)
+            child = self._find_server().fork(start, [stdin, stdout, stdout, lifeline])
+            ours.pop_all()
         # As subprocess.Popen opens them.
         child.stdin = io.TextIOWrapper(os.fdopen(writer, "wb"), write_through=True, errors="replace")
         child.stdout = os.fdopen(reader, errors="replace")
         return child
 
-    def start_with(
-        self, command: Sequence[str], descriptors: Sequence[int], environment: Mapping[str, str]
-    ) -> ForkedChild | None:
-        """Fork a child with these as standard input, output, error and lifeline; None if it has to be spawned."""
-        if not (can_fork() and _is_own(command) and all(name.startswith(_OWN_VARIABLES) for name in environment)):
-            return None
-        try:
-            return self._fork(command, descriptors, environment)
-        except OSError as error:
-            log.debug("%s is spawned: %s", command[3], error)
-            return None
-
     def close(self) -> None:
         """End the process. Its children go on, but their exit codes are lost."""
-        self._forget()
-        self._children.clear()
-        for process in self._processes:
-            process.kill()
-            process.wait()
-        self._processes.clear()
+        with self._lock:
+            if self._server is not None:
+                self._server.close()
+            self._server = None
 
-    def _fork(self, command: Sequence[str], descriptors: Sequence[int], environment: Mapping[str, str]) -> ForkedChild:
-        orders = self._find_orders()
-        try:
-            child = start_child(orders, _make_start(command, environment), descriptors)
-        except ConnectionError:
-            # It is dead. The next child gets a new one.
-            self._forget()
-            raise
-        self._children.append(child)
-        return child
-
-    def _forget(self) -> None:
-        if self._orders is not None:
-            self._orders.close()
-        self._orders = None
-
-    def _find_orders(self) -> Orders:
-        self._children = [child for child in self._children if child.returncode is None]
-        surroundings = _find_surroundings()
-        if surroundings != self._surroundings and self._orders is not None:
-            if self._children:
-                raise OSError("the environment is another one than that of the processes that run")
-            self.close()
-        if self._orders is None:
-            self._surroundings = surroundings
-            self._orders, process = _spawn_server()
-            self._processes.append(process)
-            self._orders.load(all_preloads())
-        return self._orders
-
-
-def _spawn_server() -> tuple[Orders, "subprocess.Popen[bytes]"]:
-    ours, theirs = make_sockets()
-    with theirs:
-        process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "zteam.launch.fork_server", str(theirs.fileno()), PADDING],
-            # Pipes, as its children will have them. What modules say while they are imported is not read.
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            pass_fds=(theirs.fileno(),),
-            env={**_MEMORY, **environment_of({})},
-            process_group=0,
-        )
-    assert process.stdin is not None and process.stdout is not None
-    process.stdin.close()
-    process.stdout.close()
-    return Orders(ours), process
-
-
-def _make_start(command: Sequence[str], environment: Mapping[str, str]) -> Start:
-    return Start(
-        [os.fsencode(word) for word in command],
-        {os.fsencode(name): os.fsencode(value) for name, value in environment_of(environment).items()},
-        os.fsencode(Path.cwd()),
-        _read_umask(),
-        [int(number) for number in signal.valid_signals() if signal.getsignal(number) == signal.SIG_IGN],
-        preloads_of(command),
-    )
+    def _find_server(self) -> _Server:
+        with self._lock:
+            server = self._server
+            if server is not None and server.running and server.environment != _inherited_environment():
+                if server.children:
+                    raise OSError("the environment is another one than that of the processes that run")
+                server.close()
+            if server is None or not server.running:
+                if server is not None:
+                    server.close()
+                self._server = server = _Server()
+            return server
 
 
 def _is_own(command: Sequence[str]) -> bool:
     """Whether it is a command line as `zteam_command` makes them."""
-    return list(command[:3]) == [sys.executable, "-P", "-m"] and command[3].startswith("zteam.")
+    return list(command[:3]) == [sys.executable, "-P", "-m"] and command[3].startswith("zteam.cli.")
 
 
-def _find_surroundings() -> dict[str, str]:
-    """What a warm parent has taken over when it started: the environment, as far as modules and libraries read it."""
+def _inherited_environment() -> dict[str, str]:
+    """What a warm parent takes over when it starts: the environment, as far as modules and libraries read it."""
     found = {name: value for name, value in os.environ.items() if not name.startswith(_OWN_VARIABLES)}
     paths = filter(None, found.get("PYTHONPATH", "").split(os.pathsep))
     return {**found, "PYTHONPATH": os.pathsep.join(str(Path(path).absolute()) for path in paths)}
-
-
-def _read_umask() -> int:
-    # Asking the system would mean to set it, which other threads would see.
-    label = "Umask:"
-    return next(
-        int(line.removeprefix(label), 8)
-        for line in Path("/proc/self/status").read_text().splitlines()
-        if line.startswith(label)
-    )

@@ -3,6 +3,7 @@
 Waits here count host seconds, because a starting or ending process has no simulated time. Their limits are generous.
 """
 
+import os
 import subprocess
 from collections.abc import Callable
 from typing import Any
@@ -11,8 +12,7 @@ from zteam.errors import UsageError
 from zteam.launch.plan import Plan
 from zteam.launch.process import exit_text, zteam_command
 from zteam.launch.supervisor import Job
-from zteam.launch.warm_command import run_command
-from zteam.testing.session import START_LIMIT, WARM_PARENT, TeamFailure, TeamSession, TeamTimeout, numbers
+from zteam.testing.session import START_LIMIT, TeamFailure, TeamSession, TeamTimeout, numbers
 
 __all__ = ["START_LIMIT", "TeamFailure", "TeamProcesses", "TeamTimeout"]
 
@@ -62,7 +62,15 @@ class TeamProcesses(TeamSession):
     def command(self, *arguments: str, timeout: float = START_LIMIT) -> "subprocess.CompletedProcess[str]":
         """Run `zteam ARGUMENTS` against this team and wait for its end."""
         self._need_processes("command")
-        return run_command(WARM_PARENT, zteam_command("zteam", *arguments), self.environment, timeout)
+        return subprocess.run(
+            zteam_command("zteam", *arguments),
+            env={**os.environ, **self.environment},
+            capture_output=True,
+            text=True,
+            timeout=timeout,
+            check=False,
+            stdin=subprocess.DEVNULL,
+        )
 
     def pid(self, name: str) -> int:
         """Process id of a process of this team."""

@@ -5,6 +5,7 @@ import resource
 import signal
 import subprocess
 import sys
+import threading
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +13,9 @@ import pytest
 
 from support.limits import LIMIT
 from support.started_child import Started, has_ended, obey
-from zteam.launch import forked_child
-from zteam.launch.children import Child
-from zteam.launch.forked_child import UNKNOWN, ForkedChild
-from zteam.launch.process import zteam_command
-from zteam.launch.warm_parent import WarmParent, can_fork
+from zteam.launch import process, warm_parent
+from zteam.launch.process import Child, zteam_command
+from zteam.launch.warm_parent import UNKNOWN, ForkedChild, WarmParent, can_fork
 
 pytestmark = pytest.mark.skipif(not can_fork(), reason="no fork here, or ZTEAM_NO_FORK is set")
 
@@ -76,7 +75,6 @@ def test_a_dead_warm_parent_is_replaced(warm: WarmParent, lifeline: int) -> None
     assert has_ended(handle)
     os.close(handle)
     assert orphan.process.running
-    assert kind_of(warm, lifeline, obey("pass")) is not ForkedChild
     assert kind_of(warm, lifeline, obey("pass")) is ForkedChild
     orphan.process.write_line("")
     assert orphan.finish() == UNKNOWN
@@ -87,12 +85,12 @@ def test_a_warm_parent_that_does_not_answer_is_left_alone(
     warm: WarmParent, lifeline: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It stands still: the next child is spawned after a while, and the one after that has a new warm parent."""
-    monkeypatch.setattr(forked_child, "_PATIENCE", 0.3)
+    monkeypatch.setattr(warm_parent, "_PATIENCE", 0.3)
     warm.prepare()
     (pid,) = warm.pids.values()
     os.kill(pid, signal.SIGSTOP)
     assert kind_of(warm, lifeline, obey("pass")) is not ForkedChild
-    monkeypatch.setattr(forked_child, "_PATIENCE", LIMIT)
+    monkeypatch.setattr(warm_parent, "_PATIENCE", LIMIT)
     assert kind_of(warm, lifeline, obey("pass")) is ForkedChild
     assert pid not in warm.pids.values()
 
@@ -180,3 +178,41 @@ def test_a_failing_fork_is_told_and_the_child_spawned(
     assert kind_of(warm, lifeline, obey("pass"), **long) is not ForkedChild
     assert kind_of(warm, lifeline, obey("pass")) is ForkedChild
     assert warm.pids == first
+
+
+@pytest.mark.ci
+def test_many_threads_start_one_warm_parent(warm: WarmParent, lifeline: int) -> None:
+    """The first children of a team come from threads at the same time; one process forks them all."""
+    parents: list[dict[str, int]] = []
+
+    def begin() -> None:
+        child = warm.start(obey("pass"), lifeline, {})
+        parents.append(warm.pids)
+        assert child.wait() == 0
+        assert child.stdin is not None and child.stdout is not None
+        child.stdin.close()
+        child.stdout.close()
+
+    threads = [threading.Thread(target=begin) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(LIMIT)
+    assert len(parents) == 4
+    assert all(found == parents[0] for found in parents)
+
+
+@pytest.mark.ci
+def test_without_what_linux_alone_has_children_are_spawned(
+    warm: WarmParent, lifeline: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A system without process descriptors, waitid and /proc: a child is spawned, ends and has its exit code."""
+    monkeypatch.delattr(os, "pidfd_open")
+    monkeypatch.delattr(os, "waitid")
+    monkeypatch.setattr(process, "PROC", Path("/nowhere"))
+    child = Started(warm.start, lifeline, obey("print(input())"))
+    assert not isinstance(child.process._child, ForkedChild)
+    child.process.measure()
+    child.process.write_line("heard")
+    assert (child.finish(), child.heard) == (0, ["heard"])
+    assert child.process.usage == process.Usage()
