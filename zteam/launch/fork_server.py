@@ -159,9 +159,8 @@ def main() -> None:
     if start is not None:
         command = importlib.import_module(start.module)
         sys.argv[:] = [str(command.__file__), *start.arguments]
-        from zteam.cli.interrupts import leave
-
-        leave(command.main(start.arguments))
+        # By name, as the commands themselves: this package is below theirs.
+        importlib.import_module("zteam.cli.interrupts").leave(command.main(start.arguments))
 
 
 if __name__ == "__main__":
