@@ -17,9 +17,8 @@ from zteam.planning.controller import (
 from zteam.planning.costmap import Costmap, CostmapOptions, Footprint, make_circle, make_costmap, make_footprint
 from zteam.planning.grid import Frame, GridMap, make_map
 from zteam.planning.map_files import read_map, write_map
-from zteam.planning.options import read_options
 from zteam.planning.planner import AStarOptions, AStarPlanner, NoPathError, Plan, Planner
-from zteam.planning.plugins import make_controller, make_planner
+from zteam.planning.plugins import make_controller, make_planner, read_options
 from zteam.planning.recovery import Recovery, RecoveryOptions
 from zteam.planning.scans import Scan, Teammate
 

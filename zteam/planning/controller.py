@@ -5,15 +5,17 @@ the outline touches already where the robot stands does not count: it may leave 
 """
 
 import math
-from typing import NamedTuple, Protocol
+from typing import Annotated, NamedTuple, Protocol
 
 import numpy as np
+from msgspec import Meta
 
 from zteam.errors import ZteamError
 from zteam.geometry import Pose2, normalize_angle
 from zteam.kernels.binding import Floats, find_hit
 from zteam.planning.costmap import FREE_SPACE, INSCRIBED_INFLATED_OBSTACLE, MAX_NON_OBSTACLE, Costmap
 
+Positive = Annotated[float, Meta(gt=0.0)]
 _STEP = 0.1
 """Cells that no point of the outline moves more than from one looked-at pose to the next."""
 
@@ -79,8 +81,8 @@ class Controller(Protocol):
 class PursuitOptions(NamedTuple):
     """Parameters of RegulatedPurePursuitController, with Nav2's names and defaults."""
 
-    desired_linear_vel: float = 0.5
-    lookahead_dist: float = 0.6
+    desired_linear_vel: Positive = 0.5
+    lookahead_dist: Positive = 0.6
     min_lookahead_dist: float = 0.3
     max_lookahead_dist: float = 0.9
     lookahead_time: float = 1.5
@@ -98,9 +100,9 @@ class PursuitOptions(NamedTuple):
     inflation_cost_scaling_factor: float | None = None
     """1/m, to tell from a cost how far an obstacle is. None: that of the costmap, as it should be; 0: do not tell."""
     use_rotate_to_heading: bool = True
-    rotate_to_heading_angular_vel: float = 1.8
+    rotate_to_heading_angular_vel: Positive = 1.8
     rotate_to_heading_min_angle: float = 0.785
-    max_angular_accel: float = 3.2
+    max_angular_accel: Positive = 3.2
     max_robot_pose_search_dist: float = 3.0
     """Metres of the path ahead in which the robot's place on it is looked for."""
     xy_goal_tolerance: float = 0.25

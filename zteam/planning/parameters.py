@@ -2,23 +2,28 @@
 
 import json
 import math
-from collections.abc import Iterable, Mapping
-from pathlib import Path
-from typing import Any, Literal, NamedTuple, get_args, get_type_hints
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path, PurePosixPath
+from typing import Annotated, Any, Literal, NamedTuple, get_args
 
-import msgspec
+from msgspec import Meta
 
+from zteam import names
 from zteam.errors import UsageError
 from zteam.planning.amcl import AmclOptions, check_options
-from zteam.planning.controller import GoalOptions, ProgressOptions, PursuitOptions
+from zteam.planning.controller import GoalOptions, Positive, ProgressOptions, PursuitOptions
 from zteam.planning.costmap import CostmapOptions, Footprint, make_circle, make_footprint
-from zteam.planning.parameter_tables import OWN, Tables, read_parameter_file, tables_of_file, tables_of_team
 from zteam.planning.planner import AStarOptions
-from zteam.planning.plugins import ASTAR, PURSUIT, Plugin, plugin_name
-from zteam.planning.recovery import Recovery, RecoveryOptions
-from zteam.problems import problems_of
+from zteam.planning.plugins import ASTAR, PURSUIT, Plugin, convert_options, plugin_name
+from zteam.planning.recovery import RecoveryOptions
 
 Localizer = Literal["amcl", "fake", "none"]
+Tables = dict[str, dict[str, Any]]
+"""Parameters by the name of Nav2's node; the names of nested tables are joined with dots, as in `FollowPath.plugin`."""
+
+OWN = "navigation"
+"""The node with parameters of zteam's own."""
+_PARAMETERS = "ros__parameters"
 
 
 class InitialPose(NamedTuple):
@@ -48,7 +53,7 @@ class FakeOptions(NamedTuple):
 class ControllerOptions(NamedTuple):
     """Parameters of controller_server itself."""
 
-    controller_frequency: float = 20.0
+    controller_frequency: Positive = 20.0
     failure_tolerance: float = 0.3
     """Seconds that the controller may find no command before a recovery begins."""
 
@@ -56,20 +61,20 @@ class ControllerOptions(NamedTuple):
 class PlannerServerOptions(NamedTuple):
     """Parameters of planner_server itself."""
 
-    expected_planner_frequency: float = 1.0
+    expected_planner_frequency: Positive = 1.0
     """Plans a second while the robot drives."""
 
 
 class WindowOptions(NamedTuple):
     """Parameters of a costmap's node besides its layers."""
 
-    update_frequency: float = 5.0
-    publish_frequency: float = 1.0
+    update_frequency: Positive = 5.0
+    publish_frequency: Positive = 1.0
     """At most 2 Hz."""
-    width: int = 3
+    width: Annotated[int, Meta(gt=0)] = 3
     """Metres; so is the next. The local costmap's alone."""
-    height: int = 3
-    resolution: float = 0.05
+    height: Annotated[int, Meta(gt=0)] = 3
+    resolution: Positive = 0.05
     robot_radius: float = math.nan
     """Metres; without it, and without `footprint`, the outline is that of `base_info`."""
     footprint: str = ""
@@ -136,21 +141,6 @@ _PLUGINS = {"pursuit": "controller", "planner": "planner"}
 NODES = (OWN, *dict.fromkeys(section.node for section in _SECTIONS))
 """Names of the nodes whose parameters are taken."""
 _RENAMED = {"initial_pose.x": "x", "initial_pose.y": "y", "initial_pose.yaw": "yaw"}
-_ABOVE_ZERO = frozenset(
-    {
-        "controller_frequency",
-        "expected_planner_frequency",
-        "update_frequency",
-        "publish_frequency",
-        "width",
-        "height",
-        "resolution",
-        "desired_linear_vel",
-        "rotate_to_heading_angular_vel",
-        "max_angular_accel",
-        "lookahead_dist",
-    }
-)
 _LISTS = frozenset(section.plugins for section in _SECTIONS if section.plugins)
 
 
@@ -162,46 +152,73 @@ class Reading(NamedTuple):
     """Names that have no effect, `node.name` each, sorted."""
 
 
-def read_parameters(tables: Tables, source: str) -> Reading:
+def navigation_of_robot(table: Mapping[str, Any], robot_id: int, folder: Path, source: str) -> Reading:
+    """The parameters of robot `robot_id` from the table `navigation` of a team file in `folder`.
+
+    Its key `params` names a parameter file, whose values the table replaces; the other keys are Nav2's nodes, without
+    `ros__parameters`. Raises UsageError; `source` is what the table is called there.
+    """
+    file = table.get("params")
+    given: Tables = {}
+    if file is not None:
+        if not isinstance(file, str):
+            raise UsageError(f"{source}: params: a file is expected, not {file!r}")
+        given = _tables_of_file(_read_parameter_file(folder / file), robot_id)
+        # A mistake in the file is told with the file's name.
+        _read_parameters(given, file)
+    own: Tables = {OWN: {}}
+    for key, value in table.items():
+        if isinstance(value, Mapping):
+            own[key] = _flatten(value)
+        elif key != "params":
+            own[OWN][key] = value
+    return _read_parameters({node: {**given.get(node, {}), **own.get(node, {})} for node in {**given, **own}}, source)
+
+
+def _read_parameters(tables: Tables, source: str) -> Reading:
     """The parameters in tables of Nav2's nodes. Raises UsageError, with `source` and key, for values of wrong types."""
     found: dict[str, Any] = {}
-    taken: set[tuple[str, str]] = set()
+    taken = {(OWN, "localizer")}
     problems: list[str] = []
     for section in _SECTIONS:
         table = tables.get(section.node, {})
-        default = Parameters._field_defaults[section.field]
-        if kind := _PLUGINS.get(section.field):
+        if section.field in _PLUGINS:
             try:
-                plugin, known = _read_plugin(kind, section, table)
+                plugin, known = _read_plugin(section, table)
             except UsageError as error:
                 problems.append(str(error))
                 continue
-            found[f"{kind}_plugin"] = plugin
+            found[f"{_PLUGINS[section.field]}_plugin"] = plugin
             taken |= {(section.node, name) for name in known}
             if plugin.name not in (ASTAR, PURSUIT):
                 continue
+        default = Parameters._field_defaults[section.field]
         given = _own_names(section, table, type(default))
         taken |= {(section.node, name) for name in given.values()}
-        values = {key: table[name] for key, name in given.items()}
-        for problem in problems_of(values, _checked_type(type(default))):
-            field = str(problem.path[0]) if problem.path else ""
-            problems.append(f"{section.node}.{given.get(field, field)}: {problem.text}")
-        if not problems:
-            found[section.field] = default._replace(**_converted(type(default), values))
+        values, wrong = convert_options(type(default), {key: table[name] for key, name in given.items()})
+        problems += [f"{section.node}.{given[str(key)]}: {text}" for (key, *_), text in wrong]
+        found[section.field] = default._replace(**values)
     localizer = tables.get(OWN, {}).get("localizer", "amcl")
     if localizer not in get_args(Localizer):
         problems.append(f"localizer: {localizer!r} is none of {', '.join(get_args(Localizer))}")
-    if problems:
-        raise UsageError("\n".join(f"{source}: {problem}" for problem in problems))
-    taken.add((OWN, "localizer"))
-    every = [(node, name) for node, table in tables.items() for name in table if name not in _LISTS]
-    unknown = sorted(f"{node}.{name}" for node, name in every if (node, name) not in taken)
     parameters = Parameters(**found, localizer=localizer)
+    if problems := problems or list(_contradictions(parameters)):
+        raise UsageError("\n".join(f"{source}: {problem}" for problem in problems))
+    every = {(node, name) for node, table in tables.items() for name in table if name not in _LISTS}
+    return Reading(parameters, tuple(sorted(f"{node}.{name}" for node, name in every - taken)))
+
+
+def _contradictions(parameters: Parameters) -> Iterator[str]:
+    """What is wrong with values of the right types."""
     try:
-        _check(parameters)
+        check_options(parameters.amcl)
     except ValueError as error:
-        raise UsageError(f"{source}: {error}") from None
-    return Reading(parameters, tuple(unknown))
+        yield str(error)
+    for node, window in ("global_costmap", parameters.global_window), ("local_costmap", parameters.local_window):
+        try:
+            read_outline(window)
+        except ValueError as error:
+            yield f"{node}: footprint {window.footprint!r}: {error}"
 
 
 def read_outline(window: WindowOptions) -> Footprint | None:
@@ -215,41 +232,25 @@ def read_outline(window: WindowOptions) -> Footprint | None:
     return None if math.isnan(window.robot_radius) else make_circle(window.robot_radius)
 
 
-def _check(parameters: Parameters) -> None:
-    """Raise ValueError for numbers that cannot be."""
-    for section in _SECTIONS:
-        for name, value in getattr(parameters, section.field)._asdict().items():
-            place = f"{section.node}.{name}"
-            if isinstance(value, float) and not math.isfinite(value) and name != "robot_radius":
-                raise ValueError(f"{place}: a finite number is expected")
-            if name in _ABOVE_ZERO and not value > 0:
-                raise ValueError(f"{place}: a number above 0 is expected, not {value}")
-    check_options(parameters.amcl)
-    for node, window in ("global_costmap", parameters.global_window), ("local_costmap", parameters.local_window):
-        try:
-            read_outline(window)
-        except ValueError as error:
-            raise ValueError(f"{node}: footprint {window.footprint!r}: {error}") from None
-    Recovery(parameters.recovery)
-
-
 def _own_names(section: _Section, table: Mapping[str, Any], kind: type[Any]) -> dict[str, str]:
     """Fields of the options that the table sets, and the names it has for them."""
     prefix = _prefix(section, table)
     found = {}
     for name in table:
-        if not section.anywhere and not name.startswith(prefix):
-            continue
-        own = name.rpartition(".")[2] if section.anywhere else name.removeprefix(prefix)
-        own = _RENAMED.get(own, own) if kind is InitialPose else own
-        if own in kind._fields and (kind is not InitialPose or own == "set_initial_pose" or name in _RENAMED):
+        if section.anywhere:
+            own = name.rpartition(".")[2]
+        elif kind is InitialPose:
+            own = name if name == "set_initial_pose" else _RENAMED.get(name, "")
+        else:
+            own = name.removeprefix(prefix) if name.startswith(prefix) else ""
+        if own in kind._fields:
             found[own] = name
     return found
 
 
-def _read_plugin(kind: str, section: _Section, table: Mapping[str, Any]) -> tuple[Plugin, Iterable[str]]:
+def _read_plugin(section: _Section, table: Mapping[str, Any]) -> tuple[Plugin, Iterable[str]]:
     """The plug-in that is named, and the names that this explains: all of a package's plug-in. Raises UsageError."""
-    prefix = _prefix(section, table)
+    prefix, kind = _prefix(section, table), _PLUGINS[section.field]
     own = {name: value for name, value in table.items() if name.startswith(prefix)}
     usual: Plugin = Parameters._field_defaults[f"{kind}_plugin"]
     place = f"{prefix}plugin"
@@ -267,32 +268,52 @@ def _prefix(section: _Section, table: Mapping[str, Any]) -> str:
     return f"{named}."
 
 
-def _checked_type(kind: type[Any]) -> type[msgspec.Struct]:
-    """A struct with the fields of some options, for `problems_of`."""
-    hints = get_type_hints(kind)
-    fields = [(name, hints[name], default) for name, default in kind._field_defaults.items()]
-    return msgspec.defstruct(kind.__name__, fields)
+def _read_parameter_file(path: Path) -> Mapping[str, Any]:
+    """The contents of a YAML file of parameters, as ROS 2 has them. Raises UsageError."""
+    import yaml
+
+    try:
+        table = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise UsageError(f"cannot read the parameters {path}: {error.strerror}") from None
+    except (yaml.YAMLError, ValueError) as error:
+        raise UsageError(f"{path} is no YAML file: {' '.join(str(error).split())}") from None
+    if table is None:
+        return {}
+    if not isinstance(table, Mapping) or not any(True for _ in _find_nodes(table, ())):
+        raise UsageError(f"{path} has no parameters: it needs a node's name and below it {_PARAMETERS}, as Nav2's file")
+    return table
 
 
-def _converted(kind: type[Any], values: Mapping[str, Any]) -> dict[str, Any]:
-    checked = msgspec.convert(values, _checked_type(kind))
-    return {name: getattr(checked, name) for name in values}
+def _tables_of_file(contents: Mapping[str, Any], robot_id: int) -> Tables:
+    """What a parameter file says to the nodes of robot `robot_id`.
 
-
-def navigation_of_robot(table: Mapping[str, Any], robot_id: int, folder: Path, source: str) -> Reading:
-    """The parameters of robot `robot_id` from the table `navigation` of a team file in `folder`.
-
-    Its key `params` names a parameter file, whose values the table replaces. Raises UsageError; `source` is what the
-    table is called there.
+    A node's name may have namespaces before it (`robot_1/amcl`, or nested), and wildcards: `*` for one part, `**` for
+    any. What names a node by itself counts before what names it by a wildcard.
     """
-    file = table.get("params")
-    if file is None:
-        given: Tables = {}
-    elif not isinstance(file, str):
-        raise UsageError(f"{source}: params: a file is expected, not {file!r}")
-    else:
-        given = tables_of_file(read_parameter_file(folder / file), robot_id, NODES)
-        # A mistake in the file is told with the file's name.
-        read_parameters(given, file)
-    own = tables_of_team({key: value for key, value in table.items() if key != "params"})
-    return read_parameters({node: {**given.get(node, {}), **own.get(node, {})} for node in {**given, **own}}, source)
+    tables: Tables = {}
+    for pattern, parameters in sorted(_find_nodes(contents, ()), key=lambda item: "*" not in item[0]):
+        for node in NODES:
+            # The costmaps are nodes in namespaces of their own.
+            full = f"{node}/{node}" if node.endswith("_costmap") else node
+            if pattern and PurePosixPath(names.robot_name(robot_id), full).match(pattern):
+                tables.setdefault(node, {}).update(_flatten(parameters))
+    return tables
+
+
+def _find_nodes(table: Mapping[str, Any], path: tuple[str, ...]) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """The name, or pattern, of each node with parameters, and the parameters."""
+    for key, value in table.items():
+        if key == _PARAMETERS and isinstance(value, Mapping) and path:
+            yield "/".join(part.strip("/") for part in path), value
+        elif isinstance(value, Mapping):
+            yield from _find_nodes(value, (*path, str(key)))
+
+
+def _flatten(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Nested tables as one, with the names joined by dots."""
+    flat: dict[str, Any] = {}
+    for key, value in table.items():
+        name = f"{prefix}{key}"
+        flat.update(_flatten(value, f"{name}.") if isinstance(value, Mapping) else {name: value})
+    return flat

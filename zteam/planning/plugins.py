@@ -1,31 +1,54 @@
-"""Planners and controllers by name: zteam's own, those of installed packages, and Nav2's names for them.
+"""Options from mappings; planners and controllers by name: zteam's own, those of packages, and Nav2's names for them.
 
 A package offers one in the entry-point group `zteam.planners` or `zteam.controllers`: what it names is called with the
 plug-in's parameters, a mapping, and returns a Planner or a Controller. So a controller that samples, such as MPPI, or a
 planner that knows the ways of teammates needs no change here.
 """
 
+import math
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar, get_type_hints
+
+import msgspec
 
 from zteam.entry_points import load_offered, offered
 from zteam.errors import UsageError
 from zteam.planning.controller import Controller, PursuitOptions, RegulatedPurePursuit
-from zteam.planning.options import read_options
 from zteam.planning.planner import AStarOptions, AStarPlanner, Planner
+from zteam.problems import Problem, problems_of
 
 PLANNERS_GROUP, CONTROLLERS_GROUP = "zteam.planners", "zteam.controllers"
 """Entry points."""
-Parameters = Mapping[str, Any]
+T = TypeVar("T", bound=tuple[Any, ...])
 
 
-def _make_astar(parameters: Parameters) -> AStarPlanner:
-    return AStarPlanner(read_options(AStarOptions, parameters)[0])
+def convert_options(kind: type[T], values: Mapping[str, Any]) -> tuple[dict[str, Any], list[Problem]]:
+    """Values of fields of a class such as AmclOptions, as the fields have them; and what is wrong with them."""
+    hints = get_type_hints(kind, include_extras=True)
+    defaults: dict[str, Any] = kind._field_defaults  # type: ignore[attr-defined]
+    checked = msgspec.defstruct(kind.__name__, [(name, hints[name], defaults[name]) for name in defaults])
+    problems = problems_of(values, checked) or [
+        Problem((name,), f"a finite number is expected, not {value}")
+        for name, value in values.items()
+        if isinstance(value, float) and not math.isfinite(value)
+    ]
+    if problems:
+        return {}, problems
+    converted = msgspec.convert(values, checked)
+    return {name: getattr(converted, name) for name in values}, []
 
 
-def _make_pursuit(parameters: Parameters) -> RegulatedPurePursuit:
-    return RegulatedPurePursuit(read_options(PursuitOptions, parameters)[0])
+def read_options(kind: type[T], parameters: Mapping[str, Any], where: str = "") -> tuple[T, list[str]]:
+    """Options of a class such as AmclOptions from `parameters`, and the names that it does not know.
+
+    Raises UsageError for values that cannot be; each line of the text begins with `where`.
+    """
+    known = {name: value for name, value in parameters.items() if name in kind._fields}  # type: ignore[attr-defined]
+    values, problems = convert_options(kind, known)
+    if problems:
+        raise UsageError("\n".join(f"{where}{problem}" for problem in problems))
+    return kind(**values), sorted(parameters.keys() - known.keys())
 
 
 class Plugin(NamedTuple):
@@ -40,15 +63,17 @@ class Plugin(NamedTuple):
 class _Kind(NamedTuple):
     """Planners, or controllers."""
 
-    own: Mapping[str, Callable[[Parameters], Any]]
+    own: Mapping[str, Callable[[Mapping[str, Any]], Any]]
     group: str
     """Of entry points."""
 
 
 ASTAR, PURSUIT = "astar", "regulated_pure_pursuit"
 _KINDS = {
-    "planner": _Kind({ASTAR: _make_astar}, PLANNERS_GROUP),
-    "controller": _Kind({PURSUIT: _make_pursuit}, CONTROLLERS_GROUP),
+    "planner": _Kind({ASTAR: lambda given: AStarPlanner(read_options(AStarOptions, given)[0])}, PLANNERS_GROUP),
+    "controller": _Kind(
+        {PURSUIT: lambda given: RegulatedPurePursuit(read_options(PursuitOptions, given)[0])}, CONTROLLERS_GROUP
+    ),
 }
 NAV2_NAMES = {
     "nav2_navfn_planner::NavfnPlanner": ASTAR,
@@ -59,13 +84,13 @@ NAV2_NAMES = {
 """Plug-ins of Nav2, and what does their work here; Nav2 writes them with `/` too."""
 
 
-def make_planner(name: str, parameters: Parameters) -> Planner:
+def make_planner(name: str, parameters: Mapping[str, Any]) -> Planner:
     """The planner of this name. Raises UsageError."""
     planner: Planner = _find("planner", name)(parameters)
     return planner
 
 
-def make_controller(name: str, parameters: Parameters) -> Controller:
+def make_controller(name: str, parameters: Mapping[str, Any]) -> Controller:
     """The controller of this name. Raises UsageError."""
     controller: Controller = _find("controller", name)(parameters)
     return controller
@@ -89,7 +114,7 @@ def plugin_name(kind: str, name: str, where: str = "") -> str:
     return name
 
 
-def _find(kind: str, name: str) -> Callable[[Parameters], Any]:
+def _find(kind: str, name: str) -> Callable[[Mapping[str, Any]], Any]:
     found = plugin_name(kind, name)
     own, group = _KINDS[kind]
     return own.get(found) or load_offered(group, found)
