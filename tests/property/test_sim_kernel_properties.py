@@ -14,7 +14,7 @@ from zteam.geometry import Pose2
 from zteam.kernels import binding
 from zteam.kernels.binding import (
     Bases,
-    Beams,
+    BeamTable,
     Bitmap,
     Bitmaps,
     Fans,
@@ -25,8 +25,7 @@ from zteam.kernels.binding import (
     find_overlaps,
     follow,
 )
-from zteam.sim.fields import build_fields
-from zteam.sim.polygons import NO_MOVER, Group, make_polygons, place_shape
+from zteam.sim.casting import NO_MOVER, Group, build_fields, make_polygons, place_shape
 from zteam.world.model import Shape
 
 LIMIT = 9.0
@@ -47,7 +46,7 @@ def bitmap(seed: int, rows: int = 13, columns: int = 17, most: float = 0.3) -> n
 
 def maps_of(occupied: np.ndarray, cell: tuple[float, float], pose: Pose2 | None = None) -> Bitmaps:
     """A bitmap from the ground up to 1 m."""
-    return Bitmaps([Bitmap(*build_fields(occupied), *cell, *(pose or (0.0, 0.0, 0.0)), 0.0, 1.0)])
+    return Bitmaps([Bitmap(build_fields(occupied), *occupied.shape, *cell, *(pose or (0.0, 0.0, 0.0)), 0.0, 1.0)])
 
 
 def fan_of(poses: Any, beams: np.ndarray, increment: float = 0.0, limit: float = LIMIT, z: float = 0.5) -> Fans:
@@ -56,7 +55,7 @@ def fan_of(poses: Any, beams: np.ndarray, increment: float = 0.0, limit: float =
     count = at.shape[1]
     rays = Rays(at, np.full(count, z), np.full(count, NO_MOVER, np.int64))
     first = float(beams[0]) if beams.size else 0.0
-    fans = Fans(rays, Beams(np.cos(beams)[None, :], np.sin(beams)[None, :], first, increment, limit))
+    fans = Fans(rays, BeamTable(np.cos(beams)[None, :], np.sin(beams)[None, :], first, increment, limit))
     fans.ranges.fill(limit)
     fans.hits.fill(-1)
     return fans
@@ -324,9 +323,9 @@ def test_calls_with_what_does_not_fit_are_refused() -> None:
         cast_squares(Bitmaps([]), 0, fans, 1)
     with pytest.raises(ValueError, match="owner"):
         binding.place_mounts(Rays(np.zeros((3, 1)), np.zeros(1), np.array([2])), np.zeros((2, 3)), fans_rays(1))
-    fields.sides[:, -1] = 1
+    fields[:, -1] = 1
     with pytest.raises(ValueError, match="parked"):
-        Bitmaps([Bitmap(*fields, 0.1, 0.1, 0.0, 0.0, 0.0, 0.0, 1.0)])
+        Bitmaps([Bitmap(fields, 3, 3, 0.1, 0.1, 0.0, 0.0, 0.0, 0.0, 1.0)])
     ends = np.zeros((1, 3))
     ends.flags.writeable = False
     some = np.ones(1, bool)

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from support.examples import examples
 from zteam.geometry import Pose2
-from zteam.kernels.binding import Beams, Fans, Rays, cast_edges
-from zteam.sim.polygons import NO_MOVER, group_shapes, make_polygons
+from zteam.kernels.binding import BeamTable, Fans, Rays, cast_edges
+from zteam.sim.casting import NO_MOVER, group_shapes, make_polygons
 from zteam.world.model import Obstacle, Robot, Shape
 
 LIMIT = 9.0
@@ -89,7 +89,7 @@ def test_bodies_are_seen_exactly(
     own = 0 if inside and robots else NO_MOVER
     increment = fov / (BEAMS - 1)
     angles = -fov / 2 + increment * np.arange(BEAMS)
-    beams = Beams(np.cos(angles)[None, :], np.sin(angles)[None, :], -fov / 2, increment, LIMIT)
+    beams = BeamTable(np.cos(angles)[None, :], np.sin(angles)[None, :], -fov / 2, increment, LIMIT)
     fans = Fans(Rays(np.array([[at[0]], [at[1]], [yaw]]), np.array([0.15]), np.array([own])), beams)
     fans.ranges.fill(LIMIT)
     fans.hits.fill(-1)

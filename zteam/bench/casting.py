@@ -11,9 +11,8 @@ from zteam.bench.navigation.figures import reference_ms
 from zteam.bench.simulation import free_poses
 from zteam.clock import process_time
 from zteam.errors import UsageError
-from zteam.kernels.binding import Beams, Bitmaps, Fans, Rays, cast_edges, cast_squares
-from zteam.sim.fields import bitmap_of, build_fields
-from zteam.sim.polygons import group_shapes, make_polygons
+from zteam.kernels.binding import BeamTable, Bitmaps, Fans, Rays, cast_edges, cast_squares
+from zteam.sim.casting import bitmap_of, build_fields, group_shapes, make_polygons
 from zteam.world import World, add_robot
 
 _SCANS = 100
@@ -51,7 +50,7 @@ def measure_kernels(world: World, seed: int = 1) -> list[KernelFigures]:
 def _measure(target: str, rays: Rays, beams: int, fov_deg: float, cast: Callable[[Fans], None]) -> KernelFigures:
     angles = np.radians(np.linspace(-fov_deg / 2, fov_deg / 2, beams))[None, :]
     first, increment = math.radians(-fov_deg / 2), math.radians(fov_deg) / (beams - 1)
-    fans = Fans(rays, Beams(np.cos(angles), np.sin(angles), first, increment, 30.0))
+    fans = Fans(rays, BeamTable(np.cos(angles), np.sin(angles), first, increment, 30.0))
     spent, ratios = [], []
     for _ in range(_ROUNDS):
         fans.ranges.fill(30.0)

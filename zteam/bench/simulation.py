@@ -12,7 +12,7 @@ from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.messages import Twist, Vector3
 from zteam.sim import Engine, Options
-from zteam.sim.grids import is_occupied
+from zteam.sim.casting import is_occupied
 from zteam.world import Ranger, Robot, World, add_robot
 
 _CLEARANCE = 0.35

@@ -63,7 +63,7 @@ class Bitmap(NamedTuple):
     """A bitmap that rays and bodies meet."""
 
     sides: NDArray[np.uint8]
-    """(4, rows * columns + 1): of the largest empty square at each cell, by quadrant (`zteam.sim.fields`)."""
+    """(4, rows * columns + 1): of the largest empty square at each cell, by quadrant (`zteam.sim.casting`)."""
     rows: int
     columns: int
     cell_x: float
@@ -98,7 +98,7 @@ class Bitmaps:
                 setattr(made, name, number)
 
 
-class Beams(NamedTuple):
+class BeamTable(NamedTuple):
     """Directions of the beams of fans in the sensor's frame."""
 
     cos: Floats
@@ -110,6 +110,11 @@ class Beams(NamedTuple):
     """Nothing at this distance (metres) or beyond is seen."""
     jitter: float = 0.0
     """Increments that a beam may be off its place."""
+
+    @staticmethod
+    def ahead(limit: float) -> "BeamTable":
+        """A single beam straight ahead."""
+        return BeamTable(np.ones((1, 1)), np.zeros((1, 1)), 0.0, 0.0, limit)
 
 
 class Rays(NamedTuple):
@@ -126,7 +131,7 @@ class Rays(NamedTuple):
 class Fans:
     """Fans of rays, and what they met. The arrays are kept: their contents may change."""
 
-    def __init__(self, rays: Rays, beams: Beams) -> None:
+    def __init__(self, rays: Rays, beams: BeamTable) -> None:
         count, width = len(rays.z), beams.cos.shape[1]
         tables = 1 if len(beams.cos) == 1 else count
         self.beams = beams

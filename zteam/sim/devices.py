@@ -1,28 +1,21 @@
-"""Fiducial finders, bumpers and blob finders: how they sense, by rays of their own, and their messages.
+"""Fiducial finders, bumpers and blob finders: how they sense, by rays of their own.
 
-A sensor's row in `SENSORS` says how it senses; its row in `zteam.world.devices` says what it is.
+What they are is in `zteam.world.devices`, their messages are in `zteam.sim.to_messages`.
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import groupby
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam import names
 from zteam.geometry import Pose2, normalize_angle
-from zteam.kernels.binding import Beams, Fans, Rays
-from zteam.messages import Blob as BlobMessage
-from zteam.messages import Blobs, ColorRGBA, Fiducial, Fiducials, Header, Message, time_from_ns
-from zteam.messages import Bumper as BumperMessage
-from zteam.sim.casting import Caster
-from zteam.sim.mounts import Mounts, mount_devices, rays_of
-from zteam.sim.polygons import NO_MOVER
-from zteam.sim.surroundings import Surroundings
-from zteam.world.colors import find_color
-from zteam.world.devices import KINDS, Blobfinder, Bumper, DeviceKind, Finder
+from zteam.kernels.binding import BeamTable, Fans, Rays
+from zteam.messages import Message
+from zteam.sim.casting import NO_MOVER, Caster, Scene, mount_devices, rays_of
+from zteam.world.devices import Blobfinder, Bumper, DeviceKind, Finder
 from zteam.world.model import Marker, Obstacle, Robot
 
 if TYPE_CHECKING:
@@ -76,7 +69,7 @@ class Sensor(NamedTuple):
     kind: DeviceKind
     message: Callable[["Observation", int, int], Message]
     """The message of a robot (by id) of a number, of one tick."""
-    prepare: Callable[[Surroundings, Sequence[tuple[int, Any]]], Sense] | None = None
+    prepare: Callable[[Scene, Sequence[tuple[int, Any]]], Sense] | None = None
     """For all devices of the kind, each with its robot's index. None for what the engine itself measures."""
 
 
@@ -85,7 +78,7 @@ class _Target(NamedTuple):
 
     marker: Marker
     source: int
-    """As in `zteam.sim.polygons.Group`; so is the mover."""
+    """As in `zteam.sim.casting.Group`; so is the mover."""
     mover: int
     fixed: Pose2
     """Where the model stands if it does not move."""
@@ -107,30 +100,23 @@ def _targets(robots: Sequence[Robot], obstacles: Sequence[Obstacle]) -> list[_Ta
     return found
 
 
-def _ahead(limit: float) -> Beams:
-    """A single ray straight ahead."""
-    return Beams(np.ones((1, 1)), np.zeros((1, 1)), 0.0, 0.0, limit)
-
-
-def _bumper_rays(owner: int, bumper: Bumper) -> Mounts:
+def _bumper_rays(owner: int, bumper: Bumper) -> Rays:
     """Rays outward along a bumper."""
     count = max(2, math.ceil(bumper.length / _SPACING) + 1)
     along = np.linspace(-0.5 * bumper.length, 0.5 * bumper.length, count)
     cos, sin = math.cos(bumper.yaw), math.sin(bumper.yaw)
     x, y = bumper.x - sin * along - cos * _BEHIND, bumper.y + cos * along - sin * _BEHIND
-    return Mounts(
-        np.stack((x, y, np.full(count, bumper.yaw))), np.full(count, bumper.z), np.full(count, owner, np.int64)
-    )
+    return Rays(np.stack((x, y, np.full(count, bumper.yaw))), np.full(count, bumper.z), np.full(count, owner, np.int64))
 
 
-class _FiducialFinders:
+class FiducialFinders:
     """All fiducial finders of all robots."""
 
-    def __init__(self, surroundings: Surroundings, owned: Sequence[tuple[int, Finder]]) -> None:
-        self._visible = surroundings.visible
+    def __init__(self, scene: Scene, owned: Sequence[tuple[int, Finder]]) -> None:
+        self._visible = scene.visible
         self._finders = owned
         self._at = mount_devices(owned)
-        self._targets = _targets(surroundings.robots, surroundings.obstacles)
+        self._targets = _targets(scene.robots, scene.obstacles)
         self._target_sources = np.array([target.source for target in self._targets], np.int64)
         self._target_keys = np.array([target.marker.key for target in self._targets], np.int64)
 
@@ -159,7 +145,7 @@ class _FiducialFinders:
         count = len(chosen)
         towards = np.stack((np.full(count, here.x), np.full(count, here.y), here.yaw + bearing[chosen]))
         rays = Rays(towards, np.full(count, finder.z), np.full(count, i, np.int64))
-        ranges, hit = self._visible.cast(Fans(rays, _ahead(finder.range_max)))
+        ranges, hit = self._visible.cast(Fans(rays, BeamTable.ahead(finder.range_max)))
         seen = self._visible.source_of[hit[:, 0]] == self._target_sources[chosen]
         if finder.ignore_zloc:
             seen |= ranges[:, 0] >= far[chosen]
@@ -174,22 +160,22 @@ class _FiducialFinders:
         )
 
 
-def _prepare_bumpers(surroundings: Surroundings, owned: Sequence[tuple[int, Bumper]]) -> Sense:
+def prepare_bumpers(scene: Scene, owned: Sequence[tuple[int, Bumper]]) -> Sense:
     rays = [_bumper_rays(i, bumper) for i, bumper in owned]
-    at = Mounts._make(np.concatenate(parts, axis=-1) for parts in zip(*rays, strict=True))
+    at = Rays._make(np.concatenate(parts, axis=-1) for parts in zip(*rays, strict=True))
     ends = np.cumsum([len(own.owner) for own in rays])
-    solid = surroundings.solid
+    solid = scene.solid
 
     def sense(poses: Floats) -> list[bool]:
-        ranges, _ = solid.cast(Fans(rays_of(poses, at), _ahead(_BEHIND + _TOUCH)))
+        ranges, _ = solid.cast(Fans(rays_of(poses, at), BeamTable.ahead(_BEHIND + _TOUCH)))
         hit = ranges[:, 0] < _BEHIND + _TOUCH
         return [bool(part.any()) for part in np.split(hit, ends[:-1])]
 
     return sense
 
 
-def _prepare_blobfinders(surroundings: Surroundings, owned: Sequence[tuple[int, Blobfinder]]) -> Sense:
-    visible = surroundings.visible
+def prepare_blobfinders(scene: Scene, owned: Sequence[tuple[int, Blobfinder]]) -> Sense:
+    visible = scene.visible
     return lambda poses: [_find_blobs(visible, i, finder, poses) for i, finder in owned]
 
 
@@ -198,7 +184,7 @@ def _find_blobs(visible: Caster, i: int, finder: Blobfinder, poses: Floats) -> t
     angle_min = -finder.fov / 2 if finder.samples > 1 else 0.0
     step = finder.fov / max(1, finder.samples - 1)
     angles = angle_min + step * np.arange(finder.samples)
-    beams = Beams(np.cos(angles)[None, :], np.sin(angles)[None, :], angle_min, step, finder.range_max)
+    beams = BeamTable(np.cos(angles)[None, :], np.sin(angles)[None, :], angle_min, step, finder.range_max)
     ranges, hit = visible.cast(Fans(rays_of(poses, mount_devices([(i, finder)])), beams))
     colors = [s.color if s is not None else "" for s in (visible.surfaces[h] for h in hit[0].tolist())]
     blobs, begin = [], 0
@@ -211,55 +197,18 @@ def _find_blobs(visible: Caster, i: int, finder: Blobfinder, poses: Floats) -> t
     return tuple(blobs)
 
 
-def fiducials_message(observation: "Observation", robot_id: int, index: int) -> Fiducials:
-    """What the robot's `index`-th fiducial finder sees, in `robot_N/fiducial_link[_i]`."""
-    seen = observation.robots[robot_id].fiducials[index]
-    return Fiducials(header(observation, KINDS[names.FIDUCIALS], robot_id, index), [Fiducial(*one) for one in seen])
-
-
-def bumper_message(observation: "Observation", robot_id: int, index: int = 0) -> BumperMessage:
-    """All pieces of all of a robot's bumpers."""
-    pressed = np.array(observation.robots[robot_id].bumpers, bool)
-    return BumperMessage(header(observation, KINDS[names.BUMPER], robot_id, index), pressed)
-
-
-def blobs_message(observation: "Observation", robot_id: int, index: int) -> Blobs:
-    """What the robot's `index`-th blob finder sees, in `robot_N/blobfinder_link[_i]`; an unknown colour is black."""
-    blobs = [
-        BlobMessage(ColorRGBA(*(find_color(name) or (0.0, 0.0, 0.0))), name, bearing, width, far)
-        for name, bearing, width, far in observation.robots[robot_id].blobs[index]
-    ]
-    return Blobs(header(observation, KINDS[names.BLOBS], robot_id, index), blobs)
-
-
-def header(observation: "Observation", kind: DeviceKind, robot_id: int, index: int) -> Header:
-    """The observation's stamp and the device's frame."""
-    return Header(time_from_ns(observation.stamp), kind.frame(robot_id, index))
-
-
-SENSORS: dict[str, Sensor] = {
-    sensor.kind.topic: sensor
-    for sensor in (
-        Sensor(KINDS[names.FIDUCIALS], fiducials_message, _FiducialFinders),
-        Sensor(KINDS[names.BUMPER], bumper_message, _prepare_bumpers),
-        Sensor(KINDS[names.BLOBS], blobs_message, _prepare_blobfinders),
-    )
-}
-"""Rows of the devices other than rangers, by topic. The rows of all else are in `zteam.sim.to_messages`."""
-
-
 class Devices:
     """All devices of all robots, but for rangers."""
 
-    def __init__(self, surroundings: Surroundings) -> None:
+    def __init__(self, scene: Scene, sensors: Iterable[Sensor]) -> None:
         self._senses: list[tuple[str, list[int], Sense]] = []
-        for topic, sensor in SENSORS.items():
-            owned = [(i, device) for i, robot in enumerate(surroundings.robots) for device in sensor.kind.of(robot)]
-            if owned and sensor.prepare is not None:
-                self._senses.append((topic, [i for i, _ in owned], sensor.prepare(surroundings, owned)))
+        for kind, _, prepare in sensors:
+            owned = [(i, device) for i, robot in enumerate(scene.robots) for device in kind.of(robot)]
+            if owned and prepare is not None:
+                self._senses.append((kind.topic, [i for i, _ in owned], prepare(scene, owned)))
 
     def sense(self, poses: Floats) -> dict[int, Detections]:
-        """What every robot with devices detects, by the robot's index; the surroundings have been moved to `poses`."""
+        """What every robot with devices detects, by the robot's index; the scene has been moved to `poses`."""
         found: dict[int, dict[str, tuple[Any, ...]]] = {}
         for topic, owners, sense in self._senses:
             for i, detected in zip(owners, sense(poses), strict=True):

@@ -2,27 +2,38 @@
 
 In free space a robot follows the exact arc of its velocity: its velocity is set. A robot that touches something is
 driven by a force instead, which the solver may overrule.
+
+A solver that iterates lets bodies sink into each other under pressure, and passes a thin wall in one step. So each
+motion that it proposes is tested, exactly, at places along its way. The test takes a body's core: its polygon less a
+rim. The solver alone handles contacts within the rim. A body goes as far as its core is free and stops there. A free
+core stays free, so no body passes through another or through a wall.
 """
 
+import itertools
 import math
-from collections.abc import Sequence, Set
+from collections.abc import Iterable, Iterator, Sequence, Set
 from typing import Any
 
 import numpy as np
 import pymunk
 import pymunk.autogeometry
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
+from zteam.errors import UsageError
 from zteam.geometry import Pose2
-from zteam.kernels.binding import follow
-from zteam.sim.fields import Fields
-from zteam.sim.grids import Lines, find_walls
-from zteam.sim.holding import Cores
-from zteam.sim.polygons import find_slabs, group_shapes, place_shape
-from zteam.world.model import Floorplan, Obstacle, Robot, Shape
+from zteam.kernels.binding import find_overlaps, follow, hold
+from zteam.sim.casting import NO_MOVER, Group, Plans, group_shapes, make_polygons, solid_bitmaps, solid_groups
+from zteam.world.model import Floorplan, Obstacle, Point2, Robot, Shape
 from zteam.world.shapes import is_convex
 
 Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Lines = NDArray[np.intp]
+"""(lines, 4): from x, y to x, y in cells."""
+
+MAX_WALLS = 400_000
+"""Straight pieces of wall of all bitmaps: noise has more, and Chipmunk takes a kilobyte and 20 us for each."""
 
 SUBSTEP = 0.02
 """Longest physics step in seconds; a single step a tick costs as much and sinks deeper into walls."""
@@ -55,11 +66,13 @@ _get_position, _get_angle = _body.position.fget, _body.angle.fget
 
 
 class _Builder:
-    """Adds what collides to a space; bodies collide if they share one of `slabs`, layers of height."""
+    """Adds what collides to a space; bodies collide if they share a slab, a layer of height."""
 
-    def __init__(self, space: pymunk.Space, slabs: Sequence[tuple[float, float]]) -> None:
+    def __init__(self, space: pymunk.Space, shapes: Sequence[Shape]) -> None:
         self._space = space
-        self._slabs = slabs
+        # Between the heights at which what collides begins or ends; the topmost are one if there are too many.
+        heights = sorted({z for shape in shapes if shape.obstacle for z in (shape.z_min, shape.z_max)})
+        self._slabs = list(itertools.pairwise([-math.inf, *heights[: _MAX_SLABS - 1], math.inf]))
 
     def add_walls(self, plan: Floorplan, lines: Lines) -> None:
         cos, sin = math.cos(plan.pose.yaw), math.sin(plan.pose.yaw)
@@ -96,6 +109,50 @@ class _Builder:
         return pymunk.ShapeFilter(categories=bits, mask=bits)
 
 
+class Cores:
+    """The cores of all movers, and what they must stay out of: what stands still and, with `apart`, each other."""
+
+    def __init__(
+        self,
+        groups: Sequence[Group],
+        plans: Plans,
+        poses: Floats,
+        rim: float,
+        apart: bool,
+    ) -> None:
+        """`poses` is (movers, 3); `rim` metres are taken off every polygon, less where it is narrow."""
+        solid = solid_groups(groups)
+        widest = [max(_half_width(shape.points) for shape in group.shapes) for group in solid]
+        self._polygons = make_polygons([group if group.owner == NO_MOVER else _core_of(group, rim) for group in solid])
+        self._core_half = np.array([max(0.5 * half, half - rim) for half in widest], float)
+        self.half = np.full(len(poses), np.inf)
+        """(movers): half the width of the widest part of a body; inf for one that collides with nothing."""
+        for group, half in zip(solid, widest, strict=True):
+            if group.owner != NO_MOVER:
+                self.half[group.owner] = half
+        self._bitmaps = solid_bitmaps(plans)
+        self._apart = apart
+        self.in_wall, self._tangled = np.zeros((2, len(poses)), bool)
+        """(movers): whether its core stands in something that stands still, from where no way is free."""
+        self.stuck: list[int] = []
+        """The movers of `in_wall`."""
+        self.look(poses)
+
+    def look(self, poses: Floats) -> None:
+        """See which cores overlap what, after something has been put elsewhere."""
+        self._polygons.move(poses)
+        find_overlaps(self._polygons, self._bitmaps, False, self.in_wall)
+        find_overlaps(self._polygons, self._bitmaps, self._apart, self._tangled)
+        self.stuck = np.flatnonzero(self.in_wall).tolist()
+
+    def hold(self, poses: Floats, ends: Floats, suspects: Flags) -> Floats:
+        """Cut the ways of `suspects` from `poses` to `ends` (movers, 3) short; the shares (movers) that are left."""
+        if self._apart and self._tangled.any():
+            self.look(poses)
+        self._polygons.move(poses)
+        return hold(self._polygons, self._bitmaps, self._core_half, poses, ends, suspects, self._tangled, self._apart)
+
+
 class DynamicBodies:
     """Robots and the things that they push. `poses` is (movers, 3): x, y, yaw in `map`, robots first."""
 
@@ -103,19 +160,20 @@ class DynamicBodies:
         self,
         robots: Sequence[Robot],
         poses: Floats,
-        floorplans: Sequence[tuple[Floorplan, Fields]],
+        plans: Plans,
         obstacles: Sequence[Obstacle],
     ) -> None:
         self._space = pymunk.Space()
         self._space.collision_slop = _SLOP
         self._space.collision_bias = 1e-6
-        standing = [place_shape(o.pose, shape) for o in obstacles if o.mass is None for shape in o.shapes]
         pushed = [obstacle for obstacle in obstacles if obstacle.mass is not None]
         groups = group_shapes(robots, obstacles)
-        builder = _Builder(self._space, find_slabs([shape for group in groups for shape in group.shapes], _MAX_SLABS))
-        for plan, lines in find_walls([plan for plan, _ in floorplans if plan.obstacle]):
+        builder = _Builder(self._space, [shape for group in groups for shape in group.shapes])
+        for plan, lines in _find_walls([plan for plan, _ in plans if plan.obstacle]):
             builder.add_walls(plan, lines)
-        builder.add_shapes(self._space.static_body, standing)
+        for group in groups:
+            if group.owner == NO_MOVER:
+                builder.add_shapes(self._space.static_body, group.shapes)
         self.poses = poses.copy()
         # No contact turns a robot: its wheels hold it, and only the drive decides its yaw rate.
         self._robots = [builder.add_body(r.mass, math.inf, r.shapes, p) for r, p in zip(robots, poses, strict=False)]
@@ -128,15 +186,13 @@ class DynamicBodies:
         self.stalled, self.met = np.zeros((2, len(robots)), bool)
         self._touching = [False] * len(robots)
         self._held: set[int] = set()
-        self._cores = Cores(groups, floorplans, self.poses, _RIM if pushed else _WIDE_RIM, apart=bool(pushed))
+        self._cores = Cores(groups, plans, self.poses, _RIM if pushed else _WIDE_RIM, apart=bool(pushed))
         self._least = float(self._cores.half[: len(robots)].min(initial=math.inf))
         self._stride = max(_RIM, float(self._cores.half[len(robots) :].min(initial=_STRIDE)))
         self._index = {body: i for i, body in enumerate(self._robots)}
         self._anchored = np.zeros(len(self._bodies), bool)
         self._anchor()
         self._space.on_collision(begin=self._on_begin)
-        self._rests = not self._bodies
-        """Whether nothing moves or touches anything, so that a step without velocities changes nothing."""
 
     def _on_begin(self, arbiter: pymunk.Arbiter, _space: pymunk.Space, _data: object) -> None:
         for body in arbiter.bodies:
@@ -146,7 +202,7 @@ class DynamicBodies:
 
     def step(self, seconds: float, velocity: Floats) -> None:
         """Advance by `seconds` with body velocities `velocity` (robots, 3): vx, vy in m/s, yaw rate in rad/s."""
-        if self._rests and not velocity.any():
+        if not self._bodies:
             return
         count = len(self._robots)
         before = self.poses[:count]
@@ -173,8 +229,7 @@ class DynamicBodies:
             if self._pushed or step == steps:
                 self._hold(length > self._least)
         self.met = _hindered(self._touching, self._held.union(self._cores.stuck))
-        if True in self._touching:
-            self._touching = [touching and _touches(self._robots[i]) for i, touching in enumerate(self._touching)]
+        self._touching = [hit and _touches(body) for hit, body in zip(self._touching, self._robots, strict=True)]
         self._note_stalls(before, way)
 
     def _push(self, targets: Sequence[Sequence[float]], dt: float, again: bool) -> None:
@@ -187,7 +242,7 @@ class DynamicBodies:
             _slide(body, dt)
 
     def _hold(self, leaps: bool) -> None:
-        """Take over the bodies' new poses (in a new array), within the limits of `zteam.sim.holding`.
+        """Take over the bodies' new poses (in a new array), within the limits of the cores.
 
         Where nothing can be pushed, a robot that touches nothing is tested only if a robot `leaps`: it goes farther
         than half its width, and may have passed a wall without a contact.
@@ -208,10 +263,6 @@ class DynamicBodies:
             self._space.reindex_shapes_for_body(body)
 
     def _note_stalls(self, before: Floats, way: Floats) -> None:
-        self._rests = False
-        if not (self._held or self._cores.stuck or True in self._touching):
-            self.stalled[:], self._rests = False, not self._pushed and not way.any()
-            return
         stopped = _hindered(self._touching, self._held) | self._cores.in_wall[: len(before)]
         told = np.hypot(way[:, 0], way[:, 1])
         moved = np.hypot(*(self.poses[: len(before)] - before)[:, :2].T)
@@ -233,7 +284,7 @@ class DynamicBodies:
         body = self._bodies[index]
         body.position, body.angle, body.velocity, body.angular_velocity = (pose.x, pose.y), pose.yaw, (0.0, 0.0), 0.0
         self._space.reindex_shapes_for_body(body)
-        self.poses[index], self._rests = pose, False
+        self.poses[index] = pose
         self._cores.look(self.poses)
         self._anchor()
 
@@ -290,3 +341,79 @@ def _slide(body: pymunk.Body, dt: float) -> None:
     if turn > 0.0:
         grip = _LEVER * _GRIP / math.sqrt(body.moment / body.mass)
         body.angular_velocity *= max(0.0, 1.0 - grip * dt / turn)
+
+
+def _half_width(points: Sequence[Point2]) -> float:
+    """The distance of a convex polygon's edges from the mean of its corners, at least: half the side of a square."""
+    x, y = np.mean(points, axis=0)
+    return float(min(_distance(a, b, (x, y)) for a, b in _edges(points)))
+
+
+def _edges(points: Sequence[Point2]) -> list[tuple[Point2, Point2]]:
+    pairs = zip(points, (*points[1:], points[0]), strict=True)
+    return [(a, b) for a, b in pairs if math.dist(a, b) > 0.0]
+
+
+def _distance(a: Point2, b: Point2, c: Point2) -> float:
+    """Of point c from the line through a and b, positive on its left."""
+    return ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])) / math.dist(a, b)
+
+
+def _core_of(group: Group, rim: float) -> Group:
+    return group._replace(shapes=[_core(shape, rim) for shape in group.shapes])
+
+
+def _core(shape: Shape, rim: float) -> Shape:
+    """A convex shape less a rim, of at most half of its half width."""
+    rim = min(rim, 0.5 * _half_width(shape.points))
+    left: list[Point2] = list(shape.points)
+    for a, b in _edges(shape.points):
+        inner = [(point, _distance(a, b, point) - rim) for point in left]
+        kept: list[Point2] = []
+        for (p, d), (q, e) in zip(inner, [*inner[1:], inner[0]], strict=True):
+            if d >= 0.0:
+                kept.append(p)
+            if (d >= 0.0) != (e >= 0.0):
+                t = d / (d - e)
+                kept.append((p[0] + t * (q[0] - p[0]), p[1] + t * (q[1] - p[1])))
+        left = kept
+    return replace(shape, points=tuple(left))
+
+
+def _find_walls(plans: Iterable[Floorplan]) -> Iterator[tuple[Floorplan, Lines]]:
+    """Each plan and its border; plans of one bitmap share it. Raises UsageError if there are more than MAX_WALLS."""
+    borders: dict[int, Lines | None] = {}
+    left = MAX_WALLS
+    for plan in plans:
+        if id(plan.occupied) not in borders:
+            borders[id(plan.occupied)] = _find_borders(plan.occupied, MAX_WALLS)
+        lines = borders[id(plan.occupied)]
+        left -= 0 if lines is None else len(lines)
+        if lines is None or left < 0:
+            raise UsageError(
+                f"with the bitmap of {plan.name!r} this world has more than {MAX_WALLS} straight pieces of wall: "
+                "smooth it, or take the physics stage or kinematic"
+            )
+        yield plan, lines
+
+
+def _find_borders(occupied: NDArray[np.bool_], limit: int) -> Lines | None:
+    """The border of the occupied cells as maximal straight runs; None if there are more than `limit`."""
+    y, left, right = _runs(occupied)
+    x, low, high = _runs(occupied.T)
+    if len(x) + len(y) > limit:
+        return None
+    return np.concatenate([np.stack([x, low, x, high], axis=1), np.stack([left, y, right, y], axis=1)])
+
+
+def _runs(occupied: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
+    """Runs (line, begin, end) along axis 1 where occupied and free meet across axis 0."""
+    rows, columns = occupied.shape
+    padded = np.zeros((rows + 2, columns), bool)
+    padded[1:-1] = occupied
+    border = np.zeros((rows + 1, columns + 2), np.int8)
+    border[:, 1:-1] = padded[1:] != padded[:-1]
+    change = np.diff(border, axis=1)
+    lines, begins = np.nonzero(change == 1)
+    _, ends = np.nonzero(change == -1)
+    return lines, begins, ends

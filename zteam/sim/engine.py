@@ -12,15 +12,18 @@ import numpy as np
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from zteam.clock import NS_PER_S
+from zteam.clock import NS_PER_S, to_ns
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.messages import Twist
 from zteam.robot_ids import format_robot_ids
-from zteam.sim.fields import build_fields
-from zteam.sim.lasers import Reading
-from zteam.sim.observation import Observation, RobotObservation, pose_of
-from zteam.sim.team import WATCHDOG, Team
+from zteam.sim.bodies import Bodies, make_bodies
+from zteam.sim.casting import Plans, Scene, prepare_plans
+from zteam.sim.devices import Detections, Devices
+from zteam.sim.lasers import Lasers, Reading, Scans
+from zteam.sim.motion import Odometry, keep_what_is_left, make_bases
+from zteam.sim.observation import Observation, RobotObservation, Snapshot, pose_of
+from zteam.sim.to_messages import SENSORS
 from zteam.simulation_options import Options
 from zteam.world.model import Obstacle, Robot, World
 from zteam.world.placing import find_hindrance
@@ -28,6 +31,9 @@ from zteam.world.placing import find_hindrance
 Floats = NDArray[np.float64]
 
 __all__ = ["WATCHDOG", "Engine", "Observation", "Options", "Reading", "RobotObservation"]
+
+WATCHDOG = to_ns(0.2)
+"""A command moves its robot for this long (simulated ns); then the wheels stop."""
 
 
 class Standing(NamedTuple):
@@ -38,6 +44,103 @@ class Standing(NamedTuple):
     """(robots, 3): x, y, yaw in `map`; yaws are not wrapped."""
     stalled: NDArray[np.bool_]
     """Whether each is blocked."""
+
+
+class RobotArrays:
+    """One set of robots as arrays, in the order of their ids: what they do in a tick, and what they sense.
+
+    It takes over the state of the previous set.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        robots: Mapping[int, Robot],
+        plans: Plans,
+        options: Options,
+        seed: int,
+        old: "RobotArrays | None",
+    ) -> None:
+        self.ids = {robot_id: i for i, robot_id in enumerate(robots)}
+        self._robots = list(robots.values())
+        self._pushed = [obstacle for obstacle in world.obstacles if obstacle.mass is not None]
+        self._physics = options.physics or world.physics
+        count = len(self._robots)
+        self.commands = np.zeros((count, 3))
+        self.commanded = np.full(count, -WATCHDOG, np.int64)
+        self.bases, self._wheels = make_bases(self._robots)
+        self.odometry = Odometry(self.bases, self._robots, list(self.ids), options.odom_alphas, seed)
+        poses = np.array([r.pose for r in self._robots] + [o.pose for o in self._pushed], float).reshape(-1, 3)
+        kept = self._adopt(old, poses) if old is not None else []
+        self.bodies: Bodies = make_bodies(self._physics, self._robots, poses, world.obstacles, plans)
+        if old is not None:
+            self.bodies.adopt(old.bodies, kept)
+        self._scene = Scene(self._robots, world.obstacles, plans)
+        self._lasers = Lasers(self._robots, list(self.ids), self._scene.visible, options, seed)
+        self._devices = Devices(self._scene, SENSORS.values())
+
+    def _adopt(self, old: "RobotArrays", poses: np.ndarray) -> list[tuple[int, int]]:
+        """Take over the state of the robots that stay; return the pairs (index here, index there) of the movers."""
+        kept = [(i, old.ids[robot_id]) for robot_id, i in self.ids.items() if robot_id in old.ids]
+        for here, there in kept:
+            poses[here] = old.bodies.poses[there]
+            self.commands[here], self.bases.setpoint[here] = old.commands[there], old.bases.setpoint[there]
+            self.bases.velocity[here], self.commanded[here] = old.bases.velocity[there], old.commanded[there]
+            mine = slice(self._wheels.first[here], self._wheels.first[here + 1])
+            theirs = slice(old._wheels.first[there], old._wheels.first[there + 1])
+            self._wheels.angles[mine] = old._wheels.angles[theirs]
+        poses[len(self._robots) :] = old.bodies.poses[len(old._robots) :]
+        self.odometry.adopt(old.odometry, kept)
+        return kept + [(len(self._robots) + i, len(old._robots) + i) for i in range(len(self._pushed))]
+
+    def at_present(self, world: World) -> tuple[World, dict[int, Robot]]:
+        """The world with the things that can be pushed where they are now, and the robots by id where they are now."""
+        poses, first = self.bodies.poses.tolist(), len(self._robots)
+        robots = {robot_id: replace(self._robots[i], pose=pose_of(poses[i])) for robot_id, i in self.ids.items()}
+        pushed = iter(poses[first:])
+        things = [
+            thing if thing.mass is None else replace(thing, pose=Pose2(*next(pushed))) for thing in world.obstacles
+        ]
+        return replace(world, obstacles=tuple(things)), robots
+
+    def move(self, now: int, tick: int, seconds: float) -> None:
+        """One tick, from `now` (ns) on."""
+        fresh = now - self.commanded < WATCHDOG
+        bases, count = self.bases, len(self.ids)
+        bases.obey(self.commands, fresh, seconds)
+        before = self.bodies.poses[:count].copy()
+        self.bodies.step(seconds, bases.setpoint)
+        after = self.bodies.poses[:count]
+        bases.note_motion(before, after, seconds, tangents=self._physics == "stage")
+        self.odometry.advance(before, after, tick)
+        if self.bodies.met.any():
+            keep_what_is_left(bases.is_car, self.bodies.met, bases.velocity, bases.setpoint)
+
+    def observe_bases(self, now: int, tick: int) -> Observation:
+        """What the bases sense at `now` (ns)."""
+        return self._observation(now, tick, Scans([], {}), {})
+
+    def observe(self, now: int, tick: int) -> Observation:
+        """What all robots sense at `now` (ns)."""
+        poses = self.bodies.poses
+        self._scene.move(poses)
+        return self._observation(now, tick, self._lasers.measure(poses, tick), self._devices.sense(poses))
+
+    def _observation(self, now: int, tick: int, scans: Scans, detections: Mapping[int, Detections]) -> Observation:
+        snapshot = Snapshot(
+            robots=self._robots,
+            scans=scans,
+            poses=self.bodies.poses.tolist(),
+            odom=self.odometry.poses.tolist(),
+            velocity=self.bases.velocity.tolist(),
+            stalled=self.bodies.stalled.copy(),
+            wheels=self._wheels._replace(angles=self._wheels.angles.copy(), rates=self._wheels.rates.copy()),
+            detections=detections,
+        )
+        robots = {robot_id: RobotObservation(snapshot, i) for robot_id, i in self.ids.items()}
+        poses = map(pose_of, snapshot.poses[len(self._robots) :])
+        pushed = {obstacle.name: pose for obstacle, pose in zip(self._pushed, poses, strict=True)}
+        return Observation(now, tick, robots, pushed)
 
 
 class Engine:
@@ -55,13 +158,10 @@ class Engine:
         self.seed = seed
         self.options = options or Options()
         self.tick = 0
-        # Floor plans of one bitmap share its fields.
-        bitmaps = {id(plan.occupied): plan.occupied for plan in world.floorplans}
-        fields = {number: build_fields(bitmap) for number, bitmap in bitmaps.items()}
-        self._floorplans = [(plan, fields[id(plan.occupied)]) for plan in world.floorplans]
+        self._plans = prepare_plans(world.floorplans)
         self._at_first = dict(enumerate(world.robots)) if robots is None else dict(robots)
         self._robots = dict(self._at_first)
-        self._team: Team | None = None
+        self._arrays: RobotArrays | None = None
         self._outdated = True
 
     @property
@@ -84,22 +184,20 @@ class Engine:
 
         Raises UsageError for a command to a robot that is not there, or one that is not finite.
         """
-        team = self._assembled()
+        arrays = self._assembled()
         for robot_id, twist in commands.items():
-            i = self._index(team, robot_id)
+            i = self._index(arrays, robot_id)
             command = twist.linear.x, twist.linear.y, twist.angular.z
             if not all(map(math.isfinite, command)):
                 raise UsageError(f"the command of robot {robot_id} is not finite: {command}")
-            team.commands[i] = command
-            team.commanded[i] = self.now
-        team.move(self.now, self.tick + 1, self.world.interval / NS_PER_S)
+            arrays.commands[i] = command
+            arrays.commanded[i] = self.now
+        arrays.move(self.now, self.tick + 1, self.world.interval / NS_PER_S)
         self.tick += 1
 
-    def begin_observing(self) -> Observation:
-        """What the bases sense now: no sensor and no other device has measured yet. Nothing may change before `observe`
-        follows.
-        """
-        return self._assembled().begin_observing(self.now, self.tick)
+    def observe_bases(self) -> Observation:
+        """What the bases sense now: no sensor and no other device measures."""
+        return self._assembled().observe_bases(self.now, self.tick)
 
     def observe(self) -> Observation:
         """What all robots sense now."""
@@ -107,28 +205,28 @@ class Engine:
 
     def odom_origin(self, robot_id: int) -> Pose2:
         """Where in `map` a robot's `odom` frame is: its start, until it is placed elsewhere."""
-        team = self._assembled()
-        return team.odometry.start(self._index(team, robot_id))
+        arrays = self._assembled()
+        return arrays.odometry.start(self._index(arrays, robot_id))
 
     def truth(self, robot_id: int) -> Pose2:
         """A robot's pose in `map`."""
-        team = self._assembled()
-        return pose_of(team.bodies.poses[self._index(team, robot_id)].tolist())
+        arrays = self._assembled()
+        return pose_of(arrays.bodies.poses[self._index(arrays, robot_id)].tolist())
 
     def standing(self) -> Standing:
         """How all robots stand."""
-        team = self._assembled()
-        return Standing(team.ids.keys(), team.bodies.poses[: len(team.ids)], team.bodies.stalled)
+        arrays = self._assembled()
+        return Standing(arrays.ids.keys(), arrays.bodies.poses[: len(arrays.ids)], arrays.bodies.stalled)
 
     def obstacles(self) -> tuple[Obstacle, ...]:
         """Those of the world, where they are now; for any thread."""
-        return self.world.obstacles if self._team is None else self._team.at_present(self.world)[0].obstacles
+        return self.world.obstacles if self._arrays is None else self._arrays.at_present(self.world)[0].obstacles
 
     def reset(self) -> None:
         """Set everything back to the start: time, the set of robots, and things that were pushed."""
         self.tick = 0
         self._robots = dict(self._at_first)
-        self._team, self._outdated = None, True
+        self._arrays, self._outdated = None, True
 
     def spawn(self, robot_id: int, robot: Robot, *, checked: bool = False) -> None:
         """Put a further robot into the world, at its pose. Raises UsageError if there is one of that id.
@@ -147,9 +245,9 @@ class Engine:
         if robot_id not in self._robots:
             raise _no_robot(robot_id, self._robots)
         del self._robots[robot_id]
-        if self._team is not None:
-            # Another robot of this id starts anew. Observations keep the old table.
-            self._team.ids = {kept: i for kept, i in self._team.ids.items() if kept != robot_id}
+        if self._arrays is not None:
+            # Another robot of this id starts anew.
+            self._arrays.ids = {kept: i for kept, i in self._arrays.ids.items() if kept != robot_id}
         self._outdated = True
 
     def place(self, robot_id: int, pose: Pose2, *, checked: bool = False) -> None:
@@ -159,13 +257,13 @@ class Engine:
         """
         if not all(np.isfinite(pose)):
             raise UsageError(f"the pose for robot {robot_id} is not finite: {tuple(pose)}")
-        team = self._assembled()
-        i = self._index(team, robot_id)
+        arrays = self._assembled()
+        i = self._index(arrays, robot_id)
         if checked:
             self._check_room(robot_id, self._robots[robot_id], pose)
-        team.bodies.place(i, pose)
-        team.odometry.carry(i, pose)
-        team.bases.setpoint[i] = team.bases.velocity[i] = 0.0
+        arrays.bodies.place(i, pose)
+        arrays.odometry.carry(i, pose)
+        arrays.bases.setpoint[i] = arrays.bases.velocity[i] = 0.0
 
     def _check_room(self, robot_id: int, robot: Robot, pose: Pose2) -> None:
         """Raise UsageError if a robot of this id has no room at `pose`; where it stands now does not count."""
@@ -175,17 +273,17 @@ class Engine:
             place = f"x {pose.x:g}, y {pose.y:g}"
             raise UsageError(f"robot {robot_id} has no room at {place}: {why} (--force puts it there)")
 
-    def _assembled(self) -> Team:
-        """The team as it is now; it is made again only when robots came or went since the last call."""
-        if self._team is None or self._outdated:
-            self._team = Team(self.world, self.robots, self._floorplans, self.options, self.seed, self._team)
+    def _assembled(self) -> RobotArrays:
+        """The robots as they are now; it is made again only when robots came or went since the last call."""
+        if self._arrays is None or self._outdated:
+            self._arrays = RobotArrays(self.world, self.robots, self._plans, self.options, self.seed, self._arrays)
             self._outdated = False
-        return self._team
+        return self._arrays
 
-    def _index(self, team: Team, robot_id: int) -> int:
-        if robot_id not in team.ids:
+    def _index(self, arrays: RobotArrays, robot_id: int) -> int:
+        if robot_id not in arrays.ids:
             raise _no_robot(robot_id, self._robots)
-        return team.ids[robot_id]
+        return arrays.ids[robot_id]
 
 
 def _no_robot(robot_id: int, present: Collection[int]) -> UsageError:

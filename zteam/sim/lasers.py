@@ -1,18 +1,16 @@
-"""All rangers of all robots at once: where they are mounted, what they measure, and their noise."""
+"""All rangers of all robots at once: what they measure, their noise, and lasers that dazzle each other."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.counter_random import gaussians, stream, streams, uniforms
+from zteam.counter_random import gaussians, mix64, stream, streams, uniforms
 from zteam.geometry import Pose2
-from zteam.kernels.binding import Beams, Fans, Rays, place_mounts
-from zteam.sim.casting import Caster
-from zteam.sim.interference import Emitter, Interference, find_interference
-from zteam.sim.mounts import Mounts, mount_devices
+from zteam.kernels.binding import BeamTable, Fans, Rays, place_mounts
+from zteam.sim.casting import Caster, mount_devices
 from zteam.simulation_options import Options
 from zteam.world.model import Ranger, Robot
 
@@ -20,6 +18,8 @@ Floats = NDArray[np.float64]
 
 _RANGE_NOISE, _SHARE_NOISE, _UNIFORM_NOISE, _ANGLE_NOISE, _INTERFERENCE = range(5)
 """Streams of random numbers: no two kinds of noise draw the same numbers."""
+_SAME_HEIGHT = 0.05
+"""Metres: lasers further apart in height do not dazzle each other."""
 
 
 class Reading(NamedTuple):
@@ -29,7 +29,7 @@ class Reading(NamedTuple):
     intensities: NDArray[np.float32]
 
 
-class Mount(NamedTuple):
+class _Mount(NamedTuple):
     """A ranger and the robot that carries it."""
 
     robot: int
@@ -56,12 +56,13 @@ class _Noise(NamedTuple):
     """(kinds, scans)"""
 
 
-class Batch(NamedTuple):
+class _Batch(NamedTuple):
     """Rangers of one kind: they share beams and range, so one kernel call serves them."""
 
-    mounts: list[Mount]
-    at: Mounts
-    beams: Beams
+    mounts: list[_Mount]
+    at: Rays
+    """In the robots' base frames."""
+    beams: BeamTable
     angles: Floats
     range_min: NDArray[np.float32]
     """(scans, 1)"""
@@ -78,21 +79,12 @@ class Scans(NamedTuple):
     """By batch: (scans, beams)."""
     rows: dict[tuple[int, int], tuple[int, int]]
     """(robot index, ranger index) -> (batch, row)"""
-    made: dict[tuple[int, int], Reading]
-    """What was asked for: where nothing moves, robots get the same arrays again."""
 
     def reading(self, robot: int, place: int) -> Reading:
         """Of one ranger."""
-        found = self.made.get((robot, place))
-        if found is None:
-            batch, row = self.rows[robot, place]
-            arrays = self.arrays[batch]
-            found = self.made[robot, place] = Reading(arrays.ranges[row], arrays.intensities[row])
-        return found
-
-
-NO_SCANS = Scans([], {}, {})
-"""Before anything was measured."""
+        batch, row = self.rows[robot, place]
+        ranges, intensities = self.arrays[batch]
+        return Reading(ranges[row], intensities[row])
 
 
 class Lasers:
@@ -110,33 +102,16 @@ class Lasers:
             for row, mount in enumerate(batch.mounts)
         }
         self._intensity = np.array([s.ranger_return if s else 0.0 for s in caster.surfaces], np.float32)
-        self._interference = Interference(options.dazzle_angle, options.dazzle_probability)
-        self._is_exact = options.dazzle == "off" and all(batch.noise is None for batch in self._batches)
-        """Whether the poses alone decide what is measured."""
-        self._poses = b""
-        """Of the movers at the last measurement."""
-        self._scans: Scans | None = None
-        """What it gave; None while one is under way."""
 
-    def begin(self, poses: Floats) -> None:
-        """Begin to measure with all movers at `poses` (rows x, y, yaw in `map`), where the caster is till `measure`."""
-        at = poses.tobytes()
-        if self._is_exact and at == self._poses:
-            return
-        self._poses, self._scans = at, None
-        for batch in self._batches:
-            place_mounts(batch.at, poses, batch.rays)
+    def measure(self, poses: Floats, tick: int) -> Scans:
+        """The readings with all movers at `poses` (rows x, y, yaw in `map`), where the caster is."""
+        arrays = [self._measure(batch, poses, tick) for batch in self._batches]
+        if self._options.dazzle != "off":
+            self._dazzle(arrays, tick)
+        return Scans([Reading(*map(_read_only, reading)) for reading in arrays], self._rows)
 
-    def measure(self, tick: int) -> Scans:
-        """The readings that `begin` began. Where nothing has moved and nothing is random, they are the last ones."""
-        if self._scans is None:
-            arrays = [self._measure(batch, tick) for batch in self._batches]
-            if self._options.dazzle != "off":
-                self._interfere(arrays, tick)
-            self._scans = Scans([Reading(*map(_read_only, reading)) for reading in arrays], self._rows, {})
-        return self._scans
-
-    def _measure(self, batch: Batch, tick: int) -> Reading:
+    def _measure(self, batch: _Batch, poses: Floats, tick: int) -> Reading:
+        place_mounts(batch.at, poses, batch.rays)
         noise = batch.noise
         if noise is not None:
             _jitter(batch, noise, tick)
@@ -152,31 +127,25 @@ class Lasers:
             reading.ranges[hit == self._caster.nothing] = np.inf
         return reading
 
-    def _interfere(self, arrays: Sequence[Reading], tick: int) -> None:
-        emitters = [
-            Emitter(
-                number,
-                row,
-                mount.states[_INTERFERENCE],
-                mount.robot,
-                Pose2(*batch.rays.at[:, row].tolist()),
-                mount.ranger,
-            )
+    def _dazzle(self, arrays: Sequence[Reading], tick: int) -> None:
+        lasers = [
+            _Laser(number, row, mount, Pose2(*batch.rays.at[:, row].tolist()))
             for number, batch in enumerate(self._batches)
             for row, mount in enumerate(batch.mounts)
             if mount.ranger.samples > 1
         ]
-        for victim, bearing, draw in find_interference(emitters, self._caster, self._interference, tick):
+        options = self._options
+        for victim, bearing, draw in _find_dazzled(lasers, self._caster, options, tick):
             batch, ranges = self._batches[victim.batch], arrays[victim.batch].ranges[victim.row]
             off = np.abs(np.remainder(batch.angles - bearing + math.pi, math.tau) - math.pi)
-            struck = off <= self._options.dazzle_angle
-            if self._options.dazzle == "scan" and struck.any():
+            struck = off <= options.dazzle_angle
+            if options.dazzle == "scan" and struck.any():
                 struck[:] = True
-            if self._options.dazzle == "max":
+            if options.dazzle == "max":
                 ranges[struck] = batch.beams.limit
-            elif self._options.dazzle == "short":
+            elif options.dazzle == "short":
                 share = uniforms(np.array([draw], np.uint64), len(struck))[0].astype(np.float32)
-                low = victim.ranger.range_min
+                low = victim.mount.ranger.range_min
                 true = np.minimum(ranges, np.float32(batch.beams.limit))
                 ranges[struck] = (low + share * np.maximum(true - low, 0.0))[struck]
             else:
@@ -188,7 +157,7 @@ def _read_only(array: NDArray[np.float32]) -> NDArray[np.float32]:
     return array
 
 
-def _jitter(batch: Batch, noise: _Noise, tick: int) -> None:
+def _jitter(batch: _Batch, noise: _Noise, tick: int) -> None:
     """Turn each beam by its own share of an increment."""
     beams = batch.beams
     if beams.jitter:
@@ -211,17 +180,17 @@ def _disturbed(ranges: Floats, noise: _Noise, tick: int) -> Floats:
     return wrong
 
 
-def _make_batches(robots: Sequence[Robot], ids: Sequence[int], options: Options, seed: int) -> list[Batch]:
-    kinds: dict[tuple[int, float, float], list[Mount]] = {}
+def _make_batches(robots: Sequence[Robot], ids: Sequence[int], options: Options, seed: int) -> list[_Batch]:
+    kinds: dict[tuple[int, float, float], list[_Mount]] = {}
     for i, (robot_id, robot) in enumerate(zip(ids, robots, strict=True)):
         for place, ranger in enumerate(robot.rangers):
             states = tuple(stream(seed, robot_id, place, kind) for kind in range(5))
             kind = ranger.samples, ranger.fov, ranger.range_max
-            kinds.setdefault(kind, []).append(Mount(i, place, ranger, states))
+            kinds.setdefault(kind, []).append(_Mount(i, place, ranger, states))
     return [_make_batch(mounts, options) for _, mounts in sorted(kinds.items())]
 
 
-def _make_batch(mounts: list[Mount], options: Options) -> Batch:
+def _make_batch(mounts: list[_Mount], options: Options) -> _Batch:
     ranger = mounts[0].ranger
     # A single ray looks straight ahead; several fill the field of view, its ends included.
     angle_min = -ranger.fov / 2 if ranger.samples > 1 else 0.0
@@ -230,14 +199,16 @@ def _make_batch(mounts: list[Mount], options: Options) -> Batch:
     jitter = 0.0 if noise is None else float(noise.angular.max())
     # Beams that jitter are others in each scan.
     directions = np.tile(angles, (len(mounts) if jitter else 1, 1))
-    beams = Beams(np.cos(directions), np.sin(directions), angle_min, ranger.angle_increment, ranger.range_max, jitter)
+    beams = BeamTable(
+        np.cos(directions), np.sin(directions), angle_min, ranger.angle_increment, ranger.range_max, jitter
+    )
     at = mount_devices([(m.robot, m.ranger) for m in mounts])
     range_min = np.array([[m.ranger.range_min] for m in mounts], np.float32)
     rays = at._replace(at=np.empty_like(at.at))
-    return Batch(mounts, at, beams, angles, range_min, noise, rays, Fans(rays, beams))
+    return _Batch(mounts, at, beams, angles, range_min, noise, rays, Fans(rays, beams))
 
 
-def _make_noise(mounts: Sequence[Mount], options: Options) -> _Noise | None:
+def _make_noise(mounts: Sequence[_Mount], options: Options) -> _Noise | None:
     """Stage's triple is a variance, a share of the range and a share of the increment, the latter two half widths."""
     triples = np.array([m.ranger.noise for m in mounts], float)
     common = options.gaussian_noise, options.proportional_noise
@@ -250,3 +221,56 @@ def _make_noise(mounts: Sequence[Mount], options: Options) -> _Noise | None:
         angular=0.5 * triples[:, 2:3],
         states=np.array([m.states for m in mounts], np.uint64).T,
     )
+
+
+class _Laser(NamedTuple):
+    """A laser that may dazzle others and be dazzled; its pose is in `map`."""
+
+    batch: int
+    row: int
+    mount: _Mount
+    pose: Pose2
+
+
+def _find_dazzled(
+    lasers: Sequence[_Laser], caster: Caster, options: Options, tick: int
+) -> Iterator[tuple[_Laser, float, int]]:
+    """(disturbed laser, bearing of the other in its frame, a random number) for all that meet in this tick."""
+    pairs = [
+        (a, b)
+        for i, a in enumerate(lasers)
+        for b in lasers[i + 1 :]
+        if a.mount.robot != b.mount.robot and _may_meet(a, b, options.dazzle_angle)
+    ]
+    if not pairs:
+        return
+    for (a, b), clear in zip(pairs, _are_in_sight(pairs, caster), strict=True):
+        draw = stream(a.mount.states[_INTERFERENCE], b.mount.states[_INTERFERENCE], tick)
+        if clear and (draw >> 11) * 2.0**-53 < options.dazzle_probability:
+            yield a, _bearing(a, b), mix64(draw + 1)
+            yield b, _bearing(b, a), mix64(draw + 2)
+
+
+def _bearing(a: _Laser, b: _Laser) -> float:
+    return math.remainder(math.atan2(b.pose.y - a.pose.y, b.pose.x - a.pose.x) - a.pose.yaw, math.tau)
+
+
+def _may_meet(a: _Laser, b: _Laser, angle: float) -> bool:
+    one, other = a.mount.ranger, b.mount.ranger
+    distance = math.dist(a.pose[:2], b.pose[:2])
+    near = 0.0 < distance < min(one.range_max, other.range_max) and abs(one.z - other.z) <= _SAME_HEIGHT
+    return near and all(abs(_bearing(u, v)) <= u.mount.ranger.fov / 2 + angle for u, v in ((a, b), (b, a)))
+
+
+def _are_in_sight(pairs: Sequence[tuple[_Laser, _Laser]], caster: Caster) -> list[bool]:
+    """Whether nothing but the second laser's own robot stands on the way from the first."""
+    start = np.array([(a.pose.x, a.pose.y, a.mount.ranger.z) for a, _ in pairs])
+    end = np.array([b.pose[:2] for _, b in pairs])
+    way = end - start[:, :2]
+    distance = np.hypot(way[:, 0], way[:, 1])
+    at = np.stack((start[:, 0], start[:, 1], np.arctan2(way[:, 1], way[:, 0])))
+    rays = Rays(at, start[:, 2].copy(), np.array([a.mount.robot for a, _ in pairs], np.int64))
+    ranges, hit = caster.cast(Fans(rays, BeamTable.ahead(float(distance.max()) + 1.0)))
+    reached = ranges[:, 0] >= distance - 1e-9
+    other = caster.source_of[hit[:, 0]] == np.array([b.mount.robot for _, b in pairs], np.int64)
+    return [bool(r or o) for r, o in zip(reached, other, strict=True)]

@@ -1,6 +1,6 @@
 """What an engine observes at a tick's end."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import msgspec
@@ -11,7 +11,7 @@ from zteam import names
 from zteam.geometry import Pose2, normalize_angle
 from zteam.sim.devices import Blob, Detections, Sighting
 from zteam.sim.lasers import Reading, Scans
-from zteam.sim.motion import Wheels
+from zteam.sim.motion import WheelJoints
 from zteam.world.model import Robot
 
 Rows = list[list[float]]
@@ -27,10 +27,8 @@ class Joints(NamedTuple):
 
 
 class Snapshot(NamedTuple):
-    """The state from which observations of single robots are made, each at its first use."""
+    """The state from which the observations of single robots are made."""
 
-    ids: Mapping[int, int]
-    """Robot id -> index."""
     robots: Sequence[Robot]
     scans: Scans
     poses: Rows
@@ -38,7 +36,7 @@ class Snapshot(NamedTuple):
     odom: Rows
     velocity: Rows
     stalled: NDArray[np.bool_]
-    wheels: Wheels
+    wheels: WheelJoints
     detections: Mapping[int, Detections]
     """By index; robots without devices are left out."""
 
@@ -112,26 +110,6 @@ class RobotObservation:
     def blobs(self) -> tuple[tuple[Blob, ...], ...]:
         """Of its blob finders, right to left."""
         return self.detections.get(names.BLOBS, ())
-
-
-class Robots(Mapping[int, RobotObservation]):
-    """Observations by robot id, ascending; each is made when it is first asked for."""
-
-    def __init__(self, snapshot: Snapshot) -> None:
-        self._snapshot = snapshot
-        self._made: dict[int, RobotObservation] = {}
-
-    def __iter__(self) -> Iterator[int]:
-        return iter(self._snapshot.ids)
-
-    def __len__(self) -> int:
-        return len(self._snapshot.ids)
-
-    def __getitem__(self, robot_id: int) -> RobotObservation:
-        found = self._made.get(robot_id)
-        if found is None:
-            found = self._made[robot_id] = RobotObservation(self._snapshot, self._snapshot.ids[robot_id])
-        return found
 
 
 def pose_of(row: Sequence[float]) -> Pose2:

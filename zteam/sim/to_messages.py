@@ -1,4 +1,4 @@
-"""Observations of the base and of rangers as ROS messages, and the robots' transforms."""
+"""Observations as ROS messages, and the robots' transforms. `SENSORS` has a row for each kind of sensor."""
 
 import math
 
@@ -6,8 +6,13 @@ import numpy as np
 
 from zteam import names
 from zteam.geometry import Pose2, normalize_angle, quaternion_from_yaw
+from zteam.messages import Blob as BlobMessage
 from zteam.messages import (
+    Blobs,
     Bool,
+    ColorRGBA,
+    Fiducial,
+    Fiducials,
     Header,
     JointState,
     LaserScan,
@@ -25,9 +30,11 @@ from zteam.messages import (
     Vector3,
     time_from_ns,
 )
-from zteam.sim.devices import SENSORS, Sensor, header
+from zteam.messages import Bumper as BumperMessage
+from zteam.sim.devices import FiducialFinders, Sensor, prepare_blobfinders, prepare_bumpers
 from zteam.sim.observation import Observation, RobotObservation
-from zteam.world.devices import KINDS
+from zteam.world.colors import find_color
+from zteam.world.devices import KINDS, DeviceKind
 from zteam.world.model import Robot
 
 _INFRARED = 1
@@ -105,7 +112,33 @@ def stall_message(observation: Observation, robot_id: int, index: int = 0) -> Bo
     return Bool(observation.robots[robot_id].stall)
 
 
-BASE_SENSORS: dict[str, Sensor] = {
+def fiducials_message(observation: Observation, robot_id: int, index: int) -> Fiducials:
+    """What the robot's `index`-th fiducial finder sees, in `robot_N/fiducial_link[_i]`."""
+    seen = observation.robots[robot_id].fiducials[index]
+    return Fiducials(header(observation, KINDS[names.FIDUCIALS], robot_id, index), [Fiducial(*one) for one in seen])
+
+
+def bumper_message(observation: Observation, robot_id: int, index: int = 0) -> BumperMessage:
+    """All pieces of all of a robot's bumpers."""
+    pressed = np.array(observation.robots[robot_id].bumpers, bool)
+    return BumperMessage(header(observation, KINDS[names.BUMPER], robot_id, index), pressed)
+
+
+def blobs_message(observation: Observation, robot_id: int, index: int) -> Blobs:
+    """What the robot's `index`-th blob finder sees, in `robot_N/blobfinder_link[_i]`; an unknown colour is black."""
+    blobs = [
+        BlobMessage(ColorRGBA(*(find_color(name) or (0.0, 0.0, 0.0))), name, bearing, width, far)
+        for name, bearing, width, far in observation.robots[robot_id].blobs[index]
+    ]
+    return Blobs(header(observation, KINDS[names.BLOBS], robot_id, index), blobs)
+
+
+def header(observation: Observation, kind: DeviceKind, robot_id: int, index: int) -> Header:
+    """The observation's stamp and the device's frame."""
+    return Header(time_from_ns(observation.stamp), kind.frame(robot_id, index))
+
+
+SENSORS: dict[str, Sensor] = {
     sensor.kind.topic: sensor
     for sensor in (
         Sensor(KINDS[names.ODOM], odometry_message),
@@ -114,14 +147,12 @@ BASE_SENSORS: dict[str, Sensor] = {
         Sensor(KINDS[names.STALL], stall_message),
         Sensor(KINDS[names.JOINT_STATES], joint_message),
         Sensor(KINDS[names.SONAR], range_message),
+        Sensor(KINDS[names.FIDUCIALS], fiducials_message, FiducialFinders),
+        Sensor(KINDS[names.BUMPER], bumper_message, prepare_bumpers),
+        Sensor(KINDS[names.BLOBS], blobs_message, prepare_blobfinders),
     )
 }
-"""Rows of what the engine itself measures: the base's motion and the rangers."""
-
-
-def all_sensors() -> dict[str, Sensor]:
-    """The rows of all that is measured of a robot, by topic, in the order in which it is published."""
-    return BASE_SENSORS | SENSORS
+"""All that is measured of a robot, by topic, in the order in which it is published."""
 
 
 def transforms(stamp: int, robot_id: int, odom: Pose2) -> TFMessage:

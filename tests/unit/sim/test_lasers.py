@@ -37,32 +37,6 @@ def test_a_scan_cannot_be_changed(dazzle: Any) -> None:
     assert not np.shares_memory(first.ranges, second.ranges)
 
 
-def test_lasers_of_a_world_at_rest_are_cast_once() -> None:
-    """While no pose changes there is nothing new to see: the readings are the same arrays."""
-    engine = Engine(make_world(make_robot(), make_robot(2.0)))
-    first, second = (engine.step({}).robots[0].readings[0] for _ in range(2))
-    assert np.shares_memory(first.ranges, second.ranges)
-
-
-@pytest.mark.parametrize("moved", ["itself", "another", "a thing"])
-def test_what_moves_is_seen_at_once_after_a_rest(moved: str) -> None:
-    """After ticks at rest a scan is that of an engine that was at rest in no tick."""
-    thing = make_box("thing", 1.5, 1.0, mass=1.0)
-    world = make_world(make_robot(), make_robot(2.0), others=(thing,))
-    rested, other = Engine(world), Engine(world)
-    at_rest = [rested.step({}).robots[0].readings[0].ranges for _ in range(3)][-1]
-    for engine in (rested, other):
-        if moved == "a thing":
-            engine.place(1, Pose2(1.5, 0.2, 1.57))
-            for _ in range(12):
-                engine.step({1: Twist(Vector3(0.5))})
-        else:
-            engine.place(0 if moved == "itself" else 1, Pose2(1.0, 1.5, 0.3))
-    seen = [engine.step({}).robots[0].readings[0].ranges for engine in (rested, other)]
-    np.testing.assert_array_equal(*seen)
-    assert (seen[0] != at_rest).any()
-
-
 @pytest.mark.parametrize("options", [Options(gaussian_noise=0.01), Options(dazzle="max", dazzle_probability=0.5)])
 def test_what_is_random_is_drawn_in_each_tick(options: Options) -> None:
     """Noise and dazzled beams differ from tick to tick although nothing moves."""

@@ -8,7 +8,7 @@ import pytest
 from support.small_worlds import make_box, make_robot
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
-from zteam.sim.grids import is_occupied
+from zteam.sim.casting import is_occupied
 from zteam.sim.occupancy_grid import map_message, map_metadata
 from zteam.world.model import Floorplan, Obstacle, Shape, World
 from zteam.world.properties import Size3

@@ -1,4 +1,4 @@
-"""A new sensor is three pieces: a message type, a row in `zteam.world.devices` and a row in `zteam.sim.devices`."""
+"""A new sensor is three pieces: a message type, a row in `zteam.world.devices` and a row in `zteam.sim.to_messages`."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,7 +17,7 @@ from zteam.runtime.node import Node
 from zteam.runtime.shutdown import Stop
 from zteam.sim import Engine, Observation, to_messages
 from zteam.sim import devices as sensing
-from zteam.sim.surroundings import Surroundings
+from zteam.sim.casting import Scene
 from zteam.world import devices as parsing
 from zteam.world import load_world
 from zteam.world.model import Device
@@ -40,7 +40,7 @@ def read_thermometer(reader: Reader, name: str, seat: Seat) -> list[Thermometer]
     return [Thermometer(name, x, y, seat.z, yaw, reader.number("offset", 0.0))]
 
 
-def prepare(surroundings: Surroundings, owned: Sequence[tuple[int, Thermometer]]) -> sensing.Sense:
+def prepare(scene: Scene, owned: Sequence[tuple[int, Thermometer]]) -> sensing.Sense:
     """Sensing: 20 degrees, one more for each metre along x."""
     return lambda poses: [20.0 + float(poses[i, 0]) + thermometer.offset for i, thermometer in owned]
 
@@ -66,14 +66,14 @@ KIND = parsing.DeviceKind(
 def temperature_message(observation: Observation, robot_id: int, index: int) -> Temperature:
     """The message builder."""
     degrees = observation.robots[robot_id].detections[KIND.topic][index]
-    return Temperature(sensing.header(observation, KIND, robot_id, index), degrees)
+    return Temperature(to_messages.header(observation, KIND, robot_id, index), degrees)
 
 
 @pytest.fixture
 def rows(monkeypatch: pytest.MonkeyPatch) -> None:
     """The two rows of the sensor, for one test."""
     monkeypatch.setitem(parsing.KINDS, KIND.topic, KIND)
-    monkeypatch.setitem(sensing.SENSORS, KIND.topic, sensing.Sensor(KIND, temperature_message, prepare))
+    monkeypatch.setitem(to_messages.SENSORS, KIND.topic, sensing.Sensor(KIND, temperature_message, prepare))
 
 
 @pytest.mark.usefixtures("rows")
@@ -105,8 +105,8 @@ def test_a_row_parses_senses_publishes_and_types_a_sensor(tmp_path: Path) -> Non
 
 def test_every_row_has_a_type_a_builder_and_a_key() -> None:
     """Each kind of device has one sensor row under the same topic, and tools know the type of its key."""
-    assert parsing.KINDS.keys() == to_messages.all_sensors().keys()
-    for topic, sensor in to_messages.all_sensors().items():
+    assert parsing.KINDS.keys() == to_messages.SENSORS.keys()
+    for topic, sensor in to_messages.SENSORS.items():
         assert sensor.kind is parsing.KINDS[topic]
         assert type_of_key(sensor.kind.key(7, 0)) is type_of_key(sensor.kind.key(7, 3)) is sensor.kind.message
         assert sensor.kind.message in all_types().values()

@@ -46,7 +46,7 @@ class RobotOutputs:
                 )
                 for i in range(sensor.kind.count(robot))
             ]
-            for topic, sensor in to_messages.all_sensors().items()
+            for topic, sensor in to_messages.SENSORS.items()
         }
         self._odom = sensed[names.ODOM]
         self.scans = sensed[names.BASE_SCAN]

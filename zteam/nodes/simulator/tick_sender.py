@@ -50,8 +50,8 @@ class TickSender:
         if early:
             self._announce()
         # Transforms leave before the lasers are computed. They pass through the aggregator, and this way the tree is
-        # complete when a robot has its scan. A second thread may cast rays meanwhile, so the odometry leaves too.
-        bases = engine.begin_observing()
+        # complete when a robot has its scan.
+        bases = engine.observe_bases()
         self._outputs.put_transforms(self._outputs, bases)
         self._outputs.put_odometry(self._outputs, bases)
         self._profile.end(tick_profile.PUBLISH)
