@@ -2,7 +2,8 @@
 
 import pytest
 
-from zteam.bench.floor import measure_floor
+from studies.floor import measure_floor, measure_floor_of
+from zteam.resources import find_world
 
 
 @pytest.mark.team
@@ -13,3 +14,10 @@ def test_the_floor_is_measured() -> None:
     assert figures.ticks_per_s > 0
     assert figures.tick_ms * figures.ticks_per_s == pytest.approx(1e3)
     assert figures.rtf == pytest.approx(0.05 * figures.ticks_per_s)
+
+
+@pytest.mark.team
+def test_a_team_stands_beside_the_floor() -> None:
+    """Its ratio to the exchange alone is that of their factors."""
+    found = measure_floor_of(find_world("office"), robots=2, beams=90, seconds=2.0)
+    assert 0.0 < found.rtf == pytest.approx(found.ratio * found.floor_rtf)

@@ -1,4 +1,4 @@
-"""Formations in the real simulator, as `zteam bench robots` measures them, from one start each."""
+"""Formations in the real simulator, as the study `robots` measures them, from one start each."""
 
 import math
 
@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from zteam.behaviors.shapes import slots_of
-from zteam.bench.formations import (
+from studies.chains.tables import format_robots
+from studies.formations import (
     RMS,
     SETTLE,
     FormationFigures,
@@ -16,7 +16,7 @@ from zteam.bench.formations import (
     run_slalom,
     starts_of,
 )
-from zteam.cli.bench_robots_tables import format_robots
+from zteam.behaviors.shapes import slots_of
 
 FIGURES = FormationFigures(
     shape="wedge", robots=5, starts=12, settle_s=4.71, rms_m=0.0084, max_m=0.099, nearest_m=0.57, contacts=0,

@@ -4,13 +4,13 @@ from pathlib import Path
 
 import pytest
 
-from zteam.bench.navigation.scenarios import read_cells, read_problems
+from studies.navigation.scenarios import read_cells, read_problems
 from zteam.planning.planner import Field, length_of
 
 FOLDER = Path(__file__).resolve().parents[3] / "shared" / "planning" / "movingai"
 SCENARIOS = sorted(FOLDER.glob("*.scen.xz"))
 EVERY = 31
-"""Of the lines of a scenario, which are sorted by length, each so many-th; `zteam bench nav --scenarios` does all."""
+"""Of the lines of a scenario, which are sorted by length, each so many-th; the study `nav --scenarios` does all."""
 
 
 @pytest.mark.few(2)

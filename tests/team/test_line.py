@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from zteam.bench.chains.figures import measure_tour
-from zteam.bench.chains.run import Chain
+from studies.chains.figures import measure_tour
+from studies.chains.run import Chain
 from zteam.resources import find_world
 
 pytestmark = pytest.mark.team
@@ -13,7 +13,7 @@ pytestmark = pytest.mark.team
 def test_a_line_drives_where_its_leader_drove() -> None:
     """Five robots on a tour of 37 m through the office, at 0.5 m/s: no contact, no robot cuts a corner, gaps hold.
 
-    The last robot is as good as the first follower. `zteam bench robots` measures all tours.
+    The last robot is as good as the first follower. the study `robots` measures all tours.
     """
     samples = measure_tour(find_world("office"), Chain(5, "trail", 0.5), in_process=True, number=2)
     assert (samples.wall_hits, samples.touches, samples.arrived) == (0, 0, True)

@@ -8,7 +8,7 @@ import pytest
 from zteam.cli import bench, node, world, zteam_sim
 
 COMMANDS = [
-    (bench.build_parser, ["codec"], "warning"),
+    (bench.build_parser, ["team"], "warning"),
     (world.build_parser, ["check", "arena"], "warning"),
     (node.build_parser, ["list"], "info"),
     (zteam_sim.build_parser, ["arena"], "info"),

@@ -1,0 +1,184 @@
+"""The figures of the study `nav`, each beside a reference that is no part of zteam and runs in the same rounds."""
+
+import math
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+
+from studies.navigation.driving import Drive, drive_way, make_engine, wander
+from studies.navigation.row import NavFigure, Progress
+from studies.navigation.scenarios import measure_scenarios
+from studies.navigation.scene import costmap_of, find_map, find_starts, find_ways, make_robot, outline_of, scan_of
+from studies.navigation.team_rows import TEAM_ROWS
+from zteam.clock import process_time
+from zteam.geometry import Pose2
+from zteam.planning.amcl import Amcl, AmclOptions
+from zteam.planning.costmap import CostmapOptions, make_circle, make_costmap
+from zteam.planning.planner import AStarPlanner, length_of
+from zteam.sim import Options
+from zteam.world import World, load_world
+
+FINE, COARSE = 0.025, 0.05
+"""Metres a cell: for search and costmap, and for localisation."""
+ALPHAS = (0.2, 0.2, 0.2, 0.2)
+_PAIRS, _LEAST = 21, 15.0
+_ROUNDS = 7
+_FOUND = 0.5
+"""Metres from the truth within which a robot is found."""
+_LOST_FOR = 60.0
+"""Simulated seconds in which it must be found, and stay so."""
+
+
+def measure_navigation(
+    path: Path, rows: list[str], tours: int, scenarios: Path | None, progress: Progress
+) -> Iterator[NavFigure]:
+    """The rows of ROWS and TEAM_ROWS that are asked for, and MovingAI's scenarios in a folder, if one is given."""
+    world = load_world(path)
+    for row in rows:
+        if row in TEAM_ROWS:
+            yield from TEAM_ROWS[row](path, world, tours, progress)
+        else:
+            yield from ROWS[row](world, tours, progress)
+    if scenarios is not None:
+        yield from (
+            NavFigure(f"{name}: lines whose length is the optimal one", share, "share", 1.0, detail)
+            for name, share, detail in measure_scenarios(scenarios)
+        )
+
+
+def reference_ms() -> float:
+    """A fixed piece of numpy, ms of processor time: says how fast the machine is at the moment."""
+    values = np.arange(1_000_000, dtype=np.float64)
+    begin = process_time()
+    np.sort(np.sin(values))
+    return 1e3 * (process_time() - begin)
+
+
+def _least_ms(call: Callable[[], object], rounds: int = _ROUNDS) -> float:
+    """The cheapest of several rounds: nothing disturbed it."""
+    spent = []
+    for _ in range(rounds):
+        begin = process_time()
+        call()
+        spent.append(1e3 * (process_time() - begin))
+    return min(spent)
+
+
+def _plan(world: World, _tours: int, progress: Progress) -> Iterator[NavFigure]:
+    grid = find_map(world, FINE)
+    options = CostmapOptions(inflation_radius=0.55, cost_scaling_factor=10.0)
+    costmap = make_costmap(grid, make_circle(0.325), options)
+    planner = AStarPlanner()
+    ways = find_ways(costmap, _PAIRS, _LEAST)
+    field = planner.prepare(costmap)
+    search, smooth, lengths, costs, references = [], [], [], [], []
+    for number, way in enumerate(ways, 1):
+        progress("plan", number, len(ways))
+        first, last = (costmap.frame.cell_at(pose.x, pose.y) for pose in (way.start, way.goal))
+        cells = field.find_way(first, last)
+        assert cells is not None
+        found = cells
+        corners = field.shorten(found)
+        search.append(_least_ms(lambda a=first, b=last: (planner.prepare(costmap), field.find_way(a, b))))  # type: ignore[misc]
+        smooth.append(_least_ms(lambda way=found: field.shorten(way)))  # type: ignore[misc]
+        lengths.append(length_of(corners) / length_of(found))
+        costs.append(field.cost_of(corners) / field.cost_of(found))
+        references.append(reference_ms())
+    both = np.array(search) + np.array(smooth)
+    scene = f"{costmap.costs.size / 1e6:.2f} million cells, {_PAIRS} pairs over {_LEAST:g} m"
+    detail = f"{scene}, max {max(search):.0f}; reference {np.median(references):.1f} ms"
+    yield NavFigure("A* search, median", float(np.median(search)), "ms", 25.0, detail)
+    yield NavFigure("A* search and any-angle way, median", float(np.median(both)), "ms", 45.0, f"max {both.max():.0f}")
+    detail = f"max {max(lengths):.3f}"
+    yield NavFigure("length, any-angle / octile ways, mean", float(np.mean(lengths)), "", 0.97, detail)
+    yield NavFigure("cost, any-angle / octile ways, largest", max(costs), "", 1.0)
+
+
+def _costmap(world: World, _tours: int, progress: Progress) -> Iterator[NavFigure]:
+    progress("costmap", 1, 1)
+    grid = find_map(world, FINE)
+    options = CostmapOptions(inflation_radius=0.55, cost_scaling_factor=10.0)
+    costmap = make_costmap(grid, make_circle(0.325), options)
+
+    def anew() -> None:
+        costmap.set_map(grid)
+        costmap.update()
+
+    detail = f"{costmap.costs.size / 1e6:.2f} million cells; reference {_least_ms(reference_ms):.1f} ms"
+    yield NavFigure("costmap anew", _least_ms(anew), "ms", 90.0, detail)
+
+
+def _amcl(world: World, _tours: int, progress: Progress) -> Iterator[NavFigure]:
+    progress("amcl", 1, 1)
+    grid = find_map(world, COARSE)
+    costmap = costmap_of(grid, outline_of(make_robot(world, Pose2(0.0, 0.0, 0.0))))
+    (way,) = find_ways(costmap, 1, 25.0, 60.0)
+    engine = make_engine(world, way.start, Options(odom_alphas=ALPHAS), 1)
+    localiser = Amcl(grid, AmclOptions(min_particles=2000, max_particles=2000))
+    localiser.set_pose(way.start)
+    spent = []
+    for robot, _ in drive_way(engine, costmap, way, lambda robot: robot.truth):
+        scan, odom = scan_of(robot), robot.odom
+        begin = process_time()
+        if localiser.update(odom, scan):
+            spent.append(1e3 * (process_time() - begin))
+    most, reference = np.percentile(spent, 90), _least_ms(reference_ms)
+    detail = f"{len(spent)} updates, 90 % below {most:.2f}; reference {reference:.1f} ms"
+    yield NavFigure("AMCL update, 2000 particles x 60 beams, median", float(np.median(spent)), "ms", 0.8, detail)
+
+
+def _tours(world: World, tours: int, progress: Progress) -> Iterator[NavFigure]:
+    grid = find_map(world, COARSE)
+    outline = outline_of(make_robot(world, Pose2(0.0, 0.0, 0.0)))
+    ways = find_ways(costmap_of(grid, outline), tours, 25.0, 60.0)
+    errors: list[float] = []
+    drives: list[Drive] = []
+    for number, way in enumerate(ways, 1):
+        progress("tours", number, tours)
+        engine = make_engine(world, way.start, Options(odom_alphas=ALPHAS), number)
+        localiser = Amcl(grid, seed=number)
+        localiser.set_pose(way.start, (0.1, 0.1, 0.05))
+        result = Drive()
+        for robot, so_far in drive_way(engine, costmap_of(grid, outline), way, lambda robot: robot.truth):
+            result = so_far
+            localiser.update(robot.odom, scan_of(robot))
+            seen = localiser.map_from_odom.compose(robot.odom)
+            errors.append(math.hypot(seen.x - robot.truth.x, seen.y - robot.truth.y))
+        drives.append(result)
+    detail = f"{tours} tours, odometry with alphas {ALPHAS[0]:g}, each tick"
+    yield NavFigure("AMCL error, median", float(np.median(errors)), "m", 0.12, detail)
+    yield NavFigure("AMCL error, 95 %", float(np.percentile(errors, 95)), "m", 0.30, f"max {max(errors):.2f}")
+    yield NavFigure("tours with the true pose: goals reached", sum(d.reached for d in drives) / tours, "share", 1.0)
+    yield NavFigure("tours with the true pose: ticks in contact", sum(d.contacts for d in drives), "", 0.0)
+
+
+def _anywhere(world: World, tours: int, progress: Progress) -> Iterator[NavFigure]:
+    grid = find_map(world, COARSE)
+    costmap = costmap_of(grid, outline_of(make_robot(world, Pose2(0.0, 0.0, 0.0))))
+    starts = find_starts(costmap, max(1, tours * 2 // 3))
+    times: list[float] = []
+    for number, start in enumerate(starts, 1):
+        progress("global", number, len(starts))
+        engine = make_engine(world, start, Options(odom_alphas=ALPHAS), number)
+        localiser = Amcl(grid, seed=number)
+        localiser.localize_globally()
+        since, seconds = math.inf, world.interval / 1e9
+        for tick, robot in enumerate(wander(engine, _LOST_FOR, number)):
+            localiser.update(robot.odom, scan_of(robot))
+            seen = localiser.map_from_odom.compose(robot.odom)
+            near = math.hypot(seen.x - robot.truth.x, seen.y - robot.truth.y) <= _FOUND
+            since = min(since, tick * seconds) if near and not localiser.is_lost else math.inf
+        times.append(since)
+    found = [t for t in times if math.isfinite(t)]
+    detail = f"{len(starts)} starts; the last one was found after {max(found, default=math.inf):.1f} s"
+    yield NavFigure("found on the whole map within 60 s", len(found) / len(starts), "share", 0.9, detail)
+
+
+ROWS: dict[str, Callable[[World, int, Progress], Iterator[NavFigure]]] = {
+    "plan": _plan,
+    "costmap": _costmap,
+    "amcl": _amcl,
+    "tours": _tours,
+    "global": _anywhere,
+}

@@ -1,0 +1,141 @@
+"""the study `lines`: teams for many seeds, each in one process; how well their lines hold and drive."""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from contextlib import nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from zteam.cli.arguments import MAX_SEED, number, whole
+from zteam.cli.live_line import LiveLine, has_live_line
+from zteam.cli.progress_text import bar, duration_text
+from zteam.cli.tables import format_table
+from zteam.clock import monotonic
+from zteam.errors import UsageError, ZteamError
+from zteam.numbers import MAX_SECONDS, counted
+from zteam.resources import find_team, find_world
+
+if TYPE_CHECKING:
+    from studies.study.figures import CaseFigures
+    from studies.study.one_run import Task
+
+CASES = ("line", "arena", "eight", "world", "amcl", "noise", "driven")
+"""Of studies.study.cases."""
+_BAR = 20
+_LEGEND = [
+    "failed, contacts: of all runs. held: share of the time within 3 m of the robot that it follows, worst follower.",
+    "still: longest time in which no robot moved. share: the head's way / (its speed x the time), mean of the runs.",
+]
+
+
+def add_study(parser: argparse.ArgumentParser) -> None:
+    """Its options."""
+    parser.add_argument(
+        "what", nargs="+", metavar="CASE", help=f"{', '.join(CASES)}, or a team file; NAME=VALUE are its arguments"
+    )
+    parser.add_argument(
+        "--seconds", type=number(1.0, MAX_SECONDS, "simulated seconds"), default=900.0, metavar="N",
+        help="simulated seconds of each run (default: %(default)g)",
+    )  # fmt: skip
+    parser.add_argument("--seeds", default="1-24", metavar="A-B", help="the runs' seeds (default: %(default)s)")
+    parser.add_argument("--world", metavar="WORLD", help="drive in this world in the place of the team's own")
+    parser.add_argument(
+        "--results",
+        type=Path,
+        metavar="FILE",
+        help="keep results here, a line of JSON each; what it has is not run again",
+    )
+    parser.add_argument("--jobs", type=whole(1, 1000, "runs"), metavar="N", help="runs at a time (default: one a core)")
+    bounds = parser.add_argument_group("bounds", "exit code 1 if a case misses one, or if a run fails")
+    bounds.add_argument(
+        "--contacts", type=whole(0, 10**9, "contacts"), metavar="N", help="at most so many, of all runs"
+    )
+    share = number(0.0, 1.0, "a share")
+    bounds.add_argument("--held", type=share, metavar="SHARE", help="each follower in each run, at least")
+    bounds.add_argument("--still", type=number(0.0, MAX_SECONDS, "seconds"), metavar="S", help="seconds, at most")
+    bounds.add_argument("--share", type=share, metavar="SHARE", help="of the head's way, mean of the runs, at least")
+
+
+def tasks_of(args: argparse.Namespace) -> "list[Task]":
+    """The runs that a command line asks for. Raises UsageError."""
+    from studies.study.one_run import Task
+
+    first, dash, last = args.seeds.partition("-")
+    if not (first.isdecimal() and (last.isdecimal() or not dash)) or not int(first) <= int(last or first) <= MAX_SEED:
+        raise UsageError(f"--seeds {args.seeds}: give the first and the last one, such as 1-24, or one")
+    world = str(find_world(args.world).resolve()) if args.world else None
+    teams = [word for word in args.what if "=" not in word]
+    for team in teams:
+        if team not in CASES:
+            find_team(team)
+    arguments = dict(word.split("=", 1) for word in args.what if "=" in word)
+    if "world" in teams and world is None:
+        raise UsageError("the case world needs a world with robots: give --world FILE")
+    return [
+        Task(team, args.seconds, seed, world, {} if team in CASES else arguments)
+        for team in teams
+        for seed in range(int(first), int(last or first) + 1)
+    ]
+
+
+def measure_study(args: argparse.Namespace) -> "list[CaseFigures]":
+    """Run what is not in the file of results yet, with a bar on a terminal. Raises ZteamError."""
+    from studies.study.figures import Bounds, run_study, summarize
+
+    tasks = tasks_of(args)
+    begin, known, ready = monotonic(), 0, 0
+    with LiveLine(sys.stderr) if has_live_line(sys.stderr) else nullcontext() as live:
+
+        def show(task: "Task | None", done: int, total: int) -> None:
+            nonlocal known, ready
+            known, ready = done if task is None else known, done
+            if live is not None:
+                line = progress_line(done, total, known, monotonic() - begin)
+                live.show(lambda columns: line[:columns])
+
+        try:
+            rows = run_study(tasks, args.results, args.jobs, show)
+        except KeyboardInterrupt:
+            if args.results is not None:
+                left = f"{args.results} has {ready} of {counted(len(tasks), 'run')}; the same command goes on"
+                print(f"studies: stopped: {left}", file=sys.stderr)
+            raise
+        except OSError as error:
+            raise ZteamError(f"--results {args.results}: {error.strerror or error}") from None
+    bounds = Bounds(args.contacts, args.held, args.still, args.share)
+    return [
+        summarize([row for row in rows if row.task.what == what], bounds)
+        for what in dict.fromkeys(t.what for t in tasks)
+    ]
+
+
+def progress_line(done: int, total: int, known: int, spent: float) -> str:
+    """How many of all runs are done, and how long the rest takes if it goes on so; `known` were done at the start."""
+    left = f", {duration_text(spent / (done - known) * (total - done))} left" if known < done < total else ""
+    return f"{bar(done / total, _BAR)} {done} of {counted(total, 'run')}{left}"
+
+
+def format_study(cases: "Sequence[CaseFigures]") -> str:
+    """One row a case, then what was missed."""
+    header = ["case", "runs", "s", "failed", "contacts", "held", "still, s", "share"]
+    cells = [
+        [
+            case.what,
+            f"{len(case.runs)}",
+            f"{case.seconds:g}",
+            f"{case.errors}",
+            f"{case.contacts}",
+            "-" if case.held is None else f"{case.held:.3f}",
+            f"{case.still:.1f}",
+            "-" if case.share is None else f"{case.share:.2f}",
+        ]
+        for case in cases
+    ]
+    missed = [f"{case.what}: MISSED: {text}" for case in cases for text in case.missed]
+    return "\n".join([format_table(header, cells, numbers_from=1), *_LEGEND, *missed])
+
+
+def exit_code(cases: "Sequence[Any]") -> int:
+    """1 if a case misses a bound, or a run failed."""
+    return int(any(case.missed for case in cases))

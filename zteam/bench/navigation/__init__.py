@@ -1,1 +1,0 @@
-"""What `zteam bench nav` measures: planning, costmaps and localisation, in one process and without a bus."""
