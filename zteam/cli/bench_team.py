@@ -17,9 +17,7 @@ from zteam.errors import UsageError, ZteamError
 from zteam.geometry import Pose2
 from zteam.launch.process import zteam_command
 from zteam.launch.report import RunReport
-from zteam.planning.costmap import CostmapOptions, make_costmap
-from zteam.planning.costs import INSCRIBED_INFLATED_OBSTACLE
-from zteam.planning.footprint import make_circle
+from zteam.planning.costmap import INSCRIBED_INFLATED_OBSTACLE, CostmapOptions, make_circle, make_costmap
 from zteam.planning.grid import OCCUPIED
 from zteam.planning.planner import AStarPlanner, NoPathError
 from zteam.runtime.participant import RoundTiming
