@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 
 from zteam.cli.bench_core import free_poses
-from zteam.kernels.binding import Beams, Bitmaps, Fans, Rays, cast_edges, cast_squares
+from zteam.kernels.binding import BeamTable, Bitmaps, Fans, Rays, cast_edges, cast_squares
 from zteam.resources import find_world
-from zteam.sim.fields import bitmap_of, build_fields
-from zteam.sim.polygons import group_shapes, make_polygons
+from zteam.sim.casting import bitmap_of, build_fields, group_shapes, make_polygons
 from zteam.world import World, add_robot, load_world
 
 SCANS, ROUNDS = 100, 30
@@ -31,7 +30,7 @@ def make_fans(world: World, beams: int, fov_deg: float) -> Fans:
     rays = Rays(at, np.full(SCANS, world.floorplans[0].z_min + 0.1), np.full(SCANS, -1, np.int64))
     angles = np.radians(np.linspace(-fov_deg / 2, fov_deg / 2, beams))[None, :]
     increment = math.radians(fov_deg) / (beams - 1)
-    return Fans(rays, Beams(np.cos(angles), np.sin(angles), math.radians(-fov_deg / 2), increment, 30.0))
+    return Fans(rays, BeamTable(np.cos(angles), np.sin(angles), math.radians(-fov_deg / 2), increment, 30.0))
 
 
 def test_reference(benchmark: Any) -> None:
