@@ -1,8 +1,6 @@
 """Laser scans read with care: which beams say something, and what stands in a cone or a corridor.
 
-What a range means follows REP 117 and the comments of sensor_msgs/LaserScan: +inf, and from simulators `range_max`, is
-a beam that met nothing, -inf one that met something too close to measure, and NaN, values below `range_min` (0 among
-them) and finite values above `range_max` say nothing at all. A beam that says nothing is neither an obstacle nor free.
+`zteam.laser` tells what a range means. A beam that says nothing is neither an obstacle nor free.
 """
 
 import math
@@ -14,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zteam.kernels import binding as kernels
+from zteam.laser import read_ranges
 from zteam.messages import LaserScan
 
 Floats = NDArray[np.float64]
@@ -27,7 +26,7 @@ _TOUCHING = 1e-6
 _EDGE = math.radians(5.0)
 """The outermost beams see only one side of what is there."""
 _ROUNDING = 1e-6
-"""Relative: limits and ranges may have been rounded to float32 or not."""
+"""Relative: of a distance that is compared with a limit."""
 
 
 class Cone(msgspec.Struct, frozen=True):
@@ -84,45 +83,28 @@ def _cone(start: float, step: float, count: int, half_angle: float) -> NDArray[n
 
 
 def _read(scan: LaserScan) -> Beams | None:
-    ranges = np.array(scan.ranges, np.float64)
-    step, start = float(scan.angle_increment), float(scan.angle_min)
-    if ranges.size == 0 or not (math.isfinite(start) and math.isfinite(step)) or (step == 0.0 and ranges.size > 1):
+    ranges, nearest, all_speak = read_ranges(scan.ranges, scan.range_min, scan.range_max)
+    laser = start, step, count = float(scan.angle_min), float(scan.angle_increment), ranges.size
+    if not (count and math.isfinite(start) and math.isfinite(step)) or (step == 0.0 and count > 1):
         return None
-    # Both find a NaN first, and are several times as fast as `min` and `max`.
-    low, high = ranges.item(ranges.argmin()), ranges.item(ranges.argmax())
-    at_least, at_most = scan.range_min * (1.0 - _ROUNDING), scan.range_max * (1.0 + _ROUNDING)
-    # A NaN fails the comparisons. Mostly every beam says something, and then no beam has to be looked at.
-    all_speak = low > 0.0 and low >= at_least and high <= at_most
-    if not all_speak:
-        says = (ranges > 0.0) & (ranges >= at_least) & (ranges <= at_most)
-        np.putmask(ranges, ~(says | np.isinf(ranges)), np.nan)
-    # A simulator without infinities writes range_max for "no hit".
-    np.putmask(ranges, ranges >= scan.range_max * (1.0 - _ROUNDING), np.inf)
-    # What is too close to measure is -inf still.
-    np.maximum(ranges, 0.0, out=ranges)
-    laser = start, step, ranges.size
-    distances = ranges if low >= _TOUCHING else np.maximum(ranges, _TOUCHING)
-    return Beams(laser, _directions(*laser), ranges, distances, low if all_speak else 0.0, all_speak)
+    distances = ranges if nearest >= _TOUCHING else np.maximum(ranges, _TOUCHING)
+    return Beams(laser, _directions(*laser), ranges, distances, nearest, all_speak)
 
 
-_newest: dict[str, tuple[LaserScan, object, Beams | None]] = {}
-"""The scan of each laser that was read last, with its ranges, by its frame: a step looks at one several times."""
-_MOST_LASERS = 256
-"""Lasers whose newest scans are kept: a process has one robot, or a whole team."""
+_newest: list[tuple[LaserScan, object, Beams | None]] = []
+"""The scan that was read last, with its ranges: a step looks at one up to forty times."""
 
 
 def beams_of(scan: LaserScan) -> Beams | None:
     """The scan, read; None where there are no beams."""
-    frame, ranges = scan.header.frame_id, scan.ranges
-    newest = _newest.get(frame)
-    if newest is not None and newest[0] is scan and newest[1] is ranges:
-        return newest[2]
+    ranges = scan.ranges
+    for known, its_ranges, beams in _newest:
+        if known is scan and its_ranges is ranges:
+            return beams
     beams = _read(scan)
     # What can be changed is read each time.
     if isinstance(ranges, np.ndarray) and not ranges.flags.writeable:
-        if newest is None and len(_newest) >= _MOST_LASERS:
-            _newest.clear()
-        _newest[frame] = scan, ranges, beams
+        _newest[:] = [(scan, ranges, beams)]
     return beams
 
 

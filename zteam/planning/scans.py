@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zteam.geometry import Pose2
+from zteam.laser import read_ranges
 
 Floats = NDArray[np.float64]
 
@@ -16,7 +17,7 @@ class Scan(NamedTuple):
     """What a laser saw (sensor_msgs/LaserScan)."""
 
     ranges: NDArray[np.float32]
-    """Metres, one a beam. NaN, and what is below `range_min`, says nothing; `range_max` and more: nothing was met."""
+    """Metres, one a beam, as in the message: `zteam.laser` tells what they mean."""
     angle_min: float
     angle_increment: float
     range_min: float
@@ -38,20 +39,22 @@ def find_ends(
 ) -> tuple[Floats, NDArray[np.bool_]]:
     """Where the beams of a robot at `base` end, in the frame of that pose, and whether each has met something there.
 
-    (n, 2) and (n): beams that say nothing are left out. A beam longer than `far` (m) ends there and meets nothing.
+    (n, 2) and (n): beams that say nothing are left out, and those that met something too close to measure. A beam
+    longer than `far` (m) ends there and meets nothing.
     `chosen` are the numbers of the beams to look at; all by default.
     """
-    ranges = (scan.ranges if chosen is None else scan.ranges[chosen]).astype(np.float64)
-    # What is not a number is not in this range either.
-    said = np.flatnonzero(ranges >= scan.range_min)
-    ranges = ranges[said]
-    met = (ranges < scan.range_max) & (ranges <= far)
-    ranges = np.minimum(ranges, min(scan.range_max, far))
+    ranges = scan.ranges if chosen is None else scan.ranges[chosen]
+    distances = read_ranges(ranges, scan.range_min, scan.range_max).distances
+    # What is not a number is not above 0 either.
+    said = np.flatnonzero(distances > 0.0)
+    distances = distances[said]
+    met = distances <= far
+    distances = np.minimum(distances, min(scan.range_max, far))
     laser = base.compose(scan.sensor)
     angles = scan.angle_increment * (said if chosen is None else chosen[said]) + (scan.angle_min + laser.yaw)
     points = np.empty((len(said), 2))
-    points[:, 0] = laser.x + ranges * np.cos(angles)
-    points[:, 1] = laser.y + ranges * np.sin(angles)
+    points[:, 0] = laser.x + distances * np.cos(angles)
+    points[:, 1] = laser.y + distances * np.sin(angles)
     return points, met
 
 

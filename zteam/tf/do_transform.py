@@ -5,6 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from zteam.laser import read_ranges
 from zteam.messages import LaserScan, Point, Pose, Quaternion, Transform, Twist, Vector3
 from zteam.tf.rigid import Floats, compose, invert
 
@@ -68,10 +69,9 @@ def apply_to_poses(target_from_source: Transform, poses: Array) -> Array:
 
 
 def scan_points(scan: LaserScan) -> Array:
-    """(beams, 3) end points in the scan's own frame; beams that are not finite or out of range are NaN."""
-    ranges = scan.ranges.astype(np.float64)
-    valid = np.isfinite(ranges) & (ranges >= scan.range_min) & (ranges < scan.range_max)
-    ranges = np.where(valid, ranges, np.nan)
+    """(beams, 3) end points in the scan's own frame; NaN for beams that met nothing, or at no known place."""
+    distances = read_ranges(scan.ranges, scan.range_min, scan.range_max).distances
+    ranges = np.where((distances > 0.0) & np.isfinite(distances), distances, np.nan)
     angles = scan.angle_min + scan.angle_increment * np.arange(len(ranges))
     return np.column_stack((ranges * np.cos(angles), ranges * np.sin(angles), 0.0 * ranges))
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zteam.geometry import Pose2, normalize_angle
+from zteam.laser import read_ranges
 
 KIND, VERSION = 1, 1
 POSES, SCAN, DOC, GRID, PATH, POSE_ARRAY, SAMPLES = range(1, 8)
@@ -117,14 +118,14 @@ def encode_poses(poses: Mapping[int, Pose2], *, truth: bool = False) -> bytes:
 def encode_scan(robot_id: int, index: int, sweep: Sweep, beams: int) -> bytes:
     """A scan of a robot's `index`-th laser, thinned to at most `beams` of its beams."""
     stride = max(1, math.ceil(len(sweep.ranges) / max(1, beams)))
-    ranges = sweep.ranges[::stride]
-    far = sweep.range_max if math.isfinite(sweep.range_max) else RANGE_STEP * MAX_STEPS
-    step = max(RANGE_STEP, far / MAX_STEPS)
-    with np.errstate(invalid="ignore", over="ignore"):
-        steps = np.minimum(np.rint(ranges / np.float32(step)), MAX_STEPS)
-        valid = ranges >= sweep.range_min
-        found = np.where(valid, np.where(np.isfinite(steps), steps, 0), INVALID).astype("<u2")
-        found[ranges >= far] = NO_RETURN
+    distances = read_ranges(sweep.ranges[::stride], sweep.range_min, sweep.range_max).distances
+    step = RANGE_STEP
+    if math.isfinite(sweep.range_max):
+        step = max(step, sweep.range_max / MAX_STEPS)
+    with np.errstate(invalid="ignore"):
+        steps = np.minimum(np.rint(distances / np.float32(step)), MAX_STEPS)
+    found = np.where(distances > 0.0, steps, INVALID).astype("<u2")
+    found[distances >= step * MAX_STEPS] = NO_RETURN
     head = _SCAN.pack(
         index, len(found), *sweep.sensor, sweep.angle_min, sweep.angle_increment * stride, sweep.range_max, step
     )
