@@ -9,11 +9,20 @@ from typing import Annotated, Any, Literal, NamedTuple, get_args
 from msgspec import Meta
 
 from zteam import names
+from zteam.base import Base
 from zteam.errors import UsageError
+from zteam.planning import plugins
 from zteam.planning.amcl import AmclOptions, check_options
-from zteam.planning.controller import GoalOptions, Positive, ProgressOptions, PursuitOptions
+from zteam.planning.controller import (
+    Controller,
+    GoalOptions,
+    Positive,
+    ProgressOptions,
+    PursuitOptions,
+    RegulatedPurePursuit,
+)
 from zteam.planning.costmap import CostmapOptions, Footprint, make_circle, make_footprint
-from zteam.planning.planner import AStarOptions
+from zteam.planning.planner import AStarOptions, AStarPlanner, Planner
 from zteam.planning.plugins import ASTAR, PURSUIT, Plugin, convert_options, plugin_name
 from zteam.planning.recovery import RecoveryOptions
 
@@ -230,6 +239,28 @@ def read_outline(window: WindowOptions) -> Footprint | None:
             raise ValueError("give corners in metres, such as [[0.2, 0.2], [0.2, -0.2], [-0.2, 0.0]]") from None
         return make_footprint(corners, window.footprint_padding)
     return None if math.isnan(window.robot_radius) else make_circle(window.robot_radius)
+
+
+def make_controller(parameters: Parameters, base: Base) -> Controller:
+    """The controller that the parameters name; zteam's own keeps within the limits of a base. Raises UsageError."""
+    name, given = parameters.controller_plugin
+    if name != PURSUIT:
+        return plugins.make_controller(name, given)
+    options = parameters.pursuit
+    return RegulatedPurePursuit(
+        options._replace(
+            desired_linear_vel=min(options.desired_linear_vel, base.max_vel_x),
+            rotate_to_heading_angular_vel=min(options.rotate_to_heading_angular_vel, base.max_vel_theta),
+            max_angular_accel=min(options.max_angular_accel, base.acc_lim_theta),
+            xy_goal_tolerance=parameters.goal.xy_goal_tolerance,
+        )
+    )
+
+
+def make_planner(parameters: Parameters) -> Planner:
+    """The planner that the parameters name. Raises UsageError, and ValueError for its parameters."""
+    name, given = parameters.planner_plugin
+    return AStarPlanner(parameters.planner) if name == ASTAR else plugins.make_planner(name, given)
 
 
 def _own_names(section: _Section, table: Mapping[str, Any], kind: type[Any]) -> dict[str, str]:

@@ -66,7 +66,8 @@ class Recovery:
                 raise ValueError(f"there is no recovery behaviour {name!r}: there are {', '.join(BEHAVIORS)}")
         self.count = 0
         """Behaviours begun since the goal, or since the last progress."""
-        self._current: Behavior | None = None
+        self.current: Behavior | None = None
+        """The behaviour that has begun and is not over."""
         self._began = 0.0
         self._from = Pose2(0.0, 0.0, 0.0)
         self._turned = 0.0
@@ -78,11 +79,11 @@ class Recovery:
     @property
     def is_active(self) -> bool:
         """Whether a behaviour has begun and is not over."""
-        return self._current is not None
+        return self.current is not None
 
     def reset(self) -> None:
         """A new goal, or progress: all behaviours may be tried again."""
-        self.count, self._current = 0, None
+        self.count, self.current = 0, None
 
     def begin(self, now: float, pose: Pose2, reason: str) -> str | None:
         """Begin the next behaviour at `now` (s), or return why it gives up: `reason`, and what was tried."""
@@ -92,7 +93,7 @@ class Recovery:
         if self.count >= options.number_of_retries or not options.behaviors:
             tried = f"after {self.count} recoveries ({', '.join(options.behaviors)})" if self.count else ""
             return f"{reason}: gave up {tried}".rstrip()
-        self._current = options.behaviors[self.count % len(options.behaviors)]
+        self.current = options.behaviors[self.count % len(options.behaviors)]
         self.count += 1
         self._began, self._from, self._turned, self._last_yaw = now, pose, 0.0, pose.yaw
         self._way, self._free_at = 0, now
@@ -103,7 +104,7 @@ class Recovery:
 
         `is_stopped`: something else, such as its safety layer, does not let the robot move.
         """
-        if self._current is None:
+        if self.current is None:
             return RecoveryStep(Velocity(), True, "no recovery")
         self._free_at = self._free_at if is_stopped else now
         step = {
@@ -111,11 +112,11 @@ class Recovery:
             "clear_costmap": self._clear,
             "back_up": self._back_up,
             "spin": self._spin,
-        }[self._current](now, pose, costmap)
+        }[self.current](now, pose, costmap)
         if not step.is_over and now - self._began > self.options.time_allowance:
-            step = RecoveryStep(Velocity(), True, f"{self._current}: out of time")
+            step = RecoveryStep(Velocity(), True, f"{self.current}: out of time")
         if step.is_over:
-            self._current = None
+            self.current = None
         return step
 
     def _wait(self, now: float, _pose: Pose2, _costmap: Costmap) -> RecoveryStep:

@@ -4,17 +4,15 @@ import numpy as np
 
 from zteam import names
 from zteam.errors import UsageError
-from zteam.geometry import quaternion_from_yaw
-from zteam.messages import Header, MapMetaData, OccupancyGrid, Point, Pose, Quaternion, Time
+from zteam.messages import Header, MapMetaData, OccupancyGrid, Time
 from zteam.planning.grid import FREE, OCCUPIED, UNKNOWN, GridMap, make_map
-from zteam.services.poses import planar
+from zteam.services.poses import planar, pose_message
 
 
 def map_message(grid: GridMap) -> OccupancyGrid:
     """A map in the frame `map`, with stamp 0: it holds at all times."""
     frame = grid.frame
-    origin = Pose(Point(frame.origin.x, frame.origin.y), Quaternion(*quaternion_from_yaw(frame.origin.yaw)))
-    info = MapMetaData(Time(), frame.resolution, frame.columns, frame.rows, origin)
+    info = MapMetaData(Time(), frame.resolution, frame.columns, frame.rows, pose_message(frame.origin))
     return OccupancyGrid(Header(Time(), names.MAP_FRAME), info, grid.cells.ravel())
 
 

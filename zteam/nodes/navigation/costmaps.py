@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from zteam.base import Base
 from zteam.geometry import Pose2
@@ -30,41 +30,26 @@ def footprint_of(window: WindowOptions, base: Base) -> Footprint:
     return read_outline(window) or make_footprint(base.footprint, window.footprint_padding)
 
 
-class StaticCostmaps:
-    """The costmaps of the map alone, shared by robots with the same outline and layers: they are large."""
-
-    def __init__(self) -> None:
-        self._made: dict[Any, Costmap] = {}
-
-    def find(self, grid: GridMap, footprint: Footprint, parameters: Parameters) -> Costmap:
-        """That of a map for this outline."""
-        key = id(grid), footprint.corners.tobytes(), parameters.global_layers
-        if key not in self._made:
-            self._made[key] = make_costmap(grid, footprint, parameters.global_layers)
-        return self._made[key]
-
-    def forget(self) -> None:
-        """There is another map."""
-        self._made.clear()
-
-
 class Costmaps:
     """Both costmaps of one robot. Times are in seconds."""
 
-    def __init__(self, parameters: Parameters, base: Base, grid: GridMap, shared: StaticCostmaps) -> None:
+    def __init__(self, parameters: Parameters, base: Base, grid: GridMap) -> None:
         """Raises ValueError for parameters that do not fit this map or this base."""
-        self._parameters = parameters
-        footprint = footprint_of(parameters.global_window, base)
-        self.static = shared.find(grid, footprint, parameters)
-        """What the map alone says. Do not change it."""
-        self.whole = Costmap(grid.frame, footprint, parameters.global_layers)
+        self._parameters, self._grid = parameters, grid
+        self.whole = Costmap(grid.frame, footprint_of(parameters.global_window, base), parameters.global_layers)
         """The global costmap."""
         self.whole.set_map(grid)
-        self.footprint = footprint_of(parameters.local_window, base)
-        self.local = _window(parameters.local_window, self.footprint, parameters)
+        window = parameters.local_window
+        rows, columns = (max(1, round(size / window.resolution)) for size in (window.height, window.width))
+        frame = Frame(rows, columns, window.resolution)
+        self.local = Costmap(frame, footprint_of(window, base), parameters.local_layers)
         self._cell: tuple[int, int] | None = None
         """Row and column of the local costmap's origin in a grid of `odom`."""
         self._due_whole = self._due_local = -math.inf
+
+    def of_map(self) -> Costmap:
+        """What the map alone says, whatever lasers have seen: made anew, because it is large and seldom asked for."""
+        return make_costmap(self._grid, self.whole.footprint, self._parameters.global_layers)
 
     def look(self, now: float, sight: Sight) -> None:
         """Take in what the robot sees, where that is due."""
@@ -101,11 +86,6 @@ class Costmaps:
         # Cells stay where they are in `odom`: a correction of the localiser does not smear what lasers have seen.
         corner = Pose2(column * frame.resolution, row * frame.resolution, 0.0)
         self.local.move(frame._replace(origin=sight.map_from_odom.compose(corner)), rows, columns)
-
-
-def _window(window: WindowOptions, footprint: Footprint, parameters: Parameters) -> Costmap:
-    rows, columns = (max(1, round(size / window.resolution)) for size in (window.height, window.width))
-    return Costmap(Frame(rows, columns, window.resolution), footprint, parameters.local_layers)
 
 
 def _take(costmap: Costmap, sight: Sight, far: float) -> None:

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,57 +27,39 @@ _TOLD = 0.2, 0.2, 0.1
 """Of a pose that the transforms tell: a robot is put to its start by hand."""
 
 
-class Localiser(Protocol):
-    """What a localiser must do. `pose` is that of the base in `map`."""
-
-    pose: Pose2 | None
-    map_from_odom: Pose2 | None
-    """None: another process says it, if any does."""
-    covariance: Floats
-    """(3, 3) of `pose`: x, y, yaw."""
-    updated: bool
-    """Whether the newest step took in a scan."""
-    problem: str
-    """Why the pose is not known; empty if it is."""
-
-    def step(self, now: int, inputs: Inputs, scan: Scan | None, teammates: Sequence[Teammate]) -> None:
-        """Take in what has come until `now` (ns). `teammates` are in `map`."""
-        ...
-
-    def set_pose(self, pose: Pose2, deviations: tuple[float, float, float]) -> str:
-        """The robot is about here; why that does not count, if it does not."""
-        ...
-
-    def localize_globally(self) -> str:
-        """The robot may be anywhere; why that does not count, if it does not."""
-        ...
-
-    def particles(self) -> Floats:
-        """(n, 3): guesses of the pose."""
-        ...
-
-
-class _Base:
-    """What localisers without particles have in common."""
+class Localiser:
+    """What localisers have in common; those without particles have no more than `step`."""
 
     def __init__(self) -> None:
         self.pose: Pose2 | None = None
+        """Of the base in `map`."""
         self.map_from_odom: Pose2 | None = None
+        """None: another process says it, if any does."""
         self.covariance: Floats = np.zeros((3, 3))
+        """(3, 3) of `pose`: x, y, yaw."""
         self.updated = False
+        """Whether the newest step took in a scan."""
         self.problem = "its place is not known yet"
+        """Why the pose is not known; empty if it is."""
+
+    def step(self, now: int, inputs: Inputs, scan: Scan | None, teammates: Sequence[Teammate]) -> None:
+        """Take in what has come until `now` (ns). `teammates` are in `map`."""
+        raise NotImplementedError
 
     def set_pose(self, _pose: Pose2, _deviations: tuple[float, float, float]) -> str:
+        """The robot is about here; why that does not count, if it does not."""
         return "this localiser takes no initial pose"
 
     def localize_globally(self) -> str:
+        """The robot may be anywhere; why that does not count, if it does not."""
         return "this localiser has no particles to spread: start zteam-nav with --localizer amcl"
 
     def particles(self) -> Floats:
+        """(n, 3): guesses of the pose."""
         return np.array([self.pose]) if self.pose is not None else np.empty((0, 3))
 
 
-class OtherLocaliser(_Base):
+class OtherLocaliser(Localiser):
     """`none`: the transforms say where the robot is, whichever process publishes them."""
 
     def step(self, now: int, inputs: Inputs, _scan: Scan | None, _teammates: Sequence[Teammate]) -> None:
@@ -94,7 +75,7 @@ class OtherLocaliser(_Base):
             self.pose = place.pose
 
 
-class FakeLocaliser(_Base):
+class FakeLocaliser(Localiser):
     """`fake`: the simulator's ground truth, with errors of one's choice."""
 
     def __init__(self, options: FakeOptions, seed: int) -> None:
@@ -126,19 +107,15 @@ class FakeLocaliser(_Base):
         self.updated, self.problem = True, ""
 
 
-class AmclLocaliser:
+class AmclLocaliser(Localiser):
     """`amcl`: adaptive Monte Carlo localisation."""
 
     def __init__(self, grid: GridMap, parameters: Parameters, seed: int, pose: Pose2 | None = None) -> None:
         """`pose`: where the robot is known to be, as by an earlier map. Raises ValueError for parameters."""
+        super().__init__()
         self._amcl = Amcl(grid, parameters.amcl, seed=seed)
         self._initial = parameters.initial_pose
         self._placed = False
-        self.pose: Pose2 | None = None
-        self.map_from_odom: Pose2 | None = None
-        self.covariance: Floats = np.zeros((3, 3))
-        self.updated = False
-        self.problem = ""
         if pose is not None:
             self.set_pose(pose, _USUAL)
 

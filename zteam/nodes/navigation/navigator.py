@@ -1,41 +1,62 @@
 """One robot's way to its goal: plan, drive, recover, arrive or give up. Without a bus and without a clock."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from zteam.geometry import Pose2
 from zteam.messages import NavigationState, PoseStamped
-from zteam.nodes.navigation.costmaps import Costmaps
-from zteam.nodes.navigation.recovering import Recovering
-from zteam.nodes.navigation.way import STOP, Goal, Moment, Way
+from zteam.nodes.navigation.costmaps import Costmaps, Sight
 from zteam.planning.controller import BlockedError, Controller, GoalChecker, ProgressChecker, Velocity
 from zteam.planning.parameters import Parameters
 from zteam.planning.planner import NoPathError, Planner
+from zteam.planning.recovery import Recovery
 from zteam.services.goals import ON_THE_WAY
 
 Floats = NDArray[np.float64]
 
-PATIENCE = 10.0
+STOP = Velocity()
+MISSING_LIMIT = 10.0
 """Seconds that a robot stands without what it needs, such as its place, before it gives up its goal."""
+_AGAIN = 0.3
+"""Seconds between two plans of a robot whose way is blocked."""
+_IN_VAIN = 3
+"""Times `number_of_retries`: so many recoveries may bring a robot no nearer to its goal, wherever it moves."""
+
+
+class Moment(NamedTuple):
+    """What one step goes by. Times are in seconds."""
+
+    now: float
+    seconds: float
+    """To the next step."""
+    sight: Sight
+    pending: Velocity
+    """The command that moves the robot until the one of this step does."""
+    is_stopped: bool = False
+    """Whether something else, such as its safety layer, does not let the robot move."""
 
 
 class Navigator:
     """The state machine of one robot."""
 
     def __init__(self, parameters: Parameters, planner: Planner, controller: Controller) -> None:
+        """`planner` may be shared: it keeps nothing from one plan to the next."""
         self._parameters = parameters
-        self._way = Way(parameters, planner, controller)
+        self._planner = planner
+        self._controller = controller
         self._goal_checker = GoalChecker(parameters.goal)
         self._progress = ProgressChecker(parameters.progress)
-        self._recovering = Recovering(parameters)
+        self._recovery = Recovery(parameters.recovery)
         self.reset()
 
     def reset(self) -> None:
         """There is no goal, and there never was one."""
         self.state, self.text = NavigationState.IDLE, ""
-        self.goal: Goal | None = None
+        self.goal: Pose2 | None = None
+        """In `map`."""
         self.message = PoseStamped()
         """The newest goal as it was sent, also one that was refused."""
         self._begin()
@@ -44,9 +65,24 @@ class Navigator:
         """Forget what belongs to one goal."""
         self._goal_checker.reset()
         self._progress.reset()
-        self._recovering.forget()
-        self._way.forget()
+        self._recovery.reset()
+        self.recoveries = 0
+        """How many were begun for this goal."""
+        self._recovered_at: Pose2 | None = None
+        """Where the robot was when it began to recover, until it has moved on from there."""
+        self._least_left = math.inf
+        """Metres to the goal when it began to recover, until it has got nearer."""
+        self._in_vain = 0
+        """Recoveries since the robot last got nearer to its goal."""
         self._held_since: float | None = None
+        self._forget_path()
+
+    def _forget_path(self) -> None:
+        """There is no path, and a plan is due."""
+        self.path: Floats | None = None
+        """(n, 3) in `map`; another object for each plan."""
+        self._planned = -math.inf
+        self._blocked_since: float | None = None
 
     @property
     def active(self) -> bool:
@@ -54,29 +90,19 @@ class Navigator:
         return self.state in ON_THE_WAY
 
     @property
-    def path(self) -> Floats | None:
-        """(n, 3) in `map`; another object for each plan."""
-        return self._way.path
-
-    @property
     def distance_remaining(self) -> float:
         """Metres of the path before the robot."""
-        return self._way.remaining
-
-    @property
-    def recoveries(self) -> int:
-        """How many were begun for this goal."""
-        return self._recovering.count
+        return 0.0 if self.path is None else self._controller.remaining()
 
     def use_controller(self, controller: Controller) -> None:
         """Drive with this one from now on."""
-        self._way.controller = controller
+        self._controller = controller
         self.plan_anew()
 
-    def accept(self, goal: Goal) -> None:
-        """Go there: it replaces the goal that there was."""
+    def accept(self, message: PoseStamped, goal: Pose2) -> None:
+        """Go to `goal` (in `map`), as `message` asks for: it replaces the goal that there was."""
         self._begin()
-        self.goal, self.message = goal, goal.message
+        self.goal, self.message = goal, message
         self.state, self.text = NavigationState.PLANNING, ""
 
     def refuse(self, message: PoseStamped, reason: str) -> None:
@@ -94,78 +120,113 @@ class Navigator:
 
     def _end(self, state: NavigationState, text: str) -> None:
         self.state, self.text, self.goal = state, text, None
-        self._way.forget()
+        self._forget_path()
 
     def plan_anew(self) -> None:
         """There is another map: what was planned on the old one does not count."""
-        self._way.forget()
+        self._forget_path()
         if self.active:
             self.state = NavigationState.PLANNING
 
-    def wait(self, now: float, reason: str, *, patiently: bool = False) -> Velocity:
-        """Something that is needed is missing: stand, say why, and give up after PATIENCE unless `patiently`."""
+    def wait(self, now: float, reason: str, *, for_ever: bool = False) -> Velocity:
+        """Something that is needed is missing: stand, say why; give up after MISSING_LIMIT unless it is `for_ever`."""
         self._progress.reset()
-        self._held_since = now if self._held_since is None or patiently else self._held_since
-        if now - self._held_since > PATIENCE:
-            self._end(NavigationState.ABORTED, f"{reason}, for {PATIENCE:g} s")
+        self._held_since = now if self._held_since is None or for_ever else self._held_since
+        if now - self._held_since > MISSING_LIMIT:
+            self._end(NavigationState.ABORTED, f"{reason}, for {MISSING_LIMIT:g} s")
         else:
             self.text = reason
         return STOP
 
     def step(self, moment: Moment, costmaps: Costmaps) -> Velocity:
         """The velocity for a robot on its way."""
+        assert self.goal is not None
         if self._held_since is not None:
             self._held_since, self.text = None, ""
         if self.state is NavigationState.RECOVERING:
             return self._recover(moment, costmaps)
-        if self._way.is_plan_due(moment.now) and not self._plan(moment, costmaps):
+        interval = 1.0 / self._parameters.planner_server.expected_planner_frequency
+        interval = interval if self._blocked_since is None else min(interval, _AGAIN)
+        if moment.now - self._planned >= interval - 1e-6 and not self._plan(moment, costmaps, self.goal):
             return STOP
-        return self._drive(moment, costmaps)
+        return self._drive(moment, costmaps, self.goal)
 
-    def _plan(self, moment: Moment, costmaps: Costmaps) -> bool:
+    def _plan(self, moment: Moment, costmaps: Costmaps, goal: Pose2) -> bool:
         """Whether there is a path to follow now; if there is none, a recovery begins, or the goal is given up."""
-        assert self.goal is not None
+        self._planned = moment.now
+        costmaps.look_far(moment.now, moment.sight)
         try:
-            self.text = self._way.plan(moment, costmaps, self.goal.pose)
+            plan = self._planner.plan(costmaps.whole, moment.sight.pose, goal)
         except NoPathError as error:
             if self.path is not None:
                 # What is in the way may go away; the controller stops before it.
                 return True
-            reason = self._way.lasting_reason(moment, costmaps, self.goal.pose)
-            if reason:
-                self._end(NavigationState.ABORTED, reason)
+            try:
+                self._planner.plan(costmaps.of_map(), moment.sight.pose, goal)
+            except NoPathError as lasting:
+                self._end(NavigationState.ABORTED, str(lasting))
             else:
-                self._fail(moment, str(error))
+                self._fail(moment, goal, str(error))
             return False
+        self.path = plan.path
+        self._controller.set_path(plan.path)
+        self.text = f"plans to {plan.short_of_goal:.2f} m from the goal" if plan.short_of_goal else ""
         self.state = NavigationState.DRIVING
         return True
 
-    def _drive(self, moment: Moment, costmaps: Costmaps) -> Velocity:
+    def _drive(self, moment: Moment, costmaps: Costmaps, goal: Pose2) -> Velocity:
         assert self.path is not None
-        pose, end = moment.sight.pose, self.path[-1]
-        if self._goal_checker.is_reached(pose, Pose2(*end.tolist())):
+        pose, left = moment.sight.pose, self._controller.remaining()
+        if self._goal_checker.is_reached(pose, Pose2(*self.path[-1].tolist())):
             self._end(NavigationState.SUCCEEDED, self.text)
             return STOP
         if not self._progress.makes_progress(moment.now, pose):
-            return self._fail(moment, "moved less than {:g} m in {:g} s".format(*self._parameters.progress))
-        self._recovering.note_progress(pose, self._way.remaining)
+            return self._fail(moment, goal, "moved less than {:g} m in {:g} s".format(*self._parameters.progress))
+        self._note_progress(pose, left)
+        ahead = move(pose, moment.pending, moment.seconds)
         try:
-            return self._way.follow(moment, costmaps)
+            velocity = self._controller.command(costmaps.local, ahead, moment.pending, moment.seconds)
         except BlockedError as error:
-            return self._fail(moment, str(error))
+            if self._blocked_since is None:
+                self._blocked_since, self._planned = moment.now, -math.inf
+            if moment.now - self._blocked_since > self._parameters.controller.failure_tolerance:
+                return self._fail(moment, goal, str(error))
+            return STOP
+        self._blocked_since = None
+        return velocity
 
-    def _fail(self, moment: Moment, reason: str) -> Velocity:
+    def _note_progress(self, pose: Pose2, left: float) -> None:
+        """The robot is `left` metres from its goal: after a recovery that helped, all may be tried again.
+
+        To have moved is enough a few times only: a robot that backs up and comes back has moved.
+        """
+        enough = self._parameters.progress.required_movement_radius
+        if self._recovered_at is not None and math.dist(pose[:2], self._recovered_at[:2]) > enough:
+            self._recovery.reset()
+            self._recovered_at = None
+        if left < self._least_left - enough and self._in_vain:
+            self._least_left, self._in_vain = math.inf, 0
+
+    def _fail(self, moment: Moment, goal: Pose2, reason: str) -> Velocity:
         """Begin the next recovery, or give up."""
-        assert self.goal is not None
-        end = self._recovering.begin(moment, self._way.remaining or _distance(moment, self.goal), reason)
-        if end is not None:
+        pose = moment.sight.pose
+        if self._in_vain >= _IN_VAIN * self._parameters.recovery.number_of_retries > 0:
+            end = f"{reason}: gave up after {self._in_vain} recoveries that brought it no nearer to the goal"
             self._end(NavigationState.ABORTED, end)
+        elif (given_up := self._recovery.begin(moment.now, pose, reason)) is not None:
+            self._end(NavigationState.ABORTED, given_up)
         else:
+            left = self.distance_remaining or math.dist(pose[:2], goal[:2])
+            self.recoveries, self._in_vain = self.recoveries + 1, self._in_vain + 1
+            self._recovered_at, self._least_left = self._recovered_at or pose, min(self._least_left, left)
             self.state, self.text = NavigationState.RECOVERING, reason
         return STOP
 
     def _recover(self, moment: Moment, costmaps: Costmaps) -> Velocity:
-        step = self._recovering.step(moment, costmaps)
+        pose, clears = moment.sight.pose, self._recovery.current == "clear_costmap"
+        step = self._recovery.step(moment.now, pose, costmaps.local, is_stopped=moment.is_stopped)
+        if clears:
+            costmaps.clear_around(pose, self._parameters.recovery.clear_distance)
         if not step.is_over:
             return step.velocity
         self._progress.reset()
@@ -173,5 +234,10 @@ class Navigator:
         return STOP
 
 
-def _distance(moment: Moment, goal: Goal) -> float:
-    return math.dist(moment.sight.pose[:2], goal.pose[:2])
+def move(pose: Pose2, velocity: Velocity, seconds: float) -> Pose2:
+    """Where a robot is after it has driven so, on an arc."""
+    heading = pose.yaw + 0.5 * velocity.turn * seconds
+    cos, sin = math.cos(heading), math.sin(heading)
+    x = pose.x + (cos * velocity.x - sin * velocity.y) * seconds
+    y = pose.y + (sin * velocity.x + cos * velocity.y) * seconds
+    return Pose2(x, y, pose.yaw + velocity.turn * seconds)

@@ -29,14 +29,11 @@ from zteam.messages import (
     decode,
     ns_from_time,
 )
-from zteam.nodes.navigation.costmaps import StaticCostmaps
-from zteam.nodes.navigation.inputs import Inputs
+from zteam.nodes.navigation.inputs import Inputs, TeamTransforms
 from zteam.nodes.navigation.outputs import Outputs
-from zteam.nodes.navigation.plugins import make_planner
 from zteam.nodes.navigation.robot import RobotNavigation
-from zteam.nodes.navigation.transforms import TeamTransforms
 from zteam.planning.grid import GridMap
-from zteam.planning.parameters import Parameters
+from zteam.planning.parameters import Parameters, make_planner
 from zteam.planning.planner import Planner
 from zteam.runtime.step_node import StepNode
 from zteam.services.maps import map_grid
@@ -75,7 +72,6 @@ class NavigationNode:
     def __init__(self, node: StepNode, options: NavigationOptions) -> None:
         self._node = node
         self._bases: dict[int, Base] = {}
-        self._shared = StaticCostmaps()
         self._planners: dict[str, Planner] = {}
         self._grid: GridMap | None = None
         self._stepped = 0
@@ -100,9 +96,7 @@ class NavigationNode:
             self._planners[key] = make_planner(parameters)
         inputs = Inputs(robot_id, self._transforms, self._bases)
         outputs = Outputs(node, robot_id, parameters)
-        robot = RobotNavigation(
-            inputs, parameters, outputs, self._shared, self._planners[key], seed * 10_000 + robot_id
-        )
+        robot = RobotNavigation(inputs, parameters, outputs, self._planners[key], seed * 10_000 + robot_id)
         self._listen(inputs, names.BASE_SCAN, LaserScan, "scan")
         self._listen(inputs, names.ODOM, Odometry, "odom")
         if parameters.localizer == "fake":
@@ -148,7 +142,6 @@ class NavigationNode:
         if self._grid is not None:
             log.info("another map has come: all goals are planned anew on it")
         self._grid = grid
-        self._shared.forget()
         for robot in self._robots.values():
             robot.set_map(grid)
 

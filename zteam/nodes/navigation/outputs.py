@@ -2,38 +2,53 @@
 
 import logging
 import math
-from typing import Generic, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 from zteam import names
-from zteam.geometry import Pose2
+from zteam.geometry import Pose2, quaternion_from_yaw
 from zteam.messages import (
     Duration,
     Header,
-    Message,
+    MapMetaData,
     NavigationState,
     NavigationStatus,
     OccupancyGrid,
     Path,
+    Point32,
+    Polygon,
     PolygonStamped,
     PoseArray,
+    PoseStamped,
+    PoseWithCovariance,
     PoseWithCovarianceStamped,
+    Quaternion,
     TFMessage,
     Time,
+    Transform,
+    TransformStamped,
+    Twist,
     TwistStamped,
+    Vector3,
     time_from_ns,
 )
-from zteam.nodes.navigation import to_messages
 from zteam.nodes.navigation.costmaps import Costmaps
 from zteam.nodes.navigation.localisers import Localiser
-from zteam.nodes.navigation.navigator import Navigator
-from zteam.nodes.navigation.way import STOP
+from zteam.nodes.navigation.navigator import STOP, Navigator
 from zteam.planning.controller import Velocity
+from zteam.planning.costmap import INSCRIBED_INFLATED_OBSTACLE, LETHAL_OBSTACLE, NO_INFORMATION, Costmap, place
 from zteam.planning.parameters import Parameters
 from zteam.runtime.step_node import StepNode
+from zteam.services.poses import pose_message
 
 log = logging.getLogger("zteam")
 
-M = TypeVar("M", bound=Message)
+Floats = NDArray[np.float64]
+
+_VALUES = np.array([1 + (97 * (cost - 1)) // 251 for cost in range(256)]).astype(np.int8)
+"""Costs as values of an OccupancyGrid: Costmap2DPublisher's table of Nav2."""
+_VALUES[0], _VALUES[INSCRIBED_INFLATED_OBSTACLE], _VALUES[LETHAL_OBSTACLE], _VALUES[NO_INFORMATION] = 0, 99, 100, -1
 
 _MOST_COSTMAPS = 2.0
 """Hz."""
@@ -43,26 +58,26 @@ _LEAST_SPEED = 0.05
 """m/s: an estimate of the time that remains is not made from less."""
 
 
-class _Watched(Generic[M]):
+class _ShownCostmap:
     """A latched key that is only written while it has subscribers: its messages are large."""
 
-    def __init__(self, node: StepNode, key: str, kind: type[M]) -> None:
+    def __init__(self, node: StepNode, key: str, frequency: float) -> None:
         # A latched publisher does not know whether it has any.
-        self._asked = node.publisher(key, kind)
-        self._publisher = node.publisher(key, kind, latched=True)
+        self._asked = node.publisher(key, OccupancyGrid)
+        self._publisher = node.publisher(key, OccupancyGrid, latched=True)
+        self._interval = 1.0 / min(_MOST_COSTMAPS, frequency)
         self.due = -math.inf
         """When the next one may be sent, in seconds."""
 
-    def is_due(self, now: float) -> bool:
-        """Whether a message is to be made now."""
+    def show(self, now: int, costmap: Costmap) -> None:
+        """Send a costmap, if that is due, as Nav2 shows it: 99 inscribed, 100 lethal, -1 unknown."""
         if not self._asked.has_subscribers:
             self.due = -math.inf
-        return self._asked.has_subscribers and now >= self.due - 1e-6
-
-    def put(self, message: M, due: float) -> None:
-        """Send; the next one is due at `due` (s)."""
-        self._publisher.hand_over(message)
-        self.due = due
+        elif now / 1e9 >= self.due - 1e-6:
+            self.due = now / 1e9 + self._interval
+            stamp, frame = time_from_ns(now), costmap.frame
+            info = MapMetaData(stamp, frame.resolution, frame.columns, frame.rows, pose_message(frame.origin))
+            self._publisher.hand_over(OccupancyGrid(_header(now), info, _VALUES[costmap.costs].ravel()))
 
 
 class Outputs:
@@ -74,7 +89,6 @@ class Outputs:
 
         self._odom = names.robot_frame(robot_id, names.ODOM)
         self._base = names.robot_frame(robot_id, names.BASE_FOOTPRINT)
-        self._parameters = parameters
         self._command = node.publisher(key(names.CMD_VEL_NAV), TwistStamped)
         self._tf = node.publisher(key(names.TF), TFMessage)
         self._status = node.publisher(key(names.NAVIGATION_STATUS), NavigationStatus)
@@ -83,8 +97,8 @@ class Outputs:
         self._pose = node.publisher(key(names.AMCL_POSE), PoseWithCovarianceStamped, latched=True)
         self._cloud = node.publisher(key(names.PARTICLE_CLOUD), PoseArray)
         self._footprint = node.publisher(key(names.PUBLISHED_FOOTPRINT), PolygonStamped)
-        self._global = _Watched(node, key(names.GLOBAL_COSTMAP), OccupancyGrid)
-        self._local = _Watched(node, key(names.LOCAL_COSTMAP), OccupancyGrid)
+        self._global = _ShownCostmap(node, key(names.GLOBAL_COSTMAP), parameters.global_window.publish_frequency)
+        self._local = _ShownCostmap(node, key(names.LOCAL_COSTMAP), parameters.local_window.publish_frequency)
         self._drives = False
         self._planned: object = None
         self._placed = False
@@ -103,7 +117,8 @@ class Outputs:
     def drive(self, now: int, velocity: Velocity, *, active: bool) -> None:
         """Send the command of a robot on its way; when it is there, one zero velocity more, then none."""
         if active or self._drives:
-            self._command.hand_over(to_messages.velocity_message(time_from_ns(now), self._base, velocity))
+            twist = Twist(Vector3(velocity.x, velocity.y), Vector3(0.0, 0.0, velocity.turn))
+            self._command.hand_over(TwistStamped(Header(time_from_ns(now), self._base), twist))
         self._drives = active
         if not active:
             self._mean_speed = 0.0
@@ -118,45 +133,40 @@ class Outputs:
 
     def localise(self, now: int, ahead: int, localiser: Localiser) -> None:
         """Send where the robot is; `ahead` is how long from `now` on the transform is to hold."""
-        stamp = time_from_ns(now)
-        if localiser.map_from_odom is not None:
-            self._tf.hand_over(
-                to_messages.transform_message(time_from_ns(now + ahead), self._odom, localiser.map_from_odom)
-            )
-        if localiser.pose is None or localiser.map_from_odom is None:
+        if localiser.map_from_odom is None:
+            return
+        x, y, yaw = localiser.map_from_odom
+        transform = Transform(Vector3(x, y), Quaternion(*quaternion_from_yaw(yaw)))
+        self._tf.hand_over(TFMessage([TransformStamped(_header(now + ahead), self._odom, transform)]))
+        if localiser.pose is None:
             return
         if localiser.updated or not self._placed:
             self._placed = True
-            self._pose.hand_over(to_messages.pose_estimate_message(stamp, localiser.pose, localiser.covariance))
+            covariance = np.zeros((6, 6))
+            covariance[np.ix_((0, 1, 5), (0, 1, 5))] = localiser.covariance
+            estimate = PoseWithCovariance(pose_message(localiser.pose), covariance.ravel())
+            self._pose.hand_over(PoseWithCovarianceStamped(_header(now), estimate))
         if self._cloud.has_subscribers and (localiser.updated or not self._clouded):
-            self._cloud.hand_over(to_messages.poses_message(stamp, localiser.particles()))
+            poses = [pose_message(Pose2(*row)) for row in localiser.particles().tolist()]
+            self._cloud.hand_over(PoseArray(_header(now), poses))
         self._clouded = self._cloud.has_subscribers
 
     def show(self, now: int, navigator: Navigator, pose: Pose2 | None, costmaps: Costmaps) -> None:
         """Send the plan, and what else is for looking at."""
-        stamp, seconds = time_from_ns(now), now / 1e9
         if navigator.path is not self._planned:
             self._planned = navigator.path
-            shown = Path(to_messages.header_of(stamp))
-            if navigator.path is not None:
-                shown = to_messages.path_message(stamp, navigator.path)
-            self._plan.hand_over(shown)
+            self._plan.hand_over(_path_message(now, np.empty((0, 3)) if navigator.path is None else navigator.path))
         if pose is None:
             return
         if navigator.path is not None and self._local_plan.has_subscribers:
             along = round(_LOCAL_PLAN / costmaps.whole.frame.resolution)
             left = max(1, round(navigator.distance_remaining / costmaps.whole.frame.resolution))
-            rest = navigator.path[-left:][:along]
-            self._local_plan.hand_over(to_messages.path_message(stamp, rest))
+            self._local_plan.hand_over(_path_message(now, navigator.path[-left:][:along]))
         if self._footprint.has_subscribers:
-            self._footprint.hand_over(to_messages.footprint_message(stamp, costmaps.footprint, pose))
-        for watched, costmap, window in (
-            (self._global, costmaps.whole, self._parameters.global_window),
-            (self._local, costmaps.local, self._parameters.local_window),
-        ):
-            if watched.is_due(seconds):
-                interval = 1.0 / min(_MOST_COSTMAPS, window.publish_frequency)
-                watched.put(to_messages.costmap_message(stamp, costmap), seconds + interval)
+            corners = [Point32(x, y) for x, y in place(costmaps.local.footprint, *pose).tolist()]
+            self._footprint.hand_over(PolygonStamped(_header(now), Polygon(corners)))
+        self._global.show(now, costmaps.whole)
+        self._local.show(now, costmaps.local)
 
     def log(self, navigator: Navigator) -> None:
         """Log how it goes, in few lines."""
@@ -177,7 +187,7 @@ class Outputs:
         whole = int(seconds)
         self._status.hand_over(
             NavigationStatus(
-                to_messages.header_of(time_from_ns(now)),
+                _header(now),
                 int(navigator.state),
                 navigator.message,
                 remaining,
@@ -186,3 +196,13 @@ class Outputs:
                 navigator.text,
             )
         )
+
+
+def _header(now: int) -> Header:
+    return Header(time_from_ns(now), names.MAP_FRAME)
+
+
+def _path_message(now: int, path: Floats) -> Path:
+    """Poses (n, 3) as a path."""
+    header = _header(now)
+    return Path(header, [PoseStamped(header, pose_message(Pose2(*row))) for row in path.tolist()])

@@ -5,20 +5,17 @@ from collections.abc import Collection
 
 from zteam import names
 from zteam.geometry import Pose2
-from zteam.messages import PoseStamped
-from zteam.nodes.navigation.costmaps import Costmaps, Sight, StaticCostmaps
+from zteam.messages import PoseStamped, PoseWithCovarianceStamped
+from zteam.nodes.navigation.costmaps import Costmaps, Sight
 from zteam.nodes.navigation.inputs import OLD, Inputs
 from zteam.nodes.navigation.localisers import Localiser, deviations_of, make_localiser
-from zteam.nodes.navigation.navigator import Navigator
+from zteam.nodes.navigation.navigator import STOP, Moment, Navigator
 from zteam.nodes.navigation.outputs import Outputs
-from zteam.nodes.navigation.plugins import make_controller
-from zteam.nodes.navigation.requests import read_goal, read_initial_pose
-from zteam.nodes.navigation.way import STOP, Moment
 from zteam.planning.controller import Velocity
 from zteam.planning.grid import GridMap
-from zteam.planning.parameters import Parameters
+from zteam.planning.parameters import Parameters, make_controller
 from zteam.planning.planner import Planner
-from zteam.services.poses import is_finite
+from zteam.services.poses import is_finite, planar
 
 log = logging.getLogger("zteam")
 
@@ -28,19 +25,10 @@ NO_MAP = f"no map has come on '{names.MAP}': zteam-map serves a file"
 class RobotNavigation:
     """One robot. Everything runs under the node's lock."""
 
-    def __init__(
-        self,
-        inputs: Inputs,
-        parameters: Parameters,
-        outputs: Outputs,
-        shared: StaticCostmaps,
-        planner: Planner,
-        seed: int,
-    ) -> None:
+    def __init__(self, inputs: Inputs, parameters: Parameters, outputs: Outputs, planner: Planner, seed: int) -> None:
         self.inputs = inputs
         self._parameters = parameters
         self._outputs = outputs
-        self._shared = shared
         self._seed = seed
         self._grid: GridMap | None = None
         self.navigator = Navigator(parameters, planner, make_controller(parameters, inputs.base))
@@ -108,7 +96,7 @@ class RobotNavigation:
         message, self.inputs.initial_pose = self.inputs.initial_pose, None
         if message is None:
             return
-        pose = read_initial_pose(message)
+        pose = _read_initial_pose(message)
         if isinstance(pose, Pose2):
             pose = NO_MAP if self._localiser is None else self._localiser.set_pose(pose, deviations_of(message))
         if pose:
@@ -121,13 +109,13 @@ class RobotNavigation:
             self.navigator.refuse(PoseStamped(), f"the goal cannot be read: {unreadable}")
         if message is None:
             return
-        goal = read_goal(message, self.inputs)
+        goal = _read_goal(message, self.inputs)
         if isinstance(goal, str):
             # A status with numbers that are not finite would be dropped.
             told = message if is_finite(message.pose) else PoseStamped(message.header)
             self.navigator.refuse(told, goal)
         else:
-            self.navigator.accept(goal)
+            self.navigator.accept(message, goal)
 
     def _localise(self, now: int, seconds: float, robots: Collection[int]) -> Sight | None:
         """What the robot sees, and from where; None if it does not know where it is."""
@@ -155,7 +143,7 @@ class RobotNavigation:
         problem = self._unfit or _problem(self.inputs, self._localiser, sight)
         if sight is not None and self._costmaps is None and self._grid is not None and not self._unfit:
             try:
-                self._costmaps = Costmaps(self._parameters, self.inputs.base, self._grid, self._shared)
+                self._costmaps = Costmaps(self._parameters, self.inputs.base, self._grid)
             except ValueError as error:
                 self._unfit = problem = str(error)
         if sight is not None and self._costmaps is not None:
@@ -165,7 +153,7 @@ class RobotNavigation:
         if problem:
             return navigator.wait(time, problem)
         if held := self.inputs.is_held():
-            return navigator.wait(time, held, patiently=True)
+            return navigator.wait(time, held, for_ever=True)
         assert sight is not None and self._costmaps is not None
         is_stopped = self.inputs.is_stopped()
         pending = STOP if is_stopped else self._command
@@ -182,3 +170,23 @@ def _problem(inputs: Inputs, localiser: Localiser | None, sight: Sight | None) -
         key = names.robot_key(inputs.robot_id, names.BASE_SCAN)
         return f"no scan on {key} for {OLD / 1e9:g} s" if inputs.scan is not None else f"no scan on {key}"
     return ""
+
+
+def _read_goal(message: PoseStamped, inputs: Inputs) -> Pose2 | str:
+    """The goal in `map`, or why it is none. Without a frame it is in `map`."""
+    frame = names.strip_slash(message.header.frame_id) or names.MAP_FRAME
+    pose, place = planar(message.pose), Pose2(0.0, 0.0, 0.0)
+    if frame != names.MAP_FRAME:
+        found = inputs.find(names.MAP_FRAME, frame)
+        if found is None:
+            return f"the goal is in the frame {frame!r}, which no transform leads to"
+        place = found.pose
+    return "the goal is not finite, or its orientation is no rotation" if pose is None else place.compose(pose)
+
+
+def _read_initial_pose(message: PoseWithCovarianceStamped) -> Pose2 | str:
+    """The pose of the base in `map`, or why it is none."""
+    frame = names.strip_slash(message.header.frame_id) or names.MAP_FRAME
+    if frame != names.MAP_FRAME:
+        return f"its frame is {frame!r}, not {names.MAP_FRAME!r}"
+    return planar(message.pose.pose) or "it is not finite, or its orientation is no rotation"

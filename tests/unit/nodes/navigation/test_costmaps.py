@@ -5,7 +5,7 @@ import pytest
 
 from zteam.base import DEFAULT_BASE
 from zteam.geometry import Pose2
-from zteam.nodes.navigation.costmaps import Costmaps, Sight, StaticCostmaps, footprint_of
+from zteam.nodes.navigation.costmaps import Costmaps, Sight, footprint_of
 from zteam.planning.costmap import FREE_SPACE, LETHAL_OBSTACLE
 from zteam.planning.grid import make_map
 from zteam.planning.parameters import Parameters, WindowOptions
@@ -22,7 +22,7 @@ def ahead(distance: float) -> Scan:
 def costmaps() -> Costmaps:
     """On an empty map of 20 m around the origin."""
     grid = make_map(np.zeros((200, 200), np.int8), 0.1, Pose2(-10.0, -10.0, 0.0))
-    return Costmaps(Parameters(), DEFAULT_BASE, grid, StaticCostmaps())
+    return Costmaps(Parameters(), DEFAULT_BASE, grid)
 
 
 def test_what_was_seen_keeps_its_place_while_the_robot_drives() -> None:
@@ -57,7 +57,7 @@ def test_teammates_are_obstacles_where_they_are_now() -> None:
     assert maps.local.cost_at(1.2, 0.0) == maps.whole.cost_at(1.2, 0.0) == LETHAL_OBSTACLE
     maps.look(3.0, Sight(HERE, HERE, None, [Teammate(-1.0, 0.0, 0.3)]))
     assert maps.local.cost_at(1.2, 0.0) == maps.whole.cost_at(1.2, 0.0) == FREE_SPACE
-    assert maps.static.cost_at(-1.0, 0.0) == FREE_SPACE
+    assert maps.of_map().cost_at(-1.0, 0.0) == FREE_SPACE
 
 
 def test_costmaps_are_updated_at_their_frequencies() -> None:
@@ -70,14 +70,6 @@ def test_costmaps_are_updated_at_their_frequencies() -> None:
     assert (maps.local.cost_at(1.21, 0.02), maps.whole.cost_at(1.21, 0.02)) == (LETHAL_OBSTACLE, FREE_SPACE)
     maps.look(1.0, Sight(HERE, HERE, ahead(1.2), ()))
     assert maps.whole.cost_at(1.21, 0.02) == LETHAL_OBSTACLE
-
-
-def test_robots_share_the_costmap_of_the_map() -> None:
-    """It is large, and the same for the same outline."""
-    grid, shared = make_map(np.zeros((50, 50), np.int8), 0.1), StaticCostmaps()
-    first, second = (Costmaps(Parameters(), DEFAULT_BASE, grid, shared) for _ in range(2))
-    assert first.static is second.static
-    assert first.whole is not second.whole
 
 
 def test_the_outline_is_that_of_the_parameters_or_of_the_base() -> None:

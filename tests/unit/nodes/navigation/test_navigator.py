@@ -11,8 +11,7 @@ from support.goals import make_goal
 from zteam.geometry import Pose2
 from zteam.messages import NavigationState
 from zteam.nodes.navigation.costmaps import Sight
-from zteam.nodes.navigation.navigator import PATIENCE, Navigator
-from zteam.nodes.navigation.way import STOP, Goal, Moment
+from zteam.nodes.navigation.navigator import MISSING_LIMIT, STOP, Moment, Navigator
 from zteam.planning.controller import BlockedError, Velocity
 from zteam.planning.parameters import Parameters
 from zteam.planning.planner import NoPathError, Plan
@@ -23,9 +22,11 @@ AHEAD = Velocity(0.5)
 class Maps(NamedTuple):
     """Costmaps that nothing is asked of but who they are."""
 
-    static: str = "static"
     whole: str = "whole"
     local: str = "local"
+
+    def of_map(self) -> str:
+        return "static"
 
     def look_far(self, _now: float, _sight: Sight) -> None:
         """Nothing to see."""
@@ -81,7 +82,7 @@ class Drive:
 
     def go(self, x: float) -> None:
         """Send a goal."""
-        self.navigator.accept(Goal(make_goal(x, 0.0), Pose2(x, 0.0, 0.0)))
+        self.navigator.accept(make_goal(x, 0.0), Pose2(x, 0.0, 0.0))
 
     def step(self, x: float | None = None, count: int = 1) -> Velocity:
         """Steps of 0.1 s; with `x` the robot is there."""
@@ -189,11 +190,11 @@ def test_what_is_missing_is_waited_for_and_then_given_up() -> None:
     drive = Drive()
     assert drive.navigator.wait(1.0, "no scan") == STOP
     assert (drive.navigator.state, drive.navigator.text) == (NavigationState.PLANNING, "no scan")
-    drive.navigator.wait(1.1 + PATIENCE, "no scan")
+    drive.navigator.wait(1.1 + MISSING_LIMIT, "no scan")
     assert (drive.navigator.state, drive.navigator.text) == (NavigationState.ABORTED, "no scan, for 10 s")
     drive.go(3.0)
     for now in (20.0, 60.0, 120.0):
-        drive.navigator.wait(now, "waits for GO", patiently=True)
+        drive.navigator.wait(now, "waits for GO", for_ever=True)
     assert drive.navigator.state is NavigationState.PLANNING
 
 

@@ -25,14 +25,12 @@ from zteam.messages import (
     Vector3,
     time_from_ns,
 )
-from zteam.nodes.navigation.costmaps import StaticCostmaps
 from zteam.nodes.navigation.inputs import Inputs
-from zteam.nodes.navigation.plugins import make_planner
+from zteam.nodes.navigation.navigator import STOP
 from zteam.nodes.navigation.robot import NO_MAP, RobotNavigation
-from zteam.nodes.navigation.way import STOP
 from zteam.planning.controller import Velocity
 from zteam.planning.grid import GridMap, make_map
-from zteam.planning.parameters import Localizer, Parameters
+from zteam.planning.parameters import Localizer, Parameters, make_planner
 from zteam.planning.plugins import Plugin
 from zteam.tf import Buffer
 
@@ -92,7 +90,7 @@ class Robot:
         self.inputs = Inputs(0, self.transforms, {0: DEFAULT_BASE})  # type: ignore[arg-type]
         parameters = Parameters(localizer=localizer, **options)
         planner = make_planner(parameters)
-        self.robot = RobotNavigation(self.inputs, parameters, self.outputs, StaticCostmaps(), planner, 1)  # type: ignore[arg-type]
+        self.robot = RobotNavigation(self.inputs, parameters, self.outputs, planner, 1)  # type: ignore[arg-type]
         self.now, self.sees, self.is_placed = 0, True, True
         self._put("base_footprint", "base_laser_link", static=True)
 
