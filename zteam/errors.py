@@ -1,5 +1,7 @@
 """Errors that a user may see. Each is one line that names the place and the fix."""
 
+from collections import abc
+
 
 class ZteamError(Exception):
     """Base of all errors that zteam raises on purpose. A command prints it on one line and ends with `exit_code`."""
@@ -39,3 +41,11 @@ class DuplicateNameError(BusError):
 
 class EncodeError(ZteamError):
     """A message has a value that its wire type cannot represent."""
+
+
+def did_you_mean(word: str, known: abc.Iterable[str], *, most: int = 1, form: str = " (did you mean {}?)") -> str:
+    """The end of an error's text with the `most` similar known words, or an empty text where none is similar."""
+    import difflib
+
+    near = difflib.get_close_matches(word.lower()[:60], known, n=most, cutoff=0.75)
+    return form.format(" or ".join(near)) if near else ""

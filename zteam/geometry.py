@@ -5,7 +5,15 @@ transform named `target_from_source` maps coordinates in `source` to coordinates
 """
 
 import math
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+Point2 = tuple[float, float]
+"""Metres."""
 
 
 class Pose2(NamedTuple):
@@ -86,3 +94,47 @@ def rpy_from_quaternion(x: float, y: float, z: float, w: float) -> Vec3:
         return (0.0, pitch, normalize_angle(-math.copysign(2.0, sin_pitch) * math.atan2(x, w)))
     roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
     return (roll, math.asin(sin_pitch), yaw_from_quaternion(x, y, z, w))
+
+
+def signed_area(points: Sequence[Point2]) -> float:
+    """Area of a polygon, positive if counter-clockwise."""
+    pairs = zip(points, (*points[1:], points[0]), strict=True)
+    return 0.5 * sum(ax * by - bx * ay for (ax, ay), (bx, by) in pairs)
+
+
+def _turn(a: Point2, b: Point2, c: Point2) -> float:
+    """Above 0 if the way a, b, c turns left."""
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+def is_convex(points: Sequence[Point2]) -> bool:
+    """Whether a simple, counter-clockwise polygon turns right nowhere."""
+    return all(_turn(points[i - 2], points[i - 1], point) >= 0 for i, point in enumerate(points))
+
+
+def convex_hull(points: Sequence[Point2]) -> tuple[Point2, ...]:
+    """Smallest convex polygon around the points, counter-clockwise (Andrew's monotone chain)."""
+    ordered = sorted(set(points))
+    return (*_chain(ordered), *_chain(ordered[::-1]))
+
+
+def _chain(points: Sequence[Point2]) -> list[Point2]:
+    chain: list[Point2] = []
+    for point in points:
+        while len(chain) > 1 and _turn(chain[-2], chain[-1], point) <= 0:
+            chain.pop()
+        chain.append(point)
+    return chain[:-1]
+
+
+def in_polygon(
+    polygon: "NDArray[np.float64]", x: "NDArray[np.floating] | float", y: "NDArray[np.floating] | float"
+) -> "NDArray[np.bool_]":
+    """For each point (arrays that broadcast) whether it lies in a polygon (n, 2), by the even-odd rule."""
+    import numpy as np  # Commands import this module to read their options.
+
+    inside = np.zeros(np.broadcast_shapes(np.shape(x), np.shape(y)), bool)
+    for (ax, ay), (bx, by) in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+        if ay != by:
+            inside ^= ((ay > y) != (by > y)) & (x < ax + (y - ay) * (bx - ax) / (by - ay))
+    return inside

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple, get_args
 
 import msgspec
 
+from zteam.errors import did_you_mean
 from zteam.toml_lines import Path
 
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
@@ -84,14 +85,6 @@ def _at_its_key(problem: Problem, keys: Iterable[str]) -> Problem:
     """The problem moved to the key that its text begins with: a struct's own check names the key in this way."""
     first, _, rest = problem.text.partition(" ")
     return Problem((*problem.path, first), rest) if first in keys else problem
-
-
-def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """` (did you mean speed?)`, or an empty text where no known word is similar."""
-    import difflib
-
-    near = difflib.get_close_matches(word.lower(), known, n=1, cutoff=0.75)
-    return f" (did you mean {near[0]}?)" if near else ""
 
 
 def _problem(value: Any, kind: Any, path: Path) -> list[Problem]:

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-from zteam.errors import UsageError
+from zteam.errors import UsageError, did_you_mean
 
 _PACKAGE = Path(__file__).resolve().parent
 
@@ -74,11 +74,8 @@ def _why_not(text: str, kind: _Kind, other: _Kind) -> str:
         return f"that is a folder; name the {kind.what} file in it (*{kind.suffix})"
     if fault := _link_fault(Path(text)):
         return f"a symbolic link leads to no file ({fault}); mend the link, or name the {kind.what} file itself"
-    import difflib
-
     known = names(kind.folder(), kind.suffix)
-    near = difflib.get_close_matches(text.removesuffix(kind.suffix).lower(), known, n=1)
-    hint = f"; did you mean {near[0]}?" if near else ""
+    hint = did_you_mean(text.removesuffix(kind.suffix), known, form="; did you mean {}?")
     return f"no such file, nor a shipped {kind.what} ({', '.join(known)}){hint}"
 
 

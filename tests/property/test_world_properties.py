@@ -11,11 +11,12 @@ from hypothesis import strategies as st
 
 from support.examples import examples
 from zteam.errors import WorldError
+from zteam.geometry import convex_hull, signed_area
 from zteam.world import load_world
 from zteam.world.bitmap import rectangles
 from zteam.world.parser import Entity, Property, parse_text
 from zteam.world.properties import Size3
-from zteam.world.shapes import Block, convex_hull, fit_blocks, is_simple, signed_area
+from zteam.world.shapes import Block, fit_blocks, is_simple
 from zteam.world.sources import Place, Remarks
 
 PLACE = Place("", 0, 0)

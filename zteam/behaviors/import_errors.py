@@ -3,7 +3,7 @@
 import sys
 from pathlib import Path
 
-from zteam.problems import did_you_mean
+from zteam.errors import did_you_mean
 
 _ZTEAM = str(Path(__file__).parents[1])
 _OF_ROS = {

@@ -23,8 +23,8 @@ from zteam.behaviors.path import FollowPath
 from zteam.behaviors.wander import Wander
 from zteam.entry_points import BEHAVIORS as GROUP
 from zteam.entry_points import load_offered, offered
-from zteam.errors import UsageError
-from zteam.problems import Problem, did_you_mean, problems_of
+from zteam.errors import UsageError, did_you_mean
+from zteam.problems import Problem, problems_of
 
 BEHAVIORS: dict[str, type[Behavior]] = {
     "idle": Idle,

@@ -120,9 +120,10 @@ def _main(arguments: list[str]) -> int:
         print(f"zteam: no command {name!r}: {meant}", file=sys.stderr)
         return 2
     if name not in COMMANDS:
-        from zteam.cli.usage import did_you_mean
+        from zteam.cli.usage import MEANT
+        from zteam.errors import did_you_mean
 
-        hint = did_you_mean(name, COMMANDS) or f": commands: {', '.join(COMMANDS)}"
+        hint = did_you_mean(name, COMMANDS, most=2, form=MEANT) or f": commands: {', '.join(COMMANDS)}"
         print(f"zteam: no command {name!r}{hint}", file=sys.stderr)
         return 2
     return _run(COMMANDS[name][0], rest)

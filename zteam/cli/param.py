@@ -15,8 +15,7 @@ from zteam.cli.interrupts import leave
 from zteam.cli.listening import open_bus
 from zteam.cli.options import Parser, add_bus_options, bus_options, checked, run
 from zteam.cli.parameter_table import format_parameters
-from zteam.errors import BusError, UsageError
-from zteam.problems import did_you_mean
+from zteam.errors import BusError, UsageError, did_you_mean
 from zteam.robot_ids import parse_robot_ids
 from zteam.services.parameters import DescribeReply
 from zteam.services.parameters_client import ParametersClient

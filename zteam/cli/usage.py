@@ -1,10 +1,12 @@
 """The one-line answer to a mistake on a command line: what is wrong, what was meant, and the usage."""
 
 import argparse
-import difflib
 import re
 from collections.abc import Iterable
 
+from zteam.errors import did_you_mean
+
+MEANT = ": did you mean {}?"
 _SHARED = frozenset({"help", "connect", "namespace", "config", "lease", "log_level", "log_format"})
 """Options that a usage line leaves out: every command has them."""
 _MAX_LINE = 190
@@ -116,7 +118,7 @@ def unknown_words(parser: argparse.ArgumentParser, words: Iterable[str]) -> str:
 
 def _unknown_option(parser: argparse.ArgumentParser, name: str, value: str = "") -> str:
     meant = _MEANT.get((parser.prog, name))
-    hint = f": {meant}" if meant else did_you_mean(name, parser._option_string_actions)
+    hint = f": {meant}" if meant else did_you_mean(name, parser._option_string_actions, most=2, form=MEANT)
     if value and parser.prog == "zteam up" and not meant:
         hint += f"; an argument of the team file has no dashes: {name.lstrip('-')}={value}"
     return f"no option {name!r}{hint}"
@@ -125,11 +127,5 @@ def _unknown_option(parser: argparse.ArgumentParser, name: str, value: str = "")
 def unknown_subcommand(word: str, known: Iterable[str]) -> str:
     """What to say of a word in the place of a subcommand."""
     verb = _VERBS.get(word, "")
-    hint = f": did you mean {verb}?" if verb in known else did_you_mean(word, known)
+    hint = f": did you mean {verb}?" if verb in known else did_you_mean(word, known, most=2, form=MEANT)
     return f"no subcommand {word!r}{hint}"
-
-
-def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """`: did you mean X?`, or nothing where no known word is near."""
-    near = difflib.get_close_matches(word, list(known), n=2, cutoff=0.7)
-    return f": did you mean {' or '.join(near)}?" if near else ""

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.geometry import Pose2
+from zteam.geometry import Pose2, in_polygon
 from zteam.kernels.binding import Window, inflate, trace_beams
 from zteam.planning.grid import Frame, GridMap
 from zteam.planning.polygons import cells_of_disc, cells_of_polygon
@@ -78,15 +78,11 @@ def make_circle(radius: float, padding: float = 0.0) -> Footprint:
 
 def _distance_of_origin(points: Floats) -> tuple[bool, float]:
     """Whether the origin lies inside a polygon, and its distance to the outline."""
-    ends = np.roll(points, -1, axis=0)
-    along = ends - points
+    along = np.roll(points, -1, axis=0) - points
     square = np.maximum((along * along).sum(axis=1), 1e-300)
     share = np.clip(-(points * along).sum(axis=1) / square, 0.0, 1.0)
     nearest = np.hypot(*(points + share[:, None] * along).T).min()
-    crosses = (points[:, 1] > 0.0) != (ends[:, 1] > 0.0)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        where = points[:, 0] - points[:, 1] * along[:, 0] / along[:, 1]
-    return bool((crosses & (where > 0.0)).sum() % 2), float(nearest)
+    return bool(in_polygon(points, 0.0, 0.0)), float(nearest)
 
 
 def place(footprint: Footprint, x: float, y: float, yaw: float) -> Floats:

@@ -5,6 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from zteam.geometry import in_polygon
 from zteam.planning.grid import Frame
 
 Floats = NDArray[np.float64]
@@ -29,12 +30,7 @@ def cells_of_polygon(frame: Frame, corners: Floats) -> Cells:
     points = frame.points_to_cells(corners)
     columns, rows = _box(frame, *points.min(axis=0), *points.max(axis=0))
     u, v = (columns + 0.5)[None, :], (rows + 0.5)[:, None]
-    inside = np.zeros((len(rows), len(columns)), bool)
-    for (ax, ay), (bx, by) in zip(points, np.roll(points, -1, axis=0), strict=True):
-        if ay != by:
-            inside ^= ((ay > v) != (by > v)) & (u < ax + (v - ay) * (bx - ax) / (by - ay))
-    found = np.argwhere(inside)
-    return _moved(found, rows, columns)
+    return _moved(np.argwhere(in_polygon(points, u, v)), rows, columns)
 
 
 def _moved(found: Cells, rows: Cells, columns: Cells) -> Cells:

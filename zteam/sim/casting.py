@@ -14,7 +14,7 @@ import numpy as np
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from zteam.geometry import Pose2
+from zteam.geometry import Pose2, is_convex
 from zteam.kernels.binding import (
     Bitmap,
     Bitmaps,
@@ -27,7 +27,6 @@ from zteam.kernels.binding import (
     place_mounts,
 )
 from zteam.world.model import Device, Floorplan, Obstacle, Robot, Shape
-from zteam.world.shapes import is_convex
 
 Floats = NDArray[np.float64]
 Plans = Sequence[tuple[Floorplan, Bitmap]]

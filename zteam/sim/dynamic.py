@@ -21,11 +21,10 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from zteam.errors import UsageError
-from zteam.geometry import Pose2
+from zteam.geometry import Point2, Pose2, is_convex
 from zteam.kernels.binding import find_overlaps, follow, hold
 from zteam.sim.casting import NO_MOVER, Group, Plans, group_shapes, make_polygons, solid_bitmaps, solid_groups
-from zteam.world.model import Floorplan, Obstacle, Point2, Robot, Shape
-from zteam.world.shapes import is_convex
+from zteam.world.model import Floorplan, Obstacle, Robot, Shape
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]

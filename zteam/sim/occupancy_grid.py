@@ -6,7 +6,7 @@ import numpy as np
 
 from zteam import names
 from zteam.errors import UsageError
-from zteam.geometry import Pose2
+from zteam.geometry import Pose2, in_polygon, signed_area
 from zteam.messages import Header, MapMetaData, OccupancyGrid, Point, Pose, time_from_ns
 from zteam.world.model import Floorplan, Shape, World
 from zteam.world.placing import find_bounds, place_shape
@@ -102,9 +102,8 @@ def _middles(plan: Floorplan) -> tuple[np.ndarray, np.ndarray]:
 
 def _thickness(polygon: np.ndarray) -> float:
     """About the width of something long."""
-    following = np.roll(polygon, -1, axis=0)
-    area = 0.5 * abs(float(np.sum(polygon[:, 0] * following[:, 1] - polygon[:, 1] * following[:, 0])))
-    return 2.0 * area / float(np.hypot(*(following - polygon).T).sum())
+    around = np.hypot(*(np.roll(polygon, -1, axis=0) - polygon).T).sum()
+    return 2.0 * abs(signed_area(polygon.tolist())) / float(around)
 
 
 def _along(polygon: np.ndarray, resolution: float) -> tuple[np.ndarray, np.ndarray]:
@@ -123,9 +122,4 @@ def _draw_polygon(grid: np.ndarray, x: np.ndarray, y: np.ndarray, polygon: np.nd
     columns = slice(np.searchsorted(x, left), np.searchsorted(x, right))
     rows = slice(np.searchsorted(y, bottom), np.searchsorted(y, top))
     px, py = x[columns][None, :], y[rows][:, None]
-    inside = np.zeros((py.shape[0], px.shape[1]), bool)
-    for (ax, ay), (bx, by) in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
-        if ay != by:
-            crosses = (ay > py) != (by > py)
-            inside ^= crosses & (px < ax + (py - ay) * (bx - ax) / (by - ay))
-    grid[rows, columns][inside] = 100
+    grid[rows, columns][in_polygon(polygon, px, py)] = 100

@@ -4,8 +4,7 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
-from zteam.errors import UsageError
-from zteam.problems import did_you_mean
+from zteam.errors import UsageError, did_you_mean
 from zteam.team_file.sources import Place, Source, Tables
 from zteam.toml_values import parse_value, toml_text
 

@@ -4,8 +4,8 @@ import itertools
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
-from zteam.errors import UsageError
-from zteam.problems import Problem, did_you_mean
+from zteam.errors import UsageError, did_you_mean
+from zteam.problems import Problem
 from zteam.robot_ids import format_robot_ids, parse_robot_ids
 from zteam.team_file.sources import Origins, Place, Tables, place_of
 

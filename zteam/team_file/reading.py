@@ -7,8 +7,8 @@ from typing import Any, TypeVar
 import msgspec
 
 from zteam import resources
-from zteam.errors import ConfigError
-from zteam.problems import Problem, did_you_mean, problems_of
+from zteam.errors import ConfigError, did_you_mean
+from zteam.problems import Problem, problems_of
 from zteam.simulation_options import Options
 from zteam.team_file.arguments import Argument
 from zteam.team_file.entries import NO_WORLD, NodeEntry, RobotEntry, StaticTransform, Team, TeamSection

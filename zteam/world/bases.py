@@ -2,9 +2,9 @@
 
 import math
 
+from zteam.geometry import Point2, convex_hull
 from zteam.messages import BaseInfo, Point32, Polygon
-from zteam.world.model import Limits, Point2, Robot
-from zteam.world.shapes import convex_hull
+from zteam.world.model import Limits, Robot
 
 _NO_LIMITS = Limits(*[(-math.inf, math.inf)] * 3)
 

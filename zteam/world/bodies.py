@@ -6,7 +6,7 @@ from typing import NamedTuple
 import msgspec
 
 from zteam.errors import WorldError
-from zteam.geometry import Pose2
+from zteam.geometry import Pose2, convex_hull, signed_area
 from zteam.world.bitmap import MAX_PIXELS, Box, Grid, occupied_box, read_bitmap, rectangles
 from zteam.world.colors import random_color
 from zteam.world.devices import device_models
@@ -20,11 +20,9 @@ from zteam.world.shapes import (
     Surface,
     boundary_slabs,
     box_block,
-    convex_hull,
     fit_blocks,
     is_simple,
     place_blocks,
-    signed_area,
     without_repeats,
 )
 from zteam.world.sources import Place, Remarks, find_file

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import msgspec
 
 from zteam import names
+from zteam.errors import did_you_mean
 from zteam.geometry import Pose2
 from zteam.simulation_options import PHYSICS
 from zteam.world import vocabulary
@@ -174,7 +175,7 @@ class Builder:
             raise place.error(f"a {kind} belongs inside a {'model' if kind == 'block' else 'ranger'}")
         known = vocabulary.TYPES | frozenset(sensing)
         if kind not in known:
-            hint = vocabulary.did_you_mean(kind[:60], known | self._settings.macros)
+            hint = did_you_mean(kind, sorted(known | self._settings.macros), form=vocabulary.MEANT)
             text = "no type or macro has this name; 'define' it, or 'include' the file that does"
             raise place.error(f"unknown model type {kind!r:.60}{hint}: {text}")
         if kind in vocabulary.UNSUPPORTED:

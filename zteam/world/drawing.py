@@ -11,9 +11,9 @@ from xml.sax.saxutils import escape
 import numpy as np
 
 from zteam.errors import UsageError
-from zteam.geometry import Pose2
+from zteam.geometry import Point2, Pose2
 from zteam.world.colors import find_color
-from zteam.world.model import Floorplan, Point2, Robot, Shape, World
+from zteam.world.model import Floorplan, Robot, Shape, World
 
 if TYPE_CHECKING:
     from PIL.Image import Image as Picture

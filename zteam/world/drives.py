@@ -2,7 +2,8 @@
 
 from typing import NamedTuple
 
-from zteam.world.model import Limits, Point2
+from zteam.geometry import Point2
+from zteam.world.model import Limits
 from zteam.world.properties import Reader
 
 WHEEL_SEPARATION = 0.3

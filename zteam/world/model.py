@@ -10,9 +10,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.geometry import Pose2
-
-Point2 = tuple[float, float]
+from zteam.geometry import Point2, Pose2
 
 
 class Shape(msgspec.Struct, frozen=True):

@@ -9,8 +9,8 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.geometry import Pose2
-from zteam.world.model import Floorplan, Point2, Robot, Shape, World
+from zteam.geometry import Point2, Pose2, in_polygon
+from zteam.world.model import Floorplan, Robot, Shape, World
 
 Floats = NDArray[np.float64]
 REACH = 1e6
@@ -123,7 +123,7 @@ def _meets_plan(plan: Floorplan, polygon: Floats) -> bool:
     row, column = row + low[1], column + low[0]
     # Of small cells their middles are left.
     rim = min(0.5, WALL_RIM / min(plan.cell))
-    return bool(_contains(local, column + 0.5, row + 0.5).any()) or any(
+    return bool(in_polygon(local, column + 0.5, row + 0.5).any()) or any(
         _edge_meets_cells((ax, ay), (bx, by), (column + rim, row + rim), 1.0 - 2.0 * rim)
         for (ax, ay), (bx, by) in zip(local.tolist(), np.roll(local, 1, axis=0).tolist(), strict=True)
     )
@@ -142,16 +142,6 @@ def _edge_meets_cells(a: Point2, b: Point2, lows: tuple[Floats, Floats], side: f
     return bool((first < last).any())
 
 
-def _contains(polygon: Floats, x: Floats, y: Floats) -> NDArray[np.bool_]:
-    """For each point whether it lies in the polygon: an odd number of edges to its right."""
-    inside = np.zeros(np.shape(x), bool)
-    for (ax, ay), (bx, by) in zip(polygon, np.roll(polygon, 1, axis=0), strict=True):
-        if ay != by:
-            crosses = (ay > y) != (by > y)
-            inside ^= crosses & (x < ax + (y - ay) * (bx - ax) / (by - ay))
-    return inside
-
-
 def _reach(shapes: Sequence[Shape]) -> float:
     """Metres from their owner's origin to their furthest corner."""
     return max((math.hypot(x, y) for shape in shapes for x, y in shape.points), default=0.0)
@@ -164,7 +154,7 @@ def _overlap(one: Floats, other: Floats) -> bool:
     if _edges_cross(one, other):
         return True
     # No edges cross: the polygons are apart, or one holds the other, or they have edges in common.
-    return any(_contains(b, *_points_inside(a)).any() for a, b in ((one, other), (other, one)))
+    return any(in_polygon(b, *_points_inside(a)).any() for a, b in ((one, other), (other, one)))
 
 
 def _points_inside(polygon: Floats) -> tuple[Floats, Floats]:

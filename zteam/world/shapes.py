@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from zteam.geometry import Pose2
-from zteam.world.model import Point2, Shape
+from zteam.geometry import Point2, Pose2, signed_area
+from zteam.world.model import Shape
 from zteam.world.properties import Size3
 
 BOUNDARY_THICKNESS = 0.01
@@ -89,12 +89,6 @@ def place_blocks(blocks: Iterable[Block], owner_from_body: Pose2, z: float, surf
     return tuple(shapes)
 
 
-def signed_area(points: Sequence[Point2]) -> float:
-    """Area of a polygon, positive if counter-clockwise."""
-    pairs = zip(points, (*points[1:], points[0]), strict=True)
-    return 0.5 * sum(ax * by - bx * ay for (ax, ay), (bx, by) in pairs)
-
-
 def counter_clockwise(points: Sequence[Point2]) -> tuple[Point2, ...]:
     """The polygon with its interior on the left."""
     return tuple(points) if signed_area(points) > 0 else tuple(reversed(points))
@@ -119,28 +113,3 @@ def is_simple(points: tuple[Point2, ...]) -> bool:
     own = np.eye(len(corners), dtype=bool)
     touches &= ~(own | np.roll(own, 1, axis=1))
     return not (parted & parted.T).any() and not touches.any()
-
-
-def _turn(a: Point2, b: Point2, c: Point2) -> float:
-    """Above 0 if the way a, b, c turns left."""
-    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
-
-
-def is_convex(points: Sequence[Point2]) -> bool:
-    """Whether a simple, counter-clockwise polygon turns right nowhere."""
-    return all(_turn(points[i - 2], points[i - 1], point) >= 0 for i, point in enumerate(points))
-
-
-def convex_hull(points: Sequence[Point2]) -> tuple[Point2, ...]:
-    """Smallest convex polygon around the points, counter-clockwise (Andrew's monotone chain)."""
-    ordered = sorted(set(points))
-    return (*_chain(ordered), *_chain(ordered[::-1]))
-
-
-def _chain(points: Sequence[Point2]) -> list[Point2]:
-    chain: list[Point2] = []
-    for point in points:
-        while len(chain) > 1 and _turn(chain[-2], chain[-1], point) <= 0:
-            chain.pop()
-        chain.append(point)
-    return chain[:-1]

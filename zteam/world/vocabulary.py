@@ -4,10 +4,13 @@ A property of Stage is read, ignored in silence (it concerns a display, or a dev
 with a remark (it would change what robots do). Any other property is remarked as unknown.
 """
 
-import difflib
-import functools
 import re
 from collections.abc import Iterable, Set
+
+from zteam.errors import did_you_mean
+
+MEANT = " (did you mean {!r}?)"
+"""In error texts."""
 
 UNSUPPORTED = {
     "camera": "cameras are",
@@ -86,11 +89,4 @@ def remark_on(kind: str, name: str, values: Iterable[float | str], also: Set[str
     if plain in REMARKED:
         harmless = plain in HARMLESS and set(values) <= set(HARMLESS[plain])
         return None if harmless else f"{name} is ignored: {REMARKED[plain]}"
-    return f"unknown property {name!r:.60} is ignored{did_you_mean(plain[:60], frozenset(read))}"
-
-
-@functools.lru_cache(1024)
-def did_you_mean(name: str, known: frozenset[str]) -> str:
-    """The end of an error text that names the most similar word; empty if none is similar."""
-    close = difflib.get_close_matches(name, sorted(known), n=1, cutoff=0.75)
-    return f" (did you mean {close[0]!r}?)" if close else ""
+    return f"unknown property {name!r:.60} is ignored{did_you_mean(plain, sorted(read), form=MEANT)}"

@@ -4,18 +4,16 @@ import math
 
 import pytest
 
-from zteam.geometry import Pose2
+from zteam.geometry import Pose2, convex_hull, signed_area
 from zteam.world.properties import Size3
 from zteam.world.shapes import (
     UNIT_BOX,
     Block,
     Surface,
     boundary_slabs,
-    convex_hull,
     fit_blocks,
     is_simple,
     place_blocks,
-    signed_area,
     without_repeats,
 )
 

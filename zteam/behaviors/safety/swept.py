@@ -11,10 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.base import Base, Point2
-from zteam.geometry import Pose2
+from zteam.base import Base
+from zteam.geometry import Point2, Pose2, convex_hull
 from zteam.kernels import binding as kernels
-from zteam.world.shapes import convex_hull
 
 Floats = NDArray[np.float64]
 

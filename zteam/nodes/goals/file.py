@@ -6,9 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from zteam import names
-from zteam.errors import ConfigError, UsageError
+from zteam.errors import ConfigError, UsageError, did_you_mean
 from zteam.geometry import Pose2, turn_problem
-from zteam.problems import did_you_mean
 
 if TYPE_CHECKING:
     import yaml
