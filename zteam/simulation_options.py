@@ -48,15 +48,3 @@ class Options(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
 def _check(name: str, value: float, high: float) -> None:
     if not 0.0 <= value <= high:
         raise ValueError(f"{name} must be from 0 to {high:g}, not {value:g}")
-
-
-def simulation_arguments(options: Options) -> list[str]:
-    """The arguments of `zteam-sim` for these options; none for a default value."""
-    arguments: list[str] = []
-    for field in msgspec.structs.fields(options):
-        value = getattr(options, field.name)
-        if value != field.default:
-            values = value if isinstance(value, tuple) else (value,)
-            # One word each: argparse would take "-inf" for an option.
-            arguments.append(f"--{field.name.replace('_', '-')}={','.join(map(str, values))}")
-    return arguments

@@ -15,8 +15,9 @@ from zteam.behaviors.scans import first_clear, look_ahead, look_along
 from zteam.errors import ConfigError, DecodeError
 from zteam.geometry import Pose2
 from zteam.messages import Header, LaserScan, Odometry, decode, encode, time_from_ns
+from zteam.process_options import RobotOptions, from_line, to_line
 from zteam.resources import teams_folder
-from zteam.team_file import Team, load_team, read_team_file, robot_arguments, static_transform, team_world
+from zteam.team_file import Team, behavior_of, load_team, read_team_file, static_transform, team_world
 
 NOW = 100 * TICK
 any_float32 = st.floats(width=32)
@@ -148,7 +149,8 @@ def use(path: Path) -> Team:
     """Load a team file and do everything that can be done with it."""
     team = load_team(path)
     for robot in team.robots:
-        assert all("\0" not in argument for argument in robot_arguments(robot)[2:] if "=" in argument)
+        told = RobotOptions(robot.id, *behavior_of(robot), base=robot.base)
+        assert to_line("robot", from_line(to_line("robot", told), RobotOptions)[1]) == to_line("robot", told)
     for entry in team.static_transforms:
         turn = static_transform(entry).transform.rotation
         assert math.hypot(turn.x, turn.y, turn.z, turn.w) == pytest.approx(1.0)

@@ -17,10 +17,10 @@ from zteam.behaviors.registry import find_behavior
 from zteam.bus import Bus, Change, MemoryHub
 from zteam.geometry import Pose2
 from zteam.messages import Done, RobotStatus, Tick
-from zteam.nodes.robot.node import RobotNode, RobotOptions
-from zteam.nodes.simulator.lockstep import LockStepOptions
-from zteam.nodes.simulator.node import SimOptions, Simulator
+from zteam.nodes.robot.node import RobotNode
+from zteam.nodes.simulator.node import Simulator
 from zteam.nodes.transforms.node import Aggregator
+from zteam.process_options import LockStepOptions, RobotOptions, SimOptions
 from zteam.resources import find_world
 from zteam.runtime.node import Node
 from zteam.runtime.shutdown import Stop

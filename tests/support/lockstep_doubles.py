@@ -14,7 +14,8 @@ from zteam.bus.memory import MemoryTransport
 from zteam.bus.transport import Closeable, RawSample, SampleHandler
 from zteam.clock import to_ns, wait_until
 from zteam.messages import Clock, Done, TeamState, TeamStatus, Tick, Twist, time_from_ns
-from zteam.nodes.simulator.lockstep import LockStep, LockStepOptions
+from zteam.nodes.simulator.lockstep import LockStep
+from zteam.process_options import LockStepOptions
 from zteam.runtime.node import Node
 from zteam.runtime.shutdown import Stop
 from zteam.services.simulator import SimStatus

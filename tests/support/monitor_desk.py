@@ -9,9 +9,10 @@ from zteam import names
 from zteam.bus import MemoryHub
 from zteam.errors import ZteamError
 from zteam.messages import RobotState, RobotStatus, TeamStatus
-from zteam.nodes.monitor.display import Lines, MonitorOptions, Output
+from zteam.nodes.monitor.display import Lines, Output
 from zteam.nodes.monitor.members import Event
 from zteam.nodes.monitor.node import Monitor
+from zteam.process_options import MonitorOptions
 from zteam.runtime.node import Node
 from zteam.runtime.shutdown import Stop
 

@@ -26,7 +26,8 @@ from zteam.messages import (
     Twist,
     time_from_ns,
 )
-from zteam.nodes.robot.node import RobotNode, RobotOptions
+from zteam.nodes.robot.node import RobotNode
+from zteam.process_options import RobotOptions
 from zteam.resources import shipped_world
 from zteam.runtime.node import Node
 from zteam.runtime.shutdown import Stop

@@ -21,7 +21,10 @@ from zteam.runtime.process_name import show_name
 if TYPE_CHECKING:
     from _typeshed import SupportsWrite
 
+    from zteam.process_options import ProcessOptions
+
 T = TypeVar("T")
+S = TypeVar("S", bound="ProcessOptions")
 
 FORMATS = ("text", "json")
 """Values of `--log-format`."""
@@ -182,6 +185,50 @@ def run(name: str, args: argparse.Namespace, body: Callable[[], int], *, needs_o
             raise
 
     return guarded(name, reported, needs_output=needs_output)
+
+
+def run_process(
+    command: str,
+    kind: type[S],
+    build_parser: Callable[[], argparse.ArgumentParser],
+    read: Callable[[argparse.Namespace], tuple[str, Callable[[], S]]],
+    argv: Sequence[str] | None,
+    *,
+    needs_output: bool = True,
+) -> int:
+    """Be the process of one kind; its exit code. A user types options; a launcher gives `-` alone and writes a line.
+
+    `read(args)` is the name of the process and what makes its options, once the log is there, of a command line.
+    """
+    words = list(sys.argv[1:] if argv is None else argv)
+    if words == [FROM_STDIN]:
+        from zteam.process_options import from_line
+
+        parser = Parser(prog=command)
+        add_bus_options(parser)
+        args = parser.parse_args([])
+        name, told = from_line(sys.stdin.readline(), kind)
+        return run(name, args, lambda: _be(name, args, told), needs_output=needs_output)
+    args = build_parser().parse_args(words)
+    name, make_options = checked(args, lambda: read(args))
+    return run(name, args, lambda: _be(name, args, make_options()), needs_output=needs_output)
+
+
+def _be(name: str, args: argparse.Namespace, options: "ProcessOptions") -> int:
+    from zteam.nodes.bodies import part_of
+    from zteam.runtime.faults import log_fault
+    from zteam.runtime.process import run_node
+
+    # Report a mistake before waiting for the router.
+    try:
+        part = part_of(options)
+    except ZteamError:
+        raise
+    except Exception as error:
+        # In the code of a user's behaviour.
+        return log_fault(error)
+    clock = getattr(args, "clock", part.clock)
+    return run_node(part.name or name, bus_options(args, small=part.small), part.body, clock, make=part.make)
 
 
 def fail(name: str, error: ZteamError) -> int:

@@ -26,10 +26,11 @@ from zteam.numbers import MAX_SECONDS, counted
 from zteam.resources import find_team, find_world, names, teams_folder
 
 if TYPE_CHECKING:
+    from zteam.bus import BusOptions
     from zteam.cli.up_display import Display
-    from zteam.launch.arguments import Pace
+    from zteam.launch.kinds import TeamLaunch
     from zteam.launch.report import RunReport
-    from zteam.launch.run import Run, RunOptions
+    from zteam.launch.run import Run
     from zteam.launch.warm_parent import WarmParent
     from zteam.runtime.shutdown import Stop
     from zteam.team_file import Team
@@ -146,12 +147,6 @@ def _check_closed(args: argparse.Namespace) -> None:
         raise UsageError("--connect needs processes, or --bus: a team with --in-process has no router")
 
 
-def _pace(args: argparse.Namespace) -> "Pace":
-    from zteam.launch.arguments import Pace
-
-    return Pace(args.speed, args.lockstep, args.lockstep_timeout, tuple(args.expect))
-
-
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point."""
     args = build_parser().parse_args(argv)
@@ -165,13 +160,13 @@ def _up(args: argparse.Namespace) -> int:
     if args.in_process:
         from zteam.cli.up_in_process import carry_out
 
-        return carry_out(_options(args), args)
+        return carry_out(_launch(args), bus_options(args), args)
     from zteam.launch.warm_parent import WarmParent
 
     with WarmParent() as parent:
         # It imports while the team is checked.
         parent.prepare()
-        return _start_processes(_options(args), args, parent)
+        return _start_processes(_launch(args), bus_options(args), args, parent)
 
 
 def _print_arguments(args: argparse.Namespace) -> int:
@@ -183,14 +178,16 @@ def _print_arguments(args: argparse.Namespace) -> int:
     return 0
 
 
-def _options(args: argparse.Namespace) -> "RunOptions":
+def _launch(args: argparse.Namespace) -> "TeamLaunch":
     """The run that the command line asks for. Raises UsageError."""
     from zteam.launch.check import check_team, refuse_nodes
+    from zteam.launch.kinds import Pace
+    from zteam.launch.plan import launch_of
     from zteam.launch.report import check_writable
-    from zteam.launch.run import RunOptions
+    from zteam.names import VIEW
+    from zteam.process_options import ViewOptions
     from zteam.team_file import parse_arguments, read_team_file
 
-    bus = bus_options(args)
     if args.report:
         check_writable(Path(args.report))
     file = read_team_file(find_team(args.team), parse_arguments(args.arguments))
@@ -202,8 +199,19 @@ def _options(args: argparse.Namespace) -> "RunOptions":
     if args.seed is not None:
         _note_unused_seed(args.seed, file.team, world)
     resolved = world.resolve() if world else None
-    view = (("--no-browser",) if args.no_browser else ()) if args.view else None
-    return RunOptions(file.team, file.path, resolved, bus, args.seed, args.run_for, args.until, _pace(args), view)
+    pace = Pace(args.speed, args.lockstep, args.lockstep_timeout, tuple(args.expect))
+    token = os.environ.get("ZTEAM_VIEW_TOKEN") or ""
+    view = ViewOptions(token=token, browser=not args.no_browser, name=VIEW) if args.view else None
+    return launch_of(
+        file.team,
+        resolved,
+        team_file=file.path,
+        seed=args.seed,
+        run_for=args.run_for,
+        until=args.until,
+        pace=pace,
+        view=view,
+    )
 
 
 def _refuse_without_simulator(args: argparse.Namespace) -> None:
@@ -219,7 +227,7 @@ def _refuse_without_simulator(args: argparse.Namespace) -> None:
             raise UsageError(f'{flag} needs a simulator: this team has none (world = "none")')
 
 
-def _start_processes(options: "RunOptions", args: argparse.Namespace, parent: "WarmParent") -> int:
+def _start_processes(launch: "TeamLaunch", bus: "BusOptions", args: argparse.Namespace, parent: "WarmParent") -> int:
     from zteam.cli.up_display import Printer, open_display
     from zteam.launch.run import Run
     from zteam.runtime.shutdown import Stop
@@ -227,7 +235,7 @@ def _start_processes(options: "RunOptions", args: argparse.Namespace, parent: "W
     stop = Stop()
     with ExitStack() as stack:
         display = stack.enter_context(open_display(args.log_format, args.run_for))
-        team_run = stack.enter_context(Run(options, stop, Printer(display.print).line, parent))
+        team_run = stack.enter_context(Run(launch, bus, stop, Printer(display.print).line, parent))
         stop.install(on_repeat=team_run.hurry)
         try:
             report = _run(team_run, display, args)
@@ -235,7 +243,7 @@ def _start_processes(options: "RunOptions", args: argparse.Namespace, parent: "W
             if stop.requested:
                 return 0
             raise
-    return conclude(team_run.failed, report, stop, options.has_end, args.report)
+    return conclude(team_run.failed, report, stop, launch.has_end, args.report)
 
 
 def _note_unused_seed(seed: int, team: "Team", world: Path | None) -> None:
@@ -253,7 +261,7 @@ def _note_unused_seed(seed: int, team: "Team", world: Path | None) -> None:
 def _run(team_run: "Run", display: "Display", args: argparse.Namespace) -> "RunReport | None":
     from zteam.launch.run import warn_of_endpoint
 
-    processes = counted(len(team_run.plan.commands) + len(team_run.plan.nodes), "process", "processes")
+    processes = counted(len(team_run.plan.jobs), "process", "processes")
     display.say(f"starting {processes}")
     team_run.start()
     log.info("%s, router at %s; Ctrl+C stops them", processes, team_run.endpoint)

@@ -17,21 +17,22 @@ from zteam.runtime.logs import passing_lines
 from zteam.runtime.shutdown import Stop, exit_hard_later
 
 if TYPE_CHECKING:
+    from zteam.bus import BusOptions
     from zteam.in_process.outside import Outside
+    from zteam.launch.kinds import Pace, TeamLaunch
     from zteam.launch.report import RunReport
-    from zteam.launch.run import RunOptions
 
 
-def carry_out(options: "RunOptions", args: argparse.Namespace) -> int:
+def carry_out(launch: "TeamLaunch", bus: "BusOptions", args: argparse.Namespace) -> int:
     """Run the team to its end; the exit code."""
     stop = Stop()
     with (
         open_display(args.log_format, args.run_for) as display,
-        _open_outside(options) if args.bus else nullcontext() as outside,
+        _open_outside(bus, launch.pace) if args.bus else nullcontext() as outside,
     ):
         line = Printer(display.print).line
         _give_terminal_to_debugger(display)
-        with passing_lines(line, names.LAUNCHER), InProcessRun(options.launch, stop, line, outside=outside) as team_run:
+        with passing_lines(line, names.LAUNCHER), InProcessRun(launch, stop, line, outside=outside) as team_run:
             give_back = stop.install(on_repeat=_end_now)
             # Code of a behaviour that does not return holds the whole process.
             cancel = exit_hard_later(stop, hung=1)
@@ -44,13 +45,13 @@ def carry_out(options: "RunOptions", args: argparse.Namespace) -> int:
         cancel()
         give_back()
     failed = {member.name for member in team_run.endings.failures} | team_run.processes.failures
-    return conclude(failed | team_run.calls.hung, report, stop, options.has_end, args.report)
+    return conclude(failed | team_run.calls.hung, report, stop, launch.has_end, args.report)
 
 
-def _open_outside(options: "RunOptions") -> "Outside":
+def _open_outside(bus: "BusOptions", pace: "Pace") -> "Outside":
     from zteam.in_process.outside import Outside
 
-    return Outside(options.bus, options.pace)
+    return Outside(bus, pace)
 
 
 def _run(

@@ -2,13 +2,14 @@
 running already, show that one's team."""
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from zteam import names
 from zteam.cli.arguments import add_go_timeout_option, number
 from zteam.cli.interrupts import leave
-from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, checked, run
+from zteam.cli.options import Parser, add_bus_options, add_clock_option, run_process
 from zteam.errors import UsageError
+from zteam.process_options import MonitorOptions
 from zteam.robot_ids import parse_robot_ids
 
 
@@ -48,18 +49,13 @@ def parse_team(size: str | None, ids: Sequence[str] | None) -> tuple[int, tuple[
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point."""
-    args = build_parser().parse_args(argv)
-    team = checked(args, lambda: parse_team(args.team_size, args.ids))
-    return run(names.MONITOR, args, lambda: _monitor(args, *team), needs_output=False)
+    return run_process("zteam-monitor", MonitorOptions, build_parser, _read, argv, needs_output=False)
 
 
-def _monitor(args: argparse.Namespace, team_size: int, ids: tuple[int, ...] | None) -> int:
-    from zteam.nodes.monitor.display import MonitorOptions
-    from zteam.nodes.monitor.node import run_monitor
-    from zteam.runtime.process import run_node
-
+def _read(args: argparse.Namespace) -> tuple[str, Callable[[], MonitorOptions]]:
+    team_size, ids = parse_team(args.team_size, args.ids)
     options = MonitorOptions(team_size, ids, args.json, args.exit_on_go, args.table, args.go_timeout)
-    return run_node(names.MONITOR, bus_options(args, small=True), lambda node: run_monitor(node, options), args.clock)
+    return names.MONITOR, lambda: options
 
 
 if __name__ == "__main__":

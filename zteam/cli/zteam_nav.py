@@ -1,23 +1,18 @@
 """`zteam-nav --id N`: localise a robot, plan its way to a goal, and drive there; with `--ids`, several robots."""
 
 import argparse
-import logging
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from zteam import names
 from zteam.cli.arguments import add_seed_option
 from zteam.cli.interrupts import leave
-from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, checked, run
+from zteam.cli.options import Parser, add_bus_options, add_clock_option, run_process
 from zteam.errors import UsageError
+from zteam.process_options import NavigatedRobot, NavigationOptions
 from zteam.robot_ids import format_robot_ids, parse_robot_ids
 from zteam.toml_values import parse_value
-
-if TYPE_CHECKING:
-    from zteam.nodes.navigation.node import NavigationOptions
-
-log = logging.getLogger("zteam")
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -51,9 +46,12 @@ def build_parser() -> argparse.ArgumentParser:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point."""
-    args = build_parser().parse_args(argv)
-    ids = checked(args, lambda: _ids(args))
-    return run(names.navigation_name(ids[0]), args, lambda: _navigate(args, ids))
+
+    def read(args: argparse.Namespace) -> tuple[str, Callable[[], NavigationOptions]]:
+        ids = _ids(args)
+        return names.navigation_name(ids[0]), lambda: _read(args, ids)
+
+    return run_process("zteam-nav", NavigationOptions, build_parser, read, argv)
 
 
 def _ids(args: argparse.Namespace) -> tuple[int, ...]:
@@ -87,11 +85,8 @@ def _joined(table: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any
     return joined
 
 
-def _read(args: argparse.Namespace, ids: Iterable[int]) -> "NavigationOptions":
+def _read(args: argparse.Namespace, ids: Iterable[int]) -> NavigationOptions:
     """What the command line and the team file say. Raises UsageError and ConfigError."""
-    from zteam.base import BaseOverride
-    from zteam.nodes.navigation.node import NavigatedRobot, NavigationOptions
-    from zteam.planning.parameters import navigation_of_robot
     from zteam.team_file import load_team, navigation_of, parse_arguments
 
     team = load_team(Path(args.team), parse_arguments(args.arguments)) if args.team else None
@@ -99,31 +94,17 @@ def _read(args: argparse.Namespace, ids: Iterable[int]) -> "NavigationOptions":
     lacking = [robot_id for robot_id in ids if entries and robot_id not in entries]
     if lacking:
         raise UsageError(f"{args.team} has no robot {format_robot_ids(lacking)}")
-    given, robots, unknown = _table(args), {}, dict[str, None]()
+    given, robots = _table(args), {}
     for robot_id in ids:
         entry = entries.get(robot_id)
-        own = (navigation_of(entry) or {}) if entry is not None else {}
+        if entry is None:
+            robots[robot_id] = NavigatedRobot(given)
+            continue
+        own = navigation_of(entry) or {}
         folder = Path(args.team).parent if own.get("params") is not None and args.params is None else Path()
-        source = "the parameters" if entry is None else f"{args.team}: robot {robot_id}, navigation"
-        read = navigation_of_robot(_joined(own, given), robot_id, folder, source)
-        unknown.update(dict.fromkeys(read.unknown))
-        robots[robot_id] = NavigatedRobot(read.parameters, BaseOverride() if entry is None else entry.base)
-    if unknown:
-        log.warning("%d parameters are not known here and have no effect: %s", len(unknown), ", ".join(unknown))
+        source = f"{args.team}: robot {robot_id}, navigation"
+        robots[robot_id] = NavigatedRobot(_joined(own, given), folder, source, entry.base)
     return NavigationOptions(robots, args.seed)
-
-
-def _navigate(args: argparse.Namespace, ids: tuple[int, ...]) -> int:
-    from zteam.nodes.navigation.node import run_navigation
-    from zteam.runtime.process import run_node
-    from zteam.runtime.step_node import StepNode
-
-    options = _read(args, ids)
-
-    def body(node: StepNode) -> None:
-        run_navigation(node, options)
-
-    return run_node(names.navigation_name(ids[0]), bus_options(args), body, args.clock, make=StepNode)
 
 
 if __name__ == "__main__":

@@ -2,13 +2,14 @@
 
 import argparse
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from zteam import names
 from zteam.cli.arguments import add_path_option, add_seed_option
 from zteam.cli.interrupts import leave
-from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, checked, run
-from zteam.errors import UsageError, ZteamError
+from zteam.cli.options import Parser, add_bus_options, add_clock_option, run_process
+from zteam.errors import UsageError
+from zteam.process_options import RobotOptions
 from zteam.toml_values import parse_value
 
 if TYPE_CHECKING:
@@ -93,9 +94,7 @@ def _pair(option: str) -> Callable[[str], str]:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point."""
-    args = build_parser().parse_args(argv)
-    choice = checked(args, lambda: _read(args))
-    return run(names.robot_name(choice.robot_id), args, lambda: _drive(choice, args))
+    return run_process("zteam-robot", RobotOptions, build_parser, _read, argv)
 
 
 def read_base(entries: Sequence[str]) -> "BaseOverride":
@@ -111,16 +110,7 @@ def read_base(entries: Sequence[str]) -> "BaseOverride":
     return msgspec.convert(given, BaseOverride)
 
 
-class _Choice(NamedTuple):
-    """What a command line asks for."""
-
-    robot_id: int
-    behavior: str
-    params: dict[str, Any]
-    base: "BaseOverride"
-
-
-def _read(args: argparse.Namespace) -> _Choice:
+def _read(args: argparse.Namespace) -> tuple[str, Callable[[], RobotOptions]]:
     """What the options say. Raises UsageError."""
     robot_id = _parse_id(args.id, "--id")
     params = dict(map(parse_param, args.param))
@@ -140,7 +130,17 @@ def _read(args: argparse.Namespace) -> _Choice:
         spec, params = "follow", {"leader": leader, **params}
     elif spec == "follow" and "leader" not in params:
         raise UsageError("--behavior follow: the leader is missing; say --follow ID instead")
-    return _Choice(robot_id, spec, params, read_base(args.base))
+    options = RobotOptions(
+        robot_id=robot_id,
+        behavior=spec,
+        params=params,
+        gate=not args.no_gate,
+        seed=args.seed,
+        base=read_base(args.base),
+        safety=not args.no_safety,
+        folders=(*args.path, ""),
+    )
+    return names.robot_name(robot_id), lambda: options
 
 
 def _parse_id(text: str, option: str) -> int:
@@ -148,35 +148,6 @@ def _parse_id(text: str, option: str) -> int:
         return names.parse_robot_id(text)
     except UsageError as error:
         raise UsageError(f"{option}: {error}") from None
-
-
-def _drive(choice: _Choice, args: argparse.Namespace) -> int:
-    from zteam.behaviors.registry import find_behavior, load_behavior, look_in
-    from zteam.nodes.robot.node import RobotOptions, run_robot
-    from zteam.runtime.faults import log_fault
-    from zteam.runtime.process import run_node
-
-    look_in([*args.path, ""])
-    # Report a mistake before waiting for the router.
-    try:
-        load_behavior(choice.behavior, choice.params, choice.robot_id)
-    except ZteamError:
-        raise
-    except Exception as error:
-        return log_fault(error)
-    kind = find_behavior(choice.behavior)
-    options = RobotOptions(
-        robot_id=choice.robot_id,
-        behavior=choice.behavior,
-        params=choice.params,
-        gate=not args.no_gate,
-        seed=args.seed,
-        base=choice.base,
-        safety=not args.no_safety,
-    )
-
-    bus = bus_options(args, small=True)
-    return run_node(names.robot_name(choice.robot_id), bus, lambda node: run_robot(node, kind, options), args.clock)
 
 
 if __name__ == "__main__":

@@ -1,23 +1,22 @@
 """`zteam-sim WORLD`: run the simulator. It reads Stage's world files; a robot's id is its place in the file."""
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+
+import msgspec
 
 from zteam import names
 from zteam.cli.arguments import LOCKSTEP_TIMEOUTS, MIN_RUN, UNTIL_TICKS, add_seed_option, number, parse_speed, whole
 from zteam.cli.interrupts import leave
-from zteam.cli.options import Parser, add_bus_options, bus_options, checked, run
+from zteam.cli.options import Parser, add_bus_options, run_process
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.numbers import MAX_SECONDS, parse_number
+from zteam.process_options import LockStepOptions, SimOptions
 from zteam.resources import find_world
 from zteam.services.simulator import MAX_PLACE
 from zteam.simulation_options import PHYSICS, Options
-
-if TYPE_CHECKING:
-    from zteam.nodes.simulator.lockstep import LockStepOptions
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -143,10 +142,8 @@ def simulation_options(args: argparse.Namespace) -> Options:
         raise UsageError(str(error)) from None
 
 
-def lockstep_options(args: argparse.Namespace) -> "LockStepOptions | None":
+def lockstep_options(args: argparse.Namespace) -> LockStepOptions | None:
     """The lock-step options of a parsed command line; None without `--lockstep`. Raises UsageError."""
-    from zteam.nodes.simulator.lockstep import LockStepOptions
-
     if not args.lockstep:
         for flag, given in (("--expect", args.expect), ("--no-gate", args.no_gate)):
             if given:
@@ -177,64 +174,30 @@ def parse_addition(text: str) -> tuple[int, str, Pose2]:
         raise UsageError(f"--add {text!r}: {error}") from None
 
 
-class _Choice(NamedTuple):
-    """What a command line asks for."""
-
-    lockstep: "LockStepOptions | None"
-    speed: float | None
-    additions: list[tuple[int, str, Pose2]]
-    follows: dict[int, int]
-    engine: Options
-
-
-def _read(args: argparse.Namespace) -> _Choice:
+def _read(args: argparse.Namespace) -> tuple[str, Callable[[], SimOptions]]:
     """What the options say. Raises UsageError."""
-    return _Choice(
-        lockstep=lockstep_options(args),
-        speed=parse_speed(args.speed or ("max" if args.lockstep else "1")),
-        additions=list(map(parse_addition, args.add)),
-        follows=dict(map(parse_gap, args.gap)),
-        engine=simulation_options(args),
-    )
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point."""
-    args = build_parser().parse_args(argv)
-    choice = checked(args, lambda: _read(args))
-    return run(names.SIMULATOR, args, lambda: _simulate(args, choice))
-
-
-def _simulate(args: argparse.Namespace, choice: _Choice) -> int:
-    from zteam.nodes.simulator.node import SimOptions, run_simulator
-    from zteam.runtime.node import Node
-    from zteam.runtime.process import run_node
-    from zteam.world import add_robot, load_world
-
-    world = load_world(find_world(args.world))
-    robots = {} if args.only_added else dict(enumerate(world.robots))
-    for robot_id, model, pose in choice.additions:
-        if robot_id in robots:
-            raise UsageError(f"--add {robot_id}: the world already has a robot {robot_id}")
-        robots[robot_id] = add_robot(world, model, pose, names.robot_name(robot_id))
     options = SimOptions(
         world=Path(args.world),
         seed=args.seed,
         map_resolution=args.map_resolution,
         has_map=not args.no_map,
-        follows=choice.follows,
+        world_robots=not args.only_added,
+        added=tuple(map(parse_addition, args.add)),
+        follows=dict(map(parse_gap, args.gap)),
+        engine=simulation_options(args),
         run_for=args.run_for,
         until=args.until,
-        engine=choice.engine,
-        speed=choice.speed,
+        speed=parse_speed(args.speed or ("max" if args.lockstep else "1")),
         paused=args.paused,
-        lockstep=choice.lockstep,
+        lockstep=lockstep_options(args),
     )
+    # Once the log is there: a world that is not found is told as one that cannot be read.
+    return names.SIMULATOR, lambda: msgspec.structs.replace(options, world=find_world(args.world))
 
-    def body(node: Node) -> None:
-        run_simulator(node, world, robots, options)
 
-    return run_node(names.SIMULATOR, bus_options(args), body)
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point."""
+    return run_process("zteam-sim", SimOptions, build_parser, _read, argv)
 
 
 if __name__ == "__main__":

@@ -4,10 +4,13 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
+import msgspec
+
 from zteam import names
 from zteam.cli.arguments import MAX_RATE, number
 from zteam.cli.interrupts import leave
-from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, run
+from zteam.cli.options import Parser, add_bus_options, add_clock_option, run_process
+from zteam.process_options import AggregatorOptions
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -30,26 +33,20 @@ def build_parser() -> argparse.ArgumentParser:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point."""
-    args = build_parser().parse_args(argv)
-    return run(names.AGGREGATOR, args, lambda: _aggregate(args))
+    return run_process(
+        "zteam-tf", AggregatorOptions, build_parser, lambda args: (names.AGGREGATOR, lambda: _read(args)), argv
+    )
 
 
-def _aggregate(args: argparse.Namespace) -> int:
-    from zteam.nodes.transforms.node import run_aggregator
-    from zteam.runtime.node import Node
-    from zteam.runtime.process import run_node
-    from zteam.team_file import load_team, parse_arguments, static_transform
-    from zteam.tf.urdf import read_description
+def _read(args: argparse.Namespace) -> AggregatorOptions:
+    """What the command line and the team file say. Raises UsageError and ConfigError."""
+    from zteam.launch.kinds import aggregator_options
+    from zteam.team_file import load_team, parse_arguments
 
-    team = load_team(Path(args.team), parse_arguments(args.arguments)) if args.team else None
-    configured = [static_transform(entry) for entry in team.static_transforms] if team else []
-    described = {robot.id: robot.description for robot in team.robots if robot.description} if team else {}
-    descriptions = {robot_id: read_description(Path(args.team).parent / name) for robot_id, name in described.items()}
-
-    def body(node: Node) -> None:
-        run_aggregator(node, configured, descriptions, args.rate)
-
-    return run_node(names.AGGREGATOR, bus_options(args, small=True), body, args.clock)
+    if not args.team:
+        return AggregatorOptions(rate=args.rate)
+    team = load_team(Path(args.team), parse_arguments(args.arguments))
+    return msgspec.structs.replace(aggregator_options(team, Path(args.team).parent), rate=args.rate)
 
 
 if __name__ == "__main__":

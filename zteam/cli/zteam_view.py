@@ -2,15 +2,14 @@
 
 import argparse
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from zteam import names
 from zteam.cli.arguments import whole
 from zteam.cli.interrupts import leave
-from zteam.cli.options import Parser, add_bus_options, bus_options, run
-
-DEFAULT_PORT = 8765
+from zteam.cli.options import Parser, add_bus_options, run_process
+from zteam.process_options import DEFAULT_VIEW_PORT, ViewOptions
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -20,7 +19,7 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--port",
         type=whole(0, 65535, "a port"),
-        default=DEFAULT_PORT,
+        default=DEFAULT_VIEW_PORT,
         help="listen at this port (default: %(default)s)",
     )
     parser.add_argument("--no-browser", action="store_true", help="print the address only")
@@ -30,28 +29,18 @@ def build_parser() -> argparse.ArgumentParser:
         default=os.environ.get("ZTEAM_VIEW_TOKEN") or "",
         help="what a page needs to command (default: a new one; $ZTEAM_VIEW_TOKEN)",
     )
-    parser.add_argument("--name", default="", help=argparse.SUPPRESS)
     add_bus_options(parser)
     return parser
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point."""
-    args = build_parser().parse_args(argv)
-    return run("view", args, lambda: _view(args), needs_output=False)
+    return run_process("zteam", ViewOptions, build_parser, _read, argv, needs_output=False)
 
 
-def _view(args: argparse.Namespace) -> int:
-    from zteam.nodes.web.node import ViewOptions, run_view
-    from zteam.runtime.process import run_node
-
+def _read(args: argparse.Namespace) -> tuple[str, Callable[[], ViewOptions]]:
     options = ViewOptions(args.host, args.port, args.token, not args.no_browser, args.layout)
-    name = args.name or names.view_name()
-    return run_node(name, bus_options(args, small=True), lambda node: run_view(node, options, _show))
-
-
-def _show(text: str) -> None:
-    print(text, flush=True)
+    return names.VIEW, lambda: options
 
 
 if __name__ == "__main__":

@@ -3,26 +3,16 @@
 import logging
 import threading
 from collections.abc import Callable
-from typing import Any
-
-import msgspec
 
 from zteam.in_process.delivery import marks_owner
 from zteam.in_process.hub import TeamHub
+from zteam.nodes.bodies import Part
 from zteam.runtime.node import Node
 from zteam.runtime.process import run_body
 from zteam.runtime.shutdown import Stop
 from zteam.runtime.step_node import StepNode, stepping
 
 log = logging.getLogger("zteam")
-
-
-class Part(msgspec.Struct, frozen=True):
-    """What a node of the team does."""
-
-    body: Callable[[Any], None]
-    """`body(node)` returns when the node is asked to stop."""
-    make: type[Node] = Node
 
 
 def own_part(body: Callable[[StepNode], None]) -> Part:
@@ -63,7 +53,9 @@ class Member:
         owner = self.name
         code = 1
         try:
-            code = run_body(owner, lambda: self._hub.bus(owner), self._body, self.stop, "auto", self._part.make)
+            code = run_body(
+                owner, lambda: self._hub.bus(owner), self._body, self.stop, self._part.clock, self._part.make
+            )
         except SystemExit as error:
             code = error.code if isinstance(error.code, int) else int(error.code is not None)
         except BaseException as error:

@@ -9,7 +9,7 @@ from zteam import names
 from zteam.bus import Bus, BusOptions, connect
 from zteam.bus.router import Router
 from zteam.errors import BusError
-from zteam.launch.arguments import Pace
+from zteam.launch.kinds import Pace
 from zteam.launch.namespace import claim_namespace, refuse_second_team
 from zteam.launch.router import ANY_PORT
 from zteam.launch.run import ROUTER_DEADLINE, choose_endpoint, lease_for, node_environment, warn_of_endpoint

@@ -17,11 +17,11 @@ from zteam.errors import UsageError
 from zteam.in_process.endings import Endings
 from zteam.in_process.hub import TeamHub
 from zteam.in_process.logs import naming_nodes
-from zteam.in_process.member import Member, Part, own_part
+from zteam.in_process.member import Member, own_part
 from zteam.in_process.node_processes import NodeProcesses
 from zteam.in_process.parts import parts_of
 from zteam.in_process.user_calls import CallWatch, UserCall
-from zteam.launch.arguments import TeamLaunch
+from zteam.launch.kinds import TeamLaunch
 from zteam.launch.overview import TeamOverview
 from zteam.launch.plan import plan_team, stop_order
 from zteam.launch.process import exit_text
@@ -29,6 +29,7 @@ from zteam.launch.progress import Progress, Watched
 from zteam.launch.report import RunReport, make_report, measure_processes, read_counts, seconds_since_start
 from zteam.launch.restarts import Restarts, serve_restarts
 from zteam.launch.supervisor import GRACE
+from zteam.nodes.bodies import Part
 from zteam.runtime.shutdown import Stop
 from zteam.runtime.step_node import StepNode
 
@@ -74,10 +75,10 @@ class InProcessRun:
         self._stop = stop
         self._since_start = since_start
         self._progress: Progress | None = None
-        plan = plan_team(launch, ())
+        plan = plan_team(launch)
         self.processes = NodeProcesses(plan, on_line, self._wake)
         """The nodes of the team file, which are processes."""
-        self._restarts = Restarts(self.restart_node, plan.restarts)
+        self._restarts = Restarts(self.restart_node, (name for name, job in plan.own.items() if job.restarts))
         self.endings = Endings(self._restarts, on_failure)
         self._outside = outside
         self.hub = TeamHub(None if outside is None else outside.bus)

@@ -12,8 +12,8 @@ from zteam.errors import UsageError, ZteamError
 from zteam.in_process.logs import prefixing_lines
 from zteam.in_process.member import Member
 from zteam.in_process.run import Body, InProcessRun
-from zteam.launch.arguments import Pace, TeamLaunch
 from zteam.launch.check import check_team, refuse_nodes
+from zteam.launch.kinds import Pace, TeamLaunch
 from zteam.launch.plan import launch_of
 from zteam.launch.process import exit_text
 from zteam.launch.report import RunReport

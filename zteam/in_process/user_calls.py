@@ -12,7 +12,7 @@ from types import FrameType
 from typing import NamedTuple
 
 from zteam.in_process.delivery import Delivery, current_owner
-from zteam.launch.arguments import Pace
+from zteam.launch.kinds import Pace
 from zteam.runtime.faults import frames_text, is_own
 from zteam.runtime.log_keeper import KEEPER
 from zteam.runtime.step_watch import hanging

@@ -31,6 +31,7 @@ PRELOADS = (
     "zteam.runtime.process",
     "zteam.nodes.router.node",
     "zteam.world",
+    "zteam.nodes.bodies",
     "zteam.nodes.transforms.node",
     "zteam.team_file",
     "zteam.tf.urdf",

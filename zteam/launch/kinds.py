@@ -1,27 +1,147 @@
-"""The kinds of process that make a team: one table, one row per kind.
+"""The kinds of process that make a team: one table, one row per kind, with what each is told of a team.
 
 The plan, the launcher, the `team` fixture and `zteam doctor` read this table. A new kind of process needs its folder
-under `nodes/`, its command under `cli/` and its row here.
+under `nodes/`, its options and its body (`process_options`, `nodes.bodies`), its command under `cli/`, and its row.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from pathlib import Path
 
 import msgspec
 
 from zteam import names
-from zteam.launch.arguments import (
-    Arguments,
-    TeamLaunch,
-    aggregator_arguments,
-    map_arguments,
-    monitor_arguments,
-    navigation_arguments,
-    no_arguments,
-    robots_arguments,
-    simulator_arguments,
-    view_arguments,
-)
 from zteam.launch.process import zteam_command
+from zteam.process_options import (
+    LOCKSTEP_TIMEOUT,
+    AggregatorOptions,
+    LockStepOptions,
+    MapOptions,
+    MonitorOptions,
+    NavigatedRobot,
+    NavigationOptions,
+    ProcessOptions,
+    RobotOptions,
+    SimOptions,
+    ViewOptions,
+)
+from zteam.team_file import Team, behavior_of, navigation_of, static_transform
+
+
+class Pace(msgspec.Struct, frozen=True):
+    """How the time of a simulated team passes."""
+
+    speed: str | None = None
+    """As on the command line: a number or `max`; None = the simulator's default."""
+    lockstep: bool = False
+    timeout: float = LOCKSTEP_TIMEOUT
+    """Host seconds until lock-step leaves a silent participant behind."""
+    expect: tuple[str, ...] = ()
+    """Participants besides the team's own that the first tick of lock-step waits for."""
+    paused: bool = False
+
+
+class TeamLaunch(msgspec.Struct, frozen=True):
+    """Everything that the processes of a team depend on."""
+
+    team: Team
+    world: Path | None
+    """None: real robots, no simulator."""
+    seed: int
+    team_file: Path | None = None
+    run_for: float | None = None
+    """Simulated seconds after GO."""
+    until: int | None = None
+    """The run ends before this tick."""
+    pace: Pace = Pace()
+    view: ViewOptions | None = None
+    """None: the team is started without one."""
+    participants: tuple[str, ...] = ()
+    """Names of the processes that the first tick of lock-step waits for."""
+
+    @property
+    def has_end(self) -> bool:
+        """Whether the run ends by itself."""
+        return self.run_for is not None or self.until is not None
+
+    @property
+    def folder(self) -> Path:
+        """What paths of the team file are relative to."""
+        return self.team_file.parent if self.team_file else Path()
+
+
+def _simulator(launch: TeamLaunch) -> dict[str, SimOptions]:
+    """One simulator, unless the robots are real."""
+    team, pace = launch.team, launch.pace
+    if launch.world is None:
+        return {}
+    speed = pace.speed or ("max" if pace.lockstep else "1")
+    options = SimOptions(
+        world=launch.world,
+        seed=launch.seed,
+        has_map=team.team.map is None,
+        world_robots=team.team.world_robots,
+        added=tuple((robot.id, robot.model or "erratic", robot.pose) for robot in team.robots if robot.pose),
+        follows={robot.id: robot.follow for robot in team.robots if robot.follow is not None},
+        engine=team.simulation,
+        run_for=launch.run_for,
+        until=launch.until,
+        speed=None if speed == "max" else float(speed),
+        paused=pace.paused,
+        lockstep=LockStepOptions(launch.participants, pace.timeout) if pace.lockstep else None,
+    )
+    return {names.SIMULATOR: options}
+
+
+def _aggregator(launch: TeamLaunch) -> dict[str, AggregatorOptions]:
+    """One aggregator, which publishes the static transforms of the team file."""
+    return {names.AGGREGATOR: aggregator_options(launch.team, launch.folder)}
+
+
+def aggregator_options(team: Team, folder: Path) -> AggregatorOptions:
+    """What the aggregator publishes of a team file in this folder."""
+    configured = tuple(static_transform(entry) for entry in team.static_transforms)
+    return AggregatorOptions(configured, {r.id: folder / r.description for r in team.robots if r.description})
+
+
+def _map_server(launch: TeamLaunch) -> dict[str, MapOptions]:
+    """One map server, if the team file names a map, in the place of the simulator's own."""
+    file = launch.team.team.map
+    return {} if file is None else {names.MAP_SERVER: MapOptions(launch.folder / file)}
+
+
+def _monitor(launch: TeamLaunch) -> dict[str, MonitorOptions]:
+    """One monitor, which gives GO when all these robots are ready."""
+    ids = tuple(robot.id for robot in launch.team.robots)
+    return {names.MONITOR: MonitorOptions(len(ids), ids)}
+
+
+def _robots(launch: TeamLaunch) -> dict[str, RobotOptions]:
+    """One process per robot. The module of a user's behaviour may lie beside the team file and what it includes."""
+    own = [] if launch.team_file is None else [str(launch.team_file.resolve().parent)]
+    folders = (*dict.fromkeys([*own, *launch.team.folders]), "")
+    found = {}
+    for robot in launch.team.robots:
+        spec, params = behavior_of(robot)
+        found[names.robot_name(robot.id)] = RobotOptions(
+            robot.id, spec, params, seed=launch.seed, base=robot.base, safety=robot.safety, folders=folders
+        )
+    return found
+
+
+def _navigation(launch: TeamLaunch) -> dict[str, NavigationOptions]:
+    """One process for all robots that are navigated: they share the map."""
+    found = {
+        robot.id: NavigatedRobot(table, launch.folder, f"robot {robot.id}, navigation", robot.base)
+        for robot in sorted(launch.team.robots, key=lambda robot: robot.id)
+        if (table := navigation_of(robot)) is not None
+    }
+    return {names.navigation_name(min(found)): NavigationOptions(found, launch.seed)} if found else {}
+
+
+def _view(launch: TeamLaunch) -> dict[str, ViewOptions]:
+    """One view, if it is asked for."""
+    return {} if launch.view is None else {names.VIEW: launch.view}
+
 
 ROUTER = "router"
 
@@ -35,8 +155,8 @@ class Kind(msgspec.Struct, frozen=True):
     """Name of the process; for one process per robot, the pattern that a user reads."""
     command: str
     """The command that runs it, such as `zteam-sim`."""
-    arguments: Callable[[TeamLaunch], Arguments]
-    """The processes of this kind in a team, by name, with their arguments."""
+    options: Callable[[TeamLaunch], Mapping[str, ProcessOptions]]
+    """The processes of this kind in a team, by name."""
     stop_rank: int
     """A team stops rank by rank, the lowest first."""
     hint: str
@@ -71,7 +191,7 @@ ROUTER_KIND = Kind(
     name=ROUTER,
     command="zteam-router",
     # `launch.router` starts it before the plan's processes, because it chooses the port.
-    arguments=no_arguments,
+    options=lambda _launch: {},
     stop_rank=3,
     hint="start anything of zteam (it brings a router), or 'zteam-router'",
     carries_run=True,
@@ -86,7 +206,7 @@ KINDS: tuple[Kind, ...] = (
         title="simulator",
         name=names.SIMULATOR,
         command="zteam-sim",
-        arguments=simulator_arguments,
+        options=_simulator,
         stop_rank=2,
         hint="zteam-sim WORLD (or real robots that publish the same keys)",
         carries_run=True,
@@ -95,7 +215,7 @@ KINDS: tuple[Kind, ...] = (
         title="map",
         name=names.MAP_SERVER,
         command="zteam-map",
-        arguments=map_arguments,
+        options=_map_server,
         stop_rank=1,
         # The simulator has a map of its own, and few teams need one: `zteam doctor` names it where the map is missing.
         hint="",
@@ -104,7 +224,7 @@ KINDS: tuple[Kind, ...] = (
         title="transforms",
         name=names.AGGREGATOR,
         command="zteam-tf",
-        arguments=aggregator_arguments,
+        options=_aggregator,
         stop_rank=1,
         hint="zteam-tf",
         in_lockstep=True,
@@ -113,7 +233,7 @@ KINDS: tuple[Kind, ...] = (
         title="monitor",
         name=names.MONITOR,
         command="zteam-monitor",
-        arguments=monitor_arguments,
+        options=_monitor,
         stop_rank=1,
         hint="zteam-monitor --team-size {robots}",
     ),
@@ -121,7 +241,7 @@ KINDS: tuple[Kind, ...] = (
         title="navigation",
         name="nav_N",
         command="zteam-nav",
-        arguments=navigation_arguments,
+        options=_navigation,
         stop_rank=0,
         # Robots that follow or run a behaviour need none.
         hint="",
@@ -132,7 +252,7 @@ KINDS: tuple[Kind, ...] = (
         title="robots",
         name="robot_N",
         command="zteam-robot",
-        arguments=robots_arguments,
+        options=_robots,
         stop_rank=0,
         hint="zteam-robot --id 0",
         in_lockstep=True,
@@ -142,7 +262,7 @@ KINDS: tuple[Kind, ...] = (
         title="view",
         name=names.VIEW,
         command="zteam-view",
-        arguments=view_arguments,
+        options=_view,
         stop_rank=0,
         hint="",
         beside=True,

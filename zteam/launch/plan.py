@@ -1,40 +1,40 @@
-"""A team as commands: which processes, with which arguments, stopped in which order."""
+"""A team as jobs: which processes, told what, stopped in which order."""
 
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from pathlib import Path
 
 import msgspec
 
 from zteam import names
 from zteam.launch import kinds
-from zteam.launch.arguments import Pace, TeamLaunch
+from zteam.launch.kinds import Pace, TeamLaunch
 from zteam.launch.process import zteam_command
 from zteam.launch.supervisor import Job
+from zteam.process_options import FROM_STDIN, ViewOptions, to_line
 from zteam.team_file import NodeEntry, Team
 
 
 class Plan(msgspec.Struct):
-    """Commands by process name, in the order of starting, without the router."""
+    """Jobs by process name, in the order of starting, without the router."""
 
-    commands: dict[str, list[str]]
+    own: dict[str, Job]
+    """The processes of zteam that make the team: they start at once and read the router's endpoint."""
     nodes: dict[str, Job] = {}
-    """The user's own processes, which start when the router listens."""
-    restarts: frozenset[str] = frozenset()
-    """Names of the robots that are started again when they have failed."""
+    """The user's own processes, and the view, which start when the router listens."""
     optional: frozenset[str] = frozenset()
     """Names of the nodes without which the run begins."""
     beside: frozenset[str] = frozenset()
     """Names of the nodes that come with zteam and that the team does not need: they may end at any time."""
 
     @property
-    def robots(self) -> list[str]:
-        """Names of the robots."""
-        return [name for name in self.commands if names.robot_id_of(name) is not None]
+    def jobs(self) -> dict[str, Job]:
+        """All of them."""
+        return {**self.own, **self.nodes}
 
     def stop_order(self) -> list[list[str]]:
         """Groups of process names; each group is stopped after the one before it has ended."""
-        return stop_order((*self.commands, *self.nodes, kinds.ROUTER))
+        return stop_order((*self.own, *self.nodes, kinds.ROUTER))
 
 
 def stop_order(processes: Iterable[str]) -> list[list[str]]:
@@ -48,34 +48,24 @@ def stop_order(processes: Iterable[str]) -> list[list[str]]:
     return list(groups.values())
 
 
-def plan_team(launch: TeamLaunch, bus: Sequence[str]) -> Plan:
-    """The processes of a team. `bus` holds the connection options that all get."""
+def plan_team(launch: TeamLaunch) -> Plan:
+    """The processes of a team."""
     team = launch.team
-    commands = {
-        name: [*kind.command_line(*arguments), *bus]
-        for kind in kinds.KINDS
-        if not kind.beside
-        for name, arguments in kind.arguments(launch).items()
-    }
-    beside = {
-        name: Job(kind.command_line(*arguments), may_end=True)
-        for kind in kinds.KINDS
-        if kind.beside
-        for name, arguments in kind.arguments(launch).items()
-    }
+    restarting = {names.robot_name(robot.id) for robot in team.robots if team.restarts(robot)}
+    own: dict[str, Job] = {}
+    beside: dict[str, Job] = {}
+    for kind in kinds.KINDS:
+        for name, options in kind.options(launch).items():
+            words = to_line(name, options)
+            job = Job(kind.command_line(FROM_STDIN), words=words, restarts=name in restarting, may_end=kind.beside)
+            (beside if kind.beside else own)[name] = job
     nodes = {
         node.name: Job(node_command(node), folder=Path(node.folder), restarts=team.restarts(node), may_end=True)
         for node in team.nodes
     }
-    robots = (names.robot_name(robot.id) for robot in team.robots if team.restarts(robot))
     awaited = launch.participants if launch.pace.lockstep else ()
-    return Plan(
-        commands,
-        {**beside, **nodes},
-        frozenset(robots),
-        frozenset({**beside, **nodes}).difference(awaited),
-        frozenset(beside),
-    )
+    optional = frozenset({**beside, **nodes}).difference(awaited)
+    return Plan(own, {**beside, **nodes}, optional, frozenset(beside))
 
 
 def node_command(node: NodeEntry) -> list[str]:
@@ -105,7 +95,7 @@ def launch_of(
     run_for: float | None = None,
     until: int | None = None,
     pace: Pace | None = None,
-    view: tuple[str, ...] | None = None,
+    view: ViewOptions | None = None,
 ) -> TeamLaunch:
     """What the processes of a team depend on; `seed` None = the team's own."""
     launch = TeamLaunch(
@@ -118,6 +108,6 @@ def launch_of(
         pace=pace or Pace(),
         view=view,
     )
-    own = [name for kind in kinds.KINDS if kind.in_lockstep for name in kind.arguments(launch)]
+    own = [name for kind in kinds.KINDS if kind.in_lockstep for name in kind.options(launch)]
     expected = dict.fromkeys((*(node.name for node in team.nodes if node.expect), *launch.pace.expect))
     return msgspec.structs.replace(launch, participants=(*own, *expected))

@@ -211,12 +211,14 @@ class Process:
                 # Buffered text has no reader any more.
                 pass
 
-    def write_line(self, text: str) -> None:
-        """Write a line to its standard input, then close the input."""
+    def write_line(self, text: str, *, last: bool = True) -> None:
+        """Write a line to its standard input, and close the input after the last one."""
         assert self._child.stdin is not None
         try:
             self._child.stdin.write(text + "\n")
-            self._child.stdin.close()
+            self._child.stdin.flush()
+            if last:
+                self._child.stdin.close()
         except (BrokenPipeError, ValueError):
             # It has ended already (ValueError: its input is closed too); `on_exit` reports the end.
             pass

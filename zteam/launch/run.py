@@ -5,21 +5,20 @@ import os
 import signal
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
-from pathlib import Path
 
 import msgspec
 
 from zteam import names
 from zteam.bus import Bus, BusOptions, connect
-from zteam.bus.connection import FROM_STDIN, release_port
+from zteam.bus.connection import release_port
 from zteam.bus.options import DEFAULT_ENDPOINT
 from zteam.bus.presence import Claim
 from zteam.bus.probe import port_accepts
 from zteam.errors import BusError
-from zteam.launch.arguments import Pace, TeamLaunch
+from zteam.launch.kinds import Pace, TeamLaunch
 from zteam.launch.namespace import claim_namespace, refuse_second_team
 from zteam.launch.overview import TeamOverview
-from zteam.launch.plan import Plan, launch_of, plan_team
+from zteam.launch.plan import plan_team
 from zteam.launch.process import Process, exit_text
 from zteam.launch.progress import Progress, Watched
 from zteam.launch.report import (
@@ -33,52 +32,16 @@ from zteam.launch.report import (
 )
 from zteam.launch.restarts import Again, log_failure, serve_restarts
 from zteam.launch.router import ANY_PORT, start_router, wait_for_endpoint
-from zteam.launch.supervisor import GRACE, Job, Supervisor
+from zteam.launch.supervisor import GRACE, Supervisor
 from zteam.launch.warm_parent import WarmParent
+from zteam.process_options import FROM_STDIN
 from zteam.runtime.log_publisher import LogPublisher
 from zteam.runtime.shutdown import HUNG, Stop
-from zteam.team_file import Team
 
 log = logging.getLogger("zteam")
 
 ROUTER_DEADLINE = 20.0
 """Host seconds until the router must listen; an interpreter has taken 2.2 s to start on a crowded machine."""
-
-
-class RunOptions(msgspec.Struct, frozen=True):
-    """A team, its world and connection, and the length of the run."""
-
-    team: Team
-    team_file: Path | None
-    world: Path | None
-    bus: BusOptions
-    seed: int | None = None
-    run_for: float | None = None
-    """Simulated seconds after GO."""
-    until: int | None = None
-    """The tick before which the run ends."""
-    pace: Pace = Pace()
-    view: tuple[str, ...] | None = None
-    """Arguments of the view; None: without one."""
-
-    @property
-    def has_end(self) -> bool:
-        """Whether the run ends by itself."""
-        return self.run_for is not None or self.until is not None
-
-    @property
-    def launch(self) -> TeamLaunch:
-        """What the processes depend on."""
-        return launch_of(
-            self.team,
-            self.world,
-            team_file=self.team_file,
-            seed=self.seed,
-            run_for=self.run_for,
-            until=self.until,
-            pace=self.pace,
-            view=self.view,
-        )
 
 
 _LAST_WORDS = 1.0
@@ -118,7 +81,8 @@ def _last_words(processes: Mapping[str, Process], name: str) -> str:
 
 
 def node_environment(endpoint: str, bus: BusOptions, pace: Pace) -> dict[str, str]:
-    """What lets a node join the team at this router."""
+    """What lets a process join the team at this router. All is given, even if empty: what is left out would come from
+    this process's environment."""
     return {
         "ZTEAM_CONNECT": endpoint,
         "ZTEAM_NAMESPACE": bus.namespace or "",
@@ -127,18 +91,18 @@ def node_environment(endpoint: str, bus: BusOptions, pace: Pace) -> dict[str, st
     }
 
 
-def _plan(options: RunOptions) -> Plan:
-    # Every option is given, even if empty: an option that is left out would come from the process's environment.
-    bus = ["--connect", options.bus.connect or FROM_STDIN, "--namespace", options.bus.namespace or ""]
-    bus += ["--config", options.bus.config or "", "--lease", str(lease_for(options.pace, options.bus.lease))]
-    return plan_team(options.launch, bus)
-
-
 class Run:
     """One run of a team. Use as: `with Run(...) as run: run.start(); run.watch(); report = run.finish()`."""
 
-    def __init__(self, options: RunOptions, stop: Stop, on_line: Callable[[str, str], None], warm: WarmParent) -> None:
-        self._options = options
+    def __init__(
+        self,
+        launch: TeamLaunch,
+        bus: BusOptions,
+        stop: Stop,
+        on_line: Callable[[str, str], None],
+        warm: WarmParent,
+    ) -> None:
+        self._launch, self._options = launch, bus
         self._stop = stop
         self._hurry = False
         self._warm = warm
@@ -149,9 +113,9 @@ class Run:
         self._bus: Bus | None = None
         self._claim: Claim | None = None
         self._log: LogPublisher | None = None
-        self.endpoint = options.bus.connect or ""
-        self._lease = lease_for(options.pace, options.bus.lease)
-        self.plan = _plan(options)
+        self.endpoint = bus.connect or ""
+        self._lease = lease_for(launch.pace, bus.lease)
+        self.plan = plan_team(launch)
         self.supervisor = Supervisor(on_line, self._on_failure, warm.start)
         stop.on_request(self._wake)
 
@@ -187,24 +151,25 @@ class Run:
     def start(self) -> None:
         """Start all processes at once, so that they import while the router starts."""
         supervisor = self.supervisor
-        if self._options.bus.connect is None:
+        if self._options.connect is None:
             self._router = start_router(supervisor, choose_endpoint(), self._lease)
         else:
             self._bus = self._connect()
-            refuse_second_team(self._bus, (*self.plan.commands, *self.plan.nodes))
+            refuse_second_team(self._bus, self.plan.jobs)
             self._claim = claim_namespace(self._bus, self._stop)
-        for name, command in self.plan.commands.items():
-            supervisor.start_job(name, Job(command, restarts=name in self.plan.restarts))
-        if self._options.bus.connect is None:
+        waiting = node_environment(self.endpoint or FROM_STDIN, self._options, self._launch.pace)
+        for name, job in self.plan.own.items():
+            supervisor.start_job(name, msgspec.structs.replace(job, environment=waiting))
+        if self._options.connect is None:
             self.endpoint = self._wait_for_router()
-            for name in self.plan.commands:
+            for name in self.plan.own:
                 supervisor.tell(name, self.endpoint)
             self._bus = self._connect()
         assert self._bus is not None
-        environment = node_environment(self.endpoint, self._options.bus, self._options.pace)
+        environment = node_environment(self.endpoint, self._options, self._launch.pace)
         for name, job in self.plan.nodes.items():
             supervisor.start_job(name, msgspec.structs.replace(job, environment=environment))
-        self._progress = Progress(self._bus, self._options.has_end)
+        self._progress = Progress(self._bus, self._launch.has_end)
         if self._claim is None:
             # On a router of its own the team has no rival yet, so subscribing to GO comes first.
             self._claim = claim_namespace(self._bus, self._stop)
@@ -214,11 +179,11 @@ class Run:
     def team_overview(self) -> TeamOverview:
         """A watch on the team that was started."""
         assert self._bus is not None
-        ids = [robot.id for robot in self._options.team.robots]
-        return TeamOverview(self._bus, ids, is_simulated=self._options.world is not None)
+        ids = [robot.id for robot in self._launch.team.robots]
+        return TeamOverview(self._bus, ids, is_simulated=self._launch.world is not None)
 
     def _connect(self) -> Bus:
-        bus = msgspec.structs.replace(self._options.bus, connect=self.endpoint, lease=self._lease)
+        bus = msgspec.structs.replace(self._options, connect=self.endpoint, lease=self._lease)
         session = connect(bus, stopping=self._stop, patience=ROUTER_DEADLINE)
         self._log = LogPublisher(session, names.LAUNCHER)
         serve_restarts(session, lambda: dict(self.supervisor.restarts.counts))
@@ -264,7 +229,7 @@ class Run:
     def finish(self) -> RunReport | None:
         """Collect the counts, stop everything in order, and report; None after a stop or without a simulator."""
         bus, progress = self._bus, self._progress
-        has_counts = self._options.world is not None and not self._stop.requested
+        has_counts = self._launch.world is not None and not self._stop.requested
         counts = read_counts(bus) if bus is not None and has_counts else None
         self._stop_all()
         if counts is None or progress is None:

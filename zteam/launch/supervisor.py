@@ -36,6 +36,8 @@ class Job(msgspec.Struct, frozen=True):
     """Added to this process's."""
     folder: Path | None = None
     """Where it runs; None = where this process runs."""
+    words: str = ""
+    """The first line of its standard input."""
     restarts: bool = False
     """Whether it is started again when it has failed."""
     may_end: bool = False
@@ -102,7 +104,7 @@ class Supervisor:
     def _begin(self, name: str, job: Job) -> Process:
         self.restarts.note_start(name)
         try:
-            return Process(
+            process = Process(
                 name,
                 job.command,
                 self._read_end,
@@ -114,6 +116,9 @@ class Supervisor:
             )
         except OSError as error:
             raise ZteamError(f"{name}: cannot start {job.command[0]}: {error.strerror or error}") from None
+        if job.words:
+            process.write_line(job.words, last=False)
+        return process
 
     def restart(self, name: str) -> Process:
         """Start a process of this set again, with the same command and the line that it was told."""

@@ -14,7 +14,6 @@ from zteam.team_file.entries import (
     TeamSection,
     behavior_of,
     navigation_of,
-    robot_arguments,
     static_transform,
 )
 from zteam.team_file.groups import GROUP_KEYS
@@ -38,7 +37,6 @@ __all__ = [
     "parse_arguments",
     "read_team_file",
     "read_team_tables",
-    "robot_arguments",
     "static_transform",
     "team_world",
 ]

@@ -1,4 +1,4 @@
-"""The contents of a team file as structs, and what they become: arguments and messages."""
+"""The contents of a team file as structs, and the messages that they become."""
 
 import math
 from typing import Annotated, Any, Literal
@@ -10,7 +10,6 @@ from zteam.base import BaseOverride
 from zteam.geometry import Pose2, quaternion_from_rpy
 from zteam.messages import Header, Quaternion, Transform, TransformStamped, Vector3
 from zteam.simulation_options import Options
-from zteam.toml_values import toml_text
 
 NO_WORLD = "none"
 """`world = "none"`: real robots, no simulator."""
@@ -126,22 +125,6 @@ def navigation_of(entry: RobotEntry) -> dict[str, Any] | None:
     if isinstance(entry.navigation, dict):
         return entry.navigation
     return {} if entry.navigation else None
-
-
-def robot_arguments(entry: RobotEntry) -> list[str]:
-    """The arguments of `zteam-robot` for this robot."""
-    arguments = ["--id", str(entry.id)]
-    if entry.follow is not None:
-        arguments += ["--follow", str(entry.follow)]
-    elif entry.behavior is not None or entry.navigation is not False:
-        arguments += ["--behavior", behavior_of(entry)[0]]
-    for key, value in msgspec.to_builtins(entry.base).items():
-        arguments += ["--base", f"{key}={toml_text(value)}"]
-    if not entry.safety:
-        arguments.append("--no-safety")
-    for key, value in entry.params.items():
-        arguments += ["--param", f"{key}={toml_text(value)}"]
-    return arguments
 
 
 def static_transform(entry: StaticTransform) -> TransformStamped:

@@ -54,9 +54,9 @@ class TeamProcesses(TeamSession):
         """
         self._need_processes("spawn")
         chosen = name or f"{command} #{next(numbers)}"
-        self._plan.commands[chosen] = zteam_command(command, *arguments)
         # A tool ends by itself when its work is done.
-        self._supervisor.start_job(chosen, Job(self._plan.commands[chosen], self.environment, may_end=True))
+        job = self._plan.nodes[chosen] = Job(zteam_command(command, *arguments), self.environment, may_end=True)
+        self._supervisor.start_job(chosen, job)
         return chosen
 
     def command(self, *arguments: str, timeout: float = START_LIMIT) -> "subprocess.CompletedProcess[str]":

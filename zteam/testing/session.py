@@ -11,7 +11,7 @@ from zteam.bus import Bus, BusOptions, connect
 from zteam.bus.options import LEASE
 from zteam.clock import HOST_FACTOR, monotonic
 from zteam.errors import UsageError, ZteamError
-from zteam.launch.arguments import Pace
+from zteam.launch.kinds import Pace
 from zteam.launch.process import Process, exit_text
 from zteam.launch.router import start_router, wait_for_endpoint
 from zteam.launch.run import lease_for

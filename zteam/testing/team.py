@@ -16,11 +16,11 @@ from zteam import names
 from zteam.behaviors.registry import look_in
 from zteam.bus.options import LEASE
 from zteam.errors import UsageError
-from zteam.launch.arguments import LOCKSTEP_TIMEOUT, Pace, TeamLaunch
 from zteam.launch.check import check_team, refuse_nodes
+from zteam.launch.kinds import Pace, TeamLaunch
 from zteam.launch.plan import Plan, launch_of, plan_team
 from zteam.launch.run import lease_for
-from zteam.launch.supervisor import Job
+from zteam.process_options import LOCKSTEP_TIMEOUT
 from zteam.resources import find_team, find_world
 from zteam.robot_ids import format_robot_ids, parse_robot_ids
 from zteam.team_file import argument_texts, read_team_file, read_team_tables
@@ -116,12 +116,11 @@ class TeamFixture(SteppedTeam):
         self._need_processes("start")
         self._lease = lease_for(launch.pace, LEASE)
         self._open()
-        plan = plan_team(launch, ())
-        self._plan = Plan({**self._plan.commands, **plan.commands}, {**self._plan.nodes, **plan.nodes})
-        robots = {name: Job(command, restarts=name in plan.restarts) for name, command in plan.commands.items()}
-        for name, job in {**robots, **plan.nodes}.items():
+        plan = plan_team(launch)
+        self._plan = Plan({**self._plan.own, **plan.own}, {**self._plan.nodes, **plan.nodes})
+        for name, job in plan.jobs.items():
             self._supervisor.start_job(name, structs.replace(job, environment=self.environment))
-        return [name for name in (*plan.commands, *plan.nodes) if name not in plan.optional]
+        return [name for name in plan.jobs if name not in plan.optional]
 
     def _start_in_process(self, launch: TeamLaunch, nodes: "Mapping[str, Body] | None") -> list[str]:
         from zteam.testing.team_in_process import open_team

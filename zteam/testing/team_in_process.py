@@ -8,7 +8,7 @@ from threading import Thread
 
 from zteam.in_process.run import Body, InProcessRun
 from zteam.in_process.user_calls import UserCall, user_calls
-from zteam.launch.arguments import TeamLaunch
+from zteam.launch.kinds import TeamLaunch
 from zteam.launch.supervisor import GRACE
 from zteam.runtime.log_keeper import KEEPER
 from zteam.runtime.shutdown import Stop

@@ -6,9 +6,9 @@ from zteam import names
 from zteam.clock import monotonic
 from zteam.errors import UsageError
 from zteam.in_process.user_calls import UserCall, user_calls
-from zteam.launch.arguments import LOCKSTEP_TIMEOUT, TeamLaunch
-from zteam.launch.kinds import ROUTER
+from zteam.launch.kinds import ROUTER, TeamLaunch
 from zteam.launch.plan import plan_team
+from zteam.process_options import LOCKSTEP_TIMEOUT
 from zteam.services.simulator import SimStatus
 from zteam.services.simulator_client import SimulatorClient
 from zteam.testing.processes import START_LIMIT, TeamFailure, TeamProcesses
@@ -38,8 +38,8 @@ class WatchedTeam(TeamProcesses):
             text = "a test has one team, and this one has started: use team.restart, team.sim or a second test"
             raise UsageError(text)
         self._has_team, self._patience, self._participants = True, launch.pace.timeout, {*launch.participants}
-        plan = plan_team(launch, ())
-        self._restarts = {*plan.restarts, *(name for name, job in plan.nodes.items() if job.restarts)}
+        plan = plan_team(launch)
+        self._restarts = {name for name, job in plan.jobs.items() if job.restarts}
         self.expect_end(*plan.beside)
 
     @property

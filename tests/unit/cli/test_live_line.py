@@ -25,7 +25,8 @@ from zteam.cli.output import Output
 from zteam.cli.up_display import Printer
 from zteam.diagnosis.finding import problem
 from zteam.messages import LogLevel
-from zteam.nodes.monitor.display import MonitorOptions, showing
+from zteam.nodes.monitor.display import showing
+from zteam.process_options import MonitorOptions
 from zteam.runtime.logs import start_logging
 from zteam.services.log_lines import LogLine
 

@@ -7,12 +7,15 @@ import pytest
 
 from zteam.cli import zteam_nav
 from zteam.errors import UsageError
+from zteam.nodes.bodies import part_of
 
 
 def read(*arguments: str):  # type: ignore[no-untyped-def]
     """The options of a command line."""
     args = zteam_nav.build_parser().parse_args(arguments)
-    return zteam_nav._read(args, zteam_nav._ids(args))
+    options = zteam_nav._read(args, zteam_nav._ids(args))
+    part_of(options)
+    return options
 
 
 def test_parameters_of_the_command_line_count_before_those_of_the_team_file(tmp_path: Path) -> None:
@@ -24,10 +27,10 @@ def test_parameters_of_the_command_line_count_before_those_of_the_team_file(tmp_
     )
     options = read(str(team), "--ids", "0-1", "--param", "amcl.alpha2=0.4", "--seed", "7")
     first, second = options.robots[0].parameters, options.robots[1].parameters
-    assert (first.localizer, first.amcl.alpha1, first.amcl.alpha2) == ("fake", 0.5, 0.4)
-    assert (second.localizer, second.amcl.alpha1, second.amcl.alpha2) == ("amcl", 0.2, 0.4)
+    assert first == {"localizer": "fake", "amcl": {"alpha1": 0.5, "alpha2": 0.4}}
+    assert second == {"amcl": {"alpha2": 0.4}}
     assert (options.robots[1].base.max_vel_x, options.seed) == (0.3, 7)
-    assert read(str(team), "--id", "0", "--localizer", "none").robots[0].parameters.localizer == "none"
+    assert read(str(team), "--id", "0", "--localizer", "none").robots[0].parameters["localizer"] == "none"
 
 
 def test_names_that_are_not_known_are_listed_once(caplog: pytest.LogCaptureFixture) -> None:

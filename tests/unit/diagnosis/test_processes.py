@@ -9,11 +9,10 @@ from zteam.diagnosis.finding import Finding
 from zteam.diagnosis.processes import check_elsewhere, check_processes, check_robots_of_world
 from zteam.diagnosis.team import check_team
 from zteam.launch import kinds
-from zteam.launch.arguments import no_arguments
 from zteam.launch.kinds import KINDS, Kind
 from zteam.messages import RobotState
 
-PLANNER = Kind("planner", "planner", "zteam-planner", no_arguments, 0, "start the planner of {robots} robots")
+PLANNER = Kind("planner", "planner", "zteam-planner", lambda _launch: {}, 0, "start the planner of {robots} robots")
 
 
 def findings(*alive: str) -> dict[str, Finding]:

@@ -10,7 +10,7 @@ from zteam.bus.probe import port_accepts
 from zteam.errors import BusError
 from zteam.in_process.hub import TeamHub
 from zteam.in_process.outside import Outside
-from zteam.launch.arguments import Pace
+from zteam.launch.kinds import Pace
 from zteam.runtime.shutdown import Stop
 
 

@@ -7,9 +7,9 @@ import pytest
 from zteam import names
 from zteam.cli import main
 from zteam.launch import kinds
-from zteam.launch.arguments import Pace
-from zteam.launch.kinds import KINDS, Kind, kind_of
+from zteam.launch.kinds import KINDS, Kind, Pace, kind_of
 from zteam.launch.plan import Plan, launch_of, plan_team
+from zteam.process_options import MonitorOptions, SimOptions, from_line
 from zteam.team_file import NodeEntry, RobotEntry, Team
 from zteam.team_file.rules import check_nodes
 
@@ -19,7 +19,7 @@ PLANNER = Kind(
     title="planner",
     name="planner",
     command="zteam-monitor",
-    arguments=lambda launch: {"planner": ["--robots", str(len(launch.team.robots))]},
+    options=lambda launch: {"planner": MonitorOptions(len(launch.team.robots))},
     stop_rank=2,
     hint="start the planner of {robots} robots",
     in_lockstep=True,
@@ -33,24 +33,25 @@ def planner(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_row_is_a_process_of_every_team(planner: None) -> None:
-    """The plan starts the new kind after the others, with the row's command and arguments."""
-    plan = plan_team(launch_of(TEAM, WORLD), ("--namespace", "t"))
-    assert list(plan.commands)[-1] == "planner"
-    assert plan.commands["planner"][3:] == ["zteam.cli.zteam_monitor", "--robots", "2", "--namespace", "t"]
+    """The plan starts the new kind after the others, with the row's command and options."""
+    plan = plan_team(launch_of(TEAM, WORLD))
+    assert list(plan.own)[-1] == "planner"
+    assert plan.own["planner"].command[3:] == ["zteam.cli.zteam_monitor", "-"]
+    assert from_line(plan.own["planner"].words, MonitorOptions) == ("planner", MonitorOptions(2))
 
 
 def test_a_row_has_its_place_in_the_stop_order(planner: None) -> None:
     """The new kind stops with the kinds of its rank."""
-    order = plan_team(launch_of(TEAM, WORLD), ()).stop_order()
+    order = plan_team(launch_of(TEAM, WORLD)).stop_order()
     assert order == [["robot_0", "robot_12"], ["tf", "monitor"], ["sim", "planner"], ["router"]]
 
 
 def test_a_row_takes_part_in_lock_step(planner: None) -> None:
     """The simulator waits for the new kind, for the kinds before it, and for what the user expects."""
-    command = plan_team(launch_of(TEAM, WORLD, pace=Pace(lockstep=True, expect=("mine",))), ()).commands[
-        names.SIMULATOR
-    ]
-    assert command[command.index("--expect") + 1 :] == ["tf", "robot_0", "robot_12", "planner", "mine"]
+    plan = plan_team(launch_of(TEAM, WORLD, pace=Pace(lockstep=True, expect=("mine",))))
+    lockstep = from_line(plan.own[names.SIMULATOR].words, SimOptions)[1].lockstep
+    assert lockstep is not None
+    assert lockstep.expected == ("tf", "robot_0", "robot_12", "planner", "mine")
 
 
 @pytest.mark.parametrize(

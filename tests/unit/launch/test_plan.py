@@ -1,21 +1,31 @@
-"""A team as commands: each command parses its command line."""
+"""A team as processes: what each is told, which a user could type as well."""
 
 import sys
 from pathlib import Path
+from typing import TypeVar
 
+import msgspec
 import pytest
 
-from zteam.cli import zteam_map, zteam_monitor, zteam_robot, zteam_sim, zteam_tf
+from zteam.cli import zteam_robot, zteam_sim
 from zteam.geometry import Pose2
-from zteam.launch.arguments import Pace
+from zteam.launch.kinds import KINDS, Pace
 from zteam.launch.plan import Plan, launch_of, plan_team
 from zteam.launch.process import zteam_command
 from zteam.launch.supervisor import Job
+from zteam.process_options import (
+    AggregatorOptions,
+    MapOptions,
+    MonitorOptions,
+    RobotOptions,
+    SimOptions,
+    from_line,
+)
 from zteam.resources import shipped_team
-from zteam.team_file import NodeEntry, RobotEntry, Team, TeamSection, load_team
+from zteam.team_file import NodeEntry, RobotEntry, StaticTransform, Team, TeamSection, load_team, static_transform
 
 WORLD = Path("/w/office.world")
-BUS = ("--connect", "tcp/127.0.0.1:1", "--namespace", "t")
+T = TypeVar("T")
 TEAM = Team(
     robots=[
         RobotEntry(id=0, behavior="wander", params={"speed": 0.4, "name": "a b", "turns": [1, -2]}),
@@ -27,32 +37,34 @@ TEAM = Team(
 )
 
 
-def arguments(plan: Plan, name: str) -> list[str]:
-    """The arguments after `python -P -m zteam.cli.X`."""
-    return plan.commands[name][4:]
+def told(plan: Plan, name: str, kind: type[T]) -> T:
+    """What a process of the plan reads from its standard input."""
+    found, options = from_line(plan.own[name].words, kind)
+    assert found == name
+    return options
 
 
 def test_processes_are_in_the_order_of_starting() -> None:
     """The simulator first, because it starts slowest; robots in the order of the file; no router."""
-    plan = plan_team(launch_of(TEAM, WORLD), BUS)
-    assert list(plan.commands) == ["sim", "tf", "monitor", "robot_0", "robot_3", "robot_7", "robot_8"]
-    assert plan.robots == ["robot_0", "robot_3", "robot_7", "robot_8"]
-    modules = [command[3] for command in plan.commands.values()]
+    plan = plan_team(launch_of(TEAM, WORLD))
+    assert list(plan.own) == ["sim", "tf", "monitor", "robot_0", "robot_3", "robot_7", "robot_8"]
+    assert all(job.command[4:] == ["-"] for job in plan.own.values())
+    modules = [job.command[3] for job in plan.own.values()]
     first = ["zteam.cli.zteam_sim", "zteam.cli.zteam_tf", "zteam.cli.zteam_monitor"]
     assert modules == first + ["zteam.cli.zteam_robot"] * 4
 
 
 def test_robots_stop_first_and_the_router_last() -> None:
     """A robot's zero velocity reaches the wheels through the router and the simulator."""
-    order = plan_team(launch_of(TEAM, WORLD), BUS).stop_order()
+    order = plan_team(launch_of(TEAM, WORLD)).stop_order()
     assert order == [["robot_0", "robot_3", "robot_7", "robot_8"], ["tf", "monitor"], ["sim"], ["router"]]
 
 
 def test_a_process_of_no_kind_stops_first() -> None:
     """A user's own process may command a robot, so its zero velocity must get through too."""
-    plan = plan_team(launch_of(TEAM, WORLD), BUS)
-    plan.commands["teleop"] = ["teleop"]
-    plan.commands["robot #7"] = ["robot"]
+    plan = plan_team(launch_of(TEAM, WORLD))
+    plan.own["teleop"] = Job(["teleop"])
+    plan.own["robot #7"] = Job(["robot"])
     order = plan.stop_order()
     assert set(order[0]) == {"robot_0", "robot_3", "robot_7", "robot_8", "teleop", "robot #7"}
     assert order[1:] == [["tf", "monitor"], ["sim"], ["router"]]
@@ -65,7 +77,7 @@ def test_a_node_may_be_a_command_of_zteam() -> None:
         NodeEntry("map", ("zteam-map", "office.yaml"), "/t"),
         NodeEntry("mine", ("zteam-mine",), "/t"),
     ]
-    plan = plan_team(launch_of(Team([RobotEntry(id=0)], nodes=nodes), WORLD), BUS)
+    plan = plan_team(launch_of(Team([RobotEntry(id=0)], nodes=nodes), WORLD))
     assert plan.nodes["goals"].command == zteam_command("zteam", "goals", "tour.yaml")
     assert plan.nodes["map"].command == zteam_command("zteam-map", "office.yaml")
     assert plan.nodes["mine"].command == ["zteam-mine"]
@@ -74,13 +86,11 @@ def test_a_node_may_be_a_command_of_zteam() -> None:
 def test_a_map_takes_the_place_of_the_simulators_own() -> None:
     """The map server gets the file beside the team file, and the simulator is told to publish none."""
     team = Team([RobotEntry(id=0)], TeamSection(map="maps/hall.yaml"))
-    plan = plan_team(launch_of(team, WORLD, team_file=Path("/t/team.toml")), BUS)
-    assert arguments(plan, "map")[0] == "/t/maps/hall.yaml"
-    assert "--no-map" in arguments(plan, "sim")
-    assert zteam_map.build_parser().parse_args(arguments(plan, "map")).map == "/t/maps/hall.yaml"
-    assert zteam_sim.build_parser().parse_args(arguments(plan, "sim")).no_map
+    plan = plan_team(launch_of(team, WORLD, team_file=Path("/t/team.toml")))
+    assert told(plan, "map", MapOptions) == MapOptions(Path("/t/maps/hall.yaml"))
+    assert not told(plan, "sim", SimOptions).has_map
     assert plan.stop_order()[1] == ["map", "tf", "monitor"]
-    assert "map" not in plan_team(launch_of(TEAM, WORLD), BUS).commands
+    assert "map" not in plan_team(launch_of(TEAM, WORLD)).own
 
 
 def test_nodes_are_jobs_that_stop_with_the_robots() -> None:
@@ -90,86 +100,99 @@ def test_nodes_are_jobs_that_stop_with_the_robots() -> None:
         NodeEntry("camera", ("/bin/camera",), "/u", restart="no"),
     ]
     team = Team([RobotEntry(id=0)], TeamSection(restart="on-failure"), nodes=nodes)
-    plan = plan_team(launch_of(team, WORLD, pace=Pace(lockstep=True)), BUS)
+    plan = plan_team(launch_of(team, WORLD, pace=Pace(lockstep=True)))
     assert plan.nodes == {
         "planner": Job([sys.executable, "planner.py", "2"], folder=Path("/t"), restarts=True, may_end=True),
         "camera": Job(["/bin/camera"], folder=Path("/u"), may_end=True),
     }
-    assert plan.restarts == {"robot_0"}
+    assert [name for name, job in plan.own.items() if job.restarts] == ["robot_0"]
     assert plan.optional == {"camera"}
-    assert zteam_sim.build_parser().parse_args(arguments(plan, "sim")).expect == ["tf", "robot_0", "planner"]
+    lockstep = told(plan, "sim", SimOptions).lockstep
+    assert lockstep is not None
+    assert lockstep.expected == ("tf", "robot_0", "planner")
     assert plan.stop_order() == [["robot_0", "planner", "camera"], ["tf", "monitor"], ["sim"], ["router"]]
 
 
 def test_a_users_behaviour_is_imported_from_beside_the_team_file() -> None:
-    """Only the robot with such a behaviour gets the folder."""
-    team = Team(robots=[RobotEntry(id=0, behavior="mine:Spin"), RobotEntry(id=1, behavior="avoid")])
-    plan = plan_team(launch_of(team, WORLD, team_file=Path("/t/team.toml")), BUS)
-    assert zteam_robot.build_parser().parse_args(arguments(plan, "robot_0")).path == ["/t"]
-    assert zteam_robot.build_parser().parse_args(arguments(plan, "robot_1")).path == []
+    """And from the current folder, after that."""
+    team = Team(robots=[RobotEntry(id=0, behavior="mine:Spin")])
+    plan = plan_team(launch_of(team, WORLD, team_file=Path("/t/team.toml")))
+    assert told(plan, "robot_0", RobotOptions).folders == ("/t", "")
 
 
-def test_the_simulator_takes_its_command() -> None:
+def test_the_simulator_is_told_its_options() -> None:
     """Seed, time limit, additions and gaps arrive unchanged, negative numbers included."""
-    args = zteam_sim.build_parser().parse_args(arguments(plan_team(launch_of(TEAM, WORLD, run_for=2.5), BUS), "sim"))
-    assert (args.world, args.seed, args.run_for) == (str(WORLD), 11, 2.5)
-    assert [zteam_sim.parse_gap(text) for text in args.gap] == [(3, 0), (7, 3)]
-    additions = [zteam_sim.parse_addition(text) for text in args.add]
-    assert additions == [(7, "erratic", Pose2(-1.5, 3.25, -1e-7)), (8, "my-robot", Pose2(0.0, 0.0, 3.0))]
-    assert (args.connect, args.namespace) == ("tcp/127.0.0.1:1", "t")
+    options = told(plan_team(launch_of(TEAM, WORLD, run_for=2.5)), "sim", SimOptions)
+    assert (options.world, options.seed, options.run_for) == (WORLD, 11, 2.5)
+    assert options.follows == {3: 0, 7: 3}
+    assert options.added == ((7, "erratic", Pose2(-1.5, 3.25, -1e-7)), (8, "my-robot", Pose2(0.0, -0.0, 3.0)))
+
+
+def test_the_simulator_gets_the_same_of_a_command_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a user types makes the same options as a team file."""
+    words = ["/w/office.world", "--seed", "11", "--for", "2.5", "--gap", "3:0", "--gap", "7:3"]
+    args = zteam_sim.build_parser().parse_args(
+        [*words, "--add", "7:erratic:-1.5:3.25:-1e-7", "--add", "8:my-robot:0.0:-0.0:3.0"]
+    )
+    monkeypatch.setattr(zteam_sim, "find_world", Path)
+    assert zteam_sim._read(args)[1]() == told(plan_team(launch_of(TEAM, WORLD, run_for=2.5)), "sim", SimOptions)
 
 
 def test_without_a_limit_the_simulator_runs_on() -> None:
     """The simulator gets no time limit if the user gave none."""
-    assert zteam_sim.build_parser().parse_args(arguments(plan_team(launch_of(TEAM, WORLD), BUS), "sim")).run_for is None
+    assert told(plan_team(launch_of(TEAM, WORLD)), "sim", SimOptions).run_for is None
 
 
 def test_a_team_of_real_robots_has_no_simulator() -> None:
     """The other processes are the same, and the simulator's group of the stop order is empty."""
-    plan = plan_team(launch_of(TEAM, None), BUS)
-    assert list(plan.commands) == ["tf", "monitor", "robot_0", "robot_3", "robot_7", "robot_8"]
+    plan = plan_team(launch_of(TEAM, None))
+    assert list(plan.own) == ["tf", "monitor", "robot_0", "robot_3", "robot_7", "robot_8"]
     assert plan.stop_order()[2] == []
 
 
 def test_the_monitor_waits_for_the_robots_of_the_file() -> None:
     """Exactly these ids, so that GO does not come before one of them is ready."""
-    args = zteam_monitor.build_parser().parse_args(arguments(plan_team(launch_of(TEAM, WORLD), BUS), "monitor"))
-    assert zteam_monitor.parse_team(args.team_size, args.ids) == (4, (0, 3, 7, 8))
+    options = told(plan_team(launch_of(TEAM, WORLD)), "monitor", MonitorOptions)
+    assert (options.team_size, options.ids) == (4, (0, 3, 7, 8))
 
 
-def test_robots_take_their_commands() -> None:
-    """Leader, behaviour, parameters and seed arrive unchanged."""
-    plan = plan_team(launch_of(TEAM, WORLD), BUS)
-    leader = zteam_robot.build_parser().parse_args(arguments(plan, "robot_0"))
-    assert (leader.id, leader.behavior, leader.follow, leader.seed) == ("0", "wander", None, 11)
-    assert dict(map(zteam_robot.parse_param, leader.param)) == {"speed": 0.4, "name": "a b", "turns": [1, -2]}
-    follower = zteam_robot.build_parser().parse_args(arguments(plan, "robot_7"))
-    assert (follower.id, follower.follow, follower.behavior) == ("7", "3", None)
-    assert follower.connect == "tcp/127.0.0.1:1"
+def test_robots_get_the_same_of_a_command_line() -> None:
+    """Leader, behaviour, parameters and seed arrive unchanged, and are those that a user would type."""
+    plan = plan_team(launch_of(TEAM, WORLD))
+    leader = ["--id", "0", "--behavior", "wander", "--param", "speed=0.4", "--param", "turns=[1,-2]", "--seed", "11"]
+    for name, words in {
+        "robot_0": [*leader, "--param", "name=a b"],
+        "robot_3": ["--id", "3", "--follow", "0", "--seed", "11"],
+    }.items():
+        typed = zteam_robot._read(zteam_robot.build_parser().parse_args(words))[1]()
+        assert typed == msgspec.structs.replace(told(plan, name, RobotOptions), folders=("",))
 
 
-def test_the_aggregator_gets_the_file() -> None:
-    """The file has its static transforms; a team without a file gives no such argument."""
-    path = Path("/t/team.toml")
-    with_file = arguments(plan_team(launch_of(TEAM, WORLD, team_file=path), BUS), "tf")
-    assert zteam_tf.build_parser().parse_args(with_file).team == str(path)
-    assert zteam_tf.build_parser().parse_args(arguments(plan_team(launch_of(TEAM, WORLD), BUS), "tf")).team is None
+def test_the_aggregator_gets_the_files_static_transforms() -> None:
+    """And the descriptions beside the file; a team without a file has none."""
+    entry = StaticTransform("robot_0/base_link", "robot_0/camera", x=0.1)
+    robots = [RobotEntry(id=0, description="arm.urdf"), RobotEntry(id=1)]
+    team = Team(robots, static_transforms=[entry])
+    options = told(plan_team(launch_of(team, WORLD, team_file=Path("/t/team.toml"))), "tf", AggregatorOptions)
+    assert options == AggregatorOptions((static_transform(entry),), {0: Path("/t/arm.urdf")})
+    assert told(plan_team(launch_of(TEAM, WORLD)), "tf", AggregatorOptions) == AggregatorOptions()
 
 
 @pytest.mark.parametrize("seed", [0, 5, 2**62, -3])
 def test_a_seed_on_the_command_line_wins(seed: int) -> None:
     """Simulator and robots get the same seed, 0 included."""
-    plan = plan_team(launch_of(TEAM, WORLD, seed=seed), BUS)
-    assert zteam_sim.build_parser().parse_args(arguments(plan, "sim")).seed == seed
-    assert {zteam_robot.build_parser().parse_args(arguments(plan, name)).seed for name in plan.robots} == {seed}
+    plan = plan_team(launch_of(TEAM, WORLD, seed=seed))
+    assert told(plan, "sim", SimOptions).seed == seed
+    assert {told(plan, name, RobotOptions).seed for name in plan.own if name.startswith("robot_")} == {seed}
 
 
 @pytest.mark.parametrize("name", ["line", "arena", "willow", "chain"])
 def test_shipped_teams_make_a_plan(name: str) -> None:
-    """Each command parses the command line that a shipped team file gives it."""
+    """Each process reads what a shipped team file tells it."""
     path = shipped_team(name)
     assert path is not None
-    plan = plan_team(launch_of(load_team(path), WORLD, team_file=path, run_for=1.0), BUS)
-    zteam_sim.build_parser().parse_args(arguments(plan, "sim"))
-    for each in plan.robots:
-        zteam_robot.build_parser().parse_args(arguments(plan, each))
+    launch = launch_of(load_team(path), WORLD, team_file=path, run_for=1.0)
+    plan = plan_team(launch)
+    for kind in KINDS:
+        for each, options in kind.options(launch).items():
+            assert told(plan, each, type(options)) == options

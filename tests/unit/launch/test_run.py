@@ -18,18 +18,20 @@ from zteam.bus import BusOptions
 from zteam.bus.memory import MemoryHub
 from zteam.bus.options import LEASE
 from zteam.bus.presence import Claim
-from zteam.cli import zteam_monitor, zteam_robot, zteam_sim, zteam_tf
-from zteam.cli.options import bus_options
 from zteam.errors import BusError, ZteamError
 from zteam.launch import run as running
+from zteam.launch.kinds import Pace
+from zteam.launch.plan import launch_of
 from zteam.launch.process import Process
 from zteam.launch.progress import Watched
 from zteam.launch.router import ANY_PORT
-from zteam.launch.run import Run, RunOptions, choose_endpoint
+from zteam.launch.run import Run, choose_endpoint, node_environment
+from zteam.launch.supervisor import Job
 from zteam.launch.warm_parent import WarmParent
 from zteam.runtime.shutdown import Stop
 from zteam.team_file import RobotEntry, Team
 
+WORLD = Path("/w/arena.world")
 TEAM = Team(robots=[RobotEntry(id=0, behavior="forward")])
 
 
@@ -76,8 +78,8 @@ class Pretend:
 
     def run(self, run_for: float | None = None) -> Run:
         """A run whose processes are not started yet."""
-        options = RunOptions(TEAM, None, Path("/w/arena.world"), BusOptions(), run_for=run_for)
-        run = Run(options, self.stop, lambda name, line: self.lines.append((name, line)), WarmParent())
+        launch = launch_of(TEAM, WORLD, run_for=run_for)
+        run = Run(launch, BusOptions(), self.stop, lambda name, line: self.lines.append((name, line)), WarmParent())
         start = run.supervisor.start
 
         def keep(*arguments: Any) -> Process:
@@ -101,12 +103,12 @@ def pretend(monkeypatch: pytest.MonkeyPatch) -> Iterator[Pretend]:
 
 
 def test_every_process_gets_the_endpoint(pretend: Pretend) -> None:
-    """The endpoint goes to every process's standard input as soon as the router has printed it."""
-    pretend.others = f"print(input(), flush=True)\n{WAIT}"
+    """After its options, the endpoint goes to every process's standard input as soon as the router has printed it."""
+    pretend.others = f"input(); print(input(), flush=True)\n{WAIT}"
     with pretend.run() as run:
         run.start()
         assert run.endpoint == "tcp/127.0.0.1:5"
-        expected = {("router", "tcp/127.0.0.1:5")} | {(name, "tcp/127.0.0.1:5") for name in run.plan.commands}
+        expected = {("router", "tcp/127.0.0.1:5")} | {(name, "tcp/127.0.0.1:5") for name in run.plan.own}
         assert run.supervisor.wait(lambda: set(pretend.lines) == expected, LIMIT)
     assert not any(p.running for p in run.supervisor.processes.values())
 
@@ -130,12 +132,12 @@ def test_a_robot_that_fails_while_the_router_is_retried_has_failed(pretend: Pret
 
         def wait_for_robot(router: Process) -> str:
             # All others have failed when the first router's end is looked at.
-            assert run.supervisor.wait(lambda: run.failed >= set(run.plan.commands), LIMIT)
+            assert run.supervisor.wait(lambda: run.failed >= set(run.plan.own), LIMIT)
             return first(router)
 
         run._wait_for_endpoint = wait_for_robot  # type: ignore[method-assign]
         run.start()
-        assert run.failed == set(run.plan.commands)
+        assert run.failed == set(run.plan.own)
 
 
 @pytest.mark.parametrize(
@@ -217,7 +219,7 @@ def test_a_stop_request_ends_the_wait(pretend: Pretend, monkeypatch: pytest.Monk
 def test_a_simulator_that_ends_with_0_ends_a_run_with_a_limit(pretend: Pretend) -> None:
     """Without its simulator the run cannot end: the launcher raises an error instead of waiting for ever."""
     with pretend.run(run_for=1.0) as run:
-        run.plan.commands[names.SIMULATOR] = python("raise SystemExit(0)")
+        run.plan.own[names.SIMULATOR] = Job(python("raise SystemExit(0)"))
         run.start()
         with pytest.raises(ZteamError, match="sim"):
             run.watch()
@@ -229,7 +231,7 @@ def test_a_simulator_that_ends_with_0_ends_a_run_with_a_limit(pretend: Pretend) 
 def test_a_process_that_ends_before_go_ends_a_run_with_a_limit(pretend: Pretend, name: str, code: int) -> None:
     """GO waits for all processes: the error names the ended one, its exit code and its last line."""
     with pretend.run(run_for=1.0) as run:
-        run.plan.commands[name] = python(f"print('no such leader'); raise SystemExit({code})")
+        run.plan.own[name] = Job(python(f"print('no such leader'); raise SystemExit({code})"))
         run.start()
         expected = rf"{name} ended \(exit code {code}: no such leader\): the run cannot begin"
         with pytest.raises(ZteamError, match=expected):
@@ -253,28 +255,29 @@ def test_a_robot_that_ends_after_go_does_not_end_the_run(pretend: Pretend, monke
 @pytest.mark.parametrize("namespace", [None, "mine"])
 def test_processes_get_every_option_of_the_connection(monkeypatch: pytest.MonkeyPatch, namespace: str | None) -> None:
     """Whatever the environment says, every process uses the launcher's connection, with and without a namespace."""
-    options = RunOptions(TEAM, None, Path("/w/arena.world"), BusOptions(namespace=namespace))
-    with Run(options, Stop(), lambda *_: None, WarmParent()) as run:
-        commands = run.plan.commands
-    builders = {"sim": zteam_sim, names.AGGREGATOR: zteam_tf, names.MONITOR: zteam_monitor, "robot_0": zteam_robot}
     monkeypatch.setenv("ZTEAM_NAMESPACE", "of_the_environment")
     monkeypatch.setenv("ZTEAM_CONFIG", "/of/the/environment")
-    for name, module in builders.items():
-        chosen = bus_options(module.build_parser().parse_args(commands[name][4:]))
-        assert (chosen.namespace, chosen.config) == (namespace, None)
+    bus = BusOptions(namespace=namespace, lease=3.0)
+    for name, value in node_environment("-", bus, Pace()).items():
+        monkeypatch.setenv(name, value)
+    chosen = BusOptions.from_environment()
+    assert chosen == BusOptions(connect="-", namespace=namespace, lease=3.0)
 
 
 def test_a_second_team_is_refused_in_one_line(pretend: Pretend) -> None:
     """The error names the first launcher's process id and start; no process starts; later the namespace is free."""
-    options = RunOptions(TEAM, None, Path("/w/arena.world"), BusOptions(connect="tcp/127.0.0.1:5"), run_for=1.0)
+    launch, bus = launch_of(TEAM, WORLD, run_for=1.0), BusOptions(connect="tcp/127.0.0.1:5")
     told = rf"^a team is already running here \(pid {os.getpid()}, since \d\d:\d\d:\d\d\); stop it, or use --namespace$"
-    with Run(options, pretend.stop, lambda *_: None, WarmParent()) as first:
+    with Run(launch, bus, pretend.stop, lambda *_: None, WarmParent()) as first:
         first.start()
-        with Run(options, pretend.stop, lambda *_: None, WarmParent()) as second, pytest.raises(BusError, match=told):
+        with (
+            Run(launch, bus, pretend.stop, lambda *_: None, WarmParent()) as second,
+            pytest.raises(BusError, match=told),
+        ):
             second.start()
         assert second.supervisor.processes == {}
         assert all(process.running for process in first.supervisor.processes.values())
-    with Run(options, pretend.stop, lambda *_: None, WarmParent()) as third:
+    with Run(launch, bus, pretend.stop, lambda *_: None, WarmParent()) as third:
         third.start()
 
 
@@ -282,9 +285,9 @@ def test_processes_started_by_hand_refuse_a_team(pretend: Pretend) -> None:
     """A team is refused if a process of one of its names runs in the namespace already."""
     claim = Claim(pretend.hub.bus(), names.MONITOR)
     claim.win(lambda _: None)
-    options = RunOptions(TEAM, None, Path("/w/arena.world"), BusOptions(connect="tcp/127.0.0.1:5"))
+    launch, bus = launch_of(TEAM, WORLD), BusOptions(connect="tcp/127.0.0.1:5")
     with (
-        Run(options, pretend.stop, lambda *_: None, WarmParent()) as run,
+        Run(launch, bus, pretend.stop, lambda *_: None, WarmParent()) as run,
         pytest.raises(BusError, match="already running here"),
     ):
         run.start()

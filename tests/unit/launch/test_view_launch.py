@@ -6,24 +6,27 @@ from zteam.launch.fork_server import PRELOADS
 from zteam.launch.kinds import kind_of
 from zteam.launch.plan import launch_of, plan_team
 from zteam.names import is_view, view_name
+from zteam.process_options import ViewOptions, from_line
 from zteam.team_file import NodeEntry, RobotEntry, Team
 
 TEAM = Team(robots=[RobotEntry(id=0, behavior="forward")])
 WORLD = Path("/w/arena.world")
+VIEW_OPTIONS = ViewOptions(browser=False, name="view")
 
 
 def test_a_team_has_a_view_only_if_it_is_asked_for() -> None:
-    """Without it no process and no argument differs."""
-    plain, viewed = plan_team(launch_of(TEAM, WORLD), ()), plan_team(launch_of(TEAM, WORLD, view=("--no-browser",)), ())
-    assert plain.commands == viewed.commands
+    """Without it no process differs."""
+    plain, viewed = plan_team(launch_of(TEAM, WORLD)), plan_team(launch_of(TEAM, WORLD, view=VIEW_OPTIONS))
+    assert plain.own == viewed.own
     assert (plain.nodes, plain.beside) == ({}, frozenset())
-    assert viewed.nodes["view"].command[3:] == ["zteam.cli.zteam_view", "--name", "view", "--no-browser"]
+    assert viewed.nodes["view"].command[3:] == ["zteam.cli.zteam_view", "-"]
+    assert from_line(viewed.nodes["view"].words, ViewOptions) == ("view", VIEW_OPTIONS)
 
 
 def test_the_run_does_not_wait_for_the_view() -> None:
     """It may end at any time; the user's own nodes still count."""
     team = Team(robots=[RobotEntry(id=0, behavior="forward")], nodes=[NodeEntry(name="mine", command=["true"])])
-    plan = plan_team(launch_of(team, WORLD, view=()), ())
+    plan = plan_team(launch_of(team, WORLD, view=VIEW_OPTIONS))
     assert plan.nodes["view"].may_end
     assert not plan.nodes["view"].restarts
     assert (plan.beside, {"view", "mine"} <= plan.optional) == ({"view"}, True)

@@ -1,16 +1,19 @@
-"""The entries of a team file as messages and as arguments of `zteam-robot`."""
+"""The entries of a team file as messages and as what robots are told."""
 
-import argparse
 import math
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from support.team_files import WHOLE, load
-from zteam.cli.zteam_robot import build_parser, parse_param, read_base
+from zteam.base import BaseOverride
+from zteam.cli.zteam_robot import parse_param, read_base
 from zteam.errors import UsageError
 from zteam.geometry import yaw_from_quaternion
-from zteam.team_file import RobotEntry, robot_arguments, static_transform
+from zteam.process_options import RobotOptions, from_line, to_line
+from zteam.team_file import RobotEntry, behavior_of, static_transform
+from zteam.toml_values import toml_text
 
 
 def test_static_transforms_become_messages(tmp_path: Path) -> None:
@@ -40,13 +43,14 @@ i = "\\u007f\\u0000\\\\ \\n"
 """
 
 
-def test_arguments_bring_the_same_parameters_to_the_robot(tmp_path: Path) -> None:
-    """zteam-robot reads from its command line every TOML value that the parameter has in the file."""
+def test_children_are_told_the_same_parameters(tmp_path: Path) -> None:
+    """Every TOML value that a parameter has in the file arrives, and a value of the command line reads alike."""
     robot = load(tmp_path, VALUES).robots[0]
-    args: argparse.Namespace = build_parser().parse_args(robot_arguments(robot))
-    assert (args.id, args.behavior, args.follow) == ("3", "my.robots:Dance", None)
-    assert dict(map(parse_param, args.param)) == robot.params
-    assert len(robot.params) == 8
+    told = RobotOptions(robot.id, *behavior_of(robot))
+    assert from_line(to_line("robot_3", told), RobotOptions) == ("robot_3", told)
+    assert len(told.params) == 8
+    typed = [f"{key}={toml_text(value)}" for key, value in robot.params.items()]
+    assert dict(map(parse_param, typed)) == robot.params
 
 
 BASES = """
@@ -64,19 +68,17 @@ base = {min_vel_x = 0}
 """
 
 
-def test_arguments_bring_the_base_to_the_robot(tmp_path: Path) -> None:
-    """zteam-robot reads from its command line what the table [robots.base] sets, and no more."""
-    for robot in load(tmp_path, BASES).robots:
-        assert read_base(build_parser().parse_args(robot_arguments(robot)).base) == robot.base
-    first, second = load(tmp_path, BASES).robots
-    assert (first.base.max_vel_x, first.base.decel_lim_x, first.base.max_vel_theta) == (0.5, -math.inf, None)
-    assert robot_arguments(second) == ["--id", "1", "--base", "min_vel_x=0.0"]
-
-
-def test_arguments_leave_the_safety_layer_out_where_the_file_does(tmp_path: Path) -> None:
-    """`safety = false` becomes --no-safety, for that robot alone."""
-    robots = load(tmp_path, "[[robots]]\nid = 0\nsafety = false\n[[robots]]\nid = 1\n").robots
-    assert [build_parser().parse_args(robot_arguments(robot)).no_safety for robot in robots] == [True, False]
+def test_children_are_told_what_holds_instead_of_base_info(tmp_path: Path) -> None:
+    """What the table [robots.base] sets, infinity included, and no more; the command line takes the same."""
+    robots = load(tmp_path, BASES).robots
+    for robot in robots:
+        told = RobotOptions(robot.id, "forward", base=robot.base)
+        assert from_line(to_line("robot", told), RobotOptions)[1] == told
+        typed = [f"{key}={toml_text(value)}" for key, value in msgspec.to_builtins(robot.base).items()]
+        assert read_base(typed) == robot.base
+    first, second = (robot.base for robot in robots)
+    assert (first.max_vel_x, first.decel_lim_x, first.max_vel_theta) == (0.5, -math.inf, None)
+    assert second == BaseOverride(min_vel_x=0.0)
 
 
 @pytest.mark.parametrize(
@@ -95,7 +97,8 @@ def test_a_wrong_base_on_the_command_line_is_told(text: str, told: str) -> None:
     assert str(caught.value).startswith(told)
 
 
-def test_a_robot_without_a_behaviour_has_only_its_id() -> None:
-    """zteam-robot then runs its default behaviour."""
-    assert robot_arguments(RobotEntry(id=4)) == ["--id", "4"]
-    assert robot_arguments(RobotEntry(id=4, behavior="avoid")) == ["--id", "4", "--behavior", "avoid"]
+def test_a_robot_without_a_behaviour_drives_forward() -> None:
+    """As `zteam-robot` does by default; one that is navigated stands."""
+    assert behavior_of(RobotEntry(id=4)) == ("forward", {})
+    assert behavior_of(RobotEntry(id=4, behavior="avoid")) == ("avoid", {})
+    assert behavior_of(RobotEntry(id=4, navigation=True)) == ("idle", {})

@@ -6,7 +6,7 @@ import pytest
 
 from zteam.errors import ConfigError
 from zteam.resources import shipped_world
-from zteam.team_file import load_team, navigation_of, read_team_file, robot_arguments, team_world
+from zteam.team_file import load_team, navigation_of, read_team_file, team_world
 from zteam.team_file.includes import MAX_FILES
 
 
@@ -185,4 +185,4 @@ def test_a_shared_file_may_be_included_twice(tmp_path: Path) -> None:
         team='include = ["a.toml", "b.toml"]\n',
     )
     team = load_team(path)
-    assert [robot_arguments(robot)[-2:] for robot in team.robots] == [["--behavior", "avoid"]] * 2
+    assert [robot.behavior for robot in team.robots] == ["avoid", "avoid"]

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from support.team_files import error_of, load, robots
-from zteam.team_file import robot_arguments
+from zteam.team_file import behavior_of
 
 
 def test_a_circle_of_followers_is_named(tmp_path: Path) -> None:
@@ -24,7 +24,7 @@ def test_a_follower_has_one_leader_and_one_behaviour(tmp_path: Path) -> None:
     told = error_of(tmp_path, robots("id=0", "id=1\nfollow=0\nleader=2"))
     assert told.startswith("6: robots[1].leader: the leader is named by follow = 0")
     team = load(tmp_path, robots("id=0", "id=1\nfollow=0\nbehavior='follow'\nmin_dist=1.0"))
-    assert robot_arguments(team.robots[1]) == ["--id", "1", "--follow", "0", "--param", "min_dist=1.0"]
+    assert behavior_of(team.robots[1]) == ("follow", {"leader": 0, "min_dist": 1.0})
 
 
 @pytest.mark.parametrize(

@@ -18,6 +18,7 @@ from zteam.nodes.monitor.poses import Poses
 from zteam.nodes.monitor.table import Line, Row, format_table, make_rows, team_notes
 from zteam.nodes.monitor.team import Team
 from zteam.nodes.monitor.team_watch import TeamWatch
+from zteam.process_options import MonitorOptions
 from zteam.runtime.node import Node
 
 log = logging.getLogger("zteam")
@@ -40,19 +41,6 @@ _STATUSES = 1.5
 
 Contents = Callable[[], tuple[list[Row], list[str]]]
 """The rows of the table and the notes below it, as they are now."""
-
-
-class MonitorOptions(msgspec.Struct, frozen=True):
-    """What the command line asks for."""
-
-    team_size: int
-    ids: tuple[int, ...] | None = None
-    json: bool = False
-    exit_on_go: bool = False
-    table: float | None = None
-    """Host seconds between two tables where there is no terminal; None = no table, infinity = a single one."""
-    go_timeout: float | None = None
-    """Host seconds without GO after which to give up. Simulated time may stand still until GO."""
 
 
 def sentence(event: Event) -> str:

@@ -5,10 +5,11 @@ import logging
 from zteam import names
 from zteam.errors import BusError
 from zteam.messages import TeamStatus, Tick, ns_from_time
-from zteam.nodes.monitor.display import Display, MonitorOptions, Output, Showing, showing
+from zteam.nodes.monitor.display import Display, Output, Showing, showing
 from zteam.nodes.monitor.start_gate import Gate
 from zteam.nodes.monitor.team_watch import TeamWatch
 from zteam.nodes.monitor.view import run_view
+from zteam.process_options import MonitorOptions
 from zteam.runtime.node import Node
 from zteam.runtime.ticks import Ticks
 from zteam.services.simulator import SimStatus

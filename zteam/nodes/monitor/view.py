@@ -10,9 +10,10 @@ from zteam.bus.presence import ProcessInfo
 from zteam.clock import monotonic, wall_ns
 from zteam.errors import BusError, UsageError
 from zteam.messages import TeamStatus
-from zteam.nodes.monitor.display import Display, MonitorOptions, Output, showing
+from zteam.nodes.monitor.display import Display, Output, showing
 from zteam.nodes.monitor.followed_team import FollowedTeam
 from zteam.nodes.monitor.team_watch import TeamWatch
+from zteam.process_options import MonitorOptions
 from zteam.runtime.node import Node
 
 log = logging.getLogger("zteam")

@@ -50,42 +50,33 @@ from zteam.services.navigation import (
 log = logging.getLogger("zteam")
 
 
-class NavigatedRobot(msgspec.Struct, frozen=True):
-    """One robot of the process."""
-
-    parameters: Parameters = Parameters()
-    base: BaseOverride = BaseOverride()
-    """What holds instead of `base_info`."""
-
-
-class NavigationOptions(msgspec.Struct, frozen=True):
-    """What the command line and the team file say."""
-
-    robots: Mapping[int, NavigatedRobot]
-    """By id."""
-    seed: int = 1
-
-
 class NavigationNode:
     """All robots of one process. Handlers of messages run under `node.changed`, and so do steps."""
 
-    def __init__(self, node: StepNode, options: NavigationOptions) -> None:
+    def __init__(
+        self,
+        node: StepNode,
+        parameters: Mapping[int, Parameters],
+        overrides: Mapping[int, BaseOverride],
+        seed: int,
+    ) -> None:
+        """By robot: its parameters, and what holds instead of its `base_info`."""
         self._node = node
         self._bases: dict[int, Base] = {}
         self._planners: dict[str, Planner] = {}
         self._grid: GridMap | None = None
         self._stepped = 0
-        self._overrides = {i: robot.base for i, robot in options.robots.items()}
-        self._period = min(1.0 / robot.parameters.controller.controller_frequency for robot in options.robots.values())
+        self._overrides = overrides
+        self._period = min(1.0 / each.controller.controller_frequency for each in parameters.values())
         self._tick_length = self._period
         self._transforms = TeamTransforms(node)
-        self._robots = {i: self._make_robot(i, robot.parameters, options.seed) for i, robot in options.robots.items()}
-        _warn_of_other_decay(options.robots)
+        self._robots = {i: self._make_robot(i, each, seed) for i, each in parameters.items()}
+        _warn_of_other_decay(parameters)
         node.subscribe(names.MAP, OccupancyGrid, self._on_map, latched=True)
         node.subscribe(names.all_robots_key(names.BASE_INFO), BaseInfo, self._on_base_info, latched=True)
         node.need(self._lacks)
         node.on_time_reset(self._forget)
-        self._claims = [Claim(node.bus, names.navigation_name(i)) for i in options.robots]
+        self._claims = [Claim(node.bus, names.navigation_name(i)) for i in parameters]
         self._claims = [claim for claim in self._claims if claim.name != node.name]
 
     def _make_robot(self, robot_id: int, parameters: Parameters, seed: int) -> RobotNavigation:
@@ -201,9 +192,9 @@ class NavigationNode:
                 robot.halt()
 
 
-def _warn_of_other_decay(robots: Mapping[int, NavigatedRobot]) -> None:
-    for robot in robots.values():
-        given, costmap = robot.parameters.pursuit.inflation_cost_scaling_factor, robot.parameters.local_layers
+def _warn_of_other_decay(parameters: Mapping[int, Parameters]) -> None:
+    for each in parameters.values():
+        given, costmap = each.pursuit.inflation_cost_scaling_factor, each.local_layers
         if given and given != costmap.cost_scaling_factor:
             log.warning(
                 "inflation_cost_scaling_factor is %g, but cost_scaling_factor of the local costmap is %g: "
@@ -236,6 +227,8 @@ class _Release:
         self.close = claim.release
 
 
-def run_navigation(node: StepNode, options: NavigationOptions) -> None:
+def run_navigation(
+    node: StepNode, parameters: Mapping[int, Parameters], overrides: Mapping[int, BaseOverride], seed: int
+) -> None:
     """Navigate these robots until asked to stop."""
-    NavigationNode(node, options).run()
+    NavigationNode(node, parameters, overrides, seed).run()

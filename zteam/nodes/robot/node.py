@@ -6,12 +6,8 @@ only watches for data that has grown old. In lock-step it acts once a tick, when
 
 import logging
 from collections.abc import Callable
-from typing import Any
-
-import msgspec
 
 from zteam import names
-from zteam.base import BaseOverride
 from zteam.behaviors import Behavior
 from zteam.behaviors.inputs import declared_inputs
 from zteam.clock import Every
@@ -23,6 +19,7 @@ from zteam.nodes.robot.pacing import ScanPacing
 from zteam.nodes.robot.parameters import Parameters
 from zteam.nodes.robot.subscriptions import Subscriptions
 from zteam.nodes.robot.waiting import Waiting
+from zteam.process_options import RobotOptions
 from zteam.runtime.node import Node
 from zteam.runtime.participant import Participant
 from zteam.runtime.readiness import Readiness
@@ -34,23 +31,6 @@ _HEARTBEAT = 1.0
 """Host seconds after which a robot gives a sign of life."""
 _LOOK = 0.1
 """Host seconds between two looks at whether data has stopped, in real time."""
-
-
-class RobotOptions(msgspec.Struct, frozen=True):
-    """What the command line says about the robot."""
-
-    robot_id: int
-    behavior: str
-    """Its name."""
-    params: dict[str, Any] = {}
-    """Of the behaviour, by name."""
-    gate: bool = True
-    """Wait for the monitor's GO."""
-    seed: int = 1
-    base: BaseOverride = BaseOverride()
-    """What holds instead of `base_info`."""
-    safety: bool = True
-    """Without it nothing but the limits of the base holds."""
 
 
 class RobotNode:

@@ -8,15 +8,14 @@ import logging
 import threading
 from collections.abc import Callable, Container
 
-import msgspec
-
 from zteam import names
 from zteam.clock import monotonic, wait_until
 from zteam.errors import BusError
 from zteam.messages import TeamState, TeamStatus, Tick, Twist
 from zteam.nodes.simulator.answers import Answers
 from zteam.nodes.simulator.open_tick import OpenTick
-from zteam.nodes.simulator.patience import TIMEOUT, Patience, Silence
+from zteam.nodes.simulator.patience import Patience, Silence
+from zteam.process_options import LockStepOptions
 from zteam.runtime.node import Node
 from zteam.runtime.participant import Lacking
 
@@ -29,17 +28,6 @@ _LACKING_LIMIT = 0.5
 """Host seconds for the participants to say which inputs they wait for; the world is held meanwhile."""
 _LONGEST_LOOK = 1.5
 """Host seconds between two looks at the silence, at most: more is a pause of this process, or of the machine."""
-
-
-class LockStepOptions(msgspec.Struct, frozen=True):
-    """What the command line says about lock-step."""
-
-    expected: tuple[str, ...] = ()
-    """The first tick is held until these processes take part."""
-    timeout: float = TIMEOUT
-    """Host seconds until a living participant that does not answer is dropped."""
-    gate: bool = True
-    """Hold the first tick until the monitor gives GO."""
 
 
 class LockStep:

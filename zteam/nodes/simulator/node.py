@@ -6,9 +6,6 @@ begins when every participant has answered and it is due; in real time when it i
 
 import logging
 from collections.abc import Mapping
-from pathlib import Path
-
-import msgspec
 
 from zteam import names
 from zteam.clock import NS_PER_S, Every, monotonic
@@ -16,7 +13,7 @@ from zteam.errors import UsageError
 from zteam.messages import OccupancyGrid, TeamState, TeamStatus, Twist, ns_from_time
 from zteam.nodes.simulator import tick_profile
 from zteam.nodes.simulator.commands import Commands
-from zteam.nodes.simulator.lockstep import LockStep, LockStepOptions
+from zteam.nodes.simulator.lockstep import LockStep
 from zteam.nodes.simulator.outside_commands import OutsideCommands
 from zteam.nodes.simulator.pacing import Pacer
 from zteam.nodes.simulator.queries import Queries
@@ -30,9 +27,10 @@ from zteam.nodes.simulator.tick_sender import TickSender
 from zteam.nodes.simulator.turns import Turns
 from zteam.nodes.simulator.world_changes import WorldChanges
 from zteam.numbers import counted
+from zteam.process_options import SimOptions
 from zteam.runtime.node import Node
 from zteam.services.simulator import map_info
-from zteam.sim import Engine, Options
+from zteam.sim import Engine
 from zteam.sim.occupancy_grid import map_message, map_metadata
 from zteam.world import Robot, World
 
@@ -40,29 +38,6 @@ log = logging.getLogger("zteam")
 
 ANSWER_SHARE = 0.4
 """Share of a tick's host time for which the rest of its messages waits for the robots' commands."""
-
-
-class SimOptions(msgspec.Struct, frozen=True):
-    """What the command line says about a run."""
-
-    world: Path
-    seed: int = 1
-    map_resolution: float = 0.05
-    """Metres a cell of the published map."""
-    has_map: bool = True
-    """Whether it publishes one."""
-    follows: Mapping[int, int] = msgspec.field(default_factory=dict)
-    """Pairs whose gap is measured: follower -> leader."""
-    engine: Options = Options()
-    run_for: float | None = None
-    """Stand still this many simulated seconds after GO."""
-    until: int | None = None
-    """Stand still before this tick."""
-    speed: float | None = 1.0
-    """Simulated seconds a second of the host; None = as fast as possible."""
-    paused: bool = False
-    """Stand still at the first tick."""
-    lockstep: LockStepOptions | None = None
 
 
 class Simulator:

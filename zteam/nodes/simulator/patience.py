@@ -7,8 +7,6 @@ RESEND = 0.05
 MAX_RESEND = 0.5
 NAME_AFTER = 1.0
 """Host seconds until the log names the participants that hold the world."""
-TIMEOUT = 10.0
-"""Host seconds until a living participant that does not answer is dropped."""
 _NAME_EVERY = 5.0
 """Host seconds between two such lines in the log."""
 

@@ -16,25 +16,10 @@ from zteam.errors import DecodeError, UsageError
 from zteam.nodes.web import rights
 from zteam.nodes.web.hub import Hub
 from zteam.nodes.web.server import WebServer, listen
+from zteam.process_options import ViewOptions
 from zteam.runtime.node import Node
 
 log = logging.getLogger("zteam")
-
-DEFAULT_PORT = 8765
-
-
-class ViewOptions(msgspec.Struct, frozen=True):
-    """Where the page is served."""
-
-    host: str = "127.0.0.1"
-    port: int = DEFAULT_PORT
-    """0: any."""
-    token: str = ""
-    """Empty: one is made."""
-    browser: bool = True
-    """Whether the page is opened in the user's browser."""
-    layout: Path | None = None
-    """A file with the layout that pages begin with."""
 
 
 def run_view(node: Node, options: ViewOptions, show: Callable[[str], None]) -> None:

@@ -7,7 +7,8 @@ import pytest
 from support.monitor_desk import Desk, HostTime, Open
 from zteam.bus import MemoryHub
 from zteam.nodes.monitor import display, team_watch
-from zteam.nodes.monitor.display import MonitorOptions, Output
+from zteam.nodes.monitor.display import Output
+from zteam.process_options import MonitorOptions
 
 
 @pytest.fixture

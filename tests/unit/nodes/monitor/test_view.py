@@ -16,9 +16,9 @@ from zteam.clock import wait_until
 from zteam.errors import UsageError
 from zteam.messages import RobotState, TeamState, TeamStatus
 from zteam.nodes.monitor import display, view
-from zteam.nodes.monitor.display import MonitorOptions
 from zteam.nodes.monitor.followed_team import FollowedTeam
 from zteam.nodes.monitor.node import run_monitor
+from zteam.process_options import MonitorOptions
 from zteam.runtime.node import Node
 from zteam.runtime.shutdown import Stop
 

@@ -34,7 +34,8 @@ from zteam.messages import (
     Vector3,
     time_from_ns,
 )
-from zteam.nodes.robot.node import RobotNode, RobotOptions
+from zteam.nodes.robot.node import RobotNode
+from zteam.process_options import RobotOptions
 from zteam.runtime.node import Node
 from zteam.runtime.shutdown import Stop
 

@@ -11,7 +11,8 @@ from zteam import names
 from zteam.behaviors import Behavior, View
 from zteam.bus import MemoryHub
 from zteam.messages import BaseInfo, Header, LaserScan, Message, Odometry, RobotStatus, TFMessage, Twist, time_from_ns
-from zteam.nodes.robot.node import RobotNode, RobotOptions
+from zteam.nodes.robot.node import RobotNode
+from zteam.process_options import RobotOptions
 from zteam.runtime.node import Node
 from zteam.runtime.shutdown import Stop
 

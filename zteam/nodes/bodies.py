@@ -1,0 +1,142 @@
+"""What each kind of process does, made of its options: one function a kind, whether it is a process or a thread.
+
+Each reads the files that its options name, so that a mistake is told before a bus is opened. Imports are inside the
+functions: a process pays for its own kind alone.
+"""
+
+import logging
+import sys
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from typing import Any, NamedTuple
+
+from zteam import names
+from zteam.errors import UsageError
+from zteam.process_options import (
+    AggregatorOptions,
+    MapOptions,
+    MonitorOptions,
+    NavigationOptions,
+    ProcessOptions,
+    RobotOptions,
+    SimOptions,
+    ViewOptions,
+)
+from zteam.runtime.node import ClockMode, Node
+
+log = logging.getLogger("zteam")
+
+
+class Part(NamedTuple):
+    """What a node does."""
+
+    body: Callable[[Any], None]
+    """`body(node)` returns when the node is asked to stop."""
+    make: type[Node] = Node
+    clock: ClockMode = "auto"
+    small: bool = False
+    """As in BusOptions."""
+    name: str = ""
+    """Its name on the bus, if that is not the one of its log."""
+
+
+def _simulator(options: SimOptions) -> Part:
+    from zteam.nodes.simulator.node import run_simulator
+    from zteam.world import add_robot, load_world
+
+    world = load_world(options.world)
+    robots = dict(enumerate(world.robots)) if options.world_robots else {}
+    for robot_id, model, pose in options.added:
+        if robot_id in robots:
+            raise UsageError(f"--add {robot_id}: the world already has a robot {robot_id}")
+        robots[robot_id] = add_robot(world, model, pose, names.robot_name(robot_id))
+    return Part(lambda node: run_simulator(node, world, robots, options))
+
+
+def _map_server(options: MapOptions) -> Part:
+    from zteam.nodes.map_server.node import run_map_server
+    from zteam.planning.map_files import read_map
+
+    grid = read_map(options.file)
+    return Part(lambda node: run_map_server(node, grid, str(options.file)), clock="wall")
+
+
+def _aggregator(options: AggregatorOptions) -> Part:
+    from zteam.nodes.transforms.node import run_aggregator
+    from zteam.tf.urdf import read_description
+
+    descriptions = {robot_id: read_description(file) for robot_id, file in options.descriptions.items()}
+    return Part(lambda node: run_aggregator(node, options.static_transforms, descriptions, options.rate), small=True)
+
+
+def _monitor(options: MonitorOptions) -> Part:
+    from zteam.nodes.monitor.node import run_monitor
+
+    return Part(lambda node: run_monitor(node, options), small=True)
+
+
+def printing_monitor(options: MonitorOptions, say: Callable[[str], None]) -> Part:
+    """A monitor whose events `say(line)` prints, where several nodes share a standard output."""
+    from contextlib import nullcontext
+
+    from zteam.nodes.monitor.display import Lines, Output
+    from zteam.nodes.monitor.node import run_monitor
+
+    def show(_options: MonitorOptions) -> AbstractContextManager[Output]:
+        return nullcontext(Lines(say))
+
+    return Part(lambda node: run_monitor(node, options, show))
+
+
+def _robot(options: RobotOptions) -> Part:
+    from zteam.behaviors.registry import find_behavior, load_behavior, look_in
+    from zteam.nodes.robot.node import run_robot
+
+    if ":" in options.behavior:
+        look_in(options.folders)
+    load_behavior(options.behavior, options.params, options.robot_id)
+    kind = find_behavior(options.behavior)
+    return Part(lambda node: run_robot(node, kind, options), small=True)
+
+
+def _navigation(options: NavigationOptions) -> Part:
+    from zteam.nodes.navigation.node import run_navigation
+    from zteam.planning.parameters import navigation_of_robot
+    from zteam.runtime.step_node import StepNode
+
+    parameters, unknown = {}, dict[str, None]()
+    for i, robot in options.robots.items():
+        read = navigation_of_robot(robot.parameters, i, robot.folder, robot.source)
+        parameters[i] = read.parameters
+        unknown.update(dict.fromkeys(read.unknown))
+    if unknown:
+        log.warning("%d parameters are not known here and have no effect: %s", len(unknown), ", ".join(unknown))
+    bases = {i: robot.base for i, robot in options.robots.items()}
+    return Part(lambda node: run_navigation(node, parameters, bases, options.seed), StepNode)
+
+
+def _view(options: ViewOptions) -> Part:
+    from zteam.nodes.web.node import run_view
+
+    return Part(lambda node: run_view(node, options, _print), small=True, name=options.name or names.view_name())
+
+
+def _print(text: str) -> None:
+    sys.stdout.write(f"{text}\n")
+    sys.stdout.flush()
+
+
+_MAKERS: dict[type, Callable[[Any], Part]] = {
+    SimOptions: _simulator,
+    MapOptions: _map_server,
+    AggregatorOptions: _aggregator,
+    MonitorOptions: _monitor,
+    RobotOptions: _robot,
+    NavigationOptions: _navigation,
+    ViewOptions: _view,
+}
+
+
+def part_of(options: ProcessOptions) -> Part:
+    """What a process with these options does. Raises ZteamError, and what the code of a user's behaviour raises."""
+    return _MAKERS[type(options)](options)

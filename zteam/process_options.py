@@ -1,0 +1,166 @@
+"""What each kind of process is told when it starts: one struct a kind, whose fields are those of its command line.
+
+`zteam up`, `zteam.run_team` and the `team` fixture make them of a team file, and commands of what a user types. A
+launcher hands them to its children as one line of JSON on their standard input.
+"""
+
+import json
+from pathlib import Path
+from typing import Any, TypeVar
+
+import msgspec
+
+from zteam.base import BaseOverride
+from zteam.geometry import Pose2
+from zteam.messages import TransformStamped
+from zteam.simulation_options import Options
+
+FROM_STDIN = "-"
+"""The only word of a command line whose process reads its options from its standard input."""
+LOCKSTEP_TIMEOUT = 10.0
+"""Host seconds until lock-step leaves a living participant behind that does not answer."""
+DEFAULT_VIEW_PORT = 8765
+
+T = TypeVar("T")
+
+
+class LockStepOptions(msgspec.Struct, frozen=True):
+    """How the simulator keeps lock-step."""
+
+    expected: tuple[str, ...] = ()
+    """The first tick is held until these processes take part."""
+    timeout: float = LOCKSTEP_TIMEOUT
+    """Host seconds until a living participant that does not answer is dropped."""
+    gate: bool = True
+    """Hold the first tick until the monitor gives GO."""
+
+
+class SimOptions(msgspec.Struct, frozen=True):
+    """A simulator."""
+
+    world: Path
+    seed: int = 1
+    map_resolution: float = 0.05
+    """Metres a cell of the published map."""
+    has_map: bool = True
+    """Whether it publishes one."""
+    world_robots: bool = True
+    """Whether the world's own robots are simulated."""
+    added: tuple[tuple[int, str, Pose2], ...] = ()
+    """Further robots: id, model, pose in `map`."""
+    follows: dict[int, int] = msgspec.field(default_factory=dict)
+    """Pairs whose gap is measured: follower -> leader."""
+    engine: Options = Options()
+    run_for: float | None = None
+    """Stand still this many simulated seconds after GO."""
+    until: int | None = None
+    """Stand still before this tick."""
+    speed: float | None = 1.0
+    """Simulated seconds a second of the host; None = as fast as possible."""
+    paused: bool = False
+    """Stand still at the first tick."""
+    lockstep: LockStepOptions | None = None
+
+
+class MapOptions(msgspec.Struct, frozen=True):
+    """A map server."""
+
+    file: Path
+    """map_server's YAML."""
+
+
+class AggregatorOptions(msgspec.Struct, frozen=True):
+    """The aggregator of transforms."""
+
+    static_transforms: tuple[TransformStamped, ...] = ()
+    descriptions: dict[int, Path] = msgspec.field(default_factory=dict)
+    """URDF files, by robot."""
+    rate: float | None = None
+    """Bundles a second; None = one a tick."""
+
+
+class MonitorOptions(msgspec.Struct, frozen=True):
+    """The monitor."""
+
+    team_size: int
+    """0: look at the monitor that runs."""
+    ids: tuple[int, ...] | None = None
+    json: bool = False
+    exit_on_go: bool = False
+    table: float | None = None
+    """Host seconds between two tables where there is no terminal; None = no table, infinity = a single one."""
+    go_timeout: float | None = None
+    """Host seconds without GO after which to give up. Simulated time may stand still until GO."""
+
+
+class RobotOptions(msgspec.Struct, frozen=True):
+    """One robot."""
+
+    robot_id: int
+    behavior: str
+    """Its name."""
+    params: dict[str, Any] = {}
+    """Of the behaviour, by name."""
+    gate: bool = True
+    """Wait for the monitor's GO."""
+    seed: int = 1
+    base: BaseOverride = BaseOverride()
+    """What holds instead of `base_info`."""
+    safety: bool = True
+    """Without it nothing but the limits of the base holds."""
+    folders: tuple[str, ...] = ("",)
+    """Where the module of a user's behaviour may lie; an empty name is the current folder."""
+
+
+class NavigatedRobot(msgspec.Struct, frozen=True):
+    """One robot of a navigation."""
+
+    parameters: dict[str, Any] = {}
+    """As the table `navigation` of a team file."""
+    folder: Path = Path()
+    """Where a parameter file that they name lies."""
+    source: str = "the parameters"
+    """What an error calls the table."""
+    base: BaseOverride = BaseOverride()
+    """What holds instead of `base_info`."""
+
+
+class NavigationOptions(msgspec.Struct, frozen=True):
+    """The navigation of one or several robots."""
+
+    robots: dict[int, NavigatedRobot]
+    """By id."""
+    seed: int = 1
+
+
+class ViewOptions(msgspec.Struct, frozen=True):
+    """A view: where its page is served."""
+
+    host: str = "127.0.0.1"
+    port: int = DEFAULT_VIEW_PORT
+    """0: any."""
+    token: str = ""
+    """Empty: one is made."""
+    browser: bool = True
+    """Whether the page is opened in the user's browser."""
+    layout: Path | None = None
+    """A file with the layout that pages begin with."""
+    name: str = ""
+    """Its name on the bus; empty: a new one of its kind."""
+
+
+ProcessOptions = (
+    SimOptions | MapOptions | AggregatorOptions | MonitorOptions | RobotOptions | NavigationOptions | ViewOptions
+)
+
+
+def to_line(name: str, options: ProcessOptions) -> str:
+    """What a launcher writes to the process `name`."""
+    # Python's own JSON, because it has infinity, as TOML has.
+    return json.dumps([name, msgspec.to_builtins(options, str_keys=True, enc_hook=str)])
+
+
+def from_line(line: str, kind: type[T]) -> tuple[str, T]:
+    """The name of the process and its options."""
+    name, options = json.loads(line)
+    return name, msgspec.convert(options, kind, str_keys=True, dec_hook=lambda made, text: made(text))
