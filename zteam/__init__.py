@@ -73,11 +73,10 @@ if TYPE_CHECKING:
     from zteam.launch.report import RunReport
     from zteam.resources import shipped_team, shipped_world
     from zteam.runtime.basic_navigator import BasicNavigator
-    from zteam.runtime.step_node import StepNode as Node
-    from zteam.runtime.step_node import run
+    from zteam.runtime.node import Node, run
     from zteam.runtime.transform_listener import TransformListener
     from zteam.services.goals import TaskResult
-    from zteam.services.parameters_client import ParametersClient
+    from zteam.services.parameters import ParametersClient
     from zteam.services.simulator_client import SimulatorClient
     from zteam.services.transforms import HistoryRequest, Lookup
     from zteam.services.transforms_client import TransformClient
@@ -124,8 +123,8 @@ _HOMES = {
     "HistoryRequest": "services.transforms",
     "Lookup": "services.transforms",
     "NoRequest": "bus.queries",
-    "Node": "runtime.step_node:StepNode",
-    "ParametersClient": "services.parameters_client",
+    "Node": "runtime.node",
+    "ParametersClient": "services.parameters",
     "Pose2": "geometry",
     "Publisher": "bus.bus",
     "RunReport": "launch.report",
@@ -138,7 +137,7 @@ _HOMES = {
     "ZteamError": "errors",
     "connect": "bus.connection",
     "load_team": "team_file.reading",
-    "run": "runtime.step_node",
+    "run": "runtime.node",
     "run_team": "in_process.team_run",
     "shipped_team": "resources",
     "shipped_world": "resources",

@@ -13,7 +13,7 @@ from zteam.errors import UsageError
 from zteam.nodes.simulator.pacing import Pacer
 from zteam.nodes.simulator.queries import Queries
 from zteam.nodes.simulator.turns import Turns
-from zteam.runtime.node import Node
+from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop
 from zteam.services.scans import ScansReply, SensedScan
 from zteam.services.simulator import Latency, MoveRequest, SimReport, SimStatus, SpawnRequest
@@ -107,7 +107,7 @@ class ControlHarness:
         self.bus = self.hub.bus()
         """The client's session."""
         self.stop = Stop()
-        self.node = Node(names.SIMULATOR, self.hub.bus(), self.stop)
+        self.node = ProcessNode(names.SIMULATOR, self.hub.bus(), self.stop)
         self.world = ScriptedSimulation(pacer)
         self.turns = Turns(self.node, pacer)
         Queries(self.node, pacer, self.turns, self.world, self._status, self.world.report)

@@ -22,7 +22,7 @@ from zteam.nodes.simulator.node import Simulator
 from zteam.nodes.transforms.node import Aggregator
 from zteam.process_options import LockStepOptions, RobotOptions, SimOptions
 from zteam.resources import find_world
-from zteam.runtime.node import Node
+from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop
 from zteam.services.simulator import FinishReply, FinishRequest, SimReport, SimStatus, StepRequest
 from zteam.world import Robot, World, add_robot, load_world
@@ -70,7 +70,7 @@ class InProcessTeam:
         self._open_bus = open_bus or (lambda hub, _: hub.bus())
         self.dones: list[tuple[str, Done]] = []
         self.ticks: list[Tick] = []
-        self.nodes: dict[str, Node] = {}
+        self.nodes: dict[str, ProcessNode] = {}
         self.texts: dict[str, str] = {}
         """The text of each robot's newest status."""
         self._ready: set[int] = set()
@@ -81,7 +81,7 @@ class InProcessTeam:
         self.bus.subscribe(names.all_robots_key(names.STATUS), RobotStatus, self._on_status)
         world, self.robots = load_scene()
         self.world = world
-        self._simulator_node = Node(names.SIMULATOR, self._open_bus(self.hub, names.SIMULATOR), Stop())
+        self._simulator_node = ProcessNode(names.SIMULATOR, self._open_bus(self.hub, names.SIMULATOR), Stop())
         self._simulator = Simulator(self._simulator_node, world, self.robots, self._sim_options())
         self._simulator.publish_statics()
         self._simulator_node.become_present()
@@ -128,9 +128,9 @@ class InProcessTeam:
         self._to_come = [other for other in self._to_come if other != name]
         self.nodes[name] = self._make(name)
 
-    def _make(self, name: str) -> Node:
+    def _make(self, name: str) -> ProcessNode:
         options = self.options
-        node = Node(name, self._open_bus(self.hub, name), Stop())
+        node = ProcessNode(name, self._open_bus(self.hub, name), Stop())
         robot_id = names.robot_id_of(name)
         if robot_id is None:
             Aggregator(node, (), {}, None)

@@ -16,7 +16,7 @@ from zteam.clock import to_ns, wait_until
 from zteam.messages import Clock, Done, TeamState, TeamStatus, Tick, Twist, time_from_ns
 from zteam.nodes.simulator.lockstep import LockStep
 from zteam.process_options import LockStepOptions
-from zteam.runtime.node import Node
+from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop
 from zteam.services.simulator import SimStatus
 
@@ -154,7 +154,7 @@ class LockStepHarness:
 
     def __init__(self, bus: Bus, options: LockStepOptions) -> None:
         self.stop = Stop()
-        self.node = Node(names.SIMULATOR, bus, self.stop)
+        self.node = ProcessNode(names.SIMULATOR, bus, self.stop)
         self.answered: list[int] = []
         """Ids of the robots that sent commands."""
         self.resent: list[list[str]] = []

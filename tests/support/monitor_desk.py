@@ -13,7 +13,7 @@ from zteam.nodes.monitor.display import Lines, Output
 from zteam.nodes.monitor.members import Event
 from zteam.nodes.monitor.node import Monitor
 from zteam.process_options import MonitorOptions
-from zteam.runtime.node import Node
+from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop
 
 FLICKER, LOSS, RETURN = 0.1, 1.0, 10.0
@@ -76,7 +76,7 @@ class Desk:
         self.published: list[TeamStatus] = []
         bus, self.link = cut_bus(hub)
         self.stop = Stop()
-        self.node = Node(names.MONITOR, bus, self.stop)
+        self.node = ProcessNode(names.MONITOR, bus, self.stop)
         self._node_wait = self.node.wait
         self.node.wait = self._wait  # type: ignore[method-assign]
         hub.bus().subscribe(names.TEAM_STATUS, TeamStatus, lambda _, status: self.published.append(status))

@@ -5,8 +5,8 @@ from collections.abc import Callable
 from support.lockstep_doubles import INTERVAL
 from zteam.bus import Bus
 from zteam.messages import Bool, Tick, Twist
-from zteam.runtime.node import Node
-from zteam.runtime.participant import Participant
+from zteam.runtime.lockstep import Participant
+from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop
 
 NAME = "planner"
@@ -17,7 +17,7 @@ class Desk:
     """A process that takes part: it acts when it was fed as often as there are ticks."""
 
     def __init__(self, bus: Bus) -> None:
-        self.node = Node(NAME, bus, Stop())
+        self.node = ProcessNode(NAME, bus, Stop())
         self.acted: list[int] = []
         self.asked: list[list[str]] = []
         """The participants of each tick at which `ready` was called."""

@@ -29,9 +29,9 @@ from zteam.messages import (
 from zteam.nodes.robot.node import RobotNode
 from zteam.process_options import RobotOptions
 from zteam.resources import shipped_world
-from zteam.runtime.node import Node
+from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop
-from zteam.services.parameters_client import ParametersClient
+from zteam.services.parameters import ParametersClient
 from zteam.services.simulator import SimStatus
 from zteam.sim import to_messages
 from zteam.world import load_world
@@ -71,7 +71,7 @@ class RealTimeRobot:
         self._hub.bus().subscribe(names.robot_key(1, names.STATUS), RobotStatus, self._on_status)
         self._team = self._bus.publisher(names.TEAM_STATUS, TeamStatus, latched=True)
         self._stop = Stop()
-        node = Node(names.robot_name(1), self._hub.bus(), self._stop)
+        node = ProcessNode(names.robot_name(1), self._hub.bus(), self._stop)
         self.failures: list[BaseException] = []
         self._robot = RobotNode(node, kind, RobotOptions(1, kind.__name__, params, gate=gate))
         node.become_present()
@@ -193,12 +193,12 @@ class RealTimeRobot:
             assert wait_until(self.changed, lambda: len(self.commands) >= count, LIMIT), self.commands
 
     def wait_for_waiting(self) -> None:
-        """Wait until the robot waits for transforms."""
+        """Wait until the robot has seen its newest scan, and waits for the transforms of that."""
         changed = self._robot._node.changed
         with changed:
             # The thread that begins to wait notifies no other.
             for _ in range(2000):
-                if self._robot._pacing.waiting:
+                if self._robot._pacing.acted == self._robot._inputs.scan_stamp:
                     return
                 changed.wait(0.01)
         raise AssertionError("the robot does not wait")

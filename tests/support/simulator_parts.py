@@ -13,7 +13,7 @@ from zteam.nodes.simulator.team_outputs import TeamOutputs
 from zteam.nodes.simulator.tick_profile import TickProfile
 from zteam.nodes.simulator.tick_sender import TickSender
 from zteam.nodes.simulator.world_changes import WorldChanges
-from zteam.runtime.node import Node
+from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop
 from zteam.services.simulator import MapInfo
 from zteam.sim import Engine
@@ -24,7 +24,7 @@ class SimulatorParts:
 
     def __init__(self, hub: MemoryHub, run_for: float | None = None) -> None:
         self.world, robots = load_scene()
-        self.node = Node(names.SIMULATOR, hub.bus(), Stop())
+        self.node = ProcessNode(names.SIMULATOR, hub.bus(), Stop())
         self.engine = Engine(self.world, seed=1, robots=robots)
         self.profile = TickProfile()
         self.pacer = Pacer(self.world.interval)

@@ -16,7 +16,7 @@ from zteam.clock import monotonic
 from zteam.nodes.web.frames import DOC, Frame, decode_frame
 from zteam.nodes.web.hub import Hub
 from zteam.nodes.web.server import WebServer, listen
-from zteam.runtime.node import Node
+from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop
 
 TOKEN = "the token"
@@ -141,7 +141,7 @@ class View(NamedTuple):
 def open_view(bus: Bus, layout: bytes = b"") -> Iterator[View]:
     """Serve a view of this bus."""
     stop = Stop()
-    node = Node("view", bus, stop)
+    node = ProcessNode("view", bus, stop)
     hub = Hub(node)
     listener, port = listen("127.0.0.1", 0)
     server = WebServer(hub, listener, "127.0.0.1", TOKEN, layout)

@@ -20,7 +20,7 @@ from zteam.launch.report import RunReport
 from zteam.planning.costmap import INSCRIBED_INFLATED_OBSTACLE, CostmapOptions, make_circle, make_costmap
 from zteam.planning.grid import OCCUPIED
 from zteam.planning.planner import AStarPlanner, NoPathError
-from zteam.runtime.participant import RoundTiming
+from zteam.runtime.lockstep import RoundTiming
 from zteam.services.maps import map_grid
 from zteam.services.simulator import Timing
 from zteam.sim.occupancy_grid import map_message

@@ -69,21 +69,21 @@ def _send(args: argparse.Namespace, spread: tuple[int, ...]) -> int:
     from zteam.nodes.goals.file import read_goals
     from zteam.nodes.goals.node import Dispatcher
     from zteam.nodes.goals.rounds import Rounds
-    from zteam.runtime.process import run_node
-    from zteam.runtime.step_node import StepNode
+    from zteam.runtime.node import Node
+    from zteam.runtime.process_node import run_node
 
     # A mistake in the file is told before anything is opened.
     goals = read_goals(Path(args.file), spread=bool(spread))
     rounds = Rounds(goals, spread, None if args.loop else args.rounds)
     made: list[Dispatcher] = []
 
-    def body(node: StepNode) -> None:
+    def body(node: Node) -> None:
         dispatcher = Dispatcher(node, rounds)
         made.append(dispatcher)
         with open_display(dispatcher, as_json=args.json):
             node.run(dispatcher.step)
 
-    code = run_node(args.name, bus_options(args), body, args.clock, make=StepNode)
+    code = run_node(args.name, bus_options(args), body, args.clock, make=Node)
     if code or not made:
         return code
     if not (made[0].is_done or args.loop):

@@ -19,8 +19,7 @@ from zteam.clock import local_time_text
 from zteam.errors import UsageError, ZteamError
 from zteam.names import is_wildcard
 from zteam.runtime.logs import LEVELS
-from zteam.services.log_lines import LogLine, level_name
-from zteam.services.log_reader import LogReader
+from zteam.services.logs import LogLine, LogReader, level_name
 
 _MAX_LINES = 1_000_000
 _COLORS = ((logging.ERROR, 31), (logging.WARNING, 33), (logging.INFO, 0), (logging.NOTSET, 2))

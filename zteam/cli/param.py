@@ -17,8 +17,7 @@ from zteam.cli.options import Parser, add_bus_options, bus_options, checked, run
 from zteam.cli.parameter_table import format_parameters
 from zteam.errors import BusError, UsageError, did_you_mean
 from zteam.robot_ids import parse_robot_ids
-from zteam.services.parameters import DescribeReply
-from zteam.services.parameters_client import ParametersClient
+from zteam.services.parameters import DescribeReply, ParametersClient
 from zteam.toml_values import parse_value
 
 Robots = dict[str, DescribeReply]

@@ -8,8 +8,7 @@ from typing import Any
 
 from zteam import names
 from zteam.in_process.delivery import current_owner
-from zteam.runtime.log_keeper import KEEPER
-from zteam.runtime.logs import node_of
+from zteam.runtime.logs import KEEPER, node_of
 
 
 @contextmanager

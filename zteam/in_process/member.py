@@ -7,17 +7,16 @@ from collections.abc import Callable
 from zteam.in_process.delivery import marks_owner
 from zteam.in_process.hub import TeamHub
 from zteam.nodes.bodies import Part
-from zteam.runtime.node import Node
-from zteam.runtime.process import run_body
+from zteam.runtime.node import Node, stepping
+from zteam.runtime.process_node import ProcessNode, run_body
 from zteam.runtime.shutdown import Stop
-from zteam.runtime.step_node import StepNode, stepping
 
 log = logging.getLogger("zteam")
 
 
-def own_part(body: Callable[[StepNode], None]) -> Part:
+def own_part(body: Callable[[Node], None]) -> Part:
     """The part of a user's own node, whose body `zteam.run` would take as well."""
-    return Part(stepping(body), StepNode)
+    return Part(stepping(body), Node)
 
 
 class Member:
@@ -67,7 +66,7 @@ class Member:
             self._on_end(self)
             self._ended.set()
 
-    def _body(self, node: Node) -> None:
+    def _body(self, node: ProcessNode) -> None:
         try:
             self._part.body(node)
         except BaseException as error:

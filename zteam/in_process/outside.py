@@ -13,7 +13,7 @@ from zteam.launch.kinds import Pace
 from zteam.launch.namespace import claim_namespace, refuse_second_team
 from zteam.launch.router import ANY_PORT
 from zteam.launch.run import ROUTER_DEADLINE, choose_endpoint, lease_for, node_environment, warn_of_endpoint
-from zteam.runtime.log_publisher import LogPublisher
+from zteam.runtime.logs import LogPublisher
 from zteam.runtime.shutdown import Stop
 
 

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from zteam.launch.kinds import KINDS, TeamLaunch
 from zteam.nodes.bodies import Part, part_of, printing_monitor
 from zteam.process_options import MonitorOptions, ProcessOptions, RobotOptions
-from zteam.runtime.node import Node
+from zteam.runtime.process_node import ProcessNode
 
 
 def _part(options: ProcessOptions, say: Callable[[str], None]) -> Part:
@@ -14,7 +14,7 @@ def _part(options: ProcessOptions, say: Callable[[str], None]) -> Part:
     if isinstance(options, RobotOptions):
         robot = options
 
-        def body(node: Node) -> None:
+        def body(node: ProcessNode) -> None:
             # In the node's own thread: a mistake in the user's code ends that node, and may be gone at a restart.
             part_of(robot).body(node)
 

@@ -30,15 +30,15 @@ from zteam.launch.report import RunReport, make_report, measure_processes, read_
 from zteam.launch.restarts import Restarts, serve_restarts
 from zteam.launch.supervisor import GRACE
 from zteam.nodes.bodies import Part
+from zteam.runtime.node import Node
 from zteam.runtime.shutdown import Stop
-from zteam.runtime.step_node import StepNode
 
 if TYPE_CHECKING:
     from zteam.in_process.outside import Outside
 
 log = logging.getLogger("zteam")
 
-Body = Callable[[StepNode], None]
+Body = Callable[[Node], None]
 """The body of a user's own node, as for `zteam.run`."""
 R = TypeVar("R")
 

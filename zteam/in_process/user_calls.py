@@ -14,7 +14,7 @@ from typing import NamedTuple
 from zteam.in_process.delivery import Delivery, current_owner
 from zteam.launch.kinds import Pace
 from zteam.runtime.faults import frames_text, is_own
-from zteam.runtime.log_keeper import KEEPER
+from zteam.runtime.logs import KEEPER
 from zteam.runtime.step_watch import hanging
 
 log = logging.getLogger("zteam")

@@ -28,7 +28,7 @@ PRELOADS = (
     "zteam.cli.options",
     # argparse imports shutil when it reads a command line.
     "shutil",
-    "zteam.runtime.process",
+    "zteam.runtime.process_node",
     "zteam.nodes.router.node",
     "zteam.world",
     "zteam.nodes.bodies",
@@ -39,7 +39,7 @@ PRELOADS = (
     "zteam.nodes.robot.node",
     "zteam.behaviors.registry",
     "zteam.messages.team_codecs",
-    "zteam.runtime.step_node",
+    "zteam.runtime.node",
 )
 """What the commands of a team import anyway. A missing entry costs the children time and memory, no more."""
 

@@ -16,7 +16,7 @@ from zteam.errors import UsageError, ZteamError
 from zteam.launch.process import Process, Usage, measure_usage
 from zteam.numbers import counted, format_factor
 from zteam.resources import is_folder
-from zteam.runtime.participant import RoundTiming
+from zteam.runtime.lockstep import RoundTiming
 from zteam.services.simulator import RunFigures, SimReport
 
 

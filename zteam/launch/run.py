@@ -35,7 +35,7 @@ from zteam.launch.router import ANY_PORT, start_router, wait_for_endpoint
 from zteam.launch.supervisor import GRACE, Supervisor
 from zteam.launch.warm_parent import WarmParent
 from zteam.process_options import FROM_STDIN
-from zteam.runtime.log_publisher import LogPublisher
+from zteam.runtime.logs import LogPublisher
 from zteam.runtime.shutdown import HUNG, Stop
 
 log = logging.getLogger("zteam")

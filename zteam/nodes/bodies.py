@@ -22,7 +22,7 @@ from zteam.process_options import (
     SimOptions,
     ViewOptions,
 )
-from zteam.runtime.node import ClockMode, Node
+from zteam.runtime.process_node import ClockMode, ProcessNode
 
 log = logging.getLogger("zteam")
 
@@ -32,7 +32,7 @@ class Part(NamedTuple):
 
     body: Callable[[Any], None]
     """`body(node)` returns when the node is asked to stop."""
-    make: type[Node] = Node
+    make: type[ProcessNode] = ProcessNode
     clock: ClockMode = "auto"
     small: bool = False
     """As in BusOptions."""
@@ -102,7 +102,7 @@ def _robot(options: RobotOptions) -> Part:
 def _navigation(options: NavigationOptions) -> Part:
     from zteam.nodes.navigation.node import run_navigation
     from zteam.planning.parameters import navigation_of_robot
-    from zteam.runtime.step_node import StepNode
+    from zteam.runtime.node import Node
 
     parameters, unknown = {}, dict[str, None]()
     for i, robot in options.robots.items():
@@ -112,7 +112,7 @@ def _navigation(options: NavigationOptions) -> Part:
     if unknown:
         log.warning("%d parameters are not known here and have no effect: %s", len(unknown), ", ".join(unknown))
     bases = {i: robot.base for i, robot in options.robots.items()}
-    return Part(lambda node: run_navigation(node, parameters, bases, options.seed), StepNode)
+    return Part(lambda node: run_navigation(node, parameters, bases, options.seed), Node)
 
 
 def _view(options: ViewOptions) -> Part:

@@ -21,7 +21,7 @@ from zteam.messages import (
     PoseWithCovarianceStamped,
     time_from_ns,
 )
-from zteam.runtime.step_node import StepNode
+from zteam.runtime.node import Node
 from zteam.services.goals import TaskResult, goal_message
 from zteam.services.team_clock import team_clock
 from zteam.services.tour import Tour
@@ -65,15 +65,15 @@ class BasicNavigator:
     in lock-step repeats.
     """
 
-    def __init__(self, robot: int | str, link: Bus | StepNode | None = None) -> None:
+    def __init__(self, robot: int | str, link: Bus | Node | None = None) -> None:
         """`robot` is its id or name. Raises UsageError for a name that is no robot's, BusError without a router."""
         robot_id = _robot_id(robot)
         self._own_bus = connect(BusOptions.from_environment()) if link is None else None
         link = link or self._own_bus
         assert link is not None
-        self._node = link if isinstance(link, StepNode) else None
-        bus = link.bus if isinstance(link, StepNode) else link
-        self._clock = link.clock if isinstance(link, StepNode) else team_clock(bus)
+        self._node = link if isinstance(link, Node) else None
+        bus = link.bus if isinstance(link, Node) else link
+        self._clock = link.clock if isinstance(link, Node) else team_clock(bus)
         self._tour = Tour(bus, robot_id, self._clock.now, link)
         self._client = self._tour.client
         self._nag = Every(10.0)

@@ -1,14 +1,219 @@
-"""Logging of every process: one line an event, as text for people or as JSON for machines, on stderr."""
+"""The log of a process: on stderr, kept for questions, and on the bus."""
 
 import logging
+import os
 import sys
+import threading
+from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import msgspec
 
+from zteam import names
+from zteam.bus import Bus, NoRequest
 from zteam.clock import local_time_text, wall_ns
-from zteam.runtime.log_keeper import KEEPER
+from zteam.messages import Log, time_from_ns
+from zteam.services.logs import KEPT, LogLine
+
+MAX_TEXT = 8192
+"""Characters of a line's text that are kept."""
+
+Sink = Callable[[LogLine], None]
+
+
+class LogKeeper:
+    """Keeps the newest KEPT lines and passes each new one on. Thread-safe; it never raises in a call that logs."""
+
+    def __init__(self) -> None:
+        self._users = 0
+        """Begins without their ends."""
+        self._end: Callable[[], None] = lambda: None
+        self._thread = threading.local()
+        self._kept: deque[LogLine] = deque(maxlen=KEPT)
+        self._last = 0
+        self.owner: Callable[[], str] = lambda: ""
+        """The node whose code logs now, where this process has several; else empty. Each record gets it as `node`."""
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the sinks, and the lock: a forked child has neither its parent's session nor its threads."""
+        # Reentrant: the garbage collector may run code that logs while a line is taken.
+        self._lock = threading.RLock()
+        self._sinks: tuple[Sink, ...] = ()
+
+    def begin(self) -> Callable[[], None]:
+        """Keep lines from here on; returns a function, to be called once, that ends this.
+
+        The last of several ends forgets the lines: a program may have more than one node.
+        """
+        with self._lock:
+            self._users += 1
+            if self._users == 1:
+                self._end = self._take_records()
+        return self._leave
+
+    def _leave(self) -> None:
+        with self._lock:
+            self._users -= 1
+            if self._users == 0:
+                self._end()
+                self._kept.clear()
+
+    def _take_records(self) -> Callable[[], None]:
+        """Take each log record that Python makes; returns a function that ends this."""
+        active = True
+        make = logging.getLogRecordFactory()
+
+        def make_record(*args: Any, **kwargs: Any) -> logging.LogRecord:
+            record = make(*args, **kwargs)
+            if active:
+                record.node = getattr(self._thread, "owner", "") or self.owner()
+                self._take(record)
+            return record
+
+        def end() -> None:
+            nonlocal active
+            active = False
+            # Other code may have wrapped it since; then it stays, and does nothing.
+            if logging.getLogRecordFactory() is make_record:
+                logging.setLogRecordFactory(make)
+
+        logging.setLogRecordFactory(make_record)
+        return end
+
+    @contextmanager
+    def owned_by(self, node: str) -> Iterator[None]:
+        """Within, the lines of this thread are those of `node`, whose code does not run in it."""
+        self._thread.owner = node
+        try:
+            yield
+        finally:
+            self._thread.owner = ""
+
+    def kept(self, process: str) -> list[LogLine]:
+        """The newest lines of the process, or of the node of this name in it, the oldest first."""
+        with self._lock:
+            lines = list(self._kept)
+        return [msgspec.structs.replace(line, process=process) for line in lines if line.process in ("", process)]
+
+    def pass_to(self, sink: Sink) -> Callable[[], None]:
+        """Call `sink(line)` for each new line, in the thread that logs; returns a function that ends this."""
+        with self._lock:
+            self._sinks = (*self._sinks, sink)
+
+        def end() -> None:
+            with self._lock:
+                self._sinks = tuple(other for other in self._sinks if other is not sink)
+
+        return end
+
+    def _take(self, record: logging.LogRecord) -> None:
+        # None: `logging.makeLogRecord` makes an empty record first, to fill it with one of another process.
+        if record.name is None:
+            return
+        try:
+            # Without the lock: the arguments' own code makes the text.
+            text = _text_of(record)
+            with self._lock:
+                line = self._keep(record, text)
+            self._pass(line)
+        except Exception:
+            # Its handlers still get the record; a line about this one would fail as well.
+            return
+
+    def _keep(self, record: logging.LogRecord, text: str) -> LogLine:
+        now = wall_ns()
+        # Equal lines differ in their time: readers take what they know for a repetition.
+        self._last = self._last + 1 if now <= self._last < now + KEPT else now
+        level = max(0, min(record.levelno, 255))
+        function = record.funcName or ""
+        line = LogLine(
+            self._last, getattr(record, "node", ""), level, text, _encodable(record.pathname), function, record.lineno
+        )
+        self._kept.append(line)
+        return line
+
+    def _pass(self, line: LogLine) -> None:
+        """Give the line to the sinks; not a line that a sink logs itself, which would have no end."""
+        if not self._sinks or getattr(self._thread, "passing", False):
+            return
+        self._thread.passing = True
+        try:
+            for sink in self._sinks:
+                sink(line)
+        finally:
+            self._thread.passing = False
+
+
+def _text_of(record: logging.LogRecord) -> str:
+    """The message with the traceback of its exception, cut to MAX_TEXT."""
+    try:
+        text = record.getMessage()
+    except Exception:
+        # Arguments that do not fit: Python's handlers report that.
+        text = str(record.msg)
+    if record.exc_info and record.exc_info[0] is not None:
+        text = f"{text}\n{logging.Formatter().formatException(record.exc_info)}"
+    if len(text) > MAX_TEXT:
+        text = f"{text[:MAX_TEXT]}… ({len(text)} characters)"
+    return _encodable(text)
+
+
+def _encodable(text: str) -> str:
+    """The text with escapes for what neither JSON in UTF-8 nor CDR can carry."""
+    if text.isascii() and "\0" not in text:
+        return text
+    return text.replace("\0", "\\x00").encode("utf-8", "backslashreplace").decode()
+
+
+KEEPER = LogKeeper()
+"""The one of this process, as the log is the process's."""
+os.register_at_fork(after_in_child=KEEPER.reset)
+
+
+class LogPublisher:
+    """Publishes this process's log under `name` until it is closed."""
+
+    def __init__(self, bus: Bus, name: str) -> None:
+        self._name = name
+        self._publisher = bus.publisher(names.log_key(name), Log)
+        self._first_sent: int | None = None
+        """Stamp of the first line that was sent, ns."""
+        self._caught_up = False
+        self._server = bus.serve(names.log_key(name), NoRequest, lambda _: KEEPER.kept(name))
+        self._forget = KEEPER.pass_to(self._send)
+
+    def close(self) -> None:
+        """Publish and answer nothing more; also after the end of the session."""
+        self._forget()
+        self._server.close()
+        self._publisher.close()
+
+    def catch_up(self) -> None:
+        """Send the lines from before the first one that was sent, to the subscribers that are there; once.
+
+        A process that ends soon after its start may be gone before a reader asks it.
+        """
+        if self._caught_up:
+            return
+        self._caught_up = True
+        first = self._first_sent
+        for line in KEEPER.kept(self._name):
+            if first is None or line.time_ns < first:
+                self._send(line)
+
+    def _send(self, line: LogLine) -> None:
+        if line.process in ("", self._name) and self._publisher.has_subscribers:
+            self._first_sent = self._first_sent or line.time_ns
+            self._publisher.put(message_of(self._name, line))
+
+
+def message_of(process: str, line: LogLine) -> Log:
+    """The message of a line; its stamp is the host's time."""
+    return Log(time_from_ns(line.time_ns), line.level, process, line.text, line.file, line.function, line.line)
+
 
 LEVELS = ("debug", "info", "warning", "error")
 

@@ -1,116 +1,350 @@
-"""The node that every process has: a named process on the bus that knows the team's time."""
+"""`zteam.Node` and `zteam.run`: a user's own process that keeps time with the team, in lock-step too."""
 
 import logging
-from collections.abc import Callable
-from typing import Literal
+from collections.abc import Callable, Sequence
+from functools import partial
+from itertools import count
+from typing import Any, TypeVar
 
 from zteam import names
-from zteam.bus import Bus
+from zteam.behaviors.behavior import checked_command
+from zteam.bus import Bus, BusOptions, Publisher, connect
+from zteam.bus.bus import check_message_type
 from zteam.bus.transport import Closeable
-from zteam.clock import AutoClock, Rate, monotonic, to_seconds
-from zteam.messages import Clock, ns_from_time
-from zteam.runtime.base_node import BaseNode
-from zteam.runtime.ended_time import EndedTime
-from zteam.runtime.shutdown import Stop
+from zteam.clock import Every, Rate, monotonic, to_ns
+from zteam.errors import UsageError
+from zteam.messages import (
+    Message,
+    NavigationStatus,
+    RobotDriver,
+    RobotStatus,
+    TeamStatus,
+    Tick,
+    Twist,
+    ns_from_time,
+)
+from zteam.runtime.lockstep import Participant
+from zteam.runtime.process_node import ClockMode, ProcessNode, run_body
+from zteam.runtime.robot_status import Readiness, StatusReport, go_epoch
+from zteam.runtime.shutdown import Stop, stopping_in_order
+from zteam.runtime.step_watch import StepWatch
+from zteam.runtime.tick_messages import Arrival, TickInputs, TickMessages, stamp_of_tick
 
 log = logging.getLogger("zteam")
 
-WALL_AFTER = 0.5
-"""Host seconds of data without a sign of a simulator after which this is a real base, in wall time."""
-ClockMode = Literal["auto", "sim", "wall"]
-CLOCK_MODES: tuple[ClockMode, ...] = ("auto", "sim", "wall")
-"""Which time a process works in: simulated time if there is a simulator, else the host's; or always one of the two."""
+M = TypeVar("M", bound=Message)
+
+Step = Callable[[int], Twist | None]
+"""`step(now)`: a robot's own process (`robot_N`) may return its command, which goes to the wheels."""
+_OF_PROCESSES = (RobotStatus, NavigationStatus, TeamStatus)
+"""What processes say of themselves: they say it before there is a simulator, too, so it does not tell of a base."""
 
 
-class Node(BaseNode):
-    """A BaseNode that takes its time from the simulator's clock or ticks, or from the host where there is neither."""
+class NodeGate:
+    """Holds the steps of `node` until GO: what `zteam-robot` does by itself, READY and then GO, behind one option.
+
+    A robot's own process (`robot_N`) also tells the monitor that it is ready. The node's main loop calls `beat` and
+    `is_open`; the caller of the others holds `node.changed`.
+    """
+
+    def __init__(self, node: ProcessNode, lacking: Callable[[], list[str]], in_lockstep: Callable[[], bool]) -> None:
+        """`lacking()` names the inputs that are missing, `in_lockstep()` says whether ticks call the steps."""
+        self._node = node
+        self._in_lockstep = in_lockstep
+        self._lacking = lacking
+        self._readiness = Readiness(gated=True, way_out="zteam-monitor")
+        robot_id = names.robot_id_of(node.name)
+        self._report: StatusReport | None = None
+        if robot_id is not None:
+            self._report = StatusReport(node, robot_id, "zteam.Node", self._readiness, in_lockstep)
+        self._heartbeat = Every(1.0)
+        self._team = TeamStatus()
+        """The monitor's newest word."""
+        # Not as an input of the node: those tell whether this is a real base.
+        node.bus.subscribe(names.TEAM_STATUS, TeamStatus, self._on_team_status, latched=True)
+
+    def _on_team_status(self, _key: str, status: TeamStatus) -> None:
+        with self._node.changed:
+            self._team = status
+            self._node.changed.notify_all()
+
+    def beat(self) -> None:
+        """Find out what is missing, and say once a second what the robot is."""
+        with self._node.changed:
+            self.passes(self._lacking(), 0)
+            if self._heartbeat.due() and self._report is not None:
+                self._report.say_again()
+
+    def is_open(self) -> bool:
+        """In real time: whether the steps may begin, by the monitor's word. In lock-step the ticks carry GO."""
+        with self._node.changed:
+            return self.passes(self._lacking(), go_epoch(self._team, self._node.clock.now()))
+
+    def passes(self, lacking: Sequence[str], epoch: int) -> bool:
+        """Whether the steps may begin: nothing is `lacking` and GO `epoch` holds (0 = none); from then on for good."""
+        was_released = self._readiness.released
+        if self._readiness.take(lacking, epoch) and not was_released:
+            self._readiness.drive("")
+        self._tell()
+        return self._readiness.released
+
+    def take(self, command: Twist) -> None:
+        """The newest command of the node's step."""
+        if self._report is not None:
+            self._report.take(RobotDriver.BEHAVIOR, command)
+            self._tell()
+            if self._in_lockstep():
+                self._report.keep_up(self._node.clock.now())
+
+    def _tell(self) -> None:
+        if self._report is not None and self._node.speaks:
+            self._report.tell()
+
+    def stop(self) -> None:
+        """Say that the process ends."""
+        if self._report is not None:
+            self._report.stop()
+
+
+def _check_single(key: str) -> None:
+    if names.is_wildcard(key) or len(key.split()) != 1:
+        raise UsageError(f"{key!r} is no key to publish on: use one without spaces and wildcards, as 'planner/plan'")
+
+
+class Node(ProcessNode):
+    """One process on the bus under a name of its own.
+
+    Call `subscribe` and `publisher`, then `run(step)`, which calls `step(now)` with the time in ns. In lock-step that
+    is once a tick, when all inputs declared with `every_tick` have come for it; the world waits for it. Out
+    of lock-step it is every `period` seconds of simulated time, or of the host's time where there is no simulator.
+    """
 
     def __init__(self, name: str, bus: Bus, stop: Stop, clock: ClockMode = "auto") -> None:
-        super().__init__(name, bus, stop)
-        self.clock = AutoClock()
-        if clock == "sim":
-            self.clock.use_simulated()
-        elif clock == "wall":
-            self.clock.use_wall()
-        self.wakes_with_clock = False
-        """Whether every tick of the simulator's clock wakes the main loop."""
-        self.ended_time = EndedTime()
-        """Messages of the time before the last jump back may still come."""
-        self.clock.sim.on_jump_back(self.ended_time.jump)
-        self._simulators: set[str] = set()
-        self._on_simulator_lost: list[Callable[[], None]] = []
-        self._clock_input: Closeable | None = None
-        self._follows_clock = False
+        super().__init__(name, bus, stop, clock)
+        self._inputs = TickInputs(lambda: self._part.robots)
+        self._messages = TickMessages()
+        self._numbers = count()
+        self._first_data = 0.0
+        """Host time of the first message that may be of a base; 0 before."""
+        self._part = Participant(self, self._has_inputs, self._act, lacks=self._inputs.lacking)
+        self._step: Step = lambda now: None
+        self._cmd_vel: Publisher[Twist] | None = None
+        self._returned = Every(60.0)
+        self._gate: NodeGate | None = None
+        self._watch = StepWatch(f"{name}: step", "one is due every", "do less in a step")
+        self._period: float | None = None
+        """Seconds between two steps in real time; None before `run`."""
+        self._held: tuple[int, Twist | None] = -1, None
+        """Time (ns) and command of the first tick, which is held: GO opens that tick anew, and chance decides if it was
+        answered before."""
+        self.on_time_reset(self._forget)
 
-    def on_time_reset(self, callback: Callable[[], None]) -> None:
-        """Call `callback()` when simulated time jumps back: the world was reset, or its simulator started anew.
+    def _forget(self) -> None:
+        """Time has begun anew."""
+        self._inputs.forget()
+        self._messages.forget()
+        self._held = -1, None
 
-        It runs under `changed`, before anything of the new time. An error of it ends the process.
+    @property
+    def was_run(self) -> bool:
+        """Whether `run` was called."""
+        return self._period is not None
+
+    def publisher(self, key: str, message_type: type[M], *, latched: bool = False) -> Publisher[M]:
+        """A publisher of `message_type` on `key`, closed with the node. With `latched`, a late subscriber gets the last
+        message.
+
+        Raises UsageError for a wildcard, and for a type that a key of zteam does not carry.
         """
-        self.clock.sim.on_jump_back(lambda _old, _new: callback())
+        from zteam.bus.topics import type_of_key
 
-    def follow_clock(self) -> None:
-        """Take simulated time from the bus as soon as there is a simulator. A second call does nothing."""
-        if not self._follows_clock:
-            self._follows_clock = True
-            self.take_time_from_clock()
-            self.watch_tokens(names.tokens_key(names.SIMULATOR), self._on_simulator)
+        _check_single(key)
+        carried = type_of_key(key)
+        check_message_type(key, message_type)
+        if carried not in (None, message_type):
+            raise UsageError(f"{key} carries {carried.ros_type}, not {message_type.ros_type}")
+        return self.bus.publisher(key, message_type, latched=latched)
 
-    def take_time_from_ticks(self) -> None:
-        """In lock-step, take the time from the ticks: the clock would only wake this process once more for each."""
-        self.clock.use_simulated()
-        if self._clock_input is not None:
-            self._clock_input.close()
-            self._clock_input = None
+    def subscribe(
+        self,
+        key_expr: str,
+        message_type: type[M],
+        callback: Callable[[str, M], None],
+        *,
+        latched: bool = False,
+        every_tick: bool = False,
+    ) -> Closeable:
+        """Call `callback(key, message)` for each message, never at the same time as `step`.
 
-    def take_time_from_clock(self) -> None:
-        """Out of lock-step, take the time from the clock."""
-        if self._clock_input is None:
-            # Not as an input of a user's own node, which keeps some messages for later.
-            self._clock_input = super().subscribe(names.CLOCK, Clock, self._on_clock, wake=False)
-
-    def set_time(self, stamp: int) -> None:
-        """Take simulated time `stamp` (ns); an error of a callback for jumps ends the process."""
-        try:
-            self.clock.sim.set(stamp)
-        except BaseException as error:
-            self._fail(error)
-
-    def on_simulator_lost(self, callback: Callable[[], None]) -> None:
-        """Call `callback()` under `changed` when the last simulator is gone."""
-        self._on_simulator_lost.append(callback)
-
-    def wait_for_moment(self, pace: Rate) -> bool:
-        """Wait until the next moment of `pace` in the team's time, and take it; False if something else comes first."""
-        clock = self.clock
-        left = to_seconds(pace.left(clock.steady()))
-        # Simulated time wakes this as it goes on (see `wakes_with_clock`); it may stand still for long.
-        if not self.wait(lambda: pace.left(clock.steady()) == 0, 0.5 if clock.simulated else min(left, 0.5)):
-            return False
-        pace.take(clock.steady())
-        return True
-
-    def decide_clock(self, first_data: float) -> None:
-        """Work in wall time if data (since host time `first_data`; 0 = none) came for WALL_AFTER without a simulator.
-
-        A base cannot be told from a simulator by its data: the simulator's token or clock may come a little later.
+        In lock-step messages of the simulator are handled in their tick, before `step`, and those of other processes in
+        the tick after the one in which they were sent (`TickMessages`); those of latched keys at once.
+        With `every_tick`, a lock-step's `step` waits for the tick's own message: of the key, or of every robot in the
+        world if the key is `robot_$*/topic`. Such a message needs a header with the stamp of its tick; `tf` may be
+        waited for as well, which ends with the aggregator.
         """
-        if not self.clock.decided and first_data and monotonic() - first_data > WALL_AFTER:
-            self.clock.use_wall()
-            log.info("data without a simulator: working in wall time")
+        if every_tick:
+            self._inputs.declare(key_expr, message_type)
+        number, handle = next(self._numbers), self._failing(callback)
 
-    def _on_clock(self, _key: str, message: Clock) -> None:
-        self.clock.use_simulated()
-        self.set_time(ns_from_time(message.clock))
-        if self.wakes_with_clock:
-            self.changed.notify_all()
+        def take(key: str, message: Message, source: str = "") -> None:
+            # A latched message may be the aggregator's, which is there before the simulator.
+            if not (latched or isinstance(message, _OF_PROCESSES)):
+                self._first_data = self._first_data or monotonic()
+            if (every_tick or isinstance(message, RobotStatus)) and self.ended_time.has(
+                key, lambda: stamp_of_tick(message), self.clock.now()
+            ):
+                return
+            part, due = self._part, self._inputs.take(key, message) if every_tick else None
+            if latched or not part.active:
+                handle(key, message)
+            else:
+                arrival = Arrival(number, key, message, source, part.is_simulator(source), due, handle)
+                if problem := self._messages.take(arrival, part.stamp, is_open=part.is_open):
+                    self.bus.counters.drop(key, problem)
+            if due is not None:
+                part.take_stamp(due)
+            part.advance()
 
-    def _on_simulator(self, key: str, alive: bool) -> None:
-        (self._simulators.add if alive else self._simulators.discard)(key)
-        if alive:
-            self.clock.use_simulated()
-        elif not self._simulators:
-            # The next one may not work in lock-step.
-            self.take_time_from_clock()
-            for callback in self._on_simulator_lost:
-                callback()
+        if latched:
+            return super().subscribe(key_expr, message_type, take, latched=True)
+        return self.subscribe_from(key_expr, message_type, take)
+
+    def need(self, lacks: Callable[[Tick], list[str]]) -> None:
+        """In lock-step, let `step` wait while `lacks(tick)` names keys; it is asked after each message."""
+        self._inputs.need(lacks)
+
+    def watch_tokens(self, key_expr: str, callback: Callable[[str, bool], None]) -> None:
+        """Call `callback(key, alive)` for presence tokens, never at the same time as `step`."""
+        super().watch_tokens(key_expr, self._failing(callback))
+
+    def _failing(self, callback: Callable[[str, Any], None]) -> Callable[[str, Any], None]:
+        """A user's `callback`, whose error ends the process."""
+
+        def handle(key: str, value: Any) -> None:
+            try:
+                callback(key, value)
+            except BaseException as error:
+                self.fail(error)
+
+        return handle
+
+    def run(self, step: Step, *, period: float = 0.1, gate: bool = False) -> None:
+        """Call `step(now)` until the process is asked to stop. Raises what `step` raises.
+
+        With `gate` it calls `step` from the monitor's GO on. A robot's own process (`robot_N`) tells the monitor that
+        it is ready when all that it subscribes to with `every_tick` has come.
+
+        `step` must not ask the bus (`bus.ask`, a TransformClient): no answer is taken until it returns.
+        """
+        self._step, self._period = step, period
+        robot_id = names.robot_id_of(self.name)
+        if robot_id is not None:
+            self._cmd_vel = self.bus.publisher(names.robot_key(robot_id, names.CMD_VEL), Twist)
+        if gate:
+            self._gate = NodeGate(self, self._lacking, lambda: self._part.active)
+        self.become_present()
+        # Only the process that holds the name may publish under it, so not before this.
+        self.on_stop(self._halt)
+        self._keep_pace(period)
+
+    def _keep_pace(self, period: float) -> None:
+        pace: Rate | None = None
+        is_open: Callable[[], bool] = (lambda: True) if self._gate is None else self._gate.is_open
+        while not self.stopping:
+            self.decide_clock(self._first_data)
+            if self._gate is not None:
+                self._gate.beat()
+            if not self.clock.decided or self.clock.now() == 0:
+                self.wait(lambda: self.clock.now() > 0, 0.1)
+            elif self._part.expected:
+                self.wait(lambda: not self._part.expected, 0.5)
+            elif not is_open():
+                self.wait(lambda: self._part.active or is_open(), 0.5)
+            elif pace is None:
+                # The first moment is now.
+                pace = Rate(to_ns(period), self.clock.steady() - to_ns(period))
+            elif self.wait_for_moment(pace):
+                with self.changed:
+                    if self._part.expected or self.stopping:
+                        continue
+                    self._messages.handle_due(None)
+                    self._drive(self._ask_step(self.clock.now()))
+
+    def _halt(self) -> None:
+        with self.changed:
+            self._drive(Twist())
+            if self._gate is not None:
+                self._gate.stop()
+
+    def _lacking(self) -> list[str]:
+        """The inputs that are missing: those of the newest tick, or those that never came where there are no ticks."""
+        tick = self._part.tick
+        return self._inputs.never_came() if tick is None else self._inputs.lacking(tick)
+
+    def _ask_step(self, now: int) -> Twist | None:
+        # In lock-step the next tick waits for it.
+        period = 0.0 if self._part.active else self._period
+        command = self._watch.run(lambda: self._step(now), period or 0.0, paced=True)
+        if command is None:
+            return None
+        if self._cmd_vel is None:
+            if self._returned.due():
+                kind = type(command).__name__
+                log.warning("%s: step returned a %s, which nothing takes: put messages on a publisher", self.name, kind)
+            return None
+        command = checked_command(command, f"{self.name}: step")
+        if self._gate is not None:
+            self._gate.take(command)
+        return command
+
+    def _drive(self, command: Twist | None) -> None:
+        if command is not None and self._cmd_vel is not None:
+            self._cmd_vel.put(command)
+
+    def _has_inputs(self, tick: Tick) -> bool:
+        self._messages.handle_due(self._part.stamp)
+        return self.speaks and not self._inputs.lacking(tick)
+
+    def _act(self, tick: Tick) -> Twist | None:
+        if self._gate is not None and not self._gate.passes([], tick.epoch):
+            return None
+        now = ns_from_time(tick.stamp)
+        if now == self._held[0]:
+            return self._held[1]
+        command = self._ask_step(now)
+        self._held = now if tick.epoch == 0 else -1, command
+        return command
+
+
+def stepping(body: Callable[[Node], None]) -> Callable[[Node], None]:
+    """`body(node)`, with a word to the user if it returned without a step."""
+
+    def checked(node: Node) -> None:
+        body(node)
+        if not (node.was_run or node.stopping):
+            log.warning("%s: its main has returned without node.run(step), so it took no part in the team", node.name)
+
+    return checked
+
+
+def run(
+    name: str, body: Callable[[Node], None], options: BusOptions | None = None, *, clock: ClockMode = "auto"
+) -> int:
+    """Run `body(node)` as the process `name`; the body calls `node.run(step)`. Returns 0 after an orderly stop.
+
+    Raises SystemExit(1) after an error, which it has logged: the script ends with that code, even if it ignores what
+    `run` returns.
+
+    Stops in order on SIGINT and SIGTERM; nothing else of the program changes. Without `options` the environment says
+    how to reach the bus, as for every command (`ZTEAM_CONNECT`, `ZTEAM_NAMESPACE`, `ZTEAM_CONFIG`, `ZTEAM_LEASE`).
+    """
+    if not isinstance(name, str) or not callable(body):
+        log.error("zteam.run(name, body) takes a text and a function of the node, not %r and %r", name, body)
+        raise SystemExit(2)
+    chosen = BusOptions.from_environment() if options is None else options
+    stop = Stop()
+    with stopping_in_order(stop):
+        code = run_body(name, partial(connect, chosen, stopping=stop), stepping(body), stop, clock, make=Node)
+    if code:
+        raise SystemExit(code)
+    return code

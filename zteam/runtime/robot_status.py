@@ -1,17 +1,26 @@
-"""What the robot says of itself: published at 1 Hz and when its state or its text changes, and logged.
+"""A robot's side of the start gate, and what it says of itself: at 1 Hz and when its state or its text changes.
 
-Behaviours may listen to it. So in lock-step it is made in the robot's steps alone, and what the host's clock or other
-processes ask for meanwhile is the last one again.
+Behaviours may listen to the status. So in lock-step it is made in the robot's steps alone, and what the host's clock or
+other processes ask for meanwhile is the last one again.
 """
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from zteam import names
 from zteam.clock import to_ns
-from zteam.messages import Header, RobotDriver, RobotState, RobotStatus, Twist, time_from_ns
-from zteam.runtime.node import Node
-from zteam.runtime.readiness import Readiness
+from zteam.messages import (
+    Header,
+    RobotDriver,
+    RobotState,
+    RobotStatus,
+    TeamState,
+    TeamStatus,
+    Twist,
+    ns_from_time,
+    time_from_ns,
+)
+from zteam.runtime.process_node import ProcessNode
 
 log = logging.getLogger("zteam")
 
@@ -23,16 +32,77 @@ _WHO = {RobotDriver.BEHAVIOR: "the behaviour"}
 """What the reason calls a driver; the others have their own names."""
 
 
+def go_epoch(team: TeamStatus | None, now: int) -> int:
+    """The GO that holds at time `now` (ns) by the monitor's newest word; 0 = none yet."""
+    if team is None or team.state != TeamState.GO or now < ns_from_time(team.go_stamp):
+        return 0
+    return team.epoch
+
+
+class Readiness:
+    """BOOT until the robot has all its data, READY until GO, then RUNNING: the state of one robot, and the reason.
+
+    GO is never taken back.
+    """
+
+    def __init__(self, *, gated: bool, way_out: str = "zteam-monitor; --no-gate drives at once") -> None:
+        """Without `gated` the robot drives at once. `way_out` is what a user may do while the robot waits for GO."""
+        self._way_out = way_out
+        self.released = not gated
+        """Whether the robot may drive."""
+        self.state: int = RobotState.BOOT
+        self.reason = ""
+        """Why it is in this state; empty if there is nothing to say."""
+        self.epoch = 0
+        """The GO that the robot obeys; 0 = none."""
+
+    @property
+    def is_ready(self) -> bool:
+        """What the robot tells the monitor."""
+        return self.state in (RobotState.READY, RobotState.RUNNING)
+
+    def take(self, missing: Sequence[str], epoch: int) -> bool:
+        """Take what the robot lacks and the GO that holds (0 = none); whether the robot may drive now."""
+        if self.released:
+            self.epoch = max(epoch, self.epoch)
+        elif missing:
+            self.state, self.reason = RobotState.BOOT, "waiting for " + ", ".join(missing)
+        elif not epoch:
+            self.state = RobotState.READY
+            self.reason = f"waiting for the monitor's GO ({self._way_out})"
+        else:
+            self.released, self.epoch = True, epoch
+        return self.released
+
+    def drive(self, reason: str, epoch: int = 0) -> None:
+        """The robot acts; `reason` says why it stands still, if it does; `epoch` is the GO that holds (0 = none)."""
+        self.state, self.reason, self.epoch = RobotState.RUNNING, reason, max(epoch, self.epoch)
+
+    def stop(self) -> None:
+        """The process ends."""
+        self.state, self.reason = RobotState.STOPPED, "stopped"
+
+
 class StatusReport:
     """Publishes the status of robot `robot_id`. The caller holds `node.changed`."""
 
-    def __init__(self, node: Node, robot_id: int, behavior: str, readiness: Readiness, *, safety: bool = True) -> None:
+    def __init__(
+        self,
+        node: ProcessNode,
+        robot_id: int,
+        behavior: str,
+        readiness: Readiness,
+        in_lockstep: Callable[[], bool],
+        *,
+        safety: bool = True,
+    ) -> None:
         """`behavior` is what the robot was started with, such as `follow` or `my_robot:Turner`.
 
         Without `safety` each status says that there is no safety layer.
         """
         self._warning = "" if safety else NO_SAFETY
         self._node = node
+        self._in_lockstep = in_lockstep
         self._id = robot_id
         self.behavior = behavior
         self.readiness = readiness
@@ -46,14 +116,18 @@ class StatusReport:
         self._told = self._state()
         self._last: RobotStatus | None = None
         """The newest one that was made."""
-        self._made = 0
-        """When, in ns."""
         self._spoke = False
-        """Whether one was published since `take_spoken` was asked last."""
+        """Whether one was published since the last `beat`."""
         self.rest: Callable[[], str] = lambda: ""
         """Why the behaviour wants zero velocity, if it has a word for that."""
         self._publisher = node.bus.publisher(names.robot_key(robot_id, names.STATUS), RobotStatus)
         node.on_time_reset(self._forget)
+        node.watch_tokens(names.tokens_key(names.MONITOR), self._on_monitor)
+
+    def _on_monitor(self, _key: str, alive: bool) -> None:
+        if alive:
+            # A monitor that has just come must not wait for the next heartbeat to know this robot.
+            self.say_again()
 
     def take(self, driver: str, command: Twist) -> None:
         """The newest command, which `driver` (of RobotDriver) gave."""
@@ -83,18 +157,36 @@ class StatusReport:
 
         All robots do so in the same tick, and in the others their listeners have nothing to take in.
         """
-        if self._last is None or now // PERIOD > self._made // PERIOD:
+        if self._last is None or now // PERIOD > ns_from_time(self._last.header.stamp) // PERIOD:
             self.publish()
 
-    def repeat(self) -> None:
-        """Publish the last one again, if there is one: for a process that lacks it, or as a sign of life."""
-        if self._last is not None:
+    @property
+    def _goes_on_in_ticks(self) -> bool:
+        """Whether the steps of lock-step alone may tell anything new."""
+        return self.readiness.released and self._in_lockstep()
+
+    def say_again(self) -> None:
+        """Publish the status at a moment of the host."""
+        if not self._node.speaks:
+            # The word of a process that does not hold the name would count for the one that does.
+            return
+        if not self._goes_on_in_ticks:
+            self.publish()
+        elif self._last is not None:
             self._publisher.put(self._last)
 
-    def take_spoken(self) -> bool:
-        """Whether one was published since this was asked last: then other processes have a sign of life."""
+    def beat(self) -> None:
+        """Give a sign of life, if nothing was published since the last call in lock-step's steps: another message would
+        only wake threads."""
         spoke, self._spoke = self._spoke, False
-        return spoke
+        if not (spoke and self._goes_on_in_ticks):
+            self.say_again()
+
+    def stop(self) -> None:
+        """Say that the process ends."""
+        self.readiness.stop()
+        self.command = None
+        self.publish()
 
     def _forget(self) -> None:
         """Time jumped back: the next step makes a new one. The last one would be of the future."""
@@ -104,9 +196,8 @@ class StatusReport:
         """Publish the state."""
         self._spoke = True
         readiness, command = self.readiness, self.command
-        self._made = self._node.clock.now()
         self._last = RobotStatus(
-            header=Header(time_from_ns(self._made), names.robot_name(self._id)),
+            header=Header(time_from_ns(self._node.clock.now()), names.robot_name(self._id)),
             robot_id=self._id,
             is_ready=readiness.is_ready,
             state=readiness.state,

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from typing import TypeVar
 
 from zteam.clock import Every, monotonic, pause, thread_time
-from zteam.runtime.log_keeper import KEEPER
+from zteam.runtime.logs import KEEPER
 
 log = logging.getLogger("zteam")
 

@@ -1,22 +1,58 @@
-"""When a user's own node of lock-step handles a message, so that chance has no part in it. Without a bus.
+"""When a message counts in lock-step, so that chance has no part in it. Without a bus.
 
-What the simulator sends in a tick is handled in that tick, before the node's step. What other processes send in a tick
-is handled at the beginning of the next one. Nothing is handled between the node's answer and its next tick: what it
-publishes then could come before that tick or after it.
+What the simulator sends in a tick is handled in that tick, before the step. What another process sends counts from the
+tick after the one in which it was sent, whatever order messages come in: its stamp tells that tick. A message without
+the stamp of a tick was sent in the tick that is open when it comes. Nothing is handled between a node's answer and its
+next tick: what it publishes then could come before that tick or after it.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from itertools import groupby
 from operator import attrgetter
 from typing import Any, NamedTuple
 
-from zteam.messages import Message
-from zteam.runtime.sending_tick import precedence, stamp_of, tick_of
+from zteam import names
+from zteam.bus.keys import matches
+from zteam.clock import to_ns
+from zteam.errors import UsageError
+from zteam.messages import Message, TFMessage, Tick, encode, ns_from_time
+from zteam.tf.bases import bases_stamp
 
+MAX_AHEAD = to_ns(10.0)
+"""A stamp that is farther ahead of the open tick is of another clock: as far as the aggregator takes transforms."""
 MOST = 10_000
 """Messages that are kept; the world may stand still while others send."""
 
 Handle = Callable[[str, Any], None]
+
+
+def stamp_of(message: Message) -> int:
+    """The stamp in the header of a message in ns; 0 without a header."""
+    header = getattr(message, "header", None)
+    return 0 if header is None else ns_from_time(header.stamp)
+
+
+def tick_of(message: Message, open_stamp: int) -> int:
+    """The stamp (ns) of the tick in which a message was sent that comes while the tick of `open_stamp` is open.
+
+    A message of the coming tick may overtake that tick itself. A stamp of an earlier tick does not tell whether the
+    message was sent in it: it is late, and counts as sent in the open tick.
+    """
+    header = getattr(message, "header", None)
+    if header is None:
+        return open_stamp
+    # As `stamp_of`: each message of a large team comes through here, once for each listener.
+    stamp: int = header.stamp.sec * 1_000_000_000 + header.stamp.nanosec
+    return stamp if open_stamp < stamp <= open_stamp + MAX_AHEAD else open_stamp
+
+
+def precedence(message: Message) -> tuple[int, bytes]:
+    """Which message comes first of several that different senders sent in one tick, on one key: the smallest.
+
+    The newest stamp, and else the content, decides: neither the order in which they come nor the sessions' ids, which
+    are other ones in each run.
+    """
+    return -stamp_of(message), encode(message)
 
 
 class Arrival(NamedTuple):
@@ -125,3 +161,59 @@ def _in_order(group: list[Arrival]) -> list[Arrival]:
         return group
     told = sorted(by_source.values(), key=lambda mine: [precedence(arrival.message) for arrival in mine[::-1]])
     return [arrival for mine in told[::-1] for arrival in mine]
+
+
+def stamp_of_tick(message: Any) -> int:
+    """The stamp (ns) of a message with a header, or of the bases in one of `tf`: in lock-step that of its tick."""
+    return bases_stamp(message) if isinstance(message, TFMessage) else ns_from_time(message.header.stamp)
+
+
+class TickInputs:
+    """The keys that are declared with `every_tick`, and what else a node needs of each tick."""
+
+    def __init__(self, robots: Callable[[], Iterable[int]]) -> None:
+        """`robots()` are the ids in the world at the newest tick."""
+        self._robots = robots
+        self._keys: list[str] = []
+        self._needs: list[Callable[[Tick], list[str]]] = []
+        self._stamps: dict[str, int] = {}
+        """Of the newest message, by key."""
+
+    def declare(self, key_expr: str, message_type: type[Message]) -> None:
+        """Each tick needs a message of this key. Raises UsageError for a type whose tick cannot be told."""
+        if "header" not in message_type.__struct_fields__ and message_type is not TFMessage:
+            raise UsageError(f"{key_expr}: {message_type.__name__} has no header, so its tick cannot be told")
+        self._keys.append(key_expr)
+        self.need(lambda tick: self._not_come(key_expr, tick))
+
+    def need(self, lacks: Callable[[Tick], list[str]]) -> None:
+        """Each tick needs what `lacks(tick)` names."""
+        self._needs.append(lacks)
+
+    def take(self, key: str, message: Any) -> int:
+        """A message has come; its stamp in ns."""
+        stamp = self._stamps[key] = stamp_of_tick(message)
+        return stamp
+
+    def forget(self) -> None:
+        """Time jumped back."""
+        self._stamps.clear()
+
+    def lacking(self, tick: Tick) -> list[str]:
+        """The keys whose message of the tick has not come."""
+        return [key for lacks in self._needs for key in lacks(tick)]
+
+    def never_came(self) -> list[str]:
+        """The declared keys on which nothing has come."""
+        return [key for key in self._keys if not any(matches(key, heard) for heard in self._stamps)]
+
+    def _not_come(self, key_expr: str, tick: Tick) -> list[str]:
+        """The key, or that key of each robot, whose message of the tick has not come."""
+        if key_expr == names.TF and names.AGGREGATOR not in tick.participants:
+            # Nothing sends the transforms of this tick.
+            return []
+        keys = [key_expr]
+        if key_expr.startswith(names.all_robots_key("")):
+            keys = [names.robot_key(robot_id, key_expr.partition("/")[2]) for robot_id in self._robots()]
+        stamp = ns_from_time(tick.stamp)
+        return [key for key in keys if self._stamps.get(key, -1) < stamp]

@@ -1,6 +1,15 @@
-"""Which processes hold their names, as their presence tokens tell."""
+"""Which processes are there, and which of them command robots. Pure."""
 
 from collections.abc import Iterator
+
+GRACE = 0.25
+"""Host seconds that a vanished token is held back."""
+RETURN_GRACE = 2.0
+"""Host seconds after the router's return for all processes to find it; they wait up to 0.5 s between attempts."""
+RECENT = 5.0
+"""Host seconds for which a session counts as a writer after its last command."""
+_MAX_SESSIONS = 64
+"""Of one robot: a sender can invent sessions."""
 
 
 class TokenSet:
@@ -48,3 +57,65 @@ class TokenSet:
     def name_of(self, instance: str) -> str | None:
         """A name that this session holds; None if it holds none."""
         return next((name for name, held in self._instances.items() if instance in held), None)
+
+
+class TokenLossFilter:
+    """Tokens that vanished, held back until it is clear whether the process ended or the router.
+
+    When the router goes, all tokens vanish within milliseconds of the link, before or after it; when it is back they
+    come back one by one, as their processes find it again. Only a token that stays away with the link up is a loss.
+    Pure: fed with tokens, the link and the host's time in seconds.
+    """
+
+    def __init__(self) -> None:
+        self._since: dict[str, float] = {}
+        self._up = True
+        self._quiet_until = float("-inf")
+
+    def take_token(self, key: str, alive: bool, now: float) -> None:
+        """A token came or went."""
+        if alive:
+            self._since.pop(key, None)
+        else:
+            self._since.setdefault(key, now)
+
+    def take_link(self, up: bool, now: float) -> None:
+        """The router was lost or is back."""
+        self._up = up
+        if up:
+            self._quiet_until = now + RETURN_GRACE
+
+    def trusted(self, now: float) -> bool:
+        """Whether silence and missing tokens mean anything now."""
+        return self._up and now >= self._quiet_until
+
+    def take_due(self, now: float, grace: float = GRACE) -> list[str]:
+        """Keys of the tokens that are lost for good; each is returned once.
+
+        Set `grace` to 0 if the link is known to hold, such as by a request that came over it.
+        """
+        if not self.trusted(now):
+            return []
+        due = [key for key, since in self._since.items() if now - since >= grace]
+        for key in due:
+            del self._since[key]
+        return due
+
+
+class Writers:
+    """Sessions heard on `cmd_vel` of late, by robot. Pure: it is told the time."""
+
+    def __init__(self) -> None:
+        self._heard: dict[int, dict[str, float]] = {}
+
+    def take(self, robot_id: int, session: str, now: float) -> None:
+        """A command for `robot_id` came from `session` at host time `now`."""
+        heard = self._heard.setdefault(robot_id, {})
+        if session in heard or len(heard) < _MAX_SESSIONS:
+            heard[session] = now
+
+    def recent(self, now: float) -> dict[int, set[str]]:
+        """The sessions that commanded each robot within the last RECENT seconds; robots without any are left out."""
+        for robot_id, heard in list(self._heard.items()):
+            self._heard[robot_id] = {session: at for session, at in heard.items() if now - at <= RECENT}
+        return {robot_id: set(heard) for robot_id, heard in self._heard.items() if heard}

@@ -3,7 +3,7 @@
 from zteam import names
 from zteam.geometry import Pose2
 from zteam.messages import TFMessage, Tick, TransformStamped
-from zteam.runtime.step_node import StepNode
+from zteam.runtime.node import Node
 from zteam.tf import Buffer
 
 
@@ -15,7 +15,7 @@ class TransformListener:
     other calls of tf2's buffer.
     """
 
-    def __init__(self, node: StepNode) -> None:
+    def __init__(self, node: Node) -> None:
         self.buffer = Buffer()
         self._connected: set[int] = set()
         """Robots that have been seen in `map`."""

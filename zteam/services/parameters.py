@@ -1,11 +1,13 @@
-"""Requests and replies of the queries for parameters; the queries have the names of ROS's services."""
+"""The parameters of robots: the queries, which have the names of ROS's services, and their calls."""
 
-from typing import Any
+from typing import Any, TypeVar
 
 import msgspec
 
+from zteam import names
 from zteam.behaviors.parameters import Parameter
-from zteam.bus import Change
+from zteam.bus import Bus, Change
+from zteam.errors import BusError, UsageError
 
 DESCRIBE = "describe_parameters"
 SET = "set_parameters"
@@ -33,3 +35,68 @@ class SetReply(msgspec.Struct):
     values: dict[str, Any]
     refused: str = ""
     """Why nothing was set; empty if it was."""
+
+
+T = TypeVar("T")
+
+ANSWER_LIMIT = 10.0
+"""Host seconds for an answer, which waits for the step at hand in lock-step."""
+_TIMED_OUT = "Timeout"
+"""Zenoh's own word."""
+_ALL = "*"
+
+
+class ParametersClient:
+    """Reads and sets the parameters of the behaviours that run."""
+
+    def __init__(self, bus: Bus, answer_limit: float = ANSWER_LIMIT) -> None:
+        """`answer_limit` is host seconds."""
+        self._bus = bus
+        self._limit = answer_limit
+
+    def describe(self, robot: str) -> DescribeReply:
+        """The parameters of `robot_N` and their values. Raises BusError if there is no such robot."""
+        return self._ask(robot, DESCRIBE, DescribeReply)
+
+    def describe_all(self) -> dict[str, DescribeReply]:
+        """The parameters of all robots that answer, by name. Raises BusError if robots are there and none answers."""
+        answers = self._query(_ALL, DESCRIBE, DescribeReply)
+        return {key.removesuffix(f"/{DESCRIBE}"): reply for key, reply in answers}
+
+    def set(self, robot: str, parameters: dict[str, Any]) -> dict[str, Any]:
+        """Set all of these parameters of `robot_N` from its next step on; returns the values of all its parameters.
+
+        Raises UsageError if one of them is refused: then none is set. Raises BusError if there is no such robot.
+        """
+        reply = self._ask(robot, SET, SetReply, SetRequest(parameters=parameters))
+        if reply.refused:
+            raise UsageError(f"{robot}: {reply.refused}")
+        return reply.values
+
+    def _ask(self, robot: str, service: str, reply_type: type[T], request: msgspec.Struct | None = None) -> T:
+        answers = self._query(robot, service, reply_type, request)
+        if not answers:
+            raise self._missing(robot)
+        return answers[0][1]
+
+    def _query(
+        self, robot: str, service: str, reply_type: type[T], request: msgspec.Struct | None = None
+    ) -> list[tuple[str, T]]:
+        key = names.service_key(robot, service)
+        try:
+            return self._bus.query(key, reply_type, request, timeout=self._limit)
+        except BusError as error:
+            why = str(error).removeprefix(f"{key}: ")
+            if why == _TIMED_OUT:
+                silent = "no robot answers" if robot == _ALL else f"{robot}: does not answer"
+                raise BusError(f"{silent} within {self._limit:g} s: see 'zteam doctor'") from None
+            raise BusError(why if robot == _ALL else f"{robot}: {why}") from None
+
+    def _missing(self, robot: str) -> BusError:
+        try:
+            known = sorted(self.describe_all(), key=lambda name: names.robot_id_of(name) or 0)
+        except BusError as error:
+            return BusError(f"no process {robot} with parameters; {error}")
+        if not known:
+            return BusError(f"no process {robot}, and no other robot is there: start a team with 'zteam up'")
+        return BusError(f"no process {robot} with parameters; there is {', '.join(known)}")

@@ -18,9 +18,9 @@ from zteam.bus import Bus, MemoryHub, NoRequest, Publisher
 from zteam.clock import HOST_FACTOR, to_ns, to_seconds
 from zteam.errors import BusError, ZteamError
 from zteam.messages import Done, Header, Message, Odometry, Tick, Twist, time_from_ns
-from zteam.runtime.node import ClockMode
+from zteam.runtime.node import Node
+from zteam.runtime.process_node import ClockMode
 from zteam.runtime.shutdown import Stop
-from zteam.runtime.step_node import StepNode
 from zteam.trials.situations import laser_frame, lookup_in, make_scan
 
 LIMIT = 30.0 * HOST_FACTOR
@@ -72,12 +72,12 @@ class RunningNode:
     """A node that runs in a thread, and a simulator by hand that gives it its ticks. A context manager."""
 
     def __init__(
-        self, body: Callable[[StepNode], None], hub: MemoryHub, name: str, robots: Sequence[int], clock: ClockMode
+        self, body: Callable[[Node], None], hub: MemoryHub, name: str, robots: Sequence[int], clock: ClockMode
     ) -> None:
         self.bus: Bus = hub.bus()
         """The test's own session, which is the node's simulator too."""
         self._stop = Stop()
-        self.node = StepNode(name, hub.bus(), self._stop, clock)
+        self.node = Node(name, hub.bus(), self._stop, clock)
         self._body = body
         self._robots = np.array(sorted(robots), np.int32)
         self._epoch, self._tick = 1, 0

@@ -10,9 +10,9 @@ from zteam.in_process.run import Body, InProcessRun
 from zteam.in_process.user_calls import UserCall, user_calls
 from zteam.launch.kinds import TeamLaunch
 from zteam.launch.supervisor import GRACE
-from zteam.runtime.log_keeper import KEEPER
+from zteam.runtime.logs import KEEPER
 from zteam.runtime.shutdown import Stop
-from zteam.services.log_lines import LogLine
+from zteam.services.logs import LogLine
 
 log = logging.getLogger("zteam")
 

@@ -6,7 +6,7 @@ import pytest
 from zteam.cli.bench import figure, format_simulation, format_team
 from zteam.cli.bench_core import SimulationFigures
 from zteam.cli.bench_team import InProcessFigures, TeamFigures
-from zteam.runtime.participant import RoundTiming
+from zteam.runtime.lockstep import RoundTiming
 from zteam.services.simulator import Timing
 
 TEAM = TeamFigures(

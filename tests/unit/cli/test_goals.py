@@ -15,7 +15,7 @@ from zteam.nodes.goals.file import FileGoal, read_goals
 from zteam.nodes.goals.node import Dispatcher
 from zteam.nodes.goals.rounds import Rounds
 from zteam.resources import teams_folder
-from zteam.runtime.step_node import StepNode
+from zteam.runtime.node import Node
 from zteam.testing import run_node
 
 State = NavigationState
@@ -62,7 +62,7 @@ def run_to_the_end(hub: MemoryHub, capsys: pytest.CaptureFixture[str], *, as_jso
     navigation, made = FakeNavigation(hub, 1), list[Dispatcher]()
     rounds = Rounds([FileGoal(1, Pose2(3.0, 4.0, 0.0), 2), FileGoal(1, Pose2(5.0, 6.0, 0.0), 7)])
 
-    def body(node: StepNode) -> None:
+    def body(node: Node) -> None:
         made.append(Dispatcher(node, rounds))
         node.run(made[0].step)
 

@@ -28,7 +28,7 @@ from zteam.messages import LogLevel
 from zteam.nodes.monitor.display import showing
 from zteam.process_options import MonitorOptions
 from zteam.runtime.logs import start_logging
-from zteam.services.log_lines import LogLine
+from zteam.services.logs import LogLine
 
 MARK = "\x05"
 

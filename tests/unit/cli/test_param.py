@@ -11,7 +11,7 @@ from zteam.bus import MemoryHub
 from zteam.cli import main as zteam
 from zteam.cli import param
 from zteam.nodes.robot.parameters import Parameters
-from zteam.runtime.node import Node
+from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop
 from zteam.team_file import behavior_of, load_team
 
@@ -28,7 +28,7 @@ TEAM = {
 def run(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
     """Runs `zteam param WORDS` in a team; returns exit code, output and errors."""
     for name, (behavior, given) in TEAM.items():
-        node = Node(name, hub.bus(), Stop())
+        node = ProcessNode(name, hub.bus(), Stop())
         node.become_present()
         Parameters(node, BEHAVIORS[behavior], behavior, given)
     monkeypatch.setattr(param, "open_bus", lambda _options: hub.bus())

@@ -30,7 +30,7 @@ from zteam.launch.report import (
     read_sim_report,
     write_report,
 )
-from zteam.runtime.participant import RoundTiming
+from zteam.runtime.lockstep import RoundTiming
 from zteam.services.simulator import Gap, Latency, RobotReport, RunFigures, SimReport, Timing
 
 ROBOTS = [

@@ -9,11 +9,9 @@ from zteam import names
 from zteam.bus import Bus, MemoryHub
 from zteam.errors import EncodeError
 from zteam.messages import Log, LogLevel
-from zteam.runtime import log_publisher
-from zteam.runtime.log_keeper import LogKeeper
-from zteam.runtime.log_publisher import LogPublisher, message_of
-from zteam.services.log_lines import LogLine
-from zteam.services.log_reader import line_of
+from zteam.runtime import logs
+from zteam.runtime.logs import LogKeeper, LogPublisher, message_of
+from zteam.services.logs import LogLine, line_of
 
 LOGGER = logging.getLogger("somewhere")
 
@@ -22,7 +20,7 @@ LOGGER = logging.getLogger("somewhere")
 def keeper(monkeypatch: pytest.MonkeyPatch) -> Iterator[LogKeeper]:
     """The keeper that is published keeps the lines of this test alone."""
     made = LogKeeper()
-    monkeypatch.setattr(log_publisher, "KEEPER", made)
+    monkeypatch.setattr(logs, "KEEPER", made)
     end = made.begin()
     yield made
     end()
@@ -67,7 +65,7 @@ def test_without_subscribers_nothing_is_encoded(hub: MemoryHub, monkeypatch: pyt
     """No message is made while no subscriber wants it."""
     LogPublisher(hub.bus(), "robot_1")
     made: list[LogLine] = []
-    monkeypatch.setattr(log_publisher, "message_of", lambda name, line: made.append(line) or message_of(name, line))
+    monkeypatch.setattr(logs, "message_of", lambda name, line: made.append(line) or message_of(name, line))
     LOGGER.warning("unheard")
     assert made == []
     heard = hear(hub)
@@ -101,7 +99,7 @@ def test_a_line_that_cannot_be_sent_is_kept(hub: MemoryHub, monkeypatch: pytest.
 
     LogPublisher(hub.bus(), "robot_1")
     hear(hub)
-    monkeypatch.setattr(log_publisher, "message_of", fail)
+    monkeypatch.setattr(logs, "message_of", fail)
     LOGGER.warning("one")
     assert ask(hub.bus(), "robot_1") == ["one"]
 

@@ -7,8 +7,7 @@ from collections.abc import Iterator
 import pytest
 
 from zteam.runtime import logs
-from zteam.runtime.log_keeper import LogKeeper
-from zteam.runtime.logs import start_logging
+from zteam.runtime.logs import LogKeeper, start_logging
 
 
 @pytest.fixture(autouse=True)

@@ -16,18 +16,18 @@ from support.limits import LIMIT
 from zteam.bus import BusOptions, MemoryHub
 from zteam.errors import UsageError
 from zteam.messages import Bool, Log, LogLevel
-from zteam.runtime import log_publisher, process, shutdown, step_node
-from zteam.runtime.log_keeper import LogKeeper
-from zteam.runtime.node import Node
+from zteam.runtime import logs, node, process_node, shutdown
+from zteam.runtime.logs import LogKeeper
+from zteam.runtime.process_node import ProcessNode
 
 
 @pytest.fixture
 def offline(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> None:
     """`zteam.run` opens its sessions in memory, in a program that has not set up any log."""
-    for module in (process, step_node):
+    for module in (process_node, node):
         monkeypatch.setattr(module, "connect", lambda options, stopping: hub.bus())
     keeper = LogKeeper()
-    for module in (process, log_publisher):
+    for module in (process_node, logs):
         monkeypatch.setattr(module, "KEEPER", keeper)
     log = logging.getLogger("zteam")
     monkeypatch.setattr(log, "handlers", [])
@@ -155,14 +155,14 @@ def tuned() -> Iterator[None]:
 def test_a_command_sets_up_its_interpreter(monkeypatch: pytest.MonkeyPatch) -> None:
     """A command's process switches threads quickly, and the collector passes over what start-up made."""
     monkeypatch.setattr(shutdown.Stop, "install", lambda self: None)
-    monkeypatch.setattr(process, "exit_hard_later", lambda stop: None)
+    monkeypatch.setattr(process_node, "exit_hard_later", lambda stop: None)
     frozen = []
 
-    def main(node: Node) -> None:
+    def main(node: ProcessNode) -> None:
         frozen.append(gc.get_freeze_count())
         node.become_present()
         frozen.append(gc.get_freeze_count())
 
-    assert process.run_node("planner", BusOptions(), main) == 0
-    assert sys.getswitchinterval() == pytest.approx(process.SWITCH_INTERVAL)
+    assert process_node.run_node("planner", BusOptions(), main) == 0
+    assert sys.getswitchinterval() == pytest.approx(process_node.SWITCH_INTERVAL)
     assert frozen[0] == 0 < frozen[1]

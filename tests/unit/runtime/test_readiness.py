@@ -1,7 +1,7 @@
 """The robot's side of the start gate: BOOT, READY, RUNNING."""
 
 from zteam.messages import RobotState
-from zteam.runtime.readiness import Readiness
+from zteam.runtime.robot_status import Readiness
 
 
 def test_it_boots_until_nothing_is_missing() -> None:

@@ -7,8 +7,7 @@ from hypothesis import given
 
 from support.arrivals import TICK, TICKS, Data, Opened, Sent, arrive, orders, sent_messages
 from zteam.messages import Header, Point, Pose, PoseStamped, time_from_ns
-from zteam.runtime.sending_tick import stamp_of
-from zteam.runtime.tick_messages import MOST, Arrival, TickMessages
+from zteam.runtime.tick_messages import MOST, Arrival, TickMessages, stamp_of
 
 Handled = list[tuple[int, str, float]]
 """Tick (0 = none was open), key and content of what was handled, in order."""

@@ -7,10 +7,9 @@ from zteam.behaviors.forward import Forward
 from zteam.bus import MemoryHub, NoRequest
 from zteam.errors import BusError
 from zteam.nodes.robot.parameters import Parameters
-from zteam.runtime.node import Node
+from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop
-from zteam.services.parameters import DESCRIBE
-from zteam.services.parameters_client import ParametersClient
+from zteam.services.parameters import DESCRIBE, ParametersClient
 
 NAME = "robot_1"
 
@@ -20,7 +19,7 @@ def test_a_robot_that_is_not_there_is_named(hub: MemoryHub) -> None:
     client = ParametersClient(hub.bus())
     with pytest.raises(BusError, match=r"^no process robot_7, and no other .* start a team with 'zteam up'$"):
         client.describe("robot_7")
-    node = Node(NAME, hub.bus(), Stop())
+    node = ProcessNode(NAME, hub.bus(), Stop())
     node.become_present()
     Parameters(node, Forward, "forward", {})
     text = r"^no process robot_7 with parameters; there is robot_1$"

@@ -13,7 +13,7 @@ from zteam.messages import Header, Message, TFMessage
 from zteam.messages.message import float64
 from zteam.messages.registry import all_types
 from zteam.nodes.simulator.publishers import RobotOutputs
-from zteam.runtime.node import Node
+from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop
 from zteam.sim import Engine, Observation, to_messages
 from zteam.sim import devices as sensing
@@ -91,7 +91,7 @@ def test_a_row_parses_senses_publishes_and_types_a_sensor(tmp_path: Path) -> Non
     for key in ("robot_0/temperature", "robot_0/temperature_1"):
         assert type_of_key(key) is Temperature
         listener.subscribe(key, Temperature, lambda key, message: heard.append((key, message)))
-    outputs = RobotOutputs(Node("sim", hub.bus(), Stop()), 0, world.robots[0])
+    outputs = RobotOutputs(ProcessNode("sim", hub.bus(), Stop()), 0, world.robots[0])
     engine = Engine(world)
     outputs.put_rest(engine.observe())
     assert [(key, message.degrees, message.header.frame_id) for key, message in heard] == [

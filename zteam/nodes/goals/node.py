@@ -8,7 +8,7 @@ from zteam.clock import monotonic, to_seconds
 from zteam.messages import Odometry
 from zteam.nodes.goals.file import FileGoal
 from zteam.nodes.goals.rounds import Rounds
-from zteam.runtime.step_node import StepNode
+from zteam.runtime.node import Node
 from zteam.services.goals import GoalWatch, TaskResult, goal_message
 from zteam.services.navigation_client import NavigationClient
 
@@ -57,7 +57,7 @@ class Dispatcher:
     All of it is done in `step`, so that a run in lock-step repeats.
     """
 
-    def __init__(self, node: StepNode, rounds: Rounds) -> None:
+    def __init__(self, node: Node, rounds: Rounds) -> None:
         self._node, self._rounds = node, rounds
         self._ended: list[Ended] = []
         self.errands = {i: Errand(self._client(i)) for i in rounds.robots}
@@ -65,7 +65,7 @@ class Dispatcher:
         self.is_done = False
         """Whether there are no more goals."""
         # Without a simulator a base's data decides that time is the host's; what the robots say does not.
-        self._odometry = node.subscribe(names.all_robots_key(names.ODOM), Odometry, lambda key, odom: None, wake=False)
+        self._odometry = node.subscribe(names.all_robots_key(names.ODOM), Odometry, lambda key, odom: None)
         node.on_stop(self._cancel_all)
 
     def _client(self, robot_id: int) -> NavigationClient:

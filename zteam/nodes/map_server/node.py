@@ -5,16 +5,16 @@ import logging
 from zteam import names
 from zteam.messages import OccupancyGrid
 from zteam.planning.grid import GridMap
-from zteam.runtime.base_node import BaseNode
+from zteam.runtime.process_node import ProcessNode
 from zteam.services.maps import map_message
 
 log = logging.getLogger("zteam")
 
 
-def run_map_server(node: BaseNode, grid: GridMap, source: str) -> None:
+def run_map_server(node: ProcessNode, grid: GridMap, source: str) -> None:
     """Publish the map until the process is asked to stop; `source` is what the log calls it."""
     node.become_present()
-    publisher = node.publisher(names.MAP, OccupancyGrid, latched=True)
+    publisher = node.bus.publisher(names.MAP, OccupancyGrid, latched=True)
     publisher.put(map_message(grid))
     frame = grid.frame
     log.info("serving %s: %d x %d cells of %g m", source, frame.columns, frame.rows, frame.resolution)

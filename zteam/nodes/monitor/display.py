@@ -19,7 +19,7 @@ from zteam.nodes.monitor.table import Line, Row, format_table, make_rows, team_n
 from zteam.nodes.monitor.team import Team
 from zteam.nodes.monitor.team_watch import TeamWatch
 from zteam.process_options import MonitorOptions
-from zteam.runtime.node import Node
+from zteam.runtime.process_node import ProcessNode
 
 log = logging.getLogger("zteam")
 _event_log = logging.getLogger("zteam.monitor.events")
@@ -130,7 +130,9 @@ def showing(options: MonitorOptions) -> Iterator[Output]:
 class Display:
     """Shows a watched team on an output. The main loop calls it, without `node.changed`."""
 
-    def __init__(self, node: Node, team: Team, watch: TeamWatch, options: MonitorOptions, output: Output) -> None:
+    def __init__(
+        self, node: ProcessNode, team: Team, watch: TeamWatch, options: MonitorOptions, output: Output
+    ) -> None:
         self._node = node
         self._team = team
         self._watch = watch

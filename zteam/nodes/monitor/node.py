@@ -10,8 +10,8 @@ from zteam.nodes.monitor.start_gate import Gate
 from zteam.nodes.monitor.team_watch import TeamWatch
 from zteam.nodes.monitor.view import run_view
 from zteam.process_options import MonitorOptions
-from zteam.runtime.node import Node
-from zteam.runtime.ticks import Ticks
+from zteam.runtime.lockstep import Ticks
+from zteam.runtime.process_node import ProcessNode
 from zteam.services.simulator import SimStatus
 
 log = logging.getLogger("zteam")
@@ -20,7 +20,7 @@ log = logging.getLogger("zteam")
 class Monitor:
     """The gate on the bus. Callbacks run under `node.changed`."""
 
-    def __init__(self, node: Node, options: MonitorOptions) -> None:
+    def __init__(self, node: ProcessNode, options: MonitorOptions) -> None:
         self._node = node
         self._options = options
         self.gate = Gate(options.ids, options.team_size)
@@ -87,7 +87,7 @@ class Monitor:
             self._publisher.put(status)
 
 
-def run_monitor(node: Node, options: MonitorOptions, show: Showing = showing) -> None:
+def run_monitor(node: ProcessNode, options: MonitorOptions, show: Showing = showing) -> None:
     """Be the monitor until asked to stop, or until GO with `exit_on_go`. `show(options)` opens its output.
 
     Where a monitor runs already, or with a team size of 0, show the running one's team.

@@ -11,7 +11,7 @@ from zteam import names
 from zteam.errors import BusError
 from zteam.geometry import Pose2, yaw_from_quaternion
 from zteam.messages import TransformStamped
-from zteam.runtime.node import Node
+from zteam.runtime.process_node import ProcessNode
 from zteam.services.transforms import Lookup
 from zteam.services.transforms_client import TransformClient
 
@@ -24,7 +24,7 @@ PERIOD = 1.0
 class Poses:
     """The robots' newest poses in `map`; a thread of its own asks, so that nothing else waits for the answers."""
 
-    def __init__(self, node: Node, robots: Callable[[], list[int]]) -> None:
+    def __init__(self, node: ProcessNode, robots: Callable[[], list[int]]) -> None:
         """`robots()` are the ids to ask for."""
         self._bus = node.bus
         self._client = TransformClient(node.bus)

@@ -5,9 +5,8 @@ from zteam.clock import monotonic
 from zteam.messages import RobotStatus
 from zteam.nodes.monitor.team import Team
 from zteam.nodes.monitor.writer_watch import WriterWatch
-from zteam.runtime.node import Node
-from zteam.runtime.token_loss import TokenLossFilter
-from zteam.runtime.tokens import TokenSet
+from zteam.runtime.process_node import ProcessNode
+from zteam.runtime.tokens import TokenLossFilter, TokenSet
 
 _SERVERS = {
     names.SIMULATOR: ("the simulator", "time stands still"),
@@ -62,7 +61,7 @@ class _Strangers:
 class TeamWatch:
     """Callbacks run under `node.changed`."""
 
-    def __init__(self, node: Node, team: Team) -> None:
+    def __init__(self, node: ProcessNode, team: Team) -> None:
         self._node = node
         self._team = team
         self._losses = TokenLossFilter()

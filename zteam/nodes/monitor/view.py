@@ -14,7 +14,7 @@ from zteam.nodes.monitor.display import Display, Output, showing
 from zteam.nodes.monitor.followed_team import FollowedTeam
 from zteam.nodes.monitor.team_watch import TeamWatch
 from zteam.process_options import MonitorOptions
-from zteam.runtime.node import Node
+from zteam.runtime.process_node import ProcessNode
 
 log = logging.getLogger("zteam")
 
@@ -25,7 +25,7 @@ LOOK_FOR = 1.0
 class MonitorView:
     """The running monitor's team on the bus. Callbacks run under `node.changed`."""
 
-    def __init__(self, node: Node, options: MonitorOptions) -> None:
+    def __init__(self, node: ProcessNode, options: MonitorOptions) -> None:
         self._node = node
         self._options = options
         self._compared = options.team_size == 0
@@ -56,7 +56,7 @@ class MonitorView:
             self._node.wait(lambda: self.team.members.has_events, 0.2)
 
 
-def run_view(node: Node, options: MonitorOptions) -> None:
+def run_view(node: ProcessNode, options: MonitorOptions) -> None:
     """Show the running monitor's team. Raises UsageError if none runs."""
     # It answers no query as the monitor, and its log is not the monitor's.
     node.claim.release()
@@ -78,7 +78,7 @@ def run_view(node: Node, options: MonitorOptions) -> None:
         view.run(output)
 
 
-def _find_monitor(node: Node) -> ProcessInfo | None:
+def _find_monitor(node: ProcessNode) -> ProcessInfo | None:
     end = monotonic() + LOOK_FOR
     while not node.stopping:
         try:

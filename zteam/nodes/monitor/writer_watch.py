@@ -9,9 +9,8 @@ from zteam.bus.transport import RawSample
 from zteam.clock import Every, monotonic
 from zteam.errors import BusError
 from zteam.nodes.monitor.team import Team
-from zteam.runtime.node import Node
-from zteam.runtime.tokens import TokenSet
-from zteam.runtime.writers import Writers
+from zteam.runtime.process_node import ProcessNode
+from zteam.runtime.tokens import TokenSet, Writers
 from zteam.services.simulator import SimStatus
 
 log = logging.getLogger("zteam")
@@ -29,7 +28,7 @@ class WriterWatch:
     Where there is no simulator, the watch subscribes to the commands itself.
     """
 
-    def __init__(self, node: Node, team: Team) -> None:
+    def __init__(self, node: ProcessNode, team: Team) -> None:
         self._node = node
         self._team = team
         self._tokens = TokenSet()

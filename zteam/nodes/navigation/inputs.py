@@ -21,7 +21,7 @@ from zteam.messages import (
     Tick,
 )
 from zteam.planning.scans import Scan, Teammate
-from zteam.runtime.step_node import StepNode
+from zteam.runtime.node import Node
 from zteam.services.transforms import FrameReply, Lookup, LookupReply, LookupRequest
 from zteam.tf import Buffer, TransformException
 
@@ -41,7 +41,7 @@ class TeamTransforms:
     pose that it replaced is not published any more; only the aggregator knows it.
     """
 
-    def __init__(self, node: StepNode) -> None:
+    def __init__(self, node: Node) -> None:
         self.buffer = Buffer()
         self._node = node
         self._left: dict[int, Pose2] = {}

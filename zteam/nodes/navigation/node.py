@@ -35,7 +35,7 @@ from zteam.nodes.navigation.robot import RobotNavigation
 from zteam.planning.grid import GridMap
 from zteam.planning.parameters import Parameters, make_planner
 from zteam.planning.planner import Planner
-from zteam.runtime.step_node import StepNode
+from zteam.runtime.node import Node
 from zteam.services.maps import map_grid
 from zteam.services.navigation import (
     CANCEL,
@@ -55,7 +55,7 @@ class NavigationNode:
 
     def __init__(
         self,
-        node: StepNode,
+        node: Node,
         parameters: Mapping[int, Parameters],
         overrides: Mapping[int, BaseOverride],
         seed: int,
@@ -205,7 +205,7 @@ def _warn_of_other_decay(parameters: Mapping[int, Parameters]) -> None:
             return
 
 
-def _listen_for_unreadable_goals(node: StepNode, inputs: Inputs) -> None:
+def _listen_for_unreadable_goals(node: Node, inputs: Inputs) -> None:
     """The bus drops a goal that cannot be read, such as one with NaN: the robot stops and says so all the same."""
 
     def check(sample: RawSample) -> None:
@@ -228,7 +228,7 @@ class _Release:
 
 
 def run_navigation(
-    node: StepNode, parameters: Mapping[int, Parameters], overrides: Mapping[int, BaseOverride], seed: int
+    node: Node, parameters: Mapping[int, Parameters], overrides: Mapping[int, BaseOverride], seed: int
 ) -> None:
     """Navigate these robots until asked to stop."""
     NavigationNode(node, parameters, overrides, seed).run()

@@ -39,7 +39,7 @@ from zteam.nodes.navigation.navigator import STOP, Navigator
 from zteam.planning.controller import Velocity
 from zteam.planning.costmap import INSCRIBED_INFLATED_OBSTACLE, LETHAL_OBSTACLE, NO_INFORMATION, Costmap, place
 from zteam.planning.parameters import Parameters
-from zteam.runtime.step_node import StepNode
+from zteam.runtime.node import Node
 from zteam.services.poses import pose_message
 
 log = logging.getLogger("zteam")
@@ -61,7 +61,7 @@ _LEAST_SPEED = 0.05
 class _ShownCostmap:
     """A latched key that is only written while it has subscribers: its messages are large."""
 
-    def __init__(self, node: StepNode, key: str, frequency: float) -> None:
+    def __init__(self, node: Node, key: str, frequency: float) -> None:
         # A latched publisher does not know whether it has any.
         self._asked = node.publisher(key, OccupancyGrid)
         self._publisher = node.publisher(key, OccupancyGrid, latched=True)
@@ -83,7 +83,7 @@ class _ShownCostmap:
 class Outputs:
     """The publishers of one robot. Times are in ns unless they say seconds."""
 
-    def __init__(self, node: StepNode, robot_id: int, parameters: Parameters) -> None:
+    def __init__(self, node: Node, robot_id: int, parameters: Parameters) -> None:
         def key(topic: str) -> str:
             return names.robot_key(robot_id, topic)
 

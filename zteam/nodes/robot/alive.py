@@ -1,14 +1,14 @@
 """Which robots are alive in real time, by their presence tokens."""
 
 from zteam import names
-from zteam.runtime.node import Node
+from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.tokens import TokenSet
 
 
 class AliveRobots:
     """Watches the tokens from the first question on: in lock-step, each token would wake every robot for nothing."""
 
-    def __init__(self, node: Node) -> None:
+    def __init__(self, node: ProcessNode) -> None:
         self._node = node
         self._holders = TokenSet()
         self._watches = False

@@ -15,7 +15,7 @@ from zteam.nodes.robot.lookups import watch_steps
 from zteam.nodes.robot.mux import Choice
 from zteam.nodes.robot.parameters import Parameters
 from zteam.nodes.robot.safety_log import SafetyLog
-from zteam.runtime.node import Node
+from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.robot_status import StatusReport
 
 log = logging.getLogger("zteam")
@@ -54,7 +54,7 @@ class Driver:
 
     def __init__(
         self,
-        node: Node,
+        node: ProcessNode,
         inputs: Inputs,
         parameters: Parameters,
         status: StatusReport,

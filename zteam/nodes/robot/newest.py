@@ -9,7 +9,7 @@ from typing import Any
 import msgspec
 
 from zteam.messages import Message
-from zteam.runtime.sending_tick import precedence, tick_of
+from zteam.runtime.tick_messages import precedence, tick_of
 
 
 class Sent(msgspec.Struct, frozen=True):

@@ -20,10 +20,9 @@ from zteam.nodes.robot.parameters import Parameters
 from zteam.nodes.robot.subscriptions import Subscriptions
 from zteam.nodes.robot.waiting import Waiting
 from zteam.process_options import RobotOptions
-from zteam.runtime.node import Node
-from zteam.runtime.participant import Participant
-from zteam.runtime.readiness import Readiness
-from zteam.runtime.robot_status import StatusReport
+from zteam.runtime.lockstep import Participant
+from zteam.runtime.process_node import ProcessNode
+from zteam.runtime.robot_status import Readiness, StatusReport
 
 log = logging.getLogger("zteam")
 
@@ -36,7 +35,7 @@ _LOOK = 0.1
 class RobotNode:
     """One robot on the bus. Handlers of messages run under `node.changed`."""
 
-    def __init__(self, node: Node, kind: type[Behavior], options: RobotOptions) -> None:
+    def __init__(self, node: ProcessNode, kind: type[Behavior], options: RobotOptions) -> None:
         """`kind` is the class of the behaviour, which is made anew after time has jumped back."""
         self._node = node
         self._id = options.robot_id
@@ -178,7 +177,7 @@ class RobotNode:
         log.info("%s stopped", names.robot_name(self._id))
 
 
-def run_robot(node: Node, kind: type[Behavior], options: RobotOptions) -> None:
+def run_robot(node: ProcessNode, kind: type[Behavior], options: RobotOptions) -> None:
     """Be robot `options.robot_id` until asked to stop."""
     robot = RobotNode(node, kind, options)
     node.become_present()

@@ -3,8 +3,8 @@
 from zteam.clock import to_ns
 from zteam.nodes.robot.driver import Driver, Turn
 from zteam.nodes.robot.inputs import Inputs
-from zteam.runtime.node import Node
-from zteam.runtime.participant import Participant
+from zteam.runtime.lockstep import Participant
+from zteam.runtime.process_node import ProcessNode
 
 STALE = to_ns(0.5)
 """Age of the newest scan (simulated ns) from which on the robot acts without a new one, to stop."""
@@ -16,21 +16,15 @@ host's clock, because simulated time stands still within a tick; a next scan end
 class ScanPacing:
     """Says when the next turn is due. All methods are called under `node.changed`."""
 
-    def __init__(self, node: Node, inputs: Inputs, driver: Driver, part: Participant) -> None:
+    def __init__(self, node: ProcessNode, inputs: Inputs, driver: Driver, part: Participant) -> None:
         self._node = node
         self._inputs = inputs
         self._driver = driver
         self._part = part
         self.acted = 0
         """Stamp of the scan that was acted on last."""
-        self.waiting = False
-        """Whether the main loop waits for the transforms of a scan that it has seen."""
         self._expects_tf = False
         """Whether the transforms of the last scan's tick came in time."""
-
-    def wakes(self) -> bool:
-        """Whether an input that has just come must wake the main loop: once a scan, and not for each of its parts."""
-        return self.waiting or self._has_complete_scan()
 
     def is_due(self) -> bool:
         """Whether there is a reason to act in real time."""
@@ -70,8 +64,6 @@ class ScanPacing:
         """Release the lock until the transforms of `now` come; False if the turn is void when it is taken again."""
         inputs, jumps = self._inputs, self._driver.jumps
         scan = inputs.scan
-        self.waiting = True
         # Once they stay away, the next scan wakes the main loop without them.
         self._expects_tf = self._node.wait(lambda: inputs.tf_stamp >= now or inputs.scan is not scan, TF_PATIENCE)
-        self.waiting = False
         return self._driver.jumps == jumps and not self._part.active and not self._node.stopping

@@ -9,7 +9,7 @@ from zteam.behaviors.parameters import parameters_of, values_of
 from zteam.behaviors.registry import read_params
 from zteam.bus import Deferred, NoRequest
 from zteam.errors import UsageError
-from zteam.runtime.node import Node
+from zteam.runtime.process_node import ProcessNode
 from zteam.services.parameters import DESCRIBE, SET, DescribeReply, SetReply, SetRequest
 
 log = logging.getLogger("zteam")
@@ -18,7 +18,7 @@ log = logging.getLogger("zteam")
 class Parameters:
     """Holds what the behaviour was given. The driver takes it at the beginning of a step, so no step sees it change."""
 
-    def __init__(self, node: Node, kind: type[Behavior], name: str, given: dict[str, Any]) -> None:
+    def __init__(self, node: ProcessNode, kind: type[Behavior], name: str, given: dict[str, Any]) -> None:
         """`name` is that of the behaviour, as `--behavior` takes it; `given` are its parameters at the start."""
         self._node, self._kind, self._name = node, kind, name
         self.given = given

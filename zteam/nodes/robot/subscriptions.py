@@ -10,9 +10,9 @@ from zteam.clock import monotonic
 from zteam.messages import BaseInfo, LaserScan, Message, Odometry, RobotStatus, TeamStatus, TFMessage, decode
 from zteam.nodes.robot.inputs import Inputs
 from zteam.nodes.robot.newest import Newest
-from zteam.runtime.node import Node
-from zteam.runtime.participant import Participant
-from zteam.runtime.sending_tick import stamp_of
+from zteam.runtime.lockstep import Participant
+from zteam.runtime.process_node import ProcessNode
+from zteam.runtime.tick_messages import stamp_of
 from zteam.tf.bases import bases_stamp
 
 
@@ -24,7 +24,7 @@ class Subscriptions:
     """The subscriptions of one robot. Handlers of messages run under `node.changed`."""
 
     def __init__(
-        self, node: Node, robot_id: int, inputs: Inputs, part: Participant, on_input: Callable[[], None]
+        self, node: ProcessNode, robot_id: int, inputs: Inputs, part: Participant, on_input: Callable[[], None]
     ) -> None:
         """`on_input()` is called after each message that a step may wait for."""
         self._node = node
@@ -38,10 +38,10 @@ class Subscriptions:
         def key(topic: str) -> str:
             return names.robot_key(robot_id, topic)
 
-        node.subscribe(key(names.BASE_SCAN), LaserScan, self._on_scan, wake=False)
+        node.subscribe(key(names.BASE_SCAN), LaserScan, self._on_scan)
         node.subscribe(names.TEAM_STATUS, TeamStatus, self._on_team_status, latched=True)
         node.subscribe(names.all_robots_key(names.BASE_INFO), BaseInfo, self._on_base_info, latched=True)
-        node.subscribe(key(names.ODOM), Odometry, self._on_odom, wake=False)
+        node.subscribe(key(names.ODOM), Odometry, self._on_odom)
         node.subscribe_contents(names.TF, TFMessage, self._on_tf)
         node.subscribe(names.TF_STATIC, TFMessage, self._on_tf_static, latched=True)
         for source, newest in inputs.mux.slots:
@@ -50,7 +50,7 @@ class Subscriptions:
             take = partial(self._on_declared, declared)
             if is_latched(declared.key):
                 # Its bus lets one sender's message count alone: the one with the newest time.
-                node.subscribe(declared.key, declared.type, take, latched=True, wake=False)
+                node.subscribe(declared.key, declared.type, take, latched=True)
             else:
                 node.subscribe_from(declared.key, declared.type, take)
 
@@ -69,7 +69,7 @@ class Subscriptions:
         self._inputs.team = status
 
     def _on_tf(self, key: str, bundle: bytes | TFMessage) -> None:
-        if self._ended.may_be_heard and self._ended.has(key, lambda: _stamp_of_bundle(bundle), self._node.clock.now()):
+        if self._ended.has(key, lambda: _stamp_of_bundle(bundle), self._node.clock.now()):
             return
         self._inputs.take_bundle(bundle)
         self._on_input()
@@ -85,11 +85,7 @@ class Subscriptions:
             self._on_input()
 
     def _on_declared(self, declared: DeclaredInput, key: str, message: Message, source: str = "") -> None:
-        if (
-            self._ended.may_be_heard
-            and isinstance(message, RobotStatus)
-            and self._ended.has(key, lambda: stamp_of(message), self._node.clock.now())
-        ):
+        if isinstance(message, RobotStatus) and self._ended.has(key, lambda: stamp_of(message), self._node.clock.now()):
             return
         self._keep(self._inputs.declared.slot(declared, key), key, message, source)
 

@@ -7,8 +7,8 @@ from zteam.errors import BusError
 from zteam.messages import LaserScan, RobotState
 from zteam.nodes.robot.driver import ALONE, Driver, Turn
 from zteam.nodes.robot.inputs import Inputs
-from zteam.runtime.node import Node
-from zteam.runtime.participant import Participant
+from zteam.runtime.lockstep import Participant
+from zteam.runtime.process_node import ProcessNode
 from zteam.services.simulator import SimStatus, absence_text
 
 log = logging.getLogger("zteam")
@@ -24,7 +24,7 @@ _TELL_EVERY = 5
 class Waiting:
     """Asked once a second by the main loop."""
 
-    def __init__(self, node: Node, inputs: Inputs, driver: Driver, part: Participant) -> None:
+    def __init__(self, node: ProcessNode, inputs: Inputs, driver: Driver, part: Participant) -> None:
         self._node = node
         self._inputs = inputs
         self._driver = driver

@@ -11,7 +11,7 @@ from zteam import names
 from zteam.clock import HOST_FACTOR
 from zteam.messages import Done
 from zteam.nodes.simulator.open_tick import OpenTick
-from zteam.runtime.node import Node
+from zteam.runtime.process_node import ProcessNode
 
 log = logging.getLogger("zteam")
 
@@ -26,7 +26,7 @@ class Answers:
 
     def __init__(
         self,
-        node: Node,
+        node: ProcessNode,
         tick: OpenTick,
         changed: threading.Condition,
         on_command: Callable[[int], None],

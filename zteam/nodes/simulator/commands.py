@@ -8,15 +8,14 @@ from zteam.bus.transport import RawSample
 from zteam.clock import monotonic, wait_until
 from zteam.messages import Twist
 from zteam.nodes.simulator.run_statistics import RunStatistics
-from zteam.runtime.node import Node
-from zteam.runtime.tokens import TokenSet
-from zteam.runtime.writers import Writers
+from zteam.runtime.process_node import ProcessNode
+from zteam.runtime.tokens import TokenSet, Writers
 
 
 class Commands:
     """The newest command of every robot since the last tick. The bus's threads fill it, the main loop empties it."""
 
-    def __init__(self, node: Node, has_robot: Callable[[int], bool], statistics: RunStatistics) -> None:
+    def __init__(self, node: ProcessNode, has_robot: Callable[[int], bool], statistics: RunStatistics) -> None:
         self._node = node
         self._has_robot = has_robot
         self._statistics = statistics

@@ -16,8 +16,8 @@ from zteam.nodes.simulator.answers import Answers
 from zteam.nodes.simulator.open_tick import OpenTick
 from zteam.nodes.simulator.patience import Patience, Silence
 from zteam.process_options import LockStepOptions
-from zteam.runtime.node import Node
-from zteam.runtime.participant import Lacking
+from zteam.runtime.lockstep import Lacking
+from zteam.runtime.process_node import ProcessNode
 
 log = logging.getLogger("zteam")
 
@@ -33,7 +33,7 @@ _LONGEST_LOOK = 1.5
 class LockStep:
     """Ticks and answers on the bus. The simulator's main loop calls `open` and `wait`; bus threads call the rest."""
 
-    def __init__(self, node: Node, options: LockStepOptions, on_command: Callable[[int], None]) -> None:
+    def __init__(self, node: ProcessNode, options: LockStepOptions, on_command: Callable[[int], None]) -> None:
         """`on_command(robot_id)` is called when a robot's answer carries a command."""
         self._node = node
         self._timeout = options.timeout
@@ -169,7 +169,7 @@ class LockStep:
         self._waited = 0.0
 
 
-def _ask_lacking(node: Node) -> dict[str, str]:
+def _ask_lacking(node: ProcessNode) -> dict[str, str]:
     """The inputs that participants wait for, in words, by the participant's name."""
     try:
         answers = node.bus.query(names.service_key("*", names.LACKING), Lacking, timeout=_LACKING_LIMIT)

@@ -28,7 +28,7 @@ from zteam.nodes.simulator.turns import Turns
 from zteam.nodes.simulator.world_changes import WorldChanges
 from zteam.numbers import counted
 from zteam.process_options import SimOptions
-from zteam.runtime.node import Node
+from zteam.runtime.process_node import ProcessNode
 from zteam.services.simulator import map_info
 from zteam.sim import Engine
 from zteam.sim.occupancy_grid import map_message, map_metadata
@@ -43,7 +43,7 @@ ANSWER_SHARE = 0.4
 class Simulator:
     """A world on the bus: the main loop, and the parts that it drives. `run` is the main loop."""
 
-    def __init__(self, node: Node, world: World, robots: dict[int, Robot], options: SimOptions) -> None:
+    def __init__(self, node: ProcessNode, world: World, robots: dict[int, Robot], options: SimOptions) -> None:
         self._node, self._world, self._options = node, world, options
         self._engine = Engine(world, seed=options.seed, robots=robots, options=options.engine)
         self._profile = TickProfile()
@@ -179,7 +179,7 @@ def check_follows(follows: Mapping[int, int], robots: Mapping[int, Robot]) -> No
             raise UsageError(f"--gap names robot {robot_id}, but the world has {sorted(robots)}")
 
 
-def run_simulator(node: Node, world: World, robots: dict[int, Robot], options: SimOptions) -> None:
+def run_simulator(node: ProcessNode, world: World, robots: dict[int, Robot], options: SimOptions) -> None:
     """Run the simulator until it is asked to stop."""
     check_follows(options.follows, robots)
     simulator = Simulator(node, world, robots, options)

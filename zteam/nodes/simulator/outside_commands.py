@@ -7,7 +7,7 @@ from zteam import names
 from zteam.bus.transport import RawSample
 from zteam.nodes.simulator.lockstep import LockStep
 from zteam.nodes.simulator.run_statistics import RunStatistics
-from zteam.runtime.node import Node
+from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.tokens import TokenSet
 
 TOPICS = (names.CMD_VEL_TELEOP, names.CMD_VEL_NAV, names.GOAL_POSE, names.INITIAL_POSE)
@@ -18,7 +18,7 @@ class OutsideCommands:
     """Counts them in the report. Nothing is decoded, so what participants send on these keys costs little."""
 
     def __init__(
-        self, node: Node, has_robot: Callable[[int], bool], lockstep: LockStep, statistics: RunStatistics
+        self, node: ProcessNode, has_robot: Callable[[int], bool], lockstep: LockStep, statistics: RunStatistics
     ) -> None:
         self._has_robot = has_robot
         self._lockstep = lockstep

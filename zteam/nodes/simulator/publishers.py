@@ -7,7 +7,7 @@ from zteam import names
 from zteam.bus import Publisher
 from zteam.geometry import Pose2
 from zteam.messages import BaseInfo, Message, TFMessage, Twist
-from zteam.runtime.node import Node
+from zteam.runtime.process_node import ProcessNode
 from zteam.sim import Observation, to_messages
 from zteam.world import Robot
 from zteam.world.bases import base_info
@@ -28,7 +28,7 @@ class _Output(NamedTuple):
 class RobotOutputs:
     """One robot's publishers."""
 
-    def __init__(self, node: Node, robot_id: int, robot: Robot, *, lockstep: bool = False) -> None:
+    def __init__(self, node: ProcessNode, robot_id: int, robot: Robot, *, lockstep: bool = False) -> None:
         bus = node.bus
         self._id, self.robot = robot_id, robot
         self._tf = bus.publisher(names.robot_key(robot_id, names.TF), TFMessage)

@@ -10,7 +10,7 @@ from zteam.errors import BusError
 from zteam.nodes.simulator.pacing import Pacer
 from zteam.nodes.simulator.turns import Turns
 from zteam.nodes.simulator.world_changes import WorldChanges
-from zteam.runtime.node import Node
+from zteam.runtime.process_node import ProcessNode
 from zteam.services.scans import ScansRequest
 from zteam.services.simulator import (
     BOUNDARY_LIMIT,
@@ -36,7 +36,7 @@ class Queries:
 
     def __init__(
         self,
-        node: Node,
+        node: ProcessNode,
         pacer: Pacer,
         turns: Turns,
         world: WorldChanges,

@@ -4,14 +4,14 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 
 from zteam.messages import Message, Twist
 from zteam.nodes.simulator.publishers import RobotOutputs
-from zteam.runtime.node import Node
+from zteam.runtime.process_node import ProcessNode
 from zteam.sim import Engine, Observation
 
 
 class TeamOutputs(Collection[int]):
     """The ids of the robots in the world, in the order in which they came, each with its publishers."""
 
-    def __init__(self, node: Node, engine: Engine, *, lockstep: bool = False) -> None:
+    def __init__(self, node: ProcessNode, engine: Engine, *, lockstep: bool = False) -> None:
         self._node = node
         self._engine = engine
         self._lockstep = lockstep

@@ -9,7 +9,7 @@ from zteam.nodes.simulator.commands import Commands
 from zteam.nodes.simulator.lockstep import LockStep
 from zteam.nodes.simulator.team_outputs import TeamOutputs
 from zteam.nodes.simulator.tick_profile import TickProfile
-from zteam.runtime.node import Node
+from zteam.runtime.process_node import ProcessNode
 from zteam.sim import Engine, Observation
 
 
@@ -18,7 +18,7 @@ class TickSender:
 
     def __init__(
         self,
-        node: Node,
+        node: ProcessNode,
         engine: Engine,
         outputs: TeamOutputs,
         commands: Commands,

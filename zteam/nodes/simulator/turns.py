@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 from zteam.clock import monotonic, wait_until
 from zteam.errors import ZteamError
 from zteam.nodes.simulator.pacing import Pacer
-from zteam.runtime.node import Node
+from zteam.runtime.process_node import ProcessNode
 
 T = TypeVar("T")
 
@@ -20,7 +20,7 @@ _LONGEST_WAIT = 3600.0
 class Turns:
     """The main loop calls `wait_for_turn` and `finish`; the threads of queries call the rest."""
 
-    def __init__(self, node: Node, pacer: Pacer) -> None:
+    def __init__(self, node: ProcessNode, pacer: Pacer) -> None:
         self._node = node
         self._pacer = pacer
         self._changes: deque[tuple[Future[Any], Callable[[], Any]]] = deque()

@@ -14,8 +14,8 @@ from zteam.messages import JointState, TFMessage, Tick, TransformStamped, ns_fro
 from zteam.nodes.transforms.bundle import PATIENCE, Bundle
 from zteam.nodes.transforms.queries import serve_queries
 from zteam.nodes.transforms.static_sources import StaticSources
-from zteam.runtime.node import Node
-from zteam.runtime.participant import Participant
+from zteam.runtime.lockstep import Participant
+from zteam.runtime.process_node import ProcessNode
 from zteam.tf.bases import base_stamp
 from zteam.tf.urdf import Description
 
@@ -40,7 +40,7 @@ class Aggregator:
 
     def __init__(
         self,
-        node: Node,
+        node: ProcessNode,
         configured: Iterable[TransformStamped],
         descriptions: Mapping[int, Description],
         rate: float | None,
@@ -60,7 +60,7 @@ class Aggregator:
         self._tf_static = node.bus.publisher(names.TF_STATIC, TFMessage, latched=True)
         self._part = Participant(node, self._has_inputs, lambda _: self._flush(self._bundle.stamp), self._repeat)
         node.clock.sim.on_jump_back(self._on_jump_back)
-        node.subscribe(names.all_robots_key(names.TF), TFMessage, self._on_tf, wake=False)
+        node.subscribe(names.all_robots_key(names.TF), TFMessage, self._on_tf)
         self._sources.listen(self._on_statics)
         serve_queries(node.bus, self._merger, lambda: self._last, self._sources.name_of)
         for robot_id, description in descriptions.items():
@@ -98,7 +98,6 @@ class Aggregator:
             self._take_in_lockstep(robot_id, message, stamp)
         else:
             self._take(robot_id, message, stamp)
-            self._node.changed.notify_all()
         self._publish_statics()
 
     def _take(self, robot_id: int, message: TFMessage, stamp: int) -> None:
@@ -158,7 +157,6 @@ class Aggregator:
         """Send late bundles, and log conflicts, until the process is asked to stop."""
         pace: Rate | None = None
         may_log = Every(1.0)
-        self._node.wakes_with_clock = self._given_rate is not None
         while not self._node.stopping:
             self._node.decide_clock(self._first_data)
             rate = None if self._part.active else self._rate
@@ -191,7 +189,7 @@ def _log_conflicts(conflicts: list[str]) -> None:
 
 
 def run_aggregator(
-    node: Node,
+    node: ProcessNode,
     configured: Iterable[TransformStamped],
     descriptions: Mapping[int, Description],
     rate: float | None,

@@ -7,9 +7,8 @@ from zteam.bus.presence import holder_text
 from zteam.bus.transport import RawSample
 from zteam.clock import monotonic
 from zteam.messages import Header, Quaternion, TFMessage, Transform, TransformStamped, Vector3
-from zteam.runtime.node import Node
-from zteam.runtime.token_loss import GRACE, TokenLossFilter
-from zteam.runtime.tokens import TokenSet
+from zteam.runtime.process_node import ProcessNode
+from zteam.runtime.tokens import GRACE, TokenLossFilter, TokenSet
 from zteam.services.transforms import StaticReply, StaticRequest
 from zteam.tf.merge import Merger
 
@@ -22,7 +21,7 @@ class StaticSources:
     The authority of a broadcaster's frames is its session. All callbacks run under `node.changed`.
     """
 
-    def __init__(self, node: Node, configured: Iterable[TransformStamped], publish: Callable[[], None]) -> None:
+    def __init__(self, node: ProcessNode, configured: Iterable[TransformStamped], publish: Callable[[], None]) -> None:
         """`publish()` publishes the fixed transforms if they changed. `listen` follows."""
         self._node = node
         self._publish = publish

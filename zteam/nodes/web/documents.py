@@ -37,7 +37,7 @@ from zteam.nodes.web.markers import (
 from zteam.nodes.web.newest import Arrival
 from zteam.nodes.web.places import decoded, pose2_of
 from zteam.nodes.web.sensed import fiducials_of, sonar_of
-from zteam.services.log_reader import line_of
+from zteam.services.logs import line_of
 
 MAX_ECHO = 200_000
 """Bytes of a message's JSON that a page is sent."""

@@ -15,9 +15,9 @@ from zteam.errors import BusError
 from zteam.messages import TFMessage, TransformStamped
 from zteam.nodes.web.interest import Sampled
 from zteam.nodes.web.topic_table import Counts, TopicRow, rates, topic_rows
-from zteam.runtime.node import Node
+from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.tokens import TokenSet
-from zteam.services.log_lines import LogLine
+from zteam.services.logs import LogLine
 from zteam.services.scans import ScansReply, ScansRequest
 from zteam.services.simulator import ObstaclesReply, ShapesReply, SimStatus
 from zteam.services.transforms import BundleReply, FrameReply, Lookup
@@ -37,7 +37,7 @@ PATIENCE = 1.0
 class Facts:
     """`ask` is called on a thread of its own, which may wait for answers. What it finds is replaced as a whole."""
 
-    def __init__(self, node: Node, on_news: Callable[[], None]) -> None:
+    def __init__(self, node: ProcessNode, on_news: Callable[[], None]) -> None:
         self._node, self._bus, self._on_news = node, node.bus, on_news
         self._tokens = TokenSet()
         self._watch: list[Closeable] = []

@@ -15,7 +15,7 @@ from zteam.nodes.web.newest import Newest
 from zteam.nodes.web.places import Places
 from zteam.nodes.web.subscriptions import Subscriptions
 from zteam.nodes.web.viewer import FAST_PERIOD, PERIOD, Viewer
-from zteam.runtime.node import Node
+from zteam.runtime.process_node import ProcessNode
 
 LOOK = 0.2
 """Host seconds between two looks at which robots are in sight."""
@@ -28,7 +28,7 @@ REST = 3600.0
 class Hub:
     """The main thread runs `serve`; the thread of the pages makes frames and tells of viewers."""
 
-    def __init__(self, node: Node) -> None:
+    def __init__(self, node: ProcessNode) -> None:
         self.node = node
         self.on_news: Callable[[], None] = lambda: None
         """Called from any thread when something came."""

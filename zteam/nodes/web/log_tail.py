@@ -8,8 +8,7 @@ from typing import NamedTuple
 
 from zteam.clock import NS_PER_S
 from zteam.nodes.web.team_document import printable
-from zteam.services.log_lines import LogLine, LogOrder, level_name
-from zteam.services.log_reader import HOLD
+from zteam.services.logs import HOLD, LogLine, LogOrder, level_name
 
 KEPT = 1000
 

@@ -17,12 +17,12 @@ from zteam.nodes.web import rights
 from zteam.nodes.web.hub import Hub
 from zteam.nodes.web.server import WebServer, listen
 from zteam.process_options import ViewOptions
-from zteam.runtime.node import Node
+from zteam.runtime.process_node import ProcessNode
 
 log = logging.getLogger("zteam")
 
 
-def run_view(node: Node, options: ViewOptions, show: Callable[[str], None]) -> None:
+def run_view(node: ProcessNode, options: ViewOptions, show: Callable[[str], None]) -> None:
     """Serve the page until the process is asked to stop. `show` prints the address, which a log must not have: pages
     without the token show all logs."""
     token, layout = options.token or rights.make_token(), read_layout(options.layout)

@@ -9,7 +9,7 @@ from zteam.errors import DecodeError
 from zteam.messages import Message, decode, type_of_encoding
 from zteam.nodes.web.fields import number_at, parse_path
 from zteam.nodes.web.history import Event, History
-from zteam.runtime.sending_tick import stamp_of
+from zteam.runtime.tick_messages import stamp_of
 
 MOST = 100
 """Samples of one field in a frame; of more, evenly spaced ones are taken."""

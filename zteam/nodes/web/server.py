@@ -57,8 +57,10 @@ class WebServer:
         self._thread.join(1.0)
 
     def _run(self) -> None:
-        with self._hub.node.failing():
+        try:
             asyncio.run(self._serve())
+        except BaseException as error:
+            self._hub.node.fail(error)
 
     async def _serve(self) -> None:
         # Commands wait for the simulator; those of one page must not hold those of others.

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from zteam import names
 from zteam.geometry import yaw_from_quaternion
 from zteam.messages import Bool, Odometry
-from zteam.runtime.step_node import StepNode, run
+from zteam.runtime.node import Node, run
 
 NAME = "recorder"
 
@@ -35,7 +35,7 @@ class Recorder:
         self._rows: dict[int, tuple[list[tuple[float, float, float]], list[bool]]] = {}
         """Poses and stalls of all robots, by time."""
 
-    def body(self, node: StepNode) -> None:
+    def body(self, node: Node) -> None:
         """Record until asked to stop."""
         node.subscribe(names.all_robots_key(names.GROUND_TRUTH), Odometry, self._take_pose, every_tick=True)
         node.subscribe(names.all_robots_key(names.STALL), Bool, self._take_stall)

@@ -27,7 +27,7 @@ from zteam.messages import (
     Quaternion,
     ns_from_time,
 )
-from zteam.runtime.step_node import StepNode
+from zteam.runtime.node import Node
 
 _ENDS = (NavigationState.SUCCEEDED, NavigationState.ABORTED)
 _START = 2.0
@@ -61,7 +61,7 @@ class TeamFigures(msgspec.Struct):
 class Sender:
     """A node that gives each robot its next goal when it has reached or given up the last one."""
 
-    def __init__(self, node: StepNode, goals: Mapping[int, Sequence[Pose2]], found: dict[int, Goals]) -> None:
+    def __init__(self, node: Node, goals: Mapping[int, Sequence[Pose2]], found: dict[int, Goals]) -> None:
         self._goals, self._found = goals, found
         self._next = dict.fromkeys(goals, 0)
         self._busy = dict.fromkeys(goals, False)
@@ -135,7 +135,7 @@ def drive(
     """Robots that start there and drive to their goals, one after the other, for so many simulated seconds."""
     found = {robot_id: Goals(robot_id) for robot_id in goals}
 
-    def sender(node: StepNode) -> None:
+    def sender(node: Node) -> None:
         node.run(Sender(node, goals, found).step)
 
     with tempfile.TemporaryDirectory() as folder:

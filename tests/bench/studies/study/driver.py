@@ -7,7 +7,7 @@ from zteam import names
 from zteam.clock import to_ns
 from zteam.counter_random import uniform
 from zteam.messages import Twist, Vector3
-from zteam.runtime.step_node import StepNode
+from zteam.runtime.node import Node
 
 SPEED, TURN = 0.4, 1.0
 """m/s, rad/s."""
@@ -42,7 +42,7 @@ class Driver:
     def __init__(self, robot_id: int, seed: int) -> None:
         self._key, self._seed = names.robot_key(robot_id, names.CMD_VEL_TELEOP), seed
 
-    def body(self, node: StepNode) -> None:
+    def body(self, node: Node) -> None:
         """Drive until asked to stop."""
         publisher, tick = node.publisher(self._key, Twist), 0.1
         commands, due = draw_commands(self._seed, tick), 0

@@ -19,7 +19,7 @@ from studies.study.driver import Driver
 from zteam import names
 from zteam.in_process.team_run import run_team
 from zteam.messages import RobotStatus
-from zteam.runtime.step_node import StepNode
+from zteam.runtime.node import Node
 
 HELD = 3.0
 """Metres: a follower is held while the robot that it follows is so near."""
@@ -74,7 +74,7 @@ class Followed:
         self._now: dict[int, int] = {}
         self.rows: list[dict[int, int]] = []
 
-    def body(self, node: StepNode) -> None:
+    def body(self, node: Node) -> None:
         """Note it until asked to stop."""
         node.subscribe(names.all_robots_key(names.STATUS), RobotStatus, self._take)
         node.run(lambda _now: self.rows.append(self._now.copy()))

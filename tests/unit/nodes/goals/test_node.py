@@ -17,8 +17,8 @@ from zteam.messages import Header, NavigationState, Odometry, PoseStamped, Robot
 from zteam.nodes.goals.file import FileGoal
 from zteam.nodes.goals.node import Dispatcher
 from zteam.nodes.goals.rounds import Rounds
+from zteam.runtime.node import Node
 from zteam.runtime.shutdown import Stop
-from zteam.runtime.step_node import StepNode
 from zteam.services.goals import TaskResult, goal_message
 from zteam.testing import run_node
 from zteam.testing.in_memory import RunningNode
@@ -35,7 +35,7 @@ class Desk:
         self._rounds = rounds
         self.running: RunningNode = run_node(self._body, hub, name="goals")
 
-    def _body(self, node: StepNode) -> None:
+    def _body(self, node: Node) -> None:
         self.made.append(Dispatcher(node, self._rounds))
         node.run(self.made[0].step)
 
@@ -252,7 +252,7 @@ def test_a_repeated_run_sends_at_the_same_times(hub: MemoryHub) -> None:
 def test_real_robots_have_the_hosts_time(hub: MemoryHub) -> None:
     """Without a simulator a base's odometry decides for it; what robots and navigation say does not."""
     navigation, stop = FakeNavigation(hub, 1), Stop()
-    node = StepNode("goals", hub.bus(), stop)
+    node = Node("goals", hub.bus(), stop)
     dispatcher = Dispatcher(node, Rounds([goal(1, 1.0)]))
     thread = threading.Thread(target=node.run, args=(dispatcher.step,))
     thread.start()

@@ -18,7 +18,7 @@ from zteam.messages import OccupancyGrid
 from zteam.nodes.map_server.node import run_map_server
 from zteam.planning.grid import GridMap, make_map
 from zteam.planning.map_files import read_map, write_map
-from zteam.runtime.node import Node
+from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop
 from zteam.services.maps import map_grid, map_message, to_three_values
 
@@ -80,7 +80,7 @@ def test_a_message_of_the_wrong_size_is_refused(grid: GridMap) -> None:
 def test_it_serves_late_subscribers_until_it_is_stopped(hub: MemoryHub, grid: GridMap) -> None:
     """The process holds the name `map`, and a late subscriber gets the map too."""
     stop, found = Stop(), list[OccupancyGrid]()
-    node = Node("map", hub.bus(), stop, "wall")
+    node = ProcessNode("map", hub.bus(), stop, "wall")
     thread = threading.Thread(target=run_map_server, args=(node, grid, "office.yaml"))
     thread.start()
     bus = hub.bus()

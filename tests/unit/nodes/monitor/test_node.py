@@ -17,7 +17,7 @@ from zteam.messages import Clock, RobotState, RobotStatus, TeamState, TeamStatus
 from zteam.nodes.monitor import writer_watch
 from zteam.nodes.monitor.display import LEAVE_AFTER, JsonLines, Lines
 from zteam.nodes.monitor.members import Event
-from zteam.runtime.log_keeper import LogKeeper
+from zteam.runtime.logs import LogKeeper
 
 
 def test_go_reaches_the_early_and_the_late(hub: MemoryHub, open_desk: Open) -> None:

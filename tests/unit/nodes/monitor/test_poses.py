@@ -13,7 +13,7 @@ from zteam.geometry import Pose2, quaternion_from_yaw
 from zteam.launch.restarts import serve_restarts
 from zteam.nodes.monitor import poses as module
 from zteam.nodes.monitor.poses import Poses
-from zteam.runtime.node import Node
+from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop
 from zteam.services.transforms import Lookup, LookupReply, LookupRequest
 
@@ -25,7 +25,7 @@ def answer(lookup: Lookup) -> LookupReply:
     return LookupReply(1, (1.5, -2.0, 0.0), quaternion_from_yaw(0.5))
 
 
-def wait_for(node: Node, condition: Callable[[], bool]) -> None:
+def wait_for(node: ProcessNode, condition: Callable[[], bool]) -> None:
     """Wait until it is true; nothing notifies, so look again from time to time."""
     with node.changed:
         for _ in range(int(LIMIT / 0.01)):
@@ -38,7 +38,7 @@ def test_poses_come_from_the_aggregator(hub: MemoryHub, monkeypatch: pytest.Monk
     """All robots are asked for in one query; one that is not known has no pose; without an aggregator none has."""
     monkeypatch.setattr(module, "PERIOD", 0.01)
     stop = Stop()
-    node = Node(names.MONITOR, hub.bus(), stop)
+    node = ProcessNode(names.MONITOR, hub.bus(), stop)
     asked: list[list[str]] = []
 
     def serve(request: LookupRequest) -> list[LookupReply]:
@@ -64,7 +64,7 @@ def test_restarts_come_from_the_launcher(hub: MemoryHub, monkeypatch: pytest.Mon
     """Also for a monitor that comes later; without a launcher there are none."""
     monkeypatch.setattr(module, "PERIOD", 0.01)
     stop, launcher, counts = Stop(), hub.bus(), {"robot_1": 1}
-    node = Node(names.MONITOR, hub.bus(), stop)
+    node = ProcessNode(names.MONITOR, hub.bus(), stop)
     serve_restarts(launcher, lambda: dict(counts))
     found = Poses(node, list)
     try:

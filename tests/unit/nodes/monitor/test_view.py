@@ -19,7 +19,7 @@ from zteam.nodes.monitor import display, view
 from zteam.nodes.monitor.followed_team import FollowedTeam
 from zteam.nodes.monitor.node import run_monitor
 from zteam.process_options import MonitorOptions
-from zteam.runtime.node import Node
+from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop
 
 
@@ -28,7 +28,7 @@ class Second:
 
     def __init__(self, hub: MemoryHub, options: MonitorOptions, capsys: pytest.CaptureFixture[str]) -> None:
         self.stop = Stop()
-        self.node = Node(names.MONITOR, hub.bus(), self.stop)
+        self.node = ProcessNode(names.MONITOR, hub.bus(), self.stop)
         self._capsys = capsys
         self._shown = ""
         self._thread = threading.Thread(target=run_monitor, args=[self.node, options], daemon=True)
@@ -162,7 +162,7 @@ def test_its_lines_as_json(first: Desk, open_second: Callable[..., Second]) -> N
 def test_without_a_monitor_and_a_team_there_is_nothing_to_show(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> None:
     """The error says how to be the monitor."""
     monkeypatch.setattr(view, "LOOK_FOR", 0.0)
-    node = Node(names.MONITOR, hub.bus(), Stop())
+    node = ProcessNode(names.MONITOR, hub.bus(), Stop())
     with pytest.raises(UsageError, match=r"no monitor is running: give .*--team-size 4"):
         run_monitor(node, MonitorOptions(0))
     node.close()

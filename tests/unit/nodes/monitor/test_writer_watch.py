@@ -8,9 +8,9 @@ from zteam.messages import Twist
 from zteam.nodes.monitor import writer_watch
 from zteam.nodes.monitor.start_gate import Gate
 from zteam.nodes.monitor.writer_watch import WriterWatch
-from zteam.runtime.node import Node
+from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop
-from zteam.runtime.writers import RECENT, Writers
+from zteam.runtime.tokens import RECENT, Writers
 from zteam.services.simulator import SimStatus
 
 
@@ -18,7 +18,7 @@ class Desk:
     """A monitor's watch, and what it tells."""
 
     def __init__(self, hub: MemoryHub) -> None:
-        self.node = Node(names.MONITOR, hub.bus(), Stop())
+        self.node = ProcessNode(names.MONITOR, hub.bus(), Stop())
         self._gate = Gate(None, 1)
         self.watch = WriterWatch(self.node, self._gate)
 

@@ -36,7 +36,7 @@ from zteam.messages import (
 )
 from zteam.nodes.robot.node import RobotNode
 from zteam.process_options import RobotOptions
-from zteam.runtime.node import Node
+from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop
 
 TOPICS = (names.CMD_VEL_TELEOP, names.CMD_VEL_NAV, names.GOAL_POSE, "orders", "/robot_7/status", "/robot_8/status")
@@ -107,7 +107,7 @@ def drive(sent: list[Sent], random: Random) -> Outcome:
     hub = MemoryHub()
     simulator = ScriptedSimulator(hub, "robot_0")
     put = {topic: simulator.bus.publisher(names.robot_key(0, topic), kind).put for topic, kind in DATA.items()}
-    node = Node("robot_0", hub.bus(), Stop())
+    node = ProcessNode("robot_0", hub.bus(), Stop())
     robot = RobotNode(node, Listener, RobotOptions(0, "Listener", gate=False, safety=False))
     simulator.appear()
     node.become_present()

@@ -13,7 +13,7 @@ from zteam.bus import MemoryHub
 from zteam.messages import BaseInfo, Header, LaserScan, Message, Odometry, RobotStatus, TFMessage, Twist, time_from_ns
 from zteam.nodes.robot.node import RobotNode
 from zteam.process_options import RobotOptions
-from zteam.runtime.node import Node
+from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop
 
 
@@ -44,7 +44,7 @@ def robot(hub: MemoryHub, simulator: ScriptedSimulator, monkeypatch: pytest.Monk
     """Robot 0, which takes part in tick 2. That is open."""
     monkeypatch.setattr(Seen, "models", [], raising=False)
     monkeypatch.setattr(Seen, "told", [], raising=False)
-    node = Node("robot_0", hub.bus(), Stop())
+    node = ProcessNode("robot_0", hub.bus(), Stop())
     made = RobotNode(node, Seen, RobotOptions(0, "Seen", gate=False))
     simulator.appear()
     node.become_present()

@@ -2,7 +2,7 @@
 
 from zteam.messages import Header, PoseStamped, Twist, Vector3, time_from_ns
 from zteam.nodes.robot.newest import Newest
-from zteam.runtime.sending_tick import MAX_AHEAD, tick_of
+from zteam.runtime.tick_messages import MAX_AHEAD, tick_of
 
 TICK = 100_000_000
 

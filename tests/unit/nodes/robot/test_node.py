@@ -10,7 +10,7 @@ from support.real_time_robot import NEVER, RealTimeRobot
 from zteam.behaviors import Behavior, View
 from zteam.messages import Twist
 from zteam.nodes.robot import base_input, pacing
-from zteam.runtime.node import Node
+from zteam.runtime.process_node import ProcessNode
 
 
 @pytest.fixture
@@ -26,9 +26,9 @@ def robot() -> Iterator[RealTimeRobot]:
 def test_transforms_wake_a_robot_that_waits_for_them(robot: RealTimeRobot, monkeypatch: pytest.MonkeyPatch) -> None:
     """A scan without its transforms waits for them, and the command follows as soon as they come."""
     waits = threading.Event()
-    usual = Node.wait
+    usual = ProcessNode.wait
 
-    def wait(self: Node, ready: Callable[[], bool], timeout: float) -> bool:
+    def wait(self: ProcessNode, ready: Callable[[], bool], timeout: float) -> bool:
         def watched() -> bool:
             found = ready()
             if timeout == NEVER and not found:
@@ -39,7 +39,7 @@ def test_transforms_wake_a_robot_that_waits_for_them(robot: RealTimeRobot, monke
         return usual(self, watched, timeout)
 
     monkeypatch.setattr(pacing, "TF_PATIENCE", NEVER)
-    monkeypatch.setattr(Node, "wait", wait)
+    monkeypatch.setattr(ProcessNode, "wait", wait)
     robot.say_scan(1)
     assert waits.wait(LIMIT)
     robot.say_transforms(1)

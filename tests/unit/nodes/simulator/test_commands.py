@@ -16,7 +16,7 @@ from zteam.messages import Twist
 from zteam.nodes.simulator import commands
 from zteam.nodes.simulator.commands import Commands
 from zteam.nodes.simulator.run_statistics import RunStatistics
-from zteam.runtime.node import Node
+from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop
 
 
@@ -25,7 +25,7 @@ class CommandsHarness:
 
     def __init__(self, hub: MemoryHub, *robots: int) -> None:
         self.robots = {*robots}
-        self._node = Node(names.SIMULATOR, hub.bus(), Stop())
+        self._node = ProcessNode(names.SIMULATOR, hub.bus(), Stop())
         self.statistics = RunStatistics({})
         self.commands = Commands(self._node, self.robots.__contains__, self.statistics)
         self.publishers = {}

@@ -12,24 +12,24 @@ from zteam.bus import MemoryHub
 from zteam.errors import UsageError
 from zteam.nodes.simulator.pacing import Pacer
 from zteam.nodes.simulator.turns import Turns
-from zteam.runtime.node import Node
+from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop
 
 
 @pytest.fixture
-def node(hub: MemoryHub) -> Iterator[Node]:
+def node(hub: MemoryHub) -> Iterator[ProcessNode]:
     """The simulator's node."""
-    made = Node(names.SIMULATOR, hub.bus(), Stop())
+    made = ProcessNode(names.SIMULATOR, hub.bus(), Stop())
     yield made
     made.close()
 
 
-def free_turns(node: Node) -> Turns:
+def free_turns(node: ProcessNode) -> Turns:
     """A world in which a tick is always due."""
     return Turns(node, Pacer(1_000_000, None))
 
 
-def test_a_change_is_made_by_the_main_loop(node: Node) -> None:
+def test_a_change_is_made_by_the_main_loop(node: ProcessNode) -> None:
     """Its future has the result after the next turn, and not before."""
     turns = free_turns(node)
     future: Future[int] = turns.submit(threading.get_ident)
@@ -38,7 +38,7 @@ def test_a_change_is_made_by_the_main_loop(node: Node) -> None:
     assert future.result(0) == threading.get_ident()
 
 
-def test_changes_are_made_in_the_order_of_asking(node: Node) -> None:
+def test_changes_are_made_in_the_order_of_asking(node: ProcessNode) -> None:
     """All of them before the next tick."""
     turns, made = free_turns(node), list[int]()
     futures = [turns.submit(lambda i=i: made.append(i)) for i in range(5)]
@@ -47,7 +47,7 @@ def test_changes_are_made_in_the_order_of_asking(node: Node) -> None:
     assert all(future.done() for future in futures)
 
 
-def test_an_error_of_zteam_goes_to_the_future(node: Node) -> None:
+def test_an_error_of_zteam_goes_to_the_future(node: ProcessNode) -> None:
     """The main loop goes on."""
     turns = free_turns(node)
 
@@ -59,7 +59,7 @@ def test_an_error_of_zteam_goes_to_the_future(node: Node) -> None:
     assert isinstance(future.exception(0), UsageError)
 
 
-def test_a_fault_in_a_change_ends_the_main_loop(node: Node) -> None:
+def test_a_fault_in_a_change_ends_the_main_loop(node: ProcessNode) -> None:
     """It is a bug in the simulator, not in what was asked for."""
     turns = free_turns(node)
     turns.submit(lambda: 1 // 0)
@@ -67,7 +67,7 @@ def test_a_fault_in_a_change_ends_the_main_loop(node: Node) -> None:
         turns.wait_for_turn()
 
 
-def test_a_change_wakes_a_world_that_stands(node: Node) -> None:
+def test_a_change_wakes_a_world_that_stands(node: ProcessNode) -> None:
     """A paused world makes it at once and goes on standing."""
     turns = Turns(node, Pacer(1_000_000, None, paused=True))
     thread = threading.Thread(target=turns.wait_for_turn)
@@ -80,7 +80,7 @@ def test_a_change_wakes_a_world_that_stands(node: Node) -> None:
     assert not thread.is_alive()
 
 
-def test_a_reset_gives_one_turn_to_a_world_that_is_over(node: Node) -> None:
+def test_a_reset_gives_one_turn_to_a_world_that_is_over(node: ProcessNode) -> None:
     """The first tick is sent; then a paused world stands again."""
     turns = Turns(node, Pacer(1_000_000, None, paused=True))
     turns.finish()
@@ -91,7 +91,7 @@ def test_a_reset_gives_one_turn_to_a_world_that_is_over(node: Node) -> None:
     assert not turns.wait_until_finished(0.0)
 
 
-def test_a_stop_request_gives_no_turn(node: Node) -> None:
+def test_a_stop_request_gives_no_turn(node: ProcessNode) -> None:
     """Though a tick is due."""
     node.stop.request("test")
     assert free_turns(node).wait_for_turn() is False

@@ -5,7 +5,7 @@ from zteam.nodes.web.history import KEPT, KEPT_BYTES, History
 from zteam.nodes.web.log_tail import LogTail
 from zteam.nodes.web.newest import Newest
 from zteam.nodes.web.plots import MOST, samples_since
-from zteam.services.log_lines import LogLine
+from zteam.services.logs import LogLine
 
 
 def command(speed: float) -> bytes:
@@ -100,7 +100,7 @@ def test_log_lines_come_in_order_of_time_and_once() -> None:
 
 def test_a_line_of_a_message_is_the_line_of_the_query() -> None:
     """Both ways of a line give equal ones, so the tail knows the second."""
-    from zteam.services.log_reader import line_of
+    from zteam.services.logs import line_of
 
     message = Log(time_from_ns(5), LogLevel.INFO, "sim", "ready", "f.py", "g", 3)
     assert line_of("sim", message) == LogLine(5, "sim", LogLevel.INFO, "ready", "f.py", "g", 3)

@@ -9,14 +9,14 @@ from support.limits import LIMIT
 from zteam.bus import MemoryHub
 from zteam.clock import wait_until
 from zteam.messages import String
-from zteam.runtime.base_node import BaseNode
+from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop
 
 
 @pytest.fixture
-def node(hub: MemoryHub) -> Iterator[BaseNode]:
+def node(hub: MemoryHub) -> Iterator[ProcessNode]:
     """A node that ends with the test."""
-    made = BaseNode("listener", hub.bus(), Stop())
+    made = ProcessNode("listener", hub.bus(), Stop())
     yield made
     made.close()
 
@@ -24,7 +24,7 @@ def node(hub: MemoryHub) -> Iterator[BaseNode]:
 class Waiter:
     """A thread that waits until `node` has heard a word."""
 
-    def __init__(self, node: BaseNode, heard: list[str], word: str) -> None:
+    def __init__(self, node: ProcessNode, heard: list[str], word: str) -> None:
         self._node, self._heard, self._word = node, heard, word
         self.looks = 0
         self.threads: set[threading.Thread] = set()
@@ -45,7 +45,7 @@ class Waiter:
         return self._word in self._heard
 
 
-def test_a_message_wakes_only_a_thread_that_waits_for_it(hub: MemoryHub, node: BaseNode) -> None:
+def test_a_message_wakes_only_a_thread_that_waits_for_it(hub: MemoryHub, node: ProcessNode) -> None:
     """Other messages are looked at in the thread that brings them: the one that waits sleeps on."""
     heard: list[str] = []
     node.subscribe("words", String, lambda key, message: heard.append(message.data))
@@ -60,7 +60,7 @@ def test_a_message_wakes_only_a_thread_that_waits_for_it(hub: MemoryHub, node: B
     assert heard.count("other") == 100
 
 
-def test_each_of_several_waits_ends_with_its_own_message(hub: MemoryHub, node: BaseNode) -> None:
+def test_each_of_several_waits_ends_with_its_own_message(hub: MemoryHub, node: ProcessNode) -> None:
     """Two threads wait for two words: neither misses its own."""
     heard: list[str] = []
     node.subscribe("words", String, lambda key, message: heard.append(message.data))
@@ -74,7 +74,7 @@ def test_each_of_several_waits_ends_with_its_own_message(hub: MemoryHub, node: B
     assert not first.thread.is_alive()
 
 
-def test_an_error_ends_a_wait_for_something_else(node: BaseNode) -> None:
+def test_an_error_ends_a_wait_for_something_else(node: ProcessNode) -> None:
     """A handler that fails wakes the main loop, which raises the error."""
     errors: list[str] = []
 
@@ -86,7 +86,6 @@ def test_an_error_ends_a_wait_for_something_else(node: BaseNode) -> None:
 
     thread = threading.Thread(target=wait)
     thread.start()
-    with node.failing():
-        raise ValueError("of a handler")
+    node.fail(ValueError("of a handler"))
     thread.join(LIMIT)
     assert errors == ["of a handler"]

@@ -27,7 +27,7 @@ from zteam.messages import (
     ns_from_time,
     time_from_ns,
 )
-from zteam.runtime import node_inputs
+from zteam.runtime import node as node_module
 from zteam.testing import run_node
 
 TICK = 100_000_000
@@ -68,9 +68,9 @@ def test_only_fresh_data_tells_of_a_base(hub: MemoryHub, make: Make) -> None:
     node.subscribe("robot_0/odom", Odometry, lambda key, odom: None)
     bus.publisher("robot_0/status", RobotStatus).put(RobotStatus())
     bus.publisher(names.TF_STATIC, TFMessage, latched=True).put(TFMessage())
-    assert node._inputs.first_data == 0.0
+    assert node._first_data == 0.0
     bus.publisher("robot_0/odom", Odometry).put(Odometry())
-    assert node._inputs.first_data > 0.0
+    assert node._first_data > 0.0
 
 
 class Host:
@@ -300,12 +300,12 @@ def test_a_clock_that_comes_at_once_is_taken(
 ) -> None:
     """A node that is made in the middle of a run takes a message that arrives while it still subscribes."""
 
-    class InARun(node_inputs.Participant):
+    class InARun(node_module.Participant):
         def __init__(self, *arguments: Any, **options: Any) -> None:
             super().__init__(*arguments, **options)
             hub.bus().publisher(names.CLOCK, Clock).put(Clock(time_from_ns(7 * TICK)))
 
-    monkeypatch.setattr(node_inputs, "Participant", InARun)
+    monkeypatch.setattr(node_module, "Participant", InARun)
     node = make()
     assert node.wait(lambda: node.clock.sim.now() == 7 * TICK, LIMIT)
     assert "error" not in caplog.text

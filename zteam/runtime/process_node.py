@@ -1,0 +1,398 @@
+"""What every process is: a node with a name on the bus, one condition to wait on, the team's time, an orderly end."""
+
+import gc
+import logging
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from functools import partial
+from typing import Literal, TypeVar
+
+from zteam import names
+from zteam.bus import Bus, BusOptions, connect
+from zteam.bus.presence import Claim, ProcessInfo
+from zteam.bus.transport import Closeable
+from zteam.clock import AutoClock, Rate, monotonic, to_seconds, wait_until
+from zteam.errors import ZteamError
+from zteam.messages import Clock, Message, ns_from_time
+from zteam.runtime.faults import log_fault
+from zteam.runtime.logs import KEEPER, LogPublisher
+from zteam.runtime.shutdown import Stop, exit_hard_later
+
+log = logging.getLogger("zteam")
+
+M = TypeVar("M", bound=Message)
+
+WALL_AFTER = 0.5
+"""Host seconds of data without a sign of a simulator after which this is a real base, in wall time."""
+ClockMode = Literal["auto", "sim", "wall"]
+CLOCK_MODES: tuple[ClockMode, ...] = ("auto", "sim", "wall")
+"""Which time a process works in: simulated time if there is a simulator, else the host's; or always one of the two."""
+SWITCH_INTERVAL = 0.0005
+"""Seconds a busy thread keeps the interpreter while a message waits for its callback; 5 ms is Python's default."""
+
+
+class Change(threading.Condition):
+    """A condition whose waits are looked at by the thread that changes something.
+
+    A thread that is woken for nothing waits for the interpreter's lock. Until it gets it, each numpy call of the other
+    threads that gives the lock away has to signal it: with four robots in one process that took a fifth of a tick.
+    """
+
+    def __init__(self, lock: threading.RLock) -> None:
+        super().__init__(lock)
+        self._awaited: list[Callable[[], bool]] = []
+        """What the threads wait for that wait."""
+
+    def wait_until(self, ready: Callable[[], bool], timeout: float) -> None:
+        """Wait until `ready()`, for at most `timeout` host seconds, under the lock. `look` calls `ready` too."""
+        self._awaited.append(ready)
+        try:
+            wait_until(self, ready, timeout)
+        finally:
+            self._awaited.remove(ready)
+
+    def look(self) -> None:
+        """Something has changed: wake the threads in `wait_until` if one of them is ready. Call it under the lock."""
+        if any(ready() for ready in self._awaited):
+            self.notify_all()
+
+
+class EndedTime:
+    """The time before the last jump back: the world was reset, or its simulator started anew.
+
+    A process that has not heard of that yet goes on for a moment. The aggregator sends its last bundle again, and a
+    robot its last status. Such a message may come after the new time began, and its stamp is far ahead of that. It must
+    not be taken for a message of the new time. Stamps are in ns, and a stream is what one process sends on one key.
+    """
+
+    def __init__(self) -> None:
+        self._may_be_heard = False
+        """Whether messages have to be looked at at all."""
+        self._limit = 0
+        """The middle between the old time and the new one: stamps beyond are of the old time."""
+        self._begun: set[str] = set()
+        """The streams on which something of the new time has come. What a process sent before came before."""
+
+    def jump(self, old: int, new: int) -> None:
+        """Time jumped back from `old` to `new`."""
+        self._may_be_heard, self._limit = True, (old + new) // 2
+        self._begun.clear()
+
+    def has(self, stream: str, find_stamp: Callable[[], int], now: int) -> bool:
+        """Whether a message that comes at time `now` was sent before the jump; a stamp of 0 does not tell."""
+        if not self._may_be_heard or stream in self._begun:
+            return False
+        if now > self._limit:
+            # What comes so late is of the new time.
+            self._may_be_heard = False
+            return False
+        stamp = find_stamp()
+        if 0 < stamp <= self._limit:
+            self._begun.add(stream)
+        return stamp > self._limit
+
+
+class ProcessNode:
+    """One named process on the bus. Its time is the simulator's, of clock or ticks, or the host's where there is none.
+
+    Every input changes state under `changed`. It wakes the main loop, which waits with `wait`, if that waits for it.
+    Nothing here polls. `on_stop` hooks run before the session closes, in the order they were added.
+    """
+
+    def __init__(self, name: str, bus: Bus, stop: Stop, clock: ClockMode = "auto") -> None:
+        self.name = name
+        self.bus = bus
+        self.stop = stop
+        self.lock = threading.RLock()
+        """That of `changed`, for code that only takes it: the condition around it would triple the time."""
+        self.changed = Change(self.lock)
+        self.present = False
+        """Whether this process holds its name and has not begun to give it back."""
+        self.exit_code = 0
+        """Exit code of a process whose body ended without an error."""
+        self.clock = AutoClock()
+        if clock == "sim":
+            self.clock.use_simulated()
+        elif clock == "wall":
+            self.clock.use_wall()
+        self.ended_time = EndedTime()
+        """Messages of the time before the last jump back may still come."""
+        self.clock.sim.on_jump_back(self.ended_time.jump)
+        self._failure: BaseException | None = None
+        self._on_present: list[Callable[[], None]] = []
+        self._on_stop: list[Callable[[], None]] = []
+        self._simulators: set[str] = set()
+        self._on_simulator_lost: list[Callable[[], None]] = []
+        self._clock_input: Closeable | None = None
+        self._follows_clock = False
+        self.claim = Claim(bus, name)
+        self.claim.under_name.append(bus.serve_stats(name))
+        stop.on_request(self.wake)
+        bus.watch_link(self._on_link)
+
+    # Presence and end
+
+    @property
+    def stopping(self) -> bool:
+        """Whether the process was asked to stop."""
+        return self.stop.requested
+
+    @property
+    def speaks(self) -> bool:
+        """Whether it may act and answer under its name: it holds the name, is not being closed and has not failed."""
+        return self.present and self._failure is None
+
+    def become_present(self) -> None:
+        """Win the name and show the presence token. Raises DuplicateNameError that names the holder."""
+        self.claim.win(self._on_rival, self._win)
+        for hook in self._on_present:
+            hook()
+
+    def _win(self) -> None:
+        # Before the token: a process that sees the token may ask this one at once.
+        self.present = True
+        self.bus.holding.release()
+
+    def on_present(self, hook: Callable[[], None]) -> None:
+        """Run `hook()` once the process holds its name."""
+        self._on_present.append(hook)
+
+    def on_stop(self, hook: Callable[[], None]) -> None:
+        """Run `hook()` when the node ends, while the session still works."""
+        self._on_stop.append(hook)
+
+    def close(self) -> None:
+        """Run the stop hooks, give the name back and end the session."""
+        with self.changed:
+            # The hooks publish last. Until the token is gone ticks still come, and must not be answered.
+            self.present = False
+        for hook in self._on_stop:
+            try:
+                hook()
+            except Exception as error:
+                # A hook that fails must not keep the next one (a zero velocity) from running.
+                self.exit_code = log_fault(error)
+        self.claim.release()
+        self.bus.close()
+
+    def _on_link(self, up: bool) -> None:
+        log.warning("router is back" if up else "router lost: waiting for it to come back")
+        self.wake()
+
+    def _on_rival(self, info: ProcessInfo) -> None:
+        log.error("%s is also held by process %d on %s, which is older: stopping", self.name, info.pid, info.host)
+        self.stop.request("another process holds the name")
+
+    # Inputs
+
+    def subscribe(
+        self, key_expr: str, message_type: type[M], callback: Callable[[str, M], None], *, latched: bool = False
+    ) -> Closeable:
+        """Call `callback(key, message)` under `changed`, then let `wait` look."""
+        return self.bus.subscribe(key_expr, message_type, self._handler(callback), latched=latched)
+
+    def subscribe_from(
+        self, key_expr: str, message_type: type[M], callback: Callable[[str, M, str], None]
+    ) -> Closeable:
+        """As `subscribe`, but call `callback(key, message, source)`, with the id of the sender's session."""
+        return self.bus.subscribe_from(key_expr, message_type, self._handler(callback))
+
+    def subscribe_contents(
+        self, key_expr: str, message_type: type[M], callback: Callable[[str, bytes | M], None]
+    ) -> Closeable:
+        """As `subscribe`, but with the message's bytes, or with the message itself where the bus makes none.
+
+        Bytes for which `callback` raises DecodeError are counted as dropped.
+        """
+        return self.bus.subscribe_contents(key_expr, message_type, self._handler(callback))
+
+    def watch_tokens(self, key_expr: str, callback: Callable[[str, bool], None]) -> None:
+        """Call `callback(key, alive)` under `changed` for presence tokens, then let `wait` look."""
+        self.bus.watch_tokens([key_expr], self._handler(callback))
+
+    def _handler(self, callback: Callable[..., None]) -> Callable[..., None]:
+        def handle(*content: object) -> None:
+            with self.lock:
+                callback(*content)
+                self.changed.look()
+
+        return handle
+
+    def wait(self, ready: Callable[[], bool], timeout: float) -> bool:
+        """Wait until `ready()`, the stop request, or `timeout` host seconds; return what `ready()` returns."""
+        with self.changed:
+            self.changed.wait_until(lambda: self.stop.requested or self._failure is not None or ready(), timeout)
+            if self._failure is not None:
+                raise self._failure
+            return ready()
+
+    def fail(self, error: BaseException) -> None:
+        """End the process for an error on a thread of the bus: `wait` raises it in the main loop."""
+        # The first error is the cause; later ones follow from it.
+        self._failure = self._failure or error
+        self.wake()
+
+    def wake(self) -> None:
+        """Wake all threads that wait, whatever they wait for."""
+        with self.changed:
+            self.changed.notify_all()
+
+    # Time
+
+    def on_time_reset(self, callback: Callable[[], None]) -> None:
+        """Call `callback()` when simulated time jumps back: the world was reset, or its simulator started anew.
+
+        It runs under `changed`, before anything of the new time. An error of it ends the process.
+        """
+        self.clock.sim.on_jump_back(lambda _old, _new: callback())
+
+    def follow_clock(self) -> None:
+        """Take simulated time from the bus as soon as there is a simulator. A second call does nothing."""
+        if not self._follows_clock:
+            self._follows_clock = True
+            self.take_time_from_clock()
+            self.bus.watch_tokens([names.tokens_key(names.SIMULATOR)], self._handler(self._on_simulator))
+
+    def take_time_from_ticks(self) -> None:
+        """In lock-step, take the time from the ticks: the clock would only wake this process once more for each."""
+        self.clock.use_simulated()
+        if self._clock_input is not None:
+            self._clock_input.close()
+            self._clock_input = None
+
+    def take_time_from_clock(self) -> None:
+        """Out of lock-step, take the time from the clock."""
+        if self._clock_input is None:
+            self._clock_input = self.bus.subscribe(names.CLOCK, Clock, self._handler(self._on_clock))
+
+    def set_time(self, stamp: int) -> None:
+        """Take simulated time `stamp` (ns); an error of a callback for jumps ends the process."""
+        try:
+            self.clock.sim.set(stamp)
+        except BaseException as error:
+            self.fail(error)
+
+    def on_simulator_lost(self, callback: Callable[[], None]) -> None:
+        """Call `callback()` under `changed` when the last simulator is gone."""
+        self._on_simulator_lost.append(callback)
+
+    def wait_for_moment(self, pace: Rate) -> bool:
+        """Wait until the next moment of `pace` in the team's time, and take it; False if something else comes first."""
+        clock = self.clock
+        left = to_seconds(pace.left(clock.steady()))
+        # Simulated time may stand still for long.
+        if not self.wait(lambda: pace.left(clock.steady()) == 0, 0.5 if clock.simulated else min(left, 0.5)):
+            return False
+        pace.take(clock.steady())
+        return True
+
+    def decide_clock(self, first_data: float) -> None:
+        """Work in wall time if data (since host time `first_data`; 0 = none) came for WALL_AFTER without a simulator.
+
+        A base cannot be told from a simulator by its data: the simulator's token or clock may come a little later.
+        """
+        if not self.clock.decided and first_data and monotonic() - first_data > WALL_AFTER:
+            self.clock.use_wall()
+            log.info("data without a simulator: working in wall time")
+
+    def _on_clock(self, _key: str, message: Clock) -> None:
+        self.clock.use_simulated()
+        self.set_time(ns_from_time(message.clock))
+
+    def _on_simulator(self, key: str, alive: bool) -> None:
+        (self._simulators.add if alive else self._simulators.discard)(key)
+        if alive:
+            self.clock.use_simulated()
+        elif not self._simulators:
+            # The next one may not work in lock-step.
+            self.take_time_from_clock()
+            for callback in self._on_simulator_lost:
+                callback()
+
+
+N = TypeVar("N", bound=ProcessNode)
+
+
+@contextmanager
+def open_node(
+    name: str, open_bus: Callable[[], Bus], stop: Stop, clock: ClockMode, make: Callable[[str, Bus, Stop, ClockMode], N]
+) -> Iterator[N]:
+    """Open a session, make a node on it with `make`, and close it on every way out."""
+    with ExitStack() as ends:
+        ends.callback(KEEPER.begin())
+        bus = open_bus()
+        try:
+            # Its log is all that a process without its name publishes: readers are to see why it does not start.
+            lines = LogPublisher(bus, name)
+            ends.callback(lines.close)
+            bus.holding.begin()
+            node = make(name, bus, stop, clock)
+        except BaseException:
+            bus.close()
+            raise
+        node.claim.under_name.append(lines)
+        node.on_present(lines.catch_up)
+        try:
+            yield node
+        finally:
+            # From here on the hard exit watches: closing must not hang.
+            stop.request("the process ends")
+            lines.catch_up()
+            node.close()
+
+
+def run_node(
+    name: str,
+    options: BusOptions,
+    body: Callable[[N], None],
+    clock: ClockMode = "auto",
+    make: Callable[[str, Bus, Stop, ClockMode], N] = ProcessNode,  # type: ignore[assignment]
+) -> int:
+    """Run `body(node)` as a command: signals, orderly stop, hard exit, and the interpreter set up for one node.
+
+    Returns the command's exit code.
+    """
+
+    def tuned(node: N) -> None:
+        # What start-up made stays: the collector need not look through it again and again.
+        node.on_present(gc.freeze)
+        body(node)
+
+    sys.setswitchinterval(SWITCH_INTERVAL)
+    stop = Stop()
+    stop.install()
+    exit_hard_later(stop)
+    return run_body(name, partial(connect, options, stopping=stop), tuned, stop, clock, make)
+
+
+def run_body(
+    name: str,
+    open_bus: Callable[[], Bus],
+    body: Callable[[N], None],
+    stop: Stop,
+    clock: ClockMode,
+    make: Callable[[str, Bus, Stop, ClockMode], N],
+) -> int:
+    """Open the node, run `body(node)` and close; return the exit code. An error is logged, a ZteamError as one line.
+
+    The process stays as its caller set it up: log, switch interval and garbage collector are untouched.
+    """
+    try:
+        with open_node(name, open_bus, stop, clock, make) as node:
+            try:
+                body(node)
+            except ZteamError as error:
+                return 0 if stop.requested else _say(error)
+            except Exception as error:
+                # Before the node closes, which may log more.
+                return log_fault(error)
+    except ZteamError as error:
+        return 0 if stop.requested else _say(error)
+    return node.exit_code
+
+
+def _say(error: ZteamError) -> int:
+    log.error("%s", error)
+    return error.exit_code
