@@ -113,7 +113,7 @@ class NavigationNode:
             setattr(inputs, field, message)
             inputs.stamps[topic] = ns_from_time(message.header.stamp)
 
-        self._node.subscribe(names.robot_key(inputs.robot_id, topic), kind, take, wake=False)
+        self._node.subscribe(names.robot_key(inputs.robot_id, topic), kind, take)
 
     def _serve(self, robot_id: int, service: str, request: type[msgspec.Struct], answer: Callable[[Any], Any]) -> None:
         def handle(asked: Any) -> Any:

@@ -41,7 +41,9 @@ class RobotNode:
         self._id = options.robot_id
         self._inputs = Inputs(self._id, options.base, declared_inputs(kind.inputs, self._id))
         readiness = Readiness(gated=options.gate)
-        self._status = StatusReport(node, self._id, options.behavior, readiness, safety=options.safety)
+        self._status = StatusReport(
+            node, self._id, options.behavior, readiness, lambda: self._part.active, safety=options.safety
+        )
         parameters = Parameters(node, kind, options.behavior, options.params)
         self._driver = Driver(
             node, self._inputs, parameters, self._status, self._id, options.seed, self._team, safety=options.safety
@@ -57,33 +59,10 @@ class RobotNode:
         self._waiting = Waiting(node, self._inputs, self._driver, self._part)
         node.clock.sim.on_jump_back(self._on_jump_back)
         self._subscriptions = Subscriptions(node, self._id, self._inputs, self._part, self._on_input)
-        node.watch_tokens(names.tokens_key(names.MONITOR), self._on_monitor)
 
     def _team(self) -> tuple[int, ...]:
         """The robots that are alive: in lock-step those that take part in the tick, so that all robots see the same."""
         return self._part.team if self._part.active else self._alive.ids()
-
-    def _on_monitor(self, _key: str, alive: bool) -> None:
-        if alive:
-            # A monitor that has just come must not wait for the next heartbeat to know this robot.
-            self._say_again()
-
-    @property
-    def _goes_on_in_ticks(self) -> bool:
-        """Whether its steps alone may tell anything new: behaviours listen, and must not hear of the host's time."""
-        return self._part.active and self._driver.readiness.released
-
-    def _beat(self) -> None:
-        """Give a sign of life. In lock-step the steps mostly have: another message would only wake threads."""
-        if not (self._goes_on_in_ticks and self._status.take_spoken()):
-            self._say_again()
-
-    def _say_again(self) -> None:
-        """Publish the status at a moment of the host."""
-        if self._goes_on_in_ticks:
-            self._status.repeat()
-        else:
-            self._status.publish()
 
     def _on_jump_back(self, _old: int, _new: int) -> None:
         log.warning("time jumped back (the simulator started anew): old data is forgotten")
@@ -93,14 +72,13 @@ class RobotNode:
 
     def _on_input(self) -> None:
         """An input has come: lock-step goes on in this very thread, real time in the main loop."""
-        driver = self._driver
-        if not self._part.active:
-            if self._pacing.wakes():
-                self._node.changed.notify_all()
-        elif not self._part.advance() and not driver.readiness.released and self._node.speaks and not driver.busy:
+        driver, part = self._driver, self._part
+        if part.active and not (part.advance() or driver.readiness.released or driver.busy) and self._node.speaks:
             # The first tick is held until all are ready, and what that takes may come after this robot's answer.
-            with self._node.failing():
+            try:
                 driver.pass_gate(driver.turn(self._pacing.acted, 0))
+            except BaseException as error:
+                self._node.fail(error)
 
     def run(self) -> None:
         """Drive until the process is asked to stop."""
@@ -116,7 +94,7 @@ class RobotNode:
             self._take_turn(self._waiting.begin_look, self._driver.look)
             with self._node.changed:
                 self._waiting.tell()
-                self._beat()
+                self._status.beat()
 
     def _wait_for_work(self) -> None:
         """Wait until a turn is due in real time. In lock-step, which goes on in handlers, only heartbeats are due."""
@@ -171,9 +149,7 @@ class RobotNode:
         """Publish zero velocity, then the status; both leave before the session closes."""
         with self._node.changed:
             self._cmd_vel.put(Twist())
-            self._driver.readiness.stop()
-            self._status.command = None
-            self._status.publish()
+            self._status.stop()
         log.info("%s stopped", names.robot_name(self._id))
 
 

@@ -119,7 +119,7 @@ def drive(sent: list[Sent], random: Random) -> Outcome:
     senders = [hub.bus() for _ in range(3)]
     for event in arrive(sent, random):
         if random.random() < 0.3:
-            robot._say_again()
+            robot._status.say_again()
         if isinstance(event, Data):
             header = Header(time_from_ns(event.tick * TICK))
             put[names.ODOM](Odometry(header))

@@ -151,7 +151,7 @@ def test_a_heartbeat_is_a_message_only_where_the_steps_were_silent(
     put_inputs(hub, 2)
     counts = [len(heard)]
     for _ in range(3):
-        robot._beat()
+        robot._status.beat()
         counts.append(len(heard) - counts[0])
     assert counts[1:] == [0, 1, 2]
     assert heard[-1] == heard[counts[0] - 1]
