@@ -14,8 +14,8 @@ from support.limits import LIMIT
 from zteam.bus import Bus
 from zteam.clock import monotonic
 from zteam.nodes.web.frames import DOC, Frame, decode_frame
-from zteam.nodes.web.hub import Hub
 from zteam.nodes.web.server import WebServer, listen
+from zteam.nodes.web.team_view import TeamView
 from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop
 
@@ -119,7 +119,7 @@ def open_page(
 class View(NamedTuple):
     """A view in this process."""
 
-    hub: Hub
+    state: TeamView
     port: int
 
     def get(self, path: str, host: str | None = None, method: str = "GET") -> http.client.HTTPResponse:
@@ -142,14 +142,14 @@ def open_view(bus: Bus, layout: bytes = b"") -> Iterator[View]:
     """Serve a view of this bus."""
     stop = Stop()
     node = ProcessNode("view", bus, stop)
-    hub = Hub(node)
+    state = TeamView(node)
     listener, port = listen("127.0.0.1", 0)
-    server = WebServer(hub, listener, "127.0.0.1", TOKEN, layout)
-    serving = threading.Thread(target=hub.serve, name="hub", daemon=True)
+    server = WebServer(state, listener, "127.0.0.1", TOKEN, layout)
+    serving = threading.Thread(target=state.serve, name="state", daemon=True)
     server.start()
     serving.start()
     try:
-        yield View(hub, port)
+        yield View(state, port)
     finally:
         stop.request("the test is over")
         server.close()

@@ -1,10 +1,16 @@
-"""What pages command besides driving, carried out on threads that may wait; errors become the text of the reply."""
+"""What pages command besides driving. Goals of several robots that are sent to one place are spread around it."""
 
+import hashlib
+import itertools
 import math
 import threading
-from typing import TypeVar
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import NamedTuple, TypeVar
+
+import numpy as np
 
 from zteam import names
+from zteam.behaviors.assignment import assign
 from zteam.bus import Bus, Publisher
 from zteam.clock import monotonic, pause
 from zteam.errors import ZteamError
@@ -12,6 +18,7 @@ from zteam.geometry import Pose2, quaternion_from_yaw
 from zteam.messages import (
     Header,
     Message,
+    OccupancyGrid,
     Point,
     Pose,
     PoseStamped,
@@ -20,12 +27,113 @@ from zteam.messages import (
     Quaternion,
     time_from_ns,
 )
-from zteam.nodes.web import requests
-from zteam.nodes.web.goals import spread
-from zteam.nodes.web.grids import room_in
-from zteam.nodes.web.hub import Hub
+from zteam.nodes.web import frames, requests
+from zteam.nodes.web.team_view import TeamView, decoded, pose2_of
 from zteam.services.simulator import SimStatus, StepRequest
 from zteam.services.simulator_client import SimulatorClient
+
+SPACING = 0.9
+"""Metres between two goals: the widest of the lectures' robots turns on the spot in this."""
+MAX_ASSIGNED = 64
+"""Robots whose ways are compared; the cubic search takes too long for more."""
+
+
+def spread(
+    goal: Pose2, poses: Mapping[int, Pose2], is_free: Callable[[float, float], bool] = lambda _x, _y: True
+) -> dict[int, Pose2]:
+    """A goal for each robot, with the heading of `goal`: the places nearest to it that are free, one of them itself.
+
+    `poses` is where the robots are. The sum of the squares of their ways is least.
+    """
+    robots = sorted(poses)
+    places = _nearest_places(goal, len(robots), is_free)
+    if len(robots) > MAX_ASSIGNED:
+        order = range(len(robots))
+    else:
+        ways = [[(p.x - poses[i].x) ** 2 + (p.y - poses[i].y) ** 2 for p in places] for i in robots]
+        order = assign(ways)  # type: ignore[assignment]
+    return {robot_id: places[place] for robot_id, place in zip(robots, order, strict=True)}
+
+
+def _nearest_places(goal: Pose2, count: int, is_free: Callable[[float, float], bool]) -> list[Pose2]:
+    found: list[Pose2] = []
+    # Twice as far as an open floor needs: behind that, a place in a wall is no worse than one in another room.
+    rings = 2 + 2 * math.ceil(math.sqrt(count))
+    taken: list[Pose2] = []
+    for x, y in _hexagons(rings):
+        place = goal.compose(Pose2(SPACING * x, SPACING * y, 0.0))
+        (found if not found or is_free(place.x, place.y) else taken).append(place)
+        if len(found) == count:
+            return found
+    return (found + taken)[:count]
+
+
+def _hexagons(rings: int) -> Iterator[tuple[float, float]]:
+    """The points of a triangular grid of side 1, ring after ring, the middle first."""
+    corners = [(math.cos(k * math.pi / 3), math.sin(k * math.pi / 3)) for k in range(7)]
+    yield 0.0, 0.0
+    for ring in range(1, rings + 1):
+        for (x0, y0), (x1, y1) in itertools.pairwise(corners):
+            for step in range(ring):
+                share = step / ring
+                yield ring * (x0 + share * (x1 - x0)), ring * (y0 + share * (y1 - y0))
+
+
+class Tile(NamedTuple):
+    """A piece of a grid, ready to be sent."""
+
+    place: tuple[int, int, int, int]
+    """Column, row, width, height in cells."""
+    version: bytes
+    """Another one for other cells."""
+    block: bytes
+
+
+def make_tiles(key: str, grid: OccupancyGrid, number: int, map_from_frame: Pose2, before: Sequence[Tile]) -> list[Tile]:
+    """The tiles of a grid; those of `before` whose cells are the same are kept. `number` is that of its message."""
+    info = grid.info
+    if info.width * info.height != grid.data.size:
+        return []
+    cells = grid.data.reshape(info.height, info.width)
+    origin = map_from_frame.compose(pose2_of(info.origin))
+    meta = {
+        "key": key, "width": info.width, "height": info.height, "resolution": info.resolution,
+        "x": origin.x, "y": origin.y, "yaw": origin.yaw,
+    }  # fmt: skip
+    place_of_all = repr(meta).encode()
+    kept = {tile.place: tile for tile in before}
+    made = []
+    for place in frames.tiles_of(info.width, info.height):
+        column, row, width, height = place
+        part = np.ascontiguousarray(cells[row : row + height, column : column + width])
+        version = hashlib.blake2b(part.tobytes() + place_of_all, digest_size=8).digest()
+        old = kept.get(place)
+        if old is None or old.version != version:
+            old = Tile(place, version, frames.encode_tile({**meta, "tile": place, "version": number}, part))
+        made.append(old)
+    return made
+
+
+def room_in(content: bytes | Message, radius: float) -> Callable[[float, float], bool]:
+    """Whether all cells within `radius` (m) of a place in the grid are known to be free."""
+    grid = decoded(OccupancyGrid, content)
+    if grid is None or grid.info.resolution <= 0.0 or grid.info.width * grid.info.height != grid.data.size:
+        return lambda _x, _y: True
+    info = grid.info
+    cells = grid.data.reshape(info.height, info.width)
+    grid_from_map = pose2_of(info.origin).inverse()
+    reach = math.ceil(radius / info.resolution)
+
+    def is_free(x: float, y: float) -> bool:
+        place = grid_from_map.compose(Pose2(x, y, 0.0))
+        column, row = math.floor(place.x / info.resolution), math.floor(place.y / info.resolution)
+        if not (0 <= column < info.width and 0 <= row < info.height):
+            return False
+        near = cells[max(0, row - reach) : row + reach + 1, max(0, column - reach) : column + reach + 1]
+        return bool((near == 0).all())
+
+    return is_free
+
 
 M = TypeVar("M", bound=Message)
 
@@ -41,9 +149,9 @@ _HINT = " (--force puts it there)"
 class Commands:
     """Threads may make calls at the same time."""
 
-    def __init__(self, hub: Hub) -> None:
-        self._hub = hub
-        self._simulator = SimulatorClient(hub.node.bus)
+    def __init__(self, state: TeamView) -> None:
+        self._state = state
+        self._simulator = SimulatorClient(state.node.bus)
         self._publishers: dict[str, Publisher[Message]] = {}
         self._lock = threading.Lock()
 
@@ -54,7 +162,7 @@ class Commands:
         except ZteamError as error:
             return str(error).removesuffix(_HINT)
         finally:
-            self._hub.ask_soon()
+            self._state.ask_soon()
         return ""
 
     def _act(self, request: requests.Command) -> None:
@@ -87,13 +195,13 @@ class Commands:
 
     @property
     def _bus(self) -> Bus:
-        return self._hub.node.bus
+        return self._state.node.bus
 
     def _send_goals(self, request: requests.Goal) -> None:
-        known = self._hub.poses
+        known = self._state.poses
         goal = Pose2(request.x, request.y, request.yaw)
         poses = {robot_id: known.get(robot_id, goal) for robot_id in request.robots}
-        arrival = self._hub.newest.get(names.MAP)
+        arrival = self._state.newest.get(names.MAP)
         is_free = _everywhere if arrival is None else room_in(arrival.content, ROOM)
         unheard = []
         for robot_id, place in spread(goal, poses, is_free).items():
@@ -105,7 +213,7 @@ class Commands:
                 unheard.append(names.robot_name(robot_id))
                 continue
             # A session does not hear itself.
-            self._hub.newest.take(key, message)
+            self._state.newest.take(key, message)
         if unheard:
             raise ZteamError(f"no goal is heard by {', '.join(unheard)}: behaviours such as go_to take them")
 
@@ -117,7 +225,7 @@ class Commands:
         self._publish(key, PoseWithCovarianceStamped(self._header(), pose))
 
     def _header(self) -> Header:
-        return Header(time_from_ns(self._hub.places.stamp), names.MAP_FRAME)
+        return Header(time_from_ns(self._state.places.stamp), names.MAP_FRAME)
 
     def _publish(self, key: str, message: Message) -> None:
         """Send a message. Raises ZteamError if nothing hears it."""

@@ -11,12 +11,10 @@ from zteam.clock import monotonic, to_seconds
 from zteam.messages import Path, PoseArray
 from zteam.nodes.web import frames
 from zteam.nodes.web.documents import Documents
-from zteam.nodes.web.hub import Hub
-from zteam.nodes.web.interest import robots_in_sight
-from zteam.nodes.web.places import pose2_of
 from zteam.nodes.web.plots import samples_since
+from zteam.nodes.web.received import Viewer, robots_in_sight
 from zteam.nodes.web.scene import Scene
-from zteam.nodes.web.viewer import Viewer
+from zteam.nodes.web.team_view import TeamView, pose2_of
 
 TEAM_AGAIN, TEAM_SIZE = 1.0, 250
 """Host seconds after which `team` is sent again without a change but of ages and speeds, and the robots up to which it
@@ -32,13 +30,13 @@ LINES = 200
 class Composer:
     """Makes frames for all pages, on one thread."""
 
-    def __init__(self, hub: Hub) -> None:
-        self._hub = hub
-        self._scene, self._documents = Scene(hub), Documents(hub)
+    def __init__(self, state: TeamView) -> None:
+        self._state = state
+        self._scene, self._documents = Scene(state), Documents(state)
 
     def compose(self, viewer: Viewer) -> bytes | None:
         """The next frame; None if there is nothing new."""
-        hub, now = self._hub, monotonic()
+        state, now = self._state, monotonic()
         self._scene.look()
         number, poses = self._scene.poses()
         has_poses = bool(number) and viewer.lacks("poses", number)
@@ -50,7 +48,7 @@ class Composer:
         blocks += self._watched(viewer, now)
         if not blocks:
             return None
-        places, sim = hub.places, hub.facts.sim
+        places, sim = state.places, state.queries.sim
         tick = places.stamp // sim.interval if sim and sim.interval > 0 else 0
         sent = monotonic()
         age = sent - places.time if has_poses else -1.0
@@ -59,7 +57,7 @@ class Composer:
     def _scans(self, viewer: Viewer) -> Iterator[bytes]:
         if "scans" not in viewer.look.layers:
             return
-        for robot_id in robots_in_sight(viewer, self._hub.poses):
+        for robot_id in robots_in_sight(viewer, self._state.poses):
             for key, number, block in self._scene.scans(robot_id, viewer.look.beams):
                 if viewer.lacks(key, (number, viewer.look.beams)):
                     yield block
@@ -67,7 +65,7 @@ class Composer:
     def _grids(self, viewer: Viewer) -> list[bytes]:
         found: list[bytes] = []
         viewer.lacks_tiles = False
-        costmaps = self._hub.drawables.keys("costmaps") if "costmaps" in viewer.look.layers else []
+        costmaps = self._state.drawables.keys("costmaps") if "costmaps" in viewer.look.layers else []
         for key in (names.MAP, *costmaps):
             for tile in self._scene.grid(key):
                 if len(found) >= TILES:
@@ -80,13 +78,13 @@ class Composer:
     def _navigation(self, viewer: Viewer) -> Iterator[bytes]:
         """Paths and particles."""
         layers, scene, pose_of = viewer.look.layers, self._scene, self._documents.pose_of
-        for key in self._hub.drawables.keys("plans") if "plans" in layers else ():
+        for key in self._state.drawables.keys("plans") if "plans" in layers else ():
             found = scene.read(key, Path)
             frame = pose_of(found[1].header.frame_id) if found else None
             if found and frame is not None and viewer.lacks(key, found[0].number):
                 points = [frame.compose(pose2_of(each.pose))[:2] for each in found[1].poses]
                 yield frames.encode_path(key, np.array(points, np.float64).reshape(-1, 2))
-        for key in self._hub.drawables.keys("particles") if "particles" in layers else ():
+        for key in self._state.drawables.keys("particles") if "particles" in layers else ():
             cloud = scene.read(key, PoseArray)
             frame = pose_of(cloud[1].header.frame_id) if cloud else None
             if cloud and frame is not None and viewer.lacks(key, cloud[0].number):
@@ -95,7 +93,7 @@ class Composer:
 
     def _docs(self, viewer: Viewer, now: float) -> Iterator[bytes]:
         team, version = self._scene.team()
-        again = TEAM_AGAIN * max(1.0, len(self._hub.poses) / TEAM_SIZE)
+        again = TEAM_AGAIN * max(1.0, len(self._state.poses) / TEAM_SIZE)
         if viewer.lacks("team", version) | viewer.lacks("team again", int(now / again)):
             yield frames.encode_doc("team", team)
         layers, docs, make = viewer.look.layers, viewer.look.docs, self._documents
@@ -127,15 +125,15 @@ class Composer:
             yield frames.encode_doc("log", msgspec.json.encode(shown))
 
     def _watched(self, viewer: Viewer, now: float) -> Iterator[bytes]:
-        offset = to_seconds(self._hub.places.stamp) - now
+        offset = to_seconds(self._state.places.stamp) - now
         for watch, number in list(viewer.watches.items()):
             if watch.field:
-                newest, pairs = samples_since(self._hub.history, watch.topic, watch.field, number, offset)
+                newest, pairs = samples_since(self._state.history, watch.topic, watch.field, number, offset)
                 viewer.watches[watch] = newest
                 if len(pairs):
                     yield frames.encode_samples(watch.topic, watch.field, pairs)
             elif viewer.lacks((watch.topic, "looked at"), int(now / FAST)):
-                arrival = self._hub.newest.get(watch.topic)
+                arrival = self._state.newest.get(watch.topic)
                 echo = self._documents.echo(watch.topic) if arrival and arrival.number != number else None
                 if echo is not None:
                     viewer.watches[watch] = echo[0]

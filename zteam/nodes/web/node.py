@@ -14,8 +14,8 @@ import msgspec
 from zteam.bus.payloads import decode_json
 from zteam.errors import DecodeError, UsageError
 from zteam.nodes.web import rights
-from zteam.nodes.web.hub import Hub
 from zteam.nodes.web.server import WebServer, listen
+from zteam.nodes.web.team_view import TeamView
 from zteam.process_options import ViewOptions
 from zteam.runtime.process_node import ProcessNode
 
@@ -36,17 +36,17 @@ def run_view(node: ProcessNode, options: ViewOptions, show: Callable[[str], None
         )
     # What it says of each connection is of no use to a user.
     logging.getLogger("uvicorn").setLevel(logging.WARNING)
-    hub = Hub(node)
-    server = WebServer(hub, listener, options.host, token, layout)
+    state = TeamView(node)
+    server = WebServer(state, listener, options.host, token, layout)
     node.on_stop(server.close)
-    node.stop.on_request(hub.changed)
+    node.stop.on_request(state.changed)
     server.start()
     node.become_present()
     url = page_url(options.host, port, token)
     show(f"the view is at {url}")
     if options.browser and has_browser():
         webbrowser.open(url)
-    hub.serve()
+    state.serve()
 
 
 def read_layout(path: Path | None) -> bytes:

@@ -1,4 +1,7 @@
-"""Samples of single fields, for plots."""
+"""Samples of single fields of messages, such as `twist.twist.linear.x` or `ranges[3]`, for plots."""
+
+import re
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,9 +10,44 @@ from zteam.bus.topics import type_of_key
 from zteam.clock import to_seconds
 from zteam.errors import DecodeError
 from zteam.messages import Message, decode, type_of_encoding
-from zteam.nodes.web.fields import number_at, parse_path
-from zteam.nodes.web.history import Event, History
+from zteam.nodes.web.received import Event, History
 from zteam.runtime.tick_messages import stamp_of
+
+_PART = re.compile(r"([A-Za-z_][A-Za-z0-9_]*)((?:\[[0-9]{1,6}\])*)", re.ASCII)
+
+
+def parse_path(path: str) -> list[str | int] | None:
+    """Names and positions; None for what is no path."""
+    steps: list[str | int] = []
+    for part in path.split("."):
+        match = _PART.fullmatch(part)
+        if match is None:
+            return None
+        steps.append(match[1])
+        steps += [int(index) for index in re.findall(r"[0-9]+", match[2])]
+    return steps
+
+
+def number_at(message: Message, path: list[str | int]) -> float | None:
+    """The number of a message at a path; None where there is none."""
+    value: Any = message
+    for step in path:
+        try:
+            if isinstance(step, int):
+                value = value[step]
+            elif isinstance(value, Message) and step in value.__struct_fields__:
+                value = getattr(value, step)
+            else:
+                return None
+        except (IndexError, TypeError, KeyError):
+            return None
+    if isinstance(value, Message | str | bytes | list):
+        return None
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        return None
+
 
 MOST = 100
 """Samples of one field in a frame; of more, evenly spaced ones are taken."""

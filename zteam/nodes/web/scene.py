@@ -1,8 +1,8 @@
-"""The blocks of frames, made of what has come: each once, however many pages get it."""
+"""The blocks of frames and the document `team`, made of what has come: each once, however many pages get it."""
 
 import math
 import zlib
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any, TypeVar
 
 import msgspec
@@ -10,13 +10,183 @@ import msgspec
 from zteam import names
 from zteam.clock import monotonic
 from zteam.geometry import Pose2
-from zteam.messages import BaseInfo, LaserScan, Message, OccupancyGrid, RobotStatus, TeamStatus, ns_from_time
+from zteam.messages import (
+    BaseInfo,
+    LaserScan,
+    Message,
+    OccupancyGrid,
+    RobotDriver,
+    RobotState,
+    RobotStatus,
+    TeamState,
+    TeamStatus,
+    ns_from_time,
+)
 from zteam.nodes.web import frames
-from zteam.nodes.web.grids import Tile, make_tiles
-from zteam.nodes.web.hub import Hub
-from zteam.nodes.web.newest import Arrival
-from zteam.nodes.web.places import decoded
-from zteam.nodes.web.team_document import SILENT_AFTER, Heard, Outlines, TeamDocument, gate_row, robot_row, sim_row
+from zteam.nodes.web.commands import Tile, make_tiles
+from zteam.nodes.web.received import Arrival
+from zteam.nodes.web.team_view import TeamView, decoded
+from zteam.services.simulator import RobotShape, SimStatus
+
+SILENT_AFTER = 3.0
+"""Host seconds without a status after which a robot whose process lives does not answer, as in the monitor."""
+
+Outline = list[tuple[float, float]]
+
+
+class Outlines:
+    """The different outlines of a team: robots of a kind have one, and a page reads it once."""
+
+    def __init__(self) -> None:
+        self._places: dict[bytes, int] = {}
+
+    def place(self, outline: Sequence[Outline]) -> int:
+        """Where this one is in the list; -1 for an empty one."""
+        return self._places.setdefault(msgspec.json.encode(outline), len(self._places)) if outline else -1
+
+    def as_list(self) -> list[msgspec.Raw]:
+        """All of them."""
+        return [msgspec.Raw(outline) for outline in self._places]
+
+
+class RobotRow(msgspec.Struct):
+    """One robot, as the monitor's table shows it, with its body."""
+
+    id: int
+    name: str
+    model: str = ""
+    outline: int = -1
+    """Its place in the document's `outlines`; -1: not known."""
+    state: str = "absent"
+    behavior: str = ""
+    driver: str = ""
+    reason: str = ""
+    leader: int = -1
+    speed: float | None = None
+    age: float | None = None
+    lease: int | None = None
+    """The viewer that drives it."""
+    present: bool = False
+    """Whether the world has it, or without a simulator its base or process is there."""
+
+
+class Waiting(msgspec.Struct):
+    """A robot that GO waits for."""
+
+    id: int
+    reason: str = ""
+
+
+class GateRow(msgspec.Struct):
+    """The start gate."""
+
+    state: str = "waiting"
+    text: str = ""
+    waiting_for: list[Waiting] = []
+
+
+class SimRow(msgspec.Struct):
+    """The simulator."""
+
+    present: bool = False
+    state: str = ""
+    speed: float | None = None
+    rtf: float = 0.0
+    lockstep: bool = False
+    waits_for: str = ""
+    models: list[str] = []
+    tick: int = 0
+
+
+class TeamDocument(msgspec.Struct):
+    """What the page gets as `team`."""
+
+    robots: list[RobotRow] = []
+    outlines: list[msgspec.Raw] = []
+    """Polygons in metres, in `base_footprint`."""
+    gate: GateRow = msgspec.field(default_factory=GateRow)
+    sim: SimRow = msgspec.field(default_factory=SimRow)
+    router: bool = True
+    viewers: int = 0
+    namespace: str = ""
+
+
+class Heard(msgspec.Struct):
+    """What is known of one robot."""
+
+    alive: bool = False
+    """Whether a process holds its name."""
+    status: RobotStatus | None = None
+    age: float = 0.0
+    """Host seconds since that status came."""
+    base: BaseInfo | None = None
+    shape: RobotShape | None = None
+    """As the simulator tells it."""
+    lease: int | None = None
+
+
+def robot_row(robot_id: int, heard: Heard, outlines: Outlines, *, present: bool) -> RobotRow:
+    """A robot's row."""
+    row = RobotRow(robot_id, names.robot_name(robot_id), present=present, lease=heard.lease)
+    if heard.shape is not None:
+        row.model = heard.shape.model
+        row.outline = outlines.place(heard.shape.outline)
+    elif heard.base is not None:
+        row.model = heard.base.model
+        row.outline = outlines.place([[(round(p.x, 4), round(p.y, 4)) for p in heard.base.footprint.points]])
+    status = heard.status
+    if status is None:
+        row.reason = "no status yet" if heard.alive else "no process"
+        return row
+    row.behavior, row.driver, row.leader = printable(status.behavior), printable(status.driver), status.followed
+    row.age = round(heard.age, 2)
+    if not heard.alive:
+        row.state = "stopped" if status.state == RobotState.STOPPED else "lost"
+        row.driver, row.reason = RobotDriver.NONE, "its process is gone"
+        return row
+    row.speed = round(status.speed, 3)
+    if heard.age > SILENT_AFTER:
+        row.state, row.reason = "silent", "does not answer"
+        return row
+    row.state = RobotState.TEXT[min(status.state, RobotState.FAULT)]
+    row.reason = printable(status.reason or ("" if status.state == RobotState.RUNNING else status.text))
+    return row
+
+
+def gate_row(status: TeamStatus | None, robots: Mapping[int, RobotRow]) -> GateRow:
+    """The start gate, in the monitor's words."""
+    if status is None:
+        return GateRow(text="no monitor")
+    if status.state == TeamState.GO:
+        return GateRow("go", "GO is out")
+    missing = status.missing.tolist()
+    reasons = {i: robots[i].reason if i in robots else "no process yet" for i in missing}
+    ready = f"{status.ready.size} of {status.team_size} ready"
+    waits = printable(status.waiting_for) or ", ".join(map(names.robot_name, missing))
+    return GateRow("waiting", f"{ready}; waiting for {waits}", [Waiting(i, reasons[i]) for i in missing])
+
+
+def sim_row(status: SimStatus | None, models: Collection[str]) -> SimRow:
+    """The simulator's state."""
+    if status is None:
+        return SimRow()
+    state = "finished" if status.finished else "paused" if status.paused else "running"
+    return SimRow(
+        present=True,
+        state=state,
+        speed=status.speed,
+        rtf=round(status.real_time_factor, 2),
+        lockstep=status.lockstep,
+        waits_for=printable(status.waiting_for),
+        models=sorted(models),
+        tick=status.tick,
+    )
+
+
+def printable(text: str) -> str:
+    """A process's own text without control characters."""
+    return "".join(c if c.isprintable() else "\ufffd" for c in text)
+
 
 M = TypeVar("M", bound=Message)
 
@@ -27,8 +197,8 @@ TEAM_PERIOD = 0.2
 class Scene:
     """The thread that makes frames makes all calls."""
 
-    def __init__(self, hub: Hub) -> None:
-        self._hub = hub
+    def __init__(self, state: TeamView) -> None:
+        self._state = state
         self._decoded: dict[str, tuple[int, Any]] = {}
         """By key: the number of the message, and the message."""
         self._blocks: dict[Any, tuple[int, bytes]] = {}
@@ -41,7 +211,7 @@ class Scene:
 
     def read(self, key: str, kind: type[M]) -> tuple[Arrival, M] | None:
         """The newest message of a key, decoded once; None without one of this type."""
-        arrival = self._hub.newest.get(key)
+        arrival = self._state.newest.get(key)
         if arrival is None:
             return None
         number, message = self._decoded.get(key, (0, None))
@@ -52,15 +222,15 @@ class Scene:
 
     def look(self) -> None:
         """Take the robots' newest poses, once for all pages."""
-        hub = self._hub
-        state = hub.newest.number, hub.facts.sim, hub.places
-        if state != self._looked:
-            self._looked = state
-            hub.poses = hub.places.look(sorted(hub.robots()))
+        state = self._state
+        seen = state.newest.number, state.queries.sim, state.places
+        if seen != self._looked:
+            self._looked = seen
+            state.poses = state.places.look(sorted(state.robots()))
 
     def poses(self) -> tuple[int, bytes]:
         """The number and the block of the newest poses; 0 before there are any."""
-        places, poses = self._hub.places, self._hub.poses
+        places, poses = self._state.places, self._state.poses
         number = places.number if poses else 0
         if number != self._poses[0]:
             self._poses = number, frames.encode_poses(poses, truth=places.from_truth)
@@ -81,7 +251,7 @@ class Scene:
 
     def _scan(self, robot_id: int, index: int, scan: LaserScan, beams: int) -> bytes:
         frame = names.strip_slash(scan.header.frame_id)
-        sensor = self._hub.places.pose_of(frame, ns_from_time(scan.header.stamp))
+        sensor = self._state.places.pose_of(frame, ns_from_time(scan.header.stamp))
         if sensor is None:
             sensor = self._sensor_on_base(robot_id, index)
         if sensor is None:
@@ -91,7 +261,7 @@ class Scene:
 
     def _sensor_on_base(self, robot_id: int, index: int) -> Pose2 | None:
         """Without transforms: where the simulator says that the laser sits."""
-        shapes, base = self._hub.facts.shapes, self._hub.poses.get(robot_id)
+        shapes, base = self._state.queries.shapes, self._state.poses.get(robot_id)
         shape = None if shapes is None else shapes.robots.get(robot_id)
         if base is None or shape is None or index >= len(shape.lasers):
             return None
@@ -110,10 +280,10 @@ class Scene:
         return self._team[1:]
 
     def _make_team(self, now: float) -> TeamDocument:
-        hub, facts = self._hub, self._hub.facts
-        sim, shapes, outlines = facts.sim, facts.shapes, Outlines()
+        state, queries = self._state, self._state.queries
+        sim, shapes, outlines = queries.sim, queries.shapes, Outlines()
         rows, speaks = {}, self._newest_data() if sim is None else {}
-        for robot_id in sorted(hub.robots()):
+        for robot_id in sorted(state.robots()):
             heard = self._hear(robot_id, now)
             there = (
                 robot_id in sim.robots
@@ -125,32 +295,32 @@ class Scene:
         return TeamDocument(
             robots=list(rows.values()),
             outlines=outlines.as_list(),
-            gate=gate_row(team[1] if team and facts.alive(names.MONITOR) else None, rows),
+            gate=gate_row(team[1] if team and queries.alive(names.MONITOR) else None, rows),
             sim=sim_row(sim, shapes.models if shapes else ()),
-            router=facts.link_up,
-            viewers=len(hub.viewers),
+            router=queries.link_up,
+            viewers=len(state.viewers),
         )
 
     def _newest_data(self) -> dict[int, float]:
         """Host time of the newest message of each base. What is latched tells nothing of whether it is there."""
         found: dict[int, float] = {}
-        for key, arrival in self._hub.newest.items():
+        for key, arrival in self._state.newest.items():
             target = names.split_robot_key(key)
             if target is not None and target[1] not in (names.BASE_INFO, names.STATUS, names.GOAL_POSE):
                 found[target[0]] = max(arrival.time, found.get(target[0], arrival.time))
         return found
 
     def _hear(self, robot_id: int, now: float) -> Heard:
-        facts = self._hub.facts
+        queries = self._state.queries
         status = self.read(names.robot_key(robot_id, names.STATUS), RobotStatus)
         base = self.read(names.robot_key(robot_id, names.BASE_INFO), BaseInfo)
         return Heard(
-            alive=facts.alive(names.robot_name(robot_id)),
+            alive=queries.alive(names.robot_name(robot_id)),
             status=status[1] if status else None,
             age=now - status[0].time if status else 0.0,
             base=base[1] if base else None,
-            lease=self._hub.lease_of(robot_id),
-            shape=facts.shapes.robots.get(robot_id) if facts.shapes else None,
+            lease=self._state.lease_of(robot_id),
+            shape=queries.shapes.robots.get(robot_id) if queries.shapes else None,
         )
 
     def grid(self, key: str) -> list[Tile]:
@@ -159,7 +329,7 @@ class Scene:
         if found is None:
             return []
         arrival, grid = found
-        frame = self._hub.places.pose_of(grid.header.frame_id) or Pose2(0.0, 0.0, 0.0)
+        frame = self._state.places.pose_of(grid.header.frame_id) or Pose2(0.0, 0.0, 0.0)
         known = self._grids.get(key)
         if known is None or known[0] != arrival.number:
             known = self._grids[key] = (

@@ -1,6 +1,8 @@
-"""The web server: the page's files over HTTP, and its WebSocket. No command is taken over HTTP."""
+"""The web server: its pages, what they share, and the commands of each one after another."""
 
 import asyncio
+import contextlib
+import itertools
 import logging
 import socket
 import threading
@@ -8,20 +10,274 @@ from collections.abc import Awaitable, Callable, Mapping, MutableMapping
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
+import msgspec
 import uvicorn
 from starlette.applications import Starlette
 from starlette.requests import Request
 from starlette.responses import PlainTextResponse, Response
 from starlette.routing import Route, WebSocketRoute
-from starlette.websockets import WebSocket
+from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
-from zteam.errors import UsageError
-from zteam.nodes.web.connection import Page
-from zteam.nodes.web.desk import Desk
+from zteam.clock import monotonic
+from zteam.errors import DecodeError, UsageError
+from zteam.nodes.web import rights
+from zteam.nodes.web.commands import Commands
+from zteam.nodes.web.composing import Composer
+from zteam.nodes.web.driving import Driving, Velocity
 from zteam.nodes.web.files import HEADERS, KEPT, find_version, read_file, read_index
-from zteam.nodes.web.hub import Hub
-from zteam.nodes.web.requests import MAX_BYTES
+from zteam.nodes.web.received import Viewer
+from zteam.nodes.web.requests import (
+    MAX_BYTES,
+    VERSION,
+    Ack,
+    AnyRequest,
+    Command,
+    Drive,
+    Hello,
+    Look,
+    Release,
+    Take,
+    Unwatch,
+    Watch,
+    decode_request,
+)
 from zteam.nodes.web.rights import Gatekeeper
+from zteam.nodes.web.team_view import TeamView
+
+GATHER = 0.01
+"""Host seconds from the first message of a tick until a frame is made: the tick's other messages come within them."""
+
+
+class Pages:
+    """What all pages share, on the thread of the pages."""
+
+    def __init__(self, state: TeamView, token: str) -> None:
+        self.state, self.token = state, token
+        self.composer = Composer(state)
+        self.numbers = itertools.count(1)
+        self.news: set[asyncio.Event] = set()
+        """One for each page, set when something came."""
+        self._came = self._armed = False
+        self._loop = asyncio.get_running_loop()
+        self.driving = Driving(state.node.bus)
+        self.commands = Commands(state)
+        state.lease_of = self.driving.leases.holder
+        state.on_news = self._on_news
+
+    def _on_news(self) -> None:
+        # Waking this thread for each message of lock-step would take longer than the frames.
+        self._came = True
+        if not self._armed:
+            self._armed = True
+            with contextlib.suppress(RuntimeError):
+                self._loop.call_soon_threadsafe(self._tell)
+
+    def _tell(self) -> None:
+        self._came = False
+        for event in self.news:
+            event.set()
+        self._loop.call_later(GATHER, self._rest)
+
+    def _rest(self) -> None:
+        self._armed = False
+        if self._came:
+            self._armed = True
+            self._tell()
+
+
+MAX_WAITING = 32
+"""Commands of one page that wait for those before them."""
+BURST, RATE = 200.0, 100.0
+"""Messages that a page may send at once, and a second; more are read later, so they delay no other page."""
+
+
+class CommandQueue:
+    """`take` puts a command into the queue, `carry_out` empties it."""
+
+    def __init__(self, pages: Pages, reply: Callable[[int, str], None]) -> None:
+        """`reply(seq, error)` answers a command."""
+        self._pages, self._reply = pages, reply
+        self._waiting: asyncio.Queue[Command] = asyncio.Queue(MAX_WAITING)
+
+    def take(self, command: Command, viewer: Viewer) -> None:
+        """A page commands."""
+        if not viewer.may_command:
+            self._reply(command.seq, "this page may only watch: open it with its token")
+        elif self._waiting.full():
+            self._reply(command.seq, f"{MAX_WAITING} commands of this page wait already")
+        else:
+            self._waiting.put_nowait(command)
+
+    async def carry_out(self, viewer: int) -> None:
+        """Carry out the commands of a viewer as they come."""
+        pages = self._pages
+        while True:
+            command = await self._waiting.get()
+            match command:
+                case Take():
+                    error = await pages.driving.take(command.robot, viewer)
+                case Release():
+                    error = await pages.driving.release(command.robot, viewer)
+                case _:
+                    error = await asyncio.to_thread(pages.commands.carry_out, command)
+            self._reply(command.seq, error)
+            pages.state.on_news()
+
+
+class Allowance:
+    """How many messages a page may still send."""
+
+    def __init__(self) -> None:
+        self._left, self._counted = BURST, monotonic()
+
+    async def wait(self) -> None:
+        """Count a message, and wait where there were too many."""
+        now = monotonic()
+        self._left = min(BURST, self._left + RATE * (now - self._counted)) - 1.0
+        self._counted = now
+        if self._left < 0.0:
+            # Host time: a page that says too much is read later.
+            await asyncio.sleep(-self._left / RATE)  # noqa: TID251
+
+
+HELLO_LIMIT = 5.0
+"""Host seconds for a page's first message."""
+POLICY_VIOLATION = 1008
+
+
+class RefusedError(Exception):
+    """The page is told why, and its socket is closed."""
+
+
+class Page:
+    """One connection."""
+
+    def __init__(self, socket: WebSocket, pages: Pages) -> None:
+        self._socket, self._pages, self._state = socket, pages, pages.state
+        self._ready, self._news = asyncio.Event(), asyncio.Event()
+        self._news.set()
+        self._replies: asyncio.Queue[bytes] = asyncio.Queue()
+        self._commands = CommandQueue(pages, self._reply)
+        self._allowance = Allowance()
+
+    async def run(self) -> None:
+        """Serve the page until its socket is closed."""
+        await self._socket.accept()
+        try:
+            viewer = await self._greet()
+        except RefusedError as refusal:
+            await self._refuse(str(refusal))
+            return
+        except WebSocketDisconnect:
+            return
+        self._state.add(viewer)
+        self._pages.news.add(self._news)
+        try:
+            async with asyncio.TaskGroup() as tasks:
+                for work in (
+                    self._receive(viewer),
+                    self._commands.carry_out(viewer.number),
+                    self._send_replies(),
+                    self._send_frames(viewer),
+                ):
+                    tasks.create_task(work)
+        except* RefusedError as refusals:
+            await self._refuse(str(refusals.exceptions[0]))
+        except* WebSocketDisconnect:
+            pass
+        finally:
+            self._pages.news.discard(self._news)
+            self._state.remove(viewer)
+            await self._pages.driving.release_all(viewer.number)
+
+    async def _greet(self) -> Viewer:
+        try:
+            # Host time: a page that says nothing is let go, while this thread serves others.
+            hello = await asyncio.wait_for(self._read(), HELLO_LIMIT)  # noqa: TID251
+        except TimeoutError:
+            raise RefusedError(f"no hello within {HELLO_LIMIT:g} s") from None
+        if not isinstance(hello, Hello):
+            raise RefusedError("the first message has to be hello")
+        if hello.version != VERSION:
+            raise RefusedError(f"the page speaks version {hello.version}, this server {VERSION}: load it again")
+        viewer = Viewer(next(self._pages.numbers), rights.is_token(hello.token, self._pages.token))
+        welcome = {"op": "welcome", "version": VERSION, "viewer": viewer.number, "may_command": viewer.may_command}
+        await self._socket.send_text(msgspec.json.encode(welcome).decode())
+        return viewer
+
+    async def _read(self) -> AnyRequest:
+        message = await self._socket.receive()
+        if message["type"] != "websocket.receive":
+            raise WebSocketDisconnect(message.get("code", 1005))
+        text = message.get("text")
+        if text is None:
+            raise RefusedError("messages are text")
+        if len(text) > MAX_BYTES:
+            raise RefusedError(f"a message has {MAX_BYTES} bytes at most")
+        try:
+            return decode_request(text)
+        except DecodeError as error:
+            raise RefusedError(str(error)) from None
+
+    async def _receive(self, viewer: Viewer) -> None:
+        while True:
+            self._take(viewer, await self._read())
+            await self._allowance.wait()
+
+    def _take(self, viewer: Viewer, request: AnyRequest) -> None:
+        match request:
+            case Ack():
+                viewer.take_ack(request)
+                self._ready.set()
+            case Look():
+                viewer.look = request
+                self._state.changed()
+            case Watch():
+                viewer.take_watch(request)
+                self._state.changed()
+            case Unwatch():
+                viewer.take_unwatch(request)
+                self._state.changed()
+            case Hello():
+                raise RefusedError("hello comes once")
+            case Drive():
+                self._pages.driving.drive(
+                    request.robot, viewer.number, Velocity(request.linear, request.angular, request.left)
+                )
+            case Command():
+                self._commands.take(request, viewer)
+
+    def _reply(self, seq: int, error: str) -> None:
+        self._replies.put_nowait(msgspec.json.encode({"op": "reply", "seq": seq, "error": error}))
+
+    async def _send_replies(self) -> None:
+        while True:
+            await self._socket.send_text((await self._replies.get()).decode())
+
+    async def _send_frames(self, viewer: Viewer) -> None:
+        while True:
+            while not viewer.has_credit:
+                self._ready.clear()
+                await self._ready.wait()
+            await self._news.wait()
+            # Host time: a page gets so many frames a second of host time.
+            await asyncio.sleep(max(GATHER, viewer.sent + self._state.period - monotonic()))  # noqa: TID251
+            self._news.clear()
+            data = self._pages.composer.compose(viewer)
+            if viewer.lacks_tiles:
+                self._news.set()
+            if data is not None:
+                await self._socket.send_bytes(data)
+
+    async def _refuse(self, reason: str) -> None:
+        log.info("a page is refused: %s", reason)
+        if self._socket.application_state != WebSocketState.CONNECTED:
+            return
+        with contextlib.suppress(WebSocketDisconnect, RuntimeError):
+            await self._socket.send_text(msgspec.json.encode({"op": "refused", "reason": reason}).decode())
+            # A close frame has 123 bytes of reason at most.
+            await self._socket.close(POLICY_VIOLATION, reason.encode()[:120].decode(errors="ignore"))
+
 
 log = logging.getLogger("zteam")
 
@@ -39,9 +295,9 @@ TRIES = 20
 class WebServer:
     """Runs on a thread of its own, from `start` until `close`."""
 
-    def __init__(self, hub: Hub, listener: socket.socket, host: str, token: str, layout: bytes = b"") -> None:
+    def __init__(self, state: TeamView, listener: socket.socket, host: str, token: str, layout: bytes = b"") -> None:
         """`listener` listens at `host`; `layout` is JSON that pages begin with."""
-        self._hub, self._listener, self._token, self._layout = hub, listener, token, layout
+        self._state, self._listener, self._token, self._layout = state, listener, token, layout
         self._gate = Gatekeeper(host)
         self._server: uvicorn.Server | None = None
         self._thread = threading.Thread(target=self._run, name="web", daemon=True)
@@ -60,25 +316,25 @@ class WebServer:
         try:
             asyncio.run(self._serve())
         except BaseException as error:
-            self._hub.node.fail(error)
+            self._state.node.fail(error)
 
     async def _serve(self) -> None:
         # Commands wait for the simulator; those of one page must not hold those of others.
         asyncio.get_running_loop().set_default_executor(ThreadPoolExecutor(THREADS, "command"))
-        desk = Desk(self._hub, self._token)
+        pages = Pages(self._state, self._token)
         config = uvicorn.Config(
-            Guarded(make_app(desk, self._layout), self._gate),
+            Guarded(make_app(pages, self._layout), self._gate),
             ws="websockets-sansio", ws_max_size=MAX_BYTES, ws_per_message_deflate=False, timeout_graceful_shutdown=1,
             ws_ping_interval=10.0, ws_ping_timeout=20.0, lifespan="off", log_config=None, access_log=False,
             server_header=False, date_header=False, http="h11",
         )  # fmt: skip
         self._server = uvicorn.Server(config)
-        if self._hub.node.stopping:
+        if self._state.node.stopping:
             return
         try:
             await self._server.serve([self._listener])
         finally:
-            desk.driving.stop()
+            pages.driving.stop()
 
 
 class Guarded:
@@ -115,7 +371,7 @@ class Guarded:
             await response(scope, receive, send)
 
 
-def make_app(desk: Desk, layout: bytes) -> Starlette:
+def make_app(pages: Pages, layout: bytes) -> Starlette:
     """The routes: the page, its files, the layout that it begins with, its socket."""
 
     shown = ""
@@ -135,7 +391,7 @@ def make_app(desk: Desk, layout: bytes) -> Starlette:
         return Response(layout, 200 if layout else 204, media_type="application/json" if layout else None)
 
     async def open_socket(socket: WebSocket) -> None:
-        await Page(socket, desk).run()
+        await Page(socket, pages).run()
 
     return Starlette(
         routes=[

@@ -1,10 +1,8 @@
 """What is subscribed to for what the pages look at."""
 
 from zteam.geometry import Pose2
-from zteam.nodes.web.drawables import Drawables
-from zteam.nodes.web.interest import MAX_SCANNED, Sampled, robots_in_sight, scanned_robots, topics_of
+from zteam.nodes.web.received import MAX_SCANNED, Drawables, Sampled, Viewer, robots_in_sight, scanned_robots, topics_of
 from zteam.nodes.web.requests import Look, Watch
-from zteam.nodes.web.viewer import Viewer
 
 POSES = {0: Pose2(0.0, 0.0, 0.0), 1: Pose2(5.0, 0.0, 0.0), 2: Pose2(50.0, 0.0, 0.0)}
 

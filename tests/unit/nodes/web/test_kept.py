@@ -1,10 +1,9 @@
 """What is kept of the messages that come: the newest of each key, and all of some topics for a while."""
 
 from zteam.messages import Log, LogLevel, Twist, Vector3, encode, encoding_of, time_from_ns
-from zteam.nodes.web.history import KEPT, KEPT_BYTES, History
-from zteam.nodes.web.log_tail import LogTail
-from zteam.nodes.web.newest import Newest
+from zteam.nodes.web.documents import LogTail
 from zteam.nodes.web.plots import MOST, samples_since
+from zteam.nodes.web.received import KEPT, KEPT_BYTES, History, Newest
 from zteam.services.logs import LogLine
 
 

@@ -1,6 +1,6 @@
 """Leases of robots, and the dead man."""
 
-from zteam.nodes.web.leases import DEAD_MAN, STOP, Leases, Velocity
+from zteam.nodes.web.driving import DEAD_MAN, STOP, Leases, Velocity
 
 AHEAD = Velocity(0.5, 0.1)
 

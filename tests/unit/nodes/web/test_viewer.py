@@ -1,7 +1,7 @@
 """One page's state: credit, what it has, what it sees."""
 
+from zteam.nodes.web.received import Viewer
 from zteam.nodes.web.requests import MAX_WATCHES, Ack, Look, Unwatch, Watch
-from zteam.nodes.web.viewer import Viewer
 
 
 def test_a_page_has_credit_for_one_frame() -> None:

@@ -1,7 +1,7 @@
-"""What the view asks for, because nothing publishes it: the simulator's state, the users of keys, old lines of logs."""
+"""What a view asks the team for instead of subscribing to it: the simulator's state, presence, keys and their rates."""
 
 import logging
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from typing import Any, TypeVar
 
 import msgspec
@@ -9,12 +9,13 @@ import msgspec
 from zteam import names
 from zteam.bus import Change
 from zteam.bus.counters import KeyCount
+from zteam.bus.keys import matches
+from zteam.bus.topics import type_of_key
 from zteam.bus.transport import Closeable, Declaration
 from zteam.clock import Every, monotonic
 from zteam.errors import BusError
 from zteam.messages import TFMessage, TransformStamped
-from zteam.nodes.web.interest import Sampled
-from zteam.nodes.web.topic_table import Counts, TopicRow, rates, topic_rows
+from zteam.nodes.web.received import Sampled
 from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.tokens import TokenSet
 from zteam.services.logs import LogLine
@@ -23,18 +24,79 @@ from zteam.services.simulator import ObstaclesReply, ShapesReply, SimStatus
 from zteam.services.transforms import BundleReply, FrameReply, Lookup
 from zteam.services.transforms_client import TransformClient
 
+
+class TopicRow(msgspec.Struct):
+    """One key."""
+
+    key: str
+    type: str = ""
+    hz: float | None = None
+    publishers: int = 0
+    subscribers: int = 0
+
+
+class Counts(msgspec.Struct, frozen=True):
+    """How many messages of each key each process has received, at a host time."""
+
+    time: float
+    received: Mapping[str, Mapping[str, int]]
+    """By process, then by key."""
+
+
+def rates(before: Counts | None, after: Counts) -> dict[str, float]:
+    """Messages a second by key."""
+    if before is None or after.time <= before.time:
+        return {}
+    found: dict[str, float] = {}
+    for process, counts in after.received.items():
+        earlier = before.received.get(process, {})
+        for key, count in counts.items():
+            rate = max(0, count - earlier.get(key, count)) / (after.time - before.time)
+            found[key] = max(found.get(key, 0.0), rate)
+    return found
+
+
+def topic_rows(declarations: Iterable[Declaration], hz: Mapping[str, float], robots: Iterable[int]) -> list[TopicRow]:
+    """One row for each key with a publisher or a subscriber; a wildcard is a key of each of these robots."""
+    known, ids = list(declarations), sorted(robots)
+    rows: dict[str, TopicRow] = {}
+    for declaration in known:
+        for key in names.keys_in(declaration.key, ids):
+            rows.setdefault(key, TopicRow(key))
+    wild = [declaration for declaration in known if names.is_wildcard(declaration.key)]
+    for declaration in known:
+        row = rows.get(declaration.key)
+        if row is not None:
+            _count(row, declaration)
+    for key, row in rows.items():
+        for declaration in wild:
+            if matches(declaration.key, key):
+                _count(row, declaration)
+        kind = type_of_key(key)
+        row.type = "" if kind is None else kind.ros_type
+        row.hz = round(hz[key], 1) if key in hz else None
+    return [rows[key] for key in sorted(rows)]
+
+
+def _count(row: TopicRow, declaration: Declaration) -> None:
+    if declaration.publishes:
+        row.publishers += 1
+    else:
+        row.subscribers += 1
+
+
 log = logging.getLogger("zteam")
 
 T = TypeVar("T")
 
-PERIOD = 0.5
+ASK_PERIOD = 0.5
 """Host seconds between two looks at the simulator while a page is open."""
 KEYS_PERIOD = 2.0
 """Host seconds between two looks at which keys there are."""
 PATIENCE = 1.0
 
 
-class Facts:
+class Queries:
     """`ask` is called on a thread of its own, which may wait for answers. What it finds is replaced as a whole."""
 
     def __init__(self, node: ProcessNode, on_news: Callable[[], None]) -> None:

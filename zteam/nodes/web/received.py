@@ -1,0 +1,417 @@
+"""What the pages look at is subscribed to, and kept as it comes: nothing is decoded before a page shows it."""
+
+import itertools
+import threading
+from collections import deque
+from collections.abc import Callable, Collection, Iterable, Mapping
+from functools import partial
+from typing import NamedTuple
+
+from zteam import names
+from zteam.bus import Bus
+from zteam.bus.topics import type_of_key
+from zteam.bus.transport import Closeable, RawSample
+from zteam.clock import monotonic
+from zteam.errors import BusError
+from zteam.geometry import Pose2
+from zteam.messages import (
+    Fiducials,
+    LaserScan,
+    Log,
+    Marker,
+    MarkerArray,
+    Message,
+    OccupancyGrid,
+    Odometry,
+    Path,
+    PolygonStamped,
+    PoseArray,
+    PoseStamped,
+    Range,
+    TFMessage,
+    type_of_encoding,
+)
+from zteam.nodes.web.requests import MAX_WATCHES, Ack, Look, Unwatch, Watch
+
+
+class Arrival(NamedTuple):
+    """One message."""
+
+    content: bytes | Message
+    number: int
+    """Grows with every message of any key."""
+    time: float
+    """Host time at which it came."""
+    encoding: str = ""
+    """Empty where the key has one type."""
+
+
+class Newest:
+    """Filled by threads of the bus, read by the one that makes frames."""
+
+    def __init__(self, on_news: Callable[[], None]) -> None:
+        self._on_news = on_news
+        self._lock = threading.Lock()
+        self._arrivals: dict[str, Arrival] = {}
+        self._number = 0
+
+    @property
+    def number(self) -> int:
+        """Of the newest message of all keys."""
+        return self._number
+
+    def take(self, key: str, content: bytes | Message, encoding: str = "") -> None:
+        """A message came."""
+        with self._lock:
+            self._number += 1
+            self._arrivals[key] = Arrival(content, self._number, monotonic(), encoding)
+        self._on_news()
+
+    def get(self, key: str) -> Arrival | None:
+        """The newest of a key; None before the first."""
+        return self._arrivals.get(key)
+
+    def items(self) -> list[tuple[str, Arrival]]:
+        """All that is kept, by key."""
+        with self._lock:
+            return list(self._arrivals.items())
+
+    def drop(self, has_gone: Callable[[str], bool]) -> None:
+        """Forget the keys for which `has_gone(key)`."""
+        with self._lock:
+            for key in [key for key in self._arrivals if has_gone(key)]:
+                del self._arrivals[key]
+
+
+KEPT = 2000
+"""Messages of one topic."""
+KEPT_BYTES = 16_000_000
+"""Of one topic; the newest message is kept whatever its size."""
+
+
+class Event(NamedTuple):
+    """One message."""
+
+    number: int
+    key: str
+    content: bytes | Message
+    encoding: str
+    time: float
+    """Host time at which it came."""
+
+
+def _size(content: bytes | Message) -> int:
+    """Bytes of a message; the messages of a topic are of about one size."""
+    return len(content) if isinstance(content, bytes) else 0
+
+
+class History:
+    """Filled by threads of the bus, read by the one that makes frames."""
+
+    def __init__(self, on_news: Callable[[], None]) -> None:
+        self._on_news = on_news
+        self._lock = threading.Lock()
+        self._numbers = itertools.count(1)
+        self._events: dict[str, deque[Event]] = {}
+
+    def take(self, topic: str, key: str, content: bytes | Message, encoding: str = "") -> None:
+        """A message came on `key`, by the subscription to `topic`."""
+        with self._lock:
+            event = Event(next(self._numbers), key, content, encoding, monotonic())
+            events = self._events.setdefault(topic, deque(maxlen=KEPT))
+            events.append(event)
+            while len(events) > 1 and len(events) * _size(content) > KEPT_BYTES:
+                events.popleft()
+        self._on_news()
+
+    def since(self, topic: str, number: int) -> list[Event]:
+        """The messages of a topic after the one with this number, oldest first."""
+        with self._lock:
+            events = self._events.get(topic, ())
+            newer = list(itertools.takewhile(lambda event: event.number > number, reversed(events)))
+        return newer[::-1]
+
+    def forget(self, topic: str) -> None:
+        """The subscription is closed."""
+        with self._lock:
+            self._events.pop(topic, None)
+
+
+class Topic(NamedTuple):
+    """What is subscribed to."""
+
+    key: str
+    """A key expression."""
+    kind: type[Message] | None = None
+    """None: the samples' encoding tells."""
+    latched: bool = False
+    every: bool = False
+    """Whether each message counts, not only the newest."""
+
+
+class Subscriptions:
+    """One thread makes all calls."""
+
+    def __init__(self, bus: Bus, newest: Newest, history: History) -> None:
+        self._bus, self._newest, self._history = bus, newest, history
+        self._open: dict[Topic, Closeable | None] = {}
+        self.opened = 0
+        """How many were opened so far that miss what was sent before."""
+
+    def match(self, wanted: Iterable[Topic]) -> None:
+        """Subscribe to these and to nothing else. A key that is no key expression is left out."""
+        chosen = set(wanted)
+        for topic in [topic for topic in self._open if topic not in chosen]:
+            self._close(topic, self._open.pop(topic))
+        for topic in chosen:
+            if topic not in self._open:
+                self.opened += not topic.latched
+                try:
+                    self._open[topic] = self._subscribe(topic)
+                except BusError:
+                    self._open[topic] = None
+
+    def _close(self, topic: Topic, handle: Closeable | None) -> None:
+        if handle is not None:
+            handle.close()
+        if topic.every:
+            self._history.forget(topic.key)
+
+    def _subscribe(self, topic: Topic) -> Closeable:
+        take: Callable[..., None] = partial(self._history.take, topic.key) if topic.every else self._newest.take
+        if topic.kind is not None and not topic.latched:
+            # As bytes, without time and source: at the rate of lock-step this is most of the cost of a view.
+            return self._bus.subscribe_contents(topic.key, topic.kind, take)
+
+        def on_sample(sample: RawSample) -> None:
+            take(sample.key, sample.content, sample.encoding)
+
+        return self._bus.subscribe_raw(topic.key, on_sample, latched=topic.latched)
+
+
+LAYERS: Mapping[str, tuple[type[Message], ...]] = {
+    "plans": (Path,),
+    "costmaps": (OccupancyGrid,),
+    "particles": (PoseArray,),
+    "markers": (Marker, MarkerArray, PolygonStamped),
+}
+"""Message types by the layer that shows them."""
+MAX_KEYS = 1024
+
+
+class Drawables:
+    """The keys that other processes publish, and their types as far as known."""
+
+    def __init__(self) -> None:
+        self._kinds: dict[str, type[Message] | None] = {}
+        """None: not known yet, a first message will tell."""
+        self._others: set[str] = set()
+        """Keys whose messages are not drawn."""
+
+    def take_keys(self, published: Iterable[str]) -> None:
+        """These keys are published now."""
+        keys = {key for key in published if not names.is_wildcard(key) and key != names.MAP}
+        # Replaced as a whole: other threads read it meanwhile.
+        kinds = {key: kind for key, kind in self._kinds.items() if key in keys}
+        self._others &= keys
+        for key in sorted(keys)[:MAX_KEYS]:
+            if key not in kinds and key not in self._others:
+                kind = type_of_key(key)
+                if key.startswith("@") or (kind is not None and not _is_drawn(kind)):
+                    self._others.add(key)
+                else:
+                    kinds[key] = kind
+        self._kinds = kinds
+
+    def unknown(self) -> list[str]:
+        """The keys of unknown type."""
+        return [key for key, kind in self._kinds.items() if kind is None]
+
+    def learn(self, key: str, encoding: str) -> None:
+        """A message of a key came, in this encoding."""
+        if key in self._kinds and self._kinds[key] is None:
+            kind = type_of_encoding(encoding)
+            if kind is not None and _is_drawn(kind):
+                self._kinds = {**self._kinds, key: kind}
+            else:
+                self._kinds = {other: kind for other, kind in self._kinds.items() if other != key}
+                self._others.add(key)
+
+    def keys(self, layer: str) -> list[str]:
+        """The keys that a layer shows."""
+        return sorted(key for key, kind in self._kinds.items() if kind in LAYERS[layer])
+
+    def topics(self, layers: Collection[str]) -> set[Topic]:
+        """What to subscribe to for these layers; a key of unknown type until its first message."""
+        chosen = [kind for layer in layers for kind in LAYERS.get(layer, ())]
+        if not chosen:
+            return set()
+        found = set()
+        for key, kind in self._kinds.items():
+            if kind is None:
+                found.add(Topic(key, latched=True))
+            elif kind in chosen:
+                found.add(Topic(key, latched=True, every=kind in (Marker, MarkerArray)))
+        return found
+
+
+def _is_drawn(kind: type[Message]) -> bool:
+    return any(kind in kinds for kinds in LAYERS.values())
+
+
+PERIOD, FAST_PERIOD = 0.05, 0.1
+"""Host seconds between two frames of one page, at least; the second one where time runs fast, to slow that run less."""
+
+
+class Viewer:
+    """The caller passes the host's time."""
+
+    def __init__(self, number: int, may_command: bool) -> None:
+        self.number, self.may_command = number, may_command
+        self.look = Look()
+        self.watches: dict[Watch, int] = {}
+        """What it watches, with the number of the newest message that it has of it."""
+        self.has: dict[object, object] = {}
+        """What the page has of each thing, such as the number of the scan of a key."""
+        self.log_number = 0
+        """Of the newest line of logs that it has."""
+        self.lacks_tiles = False
+        """Whether tiles of grids are left that did not fit into the newest frame."""
+        self.frame = 0
+        """The number of the newest frame that was sent."""
+        self.sent = float("-inf")
+        """Host time of that frame."""
+        self._acknowledged = 0
+
+    @property
+    def has_credit(self) -> bool:
+        """Whether it has taken all frames that were sent."""
+        return self._acknowledged == self.frame
+
+    def take_ack(self, ack: Ack) -> None:
+        """It has taken a frame. One that it was never sent changes nothing."""
+        if ack.frame == self.frame:
+            self._acknowledged = ack.frame
+
+    def take_watch(self, watch: Watch) -> str:
+        """It watches a topic from now on; why not, if it watches too many."""
+        if watch not in self.watches and len(self.watches) >= MAX_WATCHES:
+            return f"a page watches {MAX_WATCHES} topics at most"
+        self.watches.setdefault(watch, 0)
+        return ""
+
+    def take_unwatch(self, unwatch: Unwatch) -> None:
+        """It watches a topic no more."""
+        self.watches.pop(Watch(unwatch.topic, unwatch.field), None)
+
+    def next_frame(self, now: float) -> int:
+        """Count a frame that is sent now; its number."""
+        self.frame += 1
+        self.sent = now
+        return self.frame
+
+    def lacks(self, thing: object, version: object) -> bool:
+        """Whether it has another version of a thing, or none; from now on it has this one."""
+        if self.has.get(thing) == version:
+            return False
+        self.has[thing] = version
+        return True
+
+    def sees(self, x: float, y: float) -> bool:
+        """Whether a point of `map` is in its viewport."""
+        view = self.look.viewport
+        return not view or (view[0] <= x <= view[2] and view[1] <= y <= view[3])
+
+
+MAX_SCANNED = 100
+"""Robots whose sensors one page is shown at a time, the selected ones first, then those nearest to its middle."""
+
+
+class Sampled(NamedTuple):
+    """What is asked for now and then, and not subscribed to."""
+
+    scans_of: Collection[int] = ()
+    """Ids of robots."""
+    transforms: bool = False
+
+
+NOTHING = Sampled()
+TEAM = (
+    Topic(names.TF_STATIC, None, latched=True),
+    Topic(names.TEAM_STATUS, None, latched=True),
+    Topic(names.MAP, None, latched=True),
+    Topic(names.all_robots_key(names.BASE_INFO), None, latched=True),
+    Topic(names.all_robots_key(names.STATUS)),
+)
+"""What every page shows."""
+
+
+def topics_of(
+    viewers: Collection[Viewer],
+    poses: Mapping[int, Pose2],
+    drawables: Drawables,
+    *,
+    aggregator: bool,
+    sampled: Sampled = NOTHING,
+) -> set[Topic]:
+    """What these pages look at, without what is sampled; `aggregator`: whether there is one, else the robots' poses are
+    the simulator's."""
+    if not viewers:
+        return set()
+    wanted = {*TEAM} if sampled.transforms else {*TEAM, _poses(aggregator=aggregator)}
+    for viewer in viewers:
+        layers = set(viewer.look.layers)
+        wanted |= drawables.topics(layers)
+        wanted |= {_watched(watch) for watch in viewer.watches}
+        if "log" in viewer.look.docs:
+            wanted.add(Topic(names.log_key(), Log, every=True))
+        if "goals" in layers:
+            wanted.add(Topic(names.all_robots_key(names.GOAL_POSE), PoseStamped))
+        robots = robots_in_sight(viewer, poses) if layers & {"scans", "sonars", "fiducials"} else []
+        if "scans" in layers:
+            wanted |= {
+                Topic(names.robot_key(i, names.all_numbered(names.BASE_SCAN)), LaserScan)
+                for i in robots
+                if i not in sampled.scans_of
+            }
+        if "sonars" in layers:
+            wanted |= {Topic(names.robot_key(i, names.all_numbered(names.SONAR)), Range) for i in robots}
+        if "fiducials" in layers:
+            wanted |= {Topic(names.robot_key(i, names.FIDUCIALS), Fiducials) for i in robots}
+    return wanted
+
+
+def _watched(watch: Watch) -> Topic:
+    # Of a plot each message counts. The last message is enough for an echo, also if it came before the page.
+    return Topic(watch.topic, latched=not watch.field, every=bool(watch.field))
+
+
+def _poses(*, aggregator: bool) -> Topic:
+    return Topic(names.TF, TFMessage) if aggregator else Topic(names.all_robots_key(names.GROUND_TRUTH), Odometry)
+
+
+def robots_in_sight(viewer: Viewer, poses: Mapping[int, Pose2]) -> list[int]:
+    """The robots whose sensors a page is shown."""
+    selected = {*viewer.look.selected, viewer.look.follow} & poses.keys()
+    there = selected | {i for i, pose in poses.items() if viewer.sees(pose.x, pose.y)}
+    if len(there) <= MAX_SCANNED:
+        return sorted(there)
+    return sorted(sorted(there, key=lambda i: (i not in selected, _distance(viewer, poses[i])))[:MAX_SCANNED])
+
+
+def _distance(viewer: Viewer, pose: Pose2) -> float:
+    view = viewer.look.viewport
+    if not view:
+        return 0.0
+    return abs(pose.x - (view[0] + view[2]) / 2) + abs(pose.y - (view[1] + view[3]) / 2)
+
+
+def scanned_robots(viewers: Collection[Viewer], poses: Mapping[int, Pose2]) -> set[int]:
+    """The robots whose scans some page is shown."""
+    shown = [viewer for viewer in viewers if "scans" in viewer.look.layers]
+    return {robot_id for viewer in shown for robot_id in robots_in_sight(viewer, poses)}
+
+
+def present_robots(keys: Iterable[str]) -> set[int]:
+    """The robots that these keys are of."""
+    return {target[0] for target in map(names.split_robot_key, keys) if target is not None}
