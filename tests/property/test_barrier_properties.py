@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from zteam.messages import Done, Twist, Vector3
-from zteam.nodes.simulator.barrier import Barrier
+from zteam.nodes.simulator.open_tick import Barrier
 
 NAMES = st.sampled_from(["robot_0", "robot_1", "robot_10", "tf"])
 EPOCHS, TICKS = st.integers(0, 1), st.integers(1, 3)

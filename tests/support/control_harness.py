@@ -1,4 +1,4 @@
-"""The simulator's main loop with a scripted simulation: real turns and queries, and ticks that a test may hold."""
+"""A main loop with a scripted simulation: a real boundary between ticks, real queries, and ticks that a test may hold."""
 
 import threading
 from typing import Any
@@ -10,9 +10,8 @@ from zteam import names
 from zteam.bus import Change, MemoryHub
 from zteam.clock import monotonic, wait_until
 from zteam.errors import UsageError
-from zteam.nodes.simulator.pacing import Pacer
+from zteam.nodes.simulator.pacing import Pacer, TickBoundary
 from zteam.nodes.simulator.queries import Queries
-from zteam.nodes.simulator.turns import Turns
 from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop
 from zteam.services.scans import ScansReply, SensedScan
@@ -25,8 +24,8 @@ TICK = 1_000_000
 class ScriptedSimulation:
     """Counts ticks, and notes which changes were made, in which thread and when."""
 
-    def __init__(self, pacer: Pacer) -> None:
-        self._pacer = pacer
+    def __init__(self, pacer: Pacer, instance: str) -> None:
+        self._pacer, self._instance = pacer, instance
         self.changed = threading.Condition()
         self.tick = 0
         self.ticking = False
@@ -35,7 +34,7 @@ class ScriptedSimulation:
         self.places: set[tuple[int, bool]] = set()
         """The threads in which changes were made, and whether that was within a tick."""
 
-    def status(self, finished: bool, instance: str) -> SimStatus:
+    def status(self, finished: bool) -> SimStatus:
         """The answer to `sim/status`."""
         return SimStatus(
             world="scripted",
@@ -48,16 +47,16 @@ class ScriptedSimulation:
             speed=self._pacer.speed,
             paused=self._pacer.paused,
             finished=finished,
-            instance=instance,
+            instance=self._instance,
         )
 
-    def report(self) -> SimReport:
+    def report(self, finished: bool) -> SimReport:
         """The answer to `sim/report`."""
         return SimReport(
             sim_seconds=0.0,
             seed=1,
             external_commands=0,
-            finished=False,
+            finished=finished,
             robots=[],
             latency_ms=Latency(None, None, 0),
             ticks=self.tick,
@@ -69,32 +68,32 @@ class ScriptedSimulation:
         self.places.add((threading.get_ident(), self.ticking))
 
     def repeat(self) -> None:
-        """As `WorldChanges.repeat`."""
+        """As `Simulation.repeat`."""
         self.note("repeat")
 
     def scans(self, robots: list[int]) -> ScansReply:
-        """As `WorldChanges.scans`; each robot has one laser."""
+        """As `Simulation.scans`; each robot has one laser."""
         self.note(f"scans {robots}")
         return ScansReply([SensedScan(names.scan_key(robot_id, 0), b"scan") for robot_id in robots])
 
     def reset(self) -> None:
-        """As `WorldChanges.reset`."""
+        """As `Simulation.reset`."""
         self.note("reset")
         self.tick = 0
 
     def spawn(self, request: SpawnRequest) -> int:
-        """As `WorldChanges.spawn`; the robot is always number 7."""
+        """As `Simulation.spawn`; the robot is always number 7."""
         self.note(f"spawn {request.x:g}" + " by force" * request.force)
         return 7
 
     def remove(self, robot_id: int) -> None:
-        """As `WorldChanges.remove`; there is no robot 9."""
+        """As `Simulation.remove`; there is no robot 9."""
         if robot_id == 9:
             raise UsageError("no robot 9 in this world")
         self.note(f"remove {robot_id}")
 
     def move(self, request: MoveRequest) -> None:
-        """As `WorldChanges.move`."""
+        """As `Simulation.move`."""
         self.note(f"move {request.id}" + " by force" * request.force)
 
 
@@ -108,9 +107,9 @@ class ControlHarness:
         """The client's session."""
         self.stop = Stop()
         self.node = ProcessNode(names.SIMULATOR, self.hub.bus(), self.stop)
-        self.world = ScriptedSimulation(pacer)
-        self.turns = Turns(self.node, pacer)
-        Queries(self.node, pacer, self.turns, self.world, self._status, self.world.report)
+        self.world = ScriptedSimulation(pacer, self.node.bus.instance)
+        self.boundary = TickBoundary(self.node, pacer)
+        Queries(self.node, pacer, self.boundary, self.world)
         self.free = threading.Event()
         """While it is cleared, the open tick does not end."""
         self.free.set()
@@ -119,9 +118,6 @@ class ControlHarness:
         self._askers: list[threading.Thread] = []
         self.thread = threading.Thread(target=self._run)
         self.thread.start()
-
-    def _status(self) -> SimStatus:
-        return self.world.status(self.turns.finished, self.node.bus.instance)
 
     def _run(self) -> None:
         world = self.world
@@ -132,10 +128,10 @@ class ControlHarness:
                 world.tick += 1
                 world.changed.notify_all()
             if world.tick == self.last:
-                self.turns.finish()
+                self.boundary.finish()
             assert self.free.wait(LIMIT)
             world.ticking = False
-            if not self.turns.wait_for_turn():
+            if not self.boundary.wait_for_tick():
                 return
 
     def wait_for_tick(self, tick: int) -> None:

@@ -1,59 +1,22 @@
-"""The parts of a simulator around a real engine, on a bus in memory and without a main loop."""
+"""A simulation with a real engine, on a bus in memory and without a main loop."""
 
-from support.in_process_team import load_scene
+from support.in_process_team import SCENE, load_scene
 from zteam import names
 from zteam.bus import MemoryHub
 from zteam.messages import Message
-from zteam.nodes.simulator.commands import Commands
-from zteam.nodes.simulator.pacing import Pacer
-from zteam.nodes.simulator.reports import Reporter
-from zteam.nodes.simulator.run_counter import RunCounter
-from zteam.nodes.simulator.run_statistics import RunStatistics
-from zteam.nodes.simulator.team_outputs import TeamOutputs
-from zteam.nodes.simulator.tick_profile import TickProfile
-from zteam.nodes.simulator.tick_sender import TickSender
-from zteam.nodes.simulator.world_changes import WorldChanges
+from zteam.nodes.simulator.node import Simulation
+from zteam.process_options import SimOptions
 from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop
-from zteam.services.simulator import MapInfo
-from zteam.sim import Engine
 
 
-class SimulatorParts:
+class SimulatorParts(Simulation):
     """Three robots in a shipped world, in real time."""
 
     def __init__(self, hub: MemoryHub, run_for: float | None = None) -> None:
-        self.world, robots = load_scene()
+        world, robots = load_scene()
         self.node = ProcessNode(names.SIMULATOR, hub.bus(), Stop())
-        self.engine = Engine(self.world, seed=1, robots=robots)
-        self.profile = TickProfile()
-        self.pacer = Pacer(self.world.interval)
-        self.statistics = RunStatistics({1: 0})
-        self.outputs = TeamOutputs(self.node, self.engine)
-        self.commands = Commands(self.node, self.outputs.__contains__, self.statistics)
-        self.counter = RunCounter(self.engine, self.outputs, self.statistics, self.profile, self.pacer, run_for)
-        self.sender = TickSender(self.node, self.engine, self.outputs, self.commands, None, self.profile)
-        self.resets: list[str] = []
-        """Grows with every reset."""
-        self.changes = WorldChanges(
-            self.world,
-            self.engine,
-            self.outputs,
-            self.sender,
-            [self.counter.start_anew, self.sender.start_anew, lambda: self.resets.append("reset")],
-        )
-        self.reporter = Reporter(
-            self.world,
-            MapInfo(0.0, 0.0, 0.0, 0.05, 1, 1),
-            1,
-            "session",
-            self.engine,
-            self.commands,
-            self.pacer,
-            None,
-            self.statistics,
-            self.profile,
-        )
+        super().__init__(self.node, world, robots, SimOptions(SCENE, run_for=run_for, follows={1: 0}))
         self._hub = hub
         self.outputs.match_robots()
 
@@ -63,12 +26,11 @@ class SimulatorParts:
         self._hub.bus().subscribe(key_expr, message_type, lambda key, _: keys.append(key))
         return keys
 
-    def tick(self) -> bool:
+    def whole_tick(self) -> bool:
         """Take and send a tick without commands; whether the run is over with it."""
-        self.engine.move({})
-        self.sender.send_inputs()
-        over = self.counter.count()
-        self.sender.send_rest()
+        self.tick({})
+        over = self.count()
+        self.send_rest()
         return over
 
     def close(self) -> None:

@@ -6,7 +6,7 @@ import pytest
 
 from support.lockstep_doubles import LONG, SHORT, HarnessFactory
 from zteam.bus import MemoryHub
-from zteam.nodes.simulator import patience
+from zteam.nodes.simulator import lockstep
 
 
 @pytest.fixture
@@ -26,12 +26,12 @@ def new_harness(hub: MemoryHub) -> Iterator[HarnessFactory]:
 @pytest.fixture
 def patient(monkeypatch: pytest.MonkeyPatch) -> None:
     """No tick is sent again: only an event ends a wait."""
-    monkeypatch.setattr(patience, "RESEND", LONG)
+    monkeypatch.setattr(lockstep, "RESEND", LONG)
 
 
 @pytest.fixture
 def hasty(monkeypatch: pytest.MonkeyPatch) -> None:
     """Repeats and warnings come at once."""
-    monkeypatch.setattr(patience, "RESEND", 0.5 * SHORT)
-    monkeypatch.setattr(patience, "MAX_RESEND", SHORT)
-    monkeypatch.setattr(patience, "NAME_AFTER", SHORT)
+    monkeypatch.setattr(lockstep, "RESEND", 0.5 * SHORT)
+    monkeypatch.setattr(lockstep, "MAX_RESEND", SHORT)
+    monkeypatch.setattr(lockstep, "NAME_AFTER", SHORT)

@@ -16,7 +16,7 @@ from zteam.bus.transport import RawPublisher
 from zteam.errors import DuplicateNameError
 from zteam.in_process.hub import TeamHub
 from zteam.messages import Done, Message
-from zteam.nodes.simulator import answers
+from zteam.nodes.simulator import lockstep
 
 
 class Wire(MemoryTransport):
@@ -153,7 +153,7 @@ def test_a_process_that_is_gone_outside_is_gone_for_the_nodes(place: Place) -> N
 
 def test_answers_from_outside_count_with_a_token_alone(place: Place, monkeypatch: pytest.MonkeyPatch) -> None:
     """A process outside takes part beside a node; one without the token of that node is refused."""
-    monkeypatch.setattr(answers, "TOKEN_GRACE", 0.02)
+    monkeypatch.setattr(lockstep, "TOKEN_GRACE", 0.02)
     harnesses = HarnessFactory(place.outside)
     try:
         harness = harnesses(bus=place.hub.bus("sim"))

@@ -12,7 +12,7 @@ from zteam.bus.topics import type_of_key
 from zteam.messages import Header, Message, TFMessage
 from zteam.messages.message import float64
 from zteam.messages.registry import all_types
-from zteam.nodes.simulator.publishers import RobotOutputs
+from zteam.nodes.simulator.outputs import TeamOutputs
 from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop
 from zteam.sim import Engine, Observation, to_messages
@@ -91,9 +91,10 @@ def test_a_row_parses_senses_publishes_and_types_a_sensor(tmp_path: Path) -> Non
     for key in ("robot_0/temperature", "robot_0/temperature_1"):
         assert type_of_key(key) is Temperature
         listener.subscribe(key, Temperature, lambda key, message: heard.append((key, message)))
-    outputs = RobotOutputs(ProcessNode("sim", hub.bus(), Stop()), 0, world.robots[0])
     engine = Engine(world)
-    outputs.put_rest(engine.observe())
+    outputs = TeamOutputs(ProcessNode("sim", hub.bus(), Stop()), engine)
+    outputs.match_robots()
+    outputs.put_rest([0], engine.observe())
     assert [(key, message.degrees, message.header.frame_id) for key, message in heard] == [
         ("robot_0/temperature", 23.0, "robot_0/thermometer_link"),
         ("robot_0/temperature_1", 20.0, "robot_0/thermometer_link_1"),

@@ -1,20 +1,20 @@
 """The simulator's half of lock-step on the bus: it sends numbered ticks and waits for the participants' answers.
 
 A tick that is not answered is sent again, with its inputs, to the participants that owe an answer. `OpenTick` holds the
-rules by which a tick ends, `Patience` the times: both are pure.
+rules by which a tick ends, `ResendSchedule` the times: both are pure. An answer counts from the session that holds the
+name. A first answer may overtake its session's token.
 """
 
 import logging
 import threading
 from collections.abc import Callable, Container
+from enum import Enum, auto
 
 from zteam import names
-from zteam.clock import monotonic, wait_until
+from zteam.clock import HOST_FACTOR, monotonic, wait_until
 from zteam.errors import BusError
-from zteam.messages import TeamState, TeamStatus, Tick, Twist
-from zteam.nodes.simulator.answers import Answers
+from zteam.messages import Done, TeamState, TeamStatus, Tick, Twist
 from zteam.nodes.simulator.open_tick import OpenTick
-from zteam.nodes.simulator.patience import Patience, Silence
 from zteam.process_options import LockStepOptions
 from zteam.runtime.lockstep import Lacking
 from zteam.runtime.process_node import ProcessNode
@@ -24,10 +24,57 @@ log = logging.getLogger("zteam")
 Resend = Callable[[list[str]], None]
 """Send the open tick's inputs again, to these participants."""
 
+RESEND = 0.05
+"""Host seconds until a tick is sent again. The time doubles with each repeat, up to MAX_RESEND."""
+MAX_RESEND = 0.5
+NAME_AFTER = 1.0
+"""Host seconds until the log names the participants that hold the world."""
+_NAME_EVERY = 5.0
+"""Host seconds between two such lines in the log."""
+TOKEN_GRACE = 1.0 * HOST_FACTOR
+"""Host seconds for the token of a session whose answer has come."""
+_MOST_EARLY = 64
+"""Sessions without a token that are remembered: a sender can invent sessions."""
 _LACKING_LIMIT = 0.5
 """Host seconds for the participants to say which inputs they wait for; the world is held meanwhile."""
 _LONGEST_LOOK = 1.5
 """Host seconds between two looks at the silence, at most: more is a pause of this process, or of the machine."""
+
+
+class Silence(Enum):
+    """What to do about participants that have not answered."""
+
+    WAIT = auto()
+    NAME = auto()
+    """Name them in the log."""
+    DROP = auto()
+    """Go on without them."""
+
+
+class ResendSchedule:
+    """The schedule of repeats, warnings and the time-out of one tick."""
+
+    def __init__(self, timeout: float) -> None:
+        """`timeout` in host seconds."""
+        self._timeout = timeout
+        self.delay = RESEND
+        """Host seconds until the next repeat."""
+        self._next_name = NAME_AFTER
+        """Host seconds of waiting after which the silent participants are named next."""
+
+    def lengthen(self) -> None:
+        """The tick was sent again: the next repeat comes later."""
+        self.delay = min(MAX_RESEND, 2.0 * self.delay)
+
+    def judge(self, waited: float, held: bool) -> Silence:
+        """What to do after `waited` host seconds. A `held` first tick has no time-out: a start may take any time."""
+        if waited > self._timeout and not held:
+            self._next_name = NAME_AFTER
+            return Silence.DROP
+        if waited > self._next_name:
+            self._next_name = waited + _NAME_EVERY
+            return Silence.NAME
+        return Silence.WAIT
 
 
 class LockStep:
@@ -36,17 +83,21 @@ class LockStep:
     def __init__(self, node: ProcessNode, options: LockStepOptions, on_command: Callable[[int], None]) -> None:
         """`on_command(robot_id)` is called when a robot's answer carries a command."""
         self._node = node
+        self._on_command = on_command
         self._timeout = options.timeout
-        self._lock = threading.RLock()
-        self._changed = threading.Condition(self._lock)
+        self._changed = threading.Condition()
         self._tick = OpenTick(options.expected, gate=options.gate)
         self._looked, self._waited = 0.0, 0.0
         """Host time of the last look at the open tick's silence, and the host seconds of it that count."""
         self.resends = 0
         """How often a tick was sent again."""
+        self._early: dict[tuple[str, str], Done | None] = {}
+        """The newest answer by name and session, of sessions that do not hold the name; None once it was refused."""
         self._publisher = node.bus.publisher(names.TICK, Tick)
         node.stop.on_request(self._wake)
-        Answers(node, self._tick, self._changed, on_command, self._send_again)
+        node.bus.watch_link(self._on_link)
+        node.bus.watch_tokens([names.tokens_key()], self._on_token)
+        node.bus.subscribe_from(names.done_key(), Done, self._on_done)
         node.bus.subscribe(names.TEAM_STATUS, TeamStatus, self._on_team_status, latched=True)
 
     def _wake(self) -> None:
@@ -55,9 +106,69 @@ class LockStep:
 
     def _on_team_status(self, _key: str, status: TeamStatus) -> None:
         if status.state == TeamState.GO:
-            with self._lock:
+            with self._changed:
                 self._tick.take_go(status.epoch)
                 self._changed.notify_all()
+
+    def _on_link(self, up: bool) -> None:
+        # Without the link all tokens are gone, and with them all participants.
+        if not up and self._tick.note_lost_link():
+            log.error("the link to the router was lost in tick %d: its participants leave", self._tick.message.tick)
+
+    def _on_token(self, key: str, alive: bool) -> None:
+        token = names.split_token_key(key)
+        if token is None or token[0] == names.SIMULATOR:
+            return
+        with self._changed:
+            if alive and self._tick.note_return(*token):
+                log.error("%s was cut off, or frozen for longer than its lease: it missed ticks", token[0])
+            must_send = self._tick.take_token(*token, alive)
+            early = self._early.pop(token, None) if alive else None
+            if early is not None:
+                self._take(*token, early)
+            if must_send:
+                self._send_again()
+            self._changed.notify_all()
+
+    def _on_done(self, key: str, done: Done, session: str) -> None:
+        sender = names.split_done_key(key) or "", session
+        with self._changed:
+            if self._take(*sender, done):
+                return
+            if self._early.get(sender) is None:
+                refused = [known for known, answer in self._early.items() if answer is None]
+                if sender in refused or len(self._early) - len(refused) >= _MOST_EARLY:
+                    self._refuse(*sender)
+                    return
+                if len(self._early) >= _MOST_EARLY:
+                    del self._early[refused[0]]
+                # Host time: an answer without a token is refused at host time, while the world is held.
+                timer = threading.Timer(TOKEN_GRACE, self._expire, sender)  # noqa: TID251
+                timer.name, timer.daemon = "early answer", True
+                timer.start()
+            self._early[sender] = done
+
+    def _take(self, name: str, session: str, done: Done) -> bool:
+        """Take an answer. False if its session does not hold `name`."""
+        if not self._tick.take_done(name, session, done):
+            return False
+        robot_id = names.robot_id_of(name)
+        if done.has_command and robot_id is not None:
+            self._on_command(robot_id)
+        if self._tick.needs_attention:
+            self._changed.notify_all()
+        return True
+
+    def _expire(self, name: str, session: str) -> None:
+        with self._changed:
+            if self._early.get((name, session)) is not None:
+                self._early[name, session] = None
+                self._refuse(name, session)
+
+    def _refuse(self, name: str, session: str) -> None:
+        holder = self._tick.barrier.name_of(session)
+        sender = f"{holder} (session {session})" if holder else f"session {session or 'unknown'}"
+        self._node.bus.counters.drop(names.done_key(name), f"{sender} does not hold the name {name}")
 
     @property
     def hung(self) -> list[str]:
@@ -81,33 +192,33 @@ class LockStep:
 
     def waiting_for(self) -> str:
         """What holds the world, in words; empty for nothing."""
-        with self._lock:
+        with self._changed:
             return self._tick.waiting_for()
 
     def take_commands(self, robots: Container[int]) -> dict[int, Twist]:
         """The commands that came with the answers, of robots that are in the world, by id."""
-        with self._lock:
+        with self._changed:
             return self._tick.commands(robots)
 
     def open(self, stamp: int, tick: int, robots: list[int]) -> None:
         """Send tick `tick` at simulated time `stamp` (ns), with these robots in the world."""
-        with self._lock:
+        with self._changed:
             self._publisher.hand_over(self._tick.open(stamp, tick, robots))
         self._looked, self._waited = monotonic(), 0.0
 
     def start_anew(self) -> None:
         """The world returns to its start: answers to earlier ticks no longer count."""
-        with self._lock:
+        with self._changed:
             self._tick.start_anew()
 
     def wait(self, resend: Resend) -> bool:
         """Wait until every participant has answered the open tick; False when the process is asked to stop."""
-        tick, stop, patience = self._tick, self._node.stop, Patience(self._timeout)
+        tick, stop, schedule = self._tick, self._node.stop, ResendSchedule(self._timeout)
         while not stop.requested:
-            with self._lock:
+            with self._changed:
                 if not tick.is_over:
                     wait_until(
-                        self._changed, lambda: tick.is_over or tick.must_reopen or stop.requested, patience.delay
+                        self._changed, lambda: tick.is_over or tick.must_reopen or stop.requested, schedule.delay
                     )
                 if tick.is_over:
                     tick.held = False
@@ -116,14 +227,14 @@ class LockStep:
             if must_reopen:
                 self._reopen(resend)
             else:
-                self._act_on_silence(resend, patience)
+                self._act_on_silence(resend, schedule)
         return False
 
     def _send_again(self) -> None:
         self._publisher.hand_over(self._tick.refreshed())
 
     def _reopen(self, resend: Resend) -> None:
-        with self._lock:
+        with self._changed:
             self._publisher.hand_over(self._tick.reopen())
             missing = self._tick.barrier.missing()
         if not self._tick.has_time:
@@ -131,34 +242,34 @@ class LockStep:
         if missing:
             resend(missing)
 
-    def _act_on_silence(self, resend: Resend, patience: Patience) -> None:
+    def _act_on_silence(self, resend: Resend, schedule: ResendSchedule) -> None:
         now, held = monotonic(), self._tick.has_time
         self._waited += min(now - self._looked, _LONGEST_LOOK)
         self._looked, waited = now, self._waited
         missing = self._tick.barrier.missing()
         if missing or held:
             self._repeat(resend, missing)
-            patience.lengthen()
-        verdict = patience.judge(waited, held)
+            schedule.lengthen()
+        verdict = schedule.judge(waited, held)
         if verdict is Silence.DROP:
             self._drop(missing, waited)
         elif verdict is Silence.NAME:
             lacking = _ask_lacking(self._node)
-            with self._lock:
+            with self._changed:
                 # The last answer may have come meanwhile.
                 if self._tick.waiting_for():
                     log.warning("%s", self._tick.complaint(waited, lacking))
 
     def _repeat(self, resend: Resend, missing: list[str]) -> None:
         self.resends += bool(missing)
-        with self._lock:
+        with self._changed:
             self._send_again()
             participants = self.participants
         # A held tick is repeated to all: one that has answered may still lack what makes it ready.
         resend(missing or participants)
 
     def _drop(self, missing: list[str], waited: float) -> None:
-        with self._lock:
+        with self._changed:
             dropped = self._tick.drop_silent(missing)
             self._send_again()
         for name in dropped:

@@ -5,13 +5,23 @@ No tick is skipped. A simulator that is late catches up. When it is more than MA
 
 import threading
 from collections import deque
+from collections.abc import Callable
+from concurrent.futures import Future
+from typing import Any, TypeVar
 
+from zteam.clock import monotonic
+from zteam.errors import ZteamError
 from zteam.numbers import percentile
+from zteam.runtime.process_node import ProcessNode
+
+T = TypeVar("T")
 
 _WINDOW = 50
 """Ticks over which the real-time factor is measured."""
 MAX_LAG = 1.0
 """Host seconds of lateness beyond which the schedule starts anew."""
+_LONGEST_WAIT = 3600.0
+"""Host seconds of one wait for the next tick; a condition takes no time-out of centuries."""
 
 
 class Pacer:
@@ -102,3 +112,104 @@ class Pacer:
         """Whether the world runs more than 5 % slower than its speed."""
         known = len(self._starts) > 1
         return known and not self.paused and self.speed is not None and self.factor < 0.95 * self.speed
+
+
+class TickBoundary:
+    """Between two ticks: the main loop waits here for the next one, and makes the changes that were asked for.
+
+    The main loop calls `wait_for_tick` and `finish`; the threads of queries call the rest.
+    """
+
+    def __init__(self, node: ProcessNode, pacer: Pacer) -> None:
+        self._node = node
+        self._pacer = pacer
+        self._changes: deque[tuple[Future[Any], Callable[[], Any]]] = deque()
+        self._begins_anew = False
+        """After a reset the first tick is sent even if the world is paused: no process would learn of it otherwise."""
+        self._waits = False
+        """Whether the main loop waits here and no tick is due."""
+        self.finished = False
+        """Whether the time of `--for` is over."""
+
+    def submit(self, change: Callable[[], T]) -> Future[T]:
+        """Have the main loop call `change()` between two ticks. The future gets its result or its ZteamError."""
+        future: Future[T] = Future()
+        self._changes.append((future, change))
+        self._node.wake()
+        return future
+
+    def set_pace(self, change: Callable[[], None]) -> None:
+        """Change the pacer now, during the open tick, and let the main loop look at it."""
+        with self._node.changed:
+            self._waits = False
+            change()
+            self._node.changed.notify_all()
+
+    def wait_for_steps(self) -> None:
+        """Wait until the steps are done, the world is resumed or the process stops, however long that takes."""
+        # If the client that asked has gone, this thread ends with the process.
+        while not (self._wait(lambda: not self._pacer.paused or self._waits, _LONGEST_WAIT) or self._node.stopping):
+            pass
+
+    def wait_until_standing(self, timeout: float) -> bool:
+        """Wait `timeout` host seconds at most; whether the world stands still."""
+        # After `resume` or `step` the main loop may not have looked at the pacer yet.
+        return self._wait(lambda: self._waits and self._remaining() is None, timeout)
+
+    def wait_until_finished(self, timeout: float) -> bool:
+        """Wait `timeout` host seconds at most; whether the time of `--for` is over."""
+        return self._wait(lambda: self.finished, timeout)
+
+    def _wait(self, ready: Callable[[], bool], timeout: float) -> bool:
+        with self._node.changed:
+            self._node.changed.wait_until(lambda: ready() or self._node.stopping, timeout)
+            return ready()
+
+    def finish(self) -> None:
+        """The time of `--for` is over: the world stands still."""
+        self.finished = True
+        self._pacer.steps = 0
+        self._node.wake()
+
+    def begin_anew(self) -> None:
+        """The world is as at its start: send its first tick, even if the world is paused."""
+        self.finished = False
+        self._begins_anew = True
+
+    def wait_for_tick(self) -> bool:
+        """Wait until the next tick is due, and make changes meanwhile; False when the process is asked to stop."""
+        while not self._node.stopping:
+            while self._changes:
+                future, change = self._changes.popleft()
+                try:
+                    future.set_result(change())
+                except ZteamError as error:
+                    future.set_exception(error)
+            with self._node.changed:
+                remaining = self._remaining()
+                self._waits = remaining is None
+                if self._waits:
+                    self._node.changed.notify_all()
+            if remaining == 0.0:
+                self._begins_anew = False
+                return True
+            self._wait_for_news(remaining)
+        return False
+
+    def _wait_for_news(self, remaining: float | None) -> None:
+        """Wait until there is a change to make, the next tick is due, or the pace has changed."""
+        due = None if remaining is None else monotonic() + remaining
+
+        def has_news() -> bool:
+            if self._changes or (due is not None and monotonic() >= due):
+                return True
+            now_remaining = self._remaining()
+            # The pace may have changed between the last look and this wait: then `_waits` is to be set again.
+            return now_remaining == 0.0 or (now_remaining is None) != self._waits
+
+        self._node.wait(has_news, _LONGEST_WAIT if remaining is None else min(remaining, _LONGEST_WAIT))
+
+    def _remaining(self) -> float | None:
+        if self._begins_anew:
+            return 0.0
+        return None if self.finished else self._pacer.remaining(monotonic())

@@ -3,7 +3,7 @@
 import pytest
 
 from zteam.messages import Done, Twist, Vector3
-from zteam.nodes.simulator.barrier import Barrier
+from zteam.nodes.simulator.open_tick import Barrier
 
 
 def take_names(barrier: Barrier, *names: str) -> None:

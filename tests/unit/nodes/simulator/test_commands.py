@@ -14,20 +14,20 @@ from zteam.bus import MemoryHub
 from zteam.clock import wait_until
 from zteam.messages import Twist
 from zteam.nodes.simulator import commands
-from zteam.nodes.simulator.commands import Commands
-from zteam.nodes.simulator.run_statistics import RunStatistics
+from zteam.nodes.simulator.commands import RobotCommands
+from zteam.nodes.simulator.statistics import RunStatistics
 from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop
 
 
 class CommandsHarness:
-    """`Commands` of a world with these robots, each with a living process."""
+    """`RobotCommands` of a world with these robots, each with a living process."""
 
     def __init__(self, hub: MemoryHub, *robots: int) -> None:
         self.robots = {*robots}
         self._node = ProcessNode(names.SIMULATOR, hub.bus(), Stop())
         self.statistics = RunStatistics({})
-        self.commands = Commands(self._node, self.robots.__contains__, self.statistics)
+        self.commands = RobotCommands(self._node, self.robots, self.statistics)
         self.publishers = {}
         self.tokens = {}
         for i in robots:

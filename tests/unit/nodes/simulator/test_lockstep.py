@@ -8,7 +8,7 @@ from support.transports import wait_until_true
 from zteam import names
 from zteam.bus import MemoryHub
 from zteam.messages import Done, Twist, Vector3, ns_from_time
-from zteam.nodes.simulator import answers
+from zteam.nodes.simulator import lockstep
 
 
 @pytest.mark.usefixtures("patient")
@@ -122,7 +122,7 @@ def test_an_answer_without_a_token_is_refused(
     hub: MemoryHub, new_harness: HarnessFactory, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It is counted and named after its grace, and each further one at once; the robot's own answer is not replaced."""
-    monkeypatch.setattr(answers, "TOKEN_GRACE", SHORT)
+    monkeypatch.setattr(lockstep, "TOKEN_GRACE", SHORT)
     harness = new_harness()
     robot, other = make_team(hub, harness, "robot_0", "robot_1")
     robot.awake = False
@@ -152,7 +152,7 @@ def test_invented_sessions_keep_no_early_answer_out(
     hub: MemoryHub, new_harness: HarnessFactory, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A hundred sessions without a token are refused and forgotten; then an answer may overtake its token as before."""
-    monkeypatch.setattr(answers, "TOKEN_GRACE", SHORT)
+    monkeypatch.setattr(lockstep, "TOKEN_GRACE", SHORT)
     harness = new_harness()
     make_team(hub, harness, "robot_0")
     counters, key = harness.node.bus.counters, names.done_key("robot_1")
@@ -161,7 +161,7 @@ def test_invented_sessions_keep_no_early_answer_out(
         for _ in range(50):
             hub.bus().publisher(key, Done).put(Done(0, 3, True, Twist()))
         wait_until_true(lambda before=before: counters.count_of(key).dropped == before + 50)  # type: ignore[misc]
-    monkeypatch.setattr(answers, "TOKEN_GRACE", LONG)
+    monkeypatch.setattr(lockstep, "TOKEN_GRACE", LONG)
     late = ScriptedParticipant(hub, "robot_1")
     late.say(Done(0, 3, True, Twist(Vector3(0.1))))
     late.appear()

@@ -20,7 +20,7 @@ from zteam import names
 from zteam.bus import MemoryHub
 from zteam.clock import monotonic
 from zteam.messages import Done
-from zteam.nodes.simulator import lockstep, patience
+from zteam.nodes.simulator import lockstep
 
 
 @pytest.mark.usefixtures("hasty")
@@ -63,8 +63,8 @@ def test_the_time_between_repeats_grows(
     hub: MemoryHub, new_harness: HarnessFactory, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It doubles up to a limit, and starts again with the next tick."""
-    monkeypatch.setattr(patience, "RESEND", 0.02)
-    monkeypatch.setattr(patience, "MAX_RESEND", 0.06)
+    monkeypatch.setattr(lockstep, "RESEND", 0.02)
+    monkeypatch.setattr(lockstep, "MAX_RESEND", 0.06)
     harness = new_harness()
     (robot,) = make_team(hub, harness, "robot_0")
     assert harness.wait()
@@ -157,7 +157,7 @@ def test_an_answer_that_comes_before_the_complaint_is_not_complained_of(
     hub: MemoryHub, new_harness: HarnessFactory, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """While participants are asked what they wait for, the last one answers the tick: the log names none."""
-    monkeypatch.setattr(patience, "NAME_AFTER", 0.0)
+    monkeypatch.setattr(lockstep, "NAME_AFTER", 0.0)
     harness = new_harness()
     (robot,) = make_team(hub, harness, "robot_0")
     assert harness.wait()

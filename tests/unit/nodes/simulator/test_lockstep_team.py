@@ -11,7 +11,7 @@ from support.lockstep_doubles import lossy_bus
 from zteam import names
 from zteam.bus import Bus, MemoryHub
 from zteam.messages import Bool, LaserScan, Odometry, Tick, Twist, Vector3
-from zteam.nodes.simulator import patience
+from zteam.nodes.simulator import lockstep
 from zteam.services.simulator import SimReport
 from zteam.sim import Engine
 
@@ -81,8 +81,8 @@ def test_spectators_do_not_matter(usual: SimReport) -> None:
 @pytest.mark.parametrize("share", [0.02, 0.1])
 def test_lost_messages_do_not_matter(usual: SimReport, monkeypatch: pytest.MonkeyPatch, share: float) -> None:
     """Lost ticks, answers, scans and transforms are sent again, and no robot acts on a part of its inputs."""
-    monkeypatch.setattr(patience, "RESEND", 0.002)
-    monkeypatch.setattr(patience, "MAX_RESEND", 0.01)
+    monkeypatch.setattr(lockstep, "RESEND", 0.002)
+    monkeypatch.setattr(lockstep, "MAX_RESEND", 0.01)
     chance = random.Random(1)
     lost: set[str] = set()
     heard: list[Tick] = []

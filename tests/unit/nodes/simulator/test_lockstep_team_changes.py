@@ -11,7 +11,7 @@ from support.log_capture import captured_log
 from zteam import names
 from zteam.bus import Bus, MemoryHub
 from zteam.messages import LaserScan
-from zteam.nodes.simulator import patience
+from zteam.nodes.simulator import lockstep
 from zteam.services.simulator import MoveRequest, RemoveRequest, SimReport, SimStatus, SpawnReply, SpawnRequest
 
 
@@ -125,8 +125,8 @@ def test_a_repeat_changes_nothing() -> None:
 @pytest.mark.ci
 def test_a_start_survives_lost_transforms(monkeypatch: pytest.MonkeyPatch) -> None:
     """A robot that misses the held tick's transforms receives them again and becomes ready."""
-    monkeypatch.setattr(patience, "RESEND", 0.002)
-    monkeypatch.setattr(patience, "MAX_RESEND", 0.01)
+    monkeypatch.setattr(lockstep, "RESEND", 0.002)
+    monkeypatch.setattr(lockstep, "MAX_RESEND", 0.01)
 
     def open_bus(hub: MemoryHub, name: str) -> Bus:
         return lossy_bus(hub, lose_first(names.TF, 20)) if name == "robot_2" else hub.bus()

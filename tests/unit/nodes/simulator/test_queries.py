@@ -174,7 +174,7 @@ def test_changes_are_made_between_two_ticks(make: Make) -> None:
     harness.wait_for_tick(2)
     spawned = harness.ask_aside("spawn", SpawnReply, SpawnRequest(1.5, 2.0))
     with harness.node.changed:
-        assert wait_until(harness.node.changed, lambda: bool(harness.turns._changes), LIMIT)
+        assert wait_until(harness.node.changed, lambda: bool(harness.boundary._changes), LIMIT)
     assert harness.world.made == []
     harness.free.set()
     harness.join()
@@ -225,13 +225,13 @@ def test_finish_waits_for_the_end_of_the_run(make: Make, monkeypatch: pytest.Mon
     assert harness.ask("finish", FinishReply, FinishRequest(0.0)) == FinishReply(False)
     assert harness.ask("finish", FinishReply, FinishRequest(0.05)) == FinishReply(False)
     harness.last = 10
-    waits, wait = threading.Event(), harness.turns.wait_until_finished
+    waits, wait = threading.Event(), harness.boundary.wait_until_finished
 
     def note(timeout: float) -> bool:
         waits.set()
         return wait(timeout)
 
-    monkeypatch.setattr(harness.turns, "wait_until_finished", note)
+    monkeypatch.setattr(harness.boundary, "wait_until_finished", note)
     waiting = harness.ask_aside("finish", FinishReply, FinishRequest(ASKED))
     assert waits.wait(LIMIT)
     assert harness.ask("step", SimStatus, StepRequest(8)).tick == 9

@@ -13,17 +13,17 @@ from zteam.bus import MemoryHub
 def parts(hub: MemoryHub) -> Iterator[SimulatorParts]:
     """A simulator after three ticks, the last of them after GO."""
     made = SimulatorParts(hub)
-    made.tick()
-    made.tick()
-    made.counter.take_go(made.engine.now)
-    made.tick()
+    made.whole_tick()
+    made.whole_tick()
+    made.take_go(made.engine.now)
+    made.whole_tick()
     yield made
     made.close()
 
 
 def test_the_report_has_these_members(parts: SimulatorParts) -> None:
     """Programs read its JSON: the names stay."""
-    report = msgspec.json.decode(msgspec.json.encode(parts.reporter.report(True)))
+    report = msgspec.json.decode(msgspec.json.encode(parts.report(True)))
     assert set(report) == {
         "sim_seconds", "seed", "external_commands", "finished", "robots", "latency_ms", "ticks", "wall_seconds",
         "real_time_factor", "trajectory_sha256", "lockstep", "resends", "hung", "timing_ms", "lateness_p99_ms",
@@ -32,8 +32,8 @@ def test_the_report_has_these_members(parts: SimulatorParts) -> None:
 
 def test_the_report_takes_its_figures_from_the_parts(parts: SimulatorParts) -> None:
     """Statistics, profile and pacer; without lock-step nothing was repeated."""
-    parts.tick()
-    report = parts.reporter.report(finished=False)
+    parts.whole_tick()
+    report = parts.report(finished=False)
     assert (report.sim_seconds, report.ticks, report.finished) == (0.2, 2, False)
     assert report.trajectory_sha256 == parts.statistics.trajectory_sha256
     assert report.timing_ms == parts.profile.timing()
@@ -43,12 +43,12 @@ def test_the_report_takes_its_figures_from_the_parts(parts: SimulatorParts) -> N
 
 def test_a_real_time_factor_needs_two_ticks(parts: SimulatorParts) -> None:
     """With one there is no time to divide by."""
-    report = parts.reporter.report(finished=False)
+    report = parts.report(finished=False)
     assert (report.wall_seconds, report.real_time_factor) == (0.0, None)
 
 
 def test_the_status_tells_the_session_and_the_world(parts: SimulatorParts) -> None:
     """The session id is what requests for changes carry."""
-    status = parts.reporter.status(finished=True)
-    assert (status.instance, status.finished, status.lockstep) == ("session", True, False)
+    status = parts.status(finished=True)
+    assert (status.instance, status.finished, status.lockstep) == (parts.node.bus.instance, True, False)
     assert (status.robots, status.tick, status.now) == ([0, 1, 2], 3, 3 * parts.world.interval)

@@ -8,7 +8,7 @@ from support.small_worlds import make_box, make_robot, make_world
 from zteam.bus import Bus, MemoryHub, NoRequest
 from zteam.geometry import Pose2
 from zteam.messages import Twist, Vector3
-from zteam.nodes.simulator.shapes import serve_shapes
+from zteam.nodes.simulator.queries import serve_shapes
 from zteam.services.simulator import ObstaclesReply, ShapesReply
 from zteam.sim import Engine
 

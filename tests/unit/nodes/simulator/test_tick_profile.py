@@ -2,8 +2,8 @@
 
 import pytest
 
-from zteam.nodes.simulator import tick_profile
-from zteam.nodes.simulator.tick_profile import IDLE, PHYSICS, SENSORS, TickProfile
+from zteam.nodes.simulator import statistics
+from zteam.nodes.simulator.statistics import IDLE, PHYSICS, SENSORS, TickProfile
 from zteam.services.simulator import Timing
 
 
@@ -11,7 +11,7 @@ from zteam.services.simulator import Timing
 def host(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     """The host's time, which the test sets."""
     time = [100.0]
-    monkeypatch.setattr(tick_profile, "monotonic", lambda: time[0])
+    monkeypatch.setattr(statistics, "monotonic", lambda: time[0])
     return time
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from zteam.geometry import Pose2, normalize_angle
-from zteam.nodes.simulator.run_statistics import RunStatistics, percentile
+from zteam.nodes.simulator.statistics import RunStatistics, percentile
 from zteam.services.simulator import Gap, Latency
 
 START = {0: Pose2(0.0, 0.0, 0.0), 1: Pose2(0.0, 2.0, 0.0)}

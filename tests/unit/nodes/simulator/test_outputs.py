@@ -6,8 +6,7 @@ from support.in_process_team import load_scene
 from zteam import names
 from zteam.bus import MemoryHub
 from zteam.messages import Bool, LaserScan, Odometry, Twist
-from zteam.nodes.simulator.publishers import RobotOutputs
-from zteam.nodes.simulator.team_outputs import TeamOutputs
+from zteam.nodes.simulator.outputs import RobotOutputs, TeamOutputs
 from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop
 from zteam.sim import Engine
