@@ -1,4 +1,4 @@
-"""A main loop with a scripted simulation: a real boundary between ticks, real queries, and ticks that a test may hold."""
+"""A main loop with a scripted simulation: a real boundary and real queries, and ticks that a test may hold."""
 
 import threading
 from typing import Any
