@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, get_args
 import msgspec
 
 from zteam.errors import did_you_mean
-from zteam.toml_lines import Path
+from zteam.toml_values import KeyPath
 
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 _STEP = re.compile(r"\.([^.\[]+)|\[(\d+)\]")
@@ -26,14 +26,14 @@ _UNITS = {"str": " characters", "array": " values"}
 class Problem(NamedTuple):
     """One mistake: the path of the key, what is wrong with its value, and what is allowed."""
 
-    path: Path
+    path: KeyPath
     text: str
 
     def __str__(self) -> str:
         return f"{path_text(self.path)}: {self.text}" if self.path else self.text
 
 
-def path_text(path: Path) -> str:
+def path_text(path: KeyPath) -> str:
     """`robots[1].speed`, with quotes around a key that needs them."""
     parts = [f"[{part}]" if isinstance(part, int) else f".{_key_text(part)}" for part in path]
     return "".join(parts).removeprefix(".")
@@ -44,7 +44,7 @@ def _key_text(key: str) -> str:
 
 
 def problems_of(
-    table: Any, kind: type[msgspec.Struct], path: Path = (), *, takes: str = "known:", near: Iterable[str] = ()
+    table: Any, kind: type[msgspec.Struct], path: KeyPath = (), *, takes: str = "known:", near: Iterable[str] = ()
 ) -> list[Problem]:
     """Every mistake in the keys of `table`, which is at `path` in its file.
 
@@ -87,7 +87,7 @@ def _at_its_key(problem: Problem, keys: Iterable[str]) -> Problem:
     return Problem((*problem.path, first), rest) if first in keys else problem
 
 
-def _problem(value: Any, kind: Any, path: Path) -> list[Problem]:
+def _problem(value: Any, kind: Any, path: KeyPath) -> list[Problem]:
     try:
         msgspec.convert(value, kind)
     except msgspec.ValidationError as error:

@@ -92,6 +92,8 @@ def test_included_files_merge_in_order(
     in_order = [robot_id for _, robots in made for robot_id in robots]
     assert [robot.id for robot in file.team.robots] == in_order
     repeated = [robot_id for at, robot_id in enumerate(in_order) if robot_id in in_order[:at]]
-    told = [problem.text for problem in file.problems if problem.path[-1:] == ("id",)]
+    told = [mistake.text for mistake in file.mistakes if mistake.place.path[-1:] == ("id",)]
     assert [text.split()[1] for text in told] == [str(robot_id) for robot_id in repeated]
-    assert all(file.describe(Problem(("robots", at), "")).startswith(str(folder)) for at in range(len(in_order)))
+    assert all(
+        str(file.locate([Problem(("robots", at), "")])[0]).startswith(str(folder)) for at in range(len(in_order))
+    )

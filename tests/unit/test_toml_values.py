@@ -1,10 +1,11 @@
-"""Single values in TOML: read from a command line, and written on one line."""
+"""Single values in TOML, their text on one line, and the lines of the keys in a TOML text."""
 
+import tomllib
 from typing import Any
 
 import pytest
 
-from zteam.toml_values import parse_value, toml_text
+from zteam.toml_values import MAX_DEPTH, TooDeepError, key_lines, line_of, parse_value, toml_text
 
 
 @pytest.mark.parametrize(
@@ -42,3 +43,101 @@ def test_what_toml_lacks_has_no_text() -> None:
     for value in (None, 2**63):
         with pytest.raises(TypeError):
             toml_text(value)
+
+
+TEXT = (
+    r'''# a comment with [brackets] and = signs
+title = """
+not.a.key = 1
+[nor.a.table]
+"""
+[team] # 6
+world = "office"
+"two words" . x = 1
+'literal.key' = 2
+
+[[robots]]
+id = 0
+pose = [
+  1.0, # one
+  [2,
+        { a = 3, b = 4 }],
+]
+[[robots]]  # 18
+id = 1
+[robots.inner]
+deep."\u00fc" = '''
+    """'''
+two lines ''''' # closed by five
+[robots.inner.more]
+x = 1979-05-27 07:32:00
+[[robots.parts]]
+n = 1
+[[robots.parts]]
+n = 2
+inline = { a = 1, "b c" = [ { d = 2 } ] }
+"""
+)
+
+
+def test_every_kind_of_key_has_its_line() -> None:
+    """Tables, arrays of tables, inline tables, quoted and dotted keys, after strings and arrays of several lines."""
+    tomllib.loads(TEXT)
+    lines = key_lines(TEXT)
+    expected = {
+        ("title",): "title",
+        ("team",): "[team]",
+        ("team", "world"): "world",
+        ("team", "two words", "x"): '"two words"',
+        ("team", "literal.key"): "'literal.key'",
+        ("robots", 0): "[[robots]]",
+        ("robots", 0, "pose", 0): "  1.0",
+        ("robots", 0, "pose", 1, 1, "a"): "        { a",
+        ("robots", 0, "pose", 1, 1, "b"): "        { a",
+        ("robots", 1): "[[robots]]  # 18",
+        ("robots", 1, "inner", "deep", "ü"): "deep",
+        ("robots", 1, "inner", "more", "x"): "x = 1979",
+        ("robots", 1, "parts", 1, "n"): "n = 2",
+        ("robots", 1, "parts", 1, "inline", "b c", 0, "d"): "inline",
+    }
+    rows = TEXT.splitlines()
+    assert {path: rows[lines[path] - 1].startswith(text) for path, text in expected.items()} == dict.fromkeys(
+        expected, True
+    )
+
+
+def test_the_nearest_line_above_is_found() -> None:
+    """A missing key gets the line of the table that it belongs to."""
+    lines = key_lines("[a]\nb = 1\n")
+    assert line_of(lines, ("a", "c", 3)) == 1
+    assert line_of(lines, ("a", "b")) == 2
+    assert line_of(lines, ("x",)) is None
+
+
+@pytest.mark.parametrize("ends", ["\r\n", "\n"])
+def test_both_kinds_of_line_break_count(ends: str) -> None:
+    """A file that was written on Windows has the same lines."""
+    assert key_lines(ends.join(["# one", "a = 1", "", "[b]", "c = 2"]))["b", "c"] == 5
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        ".".join("a" * 50_000) + " = 1",
+        "x = " + "[" * 5_000,
+        "x = " + "{ a = " * 5_000,
+        "[" + ".".join("a" * (MAX_DEPTH + 1)) + "]",
+        "[a.b]\n" + ".".join("c" * (MAX_DEPTH - 1)) + " = 1",
+    ],
+)
+def test_depth_is_bounded(text: str) -> None:
+    """One level more than MAX_DEPTH is refused with its line, in every notation."""
+    with pytest.raises(TooDeepError, match="nested too deeply") as caught:
+        key_lines("\n" + text)
+    assert caught.value.line == 2 + text.startswith("[a.b]\n")
+
+
+def test_the_allowed_depth_is_read() -> None:
+    """Exactly MAX_DEPTH keys are allowed."""
+    path = ("a",) * MAX_DEPTH
+    assert key_lines(".".join(path) + " = 1")[path] == 1

@@ -18,7 +18,7 @@ from zteam.launch.plan import is_own, is_python
 from zteam.problems import Problem
 from zteam.resources import existing_file, is_folder
 from zteam.robot_ids import format_robot_ids
-from zteam.team_file import GROUP_KEYS, RobotEntry, TeamFile, behavior_of, navigation_of, team_world
+from zteam.team_file import GROUP_KEYS, RobotEntry, TeamFile, behavior_of, error_of, navigation_of, team_world
 from zteam.world import add_robot, load_world
 from zteam.world.devices import KINDS
 from zteam.world.model import Robot, World
@@ -56,9 +56,9 @@ def check_team(file: TeamFile, world_file: Path | None = None, *, here: bool = F
         for i, answered in zip(own, inquiry.answers(), strict=True):
             problems += _behavior_problems(i, answered, topics)
     problems += [*_sensor_problems(file, name, robots, topics), *_node_problems(file), *_map_problems(file)]
-    problems = [*file.problems, *(problem for problem in problems if not file.is_unfilled(problem.path))]
-    if problems:
-        told.insert(0, str(file.error(problems)))
+    mistakes = [*file.mistakes, *file.locate(problems)]
+    if mistakes:
+        told.insert(0, str(error_of(mistakes)))
     if told:
         raise ConfigError("\n".join(told))
     return world_file
@@ -67,8 +67,8 @@ def check_team(file: TeamFile, world_file: Path | None = None, *, here: bool = F
 def _has_doubtful_world(file: TeamFile) -> bool:
     """Whether a mistake that is told already may be about the world: a missing argument, or a misspelt key."""
     if file.team.team.world is None:
-        return any(problem.path[:1] == ("team",) for problem in file.problems)
-    return file.is_unfilled(("team", "world"))
+        return any(mistake.place.path[:1] == ("team",) for mistake in file.mistakes)
+    return file.is_unfilled("team", "world")
 
 
 def _question(entry: RobotEntry) -> Question:

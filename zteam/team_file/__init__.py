@@ -3,7 +3,6 @@
 Every error is a ConfigError with one line per mistake: file, line, key, what is wrong and what is allowed.
 """
 
-from zteam.team_file.arguments import argument_texts, describe_arguments, parse_arguments
 from zteam.team_file.entries import (
     DEFAULT_BEHAVIOR,
     NO_WORLD,
@@ -18,6 +17,7 @@ from zteam.team_file.entries import (
 )
 from zteam.team_file.groups import GROUP_KEYS
 from zteam.team_file.reading import TeamFile, load_team, read_team_file, read_team_tables, team_world
+from zteam.team_file.sources import argument_texts, describe_arguments, error_of, parse_arguments
 
 __all__ = [
     "DEFAULT_BEHAVIOR",
@@ -32,6 +32,7 @@ __all__ = [
     "argument_texts",
     "behavior_of",
     "describe_arguments",
+    "error_of",
     "load_team",
     "navigation_of",
     "parse_arguments",

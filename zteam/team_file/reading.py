@@ -1,4 +1,8 @@
-"""Reads team files from disk: TOML with bounds, and every mistake with its line."""
+"""From the merged table of a team file to typed entries: every mistake with its file and line.
+
+One direction: files (`sources`), one table a robot (`groups`), typed entries (`entries`), the rules that they obey
+together (`rules`).
+"""
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -10,13 +14,10 @@ from zteam import resources
 from zteam.errors import ConfigError, did_you_mean
 from zteam.problems import Problem, problems_of
 from zteam.simulation_options import Options
-from zteam.team_file.arguments import Argument
 from zteam.team_file.entries import NO_WORLD, NodeEntry, RobotEntry, StaticTransform, Team, TeamSection
-from zteam.team_file.groups import expand
-from zteam.team_file.includes import Gathered, as_file, gather
+from zteam.team_file.groups import Expansion
 from zteam.team_file.rules import check_follows, check_nodes, check_robots, check_transforms
-from zteam.team_file.sources import Origins, Place, Tables, place_of
-from zteam.toml_lines import Path as KeyPath
+from zteam.team_file.sources import LISTS, Argument, Files, Mistake, Place, Table, error_of
 from zteam.toml_values import toml_text
 
 S = TypeVar("S", bound=msgspec.Struct)
@@ -34,34 +35,26 @@ class TeamFile(msgspec.Struct):
     """The team's robots by their index in the expanded team, without those that have mistakes."""
     nodes: dict[int, NodeEntry]
     """Its nodes in the same way."""
-    origins: Origins
-    problems: list[Problem]
+    table: Table
+    """The expanded team."""
+    mistakes: list[Mistake]
     arguments: list[Argument]
     """What it takes."""
-    unfilled: frozenset[tuple[int, KeyPath]]
-    """Number of the file and path of each key whose argument is missing."""
+    unfilled: frozenset[Place]
+    """Of the keys whose argument is missing."""
 
-    def place(self, path: KeyPath) -> Place:
-        """Where a key of the team stands."""
-        return place_of(self.origins, path)
+    def locate(self, problems: Iterable[Problem]) -> list[Mistake]:
+        """Problems of the expanded team where their keys stand, but for values that are not known."""
+        found = [Mistake(self.table.place_of(*problem.path), problem.text) for problem in problems]
+        return [mistake for mistake in found if mistake.place not in self.unfilled]
 
-    def is_unfilled(self, path: KeyPath) -> bool:
+    def is_unfilled(self, *path: str | int) -> bool:
         """Whether the value of this key is not known, because its argument is missing."""
-        place = self.place(path)
-        return (place.source.number, place.path) in self.unfilled
-
-    def describe(self, problem: Problem) -> str:
-        """`file:line: key: what is wrong`."""
-        return self.place(problem.path).describe(problem.text)
+        return self.table.place_of(*path) in self.unfilled
 
     def error(self, problems: Iterable[Problem]) -> ConfigError:
-        """An error with one line per problem, in the order of the files; what is told of a place twice is one line."""
-
-        def order(problem: Problem) -> tuple[int, int]:
-            place = self.place(problem.path)
-            return place.source.number, place.line or 0
-
-        return ConfigError("\n".join(dict.fromkeys(map(self.describe, sorted(problems, key=order)))))
+        """An error with one line per problem of the expanded team."""
+        return error_of(self.locate(problems))
 
 
 def load_team(path: Path, arguments: Mapping[str, str] | None = None) -> Team:
@@ -70,20 +63,22 @@ def load_team(path: Path, arguments: Mapping[str, str] | None = None) -> Team:
     `arguments` are TOML, or texts without quotes, by name.
     """
     file = read_team_file(path, arguments)
-    if file.problems:
-        raise file.error(file.problems)
+    if file.mistakes:
+        raise error_of(file.mistakes)
     return file.team
 
 
 def read_team_file(path: Path, arguments: Mapping[str, str] | None = None) -> TeamFile:
     """The team file at `path` with the mistakes in its keys. Raises ConfigError if a file is not TOML."""
     given = arguments or {}
-    return _from_files(path, gather(path, given), tuple(f"{name}={text}" for name, text in given.items()))
+    files = Files(given)
+    return _read_entries(files, files.gather(path), tuple(f"{name}={text}" for name, text in given.items()))
 
 
-def read_team_tables(name: str, tables: Tables) -> TeamFile:
+def read_team_tables(name: str, tables: Mapping[str, Any]) -> TeamFile:
     """A team that a program gives as tables, with the mistakes in them; errors call it `name`."""
-    return _from_files(Path(name), as_file(name, tables), ())
+    files = Files({})
+    return _read_entries(files, files.adopt(name, tables), ())
 
 
 def team_world(file: TeamFile) -> Path | None:
@@ -104,104 +99,100 @@ def team_world(file: TeamFile) -> Path | None:
     return found
 
 
-def _from_files(path: Path, files: Gathered, arguments: tuple[str, ...]) -> TeamFile:
-    tables, origins = files.layer
-    origins |= {(source.number,): Place(source, ()) for source in files.sources}
+def _read_entries(files: Files, table: Table, arguments: tuple[str, ...]) -> TeamFile:
+    mistakes = [*files.missing, *files.mistakes, *_check_keys(table)]
+    ids_known = isinstance(table.get("robots"), list)
+    for name in LISTS:
+        table.put(name, _tables_of(table, name, mistakes), table.place_of(name))
+    if ids_known:
+        expansion = Expansion(table)
+        ids_known = expansion.ids_known
+        mistakes += expansion.mistakes
+        table.put("robots", expansion.robots, table.place_of("robots"))
     problems: list[Problem] = []
-    for key in [key for key in tables if key not in KEYS]:
-        problems.append(Problem((key,), f"unknown key{did_you_mean(key, KEYS)}; known: {', '.join(KEYS)}"))
-        tables, origins = _as_meant(tables, origins, key)
-    if "robots" not in tables:
-        problems.append(Problem((), "the key robots is missing: add a table [[robots]] with an id"))
-    elif tables["robots"] == []:
-        problems.append(Problem(("robots",), "no robot is listed: add a table [[robots]] with an id"))
-    expanded = expand(tables, origins)
-    folders = dict.fromkeys(str(source.path.parent.resolve()) for source in files.sources)
-    known = Team([], arguments=arguments, folders=tuple(folders))
-    missing = frozenset((place.source.number, place.path) for place, _ in files.missing)
-    file = TeamFile(path, known, {}, {}, expanded.origins, [], files.arguments, missing)
-    problems += [*expanded.problems, *_read_entries(file, expanded.tables, ids_known=expanded.ids_known)]
-    told = [Problem((place.source.number, *place.path), text) for place, text in (*files.missing, *files.problems)]
-    file.problems = [*told, *(problem for problem in problems if not file.is_unfilled(problem.path))]
+    robots = _array(table, "robots", RobotEntry, problems)
+    nodes = _array(table, "nodes", NodeEntry, problems)
+    transforms = _array(table, "static_transforms", StaticTransform, problems)
+    for i, entry in nodes.items():
+        folder = table.place_of("nodes", i).source.path.parent / entry.folder
+        nodes[i] = msgspec.structs.replace(entry, folder=str(folder.absolute()))
+    ids = {robot["id"] for robot in table["robots"] if isinstance(robot.get("id"), int)}
+    problems += [*check_robots(robots), *check_follows(robots, ids if ids_known else None)]
+    problems += [*check_nodes(nodes, ids), *check_transforms(transforms)]
+    team = Team(
+        robots=list(robots.values()),
+        nodes=list(nodes.values()),
+        static_transforms=list(transforms.values()),
+        team=_section(table, "team", TeamSection, problems),
+        simulation=_section(table, "simulation", Options, problems),
+        arguments=arguments,
+        folders=tuple(dict.fromkeys(str(source.path.parent.resolve()) for source in files.sources)),
+    )
+    unfilled = frozenset(mistake.place for mistake in files.missing)
+    file = TeamFile(files.sources[0].path, team, robots, nodes, table, mistakes, files.arguments, unfilled)
+    file.mistakes = [found for found in mistakes if found in files.missing or found.place not in unfilled]
+    file.mistakes += file.locate(problems)
     return file
 
 
-def _read_entries(file: TeamFile, tables: Tables, *, ids_known: bool) -> list[Problem]:
-    """Give `file` the entries of tables without groups; what is wrong with them."""
-    problems: list[Problem] = []
-    robots = file.robots = _array(tables, "robots", RobotEntry, problems)
-    nodes = _array(tables, "nodes", NodeEntry, problems)
-    transforms = _array(tables, "static_transforms", StaticTransform, problems)
-    for i, entry in nodes.items():
-        folder = file.place(("nodes", i)).source.path.parent / entry.folder
-        file.nodes[i] = msgspec.structs.replace(entry, folder=str(folder.absolute()))
-    ids = {table["id"] for table in _tables_of(tables, "robots") if isinstance(table.get("id"), int)}
-    problems += [*check_robots(robots), *check_follows(robots, ids if ids_known else None)]
-    problems += [*check_nodes(nodes, ids), *check_transforms(transforms)]
-    file.team = msgspec.structs.replace(
-        file.team,
-        robots=list(robots.values()),
-        nodes=list(file.nodes.values()),
-        static_transforms=list(transforms.values()),
-        team=_section(tables, "team", TeamSection, problems),
-        simulation=_section(tables, "simulation", Options, problems),
-    )
-    return problems
-
-
-def _as_meant(tables: Tables, origins: Origins, key: str) -> tuple[Tables, Origins]:
-    """The tables and origins with `key` under the known name that it is like, unless the file has that one too.
+def _check_keys(table: Table) -> list[Mistake]:
+    """Unknown keys of the file, and a missing one; `table` gets what a misspelt key means.
 
     So [[robot]] instead of [[robots]] is one mistake, and the tables below it are checked all the same.
     """
-    meant = next((name for name in KEYS if did_you_mean(key, [name]) and name not in tables), "")
-    if not meant:
-        return tables, origins
-    moved = {(meant, *path[1:]): place for path, place in origins.items() if path[:1] == (key,)}
-    return {**tables, meant: tables[key]}, {**origins, **moved}
+    mistakes = []
+    for key in [key for key in table if key not in KEYS]:
+        place = table.place_of(key)
+        mistakes.append(Mistake(place, f"unknown key{did_you_mean(key, KEYS)}; known: {', '.join(KEYS)}"))
+        meant = next((name for name in KEYS if did_you_mean(key, [name]) and name not in table), None)
+        if meant is not None:
+            table.put(meant, table[key], place)
+    if "robots" not in table:
+        mistakes.append(Mistake(table.place, "the key robots is missing: add a table [[robots]] with an id"))
+    elif table["robots"] == []:
+        told = "no robot is listed: add a table [[robots]] with an id"
+        mistakes.append(Mistake(table.place_of("robots"), told))
+    return mistakes
 
 
-def _array(tables: Tables, name: str, kind: type[S], problems: list[Problem]) -> dict[int, S]:
-    """The correct entries of a [[name]] array, by index."""
-    value = tables.get(name, [])
+def _tables_of(table: Table, name: str, mistakes: list[Mistake]) -> list[Table]:
+    """The tables of a [[name]] array."""
+    value = table.get(name, [])
     if not isinstance(value, list):
         text = f"a list of tables is expected, written with two brackets, as in [[{name}]]"
-        problems.append(Problem((name,), text))
-        return {}
+        mistakes.append(Mistake(table.place_of(name), text))
+        return []
+    for i, inner in enumerate(value):
+        if not isinstance(inner, Table):
+            mistakes.append(Mistake(table.place_of(name, i), f"a table is expected, not {inner!r}"))
+    return [inner for inner in value if isinstance(inner, Table)]
+
+
+def _array(table: Table, name: str, kind: type[S], problems: list[Problem]) -> dict[int, S]:
+    """The correct entries of a [[name]] array, by index."""
     found = {}
-    for i, table in enumerate(value):
-        if isinstance(table, dict):
-            table = _with_params(table) if kind is RobotEntry else _with_words(table)
-        entry = _convert(table, kind, (name, i), problems)
-        if entry is not None:
-            found[i] = entry
+    for i, inner in enumerate(table[name]):
+        plain = _with_params(inner) if kind is RobotEntry else _with_words(inner)
+        wrong = problems_of(plain, kind, (name, i))
+        problems += wrong
+        if not wrong:
+            found[i] = msgspec.convert(plain, kind)
     return found
 
 
-def _section(tables: Tables, name: str, kind: type[S], problems: list[Problem]) -> S:
+def _section(table: Table, name: str, kind: type[S], problems: list[Problem]) -> S:
     """The correct part of a [name] table."""
-    table = tables.get(name, {})
-    found = problems_of(table, kind, (name,))
+    section = table.get(name, {})
+    found = problems_of(section, kind, (name,))
     problems += found
     wrong = {problem.path[1] for problem in found if len(problem.path) > 1}
-    if not isinstance(table, dict) or (found and not wrong):
+    if not isinstance(section, dict) or (found and not wrong):
         return kind()
-    right = {key: value for key, value in table.items() if key not in wrong}
+    right = {key: value for key, value in section.items() if key not in wrong}
     return kind() if problems_of(right, kind) else msgspec.convert(right, kind)
 
 
-def _convert(table: Any, kind: type[S], path: KeyPath, problems: list[Problem]) -> S | None:
-    found = problems_of(table, kind, path)
-    problems += found
-    return None if found else msgspec.convert(table, kind)
-
-
-def _tables_of(tables: Tables, name: str) -> list[Tables]:
-    value = tables.get(name)
-    return [table for table in value if isinstance(table, dict)] if isinstance(value, list) else []
-
-
-def _with_params(robot: Tables) -> Tables:
+def _with_params(robot: Mapping[str, Any]) -> dict[str, Any]:
     """The table with the parameters of the behaviour collected under `params`."""
     ours = set(RobotEntry.__struct_fields__) - {"params"}
     return {key: value for key, value in robot.items() if key in ours} | {
@@ -209,12 +200,10 @@ def _with_params(robot: Tables) -> Tables:
     }
 
 
-def _with_words(node: Tables) -> Tables:
+def _with_words(node: Mapping[str, Any]) -> dict[str, Any]:
     """The table with the numbers and truth values in its command as texts: an argument may be one."""
     command = node.get("command")
-    if not isinstance(command, list):
-        return node
-    return {**node, "command": [_as_word(part) for part in command]}
+    return {**node, "command": [_as_word(part) for part in command]} if isinstance(command, list) else {**node}
 
 
 def _as_word(part: Any) -> Any:

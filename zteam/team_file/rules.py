@@ -9,8 +9,7 @@ from zteam.geometry import turn_problem
 from zteam.problems import Problem
 from zteam.robot_ids import format_robot_ids
 from zteam.team_file.entries import NodeEntry, RobotEntry, StaticTransform, quaternion
-from zteam.toml_lines import Path
-from zteam.toml_values import toml_text
+from zteam.toml_values import KeyPath, toml_text
 
 _NODE_NAME = re.compile(r"[A-Za-z0-9_.-]{1,100}")
 _PROCESSES = frozenset(
@@ -25,7 +24,7 @@ def check_robots(robots: Mapping[int, RobotEntry]) -> list[Problem]:
     """Problems of single robots; `robots` by index in the file."""
     found: list[Problem] = []
     for i, robot in robots.items():
-        place: Path = ("robots", i)
+        place: KeyPath = ("robots", i)
         if (robot.model is None) != (robot.pose is None):
             text = "model and pose go together (they add a robot that the world lacks); give both or neither"
             found.append(Problem((*place, "pose" if robot.model is None else "model"), text))
@@ -38,7 +37,7 @@ def check_robots(robots: Mapping[int, RobotEntry]) -> list[Problem]:
     return found
 
 
-def _check_params(place: Path, robot: RobotEntry) -> list[Problem]:
+def _check_params(place: KeyPath, robot: RobotEntry) -> list[Problem]:
     found = []
     for key, value in robot.params.items():
         if not key.isidentifier():
@@ -122,7 +121,7 @@ def check_transforms(transforms: Mapping[int, StaticTransform]) -> list[Problem]
     found = []
     placed: dict[str, int] = {}
     for i, entry in transforms.items():
-        place: Path = ("static_transforms", i)
+        place: KeyPath = ("static_transforms", i)
         parent, child = names.strip_slash(entry.parent), names.strip_slash(entry.child)
         if not parent or not child or parent == child:
             found.append(Problem(place, "parent and child must be the names of two frames"))
@@ -134,7 +133,7 @@ def check_transforms(transforms: Mapping[int, StaticTransform]) -> list[Problem]
     return found
 
 
-def _check_numbers(place: Path, entry: StaticTransform) -> list[Problem]:
+def _check_numbers(place: KeyPath, entry: StaticTransform) -> list[Problem]:
     found = []
     for field in ("x", "y", "z", "yaw", "pitch", "roll", "qx", "qy", "qz", "qw"):
         value = getattr(entry, field)

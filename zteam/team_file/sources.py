@@ -1,28 +1,37 @@
-"""The files that a team is made of, as they stand on disk: tables of TOML, and the line of each key."""
+"""From files to one table: a team file, the files that it includes, and the arguments that fill them.
+
+What stands in a file wins over what it includes, and a later include over an earlier one. Lists of tables follow each
+other: first those of the included files, in their order. Every table knows where it and its keys stand.
+"""
 
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from zteam.errors import ConfigError
+import msgspec
+
+from zteam import resources
+from zteam.errors import ConfigError, UsageError, did_you_mean
 from zteam.problems import Problem
-from zteam.toml_lines import Path as KeyPath
-from zteam.toml_lines import TooDeepError, key_lines, line_of
+from zteam.toml_values import KeyPath, TooDeepError, key_lines, line_of, parse_value, toml_text
 
 MAX_BYTES = 2 * 2**20
 """The largest team, 10,000 robots, takes 1 MB."""
+MAX_FILES = 100
+"""Of one team: a file may be included more than once, so few files can make many."""
+LISTS = ("robots", "nodes", "static_transforms")
+"""The keys that hold a list of tables."""
+_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+_REFERENCE = re.compile(rf"\$\{{({_NAME.pattern})(?::-((?:(?!\$\{{).)*))?\}}", re.DOTALL)
 
-Tables = dict[str, Any]
 
-
-class Source(NamedTuple):
+class Source(msgspec.Struct, frozen=True, eq=False):
     """One file."""
 
     path: Path
-    tables: Tables
-    lines: Mapping[KeyPath, int]
+    lines: Mapping[KeyPath, int] = {}
     number: int = 0
     """In the order of reading."""
 
@@ -31,40 +40,248 @@ class Place(NamedTuple):
     """A key in a file."""
 
     source: Source
-    path: KeyPath
+    path: KeyPath = ()
 
     @property
     def line(self) -> int | None:
         """Of the key, or of the table in which it is missing."""
         return line_of(self.source.lines, self.path)
 
+    def below(self, key: str | int) -> "Place":
+        """A key of the table, or an element of the list, that stands here."""
+        return Place(self.source, (*self.path, key))
+
     def __str__(self) -> str:
         return f"{self.source.path}:{self.line}" if self.line else str(self.source.path)
 
-    def describe(self, text: str) -> str:
+
+class Mistake(NamedTuple):
+    """What is wrong with a key of a file."""
+
+    place: Place
+    text: str
+
+    def __str__(self) -> str:
         """`file:line: key: text`, on one line also where a text of the file has line breaks."""
-        return f"{self}: {' '.join(str(Problem(self.path, text)).split())}"
+        return f"{self.place}: {' '.join(str(Problem(self.place.path, self.text)).split())}"
 
 
-Origins = dict[KeyPath, Place]
-"""Where the tables and keys of a merged team stand; what is not listed is in the same place as what holds it."""
+def error_of(mistakes: Iterable[Mistake]) -> ConfigError:
+    """An error with one line per mistake, in the order of the files; what is told of a place twice is one line."""
+    ordered = sorted(mistakes, key=lambda found: (found.place.source.number, found.place.line or 0))
+    return ConfigError("\n".join(dict.fromkeys(map(str, ordered))))
 
 
-def place_of(origins: Mapping[KeyPath, Place], path: KeyPath) -> Place:
-    """The place of a key of the merged team."""
-    known = path
-    while known not in origins:
-        known = known[:-1]
-    place = origins[known]
-    return Place(place.source, (*place.path, *path[len(known) :]))
+class Table(dict[str, Any]):
+    """A table of a file, or one that was made of several."""
+
+    def __init__(self, place: Place) -> None:
+        super().__init__()
+        self.place = place
+        self._places: dict[str, Place] = {}
+        """Of keys that do not stand in the table at `place`."""
+
+    def put(self, key: str, value: Any, place: Place) -> None:
+        """Set a key that stands at `place`."""
+        self[key], self._places[key] = value, place
+
+    def place_of(self, *path: str | int) -> Place:
+        """Where the value at a path below this table stands."""
+        place, inner = self.place, self
+        for step in path:
+            place = inner._places.get(str(step), place.below(step)) if isinstance(inner, Table) else place.below(step)
+            try:
+                inner = inner[step]  # type: ignore[index]
+            except (LookupError, TypeError):
+                inner = None  # type: ignore[assignment]
+            if isinstance(inner, Table):
+                place = inner.place
+        return place
 
 
-def read_source(path: Path, number: int = 0) -> Source:
-    """The file at `path`. Raises ConfigError if it is not TOML."""
-    text = _read(path)
+def merge(base: Table, over: Table, *, lists: Collection[str] = (), depth: int = 99) -> Table:
+    """Both tables key by key, and the tables in them to a depth; of anything else that of `over`, but `lists` follow
+    each other."""
+    merged = Table(over.place)
+    for table in (base, over):
+        for key, value in table.items():
+            before = merged.get(key)
+            if key in lists and isinstance(value, list) and isinstance(before, list):
+                value = [*before, *value]
+            elif depth and isinstance(value, Table) and isinstance(before, Table):
+                value = merge(before, value, depth=depth - 1)
+            merged.put(key, value, value.place if isinstance(value, Table) else table.place_of(key))
+    return merged
+
+
+def _placed(value: Any, place: Place, fill: Callable[[str, Place], Any] | None = None) -> Any:
+    """A value of a file with Tables for its tables; `fill` gives what its texts stand for."""
+    if isinstance(value, dict):
+        table = Table(place)
+        table.update((key, _placed(inner, place.below(key), fill)) for key, inner in value.items())
+        return table
+    if isinstance(value, list):
+        return [_placed(inner, place.below(i), fill) for i, inner in enumerate(value)]
+    return fill(value, place) if fill and isinstance(value, str) else value
+
+
+class Argument(NamedTuple):
+    """One place at which a file takes an argument: a text that is exactly `${name}` or `${name:-default}`."""
+
+    name: str
+    default: str | None
+    """TOML, or a text without quotes; None for an argument that must be given."""
+    place: Place
+
+
+def parse_arguments(words: Iterable[str]) -> dict[str, str]:
+    """The arguments of a command line, NAME=VALUE each. Raises UsageError."""
+    found: dict[str, str] = {}
+    for word in words:
+        name, equals, text = word.partition("=")
+        if not equals or not _NAME.fullmatch(name):
+            raise UsageError(f"argument {word!r} is not NAME=VALUE, such as leader=2")
+        if name in found:
+            raise UsageError(f"argument {name} is given twice: {found[name]} and {text}")
+        found[name] = text
+    return found
+
+
+def argument_texts(values: Mapping[str, Any]) -> dict[str, str]:
+    """The same arguments, given as values of Python. Raises UsageError for a value that TOML lacks."""
+    found = {}
+    for name, value in values.items():
+        try:
+            found[name] = toml_text(value)
+        except TypeError:
+            told = f"argument {name}: {value!r} is no number, text, true, false, list or table of such"
+            raise UsageError(told) from None
+    return found
+
+
+def describe_arguments(arguments: Iterable[Argument]) -> list[tuple[str, str, str]]:
+    """What a team file takes, for a table: name, default and place of each; a name comes again for each default."""
+    found: dict[tuple[str, str | None], Place] = {}
+    for argument in arguments:
+        found.setdefault((argument.name, argument.default), argument.place)
+    return [(name, default or "", str(place)) for (name, default), place in found.items()]
+
+
+class Files:
+    """All files of a team, in the order of reading."""
+
+    def __init__(self, given: Mapping[str, str]) -> None:
+        """`given` are the arguments."""
+        self.sources: list[Source] = []
+        self.arguments: list[Argument] = []
+        """What the files take."""
+        self.missing: list[Mistake] = []
+        """Arguments that were not given."""
+        self.mistakes: list[Mistake] = []
+        self._given = given
+
+    def gather(self, path: Path) -> Table:
+        """The merged table of a file and of what it includes.
+
+        Raises ConfigError for the first file that is not TOML, and for too many files.
+        """
+        table = self._read(path, ())
+        table.pop("include", None)
+        names = list(dict.fromkeys(argument.name for argument in self.arguments))
+        takes = f"it takes {', '.join(names)}" if names else "it takes none"
+        for name in [name for name in self._given if name not in names]:
+            told = f"there is no argument {name}{did_you_mean(name, names)}; {takes}"
+            self.mistakes.append(Mistake(Place(self.sources[0]), told))
+        return table
+
+    def adopt(self, name: str, tables: Mapping[str, Any]) -> Table:
+        """Tables that a program gives, as if the file `name` held them."""
+        self.sources.append(Source(Path(name)))
+        table: Table = _placed(dict(tables), Place(self.sources[0]))
+        return table
+
+    def _read(self, path: Path, above: tuple[Path, ...]) -> Table:
+        """A file below the files `above`, with what it includes."""
+        lines, tables = read_toml(path)
+        source = Source(path, lines, len(self.sources))
+        self.sources.append(source)
+        own = _placed(tables, Place(source), self._fill)
+        if above:
+            _fix_paths(own, path.parent.resolve())
+        merged = Table(own.place)
+        for place, text in self._included(own):
+            found = self._find(place, text, (*above, path))
+            if found is not None:
+                merged = merge(merged, self._read(found, (*above, path)), lists=LISTS)
+        return merge(merged, own, lists=LISTS)
+
+    def _fill(self, text: str, place: Place) -> Any:
+        found = _REFERENCE.fullmatch(text)
+        if found is None:
+            return text
+        self.arguments.append(Argument(found[1], found[2], place))
+        given = self._given.get(found[1], found[2])
+        if given is None:
+            self.missing.append(Mistake(place, f"the argument {found[1]} is missing: give {found[1]}=VALUE"))
+            return text
+        return _placed(parse_value(given), place)
+
+    def _included(self, table: Table) -> list[tuple[Place, str]]:
+        value, place = table.get("include", []), table.place_of("include")
+        if not isinstance(value, list):
+            self.mistakes.append(Mistake(place, 'a list of team files is expected, such as ["base.toml"]'))
+            return []
+        found = []
+        for i, text in enumerate(value):
+            if isinstance(text, str) and text:
+                found.append((place.below(i), text))
+            else:
+                self.mistakes.append(Mistake(place.below(i), "the name of a team file is expected"))
+        return found
+
+    def _find(self, place: Place, text: str, above: tuple[Path, ...]) -> Path | None:
+        beside = place.source.path.parent / text
+        found = resources.existing_file(beside) or resources.shipped_team(text)
+        if found is None and resources.is_folder(beside):
+            told = f"{text!r} is a folder; name the team file in it (*.toml)"
+        elif found is None:
+            known = ", ".join(resources.names(resources.teams_folder(), ".toml"))
+            told = f"{text!r} is neither a file beside this one nor a shipped team ({known})"
+        elif found.resolve() in (path.resolve() for path in above):
+            chain = " → ".join(path.name for path in (*above, found))
+            told = f"the files include each other in a circle ({chain})"
+        elif len(self.sources) >= MAX_FILES:
+            raise error_of([Mistake(place, f"more than {MAX_FILES} files are included")])
+        else:
+            return found
+        self.mistakes.append(Mistake(place, told))
+        return None
+
+
+def _fix_paths(table: Table, folder: Path) -> None:
+    """Let the paths of an included file name the same files from anywhere."""
+    team: Any = table.get("team")
+    robots = table.get("robots")
+    beside = resources.existing_file(folder / team["world"]) if _is_text(team, "world") else None
+    if beside is not None:
+        team["world"] = str(beside)
+    tables = [table.get("defaults"), *(robots if isinstance(robots, list) else [])]
+    navigations = [inner.get("navigation") for inner in tables if isinstance(inner, Table)]
+    holders = [(team, "map"), *((inner, "description") for inner in tables), *((n, "params") for n in navigations)]
+    for holder, key in holders:
+        if _is_text(holder, key):
+            holder[key] = str(folder / holder[key])
+
+
+def _is_text(holder: Any, key: str) -> bool:
+    return isinstance(holder, Table) and isinstance(holder.get(key), str)
+
+
+def read_toml(path: Path) -> tuple[Mapping[KeyPath, int], dict[str, Any]]:
+    """The lines of the keys in a file, and its tables. Raises ConfigError if it is not TOML."""
+    text = _read_text(path)
     try:
-        lines = key_lines(text)
-        tables = tomllib.loads(text)
+        return key_lines(text), tomllib.loads(text)
     except TooDeepError as error:
         raise ConfigError(f"{path}:{error.line}: {error}") from None
     except tomllib.TOMLDecodeError as error:
@@ -76,10 +293,9 @@ def read_source(path: Path, number: int = 0) -> Source:
     except ValueError as error:
         # A number of thousands of digits.
         raise ConfigError(f"{path}: not a team file: {' '.join(str(error).split())}") from None
-    return Source(path, tables, lines, number)
 
 
-def _read(path: Path) -> str:
+def _read_text(path: Path) -> str:
     try:
         with path.open("rb") as file:
             data = file.read(MAX_BYTES + 1)

@@ -8,7 +8,7 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
-from zteam.toml_lines import Path, TooDeepError, key_lines
+from zteam.toml_values import KeyPath, TooDeepError, key_lines
 
 words = st.text(string.ascii_letters + string.digits + "_-", min_size=1, max_size=4)
 keys = words | st.sampled_from(["a b", "x.y", "", "ü", 'say "x"', "#", "[t]", "a = 1"])
@@ -33,14 +33,14 @@ class Writer:
 
     def __init__(self, draw: st.DrawFn) -> None:
         self.text = ""
-        self.lines: dict[Path, int] = {}
+        self.lines: dict[KeyPath, int] = {}
         self._draw = draw
 
     @property
     def _line(self) -> int:
         return self.text.count("\n") + 1
 
-    def _note(self, path: Path) -> None:
+    def _note(self, path: KeyPath) -> None:
         self.lines.setdefault(path, self._line)
 
     def _key(self, key: str) -> str:
@@ -48,14 +48,14 @@ class Writer:
         styles = [json.dumps(key)] + ([key] if bare else []) + ([f"'{key}'"] if "'" not in key else [])
         return self._draw(st.sampled_from(styles))
 
-    def pairs(self, table: Path, depth: int) -> None:
+    def pairs(self, table: KeyPath, depth: int) -> None:
         """Some keys with their values, a line each."""
         for key in self._draw(st.lists(keys, unique=True, max_size=3)):
             self.text += self._draw(blanks)
             self._pair((*table, key), depth)
             self.text += self._draw(st.sampled_from(["\n", " # note = 1\n"]))
 
-    def _pair(self, path: Path, depth: int) -> None:
+    def _pair(self, path: KeyPath, depth: int) -> None:
         self._note(path)
         self.text += self._key(str(path[-1]))
         if depth and self._draw(st.booleans()):
@@ -65,7 +65,7 @@ class Writer:
         self.text += " = "
         self._value(path, depth)
 
-    def _value(self, path: Path, depth: int) -> None:
+    def _value(self, path: KeyPath, depth: int) -> None:
         kind = self._draw(st.sampled_from(["scalar", "array", "table"] if depth else ["scalar"]))
         if kind == "scalar":
             self.text += self._draw(scalars)
@@ -85,7 +85,7 @@ class Writer:
                 self._pair((*path, key), depth - 1)
             self.text += " }"
 
-    def header(self, path: Path, text: str) -> None:
+    def header(self, path: KeyPath, text: str) -> None:
         """A line in brackets that begins the table at `path`."""
         self._note(path)
         self.text += text + self._draw(blanks.map(lambda blank: " " + blank.removesuffix("\n") + "\n"))
@@ -110,7 +110,7 @@ def documents(draw: st.DrawFn) -> Writer:
     return writer
 
 
-def paths_in(value: Any, path: Path = ()) -> set[Path]:
+def paths_in(value: Any, path: KeyPath = ()) -> set[KeyPath]:
     """Every path of a parsed document."""
     items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     return {path}.union(*(paths_in(item, (*path, key)) for key, item in items))

@@ -7,7 +7,7 @@ import pytest
 from zteam.errors import ConfigError
 from zteam.resources import shipped_world
 from zteam.team_file import load_team, navigation_of, read_team_file, team_world
-from zteam.team_file.includes import MAX_FILES
+from zteam.team_file.sources import MAX_FILES
 
 
 def write(folder: Path, **texts: str) -> Path:
@@ -72,7 +72,7 @@ def test_paths_belong_to_the_file_in_which_they_stand(tmp_path: Path) -> None:
     file = read_team_file(
         write(tmp_path, team='include = ["below/base.toml"]\n[[nodes]]\nname = "b"\ncommand = ["python"]\n')
     )
-    assert file.problems == []
+    assert file.mistakes == []
     assert team_world(file) == below / "own.world"
     assert file.team.team.map == str(below / "hall.yaml")
     assert file.team.robots[0].description == str(below / "arm.urdf")
