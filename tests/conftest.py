@@ -12,10 +12,10 @@ from pathlib import Path
 import pytest
 
 import support.examples  # noqa: F401 - its profile is that of all property tests
-from zteam.messages import sharing
+from zteam.messages.cdr import check_adopted
 
 # A message that is handed over is not checked otherwise.
-sharing.check_adopted()
+check_adopted()
 
 # Under nohup, or as a shell's background job, pytest ignores these signals, and so would every process of a test that
 # is about them.
@@ -106,15 +106,14 @@ def one_real_time_test(request: pytest.FixtureRequest) -> Iterator[None]:
 @pytest.fixture
 def own_types() -> Iterator[None]:
     """Message types that the test defines are forgotten at its end."""
-    from zteam.messages import registry
-    from zteam.messages.message import REGISTERED
+    from zteam.messages.message import REGISTERED, _offered_type
 
     before = dict(REGISTERED)
-    registry._offered_type.cache_clear()
+    _offered_type.cache_clear()
     yield
     REGISTERED.clear()
     REGISTERED.update(before)
-    registry._offered_type.cache_clear()
+    _offered_type.cache_clear()
 
 
 @pytest.fixture

@@ -16,7 +16,6 @@ from support.examples import examples
 from support.strategies import messages
 from zteam.errors import DecodeError
 from zteam.messages import Message, TFMessage, TransformStamped, all_types, decode, encode, ns_from_time
-from zteam.messages.sharing import share
 from zteam.messages.tf_layout import Layout
 
 _ZTEAM_MSGS = {
@@ -83,22 +82,6 @@ def _state(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         return value.dtype, value.shape, value.tobytes(), value.flags.writeable
     return type(value), value.hex() if isinstance(value, float) else value
-
-
-@pytest.mark.few(12)
-@pytest.mark.parametrize("ros_type", _TYPES)
-@given(data=st.data())
-@examples(40)
-def test_a_shared_message_is_the_one_that_would_be_decoded(ros_type: str, data: st.DataObject) -> None:
-    """To the bit, and of the same types: also where numbers are numpy's, or more precise than the wire's."""
-    message = data.draw(messages(all_types()[ros_type]))
-    for name in message.__struct_fields__:
-        value = getattr(message, name)
-        if isinstance(value, float) and abs(value) < 1e30:
-            setattr(message, name, np.float64(value * 1.1))
-        elif isinstance(value, np.ndarray) and data.draw(st.booleans()):
-            setattr(message, name, value.tolist())
-    assert _state(share(message)) == _state(decode(type(message), encode(message)))
 
 
 @pytest.mark.few(12)

@@ -18,7 +18,7 @@ import zteam
 from support.limits import LIMIT
 from support.pages import DOCS, Block, blocks_of, find_file
 from zteam import names
-from zteam.bus.counters import KeyCount
+from zteam.bus.receiving import KeyCount
 from zteam.launch.process import zteam_command
 from zteam.messages import PoseWithCovarianceStamped, Twist, Vector3
 from zteam.services.transforms_client import TransformClient

@@ -10,7 +10,7 @@ from PIL import Image
 
 from support.transports import RouterProcess
 from zteam import BusOptions, connect, names
-from zteam.bus.counters import KeyCount
+from zteam.bus.receiving import KeyCount
 from zteam.messages import Header, LaserScan, MapMetaData, OccupancyGrid, Point, Pose, Range
 from zteam.testing.team import TeamFixture
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from zteam import names
-from zteam.bus.counters import KeyCount
+from zteam.bus.receiving import KeyCount
 from zteam.messages import Message, RobotDriver, Twist, TwistStamped, Vector3
 from zteam.testing.team import TeamFixture
 

@@ -7,8 +7,8 @@ import pytest
 import zenoh
 
 from zteam import names
-from zteam.bus.counters import KeyCount
 from zteam.bus.presence import ProcessInfo
+from zteam.bus.receiving import KeyCount
 from zteam.messages import Twist, Vector3, encode
 from zteam.services.transforms_client import TransformClient
 from zteam.testing.team import TeamFixture

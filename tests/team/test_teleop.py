@@ -8,7 +8,7 @@ import pytest
 
 from support.terminal import TerminalCommand
 from zteam import names
-from zteam.bus.counters import KeyCount
+from zteam.bus.receiving import KeyCount
 from zteam.launch.process import zteam_command
 from zteam.messages import Twist, Vector3
 from zteam.testing.team import TeamFixture

@@ -18,8 +18,8 @@ import zenoh
 from support.limits import LIMIT
 from support.terminal import CONTROLLED
 from zteam import names
-from zteam.bus.counters import KeyCount
 from zteam.bus.presence import ProcessInfo
+from zteam.bus.receiving import KeyCount
 from zteam.launch.process import zteam_command
 from zteam.launch.warm_parent import can_fork
 from zteam.messages import Twist, Vector3, encode

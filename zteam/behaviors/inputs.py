@@ -46,8 +46,8 @@ def check_inputs(inputs: Any) -> None:
 def _check_input(topic: Any, kind: Any) -> None:
     # Imported here, because most behaviours declare nothing.
     from zteam.bus.bus import check_message_type
-    from zteam.bus.keys import problem_of
     from zteam.bus.topics import type_of_key
+    from zteam.bus.transport import problem_of
 
     if not isinstance(topic, str) or not topic:
         raise UsageError(f"{topic!r} is no topic, such as 'goal_pose'")

@@ -6,11 +6,9 @@ from typing import Any, Generic, TypeVar
 
 import msgspec
 
-from zteam.bus.counters import Counters
-from zteam.bus.declarations import OpenDeclarations, Subscription
-from zteam.bus.holding import Holding
+from zteam.bus.declarations import Holding, OpenDeclarations, Subscription
 from zteam.bus.queries import NoRequest, Request, query_handler, read_replies
-from zteam.bus.receiving import Receiver
+from zteam.bus.receiving import Counters, Receiver
 from zteam.bus.transport import Closeable, Declaration, RawPublisher, RawSample, SampleHandler, Transport
 from zteam.errors import BusError, UsageError
 from zteam.messages import Message, encoding_of
@@ -33,7 +31,7 @@ def check_message_type(key: str, message_type: Any) -> None:
 class Publisher(Generic[M]):
     """Publishes messages of one type on one key."""
 
-    def __init__(self, raw: RawPublisher, key: str, message_type: type[M], forget: Callable[[], None]) -> None:
+    def __init__(self, raw: RawPublisher, key: str, message_type: type[M], forget: Callable[[], object]) -> None:
         """`forget()` is called when it is closed."""
         self._raw = raw
         self._forget = forget
@@ -127,15 +125,15 @@ class Bus:
         than one handled before is then skipped, such as that of a second writer.
         """
         check_message_type(key_expr, message_type)
-        make = self._receiver.latched_messages if latched else self._receiver.messages
-        return self._subscribe(key_expr, make(message_type, callback), latched, latched)
+        handler = self._receiver.messages(message_type, callback, latched=latched)
+        return self._subscribe(key_expr, handler, latched, latched)
 
     def subscribe_from(
         self, key_expr: str, message_type: type[M], callback: Callable[[str, M, str], None]
     ) -> Closeable:
         """As `subscribe`, but call `callback(key, message, source)` with the id of the session that sent it."""
         check_message_type(key_expr, message_type)
-        handler = self._receiver.messages_from(message_type, callback)
+        handler = self._receiver.messages(message_type, callback, with_source=True)
         return self._subscribe(key_expr, handler, False, True)
 
     def subscribe_raw(

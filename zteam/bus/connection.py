@@ -18,7 +18,7 @@ from zteam.bus.link import LinkCheck
 from zteam.bus.options import FROM_STDIN as FROM_STDIN
 from zteam.bus.options import LEASE, RELEASE, BusOptions, client_config, open_session
 from zteam.bus.probe import host_port, port_accepts, why_refused
-from zteam.bus.session import ZenohTransport
+from zteam.bus.zenoh_session import ZenohTransport
 from zteam.clock import Every, monotonic, pause
 from zteam.errors import BusError
 

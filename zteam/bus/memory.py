@@ -1,21 +1,20 @@
 """A bus in the memory of one process: the same keys and behaviour as over Zenoh, for teams and unit tests.
 
-A message is not encoded: its receivers share one that is made of it (`share`), and which is not to be changed. `put`
-returns when every subscriber's callback has, and a query's handler runs on the asker's thread (a deferred answer has a
-thread of its own, as over Zenoh). Sessions share a `MemoryHub`.
+The receivers of a message share one, which they do not change: what its bytes say, or the sender's own if it hands that
+over. `put` returns when every subscriber's callback has, and a query's handler runs on the asker's thread (a deferred
+answer has a thread of its own, as over Zenoh). Sessions share a `MemoryHub`.
 """
 
 import itertools
 import logging
 import threading
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
+from typing import Any, NamedTuple
 
-from zteam.bus.answering import DeferredAnswers, error_reply, make_answer
 from zteam.bus.bus import Bus
-from zteam.bus.keys import check_use, matches
-from zteam.bus.memory_publisher import Deliver, MemoryPublisher, Receiver, Subscriber, deliver_now
+from zteam.bus.queries import DeferredAnswers, error_reply, make_answer
 from zteam.bus.transport import (
     Closeable,
     QueryHandler,
@@ -24,10 +23,46 @@ from zteam.bus.transport import (
     Reply,
     SampleHandler,
     TokenHandler,
+    check_use,
+    matches,
+    size_problem,
 )
 from zteam.clock import monotonic, wait_until
+from zteam.errors import DecodeError
+from zteam.messages import Message, decode, encode
+from zteam.messages.cdr import adopt
 
 log = logging.getLogger("zteam.bus")
+
+
+class Receiver(NamedTuple):
+    """What a hub delivers to."""
+
+    owner: str
+    """Of the session, as the session was told."""
+    take: Callable[[Any], object]
+
+
+Deliver = Callable[[Sequence[Receiver], Any], None]
+
+
+def deliver_now(receivers: Sequence[Receiver], news: Any) -> None:
+    """Call every receiver in this thread."""
+    for _, take in receivers:
+        take(news)
+
+
+class _Subscriber(NamedTuple):
+    session: str
+    key_expr: str
+    receiver: Receiver
+
+
+class _Queryable(NamedTuple):
+    session: str
+    key: str
+    handler: QueryHandler
+    deferred: DeferredAnswers
 
 
 class _Handle:
@@ -44,14 +79,6 @@ class _Handle:
             close()
 
 
-class _Queryable:
-    def __init__(self, session: str, key: str, handler: QueryHandler, deferred: DeferredAnswers) -> None:
-        self.session = session
-        self.key = key
-        self.handler = handler
-        self.deferred = deferred
-
-
 class MemoryHub:
     """What the router is to processes: all declarations of all sessions, and the latched payloads."""
 
@@ -64,7 +91,7 @@ class MemoryHub:
         self.lock = threading.RLock()
         self._ids = itertools.count(1)
         self.timestamps = timestamps or itertools.count(1)
-        self.subscribers: dict[int, Subscriber] = {}
+        self.subscribers: dict[int, _Subscriber] = {}
         self.version = 0
         """Changes with `subscribers`."""
         self.queryables: dict[int, _Queryable] = {}
@@ -82,7 +109,7 @@ class MemoryHub:
         """A number for a declaration or a session."""
         return next(self._ids)
 
-    def subscribe(self, subscriber: Subscriber, latched: bool) -> tuple[int, list[RawSample]]:
+    def subscribe(self, subscriber: _Subscriber, latched: bool) -> tuple[int, list[RawSample]]:
         """Add a subscriber; its number, and with `latched` what was put before."""
         with self.lock:
             number = self.new_id()
@@ -96,11 +123,11 @@ class MemoryHub:
             self.subscribers.pop(number, None)
             self.version += 1
 
-    def matching(self, key: str, but_session: str | None) -> tuple[list[Subscriber], int]:
-        """The subscribers of a key, without those of one session, and `version`."""
+    def matching(self, key: str, but_session: str | None) -> tuple[int, list[Receiver]]:
+        """`version`, and what takes samples of a key, without that of one session."""
         with self.lock:
             found = [s for s in self.subscribers.values() if s.session != but_session and matches(s.key_expr, key)]
-            return found, self.version
+            return self.version, [subscriber.receiver for subscriber in found]
 
     def change_token(self, key: str, by: int) -> None:
         """Count a token up or down, and tell the watchers when it comes or goes."""
@@ -162,9 +189,10 @@ class MemoryTransport:
     ) -> Closeable:
         check_use("subscribe to", key_expr, self._closed)
         hub = self._hub
-        number, history = hub.subscribe(Subscriber(self.instance, self._owner, key_expr, handler), latched)
+        receiver = Receiver(self._owner, handler)
+        number, history = hub.subscribe(_Subscriber(self.instance, key_expr, receiver), latched)
         for sample in history:
-            hub.deliver([Receiver(self._owner, handler)], sample)
+            hub.deliver([receiver], sample)
         return self._keep(lambda: hub.unsubscribe(number))
 
     def declare_queryable(self, key: str, handler: QueryHandler) -> Closeable:
@@ -228,3 +256,84 @@ class MemoryTransport:
 
     def _forget(self, handle: Closeable) -> None:
         self._open.pop(handle, None)
+
+
+class MemoryPublisher:
+    """Puts payloads on one key of a hub."""
+
+    def __init__(
+        self,
+        hub: MemoryHub,
+        session: str,
+        key: str,
+        encoding: str,
+        latched: bool,
+        to_others: bool,
+        source: str,
+        forget: Callable[["MemoryPublisher"], object],
+    ) -> None:
+        """`source` is the session id that its samples carry, if it is not `session`. `forget` is called at its end."""
+        self._hub = hub
+        self._forget = forget
+        self._number = hub.new_id()
+        self._source = source or session
+        self._key = key
+        self._encoding = encoding
+        self._latched = latched
+        self._passed_over = session if to_others else None
+        self._closed = False
+        self._matching: tuple[int, list[Receiver]] = (-1, [])
+        """The hub's `version` when the subscribers were looked for, and what they take samples with."""
+
+    def _receivers(self) -> list[Receiver]:
+        version, receivers = self._matching
+        if version != self._hub.version:
+            # Set at once: another thread may look in between.
+            self._matching = _, receivers = self._hub.matching(self._key, self._passed_over)
+        return receivers
+
+    @property
+    def has_subscribers(self) -> bool:
+        return (self._latched or bool(self._receivers())) and not self._closed
+
+    def find_subscribers(self) -> bool:
+        return self.has_subscribers
+
+    def put(self, payload: bytes) -> None:
+        self._send(bytes(payload))
+
+    def put_message(self, message: Message) -> None:
+        payload = encode(message)
+        content: bytes | Message = payload
+        if not size_problem(payload):
+            try:
+                content = decode(type(message), payload)
+            except DecodeError:
+                # The receivers are to refuse it, each with its reason.
+                pass
+        self._send(content)
+
+    def hand_over(self, message: Message) -> None:
+        self._send(adopt(message))
+
+    def _send(self, content: bytes | Message) -> None:
+        hub = self._hub
+        if not self._latched:
+            if not self._closed and (receivers := self._receivers()):
+                hub.deliver(receivers, self._sample(content))
+            return
+        with hub.lock:
+            if self._closed:
+                return
+            hub.latched[self._number] = sample = self._sample(content)
+            receivers = self._receivers()
+        hub.deliver(receivers, sample)
+
+    def _sample(self, content: bytes | Message) -> RawSample:
+        return RawSample(self._key, content, self._encoding, next(self._hub.timestamps), self._source)
+
+    def close(self) -> None:
+        with self._hub.lock:
+            self._closed = True
+            self._hub.latched.pop(self._number, None)
+        self._forget(self)

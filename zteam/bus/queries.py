@@ -1,17 +1,28 @@
-"""Typed queries: requests and answers as JSON, errors as BusError."""
+"""Typed queries: requests and answers as JSON, errors as texts that the asker gets as BusError.
 
+Nothing on the wire may crash a process, and a slow answer is made on a thread of its own.
+"""
+
+import logging
+import threading
 from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple, TypeVar
 
 import msgspec
 
-from zteam.bus.counters import Counters
-from zteam.bus.payloads import decode_json
-from zteam.bus.transport import QueryHandler, Reply
-from zteam.errors import BusError, DecodeError
+from zteam.bus.receiving import Counters
+from zteam.bus.transport import QueryHandler, Reply, size_problem
+from zteam.errors import BusError, DecodeError, ZteamError
+
+log = logging.getLogger("zteam.bus")
 
 Request = TypeVar("Request", bound=msgspec.Struct)
 T = TypeVar("T")
+
+MAX_DEFERRED = 64
+"""Deferred answers of a session at once; each has a thread."""
+
+Finish = Callable[[], bytes]
 
 
 class NoRequest(msgspec.Struct):
@@ -29,6 +40,18 @@ class Deferred(NamedTuple):
     """An answer that takes its time: `finish()` returns it and is called on a thread of its own."""
 
     finish: Callable[[], Any]
+
+
+def decode_json(payload: bytes, kind: type[T]) -> T:
+    """A request or an answer. Raises DecodeError."""
+    if problem := size_problem(payload):
+        raise DecodeError(problem)
+    try:
+        return msgspec.json.decode(payload, type=kind)
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        raise DecodeError(str(error)) from None
+    except RecursionError:
+        raise DecodeError("it is nested too deeply") from None
 
 
 def read_replies(key_expr: str, replies: Iterable[Reply], reply_type: type[T]) -> list[tuple[str, T]]:
@@ -67,3 +90,47 @@ def query_handler(
         return msgspec.json.encode(answer)
 
     return handle
+
+
+def make_answer(key: str, make: Callable[[], bytes | Finish]) -> Reply | Finish:
+    """The reply to a query on `key`, or the call that takes its time to make it.
+
+    The text of a ZteamError goes to the asker as it is. Any other exception is a fault: it is logged here, and the
+    asker gets its type and text.
+    """
+    try:
+        made = make()
+    except ZteamError as error:
+        return error_reply(str(error))
+    except Exception as error:
+        log.exception("error while answering the query %s", key)
+        return error_reply(f"{type(error).__name__}: {error}")
+    return made if callable(made) else Reply(key, made, False)
+
+
+def error_reply(text: str) -> Reply:
+    """A reply that carries an error; as in Zenoh, it has no key."""
+    return Reply("", text.encode(), True)
+
+
+class DeferredAnswers:
+    """The deferred answers of one session."""
+
+    def __init__(self) -> None:
+        self._free = threading.BoundedSemaphore(MAX_DEFERRED)
+
+    def start(self, key: str, finish: Finish, send: Callable[[Reply], None]) -> None:
+        """Make an answer on a new thread and `send` it; if too many are waiting, send an error at once."""
+        if not self._free.acquire(blocking=False):
+            send(error_reply(f"more than {MAX_DEFERRED} queries are waiting: ask again later"))
+            return
+
+        def work() -> None:
+            try:
+                reply = make_answer(key, finish)
+                assert isinstance(reply, Reply)
+                send(reply)
+            finally:
+                self._free.release()
+
+        threading.Thread(target=work, name="deferred answer", daemon=True).start()

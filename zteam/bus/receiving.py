@@ -1,22 +1,119 @@
 """What happens to a sample that arrives: it is checked, decoded, counted and handled."""
 
 import logging
+import threading
 from collections.abc import Callable
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
-from zteam.bus.counters import MAX_KEYS, Counters
-from zteam.bus.payloads import size_problem
-from zteam.bus.transport import DirectHandler, MessageHandler, RawSample, SampleHandler
+import msgspec
+
+from zteam.bus.transport import RawSample, SampleHandler, size_problem
+from zteam.clock import monotonic
 from zteam.errors import DecodeError
 from zteam.messages import Message, decode, encoding_of
-from zteam.names import is_wildcard
+from zteam.names import all_robots_key, is_wildcard, split_robot_key
 
 log = logging.getLogger("zteam.bus")
 
 M = TypeVar("M", bound=Message)
 
+MAX_KEYS = 4096
+"""A sender can invent keys; beyond this many they are counted together."""
+OTHER = "(other keys)"
+_MAX_REASON = 300
+"""Characters; a reason may repeat what a sender wrote."""
+_FIRST_PAUSE, _LONGEST_PAUSE = 1.0, 60.0
+"""Host seconds between two warnings about a key: a cause that stays must not fill the log."""
 _CDR = "application/cdr;"
-_FAULT = "error while handling a message on %s"
+
+
+class KeyCount(msgspec.Struct):
+    """Messages on one key."""
+
+    received: int = 0
+    dropped: int = 0
+    last_drop_age: float | None = None
+    """Host seconds since the last message was dropped, when this was told; None if none was."""
+    last_drop_reason: str = ""
+    """Why it was dropped."""
+
+
+class _Drop(NamedTuple):
+    """The last dropped message of a key, and the last warning about one. Times are the host's."""
+
+    time: float
+    reason: str
+    warned: float
+    pause: float
+    """Seconds from that warning to the next; twice as long after each."""
+
+
+def _next_drop(last: _Drop | None, now: float, reason: str) -> _Drop:
+    """What follows `last`; it is warned about if `warned` is `now`."""
+    if last is None or now - last.time >= _LONGEST_PAUSE:
+        return _Drop(now, reason, now, _FIRST_PAUSE)
+    if reason != last.reason and now - last.warned >= _FIRST_PAUSE:
+        return _Drop(now, reason, now, _FIRST_PAUSE)
+    if now - last.warned >= last.pause:
+        return _Drop(now, reason, now, min(2.0 * last.pause, _LONGEST_PAUSE))
+    return last._replace(time=now, reason=reason)
+
+
+class Counters:
+    """Thread-safe counts. Drops of a key are warned about at most once a second, and ever less often for one reason.
+
+    Robots of which every message was dropped count as one key.
+    """
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._counts: dict[str, KeyCount] = {}
+        self._last: dict[str, _Drop] = {}
+
+    def receive(self, key: str) -> KeyCount:
+        """One good message came; the key's count.
+
+        The receiver may count further ones up itself, without the lock, which would take most of the time: an addition
+        is not interrupted by other threads.
+        """
+        with self._lock:
+            count = self._count(key)
+            count.received += 1
+            return count
+
+    def drop(self, key: str, why: str) -> None:
+        """One message was refused; say why."""
+        with self._lock:
+            count = self._count(key)
+            count.dropped += 1
+            shown = key if key in self._counts else OTHER
+            now = monotonic()
+            last = self._last[shown] = _next_drop(self._last.get(shown), now, why[:_MAX_REASON])
+            target = split_robot_key(key)
+            if target is not None and count.received <= count.dropped:
+                # No message of this robot was good: a sender can invent robots, so they share the warnings of a topic.
+                topic = all_robots_key(target[1])
+                last = self._last[topic] = _next_drop(self._last.get(topic), now, why[:_MAX_REASON])
+            dropped = count.dropped
+        if last.warned == now:
+            log.warning("dropped a message on %s: %s (%d so far)", key, why, dropped)
+
+    def snapshot(self) -> dict[str, KeyCount]:
+        """A copy, sorted by key; the ages of the last drops are those of this moment."""
+        with self._lock:
+            return {key: self._told(key, count) for key, count in sorted(self._counts.items())}
+
+    def _told(self, key: str, count: KeyCount) -> KeyCount:
+        last = self._last.get(key)
+        if last is None:
+            return KeyCount(count.received, count.dropped)
+        return KeyCount(count.received, count.dropped, round(monotonic() - last.time, 3), last.reason)
+
+    def _count(self, key: str) -> KeyCount:
+        count = self._counts.get(key)
+        if count is None:
+            count = self._counts.setdefault(key if len(self._counts) < MAX_KEYS else OTHER, KeyCount())
+        return count
 
 
 class Receiver:
@@ -26,52 +123,56 @@ class Receiver:
         self._counters = counters
 
     def decode(self, sample: RawSample, message_type: type[M]) -> M | None:
-        """The sample's message; None if it is refused (the counters say why)."""
-        if self._refuse(sample, message_type):
-            return None
-        message = sample.content
-        if not isinstance(message, message_type):
-            try:
-                message = decode(message_type, sample.payload)
-            except DecodeError as error:
-                self._counters.drop(sample.key, str(error))
-                return None
-        self._counters.receive(sample.key)
+        """The sample's message, counted; None if it is refused (the counters say why)."""
+        message = self._decode(sample, message_type)
+        if message is not None:
+            self._counters.receive(sample.key)
         return message
 
-    def messages(self, message_type: type[M], callback: Callable[[str, M], None]) -> SampleHandler:
-        """Calls `callback(key, message)`."""
+    def _decode(self, sample: RawSample, message_type: type[M]) -> M | None:
+        if self._refuse(sample, message_type):
+            return None
+        if isinstance(sample.content, message_type):
+            return sample.content
+        try:
+            return decode(message_type, sample.payload)
+        except DecodeError as error:
+            self._counters.drop(sample.key, str(error))
+            return None
 
-        def handle(sample: RawSample) -> None:
-            message = self.decode(sample, message_type)
-            if message is not None:
-                callback(sample.key, message)
+    def messages(
+        self, message_type: type[M], callback: Callable[..., None], *, latched: bool = False, with_source: bool = False
+    ) -> SampleHandler:
+        """Calls `callback(key, message)`, or `callback(key, message, source)`.
 
-        return self._direct(message_type, handle, callback)
-
-    def messages_from(self, message_type: type[M], callback: Callable[[str, M, str], None]) -> SampleHandler:
-        """Calls `callback(key, message, source)`."""
-
-        def handle(sample: RawSample) -> None:
-            message = self.decode(sample, message_type)
-            if message is not None:
-                callback(sample.key, message, sample.source)
-
-        return self._direct(message_type, handle, callback, with_source=True)
-
-    def latched_messages(self, message_type: type[M], callback: Callable[[str, M], None]) -> SampleHandler:
-        """Calls `callback(key, message)` unless a newer message of the key was handled before."""
+        With `latched`, not for a message that is not newer than one of its key that was handled before.
+        """
+        due = encoding_of(message_type)
         newest: dict[str, int] = {}
+        known: dict[str, KeyCount] = {}
+        """By keys on which messages came in memory: the next ones need no check, which would take most of the time."""
 
         def handle(sample: RawSample) -> None:
-            if 0 < sample.timestamp <= newest.get(sample.key, 0):
+            key, message = sample.key, sample.content
+            if latched and 0 < sample.timestamp <= newest.get(key, 0):
                 return
-            message = self.decode(sample, message_type)
-            if message is None:
-                return
-            if sample.key in newest or len(newest) < MAX_KEYS:
-                newest[sample.key] = sample.timestamp
-            callback(sample.key, message)
+            count = known.get(key)
+            if count is not None and type(message) is message_type and sample.encoding == due:
+                count.received += 1
+            else:
+                decoded = self._decode(sample, message_type)
+                if decoded is None:
+                    return
+                count = self._counters.receive(key)
+                if decoded is message:
+                    known[key] = count
+                message = decoded
+            if latched and (key in newest or len(newest) < MAX_KEYS):
+                newest[key] = sample.timestamp
+            if with_source:
+                callback(key, message, sample.source)
+            else:
+                callback(key, message)
 
         return self.guarded(handle)
 
@@ -89,57 +190,21 @@ class Receiver:
                 return
             self._counters.receive(sample.key)
 
-        return self._direct(message_type, handle, callback)
-
-    def _direct(
-        self,
-        message_type: type[M],
-        handle: SampleHandler,
-        callback: Callable[..., None],
-        *,
-        with_source: bool = False,
-    ) -> DirectHandler:
-        """A handler of samples that hands the messages of a bound publisher to `callback(key, message[, source])`."""
-        guarded = self.guarded(handle)
-
-        def bind(key: str, encoding: str, source: str) -> MessageHandler | None:
-            if is_wildcard(key) or encoding != encoding_of(message_type):
-                # Each sample is refused and counted.
-                return None
-            count = self._counters.count_of(key)
-
-            def take(message: Message) -> None:
-                if type(message) is not message_type:
-                    # Of a class that was defined anew since: the bytes count.
-                    guarded(RawSample(key, message, encoding, 0, source))
-                    return
-                count.received += 1
-                try:
-                    # Not with a tuple of arguments: it would have to be unpacked for each message.
-                    if with_source:
-                        callback(key, message, source)
-                    else:
-                        callback(key, message)
-                except Exception:
-                    log.exception(_FAULT, key)
-
-            return take
-
-        return DirectHandler(guarded, bind)
+        return self.guarded(handle)
 
     def guarded(self, callback: Callable[[RawSample], object]) -> SampleHandler:
         """Calls `callback(sample)` for samples of a permitted size, and logs its exceptions."""
 
         def handle(sample: RawSample) -> None:
             # A message without bytes is a small one.
-            if isinstance(sample.content, bytes) and (problem := size_problem(sample.content)):
+            if type(sample.content) is bytes and (problem := size_problem(sample.content)):
                 self._counters.drop(sample.key, problem)
                 return
             try:
                 callback(sample)
             except Exception:
                 # A fault in one callback must not end the subscription, and no other code sees it after the bus.
-                log.exception(_FAULT, sample.key)
+                log.exception("error while handling a message on %s", sample.key)
 
         return handle
 

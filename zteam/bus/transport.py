@@ -4,8 +4,44 @@ from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
 import msgspec
+import zenoh
 
+from zteam.errors import BusError
 from zteam.messages import Message, encode
+
+MAX_PAYLOAD = 64 * 1024 * 1024
+"""Bytes of a message, a request or an answer; a map of 4000 x 4000 cells has 16 MB. Larger ones are not decoded."""
+
+
+def size_problem(payload: bytes) -> str:
+    """Why a payload is too large to be decoded; empty if it is not."""
+    return f"its {len(payload)} bytes are more than {MAX_PAYLOAD}" if len(payload) > MAX_PAYLOAD else ""
+
+
+def first_line(error: zenoh.ZError) -> str:
+    """What an error of Zenoh says, without the place in Zenoh's source."""
+    return (str(error).splitlines() or ["unknown"])[0].partition(" at /")[0]
+
+
+def problem_of(key: str) -> str:
+    """What is wrong with a key expression; empty if nothing is."""
+    try:
+        zenoh.KeyExpr(key)
+    except zenoh.ZError as error:
+        return first_line(error)
+    return ""
+
+
+def matches(key_expr: str, other: str) -> bool:
+    """Whether some key is in both key expressions."""
+    return bool(zenoh.KeyExpr(key_expr).intersects(zenoh.KeyExpr(other)))
+
+
+def check_use(action: str, key: str, closed: bool) -> None:
+    """Raise BusError if the session is closed or `key` is no key expression; `action` is a verb, such as "ask"."""
+    problem = "the session is closed" if closed else problem_of(key)
+    if problem:
+        raise BusError(f"cannot {action} {key}: {problem}")
 
 
 class RawSample(msgspec.Struct, eq=False, gc=False):
@@ -77,29 +113,12 @@ class RawPublisher(Closeable, Protocol):
     def hand_over(self, message: Message) -> None:
         """Send a message that the caller has made for this and does not change any more, nor anything it holds.
 
-        Where it is not encoded it is not copied either, and the caller answers for its values (`sharing.adopt`).
+        Where it is not encoded it is not copied either, and the caller answers for its values (`messages/cdr.py`).
         """
         ...
 
 
 SampleHandler = Callable[[RawSample], None]
-MessageHandler = Callable[[Message], None]
-
-
-class DirectHandler:
-    """A SampleHandler that can also take the messages of one publisher without a sample around each of them."""
-
-    __slots__ = ("_handle", "bind")
-
-    def __init__(self, handle: SampleHandler, bind: Callable[[str, str, str], MessageHandler | None]) -> None:
-        """`bind(key, encoding, source)` makes what takes the messages of a publisher; None if it takes only samples."""
-        self._handle = handle
-        self.bind = bind
-
-    def __call__(self, sample: RawSample) -> None:
-        self._handle(sample)
-
-
 QueryHandler = Callable[[str, bytes], bytes | Callable[[], bytes]]
 """Answers a query, of which it gets the key expression that was asked and the payload: at once, or with a call that may
 take its time."""

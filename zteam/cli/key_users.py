@@ -5,9 +5,8 @@ from collections.abc import Collection, Iterable, Sequence
 
 from zteam import names
 from zteam.bus import Bus
-from zteam.bus.keys import matches
 from zteam.bus.presence import ProcessInfo, holder_text, names_of_sessions
-from zteam.bus.transport import Declaration
+from zteam.bus.transport import Declaration, matches
 from zteam.errors import BusError
 
 _PATIENCE = 0.5

@@ -35,7 +35,7 @@ def open_bus(options: BusOptions) -> Bus:
 
 def check_key(text: str) -> str:
     """The key expression that a user typed, without its leading slash. Raises UsageError that names the fix."""
-    import zteam.bus.keys as keys
+    import zteam.bus.transport as keys
 
     key = strip_slash(text)
     problem = keys.problem_of(key)

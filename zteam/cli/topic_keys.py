@@ -7,9 +7,9 @@ import msgspec
 
 from zteam import names
 from zteam.bus import Bus
-from zteam.bus.counters import KeyCount
-from zteam.bus.keys import matches
+from zteam.bus.receiving import KeyCount
 from zteam.bus.topics import type_of_key
+from zteam.bus.transport import matches
 from zteam.cli.key_users import NO_KEYS, KeyUsers, find_key_users, where_to_look
 from zteam.cli.listening import KeySurvey, check_key, open_bus, survey
 from zteam.cli.node import find_nodes, writer_names

@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 import msgspec
 
 from zteam import names
-from zteam.bus.counters import KeyCount
 from zteam.bus.presence import ProcessInfo
+from zteam.bus.receiving import KeyCount
 from zteam.messages import OccupancyGrid, RobotStatus, TeamStatus
 from zteam.services.simulator import SimStatus
 

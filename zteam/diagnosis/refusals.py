@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from zteam import names
-from zteam.bus.counters import KeyCount
+from zteam.bus.receiving import KeyCount
 from zteam.diagnosis.facts import Facts, Fault
 from zteam.diagnosis.finding import Finding, note, ok, problem
 

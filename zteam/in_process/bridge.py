@@ -13,7 +13,7 @@ from typing import TypeVar
 import msgspec
 
 from zteam.bus import Bus
-from zteam.bus.memory_publisher import Receiver
+from zteam.bus.memory import Receiver
 from zteam.bus.transport import (
     Closeable,
     QueryHandler,

@@ -18,7 +18,7 @@ from threading import get_ident
 from types import CodeType, FrameType
 from typing import Any, TypeVar
 
-from zteam.bus.memory_publisher import Receiver
+from zteam.bus.memory import Receiver
 from zteam.bus.transport import QueryHandler
 
 log = logging.getLogger("zteam")

@@ -10,7 +10,7 @@ import msgspec
 
 from zteam import names
 from zteam.bus import Bus
-from zteam.bus.counters import KeyCount
+from zteam.bus.receiving import KeyCount
 from zteam.clock import HOST_FACTOR
 from zteam.errors import UsageError, ZteamError
 from zteam.launch.process import Process, Usage, measure_usage

@@ -33,17 +33,20 @@ from zteam.messages.message import (
     Int32Seq,
     Message,
     Uint8Seq,
+    all_types,
     bool_,
+    encoding_of,
     float32,
     float64,
     int8,
     int32,
+    message_type,
+    type_of_encoding,
     uint8,
     uint32,
     uint64,
 )
 from zteam.messages.nav_msgs import MapMetaData, OccupancyGrid, Odometry, Path
-from zteam.messages.registry import all_types, encoding_of, message_type, ns_from_time, time_from_ns, type_of_encoding
 from zteam.messages.sensor_msgs import CompressedImage, Imu, JointState, LaserScan, Range
 from zteam.messages.std_msgs import (
     Bool,
@@ -58,6 +61,8 @@ from zteam.messages.std_msgs import (
     LogLevel,
     String,
     Time,
+    ns_from_time,
+    time_from_ns,
 )
 from zteam.messages.visualization_msgs import Marker, MarkerAction, MarkerArray, MarkerType, MeshFile, UVCoordinate
 from zteam.messages.zteam_msgs import (

@@ -10,16 +10,32 @@ import struct
 import typing
 from collections.abc import Callable, Iterable, Sequence
 from functools import cache
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args, get_origin
 
 import numpy as np
+from numpy.typing import NDArray
 
-from zteam.errors import DecodeError, EncodeError
+from zteam.errors import DecodeError, EncodeError, UsageError
 from zteam.messages.message import Message
-from zteam.messages.wire_fields import SIZES, Field, fields_of, least_size
 
 M = TypeVar("M", bound=Message)
 
+_CODES = {
+    "bool": "B", "int8": "b", "uint8": "B", "int32": "i", "uint32": "I", "uint64": "Q", "float32": "f", "float64": "d",
+}  # fmt: skip
+_SIZES = {"B": 1, "b": 1, "i": 4, "I": 4, "Q": 8, "f": 4, "d": 8}
+_DTYPES = {"bool": "b1", "int8": "i1", "uint8": "u1", "int32": "i4", "float32": "f4", "float64": "f8"}
+
+_MAY_BE_INFINITE = {
+    "LaserScan.range_max", "Range.min_range", "Range.max_range", "Range.range",
+    "BaseInfo.acc_lim_x", "BaseInfo.decel_lim_x", "BaseInfo.acc_lim_theta",
+    "BaseInfo.acc_lim_y", "BaseInfo.decel_lim_reverse",
+}  # fmt: skip
+"""Scalars that may be inf or NaN: fixed-distance rangers, lasers and bases without a limit. In any other, a NaN makes
+the payload undecodable."""
+
+_Field = tuple[str, str, Any]
+"""(kind, expression, detail); kinds: number, str, sequence, array, list."""
 _HEADER = b"\x00\x01\x00\x00"
 _MAX_PADDING = 3
 """XCDR1 writers may pad a payload to a multiple of four."""
@@ -60,6 +76,62 @@ def prepare(*, encoded: Iterable[type[Message]] = (), decoded: Iterable[type[Mes
         _decoder(message_type, True)
 
 
+def wire_form(hint: Any, place: str) -> tuple[str, str]:
+    """What a field annotated with `hint` holds, and how many: ("float32", "") one, "n" so many, "]" any number.
+
+    Raises UsageError that names `place` for an annotation that says nothing about the wire.
+    """
+    arguments = get_args(hint)
+    base, bracket, count = "", "", ""
+    if len(arguments) == 2 and isinstance(arguments[1], str):
+        base, bracket, count = arguments[1].partition("[")
+    if base not in (_DTYPES if bracket else _CODES):
+        raise UsageError(
+            f"{place}: {hint} has no form on the wire; use float64, Float64Seq and others of zteam.messages, "
+            "str, a message type, or a list of these"
+        )
+    return base, count if count in ("", "]") else count.removesuffix("]")
+
+
+def _fields_of(message_type: type[Message], expression: str) -> list[_Field]:
+    """The type's fields in wire order, nested messages flattened."""
+    found: list[_Field] = []
+    hints = typing.get_type_hints(message_type, include_extras=True)
+    for name in message_type.__struct_fields__:
+        hint, place = hints[name], f"{expression}.{name}"
+        if get_origin(hint) is list:
+            found.append(("list", place, get_args(hint)[0]))
+        elif hint is str:
+            found.append(("str", place, None))
+        elif isinstance(hint, type) and issubclass(hint, Message):
+            found.extend(_fields_of(hint, place))
+        else:
+            base, count = wire_form(hint, f"{message_type.__name__}.{name}")
+            if not count:
+                finite = base.startswith("float") and f"{message_type.__name__}.{name}" not in _MAY_BE_INFINITE
+                found.append(("number", place, (_CODES[base], base == "bool", finite)))
+            elif count == "]":
+                found.append(("sequence", place, _DTYPES[base]))
+            else:
+                found.append(("array", place, (_DTYPES[base], int(count))))
+    return found
+
+
+def _least_size(kind: Any) -> int:
+    """The fewest bytes that an element of a list can take."""
+    if kind is str:
+        return 4
+    least = 0
+    for field_kind, _, detail in _fields_of(kind, "m"):
+        if field_kind == "number":
+            least += _SIZES[detail[0]]
+        elif field_kind == "array":
+            least += int(detail[0][1]) * int(detail[1])
+        else:
+            least += 4
+    return least
+
+
 @cache
 def _runs(codes: str, order: str) -> tuple[struct.Struct, ...]:
     """Structs for the numbers `codes`, one for each position modulo 8 (counted with the header) it may start at."""
@@ -67,14 +139,14 @@ def _runs(codes: str, order: str) -> tuple[struct.Struct, ...]:
     for start in range(8):
         position, layout = start - len(_HEADER), order
         for code in codes:
-            padding = -position % SIZES[code]
+            padding = -position % _SIZES[code]
             layout += "x" * padding + code
-            position += padding + SIZES[code]
+            position += padding + _SIZES[code]
         variants.append(struct.Struct(layout))
     return tuple(variants)
 
 
-class Source:
+class _Source:
     """A generated function: its lines and the objects they use."""
 
     def __init__(self) -> None:
@@ -98,7 +170,7 @@ class Source:
         return typing.cast(Callable[..., Any], self.names["f"])
 
 
-def _write(source: Source, fields: list[Field]) -> None:
+def _write(source: _Source, fields: list[_Field]) -> None:
     """Lines that append the fields to `parts` and move `p`, the position counted with the header."""
     run: list[tuple[str, str]] = []
 
@@ -111,7 +183,7 @@ def _write(source: Source, fields: list[Field]) -> None:
 
     for number, (kind, place, detail) in enumerate(fields):
         if kind == "number":
-            run.append((detail[0], f"{source.name('B', truth)}({place})" if detail[1] else place))
+            run.append((detail[0], f"{source.name('B', _truth)}({place})" if detail[1] else place))
         elif kind == "str":
             source.add(f"s{number} = {place}.encode() + b'\\0'")
             run.append(("I", f"len(s{number})"))
@@ -134,14 +206,14 @@ def _write(source: Source, fields: list[Field]) -> None:
     flush()
 
 
-def truth(value: Any) -> bool:
+def _truth(value: Any) -> bool:
     """A truth value, numpy's too: what a comparison of numpy numbers gives goes into a `Bool` as it is."""
     if isinstance(value, bool | np.bool_) or value in (0, 1):
         return bool(value)
     raise ValueError(f"{value!r} is neither true nor false")
 
 
-def _write_numbers(source: Source, value: str, size: int) -> None:
+def _write_numbers(source: _Source, value: str, size: int) -> None:
     """Lines for the numbers of a sequence, below its length."""
     if size > 4:
         # The length left the position at a multiple of 4; an empty sequence is not aligned.
@@ -150,7 +222,7 @@ def _write_numbers(source: Source, value: str, size: int) -> None:
     source.add(f"b = {value}.tobytes(); parts.append(b); p += len(b)")
 
 
-def _write_array(source: Source, place: str, dtype: str, count: int) -> None:
+def _write_array(source: _Source, place: str, dtype: str, count: int) -> None:
     """Lines for an array of fixed length."""
     source.add(f"a = np.ascontiguousarray({place}, {source.name('D', np.dtype('<' + dtype))})")
     source.add(f"if a.shape != ({count},): raise ValueError('an array of {count} numbers is due')")
@@ -159,22 +231,22 @@ def _write_array(source: Source, place: str, dtype: str, count: int) -> None:
 
 @cache
 def _element_writer(kind: Any) -> Callable[..., Any]:
-    source = Source()
-    _write(source, [("str", "m", None)] if kind is str else fields_of(kind, "m"))
+    source = _Source()
+    _write(source, [("str", "m", None)] if kind is str else _fields_of(kind, "m"))
     source.add("return p")
     return source.compile("def f(m, parts, p):", f"write {kind.__name__}")
 
 
 @cache
 def _encoder(message_type: type[Message]) -> Callable[[Message], bytes]:
-    source = Source()
+    source = _Source()
     source.add(f"parts = [{_HEADER!r}]; p = {len(_HEADER)}")
-    _write(source, fields_of(message_type, "m"))
+    _write(source, _fields_of(message_type, "m"))
     source.add("return b''.join(parts)")
     return source.compile("def f(m):", f"encode {message_type.__name__}")
 
 
-def _read(source: Source, fields: list[Field], order: str) -> dict[str, str]:
+def _read(source: _Source, fields: list[_Field], order: str) -> dict[str, str]:
     """Lines that read the fields from `buf` at `p`, up to `end`; the variable that holds each place's value."""
     values: dict[str, str] = {}
     run: list[tuple[str, str]] = []
@@ -207,18 +279,18 @@ def _read(source: Source, fields: list[Field], order: str) -> dict[str, str]:
             _COUNTED[kind](source, value, detail, order)
     flush()
     if finite:
-        source.add(finite_check(finite))
+        source.add(_finite_check(finite))
     return values
 
 
-def finite_check(values: Sequence[str]) -> str:
+def _finite_check(values: Sequence[str]) -> str:
     """A line that raises DecodeError if a number in one of these variables is not finite."""
     # 0 * x is 0 for every finite x and NaN for the others, and a sum of zeros cannot overflow.
     zeros = " + ".join("0.0 * " + value for value in values)
     return f"if {zeros} != 0.0: raise DecodeError('a number is not finite')"
 
 
-def _read_text(source: Source, value: str, _detail: None, _order: str) -> None:
+def _read_text(source: _Source, value: str, _detail: None, _order: str) -> None:
     source.add("if n > end - p: raise DecodeError('a text of %d bytes, more than it holds' % n)")
     # Some writers send the empty text without its NUL.
     source.add(f"if n == 0: {value} = ''")
@@ -233,12 +305,12 @@ def _bool_checks(value: str, place: str) -> list[str]:
     ]
 
 
-def _read_array(source: Source, value: str, dtype: str, count: int, order: str) -> None:
+def _read_array(source: _Source, value: str, dtype: str, count: int, order: str) -> None:
     source.add(f"p += ({len(_HEADER)} - p) % {int(dtype[1])}")
     _read_numbers(source, value, dtype, str(count), order)
 
 
-def _read_sequence(source: Source, value: str, dtype: str, order: str) -> None:
+def _read_sequence(source: _Source, value: str, dtype: str, order: str) -> None:
     size = int(dtype[1])
     if size > 4:
         source.add(f"if n: p += ({len(_HEADER)} - p) % {size}")
@@ -246,14 +318,14 @@ def _read_sequence(source: Source, value: str, dtype: str, order: str) -> None:
     _read_numbers(source, value, dtype, "n", order)
 
 
-def _read_list(source: Source, value: str, kind: Any, order: str) -> None:
+def _read_list(source: _Source, value: str, kind: Any, order: str) -> None:
     reader = source.name("R", _element_reader(kind, order))
-    source.add(f"if n * {least_size(kind)} > end - p: raise DecodeError('a length of %d, too many' % n)")
+    source.add(f"if n * {_least_size(kind)} > end - p: raise DecodeError('a length of %d, too many' % n)")
     source.add(f"{value} = []")
     source.add(f"for _ in range(n): e, p = {reader}(buf, p, end); {value}.append(e)")
 
 
-_COUNTED: dict[str, Callable[[Source, str, Any, str], None]] = {
+_COUNTED: dict[str, Callable[[_Source, str, Any, str], None]] = {
     "str": _read_text,
     "sequence": _read_sequence,
     "list": _read_list,
@@ -261,38 +333,105 @@ _COUNTED: dict[str, Callable[[Source, str, Any, str], None]] = {
 """What reads a field that begins with its length, which is in `n`."""
 
 
-def _read_numbers(source: Source, value: str, dtype: str, count: str, order: str) -> None:
+def _read_numbers(source: _Source, value: str, dtype: str, count: str, order: str) -> None:
     wire = source.name("D", np.dtype(order + dtype))
     native = "" if order == "<" else f".astype({source.name('D', np.dtype('<' + dtype))})"
     source.add(f"{value} = np.frombuffer(buf, {wire}, {count}, p){native}; p += {count} * {int(dtype[1])}")
 
 
-def build_expression(message_type: type[Message], expression: str, values: dict[str, str], source: Source) -> str:
+def _build_expression(message_type: type[Message], expression: str, values: dict[str, str], source: _Source) -> str:
     """The expression that makes the message from the variables."""
     hints = typing.get_type_hints(message_type, include_extras=True)
     arguments = []
     for name in message_type.__struct_fields__:
         place = f"{expression}.{name}"
-        arguments.append(values[place] if place in values else build_expression(hints[name], place, values, source))
+        arguments.append(values[place] if place in values else _build_expression(hints[name], place, values, source))
     return f"{source.name('T', message_type)}({', '.join(arguments)})"
 
 
 @cache
 def _element_reader(kind: Any, order: str) -> Callable[..., Any]:
-    source = Source()
+    source = _Source()
     if kind is str:
         result = _read(source, [("str", "m", None)], order)["m"]
     else:
-        result = build_expression(kind, "m", _read(source, fields_of(kind, "m"), order), source)
+        result = _build_expression(kind, "m", _read(source, _fields_of(kind, "m"), order), source)
     source.add(f"return {result}, p")
     return source.compile("def f(buf, p, end):", f"read {kind.__name__}")
 
 
 @cache
 def _decoder(message_type: type[Message], little: bool) -> Callable[[bytes, int], Message]:
-    source = Source()
+    source = _Source()
     source.add(f"p = {len(_HEADER)}")
-    values = _read(source, fields_of(message_type, "m"), "<" if little else ">")
+    values = _read(source, _fields_of(message_type, "m"), "<" if little else ">")
     source.add(f"if end - p > {_MAX_PADDING}: raise DecodeError('%d bytes of garbage behind it' % (end - p))")
-    source.add(f"return {build_expression(message_type, 'm', values, source)}")
+    source.add(f"return {_build_expression(message_type, 'm', values, source)}")
     return source.compile("def f(buf, end):", f"decode {message_type.__name__}")
+
+
+def adopt(message: M) -> M:
+    """This very message as receivers in this process are to see it: the sender changes it no more, nor what it holds.
+
+    Its float32 fields are narrowed, and its arrays become read-only. The sender answers for the rest: numbers are plain
+    ones that fit their fields, and finite where they must be (`check_adopted`).
+    """
+    change = _adopter(type(message))
+    if change is not None:
+        change(message)
+    if _checks:
+        _compare(message, decode(type(message), encode(message)))
+    return message
+
+
+_checks: list[bool] = []
+"""Not empty: what is adopted is checked."""
+
+
+def check_adopted() -> None:
+    """Let `adopt` raise EncodeError for a message that its bytes would change. It costs time: use it in tests."""
+    _checks.append(True)
+
+
+def _compare(given: Any, due: Any) -> None:
+    """Raise EncodeError unless both are the same, types and precision included."""
+    if type(given) is not type(due):
+        raise EncodeError(f"{given!r} was handed over where a {type(due).__name__} is due")
+    if isinstance(due, Message):
+        for field in due.__struct_fields__:
+            _compare(getattr(given, field), getattr(due, field))
+    elif isinstance(due, list):
+        for mine, other in zip(given, due, strict=True):
+            _compare(mine, other)
+    elif isinstance(due, np.ndarray):
+        if given.dtype != due.dtype or given.flags.writeable:
+            raise EncodeError("an array was handed over that can be written, or has another type")
+    elif given != due and given == given:
+        raise EncodeError(f"{given!r} was handed over where {due!r} is due")
+
+
+def _read_only(value: Any, dtype: np.dtype[Any]) -> NDArray[Any]:
+    array: NDArray[Any] = np.ascontiguousarray(value, dtype)
+    array.flags.writeable = False
+    return array
+
+
+@cache
+def _adopter(kind: Any) -> Callable[[Any], None] | None:
+    """Changes the message itself; None for a type of which nothing is to be changed."""
+    if kind is str:
+        return None
+    source = _Source()
+    narrow = []
+    for field, place, detail in _fields_of(kind, "m"):
+        if field == "number" and detail[0] == "f":
+            narrow.append(place)
+        elif field == "list" and (adopter := _adopter(detail)) is not None:
+            source.add(f"for e in {place}: {source.name('R', adopter)}(e)")
+        elif field in ("sequence", "array"):
+            dtype = source.name("D", np.dtype("<" + (detail if field == "sequence" else detail[0])))
+            source.add(f"{place} = {source.name('Q', _read_only)}({place}, {dtype})")
+    if narrow:
+        packer = source.name("S", struct.Struct(f"<{len(narrow)}f"))
+        source.add(f"{', '.join(narrow)}, = {packer}.unpack({packer}.pack({', '.join(narrow)}))")
+    return source.compile("def f(m):", f"adopt {kind.__name__}") if source.lines else None

@@ -9,9 +9,9 @@ import msgspec
 import numpy as np
 
 from zteam.errors import UsageError
+from zteam.messages.cdr import wire_form
 from zteam.messages.message import Message
 from zteam.messages.std_msgs import Header, Time
-from zteam.messages.wire_fields import wire_form
 
 M = TypeVar("M", bound=Message)
 

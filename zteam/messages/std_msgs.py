@@ -6,6 +6,8 @@ import msgspec
 
 from zteam.messages.message import Message, bool_, float32, float64, int32, uint8, uint32
 
+_NS = 1_000_000_000
+
 
 class Time(Message):
     """A point in time."""
@@ -104,3 +106,13 @@ class LogLevel:
     WARN = 30
     ERROR = 40
     FATAL = 50
+
+
+def time_from_ns(nanoseconds: int) -> Time:
+    """A stamp from integer nanoseconds."""
+    return Time(nanoseconds // _NS, nanoseconds % _NS)
+
+
+def ns_from_time(time: Time) -> int:
+    """Integer nanoseconds from a stamp."""
+    return time.sec * _NS + time.nanosec

@@ -10,8 +10,7 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 from zteam.messages.geometry_msgs import Quaternion, TFMessage, Transform, TransformStamped, Vector3
-from zteam.messages.registry import ns_from_time
-from zteam.messages.std_msgs import Header, Time
+from zteam.messages.std_msgs import Header, Time, ns_from_time
 
 _HEADER = 4
 """Bytes of CDR's header; alignment is counted from its end."""

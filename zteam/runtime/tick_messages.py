@@ -12,7 +12,7 @@ from operator import attrgetter
 from typing import Any, NamedTuple
 
 from zteam import names
-from zteam.bus.keys import matches
+from zteam.bus.transport import matches
 from zteam.clock import to_ns
 from zteam.errors import UsageError
 from zteam.messages import Message, TFMessage, Tick, encode, ns_from_time

@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from zteam.bus import Bus, MemoryHub, payloads, receiving
+from zteam.bus import Bus, MemoryHub, receiving, transport
 from zteam.bus.memory import MemoryTransport
 from zteam.bus.transport import Closeable, RawSample, SampleHandler
 from zteam.errors import UsageError
@@ -133,7 +133,7 @@ def test_subscribers_may_come_and_go_between_two_messages(hub: MemoryHub) -> Non
 def test_the_largest_map_is_small_enough() -> None:
     """What a simulator publishes is not refused for its size."""
     largest = OccupancyGrid(info=MapMetaData(width=MAX_CELLS, height=1), data=np.zeros(MAX_CELLS, np.int8))
-    assert len(encode(largest)) <= payloads.MAX_PAYLOAD
+    assert len(encode(largest)) <= transport.MAX_PAYLOAD
 
 
 def test_a_message_of_another_type_is_refused(hub: MemoryHub) -> None:

@@ -2,15 +2,15 @@
 
 import pytest
 
-from zteam.bus import counters
-from zteam.bus.counters import OTHER, Counters, KeyCount
+from zteam.bus import receiving
+from zteam.bus.receiving import OTHER, Counters, KeyCount
 
 
 @pytest.fixture
 def now(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     """The host's time, as the counters read it."""
     time = [100.0]
-    monkeypatch.setattr(counters, "monotonic", lambda: time[0])
+    monkeypatch.setattr(receiving, "monotonic", lambda: time[0])
     return time
 
 
@@ -42,7 +42,7 @@ def test_without_a_drop_there_is_no_age() -> None:
 
 def test_drops_beyond_the_bound_of_keys_are_told_together(now: list[float], monkeypatch: pytest.MonkeyPatch) -> None:
     """Keys that a sender invents have one count, age and reason in common."""
-    monkeypatch.setattr(counters, "MAX_KEYS", 1)
+    monkeypatch.setattr(receiving, "MAX_KEYS", 1)
     found = Counters()
     found.receive("a")
     found.drop("b", "first")
@@ -101,12 +101,3 @@ def test_invented_robots_share_their_warnings(now: list[float], caplog: pytest.L
     ]
     assert sum(count.dropped for count in found.snapshot().values()) == 10_001
     assert "robot_$*/cmd_vel" not in found.snapshot()
-
-
-def test_a_key_without_messages_is_not_told() -> None:
-    """A receiver that counts for itself has no row before its first message."""
-    found = Counters()
-    count = found.count_of("a")
-    assert found.snapshot() == {}
-    count.received += 1
-    assert found.snapshot() == {"a": KeyCount(1)}

@@ -8,7 +8,7 @@ import pytest
 import zenoh
 
 from support.limits import LIMIT
-from zteam.bus.session import ZenohTransport
+from zteam.bus.zenoh_session import ZenohTransport
 from zteam.errors import BusError
 
 ALONE = '{mode: "peer", scouting: {multicast: {enabled: false}, delay: 0}, listen: {endpoints: []}}'

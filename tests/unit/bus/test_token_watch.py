@@ -5,8 +5,8 @@ from collections.abc import Iterator
 import pytest
 
 from support.transports import Inbox, RouterProcess, wait_until_true
-from zteam.bus import Bus, BusOptions, connect, session
-from zteam.bus.token_watch import TokenWatch
+from zteam.bus import Bus, BusOptions, connect, zenoh_session
+from zteam.bus.zenoh_session import TokenWatch
 
 
 @pytest.fixture
@@ -20,7 +20,7 @@ def router() -> Iterator[RouterProcess]:
 @pytest.fixture
 def bus(router: RouterProcess, monkeypatch: pytest.MonkeyPatch) -> Iterator[Bus]:
     """A session that looks at its tokens often."""
-    monkeypatch.setattr(session, "LOOK_PERIOD", 0.05)
+    monkeypatch.setattr(zenoh_session, "LOOK_PERIOD", 0.05)
     bus = connect(BusOptions(connect=router.endpoint))
     yield bus
     bus.close()

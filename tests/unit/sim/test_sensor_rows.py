@@ -10,8 +10,7 @@ import pytest
 from zteam.bus import MemoryHub
 from zteam.bus.topics import type_of_key
 from zteam.messages import Header, Message, TFMessage
-from zteam.messages.message import float64
-from zteam.messages.registry import all_types
+from zteam.messages.message import all_types, float64
 from zteam.nodes.simulator.outputs import TeamOutputs
 from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop

@@ -11,7 +11,7 @@ from urllib.parse import quote
 
 import msgspec
 
-from zteam.bus.payloads import decode_json
+from zteam.bus.queries import decode_json
 from zteam.errors import DecodeError, UsageError
 from zteam.nodes.web import rights
 from zteam.nodes.web.server import WebServer, listen

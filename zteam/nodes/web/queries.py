@@ -8,10 +8,9 @@ import msgspec
 
 from zteam import names
 from zteam.bus import Change
-from zteam.bus.counters import KeyCount
-from zteam.bus.keys import matches
+from zteam.bus.receiving import KeyCount
 from zteam.bus.topics import type_of_key
-from zteam.bus.transport import Closeable, Declaration
+from zteam.bus.transport import Closeable, Declaration, matches
 from zteam.clock import Every, monotonic
 from zteam.errors import BusError
 from zteam.messages import TFMessage, TransformStamped

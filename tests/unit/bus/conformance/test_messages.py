@@ -5,7 +5,7 @@ import pytest
 from support.limits import LIMIT
 from support.log_capture import captured_log
 from support.transports import Inbox, Sessions, wait_until_true
-from zteam.bus import Bus, Publisher, payloads
+from zteam.bus import Bus, Publisher, transport
 from zteam.clock import wait_until
 from zteam.errors import BusError
 from zteam.messages import Bool, Done, encode, encoding_of
@@ -229,7 +229,7 @@ def test_a_message_of_another_type_is_dropped(sessions: Sessions) -> None:
 
 def test_an_oversized_message_is_dropped(sessions: Sessions, monkeypatch: pytest.MonkeyPatch) -> None:
     """It is counted and not decoded, by typed and raw subscribers alike."""
-    monkeypatch.setattr(payloads, "MAX_PAYLOAD", 100)
+    monkeypatch.setattr(transport, "MAX_PAYLOAD", 100)
     sender, listener = sessions(), sessions()
     inbox, raw = ticks(listener, "a"), Inbox()
     listener.subscribe_raw("a", lambda sample: raw(len(sample.payload)))

@@ -9,7 +9,7 @@ import pytest
 from support.limits import LIMIT
 from support.log_capture import captured_log
 from support.transports import Inbox, Sessions, wait_until_true
-from zteam.bus import Bus, Change, Deferred, NoRequest, answering, payloads
+from zteam.bus import Bus, Change, Deferred, NoRequest, queries, transport
 from zteam.errors import BusError
 
 DEEP = 100_000
@@ -192,7 +192,7 @@ def test_an_error_of_a_deferred_answer_goes_to_the_asker(sessions: Sessions) -> 
 @pytest.mark.parametrize("sessions", ["memory", "zenoh"], indirect=True)
 def test_too_many_deferred_answers_are_refused(sessions: Sessions, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each has a thread, so there is a limit; later queries are answered again."""
-    monkeypatch.setattr(answering, "MAX_DEFERRED", 1)
+    monkeypatch.setattr(queries, "MAX_DEFERRED", 1)
     server, asker = sessions(), sessions()
     end, started, answers = threading.Event(), Inbox(), Inbox()
     server.serve("slow", NoRequest, lambda _: Deferred(lambda: started(1) or (end.wait(LIMIT) and Number(1))))
@@ -294,7 +294,7 @@ def test_an_empty_request_is_one_without_fields(sessions: Sessions) -> None:
 
 def test_an_oversized_request_is_not_decoded(sessions: Sessions, monkeypatch: pytest.MonkeyPatch) -> None:
     """It gets an error and one count."""
-    monkeypatch.setattr(payloads, "MAX_PAYLOAD", 100)
+    monkeypatch.setattr(transport, "MAX_PAYLOAD", 100)
     server, asker = sessions(), sessions()
     serve(server, "a", 1)
     introduce(asker, server)
@@ -305,7 +305,7 @@ def test_an_oversized_request_is_not_decoded(sessions: Sessions, monkeypatch: py
 
 def test_an_oversized_answer_is_not_decoded(sessions: Sessions, monkeypatch: pytest.MonkeyPatch) -> None:
     """The asker gets an error that says so."""
-    monkeypatch.setattr(payloads, "MAX_PAYLOAD", 100)
+    monkeypatch.setattr(transport, "MAX_PAYLOAD", 100)
     server, asker = sessions(), sessions()
     server.transport.declare_queryable("a", lambda *_: b" " * 200)
     introduce(asker, server)

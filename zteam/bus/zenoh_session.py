@@ -1,0 +1,423 @@
+"""The Zenoh transport: one session, everything declared on it, and an orderly end.
+
+Zenoh calls for messages on its own thread, for all else on a thread of Python's.
+"""
+
+import atexit
+import ctypes
+import itertools
+import logging
+import queue
+import threading
+from collections.abc import Callable
+from functools import partial
+from typing import Any, TypeVar
+
+import zenoh
+import zenoh.ext
+
+from zteam.bus.queries import DeferredAnswers, error_reply, make_answer
+from zteam.bus.transport import (
+    Closeable,
+    QueryHandler,
+    RawPublisher,
+    RawSample,
+    Reply,
+    SampleHandler,
+    TokenHandler,
+    check_use,
+    first_line,
+)
+from zteam.clock import monotonic
+from zteam.errors import BusError
+from zteam.messages import Message, encode
+
+log = logging.getLogger("zteam.bus")
+
+T = TypeVar("T")
+D = TypeVar("D", bound="Declared")
+
+_MOST = 0.9
+"""Of a time-out: a query that ends after this share of it without a reply has timed out."""
+_HISTORY = zenoh.ext.HistoryConfig(detect_late_publishers=True)
+_BYTES = "zenoh/bytes"
+_THREAD = threading.local()
+LOOK_PERIOD = 30.0
+"""Host seconds without news after which all tokens are looked at."""
+_LOOK_TIMEOUT = 5.0
+"""Host seconds for the router's answer."""
+
+
+def _stay() -> None:
+    """Make the interpreter keep its state of the current thread, one of Zenoh's own.
+
+    Otherwise it makes that state for every callback and throws it away afterwards: 16 KB of stack mapped and unmapped,
+    with their page faults, which takes as long as a short callback. An `Ensure` without its `Release` keeps it.
+    """
+    ctypes.pythonapi.PyGILState_Ensure()
+    _THREAD.stays = True
+
+
+class Aside:
+    """A thread of its own on which Zenoh's callbacks call handlers, in order.
+
+    Zenoh offers the same with a thread for each callback. But those are no daemons, so at exit the interpreter would
+    wait for them, and each costs a process 40 KB.
+    """
+
+    def __init__(self, period: float | None = None, on_idle: Callable[[], None] = lambda: None) -> None:
+        """Each time nothing has come for `period` host seconds, `on_idle()` is called on the thread."""
+        self._period, self._on_idle = period, on_idle
+        self._waiting: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
+        threading.Thread(target=self._work, name="bus", daemon=True).start()
+
+    def callback(self, handler: Callable[[T], None]) -> Any:
+        """A Zenoh callback that calls `handler`, which must not wait long: it keeps others from being called."""
+
+        def put(event: T) -> None:
+            self._waiting.put(partial(call, handler, event))
+
+        return zenoh.handlers.Callback(put, indirect=False)
+
+    def end(self) -> None:
+        """End the thread when all that waits has been handled."""
+        self._waiting.put(None)
+
+    def _work(self) -> None:
+        while (work := self._next()) is not None:
+            work()
+
+    def _next(self) -> Callable[[], None] | None:
+        try:
+            return self._waiting.get(timeout=self._period)
+        except queue.Empty:
+            return self._on_idle
+
+
+def call(handler: Callable[[T], None], event: T) -> None:
+    """Call a handler; its error is logged."""
+    try:
+        handler(event)
+    except Exception:
+        # It must not end the calls that follow, and no other code sees it.
+        log.exception("error in a callback of the bus")
+
+
+def sample_callback(handler: SampleHandler, stamped: bool) -> Any:
+    """A Zenoh callback that calls `handler` with samples; without `stamped` they have neither time nor source."""
+
+    def on_sample(sample: zenoh.Sample) -> None:
+        if not hasattr(_THREAD, "stays"):
+            _stay()
+        if sample.kind != zenoh.SampleKind.PUT:
+            return
+        encoding = str(sample.encoding)
+        if encoding == _BYTES:
+            encoding = ""
+        key, payload = str(sample.key_expr), sample.payload.to_bytes()
+        if not stamped:
+            handler(RawSample(key, payload, encoding))
+            return
+        # "<NTP64>/<id>": the only exact form of a timestamp that Python gets.
+        time, _, source = str(sample.timestamp or "").partition("/")
+        handler(RawSample(key, payload, encoding, int(time) if time else 0, source))
+
+    # On Zenoh's own thread: no other has to wake up, and messages of all keys are handled in their order.
+    return zenoh.handlers.Callback(on_sample, indirect=False)
+
+
+class Declared:
+    """A Zenoh declaration; undeclaring it twice, or after the session's end, does nothing."""
+
+    def __init__(self, entity: Any, forget: Callable[["Declared"], None]) -> None:
+        self._entity = entity
+        self._forget = forget
+
+    def close(self) -> None:
+        entity, self._entity = self._entity, None
+        if entity is not None:
+            self._forget(self)
+            try:
+                entity.undeclare()
+            except zenoh.ZError as error:
+                log.debug("undeclare: %s", error)
+
+
+class ZenohPublisher(Declared):
+    """Puts payloads on one key."""
+
+    def __init__(
+        self,
+        entity: Any,
+        forget: Callable[[Declared], None],
+        latched: bool,
+        on_matching: Callable[[], None],
+        stamp: Callable[[], zenoh.Timestamp | None] = lambda: None,
+    ) -> None:
+        """`on_matching()` is called after `has_subscribers` may have changed.
+
+        `stamp()` makes the timestamps of samples; the session does without it.
+        """
+        super().__init__(entity, forget)
+        self._matching = True
+        self._latched = latched
+        self._stamp = stamp
+        self._changed = on_matching
+        if not latched:
+            # A listener instead of a question for each message: every call into Zenoh releases the interpreter lock.
+            self._lock, self._told = threading.Lock(), False
+            callback: Any = zenoh.handlers.Callback(self._on_matching, indirect=False)
+            self._listener = entity.declare_matching_listener(callback)
+            now = entity.matching_status.matching
+            with self._lock:
+                # The listener's word is newer than the answer.
+                if not self._told:
+                    self._matching = now
+
+    @property
+    def has_subscribers(self) -> bool:
+        return self._matching and self._entity is not None
+
+    def find_subscribers(self) -> bool:
+        # Zenoh calls the listener in a task of its own, which may come late.
+        entity = self._entity
+        return entity is not None and (self._latched or bool(entity.matching_status.matching))
+
+    def _on_matching(self, status: Any) -> None:
+        with self._lock:
+            self._matching, self._told = status.matching, True
+        self._changed()
+
+    def put(self, payload: bytes) -> None:
+        entity = self._entity
+        if entity is None:
+            return
+        try:
+            entity.put(payload, timestamp=self._stamp())
+        except zenoh.ZError as error:
+            log.debug("put: the message is dropped: %s", error)
+
+    def put_message(self, message: Message) -> None:
+        self.put(encode(message))
+
+    def hand_over(self, message: Message) -> None:
+        self.put(encode(message))
+
+
+def stamping_as(session: zenoh.Session, source: str) -> Callable[[], zenoh.Timestamp]:
+    """Makes timestamps with the time of `session` and the id `source`."""
+    # As Zenoh writes its ids: the last byte comes first.
+    name = zenoh.TimestampId(bytes.fromhex(source)[::-1])
+    return lambda: zenoh.Timestamp(session.new_timestamp().get_time_as_ntp64(), name)
+
+
+class TokenWatch(Declared):
+    """Tells a handler of tokens that are there, come or go. `take` and `look` are called on one thread."""
+
+    def __init__(
+        self, session: zenoh.Session, key_expr: str, handler: TokenHandler, forget: Callable[[Declared], None]
+    ) -> None:
+        self._session = session
+        self._key_expr = key_expr
+        self._handler = handler
+        self._alive: set[str] = set()
+        self._missing: set[str] = set()
+        """Those that were alive, and that the last look did not find."""
+        super().__init__(None, forget)
+
+    def declare(self, thread: Aside) -> None:
+        """Watch; the handler is called on `thread`. Raises zenoh.ZError."""
+
+        def on_token(sample: zenoh.Sample) -> None:
+            self.take(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
+
+        liveliness = self._session.liveliness()
+        self._entity = liveliness.declare_subscriber(self._key_expr, thread.callback(on_token), history=True)
+
+    def take(self, key: str, alive: bool) -> None:
+        """A token came or went."""
+        (self._alive.add if alive else self._alive.discard)(key)
+        self._handler(key, alive)
+
+    def look(self) -> None:
+        """Take those as gone that two answers of the router in a row did not have."""
+        begin = monotonic()
+        try:
+            replies = self._session.liveliness().get(self._key_expr, timeout=_LOOK_TIMEOUT)
+            there = {str(reply.ok.key_expr) for reply in replies if reply.ok is not None}
+        except zenoh.ZError as error:
+            log.debug("tokens: %s", error)
+            return
+        # An answer may be empty though tokens are there (1 of 60 sessions just after its start), or come too late.
+        if not there & self._alive or monotonic() - begin >= _LOOK_TIMEOUT:
+            return
+        missing = self._alive - there
+        for key in sorted(missing & self._missing):
+            log.debug("the end of %s was not told", key)
+            call(partial(self.take, alive=False), key)
+        self._missing = missing
+
+
+def _reply(query: zenoh.Query, reply: Reply) -> None:
+    """Answer a query and end it."""
+    try:
+        with query:
+            if reply.error:
+                query.reply_err(reply.payload)
+            else:
+                query.reply(reply.key, reply.payload)
+    except zenoh.ZError as error:
+        # The session was closed meanwhile: the asker sees its queries end.
+        log.debug("reply: %s", error)
+
+
+class ZenohTransport:
+    """An open Zenoh session seen as a Transport."""
+
+    def __init__(self, session: zenoh.Session) -> None:
+        self._session = session
+        self.instance = str(session.zid())
+        self._declared: set[Declared] = set()
+        self._changes, self.matching_changes = itertools.count(1), 0
+        self._link_handlers: list[Callable[[bool], None]] = []
+        self._routers: set[str] = {str(zid) for zid in session.info.routers_zid()}
+        # Answers do not wait for what a change of presence leads to.
+        self._queries, self._presence = Aside(), Aside(LOOK_PERIOD, self._look_at_tokens)
+        events = session.info.declare_transport_events_listener(self._presence.callback(self._on_transport))
+        # Closed before the session: its own end would be told too, perhaps while the interpreter ends already.
+        self._keep(Declared(events, self._declared.discard))
+        # Asked again: a router may have connected before the listener was there.
+        self._routers |= {str(zid) for zid in session.info.routers_zid()}
+        self._deferred = DeferredAnswers()
+        self.up, self.closed = True, False
+        # A script may end without closing: then this does it, while Zenoh can still call into the session.
+        atexit.register(self.close)
+
+    def _declare(self, action: str, key: str, declare: Callable[[], Any]) -> Closeable:
+        """Keep what `declare()` makes until it is closed. Raises BusError."""
+        return self._keep(Declared(self._make(action, key, declare), self._declared.discard))
+
+    def _make(self, action: str, key: str, declare: Callable[[], Any]) -> Any:
+        check_use(action, key, self.closed)
+        try:
+            return declare()
+        except zenoh.ZError as error:
+            # Closed since the check.
+            raise BusError(f"cannot {action} {key}: {first_line(error)}") from None
+
+    def _keep(self, declared: D) -> D:
+        self._declared.add(declared)
+        return declared
+
+    def declare_publisher(
+        self, key: str, encoding: str, latched: bool, to_others: bool = False, source: str = ""
+    ) -> RawPublisher:
+        options: dict[str, Any] = {
+            "encoding": zenoh.Encoding(encoding),
+            "congestion_control": zenoh.CongestionControl.DROP,
+        }
+        if to_others:
+            options["allowed_destination"] = zenoh.Locality.REMOTE
+
+        def declare() -> Any:
+            if not latched:
+                return self._session.declare_publisher(key, **options)
+            cache = zenoh.ext.CacheConfig(1)
+            return zenoh.ext.declare_advanced_publisher(
+                self._session, key, cache=cache, publisher_detection=True, **options
+            )
+
+        entity = self._make("publish on", key, declare)
+        stamps = [stamping_as(self._session, source)] if source else []
+        return self._keep(ZenohPublisher(entity, self._declared.discard, latched, self._on_matching, *stamps))
+
+    def declare_subscriber(
+        self, key_expr: str, handler: SampleHandler, latched: bool, stamped: bool = True
+    ) -> Closeable:
+        callback = sample_callback(handler, stamped)
+
+        def declare() -> Any:
+            if not latched:
+                return self._session.declare_subscriber(key_expr, callback)
+            return zenoh.ext.declare_advanced_subscriber(self._session, key_expr, callback, history=_HISTORY)
+
+        return self._declare("subscribe to", key_expr, declare)
+
+    def declare_queryable(self, key: str, handler: QueryHandler) -> Closeable:
+        def on_query(query: zenoh.Query) -> None:
+            payload = query.payload.to_bytes() if query.payload is not None else b""
+            answer = make_answer(key, lambda: handler(str(query.key_expr), payload))
+            if isinstance(answer, Reply):
+                _reply(query, answer)
+            else:
+                self._deferred.start(key, answer, lambda reply: _reply(query, reply))
+
+        def declare() -> Any:
+            return self._session.declare_queryable(key, self._queries.callback(on_query), complete=True)
+
+        return self._declare("serve", key, declare)
+
+    def get(self, key_expr: str, payload: bytes, timeout: float, to_others: bool = False) -> list[Reply]:
+        def ask() -> Any:
+            return self._session.get(
+                key_expr,
+                payload=payload,
+                timeout=timeout,
+                target=zenoh.QueryTarget.ALL,
+                # Every answer counts: two processes that claim one name both serve its keys.
+                consolidation=zenoh.ConsolidationMode.NONE,
+                allowed_destination=zenoh.Locality.REMOTE if to_others else zenoh.Locality.ANY,
+            )
+
+        replies, begin = [], monotonic()
+        for reply in self._make("ask", key_expr, ask):
+            if reply.ok is not None:
+                replies.append(Reply(str(reply.ok.key_expr), reply.ok.payload.to_bytes(), False))
+            elif reply.err is not None:
+                replies.append(Reply("", reply.err.payload.to_bytes(), True))
+        if not replies and monotonic() - begin >= _MOST * timeout:
+            # The session's own timer adds this error, unless the router's ends the query first.
+            replies.append(error_reply("Timeout"))
+        return replies
+
+    def declare_token(self, key: str) -> Closeable:
+        return self._declare("declare the token", key, lambda: self._session.liveliness().declare_token(key))
+
+    def watch_tokens(self, key_expr: str, handler: TokenHandler) -> Closeable:
+        watch = TokenWatch(self._session, key_expr, handler, self._declared.discard)
+        self._make("watch", key_expr, lambda: watch.declare(self._presence))
+        return self._keep(watch)
+
+    def _look_at_tokens(self) -> None:
+        for declared in list(self._declared):
+            if isinstance(declared, TokenWatch):
+                declared.look()
+
+    def _on_matching(self) -> None:
+        self.matching_changes = next(self._changes)
+
+    def watch_link(self, handler: Callable[[bool], None]) -> None:
+        self._link_handlers.append(handler)
+
+    def _on_transport(self, event: zenoh.TransportEvent) -> None:
+        zid = str(event.transport.zid)
+        if event.kind == zenoh.SampleKind.PUT:
+            self._routers.add(zid)
+        else:
+            self._routers.discard(zid)
+        up = bool(self._routers)
+        if up != self.up:
+            self.up = up
+            for handler in list(self._link_handlers):
+                call(handler, up)
+
+    def close(self) -> None:
+        self.closed = True
+        self._link_handlers.clear()
+        for declared in list(self._declared):
+            declared.close()
+        self._session.close()  # type: ignore[no-untyped-call]
+        self._queries.end()
+        self._presence.end()
+        # Last: if an interrupt cuts this short, it is done again at the interpreter's end.
+        atexit.unregister(self.close)
