@@ -7,8 +7,7 @@ import numpy as np
 
 from zteam import names
 from zteam.bus.presence import ProcessInfo
-from zteam.diagnosis.facts import Facts
-from zteam.diagnosis.finding import Finding
+from zteam.diagnosis.facts import Facts, Finding
 from zteam.messages import (
     Header,
     MapMetaData,

@@ -12,7 +12,7 @@ from zteam.bus.topics import type_of_key
 from zteam.bus.transport import RawSample
 from zteam.cli.arguments import number
 from zteam.cli.interrupts import raise_from_now
-from zteam.cli.key_users import find_key_users, where_to_look
+from zteam.cli.topic_keys import find_key_users, where_to_look
 from zteam.clock import monotonic, wait_until
 from zteam.errors import UsageError
 from zteam.messages import Message, message_type, type_of_encoding

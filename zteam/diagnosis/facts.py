@@ -1,6 +1,7 @@
-"""What the checks judge: everything that was learned of one team within a moment, as plain data."""
+"""What the checks judge, everything that was learned of one team within a moment, as plain data; and what they find."""
 
 from collections.abc import Mapping, Sequence
+from typing import Literal
 
 import msgspec
 
@@ -9,6 +10,36 @@ from zteam.bus.presence import ProcessInfo
 from zteam.bus.receiving import KeyCount
 from zteam.messages import OccupancyGrid, RobotStatus, TeamStatus
 from zteam.services.simulator import SimStatus
+
+Level = Literal["ok", "note", "problem"]
+
+
+class Finding(msgspec.Struct, frozen=True):
+    """One check."""
+
+    what: str
+    good: bool
+    """False for a problem that exists now."""
+    text: str
+    next_step: str = ""
+    """What to do about it; empty where there is nothing to do."""
+    level: Level = "ok"
+    """A note is good: history, or a state that may be intended."""
+
+
+def ok(what: str, text: str) -> Finding:
+    """A check without a problem."""
+    return Finding(what, True, text)
+
+
+def note(what: str, text: str, next_step: str = "") -> Finding:
+    """A state that may be intended, or a problem of the past."""
+    return Finding(what, True, text, next_step, "note")
+
+
+def problem(what: str, text: str, next_step: str = "") -> Finding:
+    """A problem that exists now."""
+    return Finding(what, False, text, next_step, "problem")
 
 
 class Fault(msgspec.Struct, frozen=True):

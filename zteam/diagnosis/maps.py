@@ -6,8 +6,7 @@ from collections.abc import Sequence
 import msgspec
 
 from zteam import names
-from zteam.diagnosis.facts import Facts
-from zteam.diagnosis.finding import Finding, note, ok, problem
+from zteam.diagnosis.facts import Facts, Finding, note, ok, problem
 from zteam.geometry import normalize_angle
 from zteam.services.simulator import MapInfo, SimStatus, map_info
 

@@ -12,7 +12,7 @@ import pytest
 
 from support.transports import RouterProcess
 from zteam.bus import BusOptions, connect
-from zteam.cli.doctor_host import check_router
+from zteam.cli.doctor import check_router
 from zteam.errors import BusError
 
 _REQUEST = "req -newkey ec -pkeyopt ec_paramgen_curve:P-256 -nodes -keyout {0}.key -subj /CN={0}"

@@ -12,7 +12,7 @@ from support.limits import LIMIT
 from zteam import clock as clock_module
 from zteam import names
 from zteam.bus import Bus, MemoryHub, NoRequest
-from zteam.cli import tool_clock, topic, topic_pub
+from zteam.cli import tool_clock, topic
 from zteam.clock import to_ns, wait_until
 from zteam.errors import BusError
 from zteam.messages import Bool, Clock, time_from_ns
@@ -108,7 +108,7 @@ class Publishing:
         self.count = 0
         self.exit_code: int | None = None
         hub.bus().subscribe("flag", Bool, lambda _key, _message: self._notify(1))
-        monkeypatch.setattr(topic_pub, "open_bus", lambda _options: hub.bus())
+        monkeypatch.setattr(topic, "open_bus", lambda _options: hub.bus())
         self._words = ["pub", "flag", "Bool", "{data: true}", *words]
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
@@ -183,7 +183,7 @@ def test_one_message_needs_no_clock(monkeypatch: pytest.MonkeyPatch) -> None:
         raise AssertionError
 
     hub = MemoryHub()
-    monkeypatch.setattr(topic_pub, "open_clock", fail)
+    monkeypatch.setattr(topic, "open_clock", fail)
     once = Publishing(hub, monkeypatch, "--once")
     once.wait(lambda: once.exit_code == 0)
     assert once.count == 1

@@ -18,8 +18,8 @@ from zteam.bus.bus import Publisher
 from zteam.bus.memory import MemoryTransport
 from zteam.bus.options import client_config
 from zteam.bus.transport import RawSample
-from zteam.cli import topic, topic_pub
-from zteam.cli.key_users import KeyUsers, find_key_users
+from zteam.cli import topic
+from zteam.cli.topic_keys import KeyUsers, find_key_users
 from zteam.clock import to_ns
 from zteam.messages import Bool, Clock, PoseStamped, String, Time, Twist, time_from_ns
 from zteam.services.simulator import SimStatus
@@ -29,8 +29,8 @@ from zteam.services.simulator import SimStatus
 def hub(monkeypatch: pytest.MonkeyPatch) -> MemoryHub:
     """The bus of the tool and of everything else."""
     hub = MemoryHub()
-    monkeypatch.setattr(topic_pub, "open_bus", lambda _options: hub.bus())
-    monkeypatch.setattr(topic_pub, "SURVEY", 0.05)
+    monkeypatch.setattr(topic, "open_bus", lambda _options: hub.bus())
+    monkeypatch.setattr(topic, "SURVEY", 0.05)
     return hub
 
 
@@ -155,7 +155,7 @@ def test_a_type_that_is_not_heard_on_the_key_is_refused(
     lamp: None, hub: MemoryHub, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A key of the user's own carries what its publishers send; the same type is accepted."""
-    monkeypatch.setattr(topic_pub, "SURVEY", LIMIT)
+    monkeypatch.setattr(topic, "SURVEY", LIMIT)
     assert topic.main(["pub", "-1", "lamp", "String"]) == 2
     assert capsys.readouterr().err == "zteam topic: lamp carries std_msgs/msg/Bool, not std_msgs/msg/String\n"
     assert topic.main(["pub", "-1", "lamp", "Bool"]) == 0
@@ -213,12 +213,12 @@ def test_a_subscriber_that_comes_during_the_question_is_named(
 
     def ask(bus: Bus) -> KeyUsers:
         monkeypatch.undo()
-        monkeypatch.setattr(topic_pub, "open_bus", lambda _options: hub.bus())
+        monkeypatch.setattr(topic, "open_bus", lambda _options: hub.bus())
         users = find_key_users(bus)
         open_named(hub, "robot_7").subscribe_raw("lamp", ignore)
         return users
 
-    monkeypatch.setattr(topic_pub, "find_key_users", ask)
+    monkeypatch.setattr(topic, "find_key_users", ask)
     assert topic.main(["pub", "-1", "lamp", "Bool"]) == 0
     assert capsys.readouterr().out == "publishing std_msgs/msg/Bool on lamp once to 1 subscriber: robot_7\n"
 

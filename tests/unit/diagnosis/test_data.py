@@ -1,7 +1,7 @@
 """Whether data flows, and whether each robot is commanded by one process only."""
 
 from support.team_facts import problems, sim_status, team_facts
-from zteam.diagnosis.data import check_data, check_writers
+from zteam.diagnosis.checks import check_data, check_writers
 from zteam.diagnosis.facts import Facts
 
 

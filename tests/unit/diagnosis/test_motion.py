@@ -4,8 +4,7 @@ import msgspec
 import pytest
 
 from support.team_facts import nodes, problems, robot_status, sim_status, team_facts, team_status
-from zteam.diagnosis.motion import check_frames, check_gate, check_readiness, check_silence, check_world
-from zteam.diagnosis.team import check_team
+from zteam.diagnosis.checks import check_frames, check_gate, check_readiness, check_silence, check_team, check_world
 from zteam.messages import RobotState
 
 

@@ -4,10 +4,8 @@ import msgspec
 import pytest
 
 from support.team_facts import nodes, problems, robot_status, sim_status, team_facts
-from zteam.diagnosis.facts import Facts
-from zteam.diagnosis.finding import Finding
-from zteam.diagnosis.processes import check_elsewhere, check_processes, check_robots_of_world
-from zteam.diagnosis.team import check_team
+from zteam.diagnosis.checks import check_elsewhere, check_processes, check_robots_of_world, check_team
+from zteam.diagnosis.facts import Facts, Finding
 from zteam.launch import kinds
 from zteam.launch.kinds import KINDS, Kind
 from zteam.messages import RobotState

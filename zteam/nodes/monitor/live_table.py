@@ -8,9 +8,8 @@ from rich.live import Live
 from rich.text import Text
 
 from zteam import names
-from zteam.nodes.monitor.display import Contents
+from zteam.nodes.monitor.display import Contents, Line, format_table
 from zteam.nodes.monitor.members import Event
-from zteam.nodes.monitor.table import Line, format_table
 
 _COLORS = {
     "ready": "cyan", "running": "green", "stopped": "yellow", "fault": "red", "lost": "bold red", "silent": "red",

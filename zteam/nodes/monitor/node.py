@@ -7,8 +7,8 @@ from zteam.errors import BusError
 from zteam.messages import TeamStatus, Tick, ns_from_time
 from zteam.nodes.monitor.display import Display, Output, Showing, showing
 from zteam.nodes.monitor.start_gate import Gate
-from zteam.nodes.monitor.team_watch import TeamWatch
 from zteam.nodes.monitor.view import run_view
+from zteam.nodes.monitor.watch import TeamWatch
 from zteam.process_options import MonitorOptions
 from zteam.runtime.lockstep import Ticks
 from zteam.runtime.process_node import ProcessNode

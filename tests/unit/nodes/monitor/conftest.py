@@ -6,7 +6,7 @@ import pytest
 
 from support.monitor_desk import Desk, HostTime, Open
 from zteam.bus import MemoryHub
-from zteam.nodes.monitor import display, team_watch
+from zteam.nodes.monitor import display, watch
 from zteam.nodes.monitor.display import Output
 from zteam.process_options import MonitorOptions
 
@@ -15,7 +15,7 @@ from zteam.process_options import MonitorOptions
 def open_desk(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> Iterator[Open]:
     """Starts monitors that wait for `ids` or `team_size` robots."""
     time, desks = HostTime(), list[Desk]()
-    for module in (display, team_watch):
+    for module in (display, watch):
         monkeypatch.setattr(module, "monotonic", time)
 
     def make(

@@ -10,11 +10,10 @@ from support.monitor_desk import Open, Robot
 from zteam.bus import MemoryHub
 from zteam.messages import RobotState, RobotStatus
 from zteam.nodes.monitor import display
-from zteam.nodes.monitor.display import Contents, Lines
+from zteam.nodes.monitor.display import Contents, Lines, Row, make_rows
 from zteam.nodes.monitor.live_table import LiveTable
 from zteam.nodes.monitor.members import Event
 from zteam.nodes.monitor.start_gate import Gate
-from zteam.nodes.monitor.table import Row, make_rows
 
 
 @pytest.fixture(autouse=True)

@@ -14,7 +14,7 @@ from zteam import names
 from zteam.bus import MemoryHub
 from zteam.clock import wall_ns
 from zteam.messages import Clock, RobotState, RobotStatus, TeamState, TeamStatus, Tick, ns_from_time, time_from_ns
-from zteam.nodes.monitor import writer_watch
+from zteam.nodes.monitor import watch
 from zteam.nodes.monitor.display import LEAVE_AFTER, JsonLines, Lines
 from zteam.nodes.monitor.members import Event
 from zteam.runtime.logs import LogKeeper
@@ -292,7 +292,7 @@ def test_lines_for_users_and_for_programs(capsys: pytest.CaptureFixture[str]) ->
 
 def test_the_world_says_which_robots_it_lacks(hub: MemoryHub, open_desk: Open, monkeypatch: pytest.MonkeyPatch) -> None:
     """An id that the simulator does not have is named in the published status, with the way out."""
-    monkeypatch.setattr(writer_watch, "LOOK", 0.0)
+    monkeypatch.setattr(watch, "LOOK", 0.0)
     show_simulator(hub.bus(), robots=[0, 1])
     desk = open_desk(0, 9)
     lacks = "robot_9: not in the world; it has 0, 1 ('zteam sim spawn --id 9 --pose X Y YAW' adds it)"

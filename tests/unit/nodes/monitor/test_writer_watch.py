@@ -5,9 +5,9 @@ import pytest
 from zteam import names
 from zteam.bus import MemoryHub, NoRequest
 from zteam.messages import Twist
-from zteam.nodes.monitor import writer_watch
+from zteam.nodes.monitor import watch
 from zteam.nodes.monitor.start_gate import Gate
-from zteam.nodes.monitor.writer_watch import WriterWatch
+from zteam.nodes.monitor.watch import WriterWatch
 from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop
 from zteam.runtime.tokens import RECENT, Writers
@@ -32,7 +32,7 @@ class Desk:
 @pytest.fixture
 def desk(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> Desk:
     """A watch that looks whenever it is asked to."""
-    monkeypatch.setattr(writer_watch, "LOOK", 0.0)
+    monkeypatch.setattr(watch, "LOOK", 0.0)
     return Desk(hub)
 
 
