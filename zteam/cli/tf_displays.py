@@ -8,11 +8,10 @@ import msgspec
 
 from zteam import names
 from zteam.bus import Bus
-from zteam.cli.listening import SURVEY, Waiter, open_bus
+from zteam.cli.listening import SURVEY, Waiter, near_keys, open_bus
 from zteam.cli.options import bus_options
 from zteam.cli.tables import format_table
 from zteam.cli.tool_clock import open_clock, ticker
-from zteam.cli.topic_keys import near_keys
 from zteam.errors import BusError, ZteamError
 from zteam.messages import Clock, TFMessage, TransformStamped, ns_from_time
 from zteam.numbers import counted, format_rate

@@ -7,10 +7,9 @@ from collections.abc import Sequence
 
 from zteam import names
 from zteam.bus import Bus
-from zteam.cli.listening import Waiter, open_bus
+from zteam.cli.listening import Waiter, find_key_users, near_keys, open_bus
 from zteam.cli.options import bus_options, checked
 from zteam.cli.tf_displays import ask_frames
-from zteam.cli.topic_keys import find_key_users, near_keys
 from zteam.errors import UsageError, ZteamError
 from zteam.geometry import quaternion_from_rpy, turn_problem
 from zteam.numbers import is_number

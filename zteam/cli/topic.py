@@ -20,19 +20,22 @@ from zteam.cli.arguments import MAX_RATE, number, whole
 from zteam.cli.interrupts import leave
 from zteam.cli.listening import (
     SURVEY,
+    KeyUsers,
     Waiter,
     add_timeout,
     check_key,
+    find_key_users,
     given_type,
     kind_of,
     limit_of,
+    near_keys,
     open_bus,
     silence,
     wait_for_message,
 )
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, run
 from zteam.cli.tool_clock import open_clock, ticker
-from zteam.cli.topic_keys import KeyUsers, find_key_users, near_keys, show_info, show_list
+from zteam.cli.topic_keys import show_info, show_list
 from zteam.clock import AutoClock, monotonic, to_seconds
 from zteam.errors import DecodeError, UsageError, ZteamError
 from zteam.messages import (

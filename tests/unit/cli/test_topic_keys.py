@@ -11,7 +11,7 @@ from zteam.bus import MemoryHub, NoRequest
 from zteam.bus.memory import MemoryTransport
 from zteam.bus.presence import own_info
 from zteam.cli import listening, topic, topic_keys
-from zteam.cli.topic_keys import near_keys
+from zteam.cli.listening import near_keys
 from zteam.messages import Bool, Odometry, Twist, encode, encoding_of
 
 

@@ -19,7 +19,7 @@ from zteam.bus.memory import MemoryTransport
 from zteam.bus.options import client_config
 from zteam.bus.transport import RawSample
 from zteam.cli import topic
-from zteam.cli.topic_keys import KeyUsers, find_key_users
+from zteam.cli.listening import KeyUsers, find_key_users
 from zteam.clock import to_ns
 from zteam.messages import Bool, Clock, PoseStamped, String, Time, Twist, time_from_ns
 from zteam.services.simulator import SimStatus
