@@ -10,10 +10,9 @@ import msgspec
 
 from zteam import names
 from zteam.bus import Bus, BusOptions, connect
-from zteam.bus.keys import matches
 from zteam.bus.presence import ProcessInfo, holder_text, names_of_sessions
 from zteam.bus.topics import type_of_key
-from zteam.bus.transport import Declaration, RawSample
+from zteam.bus.transport import Declaration, RawSample, matches
 from zteam.cli.arguments import number
 from zteam.cli.interrupts import raise_from_now
 from zteam.clock import monotonic, wait_until

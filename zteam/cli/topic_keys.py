@@ -7,9 +7,9 @@ import msgspec
 
 from zteam import names
 from zteam.bus import Bus
-from zteam.bus.counters import KeyCount
-from zteam.bus.keys import matches
+from zteam.bus.receiving import KeyCount
 from zteam.bus.topics import type_of_key
+from zteam.bus.transport import matches
 from zteam.cli.listening import NO_KEYS, KeySurvey, KeyUsers, check_key, find_key_users, open_bus, survey, where_to_look
 from zteam.cli.node import find_nodes, writer_names
 from zteam.cli.options import bus_options

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 from zteam import names
-from zteam.bus.counters import KeyCount
+from zteam.bus.receiving import KeyCount
 from zteam.clock import to_seconds
 from zteam.diagnosis.facts import Facts, Fault, Finding, note, ok, problem
 from zteam.diagnosis.maps import check_map
