@@ -133,7 +133,7 @@ _HOMES = {
     "Team": "team_file.entries",
     "TransformClient": "services.transforms_client",
     "TransformListener": "runtime.transform_listener",
-    "View": "behaviors.view",
+    "View": "behaviors.behavior",
     "ZteamError": "errors",
     "connect": "bus.connection",
     "load_team": "team_file.reading",

@@ -6,8 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from zteam.behaviors.assignment import assign
-from zteam.behaviors.formation_slots import Assignment
+from zteam.behaviors.assignment import Assignment, assign
 
 costs = st.integers(0, 6).flatmap(
     lambda n: st.lists(

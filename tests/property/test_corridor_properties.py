@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from support.flat_floor import make_view
 from zteam.behaviors import load_behavior
-from zteam.behaviors.around import ANGULAR_GAIN, REACH, SIDE_MARGIN, STEP, STEPS
+from zteam.behaviors.evasion import ANGULAR_GAIN, REACH, SIDE_MARGIN, STEP, STEPS
 from zteam.behaviors.follow import LEADER_ROOM
 from zteam.behaviors.scans import first_clear, is_clear, read_beams
 from zteam.geometry import Pose2, normalize_angle

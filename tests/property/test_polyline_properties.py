@@ -6,8 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from zteam.behaviors.polyline import Polyline
-from zteam.behaviors.pursuit import Limits, pursue
+from zteam.behaviors.polyline import Limits, Polyline, pursue
 from zteam.geometry import Pose2
 
 metres = st.floats(-50.0, 50.0, allow_subnormal=False)

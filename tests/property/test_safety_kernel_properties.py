@@ -11,7 +11,7 @@ from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
 from support import safety_references as slow
-from zteam.behaviors.safety.swept import Outline
+from zteam.behaviors.safety.motion import Outline
 from zteam.kernels import binding
 
 Floats = NDArray[np.float64]

@@ -24,8 +24,16 @@ from support.flat_floor import (
 )
 from zteam.base import Base
 from zteam.behaviors import SafetyLayer
-from zteam.behaviors.safety.limits import Limits
-from zteam.behaviors.safety.swept import Motion, Outline, margin_of, meeting_time, outline_of, place_after, swept_disc
+from zteam.behaviors.safety.motion import (
+    Limits,
+    Motion,
+    Outline,
+    margin_of,
+    meeting_time,
+    outline_of,
+    place_after,
+    swept_disc,
+)
 from zteam.geometry import Pose2
 from zteam.messages import LaserScan, Twist, Vector3
 

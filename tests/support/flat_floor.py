@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from zteam import names
 from zteam.behaviors import Behavior, SafetyLayer, View, decide
-from zteam.behaviors.view import FindPose
+from zteam.behaviors.behavior import FindPose
 from zteam.geometry import Pose2, quaternion_from_yaw
 from zteam.kernels.binding import follow
 from zteam.messages import Header, LaserScan, Odometry, Quaternion, Twist, time_from_ns

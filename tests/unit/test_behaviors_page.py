@@ -8,8 +8,7 @@ from typing import Any
 import pytest
 
 from zteam.behaviors import View
-from zteam.behaviors.catalog import describe_behavior
-from zteam.behaviors.registry import BEHAVIORS
+from zteam.behaviors.registry import BEHAVIORS, describe_behavior
 from zteam.cli.behaviors import format_behavior
 from zteam.cli.parameter_table import default_text, limits_text
 from zteam.testing import make_view

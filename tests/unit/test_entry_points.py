@@ -147,7 +147,7 @@ def test_own_names_read_no_metadata(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(importlib.metadata, "entry_points", fail)
     load_behavior("wander", {})
-    load_behavior("zteam.behaviors.avoid:Avoid", {})
+    load_behavior("zteam.behaviors.straight:Avoid", {})
     kind = message_type("LaserScan")
     assert type_of_encoding(encoding_of(kind)) is kind
     with pytest.raises(AssertionError):

@@ -3,25 +3,51 @@
 import logging
 import math
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar, Literal
+
+from msgspec import Meta, Struct
 
 from zteam import names
-from zteam.behaviors.around import Around
-from zteam.behaviors.avoid import Avoid
-from zteam.behaviors.behavior import Behavior
-from zteam.behaviors.chain import STATUSES, behavior_of, see_robot
-from zteam.behaviors.follow_params import FollowParams
-from zteam.behaviors.forward import Forward
+from zteam.behaviors.behavior import Behavior, View
+from zteam.behaviors.evasion import Around
 from zteam.behaviors.head import Head, lead
-from zteam.behaviors.idle import Idle
-from zteam.behaviors.line import NO_TURNS, WAITS, Line, Place, Presence
-from zteam.behaviors.line_sight import head_comes_round
-from zteam.behaviors.pursuit import Limits
-from zteam.behaviors.trail import Trail
-from zteam.behaviors.view import View
+from zteam.behaviors.line import NO_TURNS, STATUSES, WAITS, Line, OnLeaderLost, Place, Presence, behavior_of, see_robot
+from zteam.behaviors.polyline import Limits
+from zteam.behaviors.straight import Avoid, Forward, Idle
+from zteam.behaviors.trail import Trail, head_comes_round
 from zteam.behaviors.wander import Wander
 from zteam.geometry import Pose2
 from zteam.messages import Message, Twist
+
+Law = Literal["trail", "direct"]
+Successor = Literal["same", "idle", "forward", "avoid", "wander"]
+
+
+class FollowParams(Struct, frozen=True, forbid_unknown_fields=True):
+    """Parameters of `follow`; only the leader has to be given."""
+
+    leader: Annotated[int, Meta(ge=0, le=names.MAX_ROBOT_ID, description="id of the robot to follow")]
+    law: Annotated[Law, Meta(description="trail: along the leader's trail; direct: straight to the leader")] = "trail"
+    gap: Annotated[
+        float, Meta(ge=0.4, le=100.0, description="m along the trail to the robot ahead, base to base; law trail")
+    ] = 0.8
+    min_dist: Annotated[
+        float, Meta(ge=0.0, le=100.0, description="m; it stands while the leader is nearer; law direct")
+    ] = 0.8
+    max_linear: Annotated[float, Meta(ge=0.0, le=1.0, description="m/s")] = 0.7
+    max_angular: Annotated[float, Meta(ge=0.0, le=math.pi, description="rad/s")] = 3.14
+    stale_after: Annotated[float, Meta(ge=0.0, le=10.0, description="s; it stands on older poses of the leader")] = 0.5
+    hand_over: Annotated[
+        bool,
+        Meta(description="whether the line may be led from its other end where its head is stuck; law trail"),
+    ] = True
+    on_leader_lost: Annotated[
+        OnLeaderLost, Meta(description="what it does when a robot in front is gone, see below")
+    ] = "relink"
+    takeover_behavior: Annotated[
+        Successor, Meta(description="what it does as the new head; same: what the lost one did, else avoid")
+    ] = "same"
+
 
 log = logging.getLogger("zteam")
 

@@ -7,21 +7,109 @@ from typing import Annotated, Any, ClassVar
 from msgspec import Meta, Struct
 
 from zteam import names
-from zteam.behaviors.around import Around
-from zteam.behaviors.behavior import Behavior
-from zteam.behaviors.chain import STATUSES, see_robot
-from zteam.behaviors.escape import Escape
-from zteam.behaviors.formation_slots import Assignment
-from zteam.behaviors.formation_way import MakingWay
+from zteam.behaviors.assignment import Assignment
+from zteam.behaviors.behavior import Behavior, View
+from zteam.behaviors.evasion import Around, Escape
 from zteam.behaviors.leader_trail import LeaderTrail
-from zteam.behaviors.line_room import Stray
-from zteam.behaviors.pursuit import Limits
-from zteam.behaviors.shapes import Shape, Slot, reach_of, slots_of, squeeze
-from zteam.behaviors.slot_driving import SLOT_GAIN, STANDING, find_goal, hold, turn_to
-from zteam.behaviors.squeezing import approach, share_for_bend, share_for_room
-from zteam.behaviors.view import View
-from zteam.geometry import Pose2
-from zteam.messages import Message, Twist
+from zteam.behaviors.line import STATUSES, see_robot
+from zteam.behaviors.line_room import MOVED, BoxedIn, Stray
+from zteam.behaviors.polyline import Limits
+from zteam.behaviors.scans import is_clear
+from zteam.behaviors.shapes import Shape, Slot, approach, reach_of, share_for_bend, share_for_room, slots_of, squeeze
+from zteam.geometry import Pose2, normalize_angle
+from zteam.messages import Message, Twist, Vector3
+
+ROOM, BESIDE = 1.6, 0.75
+"""Metres that it gets ahead, and on either side of its way."""
+STEP = 1.5
+"""Metres to the place that a robot drives to: it goes on from there as long as it has to."""
+
+
+class MakingWay:
+    """Drives off until the leader has room, and then aside as long as the leader comes towards it."""
+
+    def __init__(self) -> None:
+        self._boxed_in = BoxedIn()
+        self._is_asked = False
+        self._around = Around()
+
+    def forget(self) -> None:
+        """The leader is not seen."""
+        self._boxed_in, self._is_asked = BoxedIn(), False
+
+    def step(self, view: View, here: Pose2, leader: Pose2, limits: Limits) -> Twist | None:
+        """The velocity of a robot that is in the way; None for one that is not. Poses are in map."""
+        is_boxed = self._boxed_in.look(view.now, leader)
+        if not is_boxed and not self._is_asked:
+            return None
+        x, y, yaw = leader.inverse().compose(here)
+        apart, at = math.hypot(x, y), here.inverse().compose(leader)
+        nearer = sum(math.dist(at[:2], mate.pose[:2]) < apart - MOVED for mate in view.teammates) - 1
+        comes = x > 0.0 and abs(y) < BESIDE and apart < 2.0 * ROOM
+        self._is_asked = apart < ROOM + BESIDE * max(0, nearer) if is_boxed else comes
+        if not self._is_asked:
+            return None
+        away = math.atan2(y, x) if is_boxed else math.copysign(0.25 * math.pi, y)
+        return self._around.drive_to(view, STEP * math.cos(away - yaw), STEP * math.sin(away - yaw), limits)
+
+
+SLOT_GAIN, TURN_GAIN = 2.0, 3.0
+"""1/s: speed towards the slot, and turn rate."""
+SPOT_ANGLE = 1.0
+"""Radians: it turns on the spot towards a direction that is further off."""
+STANDING = 0.02
+"""m/s: what is slower stands."""
+LEAST_FORWARD = 0.05
+"""m/s along the slot's heading while the slot moves: a robot ahead of its slot waits for it and does not turn back."""
+ALIGNED = 0.05
+"""Radians to a heading from which on it does not turn."""
+ALONG, MARGIN = 0.4, 0.03
+"""Metres between the places of the trail to which it looks, and that have to be free beside it on the way there."""
+
+
+def hold(slot: Pose2, speed: float, turn: float, limits: Limits) -> Twist:
+    """The velocity that keeps a robot in a slot that is near (own base frame) and moves (m/s ahead, rad/s)."""
+    cos, sin = math.cos(slot.yaw), math.sin(slot.yaw)
+    forward, side = speed + SLOT_GAIN * (cos * slot.x + sin * slot.y), SLOT_GAIN * (cos * slot.y - sin * slot.x)
+    if speed > STANDING:
+        forward = max(forward, LEAST_FORWARD)
+    wanted, angle = math.hypot(forward, side), normalize_angle(math.atan2(side, forward) + slot.yaw)
+    if wanted < STANDING:
+        return Twist()
+    ahead = min(wanted, limits.linear) * math.cos(angle) if abs(angle) < SPOT_ANGLE else 0.0
+    return Twist(Vector3(ahead), Vector3(z=_limit(TURN_GAIN * angle + turn, limits)))
+
+
+def turn_to(angle: float, limits: Limits) -> Twist:
+    """Turn on the spot by this angle (rad)."""
+    return Twist(angular=Vector3(z=0.0 if abs(angle) < ALIGNED else _limit(TURN_GAIN * angle, limits)))
+
+
+def _limit(turn: float, limits: Limits) -> float:
+    return max(-limits.angular, min(limits.angular, turn))
+
+
+def find_goal(view: View, here: Pose2, slot: Pose2, speed: float, trail: LeaderTrail, place: float) -> Pose2:
+    """Where to drive that is far from its slot, which moves (m/s) at this place of the trail; in the own base frame.
+
+    It goes along the trail where a wall is between. `here` is the own pose in map.
+    """
+    if not _is_in_sight(view, slot):
+        to_base, path = here.inverse(), trail.path
+        while place > path.start:
+            seen = to_base.compose(path.at(place))
+            if math.hypot(seen.x, seen.y) > ALONG and _is_in_sight(view, seen):
+                return seen
+            place -= ALONG
+    # So far ahead that the robot has the slot's speed when it is there.
+    return slot.compose(Pose2(max(0.0, speed) / SLOT_GAIN, 0.0, 0.0))
+
+
+def _is_in_sight(view: View, place: Pose2) -> bool:
+    """Whether there is room for the robot all the way to a place in its base frame."""
+    reach, bearing = math.hypot(place.x, place.y), math.atan2(place.y, place.x)
+    return view.scan is None or is_clear(view.scan, view.base.half_width + MARGIN, reach, bearing)
+
 
 PARKED, LEFT = 0.04, 0.12
 """Metres to the slot of a standing leader at which it stops, and at which it goes on."""

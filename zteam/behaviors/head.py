@@ -3,11 +3,10 @@
 import logging
 import math
 
-from zteam.behaviors.behavior import Behavior
-from zteam.behaviors.escape import Escape
+from zteam.behaviors.behavior import Behavior, View
+from zteam.behaviors.evasion import Escape
 from zteam.behaviors.line import Line, Place, keep_together
 from zteam.behaviors.scans import is_seen, look_along
-from zteam.behaviors.view import View
 from zteam.clock import to_ns
 from zteam.geometry import Pose2, normalize_angle
 from zteam.messages import LaserScan, Twist, Vector3

@@ -5,13 +5,11 @@ from collections.abc import Sequence, Set
 from typing import NamedTuple
 
 from zteam import names
-from zteam.behaviors.around import Around
-from zteam.behaviors.escape import Escape
+from zteam.behaviors.behavior import View
+from zteam.behaviors.evasion import Around, Escape
 from zteam.behaviors.head import Head
 from zteam.behaviors.line import Place
-from zteam.behaviors.polyline import Polyline
-from zteam.behaviors.pursuit import LOOK_AHEAD, Limits
-from zteam.behaviors.view import View
+from zteam.behaviors.polyline import LOOK_AHEAD, Limits, Polyline
 from zteam.clock import to_ns
 from zteam.geometry import Pose2, normalize_angle
 from zteam.messages import Twist, Vector3

@@ -6,11 +6,9 @@ from typing import Annotated
 from msgspec import Meta, Struct
 
 from zteam import names
-from zteam.behaviors.behavior import Behavior
-from zteam.behaviors.goals import FAR
-from zteam.behaviors.polyline import Polyline
-from zteam.behaviors.pursuit import Limits, pursue
-from zteam.behaviors.view import View
+from zteam.behaviors.behavior import Behavior, View
+from zteam.behaviors.go_to import FAR
+from zteam.behaviors.polyline import Limits, Polyline, pursue
 from zteam.geometry import Pose2
 from zteam.messages import Twist
 

@@ -1,30 +1,163 @@
 """Behaviours by name: the shipped ones, those of installed packages, and the user's own (`package.module:Class`)."""
 
+import enum
 import importlib
 import inspect
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from importlib.machinery import PathFinder
 from pathlib import Path
-from typing import Any
+from types import NoneType, UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 import msgspec
 
-from zteam.behaviors.avoid import Avoid
-from zteam.behaviors.behavior import Behavior
+from zteam.behaviors.behavior import Behavior, check_inputs
 from zteam.behaviors.follow import Follow
 from zteam.behaviors.formation import Formation
-from zteam.behaviors.forward import Forward
 from zteam.behaviors.go_to import GoTo
-from zteam.behaviors.idle import Idle
-from zteam.behaviors.import_errors import explain
-from zteam.behaviors.inputs import check_inputs
 from zteam.behaviors.path import FollowPath
+from zteam.behaviors.straight import Avoid, Forward, Idle
 from zteam.behaviors.wander import Wander
 from zteam.entry_points import BEHAVIORS as GROUP
 from zteam.entry_points import load_offered, offered
 from zteam.errors import UsageError, did_you_mean
 from zteam.problems import Problem, problems_of
+
+_LIMITS = ("ge", "gt", "le", "lt", "multiple_of", "pattern", "min_length", "max_length")
+"""Attributes of msgspec.Meta that limit a value."""
+
+
+class Parameter(msgspec.Struct, frozen=True):
+    """One field of a `Params`."""
+
+    name: str
+    type: str
+    """As it is written in Python: `float`, `int`, `bool`, `str`, `list[float]`, `float | None`, …"""
+    limits: dict[str, Any] = {}
+    """What limits its value, by the names of msgspec.Meta: `ge` and `le` are the lowest and the highest value."""
+    description: str = ""
+    """Its unit and what it does, from msgspec.Meta."""
+    required: bool = False
+    """Whether it has to be given."""
+    default: Any = None
+    """As plain data; None also where it is required."""
+
+
+def parameters_of(kind: type[msgspec.Struct]) -> list[Parameter]:
+    """The parameters that a behaviour with these `Params` takes, in their order."""
+    return [_parameter(field) for field in msgspec.structs.fields(kind)]
+
+
+def values_of(params: msgspec.Struct) -> dict[str, Any]:
+    """The values of all parameters as plain data, by name."""
+    return {field.encode_name: _plain(getattr(params, field.name)) for field in msgspec.structs.fields(type(params))}
+
+
+def _parameter(field: msgspec.structs.FieldInfo) -> Parameter:
+    metas = list(_metas(field.type))
+    default = None if field.default is msgspec.NODEFAULT else field.default
+    if field.default_factory is not msgspec.NODEFAULT:
+        default = field.default_factory()
+    return Parameter(
+        name=field.encode_name,
+        type=_type_text(field.type),
+        limits={name: value for meta in metas for name in _LIMITS if (value := getattr(meta, name)) is not None},
+        description=next((meta.description for meta in metas if meta.description), ""),
+        required=field.required,
+        default=_plain(default),
+    )
+
+
+def _plain(value: Any) -> Any:
+    return msgspec.to_builtins(value, enc_hook=str)
+
+
+def _metas(annotation: Any) -> Iterator[msgspec.Meta]:
+    """What is annotated to a type, or to a member of a union."""
+    if get_origin(annotation) is Annotated:
+        yield from (meta for meta in annotation.__metadata__ if isinstance(meta, msgspec.Meta))
+        yield from _metas(annotation.__origin__)
+    elif get_origin(annotation) in (Union, UnionType):
+        for part in get_args(annotation):
+            yield from _metas(part)
+
+
+def _type_text(annotation: Any) -> str:
+    origin, parts = get_origin(annotation), get_args(annotation)
+    if origin is Annotated:
+        return _type_text(annotation.__origin__)
+    if origin in (Union, UnionType):
+        return " | ".join(map(_type_text, parts))
+    if origin is Literal:
+        return " | ".join(map(repr, parts))
+    if isinstance(annotation, type) and issubclass(annotation, enum.Enum):
+        return " | ".join(repr(choice.value) for choice in annotation)
+    if origin is not None and parts:
+        return f"{_type_text(origin)}[{', '.join(map(_type_text, parts))}]"
+    if annotation is NoneType:
+        return "None"
+    return "..." if annotation is ... else getattr(annotation, "__name__", str(annotation))
+
+
+_ZTEAM = str(Path(__file__).parents[1])
+_OF_ROS = {
+    **dict.fromkeys(("rospy", "rclpy"), "a behaviour has step(view), a node of your own runs by zteam.run"),
+    **dict.fromkeys(("tf", "tf2_ros", "tf_transformations"), "zteam.TransformListener and zteam.Pose2 do its work"),
+    **dict.fromkeys(
+        ("geometry_msgs", "sensor_msgs", "nav_msgs", "std_msgs", "tf2_msgs", "visualization_msgs"),
+        "its message types are in zteam.messages",
+    ),
+}
+"""What stands for a module of ROS."""
+
+
+def explain(error: BaseException) -> str:
+    """`file:line: Type: text (way out)` of an error that importing a user's module raised."""
+    return f"{_place(error)}{error_text(error)}{_way_out(error)}"
+
+
+def error_text(error: BaseException) -> str:
+    """The type of an error and what it says, on one line."""
+    return f"{type(error).__name__}: {' '.join(str(error).split())}".removesuffix(": ")
+
+
+def _place(error: BaseException) -> str:
+    """`file:line: ` of the user's own line that ended the import; empty if none was run."""
+    if isinstance(error, SyntaxError):
+        # Its text names the line.
+        return ""
+    import traceback
+
+    own = [frame for frame in traceback.extract_tb(error.__traceback__) if is_own(frame.filename)]
+    return f"{own[-1].filename}:{own[-1].lineno}: " if own else ""
+
+
+def is_own(filename: str) -> bool:
+    """Whether a file of code is the user's own, and neither zteam's, Python's nor an installed package's."""
+    return not filename.startswith(("<frozen ", _ZTEAM, sys.prefix, sys.base_prefix))
+
+
+def _way_out(error: BaseException) -> str:
+    if not isinstance(error, ImportError):
+        return ""
+    of_ros = _OF_ROS.get((error.name or "").partition(".")[0])
+    if of_ros:
+        return f" (zteam works without ROS: {of_ros})"
+    if isinstance(error, ModuleNotFoundError):
+        return " (is it beside the team file, in the current folder or on PYTHONPATH?)"
+    quoted = str(error).split("'")
+    return _name_of_zteam(quoted[1]) if error.name == "zteam" and len(quoted) > 1 else ""
+
+
+def _name_of_zteam(name: str) -> str:
+    """What a name that `zteam` lacks may stand for."""
+    from zteam import messages
+
+    if name in dir(messages):
+        return f" (from zteam.messages import {name})"
+    return did_you_mean(name, dir(sys.modules["zteam"]))
+
 
 BEHAVIORS: dict[str, type[Behavior]] = {
     "idle": Idle,
@@ -173,3 +306,29 @@ def _is_behavior(found: object) -> bool:
 def _takes_parameters(kind: type[Behavior]) -> bool:
     params = getattr(kind, "Params", None)
     return inspect.isclass(params) and issubclass(params, msgspec.Struct)
+
+
+class BehaviorInfo(msgspec.Struct):
+    """One behaviour."""
+
+    name: str
+    """As `--behavior` takes it."""
+    source: str
+    """Its class, as `package.module:Class`."""
+    summary: str
+    """The first paragraph of the docstring of its class, on one line."""
+    parameters: list[Parameter]
+
+
+def behavior_names() -> list[str]:
+    """The behaviours that come with zteam, then those of installed packages."""
+    return [*BEHAVIORS, *(name for name in offered(GROUP) if name not in BEHAVIORS)]
+
+
+def describe_behavior(spec: str) -> BehaviorInfo:
+    """The behaviour called `spec`. Imports its module. Raises UsageError."""
+    kind = find_behavior(spec)
+    # Its own docstring: that of the base class would say nothing of it.
+    paragraph = (vars(kind).get("__doc__") or "").strip().partition("\n\n")[0]
+    source = f"{kind.__module__}:{kind.__qualname__}"
+    return BehaviorInfo(spec, source, " ".join(paragraph.split()), parameters_of(kind.Params))

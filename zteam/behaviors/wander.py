@@ -7,15 +7,13 @@ from typing import Annotated, ClassVar
 from msgspec import Meta, Struct
 
 from zteam import names
-from zteam.behaviors.behavior import Behavior
-from zteam.behaviors.chain import STATUSES
-from zteam.behaviors.escape import Escape
+from zteam.behaviors.behavior import Behavior, View
+from zteam.behaviors.evasion import Escape
 from zteam.behaviors.head import Head, lead
-from zteam.behaviors.line import NO_TURNS, WAITS, Line, Place, Presence
-from zteam.behaviors.pursuit import Limits
+from zteam.behaviors.line import NO_TURNS, STATUSES, WAITS, Line, Place, Presence
+from zteam.behaviors.polyline import Limits
 from zteam.behaviors.scans import Cone, is_clear, is_seen, look_ahead, look_along
 from zteam.behaviors.trail import Trail
-from zteam.behaviors.view import View
 from zteam.clock import to_ns
 from zteam.messages import LaserScan, Message, RobotDriver, Twist, Vector3
 

@@ -5,8 +5,7 @@ from collections.abc import Sequence
 
 import msgspec
 
-from zteam.behaviors.catalog import BehaviorInfo, behavior_names, describe_behavior
-from zteam.behaviors.registry import look_in
+from zteam.behaviors.registry import BehaviorInfo, behavior_names, describe_behavior, look_in
 from zteam.cli.arguments import add_path_option
 from zteam.cli.interrupts import leave
 from zteam.cli.options import Parser, add_log_options, run

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from zteam.behaviors.parameters import Parameter
+from zteam.behaviors.registry import Parameter
 from zteam.cli.tables import format_table, terminal_width
 
 _SINGLE = {

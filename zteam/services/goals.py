@@ -6,8 +6,7 @@ from enum import IntEnum
 import msgspec
 
 from zteam import names
-from zteam.behaviors.go_to import GOAL_REACHED, NO_WAY
-from zteam.behaviors.goals import REFUSED
+from zteam.behaviors.go_to import GOAL_REACHED, NO_WAY, REFUSED
 from zteam.clock import to_ns
 from zteam.geometry import Pose2, quaternion_from_yaw, yaw_from_quaternion
 from zteam.messages import (

@@ -5,7 +5,7 @@ from typing import Any, TypeVar
 import msgspec
 
 from zteam import names
-from zteam.behaviors.parameters import Parameter
+from zteam.behaviors.registry import Parameter
 from zteam.bus import Bus, Change
 from zteam.errors import BusError, UsageError
 

@@ -8,10 +8,9 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from zteam.behaviors.behavior import Behavior
+from zteam.behaviors.behavior import Behavior, View
 from zteam.behaviors.registry import find_behavior, read_params
-from zteam.behaviors.safety.swept import Motion
-from zteam.behaviors.view import View
+from zteam.behaviors.safety.motion import Motion
 from zteam.clock import monotonic
 from zteam.errors import UsageError
 from zteam.trials.situations import (

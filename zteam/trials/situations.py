@@ -9,10 +9,8 @@ import numpy as np
 
 from zteam import names
 from zteam.base import DEFAULT_BASE
-from zteam.behaviors.behavior import Behavior
-from zteam.behaviors.inputs import declared_inputs
-from zteam.behaviors.parameters import Parameter, parameters_of
-from zteam.behaviors.view import FindPose, View
+from zteam.behaviors.behavior import Behavior, FindPose, View, declared_inputs
+from zteam.behaviors.registry import Parameter, parameters_of
 from zteam.clock import to_ns
 from zteam.errors import UsageError
 from zteam.geometry import Pose2

@@ -18,13 +18,10 @@ from typing import Any, Literal, NamedTuple, TypeVar
 
 import msgspec
 
-from zteam.behaviors.behavior import Behavior
-from zteam.behaviors.import_errors import error_text, is_own
-from zteam.behaviors.registry import read_params
-from zteam.behaviors.safety.asking import ask
-from zteam.behaviors.safety.limits import Limits
-from zteam.behaviors.safety.swept import Motion
-from zteam.behaviors.view import View
+from zteam.behaviors.behavior import Behavior, View
+from zteam.behaviors.registry import error_text, is_own, read_params
+from zteam.behaviors.safety.layer import ask
+from zteam.behaviors.safety.motion import Limits, Motion
 from zteam.clock import monotonic, thread_time
 from zteam.errors import BehaviorError, EncodeError
 from zteam.messages import Message, Twist

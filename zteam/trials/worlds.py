@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 
 from zteam import names
 from zteam.base import DEFAULT_BASE
-from zteam.behaviors.forward import Forward, ForwardParams
+from zteam.behaviors.behavior import View
 from zteam.behaviors.safety import SafetyLayer, decide
-from zteam.behaviors.view import View
+from zteam.behaviors.straight import Forward, ForwardParams
 from zteam.clock import NS_PER_S, to_ns
 from zteam.geometry import Pose2
 from zteam.messages import Twist

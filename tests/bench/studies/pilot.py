@@ -6,7 +6,7 @@ from typing import NamedTuple
 from studies.scenes import Part
 from zteam import names
 from zteam.behaviors import SafetyLayer, load_behavior
-from zteam.behaviors.inputs import declared_inputs
+from zteam.behaviors.behavior import declared_inputs
 from zteam.behaviors.registry import find_behavior
 from zteam.behaviors.safety import ask
 from zteam.messages import BaseInfo, Header, LaserScan, Odometry, Point, Pose, PoseStamped, TFMessage, Twist, Vector3

@@ -6,8 +6,7 @@ import pytest
 
 from zteam.behaviors.line import Place
 from zteam.behaviors.line_room import FRUITLESS, BoxedIn, MakingRoom, Way, back_up, find_stopped, is_too_near
-from zteam.behaviors.polyline import Polyline
-from zteam.behaviors.pursuit import Limits
+from zteam.behaviors.polyline import Limits, Polyline
 from zteam.clock import to_ns
 from zteam.geometry import Pose2
 from zteam.messages import RobotStatus, Twist, Vector3

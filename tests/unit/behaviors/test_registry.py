@@ -1,15 +1,124 @@
-"""Behaviours by name, and their parameters."""
+"""Behaviours by name, their parameters, and what is said of one that cannot be imported."""
 
+import enum
 import importlib
+import math
 import sys
 from pathlib import Path
+from typing import Annotated, Any, Literal, Optional
 
+import msgspec
 import pytest
+from msgspec import Meta
 
 from zteam.behaviors import load_behavior
 from zteam.behaviors.behavior import NoParams
-from zteam.behaviors.registry import look_in
+from zteam.behaviors.registry import BEHAVIORS, Parameter, explain, look_in, parameters_of, values_of
 from zteam.errors import UsageError
+
+
+class Side(enum.Enum):
+    """A choice."""
+
+    LEFT = "left"
+    RIGHT = "right"
+
+
+class Anything:
+    """No plain data."""
+
+    def __str__(self) -> str:
+        return "anything"
+
+
+class Params(msgspec.Struct):
+    """One field of each kind."""
+
+    leader: Annotated[int, Meta(ge=0)]
+    speed: Annotated[float, Meta(gt=0.0, le=2.0, description="m/s")] = 0.5
+    side: Side = Side.LEFT
+    mode: Literal["fast", "slow"] = "fast"
+    gains: list[Annotated[float, Meta(ge=0.0)]] = []
+    reach: Annotated[float, Meta(ge=0.0, description="m")] | None = None
+    label: Optional[str] = None  # noqa: UP045
+    pair: tuple[float, ...] = (1.0, 2.0)
+    table: dict[str, int] = msgspec.field(default_factory=lambda: {"a": 1})
+    far: float = math.inf
+    other: Any = Anything()
+
+
+def test_each_field_is_described() -> None:
+    """Name, type without its annotations, limits and description of its Meta, and default as plain data."""
+    assert parameters_of(Params) == [
+        Parameter("leader", "int", {"ge": 0}, required=True),
+        Parameter("speed", "float", {"gt": 0.0, "le": 2.0}, "m/s", default=0.5),
+        Parameter("side", "'left' | 'right'", default="left"),
+        Parameter("mode", "'fast' | 'slow'", default="fast"),
+        Parameter("gains", "list[float]", default=[]),
+        Parameter("reach", "float | None", {"ge": 0.0}, "m"),
+        Parameter("label", "str | None"),
+        Parameter("pair", "tuple[float, ...]", default=(1.0, 2.0)),
+        Parameter("table", "dict[str, int]", default={"a": 1}),
+        Parameter("far", "float", default=math.inf),
+        Parameter("other", "Any", default="anything"),
+    ]
+
+
+def test_values_are_plain_data_by_name() -> None:
+    """Every field is there, also one that has its default."""
+    values = values_of(Params(leader=3, side=Side.RIGHT))
+    assert list(values) == [each.name for each in parameters_of(Params)]
+    assert (values["leader"], values["side"], values["reach"], values["gains"]) == (3, "right", None, [])
+
+
+def test_a_renamed_field_has_the_name_that_users_write() -> None:
+    """Keys of team files and names of parameters are the same."""
+
+    class Renamed(msgspec.Struct, rename="camel"):
+        top_speed: float = 1.0
+
+    assert [each.name for each in parameters_of(Renamed)] == ["topSpeed"]
+    assert values_of(Renamed()) == {"topSpeed": 1.0}
+
+
+@pytest.mark.parametrize("name", BEHAVIORS)
+def test_every_shipped_parameter_is_described(name: str) -> None:
+    """Each has a description, and each number a lowest and a highest value."""
+    for each in parameters_of(BEHAVIORS[name].Params):
+        assert each.description, each.name
+        assert set(each.limits) == {"ge", "le"} or each.type not in ("int", "float"), each.name
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("import nothere\n", "ModuleNotFoundError: No module named 'nothere' (is it beside the team file, in the "),
+        ("x = 1\n1 / 0\n", "robots_of_mine.py:2: ZeroDivisionError: division by zero"),
+        ("import json\njson.loads('{')\n", "robots_of_mine.py:2: JSONDecodeError: Expecting property name"),
+        ("def f(:\n", "SyntaxError: invalid syntax (robots_of_mine.py, line 1)"),
+        (
+            "def f():\n\tx = 1\n        return x\n",
+            "TabError: inconsistent use of tabs and spaces in indentation (robots",
+        ),
+        (
+            "import rospy\n",
+            "robots_of_mine.py:1: ModuleNotFoundError: No module named 'rospy' (zteam works without ROS: ",
+        ),
+        ("from geometry_msgs.msg import Twist\n", "(zteam works without ROS: its message types are in zteam.messages)"),
+        ("from zteam import Twist\n", "(from zteam.messages import Twist)"),
+        ("from zteam import Behaviour\n", " (did you mean Behavior?)"),
+        ("raise SystemExit\n", "robots_of_mine.py:1: SystemExit"),
+    ],
+)
+def test_an_error_names_the_users_line_and_the_way_out(text: str, told: str, empty_folder: Path) -> None:
+    """One line: where in the user's file, what, and what to write instead."""
+    (empty_folder / "robots_of_mine.py").write_text(text)
+    with pytest.raises(BaseException) as caught:
+        importlib.import_module("robots_of_mine")
+    line = explain(caught.value)
+    assert told in line
+    assert "\n" not in line
+
 
 MINE = """
 import msgspec

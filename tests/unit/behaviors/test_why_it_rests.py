@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from zteam.behaviors import Behavior, SafetyLayer, View, decide
-from zteam.behaviors.forward import Forward
 from zteam.behaviors.registry import BEHAVIORS, load_behavior
 from zteam.behaviors.safety import ask
+from zteam.behaviors.straight import Forward
 from zteam.messages import Twist
 from zteam.trials.situations import LEADER, POSES, ROBOT, SITUATIONS, Moment
 from zteam.trials.subject import Answer

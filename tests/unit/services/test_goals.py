@@ -6,8 +6,7 @@ import msgspec
 import pytest
 
 from support.goals import make_goal
-from zteam.behaviors.go_to import GOAL_REACHED, NO_WAY
-from zteam.behaviors.goals import REFUSED
+from zteam.behaviors.go_to import GOAL_REACHED, NO_WAY, REFUSED
 from zteam.messages import Header, NavigationState, NavigationStatus, PoseStamped, RobotStatus, Time, time_from_ns
 from zteam.services.goals import SETTLED, GoalWatch, TaskResult, goal_text, status_of_go_to
 

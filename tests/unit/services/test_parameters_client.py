@@ -3,7 +3,7 @@
 import pytest
 
 from zteam import names
-from zteam.behaviors.forward import Forward
+from zteam.behaviors.straight import Forward
 from zteam.bus import MemoryHub, NoRequest
 from zteam.errors import BusError
 from zteam.nodes.robot.parameters import Parameters

@@ -5,7 +5,7 @@ from types import MappingProxyType
 from typing import Any
 
 from zteam import names
-from zteam.behaviors.inputs import DeclaredInput
+from zteam.behaviors.behavior import DeclaredInput
 from zteam.nodes.robot.newest import Newest
 
 

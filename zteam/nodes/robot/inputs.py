@@ -4,8 +4,7 @@ from collections.abc import Mapping
 
 from zteam import names
 from zteam.base import Base, BaseOverride, base_of
-from zteam.behaviors.inputs import DeclaredInput
-from zteam.behaviors.view import NO_BASES, FindPose, View
+from zteam.behaviors.behavior import NO_BASES, DeclaredInput, FindPose, View
 from zteam.messages import BaseInfo, LaserScan, Odometry, TeamState, TeamStatus, TFMessage, ns_from_time
 from zteam.nodes.robot.base_input import BaseInput
 from zteam.nodes.robot.declared import DeclaredInputs

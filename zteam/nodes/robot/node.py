@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 from zteam import names
 from zteam.behaviors import Behavior
-from zteam.behaviors.inputs import declared_inputs
+from zteam.behaviors.behavior import declared_inputs
 from zteam.clock import Every
 from zteam.messages import Tick, Twist
 from zteam.nodes.robot.alive import AliveRobots

@@ -5,8 +5,7 @@ from typing import Any
 
 from zteam import names
 from zteam.behaviors import Behavior
-from zteam.behaviors.parameters import parameters_of, values_of
-from zteam.behaviors.registry import read_params
+from zteam.behaviors.registry import parameters_of, read_params, values_of
 from zteam.bus import Deferred, NoRequest
 from zteam.errors import UsageError
 from zteam.runtime.process_node import ProcessNode

@@ -5,7 +5,7 @@ import math
 
 from zteam.behaviors import View
 from zteam.behaviors.safety.layer import UNSEEN_CAUSE
-from zteam.behaviors.safety.swept import DRIVE_MARGIN
+from zteam.behaviors.safety.motion import DRIVE_MARGIN
 from zteam.behaviors.scans import look_along
 from zteam.clock import to_ns
 from zteam.messages import RobotDriver, Twist

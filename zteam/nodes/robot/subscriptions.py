@@ -4,7 +4,7 @@ from collections.abc import Callable
 from functools import partial
 
 from zteam import names
-from zteam.behaviors.inputs import DeclaredInput
+from zteam.behaviors.behavior import DeclaredInput
 from zteam.bus.topics import is_latched
 from zteam.clock import monotonic
 from zteam.messages import BaseInfo, LaserScan, Message, Odometry, RobotStatus, TeamStatus, TFMessage, decode

@@ -8,9 +8,8 @@ import numpy as np
 from msgspec import Meta
 
 from zteam import names
-from zteam.behaviors.follow import Follow
-from zteam.behaviors.follow_params import FollowParams
-from zteam.behaviors.view import View
+from zteam.behaviors.behavior import View
+from zteam.behaviors.follow import Follow, FollowParams
 from zteam.clock import to_ns
 from zteam.counter_random import gaussians, stream
 from zteam.geometry import Pose2

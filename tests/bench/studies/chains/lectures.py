@@ -6,8 +6,7 @@ from typing import Annotated
 from msgspec import Meta, Struct
 
 from zteam import names
-from zteam.behaviors.behavior import Behavior
-from zteam.behaviors.view import View
+from zteam.behaviors.behavior import Behavior, View
 from zteam.geometry import Pose2
 from zteam.messages import Twist, Vector3
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 import msgspec
 
 from studies.navigation.scene import Way, make_robot, scan_of, twist_of
-from zteam.behaviors.view import View
+from zteam.behaviors.behavior import View
 from zteam.behaviors.wander import Wander, WanderParams
 from zteam.clock import NS_PER_S
 from zteam.geometry import Pose2

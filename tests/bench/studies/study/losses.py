@@ -6,9 +6,8 @@ from typing import Any
 from msgspec.structs import replace
 
 from zteam import names
-from zteam.behaviors.follow import Follow
-from zteam.behaviors.follow_params import FollowParams
-from zteam.behaviors.view import View
+from zteam.behaviors.behavior import View
+from zteam.behaviors.follow import Follow, FollowParams
 from zteam.counter_random import uniform
 from zteam.geometry import Pose2
 from zteam.messages import Twist

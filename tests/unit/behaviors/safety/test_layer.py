@@ -9,8 +9,7 @@ from support.flat_floor import LASER, TICK, Segment, cast, drive, make_odometry,
 from zteam import names
 from zteam.base import Base
 from zteam.behaviors import Behavior, SafetyLayer, View, decide
-from zteam.behaviors.safety.limits import BRAKING
-from zteam.behaviors.safety.swept import outline_of
+from zteam.behaviors.safety.motion import BRAKING, outline_of
 from zteam.geometry import Pose2
 from zteam.messages import Twist, Vector3
 

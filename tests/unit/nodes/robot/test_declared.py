@@ -8,7 +8,7 @@ import pytest
 from support.real_time_robot import RealTimeRobot
 from zteam import names
 from zteam.behaviors import Behavior, View
-from zteam.behaviors.inputs import DeclaredInput, declared_inputs
+from zteam.behaviors.behavior import DeclaredInput, declared_inputs
 from zteam.messages import Header, Pose, PoseStamped, RobotStatus, String, Twist, time_from_ns
 from zteam.nodes.robot.declared import DeclaredInputs
 

@@ -2,7 +2,7 @@
 
 from support.real_time_robot import RealTimeRobot
 from zteam import names
-from zteam.behaviors.forward import Forward
+from zteam.behaviors.straight import Forward
 from zteam.bus.topics import type_of_key
 from zteam.messages import Header, RobotDriver, Twist, TwistStamped, Vector3, time_from_ns
 from zteam.nodes.robot.mux import SOURCES, Mux

@@ -10,7 +10,7 @@ from support.real_time_robot import RealTimeRobot
 from support.transports import wait_until_true
 from zteam.behaviors import Behavior, View
 from zteam.behaviors.follow import Follow
-from zteam.behaviors.idle import Idle
+from zteam.behaviors.straight import Idle
 from zteam.messages import RobotDriver, RobotState, TeamStatus, Twist, Vector3
 from zteam.nodes.robot import node as robot_module
 from zteam.nodes.robot import waiting

@@ -1,14 +1,46 @@
-"""Drive straight on and stop in front of obstacles (the lectures' stopper, mended)."""
+"""Behaviours that need no memory: stand, drive straight on, stop in front of obstacles."""
 
 import math
 from typing import Annotated
 
 from msgspec import Meta, Struct
 
-from zteam.behaviors.behavior import Behavior
+from zteam.behaviors.behavior import Behavior, View
 from zteam.behaviors.scans import look_ahead
-from zteam.behaviors.view import View
 from zteam.messages import Twist, Vector3
+
+
+class Idle(Behavior):
+    """Zero velocity for ever: for a robot that teleop or navigation drives."""
+
+    def step(self, view: View) -> Twist:
+        """Zero."""
+        return Twist()
+
+    def why_it_rests(self) -> str:
+        """It never drives."""
+        return "idle: only teleop or navigation drives it"
+
+
+class ForwardParams(Struct, frozen=True, forbid_unknown_fields=True):
+    """Parameters of `forward`."""
+
+    speed: Annotated[float, Meta(ge=-1.0, le=1.0, description="m/s; below 0 backwards, where no laser looks")] = 0.2
+
+
+class Forward(Behavior):
+    """The same speed for ever; only the safety layer stops it."""
+
+    Params = ForwardParams
+    params: ForwardParams
+
+    def step(self, view: View) -> Twist:
+        """Straight on."""
+        return Twist(linear=Vector3(x=self.params.speed))
+
+    def why_it_rests(self) -> str:
+        """It is told to, or to drive backwards with a base that cannot."""
+        return "its parameter speed is 0" if not self.params.speed else "its base does not drive backwards"
 
 
 class AvoidParams(Struct, frozen=True, forbid_unknown_fields=True):

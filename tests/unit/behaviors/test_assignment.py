@@ -1,6 +1,6 @@
 """Who keeps which slot."""
 
-from zteam.behaviors.formation_slots import Assignment
+from zteam.behaviors.assignment import Assignment
 
 SLOTS = [(0.0, 0.0), (1.0, 0.0)]
 SECOND = 1_000_000_000

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from zteam.behaviors.inputs import check_inputs
+from zteam.behaviors.behavior import check_inputs
 from zteam.errors import UsageError
 from zteam.messages import Odometry, PoseStamped, RobotStatus, String, Twist
 
