@@ -77,7 +77,7 @@ if TYPE_CHECKING:
     from zteam.runtime.transform_listener import TransformListener
     from zteam.services.goals import TaskResult
     from zteam.services.parameters import ParametersClient
-    from zteam.services.simulator_client import SimulatorClient
+    from zteam.services.simulator import SimulatorClient
     from zteam.services.transforms import HistoryRequest, Lookup
     from zteam.services.transforms_client import TransformClient
     from zteam.team_file import Team, load_team
@@ -128,7 +128,7 @@ _HOMES = {
     "Pose2": "geometry",
     "Publisher": "bus.bus",
     "RunReport": "launch.report",
-    "SimulatorClient": "services.simulator_client",
+    "SimulatorClient": "services.simulator",
     "TaskResult": "services.goals",
     "Team": "team_file.entries",
     "TransformClient": "services.transforms_client",

@@ -14,8 +14,7 @@ from zteam.nodes.simulator.pacing import Pacer, TickBoundary
 from zteam.nodes.simulator.queries import Queries
 from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop
-from zteam.services.scans import ScansReply, SensedScan
-from zteam.services.simulator import Latency, MoveRequest, SimReport, SimStatus, SpawnRequest
+from zteam.services.simulator import Latency, MoveRequest, ScansReply, SensedScan, SimReport, SimStatus, SpawnRequest
 
 TICK = 1_000_000
 """Simulated nanoseconds."""

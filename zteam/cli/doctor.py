@@ -38,7 +38,7 @@ from zteam.launch import kinds
 from zteam.messages import Message, OccupancyGrid, RobotStatus, TeamStatus, decode, type_of_encoding
 from zteam.messages.message import NO_INT8
 from zteam.numbers import counted
-from zteam.services.simulator import MapInfo, SimStatus
+from zteam.services.simulator import MapInfo, find_status
 
 _PACKAGES = ("zteam", "eclipse-zenoh", "numpy", "msgspec", "pymunk", "pillow")
 
@@ -80,10 +80,10 @@ _MAX_ROUTERS = 32
 
 def collect_facts(bus: Bus, options: BusOptions) -> Facts:
     """Everything that the checks of a team need."""
-    before = _ask_simulator(bus)
+    before = find_status(bus)
     nodes = find_nodes(bus)
     heard = _listen(bus, nodes)
-    after = _ask_simulator(bus)
+    after = find_status(bus)
     admin = read_admin(options)
     router_id = admin.zid if admin else ""
     namer = _namer(nodes, router_id)
@@ -141,14 +141,6 @@ def _listen(bus: Bus, nodes: list[ProcessInfo]) -> Heard:
     subscription.close()
     with lock:
         return {key: dict(by) for key, by in heard.items()}
-
-
-def _ask_simulator(bus: Bus) -> SimStatus | None:
-    try:
-        answers = bus.query(names.service_key(names.SIMULATOR, "status"), SimStatus)
-    except BusError:
-        return None
-    return answers[0][1] if answers else None
 
 
 def _counts(bus: Bus) -> dict[str, dict[str, KeyCount]]:

@@ -23,7 +23,7 @@ from zteam.services.goal_taker import GO_TO
 from zteam.services.goals import GoalWatch, TaskResult, goal_message
 from zteam.services.navigation import navigation_query
 from zteam.services.navigation_client import NavigationClient
-from zteam.services.simulator_client import absence_of
+from zteam.services.simulator import absence_of
 
 _USAGE = "zteam goto ID X Y [YAW] [--no-wait] [--timeout SECONDS] [--json] or zteam goto --cancel ID"
 _STATUS_LIMIT = 2.0

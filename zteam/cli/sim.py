@@ -13,14 +13,12 @@ from zteam.cli.arguments import negative_numbers, parse_speed
 from zteam.cli.listening import Waiter, open_bus
 from zteam.cli.live_line import has_live_line
 from zteam.cli.options import Parser, add_bus_options, bus_options, checked, run
-from zteam.cli.sim_status import format_hold, format_pace, format_status, format_when
-from zteam.clock import Every, monotonic
+from zteam.clock import Every, monotonic, to_seconds
 from zteam.errors import BusError, UsageError
 from zteam.geometry import turn_problem
 from zteam.numbers import parse_number, parse_whole
 from zteam.robot_ids import format_robot_ids, parse_robot_ids
-from zteam.services.simulator import MAX_PLACE, MAX_TICKS, SimStatus, SpawnReply
-from zteam.services.simulator_client import SimulatorClient
+from zteam.services.simulator import MAX_PLACE, MAX_TICKS, SimStatus, SimulatorClient, SpawnReply
 
 T = TypeVar("T")
 
@@ -124,7 +122,7 @@ def parse_ticks(text: str) -> int:
 def _pause(_args: argparse.Namespace) -> Ask:
     def ask(client: SimulatorClient) -> Answer:
         status = client.pause()
-        return status, f"paused {format_when(status)}{format_hold(status)}"
+        return status, f"paused {_format_when(status)}{_format_hold(status)}"
 
     return ask
 
@@ -133,8 +131,8 @@ def _resume(_args: argparse.Namespace) -> Ask:
     def ask(client: SimulatorClient) -> Answer:
         status = client.resume()
         if status.finished:
-            return status, f"the run is over {format_when(status)}: 'zteam sim reset' starts it again"
-        return status, f"resumed {format_when(status)}, {format_pace(status)}"
+            return status, f"the run is over {_format_when(status)}: 'zteam sim reset' starts it again"
+        return status, f"resumed {_format_when(status)}, {_format_pace(status)}"
 
     return ask
 
@@ -148,11 +146,11 @@ def _step(args: argparse.Namespace) -> Ask:
             status = client.step(ticks, on_progress=progress.report)
         except KeyboardInterrupt:
             # The user gave up: cancel the remaining ticks.
-            print(f"\npaused {format_when(client.pause())}", file=sys.stderr)
+            print(f"\npaused {_format_when(client.pause())}", file=sys.stderr)
             raise
         finally:
             progress.end()
-        return status, format_status(status)
+        return status, _format_status(status)
 
     return ask
 
@@ -163,7 +161,7 @@ def _speed(args: argparse.Namespace) -> Ask:
     def ask(client: SimulatorClient) -> Answer:
         status = client.set_speed(speed)
         later = ", after 'zteam sim resume': the world is paused" if status.paused else ""
-        return status, format_pace(status) + later
+        return status, _format_pace(status) + later
 
     return ask
 
@@ -171,7 +169,7 @@ def _speed(args: argparse.Namespace) -> Ask:
 def _reset(_args: argparse.Namespace) -> Ask:
     def ask(client: SimulatorClient) -> Answer:
         status = _change(client.reset)
-        return status, f"reset, {'paused ' + format_when(status) if status.paused else format_pace(status)}"
+        return status, f"reset, {'paused ' + _format_when(status) if status.paused else _format_pace(status)}"
 
     return ask
 
@@ -216,7 +214,7 @@ def _move(args: argparse.Namespace) -> Ask:
 def _status(_args: argparse.Namespace) -> Ask:
     def ask(client: SimulatorClient) -> Answer:
         status = client.status()
-        return status, format_status(status)
+        return status, _format_status(status)
 
     return ask
 
@@ -251,12 +249,12 @@ class _Progress:
         if self._first is None:
             self._first = status.tick
         # Every participant is waited for between two ticks: name one only if it still holds the same tick.
-        held = format_hold(status) if status.tick == self._tick else ""
+        held = _format_hold(status) if status.tick == self._tick else ""
         self._tick = status.tick
         if monotonic() - self._start < PATIENCE or not (self._overwrites or self._due.due()):
             return
         text = (
-            f"{status.tick - self._first} of {self._ticks} ticks, now {format_when(status)}{held}, "
+            f"{status.tick - self._first} of {self._ticks} ticks, now {_format_when(status)}{held}, "
             f"real-time factor {status.real_time_factor:.3g} (Ctrl+C pauses)"
         )
         self._open = self._overwrites
@@ -267,3 +265,47 @@ class _Progress:
         """End the progress line, if one is open."""
         if self._open:
             print(file=sys.stderr, flush=True)
+
+
+def _format_status(status: SimStatus) -> str:
+    """The simulator's status as a table, one line per value."""
+    paused = "run over" if status.finished else "yes" if status.paused else "no"
+    rows = [
+        ("world", f"{status.world}, seed {status.seed}"),
+        ("time", f"{to_seconds(status.now):.3f} s"),
+        ("tick", f"{status.tick}, {status.interval / 1e6:g} ms each"),
+        ("speed", _format_pace(status)),
+        ("real-time factor", f"{status.real_time_factor:.3g}"),
+        ("paused", paused),
+        ("lock-step", "yes" if status.lockstep else "no"),
+    ]
+    if status.lockstep:
+        rows += [
+            ("  participants", _listed(status.participants)),
+            ("  joining", _listed(status.joining)),
+            ("  waiting for", status.waiting_for or "-"),
+            ("  hung", _listed(status.hung)),
+        ]
+    rows.append(("robots", format_robot_ids(status.robots) or "-"))
+    return "\n".join(f"{name:18}{value}" for name, value in rows)
+
+
+def _format_when(status: SimStatus) -> str:
+    """The time of the world, and its tick."""
+    return f"at {to_seconds(status.now):.3f} s (tick {status.tick})"
+
+
+def _format_hold(status: SimStatus) -> str:
+    """What holds a tick of lock-step, as the end of a sentence; empty if nothing does."""
+    return f", which waits for {status.waiting_for}" if status.waiting_for else ""
+
+
+def _format_pace(status: SimStatus) -> str:
+    """The speed that was asked for."""
+    if status.speed is None:
+        return "as fast as possible"
+    return f"{status.speed:g} simulated second{'s' * (status.speed != 1.0)} a second"
+
+
+def _listed(items: Sequence[object]) -> str:
+    return ", ".join(map(str, items)) or "-"

@@ -9,9 +9,8 @@ import msgspec
 from zteam import names
 from zteam.bus import Bus
 from zteam.clock import to_seconds
-from zteam.errors import ZteamError
 from zteam.messages import RobotState, RobotStatus, TeamState, TeamStatus, ns_from_time
-from zteam.services.simulator import SimStatus
+from zteam.services.simulator import SimStatus, find_status
 
 log = logging.getLogger("zteam")
 
@@ -72,7 +71,7 @@ class TeamOverview:
 
     def look(self) -> Overview:
         """The team now. Waits for the simulator's answer."""
-        simulator = self._ask_simulator() if self._is_simulated else None
+        simulator = find_status(self._bus, _ANSWER_LIMIT) if self._is_simulated else None
         held_by = ""
         if simulator is not None:
             # Every tick waits for participants; it is held only if it was open at the look before.
@@ -89,12 +88,3 @@ class TeamOverview:
                 is_simulated=self._is_simulated,
                 held_by=held_by,
             )
-
-    def _ask_simulator(self) -> SimStatus | None:
-        key = names.service_key(names.SIMULATOR, "status")
-        try:
-            answers = self._bus.query(key, SimStatus, timeout=_ANSWER_LIMIT)
-        except ZteamError as error:
-            log.debug("%s", error)
-            return None
-        return answers[0][1] if answers else None

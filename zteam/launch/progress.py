@@ -14,7 +14,7 @@ from zteam.launch.kinds import kind_of
 from zteam.launch.report import seconds_since_start
 from zteam.messages import TeamState, TeamStatus
 from zteam.runtime.shutdown import Stop
-from zteam.services.simulator import FinishReply, FinishRequest, SimStatus
+from zteam.services.simulator import FinishReply, FinishRequest, find_status
 
 log = logging.getLogger("zteam")
 
@@ -126,14 +126,9 @@ class Progress:
         """Raise ZteamError without GO, or if lock-step still holds its first tick: it waits for nodes too."""
         if self.go_after is None:
             raise ZteamError(f"no GO within {seconds:g} s: waiting for {self._waiting_for}")
-        try:
-            answers = self._bus.query(names.service_key(names.SIMULATOR, "status"), SimStatus)
-        except ZteamError as error:
-            log.debug("%s", error)
-            return
-        held = [status.waiting_for for _, status in answers if status.lockstep and status.tick <= 1]
-        if any(held):
-            raise ZteamError(f"the first tick is held for {seconds:g} s: waiting for {', '.join(held)}")
+        status = find_status(self._bus)
+        if status is not None and status.lockstep and status.tick <= 1 and status.waiting_for:
+            raise ZteamError(f"the first tick is held for {seconds:g} s: waiting for {status.waiting_for}")
 
     def _check_finishable(self, ended: Iterable[Watched], last_words: Callable[[str], str]) -> None:
         """Raise ZteamError if a run with a time limit cannot end: GO waits for every process of the team."""

@@ -1,18 +1,26 @@
-"""Requests and replies of the simulator's queries (`sim/status`, `sim/step`, …), for the simulator and its clients.
+"""The simulator's queries (`sim/status`, `sim/step`, …): requests and replies, and both as calls for programs.
 
 A request that is refused is answered with an error that says why.
 """
 
-from collections.abc import Sequence
-from typing import Annotated
+import logging
+from collections.abc import Callable, Sequence
+from typing import Annotated, TypeVar
 
 import msgspec
 
-from zteam.bus import Change
+from zteam import names
+from zteam.bus import Bus, Change
+from zteam.clock import monotonic
+from zteam.errors import BusError, UsageError, ZteamError
 from zteam.geometry import yaw_from_quaternion
 from zteam.messages import MapMetaData
 from zteam.names import MAX_ROBOT_ID
 from zteam.robot_ids import format_robot_ids
+
+log = logging.getLogger("zteam")
+
+T = TypeVar("T")
 
 RobotId = Annotated[int, msgspec.Meta(ge=0, le=MAX_ROBOT_ID)]
 BOUNDARY_LIMIT = 60.0
@@ -25,6 +33,21 @@ MAX_PLACE = 1e6
 Place = Annotated[float, msgspec.Meta(ge=-MAX_PLACE, le=MAX_PLACE)]
 MAX_WAIT = 60.0
 """Host seconds that `sim/finish` and `sim/stand` wait at most."""
+ANSWER_LIMIT = 10.0
+"""Host seconds for an answer that waits for nothing but a crowded machine."""
+CHANGE_LIMIT = BOUNDARY_LIMIT + ANSWER_LIMIT
+"""Host seconds for a change to the world, which waits for the tick at hand to end."""
+SETTLE = 2.0
+"""Host seconds that `pause` and `reset` wait for the tick at hand, which a participant may hold in lock-step."""
+LOOK = 1.0
+"""Host seconds between two reports on a long step's progress."""
+
+_NO_SIMULATOR = (
+    "no simulator is there: start one with 'zteam-sim WORLD' or 'zteam up' "
+    "(or name its router and namespace with --connect and --namespace)"
+)
+_TIMED_OUT = "Timeout"
+"""Zenoh's own word."""
 
 
 class StepRequest(Change):
@@ -192,11 +215,25 @@ class ObstaclesReply(msgspec.Struct):
     obstacles: list[ObstacleShape]
 
 
-def absence_text(robot_id: int, robots: Sequence[int]) -> str:
-    """What is said of a robot that the world lacks: which robots it has, and the way out."""
-    has = format_robot_ids(robots) or "no robot"
-    spawn = f"'zteam sim spawn --id {robot_id} --pose X Y YAW' adds it"
-    return f"not in the world; it has {has} ({spawn})"
+class ScansRequest(msgspec.Struct):
+    """Asked of `sim/scans`."""
+
+    robots: list[int]
+
+
+class SensedScan(msgspec.Struct):
+    """A laser's newest scan."""
+
+    key: str
+    """On which it was sent, if that had subscribers."""
+    content: bytes
+    """The encoded LaserScan."""
+
+
+class ScansReply(msgspec.Struct):
+    """Answer to `sim/scans`: what the lasers of these robots saw in the last tick."""
+
+    scans: list[SensedScan]
 
 
 class StandRequest(msgspec.Struct):
@@ -281,3 +318,168 @@ class SimReport(RunFigures, kw_only=True):
     """Whether the time asked for with `--for` is over and the world stands still."""
     wall_seconds: float = 0.0
     """Host time from the first counted tick to the last."""
+
+
+class SimulatorClient:
+    """The simulator's queries as calls. All raise BusError if no simulator is there, or with what it refuses."""
+
+    def __init__(self, bus: Bus, answer_limit: float = ANSWER_LIMIT) -> None:
+        """`answer_limit` is host seconds for an answer that waits for nothing in the world."""
+        self._bus = bus
+        self._answer_limit = answer_limit
+
+    def _ask(
+        self,
+        service: str,
+        reply_type: type[T],
+        request: msgspec.Struct | None = None,
+        timeout: float | None = None,
+    ) -> T:
+        timeout = self._answer_limit if timeout is None else timeout
+        key = names.service_key(names.SIMULATOR, service)
+        try:
+            answers = self._bus.query(key, reply_type, request, timeout=timeout)
+        except BusError as error:
+            why = str(error).removeprefix(f"{key}: ")
+            if why == _TIMED_OUT:
+                why = f"the simulator does not answer within {timeout:g} s: see 'zteam doctor'"
+            raise BusError(why) from None
+        if not answers:
+            raise BusError(_NO_SIMULATOR)
+        return answers[0][1]
+
+    def status(self) -> SimStatus:
+        """The simulator's status."""
+        return self._ask("status", SimStatus)
+
+    def report(self) -> SimReport:
+        """Its own count of the run from GO on."""
+        return self._ask("report", SimReport)
+
+    def repeat(self) -> SimStatus:
+        """Have the last tick's data sent once more, between two ticks."""
+        return self._ask("repeat", SimStatus, Change(), timeout=CHANGE_LIMIT)
+
+    def pause(self) -> SimStatus:
+        """Pause the world after the tick at hand. Waits for that tick, for SETTLE at most."""
+        self._ask("pause", SimStatus, Change())
+        return self.stand(SETTLE).status
+
+    def resume(self) -> SimStatus:
+        """Resume the world at the speed that was asked for."""
+        return self._ask("resume", SimStatus, Change())
+
+    def set_speed(self, speed: float | None) -> SimStatus:
+        """Ask for simulated seconds a second of the host; None = as fast as possible."""
+        if speed is not None and not MIN_SPEED <= speed <= MAX_SPEED:
+            raise UsageError(f"speed {speed}: give simulated seconds a second from {MIN_SPEED:g} to {MAX_SPEED:g}")
+        return self._ask("speed", SimStatus, SpeedRequest(speed))
+
+    def stand(self, timeout: float) -> StandReply:
+        """Whether the world stands still, at the latest after `timeout` host seconds (60 at most)."""
+        return self._ask("stand", StandReply, StandRequest(timeout), timeout=timeout + ANSWER_LIMIT)
+
+    def step(
+        self,
+        ticks: int = 1,
+        *,
+        patience: float | None = None,
+        on_progress: Callable[[SimStatus], None] = lambda status: None,
+    ) -> SimStatus:
+        """Run so many ticks, however long they take; returns the status afterwards.
+
+        It ends early, without an error, when the run is over, or when another client pauses or resumes the world.
+        `on_progress(status)` is called about once a second. Raises BusError when one tick takes more than
+        `patience` host seconds, with what holds it.
+        """
+        on_progress(self.begin_steps(ticks))
+        return self._wait_until_standing(patience, on_progress)
+
+    def begin_steps(self, ticks: int) -> SimStatus:
+        """As `step`, but do not wait for the ticks."""
+        if not 1 <= ticks <= MAX_TICKS:
+            raise UsageError(f"step {ticks}: give a number of ticks from 1 on")
+        return self._ask("step", SimStatus, StepRequest(ticks, wait=False))
+
+    def _wait_until_standing(self, patience: float | None, on_progress: Callable[[SimStatus], None]) -> SimStatus:
+        look = LOOK if patience is None else min(LOOK, patience)
+        tick, since = -1, monotonic()
+        while True:
+            reply = self.stand(look)
+            status = reply.status
+            if reply.stands or not status.paused:
+                return status
+            if status.tick != tick:
+                tick, since = status.tick, monotonic()
+            elif patience is not None and monotonic() - since >= patience:
+                holder = f": waiting for {status.waiting_for}" if status.waiting_for else ""
+                raise BusError(f"tick {tick} takes more than {patience:g} s{holder} (see 'zteam sim status')")
+            on_progress(status)
+
+    def reset(self) -> SimStatus:
+        """Everything as at the start, time too; a world that was paused stands at its first tick."""
+        status = self._ask("reset", SimStatus, Change(), timeout=CHANGE_LIMIT)
+        return self.stand(SETTLE).status if status.paused else status
+
+    def spawn(
+        self,
+        x: float,
+        y: float,
+        yaw: float = 0.0,
+        *,
+        model: str = "erratic",
+        robot_id: int | None = None,
+        force: bool = False,
+    ) -> int:
+        """Put a further robot at x, y (m), yaw (rad) in `map`; its id, the lowest that is free unless given.
+
+        Raises BusError if it has no room there, in a wall or a robot or outside of the world, unless `force` is set.
+        """
+        _check_pose(x, y, yaw)
+        request = SpawnRequest(x, y, yaw, model, robot_id, force=force)
+        return self._ask("spawn", SpawnReply, request, timeout=CHANGE_LIMIT).id
+
+    def remove(self, robot_id: int) -> SimStatus:
+        """Take a robot out of the world."""
+        return self._ask("remove", SimStatus, RemoveRequest(robot_id), timeout=CHANGE_LIMIT)
+
+    def move(self, robot_id: int, x: float, y: float, yaw: float = 0.0, *, force: bool = False) -> SimStatus:
+        """Lift a robot to x, y (m), yaw (rad) in `map`. Raises BusError if it has no room there, as `spawn` does."""
+        _check_pose(x, y, yaw)
+        return self._ask("move", SimStatus, MoveRequest(robot_id, x, y, yaw, force=force), timeout=CHANGE_LIMIT)
+
+
+def _check_pose(x: float, y: float, yaw: float) -> None:
+    # JSON has no NaN: it would arrive as something else.
+    if not all(-MAX_PLACE <= number <= MAX_PLACE for number in (x, y, yaw)):
+        raise UsageError(f"pose {x:g} {y:g} {yaw:g}: give finite numbers up to {MAX_PLACE:g}")
+
+
+def read_status(bus: Bus, timeout: float = 2.0) -> SimStatus | None:
+    """The status of the running simulator; None without one. Raises BusError if it is busy or frozen."""
+    answers = bus.query(names.service_key(names.SIMULATOR, "status"), SimStatus, timeout=timeout)
+    return answers[0][1] if answers else None
+
+
+def find_status(bus: Bus, timeout: float = 2.0) -> SimStatus | None:
+    """As `read_status`, but None also if it does not answer."""
+    try:
+        return read_status(bus, timeout)
+    except ZteamError as error:
+        log.debug("%s", error)
+        return None
+
+
+def absence_of(bus: Bus, robot_id: int) -> str:
+    """What is said of a robot that the running simulator lacks; empty for others, and without a simulator."""
+    status = find_status(bus)
+    if status is None or robot_id in status.robots:
+        return ""
+    return f"{names.robot_name(robot_id)} is {absence_text(robot_id, status.robots)}"
+
+
+def absence_text(robot_id: int, robots: Sequence[int]) -> str:
+    """What is said of a robot that the world lacks: which robots it has, and the way out."""
+    has = format_robot_ids(robots) or "no robot"
+    spawn = f"'zteam sim spawn --id {robot_id} --pose X Y YAW' adds it"
+    return f"not in the world; it has {has} ({spawn})"

@@ -8,16 +8,16 @@ from zteam.bus.transport import Closeable
 from zteam.clock import AutoClock
 from zteam.errors import BusError
 from zteam.messages import Clock, ns_from_time
-from zteam.services.simulator import SimStatus
+from zteam.services.simulator import read_status
 
 
 def ask_time(bus: Bus) -> int | None:
     """The simulator's time in ns; None without a simulator, 0 if it does not answer."""
     try:
-        answers = bus.query(names.service_key(names.SIMULATOR, "status"), SimStatus)
+        status = read_status(bus)
     except BusError:
         return 0  # it runs, but is busy or frozen
-    return answers[0][1].now if answers else None
+    return status.now if status else None
 
 
 def follow_clock(bus: Bus, clock: AutoClock, on_time: Callable[[], None] = lambda: None) -> Closeable:

@@ -9,8 +9,7 @@ from zteam.in_process.user_calls import UserCall, user_calls
 from zteam.launch.kinds import ROUTER, TeamLaunch
 from zteam.launch.plan import plan_team
 from zteam.process_options import LOCKSTEP_TIMEOUT
-from zteam.services.simulator import SimStatus
-from zteam.services.simulator_client import SimulatorClient
+from zteam.services.simulator import SimStatus, SimulatorClient
 from zteam.testing.processes import START_LIMIT, TeamFailure, TeamProcesses
 
 _SILENT_AFTER = 1.5

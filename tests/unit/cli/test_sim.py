@@ -13,9 +13,8 @@ from zteam.bus import MemoryHub
 from zteam.cli import main as zteam
 from zteam.cli import sim
 from zteam.nodes.simulator.pacing import Pacer
-from zteam.services import simulator_client
-from zteam.services.simulator import SimStatus, StepRequest
-from zteam.services.simulator_client import SimulatorClient
+from zteam.services import simulator
+from zteam.services.simulator import SimStatus, SimulatorClient, StepRequest
 
 Output = Callable[..., str]
 
@@ -211,7 +210,7 @@ def test_a_long_step_reports_its_progress(
     desk: ControlHarness, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The progress goes to stderr and names Ctrl+C; standard output has only the reply."""
-    monkeypatch.setattr(simulator_client, "LOOK", 0.01)
+    monkeypatch.setattr(simulator, "LOOK", 0.01)
     monkeypatch.setattr(sim, "PATIENCE", 0.0)
     desk.free.clear()
     tell = sim._Progress.report

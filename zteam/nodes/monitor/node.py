@@ -3,7 +3,6 @@
 import logging
 
 from zteam import names
-from zteam.errors import BusError
 from zteam.messages import TeamStatus, Tick, ns_from_time
 from zteam.nodes.monitor.display import Display, Output, Showing, showing
 from zteam.nodes.monitor.start_gate import Gate
@@ -12,7 +11,7 @@ from zteam.nodes.monitor.watch import TeamWatch
 from zteam.process_options import MonitorOptions
 from zteam.runtime.lockstep import Ticks
 from zteam.runtime.process_node import ProcessNode
-from zteam.services.simulator import SimStatus
+from zteam.services.simulator import find_status
 
 log = logging.getLogger("zteam")
 
@@ -68,14 +67,10 @@ class Monitor:
     def _learn_ids(self) -> None:
         """Wait for the simulator's own robots if there are as many as asked for."""
         self.watch.simulator_came = False
-        try:
-            answer = self._node.bus.ask(names.service_key(names.SIMULATOR, "status"), SimStatus)
-        except BusError as error:
-            log.debug("%s", error)
-            return
-        with self._node.changed:
-            if len(answer.robots) == self.gate.team_size:
-                self.gate.expect(answer.robots)
+        status = find_status(self._node.bus)
+        if status is not None and len(status.robots) == self.gate.team_size:
+            with self._node.changed:
+                self.gate.expect(status.robots)
 
     def _publish(self) -> None:
         status = self.gate.status(self._node.clock.now())

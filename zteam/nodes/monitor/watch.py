@@ -7,12 +7,11 @@ from zteam import names
 from zteam.bus.presence import holder_text
 from zteam.bus.transport import RawSample
 from zteam.clock import Every, monotonic
-from zteam.errors import BusError
 from zteam.messages import RobotStatus
 from zteam.nodes.monitor.members import Team
 from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.tokens import TokenLossFilter, TokenSet, Writers
-from zteam.services.simulator import SimStatus
+from zteam.services.simulator import find_status
 
 log = logging.getLogger("zteam")
 
@@ -52,11 +51,8 @@ class WriterWatch:
                 self._tell(found)
 
     def _ask(self) -> Mapping[int, Sequence[str]] | None:
-        try:
-            key = names.service_key(names.SIMULATOR, "status")
-            status = self._node.bus.ask(key, SimStatus, timeout=_ANSWER_LIMIT)
-        except BusError as error:
-            log.debug("%s", error)
+        status = find_status(self._node.bus, _ANSWER_LIMIT)
+        if status is None:
             return None
         with self._node.changed:
             self._team.take_world(status.robots)

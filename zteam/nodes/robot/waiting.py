@@ -9,7 +9,7 @@ from zteam.nodes.robot.driver import ALONE, Driver, Turn
 from zteam.nodes.robot.inputs import Inputs
 from zteam.runtime.lockstep import Participant
 from zteam.runtime.process_node import ProcessNode
-from zteam.services.simulator import SimStatus, absence_text
+from zteam.services.simulator import absence_text, read_status
 
 log = logging.getLogger("zteam")
 
@@ -47,19 +47,18 @@ class Waiting:
             self._driver.absence = ""
             return
         try:
-            key = names.service_key(names.SIMULATOR, "status")
-            answers = self._node.bus.query(key, SimStatus, timeout=_ANSWER_LIMIT)
+            status = read_status(self._node.bus, _ANSWER_LIMIT)
         except BusError as error:
             log.debug("%s", error)
             return
         robot_id = self._driver.robot_id
-        lacks = [status for _, status in answers if robot_id not in status.robots]
+        lacks = status is not None and robot_id not in status.robots
         name = names.robot_name(robot_id)
-        self._driver.absence = f"{name} is {absence_text(robot_id, lacks[0].robots)}" if lacks else ""
-        if not answers and not self._driver.is_alone and self._driver.readiness.released:
+        self._driver.absence = f"{name} is {absence_text(robot_id, status.robots)}" if status and lacks else ""
+        if status is None and not self._driver.is_alone and self._driver.readiness.released:
             # Without a gate nothing else says what the robot waits for.
             log.info("waiting for a first scan: %s", ALONE)
-        self._driver.is_alone = not answers
+        self._driver.is_alone = status is None
 
     def begin_look(self) -> Turn | None:
         """A turn to find out what is missing: while nothing comes there is no other (under `node.changed`)."""

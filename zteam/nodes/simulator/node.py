@@ -22,8 +22,7 @@ from zteam.nodes.simulator.statistics import IDLE, PHYSICS, PUBLISH, SENSORS, WA
 from zteam.numbers import counted
 from zteam.process_options import SimOptions
 from zteam.runtime.process_node import ProcessNode
-from zteam.services.scans import ScansReply, SensedScan
-from zteam.services.simulator import MoveRequest, SimReport, SimStatus, SpawnRequest, map_info
+from zteam.services.simulator import MoveRequest, ScansReply, SensedScan, SimReport, SimStatus, SpawnRequest, map_info
 from zteam.sim import Engine, Observation
 from zteam.sim.occupancy_grid import map_message, map_metadata
 from zteam.world import Robot, World, add_robot

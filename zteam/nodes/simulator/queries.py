@@ -9,7 +9,6 @@ from zteam.bus import Bus, Change, Deferred, NoRequest
 from zteam.errors import BusError
 from zteam.nodes.simulator.pacing import Pacer, TickBoundary
 from zteam.runtime.process_node import ProcessNode
-from zteam.services.scans import ScansRequest
 from zteam.services.simulator import (
     BOUNDARY_LIMIT,
     FinishReply,
@@ -19,6 +18,7 @@ from zteam.services.simulator import (
     ObstaclesReply,
     RemoveRequest,
     RobotShape,
+    ScansRequest,
     ShapesReply,
     SimStatus,
     SpawnReply,

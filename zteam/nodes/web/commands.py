@@ -29,8 +29,7 @@ from zteam.messages import (
 )
 from zteam.nodes.web import frames, requests
 from zteam.nodes.web.team_view import TeamView, decoded, pose2_of
-from zteam.services.simulator import SimStatus, StepRequest
-from zteam.services.simulator_client import SimulatorClient
+from zteam.services.simulator import SimulatorClient
 
 SPACING = 0.9
 """Metres between two goals: the widest of the lectures' robots turns on the spot in this."""
@@ -178,8 +177,7 @@ class Commands:
                 simulator.resume()
             case requests.Step():
                 # It may take long: the page sees the tick.
-                key = names.service_key(names.SIMULATOR, "step")
-                self._bus.ask(key, SimStatus, StepRequest(request.ticks, wait=False))
+                simulator.begin_steps(request.ticks)
             case requests.SetSpeed():
                 simulator.set_speed(request.factor or None)
             case requests.Reset():

@@ -18,8 +18,7 @@ from zteam.nodes.web.received import Sampled
 from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.tokens import TokenSet
 from zteam.services.logs import LogLine
-from zteam.services.scans import ScansReply, ScansRequest
-from zteam.services.simulator import ObstaclesReply, ShapesReply, SimStatus
+from zteam.services.simulator import ObstaclesReply, ScansReply, ScansRequest, ShapesReply, SimStatus, find_status
 from zteam.services.transforms import BundleReply, FrameReply, Lookup
 from zteam.services.transforms_client import TransformClient
 
@@ -171,7 +170,7 @@ class Queries:
         self._on_news()
 
     def _ask_simulator(self, *, obstacles: bool) -> None:
-        sim = self._first("status", SimStatus) if self.alive(names.SIMULATOR) else None
+        sim = find_status(self._bus, PATIENCE) if self.alive(names.SIMULATOR) else None
         self.sim = sim
         if sim is None:
             self.shapes = self.obstacles = self._shapes_of = None

@@ -10,9 +10,8 @@ from zteam import names
 from zteam.bus import Bus, Change, MemoryHub, NoRequest
 from zteam.errors import BusError, UsageError
 from zteam.nodes.simulator.pacing import Pacer
-from zteam.services import simulator_client
-from zteam.services.simulator import SimStatus, StepRequest
-from zteam.services.simulator_client import SimulatorClient
+from zteam.services import simulator
+from zteam.services.simulator import SimStatus, SimulatorClient, StepRequest
 
 Make = Callable[..., tuple[ControlHarness, SimulatorClient]]
 
@@ -36,7 +35,7 @@ def make() -> Iterator[Make]:
 @pytest.fixture
 def often(monkeypatch: pytest.MonkeyPatch) -> None:
     """Long steps are looked at all the time."""
-    monkeypatch.setattr(simulator_client, "LOOK", 0.01)
+    monkeypatch.setattr(simulator, "LOOK", 0.01)
 
 
 def test_a_step_is_exact(make: Make) -> None:
@@ -140,7 +139,7 @@ def test_a_paused_world_stands_at_once(make: Make) -> None:
 
 def test_a_pause_does_not_wait_for_who_holds_the_tick(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
     """In lock-step the tick at hand may never end: the answer comes all the same."""
-    monkeypatch.setattr(simulator_client, "SETTLE", 0.05)
+    monkeypatch.setattr(simulator, "SETTLE", 0.05)
     desk, client = make()
     assert client.stand(ASKED).stands
     desk.free.clear()
