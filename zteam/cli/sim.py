@@ -150,7 +150,7 @@ def _step(args: argparse.Namespace) -> Ask:
             raise
         finally:
             progress.end()
-        return status, _format_status(status)
+        return status, format_status(status)
 
     return ask
 
@@ -214,7 +214,7 @@ def _move(args: argparse.Namespace) -> Ask:
 def _status(_args: argparse.Namespace) -> Ask:
     def ask(client: SimulatorClient) -> Answer:
         status = client.status()
-        return status, _format_status(status)
+        return status, format_status(status)
 
     return ask
 
@@ -267,7 +267,7 @@ class _Progress:
             print(file=sys.stderr, flush=True)
 
 
-def _format_status(status: SimStatus) -> str:
+def format_status(status: SimStatus) -> str:
     """The simulator's status as a table, one line per value."""
     paused = "run over" if status.finished else "yes" if status.paused else "no"
     rows = [
