@@ -13,11 +13,11 @@ from support.examples import examples
 from zteam.errors import WorldError
 from zteam.geometry import convex_hull, signed_area
 from zteam.world import load_world
-from zteam.world.bitmap import rectangles
+from zteam.world.bodies import Block, fit_blocks, is_simple
+from zteam.world.images import rectangles
 from zteam.world.parser import Entity, Property, parse_text
 from zteam.world.properties import Size3
-from zteam.world.shapes import Block, fit_blocks, is_simple
-from zteam.world.sources import Place, Remarks
+from zteam.world.text import Place, Remarks
 
 PLACE = Place("", 0, 0)
 

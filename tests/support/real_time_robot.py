@@ -35,7 +35,7 @@ from zteam.services.parameters import ParametersClient
 from zteam.services.simulator import SimStatus
 from zteam.sim import to_messages
 from zteam.world import load_world
-from zteam.world.bases import base_info
+from zteam.world.model import base_info
 
 TICK = 100_000_000
 """Nanoseconds."""

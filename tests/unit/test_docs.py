@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from support.pages import DOCS, PAGES, ROOT, all_blocks, find_file
-from zteam.world import vocabulary
+from zteam.world import properties
 from zteam.world.devices import device_models
 
 PACKAGES = ["behaviors", "errors", "messages", "planning", "sim", "testing", "tf", "world"]
@@ -124,13 +124,13 @@ def test_every_property_is_in_the_reference() -> None:
     """The tables hold all names that the parser reads, ignores or remarks, and every model type."""
     named = set(re.findall(r"[a-z_]+", " ".join(re.findall(r"`([^`]+)`", prose(DOCS / "world-files.md")))))
     known = set().union(
-        *vocabulary.READ.values(),
-        *vocabulary.SILENT.values(),
-        vocabulary.REMARKED,
-        vocabulary.TYPES,
+        *properties.READ.values(),
+        *properties.SILENT.values(),
+        properties.REMARKED,
+        properties.TYPES,
         device_models(),
         *(model.properties for model in device_models().values()),
-        vocabulary._DISPLAY,
+        properties._DISPLAY,
     )
     missing = {name.removesuffix("[]") for name in known} - named
     assert not missing

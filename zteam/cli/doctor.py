@@ -299,7 +299,7 @@ def _team(bus: Bus, options: BusOptions, map_name: str | None, map_file: MapInfo
 
 
 def _read_map(path: Path) -> MapInfo:
-    from zteam.world.floor_maps import read_floor_map
+    from zteam.world.images import read_floor_map
 
     found = read_floor_map(path)
     rows, columns = found.occupied.shape

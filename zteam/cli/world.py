@@ -160,7 +160,7 @@ def _misplaced(world: "World") -> "Iterator[str]":
 def _bases(world: "World") -> list[dict[str, Any]]:
     """What `base_info` tells of the robots: each kind of base once, in file order."""
     from zteam.messages import to_plain
-    from zteam.world.bases import base_info
+    from zteam.world.model import base_info
 
     found: list[dict[str, Any]] = []
     for robot in world.robots:

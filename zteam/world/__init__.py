@@ -1,7 +1,7 @@
 """World files: Stage's .world language, bitmaps, and the plain data that the simulator runs on."""
 
 from zteam.geometry import Point2
-from zteam.world.loading import add_robot, load_world
+from zteam.world.builder import add_robot, load_world
 from zteam.world.model import Floorplan, Limits, Obstacle, Ranger, Remark, Robot, Shape, World
 
 __all__ = [

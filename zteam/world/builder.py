@@ -1,8 +1,7 @@
 """From a parsed world file to a `World`: poses, heights and bodies worked out as Stage does.
 
 A model's pose is in its parent's frame; its foot stands on its parent's top (`stack_children 1`, the default) or
-bottom, plus its own z. `origin` moves a model's body and sensors, not its children.
-"""
+bottom, plus its own z. `origin` moves a model's body and sensors, not its children."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -10,17 +9,107 @@ from typing import NamedTuple
 import msgspec
 
 from zteam import names
-from zteam.errors import did_you_mean
-from zteam.geometry import Pose2
+from zteam.errors import WorldError, did_you_mean
+from zteam.geometry import Point2, Pose2
 from zteam.simulation_options import PHYSICS
-from zteam.world import vocabulary
-from zteam.world.bodies import Body, Settings, place_body, place_floorplan, read_body, solid_blocks
+from zteam.world.bodies import Body, Bounds, Settings, place_body, place_floorplan, read_body, solid_blocks
 from zteam.world.devices import device_models
-from zteam.world.drives import Drive, read_drive, read_mass
-from zteam.world.model import Device, Floorplan, Marker, Obstacle, Ranger, Robot, Shape, World
-from zteam.world.parser import Document, Entity, Property
-from zteam.world.properties import Pose3, Reader, Seat, read_units
-from zteam.world.sources import Remarks
+from zteam.world.images import is_floor_map
+from zteam.world.model import Device, Floorplan, Limits, Marker, Obstacle, Ranger, Robot, Shape, World
+from zteam.world.parser import Document, Entity, Property, parse_text, parse_world
+from zteam.world.properties import MEANT, TYPES, UNSUPPORTED, Pose3, Reader, Seat, Units, read_units
+from zteam.world.text import Remarks
+
+WHEEL_SEPARATION = 0.3
+"""Metres between the wheels of a robot without a width."""
+DEFAULT_MASS = 10.0
+MAX_MASS = 1e6
+
+
+class Drive(NamedTuple):
+    """The properties of a position model that are not its body; the fields are those of `Robot`."""
+
+    drive: str
+    wheelbase: float
+    velocity: Limits
+    acceleration: Limits | None
+    localization: str
+    odom_error: tuple[float, float, float]
+    odom_alphas: tuple[float, float, float, float]
+    wheel_radius: float
+    wheel_separation: float
+    mass: float
+    color: str
+
+
+def read_drive(reader: Reader, width: float, color: str) -> Drive:
+    """Drive, limits, odometry and mass of a position model of a width and a colour; raises WorldError."""
+    wheelbase = reader.length("wheelbase", 1.0)
+    drive = reader.stages_choice("drive", "diff", ("diff", "omni", "car"))
+    if not wheelbase > 0 and drive == "car":
+        reader.fail("wheelbase", f"wheelbase must be above 0, not {wheelbase:g}")
+    radius = reader.length("wheel_radius", 0.05)
+    separation = reader.length("wheel_separation", width if width > 0 else WHEEL_SEPARATION)
+    if not (radius > 0 and separation > 0):
+        reader.fail("wheel_radius", "wheel_radius and wheel_separation must be above 0")
+    return Drive(
+        drive=drive,
+        wheelbase=wheelbase,
+        velocity=_read_limits(reader, "velocity_bounds") or Limits(),
+        acceleration=_read_limits(reader, "acceleration_bounds"),
+        localization=reader.stages_choice("localization", "gps", ("gps", "odom")),
+        odom_error=_read_odom_error(reader),
+        odom_alphas=_read_odom_alphas(reader),
+        wheel_radius=radius,
+        wheel_separation=separation,
+        mass=read_mass(reader),
+        color=color,
+    )
+
+
+def read_mass(reader: Reader) -> float:
+    """Kilograms of a robot, or of something pushed."""
+    mass = reader.number("mass", DEFAULT_MASS)
+    if mass > MAX_MASS:
+        reader.fail("mass", f"mass must be at most {MAX_MASS:g} kg, not {mass:g}")
+    if mass <= 0:
+        reader.remark(
+            "mass", f"mass must be above 0, not {mass:g}: {DEFAULT_MASS:g} kg is taken; Stage does not use it"
+        )
+        return DEFAULT_MASS
+    return mass
+
+
+def _read_odom_alphas(reader: Reader) -> tuple[float, float, float, float]:
+    a, b, c, d = reader.numbers("odom_alphas", "nnnn", (0.0, 0.0, 0.0, 0.0))
+    if min(a, b, c, d) < 0:
+        reader.fail("odom_alphas", "odom_alphas must not be negative")
+    return a, b, c, d
+
+
+def _read_limits(reader: Reader, name: str) -> Limits | None:
+    """`[xmin xmax ymin ymax zmin zmax yawmin yawmax]`; None if not set. z is not used: robots stay on the ground."""
+    if not reader.has(name):
+        return None
+    values = reader.numbers(name, "llllllaa", ())
+    pairs: list[Point2] = [(values[0], values[1]), (values[2], values[3]), (values[6], values[7])]
+    for (low, high), axis in zip(pairs, ("x", "y", "yaw"), strict=True):
+        if low > high:
+            reader.fail(name, f"{name}: the smallest {axis} {low:g} is above the largest {high:g}")
+    return Limits(*pairs)
+
+
+def _read_odom_error(reader: Reader) -> tuple[float, float, float]:
+    """Stage's `[x y z yaw]`, or `[x y yaw]` as in comments of its own worlds: fractions, and radians for yaw."""
+    found = reader.entity.properties.get("odom_error")
+    if found is None:
+        return (0.0, 0.0, 0.0)
+    if len(found.values) == 3:
+        x, y, yaw = reader.numbers("odom_error", "nna", ())
+    else:
+        x, y, _, yaw = reader.numbers("odom_error", "nnna", ())
+    return (x, y, yaw)
+
 
 MAX_INTERVAL_MS = 60_000
 
@@ -173,13 +262,13 @@ class Builder:
         kind, place, sensing = reader.entity.type, reader.entity.place, device_models()
         if kind in ("block", "sensor"):
             raise place.error(f"a {kind} belongs inside a {'model' if kind == 'block' else 'ranger'}")
-        known = vocabulary.TYPES | frozenset(sensing)
+        known = TYPES | frozenset(sensing)
         if kind not in known:
-            hint = did_you_mean(kind, sorted(known | self._settings.macros), form=vocabulary.MEANT)
+            hint = did_you_mean(kind, sorted(known | self._settings.macros), form=MEANT)
             text = "no type or macro has this name; 'define' it, or 'include' the file that does"
             raise place.error(f"unknown model type {kind!r:.60}{hint}: {text}")
-        if kind in vocabulary.UNSUPPORTED:
-            reader.remark_entity(f"{vocabulary.UNSUPPORTED[kind]} not simulated")
+        if kind in UNSUPPORTED:
+            reader.remark_entity(f"{UNSUPPORTED[kind]} not simulated")
         else:
             reader.remark_unused(kind, sensing[kind].properties if kind in sensing else frozenset())
 
@@ -236,3 +325,61 @@ def build_robot(entity: Entity, settings: Settings, name: str, pose: Pose2) -> R
         raise entity.place.error(f"macro {entity.name!r} holds {len(builder.robots)} robots, not one")
     builder.robots[0].map_from_base = pose
     return builder.robots[0].robot()
+
+
+BUILT_IN = """
+# The default robot: `add_robot` makes it of "erratic" in a world without such a macro. The laser is lowered into
+# the body, so that robots see each other.
+define erratic position
+(
+  size [0.35 0.35 0.25]
+  origin [-0.05 0 0 0]
+  drive "diff"
+  ranger ( pose [0.05 0 -0.1 0] size [0.05 0.05 0.1] sensor ( range [0 30] fov 270.25 samples 1081 ) )
+)
+"""
+
+
+FLOOR = 'model ( name "map" color "gray30" )'
+
+
+def load_world(path: str | Path, *, whole_bitmaps: bool = False) -> World:
+    """Load a .world file with everything it includes, or a map_server YAML as a floor; either may have no robot.
+
+    Bitmaps are read as Stage reads them, cropped to the box of their occupied pixels which is then stretched to the
+    model's `size`; with `whole_bitmaps` the whole image is. A model's own `bitmap_reading "crop"` or `"whole"` wins.
+    `Robot.localization` is kept as the file has it (Stage's default is "gps"), but odometry starts at zero where the
+    robot starts in either case: Stage's "gps" reports the pose in the world, which no real odometry can.
+
+    `World.warnings` lists what the file sets and zteam does not do. Raises WorldError with
+    `file:line:column`.
+    """
+    path = Path(path)
+    remarks = Remarks()
+    if is_floor_map(path):
+        document = parse_text(FLOOR, remarks, str(path))
+        model = document.root.children[0]
+        model.properties["bitmap"] = Property("bitmap", (path.name,), False, model.place, (path.name,))
+        return build_world(document, path.parent, True, remarks, default_name=path.stem)
+    document = parse_world(path, remarks)
+    return build_world(document, path.parent, whole_bitmaps, remarks, default_name=path.stem)
+
+
+def add_robot(world: World, model: str, pose: Pose2, name: str) -> Robot:
+    """A further robot for a loaded world, from a robot macro of its file; `erratic` is known to every world.
+
+    The robot is returned, not put into `world.robots`; remarks about its macro go to `world.warnings`. Raises
+    WorldError if no macro has that name.
+    """
+    template = world.templates.get(model)
+    if template is None and model == "erratic":
+        document = parse_text(BUILT_IN, Remarks(), file="<built-in>")
+        template = Template(document, "erratic", Settings(Units(), Path(), Remarks()))
+    if template is None:
+        known = ", ".join(sorted({*world.templates, "erratic"}))
+        raise WorldError(f"{world.name}: no robot macro {model!r} in this world; there are: {known}")
+    remarks = Remarks()
+    settings = msgspec.structs.replace(template.settings, remarks=remarks, bounds=Bounds())
+    robot = build_robot(template.document.expand(template.macro), settings, name, pose)
+    world.warnings += tuple(remark for remark in remarks.all() if remark not in world.warnings)
+    return robot

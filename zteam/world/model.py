@@ -1,16 +1,17 @@
 """A world file as plain data for the simulator: no parser and no physics.
 
 Everything is SI: metres, radians, nanoseconds. `z` values are heights above the ground, absolute: in a planar world
-they never change, so a shape is seen by a laser exactly if `z_min <= laser z <= z_max`.
-"""
+they never change, so a shape is seen by a laser exactly if `z_min <= laser z <= z_max`."""
 
+import math
 from typing import Any, TypeVar
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.geometry import Point2, Pose2
+from zteam.geometry import Point2, Pose2, convex_hull
+from zteam.messages import BaseInfo, Point32, Polygon
 
 
 class Shape(msgspec.Struct, frozen=True):
@@ -174,3 +175,36 @@ class World(msgspec.Struct, eq=False):
     warnings: tuple[Remark, ...] = ()
     templates: dict[str, Any] = msgspec.field(default_factory=dict)
     """The file's own robot macros by name, from which `zteam.world.add_robot` makes further robots."""
+
+
+_NO_LIMITS = Limits(*[(-math.inf, math.inf)] * 3)
+
+
+def footprint(robot: Robot) -> tuple[Point2, ...]:
+    """The convex hull of all shapes that collide, counter-clockwise in the base frame; of all shapes if none collides.
+
+    Heights do not count. A robot without a body has no corners.
+    """
+    solid = [shape for shape in robot.shapes if shape.obstacle] or robot.shapes
+    points = [point for shape in solid for point in shape.points]
+    return convex_hull(points) if points else ()
+
+
+def base_info(robot: Robot) -> BaseInfo:
+    """The message of a robot of the world. A limit for both ways is the smaller one of left and right."""
+    velocity, acceleration = robot.velocity, robot.acceleration or _NO_LIMITS
+    return BaseInfo(
+        model=robot.model,
+        drive=robot.drive,
+        footprint=Polygon([Point32(x, y) for x, y in footprint(robot)]),
+        max_vel_x=velocity.x[1],
+        min_vel_x=velocity.x[0],
+        max_vel_theta=min(-velocity.yaw[0], velocity.yaw[1]),
+        acc_lim_x=acceleration.x[1],
+        decel_lim_x=acceleration.x[0],
+        acc_lim_theta=min(-acceleration.yaw[0], acceleration.yaw[1]),
+        max_vel_y=min(-velocity.y[0], velocity.y[1]) if robot.drive == "omni" else 0.0,
+        acc_lim_y=min(-acceleration.y[0], acceleration.y[1]),
+        decel_lim_reverse=acceleration.x[1],
+        wheelbase=robot.wheelbase if robot.drive == "car" else 0.0,
+    )

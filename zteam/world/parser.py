@@ -19,9 +19,7 @@ from typing import NamedTuple
 
 import msgspec
 
-from zteam.world.includes import read_world_tokens
-from zteam.world.lexer import Kind, Token
-from zteam.world.sources import Place, Remarks, read_text
+from zteam.world.text import Kind, Place, Remarks, Token, read_text, read_world_tokens
 
 MAX_STEPS = 3_000_000
 """Tokens parsed, those of a macro as often as it is used."""

@@ -23,7 +23,7 @@ from zteam.messages import TFMessage, TransformStamped, Twist, encode
 from zteam.sim import Engine
 from zteam.sim.to_messages import odometry_message, scan_message, static_transforms, transforms
 from zteam.world import World, add_robot, load_world
-from zteam.world.bases import base_info
+from zteam.world.model import base_info
 
 _REFERENCE_BEAMS = 1081
 _REFERENCE_CALLS = 20

@@ -10,9 +10,9 @@ from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.sim.casting import is_occupied
 from zteam.sim.occupancy_grid import map_message, map_metadata
+from zteam.world.bodies import Surface, boundary_slabs, place_blocks
 from zteam.world.model import Floorplan, Obstacle, Shape, World
 from zteam.world.properties import Size3
-from zteam.world.shapes import Surface, boundary_slabs, place_blocks
 
 
 def occupied(*things: Obstacle | Floorplan, resolution: float) -> np.ndarray:

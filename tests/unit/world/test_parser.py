@@ -5,9 +5,8 @@ from pathlib import Path
 import pytest
 
 from zteam.errors import WorldError
-from zteam.world import includes
 from zteam.world.parser import Document, Entity, parse_text, parse_world
-from zteam.world.sources import MAX_FILE_BYTES, Remarks
+from zteam.world.text import MAX_FILE_BYTES, Remarks
 
 
 def parse(text: str) -> Document:
@@ -180,7 +179,7 @@ def test_copies_by_macros_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_the_number_of_tokens_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     """A file with more words than the bound is refused."""
-    monkeypatch.setattr(includes, "MAX_TOKENS", 10)
+    monkeypatch.setattr("zteam.world.text.MAX_TOKENS", 10)
     with pytest.raises(WorldError, match=r"w\.world:4:3: more than 10 words and values"):
         parse("a 1\n" * 10)
 

@@ -9,7 +9,7 @@ from zteam.messages import BaseInfo, Message, TFMessage, Twist
 from zteam.runtime.process_node import ProcessNode
 from zteam.sim import Engine, Observation, to_messages
 from zteam.world import Robot
-from zteam.world.bases import base_info
+from zteam.world.model import base_info
 
 
 class _Output(NamedTuple):

@@ -20,7 +20,7 @@ from studies.chains.tracks import Samples, Walls, take_samples
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.world import World, add_robot, load_world
-from zteam.world.bases import footprint
+from zteam.world.model import footprint
 
 
 class Target(msgspec.Struct, frozen=True):

@@ -18,7 +18,7 @@ from zteam.planning.scans import Scan
 from zteam.sim.observation import RobotObservation
 from zteam.sim.occupancy_grid import map_message
 from zteam.world import Ranger, Robot, World, add_robot
-from zteam.world.bases import base_info
+from zteam.world.model import base_info
 
 BEAMS, FOV, RANGE = 1081, math.radians(270.25), 30.0
 _ATTEMPTS = 100_000

@@ -16,8 +16,7 @@ from zteam.geometry import Pose2
 from zteam.messages import LaserScan, Twist
 from zteam.sim import Engine
 from zteam.sim.to_messages import odometry_message, scan_message
-from zteam.world.bases import base_info
-from zteam.world.model import Limits, Robot, World
+from zteam.world.model import Limits, Robot, World, base_info
 
 ROUND = replace(LASER, fov=math.tau, samples=361)
 """A laser that looks all round."""

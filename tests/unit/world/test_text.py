@@ -1,10 +1,9 @@
-"""zteam.world.lexer."""
+"""zteam.world.text."""
 
 import pytest
 
 from zteam.errors import WorldError
-from zteam.world.lexer import Kind, read_tokens
-from zteam.world.sources import Remarks
+from zteam.world.text import Kind, Remarks, read_tokens
 
 
 def kinds(text: str) -> list[Kind]:

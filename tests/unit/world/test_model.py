@@ -7,7 +7,7 @@ import pytest
 
 from support.world_texts import LoadText, text_loader
 from zteam.messages import BaseInfo
-from zteam.world.bases import base_info, footprint
+from zteam.world.model import base_info, footprint
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""zteam.world.loading: robots beyond those of the file, and what importing costs."""
+"""zteam.world.builder: robots beyond those of the file, and what importing costs."""
 
 import math
 import subprocess
