@@ -75,7 +75,7 @@ if TYPE_CHECKING:
     from zteam.runtime.basic_navigator import BasicNavigator
     from zteam.runtime.node import Node, run
     from zteam.runtime.transform_listener import TransformListener
-    from zteam.services.goals import TaskResult
+    from zteam.services.navigation import TaskResult
     from zteam.services.parameters import ParametersClient
     from zteam.services.simulator import SimulatorClient
     from zteam.services.transforms import HistoryRequest, Lookup
@@ -129,7 +129,7 @@ _HOMES = {
     "Publisher": "bus.bus",
     "RunReport": "launch.report",
     "SimulatorClient": "services.simulator",
-    "TaskResult": "services.goals",
+    "TaskResult": "services.navigation",
     "Team": "team_file.entries",
     "TransformClient": "services.transforms_client",
     "TransformListener": "runtime.transform_listener",

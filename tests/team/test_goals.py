@@ -146,6 +146,13 @@ def test_goto_without_navigation_uses_the_behaviour_go_to(team: TeamFixture) -> 
     assert done.returncode == 0, done.stderr
     assert "robot_0 has no navigation: its behaviour go_to drives it" in done.stderr
     assert distance(team, 0, 0.5, -1.0) < 0.5
+    team.sim.set_speed(1.0)
+    assert team.command("goto", "0", "-2", "-2", "--no-wait", timeout=LIMIT).returncode == 0
+    canceled = team.command("goto", "--cancel", "0", timeout=LIMIT)
+    assert canceled.stdout == "robot_0: the goal is canceled\n", canceled.stderr
+    team.wait_for(lambda: team.robot(0).speed == 0.0)
+    again = team.command("goto", "--cancel", "0", timeout=LIMIT)
+    assert again.stdout == "robot_0: there was no goal\n", again.stderr
 
 
 def run_goals(team: TeamFixture, folder: Path) -> tuple[list[dict[str, object]], str]:

@@ -13,7 +13,7 @@ from zteam.base import DEFAULT_BASE, Base
 from zteam.counter_random import uniform
 from zteam.errors import BehaviorError, UsageError
 from zteam.geometry import Pose2
-from zteam.messages import LaserScan, Message, Odometry, Twist, Vector3
+from zteam.messages import LaserScan, Message, NavigationStatus, Odometry, Twist, Vector3
 
 FindPose = Callable[[str, str], tuple[Pose2, int] | None]
 """`find_pose(target_frame, source_frame)`: the newest target_from_source and its stamp (ns; 0 where nothing between the
@@ -189,6 +189,8 @@ class Behavior:
     """Metres that it keeps to the robot that it follows."""
     turns: int = -1
     """How often its line has been led from the other end; -1 where it cannot be. Each robot takes the highest."""
+    navigation: NavigationStatus | None = None
+    """What it says of its goal, for `robot_N/navigation/status`; None if it takes no goals. Its step changes it."""
     reason: str = ""
     """Why it stands still, for the robot's status; empty while it does not."""
 
@@ -207,6 +209,10 @@ class Behavior:
 
     def on_params(self) -> None:
         """Do what a change of `params` needs; called before the next step. A `step` that reads them needs nothing."""
+
+    def cancel_goal(self) -> bool:
+        """Give up the goal with the next step, if there is one; returns whether there was. Any thread may call it."""
+        return False
 
     def why_it_rests(self) -> str:
         """Why the velocity of its last step is zero without a `reason`, for the robot's status; empty = no word."""

@@ -11,7 +11,7 @@ from zteam.behaviors.behavior import Behavior, View
 from zteam.behaviors.evasion import Escape
 from zteam.behaviors.scans import first_clear, is_clear, is_seen, look_along
 from zteam.geometry import Pose2, normalize_angle, yaw_from_quaternion
-from zteam.messages import LaserScan, Message, PoseStamped, Twist, Vector3
+from zteam.messages import LaserScan, Message, NavigationState, NavigationStatus, PoseStamped, Twist, Vector3
 
 REFUSED = "the goal is refused: "
 """Begins every reason for which a goal is not taken."""
@@ -180,9 +180,12 @@ BEHIND = 0.5 * math.pi
 """Radians: towards a heading that is further off it keeps the side to which it turns."""
 SIDE_MARGIN = 0.015
 """Metres on either side of the circle that the base's corners describe when it turns."""
+NO_GOAL = "no goal yet"
 GOAL_REACHED = "goal reached"
 BOXED_IN = "boxed in: it finds no way that is wide enough"
 NO_WAY = "no way to the goal found: it went all round what stands between"
+_STATES = {GOAL_REACHED: NavigationState.SUCCEEDED, NO_WAY: NavigationState.ABORTED}
+"""What a reason means for the goal; with any other one the robot is on its way."""
 
 
 class GoToParams(Struct, frozen=True, forbid_unknown_fields=True):
@@ -212,11 +215,13 @@ class GoTo(Behavior):
 
     def __init__(self, params: GoToParams) -> None:
         super().__init__(params)
-        self._message: PoseStamped | None = None
-        """The goal that was read last."""
+        self.navigation: NavigationStatus = NavigationStatus(text=NO_GOAL)
+        """Its `distance_remaining` is as the crow flies."""
+        self._is_canceled = False
+        """Whether the goal is to be given up."""
         self._goal: Pose2 | None = None
         """In map."""
-        self._refusal = "no goal yet"
+        self._refusal = NO_GOAL
         """Why there is no goal."""
         self._is_there = False
         """Whether it has been within the tolerance; then it only turns."""
@@ -230,9 +235,24 @@ class GoTo(Behavior):
 
     def step(self, view: View) -> Twist:
         """Towards the goal or along what stands between; zero without a goal and at the goal."""
-        message = view.inputs.get("goal")
-        if message is not None and message is not self._message:
+        status, message = self.navigation, view.inputs.get("goal")
+        if self._is_canceled:
+            self._is_canceled, self._goal, self._refusal = False, None, "its goal is canceled"
+            status.state = NavigationState.CANCELED
+        if message is not None and message is not status.goal:
             self._take(message, view)
+        command = self._head_for_goal(view)
+        if self._goal is not None:
+            status.state = _STATES.get(self.reason, NavigationState.DRIVING)
+        status.text = "" if status.state == NavigationState.SUCCEEDED else self.reason
+        return command
+
+    def cancel_goal(self) -> bool:
+        """See Behavior."""
+        self._is_canceled = self.navigation.state == NavigationState.DRIVING
+        return self._is_canceled
+
+    def _head_for_goal(self, view: View) -> Twist:
         if self._goal is None:
             self.reason = self._refusal
             return Twist()
@@ -242,7 +262,7 @@ class GoTo(Behavior):
             return Twist()
         own = found[0]
         goal = own.inverse().compose(self._goal)
-        distance = math.hypot(goal.x, goal.y)
+        distance = self.navigation.distance_remaining = math.hypot(goal.x, goal.y)
         self._is_there = self._is_there or distance <= self.params.xy_goal_tolerance
         if self._is_there:
             return self._escape.free(view, self._turn_to(goal.yaw))
@@ -260,7 +280,9 @@ class GoTo(Behavior):
     def _take(self, message: PoseStamped, view: View) -> None:
         """A goal has come. One that is repeated changes nothing on the way; it counts anew at the goal."""
         goal, self._refusal = read_goal(message, view)
-        self._message = message
+        self.navigation.goal, self.navigation.distance_remaining = message, 0.0
+        if goal is None:
+            self.navigation.state = NavigationState.ABORTED
         if goal != self._goal or self._is_there:
             self._is_there, self._boundary = False, None
         self._goal = goal

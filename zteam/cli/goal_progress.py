@@ -13,8 +13,7 @@ from zteam.clock import Every, monotonic
 from zteam.geometry import yaw_from_quaternion
 from zteam.messages import Duration, NavigationState
 from zteam.numbers import counted
-from zteam.services.goals import GoalWatch, TaskResult, goal_text
-from zteam.services.navigation_client import NavigationClient
+from zteam.services.navigation import GoalWatch, NavigationClient, TaskResult, goal_text
 
 _PERIOD = 5.0
 """Host seconds between two lines where one cannot be rewritten."""
@@ -125,7 +124,7 @@ def goal_facts(client: NavigationClient, watch: GoalWatch, seconds: float) -> di
         "seconds": round(seconds, 3),
         "recoveries": status.recoveries if status else 0,
         "distance_remaining": status.distance_remaining if status else None,
-        "driven_by": client.taker.kind,
+        "driven_by": client.taker,
     }
 
 

@@ -14,7 +14,7 @@ from zteam.cli.live_line import has_live_line
 from zteam.cli.tables import format_table
 from zteam.clock import monotonic
 from zteam.nodes.goals.node import Dispatcher, Ended, Errand
-from zteam.services.goals import goal_text
+from zteam.services.navigation import goal_text
 
 if TYPE_CHECKING:
     from rich.live import Live

@@ -19,15 +19,10 @@ from zteam.clock import STILL, AutoClock, Every, monotonic, to_seconds, wait_unt
 from zteam.errors import BusError, UsageError
 from zteam.geometry import Pose2
 from zteam.numbers import MAX_SECONDS
-from zteam.services.goal_taker import GO_TO
-from zteam.services.goals import GoalWatch, TaskResult, goal_message
-from zteam.services.navigation import navigation_query
-from zteam.services.navigation_client import NavigationClient
+from zteam.services.navigation import GO_TO, GoalWatch, NavigationClient, TaskResult, goal_message, navigation_query
 from zteam.services.simulator import absence_of
 
 _USAGE = "zteam goto ID X Y [YAW] [--no-wait] [--timeout SECONDS] [--json] or zteam goto --cancel ID"
-_STATUS_LIMIT = 2.0
-"""Host seconds for a robot's own status, which comes at 1 Hz."""
 _LOOK = 0.25
 """Host seconds between two looks at the robot."""
 
@@ -86,15 +81,8 @@ def _cancel(args: argparse.Namespace, robot_id: int) -> int:
     bus = open_bus(bus_options(args))
     try:
         _check_robot(bus, robot_id)
-        clock, waiter = open_clock(bus, args.clock), Waiter()
-        client = NavigationClient(bus, robot_id, clock.now, on_change=waiter.notify)
-        try:
-            had_goal = client.cancel()
-        except BusError:
-            # A robot that has no navigation says within a second what it runs.
-            if not waiter.wait(lambda: client.taker.kind == GO_TO, _STATUS_LIMIT, ""):
-                raise
-            had_goal = client.cancel()
+        client = NavigationClient(bus, robot_id, open_clock(bus, args.clock).now)
+        had_goal = client.cancel()
     finally:
         bus.close()
     if args.json:
@@ -150,7 +138,7 @@ def _follow(
             wait_until(waiter.changed, is_over, _LOOK)
         client.look()
         progress.show(watch)
-        if client.taker.kind == GO_TO and not told:
+        if client.taker == GO_TO and not told:
             told = True
             progress.say(f"{client.name} has no navigation: its behaviour go_to drives it, by its laser alone")
         if clock.steady() != now:

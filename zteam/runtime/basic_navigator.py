@@ -22,7 +22,7 @@ from zteam.messages import (
     time_from_ns,
 )
 from zteam.runtime.node import Node
-from zteam.services.goals import TaskResult, goal_message
+from zteam.services.navigation import TaskResult, goal_message
 from zteam.services.team_clock import team_clock
 from zteam.services.tour import Tour
 
@@ -93,7 +93,7 @@ class BasicNavigator:
     @property
     def is_active(self) -> bool:
         """Whether something takes goals: the robot's navigation, or the behaviour go_to that it runs."""
-        return bool(self._client.taker.kind)
+        return bool(self._client.taker)
 
     @property
     def reason(self) -> str:
@@ -114,10 +114,10 @@ class BasicNavigator:
         end = math.inf if timeout is None else monotonic() + timeout
         while not ready():
             if monotonic() >= end:
-                raise BusError(f"{trouble} within {timeout:g} s: waiting for {self._client.taker.lack or 'it'}")
+                raise BusError(f"{trouble} within {timeout:g} s: waiting for {self._client.lack or 'it'}")
             with self._tour.changed:
                 wait_until(self._tour.changed, ready, min(_LOOK, max(0.0, end - monotonic())))
-            self._complain(self._client.taker.lack)
+            self._complain(self._client.lack)
 
     def set_initial_pose(self, initial_pose: Place) -> None:
         """Tell the localiser where the robot is. Navigation must be there to hear it (`wait_until_nav2_active`).

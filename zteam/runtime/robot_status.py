@@ -7,10 +7,15 @@ other processes ask for meanwhile is the last one again.
 import logging
 from collections.abc import Callable, Sequence
 
+import msgspec
+
 from zteam import names
+from zteam.bus import Publisher
 from zteam.clock import to_ns
 from zteam.messages import (
     Header,
+    NavigationState,
+    NavigationStatus,
     RobotDriver,
     RobotState,
     RobotStatus,
@@ -109,6 +114,9 @@ class StatusReport:
         self.leader: int | None = None
         self.follows: int | None = None
         self.turns, self.gap = -1, 0.0
+        self.navigation: NavigationStatus | None = None
+        """What a behaviour that takes goals says of its goal."""
+        self._navigation_publisher: Publisher[NavigationStatus] | None = None
         self.command: Twist | None = None
         """The newest command; None while nothing commands the wheels."""
         self._driver = RobotDriver.BEHAVIOR
@@ -133,8 +141,9 @@ class StatusReport:
         """The newest command, which `driver` (of RobotDriver) gave."""
         self._driver, self.command = driver, command
 
-    def _state(self) -> tuple[int, str, str, int | None, int]:
-        return self.readiness.state, self.readiness.reason, self.driver, self.follows, self.turns
+    def _state(self) -> tuple[int, str, tuple[object, ...]]:
+        goal = self.navigation and (self.navigation.state, self.navigation.text, self.navigation.goal)
+        return self.readiness.state, self.readiness.reason, (self.driver, self.follows, self.turns, goal)
 
     @property
     def driver(self) -> str:
@@ -213,6 +222,18 @@ class StatusReport:
             gap=self.gap,
         )
         self._publisher.put(self._last)
+        if self.navigation is not None:
+            self._publish_navigation(self.navigation, self._last)
+
+    def _publish_navigation(self, told: NavigationStatus, status: RobotStatus) -> None:
+        key = names.robot_key(self._id, names.NAVIGATION_STATUS)
+        publisher = self._navigation_publisher = self._navigation_publisher or self._node.bus.publisher(
+            key, NavigationStatus
+        )
+        # What else keeps the robot from its goal, such as its safety layer.
+        text = status.reason if told.state == NavigationState.DRIVING and not told.text else told.text
+        # The header's frame tells a behaviour from navigation.
+        publisher.put(msgspec.structs.replace(told, header=status.header, text=text))
 
     def _why_it_stands(self) -> str:
         command, reason = self.command, self.readiness.reason

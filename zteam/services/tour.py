@@ -5,8 +5,7 @@ from collections.abc import Callable, Sequence
 
 from zteam.bus import Bus
 from zteam.messages import PoseStamped
-from zteam.services.goals import GoalWatch, TaskResult
-from zteam.services.navigation_client import Link, NavigationClient
+from zteam.services.navigation import GoalWatch, Link, NavigationClient, TaskResult
 
 
 class Tour:

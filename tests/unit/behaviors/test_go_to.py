@@ -11,7 +11,7 @@ from support.flat_floor import BEAMS, FOV, ORIGIN, TICK, Segment, box, clearance
 from support.goals import GoalFloor, make_goal
 from zteam.behaviors import Behavior, View, load_behavior
 from zteam.geometry import Pose2
-from zteam.messages import PoseStamped, Twist
+from zteam.messages import NavigationState, PoseStamped, Twist
 
 POCKET: list[Segment] = [*box(2.0, -1.5, 2.2, 1.5), *box(0.0, 1.5, 2.2, 1.7), *box(0.0, -1.7, 2.2, -1.5)]
 """A dead end that opens towards the origin."""
@@ -55,6 +55,29 @@ def test_without_a_goal_it_stands() -> None:
     assert behavior.reason == "no goal yet"
     assert behavior.step(seeing(make_goal(3.0, 0.0))).linear.x == 0.4
     assert behavior.reason == ""
+
+
+def test_it_says_what_becomes_of_its_goal() -> None:
+    """As navigation does: on the way, there, refused, or given up when it is asked to."""
+    behavior = go_to()
+    assert behavior.navigation is not None
+    told = behavior.navigation
+    assert (told.state, told.text, behavior.cancel_goal()) == (NavigationState.IDLE, "no goal yet", False)
+    goal = make_goal(3.0, 4.0)
+    behavior.step(seeing(goal))
+    assert (told.state, told.goal, told.distance_remaining, told.text) == (NavigationState.DRIVING, goal, 5.0, "")
+    assert behavior.cancel_goal()
+    assert behavior.step(seeing(goal)) == Twist()
+    assert (told.state, told.text) == (NavigationState.CANCELED, "its goal is canceled")
+    assert not behavior.cancel_goal()
+    for goal, state in (
+        (make_goal(1.0, 0.0), NavigationState.DRIVING),
+        (make_goal(0.0, 0.0), NavigationState.SUCCEEDED),
+        (make_goal(1.0, 0.0, 0.0, "odm"), NavigationState.ABORTED),
+    ):
+        behavior.step(seeing(goal))
+        assert (told.state, told.goal) == (state, goal)
+    assert told.text.startswith("the goal is refused: its frame odm")
 
 
 @pytest.mark.parametrize("yaw", [0.0, 1.0, math.pi, -2.0])

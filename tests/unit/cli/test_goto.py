@@ -9,16 +9,13 @@ from support.fake_navigation import FakeNavigation
 from support.limits import LIMIT
 from support.transports import wait_until_true
 from zteam import names
-from zteam.behaviors.go_to import GOAL_REACHED, NO_WAY
-from zteam.bus import Bus, MemoryHub
+from zteam.bus import MemoryHub
 from zteam.cli import goal_progress, goto
 from zteam.cli import main as zteam
-from zteam.clock import to_ns
 from zteam.geometry import Pose2
-from zteam.messages import Header, NavigationState, PoseStamped, RobotStatus, ns_from_time, time_from_ns
-from zteam.services import goal_taker
-from zteam.services.goals import goal_message
-from zteam.services.transforms import LookupReply, LookupRequest
+from zteam.messages import NavigationState, PoseStamped, RobotStatus
+from zteam.services import navigation as navigation_service
+from zteam.services.navigation import goal_message
 
 State = NavigationState
 
@@ -108,7 +105,7 @@ def test_another_goal_takes_its_place(hub: MemoryHub, capsys: pytest.CaptureFixt
 
 def test_a_navigation_that_forgets_or_ends(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> None:
     """Neither a navigation that began anew, and knows no goal, nor one that is gone keeps the user waiting."""
-    monkeypatch.setattr(goal_taker, "GONE", 0.1)
+    monkeypatch.setattr(navigation_service, "GONE", 0.1)
     for is_gone in (False, True):
         navigation = FakeNavigation(hub, 1)
         run = Goto("1", "3", "4")
@@ -219,83 +216,40 @@ def test_cancel(hub: MemoryHub, capsys: pytest.CaptureFixture[str]) -> None:
     assert output.err == "zteam goto: robot_2 has no navigation: zteam-nav --id 2\n"
 
 
-class GoToRobot:
-    """A robot without navigation, as its own process speaks."""
-
-    def __init__(self, hub: MemoryHub, behavior: str = "go_to") -> None:
-        self.bus: Bus = hub.bus()
-        self._behavior = behavior
-        self.goals: list[PoseStamped] = []
-        if behavior == "go_to":
-            self.bus.subscribe("robot_1/goal_pose", PoseStamped, lambda _, goal: self.goals.append(goal))
-        self._publisher = self.bus.publisher("robot_1/status", RobotStatus)
-        self._token = self.bus.declare_token(names.token_key("robot_1", self.bus.instance))
-
-    def say(self, reason: str, seconds: float = 0.0) -> None:
-        """Publish a status, `seconds` after the newest goal."""
-        sent = ns_from_time(self.goals[-1].header.stamp) if self.goals else 0
-        header = Header(time_from_ns(sent + to_ns(seconds)))
-        self._publisher.put(RobotStatus(header, 1, behavior=self._behavior, reason=reason))
-
-    def wait_for_goal(self) -> None:
-        """Speak until a goal has come."""
-        wait_until_true(lambda: bool(self.goals) or bool(self.say("goal reached")))
-
-
-@pytest.mark.parametrize(
-    ("reason", "code", "told"),
-    [
-        (GOAL_REACHED, 0, "robot_1: goal reached after"),
-        (NO_WAY, 1, f": {NO_WAY}\n"),
-        ("the goal is refused: it is more than 1000 km away", 1, "more than 1000 km away\n"),
-    ],
-)
-def test_a_robot_that_runs_go_to_gets_the_goal(
-    hub: MemoryHub, capsys: pytest.CaptureFixture[str], reason: str, code: int, told: str
-) -> None:
-    """Without navigation the behaviour drives, and its reasons end the command; what it said before does not count."""
-    robot = GoToRobot(hub)
-    run = Goto("1", "3", "4")
-    robot.wait_for_goal()
-    robot.say(GOAL_REACHED, 0.5)
-    robot.say("something is in the way", 1.5)
-    robot.say(reason, 2.0)
-    assert run.end() == code
-    output = capsys.readouterr()
-    assert "robot_1 has no navigation: its behaviour go_to drives it, by its laser alone\n" in output.err
-    assert told in (output.err if code else output.out)
+def test_a_robot_that_runs_go_to_gets_the_goal(hub: MemoryHub, capsys: pytest.CaptureFixture[str]) -> None:
+    """Without navigation the behaviour drives, and its status ends the command; the command says what drives."""
+    for state in (State.SUCCEEDED, State.ABORTED):
+        robot = FakeNavigation(hub, 1, go_to=True)
+        run = Goto("1", "3", "4", "--json")
+        wait_for_goal(robot)
+        robot.say(state, text="no way" if state == State.ABORTED else "")
+        assert run.end() == (0 if state == State.SUCCEEDED else 1)
+        output = capsys.readouterr()
+        assert "robot_1 has no navigation: its behaviour go_to drives it, by its laser alone\n" in output.err
+        assert '"driven_by":"go_to"' in output.out
+        robot.end()
 
 
 def test_a_robot_that_takes_no_goals_is_named(hub: MemoryHub, capsys: pytest.CaptureFixture[str]) -> None:
     """The user learns what the robot runs instead."""
-    robot = GoToRobot(hub, "wander")
+    bus = hub.bus()
+    bus.declare_token(names.token_key("robot_1", bus.instance))
+    statuses = bus.publisher("robot_1/status", RobotStatus)
     run = Goto("1", "3", "4", "--timeout", "1")
-    wait_until_true(lambda: bool(robot.say("")) or run.code is not None)
+    wait_until_true(lambda: bool(statuses.put(RobotStatus(robot_id=1, behavior="wander"))) or run.code is not None)
     assert run.end() == 1
     assert "zteam-nav --id 1'; it runs the behaviour wander, which takes no goals)" in capsys.readouterr().err
 
 
 def test_navigation_wins_over_go_to(hub: MemoryHub) -> None:
     """A robot that has both gets its goals from its navigation, whichever speaks first."""
-    robot, navigation = GoToRobot(hub), FakeNavigation(hub, 1)
+    robot, navigation = FakeNavigation(hub, 1, go_to=True), FakeNavigation(hub, 1)
     run = Goto("1", "3", "4")
-    robot.say("no goal yet")
+    robot.say(State.IDLE)
     wait_for_goal(navigation)
-    robot.say(GOAL_REACHED, 5.0)
+    robot.say(State.SUCCEEDED)
     navigation.say(State.ABORTED, text="stuck")
     assert run.end() == 1
-
-
-def test_canceling_a_robot_that_runs_go_to_lets_it_stay(hub: MemoryHub) -> None:
-    """Its own place becomes its goal."""
-    robot = GoToRobot(hub)
-    reply = LookupReply(translation=(1.0, 2.0, 0.0), rotation=(0.0, 0.0, 0.0, 1.0))
-    robot.bus.serve("tf/lookup", LookupRequest, lambda _: [reply])
-    run = Goto("1", "3", "4", "--timeout", "1")
-    robot.wait_for_goal()
-    assert run.end() == 1
-    place = robot.goals[-1].pose.position
-    assert (place.x, place.y) == (1.0, 2.0)
 
 
 @pytest.mark.parametrize(

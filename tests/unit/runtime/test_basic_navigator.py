@@ -15,7 +15,7 @@ from zteam.bus import MemoryHub
 from zteam.errors import BusError, UsageError
 from zteam.geometry import Pose2
 from zteam.messages import NavigationState, PoseStamped, PoseWithCovarianceStamped, ns_from_time
-from zteam.services import goal_taker
+from zteam.services import navigation as navigation_service
 from zteam.testing import run_node
 
 State = NavigationState
@@ -180,7 +180,7 @@ def test_a_navigation_that_is_gone_fails_the_task(
     navigator: zteam.BasicNavigator, navigation: FakeNavigation, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A script does not wait for ever for a process that has ended."""
-    monkeypatch.setattr(goal_taker, "GONE", 0.0)
+    monkeypatch.setattr(navigation_service, "GONE", 0.0)
     navigator.goToPose(Pose2(1.0, 2.0, 0.0))
     navigation.end()
     wait_until_true(navigator.isTaskComplete)

@@ -9,8 +9,7 @@ from zteam.messages import Odometry
 from zteam.nodes.goals.file import FileGoal
 from zteam.nodes.goals.rounds import Rounds
 from zteam.runtime.node import Node
-from zteam.services.goals import GoalWatch, TaskResult, goal_message
-from zteam.services.navigation_client import NavigationClient
+from zteam.services.navigation import GoalWatch, NavigationClient, TaskResult, goal_message
 
 log = logging.getLogger("zteam")
 

@@ -13,7 +13,7 @@ from zteam.planning.controller import BlockedError, Controller, GoalChecker, Pro
 from zteam.planning.parameters import Parameters
 from zteam.planning.planner import NoPathError, Planner
 from zteam.planning.recovery import Recovery
-from zteam.services.goals import ON_THE_WAY
+from zteam.services.navigation import ON_THE_WAY
 
 Floats = NDArray[np.float64]
 

@@ -142,7 +142,7 @@ class Driver:
         """What the behaviour says of its place in a line."""
         behavior, status = self.behavior, self.status
         status.leader, status.follows = behavior.leader, behavior.follows
-        status.turns, status.gap = behavior.turns, behavior.gap
+        status.turns, status.gap, status.navigation = behavior.turns, behavior.gap, behavior.navigation
 
     def look(self, turn: Turn) -> None:
         """Say what the robot waits for, without a step."""

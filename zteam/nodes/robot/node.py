@@ -23,6 +23,7 @@ from zteam.process_options import RobotOptions
 from zteam.runtime.lockstep import Participant
 from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.robot_status import Readiness, StatusReport
+from zteam.services.navigation import CANCEL, CancelReply, CancelRequest, navigation_query
 
 log = logging.getLogger("zteam")
 
@@ -58,7 +59,13 @@ class RobotNode:
         self._pacing = ScanPacing(node, self._inputs, self._driver, self._part)
         self._waiting = Waiting(node, self._inputs, self._driver, self._part)
         node.clock.sim.on_jump_back(self._on_jump_back)
+        if self._status.navigation is not None:
+            node.bus.serve(navigation_query(self._id, CANCEL), CancelRequest, self._cancel_goal)
         self._subscriptions = Subscriptions(node, self._id, self._inputs, self._part, self._on_input)
+
+    def _cancel_goal(self, _request: CancelRequest) -> CancelReply:
+        with self._node.changed:
+            return CancelReply(self._driver.behavior.cancel_goal())
 
     def _team(self) -> tuple[int, ...]:
         """The robots that are alive: in lock-step those that take part in the tick, so that all robots see the same."""

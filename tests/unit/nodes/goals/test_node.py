@@ -8,18 +8,16 @@ import pytest
 from support.fake_navigation import FakeNavigation
 from support.limits import LIMIT
 from support.transports import wait_until_true
-from zteam.behaviors.go_to import GOAL_REACHED, NO_WAY
 from zteam.bus import MemoryHub
-from zteam.clock import to_ns
 from zteam.errors import BusError
 from zteam.geometry import Pose2
-from zteam.messages import Header, NavigationState, Odometry, PoseStamped, RobotStatus, time_from_ns
+from zteam.messages import NavigationState, Odometry, PoseStamped
 from zteam.nodes.goals.file import FileGoal
 from zteam.nodes.goals.node import Dispatcher
 from zteam.nodes.goals.rounds import Rounds
 from zteam.runtime.node import Node
 from zteam.runtime.shutdown import Stop
-from zteam.services.goals import TaskResult, goal_message
+from zteam.services.navigation import TaskResult, goal_message
 from zteam.testing import run_node
 from zteam.testing.in_memory import RunningNode
 
@@ -200,37 +198,6 @@ def test_of_two_goals_of_one_tick_the_other_senders_counts(hub: MemoryHub) -> No
             desk.running.tick()
         assert desk.places(1) == [1.0, 9.0]
         assert desk.dispatcher.errands[1].client.waits_for == "the end of another goal: x 9, y 0, yaw 0"
-
-
-@pytest.mark.parametrize("end", [GOAL_REACHED, NO_WAY])
-def test_a_robot_that_runs_go_to_keeps_the_goal_of_another_sender(hub: MemoryHub, end: str) -> None:
-    """Its status names no goal: what it says in the first second may be about the one before."""
-    taken: list[float] = []
-    robot = hub.bus()
-    robot.subscribe("robot_1/goal_pose", PoseStamped, lambda _key, goal: taken.append(goal.pose.position.x))
-    statuses = robot.publisher("robot_1/status", RobotStatus)
-    desk = Desk(Rounds([goal(1, 1.0)]), hub)
-    desk.navigations[1].end()
-
-    def say(ticks: int, reason: str) -> bool:
-        for _ in range(ticks):
-            statuses.put(
-                RobotStatus(Header(time_from_ns(to_ns(desk.running.next_time))), 1, behavior="go_to", reason=reason)
-            )
-            desk.running.tick()
-        return False
-
-    with desk.running:
-        wait_until_true(lambda: say(1, "") or bool(taken))
-        say(12, "")
-        send_other(hub, 1, 9.0)
-        say(5, GOAL_REACHED)
-        assert taken == [1.0, 9.0]
-        say(10, "")
-        assert taken == [1.0, 9.0]
-        say(3, end)
-        assert taken == [1.0, 9.0, 1.0]
-        assert desk.dispatcher.errands[1].failed == 0
 
 
 def test_a_repeated_run_sends_at_the_same_times(hub: MemoryHub) -> None:

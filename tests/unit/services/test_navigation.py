@@ -1,14 +1,15 @@
-"""What becomes of a goal, as statuses tell it."""
-
-import math
+"""What becomes of a goal, as statuses tell it; and what takes a robot's goals."""
 
 import msgspec
 import pytest
 
+from support.fake_navigation import FakeNavigation
 from support.goals import make_goal
-from zteam.behaviors.go_to import GOAL_REACHED, NO_WAY, REFUSED
-from zteam.messages import Header, NavigationState, NavigationStatus, PoseStamped, RobotStatus, Time, time_from_ns
-from zteam.services.goals import SETTLED, GoalWatch, TaskResult, goal_text, status_of_go_to
+from zteam.bus import MemoryHub
+from zteam.errors import BusError
+from zteam.messages import Header, NavigationState, NavigationStatus, PoseStamped, Time
+from zteam.services import navigation
+from zteam.services.navigation import GO_TO, GONE, NAVIGATION, GoalWatch, NavigationClient, TaskResult, goal_text
 
 
 def at(goal: PoseStamped, seconds: int, frame: str = "map") -> PoseStamped:
@@ -92,32 +93,76 @@ def test_a_navigation_that_begins_anew_has_forgotten_the_goal() -> None:
     assert (watch.result, watch.text) == (TaskResult.FAILED, "navigation began anew and has forgotten the goal")
 
 
-@pytest.mark.parametrize(
-    ("reason", "state"),
-    [
-        ("", NavigationState.DRIVING),
-        ("an obstacle is ahead", NavigationState.DRIVING),
-        (GOAL_REACHED, NavigationState.SUCCEEDED),
-        (NO_WAY, NavigationState.ABORTED),
-        (f"{REFUSED}it names no frame; use map", NavigationState.ABORTED),
-    ],
-)
-def test_the_reasons_of_go_to(reason: str, state: NavigationState) -> None:
-    """They are its only word of the goal; its distance is not known."""
-    stamp = time_from_ns(7_000_000_000 + SETTLED)
-    told = status_of_go_to(RobotStatus(Header(stamp), 1, reason=reason), GOAL)
-    assert told is not None
-    assert (told.state, told.goal) == (state, GOAL)
-    assert math.isnan(told.distance_remaining)
-
-
-def test_go_to_may_still_speak_of_the_goal_before() -> None:
-    """Its status names no goal, so what it says at once does not count."""
-    stamp = time_from_ns(7_000_000_000 + SETTLED - 1)
-    assert status_of_go_to(RobotStatus(Header(stamp), 1, reason=GOAL_REACHED), GOAL) is None
-
-
 def test_goals_as_text() -> None:
     """Without noise digits and without a negative zero; another frame than the map's is named."""
     assert goal_text(make_goal(0.1 + 0.2, -1e-9, 1.5708)) == "x 0.3, y 0, yaw 1.571"
     assert goal_text(make_goal(1.0, 2.0, 0.0, "odom")) == "x 1, y 2, yaw 0 in odom"
+
+
+@pytest.fixture
+def hub() -> MemoryHub:
+    """A bus in memory."""
+    return MemoryHub()
+
+
+@pytest.fixture
+def client(hub: MemoryHub) -> NavigationClient:
+    """A client of robot 1."""
+    return NavigationClient(hub.bus(), 1, lambda: 1)
+
+
+def test_navigation_takes_goals_before_the_behaviour(hub: MemoryHub, client: NavigationClient) -> None:
+    """Whichever speaks first; without navigation the behaviour takes them."""
+    robot = FakeNavigation(hub, 1, go_to=True)
+    robot.say(NavigationState.IDLE)
+    assert (client.taker, client.lack) == (GO_TO, "")
+    FakeNavigation(hub, 1).say(NavigationState.IDLE)
+    assert client.taker == NAVIGATION
+    robot.say(NavigationState.IDLE)
+    assert client.taker == NAVIGATION
+
+
+def test_a_navigation_that_runs_need_not_be_started(hub: MemoryHub, client: NavigationClient) -> None:
+    """It holds its name, but says nothing: there is no simulator, or simulated time stands still."""
+    assert client.lack == "the navigation of robot_1: start 'zteam-nav --id 1'"
+    silent = FakeNavigation(hub, 1)
+    assert client.lack.startswith("the first status of nav_1: it runs, but no tick of a simulator")
+    FakeNavigation(hub, 1, go_to=True).say(NavigationState.IDLE)
+    assert client.taker == ""
+    silent.end()
+    assert client.lack == "the navigation of robot_1: start 'zteam-nav --id 1'"
+
+
+def test_a_process_that_stays_away_is_gone(
+    hub: MemoryHub, client: NavigationClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A token that comes back in time, as after a router's end, is no loss; the end of another process is none."""
+    now = [100.0]
+    monkeypatch.setattr(navigation, "monotonic", lambda: now[0])
+    robot, first = FakeNavigation(hub, 1, go_to=True), FakeNavigation(hub, 1)
+    first.say(NavigationState.IDLE)
+    watch = client.send(GOAL)
+    robot.end()
+    first.end()
+    now[0] += GONE / 2
+    second = FakeNavigation(hub, 1)
+    now[0] += GONE
+    client.look()
+    assert (client.taker, watch.ended) == (NAVIGATION, False)
+    second.end()
+    now[0] += GONE
+    client.look()
+    assert (client.taker, watch.result, watch.text) == ("", TaskResult.FAILED, "the process nav_1 is gone")
+
+
+def test_to_cancel_reaches_all_that_take_goals(hub: MemoryHub, client: NavigationClient) -> None:
+    """A robot with navigation whose behaviour takes goals too stops for good."""
+    with pytest.raises(BusError, match="robot_1 has no navigation"):
+        client.cancel()
+    both = FakeNavigation(hub, 1), FakeNavigation(hub, 1, go_to=True)
+    assert not client.cancel()
+    both[1].say(NavigationState.IDLE)
+    both[0].say(NavigationState.IDLE)
+    client.send(GOAL)
+    assert client.cancel()
+    assert [each.cancels for each in both] == [2, 2]
