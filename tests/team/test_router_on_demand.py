@@ -21,8 +21,7 @@ from zteam.bus.options import LEASE
 from zteam.clock import HOST_FACTOR, monotonic, pause
 from zteam.errors import BusError
 from zteam.launch import run as running
-from zteam.launch.router import ANY_PORT
-from zteam.launch.run import choose_endpoint
+from zteam.launch.run import ANY_PORT, choose_endpoint
 from zteam.messages import Bool
 
 pytestmark = pytest.mark.team

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from zteam.launch.overview import Overview
+from zteam.launch.progress import Overview
 from zteam.numbers import counted, format_factor
 
 _BAR = (8, 40)

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from zteam.cli.up_display import Display
     from zteam.launch.kinds import TeamLaunch
     from zteam.launch.report import RunReport
-    from zteam.launch.run import Run
+    from zteam.launch.run import ProcessRun
     from zteam.launch.warm_parent import WarmParent
     from zteam.runtime.shutdown import Stop
     from zteam.team_file import Team
@@ -229,13 +229,13 @@ def _refuse_without_simulator(args: argparse.Namespace) -> None:
 
 def _start_processes(launch: "TeamLaunch", bus: "BusOptions", args: argparse.Namespace, parent: "WarmParent") -> int:
     from zteam.cli.up_display import Printer, open_display
-    from zteam.launch.run import Run
+    from zteam.launch.run import ProcessRun
     from zteam.runtime.shutdown import Stop
 
     stop = Stop()
     with ExitStack() as stack:
         display = stack.enter_context(open_display(args.log_format, args.run_for))
-        team_run = stack.enter_context(Run(launch, bus, stop, Printer(display.print).line, parent))
+        team_run = stack.enter_context(ProcessRun(launch, bus, stop, Printer(display.print).line, parent))
         stop.install(on_repeat=team_run.hurry)
         try:
             report = _run(team_run, display, args)
@@ -258,7 +258,7 @@ def _note_unused_seed(seed: int, team: "Team", world: Path | None) -> None:
         )
 
 
-def _run(team_run: "Run", display: "Display", args: argparse.Namespace) -> "RunReport | None":
+def _run(team_run: "ProcessRun", display: "Display", args: argparse.Namespace) -> "RunReport | None":
     from zteam.launch.run import warn_of_endpoint
 
     processes = counted(len(team_run.plan.jobs), "process", "processes")

@@ -10,7 +10,7 @@ from typing import Protocol
 from zteam.cli.live_line import LiveLine, has_color, has_live_line
 from zteam.cli.progress_text import duration_text, progress_line
 from zteam.clock import Every
-from zteam.launch.overview import Overview, TeamOverview
+from zteam.launch.progress import Overview, TeamOverview
 from zteam.numbers import format_factor
 
 log = logging.getLogger("zteam")

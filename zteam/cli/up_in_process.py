@@ -18,7 +18,7 @@ from zteam.runtime.shutdown import Stop, exit_hard_later
 
 if TYPE_CHECKING:
     from zteam.bus import BusOptions
-    from zteam.in_process.outside import Outside
+    from zteam.in_process.run import Outside
     from zteam.launch.kinds import Pace, TeamLaunch
     from zteam.launch.report import RunReport
 
@@ -44,12 +44,11 @@ def carry_out(launch: "TeamLaunch", bus: "BusOptions", args: argparse.Namespace)
                 return 0
         cancel()
         give_back()
-    failed = {member.name for member in team_run.endings.failures} | team_run.processes.failures
-    return conclude(failed | team_run.calls.hung, report, stop, launch.has_end, args.report)
+    return conclude(team_run.failed, report, stop, launch.has_end, args.report)
 
 
 def _open_outside(bus: "BusOptions", pace: "Pace") -> "Outside":
-    from zteam.in_process.outside import Outside
+    from zteam.in_process.run import Outside
 
     return Outside(bus, pace)
 
@@ -57,7 +56,7 @@ def _open_outside(bus: "BusOptions", pace: "Pace") -> "Outside":
 def _run(
     team_run: InProcessRun, display: Display, outside: "Outside | None", go_timeout: float | None
 ) -> "RunReport | None":
-    nodes = counted(len(team_run.members), "node")
+    nodes = counted(len(team_run.parts), "node")
     display.say(f"starting {nodes}")
     team_run.start()
     where = "without a router" if outside is None else f"router at {outside.endpoint}"

@@ -1,4 +1,5 @@
-"""Opens the bus of a team in one process to the outside: tools find the nodes there as they find processes.
+"""The bus of a team in one process: each node has a session of its own on one MemoryHub, which may be open to the
+outside: tools find the nodes there as they find processes.
 
 Whatever a node declares on the hub is declared outside too, by the one session that this process has there. A message
 is encoded and sent once for all subscribers outside, and not at all if there is none. Messages carry the id of their
@@ -12,8 +13,8 @@ from typing import TypeVar
 
 import msgspec
 
-from zteam.bus import Bus
-from zteam.bus.memory import Receiver
+from zteam.bus import Bus, MemoryHub
+from zteam.bus.memory import MemoryTransport, Receiver
 from zteam.bus.transport import (
     Closeable,
     QueryHandler,
@@ -204,3 +205,32 @@ class BridgedSession:
         for pair in list(self._declared):
             pair.close()
         self._inside.close()
+
+
+class TeamHub:
+    """Opens the sessions of the nodes."""
+
+    def __init__(self, outside: Bus | None = None) -> None:
+        """With `outside`, a session of this process alone, nodes and processes there find each other."""
+        self.delivery = Delivery()
+        self._hub = MemoryHub(self.delivery.deliver, None if outside is None else monotonic_times())
+        inside = MemoryTransport(self._hub)
+        self._bridge = None if outside is None else Bridge(inside, outside, self.delivery)
+
+    def bus(self, owner: str) -> Bus:
+        """A session of the node `owner`."""
+        bridge = self._bridge
+        if bridge is None:
+            return Bus(_Session(self._hub, owner))
+        return Bus(bridge.open(_Session(self._hub, owner, new_instance()), owner))
+
+    def close(self) -> None:
+        """Handle no more messages."""
+        self.delivery.close()
+
+
+class _Session(MemoryTransport):
+    """The session of one node."""
+
+    def declare_queryable(self, key: str, handler: QueryHandler) -> Closeable:
+        return super().declare_queryable(key, answering_as(self._owner, handler))

@@ -1,40 +1,43 @@
-"""One run of a whole team in this process, from start to end: nodes, GO, time limit, report, stop in order.
+"""A run whose members are threads of this process, on a bus in memory; nodes of the team file are processes beside it.
 
-It has the methods of `zteam.launch.run.Run`. The launcher's part runs in a thread beside the simulator's.
+The launcher's part runs in a thread beside the simulator's.
 """
 
 import logging
-import os
+import threading
+from collections import deque
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from contextlib import ExitStack
 from threading import Thread
-from typing import TYPE_CHECKING, TypeVar
+from typing import Self, TypeVar
+
+import msgspec
 
 from zteam import names
-from zteam.clock import monotonic
-from zteam.errors import UsageError
-from zteam.in_process.endings import Endings
-from zteam.in_process.hub import TeamHub
-from zteam.in_process.logs import naming_nodes
-from zteam.in_process.member import Member, own_part
-from zteam.in_process.node_processes import NodeProcesses
-from zteam.in_process.parts import parts_of
-from zteam.in_process.user_calls import CallWatch, UserCall
-from zteam.launch.kinds import TeamLaunch
-from zteam.launch.overview import TeamOverview
-from zteam.launch.plan import plan_team, stop_order
-from zteam.launch.process import exit_text
-from zteam.launch.progress import Progress, Watched
-from zteam.launch.report import RunReport, make_report, measure_processes, read_counts, seconds_since_start
-from zteam.launch.restarts import Restarts, serve_restarts
-from zteam.launch.supervisor import GRACE
-from zteam.nodes.bodies import Part
-from zteam.runtime.node import Node
+from zteam.bus import BusOptions, connect
+from zteam.bus.router import Router
+from zteam.errors import BusError, UsageError
+from zteam.in_process.bridge import TeamHub
+from zteam.in_process.delivery import marks_owner
+from zteam.in_process.user_calls import CallWatch, UserCall, naming_nodes
+from zteam.launch.kinds import KINDS, Pace, TeamLaunch
+from zteam.launch.run import (
+    ANY_PORT,
+    ROUTER_DEADLINE,
+    TeamRun,
+    choose_endpoint,
+    lease_for,
+    node_environment,
+    refuse_second_team,
+    warn_of_endpoint,
+)
+from zteam.launch.supervisor import Again, Member, Supervisor
+from zteam.nodes.bodies import Part, part_of, printing_monitor
+from zteam.process_options import MonitorOptions, ProcessOptions, RobotOptions
+from zteam.runtime.node import Node, stepping
+from zteam.runtime.process_node import ProcessNode, run_body
 from zteam.runtime.shutdown import Stop
-
-if TYPE_CHECKING:
-    from zteam.in_process.outside import Outside
 
 log = logging.getLogger("zteam")
 
@@ -43,16 +46,140 @@ Body = Callable[[Node], None]
 R = TypeVar("R")
 
 
-def _parts(launch: TeamLaunch, on_line: Callable[[str, str], None], nodes: Mapping[str, Body]) -> dict[str, Part]:
-    parts = parts_of(launch, on_line)
-    for name, body in nodes.items():
+def _part(options: ProcessOptions, say: Callable[[str], None]) -> Part:
+    if isinstance(options, MonitorOptions):
+        return printing_monitor(options, say)
+    if isinstance(options, RobotOptions):
+        robot = options
+        # In the node's own thread: a mistake in the user's code ends that node, and may be gone at a restart.
+        return Part(lambda node: part_of(robot).body(node))
+    return part_of(options)
+
+
+def parts_of(
+    launch: TeamLaunch, say: Callable[[str, str], None], nodes: Mapping[str, Body] | None = None
+) -> dict[str, Part]:
+    """What the nodes of a simulated team and a user's own do, by name; `say(name, line)` prints a line of a node."""
+    parts = {
+        name: _part(options, lambda line, name=name: say(name, line))  # type: ignore[misc]
+        for kind in KINDS
+        if not kind.beside
+        for name, options in kind.options(launch).items()
+    }
+    for name, body in (nodes or {}).items():
         if name in parts:
             raise UsageError(f"node {name!r}: the team has a process of this name already")
-        parts[name] = own_part(body)
+        parts[name] = Part(stepping(body), Node)
     return parts
 
 
-class InProcessRun:
+class NodeThread:
+    """A member that is a node in a thread of this process. `on_end(member)` is called there when it has ended."""
+
+    def __init__(self, name: str, part: Part, hub: TeamHub, on_end: Callable[["NodeThread"], None]) -> None:
+        """`run` follows."""
+        self.name = name
+        self.exit_code: int | None = None
+        """As of a process; None while it runs."""
+        self.error: BaseException | None = None
+        """What ended it, if that was an error."""
+        self.lines: deque[str] = deque()
+        """None: what it says is in the log of this process."""
+        self.stopping = False
+        """Whether it was asked to end."""
+        self._stop = Stop()
+        self._part = part
+        self._hub = hub
+        self._on_end = on_end
+        self._ended = threading.Event()
+
+    @property
+    def running(self) -> bool:
+        """Whether it has not ended yet."""
+        return self.exit_code is None
+
+    @marks_owner
+    def run(self) -> None:
+        """Run the node in this thread."""
+        owner, part = self.name, self._part
+        code = 1
+        if owner == names.SIMULATOR:
+            self._hub.delivery.deliver_in_this_thread()
+        try:
+            code = run_body(owner, lambda: self._hub.bus(owner), self._body, self._stop, part.clock, part.make)
+        except SystemExit as error:
+            code = error.code if isinstance(error.code, int) else int(error.code is not None)
+        except BaseException as error:
+            # Such as that of a debugger whose user quits.
+            log.error("ended by %s", type(error).__name__)
+        finally:
+            self.exit_code = code
+            # First: what `join` waits for has an end that is known.
+            self._on_end(self)
+            self._ended.set()
+
+    def _body(self, node: ProcessNode) -> None:
+        try:
+            self._part.body(node)
+        except BaseException as error:
+            self.error = error
+            raise
+
+    def terminate(self) -> None:
+        """Ask it to stop."""
+        self.stopping = True
+        self._stop.request("the team asks it to stop")
+
+    def kill(self) -> None:
+        """Nothing: a thread cannot be killed."""
+
+    def join(self, timeout: float) -> bool:
+        """Wait until it has ended; False if it still runs after `timeout` host seconds."""
+        return self._ended.wait(timeout)
+
+
+class Outside:
+    """Where tools find a team in one process: at a router, in this process's session there. A context manager.
+
+    Without `--connect` the router is one of this process, where `zteam up` has its own as well.
+    """
+
+    def __init__(self, options: BusOptions, pace: Pace) -> None:
+        lease = lease_for(pace, options.lease)
+        self.given = options.connect
+        """The router that the user named."""
+        with ExitStack() as ends:
+            self.endpoint = self.given or _open_router(ends, lease)
+            self.environment = node_environment(self.endpoint, options, pace)
+            """What lets a process join the team."""
+            reached = msgspec.structs.replace(options, connect=self.endpoint, lease=lease, small=False)
+            self.bus = connect(reached, patience=ROUTER_DEADLINE)
+            ends.callback(self.bus.close)
+            self._ends = ends.pop_all()
+
+    def warn_of_endpoint(self) -> None:
+        """Say how tools find the router if they do not look there."""
+        warn_of_endpoint(self.endpoint, self.given)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ends.close()
+
+
+def _open_router(ends: ExitStack, lease: float) -> str:
+    """Open a router until `ends`; its endpoint."""
+    try:
+        router = Router(choose_endpoint(), lease=lease)
+    except BusError:
+        # Another program took the port after `choose_endpoint` looked: any port will do.
+        router = Router(ANY_PORT, lease=lease)
+    ends.callback(router.close)
+    return router.endpoint
+
+
+class InProcessRun(TeamRun):
     """Use as: `with InProcessRun(...) as run: run.beside_simulator(work)`, where `work` starts, watches, finishes."""
 
     def __init__(
@@ -61,68 +188,63 @@ class InProcessRun:
         stop: Stop,
         on_line: Callable[[str, str], None],
         nodes: Mapping[str, Body] | None = None,
-        since_start: Callable[[], float] = seconds_since_start,
-        on_failure: Callable[[Member], None] = lambda _member: None,
-        outside: "Outside | None" = None,
+        since_start: Callable[[], float] | None = None,
+        on_end: Callable[[NodeThread], None] = lambda _node: None,
+        outside: Outside | None = None,
         take_hang: Callable[[UserCall], bool] | None = None,
     ) -> None:
         """`on_line(name, text)` prints what a node writes; `nodes` are the bodies of own nodes, by name.
 
-        `on_failure(member)` is called when a node has ended without being asked to; `take_hang` is that of CallWatch.
-        Tools `outside` find the team.
+        `on_end(node)` is called when a node has ended for good without being asked to; `take_hang` is that of
+        CallWatch. Tools `outside` find the team.
         """
-        self._launch = launch
-        self._stop = stop
-        self._since_start = since_start
-        self._progress: Progress | None = None
-        plan = plan_team(launch)
-        self.processes = NodeProcesses(plan, on_line, self._wake)
-        """The nodes of the team file, which are processes."""
-        self._restarts = Restarts(self.restart_node, (name for name, job in plan.own.items() if job.restarts))
-        self.endings = Endings(self._restarts, on_failure)
+        self.parts = parts_of(launch, on_line, nodes)
+        super().__init__(launch, stop, Supervisor(on_line, self._on_failure), since_start)
+        self._tell_end = on_end
         self._outside = outside
         self.hub = TeamHub(None if outside is None else outside.bus)
         self.calls = CallWatch(launch.pace, self.hub.delivery, take_hang)
         self.bus = self.hub.bus(names.LAUNCHER)
-        serve_restarts(self.bus, self._counts)
-        parts = _parts(launch, on_line, nodes or {})
-        self.members = {name: Member(name, part, self.hub, self._on_end) for name, part in parts.items()}
-        stop.on_request(self._wake)
+        self._serve(self.bus)
 
-    def __enter__(self) -> "InProcessRun":
-        self._log = ExitStack()
-        self._log.enter_context(naming_nodes())
-        self._log.enter_context(self.calls.watching())
-        if self._outside is not None:
-            self._outside.hold_namespace(self.bus, (*self.members, *self.processes.names), self._stop)
+    def __enter__(self) -> Self:
+        self._ends.enter_context(naming_nodes())
+        self._ends.enter_context(self.calls.watching())
+        try:
+            if self._outside is not None:
+                assert self.bus is not None
+                if self._outside.given is not None:
+                    refuse_second_team(self.bus, (*self.parts, *self.plan.nodes))
+                self._hold_namespace()
+                self._open_log(self.bus)
+        except BaseException:
+            self.__exit__()
+            raise
         return self
 
-    def __exit__(self, *_: object) -> None:
-        self._stop_all()
-        self.processes.close()
-        if self._outside is not None:
-            self._outside.release()
-        self._log.close()
-        if self._progress is not None:
-            self._progress.close()
-        self.bus.close()
-        self.hub.close()
+    def __exit__(self, *error: object) -> None:
+        try:
+            super().__exit__(*error)
+        finally:
+            self.hub.close()
 
-    def _wake(self) -> None:
-        if self._progress is not None:
-            self._progress.wake()
+    def _on_failure(self, member: Member, again: Again) -> None:
+        super()._on_failure(member, again)
+        if again.delay is None and isinstance(member, NodeThread):
+            self._tell_end(member)
 
-    def _on_end(self, member: Member) -> None:
-        self.endings.take(member)
-        self._wake()
+    @property
+    def failures(self) -> list[NodeThread]:
+        """The nodes of this process that ended for good without being asked to."""
+        return [member for member in self.supervisor.failures if isinstance(member, NodeThread)]
 
     def beside_simulator(self, work: Callable[[], R]) -> R:
         """Run the simulator in this thread until it is asked to stop, and `work()` in another; return its result.
 
         In lock-step the behaviours run in the simulator's thread, so a debugger gets the terminal.
         """
-        simulator, result = self.members[names.SIMULATOR], Future[R]()
-        simulator.begin()
+        simulator, result = self._make(names.SIMULATOR), Future[R]()
+        self.supervisor.start_member(names.SIMULATOR, lambda: simulator)
 
         def run() -> None:
             try:
@@ -133,81 +255,34 @@ class InProcessRun:
                 simulator.terminate()
 
         Thread(target=run, name="launcher", daemon=True).start()
-        self._run(simulator)
+        simulator.run()
         return result.result()
 
     def start(self) -> None:
         """Start all nodes but the simulator."""
-        self._progress = Progress(self.bus, self._launch.has_end, self._since_start)
-        for name in self.members:
+        self._begin_progress()
+        for name in self.parts:
             if name != names.SIMULATOR:
                 self.start_node(name)
         if self._outside is not None:
-            self.processes.start(self._outside.environment)
+            self._start_nodes(self._outside.environment)
         if self._stop.requested:
             self._wake()
 
     def start_node(self, name: str) -> None:
         """Start one node, in a thread of its own."""
-        member = self.members[name]
-        member.begin()
-        self.endings.note_start(name)
-        Thread(target=self._run, args=(member,), name=name, daemon=True).start()
 
-    def restart_node(self, name: str) -> None:
-        """Start a node once more that has ended."""
-        self.members[name] = self.members[name].again()
-        self.start_node(name)
+        def begin() -> NodeThread:
+            node = self._make(name)
+            Thread(target=node.run, name=name, daemon=True).start()
+            return node
 
-    def _run(self, member: Member) -> None:
-        if member.name == names.SIMULATOR:
-            self.hub.delivery.deliver_in_this_thread()
-        member.run()
+        job = self.plan.own.get(name)
+        self.supervisor.start_member(name, begin, restarts=job is not None and job.restarts)
 
-    def team_overview(self) -> TeamOverview:
-        """A watch on the team that was started."""
-        return TeamOverview(self.bus, [robot.id for robot in self._launch.team.robots], is_simulated=True)
-
-    def watch(self, go_timeout: float | None = None) -> None:
-        """Wait for the end of the run or for the stop request.
-
-        Raises ZteamError if the run cannot reach its end, or without GO within `go_timeout` host seconds.
-        """
-        assert self._progress is not None
-        self._progress.watch(self._stop, self._watched, self._last_words, go_timeout)
-
-    def _last_words(self, name: str) -> str:
-        return exit_text((self.members.get(name) or self.processes.running[name]).exit_code)
-
-    def _watched(self) -> list[Watched]:
-        return [*(Watched(name, name in self.endings) for name in self.members), *self.processes.watched()]
-
-    def finish(self) -> RunReport | None:
-        """Collect the counts, stop everything in order, and report; None after a stop."""
-        progress = self._progress
-        counts = None if self._stop.requested else read_counts(self.bus)
-        own = measure_processes({names.LAUNCHER: os.getpid()})
-        restarts = self._counts()
-        self._stop_all()
-        if counts is None or progress is None:
-            return None
-        rows, wall = [*self.processes.report(), *own], progress.wall or self._since_start()
-        return make_report(counts, wall, progress.go_after, rows, restarts, sorted(self.calls.hung))
-
-    def _counts(self) -> dict[str, int]:
-        return {**self._restarts.counts, **self.processes.restarts}
+    def _make(self, name: str) -> NodeThread:
+        return NodeThread(name, self.parts[name], self.hub, self.supervisor.take_end)
 
     def _stop_all(self) -> None:
-        self._restarts.end()
-        # Before the robots: a node may drive one of them.
-        self.processes.stop()
-        _stop_in_order(self.members)
-
-
-def _stop_in_order(members: Mapping[str, Member]) -> None:
-    for group in stop_order(members):
-        for name in group:
-            members[name].terminate()
-        deadline = monotonic() + GRACE
-        for name in group:
-            members[name].join(max(0.0, deadline - monotonic()))
+        self._hung |= self.calls.hung
+        super()._stop_all()

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from zteam.clock import monotonic
 from zteam.errors import UsageError, ZteamError
-from zteam.in_process.logs import prefixing_lines
-from zteam.in_process.member import Member
-from zteam.in_process.run import Body, InProcessRun
+from zteam.in_process.run import Body, InProcessRun, NodeThread, Outside
+from zteam.in_process.user_calls import prefixing_lines
 from zteam.launch.check import check_team, refuse_nodes
 from zteam.launch.kinds import Pace, TeamLaunch
 from zteam.launch.plan import launch_of
@@ -23,8 +22,6 @@ from zteam.team_file import argument_texts, read_team_file
 
 if TYPE_CHECKING:
     from zteam.bus import BusOptions
-    from zteam.in_process.outside import Outside
-
 log = logging.getLogger("zteam")
 
 
@@ -54,14 +51,14 @@ def run_team(
     stop, signals = Stop(), Stop()
     signals.on_request(lambda: stop.request(signals.reason))
 
-    def on_failure(member: Member) -> None:
-        stop.request(f"{member.name} ended")
+    def on_end(node: NodeThread) -> None:
+        stop.request(f"{node.name} ended")
 
     in_main = threading.current_thread() is threading.main_thread()
     with (
         nullcontext() if bus is None else _open_outside(bus, launch.pace) as outside,
         stopping_in_order(signals) if in_main else nullcontext(),
-        InProcessRun(launch, stop, _say_nothing, nodes, lambda: monotonic() - began, on_failure, outside) as run,
+        InProcessRun(launch, stop, _say_nothing, nodes, lambda: monotonic() - began, on_end, outside) as run,
         prefixing_lines(),
     ):
         report = run.beside_simulator(lambda: _carry_out(run))
@@ -94,9 +91,7 @@ def _launch(
     )
 
 
-def _open_outside(bus: "BusOptions", pace: Pace) -> "Outside":
-    from zteam.in_process.outside import Outside
-
+def _open_outside(bus: "BusOptions", pace: Pace) -> Outside:
     outside = Outside(bus, pace)
     log.info("router at %s", outside.endpoint)
     outside.warn_of_endpoint()
@@ -116,14 +111,8 @@ def _carry_out(run: InProcessRun) -> RunReport | None:
 def _checked(run: InProcessRun, report: RunReport | None) -> RunReport:
     for name in run.calls.hung:
         raise ZteamError(f"{name}: a call of its own code did not return: see the log above")
-    if run.endings.failures:
-        _raise_failure(run.endings.failures[0])
+    for node in run.failures:
+        raise node.error or ZteamError(f"{node.name} ended: {exit_text(node.exit_code)}")
     if report is None:
         raise KeyboardInterrupt
     return report
-
-
-def _raise_failure(member: Member) -> None:
-    if member.error is not None:
-        raise member.error
-    raise ZteamError(f"{member.name} ended: {exit_text(member.exit_code)}")

@@ -1,4 +1,5 @@
-"""The calls of users' code in a process that runs a whole team: one that does not return is named, and ended."""
+"""Whose code runs in a process of a whole team: a call of a user's that does not return is named, and ended; lines of
+the log have the name of their node."""
 
 import ctypes
 import logging
@@ -9,12 +10,13 @@ from itertools import takewhile
 from threading import Event, Thread
 from traceback import walk_stack
 from types import FrameType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from zteam import names
 from zteam.in_process.delivery import Delivery, current_owner
 from zteam.launch.kinds import Pace
 from zteam.runtime.faults import frames_text, is_own
-from zteam.runtime.logs import KEEPER
+from zteam.runtime.logs import KEEPER, node_of
 from zteam.runtime.step_watch import hanging
 
 log = logging.getLogger("zteam")
@@ -119,3 +121,34 @@ class CallWatch:
             with KEEPER.owned_by(call.owner):
                 log.error("%s", call.describe())
         return True
+
+
+@contextmanager
+def naming_nodes() -> Iterator[None]:
+    """Within, each record of the log has the name of its node as `node`; that of the launcher for all other code."""
+    end, before = KEEPER.begin(), KEEPER.owner
+    KEEPER.owner = lambda: current_owner(sys._getframe(), names.LAUNCHER)
+    try:
+        yield
+    finally:
+        KEEPER.owner = before
+        end()
+
+
+@contextmanager
+def prefixing_lines() -> Iterator[None]:
+    """Within, the text of each record of a node begins with the node's name: for programs with a log of their own."""
+    make = logging.getLogRecordFactory()
+
+    def make_record(*args: Any, **kwargs: Any) -> logging.LogRecord:
+        record = make(*args, **kwargs)
+        if node_of(record) not in ("", names.LAUNCHER):
+            record.msg = f"[{node_of(record)}] {record.msg}"
+        return record
+
+    logging.setLogRecordFactory(make_record)
+    try:
+        yield
+    finally:
+        if logging.getLogRecordFactory() is make_record:
+            logging.setLogRecordFactory(make)

@@ -1,26 +1,30 @@
-"""Runs a team from start to end: router, processes, GO, time limit, report, stop in order."""
+"""One run of a team from start to end: members, GO, time limit, report, stop in order.
+
+`TeamRun` is what all runs have in common; in a `ProcessRun` the members are processes at a router, and in
+`zteam.in_process.run` they are threads of this process.
+"""
 
 import logging
 import os
 import signal
 from collections.abc import Callable, Iterable, Mapping
-from functools import partial
+from contextlib import ExitStack
+from typing import Self
 
 import msgspec
 
 from zteam import names
 from zteam.bus import Bus, BusOptions, connect
 from zteam.bus.connection import release_port
-from zteam.bus.options import DEFAULT_ENDPOINT
-from zteam.bus.presence import Claim
+from zteam.bus.options import DEFAULT_ENDPOINT, LEASE
+from zteam.bus.presence import Claim, ProcessInfo
 from zteam.bus.probe import port_accepts
-from zteam.errors import BusError
-from zteam.launch.kinds import Pace, TeamLaunch
-from zteam.launch.namespace import claim_namespace, refuse_second_team
-from zteam.launch.overview import TeamOverview
-from zteam.launch.plan import plan_team
+from zteam.clock import local_time_text
+from zteam.errors import BusError, DuplicateNameError
+from zteam.launch.kinds import ROUTER, ROUTER_KIND, Pace, TeamLaunch
+from zteam.launch.plan import plan_team, stop_order
 from zteam.launch.process import Process, exit_text
-from zteam.launch.progress import Progress, Watched
+from zteam.launch.progress import Progress, TeamOverview, Watched
 from zteam.launch.report import (
     ProcessReport,
     RunReport,
@@ -30,9 +34,7 @@ from zteam.launch.report import (
     report_processes,
     seconds_since_start,
 )
-from zteam.launch.restarts import Again, log_failure, serve_restarts
-from zteam.launch.router import ANY_PORT, start_router, wait_for_endpoint
-from zteam.launch.supervisor import GRACE, Supervisor
+from zteam.launch.supervisor import GRACE, Again, Member, Supervisor, log_failure, serve_restarts
 from zteam.launch.warm_parent import WarmParent
 from zteam.process_options import FROM_STDIN
 from zteam.runtime.logs import LogPublisher
@@ -42,12 +44,11 @@ log = logging.getLogger("zteam")
 
 ROUTER_DEADLINE = 20.0
 """Host seconds until the router must listen; an interpreter has taken 2.2 s to start on a crowded machine."""
-
-
-_LAST_WORDS = 1.0
-"""Host seconds to wait for the output of a process that has ended."""
+ANY_PORT = "tcp/127.0.0.1:0"
 LEASE_MARGIN = 5.0
 """Host seconds that a lease exceeds the time-out of lock-step: a hung participant must not look dead earlier."""
+_LAST_WORDS = 1.0
+"""Host seconds to wait for the output of a process that has ended."""
 
 
 def lease_for(pace: Pace, given: float) -> float:
@@ -72,14 +73,6 @@ def warn_of_endpoint(endpoint: str, connect: str | None) -> None:
         )
 
 
-def _last_words(processes: Mapping[str, Process], name: str) -> str:
-    """Why a process ended: its exit code and the last line of its output."""
-    process = processes[name]
-    process.join(_LAST_WORDS)
-    said = [line for line in process.lines if line.strip()]
-    return exit_text(process.exit_code) + (f": {said[-1].strip()}" if said else "")
-
-
 def node_environment(endpoint: str, bus: BusOptions, pace: Pace) -> dict[str, str]:
     """What lets a process join the team at this router. All is given, even if empty: what is left out would come from
     this process's environment."""
@@ -91,46 +84,92 @@ def node_environment(endpoint: str, bus: BusOptions, pace: Pace) -> dict[str, st
     }
 
 
-class Run:
-    """One run of a team. Use as: `with Run(...) as run: run.start(); run.watch(); report = run.finish()`."""
+def claim_namespace(bus: Bus, stop: Stop) -> Claim:
+    """Hold the launcher's name until the claim is released. Raises BusError if another launcher holds it.
+
+    Requests the stop if a healed network shows an older launcher.
+    """
+
+    def on_rival(info: ProcessInfo) -> None:
+        log.error("process %d on %s runs a team here too, and is older: stopping", info.pid, info.host)
+        stop.request("another team holds the namespace")
+
+    claim = Claim(bus, names.LAUNCHER)
+    try:
+        claim.win(on_rival)
+    except DuplicateNameError:
+        refuse_second_team(bus, ())
+        raise
+    return claim
+
+
+def refuse_second_team(bus: Bus, needed: Iterable[str]) -> None:
+    """Raise BusError if a launcher, or a process of one of the names `needed`, is in the namespace."""
+    found = {info.name: info for _, info in bus.query(names.info_key("*"), ProcessInfo)}
+    for name in (names.LAUNCHER, *needed):
+        if name in found:
+            info = found[name]
+            what = "a team" if name == names.LAUNCHER else name
+            raise BusError(
+                f"{what} is already running here (pid {info.pid}, since {local_time_text(info.start)}); "
+                "stop it, or use --namespace"
+            )
+
+
+def start_router(supervisor: Supervisor, listen: str = ANY_PORT, lease: float = LEASE) -> Process:
+    """Start a router that prints its endpoint when it listens; clients bear `lease` host seconds of its silence."""
+    arguments = ("--listen", listen, "--announce", "--lease", str(lease))
+    return supervisor.start(ROUTER_KIND.name, ROUTER_KIND.command_line(*arguments))
+
+
+def wait_for_endpoint(
+    supervisor: Supervisor, router: Process, timeout: float, stopped: Callable[[], bool] = lambda: False
+) -> str:
+    """The endpoint that the router prints; empty if it ends, if `timeout` host seconds pass, or if `stopped()`."""
+    supervisor.wait(lambda: stopped() or not router.running or bool(_endpoint(router)), timeout)
+    return _endpoint(router)
+
+
+def _endpoint(router: Process) -> str:
+    # A copy, because a thread appends lines. Lines of the router's log begin with the time.
+    return next((line for line in list(router.lines) if line.startswith(("tcp/", "tls/"))), "")
+
+
+class TeamRun:
+    """Use as: `with … as run: run.start(); run.watch(); report = run.finish()`."""
+
+    bus: Bus | None
+    """The launcher's own session; None before there is a router."""
 
     def __init__(
-        self,
-        launch: TeamLaunch,
-        bus: BusOptions,
-        stop: Stop,
-        on_line: Callable[[str, str], None],
-        warm: WarmParent,
+        self, launch: TeamLaunch, stop: Stop, supervisor: Supervisor, since_start: Callable[[], float] | None = None
     ) -> None:
-        self._launch, self._options = launch, bus
-        self._stop = stop
-        self._hurry = False
-        self._warm = warm
-        self._own: list[ProcessReport] = []
-        self._hung: list[str] = []
-        self._router: Process | None = None
-        self._progress: Progress | None = None
-        self._bus: Bus | None = None
-        self._claim: Claim | None = None
-        self._log: LogPublisher | None = None
-        self.endpoint = bus.connect or ""
-        self._lease = lease_for(launch.pace, bus.lease)
+        """`since_start()` is host seconds since the run was asked for; by default since this process began."""
+        self.launch = launch
         self.plan = plan_team(launch)
-        self.supervisor = Supervisor(on_line, self._on_failure, warm.start)
+        self.supervisor = supervisor
+        self._stop = stop
+        self._since_start = since_start or seconds_since_start
+        self._hurry = False
+        self._progress: Progress | None = None
+        self._own: list[ProcessReport] = []
+        self._hung: set[str] = set()
+        self._ends = ExitStack()
+        """Of what it holds on the bus."""
         stop.on_request(self._wake)
 
-    def __enter__(self) -> "Run":
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
         try:
             self._stop_all()
         finally:
-            if self._claim is not None:
-                self._claim.release()
-            for part in (self._progress, self._log, self._bus):
-                if part is not None:
-                    part.close()
+            self._ends.close()
+            if self._progress is not None:
+                self._progress.close()
+            if self.bus is not None:
+                self.bus.close()
             self.supervisor.close()
 
     def _wake(self) -> None:
@@ -144,69 +183,35 @@ class Run:
         self._hurry = True
         self._wake()
 
-    def _on_failure(self, process: Process, again: Again) -> None:
-        log_failure(process.name, process.exit_code, again)
+    def _on_failure(self, member: Member, again: Again) -> None:
+        log_failure(member.name, member.exit_code, again)
         self._wake()
 
-    def start(self) -> None:
-        """Start all processes at once, so that they import while the router starts."""
-        supervisor = self.supervisor
-        if self._options.connect is None:
-            self._router = start_router(supervisor, choose_endpoint(), self._lease)
-        else:
-            self._bus = self._connect()
-            refuse_second_team(self._bus, self.plan.jobs)
-            self._claim = claim_namespace(self._bus, self._stop)
-        waiting = node_environment(self.endpoint or FROM_STDIN, self._options, self._launch.pace)
-        for name, job in self.plan.own.items():
-            supervisor.start_job(name, msgspec.structs.replace(job, environment=waiting))
-        if self._options.connect is None:
-            self.endpoint = self._wait_for_router()
-            for name in self.plan.own:
-                supervisor.tell(name, self.endpoint)
-            self._bus = self._connect()
-        assert self._bus is not None
-        environment = node_environment(self.endpoint, self._options, self._launch.pace)
+    def _begin_progress(self) -> None:
+        assert self.bus is not None
+        self._progress = Progress(self.bus, self.launch.has_end, self._since_start)
+
+    def _start_nodes(self, environment: Mapping[str, str]) -> None:
+        """Start the nodes of the team file, which are processes; `environment` lets them join the team."""
         for name, job in self.plan.nodes.items():
-            supervisor.start_job(name, msgspec.structs.replace(job, environment=environment))
-        self._progress = Progress(self._bus, self._launch.has_end)
-        if self._claim is None:
-            # On a router of its own the team has no rival yet, so subscribing to GO comes first.
-            self._claim = claim_namespace(self._bus, self._stop)
-        if self._stop.requested:
-            self._wake()
+            self.supervisor.start_job(name, msgspec.structs.replace(job, environment=environment))
+
+    def _hold_namespace(self) -> None:
+        """Hold the launcher's name. Raises BusError if another team is there."""
+        assert self.bus is not None
+        self._ends.callback(claim_namespace(self.bus, self._stop).release)
+
+    def _open_log(self, bus: Bus) -> None:
+        self._ends.callback(LogPublisher(bus, names.LAUNCHER).close)
+
+    def _serve(self, bus: Bus) -> None:
+        serve_restarts(bus, lambda: dict(self.supervisor.restarts.counts))
 
     def team_overview(self) -> TeamOverview:
         """A watch on the team that was started."""
-        assert self._bus is not None
-        ids = [robot.id for robot in self._launch.team.robots]
-        return TeamOverview(self._bus, ids, is_simulated=self._launch.world is not None)
-
-    def _connect(self) -> Bus:
-        bus = msgspec.structs.replace(self._options, connect=self.endpoint, lease=self._lease)
-        session = connect(bus, stopping=self._stop, patience=ROUTER_DEADLINE)
-        self._log = LogPublisher(session, names.LAUNCHER)
-        serve_restarts(session, lambda: dict(self.supervisor.restarts.counts))
-        return session
-
-    def _wait_for_router(self) -> str:
-        """The endpoint of the team's own router. Raises BusError if none listens."""
-        assert self._router is not None
-        endpoint = self._wait_for_endpoint(self._router)
-        if not endpoint and not self._stop.requested and not self._router.running:
-            # Another program took the port after `choose_endpoint` looked: any port will do.
-            self._router.join(ROUTER_DEADLINE)
-            # Robots that failed meanwhile have failed.
-            self.supervisor.failures.remove(self._router)
-            self._router = start_router(self.supervisor, lease=self._lease)
-            endpoint = self._wait_for_endpoint(self._router)
-        if not endpoint:
-            last = list(self._router.lines)[-1:]
-            raise BusError("stopped" if self._stop.requested else f"the router did not start: {last}")
-        return endpoint
-
-    def _wait_for_endpoint(self, router: Process) -> str:
-        return wait_for_endpoint(self.supervisor, router, ROUTER_DEADLINE, lambda: self._stop.requested)
+        assert self.bus is not None
+        ids = [robot.id for robot in self.launch.team.robots]
+        return TeamOverview(self.bus, ids, is_simulated=self.launch.world is not None)
 
     def watch(self, go_timeout: float | None = None) -> None:
         """Wait for the end of the run or for the stop request.
@@ -214,45 +219,125 @@ class Run:
         Raises ZteamError if the run cannot reach its end, or without GO within `go_timeout` host seconds.
         """
         assert self._progress is not None
-        self._progress.watch(self._stop, self._watched, partial(_last_words, self.supervisor.processes), go_timeout)
+        self._progress.watch(self._stop, self._watched, self._last_words, go_timeout)
 
     def _watched(self) -> list[Watched]:
         supervisor, optional = self.supervisor, self.plan.optional
-        needed = [name for name in list(supervisor.processes) if name not in self.plan.beside]
+        needed = [name for name in list(supervisor.members) if name not in self.plan.beside]
         return [Watched(name, name in supervisor.ended, name not in optional) for name in needed]
+
+    def _last_words(self, name: str) -> str:
+        """Why a member ended: its exit code and the last line of its output."""
+        member = self.supervisor.members[name]
+        member.join(_LAST_WORDS)
+        said = [line for line in member.lines if line.strip()]
+        return exit_text(member.exit_code) + (f": {said[-1].strip()}" if said else "")
 
     @property
     def failed(self) -> set[str]:
-        """Names of the processes that have failed for good, without those that the team does not need."""
-        return {process.name for process in self.supervisor.failures}.union(self._hung) - self.plan.beside
+        """Names of the members that have failed for good, or hang, without those that the team does not need."""
+        return {member.name for member in self.supervisor.failures}.union(self._hung) - self.plan.beside
 
     def finish(self) -> RunReport | None:
         """Collect the counts, stop everything in order, and report; None after a stop or without a simulator."""
-        bus, progress = self._bus, self._progress
-        has_counts = self._launch.world is not None and not self._stop.requested
-        counts = read_counts(bus) if bus is not None and has_counts else None
+        has_counts = self.launch.world is not None and not self._stop.requested
+        counts = read_counts(self.bus) if self.bus is not None and has_counts else None
         self._stop_all()
-        if counts is None or progress is None:
+        if counts is None or self._progress is None:
             return None
         restarts = self.supervisor.restarts.counts
         rows = [*report_processes(self.supervisor.processes, restarts), *self._own]
-        wall = progress.wall or seconds_since_start()
-        return make_report(counts, wall, progress.go_after, rows, restarts, self._hung)
+        wall = self._progress.wall or self._since_start()
+        return make_report(counts, wall, self._progress.go_after, rows, restarts, sorted(self._hung))
+
+    def _pids(self) -> dict[str, int]:
+        """Processes besides those of the supervisor, by name."""
+        return {names.LAUNCHER: os.getpid()}
 
     def _stop_all(self) -> None:
         self.supervisor.measure()
-        running = [process for process in self.supervisor.processes.values() if process.running]
+        running = [member for member in self.supervisor.members.values() if member.running]
         if running:
             # Measured before the others end: then the pages that it shares with them would count as its own.
-            self._own = measure_processes({names.LAUNCHER: os.getpid(), **self._warm.pids})
-        for group in self.plan.stop_order():
+            self._own = measure_processes(self._pids())
+        for group in stop_order(self.supervisor.members):
             self.supervisor.stop(group, lambda: self._hurry)
-        self._hung += [p.name for p in running if p.exit_code == HUNG and p.name not in self.plan.beside]
-        _name_killed(() if self._hurry else running)
+        self._hung |= {each.name for each in running if each.exit_code == HUNG} - self.plan.beside
+        for member in () if self._hurry else running:
+            if member.exit_code == -signal.SIGKILL:
+                # A busy machine or a pause may be the reason.
+                log.warning("%s had not ended %g s after it was asked to, and was killed", member.name, GRACE)
 
 
-def _name_killed(asked: Iterable[Process]) -> None:
-    """Say which of the processes that were asked to end were killed: a busy machine or a pause may be the reason."""
-    for process in asked:
-        if process.exit_code == -signal.SIGKILL:
-            log.warning("%s had not ended %g s after it was asked to, and was killed", process.name, GRACE)
+class ProcessRun(TeamRun):
+    """A run whose members are processes."""
+
+    def __init__(
+        self,
+        launch: TeamLaunch,
+        bus: BusOptions,
+        stop: Stop,
+        on_line: Callable[[str, str], None],
+        warm: WarmParent,
+    ) -> None:
+        super().__init__(launch, stop, Supervisor(on_line, self._on_failure, warm.start))
+        self._options = bus
+        self._warm = warm
+        self._lease = lease_for(launch.pace, bus.lease)
+        self.bus = None
+        self.endpoint = bus.connect or ""
+
+    def _pids(self) -> dict[str, int]:
+        return {**super()._pids(), **self._warm.pids}
+
+    def start(self) -> None:
+        """Start all processes at once, so that they import while the router starts."""
+        supervisor, has_own_router = self.supervisor, not self.endpoint
+        if has_own_router:
+            start_router(supervisor, choose_endpoint(), self._lease)
+        else:
+            self._connect()
+            assert self.bus is not None
+            refuse_second_team(self.bus, self.plan.jobs)
+            self._hold_namespace()
+        waiting = node_environment(self.endpoint or FROM_STDIN, self._options, self.launch.pace)
+        for name, job in self.plan.own.items():
+            supervisor.start_job(name, msgspec.structs.replace(job, environment=waiting))
+        if has_own_router:
+            self.endpoint = self._wait_for_router()
+            for name in self.plan.own:
+                supervisor.tell(name, self.endpoint)
+            self._connect()
+        self._start_nodes(node_environment(self.endpoint, self._options, self.launch.pace))
+        self._begin_progress()
+        if has_own_router:
+            # There the team has no rival yet, so subscribing to GO comes first.
+            self._hold_namespace()
+        if self._stop.requested:
+            self._wake()
+
+    def _connect(self) -> None:
+        options = msgspec.structs.replace(self._options, connect=self.endpoint, lease=self._lease)
+        self.bus = connect(options, stopping=self._stop, patience=ROUTER_DEADLINE)
+        self._open_log(self.bus)
+        self._serve(self.bus)
+
+    def _wait_for_router(self) -> str:
+        """The endpoint of the team's own router. Raises BusError if none listens."""
+        endpoint = self._wait_for_endpoint()
+        router = self.supervisor.processes[ROUTER]
+        if not endpoint and not self._stop.requested and not router.running:
+            # Another program took the port after `choose_endpoint` looked: any port will do.
+            router.join(ROUTER_DEADLINE)
+            # Robots that failed meanwhile have failed.
+            self.supervisor.failures.remove(router)
+            router = start_router(self.supervisor, lease=self._lease)
+            endpoint = self._wait_for_endpoint()
+        if not endpoint:
+            last = list(router.lines)[-1:]
+            raise BusError("stopped" if self._stop.requested else f"the router did not start: {last}")
+        return endpoint
+
+    def _wait_for_endpoint(self) -> str:
+        router = self.supervisor.processes[ROUTER]
+        return wait_for_endpoint(self.supervisor, router, ROUTER_DEADLINE, lambda: self._stop.requested)

@@ -12,17 +12,15 @@ from zteam.bus.options import LEASE
 from zteam.clock import HOST_FACTOR, monotonic
 from zteam.errors import UsageError, ZteamError
 from zteam.launch.kinds import Pace
-from zteam.launch.process import Process, exit_text
-from zteam.launch.router import start_router, wait_for_endpoint
-from zteam.launch.run import lease_for
-from zteam.launch.supervisor import Supervisor
+from zteam.launch.process import exit_text
+from zteam.launch.run import lease_for, start_router, wait_for_endpoint
+from zteam.launch.supervisor import Member, Supervisor
 from zteam.launch.warm_parent import WarmParent
 from zteam.messages import Message
 from zteam.runtime.faults import ENDED
 from zteam.testing.view import RobotView, TeamView
 
 if TYPE_CHECKING:
-    from zteam.in_process.member import Member
     from zteam.in_process.run import InProcessRun
 
 _LAST_LINES = 5
@@ -93,11 +91,10 @@ class TeamSession:
 
     def _check(self) -> None:
         """Raise TeamFailure for a process that has ended or hangs though nothing asked it to."""
-        run = self._in_process
         for name, text in self._hangs.items():
             if name not in self._may_end:
                 raise TeamFailure(text)
-        for process in [*self._supervisor.failures, *(() if run is None else run.endings.failures)]:
+        for process in self._supervisor.failures:
             if process.name not in self._may_end:
                 raise TeamFailure(f"{process.name} ended ({exit_text(process.exit_code)}): {self._words(process.name)}")
 
@@ -145,9 +142,9 @@ class TeamSession:
         return self._seen
 
     @property
-    def _processes(self) -> "Mapping[str, Process | Member]":
+    def _processes(self) -> Mapping[str, Member]:
         """The processes of the team, or the nodes in this process, by name."""
-        return self._supervisor.processes if self._in_process is None else self._in_process.members
+        return self._supervisor.members
 
     def _listen(self, key: str, kind: type[Message], _arrived: Callable[[], bool]) -> None:
         """Subscribe to a topic that the test looks at for the first time."""

@@ -129,10 +129,12 @@ class TeamFixture(SteppedTeam):
             raise UsageError("team.start: in_process=True comes first, and once: this team has processes already")
         run = self._in_process_ends.enter_context(open_team(launch, nodes, self._take_line, self._take_hang))
         self._in_process = run
+        self._supervisor.close()
+        self._supervisor = run.supervisor
         self._look(run.hub.bus("test"))
-        for name in run.members:
+        for name in run.parts:
             run.start_node(name)
-        return [*run.members]
+        return [*run.parts]
 
     def robot(self, robot_id: int) -> RobotView:
         """What the bus tells about a robot. Raises UsageError for one that neither the world nor a process has."""
@@ -176,10 +178,7 @@ class TeamFixture(SteppedTeam):
             # A node in this process cannot be killed.
             (self.kill if self._in_process is None else self.stop)(name)
         self._wait(lambda: not self.alive(name), START_LIMIT)
-        if self._in_process is None:
-            self._supervisor.restart(name)
-        else:
-            self._in_process.restart_node(name)
+        self._supervisor.restart(name)
         self.wait_for_processes(name)
         wait_until_joined(self, name)
 

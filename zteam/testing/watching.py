@@ -111,7 +111,7 @@ class WatchedTeam(TeamProcesses):
             # Without its router a team sees nothing of itself.
             return
         self._wait_for_silent()
-        ended = self._supervisor.ended if self._in_process is None else self._in_process.endings
+        ended = self._supervisor.ended
         gone = [n for n in self._present - self._may_end if n not in ended and not self.alive(n)]
         self._wait(lambda: all(n in ended or self.alive(n) for n in gone), START_LIMIT)
         for name in gone:

@@ -12,8 +12,8 @@ from zteam.cli.bench_team import measure_team
 from zteam.errors import UsageError, ZteamError
 from zteam.launch.kinds import ROUTER
 from zteam.launch.process import Process, exit_text
-from zteam.launch.router import start_router, wait_for_endpoint
-from zteam.launch.supervisor import Supervisor
+from zteam.launch.run import start_router, wait_for_endpoint
+from zteam.launch.supervisor import Member, Supervisor
 from zteam.world import load_world
 
 _SECONDS = 4.0
@@ -122,11 +122,11 @@ def _wait_for_result(supervisor: Supervisor, simulator: Process, limit: float) -
     if first is not simulator or first.exit_code != 0:
         raise ZteamError(_failure_text(first))
     try:
-        return msgspec.json.decode(first.lines[-1], type=Exchanged)
+        return msgspec.json.decode(simulator.lines[-1], type=Exchanged)
     except (IndexError, msgspec.DecodeError):
         raise ZteamError(_failure_text(first)) from None
 
 
-def _failure_text(process: Process) -> str:
-    last = process.lines[-1] if process.lines else "no output"
+def _failure_text(process: Member) -> str:
+    last = list(process.lines)[-1] if process.lines else "no output"
     return f"{process.name} of the exchange failed ({exit_text(process.exit_code)}): {last}"

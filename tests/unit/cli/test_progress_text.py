@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from zteam.cli.progress_text import duration_text, progress_line
-from zteam.launch.overview import Overview
+from zteam.launch.progress import Overview
 from zteam.messages import TeamState, TeamStatus, time_from_ns
 from zteam.services.simulator import SimStatus
 

@@ -11,7 +11,7 @@ from support.limits import LIMIT
 from support.log_capture import captured_log
 from zteam.cli import up_display
 from zteam.cli.up_display import Printer, open_display
-from zteam.launch.overview import Overview, TeamOverview
+from zteam.launch.progress import Overview, TeamOverview
 from zteam.messages import TeamState, TeamStatus
 from zteam.services.simulator import SimStatus
 

@@ -14,7 +14,7 @@ from zteam.bus.memory import MemoryTransport
 from zteam.bus.presence import Claim, ProcessInfo
 from zteam.bus.transport import RawPublisher
 from zteam.errors import DuplicateNameError
-from zteam.in_process.hub import TeamHub
+from zteam.in_process.bridge import TeamHub
 from zteam.messages import Done, Message
 from zteam.nodes.simulator import lockstep
 

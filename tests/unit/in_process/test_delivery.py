@@ -7,8 +7,8 @@ import pytest
 
 from support.limits import LIMIT
 from zteam.bus import Publisher
+from zteam.in_process.bridge import TeamHub
 from zteam.in_process.delivery import call_as, current_owner
-from zteam.in_process.hub import TeamHub
 from zteam.messages import Bool, Float64
 
 

@@ -8,7 +8,7 @@ from support.limits import LIMIT
 from zteam.bus.memory import MemoryHub
 from zteam.bus.presence import Claim
 from zteam.errors import BusError
-from zteam.launch.namespace import claim_namespace, refuse_second_team
+from zteam.launch.run import claim_namespace, refuse_second_team
 from zteam.runtime.shutdown import Stop
 
 

@@ -8,7 +8,7 @@ from support.lockstep_doubles import ScriptedMonitor
 from zteam import names
 from zteam.bus import Bus, NoRequest
 from zteam.bus.memory import MemoryHub
-from zteam.launch.overview import TeamOverview
+from zteam.launch.progress import TeamOverview
 from zteam.messages import RobotState, RobotStatus, TeamState, TeamStatus
 from zteam.services.simulator import SimStatus
 

@@ -7,8 +7,8 @@ import pytest
 from support.limits import LIMIT
 from support.log_capture import captured_log
 from zteam.clock import wait_until
-from zteam.launch import restarts
-from zteam.launch.restarts import DELAYS, STEADY, Again, Backoff, Restarts, log_failure
+from zteam.launch import supervisor as restarts
+from zteam.launch.supervisor import DELAYS, STEADY, Again, Backoff, Restarts, log_failure
 
 
 def test_the_delay_grows_and_then_it_is_given_up() -> None:

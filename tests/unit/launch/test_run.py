@@ -24,8 +24,7 @@ from zteam.launch.kinds import Pace
 from zteam.launch.plan import launch_of
 from zteam.launch.process import Process
 from zteam.launch.progress import Watched
-from zteam.launch.router import ANY_PORT
-from zteam.launch.run import Run, choose_endpoint, node_environment
+from zteam.launch.run import ANY_PORT, ProcessRun, choose_endpoint, node_environment
 from zteam.launch.supervisor import Job
 from zteam.launch.warm_parent import WarmParent
 from zteam.runtime.shutdown import Stop
@@ -76,10 +75,12 @@ class Pretend:
         self.asked.append(arguments)
         return python(self.routers.pop(0) if len(self.routers) > 1 else self.routers[0])
 
-    def run(self, run_for: float | None = None) -> Run:
+    def run(self, run_for: float | None = None) -> ProcessRun:
         """A run whose processes are not started yet."""
         launch = launch_of(TEAM, WORLD, run_for=run_for)
-        run = Run(launch, BusOptions(), self.stop, lambda name, line: self.lines.append((name, line)), WarmParent())
+        run = ProcessRun(
+            launch, BusOptions(), self.stop, lambda name, line: self.lines.append((name, line)), WarmParent()
+        )
         start = run.supervisor.start
 
         def keep(*arguments: Any) -> Process:
@@ -130,10 +131,10 @@ def test_a_robot_that_fails_while_the_router_is_retried_has_failed(pretend: Pret
     with pretend.run() as run:
         first = run._wait_for_endpoint
 
-        def wait_for_robot(router: Process) -> str:
+        def wait_for_robot() -> str:
             # All others have failed when the first router's end is looked at.
             assert run.supervisor.wait(lambda: run.failed >= set(run.plan.own), LIMIT)
-            return first(router)
+            return first()
 
         run._wait_for_endpoint = wait_for_robot  # type: ignore[method-assign]
         run.start()
@@ -196,7 +197,7 @@ def test_a_failure_ends_a_run_with_a_limit(pretend: Pretend) -> None:
             run.watch()
 
 
-def stop_once_watched(run: Run, stop: Stop, monkeypatch: pytest.MonkeyPatch) -> None:
+def stop_once_watched(run: ProcessRun, stop: Stop, monkeypatch: pytest.MonkeyPatch) -> None:
     """Request a stop when `run.watch` has begun: it holds its lock from then on until it waits."""
     look = run._watched
 
@@ -268,16 +269,16 @@ def test_a_second_team_is_refused_in_one_line(pretend: Pretend) -> None:
     """The error names the first launcher's process id and start; no process starts; later the namespace is free."""
     launch, bus = launch_of(TEAM, WORLD, run_for=1.0), BusOptions(connect="tcp/127.0.0.1:5")
     told = rf"^a team is already running here \(pid {os.getpid()}, since \d\d:\d\d:\d\d\); stop it, or use --namespace$"
-    with Run(launch, bus, pretend.stop, lambda *_: None, WarmParent()) as first:
+    with ProcessRun(launch, bus, pretend.stop, lambda *_: None, WarmParent()) as first:
         first.start()
         with (
-            Run(launch, bus, pretend.stop, lambda *_: None, WarmParent()) as second,
+            ProcessRun(launch, bus, pretend.stop, lambda *_: None, WarmParent()) as second,
             pytest.raises(BusError, match=told),
         ):
             second.start()
         assert second.supervisor.processes == {}
         assert all(process.running for process in first.supervisor.processes.values())
-    with Run(launch, bus, pretend.stop, lambda *_: None, WarmParent()) as third:
+    with ProcessRun(launch, bus, pretend.stop, lambda *_: None, WarmParent()) as third:
         third.start()
 
 
@@ -287,7 +288,7 @@ def test_processes_started_by_hand_refuse_a_team(pretend: Pretend) -> None:
     claim.win(lambda _: None)
     launch, bus = launch_of(TEAM, WORLD), BusOptions(connect="tcp/127.0.0.1:5")
     with (
-        Run(launch, bus, pretend.stop, lambda *_: None, WarmParent()) as run,
+        ProcessRun(launch, bus, pretend.stop, lambda *_: None, WarmParent()) as run,
         pytest.raises(BusError, match="already running here"),
     ):
         run.start()

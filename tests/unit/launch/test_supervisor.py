@@ -11,7 +11,7 @@ import pytest
 
 from support.limits import LIMIT
 from support.transports import wait_until_true
-from zteam.launch import restarts
+from zteam.launch import supervisor as supervising
 from zteam.launch.process import Process
 from zteam.launch.supervisor import Job, Supervisor
 
@@ -247,7 +247,7 @@ FAILING = "import sys; print('once more', flush=True); sys.exit('no camera')"
 
 def test_a_process_that_fails_for_ever_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
     """It is started again as often as there are delays, and counts as failed only then; the rest goes on."""
-    monkeypatch.setattr(restarts, "DELAYS", (0.0, 0.0))
+    monkeypatch.setattr(supervising, "DELAYS", (0.0, 0.0))
     with Watched() as supervisor:
         other = supervisor.run("robot_0", WAITING)
         supervisor.start_job("camera", Job([sys.executable, "-c", FAILING], restarts=True, may_end=True))
@@ -262,7 +262,7 @@ def test_a_process_that_fails_for_ever_is_given_up(monkeypatch: pytest.MonkeyPat
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 def test_a_process_that_was_asked_to_end_is_not_started_again(monkeypatch: pytest.MonkeyPatch, number: int) -> None:
     """A signal that asks for the end is no failure to mend; SIGKILL is."""
-    monkeypatch.setattr(restarts, "DELAYS", (0.0, 0.0))
+    monkeypatch.setattr(supervising, "DELAYS", (0.0, 0.0))
     job = Job(
         [sys.executable, "-c", f"import signal; signal.signal(signal.SIGINT, signal.SIG_DFL)\n{WAITING}"], restarts=True
     )

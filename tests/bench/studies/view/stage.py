@@ -12,7 +12,7 @@ from studies.bare_zenoh import START_LIMIT
 from zteam.errors import ZteamError
 from zteam.launch.kinds import ROUTER
 from zteam.launch.process import Process, Usage, zteam_command
-from zteam.launch.router import start_router, wait_for_endpoint
+from zteam.launch.run import start_router, wait_for_endpoint
 from zteam.launch.supervisor import Supervisor
 
 TOKEN = "bench"

@@ -10,7 +10,7 @@ from zteam import names
 from zteam.bus import MemoryHub
 from zteam.clock import wait_until
 from zteam.geometry import Pose2, quaternion_from_yaw
-from zteam.launch.restarts import serve_restarts
+from zteam.launch.supervisor import serve_restarts
 from zteam.nodes.monitor import display as module
 from zteam.nodes.monitor.display import Poses
 from zteam.runtime.process_node import ProcessNode

@@ -1,5 +1,8 @@
-"""Where tools find a team in one process: its router, session and name."""
+"""A run in one process: what each node does, and how tools find the team."""
 
+from pathlib import Path
+
+import numpy as np
 import pytest
 
 import zteam
@@ -8,24 +11,37 @@ from zteam import names
 from zteam.bus.presence import ProcessInfo
 from zteam.bus.probe import port_accepts
 from zteam.errors import BusError
-from zteam.in_process.hub import TeamHub
-from zteam.in_process.outside import Outside
-from zteam.launch.kinds import Pace
+from zteam.in_process.run import InProcessRun, Outside, parts_of
+from zteam.launch.kinds import KINDS, Pace
+from zteam.launch.plan import launch_of, plan_team
+from zteam.planning.grid import make_map
+from zteam.planning.map_files import write_map
+from zteam.resources import find_world
 from zteam.runtime.shutdown import Stop
+from zteam.team_file import RobotEntry, Team, load_team
+
+
+def test_every_process_of_a_plan_has_a_part(tmp_path: Path) -> None:
+    """A kind of process that is added to the table must be added to the team in one process as well."""
+    write_map(make_map(np.zeros((2, 2), np.int8), 0.05), tmp_path / "map.yaml")
+    path = tmp_path / "team.toml"
+    path.write_text('[team]\nworld = "office"\nmap = "map.yaml"\n[[robots]]\nid = 0\nnavigation = true\n')
+    launch = launch_of(load_team(path), find_world("office"), team_file=path)
+    assert [*parts_of(launch, lambda name, text: None)] == [*plan_team(launch).own]
+    needed = [kind for kind in KINDS if kind.on_bus and kind.hint]
+    assert all(any(kind.includes(name) for name in plan_team(launch).own) for kind in needed)
 
 
 def test_the_router_ends_with_it() -> None:
     """Within, tools reach the team's own router and find the launcher; after it, nothing listens there."""
+    launch = launch_of(Team([RobotEntry(id=0)]), find_world("arena"))
     with Outside(zteam.BusOptions(), Pace()) as outside:
-        hub = TeamHub(outside.bus)
-        launcher = hub.bus(names.LAUNCHER)
-        outside.hold_namespace(launcher, (), Stop())
         tool = zteam.connect(zteam.BusOptions(connect=outside.endpoint))
-        assert tool.ask(names.info_key(names.LAUNCHER), ProcessInfo).instance == launcher.instance
-        outside.release()
+        with InProcessRun(launch, Stop(), lambda *_: None, outside=outside) as run:
+            assert run.bus is not None
+            assert tool.ask(names.info_key(names.LAUNCHER), ProcessInfo).instance == run.bus.instance
         assert tool.query(names.info_key(names.LAUNCHER), ProcessInfo) == []
         tool.close()
-        hub.close()
     assert not port_accepts(outside.endpoint)
 
 
