@@ -198,7 +198,7 @@ class RealTimeRobot:
         with changed:
             # The thread that begins to wait notifies no other.
             for _ in range(2000):
-                if self._robot._pacing.acted == self._robot._inputs.scan_stamp:
+                if self._robot._acted == self._robot._inputs.scan_stamp:
                     return
                 changed.wait(0.01)
         raise AssertionError("the robot does not wait")

@@ -217,10 +217,10 @@ class Node(ProcessNode):
         """Call `callback(key, alive)` for presence tokens, never at the same time as `step`."""
         super().watch_tokens(key_expr, self._failing(callback))
 
-    def _failing(self, callback: Callable[[str, Any], None]) -> Callable[[str, Any], None]:
+    def _failing(self, callback: Callable[[str, Any], None]) -> Callable[..., None]:
         """A user's `callback`, whose error ends the process."""
 
-        def handle(key: str, value: Any) -> None:
+        def handle(key: str, value: Any, _tick: int = 0) -> None:
             try:
                 callback(key, value)
             except BaseException as error:

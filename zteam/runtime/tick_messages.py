@@ -7,8 +7,7 @@ next tick: what it publishes then could come before that tick or after it.
 """
 
 from collections.abc import Callable, Iterable
-from itertools import groupby
-from operator import attrgetter
+from itertools import count, groupby
 from typing import Any, NamedTuple
 
 from zteam import names
@@ -23,7 +22,8 @@ MAX_AHEAD = to_ns(10.0)
 MOST = 10_000
 """Messages that are kept; the world may stand still while others send."""
 
-Handle = Callable[[str, Any], None]
+Handle = Callable[[str, Any, int], None]
+"""Takes the key, the message, and the stamp (ns) of the tick in which it was sent; 0 for messages of their tick."""
 
 
 def stamp_of(message: Message) -> int:
@@ -38,11 +38,7 @@ def tick_of(message: Message, open_stamp: int) -> int:
     A message of the coming tick may overtake that tick itself. A stamp of an earlier tick does not tell whether the
     message was sent in it: it is late, and counts as sent in the open tick.
     """
-    header = getattr(message, "header", None)
-    if header is None:
-        return open_stamp
-    # As `stamp_of`: each message of a large team comes through here, once for each listener.
-    stamp: int = header.stamp.sec * 1_000_000_000 + header.stamp.nanosec
+    stamp = stamp_of(message)
     return stamp if open_stamp < stamp <= open_stamp + MAX_AHEAD else open_stamp
 
 
@@ -70,21 +66,21 @@ class Arrival(NamedTuple):
     handle: Handle
 
 
-class _Sent(NamedTuple):
-    """What another process than the simulator has sent."""
-
-    tick: int
-    """The stamp (ns) of the tick in which it was sent."""
-    arrival: Arrival
+_Place = tuple[int, str, int, str, int]
+"""Of what another process than the simulator has sent: the stamp (ns) of the tick in which it was sent, the key, the
+subscription, the sender, and a number."""
 
 
 class TickMessages:
-    """The messages that a node will handle in a later tick. Stamps are in ns."""
+    """The messages that a process will handle in a later tick. Stamps are in ns."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, newest_only: bool = False) -> None:
+        """With `newest_only`, a message of a tick replaces the one before of the same sender and key."""
+        self._newest_only = newest_only
+        self._numbers = count(1)
         self._of_ticks: list[Arrival] = []
         """What belongs to a tick that has not come."""
-        self._sent: list[_Sent] = []
+        self._sent: dict[_Place, Arrival] = {}
         self._ticks: dict[tuple[str, str], int] = {}
         """The newest tick of `_sent`, by sender and key."""
         self._newest: dict[tuple[int, str], int] = {}
@@ -95,20 +91,20 @@ class TickMessages:
     def take(self, arrival: Arrival, stamp: int, *, is_open: bool) -> str:
         """A message has come; why it is dropped, empty if it is not.
 
-        `stamp` is that of the newest tick, and `is_open` says whether the node has still to answer it.
+        `stamp` is that of the newest tick, and `is_open` says whether the process has still to answer it.
         """
         if arrival.is_data and self._is_repeated(arrival):
             return ""
         belongs = arrival.is_data or arrival.due is not None
         if belongs and is_open and (arrival.due or 0) <= stamp:
-            arrival.handle(arrival.key, arrival.message)
+            arrival.handle(arrival.key, arrival.message, 0)
         elif len(self._of_ticks) + len(self._sent) >= MOST:
             return f"{MOST} messages wait for the next tick already"
         elif belongs:
             # Of the coming tick, or too late for this one.
             self._of_ticks.append(arrival)
         else:
-            self._hold(arrival, stamp)
+            self.hold(arrival, stamp)
         return ""
 
     def _is_repeated(self, arrival: Arrival) -> bool:
@@ -118,12 +114,14 @@ class TickMessages:
         known, self._newest[place] = self._newest.get(place, 0), stamp
         return known == stamp > 0
 
-    def _hold(self, arrival: Arrival, stamp: int) -> None:
+    def hold(self, arrival: Arrival, stamp: int) -> None:
+        """A message of another process than the simulator has come while the tick of `stamp` is open."""
         sender = arrival.source, arrival.key
         # What a sender sent later on a key is handled later.
         tick = max(tick_of(arrival.message, max(stamp, self._heard)), self._ticks.get(sender, 0))
         self._ticks[sender] = tick
-        self._sent.append(_Sent(tick, arrival))
+        number = 0 if self._newest_only else next(self._numbers)
+        self._sent[tick, arrival.key, arrival.subscription, arrival.source, number] = arrival
 
     def handle_due(self, stamp: int | None) -> None:
         """Handle what is due in the tick of `stamp`; everything with None, when there are no ticks any more.
@@ -134,22 +132,25 @@ class TickMessages:
         if not (self._of_ticks or self._sent):
             return
         due = [entry for entry in self._of_ticks if stamp is None or (entry.due or 0) <= stamp]
-        sent = [entry for entry in self._sent if stamp is None or entry.tick < stamp]
         self._of_ticks = [entry for entry in self._of_ticks if stamp is not None and (entry.due or 0) > stamp]
-        self._sent = [entry for entry in self._sent if stamp is not None and entry.tick >= stamp]
-        place = attrgetter("tick", "arrival.key", "arrival.subscription")
-        for _, group in groupby(sorted(sent, key=place), place):
-            for arrival in _in_order([entry.arrival for entry in group]):
-                arrival.handle(arrival.key, arrival.message)
+        sent = sorted((place for place in self._sent if stamp is None or place[0] < stamp), key=_without_sender)
+        for (tick, *_), group in groupby(sent, _without_sender):
+            for arrival in _in_order([self._sent.pop(place) for place in group]):
+                arrival.handle(arrival.key, arrival.message, tick)
         for arrival in due:
-            arrival.handle(arrival.key, arrival.message)
+            arrival.handle(arrival.key, arrival.message, 0)
 
     def forget(self) -> None:
         """Time jumped back."""
-        self._of_ticks, self._sent = [], []
+        self._of_ticks.clear()
+        self._sent.clear()
         self._ticks.clear()
         self._newest.clear()
         self._heard = 0
+
+
+def _without_sender(place: _Place) -> tuple[int, str, int]:
+    return place[:3]
 
 
 def _in_order(group: list[Arrival]) -> list[Arrival]:

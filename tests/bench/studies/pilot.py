@@ -10,7 +10,7 @@ from zteam.behaviors.behavior import declared_inputs
 from zteam.behaviors.registry import find_behavior
 from zteam.behaviors.safety import ask
 from zteam.messages import BaseInfo, Header, LaserScan, Odometry, Point, Pose, PoseStamped, TFMessage, Twist, Vector3
-from zteam.nodes.robot.inputs import Inputs
+from zteam.nodes.robot.inputs import SOURCES, RobotInputs
 
 
 class Tick(NamedTuple):
@@ -40,7 +40,7 @@ class Pilot:
         self._team = tuple(bases)
         self._behavior = load_behavior(part.behavior, part.parameters, robot_id)
         declared = declared_inputs(find_behavior(part.behavior).inputs, robot_id)
-        self._inputs = Inputs(robot_id, declared=declared)
+        self._inputs = RobotInputs(robot_id, declared=declared)
         self._inputs.take_static(fixed)
         for other, base in bases.items():
             self._inputs.take_base(other, base)
@@ -56,10 +56,10 @@ class Pilot:
         if part.goal is not None and not self._seconds:
             (goal,) = inputs.declared.declared
             pose = Pose(Point(*part.goal, 0.0))
-            inputs.declared.slot(goal, goal.key).take(PoseStamped(Header(frame_id=names.MAP_FRAME), pose), tick.now)
+            inputs.declared.take(goal, goal.key, PoseStamped(Header(frame_id=names.MAP_FRAME), pose), tick.now)
         if part.teleop:
             speed, turn = self._asked()
-            inputs.mux.slots[0][1].take(Twist(Vector3(speed), Vector3(z=turn)), tick.now)
+            inputs.mux.take(SOURCES[0], "", Twist(Vector3(speed), Vector3(z=turn)), tick.now)
         self._seconds += dt
 
     def step(self, now: int, dt: float, times: Iterator[int]) -> tuple[Twist, Cost]:

@@ -10,7 +10,7 @@ from zteam.behaviors.registry import BEHAVIORS
 from zteam.bus import MemoryHub
 from zteam.cli import main as zteam
 from zteam.cli import param
-from zteam.nodes.robot.parameters import Parameters
+from zteam.nodes.robot.parameters import BehaviorParameters
 from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop
 from zteam.team_file import behavior_of, load_team
@@ -30,7 +30,7 @@ def run(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureF
     for name, (behavior, given) in TEAM.items():
         node = ProcessNode(name, hub.bus(), Stop())
         node.become_present()
-        Parameters(node, BEHAVIORS[behavior], behavior, given)
+        BehaviorParameters(node, BEHAVIORS[behavior], behavior, given)
     monkeypatch.setattr(param, "open_bus", lambda _options: hub.bus())
 
     def run(*words: str) -> tuple[int, str, str]:

@@ -1,13 +1,14 @@
-"""When a user's own node handles messages in lock-step."""
+"""When a message counts in lock-step."""
 
+from functools import partial
 from random import Random
 from typing import Any
 
 from hypothesis import given
 
 from support.arrivals import TICK, TICKS, Data, Opened, Sent, arrive, orders, sent_messages
-from zteam.messages import Header, Point, Pose, PoseStamped, time_from_ns
-from zteam.runtime.tick_messages import MOST, Arrival, TickMessages, stamp_of
+from zteam.messages import Header, Point, Pose, PoseStamped, Twist, time_from_ns
+from zteam.runtime.tick_messages import MAX_AHEAD, MOST, Arrival, TickMessages, stamp_of, tick_of
 
 Handled = list[tuple[int, str, float]]
 """Tick (0 = none was open), key and content of what was handled, in order."""
@@ -24,7 +25,7 @@ def handle_all(sent: list[Sent], random: Random) -> Handled:
     sessions = random.sample(["a", "b", "c"], 3)
     opened = (TICKS[0] - 1) * TICK
 
-    def handle(key: str, message: PoseStamped) -> None:
+    def handle(key: str, message: PoseStamped, _tick: int) -> None:
         handled.append((opened // TICK, key, message.pose.position.x))
 
     for event in arrive(sent, random):
@@ -61,13 +62,17 @@ def test_each_message_is_handled_in_the_next_tick(sent: list[Sent], ways: list[R
         assert mine == [(s.tick + 1, s.value) for s in timely if s.topic == topic]
 
 
+def _keep(kept: dict[str, Any], key: str, message: PoseStamped, _tick: int) -> None:
+    kept[key] = message
+
+
 def test_of_two_senders_the_one_that_counts_is_handled_last() -> None:
     """A callback that keeps the newest message keeps the same one as a robot would, whichever came first."""
     for first, second in (("a", "b"), ("b", "a")):
         messages, kept = TickMessages(), dict[str, Any]()
         for source in (first, second):
             stamp = TICK if source == "a" else 2 * TICK
-            arrival = Arrival(1, "goal", pose(stamp), source, False, None, kept.__setitem__)
+            arrival = Arrival(1, "goal", pose(stamp), source, False, None, partial(_keep, kept))
             messages.take(arrival, 2 * TICK, is_open=True)
         messages.handle_due(3 * TICK)
         assert kept == {"goal": pose(2 * TICK)}
@@ -78,7 +83,7 @@ def test_after_the_last_tick_all_is_handled() -> None:
     messages, kept = TickMessages(), list[str]()
     for key in ("a", "b"):
         for told, due in ((key, None), (f"{key} of a tick", 2 * TICK)):
-            arrival = Arrival(1, told, pose(TICK), "", False, due, lambda told, _: kept.append(told))
+            arrival = Arrival(1, told, pose(TICK), "", False, due, lambda told, *_: kept.append(told))
             messages.take(arrival, TICK, is_open=True)
         if key == "a":
             messages.handle_due(None)
@@ -93,7 +98,9 @@ def test_what_a_step_waits_for_is_handled_in_its_tick() -> None:
     messages, kept = TickMessages(), list[int]()
 
     def take(due: int | None, stamp: int) -> str:
-        arrival = Arrival(1, "path", pose(due or 0), "planner", False, due, lambda _, path: kept.append(stamp_of(path)))
+        arrival = Arrival(
+            1, "path", pose(due or 0), "planner", False, due, lambda _, path, __: kept.append(stamp_of(path))
+        )
         return messages.take(arrival, stamp, is_open=True)
 
     take(2 * TICK, TICK)
@@ -103,3 +110,34 @@ def test_what_a_step_waits_for_is_handled_in_its_tick() -> None:
     assert kept == [2 * TICK] * 2
     problems = [take(None, 2 * TICK) for _ in range(MOST + 1)]
     assert [bool(problem) for problem in problems] == [False] * MOST + [True]
+
+
+def test_a_stamp_tells_the_tick_also_before_that_tick_comes() -> None:
+    """A message that overtakes its own tick belongs to that tick, not to the one that is open when it comes."""
+    assert tick_of(pose(3 * TICK), 3 * TICK) == 3 * TICK
+    assert tick_of(pose(3 * TICK), 2 * TICK) == 3 * TICK
+
+
+def test_what_tells_no_tick_counts_by_its_arrival() -> None:
+    """A message without a header, without a stamp, with an old one or with one of another clock is of the open tick."""
+    late, wall = pose(TICK), pose(3 * TICK + MAX_AHEAD + 1)
+    assert [tick_of(message, 3 * TICK) for message in (Twist(), PoseStamped(), late, wall)] == [3 * TICK] * 4
+
+
+def test_a_robot_takes_the_last_message_of_each_tick() -> None:
+    """The message of the tick before stays until its step; of two of one tick the last one counts, and none waits that
+    another has replaced."""
+    messages, taken = TickMessages(newest_only=True), list[tuple[float, int]]()
+
+    def hold(stamp: int, value: float) -> None:
+        take = lambda _, sent, tick: taken.append((sent.pose.position.x, tick))  # noqa: E731
+        messages.hold(Arrival(1, "goal", pose(stamp, value), "a", False, None, take), 2 * TICK)
+
+    hold(2 * TICK, 1.0)
+    for _ in range(MOST + 1):
+        hold(3 * TICK, 2.0)
+    hold(0, 3.0)
+    messages.handle_due(3 * TICK)
+    assert taken == [(1.0, 2 * TICK)]
+    messages.handle_due(4 * TICK)
+    assert taken[1:] == [(3.0, 3 * TICK)]

@@ -6,7 +6,7 @@ from zteam import names
 from zteam.behaviors.straight import Forward
 from zteam.bus import MemoryHub, NoRequest
 from zteam.errors import BusError
-from zteam.nodes.robot.parameters import Parameters
+from zteam.nodes.robot.parameters import BehaviorParameters
 from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop
 from zteam.services.parameters import DESCRIBE, ParametersClient
@@ -21,7 +21,7 @@ def test_a_robot_that_is_not_there_is_named(hub: MemoryHub) -> None:
         client.describe("robot_7")
     node = ProcessNode(NAME, hub.bus(), Stop())
     node.become_present()
-    Parameters(node, Forward, "forward", {})
+    BehaviorParameters(node, Forward, "forward", {})
     text = r"^no process robot_7 with parameters; there is robot_1$"
     with pytest.raises(BusError, match=text):
         client.describe("robot_7")

@@ -1,20 +1,163 @@
-"""What has come for one robot: the newest scan, odometry, transforms and team status. It knows no bus."""
+"""What has come for one robot, and what of it counts. It knows no bus."""
 
-from collections.abc import Mapping
+import logging
+from collections.abc import Callable, Mapping
+from operator import attrgetter
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 from zteam import names
-from zteam.base import Base, BaseOverride, base_of
+from zteam.base import DEFAULT_BASE, Base, BaseOverride, base_of, override_base
 from zteam.behaviors.behavior import NO_BASES, DeclaredInput, FindPose, View
-from zteam.messages import BaseInfo, LaserScan, Odometry, TeamState, TeamStatus, TFMessage, ns_from_time
-from zteam.nodes.robot.base_input import BaseInput
-from zteam.nodes.robot.declared import DeclaredInputs
-from zteam.nodes.robot.mux import Mux
+from zteam.clock import monotonic, to_ns
+from zteam.messages import (
+    BaseInfo,
+    LaserScan,
+    Message,
+    Odometry,
+    RobotDriver,
+    TeamStatus,
+    TFMessage,
+    Twist,
+    TwistStamped,
+    ns_from_time,
+)
+from zteam.runtime.tick_messages import TickMessages
 from zteam.tf import Buffer
 from zteam.tf.lazy_bundles import Bundles
 
+log = logging.getLogger("zteam")
 
-class Inputs:
-    """The newest data of robot `robot_id`. Stamps are in ns.
+BASE_INFO_LIMIT = 2.0
+"""Host seconds from its first scan on for which a robot in real time waits for `base_info`. The simulator publishes it
+before the first scan; a base that does not publish it never will."""
+
+
+class MuxSource(NamedTuple):
+    """One input of the mux."""
+
+    driver: str
+    """One of RobotDriver."""
+    topic: str
+    """Below `robot_N/`."""
+    type: type[Message]
+    velocity: Callable[[Any], Twist]
+    """The velocity in a message."""
+    timeout: int
+    """Nanoseconds of the process's clock without a message after which it no longer drives."""
+
+
+SOURCES = (
+    MuxSource(RobotDriver.TELEOP, names.CMD_VEL_TELEOP, Twist, lambda message: message, to_ns(0.5)),
+    MuxSource(RobotDriver.NAVIGATION, names.CMD_VEL_NAV, TwistStamped, attrgetter("twist"), to_ns(0.5)),
+)
+"""By priority, the highest first."""
+
+
+class Choice(NamedTuple):
+    """What drives instead of the behaviour."""
+
+    driver: str
+    velocity: Twist
+
+
+class Mux:
+    """The velocity mux, as ROS's twist_mux: the first source of SOURCES that has been heard within its time-out drives;
+    without one, the behaviour does.
+
+    The bus refuses velocities with numbers that are not finite.
+    """
+
+    def __init__(self) -> None:
+        self._newest: dict[str, Choice] = {}
+        """By the source's driver."""
+        self._stamps: dict[str, int] = {}
+
+    def take(self, source: MuxSource, _key: str, message: Any, stamp: int) -> None:
+        """A velocity that came at `stamp` (ns) counts: in lock-step that of the tick in which it was sent."""
+        self._newest[source.driver], self._stamps[source.driver] = (
+            Choice(source.driver, source.velocity(message)),
+            stamp,
+        )
+
+    def choose(self, now: int) -> Choice | None:
+        """What drives at time `now` (ns) instead of the behaviour; None if nothing does."""
+        for source in SOURCES:
+            driver = source.driver
+            if driver in self._newest and abs(now - self._stamps[driver]) <= source.timeout:
+                return self._newest[driver]
+        return None
+
+    def forget(self) -> None:
+        """Time jumped back."""
+        self._newest.clear()
+
+
+class BaseInput:
+    """The base of robot `robot_id`; `override` holds instead of what `base_info` tells."""
+
+    def __init__(self, robot_id: int, override: BaseOverride) -> None:
+        self._key = names.robot_key(robot_id, names.BASE_INFO)
+        self._override = override
+        self.base = override_base(DEFAULT_BASE, override)
+        """DEFAULT_BASE and the override until `base_info` has come."""
+        self.has_come = False
+        """Whether `base_info` has come."""
+        self._given_up = False
+        self._waits_since = 0.0
+        """Host time of the first scan in real time; 0 before."""
+
+    def take(self, message: BaseInfo) -> None:
+        """`base_info` has come: the first one, or another one because the base has changed."""
+        self.base = override_base(base_of(message), self._override)
+        self.has_come = True
+
+    def missing(self) -> list[str]:
+        """`base_info` as a noun for the robot's status, while it has to come before the robot is ready."""
+        return [] if self.has_come or self._given_up else [f"its footprint ({self._key})"]
+
+    def wait_no_longer(self) -> None:
+        """A scan is acted on in real time: from BASE_INFO_LIMIT after the first one on, do without `base_info`."""
+        if self.has_come or self._given_up:
+            return
+        self._waits_since = self._waits_since or monotonic()
+        if monotonic() - self._waits_since > BASE_INFO_LIMIT:
+            self._given_up = True
+            log.warning("no %s: an erratic's footprint and limits hold where 'base' does not set them", self._key)
+
+
+class DeclaredInputs:
+    """The newest message of each input that the behaviour declares."""
+
+    def __init__(self, declared: list[DeclaredInput]) -> None:
+        self.declared = declared
+        self._newest: dict[str, Any] = {}
+        """By the input's name: a message or None, or the messages by robot."""
+        self.forget()
+
+    def take(self, declared: DeclaredInput, key: str, message: Message, _stamp: int) -> None:
+        """A message of this input that has come on `key` counts."""
+        if not declared.of_all_robots:
+            self._newest[declared.name] = message
+        elif target := names.split_robot_key(key):
+            self._newest[declared.name][target[0]] = message
+
+    def view(self) -> Mapping[str, Any]:
+        """What counts, by the input's name: a copy, as a behaviour may look at it while messages come."""
+        return MappingProxyType(
+            {
+                name: MappingProxyType(dict(sorted(newest.items()))) if isinstance(newest, dict) else newest
+                for name, newest in self._newest.items()
+            }
+        )
+
+    def forget(self) -> None:
+        """Time jumped back."""
+        self._newest = {declared.name: {} if declared.of_all_robots else None for declared in self.declared}
+
+
+class RobotInputs:
+    """The newest scan, odometry, transforms and team status of robot `robot_id`. Stamps are in ns.
 
     The caller holds a lock for everything but `lookup`, which any thread may call.
     """
@@ -24,6 +167,8 @@ class Inputs:
     ) -> None:
         """`override` holds instead of what `base_info` tells; `declared` is what the behaviour declares."""
         self.base_input = BaseInput(robot_id, override or BaseOverride())
+        self.messages = TickMessages(newest_only=True)
+        """For `mux` and `declared`: those of lock-step that do not count yet."""
         self.mux = Mux()
         self.declared = DeclaredInputs(declared or [])
         self.scan: LaserScan | None = None
@@ -77,7 +222,7 @@ class Inputs:
 
     def has_bases(self, robots: frozenset[int]) -> bool:
         """Whether the bases of all robots of a tick have come; from then on `bases` has theirs alone."""
-        if self._robots is not robots:
+        if self._robots != robots:
             if not robots <= self._told.keys():
                 return False
             self.bases, self._robots = {i: self._told[i] for i in sorted(robots)}, robots
@@ -100,13 +245,6 @@ class Inputs:
         newest = self._buffer.latest_common_time(names.MAP_FRAME, self._base)
         return newest is not None and newest >= stamp
 
-    def go_epoch(self, now: int) -> int:
-        """The monitor's GO that holds at time `now`; 0 = none yet."""
-        team = self.team
-        if team is None or team.state != TeamState.GO or now < ns_from_time(team.go_stamp):
-            return 0
-        return team.epoch
-
     def view(self, now: int, dt: float, team: tuple[int, ...], seed: int = 1, *, is_first: bool = False) -> View:
         """What the behaviour sees at time `now` (ns), `dt` seconds after its last step.
 
@@ -122,7 +260,7 @@ class Inputs:
             base=self.base_input.base,
             bases=self.bases,
             team=team,
-            inputs=self.declared.nothing if is_first else self.declared.view(now),
+            inputs=(DeclaredInputs(self.declared.declared) if is_first else self.declared).view(),
             seed=seed,
         )
 
@@ -131,6 +269,7 @@ class Inputs:
         # First: a look-up on another thread must not bring old bundles into the empty buffer.
         self._bundles.clear()
         self._buffer.clear()
+        self.messages.forget()
         self.mux.forget()
         self.declared.forget()
         self.scan = self.odom = None

@@ -14,7 +14,7 @@ from zteam.services.parameters import DESCRIBE, SET, DescribeReply, SetReply, Se
 log = logging.getLogger("zteam")
 
 
-class Parameters:
+class BehaviorParameters:
     """Holds what the behaviour was given. The driver takes it at the beginning of a step, so no step sees it change."""
 
     def __init__(self, node: ProcessNode, kind: type[Behavior], name: str, given: dict[str, Any]) -> None:

@@ -7,8 +7,8 @@ import pytest
 from support.world_texts import box_points
 from zteam.base import DEFAULT_BASE, BaseOverride
 from zteam.messages import BaseInfo, Point32, Polygon
-from zteam.nodes.robot import base_input
-from zteam.nodes.robot.base_input import BaseInput
+from zteam.nodes.robot import inputs as module
+from zteam.nodes.robot.inputs import BaseInput
 
 WIDE = BaseInfo(model="wide", footprint=Polygon([Point32(x, y) for x, y in box_points(0.6)]), max_vel_x=0.5)
 
@@ -17,7 +17,7 @@ WIDE = BaseInfo(model="wide", footprint=Polygon([Point32(x, y) for x, y in box_p
 def seconds(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     """The host's clock, by hand: its last number is now."""
     now = [100.0]
-    monkeypatch.setattr(base_input, "monotonic", lambda: now[-1])
+    monkeypatch.setattr(module, "monotonic", lambda: now[-1])
     return now
 
 

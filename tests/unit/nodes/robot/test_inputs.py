@@ -8,16 +8,14 @@ from zteam.messages import (
     Header,
     LaserScan,
     Odometry,
-    TeamState,
-    TeamStatus,
     TFMessage,
     encode,
     time_from_ns,
 )
-from zteam.nodes.robot.inputs import Inputs
+from zteam.nodes.robot.inputs import RobotInputs
 
 
-def give(inputs: Inputs, stamp: int, *, scan: bool = True, odom: bool = True, tf: bool = True) -> None:
+def give(inputs: RobotInputs, stamp: int, *, scan: bool = True, odom: bool = True, tf: bool = True) -> None:
     """The data of one tick."""
     if scan:
         inputs.take_scan(LaserScan(Header(time_from_ns(stamp))))
@@ -28,16 +26,16 @@ def give(inputs: Inputs, stamp: int, *, scan: bool = True, odom: bool = True, tf
 
 
 @pytest.fixture
-def inputs() -> Inputs:
+def inputs() -> RobotInputs:
     """Those of robot 1, which stands at x = 1 m on the map, without data; its base is known."""
-    made = Inputs(1)
+    made = RobotInputs(1)
     made.base_input.take(BaseInfo())
     made.take_static(TFMessage([stamped("map", "robot_1/odom", 0, 1.0)]))
     return made
 
 
 @pytest.mark.parametrize("late", ["scan", "odom", "tf"])
-def test_a_tick_needs_all_its_data(inputs: Inputs, late: str) -> None:
+def test_a_tick_needs_all_its_data(inputs: RobotInputs, late: str) -> None:
     """Data of the tick before does not count, of whichever kind it is."""
     give(inputs, S)
     assert inputs.complete_for(S)
@@ -48,14 +46,14 @@ def test_a_tick_needs_all_its_data(inputs: Inputs, late: str) -> None:
 
 
 @pytest.mark.parametrize("late", ["scan", "odom", "tf"])
-def test_without_data_no_tick_is_complete(inputs: Inputs, late: str) -> None:
+def test_without_data_no_tick_is_complete(inputs: RobotInputs, late: str) -> None:
     """Each kind has to come at least once, also for the first tick at time 0."""
     give(inputs, S, **{late: False})
     assert not inputs.complete_for(1)
 
 
 @pytest.mark.parametrize("stamp", [S, 2 * S, 9 * S])
-def test_a_frame_without_a_base_is_not_the_ticks_bundle(inputs: Inputs, stamp: int) -> None:
+def test_a_frame_without_a_base_is_not_the_ticks_bundle(inputs: RobotInputs, stamp: int) -> None:
     """A process of the user's may put a frame onto `tf` itself, also one of the past or of the future."""
     give(inputs, S)
     give(inputs, 2 * S, tf=False)
@@ -67,13 +65,13 @@ def test_a_frame_without_a_base_is_not_the_ticks_bundle(inputs: Inputs, stamp: i
     assert inputs.complete_for(2 * S)
 
 
-def test_newer_data_completes_a_tick(inputs: Inputs) -> None:
+def test_newer_data_completes_a_tick(inputs: RobotInputs) -> None:
     """Data of a later time answers an earlier tick too."""
     give(inputs, 2 * S)
     assert inputs.complete_for(S)
 
 
-def test_a_tick_may_do_without_transforms_but_not_without_odometry(inputs: Inputs) -> None:
+def test_a_tick_may_do_without_transforms_but_not_without_odometry(inputs: RobotInputs) -> None:
     """Without an aggregator no transforms of the tick are promised; the safety layer needs the odometry always."""
     give(inputs, S, odom=False, tf=False)
     assert not inputs.complete_for(S, tf=False)
@@ -82,7 +80,7 @@ def test_a_tick_may_do_without_transforms_but_not_without_odometry(inputs: Input
     assert not inputs.complete_for(S)
 
 
-def test_the_bases_of_a_tick_are_those_of_its_robots(inputs: Inputs) -> None:
+def test_the_bases_of_a_tick_are_those_of_its_robots(inputs: RobotInputs) -> None:
     """In lock-step a tick waits for the bases of its robots, and no other base counts, whenever it came."""
     for robot_id in (5, 2):
         inputs.take_base(robot_id, BaseInfo(model=f"model {robot_id}"))
@@ -98,7 +96,7 @@ def test_the_bases_of_a_tick_are_those_of_its_robots(inputs: Inputs) -> None:
 
 def test_a_connected_tick_needs_the_fixed_transforms() -> None:
     """A bundle without a way from the map to the robot completes a tick only where that is not asked for."""
-    inputs = Inputs(1)
+    inputs = RobotInputs(1)
     inputs.base_input.take(BaseInfo())
     give(inputs, S)
     assert inputs.complete_for(S)
@@ -109,14 +107,14 @@ def test_a_connected_tick_needs_the_fixed_transforms() -> None:
 
 def test_no_tick_is_complete_without_the_base() -> None:
     """The first step of a run must not depend on whether `base_info` or the scan is faster."""
-    inputs = Inputs(1)
+    inputs = RobotInputs(1)
     give(inputs, S)
     assert not inputs.complete_for(S)
     inputs.base_input.take(BaseInfo())
     assert inputs.complete_for(S)
 
 
-def test_look_ups_give_the_newest_pose(inputs: Inputs) -> None:
+def test_look_ups_give_the_newest_pose(inputs: RobotInputs) -> None:
     """The pose and its stamp, None for a frame that is unknown."""
     give(inputs, S)
     found = inputs.lookup("map", "robot_1/base_footprint")
@@ -126,7 +124,7 @@ def test_look_ups_give_the_newest_pose(inputs: Inputs) -> None:
     assert inputs.lookup("map", "robot_7/base_footprint") is None
 
 
-def test_after_a_jump_only_what_is_fixed_stays(inputs: Inputs) -> None:
+def test_after_a_jump_only_what_is_fixed_stays(inputs: RobotInputs) -> None:
     """Scan, odometry and moving transforms are forgotten, also those that no look-up has read; the rest stays."""
     give(inputs, 9 * S)
     inputs.forget()
@@ -135,13 +133,3 @@ def test_after_a_jump_only_what_is_fixed_stays(inputs: Inputs) -> None:
     assert inputs.lookup("map", "robot_1/odom") is not None
     give(inputs, S)
     assert inputs.complete_for(S, connected=True)
-
-
-@pytest.mark.parametrize(
-    ("state", "now", "epoch"), [(TeamState.GO, 2 * S, 4), (TeamState.GO, 2 * S - 1, 0), (TeamState.WAITING, 9 * S, 0)]
-)
-def test_go_holds_from_its_stamp_on(inputs: Inputs, state: int, now: int, epoch: int) -> None:
-    """Before its stamp, and while the team waits, there is no GO."""
-    assert inputs.go_epoch(now) == 0
-    inputs.team = TeamStatus(state=state, epoch=4, go_stamp=time_from_ns(2 * S))
-    assert inputs.go_epoch(now) == epoch

@@ -1,14 +1,17 @@
 """The velocity mux: which source drives, and when another one takes over."""
 
+from functools import partial
+
 from support.real_time_robot import RealTimeRobot
 from zteam import names
 from zteam.behaviors.straight import Forward
 from zteam.bus.topics import type_of_key
 from zteam.messages import Header, RobotDriver, Twist, TwistStamped, Vector3, time_from_ns
-from zteam.nodes.robot.mux import SOURCES, Mux
+from zteam.nodes.robot.inputs import SOURCES, Mux
+from zteam.runtime.tick_messages import Arrival, TickMessages
 
 TICK = 100_000_000
-TELEOP, NAVIGATION = range(2)
+TELEOP, NAVIGATION = SOURCES
 
 
 def stamped(speed: float, tick: int) -> TwistStamped:
@@ -25,8 +28,8 @@ def driver_at(mux: Mux, tick: int) -> str | None:
 def test_the_higher_priority_drives_until_its_time_out() -> None:
     """Teleop drives over navigation for 0.5 s after its last velocity, then navigation does, then the behaviour."""
     mux = Mux()
-    mux.slots[TELEOP][1].take(Twist(Vector3(0.3)), TICK)
-    mux.slots[NAVIGATION][1].take(stamped(0.2, 1), 4 * TICK)
+    mux.take(TELEOP, "", Twist(Vector3(0.3)), TICK)
+    mux.take(NAVIGATION, "", stamped(0.2, 1), 4 * TICK)
     drivers = [driver_at(mux, tick) for tick in range(4, 11)]
     assert drivers == [RobotDriver.TELEOP] * 3 + [RobotDriver.NAVIGATION] * 3 + [None]
 
@@ -34,25 +37,31 @@ def test_the_higher_priority_drives_until_its_time_out() -> None:
 def test_the_velocity_of_a_source_is_that_of_its_message() -> None:
     """The velocity in a stamped message drives as it is."""
     mux = Mux()
-    mux.slots[NAVIGATION][1].take(stamped(0.2, 1), TICK)
+    mux.take(NAVIGATION, "", stamped(0.2, 1), TICK)
     choice = mux.choose(TICK)
     assert choice is not None
     assert choice.velocity == Twist(Vector3(0.2))
 
 
 def test_a_velocity_of_lock_step_counts_from_the_next_tick_on() -> None:
-    """What comes while tick 3 is open drives in the ticks 4 to 8, also if tick 3 is not answered yet when it comes."""
-    mux = Mux()
-    mux.slots[TELEOP][1].hold(Twist(Vector3(0.3)), 3 * TICK)
-    drives = [tick for tick in range(3, 12) if driver_at(mux, tick)]
+    """What is sent in tick 3 drives in the ticks 4 to 8, also if tick 3 is not answered yet when it comes."""
+    mux, messages = Mux(), TickMessages(newest_only=True)
+    take = partial(mux.take, TELEOP)
+    messages.hold(
+        Arrival(0, "robot_1/cmd_vel_teleop", Twist(Vector3(0.3)), "a", False, None, take),
+        3 * TICK,
+    )
+    drives = []
+    for tick in range(3, 12):
+        messages.handle_due(tick * TICK)
+        drives += [tick] if driver_at(mux, tick) else []
     assert drives == [4, 5, 6, 7, 8]
 
 
 def test_a_jump_of_time_ends_all_driving() -> None:
-    """After a jump back in time neither what drove nor what was to come drives."""
+    """After a jump back in time what drove does not drive."""
     mux = Mux()
-    mux.slots[TELEOP][1].take(Twist(Vector3(0.3)), TICK)
-    mux.slots[NAVIGATION][1].hold(stamped(0.2, 1), TICK)
+    mux.take(TELEOP, "", Twist(Vector3(0.3)), TICK)
     mux.forget()
     assert [driver_at(mux, tick) for tick in (1, 2, 3)] == [None] * 3
 
@@ -60,7 +69,7 @@ def test_a_jump_of_time_ends_all_driving() -> None:
 def test_a_clock_that_is_set_back_ends_a_velocity() -> None:
     """A velocity from an hour ahead, as after the host's clock was set, does not drive."""
     mux = Mux()
-    mux.slots[TELEOP][1].take(Twist(Vector3(0.3)), 36_000 * TICK)
+    mux.take(TELEOP, "", Twist(Vector3(0.3)), 36_000 * TICK)
     assert driver_at(mux, 1) is None
 
 

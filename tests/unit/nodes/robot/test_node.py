@@ -9,7 +9,8 @@ from support.limits import LIMIT
 from support.real_time_robot import NEVER, RealTimeRobot
 from zteam.behaviors import Behavior, View
 from zteam.messages import Twist
-from zteam.nodes.robot import base_input, pacing
+from zteam.nodes.robot import inputs
+from zteam.nodes.robot import node as robot_module
 from zteam.runtime.process_node import ProcessNode
 
 
@@ -38,7 +39,7 @@ def test_transforms_wake_a_robot_that_waits_for_them(robot: RealTimeRobot, monke
 
         return usual(self, watched, timeout)
 
-    monkeypatch.setattr(pacing, "TF_PATIENCE", NEVER)
+    monkeypatch.setattr(robot_module, "TF_LIMIT", NEVER)
     monkeypatch.setattr(ProcessNode, "wait", wait)
     robot.say_scan(1)
     assert waits.wait(LIMIT)
@@ -71,7 +72,7 @@ def test_a_robot_acts_once_a_scan(robot: RealTimeRobot) -> None:
 @pytest.mark.parametrize("told", [True, False])
 def test_a_robot_is_ready_with_its_base(told: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """With all else there it waits for `base_info`; a base that does not publish it is waited for only so long."""
-    monkeypatch.setattr(base_input, "PATIENCE", NEVER)
+    monkeypatch.setattr(inputs, "BASE_INFO_LIMIT", NEVER)
     robot = RealTimeRobot(gate=True)
     try:
         robot.say_statics()
@@ -83,7 +84,7 @@ def test_a_robot_is_ready_with_its_base(told: bool, monkeypatch: pytest.MonkeyPa
         if told:
             robot.say_base_info()
         else:
-            monkeypatch.setattr(base_input, "PATIENCE", 0.0)
+            monkeypatch.setattr(inputs, "BASE_INFO_LIMIT", 0.0)
         robot.say_time(2)
         robot.say_transforms(2)
         robot.say_scan(2)

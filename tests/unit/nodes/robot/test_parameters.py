@@ -14,7 +14,7 @@ from zteam.behaviors import Behavior, View
 from zteam.bus import Deferred, MemoryHub
 from zteam.errors import UsageError
 from zteam.messages import Twist, Vector3
-from zteam.nodes.robot.parameters import Parameters
+from zteam.nodes.robot.parameters import BehaviorParameters
 from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop
 from zteam.services.parameters import SET, ParametersClient, SetRequest
@@ -197,7 +197,7 @@ class Open(Behavior):
 def test_an_unknown_name_is_refused_where_params_do_not_forbid_it() -> None:
     """At the start a further key is ignored; a set that would change nothing is refused."""
     hub = MemoryHub()
-    Parameters(ProcessNode(NAME, hub.bus(), Stop()), Open, "Open", {"further": 1})
+    BehaviorParameters(ProcessNode(NAME, hub.bus(), Stop()), Open, "Open", {"further": 1})
     with pytest.raises(UsageError, match="sped: unknown key; Open takes speed"):
         ParametersClient(hub.bus()).set(NAME, {"sped": 0.3})
 
@@ -216,6 +216,6 @@ def test_a_set_that_waits_for_a_behaviour_holds_up_no_other_query(monkeypatch: p
     bus = MemoryHub().bus()
     served: dict[str, Callable[[Any], Any]] = {}
     monkeypatch.setattr(bus, "serve", lambda key, _type, answer, **_: served.update({key: answer}))
-    Parameters(ProcessNode(NAME, bus, Stop(), "wall"), Cruise, "cruise", {})
+    BehaviorParameters(ProcessNode(NAME, bus, Stop(), "wall"), Cruise, "cruise", {})
     assert isinstance(served[names.service_key(NAME, SET)](SetRequest(parameters={"speed": 0.2})), Deferred)
     bus.close()

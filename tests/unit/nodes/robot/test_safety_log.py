@@ -5,7 +5,7 @@ import numpy as np
 from support.log_capture import captured_log
 from zteam.behaviors import View
 from zteam.messages import LaserScan, RobotDriver, Twist, Vector3
-from zteam.nodes.robot.safety_log import FREE_AFTER, SafetyLog
+from zteam.nodes.robot.driver import FREE_AFTER, SafetyLog
 
 TICK = 100_000_000
 

@@ -13,7 +13,6 @@ from zteam.behaviors.follow import Follow
 from zteam.behaviors.straight import Idle
 from zteam.messages import RobotDriver, RobotState, TeamStatus, Twist, Vector3
 from zteam.nodes.robot import node as robot_module
-from zteam.nodes.robot import waiting
 
 
 class Asks(Behavior):
@@ -248,7 +247,7 @@ def test_a_robot_without_any_data_says_what_is_missing(monkeypatch: pytest.Monke
 def test_a_ready_robot_tells_whom_go_waits_for(monkeypatch: pytest.MonkeyPatch) -> None:
     """What the monitor waits for is in its log once, when it has been ready for a while, and again when it changes."""
     monkeypatch.setattr(robot_module, "Every", EveryBeat)
-    monkeypatch.setattr(waiting, "_TELL_EVERY", 2)
+    monkeypatch.setattr(robot_module, "_TELL_EVERY", 2)
     with captured_log() as log:
         robot = RealTimeRobot(Asks, gate=True)
         try:

@@ -11,7 +11,8 @@ from support.real_time_robot import NEVER, TICK, RealTimeRobot
 from zteam.behaviors import Behavior, View
 from zteam.behaviors.safety import ask
 from zteam.messages import Twist, Vector3
-from zteam.nodes.robot import driver, pacing
+from zteam.nodes.robot import driver
+from zteam.nodes.robot import node as robot_module
 
 
 class Watched(Behavior):
@@ -100,7 +101,7 @@ def test_nothing_of_the_old_time_is_done_after_a_jump(monkeypatch: pytest.Monkey
         return ask(behavior, view)
 
     monkeypatch.setattr(driver, "ask", note)
-    monkeypatch.setattr(pacing, "TF_PATIENCE", NEVER)
+    monkeypatch.setattr(robot_module, "TF_LIMIT", NEVER)
     robot = RealTimeRobot()
     try:
         drive_at_tick_50(robot)
@@ -119,7 +120,7 @@ def test_nothing_of_the_old_time_is_done_after_a_jump(monkeypatch: pytest.Monkey
 
 def test_a_late_bundle_of_the_old_time_is_not_that_of_the_scan(monkeypatch: pytest.MonkeyPatch) -> None:
     """The aggregator hears of a jump later than the robot; a bundle that it sends meanwhile has no part in a step."""
-    monkeypatch.setattr(pacing, "TF_PATIENCE", NEVER)
+    monkeypatch.setattr(robot_module, "TF_LIMIT", NEVER)
     robot = RealTimeRobot()
     try:
         drive_at_tick_50(robot)

@@ -1,7 +1,10 @@
 """The robot's side of the start gate: BOOT, READY, RUNNING."""
 
-from zteam.messages import RobotState
-from zteam.runtime.robot_status import Readiness
+import pytest
+
+from support.transforms import S
+from zteam.messages import RobotState, TeamState, TeamStatus, time_from_ns
+from zteam.runtime.robot_status import Readiness, go_epoch
 
 
 def test_it_boots_until_nothing_is_missing() -> None:
@@ -62,3 +65,12 @@ def test_it_says_that_it_stopped() -> None:
     readiness.drive("")
     readiness.stop()
     assert (readiness.state, readiness.reason, readiness.is_ready) == (RobotState.STOPPED, "stopped", False)
+
+
+@pytest.mark.parametrize(
+    ("state", "now", "epoch"), [(TeamState.GO, 2 * S, 4), (TeamState.GO, 2 * S - 1, 0), (TeamState.WAITING, 9 * S, 0)]
+)
+def test_go_holds_from_its_stamp_on(state: int, now: int, epoch: int) -> None:
+    """Before its stamp, and while the team waits, there is no GO."""
+    assert go_epoch(None, now) == 0
+    assert go_epoch(TeamStatus(state=state, epoch=4, go_stamp=time_from_ns(2 * S)), now) == epoch
