@@ -15,9 +15,9 @@ import pytest
 
 from support.freezing import freeze
 from support.limits import LIMIT
-from zteam.bus import Bus, BusOptions, connect, connection
-from zteam.bus.connection import router_log_path, router_metadata, spawn_router
+from zteam.bus import Bus, BusOptions, connect, router
 from zteam.bus.options import LEASE
+from zteam.bus.router import RouterMetadata, read_admin, router_log_path, spawn_router
 from zteam.clock import HOST_FACTOR, monotonic, pause
 from zteam.errors import BusError
 from zteam.launch import run as running
@@ -31,7 +31,7 @@ pytestmark = pytest.mark.team
 def endpoint(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     """A free port in place of the default one. A router there ends a second after its last client, or with the test."""
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
-    monkeypatch.setattr(connection, "IDLE_EXIT", HOST_FACTOR)
+    monkeypatch.setattr(router, "IDLE_EXIT", HOST_FACTOR)
     while True:
         # Outside the range of ephemeral ports.
         port = random.randint(21000, 31000)
@@ -41,9 +41,15 @@ def endpoint(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     chosen = f"tcp/127.0.0.1:{port}"
     monkeypatch.setattr("zteam.bus.options.DEFAULT_ENDPOINT", chosen)
     yield chosen
-    info = router_metadata(BusOptions(connect=chosen))
+    info = router_metadata(chosen)
     if info is not None and info.pid is not None:
         wait_for_end(info.pid)
+
+
+def router_metadata(endpoint: str) -> RouterMetadata | None:
+    """What the router at `endpoint` says of its process; None if there is none."""
+    record = read_admin(BusOptions(connect=endpoint))
+    return record.metadata if record else None
 
 
 def wait_for_end(pid: int) -> None:
@@ -61,15 +67,15 @@ def wait_for_end(pid: int) -> None:
 
 def router_pid(endpoint: str) -> int:
     """Process id of the router at `endpoint`."""
-    info = router_metadata(BusOptions(connect=endpoint))
+    info = router_metadata(endpoint)
     assert info is not None
     assert info.pid is not None
     return info.pid
 
 
 ENDING = """
-from zteam.bus import connection, options
-options.DEFAULT_ENDPOINT, connection.IDLE_EXIT = {!r}, 1.0
+from zteam.bus import options, router
+options.DEFAULT_ENDPOINT, router.IDLE_EXIT = {!r}, 1.0
 from zteam.bus import BusOptions, connect
 from zteam.messages import Bool
 bus = connect(BusOptions())
@@ -131,7 +137,7 @@ def test_it_ends_when_its_last_client_has_gone(endpoint: str) -> None:
     bus.close()
     wait_for_end(pid)
     assert "the router ends" in router_log_path(endpoint).read_text()
-    assert router_metadata(BusOptions(connect=endpoint)) is None
+    assert router_metadata(endpoint) is None
 
 
 def test_a_router_that_dies_is_started_again(endpoint: str) -> None:
@@ -154,9 +160,9 @@ def test_processes_that_start_at_once_share_a_router(endpoint: str) -> None:
     """Six processes start at once: one router gets the port, and all six connect to it."""
     code = (
         "import zteam.bus.options, sys\n"
-        "from zteam.bus import BusOptions, connect, connection\n"
+        "from zteam.bus import BusOptions, connect, router\n"
         f"zteam.bus.options.DEFAULT_ENDPOINT = {endpoint!r}\n"
-        "connection.IDLE_EXIT = 1.0\n"
+        "router.IDLE_EXIT = 1.0\n"
         "bus = connect(BusOptions())\n"
         "print(*bus.transport._session.info.routers_zid(), flush=True)\n"
         "sys.stdin.read()\n"
@@ -231,7 +237,7 @@ def test_another_users_router_is_not_joined(endpoint: str, monkeypatch: pytest.M
     """On a shared machine two users' teams must not mix by accident; with --connect they may."""
     bus, owner = connect(BusOptions()), os.getuid()
     try:
-        monkeypatch.setattr(connection.os, "getuid", lambda: 12345)
+        monkeypatch.setattr(os, "getuid", lambda: 12345)
         with pytest.raises(BusError, match=rf"belongs to user id {owner}:.*--connect"):
             connect(BusOptions())
         connect(BusOptions(connect=endpoint)).close()
@@ -242,14 +248,14 @@ def test_another_users_router_is_not_joined(endpoint: str, monkeypatch: pytest.M
 @pytest.mark.parametrize("held", ["idle", "a client", "another user's"])
 def test_a_launcher_gets_the_port_of_an_idle_router(endpoint: str, held: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """An idle router on demand ends at once; one with a client, and another user's, stays and keeps the port."""
-    monkeypatch.setattr(connection, "IDLE_EXIT", 2 * LIMIT)
+    monkeypatch.setattr(router, "IDLE_EXIT", 2 * LIMIT)
     monkeypatch.setattr(running, "DEFAULT_ENDPOINT", endpoint)
     bus = connect(BusOptions())
     pid = router_pid(endpoint)
     with monkeypatch.context() as patched:
         if held == "another user's":
             bus.close()
-            patched.setattr(connection.os, "getuid", lambda: 12345)
+            patched.setattr(os, "getuid", lambda: 12345)
         if held != "idle":
             assert choose_endpoint() == ANY_PORT
             assert router_pid(endpoint) == pid
@@ -262,5 +268,5 @@ def test_with_connect_nothing_is_started(endpoint: str) -> None:
     """--connect waits as long as it was told to, then says how to go on; no router appears."""
     with pytest.raises(BusError, match="zteam-router --listen"):
         connect(BusOptions(connect=endpoint), patience=0.2)
-    assert router_metadata(BusOptions(connect=endpoint)) is None
+    assert router_metadata(endpoint) is None
     assert not router_log_path(endpoint).exists()

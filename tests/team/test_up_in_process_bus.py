@@ -12,7 +12,7 @@ import pytest
 
 import zteam
 from support.limits import LIMIT
-from zteam.bus.probe import port_accepts
+from zteam.bus.options import port_accepts
 from zteam.launch.process import zteam_command
 from zteam.launch.report import read_sim_report
 from zteam.messages import Twist, Vector3

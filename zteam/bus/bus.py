@@ -17,7 +17,7 @@ from zteam.names import declarations_key, stats_key
 M = TypeVar("M", bound=Message)
 T = TypeVar("T")
 
-_PATIENCE = 1.0
+_DECLARATIONS_TIMEOUT = 1.0
 """Host seconds that other sessions have to tell their declarations; those of a frozen process are missing."""
 
 
@@ -202,7 +202,7 @@ class Bus:
         Those of other programs are missing: zteam does not ask the router for them (`zteam/bus/declarations.py`).
         """
         asked = declarations_key("*")
-        replies = self.transport.get(asked, b"", _PATIENCE, to_others=True)
+        replies = self.transport.get(asked, b"", _DECLARATIONS_TIMEOUT, to_others=True)
         try:
             answers = read_replies(asked, replies, list[Declaration])
         except BusError:

@@ -1,37 +1,59 @@
-"""Opening a session: find the router, start one on demand, and log what the process waits for."""
+"""Opening a session: find the router, start one on demand, and say what the process waits for or why it cannot join.
+
+While it is open, a session's link is watched: whether it carries both ways after it has come back, and whether a router
+on demand must be started again.
+"""
 
 import logging
 import os
 import random
 import select
-import subprocess
+import socket
 import sys
 import threading
 from collections.abc import Callable
-from pathlib import Path
 
 import msgspec
 import zenoh
 
 from zteam.bus.bus import Bus
-from zteam.bus.link import LinkCheck
-from zteam.bus.options import FROM_STDIN as FROM_STDIN
-from zteam.bus.options import LEASE, RELEASE, BusOptions, client_config, open_session
-from zteam.bus.probe import host_port, port_accepts, why_refused
+from zteam.bus.options import (
+    FROM_STDIN,
+    BusOptions,
+    client_config,
+    host_port,
+    open_session,
+    port_accepts,
+    try_open,
+)
+from zteam.bus.router import ON_DEMAND_DEADLINE, find_local_routers, read_admin, router_log_path, spawn_router
 from zteam.bus.zenoh_session import ZenohTransport
 from zteam.clock import Every, monotonic, pause
 from zteam.errors import BusError
+from zteam.names import declarations_key
 
 log = logging.getLogger("zteam.bus")
 
 _LOOK_AGAIN = 0.1
 """Seconds between looks at the request to stop while waiting for the launcher."""
-ON_DEMAND_DEADLINE = 20.0
-"""Seconds until a router on demand must be up; an interpreter took 2.2 s to start on a crowded machine."""
-_RELEASE_DEADLINE = 5.0
-"""Seconds until a router that gives its port up must have ended."""
-IDLE_EXIT = 10.0
-"""Seconds after its last client that a router on demand ends."""
+_ALERT = b"\x15\x03"
+"""The first bytes with which TLS refuses what is no TLS."""
+_CLOSE = b"\x02\x00\x03"
+"""The first bytes with which a Zenoh router refuses what is no Zenoh: two of length, and the number of a Close."""
+
+
+_LINK_QUESTIONS = 6
+"""Asked of a session through the router, after each return of its link."""
+_LINK_PERIOD = 2.0
+"""Host seconds from an answer to the next question."""
+_LINK_TIMEOUT = 5.0
+"""Host seconds for an answer: the process may be busy."""
+_LINK_FAILURES = 3
+"""Questions in a row without an answer: a busy router may miss one."""
+_LINK_CUTS = 3
+"""Links in a row that are ended: where an access control lets no query through, none is answered."""
+_MAX_DESCRIPTORS = 4096
+"""A process of zteam has some dozens of files and connections."""
 
 
 def _read_endpoint(stopping: Callable[[], bool]) -> str:
@@ -64,18 +86,10 @@ def connect(options: BusOptions, *, patience: float | None = None, stopping: Cal
     return Bus(transport)
 
 
-def _try_open(options: BusOptions) -> zenoh.Session | None:
-    try:
-        return open_session(client_config(options), "small" if options.small else "usual")
-    except zenoh.ZError as error:
-        log.debug("open: %s", error)
-        return None
-
-
 def _open_patiently(options: BusOptions, patience: float | None, stopping: Callable[[], bool]) -> zenoh.Session:
     start, say, delay = monotonic(), Every(5.0), 0.05
     while not stopping():
-        session = _try_open(options)
+        session = try_open(options)
         if session is not None:
             return session
         waited = monotonic() - start
@@ -108,7 +122,7 @@ def _open_on_demand(options: BusOptions, stopping: Callable[[], bool]) -> zenoh.
                 spawn_router(options.endpoint, options.lease)
             pause(0.01)
             continue
-        session = _try_open(options)
+        session = try_open(options)
         if session is not None:
             _refuse_foreign_router(session, options)
             return session
@@ -123,8 +137,8 @@ def _open_on_demand(options: BusOptions, stopping: Callable[[], bool]) -> zenoh.
 
 def _refuse_foreign_router(session: zenoh.Session, options: BusOptions) -> None:
     """On a shared machine the default port may be another user's: two users' teams must not mix by accident."""
-    owner = router_metadata(options)
-    uid = owner.uid if owner else None
+    record = read_admin(options)
+    uid = record.metadata.uid if record and record.metadata else None
     if uid is not None and uid != os.getuid():
         session.close()  # type: ignore[no-untyped-call]
         raise BusError(
@@ -133,99 +147,52 @@ def _refuse_foreign_router(session: zenoh.Session, options: BusOptions) -> None:
         )
 
 
-class RouterMetadata(msgspec.Struct):
-    """What a zteam router says of itself in Zenoh's admin space."""
-
-    name: str | None = None
-    uid: int | None = None
-    pid: int | None = None
-    version: str | None = None
-
-
-class _Admin(msgspec.Struct):
-    zid: str = ""
-    locators: list[str] = msgspec.field(default_factory=list)
-    metadata: RouterMetadata | None = None
-    version: str = ""
-
-
-def router_metadata(options: BusOptions) -> RouterMetadata | None:
-    """What the router says of its process; None if it says nothing (zenohd, or no answer)."""
-    admin = read_admin(options)
-    return admin.metadata if admin else None
-
-
-def read_admin(options: BusOptions) -> _Admin | None:
-    """The router's admin record, read through a session without a namespace (one with gets nothing)."""
-    session = _try_open(msgspec.structs.replace(options, namespace=None))
-    if session is None:
+def _answer_to_nonsense(address: tuple[str, int]) -> bytes | None:
+    """What is answered to bytes that mean nothing; None if a router of this machine, or anything, stays silent."""
+    peer = ""
+    try:
+        with socket.create_connection(address, timeout=1.0) as link:
+            host, port = link.getpeername()[:2]
+            peer = f"tcp/{host}:{port}"
+            link.sendall(bytes(32))
+            answer = link.recv(64)
+    except TimeoutError:
         return None
-    try:
-        for reply in session.get("@/*/router", timeout=1.0):
-            if reply.ok is not None:
-                try:
-                    return msgspec.json.decode(reply.ok.payload.to_bytes(), type=_Admin)
-                except msgspec.DecodeError as error:
-                    log.debug("admin space: %s", error)
-    finally:
-        session.close()  # type: ignore[no-untyped-call]
-    return None
+    except OSError:
+        answer = b""
+    # A router that has too many connections to open ends some of them.
+    return None if not answer and peer in find_local_routers() else answer
 
 
-def release_port(endpoint: str) -> bool:
-    """Whether the router on demand at `endpoint` has ended for the caller: it is this user's, and had no client."""
-    try:
-        # The caller may become the router: what the first session of a process runs on is settled for good.
-        session = open_session(client_config(BusOptions(connect=endpoint)), "router")
-    except zenoh.ZError as error:
-        log.debug("open: %s", error)
-        return False
-    try:
-        granted = [reply for reply in session.get(RELEASE, payload=str(os.getuid()), timeout=1.0) if reply.ok]
-    finally:
-        session.close()  # type: ignore[no-untyped-call]
-    deadline = monotonic() + _RELEASE_DEADLINE
-    while granted and monotonic() < deadline:
-        if not port_accepts(endpoint):
-            return True
-        pause(0.01)
-    return False
-
-
-def router_log_path(endpoint: str) -> Path:
-    """Log file of the router on demand: per user and port, in the user's state folder."""
-    state = Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state") / "zteam"
+def why_refused(endpoint: str) -> tuple[str, str]:
+    """Why no session was opened at an endpoint that accepts connections, and what to do."""
     address = host_port(endpoint)
-    return state / f"router-{address[1] if address else 'local'}.log"
-
-
-def spawn_router(endpoint: str, lease: float = LEASE) -> None:
-    """Start a detached router that ends by itself. If several processes do this at once, one router gets the port.
-
-    Its lease is never shorter than the usual one, because others will use it too.
-    """
-    log.info("starting a router at %s", endpoint)
-    path = router_log_path(endpoint)
-    command = [sys.executable, "-m", "zteam.cli.zteam_router", "--listen", endpoint, "--detached", str(IDLE_EXIT)]
-    command += ["--lease", str(max(lease, LEASE))]
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open("ab") as output:
-            # The child forks before it imports zenoh and its first half ends at once: no zombie stays here, and
-            # no folder named zteam or zenoh in the user's directory can shadow the packages (cwd, -P).
-            subprocess.run(
-                [command[0], "-P", *command[1:]],
-                stdin=subprocess.DEVNULL,
-                stdout=output,
-                stderr=output,
-                cwd="/",
-                start_new_session=True,
-                close_fds=True,
-                timeout=ON_DEMAND_DEADLINE,
-                check=False,
+    answer = b"" if address is None else _answer_to_nonsense(address)
+    protocol, _, place = endpoint.partition("/")
+    if answer is None:
+        step = (
+            "a router there is frozen, or held up by connections that say nothing ('ss -tnp' lists them); "
+            "if another program is there, name a router elsewhere with --connect"
+        )
+        return f"{endpoint} takes connections but does not answer", step
+    if answer.startswith(_ALERT):
+        if protocol == "tls":
+            return (
+                f"the router at {endpoint} and this process do not trust each other's certificates",
+                "name them in a file with transport/link/tls, and that file with --config",
             )
-    except (OSError, subprocess.TimeoutExpired) as error:
-        raise BusError(f"cannot start a router: {error}: start 'zteam-router' by hand") from None
+        return f"the router at {endpoint} takes TLS only", f"use --connect tls/{place}, with certificates in --config"
+    if answer.startswith(_CLOSE):
+        if protocol == "tls":
+            return f"the router at {endpoint} does not speak TLS", f"use --connect tcp/{place}"
+        return (
+            f"the router at {endpoint} refuses this process",
+            "name in --config what it asks for, such as a user and a password",
+        )
+    return (
+        f"{endpoint} is held by something that does not speak Zenoh",
+        "end it, or run a router elsewhere and name it with --connect",
+    )
 
 
 def _keep_router_alive(transport: ZenohTransport, options: BusOptions) -> None:
@@ -248,3 +215,95 @@ def _keep_router_alive(transport: ZenohTransport, options: BusOptions) -> None:
             log.error("%s", error)
 
     transport.watch_link(on_link)
+
+
+class LinkCheck:
+    """Asks one session, through the router, after each return of its link: whether that carries both ways.
+
+    A router ends a link that takes nothing for too long. If the session opens the next one meanwhile, the router may
+    keep the routes of the first: it takes what the session sends and sends it signs of life, but no message and no
+    query, for ever (1 of 20 floods of 150 MB to one session). A link that ends once more comes back whole.
+    """
+
+    def __init__(self, session: zenoh.Session, options: BusOptions) -> None:
+        self._session = session
+        self._options = options
+        self._key = declarations_key(str(session.zid()))
+        self._changes = 0
+        self._cuts = 0
+
+    def on_link(self, up: bool) -> None:
+        """The link was lost or is back: ask on a thread of its own."""
+        self._changes += 1
+        if up:
+            threading.Thread(target=self._run, args=(self._changes,), name="link", daemon=True).start()
+
+    def _run(self, change: int) -> None:
+        failed = 0
+        for _ in range(_LINK_QUESTIONS):
+            links = _links(self._session)
+            reached = self._is_reached()
+            if self._changes != change or self._session.is_closed():
+                return
+            failed = failed + 1 if reached is False else 0
+            if failed == _LINK_FAILURES:
+                self._replace(links)
+                return
+            pause(_LINK_PERIOD)
+        self._cuts = 0
+
+    def _is_reached(self) -> bool | None:
+        """Whether the session answers another one; None if that finds no router."""
+        try:
+            with open_session(client_config(self._options), "usual") as other:
+                return any(reply.ok is not None for reply in other.get(self._key, timeout=_LINK_TIMEOUT))
+        except zenoh.ZError as error:
+            log.debug("link: %s", error)
+            return None
+
+    def _replace(self, links: set[tuple[str, str]]) -> None:
+        if self._cuts == _LINK_CUTS:
+            log.error("no query reaches this process after %d new links: start it again", _LINK_CUTS)
+            return
+        self._cuts += 1
+        log.warning("no query reaches this process on the link that came back: opening another link")
+        _cut(links)
+
+
+def _links(session: zenoh.Session) -> set[tuple[str, str]]:
+    try:
+        return {(link.src, link.dst) for link in session.info.links()}
+    except zenoh.ZError:
+        # Closed meanwhile.
+        return set()
+
+
+def _cut(links: set[tuple[str, str]]) -> None:
+    """End TCP connections, given as Zenoh's endpoints of both ends: it offers no way to end the link of a session."""
+    wanted = {(_of(src), _of(dst)) for src, dst in links}
+    for descriptor in range(_MAX_DESCRIPTORS):
+        try:
+            connection = socket.socket(fileno=descriptor)
+        except OSError:
+            # No socket, or closed meanwhile.
+            continue
+        try:
+            if (_address(connection.getsockname()), _address(connection.getpeername())) in wanted:
+                connection.shutdown(socket.SHUT_RDWR)
+        except OSError as error:
+            # It is not connected.
+            log.debug("link: %s", error)
+        finally:
+            # Zenoh's own: it closes it.
+            connection.detach()
+
+
+def _of(endpoint: str) -> str:
+    return endpoint.partition("/")[2]
+
+
+def _address(name: object) -> str:
+    match name:
+        case (str(host), int(port), *_):
+            return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+    return ""

@@ -1,7 +1,9 @@
 """How a process reaches the bus, and the Zenoh configuration that follows (figures: docs/architecture.md)."""
 
 import json
+import logging
 import os
+import socket
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +15,8 @@ from zteam.errors import UsageError
 from zteam.names import service_key
 from zteam.numbers import parse_number, parse_whole
 from zteam.version import __version__
+
+log = logging.getLogger("zteam.bus")
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 
@@ -96,6 +100,27 @@ def check_endpoint(endpoint: str) -> str:
     return endpoint
 
 
+def host_port(endpoint: str) -> tuple[str, int] | None:
+    """Host and port of a tcp or tls endpoint, None for any other kind."""
+    protocol, slash, address = endpoint.partition("/")
+    host, colon, port = address.partition("#")[0].partition("?")[0].rpartition(":")
+    if not slash or not colon or protocol not in {"tcp", "tls"} or not port.isdigit():
+        return None
+    return host.strip("[]"), int(port)
+
+
+def port_accepts(endpoint: str, timeout: float = 1.0) -> bool:
+    """Whether something accepts TCP connections at `endpoint`."""
+    address = host_port(endpoint)
+    if address is None:
+        return True
+    try:
+        socket.create_connection(address, timeout=timeout).close()
+    except OSError:
+        return False
+    return True
+
+
 def open_session(config: zenoh.Config, runtime: str) -> zenoh.Session:
     """`zenoh.open`, with one of RUNTIMES where this is the process's first session and the user chose none.
 
@@ -109,6 +134,15 @@ def open_session(config: zenoh.Config, runtime: str) -> zenoh.Session:
     finally:
         # It is read once; a child process makes its own choice.
         del os.environ[RUNTIME_VARIABLE]
+
+
+def try_open(options: BusOptions, runtime: str | None = None) -> zenoh.Session | None:
+    """A session of a client; None if no router takes it. Raises UsageError."""
+    try:
+        return open_session(client_config(options), runtime or ("small" if options.small else "usual"))
+    except zenoh.ZError as error:
+        log.debug("open: %s", error)
+        return None
 
 
 def _base(config: str | None) -> zenoh.Config:

@@ -16,11 +16,11 @@ import msgspec
 
 from zteam import names
 from zteam.bus import Bus, BusOptions, connect
-from zteam.bus.connection import read_admin
-from zteam.bus.local_routers import find_local_routers
+from zteam.bus.connection import why_refused
+from zteam.bus.options import port_accepts
 from zteam.bus.presence import ProcessInfo
-from zteam.bus.probe import port_accepts, why_refused
 from zteam.bus.receiving import KeyCount
+from zteam.bus.router import find_local_routers, read_admin
 from zteam.bus.topics import type_of_key
 from zteam.bus.transport import RawSample
 from zteam.cli.interrupts import leave

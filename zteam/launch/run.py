@@ -15,10 +15,9 @@ import msgspec
 
 from zteam import names
 from zteam.bus import Bus, BusOptions, connect
-from zteam.bus.connection import release_port
-from zteam.bus.options import DEFAULT_ENDPOINT, LEASE
+from zteam.bus.options import DEFAULT_ENDPOINT, LEASE, port_accepts
 from zteam.bus.presence import Claim, ProcessInfo
-from zteam.bus.probe import port_accepts
+from zteam.bus.router import release_port
 from zteam.clock import local_time_text
 from zteam.errors import BusError, DuplicateNameError
 from zteam.launch.kinds import ROUTER, ROUTER_KIND, Pace, TeamLaunch

@@ -100,7 +100,7 @@ def test_a_plain_zenoh_program_tells_no_declarations(options: BusOptions) -> Non
 
 def test_a_session_that_does_not_answer_in_time_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
     """The others are listed all the same; if there is no other one, nothing is."""
-    monkeypatch.setattr(bus_module, "_PATIENCE", 0.0)
+    monkeypatch.setattr(bus_module, "_DECLARATIONS_TIMEOUT", 0.0)
     hub, over = MemoryHub(), threading.Event()
     looking, frozen = hub.bus(), MemoryTransport(hub)
     frozen.declare_queryable(declarations_key("frozen"), lambda *_: lambda: b"[]" if over.wait(LIMIT) else b"")

@@ -11,7 +11,7 @@ import pytest
 
 from support.limits import LIMIT
 from support.transports import Inbox, RouterProcess, wait_until_true
-from zteam.bus import Bus, BusOptions, NoRequest, connect, link
+from zteam.bus import Bus, BusOptions, NoRequest, connect, connection
 from zteam.errors import BusError
 
 _KEEP_ALIVE = 4
@@ -103,12 +103,12 @@ def answers(asker: Bus) -> bool:
 @pytest.fixture(autouse=True)
 def _asks_often(monkeypatch: pytest.MonkeyPatch) -> None:
     """The next question follows an answer soon."""
-    monkeypatch.setattr(link, "_PERIOD", 0.1)
+    monkeypatch.setattr(connection, "_LINK_PERIOD", 0.1)
 
 
 def test_a_link_that_came_back_half_is_ended_once_more(router: RouterProcess, monkeypatch: pytest.MonkeyPatch) -> None:
     """The session answers queries again, over another link, after one on which nothing reached it."""
-    monkeypatch.setattr(link, "_PATIENCE", 0.5)
+    monkeypatch.setattr(connection, "_LINK_TIMEOUT", 0.5)
     wire = HalfLink(router.endpoint, half=frozenset({1}))
     asker, session = (
         connect(BusOptions(connect=endpoint, lease=LIMIT)) for endpoint in (router.endpoint, wire.endpoint)

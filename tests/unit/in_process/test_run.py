@@ -8,8 +8,8 @@ import pytest
 import zteam
 from support.transports import RouterProcess
 from zteam import names
+from zteam.bus.options import port_accepts
 from zteam.bus.presence import ProcessInfo
-from zteam.bus.probe import port_accepts
 from zteam.errors import BusError
 from zteam.in_process.run import InProcessRun, Outside, parts_of
 from zteam.launch.kinds import KINDS, Pace
