@@ -1,15 +1,32 @@
 """`zteam goals FILE`: send goals to robots: each reaches its own in turn, all robots at the same time."""
 
 import argparse
-from collections.abc import Sequence
+import math
+import sys
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+import msgspec
 
 from zteam import names
 from zteam.cli.arguments import whole
+from zteam.cli.goto import goal_facts, result_text, seconds_of, state_text
 from zteam.cli.interrupts import INTERRUPTED, leave
+from zteam.cli.live_line import has_live_line
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, checked, run
+from zteam.cli.tables import format_table
+from zteam.clock import monotonic
 from zteam.errors import UsageError
 from zteam.robot_ids import parse_robot_ids
+from zteam.services.navigation import goal_text
+
+if TYPE_CHECKING:
+    from rich.live import Live
+
+    from zteam.nodes.goals import Dispatcher, Ended, Errand
 
 _EPILOG = """FILE is YAML, a list of goals in the frame map (metres, radians; yaw is 0 where it is left out):
 
@@ -18,6 +35,11 @@ _EPILOG = """FILE is YAML, a list of goals in the frame map (metres, radians; ya
   - {robot: 1, x: 3.0, y: 4.0}
 """
 MAX_ROUNDS = 10**9
+_PERIOD = 0.5
+"""Host seconds between two looks of what is shown."""
+_TELL_AFTER = 3.0
+"""Host seconds after which it says what a robot waits for."""
+_HEAD = ("robot", "state", "left", "time", "recoveries", "reached", "failed", "goal")
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -65,10 +87,7 @@ def _check_name(name: str) -> None:
 
 
 def _send(args: argparse.Namespace, spread: tuple[int, ...]) -> int:
-    from zteam.cli.goals_display import open_display
-    from zteam.nodes.goals.file import read_goals
-    from zteam.nodes.goals.node import Dispatcher
-    from zteam.nodes.goals.rounds import Rounds
+    from zteam.nodes.goals import Dispatcher, Rounds, read_goals
     from zteam.runtime.node import Node
     from zteam.runtime.process_node import run_node
 
@@ -89,6 +108,86 @@ def _send(args: argparse.Namespace, spread: tuple[int, ...]) -> int:
     if not (made[0].is_done or args.loop):
         return INTERRUPTED
     return 0 if made[0].all_reached else 1
+
+
+@contextmanager
+def open_display(dispatcher: "Dispatcher", *, as_json: bool) -> Iterator[None]:
+    """Show within this context how the robots do, on a thread of its own, and at the end the sums."""
+    closed = threading.Event()
+    with ExitStack() as ends:
+        live = None if as_json or not has_live_line(sys.stdout) else ends.enter_context(_live())
+        display = _Display(dispatcher, live, as_json)
+
+        def look() -> None:
+            while not closed.wait(_PERIOD):
+                display.show()
+
+        thread = threading.Thread(target=look, name="display", daemon=True)
+        thread.start()
+        try:
+            yield
+        finally:
+            closed.set()
+            thread.join()
+            display.show()
+    if not as_json:
+        print(table(dispatcher), flush=True)
+
+
+def _live() -> "Live":
+    from rich.live import Live
+
+    return Live(auto_refresh=False, transient=True)
+
+
+class _Display:
+    def __init__(self, dispatcher: "Dispatcher", live: "Live | None", as_json: bool) -> None:
+        self._dispatcher, self._live, self._as_json = dispatcher, live, as_json
+        self._since = monotonic()
+        self._told: dict[int, str] = {}
+        """What each robot waits for, as it was told."""
+
+    def show(self) -> None:
+        """Show what is new."""
+        for ended in self._dispatcher.take_ended():
+            self._print(ended)
+        for robot_id, errand in self._dispatcher.errands.items():
+            waits = errand.client.waits_for
+            if waits and waits != self._told.get(robot_id) and monotonic() - self._since > _TELL_AFTER:
+                self._told[robot_id] = waits
+                print(f"{errand.client.name}: waiting for {waits}", file=sys.stderr, flush=True)
+        if self._live is not None:
+            from rich.text import Text
+
+            self._live.update(Text(table(self._dispatcher)), refresh=True)
+
+    def _print(self, ended: "Ended") -> None:
+        client = self._dispatcher.errands[ended.robot].client
+        if self._as_json:
+            told = {**goal_facts(client, ended.watch, ended.seconds), "line": ended.goal.line}
+            print(msgspec.json.encode(told).decode(), flush=True)
+        else:
+            print(f"{result_text(client, ended.watch, ended.seconds)} (line {ended.goal.line})", flush=True)
+
+
+def table(dispatcher: "Dispatcher") -> str:
+    """One row a robot: what it does, and how many goals it has reached."""
+    return format_table(_HEAD, [_row(errand) for errand in dispatcher.errands.values()])
+
+
+def _row(errand: "Errand") -> tuple[str, ...]:
+    sums = (str(errand.reached), str(errand.failed))
+    watch = errand.watch
+    if watch is None:
+        return errand.client.name, "no goal", "", "", "", *sums, ""
+    status = watch.status
+    left, time, recoveries = "", "", ""
+    if status is not None:
+        left = f"{status.distance_remaining:.1f} m" if math.isfinite(status.distance_remaining) else ""
+        seconds = seconds_of(status.estimated_time_remaining)
+        time = f"{seconds:.0f} s" if seconds > 0.0 else ""
+        recoveries = str(status.recoveries)
+    return errand.client.name, state_text(errand.client, watch), left, time, recoveries, *sums, goal_text(watch.goal)
 
 
 if __name__ == "__main__":

@@ -7,13 +7,11 @@ import pytest
 
 from support.fake_navigation import FakeNavigation
 from zteam.bus import MemoryHub
-from zteam.cli import goals, goals_display
+from zteam.cli import goals
 from zteam.errors import BusError
 from zteam.geometry import Pose2
 from zteam.messages import NavigationState
-from zteam.nodes.goals.file import FileGoal, read_goals
-from zteam.nodes.goals.node import Dispatcher
-from zteam.nodes.goals.rounds import Rounds
+from zteam.nodes.goals import Dispatcher, FileGoal, Rounds, read_goals
 from zteam.resources import teams_folder
 from zteam.runtime.node import Node
 from zteam.testing import run_node
@@ -66,13 +64,13 @@ def run_to_the_end(hub: MemoryHub, capsys: pytest.CaptureFixture[str], *, as_jso
         made.append(Dispatcher(node, rounds))
         node.run(made[0].step)
 
-    with run_node(body, hub, name="goals") as running, goals_display.open_display(made[0], as_json=as_json):
+    with run_node(body, hub, name="goals") as running, goals.open_display(made[0], as_json=as_json):
         navigation.say(State.IDLE)
         for _ in range(3):
             running.tick()
         navigation.say(State.DRIVING, left=2.25, seconds=9, recoveries=1)
         running.tick()
-        assert goals_display.table(made[0]).splitlines()[1].split() == (
+        assert goals.table(made[0]).splitlines()[1].split() == (
             ["robot_1", "driving", "2.2", "m", "9", "s", "1", "0", "0", "x", "3,", "y", "4,", "yaw", "0"]
         )
         navigation.say(State.SUCCEEDED)
