@@ -88,7 +88,7 @@ def run(router: dict[str, str], start: str, event: str, name: str, words: str) -
         ("start_simulator", "import", "zteam.simulation_options", "arena"),
         ("start_robot", "import", "zteam.behaviors", "--id 0"),
         ("start_robot", "call", f"zteam.cli.options._be>{_LOCK_GONE}", "--id 0"),
-        ("start_router", "import", "zteam.nodes.router.node", ""),
+        ("start_router", "import", "zteam.nodes.router", ""),
     ],
 )
 def test_an_interrupt_ends_a_command_quietly(

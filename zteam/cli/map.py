@@ -14,8 +14,9 @@ from zteam.cli.options import Parser, add_bus_options, bus_options, checked, run
 from zteam.errors import BusError, UsageError
 from zteam.messages import OccupancyGrid
 from zteam.numbers import MAX_SECONDS
-from zteam.planning.map_files import Mode, write_map
-from zteam.services.maps import map_grid, to_three_values
+from zteam.planning.map_files import to_three_values, write_map
+from zteam.services.maps import map_grid
+from zteam.world.images import Mode
 
 
 def build_parser() -> argparse.ArgumentParser:

@@ -7,7 +7,7 @@ from zteam.bus.options import DEFAULT_ENDPOINT
 from zteam.cli.arguments import number
 from zteam.cli.interrupts import leave
 from zteam.cli.options import Parser, add_lease_option, add_log_options, run
-from zteam.nodes.router.node import run_router
+from zteam.nodes.router import run_router
 from zteam.numbers import MAX_SECONDS
 
 

@@ -123,10 +123,10 @@ def _map_problems(file: TeamFile) -> Iterator[Problem]:
     """What is wrong with the map in the place of the simulator's own."""
     if file.team.team.map is not None:
         # Imported here, because few teams have a map of their own.
-        from zteam.planning.map_files import read_map_file
+        from zteam.planning.map_files import check_map_file
 
         try:
-            described = read_map_file(file.path.parent / file.team.team.map)
+            described = check_map_file(file.path.parent / file.team.team.map)
             if existing_file(described.image) is None:
                 yield Problem(("team", "map"), f"there is no {described.image}, the map's image")
         except UsageError as error:

@@ -29,7 +29,7 @@ PRELOADS = (
     # argparse imports shutil when it reads a command line.
     "shutil",
     "zteam.runtime.process_node",
-    "zteam.nodes.router.node",
+    "zteam.nodes.router",
     "zteam.world",
     "zteam.nodes.bodies",
     "zteam.nodes.transforms.node",

@@ -54,7 +54,7 @@ def _simulator(options: SimOptions) -> Part:
 
 
 def _map_server(options: MapOptions) -> Part:
-    from zteam.nodes.map_server.node import run_map_server
+    from zteam.nodes.map_server import run_map_server
     from zteam.planning.map_files import read_map
 
     grid = read_map(options.file)

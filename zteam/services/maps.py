@@ -1,12 +1,14 @@
-"""Maps as messages on the bus, and as grids for planning and for files."""
+"""Poses and maps as messages, and in the plane: as Pose2, and as grids for planning and for files."""
+
+import math
 
 import numpy as np
 
 from zteam import names
 from zteam.errors import UsageError
-from zteam.messages import Header, MapMetaData, OccupancyGrid, Time
-from zteam.planning.grid import FREE, OCCUPIED, UNKNOWN, GridMap, make_map
-from zteam.services.poses import planar, pose_message
+from zteam.geometry import Pose2, quaternion_from_yaw, yaw_from_quaternion
+from zteam.messages import Header, MapMetaData, OccupancyGrid, Point, Pose, Quaternion, Time
+from zteam.planning.grid import GridMap, make_map
 
 
 def map_message(grid: GridMap) -> OccupancyGrid:
@@ -32,12 +34,21 @@ def map_grid(message: OccupancyGrid) -> GridMap:
         raise UsageError(f"the map cannot be used: {error}") from None
 
 
-def to_three_values(grid: GridMap, free: float, occupied: float) -> GridMap:
-    """The map with cells that are free, occupied or unknown alone, as map_saver decides it.
+def planar(pose: Pose) -> Pose2 | None:
+    """A pose of the wire in the plane; None if it is not finite or its orientation is no rotation."""
+    p, q = pose.position, pose.orientation
+    norm = math.hypot(q.x, q.y, q.z, q.w)
+    if not all(map(math.isfinite, (p.x, p.y, norm))) or not 0.9 < norm < 1.1:
+        return None
+    return Pose2(p.x, p.y, yaw_from_quaternion(q.x / norm, q.y / norm, q.z / norm, q.w / norm))
 
-    A cell is free up to the share `free` of occupancy and occupied from the share `occupied` on; what lies between is
-    unknown.
-    """
-    cells = np.where(grid.cells >= 100.0 * occupied, OCCUPIED, UNKNOWN)
-    cells = np.where((grid.cells >= 0) & (grid.cells <= 100.0 * free), FREE, cells)
-    return make_map(cells.astype(np.int8), grid.frame.resolution, grid.frame.origin)
+
+def pose_message(pose: Pose2) -> Pose:
+    """A pose in the plane as a message."""
+    return Pose(Point(pose.x, pose.y), Quaternion(*quaternion_from_yaw(pose.yaw)))
+
+
+def is_finite(pose: Pose) -> bool:
+    """Whether all of its numbers are."""
+    p, q = pose.position, pose.orientation
+    return all(map(math.isfinite, (p.x, p.y, p.z, q.x, q.y, q.z, q.w)))

@@ -27,7 +27,7 @@ from zteam.messages import (
     Time,
     time_from_ns,
 )
-from zteam.services.poses import pose_message
+from zteam.services.maps import pose_message
 
 log = logging.getLogger("zteam")
 

@@ -1,9 +1,10 @@
 """Images as floors: bitmaps, and ROS map_server's YAML files (image, resolution, origin and thresholds)."""
 
+import math
 import reprlib
 import warnings
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,16 +32,14 @@ def read_bitmap(path: Path) -> Grid:
 
     Raises WorldError, without a place, on what is not a PGM, PNG, BMP, JPEG or GIF, or has too many pixels.
     """
-    return np.ascontiguousarray(_read_channels(path)[::-1, :, 0] <= DARK)
+    return np.ascontiguousarray(read_channels(path)[::-1, :, 0] <= DARK)
 
 
-def read_levels(path: Path) -> NDArray[np.float32]:
-    """Mean of the colour channels, 0 to 255; rows are as in `read_bitmap`."""
-    return np.asarray(_read_channels(path)[::-1, :, :3].mean(axis=2, dtype=np.float32))
+def read_channels(path: Path, *, alpha: bool = False) -> NDArray[Any]:
+    """(rows, columns, channels), 0 to 255, the uppermost row first: grey or colours; with `alpha` also that, if any.
 
-
-def _read_channels(path: Path) -> NDArray[Any]:
-    """(rows, columns, channels), 0 to 255, the uppermost row first; without alpha."""
+    Raises WorldError, as `read_bitmap` does.
+    """
     from PIL import Image, UnidentifiedImageError  # only a world with a bitmap pays for it
 
     too_large = WorldError(f"bitmap {path} has more than {MAX_PIXELS} pixels: it is refused")
@@ -53,7 +52,7 @@ def _read_channels(path: Path) -> NDArray[Any]:
             with Image.open(path, formats=_FORMATS) as image:
                 if image.width * image.height > MAX_PIXELS:
                     raise too_large
-                return _channels(image)
+                return _channels(image, alpha)
     except (Image.DecompressionBombError, Image.DecompressionBombWarning):
         raise too_large from None
     except UnidentifiedImageError:
@@ -64,13 +63,15 @@ def _read_channels(path: Path) -> NDArray[Any]:
         raise WorldError(f"cannot read bitmap {path}: {error!s:.200}") from None
 
 
-def _channels(image: "Picture") -> NDArray[Any]:
+def _channels(image: "Picture", alpha: bool) -> NDArray[Any]:
     if image.mode.startswith("I"):  # 16 bits a sample
         return (np.asarray(image) >> 8)[:, :, None]
+    if alpha and image.mode not in _BYTE_MODES and "transparency" in image.info:
+        image = image.convert("RGBA")
     values = np.asarray(image if image.mode in _BYTE_MODES else image.convert("RGB"))
     if values.ndim == 2:
         return values[:, :, None]
-    return values[:, :, : 1 if image.mode == "LA" else 3]
+    return values if alpha else values[:, :, : 1 if image.mode == "LA" else 3]
 
 
 def occupied_box(occupied: Grid) -> Box | None:
@@ -107,7 +108,21 @@ def rectangles(occupied: Grid, limit: int) -> list[Box] | None:
 SUFFIXES = (".yaml", ".yml")
 MAX_BYTES = 65_536
 MAX_RESOLUTION = 100.0
-_MODES = ("trinary", "scale", "raw")
+Mode = Literal["trinary", "scale", "raw"]
+
+
+class MapFile(NamedTuple):
+    """What a YAML file says."""
+
+    image: Path
+    resolution: float
+    """Metres a cell."""
+    origin: Pose2
+    """In `map`, of the lower left corner of the first cell."""
+    mode: Mode = "trinary"
+    occupied_thresh: float = 0.65
+    free_thresh: float = 0.25
+    negate: bool = False
 
 
 class FloorMap(NamedTuple):
@@ -147,27 +162,44 @@ def read_floor_map(path: Path) -> FloorMap:
     A pixel of level v (mean of its colours, 0 to 255) is occupied above `occupied_thresh` by (255 - v) / 255, or
     v / 255 with `negate`; in mode `raw` v itself is the occupancy in percent. So do map_server and nav2.
     """
+    file = read_map_file(path)
+    levels = read_channels(file.image)[::-1].mean(axis=2, dtype=np.float32)
+    if file.mode == "raw":
+        occupied = levels > 100.0 * file.occupied_thresh
+    else:
+        dark = levels if file.negate else 255.0 - levels
+        occupied = dark > 255.0 * file.occupied_thresh
+    found = FloorMap(occupied, file.resolution, file.origin)
+    if max(found.width, found.height) > MAX_LENGTH:
+        raise WorldError(f"{path}: resolution: {file.resolution:g} m makes a map larger than {MAX_LENGTH:g} m")
+    return found
+
+
+def read_map_file(path: Path) -> MapFile:
+    """What a YAML file says. Raises WorldError that names file and key."""
     fields = _read_fields(path)
-    image = fields.get("image")
+    image, mode, origin = fields.get("image"), fields.get("mode", "trinary"), fields.get("origin", [0.0, 0.0, 0.0])
     if not isinstance(image, str) or not image:
         raise WorldError(f"{path}: image: the name of the map's image is missing")
     resolution = _number(path, fields, "resolution", None)
     if not 0 < resolution <= MAX_RESOLUTION:
         raise WorldError(f"{path}: resolution: must be above 0 and at most {MAX_RESOLUTION:g} m, not {resolution:g}")
-    threshold = _number(path, fields, "occupied_thresh", 0.65)
-    mode = fields.get("mode", "trinary")
-    if mode not in _MODES:
-        raise WorldError(f"{path}: mode: must be one of {', '.join(_MODES)}, not {_shown(mode)}")
-    levels = read_levels(path.parent / image)
-    if mode == "raw":
-        occupied = levels > 100.0 * threshold
-    else:
-        dark = levels if _number(path, fields, "negate", 0) else 255.0 - levels
-        occupied = dark > 255.0 * threshold
-    found = FloorMap(occupied, resolution, _origin(path, fields))
-    if max(found.width, found.height) > MAX_LENGTH:
-        raise WorldError(f"{path}: resolution: {resolution:g} m makes a map larger than {MAX_LENGTH:g} m")
-    return found
+    if mode not in get_args(Mode):
+        raise WorldError(f"{path}: mode: must be one of {', '.join(get_args(Mode))}, not {_shown(mode)}")
+    if not isinstance(origin, list) or len(origin) != 3:
+        raise WorldError(f"{path}: origin: must be [x, y, yaw], not {_shown(origin)}")
+    negate = fields.get("negate", 0)
+    if negate not in (0, 1):
+        raise WorldError(f"{path}: negate: must be 0 or 1, not {_shown(negate)}")
+    return MapFile(
+        path.parent / image,
+        resolution,
+        Pose2(*(_number(path, {"origin": part}, "origin", None) for part in origin)),
+        mode,
+        _number(path, fields, "occupied_thresh", 0.65),
+        _number(path, fields, "free_thresh", 0.25),
+        bool(negate),
+    )
 
 
 def _read_fields(path: Path) -> dict[str, Any]:
@@ -192,20 +224,18 @@ def _read_fields(path: Path) -> dict[str, Any]:
 
 def _number(path: Path, fields: dict[str, Any], key: str, default: float | None) -> float:
     value = fields.get(key, default)
-    # At most the largest length; this also excludes whole numbers of a thousand digits.
-    if isinstance(value, (int, float)) and abs(value) <= MAX_LENGTH:
-        return float(value)
-    raise WorldError(f"{path}: {key}: {'is missing' if value is None else f'{_shown(value)} is not a number here'}")
+    if value is None:
+        raise WorldError(f"{path}: {key}: is missing")
+    try:
+        # YAML 1.1 reads 1e-2 as a text.
+        number = math.nan if isinstance(value, bool) else float(value)
+    except (TypeError, ValueError, OverflowError):
+        number = math.nan
+    if abs(number) <= MAX_LENGTH:
+        return number
+    raise WorldError(f"{path}: {key}: {_shown(value)} is not a number here")
 
 
 def _shown(value: object) -> str:
     """A value in an error text. Aliases make short files with a full text that would fill the memory."""
     return reprlib.repr(value)[:60]
-
-
-def _origin(path: Path, fields: dict[str, Any]) -> Pose2:
-    values = fields.get("origin", [0.0, 0.0, 0.0])
-    if not isinstance(values, list) or len(values) != 3:
-        raise WorldError(f"{path}: origin: must be [x, y, yaw], not {_shown(values)}")
-    x, y, yaw = (_number(path, {"origin": value}, "origin", None) for value in values)
-    return Pose2(x, y, yaw)

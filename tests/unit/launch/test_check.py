@@ -255,8 +255,8 @@ def test_the_check_needs_no_engine(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        (None, "cannot read the map "),
-        ("resolution: 0.05\norigin: [0, 0, 0]\n", "image: give the name of a pgm or png file"),
+        (None, "cannot read this map"),
+        ("resolution: 0.05\norigin: [0, 0, 0]\n", "image: the name of the map's image is missing"),
         ("image: none.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n", "none.pgm, the map's image"),
     ],
 )

@@ -9,7 +9,8 @@ from PIL import Image
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.planning.grid import make_map
-from zteam.planning.map_files import Mode, read_map, write_map
+from zteam.planning.map_files import read_map, write_map
+from zteam.world.images import Mode
 
 SHADES = np.array([[0, 50, 100, 127], [180, 205, 254, 255]], np.uint8)
 
@@ -88,7 +89,7 @@ def test_files_that_are_no_maps_are_refused(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="cannot read"):
         read_map(tmp_path / "none.yaml")
     (tmp_path / "list.yaml").write_text("- 1")
-    with pytest.raises(UsageError, match="no map"):
+    with pytest.raises(UsageError, match="not a map_server YAML"):
         read_map(tmp_path / "list.yaml")
     path = write(tmp_path, SHADES)
     (tmp_path / "m.pgm").write_bytes(b"P5 9 9 255\n")

@@ -15,7 +15,7 @@ from zteam.planning.amcl import Amcl
 from zteam.planning.grid import GridMap
 from zteam.planning.parameters import FakeOptions, Parameters
 from zteam.planning.scans import Scan, Teammate, seen_from
-from zteam.services.poses import planar
+from zteam.services.maps import planar
 
 Floats = NDArray[np.float64]
 

@@ -40,7 +40,7 @@ from zteam.planning.controller import Velocity
 from zteam.planning.costmap import INSCRIBED_INFLATED_OBSTACLE, LETHAL_OBSTACLE, NO_INFORMATION, Costmap, place
 from zteam.planning.parameters import Parameters
 from zteam.runtime.node import Node
-from zteam.services.poses import pose_message
+from zteam.services.maps import pose_message
 
 log = logging.getLogger("zteam")
 

@@ -15,7 +15,7 @@ from zteam.planning.controller import Velocity
 from zteam.planning.grid import GridMap
 from zteam.planning.parameters import Parameters, make_controller
 from zteam.planning.planner import Planner
-from zteam.services.poses import is_finite, planar
+from zteam.services.maps import is_finite, planar
 
 log = logging.getLogger("zteam")
 

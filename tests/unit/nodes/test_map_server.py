@@ -15,12 +15,12 @@ from zteam.cli import map as map_command
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.messages import OccupancyGrid
-from zteam.nodes.map_server.node import run_map_server
+from zteam.nodes.map_server import run_map_server
 from zteam.planning.grid import GridMap, make_map
-from zteam.planning.map_files import read_map, write_map
+from zteam.planning.map_files import read_map, to_three_values, write_map
 from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop
-from zteam.services.maps import map_grid, map_message, to_three_values
+from zteam.services.maps import map_grid, map_message
 
 VALUES = np.array([[0, 100, -1, 30], [65, 25, 26, 64]], np.int8)
 

@@ -1,1 +1,0 @@
-"""The map server: a map without a simulator."""
