@@ -64,6 +64,16 @@ def _usage() -> str:
 
 def _start(module: str) -> NoReturn:
     """Run the command of `zteam.cli.<module>`, including its imports, and end the process with its exit code."""
+    name = "zteam" if module == "main" else module.replace("_", "-")
+    try:
+        import fcntl  # noqa: F401
+    except ImportError:
+        # Python has it on every system but Windows.
+        print(
+            f"{name}: zteam needs Linux or macOS: on Windows, use WSL 2, or a container ('docker compose')",
+            file=sys.stderr,
+        )
+        leave(2)
     leave_at_once()
     try:
         code = _run(module, sys.argv[1:])
@@ -75,7 +85,6 @@ def _start(module: str) -> NoReturn:
 
         if not (text := shortage_text(error)):
             raise
-        name = "zteam" if module == "main" else module.replace("_", "-")
         print(f"{name}: {text}", file=sys.stderr)
         code = 1
     finally:

@@ -36,7 +36,7 @@ from zteam.launch.report import (
 from zteam.launch.supervisor import GRACE, Again, Member, Supervisor, log_failure, serve_restarts
 from zteam.launch.warm_parent import WarmParent
 from zteam.process_options import FROM_STDIN
-from zteam.runtime.logs import LogPublisher
+from zteam.runtime.process_node import LogPublisher
 from zteam.runtime.shutdown import HUNG, Stop
 
 log = logging.getLogger("zteam")

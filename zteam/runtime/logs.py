@@ -1,4 +1,4 @@
-"""The log of a process: on stderr, kept for questions, and on the bus."""
+"""The log of a process: one line an event on stderr, as text for people or as JSON, and the newest lines kept."""
 
 import logging
 import os
@@ -11,12 +11,10 @@ from typing import Any
 
 import msgspec
 
-from zteam import names
-from zteam.bus import Bus, NoRequest
 from zteam.clock import local_time_text, wall_ns
-from zteam.messages import Log, time_from_ns
 from zteam.services.logs import KEPT, LogLine
 
+LEVELS = ("debug", "info", "warning", "error")
 MAX_TEXT = 8192
 """Characters of a line's text that are kept."""
 
@@ -24,7 +22,12 @@ Sink = Callable[[LogLine], None]
 
 
 class LogKeeper:
-    """Keeps the newest KEPT lines and passes each new one on. Thread-safe; it never raises in a call that logs."""
+    """Keeps the newest KEPT lines and passes each new one on. Thread-safe; it never raises in a call that logs.
+
+    Lines are taken where Python makes its log records (`logging.setLogRecordFactory`), not by a handler: a handler at
+    the root of a user's program would switch off `logging.basicConfig` and Python's own output of warnings, and would
+    miss loggers that do not propagate.
+    """
 
     def __init__(self) -> None:
         self._users = 0
@@ -170,52 +173,8 @@ def _encodable(text: str) -> str:
 
 KEEPER = LogKeeper()
 """The one of this process, as the log is the process's."""
-os.register_at_fork(after_in_child=KEEPER.reset)
-
-
-class LogPublisher:
-    """Publishes this process's log under `name` until it is closed."""
-
-    def __init__(self, bus: Bus, name: str) -> None:
-        self._name = name
-        self._publisher = bus.publisher(names.log_key(name), Log)
-        self._first_sent: int | None = None
-        """Stamp of the first line that was sent, ns."""
-        self._caught_up = False
-        self._server = bus.serve(names.log_key(name), NoRequest, lambda _: KEEPER.kept(name))
-        self._forget = KEEPER.pass_to(self._send)
-
-    def close(self) -> None:
-        """Publish and answer nothing more; also after the end of the session."""
-        self._forget()
-        self._server.close()
-        self._publisher.close()
-
-    def catch_up(self) -> None:
-        """Send the lines from before the first one that was sent, to the subscribers that are there; once.
-
-        A process that ends soon after its start may be gone before a reader asks it.
-        """
-        if self._caught_up:
-            return
-        self._caught_up = True
-        first = self._first_sent
-        for line in KEEPER.kept(self._name):
-            if first is None or line.time_ns < first:
-                self._send(line)
-
-    def _send(self, line: LogLine) -> None:
-        if line.process in ("", self._name) and self._publisher.has_subscribers:
-            self._first_sent = self._first_sent or line.time_ns
-            self._publisher.put(message_of(self._name, line))
-
-
-def message_of(process: str, line: LogLine) -> Log:
-    """The message of a line; its stamp is the host's time."""
-    return Log(time_from_ns(line.time_ns), line.level, process, line.text, line.file, line.function, line.line)
-
-
-LEVELS = ("debug", "info", "warning", "error")
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=KEEPER.reset)
 
 
 def node_of(record: logging.LogRecord) -> str:
@@ -223,32 +182,21 @@ def node_of(record: logging.LogRecord) -> str:
     return getattr(record, "node", "")
 
 
-class _Text(logging.Formatter):
-    def __init__(self, name: str) -> None:
+class _Format(logging.Formatter):
+    """Lines of the process `name`, as text or as JSON."""
+
+    def __init__(self, name: str, *, as_json: bool) -> None:
         super().__init__()
-        self._name = name
+        self._name, self._as_json = name, as_json
 
     def format(self, record: logging.LogRecord) -> str:
-        level = "" if record.levelno == logging.INFO else f"{record.levelname.lower()}: "
-        text = f"{local_time_text()} [{node_of(record) or self._name}] {level}{record.getMessage()}"
-        return f"{text}\n{self.formatException(record.exc_info)}" if record.exc_info else text
-
-
-class _Json(logging.Formatter):
-    def __init__(self, name: str) -> None:
-        super().__init__()
-        self._name = name
-
-    def format(self, record: logging.LogRecord) -> str:
-        entry = {
-            "time_ns": wall_ns(),
-            "process": node_of(record) or self._name,
-            "level": record.levelname.lower(),
-            "text": record.getMessage(),
-        }
-        if record.exc_info:
-            entry["exception"] = self.formatException(record.exc_info)
-        return msgspec.json.encode(entry).decode()
+        process, level, text = node_of(record) or self._name, record.levelname.lower(), record.getMessage()
+        error = self.formatException(record.exc_info) if record.exc_info else ""
+        if self._as_json:
+            entry = {"time_ns": wall_ns(), "process": process, "level": level, "text": text}
+            return msgspec.json.encode({**entry, "exception": error} if error else entry).decode()
+        told = "" if record.levelno == logging.INFO else f"{level}: "
+        return f"{local_time_text()} [{process}] {told}{text}" + (f"\n{error}" if error else "")
 
 
 class _Stderr(logging.Handler):
@@ -265,7 +213,7 @@ class _Stderr(logging.Handler):
 def start_logging(name: str, level: str = "info", form: str = "text") -> None:
     """Send the log of zteam and of a user's modules to stderr under the process's name, and begin to keep its lines."""
     handler = _Stderr()
-    handler.setFormatter(_Json(name) if form == "json" else _Text(name))
+    handler.setFormatter(_Format(name, as_json=form == "json"))
     own, everything = logging.getLogger("zteam"), logging.getLogger()
     own.handlers[:] = [handler]
     own.propagate = False

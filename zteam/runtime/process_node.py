@@ -10,15 +10,16 @@ from functools import partial
 from typing import Literal, TypeVar
 
 from zteam import names
-from zteam.bus import Bus, BusOptions, connect
+from zteam.bus import Bus, BusOptions, NoRequest, connect
 from zteam.bus.presence import Claim, ProcessInfo
 from zteam.bus.transport import Closeable
 from zteam.clock import AutoClock, Rate, monotonic, to_seconds, wait_until
 from zteam.errors import ZteamError
-from zteam.messages import Clock, Message, ns_from_time
+from zteam.messages import Clock, Log, Message, ns_from_time, time_from_ns
 from zteam.runtime.faults import log_fault
-from zteam.runtime.logs import KEEPER, LogPublisher
+from zteam.runtime.logs import KEEPER
 from zteam.runtime.shutdown import Stop, exit_hard_later
+from zteam.services.logs import LogLine
 
 log = logging.getLogger("zteam")
 
@@ -310,6 +311,48 @@ class ProcessNode:
             self.take_time_from_clock()
             for callback in self._on_simulator_lost:
                 callback()
+
+
+class LogPublisher:
+    """The log of this process on the bus: `<name>/log` carries new lines, and the query of that key the newest ones."""
+
+    def __init__(self, bus: Bus, name: str) -> None:
+        self._name = name
+        self._publisher = bus.publisher(names.log_key(name), Log)
+        self._first_sent: int | None = None
+        """Stamp of the first line that was sent, ns."""
+        self._caught_up = False
+        self._server = bus.serve(names.log_key(name), NoRequest, lambda _: KEEPER.kept(name))
+        self._forget = KEEPER.pass_to(self._send)
+
+    def close(self) -> None:
+        """Publish and answer nothing more; also after the end of the session."""
+        self._forget()
+        self._server.close()
+        self._publisher.close()
+
+    def catch_up(self) -> None:
+        """Send the lines from before the first one that was sent, to the subscribers that are there; once.
+
+        A process that ends soon after its start may be gone before a reader asks it.
+        """
+        if self._caught_up:
+            return
+        self._caught_up = True
+        first = self._first_sent
+        for line in KEEPER.kept(self._name):
+            if first is None or line.time_ns < first:
+                self._send(line)
+
+    def _send(self, line: LogLine) -> None:
+        if line.process in ("", self._name) and self._publisher.has_subscribers:
+            self._first_sent = self._first_sent or line.time_ns
+            self._publisher.put(message_of(self._name, line))
+
+
+def message_of(process: str, line: LogLine) -> Log:
+    """The message of a line; its stamp is the host's time."""
+    return Log(time_from_ns(line.time_ns), line.level, process, line.text, line.file, line.function, line.line)
 
 
 N = TypeVar("N", bound=ProcessNode)

@@ -26,7 +26,7 @@ HARD_EXIT = 1.5 * HOST_FACTOR
 HUNG = 3
 """Exit code of a process that was asked to stop while a step did not return."""
 
-SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 
 
 class Stop:
