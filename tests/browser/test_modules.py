@@ -11,8 +11,7 @@ import pytest
 
 from support.browser import Screen
 from zteam.geometry import Pose2
-from zteam.nodes.teleop.keys import DIRECTIONS, SPEED_FACTORS
-from zteam.nodes.teleop.pilot import MAX_SPEED, MIN_SPEED
+from zteam.nodes.teleop import DIRECTIONS, MAX_SPEED, MIN_SPEED, SPEED_FACTORS
 from zteam.nodes.web import frames
 
 ARROWS = {"up": "ArrowUp", "down": "ArrowDown", "left": "ArrowLeft", "right": "ArrowRight"}

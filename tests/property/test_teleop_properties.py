@@ -4,8 +4,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from zteam.messages import Twist
-from zteam.nodes.teleop.keys import DIRECTIONS, FOCUS_GAINED, FOCUS_LOST, HELP, NEXT, OTHER, SPEED_FACTORS, KeyDecoder
-from zteam.nodes.teleop.pilot import FIRST, MAX_SPEED, REPEAT, Pilot
+from zteam.nodes.teleop import (
+    DIRECTIONS,
+    FIRST,
+    FOCUS_GAINED,
+    FOCUS_LOST,
+    HELP,
+    MAX_SPEED,
+    NEXT,
+    OTHER,
+    REPEAT,
+    SPEED_FACTORS,
+    KeyDecoder,
+    Pilot,
+)
 
 KEYS = st.sampled_from([*DIRECTIONS, *SPEED_FACTORS, "k", "y", NEXT, HELP, OTHER, FOCUS_LOST, FOCUS_GAINED])
 PAUSES = st.sampled_from([0.0, 0.03, 0.1, 0.29, 0.31, 0.5, 0.74, 0.76, 2.0])

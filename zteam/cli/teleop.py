@@ -13,9 +13,7 @@ from zteam.cli.arguments import number
 from zteam.cli.interrupts import INTERRUPTED, leave
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, checked, run
 from zteam.errors import UsageError, ZteamError
-from zteam.nodes.teleop.keys import HELP, HELP_TEXT
-from zteam.nodes.teleop.pilot import MAX_SPEED, MIN_SPEED, Pilot
-from zteam.nodes.teleop.script import PERIOD, parse_script
+from zteam.nodes.teleop import HELP, HELP_TEXT, MAX_SPEED, MIN_SPEED, PERIOD, Pilot, drive, parse_script
 from zteam.robot_ids import parse_robot_ids
 
 if TYPE_CHECKING:
@@ -96,7 +94,6 @@ def _teleop(args: argparse.Namespace, ids: Sequence[int], script: list[str] | No
 def _drive_by_hand(pilot: Pilot, wheels: Mapping[int, "Wheels"], stop: "Stop") -> int:
     from zteam.cli.live_line import LiveLine, has_live_line
     from zteam.cli.teleop_terminal import KeyTerminal
-    from zteam.nodes.teleop.driving import drive
 
     print(HELP_TEXT, flush=True)
     with KeyTerminal(stop) as terminal, LiveLine(sys.stdout) as live:
@@ -128,7 +125,6 @@ def _drive_by_script(
     stop: "Stop",
 ) -> int:
     from zteam.cli.tool_clock import open_clock
-    from zteam.nodes.teleop.driving import drive
 
     driven: set[int] = set()
 

@@ -9,7 +9,7 @@ from contextlib import suppress
 from types import TracebackType
 
 from zteam.clock import monotonic
-from zteam.nodes.teleop.keys import KeyDecoder
+from zteam.nodes.teleop import KeyDecoder
 
 PERIOD = 0.05
 """Host seconds from one command to the next: the robot and the simulator stop when none comes for a while."""

@@ -13,8 +13,7 @@ from zteam.bus.presence import Claim, own_info
 from zteam.cli.teleop import describe
 from zteam.errors import DuplicateNameError, ZteamError
 from zteam.messages import RobotDriver, RobotStatus, Twist, Vector3
-from zteam.nodes.teleop.driving import drive
-from zteam.nodes.teleop.pilot import Pilot
+from zteam.nodes.teleop import Pilot, drive
 from zteam.runtime.shutdown import Stop
 from zteam.runtime.wheels import Wheels
 from zteam.services.simulator import SimStatus

@@ -1,10 +1,78 @@
-"""The pilot: which robot the keys drive, how fast, and for how long."""
+"""Keys, scripts, and what they command."""
 
 import pytest
 
+from zteam.errors import UsageError
 from zteam.messages import Twist, Vector3
-from zteam.nodes.teleop.keys import FOCUS_GAINED, FOCUS_LOST, HELP, NEXT, OTHER, SPACE
-from zteam.nodes.teleop.pilot import MAX_SPEED, MIN_SPEED, Pilot
+from zteam.nodes.teleop import (
+    DIRECTIONS,
+    FOCUS_GAINED,
+    FOCUS_LOST,
+    HELP,
+    HELP_TEXT,
+    MAX_SPEED,
+    MIN_SPEED,
+    NEXT,
+    OTHER,
+    SPACE,
+    KeyDecoder,
+    Pilot,
+    parse_script,
+)
+
+TELEOP_TWIST_KEYBOARD = {
+    "i": (1, 0, 0), "o": (1, 0, -1), "j": (0, 0, 1), "l": (0, 0, -1), "u": (1, 0, 1), ",": (-1, 0, 0),
+    ".": (-1, 0, 1), "m": (-1, 0, -1), "O": (1, -1, 0), "I": (1, 0, 0), "J": (0, 1, 0), "L": (0, -1, 0),
+    "U": (1, 1, 0), "<": (-1, 0, 0), ">": (-1, -1, 0), "M": (-1, 1, 0),
+}  # fmt: skip
+"""x, y and turn of its table of moves."""
+
+
+def test_the_keys_are_those_of_teleop_twist_keyboard() -> None:
+    """Each of its keys in the plane means the same; the arrows are i, comma, j and l."""
+    arrows = {"up": "i", "down": ",", "left": "j", "right": "l"}
+    expected = {**TELEOP_TWIST_KEYBOARD, **{arrow: TELEOP_TWIST_KEYBOARD[key] for arrow, key in arrows.items()}}
+    assert dict(DIRECTIONS) == expected
+
+
+@pytest.mark.parametrize("key", ["i", "j", "l", "u", "o", "m", ",", ".", "k", "q", "z", "w", "x", "e", "c", "?", "tab"])
+def test_the_help_names_every_key(key: str) -> None:
+    """A user finds each key in the help."""
+    assert key in HELP_TEXT.replace(":", " ").replace(";", " ").split() or f" {key}" in HELP_TEXT
+
+
+@pytest.mark.parametrize(
+    ("data", "keys"),
+    [
+        (b"iI,", ["i", "I", ","]),
+        (b"\t \x1b[A", [NEXT, SPACE, "up"]),
+        (b"\x1b[B\x1bOC\x1b[D", ["down", "right", "left"]),
+        (b"\x1b[O\x1b[I", [FOCUS_LOST, FOCUS_GAINED]),
+        (b"\x1b[15~\x1b[1;2A\x1bOPi", [OTHER, OTHER, OTHER, "i"]),
+        (b"\x1bi", [OTHER]),
+        ("é".encode(), ["é"]),
+        (b"\xff", ["\ufffd"]),
+    ],
+)
+def test_bytes_become_keys(data: bytes, keys: list[str]) -> None:
+    """Plain keys, arrows in both modes of a terminal, its focus, and sequences without a meaning."""
+    assert KeyDecoder().feed(data) == keys
+
+
+def test_a_sequence_may_come_in_parts() -> None:
+    """A loss of the focus that comes byte by byte is one key, not three."""
+    decoder = KeyDecoder()
+    assert [decoder.feed(bytes([byte])) for byte in b"\x1b[Oi"] == [[], [], [FOCUS_LOST], ["i"]]
+
+
+def test_escape_alone_is_a_key() -> None:
+    """Esc has no meaning, so it stops; it does not swallow the next key."""
+    decoder = KeyDecoder()
+    assert decoder.feed(b"\x1b") == []
+    assert decoder.flush() == [OTHER]
+    assert decoder.flush() == []
+    assert decoder.feed(b"i") == ["i"]
+
 
 STILL = Twist()
 AHEAD = Twist(Vector3(0.5))
@@ -100,3 +168,21 @@ def test_letting_go_stops() -> None:
     pilot.let_go()
     assert pilot.take_commands(1.0) == [(0, STILL)]
     assert pilot.take_commands(1.0) == []
+
+
+def test_words_are_presses() -> None:
+    """A key, a key with a count, and names of keys that are no character."""
+    assert parse_script("i*3 l*2 k") == ["i", "i", "i", "l", "l", "k"]
+    assert parse_script(" up*2\n,  tab space > q ") == ["up", "up", ",", "tab", "space", ">", "q"]
+
+
+@pytest.mark.parametrize(
+    "text", ["", " ", "y", "i*0", "i*-1", "i*", "*3", "i**2", "i*1.5", "i*٣", "ii", "i*9999999", "?"]
+)
+def test_bad_scripts_are_refused(text: str) -> None:
+    """One line that names the option, and the word if there is one."""
+    with pytest.raises(UsageError) as caught:
+        parse_script(text)
+    assert str(caught.value).startswith("--script: ")
+    assert "\n" not in str(caught.value)
+    assert not text.strip() or repr(text.strip()) in str(caught.value)

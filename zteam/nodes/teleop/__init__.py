@@ -1,1 +1,0 @@
-"""Teleoperation: robots driven with the keys of a terminal."""
