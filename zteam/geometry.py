@@ -40,6 +40,19 @@ class Pose2(NamedTuple):
         c, s = math.cos(self.yaw), math.sin(self.yaw)
         return Pose2(-c * self.x - s * self.y, s * self.x - c * self.y, normalize_angle(-self.yaw))
 
+    def locate(self, x: float, y: float) -> tuple[float, float]:
+        """Where a point of `a` is in `b`: this is the pose of `b` in `a`."""
+        dx, dy, c, s = x - self.x, y - self.y, math.cos(self.yaw), math.sin(self.yaw)
+        return c * dx + s * dy, c * dy - s * dx
+
+
+def curvature_to(y: float, square: float) -> float:
+    """1/m, left positive: of the arc that leads from a robot to a point `y` metres to its left, `square` m² away.
+
+    This is the law of pure pursuit (Coulter 1992). `square` is the distance squared, at least 1 mm².
+    """
+    return 2.0 * y / max(square, 1e-6)
+
 
 Quat = tuple[float, float, float, float]
 Vec3 = tuple[float, float, float]

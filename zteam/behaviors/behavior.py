@@ -1,5 +1,6 @@
 """What a behaviour is, what it sees each step, and the further inputs that it may declare."""
 
+import math
 from collections.abc import Callable, Mapping
 from functools import cached_property
 from numbers import Real
@@ -30,6 +31,10 @@ class Teammate(NamedTuple):
     age: float
     """Seconds since it was there."""
     base: Base
+
+    def along(self, heading: float) -> tuple[float, float]:
+        """Metres to it along a heading (rad) from the own base, and to the left of that."""
+        return Pose2(0.0, 0.0, heading).locate(self.pose.x, self.pose.y)
 
 
 class View(msgspec.Struct, frozen=True, kw_only=True, eq=False, dict=True):
@@ -72,12 +77,11 @@ class View(msgspec.Struct, frozen=True, kw_only=True, eq=False, dict=True):
 
     def map_from_base(self) -> tuple[Pose2, int] | None:
         """The robot's own pose in `map` and its stamp, or None."""
-        # `cached_property` takes a lock: it would cost as much as the look-up.
-        known = self.__dict__
-        if "own_pose" not in known:
-            known["own_pose"] = self.lookup(names.MAP_FRAME, self.base_frame)
-        own_pose: tuple[Pose2, int] | None = known["own_pose"]
-        return own_pose
+        return self._found
+
+    @cached_property
+    def _found(self) -> tuple[Pose2, int] | None:
+        return self.lookup(names.MAP_FRAME, self.base_frame)
 
     def base_from_robot(self, robot_id: int) -> tuple[Pose2, int] | None:
         """Another robot's pose in the own base frame and its stamp, or None."""
@@ -93,6 +97,15 @@ class View(msgspec.Struct, frozen=True, kw_only=True, eq=False, dict=True):
 
 
 _EXAMPLE = 'inputs = {"goal": ("goal_pose", PoseStamped)}'
+
+
+NO_POSE = f"its own pose in {names.MAP_FRAME} is not known"
+
+
+def own_pose(view: View) -> Pose2 | None:
+    """The robot's own pose in `map`; None where it is not known, or no number."""
+    found = view.map_from_base()
+    return found[0] if found is not None and math.isfinite(sum(found[0])) else None
 
 
 class DeclaredInput(NamedTuple):

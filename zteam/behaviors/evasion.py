@@ -72,9 +72,8 @@ class Around:
         half_width = view.base.half_width
         if view.scan is not None and not is_clear(view.scan, half_width + SIDE_MARGIN, min(REACH, reach), heading):
             return False
-        cos, sin = math.cos(heading), math.sin(heading)
         for mate in view.teammates:
-            along, across = cos * mate.pose.x + sin * mate.pose.y, cos * mate.pose.y - sin * mate.pose.x
+            along, across = mate.along(heading)
             in_reach = 0.0 < along < min(self._mate_reach, reach + mate.base.radius)
             if in_reach and abs(across) < half_width + mate.base.radius + self._mate_margin and mate.robot_id != but:
                 return False

@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from msgspec import Meta, Struct
 
 from zteam import names
-from zteam.behaviors.behavior import Behavior, View
+from zteam.behaviors.behavior import NO_POSE, Behavior, View, own_pose
 from zteam.behaviors.evasion import Around
 from zteam.behaviors.head import Head, lead
 from zteam.behaviors.line import NO_TURNS, STATUSES, WAITS, Line, OnLeaderLost, Place, Presence, behavior_of, see_robot
@@ -98,14 +98,14 @@ class Follow(Behavior):
         place = self._line.find_place(view, self.params.leader, gone, self.params.on_leader_lost, may_turn=may_turn)
         if self.turns != NO_TURNS:
             self.turns = self._line.turns
-        own = view.map_from_base()
-        if place.reason or own is None or not all(map(math.isfinite, own[0])):
-            self.reason = place.reason or f"its own pose in {names.MAP_FRAME} is not known"
+        own = own_pose(view)
+        if place.reason or own is None:
+            self.reason = place.reason or NO_POSE
             return Twist()
-        self._trail.note(own[0])
+        self._trail.note(own)
         self._tell(place)
         if place.ahead is None:
-            return self._lead(view, own[0], place)
+            return self._lead(view, own, place)
         self._head.rest()
         self._successor, self._is_past, self._before = None, False, place.ahead
         if place.may_reverse and not place.after and head_comes_round(view, place):
@@ -115,7 +115,7 @@ class Follow(Behavior):
             return self._drive_straight(view, place.ahead)
         params = self.params
         limits = Limits(params.max_linear, params.max_angular)
-        command, self.reason = self._trail.step(view, own[0], place, params.gap, params.stale_after, limits)
+        command, self.reason = self._trail.step(view, own, place, params.gap, params.stale_after, limits)
         self._apart = self._trail.ahead.apart
         return command
 
@@ -139,7 +139,7 @@ class Follow(Behavior):
                 command, self.reason = self._successor.step(view), self._successor.reason
                 return command
         speed = min(HEAD_SPEED, params.max_linear)
-        return lead(self, self._head, self._line, view, place, speed, HEAD_TURN_RATE)
+        return lead(self, self._head, self._line, view, own, place, speed, HEAD_TURN_RATE)
 
     def why_it_rests(self) -> str:
         """It is near enough, or is told to."""

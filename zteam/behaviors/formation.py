@@ -8,7 +8,7 @@ from msgspec import Meta, Struct
 
 from zteam import names
 from zteam.behaviors.assignment import Assignment
-from zteam.behaviors.behavior import Behavior, View
+from zteam.behaviors.behavior import NO_POSE, Behavior, View, own_pose
 from zteam.behaviors.evasion import Around, Escape
 from zteam.behaviors.leader_trail import LeaderTrail
 from zteam.behaviors.line import STATUSES, see_robot
@@ -177,14 +177,14 @@ class Formation(Behavior):
 
     def step(self, view: View) -> Twist:
         """Towards its slot, or zero in the slot of a leader that stands."""
-        own = view.map_from_base()
+        here = own_pose(view)
         leader, self.reason = see_robot(view, self.leader, names.MAP_FRAME, self.params.stale_after)
-        if leader is None or own is None:
-            self.reason = self.reason or f"its own pose in {names.MAP_FRAME} is not known"
+        if leader is None or here is None:
+            self.reason = self.reason or NO_POSE
             self._trail.forget()
             self._making_way.forget()
             return Twist()
-        here, members = own[0], self._members(view)
+        members = self._members(view)
         self._trail.take(leader.pose, leader.stamp or view.now, (len(members) + 1) * self.params.spacing + KEPT)
         slot, target = self._apart(self._find_slot(view, here, members))
         limits = Limits(self.params.max_linear, self.params.max_angular)

@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar
 from msgspec import Meta, Struct
 
 from zteam import names
-from zteam.behaviors.behavior import Behavior, View
+from zteam.behaviors.behavior import NO_POSE, Behavior, View, own_pose
 from zteam.behaviors.evasion import Escape
 from zteam.behaviors.scans import first_clear, is_clear, is_seen, look_along
 from zteam.geometry import Pose2, normalize_angle, yaw_from_quaternion
@@ -256,11 +256,10 @@ class GoTo(Behavior):
         if self._goal is None:
             self.reason = self._refusal
             return Twist()
-        found = view.map_from_base()
-        if found is None or not all(map(math.isfinite, found[0])):
-            self.reason = f"its own pose in {names.MAP_FRAME} is not known"
+        own = own_pose(view)
+        if own is None:
+            self.reason = NO_POSE
             return Twist()
-        own = found[0]
         goal = own.inverse().compose(self._goal)
         distance = self.navigation.distance_remaining = math.hypot(goal.x, goal.y)
         self._is_there = self._is_there or distance <= self.params.xy_goal_tolerance

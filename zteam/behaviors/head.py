@@ -105,21 +105,18 @@ class Head:
     def _room(self, view: View, scan: LaserScan, heading: float) -> float:
         """Metres that are free of walls and robots towards a heading (rad)."""
         room = look_along(scan, view.base.radius + HALF_WIDTH, heading)
-        cos, sin = math.cos(heading), math.sin(heading)
         for mate in view.teammates:
-            along, across = cos * mate.pose.x + sin * mate.pose.y, cos * mate.pose.y - sin * mate.pose.x
+            along, across = mate.along(heading)
             if along > 0.0 and abs(across) < MATE:
                 room = min(room, along)
         return room
 
 
-def lead(behavior: Behavior, head: Head, line: Line, view: View, place: Place, speed: float, turn_rate: float) -> Twist:
+def lead(
+    behavior: Behavior, head: Head, line: Line, view: View, own: Pose2, place: Place, speed: float, turn_rate: float
+) -> Twist:
     """The velocity of a robot that leads its line; it hands over where it gets on no more."""
-    own = view.map_from_base()
-    if own is None:
-        behavior.reason = "its own pose in map is not known"
-        return Twist()
-    command, behavior.reason = head.step(view, own[0], place, speed, turn_rate)
+    command, behavior.reason = head.step(view, own, place, speed, turn_rate)
     if command is not None:
         return command
     head.rest()

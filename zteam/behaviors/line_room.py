@@ -11,7 +11,7 @@ from zteam.behaviors.head import Head
 from zteam.behaviors.line import Place
 from zteam.behaviors.polyline import LOOK_AHEAD, Limits, Polyline
 from zteam.clock import to_ns
-from zteam.geometry import Pose2, normalize_angle
+from zteam.geometry import Pose2, curvature_to, normalize_angle
 from zteam.messages import Twist, Vector3
 
 NEAR, MET = 0.58, 1.0
@@ -184,10 +184,7 @@ def is_too_near(ahead: Pose2) -> bool:
 
 def back_up(own: Pose2, path: Polyline, place: float) -> Twist:
     """The velocity back along the way behind `place`."""
-    target = own.inverse().compose(path.at(place - LOOK_AHEAD))
-    square = target.x * target.x + target.y * target.y
-    if target.x >= 0.0 or square < 1e-4:
-        return Twist(Vector3(-BACK_SPEED))
-    # The arc through the robot and the target, as in pursuit.
-    turn = -BACK_SPEED * 2.0 * target.y / square
+    x, y = own.locate(*path.point(place - LOOK_AHEAD))
+    square = x * x + y * y
+    turn = 0.0 if x >= 0.0 or square < 1e-4 else -BACK_SPEED * curvature_to(y, square)
     return Twist(Vector3(-BACK_SPEED), Vector3(z=max(-1.0, min(1.0, turn))))

@@ -5,8 +5,7 @@ from typing import Annotated
 
 from msgspec import Meta, Struct
 
-from zteam import names
-from zteam.behaviors.behavior import Behavior, View
+from zteam.behaviors.behavior import NO_POSE, Behavior, View, own_pose
 from zteam.behaviors.go_to import FAR
 from zteam.behaviors.polyline import Limits, Polyline, pursue
 from zteam.geometry import Pose2
@@ -71,11 +70,10 @@ class FollowPath(Behavior):
 
     def step(self, view: View) -> Twist:
         """Along the path; zero at its end and while the own pose is not known."""
-        found = view.map_from_base()
-        if found is None or not all(map(math.isfinite, found[0])):
-            self.reason = f"its own pose in {names.MAP_FRAME} is not known"
+        own, path = own_pose(view), self._path
+        if own is None:
+            self.reason = NO_POSE
             return Twist()
-        own, path = found[0], self._path
         place = self._place = self._find_place(own)
         if self.params.loop:
             self._keep_ahead(place)

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import msgspec
 
-from zteam.geometry import Pose2
+from zteam.geometry import Pose2, curvature_to
 from zteam.messages import Twist, Vector3
 
 _LEAST = 1e-9
@@ -164,9 +164,7 @@ def pursue(
     beyond = s + look_ahead - path.end
     if beyond > 0.0:
         target_x, target_y = target_x + beyond * math.cos(yaw), target_y + beyond * math.sin(yaw)
-    dx, dy = target_x - pose.x, target_y - pose.y
-    cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
-    x, y = cos * dx + sin * dy, cos * dy - sin * dx
+    x, y = pose.locate(target_x, target_y)
     square = x * x + y * y
     if square < _NEAR * _NEAR and beyond < 0.0:
         # The path goes on, back past this place.
@@ -176,7 +174,7 @@ def pursue(
     angle = math.atan2(y, x)
     if abs(angle) > TURN_ON_THE_SPOT:
         return Twist(angular=Vector3(z=min(max(TURN_GAIN * angle, -limits.angular), limits.angular)))
-    curvature = 2.0 * y / square
+    curvature = curvature_to(y, square)
     speed = slow_down(speed, curvature, limits)
     return Twist(linear=Vector3(x=speed), angular=Vector3(z=speed * curvature))
 

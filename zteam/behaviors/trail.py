@@ -31,15 +31,15 @@ LOOK_ON, BODY = 1.5, 0.15
 
 def is_walled_off(view: View, own: Pose2, point: tuple[float, float]) -> bool:
     """Whether a wall leaves no straight way to this point (map), as far as to the first robot on it."""
-    x, y, _ = own.inverse().compose(Pose2(*point, 0.0))
-    reach = apart = math.hypot(x, y)
+    x, y = own.locate(*point)
+    reach, bearing = math.hypot(x, y), math.atan2(y, x)
     for mate in view.teammates:
-        along, across = (x * mate.pose.x + y * mate.pose.y) / apart, (x * mate.pose.y - y * mate.pose.x) / apart
+        along, across = mate.along(bearing)
         if along > 0.0 and abs(across) < view.base.half_width + mate.base.radius:
             reach = min(reach, along - mate.base.radius - MARGIN)
     if view.scan is None or reach <= 0.0:
         return False
-    return not is_clear(view.scan, view.base.half_width, reach, math.atan2(y, x))
+    return not is_clear(view.scan, view.base.half_width, reach, bearing)
 
 
 def places_of(view: View, robots: Sequence[int]) -> list[Pose2]:

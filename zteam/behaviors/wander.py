@@ -7,14 +7,13 @@ from typing import Annotated, ClassVar
 from msgspec import Meta, Struct
 
 from zteam import names
-from zteam.behaviors.behavior import Behavior, View
+from zteam.behaviors.behavior import NO_POSE, Behavior, View, own_pose
 from zteam.behaviors.evasion import Escape
 from zteam.behaviors.head import Head, lead
 from zteam.behaviors.line import NO_TURNS, STATUSES, WAITS, Line, Place, Presence
 from zteam.behaviors.polyline import Limits
 from zteam.behaviors.scans import Cone, is_clear, is_seen, look_ahead, look_along
 from zteam.behaviors.trail import Trail
-from zteam.clock import to_ns
 from zteam.messages import LaserScan, Message, RobotDriver, Twist, Vector3
 
 HALF_ANGLE = math.radians(45.0)
@@ -39,10 +38,6 @@ STUCK_AFTER = 1.0
 """Seconds without moving, though it wants to drive, after which it turns: the safety layer knows more than it does."""
 MOVED = 0.02
 """Metres of odometry that are a move."""
-CLOSING = 2.0
-"""m/s: two robots come no faster towards each other."""
-FAR = 2.0
-"""Metres out of reach; what is farther away counts no more, so it looks again for teammates within a second."""
 STALE_AFTER = 0.5
 """Seconds: older poses of the robot that it follows do not count."""
 LIMITS = Limits(0.7, math.pi)
@@ -96,8 +91,6 @@ class Wander(Behavior):
         self._place = math.nan, math.nan
         """In odometry, where it has moved last."""
         self._escape = Escape()
-        self._alone_until = 0
-        """Nanoseconds: before this no teammate can be in the way."""
 
     def step(self, view: View) -> Twist:
         """Straight on or a turn on the spot; zero without a scan. With a line behind it, as its head or its tail."""
@@ -147,16 +140,16 @@ class Wander(Behavior):
         return place if in_line else None
 
     def _step_in_line(self, view: View, place: Place) -> Twist:
-        own = view.map_from_base()
-        if own is None or not all(map(math.isfinite, own[0])):
-            self.reason = f"its own pose in {names.MAP_FRAME} is not known"
+        own = own_pose(view)
+        if own is None:
+            self.reason = NO_POSE
             return Twist()
         self.turns = self._line.turns
-        self._trail.note(own[0])
+        self._trail.note(own)
         if place.ahead is None:
-            return lead(self, self._head, self._line, view, place, self.params.speed, self.params.turn_rate)
+            return lead(self, self._head, self._line, view, own, place, self.params.speed, self.params.turn_rate)
         self._head.rest()
-        command, self.reason = self._trail.step(view, own[0], place, place.gap, STALE_AFTER, LIMITS)
+        command, self.reason = self._trail.step(view, own, place, place.gap, STALE_AFTER, LIMITS)
         return command
 
     def _bearing_of_teammate(self, view: View) -> float | None:
@@ -164,15 +157,11 @@ class Wander(Behavior):
 
         Both keep the room to turn in, or they might stand side by side for ever.
         """
-        if view.now < self._alone_until:
-            return None
-        apart, found = math.inf, None
+        found = None
         for mate in view.teammates:
             x, y, room = mate.pose.x, mate.pose.y, view.base.radius + mate.base.radius + SIDE_MARGIN
-            apart = min(apart, math.hypot(x, y) - room - self._reach)
             if 0.0 < x < room + self._reach and abs(y) < room:
                 found = math.atan2(y, x)
-        self._alone_until = view.now + to_ns(max(0.0, min(apart, FAR)) / CLOSING)
         return found
 
     def _watch_for_stuck(self, view: View) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 from msgspec import Meta
 
 from zteam.errors import ZteamError
-from zteam.geometry import Pose2, normalize_angle
+from zteam.geometry import Pose2, curvature_to, normalize_angle
 from zteam.kernels.binding import Floats, find_hit
 from zteam.planning.costmap import FREE_SPACE, INSCRIBED_INFLATED_OBSTACLE, MAX_NON_OBSTACLE, Costmap
 
@@ -164,7 +164,7 @@ class RegulatedPurePursuit:
             if self._has_to_rotate(heading):
                 command, horizon = self._rotate(velocity, heading, seconds)
             else:
-                curvature = 2.0 * y / max(distance * distance, 1e-6)
+                curvature = curvature_to(y, distance * distance)
                 speed = self._regulate(costmap, pose, curvature, max(to_end, self.remaining()))
                 command = Velocity(speed, 0.0, speed * curvature)
                 horizon = min(options.max_allowed_time_to_collision_up_to_carrot, distance / max(speed, 1e-3))
@@ -199,9 +199,7 @@ class RegulatedPurePursuit:
             # Between two poses: linear in the distance, which is close enough for poses a cell apart.
             share = (reach - away[far - 1]) / max(away[far] - away[far - 1], 1e-9)
             x, y = rest[far - 1, :2] + share * (rest[far, :2] - rest[far - 1, :2])
-        cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
-        dx, dy = float(x) - pose.x, float(y) - pose.y
-        return cos * dx + sin * dy, cos * dy - sin * dx
+        return pose.locate(float(x), float(y))
 
     def _has_to_rotate(self, heading: float) -> bool:
         """Whether the robot turns on the spot first; once begun, until it faces the point."""

@@ -1,6 +1,5 @@
 """A scan as planning takes it: ranges, and where its beams end."""
 
-import math
 from collections.abc import Iterable
 from typing import NamedTuple
 
@@ -68,9 +67,4 @@ def on_teammates(points: Floats, teammates: Iterable[Teammate], margin: float) -
 
 def seen_from(base: Pose2, teammates: Iterable[Teammate]) -> list[Teammate]:
     """Teammates in the base frame of a robot at `base`."""
-    cos, sin = math.cos(base.yaw), math.sin(base.yaw)
-    return [
-        Teammate(cos * dx + sin * dy, cos * dy - sin * dx, mate.radius)
-        for mate in teammates
-        for dx, dy in [(mate.x - base.x, mate.y - base.y)]
-    ]
+    return [Teammate(*base.locate(mate.x, mate.y), mate.radius) for mate in teammates]

@@ -165,19 +165,6 @@ def test_wander_turns_for_a_teammate_that_it_does_not_see(mate: tuple[float, flo
     assert (load_behavior("wander", {}).step(view).linear.x > 0.0) is drives
 
 
-def test_wander_looks_for_far_teammates_now_and_then() -> None:
-    """One that is 5 m away is looked up again only when it may have come near, and seen in time."""
-    behavior, asked, turned_at = load_behavior("wander", {}), [], 0.0
-    for tick in range(30):
-        away = 5.0 - 0.15 * tick
-        view = testing.make_view(FREE, fov=4.7, poses={0: (0, 0, 0), 1: (away, 0, 0)}, now=1.0 + 0.1 * tick)
-        if behavior.step(view).angular.z:
-            turned_at = max(turned_at, away)
-        asked.append("teammates" in vars(view))
-    assert asked[:11] == [True, *[False] * 9, True]
-    assert 0.9 < turned_at < 1.3
-
-
 def test_wander_turns_where_it_is_stopped() -> None:
     """Something that only the safety layer knows of stops it: after a second it turns by 60 degrees or more."""
     behavior, turned, driven = load_behavior("wander", {}), 0.0, 0

@@ -7,7 +7,7 @@ with the cause.
 
 from zteam import names
 from zteam.base import Base
-from zteam.behaviors.behavior import Behavior, View, checked_command
+from zteam.behaviors.behavior import NO_POSE, Behavior, View, checked_command
 from zteam.behaviors.safety.motion import (
     NO_NUMBER,
     STANDING,
@@ -208,5 +208,5 @@ def missing(view: View, behavior: Behavior) -> list[str]:
 def _old_pose(view: View) -> str:
     own = view.map_from_base()
     if own is None:
-        return f"its own pose in {names.MAP_FRAME} is not known"
+        return NO_POSE
     return "" if not own[1] or view.is_fresh(own[1], STALE_AFTER) else f"its own pose in {names.MAP_FRAME} is stale"

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from zteam import names
 from zteam.base import DEFAULT_BASE, Base
-from zteam.behaviors.behavior import View
+from zteam.behaviors.behavior import View, own_pose
 from zteam.behaviors.safety.motion import Motion, Outline, limits_of, outline_of, place_after
 from zteam.behaviors.scans import Beams, beams_of
 from zteam.clock import to_ns
@@ -183,8 +183,7 @@ class Teammates:
             bases, known = {i: view.bases.get(i, DEFAULT_BASE) for i in ids}, self._known
             is_same = {i: i in known and known[i].base is base for i, base in bases.items()}
             self._known = {i: known[i] if is_same[i] else _Teammate(i, base) for i, base in bases.items()}
-        own = view.map_from_base()
-        self._here = own[0] if own is not None and math.isfinite(sum(own[0])) else None
+        self._here = own_pose(view)
         for mate in self._known.values():
             at = view.lookup(names.MAP_FRAME, mate.frame)
             age = (view.now - at[1]) / 1e9 if at is not None and at[1] else 0.0
