@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from support.limits import LIMIT
-from zteam.testing.session import TeamFailure
+from zteam.testing.processes import TeamFailure
 from zteam.testing.team import TeamFixture
 
 pytest_plugins = "pytester"

@@ -50,6 +50,6 @@ def pytest_runtest_makereport(item: pytest.Item, call: Any) -> Generator[None, p
 
 def pytest_unconfigure() -> None:
     """End what the teams of this run had in common."""
-    session = sys.modules.get("zteam.testing.session")
+    session = sys.modules.get("zteam.testing.processes")
     if session is not None:
         session.WARM_PARENT.close()
