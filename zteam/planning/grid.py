@@ -1,7 +1,7 @@
 """Grids: cells in the plane, row by row from the origin, as nav_msgs/OccupancyGrid has them."""
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,15 +55,13 @@ class Frame(NamedTuple):
 
     def points_to_cells(self, points: Floats) -> Floats:
         """`to_cells` for many points: (n, 2) to (n, 2)."""
-        cos, sin = math.cos(self.origin.yaw), math.sin(self.origin.yaw)
-        dx, dy = points[:, 0] - self.origin.x, points[:, 1] - self.origin.y
-        return np.stack(((cos * dx + sin * dy) / self.resolution, (cos * dy - sin * dx) / self.resolution), axis=1)
+        parts: Any = points.T
+        return np.stack(self.to_cells(*parts), axis=1)
 
     def points_from_cells(self, cells: Floats) -> Floats:
         """`from_cells` for many points: (n, 2) to (n, 2)."""
-        cos, sin = math.cos(self.origin.yaw), math.sin(self.origin.yaw)
-        dx, dy = cells[:, 0] * self.resolution, cells[:, 1] * self.resolution
-        return np.stack((self.origin.x + cos * dx - sin * dy, self.origin.y + sin * dx + cos * dy), axis=1)
+        parts: Any = cells.T
+        return np.stack(self.from_cells(*parts), axis=1)
 
 
 class GridMap(NamedTuple):

@@ -18,8 +18,6 @@ from zteam.planning.controller import Controller, PursuitOptions, RegulatedPureP
 from zteam.planning.planner import AStarOptions, AStarPlanner, Planner
 from zteam.problems import Problem, problems_of
 
-PLANNERS_GROUP, CONTROLLERS_GROUP = "zteam.planners", "zteam.controllers"
-"""Entry points."""
 T = TypeVar("T", bound=tuple[Any, ...])
 
 
@@ -60,21 +58,13 @@ class Plugin(NamedTuple):
     """What is set of it, by the plug-in's own names."""
 
 
-class _Kind(NamedTuple):
-    """Planners, or controllers."""
-
-    own: Mapping[str, Callable[[Mapping[str, Any]], Any]]
-    group: str
-    """Of entry points."""
-
-
 ASTAR, PURSUIT = "astar", "regulated_pure_pursuit"
-_KINDS = {
-    "planner": _Kind({ASTAR: lambda given: AStarPlanner(read_options(AStarOptions, given)[0])}, PLANNERS_GROUP),
-    "controller": _Kind(
-        {PURSUIT: lambda given: RegulatedPurePursuit(read_options(PursuitOptions, given)[0])}, CONTROLLERS_GROUP
-    ),
+_OWN: Mapping[str, Mapping[str, Callable[[Mapping[str, Any]], Any]]] = {
+    "planner": {ASTAR: lambda given: AStarPlanner(read_options(AStarOptions, given)[0])},
+    "controller": {PURSUIT: lambda given: RegulatedPurePursuit(read_options(PursuitOptions, given)[0])},
 }
+_GROUPS = {"planner": "zteam.planners", "controller": "zteam.controllers"}
+"""Of entry points."""
 NAV2_NAMES = {
     "nav2_navfn_planner::NavfnPlanner": ASTAR,
     "nav2_smac_planner::SmacPlanner2D": ASTAR,
@@ -101,7 +91,7 @@ def plugin_name(kind: str, name: str, where: str = "") -> str:
 
     `kind` is "planner" or "controller". Raises UsageError for a name that is neither; the text begins with `where`.
     """
-    own, group = _KINDS[kind]
+    own, group = _OWN[kind], _GROUPS[kind]
     own_name = NAV2_NAMES.get(name.replace("/", "::"), name)
     if own_name in own:
         return own_name
@@ -116,5 +106,4 @@ def plugin_name(kind: str, name: str, where: str = "") -> str:
 
 def _find(kind: str, name: str) -> Callable[[Mapping[str, Any]], Any]:
     found = plugin_name(kind, name)
-    own, group = _KINDS[kind]
-    return own.get(found) or load_offered(group, found)
+    return _OWN[kind].get(found) or load_offered(_GROUPS[kind], found)

@@ -23,7 +23,7 @@ from zteam.messages import (
     time_from_ns,
 )
 from zteam.runtime.node import Node
-from zteam.services.navigation import GoalWatch, Link, NavigationClient, TaskResult, goal_message
+from zteam.services.navigation import GoalWatch, NavigationClient, TaskResult, goal_message
 from zteam.services.team_clock import team_clock
 
 log = logging.getLogger("zteam")
@@ -74,8 +74,18 @@ class BasicNavigator:
         self._node = link if isinstance(link, Node) else None
         bus = link.bus if isinstance(link, Node) else link
         self._clock = link.clock if isinstance(link, Node) else team_clock(bus)
-        self._tour = _Tour(bus, robot_id, self._clock.now, link)
-        self._client = self._tour.client
+        self._changed = threading.Condition(threading.RLock())
+        """Notified when there is news."""
+        self._goals: Sequence[PoseStamped] = ()
+        """Those of the task: each is sent when the one before is reached."""
+        self._index = 0
+        """Of the newest goal."""
+        self._watch: GoalWatch | None = None
+        """Of the newest goal."""
+        self._sent = 0
+        """When it was sent, in ns of the team's time."""
+        self._is_sending = False
+        self._client = NavigationClient(bus, robot_id, self._clock.now, link=link, on_change=self._advance)
         self._nag = Every(10.0)
         self._initial_pose = link.publisher(names.robot_key(robot_id, names.INITIAL_POSE), PoseWithCovarianceStamped)
 
@@ -98,8 +108,7 @@ class BasicNavigator:
     @property
     def reason(self) -> str:
         """Why the task ended as it did, or why the robot does not get on; empty where there is nothing to say."""
-        watch = self._tour.watch
-        return "" if watch is None else self._client.waits_for or watch.text
+        return "" if self._watch is None else self._client.waits_for or self._watch.text
 
     def wait_until_nav2_active(self, timeout: float | None = None) -> None:
         """Wait until the robot's navigation is there. Raises BusError after `timeout` host seconds.
@@ -115,8 +124,8 @@ class BasicNavigator:
         while not ready():
             if monotonic() >= end:
                 raise BusError(f"{trouble} within {timeout:g} s: waiting for {self._client.lack or 'it'}")
-            with self._tour.changed:
-                wait_until(self._tour.changed, ready, min(_LOOK, max(0.0, end - monotonic())))
+            with self._changed:
+                wait_until(self._changed, ready, min(_LOOK, max(0.0, end - monotonic())))
             self._complain(self._client.lack)
 
     def set_initial_pose(self, initial_pose: Place) -> None:
@@ -142,19 +151,48 @@ class BasicNavigator:
         goals = [_message(pose) for pose in poses]
         if not goals:
             raise UsageError("follow_waypoints: give at least one pose")
-        self._tour.start(goals)
+        with self._changed:
+            self._goals, self._index, self._is_sending = goals, 0, True
+        self._send(goals[0])
         return True
+
+    def _send(self, goal: PoseStamped) -> None:
+        # Without the lock: in memory, handlers of others run within, and navigation may answer at once.
+        sent, watch = self._clock.now(), self._client.send(goal)
+        with self._changed:
+            self._watch, self._sent, self._is_sending = watch, sent, False
+        self._advance()
+
+    def _advance(self) -> None:
+        """Something may have changed: send the next goal if it is due."""
+        goal = None
+        with self._changed:
+            if self._has_next and not self._is_sending:
+                self._index += 1
+                self._is_sending, goal = True, self._goals[self._index]
+            self._changed.notify_all()
+        if goal is not None:
+            self._send(goal)
+
+    @property
+    def _has_next(self) -> bool:
+        reached = self._watch is not None and self._watch.result == TaskResult.SUCCEEDED
+        return reached and self._index + 1 < len(self._goals)
+
+    def _is_over(self) -> bool:
+        """Whether the task has ended, or there is none."""
+        with self._changed:
+            return not self._is_sending and not self._has_next and (self._watch is None or self._watch.ended)
 
     def is_task_complete(self) -> bool:
         """Whether the task has ended, or there is none. In a script it waits for up to 0.1 s, in a node not at all."""
-        tour = self._tour
         self._client.look()
         if self._node is None:
-            with tour.changed:
-                wait_until(tour.changed, lambda: tour.is_over, _LOOK)
-        if not tour.is_over:
+            with self._changed:
+                wait_until(self._changed, self._is_over, _LOOK)
+        if not self._is_over():
             self._complain(self._client.waits_for)
-        return tour.is_over
+        return self._is_over()
 
     def _complain(self, lack: str) -> None:
         if lack and self._nag.due():
@@ -162,32 +200,33 @@ class BasicNavigator:
 
     def get_feedback(self) -> NavigationFeedback | None:
         """How far the robot is; None while navigation has said nothing of the goal."""
-        tour = self._tour
-        with tour.changed:
-            status = None if tour.watch is None else tour.watch.status
+        with self._changed:
+            status = None if self._watch is None else self._watch.status
             if status is None:
                 return None
-            since = time_from_ns(max(0, self._clock.now() - tour.begin))
+            since = time_from_ns(max(0, self._clock.now() - self._sent))
             return NavigationFeedback(
                 status.distance_remaining,
                 status.estimated_time_remaining,
                 Duration(since.sec, since.nanosec),
                 status.recoveries,
-                tour.index,
+                self._index,
                 status.text,
             )
 
     def get_result(self) -> TaskResult:
         """How the task ended; UNKNOWN while it lasts, and without one."""
-        return self._tour.result
+        with self._changed:
+            return self._watch.result if self._watch is not None and self._is_over() else TaskResult.UNKNOWN
 
     def cancel_task(self) -> None:
         """Give the task up: the robot stops, and the result is CANCELED. Raises BusError if that cannot be asked for.
 
         In a node the question is asked on a thread of its own, because an answer comes only after the step.
         """
-        self._tour.cut()
-        if self._tour.is_over:
+        with self._changed:
+            self._goals = self._goals[: self._index + 1]
+        if self._is_over():
             return
         if self._node is None:
             self._client.cancel()
@@ -203,75 +242,6 @@ class BasicNavigator:
     getFeedback = get_feedback  # noqa: N815
     getResult = get_result  # noqa: N815
     cancelTask = cancel_task  # noqa: N815
-
-
-class _Tour:
-    """Goals for one robot in turn: the next is sent when the one before is reached. Nothing waits.
-
-    It ends with its last goal, or with the first that is not reached.
-    """
-
-    def __init__(self, bus: Bus, robot_id: int, now: Callable[[], int], link: Link) -> None:
-        """`now()` is the team's time (ns)."""
-        self.changed = threading.Condition(threading.RLock())
-        """Notified when there is news."""
-        self.index = 0
-        """Of the newest goal."""
-        self.watch: GoalWatch | None = None
-        """Of the newest goal."""
-        self.begin = 0
-        """When it was sent, in ns."""
-        self._now = now
-        self._goals: Sequence[PoseStamped] = ()
-        self._is_sending = False
-        self.client = NavigationClient(bus, robot_id, now, link=link, on_change=self.advance)
-
-    def start(self, goals: Sequence[PoseStamped]) -> None:
-        """Begin with the first of these goals, in the place of what was before."""
-        with self.changed:
-            self._goals, self.index, self._is_sending = goals, 0, True
-        self._send(goals[0])
-
-    def _send(self, goal: PoseStamped) -> None:
-        # Without the lock: in memory, handlers of others run within, and navigation may answer at once.
-        begin = self._now()
-        watch = self.client.send(goal)
-        with self.changed:
-            self.watch, self.begin, self._is_sending = watch, begin, False
-        self.advance()
-
-    def advance(self) -> None:
-        """Something may have changed: send the next goal if it is due."""
-        goal = None
-        with self.changed:
-            if self._has_next and not self._is_sending:
-                self.index += 1
-                self._is_sending, goal = True, self._goals[self.index]
-            self.changed.notify_all()
-        if goal is not None:
-            self._send(goal)
-
-    @property
-    def _has_next(self) -> bool:
-        reached = self.watch is not None and self.watch.result == TaskResult.SUCCEEDED
-        return reached and self.index + 1 < len(self._goals)
-
-    @property
-    def is_over(self) -> bool:
-        """Whether it has ended, or never begun."""
-        with self.changed:
-            return not self._is_sending and not self._has_next and (self.watch is None or self.watch.ended)
-
-    @property
-    def result(self) -> TaskResult:
-        """How it ended; UNKNOWN while it lasts, and before the first."""
-        with self.changed:
-            return self.watch.result if self.watch is not None and self.is_over else TaskResult.UNKNOWN
-
-    def cut(self) -> None:
-        """Let the newest goal be the last."""
-        with self.changed:
-            self._goals = self._goals[: self.index + 1]
 
 
 def _robot_id(robot: int | str) -> int:

@@ -24,7 +24,6 @@ from zteam.messages import (
     NavigationStatus,
     PoseStamped,
     RobotStatus,
-    Time,
     time_from_ns,
 )
 from zteam.services.maps import pose_message
@@ -90,9 +89,9 @@ ON_THE_WAY = frozenset({NavigationState.PLANNING, NavigationState.DRIVING, Navig
 """States of a goal that lasts."""
 
 
-def goal_message(pose: Pose2, frame: str = names.MAP_FRAME, stamp: Time | None = None) -> PoseStamped:
-    """A planar pose (m, rad) as a message."""
-    return PoseStamped(Header(stamp or Time(), frame), pose_message(pose))
+def goal_message(pose: Pose2) -> PoseStamped:
+    """A planar pose (m, rad) in `map` as a message."""
+    return PoseStamped(Header(frame_id=names.MAP_FRAME), pose_message(pose))
 
 
 def stamped(goal: PoseStamped, stamp: int) -> PoseStamped:
