@@ -48,7 +48,9 @@ def gaussians(states: NDArray[np.uint64], count: int) -> NDArray[np.float64]:
 
     The radius comes from 32 bits, so the tails end at 6.7 standard deviations.
     """
-    radius, turn = _polar(states, count)
+    hashes = _hashes(states, count)
+    radius = np.sqrt(-2.0 * np.log(((hashes >> np.uint64(32)) + 0.5) * 2.0**-32))
+    turn = np.multiply(hashes & np.uint64(0xFFFFFFFF), 2.0 * np.pi * 2.0**-32, dtype=np.float64)
     normal: NDArray[np.float64] = np.multiply(radius, np.cos(turn), dtype=np.float64)
     return normal
 
@@ -64,13 +66,6 @@ def gaussian_pairs(states: NDArray[np.uint64], count: int) -> NDArray[np.float32
     )
     turn = (hashes & np.uint64(0xFFFFFFFF)).astype(np.float32) * np.float32(2.0 * np.pi * 2.0**-32)
     return np.concatenate((radius * np.cos(turn), radius * np.sin(turn)), axis=1)
-
-
-def _polar(states: NDArray[np.uint64], count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    hashes = _hashes(states, count)
-    radius = np.sqrt(-2.0 * np.log(((hashes >> np.uint64(32)) + 0.5) * 2.0**-32))
-    turn = np.multiply(hashes & np.uint64(0xFFFFFFFF), 2.0 * np.pi * 2.0**-32, dtype=np.float64)
-    return radius, turn
 
 
 def streams(states: NDArray[np.uint64], counter: int) -> NDArray[np.uint64]:

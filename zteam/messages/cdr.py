@@ -35,7 +35,7 @@ _MAY_BE_INFINITE = {
 the payload undecodable."""
 
 _Field = tuple[str, str, Any]
-"""(kind, expression, detail); kinds: number, str, sequence, array, list."""
+"""(kind, expression, detail); kinds: number, str, numbers (a sequence, or an array of fixed length), list."""
 _HEADER = b"\x00\x01\x00\x00"
 _MAX_PADDING = 3
 """XCDR1 writers may pad a payload to a multiple of four."""
@@ -110,10 +110,8 @@ def _fields_of(message_type: type[Message], expression: str) -> list[_Field]:
             if not count:
                 finite = base.startswith("float") and f"{message_type.__name__}.{name}" not in _MAY_BE_INFINITE
                 found.append(("number", place, (_CODES[base], base == "bool", finite)))
-            elif count == "]":
-                found.append(("sequence", place, _DTYPES[base]))
             else:
-                found.append(("array", place, (_DTYPES[base], int(count))))
+                found.append(("numbers", place, (_DTYPES[base], None if count == "]" else int(count))))
     return found
 
 
@@ -125,7 +123,7 @@ def _least_size(kind: Any) -> int:
     for field_kind, _, detail in _fields_of(kind, "m"):
         if field_kind == "number":
             least += _SIZES[detail[0]]
-        elif field_kind == "array":
+        elif field_kind == "numbers" and detail[1] is not None:
             least += int(detail[0][1]) * int(detail[1])
         else:
             least += 4
@@ -189,15 +187,20 @@ def _write(source: _Source, fields: list[_Field]) -> None:
             run.append(("I", f"len(s{number})"))
             flush()
             source.add(f"parts.append(s{number}); p += len(s{number})")
-        elif kind == "sequence":
-            source.add(f"a{number} = np.ascontiguousarray({place}, {source.name('D', np.dtype('<' + detail))})")
-            source.add(f"if a{number}.ndim != 1: raise ValueError('a sequence has one dimension')")
-            run.append(("I", f"len(a{number})"))
+        elif kind == "numbers":
+            dtype, count = detail
+            source.add(f"a{number} = np.ascontiguousarray({place}, {source.name('D', np.dtype('<' + dtype))})")
+            if count is None:
+                source.add(f"if a{number}.ndim != 1: raise ValueError('a sequence has one dimension')")
+                run.append(("I", f"len(a{number})"))
+            else:
+                source.add(f"if a{number}.shape != ({count},): raise ValueError('an array of {count} numbers is due')")
             flush()
-            _write_numbers(source, f"a{number}", int(detail[1]))
-        elif kind == "array":
-            flush()
-            _write_array(source, place, *detail)
+            if count is not None or int(dtype[1]) > 4:
+                # A length leaves the position at a multiple of 4. An empty sequence is not aligned.
+                gap = f"({len(_HEADER)} - p) % {int(dtype[1])} if len(a{number}) else 0"
+                source.add(f"n = {gap}; parts.append(bytes(n)); p += n")
+            source.add(f"b = a{number}.tobytes(); parts.append(b); p += len(b)")
         else:
             run.append(("I", f"len({place})"))
             flush()
@@ -211,22 +214,6 @@ def _truth(value: Any) -> bool:
     if isinstance(value, bool | np.bool_) or value in (0, 1):
         return bool(value)
     raise ValueError(f"{value!r} is neither true nor false")
-
-
-def _write_numbers(source: _Source, value: str, size: int) -> None:
-    """Lines for the numbers of a sequence, below its length."""
-    if size > 4:
-        # The length left the position at a multiple of 4; an empty sequence is not aligned.
-        gap = f"({len(_HEADER)} - p) % {size} if len({value}) else 0"
-        source.add(f"n = {gap}; parts.append(bytes(n)); p += n")
-    source.add(f"b = {value}.tobytes(); parts.append(b); p += len(b)")
-
-
-def _write_array(source: _Source, place: str, dtype: str, count: int) -> None:
-    """Lines for an array of fixed length."""
-    source.add(f"a = np.ascontiguousarray({place}, {source.name('D', np.dtype('<' + dtype))})")
-    source.add(f"if a.shape != ({count},): raise ValueError('an array of {count} numbers is due')")
-    source.add(f"n = ({len(_HEADER)} - p) % {int(dtype[1])}; b = bytes(n) + a.tobytes(); parts.append(b); p += len(b)")
 
 
 @cache
@@ -270,13 +257,16 @@ def _read(source: _Source, fields: list[_Field], order: str) -> dict[str, str]:
             run.append((code, value))
             checks += _bool_checks(value, place) if is_bool else []
             finite += [value] if must_be_finite else []
-        elif kind == "array":
-            flush()
-            _read_array(source, value, detail[0], detail[1], order)
         else:
-            run.append(("I", "n"))
+            if kind != "numbers" or detail[1] is None:
+                run.append(("I", "n"))
             flush()
-            _COUNTED[kind](source, value, detail, order)
+            if kind == "numbers":
+                _read_numbers(source, value, detail[0], detail[1], order)
+            elif kind == "str":
+                _read_text(source, value)
+            else:
+                _read_list(source, value, detail, order)
     flush()
     if finite:
         source.add(_finite_check(finite))
@@ -290,7 +280,7 @@ def _finite_check(values: Sequence[str]) -> str:
     return f"if {zeros} != 0.0: raise DecodeError('a number is not finite')"
 
 
-def _read_text(source: _Source, value: str, _detail: None, _order: str) -> None:
+def _read_text(source: _Source, value: str) -> None:
     source.add("if n > end - p: raise DecodeError('a text of %d bytes, more than it holds' % n)")
     # Some writers send the empty text without its NUL.
     source.add(f"if n == 0: {value} = ''")
@@ -305,17 +295,15 @@ def _bool_checks(value: str, place: str) -> list[str]:
     ]
 
 
-def _read_array(source: _Source, value: str, dtype: str, count: int, order: str) -> None:
-    source.add(f"p += ({len(_HEADER)} - p) % {int(dtype[1])}")
-    _read_numbers(source, value, dtype, str(count), order)
-
-
-def _read_sequence(source: _Source, value: str, dtype: str, order: str) -> None:
-    size = int(dtype[1])
-    if size > 4:
-        source.add(f"if n: p += ({len(_HEADER)} - p) % {size}")
-    source.add(f"if n * {size} > end - p: raise DecodeError('a length of %d, more than it holds' % n)")
-    _read_numbers(source, value, dtype, "n", order)
+def _read_numbers(source: _Source, value: str, dtype: str, count: int | None, order: str) -> None:
+    size, number = int(dtype[1]), "n" if count is None else str(count)
+    if count is not None or size > 4:
+        source.add(f"if {number}: p += ({len(_HEADER)} - p) % {size}")
+    if count is None:
+        source.add(f"if n * {size} > end - p: raise DecodeError('a length of %d, more than it holds' % n)")
+    wire = source.name("D", np.dtype(order + dtype))
+    native = "" if order == "<" else f".astype({source.name('D', np.dtype('<' + dtype))})"
+    source.add(f"{value} = np.frombuffer(buf, {wire}, {number}, p){native}; p += {number} * {size}")
 
 
 def _read_list(source: _Source, value: str, kind: Any, order: str) -> None:
@@ -323,20 +311,6 @@ def _read_list(source: _Source, value: str, kind: Any, order: str) -> None:
     source.add(f"if n * {_least_size(kind)} > end - p: raise DecodeError('a length of %d, too many' % n)")
     source.add(f"{value} = []")
     source.add(f"for _ in range(n): e, p = {reader}(buf, p, end); {value}.append(e)")
-
-
-_COUNTED: dict[str, Callable[[_Source, str, Any, str], None]] = {
-    "str": _read_text,
-    "sequence": _read_sequence,
-    "list": _read_list,
-}
-"""What reads a field that begins with its length, which is in `n`."""
-
-
-def _read_numbers(source: _Source, value: str, dtype: str, count: str, order: str) -> None:
-    wire = source.name("D", np.dtype(order + dtype))
-    native = "" if order == "<" else f".astype({source.name('D', np.dtype('<' + dtype))})"
-    source.add(f"{value} = np.frombuffer(buf, {wire}, {count}, p){native}; p += {count} * {int(dtype[1])}")
 
 
 def _build_expression(message_type: type[Message], expression: str, values: dict[str, str], source: _Source) -> str:
@@ -428,8 +402,8 @@ def _adopter(kind: Any) -> Callable[[Any], None] | None:
             narrow.append(place)
         elif field == "list" and (adopter := _adopter(detail)) is not None:
             source.add(f"for e in {place}: {source.name('R', adopter)}(e)")
-        elif field in ("sequence", "array"):
-            dtype = source.name("D", np.dtype("<" + (detail if field == "sequence" else detail[0])))
+        elif field == "numbers":
+            dtype = source.name("D", np.dtype("<" + detail[0]))
             source.add(f"{place} = {source.name('Q', _read_only)}({place}, {dtype})")
     if narrow:
         packer = source.name("S", struct.Struct(f"<{len(narrow)}f"))
