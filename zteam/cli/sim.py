@@ -29,7 +29,6 @@ _REPORT_PERIOD = 5.0
 
 Answer = tuple[msgspec.Struct, str]
 """The reply, and its text for users."""
-Ask = Callable[[SimulatorClient], Answer]
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -72,14 +71,30 @@ def build_parser() -> argparse.ArgumentParser:
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point."""
     args = build_parser().parse_args(negative_numbers(sys.argv[1:] if argv is None else argv))
-    ask = checked(args, lambda: _VERBS[args.verb](args))
-    return run("zteam sim", args, lambda: _answer(args, ask))
+    checked(args, lambda: _read(args))
+    return run("zteam sim", args, lambda: _answer(args))
 
 
-def _answer(args: argparse.Namespace, ask: Ask) -> int:
+def _read(args: argparse.Namespace) -> None:
+    """Replace the words of the command line by what they say. Raises UsageError."""
+    match args.verb:
+        case "step":
+            args.ticks = parse_ticks(args.ticks)
+        case "speed":
+            args.speed = parse_speed(args.speed)
+        case "spawn":
+            args.pose = parse_pose(args.pose)
+            args.id = None if args.id is None else names.parse_robot_id(args.id.strip())
+        case "remove":
+            args.ids = parse_robot_ids(args.ids, "remove")
+        case "move":
+            args.id, args.pose = names.parse_robot_id(args.id.strip()), parse_pose([args.x, args.y, args.yaw])
+
+
+def _answer(args: argparse.Namespace) -> int:
     bus = open_bus(bus_options(args))
     try:
-        reply, text = ask(SimulatorClient(bus))
+        reply, text = _VERBS[args.verb](SimulatorClient(bus), args)
     finally:
         bus.close()
     print(msgspec.json.encode(reply).decode() if args.json else text)
@@ -119,107 +134,70 @@ def parse_ticks(text: str) -> int:
         raise UsageError(f"step {error}") from None
 
 
-def _pause(_args: argparse.Namespace) -> Ask:
-    def ask(client: SimulatorClient) -> Answer:
-        status = client.pause()
-        return status, f"paused {_format_when(status)}{_format_hold(status)}"
-
-    return ask
+def _pause(client: SimulatorClient, _args: argparse.Namespace) -> Answer:
+    status = client.pause()
+    return status, f"paused {_format_when(status)}{_format_hold(status)}"
 
 
-def _resume(_args: argparse.Namespace) -> Ask:
-    def ask(client: SimulatorClient) -> Answer:
-        status = client.resume()
-        if status.finished:
-            return status, f"the run is over {_format_when(status)}: 'zteam sim reset' starts it again"
-        return status, f"resumed {_format_when(status)}, {_format_pace(status)}"
-
-    return ask
+def _resume(client: SimulatorClient, _args: argparse.Namespace) -> Answer:
+    status = client.resume()
+    if status.finished:
+        return status, f"the run is over {_format_when(status)}: 'zteam sim reset' starts it again"
+    return status, f"resumed {_format_when(status)}, {_format_pace(status)}"
 
 
-def _step(args: argparse.Namespace) -> Ask:
-    ticks = parse_ticks(args.ticks)
+def _step(client: SimulatorClient, args: argparse.Namespace) -> Answer:
+    progress = _Progress(args.ticks)
+    try:
+        status = client.step(args.ticks, on_progress=progress.report)
+    except KeyboardInterrupt:
+        # The user gave up: cancel the remaining ticks.
+        print(f"\npaused {_format_when(client.pause())}", file=sys.stderr)
+        raise
+    finally:
+        progress.end()
+    return status, format_status(status)
 
-    def ask(client: SimulatorClient) -> Answer:
-        progress = _Progress(ticks)
+
+def _speed(client: SimulatorClient, args: argparse.Namespace) -> Answer:
+    status = client.set_speed(args.speed)
+    later = ", after 'zteam sim resume': the world is paused" if status.paused else ""
+    return status, _format_pace(status) + later
+
+
+def _reset(client: SimulatorClient, _args: argparse.Namespace) -> Answer:
+    status = _change(client.reset)
+    return status, f"reset, {'paused ' + _format_when(status) if status.paused else _format_pace(status)}"
+
+
+def _spawn(client: SimulatorClient, args: argparse.Namespace) -> Answer:
+    robot_id = _change(lambda: client.spawn(*args.pose, model=args.model, robot_id=args.id, force=args.force))
+    return SpawnReply(robot_id), str(robot_id)
+
+
+def _remove(client: SimulatorClient, args: argparse.Namespace) -> Answer:
+    ids = args.ids
+    for i, robot_id in enumerate(ids):
         try:
-            status = client.step(ticks, on_progress=progress.report)
-        except KeyboardInterrupt:
-            # The user gave up: cancel the remaining ticks.
-            print(f"\npaused {_format_when(client.pause())}", file=sys.stderr)
-            raise
-        finally:
-            progress.end()
-        return status, format_status(status)
-
-    return ask
+            status = _change(lambda robot_id=robot_id: client.remove(robot_id))  # type: ignore[misc]
+        except BusError as error:
+            raise BusError(f"{error}; removed before: {format_robot_ids(ids[:i])}" if i else str(error)) from None
+    gone = f"robot {ids[0]} is" if len(ids) == 1 else f"robots {format_robot_ids(ids)} are"
+    return status, f"{gone} removed; robots left: {format_robot_ids(status.robots) or '-'}"
 
 
-def _speed(args: argparse.Namespace) -> Ask:
-    speed = parse_speed(args.speed)
-
-    def ask(client: SimulatorClient) -> Answer:
-        status = client.set_speed(speed)
-        later = ", after 'zteam sim resume': the world is paused" if status.paused else ""
-        return status, _format_pace(status) + later
-
-    return ask
+def _move(client: SimulatorClient, args: argparse.Namespace) -> Answer:
+    x, y, yaw = args.pose
+    status = _change(lambda: client.move(args.id, x, y, yaw, force=args.force))
+    return status, f"robot {args.id} is at x {x + 0.0:g}, y {y + 0.0:g}, yaw {yaw + 0.0:g}"
 
 
-def _reset(_args: argparse.Namespace) -> Ask:
-    def ask(client: SimulatorClient) -> Answer:
-        status = _change(client.reset)
-        return status, f"reset, {'paused ' + _format_when(status) if status.paused else _format_pace(status)}"
-
-    return ask
+def _status(client: SimulatorClient, _args: argparse.Namespace) -> Answer:
+    status = client.status()
+    return status, format_status(status)
 
 
-def _spawn(args: argparse.Namespace) -> Ask:
-    pose = parse_pose(args.pose)
-    robot_id = None if args.id is None else names.parse_robot_id(args.id.strip())
-
-    def ask(client: SimulatorClient) -> Answer:
-        reply = SpawnReply(_change(lambda: client.spawn(*pose, model=args.model, robot_id=robot_id, force=args.force)))
-        return reply, str(reply.id)
-
-    return ask
-
-
-def _remove(args: argparse.Namespace) -> Ask:
-    ids = parse_robot_ids(args.ids, "remove")
-
-    def ask(client: SimulatorClient) -> Answer:
-        for i, robot_id in enumerate(ids):
-            try:
-                status = _change(lambda robot_id=robot_id: client.remove(robot_id))  # type: ignore[misc]
-            except BusError as error:
-                raise BusError(f"{error}; removed before: {format_robot_ids(ids[:i])}" if i else str(error)) from None
-        gone = f"robot {ids[0]} is" if len(ids) == 1 else f"robots {format_robot_ids(ids)} are"
-        return status, f"{gone} removed; robots left: {format_robot_ids(status.robots) or '-'}"
-
-    return ask
-
-
-def _move(args: argparse.Namespace) -> Ask:
-    robot_id, pose = names.parse_robot_id(args.id.strip()), parse_pose([args.x, args.y, args.yaw])
-
-    def ask(client: SimulatorClient) -> Answer:
-        x, y, yaw = pose
-        status = _change(lambda: client.move(robot_id, *pose, force=args.force))
-        return status, f"robot {robot_id} is at x {x + 0.0:g}, y {y + 0.0:g}, yaw {yaw + 0.0:g}"
-
-    return ask
-
-
-def _status(_args: argparse.Namespace) -> Ask:
-    def ask(client: SimulatorClient) -> Answer:
-        status = client.status()
-        return status, format_status(status)
-
-    return ask
-
-
-_VERBS: dict[str, Callable[[argparse.Namespace], Ask]] = {
+_VERBS: dict[str, Callable[[SimulatorClient, argparse.Namespace], Answer]] = {
     "pause": _pause,
     "resume": _resume,
     "step": _step,
