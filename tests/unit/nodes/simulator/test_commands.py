@@ -1,4 +1,4 @@
-"""The simulator's view of the robots' commands, on a bus in memory: which robots it waits for."""
+"""The robots' commands: which robots are waited for, and what comes from outside."""
 
 import queue
 import threading
@@ -7,12 +7,13 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import pytest
 
+from support.in_process_team import InProcessTeam, TeamOptions
 from support.limits import LIMIT
 from support.lockstep_doubles import LONG
 from zteam import names
 from zteam.bus import MemoryHub
 from zteam.clock import wait_until
-from zteam.messages import Twist
+from zteam.messages import Message, PoseStamped, Twist, TwistStamped
 from zteam.nodes.simulator import commands
 from zteam.nodes.simulator.commands import RobotCommands
 from zteam.nodes.simulator.statistics import RunStatistics
@@ -111,3 +112,21 @@ def test_only_robots_with_a_process_are_missing(harness: CommandsHarness) -> Non
     assert harness.commands.missing({}) == [0]
     harness.robots.discard(0)
     assert harness.commands.missing({}) == []
+
+
+@pytest.mark.parametrize(
+    ("topic", "message"),
+    [(names.CMD_VEL_TELEOP, Twist()), (names.CMD_VEL_NAV, TwistStamped()), (names.GOAL_POSE, PoseStamped())],
+)
+def test_what_comes_from_outside_is_counted(topic: str, message: Message) -> None:
+    """From GO on each message counts that a process sends which takes no part, to a robot of the world; what a
+    participant sends to any robot does not."""
+    with InProcessTeam(TeamOptions(paused=True)) as team:
+        outside, key = team.hub.bus(), names.robot_key(1, topic)
+        team.step(5)
+        before = team.report().external_commands
+        for _ in range(2):
+            outside.publisher(key, type(message)).put(message)
+        outside.publisher(names.robot_key(9, topic), type(message)).put(message)
+        team.nodes["robot_0"].bus.publisher(key, type(message)).put(message)
+        assert (before, team.report().external_commands) == (0, 2)

@@ -1,9 +1,218 @@
-"""The rules by which a tick of lock-step begins and ends, without a bus."""
+"""The participants of a tick, and the rules by which it begins and ends, without a bus."""
 
 import pytest
 
 from zteam.messages import Done, Twist, Vector3
-from zteam.nodes.simulator.open_tick import OpenTick
+from zteam.nodes.simulator.open_tick import Barrier, OpenTick
+
+
+def take_names(barrier: Barrier, *names: str) -> None:
+    """Let processes take these names."""
+    for name in names:
+        barrier.take_token(name, f"first-{name}", True)
+
+
+def lose_name(barrier: Barrier, name: str) -> None:
+    """Let the process that holds this name end."""
+    barrier.take_token(name, f"first-{name}", False)
+
+
+def join_all(barrier: Barrier, *names: str) -> None:
+    """Let processes take these names and answer some tick."""
+    take_names(barrier, *names)
+    for name in names:
+        assert barrier.take_done(name, f"first-{name}", Done(9, 9))
+
+
+@pytest.fixture
+def team() -> Barrier:
+    """Three participants at tick 1."""
+    barrier = Barrier()
+    join_all(barrier, "tf", "robot_1", "robot_0")
+    assert barrier.open(1, 1) == ["robot_0", "robot_1", "tf"]
+    return barrier
+
+
+def test_a_process_takes_part_from_the_tick_after_its_first_answer() -> None:
+    """A process joins with its first answer; the barrier waits for it from the next tick on."""
+    barrier = Barrier()
+    take_names(barrier, "robot_0")
+    assert barrier.open(1, 1) == []
+    assert barrier.complete
+    assert barrier.take_done("robot_0", "first-robot_0", Done(1, 1))
+    assert (barrier.joining, barrier.members) == ({"robot_0"}, [])
+    assert barrier.complete
+    assert barrier.open(1, 2) == ["robot_0"]
+    assert (barrier.joining, barrier.missing()) == (set(), ["robot_0"])
+    assert not barrier.complete
+
+
+def test_a_tick_is_complete_with_the_last_answer(team: Barrier) -> None:
+    """Answers may come in any order; `missing` is sorted by name."""
+    for name, missing in (("robot_1", ["robot_0", "tf"]), ("tf", ["robot_0"]), ("robot_0", [])):
+        assert not team.complete
+        assert team.take_done(name, f"first-{name}", Done(1, 1))
+        assert team.missing() == missing
+    assert team.complete
+
+
+def test_an_answer_to_another_tick_is_not_the_answer(team: Barrier) -> None:
+    """Answers to older or newer ticks, or to the same number under another epoch, have no effect."""
+    for stray in (Done(1, 0), Done(1, 2), Done(0, 1), Done(2, 1)):
+        assert team.take_done("tf", "first-tf", stray)
+    assert team.missing() == ["robot_0", "robot_1", "tf"]
+    assert team.answers == {}
+
+
+def test_the_newest_answer_to_a_tick_stands(team: Barrier) -> None:
+    """A participant that answers twice counts once, with its last answer."""
+    team.take_done("robot_0", "first-robot_0", Done(1, 1, True, Twist(Vector3(0.1))))
+    team.take_done("robot_0", "first-robot_0", Done(1, 1, True, Twist(Vector3(0.2))))
+    assert team.answers["robot_0"].command.linear.x == 0.2
+    assert team.missing() == ["robot_1", "tf"]
+
+
+def test_a_new_tick_forgets_the_answers(team: Barrier) -> None:
+    """Every participant has to answer every tick."""
+    for name in team.members:
+        team.take_done(name, f"first-{name}", Done(1, 1))
+    assert team.complete
+    assert team.open(1, 2) == ["robot_0", "robot_1", "tf"]
+    assert team.answers == {}
+    assert team.missing() == ["robot_0", "robot_1", "tf"]
+
+
+def test_a_tick_that_is_opened_again_keeps_its_answers(team: Barrier) -> None:
+    """A process may join_all the open tick, which then waits for that process alone."""
+    for name in team.members:
+        team.take_done(name, f"first-{name}", Done(1, 1))
+    join_all(team, "robot_2")
+    assert team.complete
+    assert team.open(1, 1) == ["robot_0", "robot_1", "robot_2", "tf"]
+    assert team.missing() == ["robot_2"]
+
+
+def test_go_opens_the_tick_anew(team: Barrier) -> None:
+    """The same tick under another epoch is another tick: all have to answer it."""
+    for name in team.members:
+        team.take_done(name, f"first-{name}", Done(1, 1))
+    team.open(2, 1)
+    assert team.missing() == ["robot_0", "robot_1", "tf"]
+
+
+def test_an_answer_without_a_token_is_refused(team: Barrier) -> None:
+    """Without a token of that name an answer neither joins nor counts."""
+    assert not team.take_done("robot_9", "first-robot_9", Done(1, 1))
+    assert (team.joining, team.answers) == (set(), {})
+    lose_name(team, "tf")
+    assert not team.take_done("tf", "first-tf", Done(1, 1))
+    assert team.open(1, 2) == ["robot_0", "robot_1"]
+
+
+def test_an_answer_of_a_session_that_holds_another_name_is_refused(team: Barrier) -> None:
+    """The sender of a sample decides, not its key; the session has the name that it holds."""
+    assert not team.take_done("robot_1", "first-robot_0", Done(1, 1, True, Twist(Vector3(1.0))))
+    assert (team.answers, team.missing()) == ({}, ["robot_0", "robot_1", "tf"])
+    assert (team.name_of("first-robot_0"), team.name_of("first-robot_9")) == ("robot_0", None)
+
+
+def test_a_process_that_ended_is_not_waited_for(team: Barrier) -> None:
+    """A participant leaves with its token, and comes back like a new process."""
+    team.take_done("robot_0", "first-robot_0", Done(1, 1))
+    team.take_done("robot_1", "first-robot_1", Done(1, 1))
+    lose_name(team, "tf")
+    assert not team.holds("tf", "first-tf")
+    assert team.complete
+    assert team.open(1, 2) == ["robot_0", "robot_1"]
+    take_names(team, "tf")
+    assert team.holds("tf", "first-tf")
+    assert team.missing() == ["robot_0", "robot_1"]
+    join_all(team, "tf")
+    assert team.open(1, 3) == ["robot_0", "robot_1", "tf"]
+
+
+def test_a_process_that_ends_while_joining_does_not_take_part() -> None:
+    """Its token goes between the answer and the next tick."""
+    barrier = Barrier()
+    join_all(barrier, "robot_0")
+    lose_name(barrier, "robot_0")
+    assert (barrier.joining, barrier.open(1, 1)) == (set(), [])
+
+
+def test_a_name_lives_as_long_as_one_of_its_tokens(team: Barrier) -> None:
+    """A process that is restarted shows the new token before the old one goes: the name stays in."""
+    team.take_token("tf", "second", True)
+    assert team.take_done("tf", "first-tf", Done(1, 0))
+    lose_name(team, "tf")
+    assert not team.take_done("tf", "first-tf", Done(1, 1))
+    assert team.missing() == ["robot_0", "robot_1", "tf"]
+    assert team.take_done("tf", "second", Done(1, 0))
+    team.take_token("tf", "second", False)
+    assert not team.take_done("tf", "second", Done(1, 1))
+    assert team.missing() == ["robot_0", "robot_1"]
+
+
+def test_a_token_that_was_never_there_may_go() -> None:
+    """The loss of an unknown token is no loss."""
+    barrier = Barrier()
+    lose_name(barrier, "robot_0")
+    assert not barrier.holds("robot_0", "first-robot_0")
+    join_all(barrier, "robot_0")
+    assert barrier.open(1, 1) == ["robot_0"]
+
+
+def test_the_answer_of_a_process_that_ended_goes_with_it(team: Barrier) -> None:
+    """Whether its answer or its end came first must not matter; the others are waited for."""
+    team.take_done("robot_0", "first-robot_0", Done(1, 1, True, Twist(Vector3(0.3))))
+    lose_name(team, "robot_0")
+    assert (team.answers, team.left) == ({}, {"robot_0"})
+    team.take_done("robot_1", "first-robot_1", Done(1, 1))
+    assert team.missing() == ["tf"]
+    assert not team.complete
+    team.take_done("tf", "first-tf", Done(1, 1))
+    assert team.complete
+
+
+def test_the_answer_of_a_dropped_process_stays(team: Barrier) -> None:
+    """It lives, and what it said counts."""
+    command = Twist(Vector3(0.3))
+    team.take_done("robot_0", "first-robot_0", Done(1, 1, True, command))
+    team.drop("robot_0")
+    assert (team.answers["robot_0"].command, team.left) == (command, set())
+
+
+def test_a_dropped_participant_may_come_back(team: Barrier) -> None:
+    """The barrier does not wait for it; its next answer, to whatever tick, makes it join_all the next tick."""
+    team.drop("tf")
+    assert team.holds("tf", "first-tf")
+    assert team.members == ["robot_0", "robot_1"]
+    assert team.take_done("tf", "first-tf", Done(1, 1))
+    assert (team.joining, team.missing()) == ({"tf"}, ["robot_0", "robot_1"])
+    assert team.open(1, 2) == ["robot_0", "robot_1", "tf"]
+    team.drop("unknown")
+    assert team.members == ["robot_0", "robot_1", "tf"]
+
+
+def test_an_expected_process_is_absent_until_it_joins() -> None:
+    """Holding the name is not enough; and a process that leaves is absent again."""
+    barrier = Barrier(["tf", "robot_1", "robot_0"])
+    assert barrier.absent == ["robot_0", "robot_1", "tf"]
+    take_names(barrier, "tf")
+    assert barrier.absent == ["robot_0", "robot_1", "tf"]
+    join_all(barrier, "tf", "robot_7")
+    assert barrier.absent == ["robot_0", "robot_1"]
+    barrier.open(0, 1)
+    assert barrier.absent == ["robot_0", "robot_1"]
+    lose_name(barrier, "tf")
+    assert barrier.absent == ["robot_0", "robot_1", "tf"]
+
+
+def test_the_list_of_participants_does_not_change_in_place(team: Barrier) -> None:
+    """The list that `open` returned stays as it was when a participant leaves."""
+    listed = team.open(1, 2)
+    lose_name(team, "tf")
+    assert listed == ["robot_0", "robot_1", "tf"]
+    assert team.members == ["robot_0", "robot_1"]
 
 
 def join(tick: OpenTick, *names: str) -> None:
