@@ -158,9 +158,10 @@ class Costmap:
         if grid.frame != self.frame:
             raise ValueError(f"a costmap of {self.frame} cannot take a map of {grid.frame}")
         # StaticLayer::interpretValue of Nav2 with `trinary_costmap`.
-        unknown = NO_INFORMATION if self.options.track_unknown_space else FREE_SPACE
-        known = np.where(grid.cells >= self.options.lethal_cost_threshold, LETHAL_OBSTACLE, FREE_SPACE)
-        self._static = np.where(grid.cells < 0, unknown, known).astype(np.uint8)
+        self._static = np.full(grid.cells.shape, FREE_SPACE, np.uint8)
+        self._static[grid.cells >= self.options.lethal_cost_threshold] = LETHAL_OBSTACLE
+        if self.options.track_unknown_space:
+            self._static[grid.cells < 0] = NO_INFORMATION
         self._whole()
 
     def move(self, frame: Frame, rows: int, columns: int) -> None:
