@@ -15,8 +15,8 @@ _FAR = 8.0
 """Metres: a teammate farther away will be elsewhere when the robot gets there, and each costs a part of a map anew."""
 
 
-class Sight(NamedTuple):
-    """What a robot knows of its surroundings at one time."""
+class PlacedScan(NamedTuple):
+    """What a robot sees at one time, and from where."""
 
     pose: Pose2
     """Of the base, in `map`."""
@@ -51,24 +51,24 @@ class Costmaps:
         """What the map alone says, whatever lasers have seen: made anew, because it is large and seldom asked for."""
         return make_costmap(self._grid, self.whole.footprint, self._parameters.global_layers)
 
-    def look(self, now: float, sight: Sight) -> None:
+    def look(self, now: float, placed: PlacedScan) -> None:
         """Take in what the robot sees, where that is due."""
         if now >= self._due_local - 1e-6:
             self._due_local = now + 1.0 / self._parameters.local_window.update_frequency
-            self.look_near(sight)
+            self.look_near(placed)
         if now >= self._due_whole - 1e-6:
-            self.look_far(now, sight)
+            self.look_far(now, placed)
 
-    def look_far(self, now: float, sight: Sight) -> None:
+    def look_far(self, now: float, placed: PlacedScan) -> None:
         """Bring the global costmap up to date."""
         self._due_whole = now + 1.0 / self._parameters.global_window.update_frequency
-        _take(self.whole, sight, _FAR)
+        _take(self.whole, placed, _FAR)
 
-    def look_near(self, sight: Sight) -> None:
+    def look_near(self, placed: PlacedScan) -> None:
         """Bring the local costmap up to date: it moves with the robot."""
-        self._centre(sight)
+        self._centre(placed)
         frame = self.local.frame
-        _take(self.local, sight, frame.resolution * math.hypot(frame.rows, frame.columns))
+        _take(self.local, placed, frame.resolution * math.hypot(frame.rows, frame.columns))
 
     def clear_around(self, pose: Pose2, distance: float) -> None:
         """Forget what lasers have seen up to `distance` (m) from the robot, in both."""
@@ -76,23 +76,23 @@ class Costmaps:
             costmap.clear_around(pose, distance)
             costmap.update()
 
-    def _centre(self, sight: Sight) -> None:
+    def _centre(self, placed: PlacedScan) -> None:
         frame = self.local.frame
-        here = sight.map_from_odom.inverse().compose(sight.pose)
+        here = placed.map_from_odom.inverse().compose(placed.pose)
         column = math.floor(here.x / frame.resolution) - frame.columns // 2
         row = math.floor(here.y / frame.resolution) - frame.rows // 2
         rows, columns = (0, 0) if self._cell is None else (row - self._cell[0], column - self._cell[1])
         self._cell = row, column
         # Cells stay where they are in `odom`: a correction of the localiser does not smear what lasers have seen.
         corner = Pose2(column * frame.resolution, row * frame.resolution, 0.0)
-        self.local.move(frame._replace(origin=sight.map_from_odom.compose(corner)), rows, columns)
+        self.local.move(frame._replace(origin=placed.map_from_odom.compose(corner)), rows, columns)
 
 
-def _take(costmap: Costmap, sight: Sight, far: float) -> None:
+def _take(costmap: Costmap, placed: PlacedScan, far: float) -> None:
     """Bring a costmap up to date, with the teammates up to `far` metres away."""
-    x, y, _ = sight.pose
-    costmap.set_teammates(mate for mate in sight.teammates if math.hypot(mate.x - x, mate.y - y) <= far)
-    if sight.scan is not None:
-        costmap.observe(sight.scan, sight.pose, sight.teammates)
-    costmap.clear_footprint(sight.pose)
+    x, y, _ = placed.pose
+    costmap.set_teammates(mate for mate in placed.teammates if math.hypot(mate.x - x, mate.y - y) <= far)
+    if placed.scan is not None:
+        costmap.observe(placed.scan, placed.pose, placed.teammates)
+    costmap.clear_footprint(placed.pose)
     costmap.update()

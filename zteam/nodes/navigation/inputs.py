@@ -102,7 +102,7 @@ class TeamTransforms:
         return []
 
 
-class Place(NamedTuple):
+class StampedPose(NamedTuple):
     """A pose, and since when it has been known."""
 
     pose: Pose2
@@ -144,10 +144,10 @@ class Inputs:
         """The robot's base."""
         return self._bases.get(self.robot_id, DEFAULT_BASE)
 
-    def find(self, target: str, source: str, time: int = 0) -> Place | None:
+    def find(self, target: str, source: str, time: int = 0) -> StampedPose | None:
         """The pose of `source` in `target`; the newest with time 0. None if it is unknown."""
         try:
-            return Place(*self._transforms.buffer.lookup_pose2(target, source, time))
+            return StampedPose(*self._transforms.buffer.lookup_pose2(target, source, time))
         except TransformException:
             return None
 

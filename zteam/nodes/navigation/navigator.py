@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from zteam.geometry import Pose2
 from zteam.messages import NavigationState, PoseStamped
-from zteam.nodes.navigation.costmaps import Costmaps, Sight
+from zteam.nodes.navigation.costmaps import Costmaps, PlacedScan
 from zteam.planning.controller import BlockedError, Controller, GoalChecker, ProgressChecker, Velocity
 from zteam.planning.parameters import Parameters
 from zteam.planning.planner import NoPathError, Planner
@@ -26,13 +26,13 @@ _IN_VAIN = 3
 """Times `number_of_retries`: so many recoveries may bring a robot no nearer to its goal, wherever it moves."""
 
 
-class Moment(NamedTuple):
+class NavigatorInput(NamedTuple):
     """What one step goes by. Times are in seconds."""
 
     now: float
     seconds: float
     """To the next step."""
-    sight: Sight
+    placed: PlacedScan
     pending: Velocity
     """The command that moves the robot until the one of this step does."""
     is_stopped: bool = False
@@ -138,35 +138,35 @@ class Navigator:
             self.text = reason
         return STOP
 
-    def step(self, moment: Moment, costmaps: Costmaps) -> Velocity:
+    def step(self, given: NavigatorInput, costmaps: Costmaps) -> Velocity:
         """The velocity for a robot on its way."""
         assert self.goal is not None
         if self._held_since is not None:
             self._held_since, self.text = None, ""
         if self.state is NavigationState.RECOVERING:
-            return self._recover(moment, costmaps)
+            return self._recover(given, costmaps)
         interval = 1.0 / self._parameters.planner_server.expected_planner_frequency
         interval = interval if self._blocked_since is None else min(interval, _AGAIN)
-        if moment.now - self._planned >= interval - 1e-6 and not self._plan(moment, costmaps, self.goal):
+        if given.now - self._planned >= interval - 1e-6 and not self._plan(given, costmaps, self.goal):
             return STOP
-        return self._drive(moment, costmaps, self.goal)
+        return self._drive(given, costmaps, self.goal)
 
-    def _plan(self, moment: Moment, costmaps: Costmaps, goal: Pose2) -> bool:
+    def _plan(self, given: NavigatorInput, costmaps: Costmaps, goal: Pose2) -> bool:
         """Whether there is a path to follow now; if there is none, a recovery begins, or the goal is given up."""
-        self._planned = moment.now
-        costmaps.look_far(moment.now, moment.sight)
+        self._planned = given.now
+        costmaps.look_far(given.now, given.placed)
         try:
-            plan = self._planner.plan(costmaps.whole, moment.sight.pose, goal)
+            plan = self._planner.plan(costmaps.whole, given.placed.pose, goal)
         except NoPathError as error:
             if self.path is not None:
                 # What is in the way may go away; the controller stops before it.
                 return True
             try:
-                self._planner.plan(costmaps.of_map(), moment.sight.pose, goal)
+                self._planner.plan(costmaps.of_map(), given.placed.pose, goal)
             except NoPathError as lasting:
                 self._end(NavigationState.ABORTED, str(lasting))
             else:
-                self._fail(moment, goal, str(error))
+                self._fail(given, goal, str(error))
             return False
         self.path = plan.path
         self._controller.set_path(plan.path)
@@ -174,23 +174,23 @@ class Navigator:
         self.state = NavigationState.DRIVING
         return True
 
-    def _drive(self, moment: Moment, costmaps: Costmaps, goal: Pose2) -> Velocity:
+    def _drive(self, given: NavigatorInput, costmaps: Costmaps, goal: Pose2) -> Velocity:
         assert self.path is not None
-        pose, left = moment.sight.pose, self._controller.remaining()
+        pose, left = given.placed.pose, self._controller.remaining()
         if self._goal_checker.is_reached(pose, Pose2(*self.path[-1].tolist())):
             self._end(NavigationState.SUCCEEDED, self.text)
             return STOP
-        if not self._progress.makes_progress(moment.now, pose):
-            return self._fail(moment, goal, "moved less than {:g} m in {:g} s".format(*self._parameters.progress))
+        if not self._progress.makes_progress(given.now, pose):
+            return self._fail(given, goal, "moved less than {:g} m in {:g} s".format(*self._parameters.progress))
         self._note_progress(pose, left)
-        ahead = move(pose, moment.pending, moment.seconds)
+        ahead = move(pose, given.pending, given.seconds)
         try:
-            velocity = self._controller.command(costmaps.local, ahead, moment.pending, moment.seconds)
+            velocity = self._controller.command(costmaps.local, ahead, given.pending, given.seconds)
         except BlockedError as error:
             if self._blocked_since is None:
-                self._blocked_since, self._planned = moment.now, -math.inf
-            if moment.now - self._blocked_since > self._parameters.controller.failure_tolerance:
-                return self._fail(moment, goal, str(error))
+                self._blocked_since, self._planned = given.now, -math.inf
+            if given.now - self._blocked_since > self._parameters.controller.failure_tolerance:
+                return self._fail(given, goal, str(error))
             return STOP
         self._blocked_since = None
         return velocity
@@ -207,13 +207,13 @@ class Navigator:
         if left < self._least_left - enough and self._in_vain:
             self._least_left, self._in_vain = math.inf, 0
 
-    def _fail(self, moment: Moment, goal: Pose2, reason: str) -> Velocity:
+    def _fail(self, given: NavigatorInput, goal: Pose2, reason: str) -> Velocity:
         """Begin the next recovery, or give up."""
-        pose = moment.sight.pose
+        pose = given.placed.pose
         if self._in_vain >= _IN_VAIN * self._parameters.recovery.number_of_retries > 0:
             end = f"{reason}: gave up after {self._in_vain} recoveries that brought it no nearer to the goal"
             self._end(NavigationState.ABORTED, end)
-        elif (given_up := self._recovery.begin(moment.now, pose, reason)) is not None:
+        elif (given_up := self._recovery.begin(given.now, pose, reason)) is not None:
             self._end(NavigationState.ABORTED, given_up)
         else:
             left = self.distance_remaining or math.dist(pose[:2], goal[:2])
@@ -222,9 +222,9 @@ class Navigator:
             self.state, self.text = NavigationState.RECOVERING, reason
         return STOP
 
-    def _recover(self, moment: Moment, costmaps: Costmaps) -> Velocity:
-        pose, clears = moment.sight.pose, self._recovery.current == "clear_costmap"
-        step = self._recovery.step(moment.now, pose, costmaps.local, is_stopped=moment.is_stopped)
+    def _recover(self, given: NavigatorInput, costmaps: Costmaps) -> Velocity:
+        pose, clears = given.placed.pose, self._recovery.current == "clear_costmap"
+        step = self._recovery.step(given.now, pose, costmaps.local, is_stopped=given.is_stopped)
         if clears:
             costmaps.clear_around(pose, self._parameters.recovery.clear_distance)
         if not step.is_over:

@@ -6,10 +6,10 @@ from collections.abc import Collection
 from zteam import names
 from zteam.geometry import Pose2
 from zteam.messages import PoseStamped, PoseWithCovarianceStamped
-from zteam.nodes.navigation.costmaps import Costmaps, Sight
+from zteam.nodes.navigation.costmaps import Costmaps, PlacedScan
 from zteam.nodes.navigation.inputs import OLD, Inputs
 from zteam.nodes.navigation.localisers import Localiser, deviations_of, make_localiser
-from zteam.nodes.navigation.navigator import STOP, Moment, Navigator
+from zteam.nodes.navigation.navigator import STOP, Navigator, NavigatorInput
 from zteam.nodes.navigation.outputs import Outputs
 from zteam.planning.controller import Velocity
 from zteam.planning.grid import GridMap
@@ -117,7 +117,7 @@ class RobotNavigation:
         else:
             self.navigator.accept(message, goal)
 
-    def _localise(self, now: int, seconds: float, robots: Collection[int]) -> Sight | None:
+    def _localise(self, now: int, seconds: float, robots: Collection[int]) -> PlacedScan | None:
         """What the robot sees, and from where; None if it does not know where it is."""
         localiser = self._localiser
         if localiser is None:
@@ -135,38 +135,38 @@ class RobotNavigation:
             odom = self.inputs.odom_pose(0)
             map_from_odom = pose if odom is None else pose.compose(odom.inverse())
         fresh = now - self.inputs.stamps.get(names.BASE_SCAN, 0) <= OLD
-        return Sight(pose, map_from_odom, scan if fresh else None, teammates)
+        return PlacedScan(pose, map_from_odom, scan if fresh else None, teammates)
 
-    def _move(self, now: int, seconds: float, sight: Sight | None) -> Velocity:
+    def _move(self, now: int, seconds: float, placed: PlacedScan | None) -> Velocity:
         """The command of this step."""
         navigator, time = self.navigator, now / 1e9
-        problem = self._unfit or _problem(self.inputs, self._localiser, sight)
-        if sight is not None and self._costmaps is None and self._grid is not None and not self._unfit:
+        problem = self._unfit or _problem(self.inputs, self._localiser, placed)
+        if placed is not None and self._costmaps is None and self._grid is not None and not self._unfit:
             try:
                 self._costmaps = Costmaps(self._parameters, self.inputs.base, self._grid)
             except ValueError as error:
                 self._unfit = problem = str(error)
-        if sight is not None and self._costmaps is not None:
-            self._costmaps.look(time, sight)
+        if placed is not None and self._costmaps is not None:
+            self._costmaps.look(time, placed)
         if not navigator.active:
             return STOP
         if problem:
             return navigator.wait(time, problem)
         if held := self.inputs.is_held():
             return navigator.wait(time, held, for_ever=True)
-        assert sight is not None and self._costmaps is not None
+        assert placed is not None and self._costmaps is not None
         is_stopped = self.inputs.is_stopped()
         pending = STOP if is_stopped else self._command
-        return navigator.step(Moment(time, seconds, sight, pending, is_stopped), self._costmaps)
+        return navigator.step(NavigatorInput(time, seconds, placed, pending, is_stopped), self._costmaps)
 
 
-def _problem(inputs: Inputs, localiser: Localiser | None, sight: Sight | None) -> str:
+def _problem(inputs: Inputs, localiser: Localiser | None, placed: PlacedScan | None) -> str:
     """What keeps a robot from driving; empty if nothing does."""
     if localiser is None:
         return NO_MAP
     if localiser.problem:
         return localiser.problem
-    if sight is None or sight.scan is None:
+    if placed is None or placed.scan is None:
         key = names.robot_key(inputs.robot_id, names.BASE_SCAN)
         return f"no scan on {key} for {OLD / 1e9:g} s" if inputs.scan is not None else f"no scan on {key}"
     return ""

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from support.goals import make_goal
 from zteam.geometry import Pose2
 from zteam.messages import NavigationState
-from zteam.nodes.navigation.costmaps import Sight
-from zteam.nodes.navigation.navigator import MISSING_LIMIT, STOP, Moment, Navigator
+from zteam.nodes.navigation.costmaps import PlacedScan
+from zteam.nodes.navigation.navigator import MISSING_LIMIT, STOP, Navigator, NavigatorInput
 from zteam.planning.controller import BlockedError, Velocity
 from zteam.planning.parameters import Parameters
 from zteam.planning.planner import NoPathError, Plan
@@ -28,7 +28,7 @@ class Maps(NamedTuple):
     def of_map(self) -> str:
         return "static"
 
-    def look_far(self, _now: float, _sight: Sight) -> None:
+    def look_far(self, _now: float, _sight: PlacedScan) -> None:
         """Nothing to see."""
 
     def clear_around(self, _pose: Pose2, _distance: float) -> None:
@@ -90,10 +90,10 @@ class Drive:
         for _ in range(count):
             self.now += 0.1
             self.pose = self.pose if x is None else Pose2(x, 0.0, 0.0)
-            sight = Sight(self.pose, Pose2(0.0, 0.0, 0.0), None, ())
+            placed = PlacedScan(self.pose, Pose2(0.0, 0.0, 0.0), None, ())
             if self.navigator.active:
-                moment = Moment(self.now, 0.1, sight, STOP)
-                velocity = self.navigator.step(moment, Maps())  # type: ignore[arg-type]
+                given = NavigatorInput(self.now, 0.1, placed, STOP)
+                velocity = self.navigator.step(given, Maps())  # type: ignore[arg-type]
         return velocity
 
 
@@ -209,9 +209,9 @@ def test_a_goal_is_canceled_once() -> None:
 def test_a_command_is_for_the_place_where_it_begins_to_count() -> None:
     """The command before moves the robot for one more step, on an arc."""
     drive = Drive()
-    sight = Sight(Pose2(0.0, 0.0, 0.0), Pose2(0.0, 0.0, 0.0), None, ())
-    moment = Moment(0.1, 0.1, sight, Velocity(0.5, 0.0, 1.0))
-    drive.navigator.step(moment, Maps())  # type: ignore[arg-type]
+    placed = PlacedScan(Pose2(0.0, 0.0, 0.0), Pose2(0.0, 0.0, 0.0), None, ())
+    given = NavigatorInput(0.1, 0.1, placed, Velocity(0.5, 0.0, 1.0))
+    drive.navigator.step(given, Maps())  # type: ignore[arg-type]
     assert drive.controller.pose == pytest.approx((0.05 * math.cos(0.05), 0.05 * math.sin(0.05), 0.1))
 
 
