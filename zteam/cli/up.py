@@ -1,10 +1,13 @@
 """`zteam up [TEAM]`: start and supervise a whole team; Ctrl+C stops it in order, a second Ctrl+C at once."""
 
 import argparse
+import gc
 import logging
 import os
+import sys
 from collections.abc import Collection, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, nullcontext
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,9 +22,10 @@ from zteam.cli.arguments import (
     parse_speed,
     whole,
 )
-from zteam.cli.interrupts import leave
+from zteam.cli.interrupts import INTERRUPTED, leave
 from zteam.cli.options import Parser, add_bus_options, bus_options, checked, run
 from zteam.errors import UsageError, ZteamError
+from zteam.names import LAUNCHER, VIEW
 from zteam.numbers import MAX_SECONDS, counted
 from zteam.resources import find_team, find_world, names, teams_folder
 
@@ -30,7 +34,7 @@ if TYPE_CHECKING:
     from zteam.cli.up_display import Display
     from zteam.launch.kinds import TeamLaunch
     from zteam.launch.report import RunReport
-    from zteam.launch.run import ProcessRun
+    from zteam.launch.run import TeamRun
     from zteam.launch.warm_parent import WarmParent
     from zteam.runtime.shutdown import Stop
     from zteam.team_file import Team
@@ -158,9 +162,7 @@ def _up(args: argparse.Namespace) -> int:
     if args.help_args:
         return _print_arguments(args)
     if args.in_process:
-        from zteam.cli.up_in_process import carry_out
-
-        return carry_out(_launch(args), bus_options(args), args)
+        return _run_here(_launch(args), bus_options(args), args)
     from zteam.launch.warm_parent import WarmParent
 
     with WarmParent() as parent:
@@ -184,7 +186,6 @@ def _launch(args: argparse.Namespace) -> "TeamLaunch":
     from zteam.launch.kinds import Pace
     from zteam.launch.plan import launch_of
     from zteam.launch.report import check_writable
-    from zteam.names import VIEW
     from zteam.process_options import ViewOptions
     from zteam.team_file import parse_arguments, read_team_file
 
@@ -237,13 +238,75 @@ def _start_processes(launch: "TeamLaunch", bus: "BusOptions", args: argparse.Nam
         display = stack.enter_context(open_display(args.log_format, args.run_for))
         team_run = stack.enter_context(ProcessRun(launch, bus, stop, Printer(display.print).line, parent))
         stop.install(on_repeat=team_run.hurry)
+        processes = counted(len(team_run.plan.jobs), "process", "processes")
         try:
-            report = _run(team_run, display, args)
+            report = _run(team_run, display, args, processes)
         except ZteamError:
-            if stop.requested:
+            if not stop.requested:
+                raise
+            return 0
+    return _conclude(team_run.failed, report, stop, launch.has_end, args.report)
+
+
+def _run_here(launch: "TeamLaunch", bus: "BusOptions", args: argparse.Namespace) -> int:
+    """Run the whole team in this process, with the same lines as with one process each."""
+    from zteam.cli.up_display import Printer, open_display
+    from zteam.in_process.run import InProcessRun, Outside
+    from zteam.runtime.logs import passing_lines
+    from zteam.runtime.shutdown import Stop, exit_hard_later
+
+    stop = Stop()
+    with (
+        open_display(args.log_format, args.run_for) as display,
+        Outside(bus, launch.pace) if args.bus else nullcontext() as outside,
+    ):
+        line = Printer(display.print).line
+        _give_terminal_to_debugger(display)
+        with passing_lines(line, LAUNCHER), InProcessRun(launch, stop, line, outside=outside) as team_run:
+            # The user who asks a second time does not wait.
+            give_back = stop.install(on_repeat=lambda: os._exit(INTERRUPTED))
+            # Code of a behaviour that does not return holds the whole process.
+            cancel = exit_hard_later(stop, hung=1)
+            nodes = counted(len(team_run.parts), "node")
+            work = partial(_run, team_run, display, args, nodes, " in this process")
+            try:
+                report = team_run.beside_simulator(work)
+            except ZteamError:
+                if not stop.requested:
+                    raise
                 return 0
-            raise
-    return conclude(team_run.failed, report, stop, launch.has_end, args.report)
+        cancel()
+        give_back()
+    return _conclude(team_run.failed, report, stop, launch.has_end, args.report)
+
+
+def _give_terminal_to_debugger(display: "Display") -> None:
+    """Draw no live line from the first `breakpoint()` on. A hook of `breakpoint` itself would show up in its stack."""
+
+    def hear(event: str, _arguments: object) -> None:
+        if event == "builtins.breakpoint":
+            display.leave_terminal()
+
+    sys.addaudithook(hear)
+
+
+def _run(
+    team_run: "TeamRun", display: "Display", args: argparse.Namespace, members: str, place: str = ""
+) -> "RunReport | None":
+    from zteam.launch.run import warn_of_endpoint
+
+    display.say(f"starting {members}")
+    team_run.start()
+    where = f"router at {team_run.endpoint}" if team_run.endpoint else "without a router"
+    log.info("%s%s, %s; Ctrl+C stops them", members, place, where)
+    if team_run.endpoint:
+        warn_of_endpoint(team_run.endpoint, args.connect)
+    if args.in_process:
+        gc.freeze()
+    with display.following(team_run.team_overview):
+        team_run.watch(args.go_timeout)
+    display.say("stopping")
+    return team_run.finish()
 
 
 def _note_unused_seed(seed: int, team: "Team", world: Path | None) -> None:
@@ -258,21 +321,9 @@ def _note_unused_seed(seed: int, team: "Team", world: Path | None) -> None:
         )
 
 
-def _run(team_run: "ProcessRun", display: "Display", args: argparse.Namespace) -> "RunReport | None":
-    from zteam.launch.run import warn_of_endpoint
-
-    processes = counted(len(team_run.plan.jobs), "process", "processes")
-    display.say(f"starting {processes}")
-    team_run.start()
-    log.info("%s, router at %s; Ctrl+C stops them", processes, team_run.endpoint)
-    warn_of_endpoint(team_run.endpoint, args.connect)
-    with display.following(team_run.team_overview):
-        team_run.watch(args.go_timeout)
-    display.say("stopping")
-    return team_run.finish()
-
-
-def conclude(failed: Collection[str], report: "RunReport | None", stop: "Stop", has_end: bool, file: str | None) -> int:
+def _conclude(
+    failed: Collection[str], report: "RunReport | None", stop: "Stop", has_end: bool, file: str | None
+) -> int:
     """Print the report of the run, and write it to `file`; the exit code. Raises ZteamError if processes `failed`."""
     import msgspec
 

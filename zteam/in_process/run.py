@@ -202,6 +202,7 @@ class InProcessRun(TeamRun):
         super().__init__(launch, stop, Supervisor(on_line, self._on_failure), since_start)
         self._tell_end = on_end
         self._outside = outside
+        self.endpoint = "" if outside is None else outside.endpoint
         self.hub = TeamHub(None if outside is None else outside.bus)
         self.calls = CallWatch(launch.pace, self.hub.delivery, take_hang)
         self.bus = self.hub.bus(names.LAUNCHER)

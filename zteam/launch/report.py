@@ -11,9 +11,9 @@ import msgspec
 from zteam import names
 from zteam.bus import Bus
 from zteam.bus.receiving import KeyCount
-from zteam.clock import HOST_FACTOR
+from zteam.clock import HOST_FACTOR, monotonic
 from zteam.errors import UsageError, ZteamError
-from zteam.launch.process import Process, Usage, measure_usage
+from zteam.launch.process import PROC, Process, Usage, measure_usage
 from zteam.numbers import counted, format_factor
 from zteam.resources import is_folder
 from zteam.runtime.lockstep import RoundTiming
@@ -62,10 +62,16 @@ _PATIENCE = 15.0 * HOST_FACTOR
 """Host seconds for an answer: a frozen process may go on. One that has ended is not waited for."""
 
 
+_IMPORTED = monotonic()
+
+
 def seconds_since_start() -> float:
-    """Host seconds since this process was started, interpreter and imports included."""
-    ticks = int(Path("/proc/self/stat").read_text().rpartition(")")[2].split()[19])
-    uptime = float(Path("/proc/uptime").read_text().split()[0])
+    """Host seconds since this process was started, imports included; without /proc, since this module was imported."""
+    try:
+        ticks = int((PROC / "self" / "stat").read_text().rpartition(")")[2].split()[19])
+        uptime = float((PROC / "uptime").read_text().split()[0])
+    except OSError:
+        return monotonic() - _IMPORTED
     return uptime - ticks / os.sysconf("SC_CLK_TCK")
 
 

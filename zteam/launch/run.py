@@ -139,6 +139,8 @@ class TeamRun:
 
     bus: Bus | None
     """The launcher's own session; None before there is a router."""
+    endpoint: str
+    """Of the router; empty before there is one."""
 
     def __init__(
         self, launch: TeamLaunch, stop: Stop, supervisor: Supervisor, since_start: Callable[[], float] | None = None
@@ -170,6 +172,10 @@ class TeamRun:
             if self.bus is not None:
                 self.bus.close()
             self.supervisor.close()
+
+    def start(self) -> None:
+        """Start the members."""
+        raise NotImplementedError
 
     def _wake(self) -> None:
         if self._progress is not None:

@@ -82,7 +82,8 @@ class RunStatistics:
         """Count from tick `tick` on, in which robots are at `poses`. GO holds from simulated time `go_stamp` (ns)."""
         self.go_stamp = go_stamp
         self._first_late_tick = tick + _FIRST_LATE_TICK
-        self._note_robots(tuple(ids), _wrapped(poses))
+        with self._lock:
+            self._note_robots(tuple(ids), _wrapped(poses))
         self._started = monotonic()
 
     def _note_robots(self, ids: tuple[int, ...], poses: Floats) -> None:
