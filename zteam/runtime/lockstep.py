@@ -3,7 +3,7 @@
 import logging
 import threading
 from collections import deque
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from typing import NamedTuple
 
 import msgspec
@@ -20,6 +20,11 @@ log = logging.getLogger("zteam")
 
 GRACE = 1.0
 """Host seconds for a simulator's token and answer to come, which its first tick may overtake."""
+
+_WINDOW = 1000
+"""Ticks that timing looks back."""
+TICKLESS = 2.0
+"""Host seconds of newer and newer data without a tick after which this is real time."""
 
 
 class _Mode(msgspec.Struct):
@@ -145,12 +150,6 @@ class Ticks:
         return early is not None and not self._asking and self._lockstep.get(early.source, False) is None
 
 
-_WINDOW = 1000
-"""Ticks that timing looks back."""
-TICKLESS = 2.0
-"""Host seconds of newer and newer data without a tick after which this is real time."""
-
-
 class RoundTiming(msgspec.Struct):
     """Answer to `<name>/timing`: milliseconds of the host a tick, on average over the newest ticks."""
 
@@ -184,7 +183,8 @@ class Participant:
     team: tuple[int, ...] = ()
     """The robots whose processes took part when the newest tick was opened, ascending: the same for all of them, also
     if one ends in the middle of the tick."""
-    _team_seen: tuple[tuple[int, int], list[str]] = (0, 0), []
+    _listed: Sequence[str] = ()
+    """The participants at the time of `team`."""
     tick: Tick | None = None
     """The newest tick; None without a simulator in lock-step."""
     active = False
@@ -305,21 +305,15 @@ class Participant:
             self._repeat()
             self._done.put(self._answer)
         else:
-            self._note_team(tick)
+            seen = self._open
+            is_new = seen is None or (seen.epoch, seen.tick) != (tick.epoch, tick.tick)
+            if is_new and tick.participants != self._listed:
+                ids = map(names.robot_id_of, tick.participants)
+                self._listed, self.team = tick.participants, tuple(sorted(i for i in ids if i is not None))
             self._open, self._heard, self._waits = tick, monotonic(), False
             self._waits = not self.advance()
-
-    def _note_team(self, tick: Tick) -> None:
-        seen, listed = self._team_seen
-        if (tick.epoch, tick.tick) == seen:
-            return
-        self._team_seen = (tick.epoch, tick.tick), tick.participants
-        if tick.participants != listed:
-            ids = map(names.robot_id_of, tick.participants)
-            self.team = tuple(sorted(robot_id for robot_id in ids if robot_id is not None))
 
     def _forget(self) -> None:
         self.tick = self._open = self._ahead = None
         self.active = False
         self._answer = Done()
-        self._team_seen = (0, 0), []

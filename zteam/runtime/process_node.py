@@ -34,7 +34,7 @@ SWITCH_INTERVAL = 0.0005
 """Seconds a busy thread keeps the interpreter while a message waits for its callback; 5 ms is Python's default."""
 
 
-class Change(threading.Condition):
+class WatchedCondition(threading.Condition):
     """A condition whose waits are looked at by the thread that changes something.
 
     A thread that is woken for nothing waits for the interpreter's lock. Until it gets it, each numpy call of the other
@@ -108,7 +108,7 @@ class ProcessNode:
         self.stop = stop
         self.lock = threading.RLock()
         """That of `changed`, for code that only takes it: the condition around it would triple the time."""
-        self.changed = Change(self.lock)
+        self.changed = WatchedCondition(self.lock)
         self.present = False
         """Whether this process holds its name and has not begun to give it back."""
         self.exit_code = 0

@@ -51,7 +51,7 @@ def precedence(message: Message) -> tuple[int, bytes]:
     return -stamp_of(message), encode(message)
 
 
-class Arrival(NamedTuple):
+class HeldMessage(NamedTuple):
     """A message that has come."""
 
     subscription: int
@@ -78,9 +78,9 @@ class TickMessages:
         """With `newest_only`, a message of a tick replaces the one before of the same sender and key."""
         self._newest_only = newest_only
         self._numbers = count(1)
-        self._of_ticks: list[Arrival] = []
+        self._of_ticks: list[HeldMessage] = []
         """What belongs to a tick that has not come."""
-        self._sent: dict[_Place, Arrival] = {}
+        self._sent: dict[_Place, HeldMessage] = {}
         self._ticks: dict[tuple[str, str], int] = {}
         """The newest tick of `_sent`, by sender and key."""
         self._newest: dict[tuple[int, str], int] = {}
@@ -88,7 +88,7 @@ class TickMessages:
         self._heard = 0
         """The newest stamp of the simulator's data, whose tick may be on its way."""
 
-    def take(self, arrival: Arrival, stamp: int, *, is_open: bool) -> str:
+    def take(self, arrival: HeldMessage, stamp: int, *, is_open: bool) -> str:
         """A message has come; why it is dropped, empty if it is not.
 
         `stamp` is that of the newest tick, and `is_open` says whether the process has still to answer it.
@@ -107,14 +107,14 @@ class TickMessages:
             self.hold(arrival, stamp)
         return ""
 
-    def _is_repeated(self, arrival: Arrival) -> bool:
+    def _is_repeated(self, arrival: HeldMessage) -> bool:
         """Whether it has come before: a tick that is not answered is sent again with its data."""
         stamp, place = stamp_of(arrival.message), (arrival.subscription, arrival.key)
         self._heard = max(self._heard, stamp)
         known, self._newest[place] = self._newest.get(place, 0), stamp
         return known == stamp > 0
 
-    def hold(self, arrival: Arrival, stamp: int) -> None:
+    def hold(self, arrival: HeldMessage, stamp: int) -> None:
         """A message of another process than the simulator has come while the tick of `stamp` is open."""
         sender = arrival.source, arrival.key
         # What a sender sent later on a key is handled later.
@@ -153,9 +153,9 @@ def _without_sender(place: _Place) -> tuple[int, str, int]:
     return place[:3]
 
 
-def _in_order(group: list[Arrival]) -> list[Arrival]:
+def _in_order(group: list[HeldMessage]) -> list[HeldMessage]:
     """The messages of one key and tick: those of one sender in the order in which they came."""
-    by_source: dict[str, list[Arrival]] = {}
+    by_source: dict[str, list[HeldMessage]] = {}
     for arrival in group:
         by_source.setdefault(arrival.source, []).append(arrival)
     if len(by_source) == 1:

@@ -8,7 +8,7 @@ from hypothesis import given
 
 from support.arrivals import TICK, TICKS, Data, Opened, Sent, arrive, orders, sent_messages
 from zteam.messages import Header, Point, Pose, PoseStamped, Twist, time_from_ns
-from zteam.runtime.tick_messages import MAX_AHEAD, MOST, Arrival, TickMessages, stamp_of, tick_of
+from zteam.runtime.tick_messages import MAX_AHEAD, MOST, HeldMessage, TickMessages, stamp_of, tick_of
 
 Handled = list[tuple[int, str, float]]
 """Tick (0 = none was open), key and content of what was handled, in order."""
@@ -35,11 +35,11 @@ def handle_all(sent: list[Sent], random: Random) -> Handled:
         elif isinstance(event, Data):
             # A tick that is not answered is sent again with its data.
             for _ in range(2):
-                scan = Arrival(0, "scan", pose(event.tick * TICK), "sim", True, None, handle)
+                scan = HeldMessage(0, "scan", pose(event.tick * TICK), "sim", True, None, handle)
                 messages.take(scan, opened, is_open=False)
         else:
             key, message = f"topic_{event.topic}", pose(event.stamp_ns, event.value)
-            arrival = Arrival(1, key, message, sessions[event.source], False, None, handle)
+            arrival = HeldMessage(1, key, message, sessions[event.source], False, None, handle)
             messages.take(arrival, opened, is_open=random.random() < 0.5)
     return handled
 
@@ -72,7 +72,7 @@ def test_of_two_senders_the_one_that_counts_is_handled_last() -> None:
         messages, kept = TickMessages(), dict[str, Any]()
         for source in (first, second):
             stamp = TICK if source == "a" else 2 * TICK
-            arrival = Arrival(1, "goal", pose(stamp), source, False, None, partial(_keep, kept))
+            arrival = HeldMessage(1, "goal", pose(stamp), source, False, None, partial(_keep, kept))
             messages.take(arrival, 2 * TICK, is_open=True)
         messages.handle_due(3 * TICK)
         assert kept == {"goal": pose(2 * TICK)}
@@ -83,7 +83,7 @@ def test_after_the_last_tick_all_is_handled() -> None:
     messages, kept = TickMessages(), list[str]()
     for key in ("a", "b"):
         for told, due in ((key, None), (f"{key} of a tick", 2 * TICK)):
-            arrival = Arrival(1, told, pose(TICK), "", False, due, lambda told, *_: kept.append(told))
+            arrival = HeldMessage(1, told, pose(TICK), "", False, due, lambda told, *_: kept.append(told))
             messages.take(arrival, TICK, is_open=True)
         if key == "a":
             messages.handle_due(None)
@@ -98,7 +98,7 @@ def test_what_a_step_waits_for_is_handled_in_its_tick() -> None:
     messages, kept = TickMessages(), list[int]()
 
     def take(due: int | None, stamp: int) -> str:
-        arrival = Arrival(
+        arrival = HeldMessage(
             1, "path", pose(due or 0), "planner", False, due, lambda _, path, __: kept.append(stamp_of(path))
         )
         return messages.take(arrival, stamp, is_open=True)
@@ -131,7 +131,7 @@ def test_a_robot_takes_the_last_message_of_each_tick() -> None:
 
     def hold(stamp: int, value: float) -> None:
         take = lambda _, sent, tick: taken.append((sent.pose.position.x, tick))  # noqa: E731
-        messages.hold(Arrival(1, "goal", pose(stamp, value), "a", False, None, take), 2 * TICK)
+        messages.hold(HeldMessage(1, "goal", pose(stamp, value), "a", False, None, take), 2 * TICK)
 
     hold(2 * TICK, 1.0)
     for _ in range(MOST + 1):

@@ -35,7 +35,7 @@ from zteam.process_options import RobotOptions
 from zteam.runtime.lockstep import Participant
 from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.robot_status import Readiness, StatusReport, go_epoch
-from zteam.runtime.tick_messages import Arrival, stamp_of
+from zteam.runtime.tick_messages import HeldMessage, stamp_of
 from zteam.runtime.tokens import TokenSet
 from zteam.services.navigation import CANCEL, CancelReply, CancelRequest, navigation_query
 from zteam.services.simulator import absence_text, read_status
@@ -224,7 +224,7 @@ class RobotNode:
             return
         # The tick itself may be on its way; what it brings to this robot left before it.
         messages.hold(
-            Arrival(number, key, message, source, False, None, take), max(part.stamp, self._inputs.scan_stamp)
+            HeldMessage(number, key, message, source, False, None, take), max(part.stamp, self._inputs.scan_stamp)
         )
 
     def _go_on(self) -> None:

@@ -8,7 +8,7 @@ from zteam.behaviors.straight import Forward
 from zteam.bus.topics import type_of_key
 from zteam.messages import Header, RobotDriver, Twist, TwistStamped, Vector3, time_from_ns
 from zteam.nodes.robot.inputs import SOURCES, Mux
-from zteam.runtime.tick_messages import Arrival, TickMessages
+from zteam.runtime.tick_messages import HeldMessage, TickMessages
 
 TICK = 100_000_000
 TELEOP, NAVIGATION = SOURCES
@@ -48,7 +48,7 @@ def test_a_velocity_of_lock_step_counts_from_the_next_tick_on() -> None:
     mux, messages = Mux(), TickMessages(newest_only=True)
     take = partial(mux.take, TELEOP)
     messages.hold(
-        Arrival(0, "robot_1/cmd_vel_teleop", Twist(Vector3(0.3)), "a", False, None, take),
+        HeldMessage(0, "robot_1/cmd_vel_teleop", Twist(Vector3(0.3)), "a", False, None, take),
         3 * TICK,
     )
     drives = []
