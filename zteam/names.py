@@ -1,4 +1,4 @@
-"""Key expressions and frame ids (docs/architecture.md). No other module builds or parses them."""
+"""Key expressions and frame ids (docs/keys.md). No other module builds or parses them."""
 
 import re
 import secrets

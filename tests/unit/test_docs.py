@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from support.pages import DOCS, PAGES, ROOT, all_blocks, find_file
+from support.rooms import PICTURE, draw, layers
 from zteam.world import properties
 from zteam.world.devices import device_models
 
@@ -82,8 +83,14 @@ def test_files_of_the_architecture_page_exist() -> None:
     for row in re.findall(r"^\| (`[\w/]+/`(?:, `[\w/]+/`)*) \| (.*) \|$", page, re.MULTILINE):
         folders = re.findall(r"`([\w/]+/)`", row[0])
         named |= {folders[0] + name for name in re.findall(r"`(\w+\.py)`", row[1])}
-    assert len(named) > 60
+    assert len(named) > 30
     assert not {name for name in named if not any((root / name).exists() for root in (package, ROOT))}
+
+
+def test_the_picture_is_that_of_the_contract() -> None:
+    """The rooms and their layers are those that import-linter checks (`python tests/support/rooms.py` draws them)."""
+    assert PICTURE.read_text() == draw()
+    assert sum(map(len, layers())) > 20
 
 
 def test_the_ten_questions_are_answered() -> None:

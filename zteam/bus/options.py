@@ -1,4 +1,4 @@
-"""How a process reaches the bus, and the Zenoh configuration that follows (figures: docs/architecture.md)."""
+"""How a process reaches the bus, and the Zenoh configuration that follows (figures: docs/processes.md)."""
 
 import json
 import logging

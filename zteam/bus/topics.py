@@ -65,7 +65,7 @@ def is_latched(key: str) -> bool:
 
 
 def type_of_key(key: str) -> type[Message] | None:
-    """The type of the messages of a key (docs/architecture.md), or None for a key that zteam does not use."""
+    """The type of the messages of a key (docs/keys.md), or None for a key that zteam does not use."""
     if names.split_done_key(key) is not None:
         return Done
     if names.split_log_key(key) is not None:

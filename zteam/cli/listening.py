@@ -1,4 +1,4 @@
-"""What tools have in common that listen: a bus, a wait, a survey of keys, and who uses a key."""
+"""What tools that listen share: a bus, a wait, a survey of keys, and the users of a key."""
 
 import argparse
 import difflib
