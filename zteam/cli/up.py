@@ -263,7 +263,7 @@ def _run_here(launch: "TeamLaunch", bus: "BusOptions", args: argparse.Namespace)
         line = Printer(display.print).line
         _give_terminal_to_debugger(display)
         with passing_lines(line, LAUNCHER), InProcessRun(launch, stop, line, outside=outside) as team_run:
-            # The user who asks a second time does not wait.
+            # After a second request nothing waits.
             give_back = stop.install(on_repeat=lambda: os._exit(INTERRUPTED))
             # Code of a behaviour that does not return holds the whole process.
             cancel = exit_hard_later(stop, hung=1)
