@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from zteam.behaviors.polyline import Limits, Polyline, pursue
+from zteam.behaviors.polyline import Polyline, SpeedLimits, pursue
 from zteam.geometry import Pose2
 
 metres = st.floats(-50.0, 50.0, allow_subnormal=False)
@@ -88,7 +88,7 @@ def test_pursuit_stays_within_the_limits(
     points: list[tuple[float, float]], pose: Pose2, share: float, speed: float, look_ahead: float
 ) -> None:
     """Wherever a robot is, on whatever path: finite, never backwards, within speed, turn and lateral acceleration."""
-    path, limits = Polyline(points), Limits(0.7, 2.0, 0.5)
+    path, limits = Polyline(points), SpeedLimits(0.7, 2.0, 0.5)
     command = pursue(pose, path, share * path.end, speed, limits, look_ahead)
     v, w = command.linear.x, command.angular.z
     assert 0.0 <= v <= max(0.0, min(speed, 0.7))

@@ -3,7 +3,7 @@
 import math
 
 from zteam.behaviors.behavior import View
-from zteam.behaviors.polyline import Limits
+from zteam.behaviors.polyline import SpeedLimits
 from zteam.behaviors.scans import is_clear
 from zteam.clock import to_ns
 from zteam.geometry import normalize_angle, yaw_from_quaternion
@@ -35,7 +35,7 @@ class Around:
         """1 while it passes on the left, -1 on the right, 0 with a clear way."""
 
     def drive_to(
-        self, view: View, x: float, y: float, limits: Limits, but: int | None = None, room: float = 0.0
+        self, view: View, x: float, y: float, limits: SpeedLimits, but: int | None = None, room: float = 0.0
     ) -> Twist:
         """The velocity towards (x, y) of the own base frame. The robot `but` is not in the way.
 

@@ -12,7 +12,7 @@ from zteam.behaviors.behavior import NO_POSE, Behavior, View, own_pose
 from zteam.behaviors.evasion import Around
 from zteam.behaviors.head import Head, lead
 from zteam.behaviors.line import NO_TURNS, STATUSES, WAITS, Line, OnLeaderLost, Place, Presence, behavior_of, see_robot
-from zteam.behaviors.polyline import Limits
+from zteam.behaviors.polyline import SpeedLimits
 from zteam.behaviors.straight import Avoid, Forward, Idle
 from zteam.behaviors.trail import Trail, head_comes_round
 from zteam.behaviors.wander import Wander
@@ -114,7 +114,7 @@ class Follow(Behavior):
         if self.params.law == "direct":
             return self._drive_straight(view, place.ahead)
         params = self.params
-        limits = Limits(params.max_linear, params.max_angular)
+        limits = SpeedLimits(params.max_linear, params.max_angular)
         command, self.reason = self._trail.step(view, own, place, params.gap, params.stale_after, limits)
         self._apart = self._trail.ahead.apart
         return command
@@ -124,7 +124,7 @@ class Follow(Behavior):
         params = self.params
         if self._before in place.gone and not self._is_past:
             lost = see_robot(view, self._before, names.MAP_FRAME, math.inf)[0]
-            limits = Limits(params.max_linear, params.max_angular)
+            limits = SpeedLimits(params.max_linear, params.max_angular)
             command = self._trail.pass_by(view, own, None if lost is None else lost.pose, limits, place.gone)
             if command is not None:
                 return command
@@ -159,7 +159,7 @@ class Follow(Behavior):
         self._apart = math.hypot(seen.pose.x, seen.pose.y)
         if self._apart <= self.params.min_dist:
             return Twist()
-        limits = Limits(self.params.max_linear, self.params.max_angular)
+        limits = SpeedLimits(self.params.max_linear, self.params.max_angular)
         return self._around.drive_to(view, seen.pose.x, seen.pose.y, limits, ahead, LEADER_ROOM)
 
     def _tell(self, place: Place) -> None:

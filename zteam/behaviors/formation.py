@@ -13,7 +13,7 @@ from zteam.behaviors.evasion import Around, Escape
 from zteam.behaviors.leader_trail import LeaderTrail
 from zteam.behaviors.line import STATUSES, see_robot
 from zteam.behaviors.line_room import MOVED, BoxedIn, Stray
-from zteam.behaviors.polyline import Limits
+from zteam.behaviors.polyline import SpeedLimits
 from zteam.behaviors.scans import is_clear
 from zteam.behaviors.shapes import Shape, Slot, approach, reach_of, share_for_bend, share_for_room, slots_of, squeeze
 from zteam.geometry import Pose2, normalize_angle
@@ -37,7 +37,7 @@ class MakingWay:
         """The leader is not seen."""
         self._boxed_in, self._is_asked = BoxedIn(), False
 
-    def step(self, view: View, here: Pose2, leader: Pose2, limits: Limits) -> Twist | None:
+    def step(self, view: View, here: Pose2, leader: Pose2, limits: SpeedLimits) -> Twist | None:
         """The velocity of a robot that is in the way; None for one that is not. Poses are in map."""
         is_boxed = self._boxed_in.look(view.now, leader)
         if not is_boxed and not self._is_asked:
@@ -67,7 +67,7 @@ ALONG, MARGIN = 0.4, 0.03
 """Metres between the places of the trail to which it looks, and that have to be free beside it on the way there."""
 
 
-def hold(slot: Pose2, speed: float, turn: float, limits: Limits) -> Twist:
+def hold(slot: Pose2, speed: float, turn: float, limits: SpeedLimits) -> Twist:
     """The velocity that keeps a robot in a slot that is near (own base frame) and moves (m/s ahead, rad/s)."""
     cos, sin = math.cos(slot.yaw), math.sin(slot.yaw)
     forward, side = speed + SLOT_GAIN * (cos * slot.x + sin * slot.y), SLOT_GAIN * (cos * slot.y - sin * slot.x)
@@ -80,12 +80,12 @@ def hold(slot: Pose2, speed: float, turn: float, limits: Limits) -> Twist:
     return Twist(Vector3(ahead), Vector3(z=_limit(TURN_GAIN * angle + turn, limits)))
 
 
-def turn_to(angle: float, limits: Limits) -> Twist:
+def turn_to(angle: float, limits: SpeedLimits) -> Twist:
     """Turn on the spot by this angle (rad)."""
     return Twist(angular=Vector3(z=0.0 if abs(angle) < ALIGNED else _limit(TURN_GAIN * angle, limits)))
 
 
-def _limit(turn: float, limits: Limits) -> float:
+def _limit(turn: float, limits: SpeedLimits) -> float:
     return max(-limits.angular, min(limits.angular, turn))
 
 
@@ -187,7 +187,7 @@ class Formation(Behavior):
         members = self._members(view)
         self._trail.take(leader.pose, leader.stamp or view.now, (len(members) + 1) * self.params.spacing + KEPT)
         slot, target = self._apart(self._find_slot(view, here, members))
-        limits = Limits(self.params.max_linear, self.params.max_angular)
+        limits = SpeedLimits(self.params.max_linear, self.params.max_angular)
         command = self._drive(view, here, slot, target, limits)
         stray = self._stray.step(view, here, limits, wants=command.linear.x != 0.0)
         if stray is None:
@@ -195,7 +195,7 @@ class Formation(Behavior):
         self.reason = "boxed in: leaves its way to its slot"
         return stray
 
-    def _drive(self, view: View, here: Pose2, slot: Slot, target: Pose2, limits: Limits) -> Twist:
+    def _drive(self, view: View, here: Pose2, slot: Slot, target: Pose2, limits: SpeedLimits) -> Twist:
         trail, at = self._trail, here.inverse().compose(target)
         distance, place = math.hypot(at.x, at.y), trail.place - slot.back
         command = self._making_way.step(view, here, trail.leader, limits)

@@ -45,15 +45,6 @@ class Sample(NamedTuple):
     pose: Pose2
 
 
-class _Tip(NamedTuple):
-    """The end of a trail: the point, and the cosine and the sine of its direction there."""
-
-    x: float
-    y: float
-    cos: float
-    sin: float
-
-
 class LeaderTrail:
     """The trail of one leader. Places on it are metres of arc length; it goes straight on before its beginning."""
 
@@ -66,8 +57,6 @@ class LeaderTrail:
         """Of the leader along its trail, m/s."""
         self.path = Polyline()
         """The trail up to a little behind the leader."""
-        self._tip: _Tip | None = None
-        """Its end; None where that has to be found anew."""
         self._has_turned = False
         """Whether it ends where the leader turned round."""
         self._first = self.leader
@@ -101,7 +90,7 @@ class LeaderTrail:
         self.path = Polyline([(x, y) for x, y, _yaw in (*way, leader)])
         self._first, self.leader, self.stamp = (*way, leader)[0], leader, stamp
         self.place, self.speed = self.path.end, 0.0
-        self._samples, self._tip, self._has_turned = [Sample(self.place, leader)], None, False
+        self._samples, self._has_turned = [Sample(self.place, leader)], False
 
     def take(self, leader: Pose2, stamp: int, keep: float) -> None:
         """The leader's newest pose, of time `stamp` (ns); forgets what lies more than `keep` metres behind."""
@@ -140,31 +129,26 @@ class LeaderTrail:
 
     def _measure(self, leader: Pose2) -> float:
         """The place of this pose. Cuts the trail if the leader has backed up behind its end."""
-        path, tip = self.path, self._tip
+        path = self.path
         if self._has_turned:
             return path.end + math.hypot(leader.x - path.last[0], leader.y - path.last[1])
-        if tip is None:
-            x, y, yaw = path.at(path.end)
-            yaw = yaw if len(path) > 1 else leader.yaw
-            tip = _Tip(x, y, math.cos(yaw), math.sin(yaw))
-            # The direction of a single point is the leader's.
-            self._tip = tip if len(path) > 1 else None
-        dx, dy = leader.x - tip.x, leader.y - tip.y
-        ahead = tip.cos * dx + tip.sin * dy
+        # The direction of a single point is the leader's.
+        tip = path.at(path.end) if len(path) > 1 else Pose2(*path.last, leader.yaw)
+        ahead, _ = tip.locate(leader.x, leader.y)
         backs_up = ahead <= -_REVERSE
         place = path.project(leader.x, leader.y, path.end - _JUMP) if backs_up else path.end
         is_beside = backs_up and math.dist(leader[:2], path.point(place)) > _BESIDE
-        if is_beside or tip.cos * math.cos(leader.yaw) + tip.sin * math.sin(leader.yaw) < 0.0:
+        if is_beside or math.cos(leader.yaw - tip.yaw) < 0.0:
             # It has turned round, or backs up another way: the trail goes on from here.
             path.append(leader.x, leader.y)
-            self._samples, self._tip, self._has_turned = [Sample(path.end, leader)], None, True
+            self._samples, self._has_turned = [Sample(path.end, leader)], True
             return path.end
         if ahead >= 0.0:
-            return path.end + math.hypot(dx, dy)
+            return path.end + math.dist(leader[:2], tip[:2])
         if ahead > -_REVERSE:
             return path.end + ahead
         path.cut_after(place)
-        self._samples, self._tip = [], None
+        self._samples = []
         return path.end
 
     def _estimate(self, measured: float, seconds: float) -> None:
@@ -192,7 +176,7 @@ class LeaderTrail:
                 samples.pop(0)
             before = path.end
             path.append(*fit(samples, place, reach))
-            self._tip, self._has_turned = None, False
+            self._has_turned = False
             if path.end == before:
                 break
 

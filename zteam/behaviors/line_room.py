@@ -9,7 +9,7 @@ from zteam.behaviors.behavior import View
 from zteam.behaviors.evasion import Around, Escape
 from zteam.behaviors.head import Head
 from zteam.behaviors.line import Place
-from zteam.behaviors.polyline import LOOK_AHEAD, Limits, Polyline
+from zteam.behaviors.polyline import LOOK_AHEAD, Polyline, SpeedLimits
 from zteam.clock import to_ns
 from zteam.geometry import Pose2, curvature_to, normalize_angle
 from zteam.messages import Twist, Vector3
@@ -42,7 +42,7 @@ Answer = tuple[Twist, str]
 """A velocity, and why it is zero, or what the robot does instead of following."""
 
 
-class Way(NamedTuple):
+class Following(NamedTuple):
     """Where a robot follows."""
 
     path: Polyline
@@ -78,7 +78,7 @@ class Stray:
         self._anchor = (0.0, 0.0), 0, 0
         """Where it got on last, when (ns), and how often the line had turned then."""
 
-    def step(self, view: View, own: Pose2, limits: Limits, *, wants: bool, turns: int = 0) -> Twist | None:
+    def step(self, view: View, own: Pose2, limits: SpeedLimits, *, wants: bool, turns: int = 0) -> Twist | None:
         """The velocity of a robot at `own` in map; None to go its way.
 
         `wants`: it is to drive on, and does not wait for another robot. `turns`: of its line, so far.
@@ -112,7 +112,7 @@ class MakingRoom:
         """The robot for which it drives back."""
 
     def step(
-        self, view: View, own: Pose2, place: Place, way: Way, limits: Limits, stopped: Set[int],
+        self, view: View, own: Pose2, place: Place, way: Following, limits: SpeedLimits, stopped: Set[int],
         *, keeps: bool, wants: bool,
     ) -> Answer | None:  # fmt: skip
         """The velocity of a robot at `own` (map) and its `place` in the line, and what it does; None to follow.
@@ -154,7 +154,7 @@ class MakingRoom:
                 return robot, seen
         return None, seen
 
-    def _go_round(self, view: View, head: Pose2 | None, back: float, limits: Limits) -> Twist | None:
+    def _go_round(self, view: View, head: Pose2 | None, back: float, limits: SpeedLimits) -> Twist | None:
         """To the place behind a head that has faced it for long, if there is a way; `head` is in the own base frame."""
         apart = math.inf if head is None else math.hypot(head.x, head.y)
         if head is None or apart > FACED or head.inverse().x <= 0.0:

@@ -7,7 +7,7 @@ from msgspec import Meta, Struct
 
 from zteam.behaviors.behavior import NO_POSE, Behavior, View, own_pose
 from zteam.behaviors.go_to import FAR
-from zteam.behaviors.polyline import Limits, Polyline, pursue
+from zteam.behaviors.polyline import Polyline, SpeedLimits, pursue
 from zteam.geometry import Pose2
 from zteam.messages import Twist
 
@@ -86,7 +86,9 @@ class FollowPath(Behavior):
             return Twist()
         self.reason = ""
         speed = min(self.params.speed, BRAKING_GAIN * left)
-        return pursue(own, path, place, speed, Limits(angular=self.params.max_angular, lateral=LATERAL), LOOK_AHEAD)
+        return pursue(
+            own, path, place, speed, SpeedLimits(angular=self.params.max_angular, lateral=LATERAL), LOOK_AHEAD
+        )
 
     def why_it_rests(self) -> str:
         """It is told to, or its path is no longer than it sees ahead."""

@@ -74,15 +74,13 @@ class Polyline:
 
         Raises IndexError without a point.
         """
-        xs, ys, places = self._x, self._y, self._s
-        if len(places) < 2:
+        xs, ys = self._x, self._y
+        if len(xs) < 2:
             return Pose2(xs[0], ys[0], 0.0)
         s = min(max(s, self.start), self.end)
         piece = self._piece(s)
-        x, y, begin = xs[piece], ys[piece], places[piece]
-        dx, dy = xs[piece + 1] - x, ys[piece + 1] - y
-        share = (s - begin) / (places[piece + 1] - begin)
-        return Pose2(x + share * dx, y + share * dy, math.atan2(dy, dx))
+        yaw = math.atan2(ys[piece + 1] - ys[piece], xs[piece + 1] - xs[piece])
+        return Pose2(*self._point(piece, s), yaw)
 
     def point(self, s: float) -> tuple[float, float]:
         """The point at `s`, as `at`, for less time. Raises IndexError without a point."""
@@ -141,7 +139,7 @@ _NEAR = 0.02
 """Metres: a nearer point tells no direction."""
 
 
-class Limits(msgspec.Struct, frozen=True):
+class SpeedLimits(msgspec.Struct, frozen=True):
     """What limits a robot on a path."""
 
     linear: float = math.inf
@@ -153,7 +151,7 @@ class Limits(msgspec.Struct, frozen=True):
 
 
 def pursue(
-    pose: Pose2, path: Polyline, s: float, speed: float, limits: Limits, look_ahead: float = LOOK_AHEAD
+    pose: Pose2, path: Polyline, s: float, speed: float, limits: SpeedLimits, look_ahead: float = LOOK_AHEAD
 ) -> Twist:
     """The velocity of a robot at `pose` that keeps to `path` at `speed` (m/s, not negative) from its place `s` on.
 
@@ -179,7 +177,7 @@ def pursue(
     return Twist(linear=Vector3(x=speed), angular=Vector3(z=speed * curvature))
 
 
-def slow_down(speed: float, curvature: float, limits: Limits) -> float:
+def slow_down(speed: float, curvature: float, limits: SpeedLimits) -> float:
     """The largest speed (m/s) up to `speed` with which a robot may drive an arc of this curvature (1/m)."""
     bend = abs(curvature)
     speed = min(speed, limits.linear)

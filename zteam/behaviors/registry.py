@@ -246,7 +246,8 @@ def _checked(spec: str, found: Any) -> type[Behavior]:
     """`found` itself, if it is a behaviour with a type for its parameters. Raises UsageError."""
     if not _is_behavior(found):
         raise UsageError(f"behaviour {spec!r} is not a subclass of zteam.behaviors.Behavior")
-    if not _takes_parameters(found):
+    params = getattr(found, "Params", None)
+    if not (inspect.isclass(params) and issubclass(params, msgspec.Struct)):
         raise UsageError(f"behaviour {spec!r}: give it a class Params(msgspec.Struct, forbid_unknown_fields=True)")
     try:
         inspect.signature(found).bind(None)
@@ -301,11 +302,6 @@ def _classes_in(path: Path) -> list[str]:
 
 def _is_behavior(found: object) -> bool:
     return inspect.isclass(found) and issubclass(found, Behavior)
-
-
-def _takes_parameters(kind: type[Behavior]) -> bool:
-    params = getattr(kind, "Params", None)
-    return inspect.isclass(params) and issubclass(params, msgspec.Struct)
 
 
 class BehaviorInfo(msgspec.Struct):

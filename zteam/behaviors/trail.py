@@ -9,8 +9,8 @@ from zteam.behaviors.behavior import View
 from zteam.behaviors.evasion import Around, Escape
 from zteam.behaviors.leader_trail import LeaderTrail
 from zteam.behaviors.line import STRETCHED, WAITS, Place, Seen, keep_together, see_robot
-from zteam.behaviors.line_room import Answer, MakingRoom, Way, find_stopped
-from zteam.behaviors.polyline import LOOK_AHEAD, Limits, Polyline, pursue
+from zteam.behaviors.line_room import Answer, Following, MakingRoom, find_stopped
+from zteam.behaviors.polyline import LOOK_AHEAD, Polyline, SpeedLimits, pursue
 from zteam.behaviors.scans import is_clear, is_seen
 from zteam.clock import to_ns
 from zteam.geometry import Pose2
@@ -197,7 +197,7 @@ class Trail:
             way.append(own.x, own.y)
             way.drop_before(way.end - KEPT)
 
-    def step(self, view: View, own: Pose2, place: Place, gap: float, stale_after: float, limits: Limits) -> Answer:
+    def step(self, view: View, own: Pose2, place: Place, gap: float, stale_after: float, limits: SpeedLimits) -> Answer:
         """The velocity of a robot at `own` (map) behind the robots `place.before`, and why it is zero."""
         before = place.before
         head, reason = see_robot(view, before[-1], names.MAP_FRAME, stale_after)
@@ -223,7 +223,7 @@ class Trail:
         stopped = find_stopped(view)
         goes_on = place.behind in passed or not stopped.isdisjoint(place.after)
         share, reason = (1.0, "") if goes_on else keep_together(view, place)
-        way = Way(trail.path, self._place, gap * len(before), self.ahead.driven_on)
+        way = Following(trail.path, self._place, gap * len(before), self.ahead.driven_on)
         wants = share > 0.0 and (is_late or speed > WANTED)
         answer = self._making_room.step(view, own, place, way, limits, stopped, keeps=alone, wants=wants)
         if answer is not None:
@@ -260,7 +260,7 @@ class Trail:
         """Whether the trail up to the head is much longer than a way of this length: the head has driven to and fro."""
         return self._trail.place - self._place > SCRIBBLE * length + OFF
 
-    def pass_by(self, view: View, own: Pose2, head: Pose2 | None, limits: Limits, gone: Set[int]) -> Twist | None:
+    def pass_by(self, view: View, own: Pose2, head: Pose2 | None, limits: SpeedLimits, gone: Set[int]) -> Twist | None:
         """The velocity along the trail to a lost head, and straight on past it (both in map); None when it is there."""
         path = self._trail.path
         if head is None:
@@ -302,7 +302,7 @@ class Trail:
         return self._known
 
     def _along(
-        self, view: View, own: Pose2, speed: float, limits: Limits, passed: Set[int], ahead: int | None = None
+        self, view: View, own: Pose2, speed: float, limits: SpeedLimits, passed: Set[int], ahead: int | None = None
     ) -> Twist:
         """Along the trail; past these robots where they are on it, and to the trail from elsewhere."""
         path, here = self._trail.path, self._place

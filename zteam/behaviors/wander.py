@@ -11,7 +11,7 @@ from zteam.behaviors.behavior import NO_POSE, Behavior, View, own_pose
 from zteam.behaviors.evasion import Escape
 from zteam.behaviors.head import Head, lead
 from zteam.behaviors.line import NO_TURNS, STATUSES, WAITS, Line, Place, Presence
-from zteam.behaviors.polyline import Limits
+from zteam.behaviors.polyline import SpeedLimits
 from zteam.behaviors.scans import Cone, is_clear, is_seen, look_ahead, look_along
 from zteam.behaviors.trail import Trail
 from zteam.messages import LaserScan, Message, RobotDriver, Twist, Vector3
@@ -40,7 +40,7 @@ MOVED = 0.02
 """Metres of odometry that are a move."""
 STALE_AFTER = 0.5
 """Seconds: older poses of the robot that it follows do not count."""
-LIMITS = Limits(0.7, math.pi)
+LIMITS = SpeedLimits(0.7, math.pi)
 """As the last of a line whose other end leads."""
 SIDE_MARGIN = 0.015
 """Metres on either side of the circle that the base's corners describe when it turns: what it needs to squeeze

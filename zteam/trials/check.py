@@ -18,7 +18,7 @@ from zteam.trials.situations import (
     ROBOT,
     SITUATIONS,
     STALE_SITUATIONS,
-    Moment,
+    ViewMaker,
     bounds,
     elsewhere,
     given_params,
@@ -28,25 +28,25 @@ from zteam.trials.subject import (
     Answer,
     Candidate,
     Fault,
-    Heard,
+    HeardCalls,
+    StepWatch,
     Subject,
     TrialOver,
-    Watch,
     place_of_step,
     shared_state,
     velocity_text,
 )
-from zteam.trials.worlds import PLACES, SECONDS, Drive, Place
+from zteam.trials.worlds import PLACES, SECONDS, Start, TrialDrive
 
 MakeSubject = Callable[..., Subject]
 """`make(name=value, …)`: a new object of the behaviour with these parameters besides."""
 
 
-class Run(NamedTuple):
+class TrialRun(NamedTuple):
     """One run of a trial."""
 
     make: MakeSubject
-    moment: Moment
+    moment: ViewMaker
     blame: Callable[[Fault], None]
     candidate: Candidate
 
@@ -59,7 +59,7 @@ class Outcome(NamedTuple):
     """What else a person may want to know."""
 
 
-Trial = Callable[[Run], Outcome]
+Trial = Callable[[TrialRun], Outcome]
 
 
 def all_trials(candidate: Candidate) -> dict[str, Trial]:
@@ -74,7 +74,7 @@ def all_trials(candidate: Candidate) -> dict[str, Trial]:
     return found | {name: partial(_drive, place) for name, place in PLACES.items()}
 
 
-def _look(views: Callable[[Moment], Iterator[View]], run: Run) -> Outcome:
+def _look(views: Callable[[ViewMaker], Iterator[View]], run: TrialRun) -> Outcome:
     return Outcome(_answers(run.make(), views(run.moment)))
 
 
@@ -86,7 +86,7 @@ def _answers(subject: Subject, views: Iterator[View]) -> list[Answer]:
     return answers
 
 
-def _before_anything(run: Run) -> Outcome:
+def _before_anything(run: TrialRun) -> Outcome:
     """No robot asks for a step before its first scan, so an error there is a remark."""
     view = nothing(run.moment)
     subject = run.make()
@@ -95,7 +95,7 @@ def _before_anything(run: Run) -> Outcome:
     return Outcome([])
 
 
-def _look_at_old_poses(ages: tuple[float, float], run: Run) -> Outcome:
+def _look_at_old_poses(ages: tuple[float, float], run: TrialRun) -> Outcome:
     """Robots that differ in nothing but old poses: if they drive differently, they drive by these.
 
     One that drives without these poses too is not meant: to keep clear of where another robot was is no fault.
@@ -112,9 +112,9 @@ def _look_at_old_poses(ages: tuple[float, float], run: Run) -> Outcome:
     return Outcome(here)
 
 
-def _stands_without(run: Run, *, own: bool) -> bool:
+def _stands_without(run: TrialRun, *, own: bool) -> bool:
     """Whether it stands, or fails, while the others' poses are unknown, and its `own` one if asked for."""
-    subject = Subject(run.candidate, ROBOT, Watch(run.candidate.kind), lambda _: None)
+    subject = Subject(run.candidate, ROBOT, StepWatch(run.candidate.kind), lambda _: None)
     try:
         answers = _answers(subject, run.moment.views(poses={} if own else {ROBOT: POSES[ROBOT]}))
     except TrialOver:
@@ -126,7 +126,7 @@ def _motions(answers: list[Answer]) -> list[Motion]:
     return [answer.motion for answer in answers]
 
 
-def _try_bounds(run: Run) -> Outcome:
+def _try_bounds(run: TrialRun) -> Outcome:
     answers = []
     for name, value in bounds(run.candidate.kind):
         try:
@@ -141,8 +141,8 @@ def _try_bounds(run: Run) -> Outcome:
     return Outcome(answers)
 
 
-def _drive(place: Place, run: Run) -> Outcome:
-    drive = Drive(run.make(), place, run.moment.no_messages())
+def _drive(place: Start, run: TrialRun) -> Outcome:
+    drive = TrialDrive(run.make(), place, run.moment.no_messages())
     try:
         drive.run()
     finally:
@@ -238,7 +238,7 @@ class _Judge:
     """Runs each trial twice with new objects, as after a reset, and compares."""
 
     def __init__(self, candidate: Candidate) -> None:
-        self.watch = Watch(candidate.kind)
+        self.watch = StepWatch(candidate.kind)
         self._candidate = candidate
         self._name = ""
         self._faults: dict[tuple[str, str], Fault] = {}
@@ -274,7 +274,7 @@ class _Judge:
         before = shared_state(kind)
         first = self._run(trial)
         kept = [name for name, value in shared_state(kind).items() if before.get(name) != value]
-        heard = self.watch.heard = Heard(kind)
+        heard = self.watch.heard = HeardCalls(kind)
         try:
             second = self._run(trial)
         finally:
@@ -291,9 +291,9 @@ class _Judge:
         def make(**params: Any) -> Subject:
             return Subject(self._candidate, ROBOT, self.watch, self._take, **params)
 
-        return trial(Run(make, Moment(self._candidate.kind.inputs), self._take, self._candidate))
+        return trial(TrialRun(make, ViewMaker(self._candidate.kind.inputs), self._take, self._candidate))
 
-    def _why(self, difference: str, kept: list[str], heard: Heard) -> Fault:
+    def _why(self, difference: str, kept: list[str], heard: HeardCalls) -> Fault:
         """The fault behind two runs that differ."""
         step = place_of_step(self._candidate.kind)
         if kept and not heard.chance:

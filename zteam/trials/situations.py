@@ -81,7 +81,7 @@ def _all(value: float) -> np.ndarray:
     return np.full(_BEAMS, value)
 
 
-class Moment:
+class ViewMaker:
     """Makes views of one behaviour's robot."""
 
     def __init__(self, inputs: Mapping[str, Any]) -> None:
@@ -151,7 +151,7 @@ def _odom(now: int) -> Odometry:
     )
 
 
-def _moved(moment: Moment) -> Iterator[View]:
+def _moved(moment: ViewMaker) -> Iterator[View]:
     """It stands somewhere else from the middle on, as after `zteam sim move`."""
     for step in range(STEPS):
         is_late = step >= STEPS // 2
@@ -159,7 +159,7 @@ def _moved(moment: Moment) -> Iterator[View]:
         yield moment.view(1.0 + step * _DT, _DT if step else 0.0, ranges, poses)
 
 
-def _odd_times(moment: Moment) -> Iterator[View]:
+def _odd_times(moment: ViewMaker) -> Iterator[View]:
     """Time stands still, and then leaps."""
     now = 1.0
     for dt in (0.0, 0.1, 0.0, 0.0, 0.1, 5.0, 0.1, 1e-9):
@@ -167,18 +167,18 @@ def _odd_times(moment: Moment) -> Iterator[View]:
         yield moment.view(now, dt, room())
 
 
-def _near(moment: Moment) -> Iterator[View]:
+def _near(moment: ViewMaker) -> Iterator[View]:
     """A robot stands right before it."""
     angles = np.linspace(-0.5 * _FOV, 0.5 * _FOV, _BEAMS)
     ranges = np.where(np.abs(angles) < 0.5, 0.15, room())
     return moment.views(ranges, {**POSES, LEADER: (0.45, 0.0, math.pi)})
 
 
-def _alone(moment: Moment) -> Iterator[View]:
+def _alone(moment: ViewMaker) -> Iterator[View]:
     return moment.views(poses={ROBOT: POSES[ROBOT]})
 
 
-SITUATIONS: dict[str, Callable[[Moment], Iterator[View]]] = {
+SITUATIONS: dict[str, Callable[[ViewMaker], Iterator[View]]] = {
     "in the middle of a room": lambda moment: moment.views(),
     "all beams say nothing (nan)": lambda moment: moment.views(_all(math.nan)),
     "all beams meet nothing (inf)": lambda moment: moment.views(_all(math.inf)),
@@ -209,7 +209,7 @@ def elsewhere(*, own: bool) -> list[Poses]:
     return moved if own else [{**poses, ROBOT: POSES[ROBOT]} for poses in moved]
 
 
-def nothing(moment: Moment) -> View:
+def nothing(moment: ViewMaker) -> View:
     """Before anything has come."""
     return moment.view(1.0, 0.0, None, {}, has_odom=False)
 

@@ -21,7 +21,7 @@ import msgspec
 from zteam.behaviors.behavior import Behavior, View
 from zteam.behaviors.registry import error_text, is_own, read_params
 from zteam.behaviors.safety.layer import ask
-from zteam.behaviors.safety.motion import Limits, Motion
+from zteam.behaviors.safety.motion import BaseLimits, Motion
 from zteam.clock import monotonic, thread_time
 from zteam.errors import BehaviorError, EncodeError
 from zteam.messages import Message, Twist
@@ -87,7 +87,7 @@ _CLOCKS = {
 """(module or class, function). `time.perf_counter` only measures."""
 
 
-class Heard:
+class HeardCalls:
     """The calls that were heard: by what was called, the author's line."""
 
     def __init__(self, kind: type[Behavior]) -> None:
@@ -167,7 +167,7 @@ HANGS_AFTER = 5.0
 """Seconds after which a step counts as one that does not return."""
 
 
-class Watch:
+class StepWatch:
     """Watches the thread that steps a behaviour, from another one."""
 
     def __init__(self, kind: type[Behavior]) -> None:
@@ -181,7 +181,7 @@ class Watch:
         """Seconds of all of them."""
         self._places: Counter[str] = Counter()
         """Where the author's code was in them, and in how many looks."""
-        self.heard: Heard | None = None
+        self.heard: HeardCalls | None = None
         """Takes what steps call; None while none is wanted."""
 
     @contextmanager
@@ -259,7 +259,7 @@ class Subject:
     """An object of the behaviour. Its faults go to `blame`; it raises TrialOver after one that ends a robot."""
 
     def __init__(
-        self, candidate: Candidate, robot_id: int, watch: Watch, blame: Callable[[Fault], None], **params: Any
+        self, candidate: Candidate, robot_id: int, watch: StepWatch, blame: Callable[[Fault], None], **params: Any
     ) -> None:
         """With these `params` besides those of the candidate. Raises UsageError if it does not take them."""
         self._candidate, self._robot_id = candidate, robot_id
@@ -315,7 +315,7 @@ class Subject:
             hint = "nan comes of beams that say nothing, of 0/0 and of inf - inf: test with math.isfinite"
             self._accuse("number", f"step asks for {velocity_text(motion)}", hint)
             return
-        most = Limits(view.base).clamp(motion)
+        most = BaseLimits(view.base).clamp(motion)
         if abs(most.x - motion.x) > _TOLERANCE or abs(most.turn - motion.turn) > _TOLERANCE:
             hint = "limit it, for example max(-1.0, min(1.0, speed)); view.base has the limits"
             self._accuse("limit", f"step asks for {velocity_text(motion)}, this robot does {velocity_text(most)}", hint)

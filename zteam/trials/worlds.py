@@ -25,7 +25,7 @@ SECONDS = 10.0
 _WORLD = "arena"
 
 
-class Place(NamedTuple):
+class Start(NamedTuple):
     """Where both robots of a trial begin, in `map`, and the speed of the other one (m/s)."""
 
     own: Pose2
@@ -34,18 +34,18 @@ class Place(NamedTuple):
 
 
 PLACES = {
-    "a robot stands in its way": Place(Pose2(-1.0, 0.0, 0.0), Pose2(0.8, 0.0, math.pi)),
-    "a robot drives towards it": Place(Pose2(-2.0, 0.0, 0.0), Pose2(2.5, 0.1, math.pi), 0.4),
-    "a wall is right behind it": Place(Pose2(-4.4, 0.0, 0.0), Pose2(-2.0, 1.0, -0.5 * math.pi), 0.3),
-    "it starts in a corner": Place(Pose2(4.2, 4.2, 0.25 * math.pi), Pose2(2.7, 4.0, 0.0), 0.2),
+    "a robot stands in its way": Start(Pose2(-1.0, 0.0, 0.0), Pose2(0.8, 0.0, math.pi)),
+    "a robot drives towards it": Start(Pose2(-2.0, 0.0, 0.0), Pose2(2.5, 0.1, math.pi), 0.4),
+    "a wall is right behind it": Start(Pose2(-4.4, 0.0, 0.0), Pose2(-2.0, 1.0, -0.5 * math.pi), 0.3),
+    "it starts in a corner": Start(Pose2(4.2, 4.2, 0.25 * math.pi), Pose2(2.7, 4.0, 0.0), 0.2),
 }
 """By the name of the trial."""
 
 
-class Drive:
+class TrialDrive:
     """A robot's drive from a place on, and what came of it."""
 
-    def __init__(self, subject: Subject, place: Place, inputs: Mapping[str, Any]) -> None:
+    def __init__(self, subject: Subject, place: Start, inputs: Mapping[str, Any]) -> None:
         """`inputs` are what the robot's views hold of its declared inputs."""
         self._subject, self._inputs = subject, inputs
         self._world = _load()

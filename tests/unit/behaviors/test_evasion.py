@@ -8,11 +8,11 @@ import pytest
 from support.flat_floor import BEAMS, TICK, make_odometry, make_scan, make_view
 from zteam.behaviors import View
 from zteam.behaviors.evasion import Around, Escape
-from zteam.behaviors.polyline import Limits
+from zteam.behaviors.polyline import SpeedLimits
 from zteam.geometry import Pose2
 from zteam.messages import Twist, Vector3
 
-LIMITS = Limits(0.7, math.pi)
+LIMITS = SpeedLimits(0.7, math.pi)
 
 
 def look(*mates: tuple[float, float]) -> View:

@@ -12,7 +12,7 @@ from zteam.behaviors import Behavior, View, load_behavior
 from zteam.behaviors.assignment import assign
 from zteam.behaviors.formation import SLOT_GAIN, find_goal, hold, turn_to
 from zteam.behaviors.leader_trail import LeaderTrail
-from zteam.behaviors.polyline import Limits
+from zteam.behaviors.polyline import SpeedLimits
 from zteam.behaviors.shapes import SHAPES, slots_of
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
@@ -111,7 +111,7 @@ def test_a_robot_that_has_no_room_to_turn_to_its_slot_backs_out() -> None:
     assert math.dist(floor.poses[1][:2], (-1.2, 1.0)) < 0.15
 
 
-LIMITS = Limits(1.0, 2.0)
+LIMITS = SpeedLimits(1.0, 2.0)
 HERE = Pose2(0.0, 0.0, 0.0)
 
 

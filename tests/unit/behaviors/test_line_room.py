@@ -5,14 +5,14 @@ import math
 import pytest
 
 from zteam.behaviors.line import Place
-from zteam.behaviors.line_room import FRUITLESS, BoxedIn, MakingRoom, Way, back_up, find_stopped, is_too_near
-from zteam.behaviors.polyline import Limits, Polyline
+from zteam.behaviors.line_room import FRUITLESS, BoxedIn, Following, MakingRoom, back_up, find_stopped, is_too_near
+from zteam.behaviors.polyline import Polyline, SpeedLimits
 from zteam.clock import to_ns
 from zteam.geometry import Pose2
 from zteam.messages import RobotStatus, Twist, Vector3
 from zteam.testing import make_view
 
-LIMITS = Limits(0.7, math.pi)
+LIMITS = SpeedLimits(0.7, math.pi)
 AHEAD = Pose2(5.0, 0.0, 0.0)
 """The head, which drives away."""
 GAP = 0.8
@@ -60,7 +60,7 @@ def step(
         [5.0] * 180, now=seconds, poses={0: head, 1: (0.0, 0.0, 0.0)}, robot_id=1,
         inputs={"statuses": {0: RobotStatus(reason=said)}},
     )  # fmt: skip
-    way = Way(Polyline([(-5.0, 0.0), (5.0, 0.0)]), 5.0 + x, GAP, driven_on)
+    way = Following(Polyline([(-5.0, 0.0), (5.0, 0.0)]), 5.0 + x, GAP, driven_on)
     own, place = Pose2(x, 0.0, 0.0), Place((0,), turns=turns)
     return room.step(view, own, place, way, LIMITS, find_stopped(view), keeps=True, wants=wants)
 

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from support.flat_floor import TICK, drive
-from zteam.behaviors.polyline import LOOK_AHEAD, Limits, Polyline, pursue, slow_down
+from zteam.behaviors.polyline import LOOK_AHEAD, Polyline, SpeedLimits, pursue, slow_down
 from zteam.geometry import Pose2
 
 
@@ -121,7 +121,7 @@ def test_nothing_is_cut_from_nothing() -> None:
 
 
 STRAIGHT = Polyline([(0.0, 0.0), (10.0, 0.0)])
-LIMITS = Limits(linear=0.7)
+LIMITS = SpeedLimits(linear=0.7)
 
 
 def follow(path: Polyline, pose: Pose2, speed: float, seconds: float) -> tuple[Pose2, list[float]]:
@@ -162,7 +162,7 @@ def test_the_arc_meets_the_point_ahead() -> None:
 @pytest.mark.parametrize(("yaw", "turn"), [(2.0, -3.14), (-2.0, 3.14)])
 def test_it_turns_on_the_spot_when_the_path_leads_elsewhere(yaw: float, turn: float) -> None:
     """More than a radian off it does not drive, and turns the shorter way round within its limit."""
-    command = pursue(Pose2(1.0, 0.0, yaw), STRAIGHT, 1.0, 0.5, Limits(0.7, 3.14))
+    command = pursue(Pose2(1.0, 0.0, yaw), STRAIGHT, 1.0, 0.5, SpeedLimits(0.7, 3.14))
     assert (command.linear.x, command.angular.z) == (0.0, turn)
 
 
@@ -191,16 +191,16 @@ def test_it_does_not_swing_at_the_end() -> None:
 @pytest.mark.parametrize(
     ("limits", "curvature", "speed"),
     [
-        (Limits(), 3.0, 0.5),
-        (Limits(linear=0.3), 3.0, 0.3),
-        (Limits(angular=1.0), 4.0, 0.25),
-        (Limits(angular=1.0), -4.0, 0.25),
-        (Limits(angular=1.0), 0.0, 0.5),
-        (Limits(lateral=0.1), 2.5, 0.2),
-        (Limits(lateral=0.1), 0.1, 0.5),
+        (SpeedLimits(), 3.0, 0.5),
+        (SpeedLimits(linear=0.3), 3.0, 0.3),
+        (SpeedLimits(angular=1.0), 4.0, 0.25),
+        (SpeedLimits(angular=1.0), -4.0, 0.25),
+        (SpeedLimits(angular=1.0), 0.0, 0.5),
+        (SpeedLimits(lateral=0.1), 2.5, 0.2),
+        (SpeedLimits(lateral=0.1), 0.1, 0.5),
     ],
 )
-def test_it_slows_down_in_bends(limits: Limits, curvature: float, speed: float) -> None:
+def test_it_slows_down_in_bends(limits: SpeedLimits, curvature: float, speed: float) -> None:
     """The speed is the largest within the limits of speed, turn and acceleration to the side."""
     assert slow_down(0.5, curvature, limits) == pytest.approx(speed)
 

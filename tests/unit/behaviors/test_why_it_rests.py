@@ -12,9 +12,9 @@ from zteam.behaviors.registry import BEHAVIORS, load_behavior
 from zteam.behaviors.safety import ask
 from zteam.behaviors.straight import Forward
 from zteam.messages import Twist
-from zteam.trials.situations import LEADER, POSES, ROBOT, SITUATIONS, Moment
+from zteam.trials.situations import LEADER, POSES, ROBOT, SITUATIONS, ViewMaker
 from zteam.trials.subject import Answer
-from zteam.trials.worlds import PLACES, Drive
+from zteam.trials.worlds import PLACES, TrialDrive
 
 _AT_ITS_PLACE = {**POSES, LEADER: (0.55, 0.0, 0.0)}
 """The leader stands so near before it that it has nothing to do."""
@@ -40,7 +40,7 @@ _CASES = [*((name, dict(_NEEDED.get(name, {}))) for name in BEHAVIORS), *_FURTHE
 
 
 def _views(kind: type[Behavior]) -> Iterator[tuple[str, Iterator[View]]]:
-    moment = Moment(kind.inputs)
+    moment = ViewMaker(kind.inputs)
     for name, make in SITUATIONS.items():
         yield name, make(moment)
     yield "with messages", moment.views(has_messages=True)
@@ -80,7 +80,7 @@ class _Asked:
         for where, place in PLACES.items():
             self._begin(where)
             # A Subject would look for faults.
-            Drive(self, place, Moment(self._behavior.inputs).no_messages()).run()  # type: ignore[arg-type]
+            TrialDrive(self, place, ViewMaker(self._behavior.inputs).no_messages()).run()  # type: ignore[arg-type]
 
 
 @pytest.mark.few(4)
@@ -102,7 +102,7 @@ def test_a_follower_says_which_robot_is_how_near() -> None:
     """By both laws, at its place and before it."""
     for law, said in (("trail", "waits: robot_0 is 0.6 m away"), ("direct", "waits: robot_0 is 0.6 m away")):
         behavior = load_behavior("follow", {"leader": LEADER, "law": law})
-        for view in Moment(behavior.inputs).views(poses={**POSES, LEADER: (0.59, 0.0, 0.0)}):
+        for view in ViewMaker(behavior.inputs).views(poses={**POSES, LEADER: (0.59, 0.0, 0.0)}):
             command, reason = decide(behavior, view)
         assert (command.linear.x, command.angular.z, reason) == (0.0, 0.0, "")
         assert behavior.why_it_rests() == said

@@ -14,7 +14,7 @@ import pytest
 from support.candidates import MINE, Candidate
 from zteam.behaviors import Behavior
 from zteam.trials import check, subject
-from zteam.trials.subject import Heard, shared_state
+from zteam.trials.subject import HeardCalls, shared_state
 
 
 class Asks(Behavior):
@@ -23,7 +23,7 @@ class Asks(Behavior):
 
 def test_clocks_and_chance_are_heard_with_the_line() -> None:
     """The host's clocks by name, and random numbers through whatever function of `random`."""
-    heard = Heard(Asks)
+    heard = HeardCalls(Asks)
     with heard.listening():
         time.time()
         datetime.datetime.now()
@@ -35,7 +35,7 @@ def test_clocks_and_chance_are_heard_with_the_line() -> None:
 
 def test_what_a_library_asks_does_not_count() -> None:
     """A log line looks at the clock, and time.perf_counter only measures; afterwards nothing is watched."""
-    heard = Heard(Asks)
+    heard = HeardCalls(Asks)
     with heard.listening():
         logging.getLogger("mine").warning("a line")
         time.perf_counter()
@@ -115,7 +115,7 @@ def test_steps_that_wait_are_the_machines(
     time = [0.0]
     monkeypatch.setattr(subject, "monotonic", lambda: time[0])
     monkeypatch.setattr(subject, "WAIT", patience)
-    clock = subject.Watch(Behavior)
+    clock = subject.StepWatch(Behavior)
     for _ in range(steps):
         with clock.step():
             time[0] += 0.03

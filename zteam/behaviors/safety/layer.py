@@ -20,7 +20,7 @@ from zteam.behaviors.safety.motion import (
     swept_disc,
 )
 from zteam.behaviors.safety.surroundings import GAP as TEAMMATE_GAP
-from zteam.behaviors.safety.surroundings import STALE_AFTER, Surroundings, Teammates
+from zteam.behaviors.safety.surroundings import STALE_AFTER, Surroundings, TeammateTracker
 from zteam.messages import Twist, ns_from_time
 
 GAP = 0.15
@@ -46,7 +46,7 @@ class SafetyLayer:
         """What the base was told to do last."""
         self._held: tuple[bool, bool] | None = None
         """Which way the motion went that was stopped last: forwards or not, left or not; None while it is free."""
-        self._mates = Teammates()
+        self._mates = TeammateTracker()
         self._reaction, self._extra = FIRST, 0.0
         """In this step: seconds until the next command, metres that are to be free besides the gaps."""
         self._measured: Motion | None = None

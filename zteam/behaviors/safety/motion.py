@@ -176,7 +176,7 @@ _FASTER = 0.02
 STANDING = Motion(0.0, 0.0)
 
 
-class Limits:
+class BaseLimits:
     """The limits of one base. Motions are what the base does; a car's command is an angle of its wheels instead."""
 
     def __init__(self, base: Base) -> None:
@@ -267,7 +267,7 @@ class Limits:
         return Motion(float(x), float(turn), float(y)) if is_faster and math.isfinite(x + turn + y) else None
 
 
-limits_of = lru_cache(maxsize=256)(Limits)
+limits_of = lru_cache(maxsize=256)(BaseLimits)
 """The limits of a base: worked out once, for a robot looks at those of its teammates in each step."""
 
 

@@ -37,7 +37,7 @@ _LOOKS = 6
 _NONE = np.empty(0)
 
 
-class Sight:
+class LaserCoverage:
     """What the newest scan shows, and what was silent before. Bearings are radians along the base's axes."""
 
     def __init__(self) -> None:
@@ -128,7 +128,7 @@ _STEP = 0.2
 """Metres between two outlines of a teammate on its way, at most: less than the length of any robot."""
 
 
-class Near(NamedTuple):
+class NearTeammate(NamedTuple):
     """A teammate that may be in the way."""
 
     robot_id: int
@@ -140,7 +140,7 @@ class Near(NamedTuple):
     """Metres that its outline has grown."""
 
 
-class _Teammate:
+class _TrackedTeammate:
     """What is known of one teammate."""
 
     def __init__(self, robot_id: int, base: Base) -> None:
@@ -165,24 +165,20 @@ class _Teammate:
         self.pose, self.stamp, self.age = pose, stamp, age
 
 
-class Teammates:
+class TeammateTracker:
     """Tracks the teammates of one robot."""
 
     def __init__(self) -> None:
-        self._known: dict[int, _Teammate] = {}
-        self._sources: tuple[object, object] = (None, None)
-        """What the ids came from."""
+        self._known: dict[int, _TrackedTeammate] = {}
         self._here: Pose2 | None = None
         """Of the robot in `map`, in this step."""
 
     def look(self, view: View) -> None:
         """See where all are now."""
-        if self._sources[0] is not view.bases or self._sources[1] != view.team:
-            self._sources = view.bases, view.team
-            ids = sorted({*view.bases, *view.team} - {view.robot_id})
-            bases, known = {i: view.bases.get(i, DEFAULT_BASE) for i in ids}, self._known
-            is_same = {i: i in known and known[i].base is base for i, base in bases.items()}
-            self._known = {i: known[i] if is_same[i] else _Teammate(i, base) for i, base in bases.items()}
+        known, self._known = self._known, {}
+        for robot_id in sorted({*view.bases, *view.team} - {view.robot_id}):
+            base, mate = view.bases.get(robot_id, DEFAULT_BASE), known.get(robot_id)
+            self._known[robot_id] = mate if mate and mate.base is base else _TrackedTeammate(robot_id, base)
         self._here = own_pose(view)
         for mate in self._known.values():
             at = view.lookup(names.MAP_FRAME, mate.frame)
@@ -192,7 +188,7 @@ class Teammates:
             else:
                 mate.take(*at, max(0.0, age))
 
-    def near(self, x: float, y: float, radius: float, reaction: float) -> list[Near]:
+    def near(self, x: float, y: float, radius: float, reaction: float) -> list[NearTeammate]:
         """The teammates that may come into a disc of the base frame until they stand, in metres.
 
         They begin to brake `reaction` seconds from now.
@@ -217,7 +213,7 @@ class Teammates:
         return [(at[0].x, at[0].y) for at in found if at and (not at[1] or view.is_fresh(at[1], 0.5))]
 
 
-def _near(mate: _Teammate, at: Pose2, yaw: float, way: float, growth: float) -> Near:
+def _near(mate: _TrackedTeammate, at: Pose2, yaw: float, way: float, growth: float) -> NearTeammate:
     """A teammate that is at a pose of the base frame; the base is turned by `yaw` in `map`."""
     cos, sin = math.cos(yaw), math.sin(yaw)
     vx, vy = cos * mate.x + sin * mate.y, cos * mate.y - sin * mate.x
@@ -225,12 +221,12 @@ def _near(mate: _Teammate, at: Pose2, yaw: float, way: float, growth: float) -> 
     border = np.array((at.x + cos * x - sin * y, at.y + sin * x + cos * y))
     if vx * at.x + vy * at.y > RECEDES * math.hypot(at.x, at.y):
         # It comes no nearer, should it stop at once.
-        return Near(mate.robot_id, border, FOLLOWING_GAP, growth)
+        return NearTeammate(mate.robot_id, border, FOLLOWING_GAP, growth)
     if way:
         count = math.ceil(way / _STEP)
         seconds = np.arange(count + 1) * (way / count / math.hypot(vx, vy))
         border = (border[:, :, None] + np.array((vx, vy))[:, None, None] * seconds).reshape(2, -1)
-    return Near(mate.robot_id, border, GAP, growth)
+    return NearTeammate(mate.robot_id, border, GAP, growth)
 
 
 SPAN = 3.0
@@ -258,7 +254,7 @@ class Surroundings:
 
     def _forget(self) -> None:
         """The robot is somewhere else."""
-        self.sight = Sight()
+        self.sight = LaserCoverage()
         self._known, self._travelled = np.empty((3, 0)), 0.0
         """x and y of the points, and how far the base had travelled when each was seen (m). As it moves they
         are told in its frame anew."""

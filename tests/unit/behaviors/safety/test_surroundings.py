@@ -9,7 +9,7 @@ from support.flat_floor import TICK, make_odometry, make_scan, make_view
 from zteam.base import DEFAULT_BASE, Base
 from zteam.behaviors import SafetyLayer, View
 from zteam.behaviors.safety.motion import outline_of
-from zteam.behaviors.safety.surroundings import FOLLOWING_GAP, GAP, MAX_GROWTH, Near, Teammates
+from zteam.behaviors.safety.surroundings import FOLLOWING_GAP, GAP, MAX_GROWTH, NearTeammate, TeammateTracker
 from zteam.geometry import Pose2
 from zteam.messages import LaserScan, Twist, Vector3
 
@@ -146,9 +146,9 @@ def test_the_outline_grows_with_the_age_of_the_pose() -> None:
     assert SafetyLayer().limit(Twist(Vector3(0.2)), view(Pose2(0.5, 0.0, 0.0), 5.1))[0].linear.x == 0.2
 
 
-def near(*places: Pose2, reach: float = 1.0, age: float = 0.0) -> Near | None:
+def near(*places: Pose2, reach: float = 1.0, age: float = 0.0) -> NearTeammate | None:
     """What robot 0 makes of a teammate that was seen at these places, a tick apart."""
-    mates, found = Teammates(), []
+    mates, found = TeammateTracker(), []
     for tick, place in enumerate(places):
         mates.look(view(place, age, tick))
         found = mates.near(0.0, 0.0, reach + outline_of(DEFAULT_BASE).radius, 0.1)
