@@ -25,7 +25,7 @@ from support.flat_floor import (
 from zteam.base import Base
 from zteam.behaviors import SafetyLayer
 from zteam.behaviors.safety.motion import (
-    Limits,
+    BaseLimits,
     Motion,
     Outline,
     margin_of,
@@ -151,7 +151,7 @@ def test_no_command_leads_into_what_is_seen(
     command, _ = SafetyLayer().limit(Twist(Vector3(speed), Vector3(z=turn)), view)
     motion = Motion(command.linear.x, command.angular.z)
     # Braking evenly takes as long as half of that time at full speed.
-    seconds = dt + 0.5 * Limits(base).stop_time(motion)
+    seconds = dt + 0.5 * BaseLimits(base).stop_time(motion)
     outline, arc = outline_of(base), Motion(*motion)
     for x, y in hits_of(scan, LASER):
         nearest = min(margin_of(outline, arc), distance(outline, Pose2(0.0, 0.0, 0.0), x, y)) - 2e-3

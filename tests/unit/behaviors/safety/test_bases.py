@@ -16,7 +16,7 @@ from zteam.geometry import Pose2
 from zteam.messages import LaserScan, Twist
 from zteam.sim import Engine
 from zteam.sim.to_messages import odometry_message, scan_message
-from zteam.world.model import BaseLimits, Robot, World, base_info
+from zteam.world.model import Limits, Robot, World, base_info
 
 ROUND = replace(LASER, fov=math.tau, samples=361)
 """A laser that looks all round."""
@@ -71,7 +71,7 @@ class Loop:
 
 def test_beams_that_fall_silent_keep_what_they_saw_where_it_was() -> None:
     """At full speed all beams fall silent 0.95 m before the wall: the wall stays where it is."""
-    loop = Loop(make_robot(acceleration=BaseLimits((-1.0, 1.5), _FREE, _FREE)))
+    loop = Loop(make_robot(acceleration=Limits((-1.0, 1.5), _FREE, _FREE)))
 
     def silence(scan: LaserScan) -> None:
         if 3.0 - loop.x - FRONT <= 0.95:
@@ -89,7 +89,7 @@ def test_beams_that_fall_silent_keep_what_they_saw_where_it_was() -> None:
 )
 def test_a_cars_own_wheelbase_counts(angle: float, wall_at: float, yaw: float, straight: float) -> None:
     """A short car with 2 m from axle to axle turns in a wide arc, and not past the wall: so it stops before it."""
-    limits = BaseLimits((-1.0, 1.0), _FREE, _FREE)
+    limits = Limits((-1.0, 1.0), _FREE, _FREE)
     robot = make_robot(yaw=yaw, drive="car", wheelbase=2.0, acceleration=limits, rangers=(ROUND,))
     loop = Loop(robot, wall_at=wall_at)
     loop.run(drive(1.0), straight)
@@ -105,7 +105,7 @@ def test_a_cars_own_wheelbase_counts(angle: float, wall_at: float, yaw: float, s
 def test_a_cars_yaw_acceleration_counts(angle: float, wall_at: float, yaw: float, straight: float) -> None:
     """With 2 °/s² it hardly leaves its straight way when its wheels are turned: the wall there is what stops it."""
     turning = math.radians(2.0)
-    limits = BaseLimits((-1.0, 1.0), _FREE, (-turning, turning))
+    limits = Limits((-1.0, 1.0), _FREE, (-turning, turning))
     robot = make_robot(yaw=yaw, drive="car", wheelbase=0.2, acceleration=limits, rangers=(ROUND,))
     loop = Loop(robot, wall_at=wall_at)
     loop.run(drive(1.0), straight)
@@ -117,7 +117,7 @@ def test_a_cars_yaw_acceleration_counts(angle: float, wall_at: float, yaw: float
 @pytest.mark.parametrize("speed", [0.3, 0.6, 1.0])
 def test_backwards_the_bound_for_braking_backwards_counts(speed: float) -> None:
     """A base that brakes with 2 m/s² forwards and 0.5 m/s² backwards comes to a wall behind it."""
-    limits = BaseLimits((-2.0, 0.5), _FREE, _FREE)
+    limits = Limits((-2.0, 0.5), _FREE, _FREE)
     loop = Loop(make_robot(yaw=math.pi, acceleration=limits, rangers=(ROUND,)))
     loop.run(drive(-speed), 15.0)
     assert not loop.stalled
@@ -129,7 +129,7 @@ def test_backwards_the_bound_for_braking_backwards_counts(speed: float) -> None:
 @pytest.mark.parametrize("wall_at", [2.0, 3.1, 4.0])
 def test_the_reaction_is_the_tick_however_long(tick: float, speed: float, wall_at: float) -> None:
     """With a command each second or two a base that brakes with 1 m/s² drives so slowly that it can stop in time."""
-    limits = BaseLimits((-1.0, 1.0), _FREE, (-3.0, 3.0))
+    limits = Limits((-1.0, 1.0), _FREE, (-3.0, 3.0))
     loop = Loop(make_robot(acceleration=limits), wall_at=wall_at, tick=tick)
     loop.run(drive(speed), 40.0)
     assert not loop.stalled
@@ -182,7 +182,7 @@ def test_an_omni_base_moves_at_an_angle_too() -> None:
 
 def test_without_the_layer_an_omni_base_moves_sideways_within_its_limits() -> None:
     """`--no-safety` leaves the limits of speed and nothing else; a base that is not omni does not move sideways."""
-    limits = BaseLimits((-1.0, 1.0), (-0.4, 0.4), (-1.0, 1.0))
+    limits = Limits((-1.0, 1.0), (-0.4, 0.4), (-1.0, 1.0))
     loop = Loop(make_robot(drive="omni", velocity=limits), layer=LimitsOnly())
     loop.step(drive(0.3, vy=0.9))
     assert (loop.left.linear.x, loop.left.linear.y) == (0.3, 0.4)
@@ -193,8 +193,8 @@ def test_without_the_layer_an_omni_base_moves_sideways_within_its_limits() -> No
 
 def test_a_fast_base_drives_as_fast_as_it_can_and_stops() -> None:
     """The cap of 1 m/s is gone: a base of 2 m/s drives 2 m/s in the open, and stops before the wall."""
-    limits = BaseLimits((-1.0, 2.0), (0.0, 0.0), (-1.5, 1.5))
-    accelerations = BaseLimits((-1.0, 1.0), _FREE, _FREE)
+    limits = Limits((-1.0, 2.0), (0.0, 0.0), (-1.5, 1.5))
+    accelerations = Limits((-1.0, 1.0), _FREE, _FREE)
     laser = replace(LASER, range_max=30.0)
     loop = Loop(make_robot(velocity=limits, acceleration=accelerations, rangers=(laser,)), wall_at=12.0)
     fastest = 0.0
