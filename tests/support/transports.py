@@ -15,7 +15,7 @@ from typing import Any
 from support.limits import LIMIT
 from zteam.bus import Bus, BusOptions, MemoryHub, connect
 from zteam.clock import monotonic, pause, wall_ns
-from zteam.in_process.bridge import TeamHub
+from zteam.in_process.bridge import NodeSessions
 
 
 class RouterProcess:
@@ -103,7 +103,7 @@ def wait_until_true(condition: Callable[[], bool]) -> None:
 @contextmanager
 def bridged_sessions(outside: Sessions) -> Iterator[Sessions]:
     """Sessions of which every other one is that of a node of a team in one process, and the rest are outside."""
-    hub, numbers = TeamHub(outside()), itertools.count()
+    hub, numbers = NodeSessions(outside()), itertools.count()
 
     def open_bus() -> Bus:
         number = next(numbers)

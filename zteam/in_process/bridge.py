@@ -207,7 +207,7 @@ class BridgedSession:
         self._inside.close()
 
 
-class TeamHub:
+class NodeSessions:
     """Opens the sessions of the nodes."""
 
     def __init__(self, outside: Bus | None = None) -> None:

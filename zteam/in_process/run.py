@@ -18,7 +18,7 @@ from zteam import names
 from zteam.bus import BusOptions, connect
 from zteam.bus.router import Router
 from zteam.errors import BusError, UsageError
-from zteam.in_process.bridge import TeamHub
+from zteam.in_process.bridge import NodeSessions
 from zteam.in_process.delivery import marks_owner
 from zteam.in_process.user_calls import CallWatch, UserCall, naming_nodes
 from zteam.launch.kinds import KINDS, Pace, TeamLaunch
@@ -76,7 +76,7 @@ def parts_of(
 class NodeThread:
     """A member that is a node in a thread of this process. `on_end(member)` is called there when it has ended."""
 
-    def __init__(self, name: str, part: Part, hub: TeamHub, on_end: Callable[["NodeThread"], None]) -> None:
+    def __init__(self, name: str, part: Part, sessions: NodeSessions, on_end: Callable[["NodeThread"], None]) -> None:
         """`run` follows."""
         self.name = name
         self.exit_code: int | None = None
@@ -89,7 +89,7 @@ class NodeThread:
         """Whether it was asked to end."""
         self._stop = Stop()
         self._part = part
-        self._hub = hub
+        self._sessions = sessions
         self._on_end = on_end
         self._ended = threading.Event()
 
@@ -104,9 +104,9 @@ class NodeThread:
         owner, part = self.name, self._part
         code = 1
         if owner == names.SIMULATOR:
-            self._hub.delivery.deliver_in_this_thread()
+            self._sessions.delivery.deliver_in_this_thread()
         try:
-            code = run_body(owner, lambda: self._hub.bus(owner), self._body, self._stop, part.clock, part.make)
+            code = run_body(owner, lambda: self._sessions.bus(owner), self._body, self._stop, part.clock, part.make)
         except SystemExit as error:
             code = error.code if isinstance(error.code, int) else int(error.code is not None)
         except BaseException as error:
@@ -203,9 +203,9 @@ class InProcessRun(TeamRun):
         self._tell_end = on_end
         self._outside = outside
         self.endpoint = "" if outside is None else outside.endpoint
-        self.hub = TeamHub(None if outside is None else outside.bus)
-        self.calls = CallWatch(launch.pace, self.hub.delivery, take_hang)
-        self.bus = self.hub.bus(names.LAUNCHER)
+        self.sessions = NodeSessions(None if outside is None else outside.bus)
+        self.calls = CallWatch(launch.pace, self.sessions.delivery, take_hang)
+        self.bus = self.sessions.bus(names.LAUNCHER)
         self._serve(self.bus)
 
     def __enter__(self) -> Self:
@@ -227,7 +227,7 @@ class InProcessRun(TeamRun):
         try:
             super().__exit__(*error)
         finally:
-            self.hub.close()
+            self.sessions.close()
 
     def _on_failure(self, member: Member, again: Again) -> None:
         super()._on_failure(member, again)
@@ -282,7 +282,7 @@ class InProcessRun(TeamRun):
         self.supervisor.start_member(name, begin, restarts=job is not None and job.restarts)
 
     def _make(self, name: str) -> NodeThread:
-        return NodeThread(name, self.parts[name], self.hub, self.supervisor.take_end)
+        return NodeThread(name, self.parts[name], self.sessions, self.supervisor.take_end)
 
     def _stop_all(self) -> None:
         self._hung |= self.calls.hung

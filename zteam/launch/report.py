@@ -58,7 +58,7 @@ class Counts(msgspec.Struct, frozen=True):
     rounds: dict[str, RoundTiming]
 
 
-_PATIENCE = 15.0 * HOST_FACTOR
+_ANSWER_LIMIT = 15.0 * HOST_FACTOR
 """Host seconds for an answer: a frozen process may go on. One that has ended is not waited for."""
 
 
@@ -77,7 +77,7 @@ def seconds_since_start() -> float:
 
 def read_sim_report(bus: Bus) -> SimReport:
     """The simulator's count. Raises BusError when the simulator does not answer."""
-    return bus.ask(names.service_key(names.SIMULATOR, "report"), SimReport, timeout=_PATIENCE)
+    return bus.ask(names.service_key(names.SIMULATOR, "report"), SimReport, timeout=_ANSWER_LIMIT)
 
 
 def read_counts(bus: Bus) -> Counts:
@@ -113,14 +113,14 @@ def make_report(
 
 def read_rounds(bus: Bus) -> dict[str, RoundTiming]:
     """Every participant's own timing."""
-    answers = bus.query(names.service_key("*", "timing"), RoundTiming, timeout=_PATIENCE)
+    answers = bus.query(names.service_key("*", "timing"), RoundTiming, timeout=_ANSWER_LIMIT)
     return {key.partition("/")[0]: timing for key, timing in answers}
 
 
 def read_dropped(bus: Bus) -> dict[str, int]:
     """Refused payloads by key, summed over every process that answers."""
     dropped: dict[str, int] = {}
-    for _, counts in bus.query(names.stats_key("*"), dict[str, KeyCount], timeout=_PATIENCE):
+    for _, counts in bus.query(names.stats_key("*"), dict[str, KeyCount], timeout=_ANSWER_LIMIT):
         for key, count in counts.items():
             if count.dropped:
                 dropped[key] = dropped.get(key, 0) + count.dropped

@@ -97,8 +97,6 @@ class Team(msgspec.Struct, frozen=True):
     static_transforms: list[StaticTransform] = []
     simulation: Options = Options()
     nodes: list[NodeEntry] = []
-    arguments: tuple[str, ...] = ()
-    """NAME=VALUE, as they were given for its file."""
     folders: tuple[str, ...] = ()
     """Of its file and of those that it includes, absolute: modules of behaviours may lie there."""
 

@@ -70,15 +70,14 @@ def load_team(path: Path, arguments: Mapping[str, str] | None = None) -> Team:
 
 def read_team_file(path: Path, arguments: Mapping[str, str] | None = None) -> TeamFile:
     """The team file at `path` with the mistakes in its keys. Raises ConfigError if a file is not TOML."""
-    given = arguments or {}
-    files = Files(given)
-    return _read_entries(files, files.gather(path), tuple(f"{name}={text}" for name, text in given.items()))
+    files = Files(arguments or {})
+    return _read_entries(files, files.gather(path))
 
 
 def read_team_tables(name: str, tables: Mapping[str, Any]) -> TeamFile:
     """A team that a program gives as tables, with the mistakes in them; errors call it `name`."""
     files = Files({})
-    return _read_entries(files, files.adopt(name, tables), ())
+    return _read_entries(files, files.adopt(name, tables))
 
 
 def team_world(file: TeamFile) -> Path | None:
@@ -99,7 +98,7 @@ def team_world(file: TeamFile) -> Path | None:
     return found
 
 
-def _read_entries(files: Files, table: Table, arguments: tuple[str, ...]) -> TeamFile:
+def _read_entries(files: Files, table: Table) -> TeamFile:
     mistakes = [*files.missing, *files.mistakes, *_check_keys(table)]
     ids_known = isinstance(table.get("robots"), list)
     for name in LISTS:
@@ -125,7 +124,6 @@ def _read_entries(files: Files, table: Table, arguments: tuple[str, ...]) -> Tea
         static_transforms=list(transforms.values()),
         team=_section(table, "team", TeamSection, problems),
         simulation=_section(table, "simulation", Options, problems),
-        arguments=arguments,
         folders=tuple(dict.fromkeys(str(source.path.parent.resolve()) for source in files.sources)),
     )
     unfilled = frozenset(mistake.place for mistake in files.missing)

@@ -93,7 +93,7 @@ class TeamProcesses:
         """Processes of the team that were there once."""
         self._interval = 0
         """Simulated ns of a tick in lock-step; 0 while the team is not in lock-step."""
-        self._patience = LOCKSTEP_TIMEOUT
+        self._silence_limit = LOCKSTEP_TIMEOUT
         """Host seconds that a living process may be silent."""
         self._has_team = False
         self._restarts: set[str] = set()
@@ -311,7 +311,7 @@ class TeamProcesses:
         if self._has_team:
             text = "a test has one team, and this one has started: use team.restart, team.sim or a second test"
             raise UsageError(text)
-        self._has_team, self._patience, self._participants = True, launch.pace.timeout, {*launch.participants}
+        self._has_team, self._silence_limit, self._participants = True, launch.pace.timeout, {*launch.participants}
         plan = plan_team(launch)
         self._restarts = {name for name, job in plan.jobs.items() if job.restarts}
         self.expect_end(*plan.beside)
@@ -333,11 +333,13 @@ class TeamProcesses:
         """
         # A router is lost only on purpose: its end is seen at once.
         for name in {*status.hung} - {ROUTER}:
-            self._note_hang(name, f"lock-step left it behind, without an answer for {self._patience:g} s or cut off")
+            self._note_hang(
+                name, f"lock-step left it behind, without an answer for {self._silence_limit:g} s or cut off"
+            )
         left = self._participants.difference(status.participants, status.joining)
         self._participants = {*status.participants}
         for name in left.intersection(self._processes) - self._may_end - self._restarts:
-            if not self._wait(partial(self._has_ended_or_joined, name), self._patience):
+            if not self._wait(partial(self._has_ended_or_joined, name), self._silence_limit):
                 self._note_hang(name, "it lives and has left the bus")
         self._check()
 
@@ -367,16 +369,16 @@ class TeamProcesses:
             # The watch on the calls says which one hangs.
             open_now = [call.frames[0] for call in user_calls() if call.owner in self._present]
             self._wait(lambda: not any(call.frames[0] in open_now for call in user_calls()), START_LIMIT)
-        elif not self._wait(lambda: not self._silent(), self._patience):
+        elif not self._wait(lambda: not self._silent(), self._silence_limit):
             for name in self._silent():
-                self._note_hang(name, f"it gives no sign of life for {self._patience:g} s")
+                self._note_hang(name, f"it gives no sign of life for {self._silence_limit:g} s")
         self._check()
 
     def _take_hang(self, call: UserCall) -> bool:
         """A call of a node's own code in this process lasts too long. Before `run` it may be slow work of a start."""
         if call.owner not in self._present:
             return False
-        self._hangs.setdefault(call.owner, f"{call.owner} hangs: after {self._patience:g} s {call.describe()}")
+        self._hangs.setdefault(call.owner, f"{call.owner} hangs: after {self._silence_limit:g} s {call.describe()}")
         return True
 
     def check_at_end(self) -> None:

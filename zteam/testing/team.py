@@ -130,7 +130,7 @@ class TeamFixture(TeamProcesses):
         self._in_process = run
         self._supervisor.close()
         self._supervisor = run.supervisor
-        self._look(run.hub.bus("test"))
+        self._look(run.sessions.bus("test"))
         for name in run.parts:
             run.start_node(name)
         return [*run.parts]

@@ -14,7 +14,7 @@ from zteam.bus.memory import MemoryTransport
 from zteam.bus.presence import Claim, ProcessInfo
 from zteam.bus.transport import RawPublisher
 from zteam.errors import DuplicateNameError
-from zteam.in_process.bridge import TeamHub
+from zteam.in_process.bridge import NodeSessions
 from zteam.messages import Done, Message
 from zteam.nodes.simulator import lockstep
 
@@ -44,7 +44,7 @@ class Place:
     def __init__(self) -> None:
         self.outside = MemoryHub(timestamps=ZenohTimes())
         self.wire = Wire(self.outside)
-        self.hub = TeamHub(Bus(self.wire))
+        self.hub = NodeSessions(Bus(self.wire))
 
 
 @pytest.fixture

@@ -7,20 +7,20 @@ import pytest
 
 from support.limits import LIMIT
 from zteam.bus import Publisher
-from zteam.in_process.bridge import TeamHub
+from zteam.in_process.bridge import NodeSessions
 from zteam.in_process.delivery import call_as, current_owner
 from zteam.messages import Bool, Float64
 
 
 @pytest.fixture
-def team_hub() -> Iterator[TeamHub]:
+def team_hub() -> Iterator[NodeSessions]:
     """The hub of a team without nodes."""
-    hub = TeamHub()
+    hub = NodeSessions()
     yield hub
     hub.close()
 
 
-def test_the_simulators_thread_calls_handlers_itself(team_hub: TeamHub) -> None:
+def test_the_simulators_thread_calls_handlers_itself(team_hub: NodeSessions) -> None:
     """What the thread puts that delivers directly has been handled in it when `put` returns."""
     threads: list[threading.Thread] = []
     team_hub.bus("robot_0").subscribe("a", Bool, lambda _key, _message: threads.append(threading.current_thread()))
@@ -29,7 +29,7 @@ def test_the_simulators_thread_calls_handlers_itself(team_hub: TeamHub) -> None:
     assert threads == [threading.current_thread()]
 
 
-def test_other_threads_do_not_wait_for_a_receiver(team_hub: TeamHub) -> None:
+def test_other_threads_do_not_wait_for_a_receiver(team_hub: NodeSessions) -> None:
     """Two threads that hold the locks of two nodes and send to each other's handlers both go on."""
     locks = {name: threading.RLock() for name in ("robot_0", "robot_1")}
     heard: dict[str, threading.Event] = {name: threading.Event() for name in locks}
@@ -59,7 +59,7 @@ def test_other_threads_do_not_wait_for_a_receiver(team_hub: TeamHub) -> None:
         assert not thread.is_alive()
 
 
-def test_a_message_does_not_overtake_an_earlier_one(team_hub: TeamHub) -> None:
+def test_a_message_does_not_overtake_an_earlier_one(team_hub: NodeSessions) -> None:
     """What the simulator's thread puts is handled after a message that waits for its handler."""
     begun, go_on, done = threading.Event(), threading.Event(), threading.Event()
     heard: list[float] = []
@@ -86,7 +86,7 @@ def test_a_message_does_not_overtake_an_earlier_one(team_hub: TeamHub) -> None:
 
 @pytest.mark.parametrize("first", ["robot_0", "robot_1"])
 @pytest.mark.parametrize("in_simulators_thread", [True, False])
-def test_an_answer_comes_after_what_it_answers(team_hub: TeamHub, first: str, in_simulators_thread: bool) -> None:
+def test_an_answer_comes_after_what_it_answers(team_hub: NodeSessions, first: str, in_simulators_thread: bool) -> None:
     """A node gets the answer of another one after the message itself, whichever of them gets that first."""
     heard, done = dict[str, list[str]](), threading.Event()
     for name in sorted(("robot_0", "robot_1"), key=lambda name: name != first):
@@ -108,7 +108,7 @@ def test_an_answer_comes_after_what_it_answers(team_hub: TeamHub, first: str, in
     assert heard == {name: ["tick", "answer", "answer"] for name in ("robot_0", "robot_1")}
 
 
-def test_a_token_comes_after_what_was_put_before(team_hub: TeamHub) -> None:
+def test_a_token_comes_after_what_was_put_before(team_hub: NodeSessions) -> None:
     """The end of a robot's token is told after its last command, which counts for the same tick."""
     told: list[str] = []
     done = threading.Event()
@@ -128,7 +128,7 @@ def test_a_token_comes_after_what_was_put_before(team_hub: TeamHub) -> None:
     assert told == ["comes", "command", "goes"]
 
 
-def test_an_error_of_a_handler_ends_no_thread(team_hub: TeamHub) -> None:
+def test_an_error_of_a_handler_ends_no_thread(team_hub: NodeSessions) -> None:
     """After a handler that raises even SystemExit, the next message is handled."""
     heard = threading.Event()
 
