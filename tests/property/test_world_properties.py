@@ -17,9 +17,9 @@ from zteam.world.bodies import Block, fit_blocks, is_simple
 from zteam.world.images import rectangles
 from zteam.world.parser import Entity, Property, parse_text
 from zteam.world.properties import Size3
-from zteam.world.text import Place, Remarks
+from zteam.world.text import Remarks, TextPlace
 
-PLACE = Place("", 0, 0)
+PLACE = TextPlace("", 0, 0)
 
 names = (
     st.tuples(

@@ -1,5 +1,6 @@
 """One child process: its own process group, its output line by line, its peak memory. It does not outlive us."""
 
+import contextlib
 import logging
 import os
 import signal
@@ -82,11 +83,8 @@ class Child(Protocol):
     def poll(self) -> int | None:
         """Find out whether it has ended; its exit code."""
 
-    def wait_for_end(self) -> None:
-        """Wait until it has ended, and leave its process id taken, if no other thread has released it."""
-
     def wait(self) -> int:
-        """Wait until it has ended, release its process id, and return its exit code."""
+        """Wait until it has ended, end the rest of its group, release its process id, and return its exit code."""
 
     def send_signal(self, sig: int) -> None:
         """Send it a signal if it still runs."""
@@ -110,16 +108,22 @@ def environment_of(added: Mapping[str, str]) -> dict[str, str]:
 
 
 class _Spawned(subprocess.Popen[str]):
-    def wait_for_end(self) -> None:
-        if not hasattr(os, "waitid"):
-            # Its process id becomes free at once, as on a system without waitid.
-            self.wait()
-            return
-        try:
-            os.waitid(os.P_PID, self.pid, os.WEXITED | os.WNOWAIT)
-        except ChildProcessError:
-            # Another thread has called `poll`, which collects the exit code.
-            pass
+    def wait(self, timeout: float | None = None) -> int:
+        # Without waitid the process id is free before the group is ended.
+        if timeout is None and self.returncode is None and hasattr(os, "waitid"):
+            with contextlib.suppress(ChildProcessError):
+                os.waitid(os.P_PID, self.pid, os.WEXITED | os.WNOWAIT)
+        else:
+            super().wait(timeout)
+        kill_group(self.pid)
+        return super().wait(timeout)
+
+
+def kill_group(pid: int) -> None:
+    """End a process that leads a group, and the whole group, at once."""
+    # It may be gone already.
+    with contextlib.suppress(ProcessLookupError, PermissionError):
+        os.killpg(pid, signal.SIGKILL)
 
 
 def spawn(command: Sequence[str], lifeline: int, environment: Mapping[str, str], folder: Path | None = None) -> Child:
@@ -195,9 +199,7 @@ class Process:
         self._child.stdout.close()
 
     def _watch(self) -> None:
-        """Wait until the process ends, kill the rest of its group, and call `on_exit`."""
-        self._child.wait_for_end()
-        self.kill()
+        """Wait until the process ends, and call `on_exit`."""
         self._child.wait()
         self._reader.join(_LAST_LINES)
         self._close_input()
@@ -205,23 +207,19 @@ class Process:
 
     def _close_input(self) -> None:
         if self._child.stdin is not None:
-            try:
+            # Buffered text may have no reader any more.
+            with contextlib.suppress(BrokenPipeError):
                 self._child.stdin.close()
-            except BrokenPipeError:
-                # Buffered text has no reader any more.
-                pass
 
     def write_line(self, text: str, *, last: bool = True) -> None:
         """Write a line to its standard input, and close the input after the last one."""
         assert self._child.stdin is not None
-        try:
+        # It may have ended already (ValueError: its input is closed too); `on_exit` reports the end.
+        with contextlib.suppress(BrokenPipeError, ValueError):
             self._child.stdin.write(text + "\n")
             self._child.stdin.flush()
             if last:
                 self._child.stdin.close()
-        except (BrokenPipeError, ValueError):
-            # It has ended already (ValueError: its input is closed too); `on_exit` reports the end.
-            pass
 
     def signal(self, number: int) -> None:
         """Send it a signal if it still runs."""
@@ -235,11 +233,7 @@ class Process:
 
     def kill(self) -> None:
         """End it and its whole process group at once."""
-        try:
-            os.killpg(self._child.pid, signal.SIGKILL)
-        except (ProcessLookupError, PermissionError):
-            # The group is gone already.
-            pass
+        kill_group(self.pid)
 
     def join(self, timeout: float) -> bool:
         """Wait for its end and its last line; False if they did not come within `timeout` s."""

@@ -149,18 +149,14 @@ class ForkedChild:
                 os.close(self._descriptor)
         return self.returncode
 
-    def wait_for_end(self) -> None:
-        """Wait until it has ended."""
+    def wait(self) -> int:
+        """Wait until it has ended; the warm parent ends the rest of its group and releases its process id."""
         with self._lock:
             # A copy: another thread may call `poll` meanwhile, which closes the descriptor.
             descriptor = os.dup(self._descriptor) if self.returncode is None else None
         if descriptor is not None:
             _wait_for(descriptor, None)
             os.close(descriptor)
-
-    def wait(self) -> int:
-        """Wait until it has ended, release its process id, and return its exit code."""
-        self.wait_for_end()
         code = self.poll()
         assert code is not None
         return code

@@ -15,8 +15,8 @@ from zteam.geometry import Pose2, normalize_angle
 from zteam.kernels.binding import BeamTable, Fans, Rays
 from zteam.messages import Message
 from zteam.sim.casting import NO_MOVER, Caster, Scene, mount_devices, rays_of
-from zteam.world.devices import Blobfinder, Bumper, DeviceKind, Finder
-from zteam.world.model import Marker, Obstacle, Robot
+from zteam.world.devices import Blobfinder, BumperPiece, DeviceKind, Finder
+from zteam.world.model import FiducialMarker, Obstacle, Robot
 
 if TYPE_CHECKING:
     from zteam.sim.observation import Observation
@@ -76,7 +76,7 @@ class Sensor(NamedTuple):
 class _Target(NamedTuple):
     """A marker and the model that bears it."""
 
-    marker: Marker
+    marker: FiducialMarker
     source: int
     """As in `zteam.sim.casting.Group`; so is the mover."""
     mover: int
@@ -100,7 +100,7 @@ def _targets(robots: Sequence[Robot], obstacles: Sequence[Obstacle]) -> list[_Ta
     return found
 
 
-def _bumper_rays(owner: int, bumper: Bumper) -> Rays:
+def _bumper_rays(owner: int, bumper: BumperPiece) -> Rays:
     """Rays outward along a bumper."""
     count = max(2, math.ceil(bumper.length / _SPACING) + 1)
     along = np.linspace(-0.5 * bumper.length, 0.5 * bumper.length, count)
@@ -160,7 +160,7 @@ class FiducialFinders:
         )
 
 
-def prepare_bumpers(scene: Scene, owned: Sequence[tuple[int, Bumper]]) -> Sense:
+def prepare_bumpers(scene: Scene, owned: Sequence[tuple[int, BumperPiece]]) -> Sense:
     rays = [_bumper_rays(i, bumper) for i, bumper in owned]
     at = Rays._make(np.concatenate(parts, axis=-1) for parts in zip(*rays, strict=True))
     ends = np.cumsum([len(own.owner) for own in rays])

@@ -6,7 +6,7 @@ from typing import Any
 
 from zteam.errors import UsageError, did_you_mean
 from zteam.robot_ids import format_robot_ids, parse_robot_ids
-from zteam.team_file.sources import Mistake, Place, Table, merge
+from zteam.team_file.sources import KeyPlace, Mistake, Table, merge
 
 PREVIOUS = "previous"
 """`follow = "previous"`: the robot before this one in the file."""
@@ -28,7 +28,7 @@ class Expansion:
         """Whether all ids could be read."""
         self._previous: int | None = -1
         """The id of the robot before; -1 before the first, None where that id cannot be read."""
-        self._seen: dict[int, Place] = {}
+        self._seen: dict[int, KeyPlace] = {}
         self._defaults = self._read_defaults(team)
         for table in team["robots"]:
             self._add(table)

@@ -17,7 +17,7 @@ from zteam.simulation_options import Options
 from zteam.team_file.entries import NO_WORLD, NodeEntry, RobotEntry, StaticTransform, Team, TeamSection
 from zteam.team_file.groups import Expansion
 from zteam.team_file.rules import check_follows, check_nodes, check_robots, check_transforms
-from zteam.team_file.sources import LISTS, Argument, Files, Mistake, Place, Table, error_of
+from zteam.team_file.sources import LISTS, Argument, Files, KeyPlace, Mistake, Table, error_of
 from zteam.toml_values import toml_text
 
 S = TypeVar("S", bound=msgspec.Struct)
@@ -40,7 +40,7 @@ class TeamFile(msgspec.Struct):
     mistakes: list[Mistake]
     arguments: list[Argument]
     """What it takes."""
-    unfilled: frozenset[Place]
+    unfilled: frozenset[KeyPlace]
     """Of the keys whose argument is missing."""
 
     def locate(self, problems: Iterable[Problem]) -> list[Mistake]:

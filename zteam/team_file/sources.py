@@ -36,7 +36,7 @@ class Source(msgspec.Struct, frozen=True, eq=False):
     """In the order of reading."""
 
 
-class Place(NamedTuple):
+class KeyPlace(NamedTuple):
     """A key in a file."""
 
     source: Source
@@ -47,9 +47,9 @@ class Place(NamedTuple):
         """Of the key, or of the table in which it is missing."""
         return line_of(self.source.lines, self.path)
 
-    def below(self, key: str | int) -> "Place":
+    def below(self, key: str | int) -> "KeyPlace":
         """A key of the table, or an element of the list, that stands here."""
-        return Place(self.source, (*self.path, key))
+        return KeyPlace(self.source, (*self.path, key))
 
     def __str__(self) -> str:
         return f"{self.source.path}:{self.line}" if self.line else str(self.source.path)
@@ -58,7 +58,7 @@ class Place(NamedTuple):
 class Mistake(NamedTuple):
     """What is wrong with a key of a file."""
 
-    place: Place
+    place: KeyPlace
     text: str
 
     def __str__(self) -> str:
@@ -75,17 +75,17 @@ def error_of(mistakes: Iterable[Mistake]) -> ConfigError:
 class Table(dict[str, Any]):
     """A table of a file, or one that was made of several."""
 
-    def __init__(self, place: Place) -> None:
+    def __init__(self, place: KeyPlace) -> None:
         super().__init__()
         self.place = place
-        self._places: dict[str, Place] = {}
+        self._places: dict[str, KeyPlace] = {}
         """Of keys that do not stand in the table at `place`."""
 
-    def put(self, key: str, value: Any, place: Place) -> None:
+    def put(self, key: str, value: Any, place: KeyPlace) -> None:
         """Set a key that stands at `place`."""
         self[key], self._places[key] = value, place
 
-    def place_of(self, *path: str | int) -> Place:
+    def place_of(self, *path: str | int) -> KeyPlace:
         """Where the value at a path below this table stands."""
         place, inner = self.place, self
         for step in path:
@@ -114,7 +114,7 @@ def merge(base: Table, over: Table, *, lists: Collection[str] = (), depth: int =
     return merged
 
 
-def _placed(value: Any, place: Place, fill: Callable[[str, Place], Any] | None = None) -> Any:
+def _placed(value: Any, place: KeyPlace, fill: Callable[[str, KeyPlace], Any] | None = None) -> Any:
     """A value of a file with Tables for its tables; `fill` gives what its texts stand for."""
     if isinstance(value, dict):
         table = Table(place)
@@ -131,7 +131,7 @@ class Argument(NamedTuple):
     name: str
     default: str | None
     """TOML, or a text without quotes; None for an argument that must be given."""
-    place: Place
+    place: KeyPlace
 
 
 def parse_arguments(words: Iterable[str]) -> dict[str, str]:
@@ -161,7 +161,7 @@ def argument_texts(values: Mapping[str, Any]) -> dict[str, str]:
 
 def describe_arguments(arguments: Iterable[Argument]) -> list[tuple[str, str, str]]:
     """What a team file takes, for a table: name, default and place of each; a name comes again for each default."""
-    found: dict[tuple[str, str | None], Place] = {}
+    found: dict[tuple[str, str | None], KeyPlace] = {}
     for argument in arguments:
         found.setdefault((argument.name, argument.default), argument.place)
     return [(name, default or "", str(place)) for (name, default), place in found.items()]
@@ -191,13 +191,13 @@ class Files:
         takes = f"it takes {', '.join(names)}" if names else "it takes none"
         for name in [name for name in self._given if name not in names]:
             told = f"there is no argument {name}{did_you_mean(name, names)}; {takes}"
-            self.mistakes.append(Mistake(Place(self.sources[0]), told))
+            self.mistakes.append(Mistake(KeyPlace(self.sources[0]), told))
         return table
 
     def adopt(self, name: str, tables: Mapping[str, Any]) -> Table:
         """Tables that a program gives, as if the file `name` held them."""
         self.sources.append(Source(Path(name)))
-        table: Table = _placed(dict(tables), Place(self.sources[0]))
+        table: Table = _placed(dict(tables), KeyPlace(self.sources[0]))
         return table
 
     def _read(self, path: Path, above: tuple[Path, ...]) -> Table:
@@ -205,7 +205,7 @@ class Files:
         lines, tables = read_toml(path)
         source = Source(path, lines, len(self.sources))
         self.sources.append(source)
-        own = _placed(tables, Place(source), self._fill)
+        own = _placed(tables, KeyPlace(source), self._fill)
         if above:
             _fix_paths(own, path.parent.resolve())
         merged = Table(own.place)
@@ -215,7 +215,7 @@ class Files:
                 merged = merge(merged, self._read(found, (*above, path)), lists=LISTS)
         return merge(merged, own, lists=LISTS)
 
-    def _fill(self, text: str, place: Place) -> Any:
+    def _fill(self, text: str, place: KeyPlace) -> Any:
         found = _REFERENCE.fullmatch(text)
         if found is None:
             return text
@@ -226,7 +226,7 @@ class Files:
             return text
         return _placed(parse_value(given), place)
 
-    def _included(self, table: Table) -> list[tuple[Place, str]]:
+    def _included(self, table: Table) -> list[tuple[KeyPlace, str]]:
         value, place = table.get("include", []), table.place_of("include")
         if not isinstance(value, list):
             self.mistakes.append(Mistake(place, 'a list of team files is expected, such as ["base.toml"]'))
@@ -239,7 +239,7 @@ class Files:
                 self.mistakes.append(Mistake(place.below(i), "the name of a team file is expected"))
         return found
 
-    def _find(self, place: Place, text: str, above: tuple[Path, ...]) -> Path | None:
+    def _find(self, place: KeyPlace, text: str, above: tuple[Path, ...]) -> Path | None:
         beside = place.source.path.parent / text
         found = resources.existing_file(beside) or resources.shipped_team(text)
         if found is None and resources.is_folder(beside):

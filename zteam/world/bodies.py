@@ -27,7 +27,7 @@ from zteam.world.images import (
 from zteam.world.model import Floorplan, Shape
 from zteam.world.parser import Entity
 from zteam.world.properties import BODILESS, Pose3, Reader, Size3, Units
-from zteam.world.text import Place, Remarks, find_file
+from zteam.world.text import Remarks, TextPlace, find_file
 
 BOUNDARY_THICKNESS = 0.01
 """Metres: Stage's `boundary 1` is four slabs of this thickness."""
@@ -151,13 +151,13 @@ class Bounds:
     def __init__(self) -> None:
         self._points = self._pixels = 0
 
-    def add_points(self, count: int, place: Place) -> None:
+    def add_points(self, count: int, place: TextPlace) -> None:
         """Count corners of blocks; raises WorldError when they are too many."""
         self._points += count
         if self._points > MAX_ALL_POINTS:
             raise place.error(f"the blocks of this world have more than {MAX_ALL_POINTS} points: it is refused")
 
-    def add_pixels(self, count: int, place: Place) -> None:
+    def add_pixels(self, count: int, place: TextPlace) -> None:
         """Count cells of bitmaps, each bitmap once; raises WorldError when they are too many."""
         self._pixels += count
         if self._pixels > MAX_PIXELS:
@@ -237,7 +237,7 @@ def read_body(entity: Entity, settings: Settings) -> Body:
     return Body(size, reader.pose("origin"), _read_surface(reader), fitted, tuple(slabs), bitmap, home)
 
 
-def solid_blocks(body: Body, place: Place, settings: Settings) -> list[Block]:
+def solid_blocks(body: Body, place: TextPlace, settings: Settings) -> list[Block]:
     """Everything of a body as prisms, a bitmap as rectangles: for bodies that move. `place` is the model's."""
     blocks = [*body.blocks, *body.slabs]
     if body.bitmap is None:

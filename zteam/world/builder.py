@@ -1,7 +1,8 @@
 """From a parsed world file to a `World`: poses, heights and bodies worked out as Stage does.
 
 A model's pose is in its parent's frame; its foot stands on its parent's top (`stack_children 1`, the default) or
-bottom, plus its own z. `origin` moves a model's body and sensors, not its children."""
+bottom, plus its own z. `origin` moves a model's body and sensors, not its children.
+"""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -15,9 +16,9 @@ from zteam.simulation_options import PHYSICS
 from zteam.world.bodies import Body, Bounds, Settings, place_body, place_floorplan, read_body, solid_blocks
 from zteam.world.devices import device_models
 from zteam.world.images import is_floor_map
-from zteam.world.model import Device, Floorplan, Limits, Marker, Obstacle, Ranger, Robot, Shape, World
+from zteam.world.model import Device, FiducialMarker, Floorplan, Limits, Obstacle, Ranger, Robot, Shape, World
 from zteam.world.parser import Document, Entity, Property, parse_text, parse_world
-from zteam.world.properties import MEANT, TYPES, UNSUPPORTED, Pose3, Reader, Seat, Units, read_units
+from zteam.world.properties import MEANT, TYPES, UNSUPPORTED, Pose3, Reader, Units, read_units
 from zteam.world.text import Remarks
 
 WHEEL_SEPARATION = 0.3
@@ -26,33 +27,22 @@ DEFAULT_MASS = 10.0
 MAX_MASS = 1e6
 
 
-class Drive(NamedTuple):
-    """The properties of a position model that are not its body; the fields are those of `Robot`."""
-
-    drive: str
-    wheelbase: float
-    velocity: Limits
-    acceleration: Limits | None
-    localization: str
-    odom_error: tuple[float, float, float]
-    odom_alphas: tuple[float, float, float, float]
-    wheel_radius: float
-    wheel_separation: float
-    mass: float
-    color: str
-
-
-def read_drive(reader: Reader, width: float, color: str) -> Drive:
-    """Drive, limits, odometry and mass of a position model of a width and a colour; raises WorldError."""
+def read_robot(reader: Reader, name: str, pose: Pose2, body: Body) -> Robot:
+    """A position model as it is without anything on it; raises WorldError."""
     wheelbase = reader.length("wheelbase", 1.0)
     drive = reader.stages_choice("drive", "diff", ("diff", "omni", "car"))
     if not wheelbase > 0 and drive == "car":
         reader.fail("wheelbase", f"wheelbase must be above 0, not {wheelbase:g}")
     radius = reader.length("wheel_radius", 0.05)
-    separation = reader.length("wheel_separation", width if width > 0 else WHEEL_SEPARATION)
+    separation = reader.length("wheel_separation", body.size.y if body.size.y > 0 else WHEEL_SEPARATION)
     if not (radius > 0 and separation > 0):
         reader.fail("wheel_radius", "wheel_radius and wheel_separation must be above 0")
-    return Drive(
+    return Robot(
+        name=name,
+        model=reader.entity.name,
+        pose=pose,
+        shapes=(),
+        rangers=(),
         drive=drive,
         wheelbase=wheelbase,
         velocity=_read_limits(reader, "velocity_bounds") or Limits(),
@@ -63,7 +53,7 @@ def read_drive(reader: Reader, width: float, color: str) -> Drive:
         wheel_radius=radius,
         wheel_separation=separation,
         mass=read_mass(reader),
-        color=color,
+        color=body.surface.color,
     )
 
 
@@ -117,33 +107,26 @@ MAX_INTERVAL_MS = 60_000
 class Chassis(msgspec.Struct):
     """A robot, or something that can be pushed, while its parts are collected."""
 
-    name: str
-    entity: Entity
-    map_from_base: Pose2
-    drive: Drive | None
-    """None for what is pushed."""
-    mass: float
+    base: Robot | Obstacle
     shapes: list[Shape] = msgspec.field(default_factory=list)
     devices: list[Device] = msgspec.field(default_factory=list)
-    markers: list[Marker] = msgspec.field(default_factory=list)
+    markers: list[FiducialMarker] = msgspec.field(default_factory=list)
 
     def robot(self) -> Robot:
         """As a robot."""
-        assert self.drive is not None
-        return Robot(
-            name=self.name,
-            model=self.entity.name,
-            pose=self.map_from_base,
+        assert isinstance(self.base, Robot)
+        return msgspec.structs.replace(
+            self.base,
             shapes=tuple(self.shapes),
             rangers=tuple(device for device in self.devices if isinstance(device, Ranger)),
             devices=tuple(device for device in self.devices if not isinstance(device, Ranger)),
             markers=tuple(self.markers),
-            **self.drive._asdict(),
         )
 
     def obstacle(self) -> Obstacle:
         """As something that can be pushed."""
-        return Obstacle(self.name, self.map_from_base, tuple(self.shapes), self.mass, tuple(self.markers))
+        assert isinstance(self.base, Obstacle)
+        return msgspec.structs.replace(self.base, shapes=tuple(self.shapes), markers=tuple(self.markers))
 
 
 class Mount(NamedTuple):
@@ -220,7 +203,7 @@ class Builder:
         name = self._name(reader, mount)
         chassis = mount.chassis
         if entity.type == "position" or (reader.flag("pushable", False) and chassis is None):
-            map_from_base = chassis.map_from_base.compose(owner_from_model) if chassis else owner_from_model
+            map_from_base = chassis.base.pose.compose(owner_from_model) if chassis else owner_from_model
             chassis = self._add_chassis(reader, body, map_from_base, name)
             owner_from_model = Pose2(0.0, 0.0, 0.0)
         markers = self._read_markers(reader, body, owner_from_model if chassis else Pose2(0.0, 0.0, 0.0), chassis)
@@ -240,23 +223,22 @@ class Builder:
         if entity.type != "position":
             if body.bitmap is not None:
                 reader.fail("pushable", "a bitmap cannot be pushed: draw the thing with block( )")
-            self.pushed.append(Chassis(name, entity, map_from_base, None, read_mass(reader)))
+            self.pushed.append(Chassis(Obstacle(name, map_from_base, (), read_mass(reader))))
             return self.pushed[-1]
         if reader.flag("pushable", False):
             reader.fail("pushable", "a robot is moved by its drive: pushable is for other models")
-        drive = read_drive(reader, body.size.y, body.surface.color)
-        self.robots.append(Chassis(name, entity, map_from_base, drive, drive.mass))
+        self.robots.append(Chassis(read_robot(reader, name, map_from_base, body)))
         return self.robots[-1]
 
     def _read_markers(
         self, reader: Reader, body: Body, owner_from_model: Pose2, chassis: Chassis | None
-    ) -> tuple[Marker, ...]:
+    ) -> tuple[FiducialMarker, ...]:
         number = reader.whole("fiducial_return", 0, -(2**31), 2**31 - 1)
         if number == 0:
             return ()
         if body.bitmap is not None and chassis is None:
             self._settings.remarks.add(reader.place("fiducial_return"), "a bitmap's fiducial_return is not seen")
-        return (Marker(number, reader.whole("fiducial_key", 0, -(2**31), 2**31 - 1), *owner_from_model),)
+        return (FiducialMarker(number, reader.whole("fiducial_key", 0, -(2**31), 2**31 - 1), *owner_from_model),)
 
     def _check_type(self, reader: Reader) -> None:
         kind, place, sensing = reader.entity.type, reader.entity.place, device_models()
@@ -285,7 +267,7 @@ class Builder:
         return f"{stem}:{number}"
 
     def _add_static(
-        self, body: Body, map_from_model: Pose2, foot: float, name: str, markers: tuple[Marker, ...]
+        self, body: Body, map_from_model: Pose2, foot: float, name: str, markers: tuple[FiducialMarker, ...]
     ) -> None:
         if body.bitmap is not None:
             self.floorplans.append(place_floorplan(body, body.bitmap, map_from_model, foot, name))
@@ -300,10 +282,11 @@ class Builder:
     ) -> None:
         """Add the devices of a sensing model; unlike children, they move with the model's origin."""
         kind = reader.entity.type
-        if chassis is None or chassis.drive is None:
+        if chassis is None or not isinstance(chassis.base, Robot):
             reader.remark_entity(f"a {kind} that no robot carries is not simulated")
             return
-        seat = Seat(base_from_model.compose(body.origin.planar), foot + body.origin.z)
+        x, y, yaw = base_from_model.compose(body.origin.planar)
+        seat = Pose3(x, y, foot + body.origin.z, yaw)
         chassis.devices.extend(device_models()[kind].read(reader, name, seat))
 
     def _add_children(self, entity: Entity, mount: Mount) -> None:
@@ -318,13 +301,12 @@ class Builder:
 
 def build_robot(entity: Entity, settings: Settings, name: str, pose: Pose2) -> Robot:
     """The robot of a macro, under a name and at a start pose of its own; raises WorldError."""
-    named = Property("name", (name,), False, entity.place, (name,))
+    named = Property("name", (name,), entity.place, (name,))
     builder = Builder(settings)
     builder.add_model(msgspec.structs.replace(entity, properties=entity.properties | {"name": named}), GROUND)
     if len(builder.robots) != 1:
         raise entity.place.error(f"macro {entity.name!r} holds {len(builder.robots)} robots, not one")
-    builder.robots[0].map_from_base = pose
-    return builder.robots[0].robot()
+    return msgspec.structs.replace(builder.robots[0].robot(), pose=pose)
 
 
 BUILT_IN = """
@@ -359,7 +341,7 @@ def load_world(path: str | Path, *, whole_bitmaps: bool = False) -> World:
     if is_floor_map(path):
         document = parse_text(FLOOR, remarks, str(path))
         model = document.root.children[0]
-        model.properties["bitmap"] = Property("bitmap", (path.name,), False, model.place, (path.name,))
+        model.properties["bitmap"] = Property("bitmap", (path.name,), model.place, (path.name,))
         return build_world(document, path.parent, True, remarks, default_name=path.stem)
     document = parse_world(path, remarks)
     return build_world(document, path.parent, whole_bitmaps, remarks, default_name=path.stem)

@@ -1,25 +1,24 @@
 """Sensors of robots: one row each for its place in world files, its key, its message and its frame.
 
 `KINDS` feeds the parser, the simulator's publishers, the robots' static transforms, `zteam.bus.topics` and
-`zteam world`. How a sensor senses is a row of `zteam.sim.devices`. The defaults are Stage's."""
+`zteam world`. How a sensor senses is a row of `zteam.sim.devices`. The defaults are Stage's.
+"""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal, NamedTuple
 
 from zteam import names
-from zteam.geometry import Pose2
-from zteam.messages import Blobs, Bool, Fiducials, JointState, LaserScan, Message, Odometry, Range
-from zteam.messages import Bumper as BumperMessage
+from zteam.messages import Blobs, Bool, Bumper, Fiducials, JointState, LaserScan, Message, Odometry, Range
 from zteam.world.model import Device, Ranger, Robot
-from zteam.world.properties import Pose3, Reader, Seat, Size3
+from zteam.world.properties import Pose3, Reader, Size3
 
 MAX_SAMPLES = 100_000
 SENSOR_SIZE = Size3(0.02, 0.02, 0.02)
 """Stage's default; half its height lies between the sensor's foot and its rays."""
 
 
-def read_rangers(reader: Reader, name: str, seat: Seat) -> list[Ranger]:
+def read_rangers(reader: Reader, name: str, seat: Pose3) -> list[Ranger]:
     """The sensors of a `ranger`, or the one of an old `laser`; raises WorldError."""
     entity = reader.entity
     sensors = [child for child in entity.children if child.type == "sensor"]
@@ -27,31 +26,32 @@ def read_rangers(reader: Reader, name: str, seat: Seat) -> list[Ranger]:
     for i, sensor in enumerate(sensors):
         own = reader.of(sensor)
         own.remark_unused("sensor")
-        found.append(_read_sensor(own, name if len(sensors) == 1 else f"{name}.{i}", *seat))
+        found.append(_read_sensor(own, name if len(sensors) == 1 else f"{name}.{i}", seat))
     if not sensors and entity.type == "laser":
-        found.append(_read_old_laser(reader, name, *seat))
+        found.append(_read_old_laser(reader, name, seat))
     elif not sensors:
         reader.remark_entity("this ranger has no sensor( )")
     return [ranger for ranger in found if ranger is not None]
 
 
-def _read_sensor(reader: Reader, name: str, base_from_ranger: Pose2, z: float) -> Ranger | None:
-    """A `sensor` of a ranger with its foot `z` above the ground; None if it has no rays."""
+def _read_sensor(reader: Reader, name: str, seat: Pose3) -> Ranger | None:
+    """A `sensor` of a ranger; None if it has no rays."""
     pose = reader.pose("pose")
     limits = _read_range(reader, "range", *reader.numbers("range", "ll", (0.0, 5.0)))
     size = reader.size(SENSOR_SIZE)
-    return _ranger(reader, name, base_from_ranger, limits, Pose3(pose.x, pose.y, z + pose.z + size.z / 2, pose.yaw))
+    x, y, yaw = seat.planar.compose(pose.planar)
+    return _ranger(reader, name, Pose3(x, y, seat.z + pose.z + size.z / 2, yaw), limits)
 
 
-def _read_old_laser(reader: Reader, name: str, base_from_ranger: Pose2, z: float) -> Ranger | None:
+def _read_old_laser(reader: Reader, name: str, seat: Pose3) -> Ranger | None:
     """A `laser` without sensors, as worlds for Stage 3 have it: the properties stand in the model itself.
 
     Its defaults were those of a SICK LMS: 180 rays over 180°, 8 m; the rays start half-way up the model.
     """
     old = reader.length("range_min", 0.0), reader.length("range_max", 8.0)
     limits = _read_range(reader, "range" if reader.has("range") else "range_max", *reader.numbers("range", "ll", old))
-    height = reader.size(SENSOR_SIZE).z / 2
-    return _ranger(reader, name, base_from_ranger, limits, Pose3(0.0, 0.0, z + height, 0.0), math.pi, 180)
+    middle = seat._replace(z=seat.z + reader.size(SENSOR_SIZE).z / 2)
+    return _ranger(reader, name, middle, limits, math.pi, 180)
 
 
 def _read_range(reader: Reader, name: str, low: float, high: float) -> tuple[float, float]:
@@ -64,16 +64,9 @@ def _read_range(reader: Reader, name: str, low: float, high: float) -> tuple[flo
 
 
 def _ranger(
-    reader: Reader,
-    name: str,
-    base_from_ranger: Pose2,
-    limits: tuple[float, float],
-    pose: Pose3,
-    fov: float = 0.1,
-    samples: int = 1,
+    reader: Reader, name: str, pose: Pose3, limits: tuple[float, float], fov: float = 0.1, samples: int = 1
 ) -> Ranger | None:
-    """`pose` is in the ranger's frame, its z above the ground; `fov` and `samples` are defaults."""
-    base_from_sensor = base_from_ranger.compose(pose.planar)
+    """Rays that start at `pose` in the base frame, its z above the ground; `fov` and `samples` are defaults."""
     fov = reader.angle("fov", fov)
     samples = reader.whole("samples", samples, 0, MAX_SAMPLES)
     if samples == 0:
@@ -87,18 +80,7 @@ def _ranger(
     variance, proportional, angular = reader.numbers("noise", "nnn", (0.0, 0.0, 0.0))
     if min(variance, proportional, angular) < 0:
         reader.fail("noise", "noise must not be negative")
-    return Ranger(
-        name=name,
-        x=base_from_sensor.x,
-        y=base_from_sensor.y,
-        z=pose.z,
-        yaw=base_from_sensor.yaw,
-        fov=fov,
-        samples=samples,
-        range_min=limits[0],
-        range_max=limits[1],
-        noise=(variance, proportional, angular),
-    )
+    return Ranger(name, *pose, fov, samples, *limits, (variance, proportional, angular))
 
 
 MAX_BUMPERS = 256
@@ -118,7 +100,7 @@ class Finder(Device, frozen=True):
     """Find markers that the ray at `z` would look over."""
 
 
-class Bumper(Device, frozen=True):
+class BumperPiece(Device, frozen=True):
     """A straight piece of bumper about its centre; `yaw` faces outward."""
 
     length: float
@@ -135,18 +117,14 @@ class Blobfinder(Device, frozen=True):
     """What it looks for; empty means every colour."""
 
 
-def read_finder(reader: Reader, name: str, seat: Seat) -> list[Finder]:
+def read_finder(reader: Reader, name: str, seat: Pose3) -> list[Finder]:
     """A `fiducial` model; raises WorldError."""
     low, high = reader.length("range_min", 0.0), reader.length("range_max", 8.0)
     if not 0 <= low < high:
         reader.fail("range_max", f"range_min {low:g} and range_max {high:g} must be two distances, the second larger")
-    x, y, yaw = seat.base_from_device
     finder = Finder(
-        name=name,
-        x=x,
-        y=y,
-        z=seat.z,
-        yaw=yaw,
+        name,
+        *seat,
         fov=_read_fov(reader, math.pi),
         range_min=low,
         range_max=high,
@@ -157,7 +135,7 @@ def read_finder(reader: Reader, name: str, seat: Seat) -> list[Finder]:
     return [finder]
 
 
-def read_bumpers(reader: Reader, name: str, seat: Seat) -> list[Bumper]:
+def read_bumpers(reader: Reader, name: str, seat: Pose3) -> list[BumperPiece]:
     """The pieces of a `bumper` model: `bcount`, `bpose[i] [x y z yaw]`, `blength` of all or `blength[i]`."""
     common = reader.length("blength", 0.1)
     found = []
@@ -170,12 +148,12 @@ def read_bumpers(reader: Reader, name: str, seat: Seat) -> list[Bumper]:
             name_of_length = f"blength[{i}]" if reader.has(f"blength[{i}]") else "blength"
             reader.remark(name_of_length, f"piece {i} of this bumper has no length: it is left out")
             continue
-        x, y, yaw = seat.base_from_device.compose(pose.planar)
-        found.append(Bumper(f"{name}.{i}", x, y, seat.z + pose.z, yaw, length))
+        x, y, yaw = seat.planar.compose(pose.planar)
+        found.append(BumperPiece(f"{name}.{i}", x, y, seat.z + pose.z, yaw, length))
     return found
 
 
-def read_blobfinder(reader: Reader, name: str, seat: Seat) -> list[Blobfinder]:
+def read_blobfinder(reader: Reader, name: str, seat: Pose3) -> list[Blobfinder]:
     """A `blobfinder` model; of its image only the width counts. Raises WorldError."""
     count = reader.whole("colors_count", 0, 0, 256)
     listed = reader.texts("colors") or tuple(
@@ -187,13 +165,9 @@ def read_blobfinder(reader: Reader, name: str, seat: Seat) -> list[Blobfinder]:
     high = reader.length("range", 12.0)
     if not high > 0:
         reader.fail("range", f"range must be above 0, not {high:g}")
-    x, y, yaw = seat.base_from_device
     finder = Blobfinder(
-        name=name,
-        x=x,
-        y=y,
-        z=seat.z,
-        yaw=yaw + reader.angle("pan", 0.0),
+        name,
+        *seat._replace(yaw=seat.yaw + reader.angle("pan", 0.0)),
         fov=_read_fov(reader, math.radians(60.0)),
         samples=int(width),
         range_max=high,
@@ -212,7 +186,7 @@ def _read_fov(reader: Reader, default: float) -> float:
 class DeviceModel(NamedTuple):
     """A type of model in world files that senses."""
 
-    read: Callable[[Reader, str, Seat], Sequence[Device]]
+    read: Callable[[Reader, str, Pose3], Sequence[Device]]
     """The devices of one model of a name; raises WorldError."""
     properties: frozenset[str] = frozenset()
     """What it reads besides the properties of every model."""
@@ -301,8 +275,8 @@ KINDS: dict[str, DeviceKind] = {
         ),
         DeviceKind(
             names.BUMPER,
-            BumperMessage,
-            lambda robot: robot.devices_of(Bumper),
+            Bumper,
+            lambda robot: robot.devices_of(BumperPiece),
             numbers="joined",
             title="bumper",
             models={

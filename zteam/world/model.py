@@ -28,7 +28,7 @@ class Shape(msgspec.Struct, frozen=True):
     """A name of X11's, or #rrggbb."""
 
 
-class Marker(msgspec.Struct, frozen=True):
+class FiducialMarker(msgspec.Struct, frozen=True):
     """What fiducial finders look for: a model with a `fiducial_return`."""
 
     id: int
@@ -66,7 +66,7 @@ class Obstacle(msgspec.Struct, frozen=True):
     shapes: tuple[Shape, ...]
     mass: float | None = None
     """Kilograms if robots can push it; None if it stands still."""
-    markers: tuple[Marker, ...] = ()
+    markers: tuple[FiducialMarker, ...] = ()
 
 
 class Device(msgspec.Struct, frozen=True):
@@ -126,7 +126,7 @@ class Robot(msgspec.Struct, frozen=True):
     """In file order."""
     devices: tuple[Device, ...] = ()
     """All other devices (`zteam.world.devices`), in file order."""
-    markers: tuple[Marker, ...] = ()
+    markers: tuple[FiducialMarker, ...] = ()
     drive: str = "diff"
     wheelbase: float = 1.0
     velocity: Limits = Limits()

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import msgspec
 
-from zteam.world.text import Kind, Place, Remarks, Token, read_text, read_world_tokens
+from zteam.world.text import Remarks, TextPlace, Token, TokenKind, read_text, read_world_tokens
 
 MAX_STEPS = 3_000_000
 """Tokens parsed, those of a macro as often as it is used."""
@@ -35,8 +35,7 @@ class Property(msgspec.Struct, frozen=True):
 
     name: str
     values: tuple[Value, ...]
-    is_tuple: bool
-    place: Place
+    place: TextPlace
     written: tuple[str, ...]
     """The values as the file has them: Stage takes a number for text where it expects text."""
 
@@ -48,7 +47,7 @@ class Entity(msgspec.Struct):
     """As written: a macro or a type."""
     type: str
     """The type at the end of the chain of macros."""
-    place: Place
+    place: TextPlace
     properties: dict[str, Property] = msgspec.field(default_factory=dict)
     children: list["Entity"] = msgspec.field(default_factory=list)
 
@@ -58,7 +57,7 @@ class Macro(NamedTuple):
 
     base: str
     """The type or macro that it is defined by."""
-    place: Place
+    place: TextPlace
     body: int
     """Where its '(' is among the tokens."""
 
@@ -89,9 +88,9 @@ def parse_world(path: Path, remarks: Remarks) -> Document:
     return _parse(read_world_tokens(read_text(path), str(path), path.parent, remarks, path), str(path), remarks)
 
 
-def parse_text(text: str, remarks: Remarks, file: str = "<text>", folder: Path | None = None) -> Document:
-    """Parse the text of a world; its includes are relative to `folder` (the working directory)."""
-    return _parse(read_world_tokens(text, file, folder or Path(), remarks), file, remarks)
+def parse_text(text: str, remarks: Remarks, file: str) -> Document:
+    """Parse the text of a world; its includes are relative to the working directory."""
+    return _parse(read_world_tokens(text, file, Path(), remarks), file, remarks)
 
 
 def _parse(tokens: list[Token], file: str, remarks: Remarks) -> Document:
@@ -108,12 +107,12 @@ class _Parser:
         self._steps = self._entities = 0
 
     def parse(self, file: str) -> Entity:
-        root = Entity("world", "world", Place(file, 1, 1))
+        root = Entity("world", "world", TextPlace(file, 1, 1))
         while True:
             self._skip_lines()
-            if self._token.kind is Kind.EOF:
+            if self._token.kind is TokenKind.EOF:
                 return root
-            name = self._expect(Kind.NAME, "a property, an entity, 'include' or 'define'")
+            name = self._expect(TokenKind.NAME, "a property, an entity, 'include' or 'define'")
             if name.value == "define":
                 self._parse_define()
             else:
@@ -140,10 +139,10 @@ class _Parser:
         return token
 
     def _skip_lines(self) -> None:
-        while self._token.kind is Kind.EOL:
+        while self._token.kind is TokenKind.EOL:
             self._advance()
 
-    def _expect(self, kind: Kind, purpose: str) -> Token:
+    def _expect(self, kind: TokenKind, purpose: str) -> Token:
         if self._token.kind is not kind:
             raise self._token.place.error(f"expected {purpose}, found {self._token}")
         return self._advance()
@@ -152,9 +151,9 @@ class _Parser:
 
     def _parse_define(self) -> None:
         self._skip_lines()
-        name = self._expect(Kind.NAME, "the macro's name")
+        name = self._expect(TokenKind.NAME, "the macro's name")
         self._skip_lines()
-        base = self._expect(Kind.NAME, f"the type or macro that {name} is made of")
+        base = self._expect(TokenKind.NAME, f"the type or macro that {name} is made of")
         self._skip_lines()
         macro = Macro(str(base.value), base.place, self._at)
         self._skip_body()
@@ -165,20 +164,20 @@ class _Parser:
 
     def _skip_body(self) -> None:
         """Like Stage, look only for the ')' that belongs to the '('."""
-        opening = self._expect(Kind.OPEN, "'('")
+        opening = self._expect(TokenKind.OPEN, "'('")
         depth = 1
         while depth:
             kind = self._advance().kind
-            if kind is Kind.EOF:
+            if kind is TokenKind.EOF:
                 raise opening.place.error("this '(' is never closed")
-            depth += (kind is Kind.OPEN) - (kind is Kind.CLOSE)
+            depth += (kind is TokenKind.OPEN) - (kind is TokenKind.CLOSE)
 
     def _parse_item(self, name: Token, owner: Entity, level: int) -> None:
         """Parse an entity or a property of `owner` after its name."""
-        if self._token.kind in (Kind.EOL, Kind.OPEN):
+        if self._token.kind in (TokenKind.EOL, TokenKind.OPEN):
             # An entity's '(' may stand on a later line, a property's value may not.
             self._skip_lines()
-            if self._token.kind is not Kind.OPEN:
+            if self._token.kind is not TokenKind.OPEN:
                 raise name.place.error(f"{name} has neither a value on its line nor a body in ( )")
             owner.children.append(self._parse_entity(name, level))
         else:
@@ -211,34 +210,34 @@ class _Parser:
         self._at = back
 
     def _parse_body(self, entity: Entity, level: int) -> None:
-        opening = self._expect(Kind.OPEN, "'('")
+        opening = self._expect(TokenKind.OPEN, "'('")
         while True:
             self._skip_lines()
-            if self._token.kind is Kind.CLOSE:
+            if self._token.kind is TokenKind.CLOSE:
                 self._advance()
                 return
-            if self._token.kind is Kind.EOF:
+            if self._token.kind is TokenKind.EOF:
                 raise opening.place.error("this '(' is never closed")
-            item = self._expect(Kind.NAME, "a property, an entity or ')'")
+            item = self._expect(TokenKind.NAME, "a property, an entity or ')'")
             if item.value == "define":
                 raise item.place.error("'define' belongs at the top level of a file, not inside ( )")
             self._parse_item(item, entity, level + 1)
 
     def _parse_property(self, name: Token) -> Property:
-        if self._token.kind in (Kind.NUMBER, Kind.STRING):
-            return _property(name, [self._advance()], False)
-        if self._token.kind is not Kind.OPEN_TUPLE:
-            hint = "; text needs quotes" if self._token.kind is Kind.NAME else ""
+        if self._token.kind in (TokenKind.NUMBER, TokenKind.STRING):
+            return _property(name, [self._advance()])
+        if self._token.kind is not TokenKind.OPEN_TUPLE:
+            hint = "; text needs quotes" if self._token.kind is TokenKind.NAME else ""
             raise self._token.place.error(f"expected the value of {name}, found {self._token}{hint}")
         self._advance()
         values: list[Token] = []
-        while self._token.kind in (Kind.NUMBER, Kind.STRING):
+        while self._token.kind in (TokenKind.NUMBER, TokenKind.STRING):
             values.append(self._advance())
-        self._expect(Kind.CLOSE_TUPLE, f"a number, a string or ']' on the line of {name}")
-        return _property(name, values, True)
+        self._expect(TokenKind.CLOSE_TUPLE, f"a number, a string or ']' on the line of {name}")
+        return _property(name, values)
 
 
-def _property(name: Token, tokens: list[Token], is_tuple: bool) -> Property:
+def _property(name: Token, tokens: list[Token]) -> Property:
     values = tuple(token.value for token in tokens if token.value is not None)
-    written = tuple(token.text if token.kind is Kind.NUMBER else str(token.value) for token in tokens)
-    return Property(str(name.value), values, is_tuple, name.place, written)
+    written = tuple(token.text if token.kind is TokenKind.NUMBER else str(token.value) for token in tokens)
+    return Property(str(name.value), values, name.place, written)

@@ -15,7 +15,7 @@ from typing import NamedTuple, NoReturn
 from zteam.errors import did_you_mean
 from zteam.geometry import Pose2
 from zteam.world.parser import Entity, Property, Value
-from zteam.world.text import Place, Remarks
+from zteam.world.text import Remarks, TextPlace
 
 MEANT = " (did you mean {!r}?)"
 """In error texts."""
@@ -136,14 +136,6 @@ class Size3(NamedTuple):
     z: float
 
 
-class Seat(NamedTuple):
-    """Where a device is mounted."""
-
-    base_from_device: Pose2
-    z: float
-    """Of the device's foot, above the ground."""
-
-
 class Reader:
     """An entity's properties. Every method raises WorldError with the place of a value it cannot take."""
 
@@ -157,7 +149,7 @@ class Reader:
         return Reader(entity, self._units, self._remarks)
 
     def remark_unused(self, kind: str, also: Set[str] = frozenset()) -> None:
-        """Note the properties that do nothing here; `kind` is as in `vocabulary.remark_on`, and so is `also`."""
+        """Note the properties that do nothing here; `kind` is as in `remark_on`, and so is `also`."""
         for found in self.entity.properties.values():
             if self._remarks.is_full:
                 return
@@ -169,7 +161,7 @@ class Reader:
         """Whether the property is set."""
         return name in self.entity.properties
 
-    def place(self, name: str) -> Place:
+    def place(self, name: str) -> TextPlace:
         """Where the property stands; the entity's place if it is not set."""
         found = self.entity.properties.get(name)
         return found.place if found else self.entity.place

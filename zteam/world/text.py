@@ -20,7 +20,7 @@ from zteam.world.model import Remark
 MAX_FILE_BYTES = 16 * 2**20
 
 
-class Place(NamedTuple):
+class TextPlace(NamedTuple):
     """Where something stands in a world file; line and column count from 1."""
 
     file: str
@@ -41,14 +41,14 @@ class Remarks:
     LIMIT = 200
 
     def __init__(self) -> None:
-        self._remarks: dict[tuple[Place, str], None] = {}
+        self._remarks: dict[tuple[TextPlace, str], None] = {}
 
     @property
     def is_full(self) -> bool:
         """Whether the limit is reached."""
         return len(self._remarks) >= self.LIMIT
 
-    def add(self, place: Place, text: str) -> None:
+    def add(self, place: TextPlace, text: str) -> None:
         """Note `text` unless it has been noted at this place."""
         if not self.is_full:
             self._remarks.setdefault((place, text))
@@ -92,7 +92,7 @@ def read_text(path: Path) -> str:
     return data.decode("utf-8-sig", "replace")
 
 
-class Kind(enum.Enum):
+class TokenKind(enum.Enum):
     """Kinds of tokens; the value is the kind's name in error texts."""
 
     NAME = "a name"
@@ -109,15 +109,15 @@ class Kind(enum.Enum):
 class Token(NamedTuple):
     """One token. `value` is a name or string's text, a number, or None; `text` is a number as written."""
 
-    kind: Kind
+    kind: TokenKind
     value: str | float | None
-    place: Place
+    place: TextPlace
     text: str = ""
 
     def __str__(self) -> str:
-        if self.kind in (Kind.NAME, Kind.STRING):
+        if self.kind in (TokenKind.NAME, TokenKind.STRING):
             return f"{self.value!r:.60}"
-        return f"{self.value:g}" if self.kind is Kind.NUMBER else self.kind.value
+        return f"{self.value:g}" if self.kind is TokenKind.NUMBER else self.kind.value
 
 
 # A run that starts like a number is taken whole: "5m" is one error, and "1.2.3" one remark.
@@ -132,7 +132,7 @@ _TOKEN = re.compile(
     """,
     re.VERBOSE | re.ASCII,
 )
-_MARKS = {"(": Kind.OPEN, ")": Kind.CLOSE, "[": Kind.OPEN_TUPLE, "]": Kind.CLOSE_TUPLE}
+_MARKS = {"(": TokenKind.OPEN, ")": TokenKind.CLOSE, "[": TokenKind.OPEN_TUPLE, "]": TokenKind.CLOSE_TUPLE}
 _REST_OF_LINE = re.compile(r"[^\r\n]*")
 _ATOF = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)")
 _STAGES_NUMBER = re.compile(r"[-+.0-9]+")
@@ -144,7 +144,7 @@ def read_tokens(text: str, file: str, remarks: Remarks) -> Iterator[Token]:
     including = False
     while position < len(text):
         match = _TOKEN.match(text, position)
-        place = Place(file, line, position - line_start + 1)
+        place = TextPlace(file, line, position - line_start + 1)
         if match is None:
             raise _no_token(text, position, place)
         position = match.end()
@@ -152,23 +152,23 @@ def read_tokens(text: str, file: str, remarks: Remarks) -> Iterator[Token]:
         if kind == "skip":
             continue
         if kind == "eol":
-            yield Token(Kind.EOL, None, place)
+            yield Token(TokenKind.EOL, None, place)
             line, line_start = line + 1, position
         elif kind == "name":
-            yield Token(Kind.NAME, match["name"], place)
+            yield Token(TokenKind.NAME, match["name"], place)
         elif kind == "number":
-            yield Token(Kind.NUMBER, _number(match["number"], place, remarks), place, match["number"])
+            yield Token(TokenKind.NUMBER, _number(match["number"], place, remarks), place, match["number"])
         elif kind == "string":
-            yield Token(Kind.STRING, match["string"], place)
+            yield Token(TokenKind.STRING, match["string"], place)
             if including:
-                position = _skip_line(text, position, Place(file, line, position - line_start + 1), remarks)
+                position = _skip_line(text, position, TextPlace(file, line, position - line_start + 1), remarks)
         else:
             yield Token(_MARKS[match["mark"]], None, place)
         including = match["name"] == "include"
-    yield Token(Kind.EOF, None, Place(file, line, position - line_start + 1))
+    yield Token(TokenKind.EOF, None, TextPlace(file, line, position - line_start + 1))
 
 
-def _number(text: str, place: Place, remarks: Remarks) -> float:
+def _number(text: str, place: TextPlace, remarks: Remarks) -> float:
     try:
         if "_" in text:  # Python's own digit separator
             raise ValueError
@@ -185,7 +185,7 @@ def _number(text: str, place: Place, remarks: Remarks) -> float:
     return value
 
 
-def _skip_line(text: str, position: int, place: Place, remarks: Remarks) -> int:
+def _skip_line(text: str, position: int, place: TextPlace, remarks: Remarks) -> int:
     """The end of the line; a remark notes anything on the line but a comment."""
     match = _REST_OF_LINE.match(text, position)
     assert match is not None
@@ -195,7 +195,7 @@ def _skip_line(text: str, position: int, place: Place, remarks: Remarks) -> int:
     return match.end()
 
 
-def _no_token(text: str, position: int, place: Place) -> Exception:
+def _no_token(text: str, position: int, place: TextPlace) -> Exception:
     if text[position] == '"':
         return place.error("this string is not closed on its line")
     hint = {"{": "; write '('", "}": "; write ')'", "'": '; a string is quoted by "'}.get(text[position], "")
@@ -231,9 +231,9 @@ class _Splicer:
         self._open_files.append(path.resolve() if path else Path(file))
         tokens = read_tokens(text, file, self._remarks)
         for token in tokens:
-            if token.kind is Kind.NAME and token.value == "include":
+            if token.kind is TokenKind.NAME and token.value == "include":
                 self._include(token.place, next(tokens))
-            elif token.kind is not Kind.EOF or is_top:
+            elif token.kind is not TokenKind.EOF or is_top:
                 self._add(token)
         self._open_files.pop()
 
@@ -242,8 +242,8 @@ class _Splicer:
             raise token.place.error(f"more than {MAX_TOKENS} words and values: this world is refused")
         self.tokens.append(token)
 
-    def _include(self, place: Place, name: Token) -> None:
-        if name.kind is not Kind.STRING:
+    def _include(self, place: TextPlace, name: Token) -> None:
+        if name.kind is not TokenKind.STRING:
             text = f'expected the name of the file to include, such as "map.inc", found {name}'
             raise name.place.error(text)
         path = find_file(str(name.value), self._folder)
@@ -264,4 +264,4 @@ class _Splicer:
             raise place.error(f"more than {MAX_CHARACTERS} characters in included files: this world is refused")
         self.read(text, str(path), path)
         # The last line of the file may lack its end, and an include ends its own line.
-        self._add(Token(Kind.EOL, None, name.place))
+        self._add(Token(TokenKind.EOL, None, name.place))

@@ -8,10 +8,10 @@ import pytest
 from support.small_worlds import drive, make_box, make_robot, make_world
 from zteam.geometry import Pose2
 from zteam.sim import Engine
-from zteam.world.devices import Blobfinder, Bumper, Finder
-from zteam.world.model import Marker, Robot
+from zteam.world.devices import Blobfinder, BumperPiece, Finder
+from zteam.world.model import FiducialMarker, Robot
 
-MARK = (Marker(7, 0, 0.0, 0.0, 0.0),)
+MARK = (FiducialMarker(7, 0, 0.0, 0.0, 0.0),)
 
 
 def finder(**changes: Any) -> Finder:
@@ -74,7 +74,7 @@ def test_marked_things_are_found_and_hidden_ones_are_not() -> None:
     """A marked box is found; a second one behind it is not, although both stand still."""
     boxes = (
         make_box("near", 1.0, 0.0, markers=MARK),
-        make_box("far", 2.0, 0.0, markers=(Marker(9, 0, 0.0, 0.0, 0.0),)),
+        make_box("far", 2.0, 0.0, markers=(FiducialMarker(9, 0, 0.0, 0.0, 0.0),)),
     )
     ((sighting,),) = Engine(make_world(seer(), others=boxes)).observe().robots[0].fiducials
     assert (sighting.id, sighting.range) == (7, pytest.approx(1.0))
@@ -83,7 +83,7 @@ def test_marked_things_are_found_and_hidden_ones_are_not() -> None:
 @pytest.mark.parametrize("physics", ["dynamic", "stage", "kinematic"])
 def test_the_bumper_that_touches_is_pressed(physics: str) -> None:
     """At the wall the front piece is pressed and the rear one is not; away from it neither is."""
-    pieces = Bumper("front", 0.2, 0.0, 0.1, 0.0, 0.3), Bumper("rear", -0.2, 0.0, 0.1, math.pi, 0.3)
+    pieces = BumperPiece("front", 0.2, 0.0, 0.1, 0.0, 0.3), BumperPiece("rear", -0.2, 0.0, 0.1, math.pi, 0.3)
     engine = Engine(make_world(make_robot(1.0, devices=pieces), physics=physics))
     assert engine.observe().robots[0].bumpers == (False, False)
     for speed in (0.8, 0.1, 0.02):

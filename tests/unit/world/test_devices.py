@@ -8,7 +8,7 @@ import pytest
 from zteam.errors import WorldError
 from zteam.world import World, load_world
 from zteam.world.colors import find_color, random_color
-from zteam.world.devices import Blobfinder, Bumper, Finder
+from zteam.world.devices import Blobfinder, BumperPiece, Finder
 
 Load = Callable[[str], World]
 
@@ -49,10 +49,10 @@ def test_bumpers_are_pieces_that_face_outward(load: Load) -> None:
         bpose[0] [0.5 0 0.1 0]
         bpose[1] [-0.5 0 0.1 180]
       ) )"""
-    front, rear = load(text).robots[0].devices_of(Bumper)
+    front, rear = load(text).robots[0].devices_of(BumperPiece)
     assert (front.x, front.z, front.length) == (0.5, pytest.approx(0.1), 0.3)
     assert (rear.length, abs(rear.yaw)) == (0.5, pytest.approx(3.14159, abs=1e-4))
-    (*_, third) = load(text.replace("bcount 2", "bcount 3")).robots[0].devices_of(Bumper)
+    (*_, third) = load(text.replace("bcount 2", "bcount 3")).robots[0].devices_of(BumperPiece)
     assert (third.x, third.yaw, third.length) == (0, 0, 0.3)
 
 

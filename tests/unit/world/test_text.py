@@ -3,10 +3,10 @@
 import pytest
 
 from zteam.errors import WorldError
-from zteam.world.text import Kind, Remarks, read_tokens
+from zteam.world.text import Remarks, TokenKind, read_tokens
 
 
-def kinds(text: str) -> list[Kind]:
+def kinds(text: str) -> list[TokenKind]:
     return [token.kind for token in read_tokens(text, "w.world", Remarks())]
 
 
@@ -17,8 +17,16 @@ def values(text: str) -> list[object]:
 def test_every_kind_of_token_is_told_apart() -> None:
     """The marks of the language become their kinds, and the stream ends with EOF."""
     assert kinds('model ( size [ 1 "a" ] )\n') == [
-        *(Kind.NAME, Kind.OPEN, Kind.NAME, Kind.OPEN_TUPLE, Kind.NUMBER, Kind.STRING, Kind.CLOSE_TUPLE),
-        *(Kind.CLOSE, Kind.EOL, Kind.EOF),
+        *(
+            TokenKind.NAME,
+            TokenKind.OPEN,
+            TokenKind.NAME,
+            TokenKind.OPEN_TUPLE,
+            TokenKind.NUMBER,
+            TokenKind.STRING,
+            TokenKind.CLOSE_TUPLE,
+        ),
+        *(TokenKind.CLOSE, TokenKind.EOL, TokenKind.EOF),
     ]
 
 
@@ -79,7 +87,7 @@ def test_a_very_long_comment_is_no_problem() -> None:
 def test_places_count_lines_and_columns_from_one() -> None:
     """Every token knows its place, also behind blanks, comments and Windows line ends."""
     tokens = list(read_tokens("a\r\n\t b # c\n  (", "w.world", Remarks()))
-    assert [(token.place.line, token.place.column) for token in tokens if token.kind is not Kind.EOL] == [
+    assert [(token.place.line, token.place.column) for token in tokens if token.kind is not TokenKind.EOL] == [
         (1, 1),
         (2, 3),
         (3, 3),
