@@ -20,7 +20,7 @@ from zteam.sim.casting import Scene
 from zteam.world import devices as parsing
 from zteam.world import load_world
 from zteam.world.model import Device
-from zteam.world.properties import Reader, Seat
+from zteam.world.properties import Pose3, Reader
 
 WORLD = """
 position ( size [0.4 0.4 0.3] thermometer ( pose [0.1 0 0 90] offset 3 ) thermometer ( colour 2 ) )
@@ -33,10 +33,9 @@ class Thermometer(Device, frozen=True):
     offset: float
 
 
-def read_thermometer(reader: Reader, name: str, seat: Seat) -> list[Thermometer]:
+def read_thermometer(reader: Reader, name: str, seat: Pose3) -> list[Thermometer]:
     """Parsing."""
-    x, y, yaw = seat.base_from_device
-    return [Thermometer(name, x, y, seat.z, yaw, reader.number("offset", 0.0))]
+    return [Thermometer(name, *seat, reader.number("offset", 0.0))]
 
 
 def prepare(scene: Scene, owned: Sequence[tuple[int, Thermometer]]) -> sensing.Sense:
