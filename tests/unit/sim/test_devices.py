@@ -109,7 +109,7 @@ def test_a_blob_finder_names_the_colours_it_looks_for() -> None:
     assert seen.blobs[0][0].bearing < seen.blobs[0][2].bearing
 
 
-MARK = (Marker(7, 0, 0.0, 0.0, 0.0),)
+MARK = (FiducialMarker(7, 0, 0.0, 0.0, 0.0),)
 
 
 def test_a_single_pixel_looks_straight_ahead() -> None:
@@ -128,7 +128,7 @@ def test_robots_in_a_circle_find_each_other(turn: float) -> None:
     eye = Finder("f", 0.0, 0.0, 0.1, 0.0, math.tau, 0.0, 20.0, 20.0)
     around = [turn + k * math.tau / 12 for k in range(12)]
     poses = [Pose2(4.0 * math.cos(a), 4.0 * math.sin(a), a + math.pi) for a in around]
-    marks = [(Marker(k + 1, 0, 0.0, 0.0, 0.0),) for k in range(12)]
+    marks = [(FiducialMarker(k + 1, 0, 0.0, 0.0, 0.0),) for k in range(12)]
     robots = [make_robot(*pose, devices=(eye,), markers=mark) for pose, mark in zip(poses, marks, strict=True)]
     seen = Engine(make_world(*robots, wall_at=50.0)).observe().robots
     for i, here in enumerate(poses):
