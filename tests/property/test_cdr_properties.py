@@ -1,6 +1,5 @@
 """The codec agrees with rosbags and `share`, refuses wrong bytes, and reads parts of a TFMessage like the whole."""
 
-import math
 import tracemalloc
 from functools import cache
 from typing import Any
@@ -15,8 +14,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from support.examples import examples
 from support.strategies import messages
 from zteam.errors import DecodeError
-from zteam.messages import Message, TFMessage, TransformStamped, all_types, decode, encode, ns_from_time
-from zteam.messages.tf_layout import Layout
+from zteam.messages import Message, all_types, decode, encode
 
 _ZTEAM_MSGS = {
     "zteam_msgs/msg/RobotStatus": "std_msgs/Header header\nint32 robot_id\nbool is_ready\nuint8 state\n"
@@ -155,54 +153,3 @@ def test_sequences_are_views_of_the_payload() -> None:
     payload = encode(LaserScan(ranges=np.arange(1081, dtype=np.float32)))
     ranges = decode(LaserScan, payload).ranges
     assert np.shares_memory(ranges, np.frombuffer(payload, np.uint8))
-
-
-def _read_parts(layout: Layout, payload: bytes) -> list[TransformStamped]:
-    """Read each transform by itself, and check its stamp."""
-    found = [layout.transform(payload, index) for index in range(len(layout.children))]
-    for index, transform in enumerate(found):
-        assert layout.stamp(payload, index) == ns_from_time(transform.header.stamp)
-    return found
-
-
-def _frames(message: TFMessage) -> list[tuple[str, str]]:
-    return [(t.header.frame_id, t.child_frame_id) for t in message.transforms]
-
-
-@given(message=messages(TFMessage), little=st.booleans())
-def test_parts_of_a_tfmessage_are_those_of_the_whole(message: TFMessage, little: bool) -> None:
-    """In either byte order, each transform read by itself equals the one that `decode` reads."""
-    payload = bytes(_store().serialize_cdr(_to_rosbags(message), TFMessage.ros_type, little_endian=little))
-    layout = Layout(payload)
-    assert layout.fits(payload)
-    assert layout.children == [t.child_frame_id for t in message.transforms]
-    assert _read_parts(layout, payload) == decode(TFMessage, payload).transforms
-
-
-@given(one=messages(TFMessage), other=messages(TFMessage), taken=st.lists(st.booleans(), min_size=3, max_size=3))
-def test_a_layout_fits_messages_with_the_same_frames(one: TFMessage, other: TFMessage, taken: list[bool]) -> None:
-    """A payload fits a layout if and only if it has the same frames; then its transforms are read right."""
-    for a, b, same in zip(one.transforms, other.transforms, taken, strict=False):
-        if same:
-            b.header.frame_id, b.child_frame_id = a.header.frame_id, a.child_frame_id
-    layout, payload = Layout(encode(one)), encode(other)
-    assert layout.fits(payload) == (_frames(one) == _frames(other))
-    if layout.fits(payload):
-        assert _read_parts(layout, payload) == other.transforms
-
-
-@given(data=st.data())
-def test_damaged_payloads_that_fit_differ_in_stamps_and_numbers(data: st.DataObject) -> None:
-    """A damaged payload that fits is read as by `decode`, or has a number that is not finite."""
-    whole = encode(data.draw(messages(TFMessage)))
-    layout, payload = Layout(whole), bytearray(whole)
-    for _ in range(data.draw(st.integers(0, 4))):
-        payload[data.draw(st.integers(0, len(payload) - 1))] = data.draw(st.sampled_from([0, 1, 127, 128, 255]))
-    if not layout.fits(bytes(payload)):
-        return
-    parts = _read_parts(layout, bytes(payload))
-    try:
-        assert parts == decode(TFMessage, bytes(payload)).transforms
-    except DecodeError:
-        numbers = [x for t in parts for part in (t.transform.translation, t.transform.rotation) for x in astuple(part)]
-        assert not all(map(math.isfinite, numbers))

@@ -200,15 +200,6 @@ class ProcessNode:
         """As `subscribe`, but call `callback(key, message, source)`, with the id of the sender's session."""
         return self.bus.subscribe_from(key_expr, message_type, self._handler(callback))
 
-    def subscribe_contents(
-        self, key_expr: str, message_type: type[M], callback: Callable[[str, bytes | M], None]
-    ) -> Closeable:
-        """As `subscribe`, but with the message's bytes, or with the message itself where the bus makes none.
-
-        Bytes for which `callback` raises DecodeError are counted as dropped.
-        """
-        return self.bus.subscribe_contents(key_expr, message_type, self._handler(callback))
-
     def watch_tokens(self, key_expr: str, callback: Callable[[str, bool], None]) -> None:
         """Call `callback(key, alive)` under `changed` for presence tokens, then let `wait` look."""
         self.bus.watch_tokens([key_expr], self._handler(callback))

@@ -12,8 +12,7 @@ from zteam.tf.errors import (
     TimeoutException,
     TransformException,
 )
-from zteam.tf.time_cache import FrameInfo
-from zteam.tf.validation import Rejection
+from zteam.tf.tree import FrameInfo, Rejection
 
 __all__ = [
     "BackwardExtrapolationException",

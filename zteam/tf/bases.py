@@ -20,8 +20,8 @@ def _is_base(child: str) -> bool:
 
 
 def bases_stamp(message: TFMessage) -> int:
-    """The newest stamp (ns) of a base in a message of `tf`; 0 without one."""
-    return max((ns_from_time(t.header.stamp) for t in message.transforms if is_base(t)), default=0)
+    """The stamp (ns) of the last base in a message of `tf`; 0 without one."""
+    return next((ns_from_time(t.header.stamp) for t in reversed(message.transforms) if is_base(t)), 0)
 
 
 def base_stamp(robot_id: int, message: TFMessage) -> int:

@@ -6,11 +6,7 @@ listed in docs/transforms: quaternions are normalised; inf, NaN and loops are re
 changes nothing; exact duplicates are counted silently; moving data for a static frame is refused; no error text is
 empty.
 
-One lock guards everything. Each public call takes it, also a look-up. `Tree`, `TimeCache` and the paths do not lock.
-
-Two short cuts do nearly all of the work. A planar sample that is newer than the last one is appended at once. A look-up
-uses the path that the first look-up of the same two frames prepared. Where a short cut does not apply, the tree does
-the work.
+One lock guards everything. Each public call takes it, also a look-up.
 """
 
 import logging
@@ -49,9 +45,7 @@ from zteam.tf.do_transform import (
 )
 from zteam.tf.errors import InvalidArgumentException, TransformException
 from zteam.tf.rigid import compose
-from zteam.tf.time_cache import FrameInfo
-from zteam.tf.tree import DUPLICATE, Tree
-from zteam.tf.validation import Rejection, check_names, check_numbers, normalise
+from zteam.tf.tree import FrameInfo, Rejection, Tree
 
 log = logging.getLogger("zteam.tf")
 
@@ -67,75 +61,41 @@ class Buffer:
     def __init__(self, cache_time: float = DEFAULT_CACHE) -> None:
         self.lock = threading.RLock()
         self._tree = Tree(round(cache_time * 1e9))
-        self.edges, self.paths = self._tree.edges, self._tree.paths
-        """By child frame, and by target and source. Read them with the lock held, and change nothing."""
-        self._acquire, self._release = self.lock.acquire, self.lock.release
         self._changed = threading.Condition(self.lock)
         self._waiting = 0
         self._now = 0
-        self.duplicates = 0
 
     @property
-    def cache(self) -> int:
-        """Nanoseconds that moving frames are remembered."""
-        return self._tree.cache
+    def duplicates(self) -> int:
+        """How many samples came that the buffer had already."""
+        return self._tree.duplicates
 
     def set_transform(self, transform: TransformStamped, authority: str) -> Rejection | None:
         """Store one sample of a moving edge; None, or why it was refused."""
         header, pose = transform.header, transform.transform
         p, q, stamp = pose.translation, pose.rotation, header.stamp
-        x, y, k, w = p.x, p.y, q.z, q.w
+        floats = p.x, p.y, p.z, q.x, q.y, q.z, q.w
         time = stamp.sec * 1_000_000_000 + stamp.nanosec
-        # A `with` statement would make the whole call 5 % slower.
-        self._acquire()
-        try:
-            edge = self.edges.get(transform.child_frame_id)
-            if (
-                edge is not None
-                and edge.newest < time <= edge.due
-                and edge.plain_parent == header.frame_id
-                and edge.z == p.z
-                and not q.x
-                and not q.y
-                # A unit quaternion and finite x and y: with inf or NaN, the product and so the sum are NaN.
-                and 0.999999999999999 < k * k + w * w + (x + y) * 0.0 < 1.000000000000001
-            ):
-                # One flat list, because the garbage collector would have to visit a tuple for each sample.
-                edge.fresh.extend((time, x, y, k, w))
-                edge.newest = time
-                edge.authority = authority
-                if self._waiting:
-                    self._changed.notify_all()
-                return None
-        finally:
-            self._release()
-        return self._set(transform, time, authority, static=False)
+        with self.lock:
+            refused = self._tree.add(transform.child_frame_id, header.frame_id, time, floats, authority)
+            if self._waiting:
+                self._changed.notify_all()
+        return refused
 
     def set_transform_static(self, transform: TransformStamped, authority: str) -> Rejection | None:
         """Store an edge that holds at all times; None, or why it was refused."""
-        return self._set(transform, 0, authority, static=True)
-
-    def _set(self, transform: TransformStamped, stamp: int, authority: str, static: bool) -> Rejection | None:
-        parent = strip_slash(transform.header.frame_id)
-        child = strip_slash(transform.child_frame_id)
-        floats = floats_of(transform.transform)
-        refused = check_names(parent, child, authority) or check_numbers(floats, child, authority)
-        if refused:
-            return refused
+        parent, floats = transform.header.frame_id, floats_of(transform.transform)
         with self.lock:
-            refused = self._tree.put(child, parent, stamp, normalise(floats), authority, static)
-            if refused is DUPLICATE:
-                self.duplicates += 1
-                return None
-            if refused is None and self._waiting:
+            refused = self._tree.put(transform.child_frame_id, parent, 0, floats, authority, static=True)
+            if self._waiting:
                 self._changed.notify_all()
-            return refused
+        return refused
 
     def set_all_static(self, transforms: Iterable[TransformStamped], authority: str) -> list[Rejection]:
         """Store the full set of an authority's static transforms; edges that the set no longer has are forgotten."""
         with self.lock:
             kept = {strip_slash(t.child_frame_id): t for t in transforms}
-            for child, edge in list(self.edges.items()):
+            for child, edge in list(self._tree.edges.items()):
                 # An old edge whose parent changes could make the new set look like a loop.
                 if edge.static and edge.authority == authority and _parent_in(kept.get(child)) != edge.parent:
                     self.forget(child)
@@ -285,10 +245,16 @@ class Buffer:
         with self.lock:
             return self._tree.chain(frame)
 
+    def frame(self, child: str) -> FrameInfo | None:
+        """The figures of one child frame; None without data."""
+        with self.lock:
+            edge = self._tree.edges.get(child)
+            return edge.info() if edge is not None and edge.parent else None
+
     def frames(self) -> dict[str, FrameInfo]:
         """The figures of every child frame, sorted by name."""
         with self.lock:
-            return {child: edge.info(self._tree.cache) for child, edge in sorted(self.edges.items()) if edge.parent}
+            return {child: edge.info() for child, edge in sorted(self._tree.edges.items()) if edge.parent}
 
 
 def _parent_in(transform: TransformStamped | None) -> str | None:

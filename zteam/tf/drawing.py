@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from xml.sax.saxutils import escape
 
 from zteam.errors import UsageError
-from zteam.tf.time_cache import FrameInfo
+from zteam.tf.tree import FrameInfo
 
 if TYPE_CHECKING:
     from PIL.Image import Image

@@ -14,7 +14,7 @@ from zteam.tf.buffer import Buffer
 from zteam.tf.conflicts import Conflicts
 from zteam.tf.own_frames import is_start_pose, keep_own, resolve
 from zteam.tf.static_transforms import Rank, Static, StaticTransforms
-from zteam.tf.validation import Rejection
+from zteam.tf.tree import Rejection
 
 TEAM_FILE = "team file"
 
@@ -128,7 +128,7 @@ class Merger:
         """Store a static transform that a tool asks for; None, or the reason of the refusal."""
         resolved = resolve("", transform)
         child = resolved.child_frame_id
-        known = self._statics.get(child) or self.buffer.frames().get(child)
+        known = self._statics.get(child) or self.buffer.frame(child)
         if known is not None and known.authority != authority:
             return f"{child} is said by {known.authority} already"
         refused = self._statics.put(Static(Rank.CALLER, resolved, authority))

@@ -18,7 +18,7 @@ from typing import NamedTuple
 from zteam.messages import TFMessage, TransformStamped
 from zteam.tf.buffer import Buffer
 from zteam.tf.own_frames import is_start_pose
-from zteam.tf.validation import Rejection
+from zteam.tf.tree import Rejection
 
 
 class Rank(IntEnum):
@@ -110,10 +110,10 @@ class StaticTransforms:
     def _store(self, static: Static) -> Rejection | None:
         child = static.transform.child_frame_id
         with self._buffer.lock:
-            edge = self._buffer.edges.get(child)
-            if edge is None or not edge.parent or edge.static:
+            known = self._buffer.frame(child)
+            if known is None or known.static:
                 return self._buffer.set_transform_static(static.transform, static.authority)
-            source, mover = self._shown(static.authority), edge.authority
+            source, mover = self._shown(static.authority), known.authority
             return Rejection("moving frame", f"{child} moves, by {mover}: the static transform of {source} is refused")
 
     def _order(self, numbered: tuple[int, Static]) -> tuple[int, bool, int]:

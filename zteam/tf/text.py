@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 from zteam.geometry import rpy_from_quaternion
 from zteam.messages import TransformStamped, ns_from_time
-from zteam.tf.time_cache import FrameInfo
+from zteam.tf.tree import FrameInfo
 
 
 def format_transform(transform: TransformStamped) -> str:

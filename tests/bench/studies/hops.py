@@ -25,7 +25,6 @@ from zteam.messages import (
 )
 from zteam.sim import to_messages
 from zteam.tf import Buffer
-from zteam.tf.lazy_bundles import Bundles
 from zteam.world import Robot, add_robot, load_world
 
 ROBOT_BUDGET_US = 150.0
@@ -105,7 +104,6 @@ class _Bundles:
         for i in self._robots:
             for fixed in to_messages.static_transforms(i, robot, Pose2(float(i), 0.0, 0.0)).transforms:
                 self._buffer.set_transform_static(fixed, names.TF)
-        self._bundles = Bundles(self._buffer, names.TF)
         self._payloads = [encode(self._bundle(tick)) for tick in range(1, 2 + _ROUNDS * _TIMES)]
         self._message = self._bundle(1)
         self._next = 0
@@ -123,12 +121,14 @@ class _Bundles:
 
     def take_and_look(self) -> None:
         """Take a bundle, then look up a follower's own pose and its leader's, as a follower does."""
-        self.now = self._bundles.take(self._payloads[self._next])
+        for transform in decode(TFMessage, self._payloads[self._next]).transforms:
+            self._buffer.set_transform(transform, names.TF)
         self._next += 1
+        self.now = self._next * _TICK
         own, leader = (names.robot_frame(i, names.BASE_FOOTPRINT) for i in (1, 0))
         self.look(names.MAP_FRAME, own)
         self.look(own, leader)
 
-    def look(self, target: str, source: str) -> tuple[Pose2, int] | None:
-        """The newest pose of `source` in `target` and its stamp (ns); None without one."""
-        return self._bundles.find_pose2(target, source)
+    def look(self, target: str, source: str) -> tuple[Pose2, int]:
+        """The newest pose of `source` in `target` and its stamp (ns)."""
+        return self._buffer.lookup_pose2(target, source, 0)

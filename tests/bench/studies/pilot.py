@@ -20,7 +20,7 @@ class Tick(NamedTuple):
     """Nanoseconds."""
     scans: tuple[LaserScan, ...]
     odometries: tuple[Odometry, ...]
-    bundle: bytes
+    bundle: TFMessage
     """All moving transforms, as the aggregator sends them."""
 
 

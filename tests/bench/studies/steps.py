@@ -19,7 +19,7 @@ from zteam import names
 from zteam.cli.bench import figure
 from zteam.cli.tables import format_table
 from zteam.clock import monotonic_times
-from zteam.messages import TFMessage, TransformStamped, Twist, encode
+from zteam.messages import TFMessage, TransformStamped, Twist
 from zteam.sim import Engine
 from zteam.sim.to_messages import odometry_message, scan_message, static_transforms, transforms
 from zteam.world import World, add_robot, load_world
@@ -128,7 +128,7 @@ class _Drive:
             moving += transforms(seen.stamp, i, seen.robots[i].odom).transforms
         scans = tuple(scan_message(seen, i, 0) for i in robots)
         odometries = tuple(odometry_message(seen, i) for i in robots)
-        tick = Tick(engine.now, scans, odometries, encode(TFMessage(moving)))
+        tick = Tick(engine.now, scans, odometries, TFMessage(moving))
         self.ticks.append(tick)
         times = monotonic_times()
         for i, pilot in enumerate(self._pilots):

@@ -10,6 +10,7 @@ from zteam import names
 from zteam.base import DEFAULT_BASE, Base, BaseOverride, base_of, override_base
 from zteam.behaviors.behavior import NO_BASES, DeclaredInput, FindPose, View
 from zteam.clock import monotonic, to_ns
+from zteam.geometry import Pose2
 from zteam.messages import (
     BaseInfo,
     LaserScan,
@@ -23,8 +24,8 @@ from zteam.messages import (
     ns_from_time,
 )
 from zteam.runtime.tick_messages import TickMessages
-from zteam.tf import Buffer
-from zteam.tf.lazy_bundles import Bundles
+from zteam.tf import Buffer, TransformException
+from zteam.tf.bases import bases_stamp
 
 log = logging.getLogger("zteam")
 
@@ -190,8 +191,9 @@ class RobotInputs:
         self._id = robot_id
         self._base = names.robot_frame(robot_id, names.BASE_FOOTPRINT)
         self._buffer = Buffer()
-        self._bundles = Bundles(self._buffer, names.TF)
-        self.lookup: FindPose = self._bundles.find_pose2
+        self._bundle: TFMessage | None = None
+        """The one that was taken last."""
+        self.lookup: FindPose = self._find_pose
         """The newest `target_from_source` in the plane and its stamp; None if it is unknown."""
 
     def take_scan(self, scan: LaserScan) -> None:
@@ -204,14 +206,25 @@ class RobotInputs:
         """Odometry has come."""
         self.odom, self.odom_stamp = odom, ns_from_time(odom.header.stamp)
 
-    def take_bundle(self, bundle: bytes | TFMessage) -> None:
-        """A message of `tf` has come. Raises DecodeError if its bytes are none."""
-        self.tf_stamp = self._bundles.take(bundle) or self.tf_stamp
+    def _find_pose(self, target_frame: str, source_frame: str) -> tuple[Pose2, int] | None:
+        try:
+            return self._buffer.lookup_pose2(target_frame, source_frame, 0)
+        except TransformException:
+            return None
+
+    def take_bundle(self, bundle: TFMessage) -> None:
+        """A message of `tf` has come."""
+        if bundle == self._bundle:
+            # Sent again, which in lock-step is frequent on a busy machine.
+            return
+        self._bundle = bundle
+        for transform in bundle.transforms:
+            self._buffer.set_transform(transform, names.TF)
+        self.tf_stamp = bases_stamp(bundle) or self.tf_stamp
 
     def take_static(self, message: TFMessage) -> None:
         """The whole set of fixed transforms has come: a start pose that a localiser took over is not in it any more."""
         self._buffer.set_all_static(message.transforms, names.TF)
-        self._bundles.forget_paths()
 
     def take_base(self, robot_id: int, message: BaseInfo) -> None:
         """`base_info` of any robot of the team has come."""
@@ -241,7 +254,6 @@ class RobotInputs:
         return not tf or (self.tf_stamp >= stamp and (not connected or self._is_connected(stamp)))
 
     def _is_connected(self, stamp: int) -> bool:
-        self._bundles.settle(names.MAP_FRAME, self._base)
         newest = self._buffer.latest_common_time(names.MAP_FRAME, self._base)
         return newest is not None and newest >= stamp
 
@@ -266,9 +278,8 @@ class RobotInputs:
 
     def forget(self) -> None:
         """Time jumped back: forget everything but the base, the fixed transforms and GO."""
-        # First: a look-up on another thread must not bring old bundles into the empty buffer.
-        self._bundles.clear()
         self._buffer.clear()
+        self._bundle = None
         self.messages.forget()
         self.mux.forget()
         self.declared.forget()

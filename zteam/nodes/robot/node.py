@@ -26,7 +26,6 @@ from zteam.messages import (
     TFMessage,
     Tick,
     Twist,
-    decode,
 )
 from zteam.nodes.robot.driver import ALONE, Driver, StepInput
 from zteam.nodes.robot.inputs import SOURCES, RobotInputs
@@ -120,10 +119,6 @@ class StartWatch:
             log.info("ready; GO waits for %s", team.waiting_for)
 
 
-def _stamp_of_bundle(bundle: bytes | TFMessage) -> int:
-    return bases_stamp(bundle if isinstance(bundle, TFMessage) else decode(TFMessage, bundle))
-
-
 class RobotNode:
     """One robot on the bus. Handlers of messages run under `node.changed`."""
 
@@ -166,7 +161,7 @@ class RobotNode:
         node.subscribe(names.TEAM_STATUS, TeamStatus, self._on_team_status, latched=True)
         node.subscribe(names.all_robots_key(names.BASE_INFO), BaseInfo, self._on_base_info, latched=True)
         node.subscribe(key(names.ODOM), Odometry, self._on_odom)
-        node.subscribe_contents(names.TF, TFMessage, self._on_tf)
+        node.subscribe(names.TF, TFMessage, self._on_tf)
         node.subscribe(names.TF_STATIC, TFMessage, self._on_tf_static, latched=True)
         for source in SOURCES:
             velocity = partial(self._on_sent, next(numbers), partial(self._inputs.mux.take, source))
@@ -198,8 +193,8 @@ class RobotNode:
     def _on_team_status(self, _key: str, status: TeamStatus) -> None:
         self._inputs.team = status
 
-    def _on_tf(self, key: str, bundle: bytes | TFMessage) -> None:
-        if not self._node.ended_time.has(key, lambda: _stamp_of_bundle(bundle), self._node.clock.now()):
+    def _on_tf(self, key: str, bundle: TFMessage) -> None:
+        if not self._node.ended_time.has(key, lambda: bases_stamp(bundle), self._node.clock.now()):
             self._inputs.take_bundle(bundle)
             self._go_on()
 

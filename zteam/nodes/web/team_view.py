@@ -25,7 +25,7 @@ from zteam.nodes.web.received import (
 )
 from zteam.runtime.process_node import ProcessNode
 from zteam.tf import Buffer, TransformException
-from zteam.tf.lazy_bundles import Bundles
+from zteam.tf.bases import bases_stamp
 
 M = TypeVar("M", bound=Message)
 
@@ -36,7 +36,6 @@ class Places:
     def __init__(self, newest: Newest) -> None:
         self._newest = newest
         self.buffer = Buffer()
-        self._bundles = Bundles(self.buffer, names.TF)
         self._taken = 0
         """The number of the newest bundle that was taken."""
         self._taken_static = 0
@@ -56,7 +55,6 @@ class Places:
         message = decoded(TFMessage, arrival.content)
         if message is not None:
             self.buffer.set_all_static(message.transforms, names.TF)
-            self._bundles.forget_paths()
             if self._taken:
                 # Where odometry begins may be another place now.
                 self.number = max(self.number, arrival.number)
@@ -64,7 +62,6 @@ class Places:
     def clear(self) -> None:
         """Time was set back: what was known of the other time does not count."""
         self.buffer.clear()
-        self._bundles.clear()
 
     def look(self, robots: Iterable[int]) -> dict[int, Pose2]:
         """The pose in `map` of each of these robots whose pose is known."""
@@ -84,13 +81,14 @@ class Places:
         arrival = self._newest.get(names.TF)
         if arrival is None or arrival.number == self._taken:
             return False
-        try:
-            stamp = self._bundles.take(arrival.content)  # type: ignore[arg-type]
-        except DecodeError:
+        message = decoded(TFMessage, arrival.content)
+        if message is None:
             return False
+        stamp = bases_stamp(message)
         if stamp and stamp < self.stamp:
             self.clear()
-            self._bundles.take(arrival.content)  # type: ignore[arg-type]
+        for transform in message.transforms:
+            self.buffer.set_transform(transform, names.TF)
         self.stamp = stamp or self.stamp
         self._taken = self.number = arrival.number
         self.time = arrival.time
@@ -98,14 +96,12 @@ class Places:
 
     def pose_of(self, frame: str, stamp: int = 0) -> Pose2 | None:
         """The pose of a frame in `map` at `stamp` (ns), or its newest where it is not known for then."""
-        try:
-            if stamp and stamp != self.stamp:
-                self._bundles.settle(names.MAP_FRAME, frame)
-                return self.buffer.lookup_pose2(names.MAP_FRAME, frame, stamp)[0]
-        except TransformException:
-            pass
-        newest = self._bundles.find_pose2(names.MAP_FRAME, frame)
-        return None if newest is None else newest[0]
+        for time in (stamp, 0) if stamp else (0,):
+            try:
+                return self.buffer.lookup_pose2(names.MAP_FRAME, frame, time)[0]
+            except TransformException:
+                pass
+        return None
 
     def _look_at_truth(self, robots: Iterable[int]) -> dict[int, Pose2]:
         found = {}

@@ -9,7 +9,6 @@ from zteam.messages import (
     LaserScan,
     Odometry,
     TFMessage,
-    encode,
     time_from_ns,
 )
 from zteam.nodes.robot.inputs import RobotInputs
@@ -22,7 +21,7 @@ def give(inputs: RobotInputs, stamp: int, *, scan: bool = True, odom: bool = Tru
     if odom:
         inputs.take_odom(Odometry(Header(time_from_ns(stamp))))
     if tf:
-        inputs.take_bundle(encode(TFMessage([stamped("robot_1/odom", "robot_1/base_footprint", stamp, 2.0)])))
+        inputs.take_bundle(TFMessage([stamped("robot_1/odom", "robot_1/base_footprint", stamp, 2.0)]))
 
 
 @pytest.fixture
@@ -58,10 +57,10 @@ def test_a_frame_without_a_base_is_not_the_ticks_bundle(inputs: RobotInputs, sta
     give(inputs, S)
     give(inputs, 2 * S, tf=False)
     for _ in range(2):
-        inputs.take_bundle(encode(TFMessage([stamped("map", "carrot", stamp, 2.0)])))
+        inputs.take_bundle(TFMessage([stamped("map", "carrot", stamp, 2.0)]))
     assert not inputs.complete_for(2 * S)
     give(inputs, 2 * S)
-    inputs.take_bundle(encode(TFMessage([stamped("map", "carrot", S, 2.0)])))
+    inputs.take_bundle(TFMessage([stamped("map", "carrot", S, 2.0)]))
     assert inputs.complete_for(2 * S)
 
 

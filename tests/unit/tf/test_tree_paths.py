@@ -12,7 +12,7 @@ from zteam.tf import BackwardExtrapolationException, Buffer, NoDataForExtrapolat
 
 @pytest.mark.parametrize("roll", [0.0, 0.1], ids=["planar", "spatial"])
 def test_what_is_older_than_the_cache_is_not_used(roll: float) -> None:
-    """Samples older than the cache are deleted in blocks; before that, no look-up uses them, to the nanosecond."""
+    """No look-up uses samples that are older than the cache, to the nanosecond."""
     buffer = Buffer(cache_time=1.0)
     step = S // 50
     for tick in range(50, 400):
