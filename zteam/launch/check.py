@@ -126,9 +126,7 @@ def _map_problems(file: TeamFile) -> Iterator[Problem]:
         from zteam.planning.map_files import check_map_file
 
         try:
-            described = check_map_file(file.path.parent / file.team.team.map)
-            if existing_file(described.image) is None:
-                yield Problem(("team", "map"), f"there is no {described.image}, the map's image")
+            check_map_file(file.path.parent / file.team.team.map)
         except UsageError as error:
             yield Problem(("team", "map"), str(error))
 

@@ -30,10 +30,12 @@ def read_map(path: Path | str) -> GridMap:
 
 
 def check_map_file(path: Path) -> "MapFile":
-    """What the YAML file of a map says. Raises UsageError, also where its two thresholds do not fit each other."""
+    """What the YAML file of a map says. Raises UsageError, also for thresholds that do not fit or a missing picture."""
     from zteam.world.images import read_map_file
 
     file = read_map_file(path)
+    if not file.image.is_file():
+        raise UsageError(f"there is no {file.image}, the map's image")
     if not 0.0 <= file.free_thresh < file.occupied_thresh <= 1.0:
         raise UsageError(
             f"{path}: free_thresh, occupied_thresh: give two shares from 0 to 1, the first one below the other"
