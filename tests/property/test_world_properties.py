@@ -34,10 +34,7 @@ values = numbers | strings
 
 
 def make_entity(type_: str, found: dict[str, list[float | str]], children: list[Entity]) -> Entity:
-    properties = {
-        name: Property(name, tuple(items), len(items) != 1, PLACE, tuple(map(str, items)))
-        for name, items in found.items()
-    }
+    properties = {name: Property(name, tuple(items), PLACE, tuple(map(str, items))) for name, items in found.items()}
     return Entity(type_, type_, PLACE, properties, children)
 
 
@@ -55,7 +52,7 @@ entities = st.recursive(
 
 def print_property(found: Property) -> str:
     items = [f'"{value}"' if isinstance(value, str) else repr(value) for value in found.values]
-    return f"{found.name} [ {' '.join(items)} ]" if found.is_tuple else f"{found.name} {items[0]}"
+    return f"{found.name} [ {' '.join(items)} ]" if len(items) != 1 else f"{found.name} {items[0]}"
 
 
 def print_body(entity: Entity) -> str:

@@ -6,7 +6,8 @@ from pathlib import Path
 import zteam
 
 ADMIN_KEY = re.compile(r"""["'](@/[^"']*)["']""")
-OWN_RECORD = {"@/*/router", "@/{self._session.zid()}/router"}
+OWN_RECORD = {"@/{router}/router"}
+"""`router` is an id, or any."""
 
 
 def test_a_router_is_asked_for_its_own_record_alone() -> None:
