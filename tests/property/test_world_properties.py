@@ -67,13 +67,13 @@ def content(entity: Entity) -> object:
     """All of an entity but its places."""
     return (
         entity.type,
-        {name: (found.values, found.is_tuple) for name, found in entity.properties.items()},
+        {name: found.values for name, found in entity.properties.items()},
         [content(child) for child in entity.children],
     )
 
 
 def parse(text: str) -> Entity:
-    return parse_text(text, Remarks()).root
+    return parse_text(text, Remarks(), "test.world").root
 
 
 @given(entities)

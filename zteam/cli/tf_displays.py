@@ -46,8 +46,7 @@ class TreeListener:
     def _on_tf(self, _key: str, message: TFMessage) -> None:
         if self._watch is not None:
             self._watch.take(message.transforms, self.now)
-        for transform in message.transforms:
-            self.buffer.set_transform(transform, names.TF)
+        self.buffer.set_transforms(message.transforms, names.TF)
         self.waiter.notify()
 
     def _on_tf_static(self, _key: str, message: TFMessage) -> None:

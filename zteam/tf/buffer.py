@@ -72,15 +72,24 @@ class Buffer:
 
     def set_transform(self, transform: TransformStamped, authority: str) -> Rejection | None:
         """Store one sample of a moving edge; None, or why it was refused."""
-        header, pose = transform.header, transform.transform
-        p, q, stamp = pose.translation, pose.rotation, header.stamp
-        floats = p.x, p.y, p.z, q.x, q.y, q.z, q.w
-        time = stamp.sec * 1_000_000_000 + stamp.nanosec
+        refused = self.set_transforms((transform,), authority)
+        return refused[0] if refused else None
+
+    def set_transforms(self, transforms: Iterable[TransformStamped], authority: str) -> list[Rejection]:
+        """Store a sample of each of these moving edges; why some were refused."""
+        found, add = [], self._tree.add
         with self.lock:
-            refused = self._tree.add(transform.child_frame_id, header.frame_id, time, floats, authority)
+            for transform in transforms:
+                header, pose = transform.header, transform.transform
+                p, q, stamp = pose.translation, pose.rotation, header.stamp
+                time = stamp.sec * _NS + stamp.nanosec
+                floats = p.x, p.y, p.z, q.x, q.y, q.z, q.w
+                refused = add(transform.child_frame_id, header.frame_id, time, floats, authority)
+                if refused is not None:
+                    found.append(refused)
             if self._waiting:
                 self._changed.notify_all()
-        return refused
+        return found
 
     def set_transform_static(self, transform: TransformStamped, authority: str) -> Rejection | None:
         """Store an edge that holds at all times; None, or why it was refused."""

@@ -80,8 +80,7 @@ class TeamTransforms:
         return self._left.get(robot_id)
 
     def _take(self, _key: str, message: TFMessage) -> None:
-        for transform in message.transforms:
-            self.buffer.set_transform(transform, names.TF)
+        self.buffer.set_transforms(message.transforms, names.TF)
 
     def _take_static(self, _key: str, message: TFMessage) -> None:
         self.buffer.set_all_static(message.transforms, names.TF)

@@ -218,8 +218,7 @@ class RobotInputs:
             # Sent again, which in lock-step is frequent on a busy machine.
             return
         self._bundle = bundle
-        for transform in bundle.transforms:
-            self._buffer.set_transform(transform, names.TF)
+        self._buffer.set_transforms(bundle.transforms, names.TF)
         self.tf_stamp = bases_stamp(bundle) or self.tf_stamp
 
     def take_static(self, message: TFMessage) -> None:

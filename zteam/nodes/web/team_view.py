@@ -87,8 +87,7 @@ class Places:
         stamp = bases_stamp(message)
         if stamp and stamp < self.stamp:
             self.clear()
-        for transform in message.transforms:
-            self.buffer.set_transform(transform, names.TF)
+        self.buffer.set_transforms(message.transforms, names.TF)
         self.stamp = stamp or self.stamp
         self._taken = self.number = arrival.number
         self.time = arrival.time
