@@ -29,6 +29,8 @@ def build_parser() -> argparse.ArgumentParser:
         default=os.environ.get("ZTEAM_VIEW_TOKEN") or "",
         help="what a page needs to command (default: a new one; $ZTEAM_VIEW_TOKEN)",
     )
+    # What a test waits for.
+    parser.add_argument("--name", default="", help=argparse.SUPPRESS)
     add_bus_options(parser)
     return parser
 
@@ -39,7 +41,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _read(args: argparse.Namespace) -> tuple[str, Callable[[], ViewOptions]]:
-    options = ViewOptions(args.host, args.port, args.token, not args.no_browser, args.layout)
+    options = ViewOptions(args.host, args.port, args.token, not args.no_browser, args.layout, args.name)
     return names.VIEW, lambda: options
 
 
