@@ -92,6 +92,8 @@ class Router:
         record = _read_record(self._session, str(self._session.zid()))
         self.endpoint = record.locators[0] if record and record.locators else listen
         self._note = _state_file(self.endpoint, _NOTE)
+        self._made = [folder for folder in self._note.parents if not folder.exists()]
+        """Folders that are removed with the note, the innermost first."""
         try:
             self._note.parent.mkdir(parents=True, exist_ok=True)
             self._note.write_text(self.endpoint)
@@ -141,6 +143,8 @@ class Router:
         """Stop routing."""
         try:
             self._note.unlink(missing_ok=True)
+            for folder in self._made:
+                folder.rmdir()
         except OSError as error:
             log.debug("%s", error)
         self._session.close()  # type: ignore[no-untyped-call]
