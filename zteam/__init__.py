@@ -77,8 +77,7 @@ if TYPE_CHECKING:
     from zteam.services.navigation import TaskResult
     from zteam.services.parameters import ParametersClient
     from zteam.services.simulator import SimulatorClient
-    from zteam.services.transforms import HistoryRequest, Lookup
-    from zteam.services.transforms_client import TransformClient
+    from zteam.services.transforms import HistoryRequest, Lookup, TransformClient
     from zteam.team_file import Team, load_team
 
 __all__ = [
@@ -130,7 +129,7 @@ _HOMES = {
     "SimulatorClient": "services.simulator",
     "TaskResult": "services.navigation",
     "Team": "team_file.entries",
-    "TransformClient": "services.transforms_client",
+    "TransformClient": "services.transforms",
     "TransformListener": "runtime.node",
     "View": "behaviors.behavior",
     "ZteamError": "errors",

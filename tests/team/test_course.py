@@ -21,7 +21,7 @@ from zteam import names
 from zteam.bus.receiving import KeyCount
 from zteam.launch.process import zteam_command
 from zteam.messages import PoseWithCovarianceStamped, Twist, Vector3
-from zteam.services.transforms_client import TransformClient
+from zteam.services.transforms import TransformClient
 from zteam.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team

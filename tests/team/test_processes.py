@@ -10,7 +10,7 @@ from zteam import names
 from zteam.bus.presence import ProcessInfo
 from zteam.bus.receiving import KeyCount
 from zteam.messages import Twist, Vector3, encode
-from zteam.services.transforms_client import TransformClient
+from zteam.services.transforms import TransformClient
 from zteam.testing.team import TeamFixture
 
 pytestmark = pytest.mark.team

@@ -11,8 +11,8 @@ from support.limits import ASKED, LIMIT
 from zteam import names
 from zteam.bus.options import BusOptions, client_config
 from zteam.services.simulator import SimulatorClient
-from zteam.services.transforms import FrameReply
 from zteam.testing.team import TeamFixture
+from zteam.tf import FrameInfo
 
 pytestmark = pytest.mark.team
 
@@ -115,7 +115,7 @@ def test_a_look_at_everything_changes_nothing(team: TeamFixture) -> None:
     after = client.status()
     assert (after.robots, after.paused, after.speed) == ([0, 1], False, 1.0)
     assert after.tick >= before.tick
-    frames = team.bus.ask(names.service_key(names.AGGREGATOR, "frames"), dict[str, FrameReply])
+    frames = team.bus.ask(names.service_key(names.AGGREGATOR, "frames"), dict[str, FrameInfo])
     assert "table" not in frames
     for service in ("pause", "resume", "speed", "step", "repeat", "reset", "spawn", "remove", "move"):
         assert any(text.startswith(f"sim/{service} changes something: ask for it by this key") for text in refusals)

@@ -10,10 +10,9 @@ from support.transforms import stamped
 from zteam import names
 from zteam.errors import BusError
 from zteam.messages import TFMessage, TransformStamped
-from zteam.services.transforms import FrameReply, HistoryRequest, Lookup
-from zteam.services.transforms_client import TransformClient
+from zteam.services.transforms import HistoryRequest, Lookup, TransformClient
 from zteam.testing.team import TeamFixture
-from zteam.tf import LookupException
+from zteam.tf import FrameInfo, LookupException
 
 pytestmark = pytest.mark.team
 
@@ -64,7 +63,7 @@ def test_several_broadcasters_of_a_robot_live_side_by_side(team: TeamFixture) ->
         assert math.dist((scanner.transform.translation.x, 0.0), (team.robot(0).pose.x, 0.0)) < 1.0
         assert camera.transform.translation.x == 0.1
     assert team.robot(1).speed > 0.0
-    frames = team.bus.ask("tf/frames", dict[str, FrameReply])
+    frames = team.bus.ask("tf/frames", dict[str, FrameInfo])
     assert (frames["robot_0/odom"].authority, frames["robot_0/camera"].authority) == (
         "sim",
         f"session {team.bus.instance}",

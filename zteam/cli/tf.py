@@ -24,7 +24,7 @@ from zteam.cli.tool_clock import open_clock, ticker
 from zteam.errors import BusError, ZteamError
 from zteam.messages import TransformStamped, to_json
 from zteam.numbers import MAX_SECONDS
-from zteam.services.transforms_client import TransformClient
+from zteam.services.transforms import TransformClient
 from zteam.tf.text import format_transform
 
 _MAX_STAMP = 4e9

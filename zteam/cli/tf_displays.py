@@ -15,8 +15,7 @@ from zteam.cli.tool_clock import open_clock, ticker
 from zteam.errors import BusError, ZteamError
 from zteam.messages import Clock, TFMessage, TransformStamped, ns_from_time
 from zteam.numbers import counted, format_rate
-from zteam.services.transforms import FrameReply
-from zteam.services.transforms_client import TransformClient
+from zteam.services.transforms import TransformClient
 from zteam.tf import Buffer, FrameInfo, TransformException
 from zteam.tf.drawing import PICTURES, draw_tree
 from zteam.tf.statistics import FrameFigures, Watch
@@ -60,10 +59,9 @@ NO_AGGREGATOR = "no aggregator runs: start one with 'zteam-tf' (a team of 'zteam
 def ask_frames(bus: Bus) -> dict[str, FrameInfo] | None:
     """The aggregator's own data on every frame; None without an aggregator."""
     try:
-        replies = bus.ask(names.service_key(names.AGGREGATOR, "frames"), dict[str, FrameReply])
+        return bus.ask(names.service_key(names.AGGREGATOR, "frames"), dict[str, FrameInfo])
     except BusError:
         return None
-    return {child: FrameInfo(*msgspec.structs.astuple(frame)) for child, frame in replies.items()}
 
 
 def find_last(bus: Bus, target: str, source: str) -> TransformStamped | str:
@@ -125,7 +123,7 @@ def show_tree(args: argparse.Namespace) -> int:
         draw_tree(frames, listener.now, path)
         print(f"{path}: {counted(len(_names(frames)), 'frame')}")
     elif args.json:
-        print(msgspec.json.encode({child: info._asdict() for child, info in frames.items()}).decode())
+        print(msgspec.json.encode(frames).decode())
     elif not frames:
         print(_nothing(asked is not None, "no frames yet"))
     else:

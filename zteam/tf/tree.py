@@ -9,6 +9,8 @@ from cmath import sqrt
 from collections.abc import Container, Sequence
 from typing import NamedTuple
 
+import msgspec
+
 from zteam.names import strip_slash
 from zteam.tf.errors import (
     BackwardExtrapolationException,
@@ -41,7 +43,7 @@ class Rejection(NamedTuple):
     text: str
 
 
-class FrameInfo(NamedTuple):
+class FrameInfo(msgspec.Struct, frozen=True):
     """The figures of one child frame; times in ns, rate in Hz."""
 
     parent: str

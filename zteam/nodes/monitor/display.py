@@ -22,8 +22,7 @@ from zteam.nodes.monitor.watch import TeamWatch
 from zteam.numbers import counted
 from zteam.process_options import MonitorOptions
 from zteam.runtime.process_node import ProcessNode
-from zteam.services.transforms import Lookup
-from zteam.services.transforms_client import TransformClient
+from zteam.services.transforms import Lookup, TransformClient
 
 log = logging.getLogger("zteam")
 

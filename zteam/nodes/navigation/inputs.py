@@ -22,8 +22,8 @@ from zteam.messages import (
 )
 from zteam.planning.scans import Scan, Teammate
 from zteam.runtime.node import Node
-from zteam.services.transforms import FrameReply, Lookup, LookupReply, LookupRequest
-from zteam.tf import Buffer, TransformException
+from zteam.services.transforms import Lookup, LookupReply, LookupRequest
+from zteam.tf import Buffer, FrameInfo, TransformException
 
 log = logging.getLogger("zteam")
 
@@ -56,7 +56,7 @@ class TeamTransforms:
         """Ask the aggregator, if there is one, where localisers of before have put robots. Before the first step."""
         try:
             answers = self._node.bus.query(
-                names.service_key(names.AGGREGATOR, "frames"), dict[str, FrameReply], NoRequest(), timeout=_ANSWER_LIMIT
+                names.service_key(names.AGGREGATOR, "frames"), dict[str, FrameInfo], NoRequest(), timeout=_ANSWER_LIMIT
             )
             frames = answers[0][1] if answers else {}
             moving = [child for child, frame in frames.items() if frame.parent == names.MAP_FRAME and not frame.static]

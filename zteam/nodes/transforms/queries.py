@@ -2,6 +2,8 @@
 
 from collections.abc import Callable
 
+import msgspec
+
 from zteam import names
 from zteam.bus import Bus, Deferred, NoRequest
 from zteam.clock import monotonic
@@ -11,14 +13,13 @@ from zteam.names import strip_slash
 from zteam.services.transforms import (
     MAX_LOOKUPS,
     BundleReply,
-    FrameReply,
     HistoryReply,
     HistoryRequest,
     Lookup,
     LookupReply,
     LookupRequest,
 )
-from zteam.tf import Buffer, TransformException
+from zteam.tf import Buffer, FrameInfo, TransformException
 from zteam.tf.do_transform import floats_of
 from zteam.tf.merge import Merger
 
@@ -101,9 +102,9 @@ def answer_history(buffer: Buffer, request: HistoryRequest) -> HistoryReply:
     return HistoryReply(rows)
 
 
-def answer_frames(buffer: Buffer, name_of: Callable[[str], str | None]) -> dict[str, FrameReply]:
+def answer_frames(buffer: Buffer, name_of: Callable[[str], str | None]) -> dict[str, FrameInfo]:
     """Every child frame, by name, with its authority as users read it."""
-    frames = buffer.frames().items()
     return {
-        child: FrameReply(*info._replace(authority=name_of(info.authority) or info.authority)) for child, info in frames
+        child: msgspec.structs.replace(info, authority=name_of(info.authority) or info.authority)
+        for child, info in buffer.frames().items()
     }

@@ -19,8 +19,8 @@ from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.tokens import TokenSet
 from zteam.services.logs import LogLine
 from zteam.services.simulator import ObstaclesReply, ScansReply, ScansRequest, ShapesReply, SimStatus, find_status
-from zteam.services.transforms import BundleReply, FrameReply, Lookup
-from zteam.services.transforms_client import TransformClient
+from zteam.services.transforms import BundleReply, Lookup, TransformClient
+from zteam.tf import FrameInfo
 
 
 class TopicRow(msgspec.Struct):
@@ -155,7 +155,7 @@ class Queries:
         self._ask_simulator(obstacles="obstacles" in layers)
         self._ask_for_repeat(opened)
         if "tf" in docs and self._frames_due.due():
-            for _, frames in self._ask(names.service_key(names.AGGREGATOR, "frames"), dict[str, FrameReply]):
+            for _, frames in self._ask(names.service_key(names.AGGREGATOR, "frames"), dict[str, FrameInfo]):
                 self.authorities = {name: frame.authority for name, frame in frames.items()}
         if "log" not in docs:
             self._has_log = False

@@ -8,7 +8,8 @@ from support.transforms import stamped
 from zteam import names
 from zteam.bus import MemoryHub
 from zteam.messages import Clock, TFMessage, decode, time_from_ns
-from zteam.services.transforms import BundleReply, FrameReply
+from zteam.services.transforms import BundleReply
+from zteam.tf import FrameInfo
 
 
 def test_the_fixed_set_is_latched_and_whole(hub: MemoryHub) -> None:
@@ -94,7 +95,7 @@ def test_the_frames_are_listed(hub: MemoryHub) -> None:
     base.stand(1.0)
     for tick in range(1, 12):
         base.drive(tick * S // 10)
-    found = hub.bus().ask(names.service_key(names.AGGREGATOR, "frames"), dict[str, FrameReply])
+    found = hub.bus().ask(names.service_key(names.AGGREGATOR, "frames"), dict[str, FrameInfo])
     assert list(found) == ["robot_0/base_footprint", "robot_0/odom"]
     moving, fixed = found.values()
     assert (moving.parent, moving.authority, moving.static) == ("robot_0/odom", "robot_0", False)
