@@ -11,7 +11,6 @@ from zteam.messages.std_msgs import Header
 class Vector3(Message):
     """A free vector."""
 
-    ros_type: ClassVar[str] = "geometry_msgs/msg/Vector3"
     x: float64 = 0.0
     y: float64 = 0.0
     z: float64 = 0.0
@@ -20,7 +19,6 @@ class Vector3(Message):
 class Point(Message):
     """A position in metres."""
 
-    ros_type: ClassVar[str] = "geometry_msgs/msg/Point"
     x: float64 = 0.0
     y: float64 = 0.0
     z: float64 = 0.0
@@ -29,7 +27,6 @@ class Point(Message):
 class Quaternion(Message):
     """An orientation; identity by default."""
 
-    ros_type: ClassVar[str] = "geometry_msgs/msg/Quaternion"
     x: float64 = 0.0
     y: float64 = 0.0
     z: float64 = 0.0
@@ -39,7 +36,6 @@ class Quaternion(Message):
 class Pose(Message):
     """Position and orientation."""
 
-    ros_type: ClassVar[str] = "geometry_msgs/msg/Pose"
     position: Point = msgspec.field(default_factory=Point)
     orientation: Quaternion = msgspec.field(default_factory=Quaternion)
 
@@ -47,15 +43,13 @@ class Pose(Message):
 class PoseWithCovariance(Message):
     """A pose and its 6 by 6 covariance, row by row (x, y, z, roll, pitch, yaw)."""
 
-    ros_type: ClassVar[str] = "geometry_msgs/msg/PoseWithCovariance"
     pose: Pose = msgspec.field(default_factory=Pose)
-    covariance: Covariance = msgspec.field(default_factory=lambda: NO_COVARIANCE)
+    covariance: Covariance = NO_COVARIANCE
 
 
 class PoseStamped(Message):
     """A pose in a frame at a time."""
 
-    ros_type: ClassVar[str] = "geometry_msgs/msg/PoseStamped"
     header: Header = msgspec.field(default_factory=Header)
     pose: Pose = msgspec.field(default_factory=Pose)
 
@@ -63,7 +57,6 @@ class PoseStamped(Message):
 class PoseWithCovarianceStamped(Message):
     """A pose and its covariance in a frame at a time."""
 
-    ros_type: ClassVar[str] = "geometry_msgs/msg/PoseWithCovarianceStamped"
     header: Header = msgspec.field(default_factory=Header)
     pose: PoseWithCovariance = msgspec.field(default_factory=PoseWithCovariance)
 
@@ -71,7 +64,6 @@ class PoseWithCovarianceStamped(Message):
 class PoseArray(Message):
     """Poses in one frame at one time, such as the particles of a localiser."""
 
-    ros_type: ClassVar[str] = "geometry_msgs/msg/PoseArray"
     header: Header = msgspec.field(default_factory=Header)
     poses: list[Pose] = msgspec.field(default_factory=list)
 
@@ -79,7 +71,6 @@ class PoseArray(Message):
 class Point32(Message):
     """A position in metres, in less space."""
 
-    ros_type: ClassVar[str] = "geometry_msgs/msg/Point32"
     x: float32 = 0.0
     y: float32 = 0.0
     z: float32 = 0.0
@@ -88,14 +79,12 @@ class Point32(Message):
 class Polygon(Message):
     """A closed outline in metres: the last point is joined to the first."""
 
-    ros_type: ClassVar[str] = "geometry_msgs/msg/Polygon"
     points: list[Point32] = msgspec.field(default_factory=list)
 
 
 class PolygonStamped(Message):
     """An outline in a frame at a time, such as a robot's footprint."""
 
-    ros_type: ClassVar[str] = "geometry_msgs/msg/PolygonStamped"
     header: Header = msgspec.field(default_factory=Header)
     polygon: Polygon = msgspec.field(default_factory=Polygon)
 
@@ -103,7 +92,6 @@ class PolygonStamped(Message):
 class PointStamped(Message):
     """A point in a frame at a time."""
 
-    ros_type: ClassVar[str] = "geometry_msgs/msg/PointStamped"
     header: Header = msgspec.field(default_factory=Header)
     point: Point = msgspec.field(default_factory=Point)
 
@@ -111,7 +99,6 @@ class PointStamped(Message):
 class Vector3Stamped(Message):
     """A direction or a difference in a frame at a time: turned by transforms, not moved."""
 
-    ros_type: ClassVar[str] = "geometry_msgs/msg/Vector3Stamped"
     header: Header = msgspec.field(default_factory=Header)
     vector: Vector3 = msgspec.field(default_factory=Vector3)
 
@@ -119,7 +106,6 @@ class Vector3Stamped(Message):
 class Twist(Message):
     """Velocity: linear in m/s, angular in rad/s."""
 
-    ros_type: ClassVar[str] = "geometry_msgs/msg/Twist"
     linear: Vector3 = msgspec.field(default_factory=Vector3)
     angular: Vector3 = msgspec.field(default_factory=Vector3)
 
@@ -127,7 +113,6 @@ class Twist(Message):
 class TwistStamped(Message):
     """A velocity in a frame at a time."""
 
-    ros_type: ClassVar[str] = "geometry_msgs/msg/TwistStamped"
     header: Header = msgspec.field(default_factory=Header)
     twist: Twist = msgspec.field(default_factory=Twist)
 
@@ -135,15 +120,13 @@ class TwistStamped(Message):
 class TwistWithCovariance(Message):
     """A velocity and its 6 by 6 covariance, row by row."""
 
-    ros_type: ClassVar[str] = "geometry_msgs/msg/TwistWithCovariance"
     twist: Twist = msgspec.field(default_factory=Twist)
-    covariance: Covariance = msgspec.field(default_factory=lambda: NO_COVARIANCE)
+    covariance: Covariance = NO_COVARIANCE
 
 
 class Transform(Message):
     """A rigid transform."""
 
-    ros_type: ClassVar[str] = "geometry_msgs/msg/Transform"
     translation: Vector3 = msgspec.field(default_factory=Vector3)
     rotation: Quaternion = msgspec.field(default_factory=Quaternion)
 
@@ -151,7 +134,6 @@ class Transform(Message):
 class TransformStamped(Message):
     """The pose of `child_frame_id` in `header.frame_id` at `header.stamp`."""
 
-    ros_type: ClassVar[str] = "geometry_msgs/msg/TransformStamped"
     header: Header = msgspec.field(default_factory=Header)
     child_frame_id: str = ""
     transform: Transform = msgspec.field(default_factory=Transform)

@@ -55,6 +55,8 @@ REGISTERED: dict[str, type["Message"]] = {}
 class Message(msgspec.Struct, eq=False, gc=False):
     """Base of all messages. `ros_type` is the type's full ROS name, such as `geometry_msgs/msg/Twist`.
 
+    Those of zteam's own have the package of their module's name, unless they give another one.
+
     A subclass of your own gives a `ros_type` and fields annotated with a message type, `str`, `list[...]` of these, or
     one of `bool_`, `int8`, `float64`, `Float32Seq`, … of this module; every field has a default. Raises UsageError
     where `ros_type` is no ROS name or is a type of zteam's own.
@@ -66,6 +68,9 @@ class Message(msgspec.Struct, eq=False, gc=False):
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
+        package, _, module = cls.__module__.rpartition(".")
+        if "ros_type" not in vars(cls) and package == __package__:
+            cls.ros_type = f"{module}/msg/{cls.__name__}"
         # Only the name: the class has no fields yet. Its codec is generated at its first use.
         if "ros_type" in vars(cls):
             _register(cls)

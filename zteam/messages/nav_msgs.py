@@ -1,7 +1,5 @@
 """Types of nav_msgs, as in ROS 2 Jazzy."""
 
-from typing import ClassVar
-
 import msgspec
 
 from zteam.messages.geometry_msgs import Pose, PoseStamped, PoseWithCovariance, TwistWithCovariance
@@ -12,7 +10,6 @@ from zteam.messages.std_msgs import Header, Time
 class Odometry(Message):
     """Pose of `child_frame_id` in `header.frame_id` and velocity in `child_frame_id`."""
 
-    ros_type: ClassVar[str] = "nav_msgs/msg/Odometry"
     header: Header = msgspec.field(default_factory=Header)
     child_frame_id: str = ""
     pose: PoseWithCovariance = msgspec.field(default_factory=PoseWithCovariance)
@@ -22,7 +19,6 @@ class Odometry(Message):
 class MapMetaData(Message):
     """Size of a map in cells, metres a cell, and the pose of cell (0, 0)."""
 
-    ros_type: ClassVar[str] = "nav_msgs/msg/MapMetaData"
     map_load_time: Time = msgspec.field(default_factory=Time)
     resolution: float32 = 0.0
     width: uint32 = 0
@@ -33,15 +29,13 @@ class MapMetaData(Message):
 class OccupancyGrid(Message):
     """A map, row by row from the origin: 0 free, 100 occupied, -1 unknown."""
 
-    ros_type: ClassVar[str] = "nav_msgs/msg/OccupancyGrid"
     header: Header = msgspec.field(default_factory=Header)
     info: MapMetaData = msgspec.field(default_factory=MapMetaData)
-    data: Int8Seq = msgspec.field(default_factory=lambda: NO_INT8)
+    data: Int8Seq = NO_INT8
 
 
 class Path(Message):
     """Poses to pass, from the first to the last."""
 
-    ros_type: ClassVar[str] = "nav_msgs/msg/Path"
     header: Header = msgspec.field(default_factory=Header)
     poses: list[PoseStamped] = msgspec.field(default_factory=list)

@@ -1,7 +1,5 @@
 """Types of sensor_msgs, as in ROS 2 Jazzy."""
 
-from typing import ClassVar
-
 import msgspec
 
 from zteam.messages.geometry_msgs import Quaternion, Vector3
@@ -24,7 +22,6 @@ from zteam.messages.std_msgs import Header
 class LaserScan(Message):
     """One sweep of a planar laser: ranges in metres, angles in radians."""
 
-    ros_type: ClassVar[str] = "sensor_msgs/msg/LaserScan"
     header: Header = msgspec.field(default_factory=Header)
     angle_min: float32 = 0.0
     angle_max: float32 = 0.0
@@ -33,14 +30,13 @@ class LaserScan(Message):
     scan_time: float32 = 0.0
     range_min: float32 = 0.0
     range_max: float32 = 0.0
-    ranges: Float32Seq = msgspec.field(default_factory=lambda: NO_FLOAT32)
-    intensities: Float32Seq = msgspec.field(default_factory=lambda: NO_FLOAT32)
+    ranges: Float32Seq = NO_FLOAT32
+    intensities: Float32Seq = NO_FLOAT32
 
 
 class Range(Message):
     """One reading of a one-ray sensor."""
 
-    ros_type: ClassVar[str] = "sensor_msgs/msg/Range"
     header: Header = msgspec.field(default_factory=Header)
     radiation_type: uint8 = 0
     field_of_view: float32 = 0.0
@@ -53,12 +49,11 @@ class Range(Message):
 class JointState(Message):
     """Angles of joints in radians, their rates in rad/s, and efforts; a sequence may be empty."""
 
-    ros_type: ClassVar[str] = "sensor_msgs/msg/JointState"
     header: Header = msgspec.field(default_factory=Header)
     name: list[str] = msgspec.field(default_factory=list)
-    position: Float64Seq = msgspec.field(default_factory=lambda: NO_FLOAT64)
-    velocity: Float64Seq = msgspec.field(default_factory=lambda: NO_FLOAT64)
-    effort: Float64Seq = msgspec.field(default_factory=lambda: NO_FLOAT64)
+    position: Float64Seq = NO_FLOAT64
+    velocity: Float64Seq = NO_FLOAT64
+    effort: Float64Seq = NO_FLOAT64
 
 
 class Imu(Message):
@@ -67,20 +62,18 @@ class Imu(Message):
     A covariance that begins with -1 says that the quantity is not measured; zeros say that it is unknown.
     """
 
-    ros_type: ClassVar[str] = "sensor_msgs/msg/Imu"
     header: Header = msgspec.field(default_factory=Header)
     orientation: Quaternion = msgspec.field(default_factory=Quaternion)
-    orientation_covariance: Covariance3 = msgspec.field(default_factory=lambda: NO_COVARIANCE3)
+    orientation_covariance: Covariance3 = NO_COVARIANCE3
     angular_velocity: Vector3 = msgspec.field(default_factory=Vector3)
-    angular_velocity_covariance: Covariance3 = msgspec.field(default_factory=lambda: NO_COVARIANCE3)
+    angular_velocity_covariance: Covariance3 = NO_COVARIANCE3
     linear_acceleration: Vector3 = msgspec.field(default_factory=Vector3)
-    linear_acceleration_covariance: Covariance3 = msgspec.field(default_factory=lambda: NO_COVARIANCE3)
+    linear_acceleration_covariance: Covariance3 = NO_COVARIANCE3
 
 
 class CompressedImage(Message):
     """An image file of the named format, such as `png`."""
 
-    ros_type: ClassVar[str] = "sensor_msgs/msg/CompressedImage"
     header: Header = msgspec.field(default_factory=Header)
     format: str = ""
-    data: Uint8Seq = msgspec.field(default_factory=lambda: NO_UINT8)
+    data: Uint8Seq = NO_UINT8

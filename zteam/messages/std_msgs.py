@@ -28,7 +28,6 @@ class Duration(Message):
 class Header(Message):
     """When and in which frame a message holds."""
 
-    ros_type: ClassVar[str] = "std_msgs/msg/Header"
     stamp: Time = msgspec.field(default_factory=Time)
     frame_id: str = ""
 
@@ -36,42 +35,36 @@ class Header(Message):
 class Bool(Message):
     """A truth value."""
 
-    ros_type: ClassVar[str] = "std_msgs/msg/Bool"
     data: bool_ = False
 
 
 class Int32(Message):
     """A whole number."""
 
-    ros_type: ClassVar[str] = "std_msgs/msg/Int32"
     data: int32 = 0
 
 
 class Float32(Message):
     """A number."""
 
-    ros_type: ClassVar[str] = "std_msgs/msg/Float32"
     data: float32 = 0.0
 
 
 class Float64(Message):
     """A number."""
 
-    ros_type: ClassVar[str] = "std_msgs/msg/Float64"
     data: float64 = 0.0
 
 
 class String(Message):
     """A text."""
 
-    ros_type: ClassVar[str] = "std_msgs/msg/String"
     data: str = ""
 
 
 class ColorRGBA(Message):
     """A colour; channels 0 to 1."""
 
-    ros_type: ClassVar[str] = "std_msgs/msg/ColorRGBA"
     r: float32 = 0.0
     g: float32 = 0.0
     b: float32 = 0.0

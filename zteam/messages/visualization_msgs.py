@@ -1,7 +1,5 @@
 """Types of visualization_msgs, as in ROS 2 Jazzy."""
 
-from typing import ClassVar
-
 import msgspec
 
 from zteam.messages.geometry_msgs import Point, Pose, Vector3
@@ -13,7 +11,6 @@ from zteam.messages.std_msgs import ColorRGBA, Duration, Header
 class UVCoordinate(Message):
     """A place in a texture, 0 to 1 from its lower left corner."""
 
-    ros_type: ClassVar[str] = "visualization_msgs/msg/UVCoordinate"
     u: float32 = 0.0
     v: float32 = 0.0
 
@@ -21,15 +18,13 @@ class UVCoordinate(Message):
 class MeshFile(Message):
     """A mesh file with its name."""
 
-    ros_type: ClassVar[str] = "visualization_msgs/msg/MeshFile"
     filename: str = ""
-    data: Uint8Seq = msgspec.field(default_factory=lambda: NO_UINT8)
+    data: Uint8Seq = NO_UINT8
 
 
 class Marker(Message):
     """Something to draw; `type` is one of MarkerType, `action` one of MarkerAction."""
 
-    ros_type: ClassVar[str] = "visualization_msgs/msg/Marker"
     header: Header = msgspec.field(default_factory=Header)
     ns: str = ""
     id: int32 = 0
@@ -54,7 +49,6 @@ class Marker(Message):
 class MarkerArray(Message):
     """Markers that were sent together."""
 
-    ros_type: ClassVar[str] = "visualization_msgs/msg/MarkerArray"
     markers: list[Marker] = msgspec.field(default_factory=list)
 
 

@@ -26,7 +26,6 @@ from zteam.messages.std_msgs import ColorRGBA, Duration, Header, Time
 class Fiducial(Message):
     """A marked model in sight: metres and radians in the frame of the finder; id 0 is too far to be read."""
 
-    ros_type: ClassVar[str] = "zteam_msgs/msg/Fiducial"
     id: int32 = 0
     range: float32 = 0.0
     bearing: float32 = 0.0
@@ -36,7 +35,6 @@ class Fiducial(Message):
 class Fiducials(Message):
     """All that a fiducial finder sees."""
 
-    ros_type: ClassVar[str] = "zteam_msgs/msg/Fiducials"
     header: Header = msgspec.field(default_factory=Header)
     fiducials: list[Fiducial] = msgspec.field(default_factory=list)
 
@@ -44,15 +42,13 @@ class Fiducials(Message):
 class Bumper(Message):
     """Which pieces of a robot's bumpers are pressed, in file order."""
 
-    ros_type: ClassVar[str] = "zteam_msgs/msg/Bumper"
     header: Header = msgspec.field(default_factory=Header)
-    pressed: BoolSeq = msgspec.field(default_factory=lambda: NO_BOOL)
+    pressed: BoolSeq = NO_BOOL
 
 
 class Blob(Message):
     """Neighbouring pixels of one colour: middle and width in radians, range of the nearest in metres."""
 
-    ros_type: ClassVar[str] = "zteam_msgs/msg/Blob"
     color: ColorRGBA = msgspec.field(default_factory=ColorRGBA)
     name: str = ""
     bearing: float32 = 0.0
@@ -63,7 +59,6 @@ class Blob(Message):
 class Blobs(Message):
     """All that a blob finder sees, from right to left."""
 
-    ros_type: ClassVar[str] = "zteam_msgs/msg/Blobs"
     header: Header = msgspec.field(default_factory=Header)
     blobs: list[Blob] = msgspec.field(default_factory=list)
 
@@ -77,7 +72,6 @@ class RobotStatus(Message):
     while it does not. `speed` is that of its newest command in m/s, negative backwards.
     """
 
-    ros_type: ClassVar[str] = "zteam_msgs/msg/RobotStatus"
     header: Header = msgspec.field(default_factory=Header)
     robot_id: int32 = 0
     is_ready: bool_ = False
@@ -105,15 +99,14 @@ class TeamStatus(Message):
     `waiting_for` says in words what the gate waits for; it is empty after GO.
     """
 
-    ros_type: ClassVar[str] = "zteam_msgs/msg/TeamStatus"
     header: Header = msgspec.field(default_factory=Header)
     state: uint8 = 0
     epoch: uint32 = 0
     go_stamp: Time = msgspec.field(default_factory=Time)
     team_size: int32 = 0
-    ready: Int32Seq = msgspec.field(default_factory=lambda: NO_INT32)
-    missing: Int32Seq = msgspec.field(default_factory=lambda: NO_INT32)
-    lost: Int32Seq = msgspec.field(default_factory=lambda: NO_INT32)
+    ready: Int32Seq = NO_INT32
+    missing: Int32Seq = NO_INT32
+    lost: Int32Seq = NO_INT32
     waiting_for: str = ""
 
 
@@ -127,7 +120,6 @@ class BaseInfo(Message):
     is a car's; 0: not known.
     """
 
-    ros_type: ClassVar[str] = "zteam_msgs/msg/BaseInfo"
     model: str = ""
     drive: str = ""
     footprint: Polygon = msgspec.field(default_factory=Polygon)
@@ -163,7 +155,6 @@ class NavigationStatus(Message):
     `recoveries` counts those for this goal. `text` says why the robot does not get on, or why it has given up.
     """
 
-    ros_type: ClassVar[str] = "zteam_msgs/msg/NavigationStatus"
     header: Header = msgspec.field(default_factory=Header)
     state: uint8 = 0
     goal: PoseStamped = msgspec.field(default_factory=PoseStamped)
@@ -176,18 +167,16 @@ class NavigationStatus(Message):
 class Tick(Message):
     """Lock-step: the world stands at tick `tick`, with these robots and participants."""
 
-    ros_type: ClassVar[str] = "zteam_msgs/msg/Tick"
     stamp: Time = msgspec.field(default_factory=Time)
     epoch: uint32 = 0
     tick: uint64 = 0
-    robots: Int32Seq = msgspec.field(default_factory=lambda: NO_INT32)
+    robots: Int32Seq = NO_INT32
     participants: list[str] = msgspec.field(default_factory=list)
 
 
 class Done(Message):
     """Lock-step: a participant has finished `tick`."""
 
-    ros_type: ClassVar[str] = "zteam_msgs/msg/Done"
     epoch: uint32 = 0
     tick: uint64 = 0
     has_command: bool_ = False
