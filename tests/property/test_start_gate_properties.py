@@ -47,7 +47,7 @@ def test_go_needs_every_robot_and_stays(gate: Gate, steps: list[tuple[str, int, 
         assert not set(after.ready) & set(after.missing)
         assert gate.expected is None or sorted([*after.ready, *after.missing]) == gate.expected
         assert set(after.lost) <= {i for i, held in holders.items() if not held}
-    assert sum(event.kind == "go" for event in gate.members.take_events()) == (gate.epoch == 1)
+    assert sum(event.kind == "go" for event in gate.take_events()) == (gate.epoch == 1)
 
 
 @given(steps=st.lists(STATUSES, max_size=30))

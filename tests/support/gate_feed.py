@@ -26,5 +26,5 @@ def come(gate: Gate, *robot_ids: int, state: int = READY, epoch: int = 0, now: f
 
 def told(gate: Gate, *kinds: str) -> list[str]:
     """Lines of the events since the last call, of these kinds or all."""
-    events = gate.members.take_events()
+    events = gate.take_events()
     return [("" if e.robot is None else f"robot_{e.robot} ") + e.text for e in events if not kinds or e.kind in kinds]

@@ -9,7 +9,7 @@ from zteam import names
 from zteam.bus import MemoryHub
 from zteam.errors import ZteamError
 from zteam.messages import RobotState, RobotStatus, TeamStatus
-from zteam.nodes.monitor.display import Lines, Output
+from zteam.nodes.monitor.display import Lines
 from zteam.nodes.monitor.members import Event
 from zteam.nodes.monitor.node import Monitor
 from zteam.process_options import MonitorOptions
@@ -69,7 +69,7 @@ class Shown(Lines):
 class Desk:
     """A monitor, and what it shows and publishes. Its main loop goes on while the test is in `look`, and only then."""
 
-    def __init__(self, hub: MemoryHub, time: HostTime, options: MonitorOptions, output: Output | None = None) -> None:
+    def __init__(self, hub: MemoryHub, time: HostTime, options: MonitorOptions, output: Lines | None = None) -> None:
         self._time = time
         self._shown = Shown()
         self._output = output or self._shown

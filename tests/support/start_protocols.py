@@ -220,7 +220,7 @@ class ZteamTeam(StartingTeam):
                 if self._gate is not None and robot.robot_id not in self.lossy:
                     self._gate.take_status(robot.robot_id, status, float(self._now))
             if self._gate is not None:
-                self._gate.members.check_silence(float(self._now))
+                self._gate.check_silence(float(self._now))
                 self._gate.try_go(self._now)
                 self._said = self._gate.status(self._now)
 

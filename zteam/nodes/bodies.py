@@ -7,7 +7,6 @@ functions: a process pays for its own kind alone.
 import logging
 import sys
 from collections.abc import Callable
-from contextlib import AbstractContextManager
 from typing import Any, NamedTuple
 
 from zteam import names
@@ -77,15 +76,10 @@ def _monitor(options: MonitorOptions) -> Part:
 
 def printing_monitor(options: MonitorOptions, say: Callable[[str], None]) -> Part:
     """A monitor whose events `say(line)` prints, where several nodes share a standard output."""
-    from contextlib import nullcontext
-
-    from zteam.nodes.monitor.display import Lines, Output
+    from zteam.nodes.monitor.display import Lines
     from zteam.nodes.monitor.node import run_monitor
 
-    def show(_options: MonitorOptions) -> AbstractContextManager[Output]:
-        return nullcontext(Lines(say))
-
-    return Part(lambda node: run_monitor(node, options, show))
+    return Part(lambda node: run_monitor(node, options, Lines(say)))
 
 
 def _robot(options: RobotOptions) -> Part:

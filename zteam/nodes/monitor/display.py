@@ -7,8 +7,8 @@ import sys
 import textwrap
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager
-from typing import NamedTuple, Protocol
+from contextlib import contextmanager
+from typing import NamedTuple
 
 import msgspec
 
@@ -17,7 +17,7 @@ from zteam.clock import Every, monotonic
 from zteam.errors import BusError, ZteamError
 from zteam.geometry import Pose2, yaw_from_quaternion
 from zteam.messages import RobotDriver, RobotState, TransformStamped
-from zteam.nodes.monitor.members import Event, Member, Team, printable
+from zteam.nodes.monitor.members import Event, Member, WatchedTeam, printable
 from zteam.nodes.monitor.watch import TeamWatch
 from zteam.numbers import counted
 from zteam.process_options import MonitorOptions
@@ -112,9 +112,9 @@ class Line(NamedTuple):
     """The state in it, which a terminal shows in a colour; empty in other lines."""
 
 
-def make_rows(team: Team, poses: Mapping[int, Pose2], restarts: Mapping[str, int], now: float) -> list[Row]:
+def make_rows(team: WatchedTeam, poses: Mapping[int, Pose2], restarts: Mapping[str, int], now: float) -> list[Row]:
     """The robots at host time `now`; `restarts` by the process's name. The caller holds the team's lock."""
-    rows = [_row(i, member, poses.get(i), now) for i, member in sorted(team.members.by_id.items())]
+    rows = [_row(i, member, poses.get(i), now) for i, member in sorted(team.members.items())]
     for row in rows:
         row.restarts = restarts.get(row.robot, 0)
     return rows
@@ -188,7 +188,7 @@ def _wrap(text: str, width: int, indent: str) -> list[str]:
     return textwrap.wrap(text, max(width, len(indent) + 20), initial_indent=indent, subsequent_indent=indent)
 
 
-def team_notes(team: Team, restarts: Mapping[str, int], problems: Sequence[str]) -> list[str]:
+def team_notes(team: WatchedTeam, restarts: Mapping[str, int], problems: Sequence[str]) -> list[str]:
     """The lines below the table: GO, or what it waits for, processes started again, and what else is wrong."""
     again = [f"{name} {counted(count, 'time')}" for name, count in sorted(restarts.items())]
     told = [f"started again: {', '.join(again)}"] if again else []
@@ -212,60 +212,27 @@ _LIVE_PERIOD = 0.5
 _STATUSES = 1.5
 """Host seconds after which every robot has said its status; before that a table would be empty."""
 
-Contents = Callable[[], tuple[list[Row], list[str]]]
-"""The rows of the table and the notes below it, as they are now."""
-
-
-def sentence(event: Event) -> str:
-    """An event as a line for a user."""
-    subject = "" if event.robot is None else f"{names.robot_name(event.robot)} "
-    return f"{subject}{event.text}"
-
-
-class Output(Protocol):
-    """Where events and tables go."""
-
-    is_live: bool
-    """Whether the table is always in sight; otherwise it is shown when the options ask for it."""
-
-    def show(self, event: Event) -> None:
-        """Show an event."""
-        ...
-
-    def watch(self, contents: Contents) -> None:
-        """From now on these are the contents of the table."""
-        ...
-
-    def print_table(self) -> None:
-        """Show the table as it is now."""
-        ...
-
 
 def _print(text: str) -> None:
     print(text, flush=True)  # noqa: T201
 
 
 class Lines:
-    """Lines of text, on standard output unless `write` has another place for them."""
+    """Where events and tables go: lines of text, on standard output unless `write` has another place for them."""
 
     is_live = False
-    _contents: Contents
+    """Whether the table is always in sight; otherwise it is shown when the options ask for it."""
 
     def __init__(self, write: Callable[[str], None] = _print) -> None:
         self._write = write
 
     def show(self, event: Event) -> None:
         """Print one line for a user."""
-        self._write(sentence(event))
+        self._write(event.sentence)
 
-    def watch(self, contents: Contents) -> None:
-        """From now on these are the contents of the table."""
-        self._contents = contents
-
-    def print_table(self) -> None:
-        """Print the table."""
-        lines: list[Line] = format_table(*self._contents(), _PIPE_WIDTH)
-        self._write("\n".join(line.text for line in lines))
+    def print_table(self, rows: Sequence[Row], notes: Sequence[str]) -> None:
+        """Print the table, and the notes below it."""
+        self._write("\n".join(line.text for line in format_table(rows, notes, _PIPE_WIDTH)))
 
 
 class JsonLines(Lines):
@@ -276,18 +243,14 @@ class JsonLines(Lines):
         line = {"event": event.kind, "robot": event.robot, "text": event.text}
         self._write(msgspec.json.encode(line).decode())
 
-    def print_table(self) -> None:
+    def print_table(self, rows: Sequence[Row], notes: Sequence[str]) -> None:
         """Print {"event": "table", "robots": [one object a robot], "text": what stands below the table}."""
-        rows, notes = self._contents()
         line = {"event": "table", "robot": None, "text": "; ".join(notes), "robots": rows}
         self._write(msgspec.json.encode(line).decode())
 
 
-Showing = Callable[[MonitorOptions], AbstractContextManager[Output]]
-
-
 @contextmanager
-def showing(options: MonitorOptions) -> Iterator[Output]:
+def showing(options: MonitorOptions) -> Iterator[Lines]:
     """The output that the options and standard output call for."""
     if options.json:
         yield JsonLines()
@@ -296,7 +259,8 @@ def showing(options: MonitorOptions) -> Iterator[Output]:
     else:
         from zteam.nodes.monitor.live_table import LiveTable
 
-        with LiveTable() as table:
+        table = LiveTable()
+        with table.live:
             yield table
 
 
@@ -304,7 +268,7 @@ class Display:
     """Shows a watched team on an output. The main loop calls it, without `node.changed`."""
 
     def __init__(
-        self, node: ProcessNode, team: Team, watch: TeamWatch, options: MonitorOptions, output: Output
+        self, node: ProcessNode, team: WatchedTeam, watch: TeamWatch, options: MonitorOptions, output: Lines
     ) -> None:
         self._node = node
         self._team = team
@@ -320,39 +284,53 @@ class Display:
         self._table_from = monotonic() + _STATUSES
         if options.table is not None or output.is_live:
             self._poses = Poses(node, self._robots)
-        output.watch(self._contents)
 
     def _robots(self) -> list[int]:
         with self._node.changed:
-            return sorted(i for i, member in self._team.members.by_id.items() if member.alive)
+            return sorted(i for i, member in self._team.members.items() if member.alive)
 
-    def _contents(self) -> tuple[list[Row], list[str]]:
+    def run(self, decide: Callable[[], None] = lambda: None, has_work: Callable[[], bool] = lambda: False) -> None:
+        """Watch and show the team until the process is asked to stop, or with `exit_on_go` until it has left.
+
+        Each round calls `decide()`; the next one begins at once where there are events or `has_work()` is true.
+        Raises ZteamError that says what GO waits for after `go_timeout`.
+        """
+        try:
+            while not self._node.stopping:
+                self._watch.look()
+                decide()
+                if self._update():
+                    return
+                self._node.wait(lambda: self._team.has_events or has_work(), 0.2)
+        finally:
+            if self._output.is_live:
+                self._print_table()
+
+    def _print_table(self) -> None:
         asked = self._poses
         poses, restarts = (asked.newest, asked.restarts) if asked else ({}, {})
         with self._node.changed:
             rows = make_rows(self._team, poses, restarts, monotonic())
-            return rows, team_notes(self._team, restarts, self._watch.notes())
+            notes = team_notes(self._team, restarts, self._watch.notes())
+        # Without the lock: a terminal can be slow, and what is logged under it may wait for the terminal.
+        self._output.print_table(rows, notes)
 
     def _is_table_due(self) -> bool:
         if self._output.is_live:
             return self._table.due()
         return self._options.table is not None and monotonic() >= self._table_from and self._table.due()
 
-    def update(self) -> bool:
-        """Show what is new. True if the process may leave: GO is out, with `exit_on_go`.
-
-        Raises ZteamError that says what GO waits for after `go_timeout`.
-        """
+    def _update(self) -> bool:
+        """Show what is new. True if the process may leave: GO is out, with `exit_on_go`."""
         with self._node.changed:
-            events = self._team.members.take_events()
+            events = self._team.take_events()
             gone, running = self._team.gone, self._team.all_running()
             waiting_for = self._team.waiting_for()
         for event in events:
-            # Without the lock: a terminal can be slow.
-            _event_log.log(logging.WARNING if event.kind in _TROUBLE else logging.INFO, "%s", sentence(event))
+            _event_log.log(logging.WARNING if event.kind in _TROUBLE else logging.INFO, "%s", event.sentence)
             self._output.show(event)
         if self._is_table_due():
-            self._output.print_table()
+            self._print_table()
         if not gone and monotonic() >= self._give_up_at:
             raise ZteamError(f"no GO within {self._options.go_timeout:g} s: waiting for {waiting_for}")
         if gone and self._options.exit_on_go:

@@ -1,7 +1,7 @@
 """The robots that the monitor knows, without a bus: their processes, their statuses, and what happened to them."""
 
 from collections.abc import Sequence
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import msgspec
 
@@ -19,6 +19,11 @@ class Event(NamedTuple):
     kind: str
     robot: int | None
     text: str
+
+    @property
+    def sentence(self) -> str:
+        """As a line for a user."""
+        return self.text if self.robot is None else f"{names.robot_name(self.robot)} {self.text}"
 
 
 class Member(msgspec.Struct):
@@ -66,20 +71,38 @@ class Member(msgspec.Struct):
         return f"fault: {text}" if self.status.state == RobotState.FAULT else text
 
 
-class Members:
-    """All robots that a process or a status told of, and the events to tell."""
+class WatchedTeam:
+    """Base: all robots that a process or a status told of, and the events to tell. The caller holds a lock."""
 
     def __init__(self) -> None:
-        self.by_id: dict[int, Member] = {}
+        self.gone = False
+        """Whether GO is out."""
+        self.epoch = 0
+        """Of the standing GO."""
+        self.members: dict[int, Member] = {}
+        """By the robot's id."""
         self._events: list[Event] = []
         self._tokens = TokenSet()
 
+    def waiting_for(self) -> str:
+        """What GO waits for, in words: each missing robot with the reason."""
+        raise NotImplementedError
+
+    def counts(self, robot_id: int) -> bool:
+        """Whether GO waits for this robot, or has."""
+        raise NotImplementedError
+
+    def take_world(self, robots: Sequence[int] | None) -> None:
+        """The simulator has these robots; None if there is no simulator."""
+
+    def all_running(self) -> bool:
+        """Whether every robot that counts obeys the standing GO, or is gone."""
+        there = [member for i, member in self.members.items() if member.alive and self.counts(i)]
+        return self.gone and all(m.status is not None and m.status.epoch >= self.epoch for m in there)
+
     def get(self, robot_id: int) -> Member:
         """The robot's member, which is made at its first mention."""
-        member = self.by_id.get(robot_id)
-        if member is None:
-            member = self.by_id[robot_id] = Member()
-        return member
+        return self.members.setdefault(robot_id, Member())
 
     def tell(self, kind: str, robot: int | None, text: str) -> None:
         """Add an event."""
@@ -98,10 +121,10 @@ class Members:
     @property
     def lost(self) -> list[int]:
         """Ids of robots that were there and are gone."""
-        return sorted(i for i, member in self.by_id.items() if member.was_lost)
+        return sorted(i for i, member in self.members.items() if member.was_lost)
 
-    def take_token(self, robot_id: int, instance: str, alive: bool, *, late: bool) -> None:
-        """A process took or lost the name `robot_N`; `late` says whether that is after GO."""
+    def take_token(self, robot_id: int, instance: str, alive: bool) -> None:
+        """A process took or lost the name `robot_N`."""
         member = self.get(robot_id)
         if not self._tokens.take(names.robot_name(robot_id), instance, alive):
             return
@@ -109,7 +132,7 @@ class Members:
         if not alive:
             self._lose(robot_id, member)
             return
-        member.came_late = late
+        member.came_late = self.gone
         if member.was_lost:
             member.was_lost = member.told_go = False
             self.tell("back", robot_id, "is back")
@@ -123,8 +146,10 @@ class Members:
         kind = "stopped" if member.stopped else "lost"
         self.tell(kind, robot_id, kind)
 
-    def take_status(self, robot_id: int, status: RobotStatus, now: float) -> Member:
-        """A robot's own status, heard at host time `now`."""
+    def take_status(self, robot_id: int, status: RobotStatus, now: float) -> bool:
+        """A robot's status, heard at host time `now` on its own key; False if it speaks for another robot."""
+        if status.robot_id != robot_id:
+            return False
         member = self.get(robot_id)
         before, member.status, member.heard = member.status, status, now
         if member.silent:
@@ -132,16 +157,16 @@ class Members:
             self.tell("answers", robot_id, "answers again")
         if status.state == RobotState.FAULT and (before is None or before.state != RobotState.FAULT):
             self.tell("fault", robot_id, f"fault: {status.text}")
-        return member
+        return True
 
     def forgive_silence(self, now: float) -> None:
         """Nothing could be heard until `now`: silence counts from here on."""
-        for member in self.by_id.values():
+        for member in self.members.values():
             member.heard = now
 
     def check_silence(self, now: float) -> None:
         """Tell of robots that live and send no status."""
-        for robot_id, member in self.by_id.items():
+        for robot_id, member in self.members.items():
             if member.alive and member.status is not None and not member.silent and now - member.heard > SILENT_AFTER:
                 member.silent = True
                 member.was_ready = False
@@ -151,34 +176,3 @@ class Members:
 def printable(text: str) -> str:
     """A robot's own text without what would command a terminal or break a line."""
     return "".join(c if c.isprintable() else "\ufffd" for c in text)
-
-
-class Team(Protocol):
-    """A team that is watched: fed with tokens, statuses and the simulator's robots. The caller holds a lock."""
-
-    members: Members
-
-    @property
-    def gone(self) -> bool:
-        """Whether GO is out."""
-        ...
-
-    def take_token(self, robot_id: int, instance: str, alive: bool) -> None:
-        """A process took or lost the name `robot_N`."""
-        ...
-
-    def take_status(self, robot_id: int, status: RobotStatus, now: float) -> bool:
-        """A robot's status, heard at host time `now` on its own key; False if it speaks for another robot."""
-        ...
-
-    def take_world(self, robots: Sequence[int] | None) -> None:
-        """The simulator has these robots; None if there is no simulator."""
-        ...
-
-    def all_running(self) -> bool:
-        """Whether every robot that counts obeys the standing GO, or is gone."""
-        ...
-
-    def waiting_for(self) -> str:
-        """What GO waits for, in words: each missing robot with the reason."""
-        ...

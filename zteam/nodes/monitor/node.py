@@ -1,10 +1,10 @@
 """The monitor process: the start gate and the team's health, shown to a user or as JSON lines."""
 
-import logging
+from contextlib import nullcontext
 
 from zteam import names
 from zteam.messages import TeamStatus, Tick, ns_from_time
-from zteam.nodes.monitor.display import Display, Output, Showing, showing
+from zteam.nodes.monitor.display import Display, Lines, showing
 from zteam.nodes.monitor.start_gate import Gate
 from zteam.nodes.monitor.view import run_view
 from zteam.nodes.monitor.watch import TeamWatch
@@ -12,8 +12,6 @@ from zteam.process_options import MonitorOptions
 from zteam.runtime.lockstep import Ticks
 from zteam.runtime.process_node import ProcessNode
 from zteam.services.simulator import find_status
-
-log = logging.getLogger("zteam")
 
 
 class Monitor:
@@ -37,32 +35,22 @@ class Monitor:
         self._node.set_time(ns_from_time(tick.stamp))
         self._ticks.deafen()
 
-    def run(self, output: Output) -> None:
+    def run(self, output: Lines) -> None:
         """Gate and watch until the process is asked to stop, or until GO with `exit_on_go`."""
-        display = Display(self._node, self.gate, self.watch, self._options, output)
-        while not self._node.stopping:
-            if self.watch.simulator_came and self.gate.expected is None:
-                self._learn_ids()
-            self.watch.writers.look()
-            with self._node.changed:
-                self.watch.take_losses()
-                if self.watch.link_up:
-                    self.gate.try_go(self._go_stamp())
-                self._publish()
-            if display.update():
-                return
-            self._node.wait(self._has_work, 0.2)
+        Display(self._node, self.gate, self.watch, self._options, output).run(self._decide, self._is_complete)
 
-    def _has_work(self) -> bool:
-        complete = self.watch.link_up and not self.gate.gone and len(self.gate.ready) >= self.gate.team_size
-        return self.gate.members.has_events or complete
+    def _decide(self) -> None:
+        if self.watch.simulator_came and self.gate.expected is None:
+            self._learn_ids()
+        with self._node.changed:
+            if self._is_complete():
+                # Where ready robots have come and no simulator, time is wall time.
+                self._node.clock.use_wall()
+                self.gate.try_go(self._node.clock.now())
+            self._publish()
 
-    def _go_stamp(self) -> int:
-        """Now, in simulated time, or in wall time where ready robots have come and no simulator."""
-        clock = self._node.clock
-        if len(self.gate.ready) >= self.gate.team_size and not self.gate.gone:
-            clock.use_wall()
-        return clock.now()
+    def _is_complete(self) -> bool:
+        return self.watch.link_up and not self.gate.gone and len(self.gate.ready) >= self.gate.team_size
 
     def _learn_ids(self) -> None:
         """Wait for the simulator's own robots if there are as many as asked for."""
@@ -82,8 +70,8 @@ class Monitor:
             self._publisher.put(status)
 
 
-def run_monitor(node: ProcessNode, options: MonitorOptions, show: Showing = showing) -> None:
-    """Be the monitor until asked to stop, or until GO with `exit_on_go`. `show(options)` opens its output.
+def run_monitor(node: ProcessNode, options: MonitorOptions, lines: Lines | None = None) -> None:
+    """Be the monitor until asked to stop, or until GO with `exit_on_go`; `lines` instead of standard output.
 
     Where a monitor runs already, or with a team size of 0, show the running one's team.
     """
@@ -93,5 +81,5 @@ def run_monitor(node: ProcessNode, options: MonitorOptions, show: Showing = show
     # Before the name is shown: robots publish their status when they see it.
     monitor = Monitor(node, options)
     node.become_present()
-    with show(options) as output:
+    with nullcontext(lines) if lines else showing(options) as output:
         monitor.run(output)

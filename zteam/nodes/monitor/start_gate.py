@@ -10,7 +10,7 @@ import numpy as np
 
 from zteam import names
 from zteam.messages import Header, RobotStatus, TeamState, TeamStatus, time_from_ns
-from zteam.nodes.monitor.members import Member, Members
+from zteam.nodes.monitor.members import Member, WatchedTeam
 from zteam.robot_ids import format_robot_ids
 from zteam.services.simulator import absence_text
 
@@ -18,92 +18,83 @@ _NAMED = 8
 """Robots that the text of what GO waits for names at most."""
 
 
-class Gate:
+class Gate(WatchedTeam):
     """The team as the monitor knows it."""
 
     def __init__(self, expected: Iterable[int] | None, team_size: int) -> None:
+        super().__init__()
         self.expected: list[int] | None = None
         """The ids to wait for; None = any `team_size` robots."""
         self.team_size = team_size
-        self.members = Members()
-        self.epoch = 0
-        self.go_stamp: int | None = None
+        self.go_stamp = 0
+        """Simulated time (ns) from which GO holds."""
         if expected is not None:
             self.expect(expected)
 
     @property
-    def gone(self) -> bool:
-        """Whether GO is out."""
-        return self.go_stamp is not None
-
-    @property
     def ready(self) -> list[int]:
         """Ids of the robots that are ready and live."""
-        return sorted(i for i, m in self.members.by_id.items() if m.ready and self._counts(i))
+        return sorted(i for i, m in self.members.items() if m.ready and self.counts(i))
 
     @property
     def missing(self) -> list[int]:
         """Expected ids that are not ready."""
-        return [] if self.expected is None else [i for i in self.expected if not self.members.get(i).ready]
+        return [] if self.expected is None else [i for i in self.expected if not self.get(i).ready]
 
-    @property
-    def lost(self) -> list[int]:
-        """Ids of robots that were there and are gone."""
-        return self.members.lost
-
-    def _counts(self, robot_id: int) -> bool:
+    def counts(self, robot_id: int) -> bool:
+        """Whether GO waits for this robot, or has."""
         return self.expected is None or robot_id in self.expected
 
     def expect(self, ids: Iterable[int]) -> None:
         """From now on wait for these robots."""
         self.expected = sorted(set(ids))
         for robot_id in self.expected:
-            self.members.get(robot_id)
-        for robot_id in sorted(i for i, member in self.members.by_id.items() if member.alive):
+            self.get(robot_id)
+        for robot_id in sorted(i for i, member in self.members.items() if member.alive):
             self._tell_unexpected(robot_id)
 
     def _tell_unexpected(self, robot_id: int) -> None:
         if self.expected is not None and robot_id not in self.expected and not self.gone:
             text = f"is not expected: GO waits for {format_robot_ids(self.expected)} only; it obeys that GO too"
-            self.members.tell("unexpected", robot_id, text)
+            self.tell("unexpected", robot_id, text)
 
     def take_world(self, robots: Sequence[int] | None) -> None:
         """The simulator has these robots; None if there is no simulator."""
-        for robot_id, member in self.members.by_id.items():
+        for robot_id, member in self.members.items():
             member.absence = "" if robots is None or robot_id in robots else absence_text(robot_id, robots)
 
     def take_token(self, robot_id: int, instance: str, alive: bool) -> None:
         """A process took or lost the name `robot_N`."""
-        was_alive = self.members.get(robot_id).alive
-        self.members.take_token(robot_id, instance, alive, late=self.gone)
+        was_alive = self.get(robot_id).alive
+        super().take_token(robot_id, instance, alive)
         self._adopt(robot_id)
         if alive and not was_alive:
             self._tell_unexpected(robot_id)
 
     def take_status(self, robot_id: int, status: RobotStatus, now: float) -> bool:
         """A robot's status, heard at host time `now` on its own key; False if it speaks for another robot."""
-        if status.robot_id != robot_id:
+        if not super().take_status(robot_id, status, now):
             return False
-        member = self.members.take_status(robot_id, status, now)
+        member = self.get(robot_id)
         self._adopt(robot_id)
         if self.gone:
             self._tell_late(robot_id, member)
         elif member.ready and not member.was_ready:
             member.was_ready = True
-            self.members.tell("ready", robot_id, f"ready ({self._progress()})")
+            self.tell("ready", robot_id, f"ready ({self._progress()})")
         elif not member.ready:
             member.was_ready = False
         return True
 
     def _adopt(self, robot_id: int) -> None:
         """The newest GO that a robot of this team obeys is the team's."""
-        epoch = self.members.get(robot_id).obeyed
-        if epoch <= self.epoch or not self._counts(robot_id):
+        epoch = self.get(robot_id).obeyed
+        if epoch <= self.epoch or not self.counts(robot_id):
             return
         self.epoch = epoch
         if not self.gone:
-            self.go_stamp = 0
-            self.members.tell("adopted", None, f"the team is running already (epoch {epoch})")
+            self.gone = True
+            self.tell("adopted", None, f"the team is running already (epoch {epoch})")
 
     def _tell_late(self, robot_id: int, member: Member) -> None:
         if not member.ready or member.told_go or member.status is None:
@@ -111,17 +102,17 @@ class Gate:
         member.told_go = True
         # A robot that comes late may obey the latched GO before its first status.
         if member.status.epoch < self.epoch or member.came_late:
-            self.members.tell("late", robot_id, "is ready late: told GO")
+            self.tell("late", robot_id, "is ready late: told GO")
 
     def try_go(self, stamp: int) -> bool:
         """Give GO from simulated time `stamp` (ns) on if all robots are ready; True when that happened now."""
         if self.gone or self.missing or len(self.ready) < self.team_size:
             return False
         self.epoch += 1
-        self.go_stamp = stamp
-        for member in self.members.by_id.values():
+        self.gone, self.go_stamp = True, stamp
+        for member in self.members.values():
             member.told_go = member.ready
-        self.members.tell("go", None, "All robots GO!")
+        self.tell("go", None, "All robots GO!")
         return True
 
     def renew(self, stamp: int) -> None:
@@ -129,17 +120,12 @@ class Gate:
         if self.gone:
             self.go_stamp = stamp
 
-    def all_running(self) -> bool:
-        """Whether every robot that counts obeys the standing GO, or is gone."""
-        counted = [m for i, m in self.members.by_id.items() if self._counts(i) and m.alive]
-        return self.gone and all(m.status is not None and m.status.epoch >= self.epoch for m in counted)
-
     def waiting_for(self) -> str:
         """What GO waits for, in words: each missing robot with the reason. Empty when all are ready."""
         unready = self.missing
         if self.expected is None:
-            unready = sorted(i for i, member in self.members.by_id.items() if member.alive and not member.ready)
-        parts = [f"{names.robot_name(i)}: {self.members.get(i).why_not_ready}" for i in unready[:_NAMED]]
+            unready = sorted(i for i, member in self.members.items() if member.alive and not member.ready)
+        parts = [f"{names.robot_name(i)}: {self.get(i).why_not_ready}" for i in unready[:_NAMED]]
         if len(unready) > _NAMED:
             parts.append(f"and {len(unready) - _NAMED} more robots")
         if self.expected is None and len(self.ready) < self.team_size:
@@ -161,7 +147,7 @@ class Gate:
             header=Header(time_from_ns(stamp), names.MONITOR),
             state=TeamState.GO if self.gone else TeamState.WAITING,
             epoch=self.epoch,
-            go_stamp=time_from_ns(self.go_stamp or 0),
+            go_stamp=time_from_ns(self.go_stamp),
             team_size=self.team_size,
             ready=np.array(self.ready, np.int32),
             missing=np.array(self.missing, np.int32),

@@ -10,9 +10,9 @@ from zteam import names
 from zteam.bus.presence import ProcessInfo
 from zteam.clock import monotonic, wall_ns
 from zteam.errors import BusError, UsageError
-from zteam.messages import RobotStatus, TeamState, TeamStatus
-from zteam.nodes.monitor.display import Display, Output, showing
-from zteam.nodes.monitor.members import Members
+from zteam.messages import TeamState, TeamStatus
+from zteam.nodes.monitor.display import Display, showing
+from zteam.nodes.monitor.members import WatchedTeam
 from zteam.nodes.monitor.watch import TeamWatch
 from zteam.numbers import counted
 from zteam.process_options import MonitorOptions
@@ -20,59 +20,41 @@ from zteam.robot_ids import format_robot_ids
 from zteam.runtime.process_node import ProcessNode
 
 
-class FollowedTeam:
+class FollowedTeam(WatchedTeam):
     """GO, and what it waits for, are the running monitor's; robots and their processes are seen directly."""
 
-    def __init__(self) -> None:
-        self.members = Members()
+    def __init__(self, team_size: int = 0, ids: Sequence[int] | None = None) -> None:
+        """The size and the ids that were asked for; 0 for none."""
+        super().__init__()
+        self._team_size, self._asked = team_size, ids
         self.status: TeamStatus | None = None
         """What the running monitor said last."""
-
-    @property
-    def gone(self) -> bool:
-        """Whether GO is out."""
-        return self.status is not None and self.status.state == TeamState.GO
 
     @property
     def ids(self) -> list[int]:
         """The robots that the running monitor waits for, as far as it names them."""
         return [] if self.status is None else sorted({*self.status.ready.tolist(), *self.status.missing.tolist()})
 
-    def take_token(self, robot_id: int, instance: str, alive: bool) -> None:
-        """A process took or lost the name `robot_N`."""
-        self.members.take_token(robot_id, instance, alive, late=self.gone)
-
-    def take_status(self, robot_id: int, status: RobotStatus, now: float) -> bool:
-        """A robot's status, heard at host time `now` on its own key; False if it speaks for another robot."""
-        if status.robot_id != robot_id:
-            return False
-        self.members.take_status(robot_id, status, now)
-        return True
-
-    def take_world(self, robots: Sequence[int] | None) -> None:
-        """The running monitor says which robots the world lacks."""
+    def counts(self, robot_id: int) -> bool:
+        """Whether GO waits for this robot, or has."""
+        return robot_id in self.ids
 
     def take_team(self, status: TeamStatus) -> None:
         """What the running monitor says."""
         was_gone, was_known, self.status = self.gone, self.status is not None, status
+        self.gone, self.epoch = status.state == TeamState.GO, status.epoch
         for robot_id in self.ids:
-            self.members.get(robot_id)
+            self.get(robot_id)
         if self.gone and was_known and not was_gone:
-            self.members.tell("go", None, "All robots GO!")
+            self.tell("go", None, "All robots GO!")
         else:
-            self.members.tell("status", None, self._in_words(status))
+            self.tell("status", None, self._in_words(status))
+        if not was_known and self._team_size and (difference := self._difference(status.team_size)):
+            self.tell("team", None, difference)
 
     def _in_words(self, status: TeamStatus) -> str:
         ready = f"{status.ready.size} of {status.team_size} ready"
         return f"GO is out; {ready}" if self.gone else f"{ready}; waiting for {self.waiting_for()}"
-
-    def all_running(self) -> bool:
-        """Whether every robot that counts obeys the standing GO, or is gone."""
-        if self.status is None or not self.gone:
-            return False
-        epoch = self.status.epoch
-        there = [member for member in map(self.members.get, self.ids) if member.alive]
-        return all(member.status is not None and member.status.epoch >= epoch for member in there)
 
     def waiting_for(self) -> str:
         """What GO waits for, in words."""
@@ -82,15 +64,12 @@ class FollowedTeam:
         # A monitor that is not of zteam may leave the reasons out.
         return status.waiting_for or ", ".join(map(names.robot_name, status.missing.tolist()))
 
-    def differs_from(self, team_size: int, ids: Sequence[int] | None) -> str:
-        """How the running monitor's team differs from the one asked for; empty if it does not."""
-        if self.status is None:
-            return ""
-        size = self.status.team_size
-        if size != team_size:
-            return f"the running monitor's team has {counted(size, 'robot')}, not {team_size} as asked for here"
-        if ids is not None and self.ids and self.ids != sorted(ids):
-            has, asked = format_robot_ids(self.ids), format_robot_ids(ids)
+    def _difference(self, size: int) -> str:
+        """How the running monitor's team, of this size, differs from the one asked for; empty if it does not."""
+        if size != self._team_size:
+            return f"the running monitor's team has {counted(size, 'robot')}, not {self._team_size} as asked for here"
+        if self._asked is not None and self.ids and self.ids != sorted(self._asked):
+            has, asked = format_robot_ids(self.ids), format_robot_ids(self._asked)
             return f"the running monitor's team has robots {has}; asked for here: {asked}"
         return ""
 
@@ -99,40 +78,6 @@ log = logging.getLogger("zteam")
 
 LOOK_FOR = 1.0
 """Host seconds in which a running monitor has to answer, and then to say what it waits for."""
-
-
-class MonitorView:
-    """The running monitor's team on the bus. Callbacks run under `node.changed`."""
-
-    def __init__(self, node: ProcessNode, options: MonitorOptions) -> None:
-        self._node = node
-        self._options = options
-        self._compared = options.team_size == 0
-        """Whether it was told how the running monitor's team differs from the one asked for."""
-        self.team = FollowedTeam()
-        node.subscribe(names.TEAM_STATUS, TeamStatus, self._on_team_status, latched=True)
-        self.watch = TeamWatch(node, self.team)
-
-    def _on_team_status(self, _key: str, status: TeamStatus) -> None:
-        self.team.take_team(status)
-        if not self._compared:
-            self._compared = True
-            difference = self.team.differs_from(self._options.team_size, self._options.ids)
-            if difference:
-                self.team.members.tell("team", None, difference)
-
-    def run(self, output: Output) -> None:
-        """Show the team until the process is asked to stop, or until GO with `exit_on_go`."""
-        # A table without the running monitor's robots would say nothing.
-        self._node.wait(lambda: self.team.status is not None, LOOK_FOR)
-        display = Display(self._node, self.team, self.watch, self._options, output)
-        while not self._node.stopping:
-            self.watch.writers.look()
-            with self._node.changed:
-                self.watch.take_losses()
-            if display.update():
-                return
-            self._node.wait(lambda: self.team.members.has_events, 0.2)
 
 
 def run_view(node: ProcessNode, options: MonitorOptions) -> None:
@@ -152,9 +97,13 @@ def run_view(node: ProcessNode, options: MonitorOptions) -> None:
     if options.table is None and not options.exit_on_go:
         # Where there is no terminal the table is shown at least once: it is what was asked for.
         options = msgspec.structs.replace(options, table=math.inf)
-    view = MonitorView(node, options)
+    team = FollowedTeam(options.team_size, options.ids)
+    node.subscribe(names.TEAM_STATUS, TeamStatus, lambda _key, status: team.take_team(status), latched=True)
+    watch = TeamWatch(node, team)
     with showing(options) as output:
-        view.run(output)
+        # A table without the running monitor's robots would say nothing.
+        node.wait(lambda: team.status is not None, LOOK_FOR)
+        Display(node, team, watch, options, output).run()
 
 
 def _find_monitor(node: ProcessNode) -> ProcessInfo | None:

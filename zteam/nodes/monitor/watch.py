@@ -8,7 +8,7 @@ from zteam.bus.presence import holder_text
 from zteam.bus.transport import RawSample
 from zteam.clock import Every, monotonic
 from zteam.messages import RobotStatus
-from zteam.nodes.monitor.members import Team
+from zteam.nodes.monitor.members import WatchedTeam
 from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.tokens import TokenLossFilter, TokenSet, Writers
 from zteam.services.simulator import find_status
@@ -28,7 +28,7 @@ class WriterWatch:
     Where there is no simulator, the watch subscribes to the commands itself.
     """
 
-    def __init__(self, node: ProcessNode, team: Team) -> None:
+    def __init__(self, node: ProcessNode, team: WatchedTeam) -> None:
         self._node = node
         self._team = team
         self._tokens = TokenSet()
@@ -81,9 +81,9 @@ class WriterWatch:
                 writers = ", ".join(holder_text(self._tokens.name_of(session), session) for session in sessions)
                 key = names.robot_key(robot_id, names.CMD_VEL)
                 text = f"is commanded by {len(sessions)} processes: {writers} (see 'zteam topic info {key}')"
-                self._team.members.tell("writers", robot_id, text)
+                self._team.tell("writers", robot_id, text)
         for robot_id in self._told.keys() - found.keys():
-            self._team.members.tell("writers", robot_id, "is commanded by one process again")
+            self._team.tell("writers", robot_id, "is commanded by one process again")
         self._told = {robot_id: list(sessions) for robot_id, sessions in found.items()}
 
 
@@ -140,7 +140,7 @@ class _Strangers:
 class TeamWatch:
     """Callbacks run under `node.changed`."""
 
-    def __init__(self, node: ProcessNode, team: Team) -> None:
+    def __init__(self, node: ProcessNode, team: WatchedTeam) -> None:
         self._node = node
         self._team = team
         self._losses = TokenLossFilter()
@@ -160,8 +160,8 @@ class TeamWatch:
         with self._node.changed:
             self.link_up = up
             self._losses.take_link(up, monotonic())
-            self._team.members.forgive_silence(monotonic())
-            self._team.members.tell("link", None, "router is back" if up else "router lost")
+            self._team.forgive_silence(monotonic())
+            self._team.tell("link", None, "router is back" if up else "router lost")
             self._node.changed.notify_all()
 
     def _on_token(self, key: str, alive: bool) -> None:
@@ -191,29 +191,33 @@ class TeamWatch:
                 self._team.take_world(None)
             if not alive:
                 self.servers_gone[name] = f"{what} is gone: {meaning}"
-                self._team.members.tell("process", None, self.servers_gone[name])
+                self._team.tell("process", None, self.servers_gone[name])
             elif self.servers_gone.pop(name, ""):
-                self._team.members.tell("process", None, f"{what} is back")
+                self._team.tell("process", None, f"{what} is back")
 
     def _on_status(self, key: str, status: RobotStatus) -> None:
         target = names.split_robot_key(key)
-        is_strange = target is not None and status.robot_id == target[0] and target[0] not in self._team.members.by_id
+        is_strange = target is not None and status.robot_id == target[0] and target[0] not in self._team.members
         if is_strange and not self._strangers.take(status.robot_id, status, monotonic()):
             return
         if target is None or not self._team.take_status(target[0], status, monotonic()):
             self._node.bus.counters.drop(key, f"it speaks for robot {status.robot_id}")
 
-    def take_losses(self) -> None:
-        """Take what has been gone for long enough to be lost (under `node.changed`)."""
-        now = monotonic()
+    def look(self) -> None:
+        """Look at who commands the robots, and take what has been gone for long enough to be lost."""
+        self.writers.look()
+        with self._node.changed:
+            self._take_losses(monotonic())
+
+    def _take_losses(self, now: float) -> None:
         for key in self._losses.take_due(now):
             token = names.split_token_key(key)
             if token:
                 self._take(*token, False)
         if news := self._strangers.news(now):
-            self._team.members.tell("strangers", None, news)
+            self._team.tell("strangers", None, news)
         if self._losses.trusted(now):
-            self._team.members.check_silence(now)
+            self._team.check_silence(now)
 
     def notes(self) -> list[str]:
         """What is wrong besides the robots, in words (under `node.changed`)."""

@@ -7,7 +7,7 @@ import pytest
 from support.monitor_desk import Desk, HostTime, Open
 from zteam.bus import MemoryHub
 from zteam.nodes.monitor import display, watch
-from zteam.nodes.monitor.display import Output
+from zteam.nodes.monitor.display import Lines
 from zteam.process_options import MonitorOptions
 
 
@@ -23,7 +23,7 @@ def open_desk(hub: MemoryHub, monkeypatch: pytest.MonkeyPatch) -> Iterator[Open]
         team_size: int = 0,
         exit_on_go: bool = False,
         go_timeout: float | None = None,
-        output: Output | None = None,
+        output: Lines | None = None,
     ) -> Desk:
         options = MonitorOptions(team_size or len(ids), ids or None, exit_on_go=exit_on_go, go_timeout=go_timeout)
         desks.append(Desk(hub, time, options, output))

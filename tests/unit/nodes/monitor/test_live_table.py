@@ -1,16 +1,14 @@
 """The monitor's live table: what stands above it, and that no text breaks it."""
 
-import sys
-import threading
+from collections.abc import Sequence
 
 import pytest
 
-from support.limits import LIMIT
 from support.monitor_desk import Open, Robot
 from zteam.bus import MemoryHub
 from zteam.messages import RobotState, RobotStatus
 from zteam.nodes.monitor import display
-from zteam.nodes.monitor.display import Contents, Lines, Row, make_rows
+from zteam.nodes.monitor.display import Lines, Row, make_rows
 from zteam.nodes.monitor.live_table import LiveTable
 from zteam.nodes.monitor.members import Event
 from zteam.nodes.monitor.start_gate import Gate
@@ -31,8 +29,9 @@ def say(gate: Gate, robot_id: int, state: int, text: str) -> None:
 
 def draw(gate: Gate, *events: Event) -> None:
     """Print what a terminal shows: the events, and the table as it stands at the end."""
-    with LiveTable() as table:
-        table.watch(lambda: (make_rows(gate, {}, {}, 1.0), ["waiting for robot_0"]))
+    table = LiveTable()
+    with table.live:
+        table.print_table(make_rows(gate, {}, {}, 1.0), ["waiting for robot_0"])
         for event in events:
             table.show(event)
 
@@ -53,35 +52,10 @@ def test_any_text_of_a_robot_is_shown_as_it_is(capsys: pytest.CaptureFixture[str
     """A robot's text is neither markup nor a command to the terminal."""
     gate = Gate([0], 1)
     say(gate, 0, RobotState.FAULT, text)
-    draw(gate, *gate.members.take_events())
+    draw(gate, *gate.take_events())
     shown = capsys.readouterr().out
     assert "\x1b[2J" not in shown
     assert shown.count(text.replace("\x1b", "")) >= 2
-
-
-def test_a_line_of_the_log_does_not_wait_for_the_team(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A thread that logs while it holds the team's lock goes on, although the table is about to be drawn."""
-    monkeypatch.setenv("FORCE_COLOR", "1")
-    team, asked = threading.Lock(), threading.Event()
-
-    def contents() -> tuple[list[Row], list[str]]:
-        asked.set()
-        with team:
-            return [], []
-
-    with LiveTable() as table:
-        drawing = threading.Thread(target=table.print_table)
-        writing = threading.Thread(target=lambda: sys.stderr.write("a line\n"))
-        with team:
-            table.watch(contents)
-            drawing.start()
-            assert asked.wait(LIMIT)
-            writing.start()
-            writing.join(LIMIT)
-            went_on = not writing.is_alive()
-        drawing.join(LIMIT)
-        writing.join(LIMIT)
-    assert went_on
 
 
 class Screen(Lines):
@@ -92,13 +66,8 @@ class Screen(Lines):
     def __init__(self) -> None:
         self.drawn: list[str] = []
 
-    def watch(self, contents: Contents) -> None:
-        """These are to be drawn."""
-        self.contents = contents
-
-    def print_table(self) -> None:
+    def print_table(self, rows: Sequence[Row], notes: Sequence[str]) -> None:
         """Draw."""
-        rows, _ = self.contents()
         self.drawn.append(rows[0].state)
 
 

@@ -11,7 +11,7 @@ def test_a_new_process_is_not_silent_at_once() -> None:
     come(gate, 0)
     gate.take_token(0, "first-0", False)
     gate.take_token(0, "second-0", True)
-    gate.members.check_silence(100.0)
+    gate.check_silence(100.0)
     assert told(gate, "silent") == []
 
 
@@ -56,11 +56,11 @@ def test_a_silent_robot_is_named_and_unnamed() -> None:
     gate = Gate([0, 1], 2)
     come(gate, 0, 1, now=10.0)
     told(gate)
-    gate.members.check_silence(10.0 + SILENT_AFTER)
+    gate.check_silence(10.0 + SILENT_AFTER)
     assert told(gate) == []
     gate.take_status(1, status(1), 12.0)
-    gate.members.check_silence(14.0)
-    gate.members.check_silence(14.2)
+    gate.check_silence(14.0)
+    gate.check_silence(14.2)
     assert told(gate) == ["robot_0 does not answer for 4 s"]
     gate.take_status(0, status(0), 15.0)
     gate.take_status(0, status(0), 15.5)
@@ -73,5 +73,5 @@ def test_a_dead_robot_is_not_silent() -> None:
     come(gate, 0)
     gate.take_token(0, "first-0", False)
     told(gate)
-    gate.members.check_silence(100.0)
+    gate.check_silence(100.0)
     assert told(gate) == []

@@ -86,7 +86,7 @@ def test_a_silent_robot_does_not_count() -> None:
     """GO waits for a robot that hangs."""
     gate = Gate([0, 1], 2)
     come(gate, 0, now=0.0)
-    gate.members.check_silence(SILENT_AFTER + 1)
+    gate.check_silence(SILENT_AFTER + 1)
     come(gate, 1, now=SILENT_AFTER + 1)
     assert not gate.try_go(1)
     gate.take_status(0, status(0), SILENT_AFTER + 2)
@@ -166,7 +166,7 @@ def test_go_is_never_taken_back() -> None:
     gate.try_go(5)
     for robot_id in (0, 1):
         gate.take_token(robot_id, f"first-{robot_id}", False)
-    gate.members.check_silence(100.0)
+    gate.check_silence(100.0)
     come(gate, 1, state=BOOT)
     after = gate.status(7)
     assert (after.state, after.epoch, ns_from_time(after.go_stamp)) == (TeamState.GO, 1, 5)

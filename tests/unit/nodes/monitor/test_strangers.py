@@ -23,4 +23,4 @@ def test_invented_robots_are_told_in_one_line(hub: MemoryHub, open_desk: Open) -
     (line,) = [event.text for event in desk.events if event.kind == "strangers"]
     assert line == "robot_104 and 995 other robots have a status but no process: the monitor leaves such robots out"
     assert [robot for _, robot in desk.told("fault") if robot is not None and robot >= 100] == [100, 101, 102, 103]
-    assert len(desk.monitor.gate.members.by_id) == 5
+    assert len(desk.monitor.gate.members) == 5

@@ -43,7 +43,7 @@ def test_every_robot_has_a_state() -> None:
     gate.take_token(1, "first-1", False)
     gate.take_token(2, "first-2", False)
     gate.take_token(4, "a", True)
-    gate.members.check_silence(SILENT_AFTER + 1)
+    gate.check_silence(SILENT_AFTER + 1)
     gate.take_world([0, 1, 2, 3, 4])
     rows = make_rows(gate, {}, {}, SILENT_AFTER + 2)
     assert [row.state for row in rows] == ["silent", "lost", "stopped", "silent", "absent", "absent"]

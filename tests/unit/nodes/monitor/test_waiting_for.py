@@ -22,7 +22,7 @@ def test_what_it_waits_for_has_a_reason_for_each_robot() -> None:
         "robot_3: waiting for base_scan",
         "robot_4: fault: laser dead",
     ]
-    gate.members.check_silence(SILENT_AFTER + 1)
+    gate.check_silence(SILENT_AFTER + 1)
     assert "robot_5: does not answer" in gate.waiting_for()
     come(gate, *range(6))
     gate.try_go(1)

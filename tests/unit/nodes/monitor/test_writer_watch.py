@@ -25,7 +25,7 @@ class Desk:
     def tell(self) -> list[tuple[str, int | None, str]]:
         """What the next look tells."""
         self.watch.look()
-        events = self._gate.members.take_events()
+        events = self._gate.take_events()
         return [tuple(event) for event in events]
 
 
