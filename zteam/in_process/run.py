@@ -33,7 +33,8 @@ from zteam.launch.run import (
     warn_of_endpoint,
 )
 from zteam.launch.supervisor import Again, Member, Supervisor
-from zteam.nodes.bodies import Part, part_of, printing_monitor
+from zteam.nodes.bodies import Part, part_of, printing_monitor, robot_part
+from zteam.nodes.robot.inputs import TransformInputs
 from zteam.process_options import MonitorOptions, ProcessOptions, RobotOptions
 from zteam.runtime.node import Node, stepping
 from zteam.runtime.process_node import ProcessNode, run_body
@@ -46,13 +47,13 @@ Body = Callable[[Node], None]
 R = TypeVar("R")
 
 
-def _part(options: ProcessOptions, say: Callable[[str], None]) -> Part:
+def _part(options: ProcessOptions, transforms: TransformInputs, say: Callable[[str], None]) -> Part:
     if isinstance(options, MonitorOptions):
         return printing_monitor(options, say)
     if isinstance(options, RobotOptions):
         robot = options
         # In the node's own thread: a mistake in the user's code ends that node, and may be gone at a restart.
-        return Part(lambda node: part_of(robot).body(node))
+        return Part(lambda node: robot_part(robot, transforms).body(node))
     return part_of(options)
 
 
@@ -60,8 +61,9 @@ def parts_of(
     launch: TeamLaunch, say: Callable[[str, str], None], nodes: Mapping[str, Body] | None = None
 ) -> dict[str, Part]:
     """What the nodes of a simulated team and a user's own do, by name; `say(name, line)` prints a line of a node."""
+    transforms = TransformInputs()
     parts = {
-        name: _part(options, lambda line, name=name: say(name, line))  # type: ignore[misc]
+        name: _part(options, transforms, lambda line, name=name: say(name, line))  # type: ignore[misc]
         for kind in KINDS
         if not kind.beside
         for name, options in kind.options(launch).items()

@@ -82,7 +82,8 @@ def printing_monitor(options: MonitorOptions, say: Callable[[str], None]) -> Par
     return Part(lambda node: run_monitor(node, options, Lines(say)))
 
 
-def _robot(options: RobotOptions) -> Part:
+def robot_part(options: RobotOptions, transforms: Any = None) -> Part:
+    """A robot. The robots of one process share `transforms` (`zteam.nodes.robot.inputs.TransformInputs`)."""
     from zteam.behaviors.registry import find_behavior, load_behavior, look_in
     from zteam.nodes.robot.node import run_robot
 
@@ -90,7 +91,7 @@ def _robot(options: RobotOptions) -> Part:
         look_in(options.folders)
     load_behavior(options.behavior, options.params, options.robot_id)
     kind = find_behavior(options.behavior)
-    return Part(lambda node: run_robot(node, kind, options), small=True)
+    return Part(lambda node: run_robot(node, kind, options, transforms), small=True)
 
 
 def _navigation(options: NavigationOptions) -> Part:
@@ -125,7 +126,7 @@ _MAKERS: dict[type, Callable[[Any], Part]] = {
     MapOptions: _map_server,
     AggregatorOptions: _aggregator,
     MonitorOptions: _monitor,
-    RobotOptions: _robot,
+    RobotOptions: robot_part,
     NavigationOptions: _navigation,
     ViewOptions: _view,
 }

@@ -41,7 +41,7 @@ class Pilot:
         self._behavior = load_behavior(part.behavior, part.parameters, robot_id)
         declared = declared_inputs(find_behavior(part.behavior).inputs, robot_id)
         self._inputs = RobotInputs(robot_id, declared=declared)
-        self._inputs.take_static(fixed)
+        self._inputs.transforms.take_static(fixed)
         for other, base in bases.items():
             self._inputs.take_base(other, base)
         self._layer = SafetyLayer()
@@ -52,7 +52,7 @@ class Pilot:
         inputs, part = self._inputs, self._part
         inputs.take_scan(tick.scans[self._id])
         inputs.take_odom(tick.odometries[self._id])
-        inputs.take_bundle(tick.bundle)
+        inputs.transforms.take_bundle(tick.bundle)
         if part.goal is not None and not self._seconds:
             (goal,) = inputs.declared.declared
             pose = Pose(Point(*part.goal, 0.0))

@@ -28,7 +28,7 @@ from zteam.messages import (
     Twist,
 )
 from zteam.nodes.robot.driver import ALONE, Driver, StepInput
-from zteam.nodes.robot.inputs import SOURCES, RobotInputs
+from zteam.nodes.robot.inputs import SOURCES, RobotInputs, TransformInputs
 from zteam.nodes.robot.parameters import BehaviorParameters
 from zteam.process_options import RobotOptions
 from zteam.runtime.lockstep import Participant
@@ -122,11 +122,13 @@ class StartWatch:
 class RobotNode:
     """One robot on the bus. Handlers of messages run under `node.changed`."""
 
-    def __init__(self, node: ProcessNode, kind: type[Behavior], options: RobotOptions) -> None:
+    def __init__(
+        self, node: ProcessNode, kind: type[Behavior], options: RobotOptions, transforms: TransformInputs | None = None
+    ) -> None:
         """`kind` is the class of the behaviour, which is made anew after time has jumped back."""
         self._node = node
         self._id = options.robot_id
-        self._inputs = RobotInputs(self._id, options.base, declared_inputs(kind.inputs, self._id))
+        self._inputs = RobotInputs(self._id, options.base, declared_inputs(kind.inputs, self._id), transforms)
         self._status = StatusReport(
             node,
             self._id,
@@ -195,11 +197,11 @@ class RobotNode:
 
     def _on_tf(self, key: str, bundle: TFMessage) -> None:
         if not self._node.ended_time.has(key, lambda: bases_stamp(bundle), self._node.clock.now()):
-            self._inputs.take_bundle(bundle)
+            self._inputs.transforms.take_bundle(bundle)
             self._go_on()
 
     def _on_tf_static(self, _key: str, message: TFMessage) -> None:
-        self._inputs.take_static(message)
+        self._inputs.transforms.take_static(message)
         self._go_on()
 
     def _on_base_info(self, key: str, message: BaseInfo) -> None:
@@ -305,7 +307,7 @@ class RobotNode:
             inputs.base_input.wait_no_longer()
         if self._driver.behavior.uses_tf:
             scan, jumps = inputs.scan, self._driver.jumps
-            self._node.wait(lambda: inputs.tf_stamp >= now or inputs.scan is not scan, TF_LIMIT)
+            self._node.wait(lambda: inputs.transforms.stamp >= now or inputs.scan is not scan, TF_LIMIT)
             if self._driver.jumps != jumps or self._part.active or self._node.stopping:
                 return None
         self._driver.stepped, epoch = now, go_epoch(inputs.team, now)
@@ -364,9 +366,11 @@ class RobotNode:
         log.info("%s stopped", names.robot_name(self._id))
 
 
-def run_robot(node: ProcessNode, kind: type[Behavior], options: RobotOptions) -> None:
-    """Be robot `options.robot_id` until asked to stop."""
-    robot = RobotNode(node, kind, options)
+def run_robot(
+    node: ProcessNode, kind: type[Behavior], options: RobotOptions, transforms: TransformInputs | None = None
+) -> None:
+    """Be robot `options.robot_id` until asked to stop. `transforms` are those of all robots of this process."""
+    robot = RobotNode(node, kind, options, transforms)
     node.become_present()
     # Only the process that holds the name may publish commands, so not before this.
     node.on_stop(robot.halt)

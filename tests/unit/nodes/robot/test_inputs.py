@@ -3,6 +3,7 @@
 import pytest
 
 from support.transforms import S, stamped
+from zteam.geometry import Pose2
 from zteam.messages import (
     BaseInfo,
     Header,
@@ -11,7 +12,7 @@ from zteam.messages import (
     TFMessage,
     time_from_ns,
 )
-from zteam.nodes.robot.inputs import RobotInputs
+from zteam.nodes.robot.inputs import RobotInputs, TransformInputs
 
 
 def give(inputs: RobotInputs, stamp: int, *, scan: bool = True, odom: bool = True, tf: bool = True) -> None:
@@ -21,7 +22,7 @@ def give(inputs: RobotInputs, stamp: int, *, scan: bool = True, odom: bool = Tru
     if odom:
         inputs.take_odom(Odometry(Header(time_from_ns(stamp))))
     if tf:
-        inputs.take_bundle(TFMessage([stamped("robot_1/odom", "robot_1/base_footprint", stamp, 2.0)]))
+        inputs.transforms.take_bundle(TFMessage([stamped("robot_1/odom", "robot_1/base_footprint", stamp, 2.0)]))
 
 
 @pytest.fixture
@@ -29,7 +30,7 @@ def inputs() -> RobotInputs:
     """Those of robot 1, which stands at x = 1 m on the map, without data; its base is known."""
     made = RobotInputs(1)
     made.base_input.take(BaseInfo())
-    made.take_static(TFMessage([stamped("map", "robot_1/odom", 0, 1.0)]))
+    made.transforms.take_static(TFMessage([stamped("map", "robot_1/odom", 0, 1.0)]))
     return made
 
 
@@ -57,10 +58,10 @@ def test_a_frame_without_a_base_is_not_the_ticks_bundle(inputs: RobotInputs, sta
     give(inputs, S)
     give(inputs, 2 * S, tf=False)
     for _ in range(2):
-        inputs.take_bundle(TFMessage([stamped("map", "carrot", stamp, 2.0)]))
+        inputs.transforms.take_bundle(TFMessage([stamped("map", "carrot", stamp, 2.0)]))
     assert not inputs.complete_for(2 * S)
     give(inputs, 2 * S)
-    inputs.take_bundle(TFMessage([stamped("map", "carrot", S, 2.0)]))
+    inputs.transforms.take_bundle(TFMessage([stamped("map", "carrot", S, 2.0)]))
     assert inputs.complete_for(2 * S)
 
 
@@ -100,7 +101,7 @@ def test_a_connected_tick_needs_the_fixed_transforms() -> None:
     give(inputs, S)
     assert inputs.complete_for(S)
     assert not inputs.complete_for(S, connected=True)
-    inputs.take_static(TFMessage([stamped("map", "robot_1/odom", 0, 1.0)]))
+    inputs.transforms.take_static(TFMessage([stamped("map", "robot_1/odom", 0, 1.0)]))
     assert inputs.complete_for(S, connected=True)
 
 
@@ -127,8 +128,23 @@ def test_after_a_jump_only_what_is_fixed_stays(inputs: RobotInputs) -> None:
     """Scan, odometry and moving transforms are forgotten, also those that no look-up has read; the rest stays."""
     give(inputs, 9 * S)
     inputs.forget()
-    assert (inputs.scan, inputs.odom, inputs.tf_stamp, inputs.scan_stamp) == (None, None, 0, 0)
+    assert (inputs.scan, inputs.odom, inputs.transforms.stamp, inputs.scan_stamp) == (None, None, 0, 0)
     assert inputs.lookup("map", "robot_1/base_footprint") is None
     assert inputs.lookup("map", "robot_1/odom") is not None
     give(inputs, S)
     assert inputs.complete_for(S, connected=True)
+
+
+def test_robots_of_one_process_share_the_transforms() -> None:
+    """What one has taken both look up; after a jump the next message is taken anew, whichever forgets last."""
+    shared = TransformInputs()
+    first, second = RobotInputs(1, transforms=shared), RobotInputs(2, transforms=shared)
+    bundles = [TFMessage([stamped("map", "robot_1/base_footprint", at, float(at // S))]) for at in (9 * S, S)]
+    first.transforms.take_bundle(bundles[0])
+    assert second.lookup("map", "robot_1/base_footprint") == (Pose2(9.0, 0.0, 0.0), 9 * S)
+    first.forget()
+    first.transforms.take_bundle(bundles[1])
+    second.forget()
+    assert first.lookup("map", "robot_1/base_footprint") is None
+    second.transforms.take_bundle(bundles[1])
+    assert first.lookup("map", "robot_1/base_footprint") == (Pose2(1.0, 0.0, 0.0), S)
