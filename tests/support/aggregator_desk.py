@@ -11,6 +11,7 @@ from zteam.bus import Bus, MemoryHub
 from zteam.clock import wait_until
 from zteam.messages import TFMessage, TransformStamped, ns_from_time
 from zteam.nodes.transforms.node import Aggregator
+from zteam.process_options import AggregatorOptions
 from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop
 from zteam.services.transforms import Lookup, LookupReply, LookupRequest, StaticReply, StaticRequest
@@ -85,7 +86,7 @@ class Desk:
         bus, self.link = cut_bus(hub)
         self.stop = Stop()
         self.node = ProcessNode(names.AGGREGATOR, bus, self.stop)
-        self.aggregator = Aggregator(self.node, configured, {}, rate)
+        self.aggregator = Aggregator(self.node, AggregatorOptions(configured, rate=rate))
         self.thread = threading.Thread(target=self.aggregator.run)
 
     def start(self) -> None:

@@ -20,7 +20,7 @@ from zteam.messages import Done, RobotStatus, Tick
 from zteam.nodes.robot.node import RobotNode
 from zteam.nodes.simulator.node import Simulator
 from zteam.nodes.transforms.node import Aggregator
-from zteam.process_options import LockStepOptions, RobotOptions, SimOptions
+from zteam.process_options import AggregatorOptions, LockStepOptions, RobotOptions, SimOptions
 from zteam.resources import find_world
 from zteam.runtime.process_node import ProcessNode
 from zteam.runtime.shutdown import Stop
@@ -133,7 +133,7 @@ class InProcessTeam:
         node = ProcessNode(name, self._open_bus(self.hub, name), Stop())
         robot_id = names.robot_id_of(name)
         if robot_id is None:
-            Aggregator(node, (), {}, None)
+            Aggregator(node, AggregatorOptions())
             return node
         if robot_id:
             behavior, params = "follow", {"leader": robot_id - 1}

@@ -65,7 +65,7 @@ def _aggregator(options: AggregatorOptions) -> Part:
     from zteam.tf.urdf import read_description
 
     descriptions = {robot_id: read_description(file) for robot_id, file in options.descriptions.items()}
-    return Part(lambda node: run_aggregator(node, options.static_transforms, descriptions, options.rate), small=True)
+    return Part(lambda node: run_aggregator(node, options, descriptions), small=True)
 
 
 def _monitor(options: MonitorOptions) -> Part:

@@ -61,6 +61,10 @@ class Lookup(msgspec.Struct):
     fixed: str = ""
     source_time: Nanoseconds = 0
 
+    def __post_init__(self) -> None:
+        """Take names with the leading slash that ROS users write."""
+        self.target, self.source, self.fixed = map(names.strip_slash, (self.target, self.source, self.fixed))
+
 
 class LookupRequest(msgspec.Struct):
     """One or many look-ups, answered in this order; those that cannot be yet are waited for, `timeout` s in all."""
@@ -145,6 +149,6 @@ def _result(lookup: Lookup, reply: LookupReply) -> TransformStamped | errors.Tra
         # A newer aggregator may know exceptions that this process does not.
         kind = getattr(errors, reply.error, errors.TransformException)
         return kind(reply.text)
-    header = Header(time_from_ns(reply.stamp), names.strip_slash(lookup.target))
+    header = Header(time_from_ns(reply.stamp), lookup.target)
     transform = Transform(Vector3(*reply.translation), Quaternion(*reply.rotation))
-    return TransformStamped(header, names.strip_slash(lookup.source), transform)
+    return TransformStamped(header, lookup.source, transform)

@@ -1,38 +1,30 @@
 """The transforms of all robots merged into one tree: the work of the aggregator process, without the bus.
 
-`own_frames` resolves names and refuses frames that are not the robot's own, `static_transforms` chooses the authority
-of each static transform, and `conflicts` records what was refused. Stamps are never changed.
+A robot may publish the frames below its own prefix, under its own frames or the global ones. It may write a frame as a
+local name (`odom`), with its prefix (`robot_1/odom`) or with a leading slash: all three are resolved to the same full
+name. `static_transforms` chooses the authority of each static transform. Stamps are never changed.
 """
 
 from collections.abc import Callable, Iterable
-from typing import NamedTuple
+from functools import lru_cache
 
 from zteam import names
-from zteam.messages import TFMessage, TransformStamped, encode, ns_from_time
+from zteam.messages import Header, TFMessage, TransformStamped, encode, ns_from_time
 from zteam.tf.bases import is_base
 from zteam.tf.buffer import Buffer
-from zteam.tf.conflicts import Conflicts
-from zteam.tf.own_frames import is_start_pose, keep_own, resolve
-from zteam.tf.static_transforms import Rank, Static, StaticTransforms
+from zteam.tf.static_transforms import Rank, Static, StaticTransforms, is_start_pose
 from zteam.tf.tree import Rejection
 
 TEAM_FILE = "team file"
 
 MAX_APART = 10_000_000_000
 """Nanoseconds that a stamp may differ from the team's clock: as long as a buffer remembers."""
-
-
-class _Held(NamedTuple):
-    """A frame of lock-step that is not in a bundle yet."""
-
-    tick: int
-    """The stamp (ns) of the tick in which it was sent."""
-    transform: TransformStamped
-    authority: str
+MAX_CONFLICTS = 1000
+"""Conflicts that are recorded; later ones are dropped, so that a faulty robot cannot fill the memory."""
 
 
 class Merger:
-    """The tree of a whole team."""
+    """The tree of a whole team. Transforms of the team file and of tools have full names."""
 
     def __init__(
         self,
@@ -41,16 +33,20 @@ class Merger:
     ) -> None:
         """The team file's fixed transforms; `name_of` as in StaticTransforms."""
         self.buffer = Buffer()
-        self._conflicts = Conflicts()
-        self._statics = StaticTransforms(self.buffer, name_of)
+        self.statics = StaticTransforms(self.buffer, name_of)
+        self._conflicts: dict[tuple[str, str, str], str] = {}
+        """Texts by child frame, authority and code: each conflict once, however often it happens."""
+        self._read_conflicts = 0
+        """How many of them `take_conflicts` has returned."""
         self._bases: list[TransformStamped] = []
         """For the next bundle."""
         self._others: list[TransformStamped] = []
         """Frames of the user's processes for the next bundle."""
-        self._held: list[_Held] = []
-        """Frames of the user's processes in lock-step, which are not stored before their bundle."""
+        self._held: list[tuple[int, TransformStamped, str]] = []
+        """Frames of the user's processes in lock-step, which are not stored before their bundle: the stamp (ns) of the
+        tick in which each was sent, the transform and its authority."""
         for transform in configured:
-            self._put_static(Static(Rank.TEAM_FILE, resolve("", transform), TEAM_FILE))
+            self._put_static(Static(Rank.TEAM_FILE, transform, TEAM_FILE))
 
     def take(self, robot_id: int, message: TFMessage, now: int = 0, tick: int = 0) -> None:
         """Store moving transforms from `robot_N/tf`; `now` (ns) is the team's clock, 0 = not known.
@@ -58,50 +54,55 @@ class Merger:
         In lock-step `tick` is the stamp (ns) of the tick in which they were sent: see `take_pending`.
         """
         authority = names.robot_name(robot_id)
-        for transform in keep_own(robot_id, message.transforms, self._conflicts):
+        for transform in self._keep_own(robot_id, message.transforms):
             stamp = transform.header.stamp
             if now and not -MAX_APART <= stamp.sec * 1_000_000_000 + stamp.nanosec - now <= MAX_APART:
-                refused: Rejection | None = _refuse_stamp(transform, authority, now)
-            elif is_base(transform):
-                refused = self._store(transform, authority, self._bases)
+                self._report(transform.child_frame_id, authority, _refuse_stamp(transform, authority, now))
+            elif is_base(transform.child_frame_id):
+                self._store(transform, authority, self._bases)
             elif tick:
-                self._held.append(_Held(tick, transform, authority))
-                continue
+                self._held.append((tick, transform, authority))
             else:
-                refused = self._store_other(transform, authority)
-            if refused is not None:
-                self._note_refusal(transform, authority, refused)
+                self._store(transform, authority, self._others)
 
-    def _note_refusal(self, transform: TransformStamped, authority: str, refused: Rejection | None) -> None:
-        if refused is not None:
-            self._conflicts.report(transform.child_frame_id, authority, refused.code, refused.text)
+    def _keep_own(self, robot_id: int, transforms: Iterable[TransformStamped]) -> list[TransformStamped]:
+        """The transforms that the robot may publish, with full names; the others are conflicts."""
+        kept = []
+        for transform in transforms:
+            parent, child, problem = _own(robot_id, transform.header.frame_id, transform.child_frame_id)
+            if problem:
+                self._report(child, names.robot_name(robot_id), Rejection("foreign", problem))
+            elif child == transform.child_frame_id and parent == transform.header.frame_id:
+                kept.append(transform)
+            else:
+                kept.append(TransformStamped(Header(transform.header.stamp, parent), child, transform.transform))
+        return kept
 
-    def _store(self, transform: TransformStamped, authority: str, pending: list[TransformStamped]) -> Rejection | None:
+    def _report(self, child: str, authority: str, refused: Rejection) -> None:
+        key = (child, authority, refused.code)
+        if key not in self._conflicts and len(self._conflicts) < MAX_CONFLICTS:
+            self._conflicts[key] = refused.text
+
+    def _store(self, transform: TransformStamped, authority: str, pending: list[TransformStamped]) -> None:
         """Store a moving sample; it is then `pending` for the next bundle, unless it is an exact duplicate."""
         # Only this thread stores moving transforms, so the count needs no lock.
         duplicates = self.buffer.duplicates
-        refused = self.buffer.set_transform(transform, authority)
-        if refused is None and self.buffer.duplicates == duplicates:
+        if is_start_pose(transform):
+            holder = self.statics.holders.get(transform.child_frame_id)
+            if holder is not None and holder.rank == Rank.TEAM_FILE:
+                return
+            refused = self.statics.localise(transform, authority)
+        else:
+            refused = self.buffer.set_transform(transform, authority)
+        if refused is not None:
+            self._report(transform.child_frame_id, authority, refused)
+        elif self.buffer.duplicates == duplicates:
             pending.append(transform)
-        return refused
-
-    def _store_other(self, transform: TransformStamped, authority: str) -> Rejection | None:
-        """As _store, of a frame that is no base."""
-        if not is_start_pose(transform):
-            return self._store(transform, authority, self._others)
-        if self._statics.is_fixed_by_team_file(transform.child_frame_id):
-            return None
-        duplicates = self.buffer.duplicates
-        with self.buffer.lock:
-            refused = self._statics.localise(transform, authority)
-        if refused is None and self.buffer.duplicates == duplicates:
-            self._others.append(transform)
-        return refused
 
     def describe(self, robot_id: int, transforms: Iterable[TransformStamped]) -> None:
         """Store the fixed joints of a robot's description; their frames have the description's own names."""
         authority = f"{names.robot_name(robot_id)}'s description"
-        for transform in keep_own(robot_id, transforms, self._conflicts):
+        for transform in self._keep_own(robot_id, transforms):
             self._put_static(Static(Rank.DESCRIPTION, transform, authority))
 
     def take_static(self, robot_id: int, message: TFMessage, authority: str = "", sent: int = 0) -> None:
@@ -110,33 +111,24 @@ class Merger:
         They are merged by child frame. `sent` is when they were sent, in the source's own count; 0 where it has none.
         """
         authority = authority or names.robot_name(robot_id)
-        new = {t.child_frame_id: t for t in keep_own(robot_id, message.transforms, self._conflicts)}
-        self._statics.drop_reparented(authority, new, sent)
+        new = {t.child_frame_id: t for t in self._keep_own(robot_id, message.transforms)}
+        self.statics.drop_reparented(authority, new, sent)
         for transform in new.values():
             self._put_static(Static(Rank.SIMULATOR, transform, authority, sent))
 
-    def look_again(self, authority: str) -> None:
-        """A source of static transforms has come to life or may have ended."""
-        self._statics.look_again(authority)
-
     def _put_static(self, static: Static) -> None:
-        refused = self._statics.put(static)
+        refused = self.statics.put(static)
         if refused is not None:
-            self._conflicts.report(static.transform.child_frame_id, static.authority, refused.code, refused.text)
+            self._report(static.transform.child_frame_id, static.authority, refused)
 
-    def add_static(self, transform: TransformStamped, authority: str) -> str | None:
-        """Store a static transform that a tool asks for; None, or the reason of the refusal."""
-        resolved = resolve("", transform)
-        child = resolved.child_frame_id
-        known = self._statics.get(child) or self.buffer.frame(child)
+    def add_static(self, transform: TransformStamped, authority: str) -> str:
+        """Store a static transform that a tool asks for; the reason of a refusal, else empty."""
+        child = transform.child_frame_id
+        known = self.statics.holders.get(child) or self.buffer.frame(child)
         if known is not None and known.authority != authority:
             return f"{child} is said by {known.authority} already"
-        refused = self._statics.put(Static(Rank.CALLER, resolved, authority))
-        return refused.text if refused else None
-
-    def drop_authority(self, authority: str) -> None:
-        """Forget the static transforms that `authority` asked for."""
-        self._statics.drop_authority(authority)
+        refused = self.statics.put(Static(Rank.CALLER, transform, authority))
+        return refused.text if refused else ""
 
     def take_pending(self, tick: int = 0) -> list[TransformStamped]:
         """The moving transforms stored since the last call, for one bundled message.
@@ -146,31 +138,24 @@ class Merger:
         """
         bases, self._bases = self._bases, []
         if self._held:
-            due = [held for held in self._held if held.tick < tick or not tick]
-            self._held = [held for held in self._held if held.tick >= tick > 0]
+            due = [held for held in self._held if held[0] < tick or not tick]
+            self._held = [held for held in self._held if held[0] >= tick > 0]
             for _, transform, authority in sorted(due, key=_order):
-                self._note_refusal(transform, authority, self._store_other(transform, authority))
+                self._store(transform, authority, self._others)
         if not self._others:
             return bases
         others, self._others = self._others, []
         return others + bases
 
-    @property
-    def statics_changed(self) -> bool:
-        """Whether the static transforms differ from those that `statics` returned last."""
-        return self._statics.changed
-
-    def statics(self) -> TFMessage:
-        """The full set of static transforms, sorted by child frame."""
-        return self._statics.message()
-
     def conflicts(self) -> list[str]:
-        """All conflicts so far, each reported once."""
-        return self._conflicts.all()
+        """All conflicts so far, each reported once, oldest first."""
+        return list(self._conflicts.values())
 
     def take_conflicts(self) -> list[str]:
         """The conflicts since the last call."""
-        return self._conflicts.take_unread()
+        new = self.conflicts()[self._read_conflicts :]
+        self._read_conflicts += len(new)
+        return new
 
     def jump_back(self) -> None:
         """Forget all moving data, because time went back."""
@@ -178,13 +163,44 @@ class Merger:
         self._bases.clear()
         self._others.clear()
         self._held.clear()
-        self._statics.restore_start_poses()
+        self.statics.restore_start_poses()
 
 
-def _order(held: _Held) -> tuple[int, str, int, bytes]:
+def base_stamp(robot_id: int, message: TFMessage) -> int:
+    """The stamp (ns) of the base in a message of `robot_N/tf`, in which names may be relative; -1 without one."""
+    base, newest = names.robot_frame(robot_id, names.BASE_FOOTPRINT), -1
+    for transform in message.transforms:
+        if _own(robot_id, transform.header.frame_id, transform.child_frame_id)[1] == base:
+            newest = max(newest, ns_from_time(transform.header.stamp))
+    return newest
+
+
+@lru_cache(maxsize=4096)
+def _own(robot_id: int, parent: str, child: str) -> tuple[str, str, str]:
+    """The full names of an edge of `robot_N/tf`, and why the robot may not publish it; empty if it may.
+
+    Nearly all messages have the frames of the one before.
+    """
+    prefix = names.robot_name(robot_id)
+    parent, child = names.resolve_frame(prefix, parent), names.resolve_frame(prefix, child)
+    if not _is_below(prefix, child):
+        problem = f"{prefix} may not say where {child or 'nothing'} is"
+    elif not _is_below(prefix, parent) and parent not in names.GLOBAL_FRAMES:
+        problem = f"{prefix} may not hang {child} under {parent or 'nothing'}"
+    else:
+        problem = ""
+    return parent, child, problem
+
+
+def _is_below(prefix: str, frame: str) -> bool:
+    """Whether `frame` is the prefix, a slash and a name that is not empty."""
+    return frame.startswith(prefix + "/") and len(frame) > len(prefix) + 1
+
+
+def _order(held: tuple[int, TransformStamped, str]) -> tuple[int, str, int, bytes]:
     """In which order frames are stored: of two senders that disagree, the same one is refused in every run."""
-    transform = held.transform
-    return held.tick, transform.child_frame_id, ns_from_time(transform.header.stamp), encode(transform)
+    tick, transform, _ = held
+    return tick, transform.child_frame_id, ns_from_time(transform.header.stamp), encode(transform)
 
 
 def _refuse_stamp(transform: TransformStamped, authority: str, now: int) -> Rejection:

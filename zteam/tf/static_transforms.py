@@ -15,9 +15,9 @@ from collections.abc import Callable, Mapping
 from enum import IntEnum
 from typing import NamedTuple
 
+from zteam import names
 from zteam.messages import TFMessage, TransformStamped
 from zteam.tf.buffer import Buffer
-from zteam.tf.own_frames import is_start_pose
 from zteam.tf.tree import Rejection
 
 
@@ -47,6 +47,11 @@ class Static(NamedTuple):
     """When, in the source's own count; 0 where it has none."""
 
 
+def is_start_pose(transform: TransformStamped) -> bool:
+    """Whether this is a `map -> robot_N/odom`: the only edge that may have several sources."""
+    return transform.header.frame_id == names.MAP_FRAME and names.is_robot_frame(transform.child_frame_id, names.ODOM)
+
+
 class StaticTransforms:
     """The static transforms of a team; those that are not shadowed are also in `buffer`."""
 
@@ -54,18 +59,17 @@ class StaticTransforms:
         """`name_of(authority)` is what users read for a source that lives; None for one that may have ended."""
         self.changed = False
         """Whether the full set differs from the last `message`."""
+        self.holders: dict[str, Static] = {}
+        """Those that count, by child frame, the shadowed ones included."""
         self._buffer, self._name_of = buffer, name_of
-        self._shown: Callable[[str], str] = lambda authority: name_of(authority) or authority
         self._said: dict[str, dict[str, Static]] = {}
         """By child frame and authority, in the order in which they first said the frame."""
-        self._statics: dict[str, Static] = {}
-        """Those that count, by child frame, the shadowed ones included."""
         self._localised: set[str] = set()
         """The `robot_N/odom` frames that a localiser has placed."""
 
-    def get(self, child: str) -> Static | None:
-        """The one that counts, also a shadowed one."""
-        return self._statics.get(child)
+    def shown(self, authority: str) -> str:
+        """What users read for a source, whether it lives or not."""
+        return self._name_of(authority) or authority
 
     def put(self, static: Static) -> Rejection | None:
         """Keep what a source says; None, or why it does not count though no higher rank hides it."""
@@ -85,26 +89,29 @@ class StaticTransforms:
             return refused
         if len(said) > MOST_SOURCES:
             del said[max(enumerate(said.values()), key=self._order)[1].authority]
-        holder = self._statics[child]
+        holder = self.holders[child]
         gives_way = Rank.DESCRIPTION in (holder.rank, rank) or (is_start_pose(transform) and holder.rank < rank)
         if holder.authority == authority or gives_way:
             return None
-        first, second = map(self._shown, (holder.authority, authority))
+        first, second = map(self.shown, (holder.authority, authority))
         return Rejection("second authority", f"{child} is said by {first} and by {second}: {first} stays")
 
     def _choose(self, child: str) -> Rejection | None:
         """Let the best source count; None, or why the buffer refused it and the one of before still counts."""
-        held, said = self._statics.get(child), self._said[child]
+        held, said = self.holders.get(child), self._said[child]
         if not said:
             del self._said[child]
-            self._drop(child)
+            if self.holders.pop(child, None) is not None:
+                self.changed = True
+                if child not in self._localised:
+                    self._buffer.forget(child)
             return None
         _, best = min(enumerate(said.values()), key=self._order)
         if best != held and not self._is_shadowed(child, best):
             if refused := self._store(best):
                 return refused
             self.changed |= held is None or best.transform != held.transform
-        self._statics[child] = best
+        self.holders[child] = best
         return None
 
     def _store(self, static: Static) -> Rejection | None:
@@ -113,7 +120,7 @@ class StaticTransforms:
             known = self._buffer.frame(child)
             if known is None or known.static:
                 return self._buffer.set_transform_static(static.transform, static.authority)
-            source, mover = self._shown(static.authority), known.authority
+            source, mover = self.shown(static.authority), known.authority
             return Rejection("moving frame", f"{child} moves, by {mover}: the static transform of {source} is refused")
 
     def _order(self, numbered: tuple[int, Static]) -> tuple[int, bool, int]:
@@ -151,31 +158,27 @@ class StaticTransforms:
     def localise(self, transform: TransformStamped, authority: str) -> Rejection | None:
         """Store a localiser's moving `map -> robot_N/odom`, which shadows the static one; None, or why it was refused.
 
-        The caller holds the buffer's lock and has asked `is_fixed_by_team_file`.
+        The team file does not give this start pose: it would hide the localiser's.
         """
         child = transform.child_frame_id
-        shadowed = None if child in self._localised else self._statics.get(child)
-        if shadowed is not None:
-            self._buffer.forget(child)
-        refused = self._buffer.set_transform(transform, authority)
-        if refused is None:
-            self._localised.add(child)
-            self.changed |= shadowed is not None
-        elif shadowed is not None:
-            # A refused sample replaces nothing.
-            self._buffer.set_transform_static(shadowed.transform, shadowed.authority)
+        shadowed = None if child in self._localised else self.holders.get(child)
+        with self._buffer.lock:
+            if shadowed is not None:
+                self._buffer.forget(child)
+            refused = self._buffer.set_transform(transform, authority)
+            if refused is None:
+                self._localised.add(child)
+                self.changed |= shadowed is not None
+            elif shadowed is not None:
+                # A refused sample replaces nothing.
+                self._buffer.set_transform_static(shadowed.transform, shadowed.authority)
         return refused
-
-    def is_fixed_by_team_file(self, child: str) -> bool:
-        """Whether the team file gives this frame's transform: then a localiser's data is ignored."""
-        static = self._statics.get(child)
-        return static is not None and static.rank == Rank.TEAM_FILE
 
     def restore_start_poses(self) -> None:
         """Forget what the localisers published: each start pose holds again until its localiser publishes."""
         for child in self._localised:
             self._buffer.forget(child)
-            shadowed = self._statics.get(child)
+            shadowed = self.holders.get(child)
             if shadowed is not None:
                 self._buffer.set_transform_static(shadowed.transform, shadowed.authority)
                 self.changed = True
@@ -184,14 +187,8 @@ class StaticTransforms:
     def message(self) -> TFMessage:
         """The full set of transforms that are not shadowed, sorted by child frame; `changed` becomes False."""
         self.changed = False
-        shown = [s.transform for child, s in sorted(self._statics.items()) if not self._is_shadowed(child, s)]
+        shown = [s.transform for child, s in sorted(self.holders.items()) if not self._is_shadowed(child, s)]
         return TFMessage(shown)
-
-    def _drop(self, child: str) -> None:
-        if self._statics.pop(child, None) is not None:
-            self.changed = True
-            if child not in self._localised:
-                self._buffer.forget(child)
 
     def _is_shadowed(self, child: str, static: Static) -> bool:
         return static.rank > Rank.LOCALISER and child in self._localised

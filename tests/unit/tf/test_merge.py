@@ -15,7 +15,7 @@ from zteam.messages import (
     TransformStamped,
     ns_from_time,
 )
-from zteam.tf.merge import Merger
+from zteam.tf.merge import MAX_CONFLICTS, Merger
 
 
 def _names(transforms: list[TransformStamped]) -> list[tuple[str, str]]:
@@ -63,7 +63,7 @@ def test_a_second_authority_is_refused_and_named() -> None:
     (conflict,) = merger.take_conflicts()
     assert "team file" in conflict
     assert "robot_0" in conflict
-    assert merger.statics().transforms[0].transform.translation.x == 0.1
+    assert merger.statics.message().transforms[0].transform.translation.x == 0.1
 
 
 def test_an_older_message_takes_back_no_newer_parent() -> None:
@@ -71,7 +71,7 @@ def test_an_older_message_takes_back_no_newer_parent() -> None:
     merger = Merger()
     merger.take_static(0, TFMessage([stamped("base_link", "camera", 0)]), "driver", 2)
     merger.take_static(0, TFMessage([stamped("base_footprint", "camera", 0)]), "driver", 1)
-    assert _names(merger.statics().transforms) == [("robot_0/base_link", "robot_0/camera")]
+    assert _names(merger.statics.message().transforms) == [("robot_0/base_link", "robot_0/camera")]
 
 
 def test_a_robot_is_seen_from_another() -> None:
@@ -128,7 +128,7 @@ def merge(events: list[Event]) -> list[Any]:
             # As the aggregator: all that the bundle waits for has come.
             opened = event.tick * TICK
             merger.take(0, TFMessage([stamped("odom", "base_footprint", opened)]), opened, opened)
-            found += [merger.take_pending(opened), merger.statics().transforms]
+            found += [merger.take_pending(opened), merger.statics.message().transforms]
         elif isinstance(event, Sent):
             parent, child = FRAMES[event.topic]
             frame = stamped(parent, child, event.stamp_ns, float(event.value))
@@ -149,16 +149,16 @@ def test_a_localiser_of_lock_step_takes_over_with_its_bundle() -> None:
     """Until the bundle that has its first pose, the static start pose holds: then it ends, and not before."""
     merger = Merger()
     merger.take_static(0, TFMessage([stamped("map", "odom", 0, 1.0)]))
-    assert [child for _, child in _names(merger.statics().transforms)] == ["robot_0/odom"]
+    assert [child for _, child in _names(merger.statics.message().transforms)] == ["robot_0/odom"]
     merger.take(0, TFMessage([stamped("odom", "base_footprint", S)]))
     merger.take(0, TFMessage([stamped("map", "odom", S, 2.0)]), tick=S)
-    assert not merger.statics_changed
+    assert not merger.statics.changed
     assert [child for _, child in _names(merger.take_pending(S))] == ["robot_0/base_footprint"]
-    assert not merger.statics_changed
+    assert not merger.statics.changed
     assert merger.buffer.lookup_pose2("map", "robot_0/base_footprint", 0)[0].x == 1.0
     assert [child for _, child in _names(merger.take_pending(2 * S))] == ["robot_0/odom"]
-    assert merger.statics_changed
-    assert merger.statics().transforms == []
+    assert merger.statics.changed
+    assert merger.statics.message().transforms == []
     assert merger.buffer.lookup_pose2("map", "robot_0/base_footprint", 0)[0].x == 2.0
 
 
@@ -195,7 +195,7 @@ def test_one_bad_transform_does_not_spoil_a_message() -> None:
     merger.take(0, TFMessage([bad, good]))
     assert _names(merger.take_pending()) == [("robot_0/odom", "robot_0/base_footprint")]
     merger.take_static(0, TFMessage([bad, stamped("base_footprint", "base_link", 0)]))
-    assert _names(merger.statics().transforms) == [("robot_0/base_footprint", "robot_0/base_link")]
+    assert _names(merger.statics.message().transforms) == [("robot_0/base_footprint", "robot_0/base_link")]
 
 
 def test_a_robot_may_not_bend_the_map() -> None:
@@ -206,7 +206,7 @@ def test_a_robot_may_not_bend_the_map() -> None:
         merger.take_static(1, TFMessage([stamped(parent, child, 0)]))
     assert merger.buffer.frames() == {}
     assert merger.take_pending() == []
-    assert merger.statics().transforms == []
+    assert merger.statics.message().transforms == []
     assert len(merger.take_conflicts()) == 3
 
 
@@ -260,3 +260,29 @@ def test_a_clock_that_runs_apart_is_refused_and_named() -> None:
     assert merger.conflicts() == [ahead, behind]
     assert merger.buffer.frames()["robot_1/base_footprint"].newest == 50 * S
     assert len(merger.take_pending()) == 1
+
+
+def test_each_conflict_is_recorded_and_taken_once() -> None:
+    """Another frame, authority or code is another conflict; the same three again keep the first text."""
+    merger = Merger()
+    merger.take(0, TFMessage([stamped("odom", "a", 50 * S)]))
+    for child in ("/robot_5/a", "/robot_5/b", "/robot_5/a"):
+        merger.take(0, TFMessage([stamped("odom", child, S)]))
+    foreign = merger.take_conflicts()
+    assert len(foreign) == 2
+    merger.take(1, TFMessage([stamped("odom", "/robot_5/a", S)]))
+    for stamp, x in ((S, 0.0), (2 * S, 0.0), (50 * S, 1.0)):
+        merger.take(0, TFMessage([stamped("odom", "a", stamp, x)]))
+    assert len(merger.take_conflicts()) == 3
+    assert merger.take_conflicts() == []
+    assert merger.conflicts()[:2] == foreign
+    assert len(merger.conflicts()) == 5
+
+
+def test_the_number_of_conflicts_is_bounded() -> None:
+    """A robot that invents frames without end does not fill the memory."""
+    merger = Merger()
+    for number in range(MAX_CONFLICTS + 5):
+        merger.take(0, TFMessage([stamped("odom", f"/frame_{number}", S)]))
+    assert len(merger.conflicts()) == len(merger.take_conflicts()) == MAX_CONFLICTS
+    assert f"frame_{MAX_CONFLICTS - 1} " in merger.conflicts()[-1]

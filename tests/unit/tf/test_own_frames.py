@@ -3,36 +3,37 @@
 import pytest
 
 from support.transforms import S, stamped
-from zteam.tf.conflicts import Conflicts
-from zteam.tf.own_frames import is_start_pose, keep_own, resolve
+from zteam.messages import TFMessage, TransformStamped
+from zteam.tf.merge import Merger
+from zteam.tf.static_transforms import is_start_pose
+
+
+def merged(*transforms: TransformStamped) -> tuple[list[TransformStamped], list[str]]:
+    """What is sent on of a message of robot 3, and the conflicts."""
+    merger = Merger()
+    merger.take(3, TFMessage([*transforms]))
+    return merger.take_pending(), merger.conflicts()
 
 
 @pytest.mark.parametrize(
-    ("parent", "child"), [("odom", "laser"), ("robot_2/odom", "robot_2/laser"), ("/robot_2/odom", "/robot_2/laser")]
+    ("parent", "child"), [("odom", "laser"), ("robot_3/odom", "robot_3/laser"), ("/robot_3/odom", "/robot_3/laser")]
 )
 def test_names_are_resolved_and_the_rest_stays(parent: str, child: str) -> None:
     """Every spelling gives the full names; stamp and numbers stay as they are."""
-    assert resolve("robot_2", stamped(parent, child, S, 1.0)) == stamped("robot_2/odom", "robot_2/laser", S, 1.0)
-
-
-def test_without_a_prefix_only_slashes_are_stripped() -> None:
-    """The names of a team file or a tool are full names already."""
-    assert resolve("", stamped("/map", "table", S)) == stamped("map", "table", S)
+    assert merged(stamped(parent, child, S, 1.0)) == ([stamped("robot_3/odom", "robot_3/laser", S, 1.0)], [])
 
 
 def test_own_frames_are_kept_in_their_order() -> None:
     """A robot may publish its own frames, under its own frames or under `map`."""
-    conflicts = Conflicts()
-    kept = keep_own(3, [stamped("odom", "base_footprint", S), stamped("map", "odom", S)], conflicts)
-    assert kept == [stamped("robot_3/odom", "robot_3/base_footprint", S), stamped("map", "robot_3/odom", S)]
-    assert conflicts.all() == []
+    kept = merged(stamped("odom", "laser", S), stamped("map", "odom", S))
+    assert kept == ([stamped("robot_3/odom", "robot_3/laser", S), stamped("map", "robot_3/odom", S)], [])
 
 
 def test_a_transform_with_full_names_is_not_copied() -> None:
     """As the simulator publishes them: a message in memory and the bundle share it."""
     full, local = stamped("robot_3/odom", "robot_3/base_footprint", S), stamped("odom", "laser", S)
-    kept = keep_own(3, [full, local], Conflicts())
-    assert kept[0] is full
+    kept, _ = merged(full, local)
+    assert kept[1] is full
     assert local == stamped("odom", "laser", S)
 
 
@@ -51,10 +52,8 @@ def test_a_transform_with_full_names_is_not_copied() -> None:
 )
 def test_other_frames_are_left_out_and_reported(parent: str, child: str, text: str) -> None:
     """The text names the robot and the frame that is not its own; the next transform is kept."""
-    conflicts = Conflicts()
-    kept = keep_own(3, [stamped(parent, child, S), stamped("odom", "base_footprint", S)], conflicts)
-    assert kept == [stamped("robot_3/odom", "robot_3/base_footprint", S)]
-    assert conflicts.all() == [text]
+    kept = merged(stamped(parent, child, S), stamped("odom", "base_footprint", S))
+    assert kept == ([stamped("robot_3/odom", "robot_3/base_footprint", S)], [text])
 
 
 @pytest.mark.parametrize(

@@ -39,9 +39,7 @@ def test_the_source_of_the_highest_rank_gives_the_start_pose(first: Rank, second
         assert statics.put(Static(rank, _start_pose(float(rank)), rank.name)) is None
     assert _shown(statics) == [(ODOM, float(min(first, second)))]
     assert _x(buffer) == float(min(first, second))
-    known = statics.get(ODOM)
-    assert known is not None
-    assert known.authority == min(first, second).name
+    assert statics.holders[ODOM].authority == min(first, second).name
 
 
 @pytest.mark.parametrize(("first", "second"), [(Rank.TEAM_FILE, Rank.SIMULATOR), (Rank.CALLER, Rank.SIMULATOR)])
@@ -118,15 +116,6 @@ def test_a_refused_localiser_shadows_nothing() -> None:
     assert _x(buffer) == 1.0
     assert not statics.changed
     assert _shown(statics) == [(ODOM, 1.0)]
-
-
-def test_only_the_team_file_fixes_a_start_pose() -> None:
-    """Every other source gives way to a localiser; an unknown frame is not fixed either."""
-    for rank in SOURCES:
-        statics = StaticTransforms(Buffer())
-        assert not statics.is_fixed_by_team_file(ODOM)
-        statics.put(Static(rank, _start_pose(1.0), "source"))
-        assert statics.is_fixed_by_team_file(ODOM) is (rank == Rank.TEAM_FILE)
 
 
 def test_an_edge_that_is_said_anew_under_another_parent_goes_first() -> None:

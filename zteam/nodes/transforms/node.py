@@ -6,17 +6,31 @@ every robot of the tick, however long that takes.
 """
 
 import logging
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 
 from zteam import names
+from zteam.bus.presence import holder_text
+from zteam.bus.transport import RawSample
 from zteam.clock import Every, Rate, monotonic, to_ns
-from zteam.messages import JointState, TFMessage, Tick, TransformStamped, ns_from_time
+from zteam.messages import (
+    Header,
+    JointState,
+    Quaternion,
+    TFMessage,
+    Tick,
+    Transform,
+    TransformStamped,
+    Vector3,
+    ns_from_time,
+)
 from zteam.nodes.transforms.bundle import PATIENCE, Bundle
 from zteam.nodes.transforms.queries import serve_queries
-from zteam.nodes.transforms.static_sources import StaticSources
+from zteam.process_options import AggregatorOptions
 from zteam.runtime.lockstep import Participant
 from zteam.runtime.process_node import ProcessNode
-from zteam.tf.bases import base_stamp
+from zteam.runtime.tokens import GRACE, TokenLossFilter, TokenSet
+from zteam.services.transforms import StaticReply, StaticRequest
+from zteam.tf.merge import Merger, base_stamp
 from zteam.tf.urdf import Description
 
 log = logging.getLogger("zteam")
@@ -27,32 +41,28 @@ _MOST_CONFLICTS = 3
 """Lines a second: a sender can invent robots. 'zteam tf monitor' lists all."""
 
 
-def _open_tick(part: Participant, bundle: Bundle) -> int:
-    """Stamp (ns) of the tick of lock-step that is open, in which other processes send their frames; 0 in real time.
-
-    The tick itself may still be on its way; the transforms that it brings left before it.
-    """
-    return max(part.stamp, bundle.stamp) if part.active else 0
+_SESSION = holder_text(None, "")
 
 
 class Aggregator:
-    """The merged tree on the bus. Callbacks run under `node.changed`."""
+    """The merged tree on the bus. Callbacks run under `node.changed`.
+
+    A broadcaster's fixed frames have its session as their authority. A caller's fixed frame is dropped when the
+    caller's token is gone for good.
+    """
 
     def __init__(
-        self,
-        node: ProcessNode,
-        configured: Iterable[TransformStamped],
-        descriptions: Mapping[int, Description],
-        rate: float | None,
+        self, node: ProcessNode, options: AggregatorOptions, descriptions: Mapping[int, Description] | None = None
     ) -> None:
-        """The team file's fixed transforms, the robots' URDFs, and the bundles a second (None for one a tick)."""
+        """`descriptions` are those of `options`, read from their files."""
         self._node = node
-        self._given_rate = rate
+        self._given_rate = options.rate
         self._first_data = 0.0
         """Host time of the first moving transform; 0 before."""
-        self._descriptions = descriptions
-        self._sources = StaticSources(node, configured, self._publish_statics)
-        self._merger = self._sources.merger
+        self._descriptions = descriptions or {}
+        self._tokens = TokenSet()
+        self._lost_callers = TokenLossFilter()
+        self._merger = Merger(options.static_transforms, self._name_of)
         self._bundle = Bundle()
         self._last = TFMessage([])
         """The bundle that was sent last."""
@@ -61,11 +71,15 @@ class Aggregator:
         self._part = Participant(node, self._has_inputs, lambda _: self._flush(self._bundle.stamp), self._repeat)
         node.clock.sim.on_jump_back(self._on_jump_back)
         node.subscribe(names.all_robots_key(names.TF), TFMessage, self._on_tf)
-        self._sources.listen(self._on_statics)
-        serve_queries(node.bus, self._merger, lambda: self._last, self._sources.name_of)
-        for robot_id, description in descriptions.items():
+        # Every sample: the newest one of each broadcaster counts, and not of each key alone.
+        node.bus.subscribe_raw(names.all_robots_key(names.TF_STATIC), self._on_statics, latched=True)
+        node.bus.watch_link(self._on_link)
+        node.watch_tokens(names.tokens_key(), self._on_token)
+        node.bus.serve(names.service_key(names.AGGREGATOR, "static"), StaticRequest, self._add_static)
+        serve_queries(node.bus, self._merger, lambda: self._last)
+        for robot_id, description in self._descriptions.items():
             self._merger.describe(robot_id, description.static_transforms())
-        if descriptions:
+        if self._descriptions:
             node.subscribe(names.all_robots_key(names.JOINT_STATES), JointState, self._on_joint_states)
         self._publish_statics()
 
@@ -82,7 +96,9 @@ class Aggregator:
         if target is None or description is None:
             return
         frames = TFMessage(description.moving_transforms(message))
-        self._merger.take(target[0], frames, self._node.clock.now(), _open_tick(self._part, self._bundle))
+        # The open tick of lock-step may still be on its way; the transforms that it brings left before it.
+        tick = max(self._part.stamp, self._bundle.stamp) if self._part.active else 0
+        self._merger.take(target[0], frames, self._node.clock.now(), tick)
         if self._rate is None and not self._bundle.is_open and not self._part.active:
             # No bundle is being filled that they could travel with.
             self._flush()
@@ -124,9 +140,57 @@ class Aggregator:
         if self._last.transforms:
             self._tf.hand_over(self._last)
 
-    def _on_statics(self, robot_id: int) -> None:
-        self._bundle.place(robot_id)
-        self._part.advance()
+    def _on_statics(self, sample: RawSample) -> None:
+        target, message = names.split_robot_key(sample.key), self._node.bus.decode(sample, TFMessage)
+        if target is not None and message is not None:
+            with self._node.changed:
+                self._merger.take_static(target[0], message, _SESSION + sample.source, sample.timestamp)
+                self._publish_statics()
+                self._bundle.place(target[0])
+                self._part.advance()
+                self._node.changed.look()
+
+    def _name_of(self, authority: str) -> str | None:
+        """What users read for an authority; None for a session that holds no name: its process may have ended."""
+        if not authority.startswith(_SESSION):
+            return authority
+        with self._node.changed:
+            return self._tokens.name_of(authority.removeprefix(_SESSION))
+
+    def _on_token(self, key: str, alive: bool) -> None:
+        token = names.split_token_key(key)
+        if token is not None and token[0] == names.STATIC_CALLER:
+            self._lost_callers.take_token(key, alive, monotonic())
+        elif token is not None:
+            self._tokens.take(*token, alive)
+            self._merger.statics.look_again(_SESSION + token[1])
+            self._publish_statics()
+
+    def _on_link(self, up: bool) -> None:
+        with self._node.changed:
+            self._lost_callers.take_link(up, monotonic())
+
+    def _drop_lost(self, grace: float = GRACE) -> None:
+        """Drop the frames of callers that have had no token for `grace` host seconds (under `node.changed`)."""
+        for key in self._lost_callers.take_due(monotonic(), grace):
+            token = names.split_token_key(key)
+            if token is not None:
+                self._merger.statics.drop_authority(_caller(token[1]))
+        self._publish_statics()
+
+    def _add_static(self, request: StaticRequest) -> StaticReply:
+        rotation = Quaternion(request.qx, request.qy, request.qz, request.qw)
+        transform = TransformStamped(
+            Header(frame_id=names.strip_slash(request.parent)),
+            names.strip_slash(request.child),
+            Transform(Vector3(request.x, request.y, request.z), rotation),
+        )
+        with self._node.changed:
+            # The request came over the router, so the link is up and missing tokens are gone: their frames are free.
+            self._drop_lost(0.0)
+            refused = self._merger.add_static(transform, _caller(request.caller))
+            self._publish_statics()
+        return StaticReply(refused)
 
     def _on_jump_back(self, old: int, new: int) -> None:
         log.warning("time jumped back from %.1f s to %.1f s: moving transforms are forgotten", old / 1e9, new / 1e9)
@@ -150,8 +214,8 @@ class Aggregator:
             self._tf.hand_over(bundle)
 
     def _publish_statics(self) -> None:
-        if self._merger.statics_changed:
-            self._tf_static.put(self._merger.statics())
+        if self._merger.statics.changed:
+            self._tf_static.put(self._merger.statics.message())
 
     def run(self) -> None:
         """Send late bundles, and log conflicts, until the process is asked to stop."""
@@ -168,7 +232,7 @@ class Aggregator:
                     with self._node.changed:
                         self._flush()
             with self._node.changed:
-                self._sources.drop_lost()
+                self._drop_lost()
                 conflicts = self._merger.take_conflicts() if may_log.due() else []
             _log_conflicts(conflicts)
 
@@ -181,6 +245,10 @@ class Aggregator:
                 self._flush_late()
 
 
+def _caller(caller: str) -> str:
+    return f"{names.STATIC_CALLER} {caller}"
+
+
 def _log_conflicts(conflicts: list[str]) -> None:
     for conflict in conflicts[:_MOST_CONFLICTS]:
         log.warning("%s", conflict)
@@ -188,13 +256,8 @@ def _log_conflicts(conflicts: list[str]) -> None:
         log.warning("and %d more conflicts: 'zteam tf monitor' lists them", len(conflicts) - _MOST_CONFLICTS)
 
 
-def run_aggregator(
-    node: ProcessNode,
-    configured: Iterable[TransformStamped],
-    descriptions: Mapping[int, Description],
-    rate: float | None,
-) -> None:
+def run_aggregator(node: ProcessNode, options: AggregatorOptions, descriptions: Mapping[int, Description]) -> None:
     """Be the aggregator until asked to stop."""
-    aggregator = Aggregator(node, configured, descriptions, rate)
+    aggregator = Aggregator(node, options, descriptions)
     node.become_present()
     aggregator.run()

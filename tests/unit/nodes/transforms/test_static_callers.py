@@ -11,7 +11,7 @@ from zteam import names
 from zteam.bus import MemoryHub
 from zteam.errors import BusError
 from zteam.messages import TFMessage
-from zteam.nodes.transforms import static_sources
+from zteam.nodes.transforms import node
 from zteam.services.transforms import StaticReply, StaticRequest
 
 
@@ -98,7 +98,7 @@ def test_callers_have_time_to_find_the_router(
 ) -> None:
     """However long the router is away, frames go only with callers that stay away when it is back."""
     now = [1000.0]
-    monkeypatch.setattr(static_sources, "monotonic", lambda: now[0])
+    monkeypatch.setattr(node, "monotonic", lambda: now[0])
     desk.start()
     listener, strangers = Listener(hub), itertools.count()
 
