@@ -201,7 +201,7 @@ class LockStepHarness:
     def holds(self) -> bool:
         """Whether `LockStep.wait` waits, and nothing that has happened until now ends that."""
         assert self._looked.wait(LIMIT)
-        return not self._returned and not self.lockstep._tick.is_over
+        return not self._returned and not self.lockstep.tick.is_over
 
     def _wait(self) -> None:
         self._results.append(self.lockstep.wait(self._resend))
@@ -246,7 +246,7 @@ def make_team(hub: MemoryHub, harness: LockStepHarness, *process_names: str) -> 
     harness.open(1)
     assert harness.wait()
     harness.open(2)
-    assert harness.lockstep.participants == sorted(process_names)
+    assert harness.lockstep.tick.members == sorted(process_names)
     return participants
 
 

@@ -161,7 +161,9 @@ def test_answers_from_outside_count_with_a_token_alone(place: Place, monkeypatch
         ScriptedParticipant(place.outside, "planner").appear()
         harness.open(1)
         assert harness.wait()
-        wait_until_true(lambda: {*harness.lockstep.joining, *harness.lockstep.participants} == {"planner", "robot_0"})
+        wait_until_true(
+            lambda: {*harness.lockstep.tick.joining, *harness.lockstep.tick.members} == {"planner", "robot_0"}
+        )
         node.awake = False
         harness.open(2)
         harness.begin()
@@ -170,6 +172,6 @@ def test_answers_from_outside_count_with_a_token_alone(place: Place, monkeypatch
         assert harness.holds
         node.answer()
         assert harness.end()
-        assert harness.lockstep.participants == ["planner", "robot_0"]
+        assert harness.lockstep.tick.members == ["planner", "robot_0"]
     finally:
         harnesses.close()

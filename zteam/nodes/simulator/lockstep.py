@@ -1,14 +1,13 @@
 """The simulator's half of lock-step on the bus: it sends numbered ticks and waits for the participants' answers.
 
 A tick that is not answered is sent again, with its inputs, to the participants that owe an answer. `OpenTick` holds the
-rules by which a tick ends, `ResendSchedule` the times: both are pure. An answer counts from the session that holds the
-name. A first answer may overtake its session's token.
+rules by which a tick ends, `Patience` the times: both are pure. An answer counts from the session that holds the name.
+A first answer may overtake its session's token.
 """
 
 import logging
 import threading
 from collections.abc import Callable, Container
-from enum import Enum, auto
 
 from zteam import names
 from zteam.clock import HOST_FACTOR, monotonic, wait_until
@@ -41,40 +40,40 @@ _LONGEST_LOOK = 1.5
 """Host seconds between two looks at the silence, at most: more is a pause of this process, or of the machine."""
 
 
-class Silence(Enum):
-    """What to do about participants that have not answered."""
+class Patience:
+    """How long a tick waits for its answers, in host seconds: until it is sent again, and until the silent participants
+    are named in the log and dropped."""
 
-    WAIT = auto()
-    NAME = auto()
-    """Name them in the log."""
-    DROP = auto()
-    """Go on without them."""
-
-
-class ResendSchedule:
-    """The schedule of repeats, warnings and the time-out of one tick."""
-
-    def __init__(self, timeout: float) -> None:
-        """`timeout` in host seconds."""
-        self._timeout = timeout
+    def __init__(self, timeout: float, now: float) -> None:
+        self._timeout, self._looked = timeout, now
         self.delay = RESEND
-        """Host seconds until the next repeat."""
-        self._next_name = NAME_AFTER
-        """Host seconds of waiting after which the silent participants are named next."""
+        """Until the next repeat."""
+        self.start_anew()
+
+    def start_anew(self) -> None:
+        """The participants have the whole time again."""
+        self.waited, self._next_name = 0.0, NAME_AFTER
+
+    def look(self, now: float) -> None:
+        """Count the time since the last look."""
+        self.waited += min(now - self._looked, _LONGEST_LOOK)
+        self._looked = now
 
     def lengthen(self) -> None:
         """The tick was sent again: the next repeat comes later."""
         self.delay = min(MAX_RESEND, 2.0 * self.delay)
 
-    def judge(self, waited: float, held: bool) -> Silence:
-        """What to do after `waited` host seconds. A `held` first tick has no time-out: a start may take any time."""
-        if waited > self._timeout and not held:
-            self._next_name = NAME_AFTER
-            return Silence.DROP
-        if waited > self._next_name:
-            self._next_name = waited + _NAME_EVERY
-            return Silence.NAME
-        return Silence.WAIT
+    @property
+    def is_over(self) -> bool:
+        """Whether the silent participants are to be dropped."""
+        return self.waited > self._timeout
+
+    def names_silent(self) -> bool:
+        """Whether the silent participants are to be named now."""
+        is_due = self.waited > self._next_name
+        if is_due:
+            self._next_name = self.waited + _NAME_EVERY
+        return is_due
 
 
 class LockStep:
@@ -86,9 +85,8 @@ class LockStep:
         self._on_command = on_command
         self._timeout = options.timeout
         self._changed = threading.Condition()
-        self._tick = OpenTick(options.expected, gate=options.gate)
-        self._looked, self._waited = 0.0, 0.0
-        """Host time of the last look at the open tick's silence, and the host seconds of it that count."""
+        self.tick = OpenTick(options.expected, gate=options.gate)
+        """Only `waiting_for` and `take_commands` hold the lock for it."""
         self.resends = 0
         """How often a tick was sent again."""
         self._early: dict[tuple[str, str], Done | None] = {}
@@ -107,22 +105,22 @@ class LockStep:
     def _on_team_status(self, _key: str, status: TeamStatus) -> None:
         if status.state == TeamState.GO:
             with self._changed:
-                self._tick.take_go(status.epoch)
+                self.tick.take_go(status.epoch)
                 self._changed.notify_all()
 
     def _on_link(self, up: bool) -> None:
         # Without the link all tokens are gone, and with them all participants.
-        if not up and self._tick.note_lost_link():
-            log.error("the link to the router was lost in tick %d: its participants leave", self._tick.message.tick)
+        if not up and self.tick.note_lost_link():
+            log.error("the link to the router was lost in tick %d: its participants leave", self.tick.message.tick)
 
     def _on_token(self, key: str, alive: bool) -> None:
         token = names.split_token_key(key)
         if token is None or token[0] == names.SIMULATOR:
             return
         with self._changed:
-            if alive and self._tick.note_return(*token):
+            if alive and self.tick.note_return(*token):
                 log.error("%s was cut off, or frozen for longer than its lease: it missed ticks", token[0])
-            must_send = self._tick.take_token(*token, alive)
+            must_send = self.tick.take_token(*token, alive)
             early = self._early.pop(token, None) if alive else None
             if early is not None:
                 self._take(*token, early)
@@ -150,12 +148,12 @@ class LockStep:
 
     def _take(self, name: str, session: str, done: Done) -> bool:
         """Take an answer. False if its session does not hold `name`."""
-        if not self._tick.take_done(name, session, done):
+        if not self.tick.take_done(name, session, done):
             return False
         robot_id = names.robot_id_of(name)
         if done.has_command and robot_id is not None:
             self._on_command(robot_id)
-        if self._tick.needs_attention:
+        if self.tick.needs_attention:
             self._changed.notify_all()
         return True
 
@@ -166,59 +164,39 @@ class LockStep:
                 self._refuse(name, session)
 
     def _refuse(self, name: str, session: str) -> None:
-        holder = self._tick.barrier.name_of(session)
+        holder = self.tick.holders.name_of(session)
         sender = f"{holder} (session {session})" if holder else f"session {session or 'unknown'}"
         self._node.bus.counters.drop(names.done_key(name), f"{sender} does not hold the name {name}")
-
-    @property
-    def hung(self) -> list[str]:
-        """What was left behind so far."""
-        return self._tick.hung
-
-    @property
-    def participants(self) -> list[str]:
-        """The participants of the open tick."""
-        return list(self._tick.barrier.members)
-
-    @property
-    def joining(self) -> list[str]:
-        """The processes that take part from the next tick on."""
-        return sorted(self._tick.barrier.joining)
-
-    @property
-    def is_go(self) -> bool:
-        """Whether the open tick carries GO."""
-        return self._tick.message.epoch > 0
 
     def waiting_for(self) -> str:
         """What holds the world, in words; empty for nothing."""
         with self._changed:
-            return self._tick.waiting_for()
+            return self.tick.waiting_for()
 
     def take_commands(self, robots: Container[int]) -> dict[int, Twist]:
         """The commands that came with the answers, of robots that are in the world, by id."""
         with self._changed:
-            return self._tick.commands(robots)
+            return self.tick.commands(robots)
 
     def open(self, stamp: int, tick: int, robots: list[int]) -> None:
         """Send tick `tick` at simulated time `stamp` (ns), with these robots in the world."""
         with self._changed:
-            self._publisher.hand_over(self._tick.open(stamp, tick, robots))
-        self._looked, self._waited = monotonic(), 0.0
+            self._publisher.hand_over(self.tick.open(stamp, tick, robots))
+        self._patience = Patience(self._timeout, monotonic())
 
     def start_anew(self) -> None:
         """The world returns to its start: answers to earlier ticks no longer count."""
         with self._changed:
-            self._tick.start_anew()
+            self.tick.start_anew()
 
     def wait(self, resend: Resend) -> bool:
         """Wait until every participant has answered the open tick; False when the process is asked to stop."""
-        tick, stop, schedule = self._tick, self._node.stop, ResendSchedule(self._timeout)
+        tick, stop, patience = self.tick, self._node.stop, self._patience
         while not stop.requested:
             with self._changed:
                 if not tick.is_over:
                     wait_until(
-                        self._changed, lambda: tick.is_over or tick.must_reopen or stop.requested, schedule.delay
+                        self._changed, lambda: tick.is_over or tick.must_reopen or stop.requested, patience.delay
                     )
                 if tick.is_over:
                     tick.held = False
@@ -227,57 +205,52 @@ class LockStep:
             if must_reopen:
                 self._reopen(resend)
             else:
-                self._act_on_silence(resend, schedule)
+                self._act_on_silence(resend)
         return False
 
     def _send_again(self) -> None:
-        self._publisher.hand_over(self._tick.refreshed())
+        self._publisher.hand_over(self.tick.refreshed())
 
     def _reopen(self, resend: Resend) -> None:
         with self._changed:
-            self._publisher.hand_over(self._tick.reopen())
-            missing = self._tick.barrier.missing()
-        if not self._tick.has_time:
-            self._waited = 0.0
+            self._publisher.hand_over(self.tick.reopen())
+            missing = self.tick.missing()
+        if not self.tick.has_time:
+            self._patience.waited = 0.0
         if missing:
             resend(missing)
 
-    def _act_on_silence(self, resend: Resend, schedule: ResendSchedule) -> None:
-        now, held = monotonic(), self._tick.has_time
-        self._waited += min(now - self._looked, _LONGEST_LOOK)
-        self._looked, waited = now, self._waited
-        missing = self._tick.barrier.missing()
-        if missing or held:
-            self._repeat(resend, missing)
-            schedule.lengthen()
-        verdict = schedule.judge(waited, held)
-        if verdict is Silence.DROP:
-            self._drop(missing, waited)
-        elif verdict is Silence.NAME:
+    def _act_on_silence(self, resend: Resend) -> None:
+        patience, missing, has_time = self._patience, self.tick.missing(), self.tick.has_time
+        patience.look(monotonic())
+        if missing or has_time:
+            self.resends += bool(missing)
+            with self._changed:
+                self._send_again()
+                participants = self.tick.members
+            # A held tick is repeated to all: one that has answered may still lack what makes it ready.
+            resend(missing or participants)
+            patience.lengthen()
+        # A start may take any time.
+        if patience.is_over and not has_time:
+            self._drop(missing)
+        elif patience.names_silent():
             lacking = _ask_lacking(self._node)
             with self._changed:
                 # The last answer may have come meanwhile.
-                if self._tick.waiting_for():
-                    log.warning("%s", self._tick.complaint(waited, lacking))
+                if self.tick.waiting_for():
+                    log.warning("%s", self.tick.complaint(patience.waited, lacking))
 
-    def _repeat(self, resend: Resend, missing: list[str]) -> None:
-        self.resends += bool(missing)
+    def _drop(self, missing: list[str]) -> None:
         with self._changed:
-            self._send_again()
-            participants = self.participants
-        # A held tick is repeated to all: one that has answered may still lack what makes it ready.
-        resend(missing or participants)
-
-    def _drop(self, missing: list[str], waited: float) -> None:
-        with self._changed:
-            dropped = self._tick.drop_silent(missing)
+            dropped = self.tick.drop_silent(missing)
             self._send_again()
         for name in dropped:
             log.error(
                 "%s did not answer tick %d within %.0f s: the world goes on without it until it answers again",
-                name, self._tick.message.tick, waited,
+                name, self.tick.message.tick, self._patience.waited,
             )  # fmt: skip
-        self._waited = 0.0
+        self._patience.start_anew()
 
 
 def _ask_lacking(node: ProcessNode) -> dict[str, str]:

@@ -51,7 +51,7 @@ class Simulation:
         self.lockstep: LockStep | None = None
         if options.lockstep is not None:
             self.lockstep = LockStep(node, options.lockstep, self.commands.answered)
-            self.commands.count_outsiders(lambda: self.lockstep.participants if self.lockstep else ())
+            self.commands.count_outsiders(lambda: self.lockstep.tick.members if self.lockstep else ())
         self._clock = node.bus.publisher(names.CLOCK, Clock)
         self._observation: Observation | None = None
         self._announced: list[int] = []
@@ -140,7 +140,7 @@ class Simulation:
     def count(self) -> bool:
         """Count the engine's tick if GO was given; whether the time of the run is over with it."""
         engine, run_for, until = self.engine, self._options.run_for, self._options.until
-        if self.lockstep is not None and self.lockstep.is_go:
+        if self.lockstep is not None and self.lockstep.tick.message.epoch > 0:
             self.take_go(engine.now)
         is_last = until is not None and engine.tick + 1 >= until
         if self._go is None:
@@ -242,10 +242,10 @@ class Simulation:
             speed=self.pacer.speed,
             paused=self.pacer.paused,
             lockstep=lockstep is not None,
-            participants=lockstep.participants if lockstep else [],
-            joining=lockstep.joining if lockstep else [],
+            participants=lockstep.tick.members if lockstep else [],
+            joining=sorted(lockstep.tick.joining) if lockstep else [],
             waiting_for=lockstep.waiting_for() if lockstep else "",
-            hung=list(lockstep.hung) if lockstep else [],
+            hung=list(lockstep.tick.hung) if lockstep else [],
             finished=finished,
             instance=self._instance,
             writers=self.commands.writers(),
@@ -270,7 +270,7 @@ class Simulation:
             trajectory_sha256=run.trajectory_sha256,
             lockstep=lockstep is not None,
             resends=lockstep.resends if lockstep else 0,
-            hung=list(lockstep.hung) if lockstep else [],
+            hung=list(lockstep.tick.hung) if lockstep else [],
             timing_ms=self.profile.timing(),
             lateness_p99_ms=self.pacer.lateness_p99_ms,
         )

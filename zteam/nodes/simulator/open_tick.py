@@ -18,113 +18,30 @@ LINK = "router"
 """In `hung`, the router: the simulator has lost its link."""
 
 
-class Barrier:
-    """The participants of one simulator. Names are process names: `robot_1`, `tf`, …"""
+class OpenTick:
+    """The tick that the participants are to answer, and the rules by which it ends.
 
-    def __init__(self, expected: Iterable[str] = ()) -> None:
-        self.expected = frozenset(expected)
-        """The first tick is held until all of these take part."""
+    Names are process names: `robot_1`, `tf`, … One that is dropped lives, so an answer that it gave still counts.
+    """
+
+    def __init__(self, expected: Iterable[str] = (), *, gate: bool = True) -> None:
+        """The first tick is held until all `expected` processes take part and, with `gate`, until GO."""
+        self._expected = frozenset(expected)
+        self._gate = gate
         self.members: list[str] = []
-        """Participants of the open tick, sorted. The list is replaced, not changed: ticks that were sent hold it."""
+        """Participants, sorted. The list is replaced, not changed: ticks that were sent hold it."""
         self.joining: set[str] = set()
         """Processes that have answered and become participants with the next tick."""
         self.answers: dict[str, Done] = {}
-        """Answers to the open tick, by participant."""
+        """By participant."""
         self.left: set[str] = set()
         """Participants that have ended since the tick was opened. What they answered does not count: whether their
         answer or their end comes first is chance."""
+        self.holders = TokenSet()
         self._gone: set[tuple[str, str]] = set()
         """Names and sessions of participants that have left with their last token."""
-        self._owing: set[str] = set()
-        """Participants that have not answered the open tick."""
-        self._key = (0, 0)
-        self._holders = TokenSet()
-
-    def take_token(self, name: str, instance: str, alive: bool) -> None:
-        """The presence token of session `instance` for `name` came (`alive`) or went."""
-        self._holders.take(name, instance, alive)
-        if name in self._holders:
-            return
-        if name in self.members:
-            self.left.add(name)
-            self.answers.pop(name, None)
-            self._gone.add((name, instance))
-        self.drop(name)
-
-    def was_cut_off(self, name: str, session: str) -> bool:
-        """Whether the token that comes is that of a participant that left: it was frozen or without a link meanwhile.
-
-        A process that has ended comes back with another session. True once.
-        """
-        gone = (name, session) in self._gone
-        self._gone.discard((name, session))
-        return gone
-
-    def holds(self, name: str, session: str) -> bool:
-        """Whether this session holds this name."""
-        return session in self._holders.instances(name)
-
-    def name_of(self, session: str) -> str | None:
-        """A name that this session holds; None if it holds none."""
-        return self._holders.name_of(session)
-
-    def take_done(self, name: str, session: str, done: Done) -> bool:
-        """Take an answer. False if its session does not hold `name`: the answer is ignored."""
-        if not self.holds(name, session):
-            return False
-        counts = (done.epoch, done.tick) == self._key
-        if not (counts and name in self._owing) and name not in self.members:
-            self.joining.add(name)
-        elif counts:
-            self.answers[name] = done
-            self._owing.discard(name)
-            self.left.discard(name)
-        return True
-
-    def open(self, epoch: int, tick: int, *, admit: bool = True) -> list[str]:
-        """Open a tick and return its participants; `admit` lets in the processes that joined.
-
-        A tick that is opened again keeps its answers.
-        """
-        if (epoch, tick) != self._key:
-            self._key = (epoch, tick)
-            self.answers = {}
-            self.left = set()
-        if admit and self.joining:
-            self.members = sorted({*self.members, *self.joining})
-            self.joining.clear()
-        self._owing = {name for name in self.members if name not in self.answers}
-        return self.members
-
-    def missing(self) -> list[str]:
-        """Participants that have not answered the open tick."""
-        return [name for name in self.members if name in self._owing]
-
-    @property
-    def complete(self) -> bool:
-        """Whether every participant has answered."""
-        return not self._owing
-
-    @property
-    def absent(self) -> list[str]:
-        """Expected processes that neither take part nor join."""
-        return sorted(self.expected.difference(self.members, self.joining))
-
-    def drop(self, name: str) -> None:
-        """Stop waiting for this participant. An answer that it gave for the open tick stays."""
-        self.members = [member for member in self.members if member != name]
-        self._owing.discard(name)
-        self.joining.discard(name)
-
-
-class OpenTick:
-    """The tick that the participants are to answer, and the rules by which it ends."""
-
-    def __init__(self, expected: Iterable[str] = (), *, gate: bool = True) -> None:
-        self.barrier = Barrier(expected)
         self.held = True
         """Whether this is the first tick and may not end yet."""
-        self._gate = gate
         self._complete = False
         """Whether the held tick was sent with all expected processes, and with GO if there is a gate.
 
@@ -138,23 +55,40 @@ class OpenTick:
         self.message = Tick()
         """The tick as it was sent last, which is not changed any more; number 0 before the first one."""
 
-    def take_token(self, name: str, instance: str, alive: bool) -> bool:
-        """Take a presence token. True if the tick has to be sent again because of it."""
-        self.barrier.take_token(name, instance, alive)
+    def take_token(self, name: str, session: str, alive: bool) -> bool:
+        """The presence token of `session` for `name` came or went. True if the tick has to be sent again for that."""
+        self.holders.take(name, session, alive)
+        if name not in self.holders:
+            if name in self.members:
+                self.left.add(name)
+                self.answers.pop(name, None)
+                self._gone.add((name, session))
+            self._drop(name)
         self._changed = True
-        if self.message.tick == 0:
-            return False
         # A new process joins by answering a tick, and the next one may be far away. The other participants must learn
         # that the process that left is not to be waited for.
-        return alive or name in self.message.participants
+        return self.message.tick > 0 and (alive or name in self.message.participants)
+
+    def note_return(self, name: str, session: str) -> bool:
+        """A token has come. True, once, if it is that of a participant that had left: frozen or without a link.
+
+        A process that has ended comes back with another session.
+        """
+        back = (name, session) in self._gone and not self.held
+        self._gone.discard((name, session))
+        self.hung += [name] if back else []
+        return back
 
     def take_done(self, name: str, session: str, done: Done) -> bool:
-        """Take an answer. False if its session does not hold `name`."""
-        joining = len(self.barrier.joining)
-        if not self.barrier.take_done(name, session, done):
+        """Take an answer. False if its session does not hold `name`: the answer is ignored."""
+        if session not in self.holders.instances(name):
             return False
-        if len(self.barrier.joining) > joining:
-            self._changed = True
+        if name not in self.members:
+            self._changed = self._changed or name not in self.joining
+            self.joining.add(name)
+        elif (done.epoch, done.tick) == (self.message.epoch, self.message.tick):
+            self.answers[name] = done
+            self.left.discard(name)
         return True
 
     def take_go(self, epoch: int) -> None:
@@ -164,35 +98,49 @@ class OpenTick:
 
     def open(self, stamp: int, tick: int, robots: list[int]) -> Tick:
         """Open tick `tick` at simulated time `stamp` (ns), with these robots in the world."""
-        # A held tick admits no process and carries no GO until all can: an answer that was given with half the team
-        # present would depend on the order in which the processes came.
-        whole = self._complete or not (self.held and self.barrier.absent)
-        epoch = self._go_epoch if whole else 0
-        participants = self.barrier.open(epoch, tick, admit=whole)
-        self.message = Tick(time_from_ns(stamp), epoch, tick, np.array(robots, np.int32), participants)
-        self._note_complete()
-        self._changed = False
-        return self.message
+        return self._begin(Tick(time_from_ns(stamp), 0, tick, np.array(robots, np.int32)))
 
     def reopen(self) -> Tick:
-        """Open the held tick again, because processes joined or left or GO came."""
-        # GO is announced when all expected processes take part, so that all hear it in the same tick.
-        whole = self._complete or not self.barrier.absent
-        epoch = self._go_epoch if whole else self.message.epoch
-        self.message = msgspec.structs.replace(self.message, epoch=epoch)
-        self.barrier.open(epoch, self.message.tick, admit=whole)
-        self._note_complete()
+        """Open the held tick again, because processes joined or left or GO came. It keeps its answers without GO."""
+        return self._begin(self.message)
+
+    def _begin(self, tick: Tick) -> Tick:
+        # A held tick admits no process and carries no GO until all can: an answer that was given with half the team
+        # present would depend on the order in which the processes came, and all are to hear GO in the same tick.
+        if self._complete or not (self.held and self.absent):
+            tick = msgspec.structs.replace(tick, epoch=self._go_epoch)
+            self.members = sorted({*self.members, *self.joining}) if self.joining else self.members
+            self.joining.clear()
+        if (tick.epoch, tick.tick) != (self.message.epoch, self.message.tick):
+            self.start_anew()
+        self.message = tick
+        if (tick.epoch > 0 or not self._gate) and not self._expected.difference(self.members):
+            self._complete = True
         self._changed = False
         return self.refreshed()
 
     def refreshed(self) -> Tick:
         """The open tick with its current participants."""
-        self.message = msgspec.structs.replace(self.message, participants=self.barrier.members)
+        self.message = msgspec.structs.replace(self.message, participants=self.members)
         return self.message
 
     def start_anew(self) -> None:
-        """The world returns to its start: answers to earlier ticks no longer count."""
-        self.barrier.open(0, 0)
+        """The world returns to its start, or another tick is opened: earlier answers no longer count."""
+        self.message, self.answers, self.left = Tick(), {}, set()
+
+    def missing(self) -> list[str]:
+        """Participants that have not answered the open tick."""
+        return [name for name in self.members if name not in self.answers]
+
+    @property
+    def complete(self) -> bool:
+        """Whether every participant has answered."""
+        return all(map(self.answers.__contains__, self.members))
+
+    @property
+    def absent(self) -> list[str]:
+        """Expected processes that neither take part nor join."""
+        return sorted(self._expected.difference(self.members, self.joining))
 
     @property
     def must_reopen(self) -> bool:
@@ -207,43 +155,36 @@ class OpenTick:
     @property
     def needs_attention(self) -> bool:
         """Whether the wait for the answers may be over, or the tick may have to be opened again."""
-        return self._changed or self.barrier.complete
+        return self._changed or self.complete
 
     @property
     def is_over(self) -> bool:
         """Whether every participant has answered and the tick is not held."""
-        return self.barrier.complete and not (self.held and (self._changed or not self._complete))
-
-    def _note_complete(self) -> None:
-        released = self.message.epoch > 0 or not self._gate
-        if released and not self.barrier.expected.difference(self.barrier.members):
-            self._complete = True
+        return self.complete and not (self.held and (self._changed or not self._complete))
 
     def drop_silent(self, missing: list[str]) -> list[str]:
         """Drop those that are to blame for the silence of `missing`; their names. They may join again later."""
         # Robots wait for the aggregator's transforms: if it is silent, the robots' silence follows from that.
         culprits = [names.AGGREGATOR] if names.AGGREGATOR in missing else missing
         for name in culprits:
-            self.barrier.drop(name)
+            self._drop(name)
         self.hung += culprits
         self.held = False
         return culprits
+
+    def _drop(self, name: str) -> None:
+        self.members = [member for member in self.members if member != name]
+        self.joining.discard(name)
 
     def note_lost_link(self) -> bool:
         """The link to the router is lost. True if this changes the run."""
         self.hung += [] if self.held else [LINK]
         return not self.held
 
-    def note_return(self, name: str, session: str) -> bool:
-        """A token has come. True if it is that of a participant that had left, and did not end meanwhile."""
-        back = self.barrier.was_cut_off(name, session) and not self.held
-        self.hung += [name] if back else []
-        return back
-
     def waiting_for(self, lacking: Mapping[str, str] | None = None) -> str:
         """What holds the world, in words; empty for nothing. `lacking` says what some participants wait for."""
-        absent = self.barrier.absent if self.held and not self._complete else ()
-        silent = [_with_need(name, lacking) for name in sorted({*self.barrier.missing(), *absent})]
+        absent = self.absent if self.held and not self._complete else ()
+        silent = [_with_need(name, lacking) for name in sorted({*self.missing(), *absent})]
         if self.held and self._gate and not self._go_epoch:
             silent.append("the monitor's GO (zteam-monitor; zteam-sim --no-gate begins without)")
         return ", ".join(silent)
@@ -258,11 +199,11 @@ class OpenTick:
     def commands(self, robots: Container[int]) -> dict[int, Twist]:
         """The commands in the answers of robots that are in the world, by id: zero if their process has ended."""
         found: dict[int, Twist] = {}
-        for name in self.barrier.left:
+        for name in self.left:
             robot_id = names.robot_id_of(name)
             if robot_id is not None and robot_id in robots:
                 found[robot_id] = Twist()
-        for name, done in self.barrier.answers.items():
+        for name, done in self.answers.items():
             robot_id = names.robot_id_of(name)
             if done.has_command and robot_id is not None and robot_id in robots:
                 found[robot_id] = done.command

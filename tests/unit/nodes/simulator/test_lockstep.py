@@ -18,7 +18,7 @@ def test_a_world_without_participants_does_not_wait(new_harness: HarnessFactory)
     for tick in range(1, 4):
         harness.open(tick)
         assert harness.wait()
-    assert (harness.lockstep.participants, harness.lockstep.resends, harness.lockstep.waiting_for()) == ([], 0, "")
+    assert (harness.lockstep.tick.members, harness.lockstep.resends, harness.lockstep.waiting_for()) == ([], 0, "")
 
 
 @pytest.mark.usefixtures("patient")
@@ -30,7 +30,7 @@ def test_a_tick_tells_what_it_is(hub: MemoryHub, new_harness: HarnessFactory) ->
     tick = robot.heard[-1]
     assert (tick.tick, ns_from_time(tick.stamp), tick.epoch) == (3, 3 * INTERVAL, 0)
     assert (tick.robots.tolist(), tick.participants) == ([0, 4], ["robot_0"])
-    assert not harness.lockstep.is_go
+    assert not harness.lockstep.tick.message.epoch
 
 
 @pytest.mark.usefixtures("patient")
@@ -56,11 +56,11 @@ def test_a_new_process_receives_the_open_tick(hub: MemoryHub, new_harness: Harne
     make_team(hub, harness, "robot_0")
     assert harness.wait()
     late = ScriptedParticipant(hub, "planner").appear()
-    assert (harness.lockstep.joining, harness.lockstep.participants) == (["planner"], ["robot_0"])
+    assert (harness.lockstep.tick.joining, harness.lockstep.tick.members) == ({"planner"}, ["robot_0"])
     assert harness.wait()
     late.awake = False
     harness.open(3)
-    assert (harness.lockstep.joining, harness.lockstep.participants) == ([], ["planner", "robot_0"])
+    assert (harness.lockstep.tick.joining, harness.lockstep.tick.members) == (set(), ["planner", "robot_0"])
     harness.begin()
     assert harness.lockstep.waiting_for() == "planner"
     late.answer()
@@ -81,7 +81,7 @@ def test_the_end_of_a_process_ends_the_wait_for_it(hub: MemoryHub, new_harness: 
     assert harness.end()
     assert robot.lists[-2:] == [["robot_0", "tf"], ["robot_0"]]
     assert robot.heard[-1].tick == 3
-    assert (harness.lockstep.hung, harness.lockstep.resends) == ([], 0)
+    assert (harness.lockstep.tick.hung, harness.lockstep.resends) == ([], 0)
     harness.open(4)
     assert harness.wait()
     assert robot.lists[-1] == ["robot_0"]
@@ -101,7 +101,7 @@ def test_a_restarted_process_goes_on_where_the_old_one_was(hub: MemoryHub, new_h
     assert new.lists == [["robot_0"]]
     old.vanish()
     harness.open(4)
-    assert (harness.wait(), harness.lockstep.participants) == (True, ["robot_0"])
+    assert (harness.wait(), harness.lockstep.tick.members) == (True, ["robot_0"])
 
 
 @pytest.mark.usefixtures("patient")
@@ -170,7 +170,7 @@ def test_invented_sessions_keep_no_early_answer_out(
     late.say(Done(0, 3, True, Twist(Vector3(0.1))))
     late.appear()
     assert dropped() == 100
-    assert "robot_1" in {*harness.lockstep.joining, *harness.lockstep.participants}
+    assert "robot_1" in {*harness.lockstep.tick.joining, *harness.lockstep.tick.members}
 
 
 @pytest.mark.usefixtures("patient")
@@ -181,9 +181,9 @@ def test_an_answer_that_overtakes_its_token_counts(hub: MemoryHub, new_harness: 
     robot.asks = False
     harness.open(1)
     robot.say(Done(0, 1))
-    assert harness.lockstep.joining == []
+    assert harness.lockstep.tick.joining == set()
     robot.appear()
-    assert harness.lockstep.joining == ["robot_0"]
+    assert harness.lockstep.tick.joining == {"robot_0"}
     assert not any(count.dropped for count in harness.node.bus.counters.snapshot().values())
 
 

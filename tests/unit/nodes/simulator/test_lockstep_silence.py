@@ -96,7 +96,7 @@ def test_a_silent_participant_is_named_and_dropped(hub: MemoryHub, new_harness: 
         assert harness.wait()
     assert log.count("tick 3 waits for robot_1 for") == 1
     assert log.count("robot_1 did not answer tick 3") == 1
-    assert harness.lockstep.hung == ["robot_1"]
+    assert harness.lockstep.tick.hung == ["robot_1"]
     assert robot.lists[-1] == ["robot_0"]
     assert robot.heard[-1].tick == 3
 
@@ -114,12 +114,12 @@ def test_a_dropped_participant_comes_back_at_the_next_tick(hub: MemoryHub, new_h
     assert harness.wait()
     assert robot.lists[-1] == ["robot_0"]
     silent.say(Done(0, 3))
-    assert harness.lockstep.joining == ["robot_1"]
+    assert harness.lockstep.tick.joining == {"robot_1"}
     silent.awake = True
     harness.open(5)
     assert harness.wait()
-    assert harness.lockstep.participants == ["robot_0", "robot_1"]
-    assert harness.lockstep.hung == ["robot_1"]
+    assert harness.lockstep.tick.members == ["robot_0", "robot_1"]
+    assert harness.lockstep.tick.hung == ["robot_1"]
 
 
 @pytest.mark.usefixtures("hasty")
@@ -133,8 +133,8 @@ def test_only_the_aggregator_is_dropped_when_robots_wait_for_it(hub: MemoryHub, 
     harness.open(3)
     assert harness.wait()
     assert robot.lists[-1] == ["robot_0"]
-    assert harness.lockstep.hung == ["tf"]
-    assert harness.lockstep.participants == ["robot_0"]
+    assert harness.lockstep.tick.hung == ["tf"]
+    assert harness.lockstep.tick.members == ["robot_0"]
 
 
 @pytest.mark.usefixtures("hasty")
@@ -149,7 +149,7 @@ def test_after_a_drop_the_time_out_starts_again(hub: MemoryHub, new_harness: Har
     harness.open(3)
     assert harness.wait()
     assert monotonic() - begin >= 2 * timeout
-    assert harness.lockstep.hung == ["tf", "robot_0"]
+    assert harness.lockstep.tick.hung == ["tf", "robot_0"]
 
 
 @pytest.mark.usefixtures("hasty")
@@ -193,7 +193,7 @@ def test_a_pause_of_the_simulator_is_no_silence_of_the_others(
 
     harness.on_resend = freeze
     assert harness.wait()
-    assert harness.lockstep.hung == []
+    assert harness.lockstep.tick.hung == []
 
 
 @pytest.mark.usefixtures("patient")
@@ -205,14 +205,14 @@ def test_a_participant_that_was_cut_off_is_reported(hub: MemoryHub, new_harness:
     with captured_log() as log:
         first.vanish()
         ScriptedParticipant(hub, "robot_0").appear()
-        assert harness.lockstep.hung == []
+        assert harness.lockstep.tick.hung == []
         second.vanish()
         second.appear()
-    assert harness.lockstep.hung == ["robot_1"]
+    assert harness.lockstep.tick.hung == ["robot_1"]
     assert log.count("robot_1 was cut off, or frozen for longer than its lease: it missed ticks") == 1
     second.vanish()
     second.appear()
-    assert harness.lockstep.hung == ["robot_1"], "it had not taken part again"
+    assert harness.lockstep.tick.hung == ["robot_1"], "it had not taken part again"
 
 
 @pytest.mark.usefixtures("patient")
@@ -221,10 +221,10 @@ def test_a_lost_link_is_reported(hub: MemoryHub, new_harness: HarnessFactory) ->
     bus, link = cut_bus(hub)
     harness = new_harness(bus=bus)
     link.set_link(False)
-    assert harness.lockstep.hung == []
+    assert harness.lockstep.tick.hung == []
     make_team(hub, harness, "robot_0")
     with captured_log() as log:
         link.set_link(False)
         link.set_link(True)
-    assert harness.lockstep.hung == ["router"]
+    assert harness.lockstep.tick.hung == ["router"]
     assert log.count("the link to the router was lost in tick 2") == 1

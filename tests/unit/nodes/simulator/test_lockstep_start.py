@@ -38,7 +38,7 @@ def test_it_is_held_until_all_expected_processes_take_part(hub: MemoryHub, new_h
     for participant in (robot, aggregator):
         assert participant.lists[-1] == ["robot_0", "tf"]
         assert {tick.tick for tick in participant.heard} == {1}
-    assert harness.lockstep.participants == ["robot_0", "tf"]
+    assert harness.lockstep.tick.members == ["robot_0", "tf"]
 
 
 @pytest.mark.usefixtures("patient")
@@ -49,7 +49,7 @@ def test_processes_that_come_before_the_first_tick_take_part_in_it(hub: MemoryHu
     ScriptedParticipant(hub, "tf").appear()
     harness.open(1)
     assert harness.wait()
-    assert harness.lockstep.participants == ["robot_0", "tf"]
+    assert harness.lockstep.tick.members == ["robot_0", "tf"]
 
 
 @pytest.mark.usefixtures("patient")
@@ -63,7 +63,7 @@ def test_go_is_announced_when_all_expected_processes_take_part(hub: MemoryHub, n
     ScriptedMonitor(hub).give_go(5)
     aggregator = ScriptedParticipant(hub, "tf").appear()
     assert harness.end()
-    assert harness.lockstep.is_go
+    assert harness.lockstep.tick.message.epoch
     for participant in (robot, aggregator):
         told = [tick.participants for tick in participant.heard if tick.epoch == 5]
         assert told[0] == ["robot_0", "tf"]
@@ -79,7 +79,7 @@ def test_go_ends_the_hold(hub: MemoryHub, new_harness: HarnessFactory) -> None:
     harness.begin()
     robot.wait_for_list("robot_0")
     assert harness.lockstep.waiting_for().startswith(NO_GO)
-    assert not harness.lockstep.is_go
+    assert not harness.lockstep.tick.message.epoch
     robot.awake = False
     ScriptedMonitor(hub).give_go(2)
     robot.wait_for_epoch(2)
@@ -87,7 +87,7 @@ def test_go_ends_the_hold(hub: MemoryHub, new_harness: HarnessFactory) -> None:
     assert harness.holds
     robot.answer()
     assert harness.end()
-    assert harness.lockstep.is_go
+    assert harness.lockstep.tick.message.epoch
 
 
 @pytest.mark.usefixtures("patient")
@@ -190,7 +190,7 @@ def test_only_the_first_tick_is_held(hub: MemoryHub, new_harness: HarnessFactory
     harness.lockstep.start_anew()
     harness.open(1)
     assert harness.wait()
-    assert harness.lockstep.participants == ["robot_0"]
+    assert harness.lockstep.tick.members == ["robot_0"]
 
 
 @pytest.mark.usefixtures("hasty")
@@ -222,7 +222,7 @@ def test_no_participant_is_dropped_while_it_is_held(hub: MemoryHub, new_harness:
     harness.on_resend = count
     harness.open(1)
     assert harness.wait()
-    assert (harness.lockstep.hung, harness.lockstep.participants) == ([], ["robot_0"])
+    assert (harness.lockstep.tick.hung, harness.lockstep.tick.members) == ([], ["robot_0"])
 
 
 @pytest.mark.usefixtures("hasty")
@@ -237,7 +237,7 @@ def test_with_go_the_first_tick_has_a_time_out(hub: MemoryHub, new_harness: Harn
     robot.awake = False
     ScriptedMonitor(hub).give_go(1)
     assert harness.end()
-    assert (harness.lockstep.hung, harness.lockstep.participants) == (["robot_0"], ["tf"])
+    assert (harness.lockstep.tick.hung, harness.lockstep.tick.members) == (["robot_0"], ["tf"])
 
 
 @pytest.mark.usefixtures("patient")

@@ -3,51 +3,64 @@
 import pytest
 
 from zteam.messages import Done, Twist, Vector3
-from zteam.nodes.simulator.open_tick import Barrier, OpenTick
+from zteam.nodes.simulator.open_tick import OpenTick
 
 
-def take_names(barrier: Barrier, *names: str) -> None:
+def take_names(tick: OpenTick, *names: str) -> None:
     """Let processes take these names."""
     for name in names:
-        barrier.take_token(name, f"first-{name}", True)
+        tick.take_token(name, f"first-{name}", True)
 
 
-def lose_name(barrier: Barrier, name: str) -> None:
+def lose_name(tick: OpenTick, name: str) -> None:
     """Let the process that holds this name end."""
-    barrier.take_token(name, f"first-{name}", False)
+    tick.take_token(name, f"first-{name}", False)
 
 
-def join_all(barrier: Barrier, *names: str) -> None:
+def join_all(tick: OpenTick, *names: str) -> None:
     """Let processes take these names and answer some tick."""
-    take_names(barrier, *names)
+    take_names(tick, *names)
     for name in names:
-        assert barrier.take_done(name, f"first-{name}", Done(9, 9))
+        assert tick.take_done(name, f"first-{name}", Done(9, 9))
+
+
+def free_tick(*expected: str) -> OpenTick:
+    """No tick is held, and GO was given."""
+    tick = OpenTick(expected, gate=False)
+    tick.held = False
+    tick.take_go(1)
+    return tick
+
+
+def open_tick(tick: OpenTick, number: int) -> list[str]:
+    """Open a tick; its participants."""
+    return tick.open(0, number, []).participants
 
 
 @pytest.fixture
-def team() -> Barrier:
+def team() -> OpenTick:
     """Three participants at tick 1."""
-    barrier = Barrier()
-    join_all(barrier, "tf", "robot_1", "robot_0")
-    assert barrier.open(1, 1) == ["robot_0", "robot_1", "tf"]
-    return barrier
+    tick = free_tick()
+    join_all(tick, "tf", "robot_1", "robot_0")
+    assert open_tick(tick, 1) == ["robot_0", "robot_1", "tf"]
+    return tick
 
 
 def test_a_process_takes_part_from_the_tick_after_its_first_answer() -> None:
-    """A process joins with its first answer; the barrier waits for it from the next tick on."""
-    barrier = Barrier()
-    take_names(barrier, "robot_0")
-    assert barrier.open(1, 1) == []
-    assert barrier.complete
-    assert barrier.take_done("robot_0", "first-robot_0", Done(1, 1))
-    assert (barrier.joining, barrier.members) == ({"robot_0"}, [])
-    assert barrier.complete
-    assert barrier.open(1, 2) == ["robot_0"]
-    assert (barrier.joining, barrier.missing()) == (set(), ["robot_0"])
-    assert not barrier.complete
+    """A process joins with its first answer; the tick waits for it from the next tick on."""
+    tick = free_tick()
+    take_names(tick, "robot_0")
+    assert open_tick(tick, 1) == []
+    assert tick.complete
+    assert tick.take_done("robot_0", "first-robot_0", Done(1, 1))
+    assert (tick.joining, tick.members) == ({"robot_0"}, [])
+    assert tick.complete
+    assert open_tick(tick, 2) == ["robot_0"]
+    assert (tick.joining, tick.missing()) == (set(), ["robot_0"])
+    assert not tick.complete
 
 
-def test_a_tick_is_complete_with_the_last_answer(team: Barrier) -> None:
+def test_a_tick_is_complete_with_the_last_answer(team: OpenTick) -> None:
     """Answers may come in any order; `missing` is sorted by name."""
     for name, missing in (("robot_1", ["robot_0", "tf"]), ("tf", ["robot_0"]), ("robot_0", [])):
         assert not team.complete
@@ -56,7 +69,7 @@ def test_a_tick_is_complete_with_the_last_answer(team: Barrier) -> None:
     assert team.complete
 
 
-def test_an_answer_to_another_tick_is_not_the_answer(team: Barrier) -> None:
+def test_an_answer_to_another_tick_is_not_the_answer(team: OpenTick) -> None:
     """Answers to older or newer ticks, or to the same number under another epoch, have no effect."""
     for stray in (Done(1, 0), Done(1, 2), Done(0, 1), Done(2, 1)):
         assert team.take_done("tf", "first-tf", stray)
@@ -64,7 +77,7 @@ def test_an_answer_to_another_tick_is_not_the_answer(team: Barrier) -> None:
     assert team.answers == {}
 
 
-def test_the_newest_answer_to_a_tick_stands(team: Barrier) -> None:
+def test_the_newest_answer_to_a_tick_stands(team: OpenTick) -> None:
     """A participant that answers twice counts once, with its last answer."""
     team.take_done("robot_0", "first-robot_0", Done(1, 1, True, Twist(Vector3(0.1))))
     team.take_done("robot_0", "first-robot_0", Done(1, 1, True, Twist(Vector3(0.2))))
@@ -72,74 +85,75 @@ def test_the_newest_answer_to_a_tick_stands(team: Barrier) -> None:
     assert team.missing() == ["robot_1", "tf"]
 
 
-def test_a_new_tick_forgets_the_answers(team: Barrier) -> None:
+def test_a_new_tick_forgets_the_answers(team: OpenTick) -> None:
     """Every participant has to answer every tick."""
     for name in team.members:
         team.take_done(name, f"first-{name}", Done(1, 1))
     assert team.complete
-    assert team.open(1, 2) == ["robot_0", "robot_1", "tf"]
+    assert open_tick(team, 2) == ["robot_0", "robot_1", "tf"]
     assert team.answers == {}
     assert team.missing() == ["robot_0", "robot_1", "tf"]
 
 
-def test_a_tick_that_is_opened_again_keeps_its_answers(team: Barrier) -> None:
+def test_a_tick_that_is_opened_again_keeps_its_answers(team: OpenTick) -> None:
     """A process may join_all the open tick, which then waits for that process alone."""
     for name in team.members:
         team.take_done(name, f"first-{name}", Done(1, 1))
     join_all(team, "robot_2")
     assert team.complete
-    assert team.open(1, 1) == ["robot_0", "robot_1", "robot_2", "tf"]
+    assert open_tick(team, 1) == ["robot_0", "robot_1", "robot_2", "tf"]
     assert team.missing() == ["robot_2"]
 
 
-def test_go_opens_the_tick_anew(team: Barrier) -> None:
+def test_go_opens_the_tick_anew(team: OpenTick) -> None:
     """The same tick under another epoch is another tick: all have to answer it."""
     for name in team.members:
         team.take_done(name, f"first-{name}", Done(1, 1))
-    team.open(2, 1)
+    team.take_go(2)
+    open_tick(team, 1)
     assert team.missing() == ["robot_0", "robot_1", "tf"]
 
 
-def test_an_answer_without_a_token_is_refused(team: Barrier) -> None:
+def test_an_answer_without_a_token_is_refused(team: OpenTick) -> None:
     """Without a token of that name an answer neither joins nor counts."""
     assert not team.take_done("robot_9", "first-robot_9", Done(1, 1))
     assert (team.joining, team.answers) == (set(), {})
     lose_name(team, "tf")
     assert not team.take_done("tf", "first-tf", Done(1, 1))
-    assert team.open(1, 2) == ["robot_0", "robot_1"]
+    assert open_tick(team, 2) == ["robot_0", "robot_1"]
 
 
-def test_an_answer_of_a_session_that_holds_another_name_is_refused(team: Barrier) -> None:
+def test_an_answer_of_a_session_that_holds_another_name_is_refused(team: OpenTick) -> None:
     """The sender of a sample decides, not its key; the session has the name that it holds."""
     assert not team.take_done("robot_1", "first-robot_0", Done(1, 1, True, Twist(Vector3(1.0))))
     assert (team.answers, team.missing()) == ({}, ["robot_0", "robot_1", "tf"])
-    assert (team.name_of("first-robot_0"), team.name_of("first-robot_9")) == ("robot_0", None)
+    assert (team.holders.name_of("first-robot_0"), team.holders.name_of("first-robot_9")) == ("robot_0", None)
 
 
-def test_a_process_that_ended_is_not_waited_for(team: Barrier) -> None:
+def test_a_process_that_ended_is_not_waited_for(team: OpenTick) -> None:
     """A participant leaves with its token, and comes back like a new process."""
     team.take_done("robot_0", "first-robot_0", Done(1, 1))
     team.take_done("robot_1", "first-robot_1", Done(1, 1))
     lose_name(team, "tf")
-    assert not team.holds("tf", "first-tf")
+    assert "tf" not in team.holders
     assert team.complete
-    assert team.open(1, 2) == ["robot_0", "robot_1"]
+    assert open_tick(team, 2) == ["robot_0", "robot_1"]
     take_names(team, "tf")
-    assert team.holds("tf", "first-tf")
+    assert "tf" in team.holders
     assert team.missing() == ["robot_0", "robot_1"]
     join_all(team, "tf")
-    assert team.open(1, 3) == ["robot_0", "robot_1", "tf"]
+    assert open_tick(team, 3) == ["robot_0", "robot_1", "tf"]
 
 
 def test_a_process_that_ends_while_joining_does_not_take_part() -> None:
     """Its token goes between the answer and the next tick."""
-    barrier = Barrier()
-    join_all(barrier, "robot_0")
-    lose_name(barrier, "robot_0")
-    assert (barrier.joining, barrier.open(1, 1)) == (set(), [])
+    tick = free_tick()
+    join_all(tick, "robot_0")
+    lose_name(tick, "robot_0")
+    assert (tick.joining, open_tick(tick, 1)) == (set(), [])
 
 
-def test_a_name_lives_as_long_as_one_of_its_tokens(team: Barrier) -> None:
+def test_a_name_lives_as_long_as_one_of_its_tokens(team: OpenTick) -> None:
     """A process that is restarted shows the new token before the old one goes: the name stays in."""
     team.take_token("tf", "second", True)
     assert team.take_done("tf", "first-tf", Done(1, 0))
@@ -154,14 +168,14 @@ def test_a_name_lives_as_long_as_one_of_its_tokens(team: Barrier) -> None:
 
 def test_a_token_that_was_never_there_may_go() -> None:
     """The loss of an unknown token is no loss."""
-    barrier = Barrier()
-    lose_name(barrier, "robot_0")
-    assert not barrier.holds("robot_0", "first-robot_0")
-    join_all(barrier, "robot_0")
-    assert barrier.open(1, 1) == ["robot_0"]
+    tick = free_tick()
+    lose_name(tick, "robot_0")
+    assert "robot_0" not in tick.holders
+    join_all(tick, "robot_0")
+    assert open_tick(tick, 1) == ["robot_0"]
 
 
-def test_the_answer_of_a_process_that_ended_goes_with_it(team: Barrier) -> None:
+def test_the_answer_of_a_process_that_ended_goes_with_it(team: OpenTick) -> None:
     """Whether its answer or its end came first must not matter; the others are waited for."""
     team.take_done("robot_0", "first-robot_0", Done(1, 1, True, Twist(Vector3(0.3))))
     lose_name(team, "robot_0")
@@ -173,43 +187,43 @@ def test_the_answer_of_a_process_that_ended_goes_with_it(team: Barrier) -> None:
     assert team.complete
 
 
-def test_the_answer_of_a_dropped_process_stays(team: Barrier) -> None:
+def test_the_answer_of_a_dropped_process_stays(team: OpenTick) -> None:
     """It lives, and what it said counts."""
     command = Twist(Vector3(0.3))
     team.take_done("robot_0", "first-robot_0", Done(1, 1, True, command))
-    team.drop("robot_0")
+    team.drop_silent(["robot_0"])
     assert (team.answers["robot_0"].command, team.left) == (command, set())
 
 
-def test_a_dropped_participant_may_come_back(team: Barrier) -> None:
-    """The barrier does not wait for it; its next answer, to whatever tick, makes it join_all the next tick."""
-    team.drop("tf")
-    assert team.holds("tf", "first-tf")
+def test_a_dropped_participant_may_come_back(team: OpenTick) -> None:
+    """No tick waits for it; its next answer, to whatever tick, makes it join_all the next tick."""
+    team.drop_silent(["tf"])
+    assert "tf" in team.holders
     assert team.members == ["robot_0", "robot_1"]
     assert team.take_done("tf", "first-tf", Done(1, 1))
     assert (team.joining, team.missing()) == ({"tf"}, ["robot_0", "robot_1"])
-    assert team.open(1, 2) == ["robot_0", "robot_1", "tf"]
-    team.drop("unknown")
+    assert open_tick(team, 2) == ["robot_0", "robot_1", "tf"]
+    team.drop_silent(["unknown"])
     assert team.members == ["robot_0", "robot_1", "tf"]
 
 
 def test_an_expected_process_is_absent_until_it_joins() -> None:
     """Holding the name is not enough; and a process that leaves is absent again."""
-    barrier = Barrier(["tf", "robot_1", "robot_0"])
-    assert barrier.absent == ["robot_0", "robot_1", "tf"]
-    take_names(barrier, "tf")
-    assert barrier.absent == ["robot_0", "robot_1", "tf"]
-    join_all(barrier, "tf", "robot_7")
-    assert barrier.absent == ["robot_0", "robot_1"]
-    barrier.open(0, 1)
-    assert barrier.absent == ["robot_0", "robot_1"]
-    lose_name(barrier, "tf")
-    assert barrier.absent == ["robot_0", "robot_1", "tf"]
+    tick = free_tick("tf", "robot_1", "robot_0")
+    assert tick.absent == ["robot_0", "robot_1", "tf"]
+    take_names(tick, "tf")
+    assert tick.absent == ["robot_0", "robot_1", "tf"]
+    join_all(tick, "tf", "robot_7")
+    assert tick.absent == ["robot_0", "robot_1"]
+    open_tick(tick, 1)
+    assert tick.absent == ["robot_0", "robot_1"]
+    lose_name(tick, "tf")
+    assert tick.absent == ["robot_0", "robot_1", "tf"]
 
 
-def test_the_list_of_participants_does_not_change_in_place(team: Barrier) -> None:
+def test_the_list_of_participants_does_not_change_in_place(team: OpenTick) -> None:
     """The list that `open` returned stays as it was when a participant leaves."""
-    listed = team.open(1, 2)
+    listed = open_tick(team, 2)
     lose_name(team, "tf")
     assert listed == ["robot_0", "robot_1", "tf"]
     assert team.members == ["robot_0", "robot_1"]

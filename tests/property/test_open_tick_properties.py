@@ -1,10 +1,12 @@
-"""The barrier under any order of tokens, answers, ticks and drops."""
+"""The open tick under any order of tokens, answers, ticks and drops."""
+
+from collections.abc import Collection
 
 from hypothesis import given
 from hypothesis import strategies as st
 
 from zteam.messages import Done, Twist, Vector3
-from zteam.nodes.simulator.open_tick import Barrier
+from zteam.nodes.simulator.open_tick import OpenTick
 
 NAMES = st.sampled_from(["robot_0", "robot_1", "robot_10", "tf"])
 EPOCHS, TICKS = st.integers(0, 1), st.integers(1, 3)
@@ -15,8 +17,8 @@ DROPS = st.tuples(st.just("drop"), NAMES, st.just(0), st.just(0))
 STEPS = st.lists(st.one_of(TOKENS, ANSWERS, ANSWERS, OPENS, DROPS), max_size=80)
 
 
-class BarrierModel:
-    """The barrier in a few sets: what it should say after each step."""
+class TickModel:
+    """The open tick in a few sets: what it should say after each step."""
 
     def __init__(self) -> None:
         self.holders: dict[str, set[str]] = {}
@@ -31,12 +33,19 @@ class BarrierModel:
         self.joining.discard(name)
 
 
-def play(barrier: Barrier, model: BarrierModel, step: tuple[str, str, object, object], mark: float) -> None:
+def free_tick(expected: Collection[str]) -> OpenTick:
+    """Without a gate, and not held."""
+    tick = OpenTick(expected, gate=False)
+    tick.held = False
+    return tick
+
+
+def play(tick: OpenTick, model: TickModel, step: tuple[str, str, object, object], mark: float) -> None:
     """Apply one step to both."""
     what, name, first, second = step
     if what == "token":
         instance, alive = str(first), bool(second)
-        barrier.take_token(name, instance, alive)
+        tick.take_token(name, instance, alive)
         holders = model.holders.setdefault(name, set())
         (holders.add if alive else holders.discard)(instance)
         if not holders:
@@ -44,7 +53,7 @@ def play(barrier: Barrier, model: BarrierModel, step: tuple[str, str, object, ob
     elif what == "done":
         session, key = str(first), second
         assert isinstance(key, tuple)
-        taken = barrier.take_done(name, session, Done(*key, True, Twist(Vector3(mark))))
+        taken = tick.take_done(name, session, Done(*key, True, Twist(Vector3(mark))))
         assert taken == (session in model.holders.get(name, ()))
         if taken and name not in model.members:
             model.joining.add(name)
@@ -53,55 +62,59 @@ def play(barrier: Barrier, model: BarrierModel, step: tuple[str, str, object, ob
     elif what == "open":
         assert isinstance(first, int)
         assert isinstance(second, int)
-        if (first, second) != model.key:
-            model.key, model.said = (first, second), {}
+        tick.take_go(first)
+        key = max(first, model.key[0]), second
+        if key != model.key:
+            model.key, model.said = key, {}
         model.members |= model.joining
         model.joining = set()
-        assert barrier.open(first, second) == barrier.members
+        assert tick.open(0, second, []).participants == tick.members
     else:
-        barrier.drop(name)
+        tick.drop_silent([name])
         model.leave(name)
 
 
 @given(steps=STEPS, expected=st.sets(NAMES))
-def test_the_barrier_waits_for_its_members_alone(
-    steps: list[tuple[str, str, object, object]], expected: set[str]
-) -> None:
+def test_a_tick_waits_for_its_members_alone(steps: list[tuple[str, str, object, object]], expected: set[str]) -> None:
     """It is complete if and only if every member answered the open tick; members are alive, sorted, and had joined."""
-    barrier, model = Barrier(expected), BarrierModel()
+    tick, model = free_tick(expected), TickModel()
     answered: set[str] = set()
     for mark, step in enumerate(steps, start=1):
-        before = set(barrier.members)
-        play(barrier, model, step, float(mark))
+        before = set(tick.members)
+        play(tick, model, step, float(mark))
         if step[0] == "done":
             answered.add(step[1])
-        assert barrier.members == sorted(model.members)
-        assert len(barrier.members) == len(set(barrier.members))
-        assert barrier.joining == model.joining
-        assert not barrier.joining & set(barrier.members)
-        assert {name: done.command.linear.x for name, done in barrier.answers.items()} == model.said
-        assert barrier.missing() == [name for name in barrier.members if name not in model.said]
-        assert barrier.complete == (model.members <= set(model.said))
+        assert tick.members == sorted(model.members)
+        assert len(tick.members) == len(set(tick.members))
+        assert tick.joining == model.joining
+        assert not tick.joining & set(tick.members)
+        assert {name: done.command.linear.x for name, done in tick.answers.items()} == model.said
+        assert tick.missing() == [name for name in tick.members if name not in model.said]
+        assert tick.complete == (model.members <= set(model.said))
         # A process becomes a member only when a tick is opened, and only with a token and an answer. It leaves at once.
-        assert step[0] == "open" or set(barrier.members) <= before
-        assert set(barrier.members) | barrier.joining <= answered
-        assert all(model.holders[name] for name in {*barrier.members, *barrier.joining})
-        assert all(barrier.holds(name, each) == (each in held) for name, held in model.holders.items() for each in "ab")
-        assert barrier.absent == sorted(expected - set(barrier.members) - barrier.joining)
+        assert step[0] == "open" or set(tick.members) <= before
+        assert set(tick.members) | tick.joining <= answered
+        assert all(model.holders[name] for name in {*tick.members, *tick.joining})
+        assert all(
+            (each in tick.holders.instances(name)) == (each in held)
+            for name, held in model.holders.items()
+            for each in "ab"
+        )
+        assert tick.absent == sorted(expected - set(tick.members) - tick.joining)
 
 
 @given(steps=STEPS)
 def test_answers_are_kept_exactly_while_the_tick_is_the_same(steps: list[tuple[str, str, object, object]]) -> None:
     """Opening the open tick again keeps all answers and admits the joining processes; another tick has no answers."""
-    barrier, model = Barrier(), BarrierModel()
+    tick, model = free_tick(()), TickModel()
     for mark, step in enumerate(steps, start=1):
-        play(barrier, model, step, float(mark))
-        said, members, joining = dict(barrier.answers), set(barrier.members), set(barrier.joining)
-        barrier.open(*model.key)
-        assert barrier.answers == said
-        assert set(barrier.members) == members | joining
+        play(tick, model, step, float(mark))
+        said, members, joining = dict(tick.answers), set(tick.members), set(tick.joining)
+        tick.open(0, model.key[1], [])
+        assert tick.answers == said
+        assert set(tick.members) == members | joining
         model.members, model.joining = members | joining, set()
         if mark % 7 == 0:
-            barrier.open(9, 9)
-            assert barrier.answers == {}
-            model.key, model.said = (9, 9), {}
+            tick.open(0, 9, [])
+            assert tick.answers == {}
+            model.key, model.said = (model.key[0], 9), {}
