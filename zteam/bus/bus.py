@@ -1,17 +1,27 @@
 """The typed bus: messages, queries and presence tokens over any transport."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 from typing import Any, Generic, TypeVar
 
 import msgspec
 
-from zteam.bus.declarations import Holding, OpenDeclarations, Subscription
+from zteam.bus.holding import Held, Holding
 from zteam.bus.queries import NoRequest, Request, query_handler, read_replies
 from zteam.bus.receiving import Counters, Receiver
-from zteam.bus.transport import Closeable, Declaration, RawPublisher, RawSample, SampleHandler, Transport
+from zteam.bus.transport import (
+    Closeable,
+    Declaration,
+    Handle,
+    RawPublisher,
+    RawSample,
+    SampleHandler,
+    Transport,
+    check_use,
+)
 from zteam.errors import BusError, UsageError
-from zteam.messages import Message, encoding_of
+from zteam.messages import Message, encode, encoding_of
 from zteam.names import declarations_key, stats_key
 
 M = TypeVar("M", bound=Message)
@@ -28,21 +38,38 @@ def check_message_type(key: str, message_type: Any) -> None:
         raise UsageError(f"{key}: {shown} is no message type; take a class of zteam.messages, such as Twist")
 
 
-class Publisher(Generic[M]):
-    """Publishes messages of one type on one key."""
+class Publisher(Held[RawPublisher], Generic[M]):
+    """Publishes messages of one type on one key, from its opening on."""
 
-    def __init__(self, raw: RawPublisher, key: str, message_type: type[M], forget: Callable[[], object]) -> None:
-        """`forget()` is called when it is closed."""
-        self._raw = raw
+    def __init__(
+        self,
+        key: str,
+        message_type: type[M],
+        latched: bool,
+        declare: Callable[[], RawPublisher],
+        forget: Callable[[], object],
+    ) -> None:
+        """`declare()` opens it on the transport; `forget()` is called when it is closed."""
+        super().__init__(declare)
         self._forget = forget
         self._key = key
         self._type = message_type
-        self.hand_over: Callable[[M], None] = raw.hand_over
+        self._latched = latched
+        self._kept: bytes | None = None
+        """The last message from before its opening."""
+        self.hand_over: Callable[[M], None] = self._hand_over
         """As `put`, in less time, for a message that was made to be sent: neither it nor what it holds will be changed.
 
         In memory its receivers get this very message, so its numbers are plain and finite ones; only float32 fields are
         still narrowed, and arrays become read-only.
         """
+
+    def _opened(self) -> RawPublisher:
+        raw = self._declare()
+        if self._latched and self._kept is not None:
+            raw.put(self._kept)
+        self.hand_over = raw.hand_over
+        return raw
 
     @property
     def has_subscribers(self) -> bool:
@@ -50,11 +77,13 @@ class Publisher(Generic[M]):
 
         Always True for a latched publisher, whose last message late subscribers get, until it is closed.
         """
-        return self._raw.has_subscribers
+        raw = self._handle
+        return self._latched and not self._closed if raw is None else raw.has_subscribers
 
     def find_subscribers(self) -> bool:
         """As `has_subscribers`, by a question: for those that must know of a subscriber in the moment it is known."""
-        return self._raw.find_subscribers()
+        raw = self._handle
+        return self.has_subscribers if raw is None else raw.find_subscribers()
 
     def put(self, message: M) -> None:
         """Send without waiting: a message that finds no room in the queue is dropped. After `close` nothing is sent.
@@ -63,12 +92,27 @@ class Publisher(Generic[M]):
         """
         if type(message) is not self._type:
             raise UsageError(f"{self._key} carries {self._type.__name__}: put was given a {type(message).__name__}")
-        self._raw.put_message(message)
+        raw = self._handle
+        self._keep(message) if raw is None else raw.put_message(message)
+
+    def _hand_over(self, message: M) -> None:
+        raw = self._handle
+        self._keep(message) if raw is None else raw.hand_over(message)
+
+    def _keep(self, message: M) -> None:
+        payload = encode(message)
+        with self._lock:
+            raw = self._handle
+            if raw is None:
+                self._kept = payload
+                return
+        # It has been opened meanwhile.
+        raw.put(payload)
 
     def close(self) -> None:
         """Undeclare the publisher; from now on late subscribers of a latched key get nothing of it."""
         self._forget()
-        self._raw.close()
+        super().close()
 
 
 class Bus:
@@ -82,8 +126,9 @@ class Bus:
         self.counters = Counters()
         self._receiver = Receiver(self.counters)
         self.holding = Holding()
-        self._open = OpenDeclarations()
-        self.serve(declarations_key(self.instance), NoRequest, lambda _: self._open.read())
+        self._declared: dict[object, Declaration] = {}
+        """The open publishers and subscribers."""
+        self.serve(declarations_key(self.instance), NoRequest, lambda _: list(self._declared.values()))
 
     @property
     def instance(self) -> str:
@@ -103,18 +148,28 @@ class Bus:
         With `to_others`, subscribers of the same session get nothing from it and do not count as its subscribers.
         """
         check_message_type(key, message_type)
+        check_use("publish on", key, False)
         declare = partial(self.transport.declare_publisher, key, encoding_of(message_type), latched, to_others)
-        raw, forget = self._open.keep(
-            Declaration(key, self.instance, True), lambda: self.holding.publisher(key, latched, declare)
-        )
-        return Publisher(raw, key, message_type, forget)
+        with self._listed(key, True) as forget:
+            publisher = Publisher(key, message_type, latched, declare, forget)
+            self.holding.open(publisher)
+        return publisher
 
     def _subscribe(self, key_expr: str, handler: SampleHandler, latched: bool, stamped: bool) -> Closeable:
-        handle, forget = self._open.keep(
-            Declaration(key_expr, self.instance, False),
-            lambda: self.transport.declare_subscriber(key_expr, handler, latched, stamped),
-        )
-        return Subscription(handle, forget)
+        with self._listed(key_expr, False) as forget:
+            subscriber = self.transport.declare_subscriber(key_expr, handler, latched, stamped)
+        return Handle(forget, subscriber.close)
+
+    @contextmanager
+    def _listed(self, key: str, publishes: bool) -> Iterator[Callable[[], object]]:
+        """Lists what is opened within, before others can notice it; the call that takes it off the list again."""
+        place = object()
+        self._declared[place] = Declaration(key, self.instance, publishes)
+        try:
+            yield lambda: self._declared.pop(place, None)
+        except BaseException:
+            del self._declared[place]
+            raise
 
     def subscribe(
         self, key_expr: str, message_type: type[M], callback: Callable[[str, M], None], *, latched: bool = False
@@ -182,7 +237,9 @@ class Bus:
         the handler raises. A handler that has to wait returns a `Deferred`.
         """
         handle = query_handler(key, request_type, handler, self.counters)
-        return self.holding.declaration(lambda: self.transport.declare_queryable(key, handle), at_once)
+        served = Held(lambda: self.transport.declare_queryable(key, handle))
+        served.open() if at_once else self.holding.open(served)
+        return served
 
     def serve_stats(self, name: str) -> Closeable:
         """Answer `<name>/stats` with this process's counters."""
@@ -199,7 +256,10 @@ class Bus:
     def declarations(self) -> list[Declaration]:
         """The publishers and subscribers of all other sessions of zteam: each tells its own.
 
-        Those of other programs are missing: zteam does not ask the router for them (`zteam/bus/declarations.py`).
+        Those of other programs are missing. The router knows them, but zteam never asks it: a router that answers such
+        a query of its admin space, such as `@/*/router/publisher/**`, takes the lock of its tables a second time. If a
+        session opens in between, the router stands still for ever, and with it the whole team
+        (https://github.com/eclipse-zenoh/zenoh/pull/2619). Its own record, `@/*/router`, needs no such lock.
         """
         asked = declarations_key("*")
         replies = self.transport.get(asked, b"", _DECLARATIONS_TIMEOUT, to_others=True)

@@ -17,6 +17,7 @@ from zteam.bus.bus import Bus
 from zteam.bus.queries import DeferredAnswers, error_reply, make_answer
 from zteam.bus.transport import (
     Closeable,
+    Handle,
     QueryHandler,
     RawPublisher,
     RawSample,
@@ -63,20 +64,6 @@ class _Queryable(NamedTuple):
     key: str
     handler: QueryHandler
     deferred: DeferredAnswers
-
-
-class _Handle:
-    """A declaration; closing it twice does nothing."""
-
-    def __init__(self, close: Callable[[], object], forget: Callable[["_Handle"], object]) -> None:
-        self._close: Callable[[], object] | None = close
-        self._forget = forget
-
-    def close(self) -> None:
-        close, self._close = self._close, None
-        if close is not None:
-            self._forget(self)
-            close()
 
 
 class MemoryHub:
@@ -250,7 +237,7 @@ class MemoryTransport:
             handle.close()
 
     def _keep(self, close: Callable[[], object]) -> Closeable:
-        handle = _Handle(close, self._forget)
+        handle = Handle(lambda: self._forget(handle), close)
         self._open[handle] = None
         return handle
 

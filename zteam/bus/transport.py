@@ -90,6 +90,19 @@ class Closeable(Protocol):
         ...
 
 
+class Handle:
+    """A declaration that is taken back by these calls, in order and once."""
+
+    def __init__(self, *calls: Callable[[], object]) -> None:
+        self._calls = calls
+
+    def close(self) -> None:
+        """Take it back; a second call does nothing."""
+        calls, self._calls = self._calls, ()
+        for call in calls:
+            call()
+
+
 class RawPublisher(Closeable, Protocol):
     """Puts payloads or messages on one key."""
 

@@ -200,8 +200,7 @@ class ZenohPublisher(Declared):
     def put_message(self, message: Message) -> None:
         self.put(encode(message))
 
-    def hand_over(self, message: Message) -> None:
-        self.put(encode(message))
+    hand_over = put_message
 
 
 def stamping_as(session: zenoh.Session, source: str) -> Callable[[], zenoh.Timestamp]:

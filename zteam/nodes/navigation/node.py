@@ -14,7 +14,7 @@ from zteam import names
 from zteam.base import Base, BaseOverride, base_of, override_base
 from zteam.bus import NoRequest
 from zteam.bus.presence import Claim, own_info
-from zteam.bus.transport import RawSample
+from zteam.bus.transport import Handle, RawSample
 from zteam.errors import DecodeError, UsageError
 from zteam.messages import (
     BaseInfo,
@@ -181,7 +181,7 @@ class NavigationNode:
             claim.win(
                 lambda info: self._node.stop.request(f"process {info.pid} on {info.host} navigates the robot too")
             )
-            self._node.claim.under_name.append(_Release(claim))
+            self._node.claim.under_name.append(Handle(claim.release))
         self._node.on_stop(self._halt)
         self._transforms.ask()
         self._node.run(self.step, period=self._period)
@@ -218,13 +218,6 @@ def _listen_for_unreadable_goals(node: Node, inputs: Inputs) -> None:
                 inputs.unreadable_goal = str(error)
 
     node.bus.subscribe_raw(names.robot_key(inputs.robot_id, names.GOAL_POSE), check)
-
-
-class _Release:
-    """Gives a claimed name back where other things of a process are closed."""
-
-    def __init__(self, claim: Claim) -> None:
-        self.close = claim.release
 
 
 def run_navigation(
