@@ -11,7 +11,6 @@ from zteam.planning.controller import (
     PursuitOptions,
     RegulatedPurePursuit,
     Velocity,
-    stands_free,
     time_to_collision,
 )
 from zteam.planning.costmap import Costmap, CostmapOptions, Footprint, make_circle, make_costmap, make_footprint
@@ -24,7 +23,7 @@ from zteam.planning.scans import Scan, Teammate
 
 __all__ = [  # noqa: RUF022 - in the order of the imports
     "Amcl", "AmclOptions", "GoalChecker", "GoalOptions", "ProgressChecker", "ProgressOptions", "Velocity",
-    "stands_free", "time_to_collision", "BlockedError", "Controller", "PursuitOptions", "RegulatedPurePursuit",
+    "time_to_collision", "BlockedError", "Controller", "PursuitOptions", "RegulatedPurePursuit",
     "Costmap", "CostmapOptions", "make_costmap", "Footprint", "make_circle", "make_footprint", "Frame", "GridMap",
     "make_map", "read_map", "write_map", "read_options", "AStarOptions", "AStarPlanner", "NoPathError", "Plan",
     "Planner", "make_controller", "make_planner", "Recovery", "RecoveryOptions", "Scan", "Teammate",

@@ -28,11 +28,6 @@ class Velocity(NamedTuple):
     turn: float = 0.0
 
 
-def stands_free(costmap: Costmap, pose: Pose2) -> bool:
-    """Whether a robot at `pose` (in `map`) touches no lethal cell."""
-    return find_hit(costmap.costs, *_in_cells(costmap, pose), np.zeros(3), 0) < 0
-
-
 def time_to_collision(costmap: Costmap, pose: Pose2, velocity: Velocity, duration: float) -> float:
     """Seconds until a robot that drives with `velocity` from `pose` on touches a lethal cell; inf if not in `duration`.
 

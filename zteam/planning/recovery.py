@@ -45,16 +45,6 @@ class RecoveryOptions(NamedTuple):
     """Seconds after which it tries another motion than one that the safety layer, say, does not let happen."""
 
 
-class RecoveryStep(NamedTuple):
-    """What to do now."""
-
-    velocity: Velocity
-    is_over: bool
-    """Whether this behaviour has ended: plan and drive again."""
-    text: str
-    """The behaviour, and how it ended."""
-
-
 class Recovery:
     """The behaviours for one goal. `begin` starts the next one, `step` carries it out until it is over."""
 
@@ -76,11 +66,6 @@ class Recovery:
         """Which motion of a behaviour it tries."""
         self._free_at = 0.0
 
-    @property
-    def is_active(self) -> bool:
-        """Whether a behaviour has begun and is not over."""
-        return self.current is not None
-
     def reset(self) -> None:
         """A new goal, or progress: all behaviours may be tried again."""
         self.count, self.current = 0, None
@@ -99,56 +84,47 @@ class Recovery:
         self._way, self._free_at = 0, now
         return None
 
-    def step(self, now: float, pose: Pose2, costmap: Costmap, *, is_stopped: bool = False) -> RecoveryStep:
-        """What to do at `now` (s) with a robot at `pose`. It clears `costmap` itself.
+    def step(self, now: float, pose: Pose2, costmap: Costmap, *, is_stopped: bool = False) -> Velocity | None:
+        """What to do at `now` (s) with a robot at `pose`; None: the behaviour is over, plan and drive again.
 
-        `is_stopped`: something else, such as its safety layer, does not let the robot move.
+        It clears `costmap` itself. `is_stopped`: something else, such as its safety layer, does not let the robot move.
         """
-        if self.current is None:
-            return RecoveryStep(Velocity(), True, "no recovery")
         self._free_at = self._free_at if is_stopped else now
-        step = {
-            "wait": self._wait,
-            "clear_costmap": self._clear,
-            "back_up": self._back_up,
-            "spin": self._spin,
-        }[self.current](now, pose, costmap)
-        if not step.is_over and now - self._began > self.options.time_allowance:
-            step = RecoveryStep(Velocity(), True, f"{self.current}: out of time")
-        if step.is_over:
+        velocity = None
+        if self.current == "wait":
+            velocity = Velocity() if now - self._began < self.options.wait_duration else None
+        elif self.current == "clear_costmap":
+            costmap.clear_around(pose, self.options.clear_distance)
+            costmap.update()
+        elif self.current == "back_up":
+            velocity = self._back_up(now, pose, costmap)
+        elif self.current == "spin":
+            velocity = self._spin(now, pose, costmap)
+        if velocity is None or now - self._began > self.options.time_allowance:
             self.current = None
-        return step
+            return None
+        return velocity
 
-    def _wait(self, now: float, _pose: Pose2, _costmap: Costmap) -> RecoveryStep:
-        over = now - self._began >= self.options.wait_duration
-        return RecoveryStep(Velocity(), over, "waited" if over else "waits")
-
-    def _clear(self, _now: float, pose: Pose2, costmap: Costmap) -> RecoveryStep:
-        costmap.clear_around(pose, self.options.clear_distance)
-        costmap.update()
-        return RecoveryStep(Velocity(), True, "cleared the costmap")
-
-    def _back_up(self, now: float, pose: Pose2, costmap: Costmap) -> RecoveryStep:
+    def _back_up(self, now: float, pose: Pose2, costmap: Costmap) -> Velocity | None:
         if math.hypot(pose.x - self._from.x, pose.y - self._from.y) >= self.options.backup_dist:
-            return RecoveryStep(Velocity(), True, "backed up")
+            return None
         speed = -self.options.backup_speed
         # A robot that came in on an arc may come out on one only.
-        ways = [Velocity(speed, 0.0, speed * curvature) for curvature in _CURVATURES]
-        return self._move(ways, now, pose, costmap, "backs up")
+        return self._move([Velocity(speed, 0.0, speed * curvature) for curvature in _CURVATURES], now, pose, costmap)
 
-    def _spin(self, now: float, pose: Pose2, costmap: Costmap) -> RecoveryStep:
+    def _spin(self, now: float, pose: Pose2, costmap: Costmap) -> Velocity | None:
         self._turned += abs(normalize_angle(pose.yaw - self._last_yaw))
         self._last_yaw = pose.yaw
         if self._turned >= self.options.spin_dist:
-            return RecoveryStep(Velocity(), True, "turned")
+            return None
         rate = self.options.rotational_vel
-        return self._move([Velocity(turn=rate), Velocity(turn=-rate)], now, pose, costmap, "turns")
+        return self._move([Velocity(turn=rate), Velocity(turn=-rate)], now, pose, costmap)
 
-    def _move(self, ways: Sequence[Velocity], now: float, pose: Pose2, costmap: Costmap, text: str) -> RecoveryStep:
+    def _move(self, ways: Sequence[Velocity], now: float, pose: Pose2, costmap: Costmap) -> Velocity | None:
         """The first of these motions that nothing is in the way of, once tried not again."""
         for velocity in ways[self._way :]:
             is_blocked = time_to_collision(costmap, pose, velocity, self.options.simulate_ahead_time) < math.inf
             if not is_blocked and now - self._free_at <= self.options.stopped_allowance:
-                return RecoveryStep(velocity, False, text)
+                return velocity
             self._way, self._free_at = self._way + 1, now
-        return RecoveryStep(Velocity(), True, f"{text}: an obstacle is in the way")
+        return None

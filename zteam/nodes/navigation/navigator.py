@@ -224,11 +224,11 @@ class Navigator:
 
     def _recover(self, given: NavigatorInput, costmaps: Costmaps) -> Velocity:
         pose, clears = given.placed.pose, self._recovery.current == "clear_costmap"
-        step = self._recovery.step(given.now, pose, costmaps.local, is_stopped=given.is_stopped)
+        velocity = self._recovery.step(given.now, pose, costmaps.local, is_stopped=given.is_stopped)
         if clears:
             costmaps.clear_around(pose, self._parameters.recovery.clear_distance)
-        if not step.is_over:
-            return step.velocity
+        if velocity is not None:
+            return velocity
         self._progress.reset()
         self.plan_anew()
         return STOP

@@ -59,10 +59,10 @@ class Pilot:
         if self._checker.is_reached(pose, self.goal):
             self.result.reached = True
             return None
-        if self.recovery.is_active:
-            step = self.recovery.step(now, pose, self.costmap)
-            if not step.is_over:
-                return twist_of(step.velocity)
+        if self.recovery.current:
+            velocity = self.recovery.step(now, pose, self.costmap)
+            if velocity is not None:
+                return twist_of(velocity)
             self._planned = -math.inf
         try:
             command = self._drive(now, pose, Velocity(*robot.velocity))
