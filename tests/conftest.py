@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import support.examples  # noqa: F401 - its profile is that of all property tests
-from zteam.messages.cdr import check_adopted
+from support.adopted import check_adopted
 
 # A message that is handed over is not checked otherwise.
 check_adopted()

@@ -8,7 +8,6 @@ import os
 import threading
 import time
 from collections.abc import Callable, Iterator
-from typing import Protocol
 
 NS_PER_S = 1_000_000_000
 STILL = 2.0
@@ -88,22 +87,6 @@ def wait_until(condition: threading.Condition, ready: Callable[[], bool], timeou
     return condition.wait_for(ready, timeout)
 
 
-class Clock(Protocol):
-    """The time of a process; 0 while it is unknown."""
-
-    def now(self) -> int:
-        """Nanoseconds; 0 while unknown."""
-        ...
-
-
-class WallClock:
-    """The host's time, for teams without a simulator."""
-
-    def now(self) -> int:
-        """Nanoseconds since the Unix epoch."""
-        return time.time_ns()
-
-
 class SimClock:
     """Simulated time: it stands still between ticks and while no simulator runs."""
 
@@ -151,36 +134,29 @@ class AutoClock:
 
     def __init__(self) -> None:
         self.sim = SimClock()
-        self._wall: WallClock | None = None
-        self._simulated = False
+        self.simulated = self._wall = False
+        """Whether this is simulated time, or the host's."""
 
     @property
     def decided(self) -> bool:
         """Whether this clock is decided."""
-        return self._simulated or self._wall is not None
-
-    @property
-    def simulated(self) -> bool:
-        """Whether this is simulated time."""
-        return self._simulated
+        return self.simulated or self._wall
 
     def now(self) -> int:
         """Nanoseconds; 0 while undecided or before the simulator's first tick."""
-        return self._wall.now() if self._wall else self.sim.now()
+        return time.time_ns() if self._wall else self.sim.now()
 
     def steady(self) -> int:
         """Nanoseconds for measuring intervals: simulated time, or the host's monotonic clock, which is never set."""
-        return self.sim.now() if self._simulated else time.monotonic_ns()
+        return self.sim.now() if self.simulated else time.monotonic_ns()
 
     def use_simulated(self) -> None:
         """Decide for simulated time, unless decided: a simulator was seen."""
-        if self._wall is None:
-            self._simulated = True
+        self.simulated = not self._wall
 
     def use_wall(self) -> None:
         """Decide for wall time, unless decided: a base's data was seen without a simulator."""
-        if not self._simulated and self._wall is None:
-            self._wall = WallClock()
+        self._wall = not self.simulated
 
 
 class Every:

@@ -1,55 +1,35 @@
 """Which message goes over which key, for tools that receive a payload without an encoding."""
 
-from zteam import names
-from zteam.messages import (
-    BaseInfo,
-    Clock,
-    Done,
-    Log,
-    Message,
-    NavigationStatus,
-    OccupancyGrid,
-    Path,
-    PolygonStamped,
-    PoseArray,
-    PoseStamped,
-    PoseWithCovarianceStamped,
-    RobotStatus,
-    TeamStatus,
-    TFMessage,
-    Tick,
-    Twist,
-    TwistStamped,
-)
+from zteam import messages, names
 from zteam.world.devices import KINDS
 
-_TEAM: dict[str, type[Message]] = {
-    names.CLOCK: Clock,
-    names.MAP: OccupancyGrid,
-    names.TEAM_STATUS: TeamStatus,
-    names.TF: TFMessage,
-    names.TF_STATIC: TFMessage,
-    names.TICK: Tick,
+_TEAM: dict[str, type[messages.Message]] = {
+    names.CLOCK: messages.Clock,
+    names.MAP: messages.OccupancyGrid,
+    names.TEAM_STATUS: messages.TeamStatus,
+    names.TF: messages.TFMessage,
+    names.TF_STATIC: messages.TFMessage,
+    names.TICK: messages.Tick,
 }
 
-_ROBOT: dict[str, type[Message]] = {
-    names.AMCL_POSE: PoseWithCovarianceStamped,
-    names.BASE_INFO: BaseInfo,
-    names.CMD_VEL: Twist,
-    names.CMD_VEL_NAV: TwistStamped,
-    names.CMD_VEL_TELEOP: Twist,
-    names.GLOBAL_COSTMAP: OccupancyGrid,
-    names.GOAL_POSE: PoseStamped,
-    names.INITIAL_POSE: PoseWithCovarianceStamped,
-    names.LOCAL_COSTMAP: OccupancyGrid,
-    names.LOCAL_PLAN: Path,
-    names.NAVIGATION_STATUS: NavigationStatus,
-    names.PARTICLE_CLOUD: PoseArray,
-    names.PLAN: Path,
-    names.PUBLISHED_FOOTPRINT: PolygonStamped,
-    names.STATUS: RobotStatus,
-    names.TF: TFMessage,
-    names.TF_STATIC: TFMessage,
+_ROBOT: dict[str, type[messages.Message]] = {
+    names.AMCL_POSE: messages.PoseWithCovarianceStamped,
+    names.BASE_INFO: messages.BaseInfo,
+    names.CMD_VEL: messages.Twist,
+    names.CMD_VEL_NAV: messages.TwistStamped,
+    names.CMD_VEL_TELEOP: messages.Twist,
+    names.GLOBAL_COSTMAP: messages.OccupancyGrid,
+    names.GOAL_POSE: messages.PoseStamped,
+    names.INITIAL_POSE: messages.PoseWithCovarianceStamped,
+    names.LOCAL_COSTMAP: messages.OccupancyGrid,
+    names.LOCAL_PLAN: messages.Path,
+    names.NAVIGATION_STATUS: messages.NavigationStatus,
+    names.PARTICLE_CLOUD: messages.PoseArray,
+    names.PLAN: messages.Path,
+    names.PUBLISHED_FOOTPRINT: messages.PolygonStamped,
+    names.STATUS: messages.RobotStatus,
+    names.TF: messages.TFMessage,
+    names.TF_STATIC: messages.TFMessage,
 }
 """What a robot publishes or receives besides what is measured of it (`zteam.world.devices`)."""
 
@@ -64,12 +44,12 @@ def is_latched(key: str) -> bool:
     return (key if target is None else target[1]) in _LATCHED
 
 
-def type_of_key(key: str) -> type[Message] | None:
+def type_of_key(key: str) -> type[messages.Message] | None:
     """The type of the messages of a key (docs/keys.md), or None for a key that zteam does not use."""
     if names.split_done_key(key) is not None:
-        return Done
+        return messages.Done
     if names.split_log_key(key) is not None:
-        return Log
+        return messages.Log
     target = names.split_robot_key(key)
     if target is None:
         return _TEAM.get(key)

@@ -348,40 +348,12 @@ def adopt(message: M) -> M:
     """This very message as receivers in this process are to see it: the sender changes it no more, nor what it holds.
 
     Its float32 fields are narrowed, and its arrays become read-only. The sender answers for the rest: numbers are plain
-    ones that fit their fields, and finite where they must be (`check_adopted`).
+    ones that fit their fields, and finite where they must be.
     """
     change = _adopter(type(message))
     if change is not None:
         change(message)
-    if _checks:
-        _compare(message, decode(type(message), encode(message)))
     return message
-
-
-_checks: list[bool] = []
-"""Not empty: what is adopted is checked."""
-
-
-def check_adopted() -> None:
-    """Let `adopt` raise EncodeError for a message that its bytes would change. It costs time: use it in tests."""
-    _checks.append(True)
-
-
-def _compare(given: Any, due: Any) -> None:
-    """Raise EncodeError unless both are the same, types and precision included."""
-    if type(given) is not type(due):
-        raise EncodeError(f"{given!r} was handed over where a {type(due).__name__} is due")
-    if isinstance(due, Message):
-        for field in due.__struct_fields__:
-            _compare(getattr(given, field), getattr(due, field))
-    elif isinstance(due, list):
-        for mine, other in zip(given, due, strict=True):
-            _compare(mine, other)
-    elif isinstance(due, np.ndarray):
-        if given.dtype != due.dtype or given.flags.writeable:
-            raise EncodeError("an array was handed over that can be written, or has another type")
-    elif given != due and given == given:
-        raise EncodeError(f"{given!r} was handed over where {due!r} is due")
 
 
 def _read_only(value: Any, dtype: np.dtype[Any]) -> NDArray[Any]:

@@ -95,7 +95,7 @@ def robot_part(options: RobotOptions, transforms: Any = None) -> Part:
 
 
 def _navigation(options: NavigationOptions) -> Part:
-    from zteam.nodes.navigation.node import run_navigation
+    from zteam.nodes.navigation.node import NavigationNode
     from zteam.planning.parameters import navigation_of_robot
     from zteam.runtime.node import Node
 
@@ -107,7 +107,7 @@ def _navigation(options: NavigationOptions) -> Part:
     if unknown:
         log.warning("%d parameters are not known here and have no effect: %s", len(unknown), ", ".join(unknown))
     bases = {i: robot.base for i, robot in options.robots.items()}
-    return Part(lambda node: run_navigation(node, parameters, bases, options.seed), Node)
+    return Part(lambda node: NavigationNode(node, parameters, bases, options.seed).run(), Node)
 
 
 def _view(options: ViewOptions) -> Part:

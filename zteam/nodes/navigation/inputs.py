@@ -17,13 +17,11 @@ from zteam.messages import (
     RobotDriver,
     RobotState,
     RobotStatus,
-    TFMessage,
-    Tick,
 )
 from zteam.planning.scans import Scan, Teammate
-from zteam.runtime.node import Node
+from zteam.runtime.node import Node, TransformListener
 from zteam.services.transforms import Lookup, LookupReply, LookupRequest
-from zteam.tf import Buffer, FrameInfo, TransformException
+from zteam.tf import FrameInfo, TransformException
 
 log = logging.getLogger("zteam")
 
@@ -34,28 +32,24 @@ OLD = 1_000_000_000
 for its localiser)."""
 
 
-class TeamTransforms:
-    """A buffer fed by `tf` and `tf_static`, and where robots were before this process came.
+class TeamTransforms(TransformListener):
+    """The team's transforms, and where robots were before this process came.
 
     A localiser publishes `map -> robot_N/odom` as moving data. If it has ended, nothing sends it again, and the start
     pose that it replaced is not published any more; only the aggregator knows it.
     """
 
     def __init__(self, node: Node) -> None:
-        self.buffer = Buffer()
-        self._node = node
-        self._left: dict[int, Pose2] = {}
-        """The `map -> robot_N/odom` of localisers of before, by robot."""
-        self._connected: set[int] = set()
-        node.on_time_reset(self._forget)
-        node.subscribe(names.TF, TFMessage, self._take, every_tick=True)
-        node.subscribe(names.TF_STATIC, TFMessage, self._take_static, latched=True)
-        node.need(self._lacks)
+        super().__init__(node)
+        self._bus = node.bus
+        self.left: dict[int, Pose2] = {}
+        """The `map -> robot_N/odom` that localisers of before have left, by robot."""
+        node.on_time_reset(self.left.clear)
 
     def ask(self) -> None:
         """Ask the aggregator, if there is one, where localisers of before have put robots. Before the first step."""
         try:
-            answers = self._node.bus.query(
+            answers = self._bus.query(
                 names.service_key(names.AGGREGATOR, "frames"), dict[str, FrameInfo], NoRequest(), timeout=_ANSWER_LIMIT
             )
             frames = answers[0][1] if answers else {}
@@ -63,7 +57,7 @@ class TeamTransforms:
             if moving:
                 request = LookupRequest([Lookup(names.MAP_FRAME, child) for child in moving])
                 key = names.service_key(names.AGGREGATOR, "lookup")
-                replies = self._node.bus.ask(key, list[LookupReply], request, timeout=_ANSWER_LIMIT)
+                replies = self._bus.ask(key, list[LookupReply], request, timeout=_ANSWER_LIMIT)
                 self._keep(dict(zip(moving, replies, strict=True)))
         except BusError as error:
             log.debug("%s", error)
@@ -73,32 +67,8 @@ class TeamTransforms:
             robot_id = names.robot_id_of(child.partition("/")[0])
             if robot_id is not None and child == names.robot_frame(robot_id, names.ODOM) and not reply.error:
                 x, y, _ = reply.translation
-                self._left[robot_id] = Pose2(x, y, yaw_from_quaternion(*reply.rotation))
-
-    def left(self, robot_id: int) -> Pose2 | None:
-        """The `map -> robot_N/odom` that a localiser of before has left."""
-        return self._left.get(robot_id)
-
-    def _take(self, _key: str, message: TFMessage) -> None:
-        self.buffer.set_transforms(message.transforms, names.TF)
-
-    def _take_static(self, _key: str, message: TFMessage) -> None:
-        self.buffer.set_all_static(message.transforms, names.TF)
-
-    def _forget(self) -> None:
-        self.buffer.clear()
-        self._left.clear()
-
-    def _lacks(self, tick: Tick) -> list[str]:
-        """Lock-step: the key of the fixed transforms, which may come after the first bundle."""
-        if names.AGGREGATOR not in tick.participants:
-            return []
-        for robot_id in sorted({*tick.robots.tolist()} - self._connected - self._left.keys()):
-            base = names.robot_frame(robot_id, names.BASE_FOOTPRINT)
-            if self.buffer.latest_common_time(names.MAP_FRAME, base) is None:
-                return [names.TF_STATIC]
-            self._connected.add(robot_id)
-        return []
+                self.left[robot_id] = Pose2(x, y, yaw_from_quaternion(*reply.rotation))
+                self._connected.add(robot_id)
 
 
 class StampedPose(NamedTuple):
@@ -158,7 +128,7 @@ class Inputs:
     def known_pose(self) -> Pose2 | None:
         """The base in `map` as the transforms say, or as a localiser of before has left it."""
         found, odom = self.find(names.MAP_FRAME, self.base_frame), self.odom_pose(0)
-        left = self._transforms.left(self.robot_id)
+        left = self._transforms.left.get(self.robot_id)
         if found is not None:
             return found.pose
         return None if left is None or odom is None else left.compose(odom)

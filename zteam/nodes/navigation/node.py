@@ -218,10 +218,3 @@ def _listen_for_unreadable_goals(node: Node, inputs: Inputs) -> None:
                 inputs.unreadable_goal = str(error)
 
     node.bus.subscribe_raw(names.robot_key(inputs.robot_id, names.GOAL_POSE), check)
-
-
-def run_navigation(
-    node: Node, parameters: Mapping[int, Parameters], overrides: Mapping[int, BaseOverride], seed: int
-) -> None:
-    """Navigate these robots until asked to stop."""
-    NavigationNode(node, parameters, overrides, seed).run()
