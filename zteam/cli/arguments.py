@@ -24,12 +24,12 @@ LOCKSTEP_TIMEOUTS = (1e-3, 3600.0)
 
 def number(low: float, high: float, what: str) -> Callable[[str], float]:
     """The `type` of an option: a number from `low` to `high`; the error asks for `what`, such as "seconds"."""
-    return _option_type(lambda text: parse_number(text, low, high, what))
+    return option_type(lambda text: parse_number(text, low, high, what))
 
 
 def whole(low: int, high: int, what: str) -> Callable[[str], int]:
     """The `type` of an option: a whole number from `low` to `high`; the error asks for `what`."""
-    return _option_type(lambda text: parse_whole(text, low, high, what))
+    return option_type(lambda text: parse_whole(text, low, high, what))
 
 
 def one_of(choices: Sequence[str]) -> Callable[[str], str]:
@@ -40,10 +40,12 @@ def one_of(choices: Sequence[str]) -> Callable[[str], str]:
             raise UsageError(f"{text!r}: give {', '.join(choices)}")
         return text
 
-    return _option_type(parse)
+    return option_type(parse)
 
 
-def _option_type(parse: Callable[[str], T]) -> Callable[[str], T]:
+def option_type(parse: Callable[[str], T]) -> Callable[[str], T]:
+    """The `type` of an option whose words `parse` reads, or refuses by a UsageError."""
+
     def parse_option(text: str) -> T:
         try:
             return parse(text)

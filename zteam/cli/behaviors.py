@@ -1,20 +1,19 @@
 """`zteam behaviors [NAME]`: list the behaviours that robots can run, and the parameters of one of them."""
 
 import argparse
-from collections.abc import Sequence
+from functools import partial
 
 import msgspec
 
 from zteam.behaviors.registry import BehaviorInfo, behavior_names, describe_behavior, look_in
 from zteam.cli.arguments import add_path_option
-from zteam.cli.interrupts import leave
-from zteam.cli.options import Parser, add_log_options, run
+from zteam.cli.options import Parser, add_log_options, run_tool
 from zteam.cli.parameter_table import format_parameters
 from zteam.cli.tables import format_table, terminal_width
 from zteam.errors import UsageError
 
 
-def build_parser() -> argparse.ArgumentParser:
+def build_parser() -> Parser:
     """The command line."""
     parser = Parser(prog="zteam behaviors", description=__doc__)
     parser.add_argument(
@@ -27,12 +26,6 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument("--json", action="store_true", help="print JSON")
     add_log_options(parser)
     return parser
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point."""
-    args = build_parser().parse_args(argv)
-    return run("zteam behaviors", args, lambda: _show(args))
 
 
 def _show(args: argparse.Namespace) -> int:
@@ -70,5 +63,4 @@ def format_behavior(info: BehaviorInfo) -> str:
     return "\n".join(lines)
 
 
-if __name__ == "__main__":
-    leave(main())
+main = partial(run_tool, build_parser, _show)

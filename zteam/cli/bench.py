@@ -2,13 +2,14 @@
 
 import argparse
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import msgspec
 
 from zteam.cli.arguments import number, whole
-from zteam.cli.interrupts import leave, raise_from_now
-from zteam.cli.options import Parser, add_log_options, run
+from zteam.cli.interrupts import raise_from_now
+from zteam.cli.options import Parser, add_log_options, run_tool
 from zteam.cli.tables import format_table
 from zteam.errors import UsageError
 from zteam.numbers import MAX_SECONDS, counted
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from zteam.cli.bench_team import InProcessFigures, TeamFigures
 
 
-def build_parser() -> argparse.ArgumentParser:
+def build_parser() -> Parser:
     """The command line."""
     parser = Parser(prog="zteam bench", description=__doc__)
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="sim|team")
@@ -54,12 +55,6 @@ def _add_number(
     parser: argparse.ArgumentParser, option: str, kind: Callable[[str], float], default: float, text: str
 ) -> None:
     parser.add_argument(option, type=kind, default=default, metavar="N", help=f"{text} (default: %(default)g)")
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point."""
-    args = build_parser().parse_args(argv)
-    return run("zteam bench", args, lambda: _bench(args))
 
 
 def _bench(args: argparse.Namespace) -> int:
@@ -182,5 +177,4 @@ def _run_of(row: "TeamFigures") -> list[tuple[str, str]]:
     ]
 
 
-if __name__ == "__main__":
-    leave(main())
+main = partial(run_tool, build_parser, _bench)

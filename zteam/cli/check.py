@@ -5,16 +5,15 @@ import contextlib
 import os
 import sys
 from collections.abc import Iterable, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import msgspec
 
 from zteam.behaviors.registry import find_behavior, look_in
 from zteam.cli.arguments import add_path_option
-from zteam.cli.interrupts import leave
-from zteam.cli.options import Parser, add_log_options, checked, run
-from zteam.cli.zteam_robot import add_param_option, parse_param
+from zteam.cli.options import Parser, add_log_options, run_tool
+from zteam.cli.zteam_robot import add_param_option
 
 # Trials import the simulator, which takes a moment: a mistake in the command line is said before.
 TYPE_CHECKING = False
@@ -26,7 +25,7 @@ _WIDTH = 31
 """Columns of a trial's name."""
 
 
-def build_parser() -> argparse.ArgumentParser:
+def build_parser() -> Parser:
     """The command line."""
     parser = Parser(prog="zteam check", description=__doc__)
     parser.add_argument("name", metavar="NAME", help="package.module:Class, or a name such as wander")
@@ -37,14 +36,7 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point."""
-    args = build_parser().parse_args(argv)
-    params = checked(args, lambda: dict(map(parse_param, args.param)))
-    return run("zteam check", args, lambda: _check(args, params))
-
-
-def _check(args: argparse.Namespace, params: dict[str, Any]) -> int:
+def _check(args: argparse.Namespace) -> int:
     out, results = sys.stdout, []
     look_in([*args.path, ""])
     # What the author's own code prints must not come among the results, and its steps are hundreds.
@@ -53,7 +45,7 @@ def _check(args: argparse.Namespace, params: dict[str, Any]) -> int:
     from zteam.trials.check import run_trials, trial_names
 
     with Path(os.devnull).open("w") as nowhere, contextlib.redirect_stdout(nowhere):
-        for result in run_trials(args.name, kind, params):
+        for result in run_trials(args.name, kind, dict(args.param)):
             results.append(result)
             if not args.json:
                 print(_row(result), file=out, flush=True)
@@ -103,5 +95,4 @@ def _paragraph(head: str, shown: Iterable[tuple["Fault", str]]) -> list[str]:
     return lines + [f"   {word}: {text}" for word, text in parts.items() if text]
 
 
-if __name__ == "__main__":
-    leave(main())
+main = partial(run_tool, build_parser, _check)

@@ -8,6 +8,8 @@ import threading
 from collections import defaultdict
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
+from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TypeVar
@@ -23,11 +25,10 @@ from zteam.bus.receiving import KeyCount
 from zteam.bus.router import find_local_routers, read_admin
 from zteam.bus.topics import type_of_key
 from zteam.bus.transport import RawSample
-from zteam.cli.interrupts import leave
 from zteam.cli.listening import SURVEY, Waiter, open_bus
 from zteam.cli.live_line import has_color
 from zteam.cli.node import find_nodes, writer_names
-from zteam.cli.options import Parser, add_bus_options, bus_options, run
+from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
 from zteam.cli.tables import terminal_width
 from zteam.cli.tf_displays import ask_frames
 from zteam.diagnosis.checks import check_team
@@ -243,12 +244,10 @@ def _find_processes(options: BusOptions) -> list[tuple[str, str]]:
         if alive and token is not None:
             found.append(token[:2])
 
-    bus = connect(msgspec.structs.replace(options, connect=options.endpoint, namespace=None), patience=1.0)
-    try:
+    everywhere = msgspec.structs.replace(options, connect=options.endpoint, namespace=None)
+    with closing(connect(everywhere, patience=1.0)) as bus:
         bus.watch_tokens([names.all_tokens_key()], take)
         Waiter().wait(lambda: False, _SETTLE, "")
-    finally:
-        bus.close()
     return found
 
 
@@ -256,7 +255,7 @@ _COLORS: dict[Level, int] = {"ok": 32, "note": 33, "problem": 31}
 _NEXT = "-> "
 
 
-def build_parser() -> argparse.ArgumentParser:
+def build_parser() -> Parser:
     """The command line."""
     parser = Parser(prog="zteam doctor", description=__doc__)
     parser.add_argument("--map", metavar="FILE.yaml", help="also compare this map_server file with the running world")
@@ -265,23 +264,14 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point."""
-    args = build_parser().parse_args(argv)
-    return run("zteam doctor", args, lambda: _examine(args))
-
-
 def _examine(args: argparse.Namespace) -> int:
     options = bus_options(args)
     map_file = None if args.map is None else _read_map(Path(args.map))
     router = check_router(options)
     findings = [check_versions(), router]
     if router.good:
-        bus = open_bus(msgspec.structs.replace(options, connect=options.endpoint))
-        try:
+        with closing(open_bus(msgspec.structs.replace(options, connect=options.endpoint))) as bus:
             findings += _team(bus, options, args.map, map_file)
-        finally:
-            bus.close()
     print(
         msgspec.json.encode(findings).decode()
         if args.json
@@ -335,5 +325,4 @@ def _count(findings: Sequence[Finding]) -> str:
     return counted(problems, "problem") if problems else "no problems"
 
 
-if __name__ == "__main__":
-    leave(main())
+main = partial(run_tool, build_parser, _examine)

@@ -14,7 +14,7 @@ import msgspec
 from zteam import names
 from zteam.cli.arguments import whole
 from zteam.cli.goto import goal_facts, result_text, seconds_of, state_text
-from zteam.cli.interrupts import INTERRUPTED, leave
+from zteam.cli.interrupts import INTERRUPTED
 from zteam.cli.live_line import has_live_line
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, checked, run
 from zteam.cli.tables import format_table
@@ -42,7 +42,7 @@ _TELL_AFTER = 3.0
 _HEAD = ("robot", "state", "left", "time", "recoveries", "reached", "failed", "goal")
 
 
-def build_parser() -> argparse.ArgumentParser:
+def build_parser() -> Parser:
     """The command line."""
     parser = Parser(
         prog="zteam goals",
@@ -188,7 +188,3 @@ def _row(errand: "Errand") -> tuple[str, ...]:
         time = f"{seconds:.0f} s" if seconds > 0.0 else ""
         recoveries = str(status.recoveries)
     return errand.client.name, state_text(errand.client, watch), left, time, recoveries, *sums, goal_text(watch.goal)
-
-
-if __name__ == "__main__":
-    leave(main())

@@ -3,7 +3,8 @@
 import argparse
 import math
 import sys
-from collections.abc import Sequence
+from contextlib import closing
+from functools import partial
 from types import TracebackType
 from typing import Any
 
@@ -12,11 +13,10 @@ import msgspec
 from zteam import names
 from zteam.bus import Bus
 from zteam.bus.presence import ProcessInfo
-from zteam.cli.arguments import negative_numbers, number
-from zteam.cli.interrupts import leave
+from zteam.cli.arguments import number
 from zteam.cli.listening import Waiter, open_bus
 from zteam.cli.live_line import LiveLine, has_live_line
-from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, checked, run
+from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, run_tool
 from zteam.cli.progress_text import duration_text
 from zteam.cli.sim import parse_pose
 from zteam.cli.tool_clock import open_clock, still_text
@@ -87,9 +87,10 @@ class Progress:
             self.say(line)
 
 
-def build_parser() -> argparse.ArgumentParser:
+def build_parser() -> Parser:
     """The command line."""
     parser = Parser(prog="zteam goto", description=__doc__, usage=_USAGE)
+    parser.takes_negative_numbers = True
     parser.add_argument("robot", metavar="ID", help="robot id")
     parser.add_argument(
         "pose", nargs="*", default=[], metavar="X Y [YAW]", help="in map: metres, metres, radians (default: 0)"
@@ -108,25 +109,16 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point."""
-    args = build_parser().parse_args(negative_numbers(sys.argv[1:] if argv is None else argv))
-    robot_id, pose = checked(args, lambda: parse_goal(args))
-    if pose is None:
-        return run("zteam goto", args, lambda: _cancel(args, robot_id))
-    return run("zteam goto", args, lambda: _go(args, robot_id, pose))
-
-
-def parse_goal(args: argparse.Namespace) -> tuple[int, Pose2 | None]:
-    """The robot and its goal, None to cancel. Raises UsageError."""
-    robot_id = names.parse_robot_id(args.robot.strip())
+def _read(args: argparse.Namespace) -> None:
+    """Replace robot and pose by what they say. Raises UsageError."""
+    args.robot = names.parse_robot_id(args.robot.strip())
     if args.cancel:
         if args.pose or args.no_wait or args.timeout:
-            raise UsageError(f"--cancel takes a robot and nothing else: zteam goto --cancel {robot_id}")
-        return robot_id, None
-    if len(args.pose) not in (2, 3):
+            raise UsageError(f"--cancel takes a robot and nothing else: zteam goto --cancel {args.robot}")
+    elif len(args.pose) not in (2, 3):
         raise UsageError("give X Y, or X Y YAW, in the map: metres, metres, radians")
-    return robot_id, Pose2(*parse_pose([*args.pose, "0"][:3]))
+    else:
+        args.pose = Pose2(*parse_pose([*args.pose, "0"][:3]))
 
 
 def _check_robot(bus: Bus, robot_id: int) -> None:
@@ -137,37 +129,33 @@ def _check_robot(bus: Bus, robot_id: int) -> None:
         raise BusError(absence)
 
 
-def _cancel(args: argparse.Namespace, robot_id: int) -> int:
-    bus = open_bus(bus_options(args))
-    try:
-        _check_robot(bus, robot_id)
-        client = NavigationClient(bus, robot_id, open_clock(bus, args.clock).now)
-        had_goal = client.cancel()
-    finally:
-        bus.close()
+def _send(args: argparse.Namespace) -> int:
+    with closing(open_bus(bus_options(args))) as bus:
+        _check_robot(bus, args.robot)
+        return (_cancel if args.cancel else _go)(args, bus)
+
+
+def _cancel(args: argparse.Namespace, bus: Bus) -> int:
+    client = NavigationClient(bus, args.robot, open_clock(bus, args.clock).now)
+    had_goal = client.cancel()
     if args.json:
-        print(f'{{"robot":{robot_id},"canceled":{str(had_goal).lower()}}}')
+        print(f'{{"robot":{args.robot},"canceled":{str(had_goal).lower()}}}')
     else:
         print(f"{client.name}: {'the goal is canceled' if had_goal else 'there was no goal'}")
     return 0
 
 
-def _go(args: argparse.Namespace, robot_id: int, pose: Pose2) -> int:
-    bus = open_bus(bus_options(args))
-    try:
-        _check_robot(bus, robot_id)
-        clock, waiter = open_clock(bus, args.clock), Waiter()
-        client = NavigationClient(bus, robot_id, clock.now, on_change=waiter.notify)
-        begin, watch = clock.steady(), client.send(goal_message(pose))
-        with Progress(client) as progress:
-            try:
-                _follow(args, client, watch, waiter, clock, progress)
-            except KeyboardInterrupt:
-                _give_up(client, "interrupted")
-                progress.say(result_text(client, watch, to_seconds(clock.steady() - begin)))
-                raise
-    finally:
-        bus.close()
+def _go(args: argparse.Namespace, bus: Bus) -> int:
+    clock, waiter = open_clock(bus, args.clock), Waiter()
+    client = NavigationClient(bus, args.robot, clock.now, on_change=waiter.notify)
+    begin, watch = clock.steady(), client.send(goal_message(args.pose))
+    with Progress(client) as progress:
+        try:
+            _follow(args, client, watch, waiter, clock, progress)
+        except KeyboardInterrupt:
+            _give_up(client, "interrupted")
+            progress.say(result_text(client, watch, to_seconds(clock.steady() - begin)))
+            raise
     seconds = to_seconds(clock.steady() - begin)
     if args.json:
         print(msgspec.json.encode(goal_facts(client, watch, seconds)).decode())
@@ -288,5 +276,4 @@ def goal_facts(client: NavigationClient, watch: GoalWatch, seconds: float) -> di
     }
 
 
-if __name__ == "__main__":
-    leave(main())
+main = partial(run_tool, build_parser, _send, read=_read)

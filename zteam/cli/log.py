@@ -6,15 +6,16 @@ import logging
 import math
 import sys
 from collections.abc import Sequence
+from contextlib import closing
+from functools import partial
 
 import msgspec
 
 from zteam.bus import Bus
 from zteam.cli.arguments import one_of, whole
-from zteam.cli.interrupts import leave
 from zteam.cli.listening import Waiter, check_key, open_bus
 from zteam.cli.live_line import has_color
-from zteam.cli.options import Parser, add_bus_options, bus_options, checked, run
+from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
 from zteam.clock import local_time_text
 from zteam.errors import UsageError, ZteamError
 from zteam.names import is_wildcard
@@ -28,7 +29,7 @@ _CONTROLS = {code: f"\\x{code:02x}" for code in (*range(9), *range(11, 32), 127)
 """Characters that could control the terminal; tabs and ends of lines are kept."""
 
 
-def build_parser() -> argparse.ArgumentParser:
+def build_parser() -> Parser:
     """The command line."""
     parser = Parser(prog="zteam log", description=__doc__)
     parser.add_argument(
@@ -59,11 +60,8 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point."""
-    args = build_parser().parse_args(argv)
-    patterns = checked(args, lambda: [name_pattern(name) for name in args.names] or ["*"])
-    return run("zteam log", args, lambda: _log(args, patterns))
+def _read(args: argparse.Namespace) -> None:
+    args.names = [name_pattern(name) for name in args.names] or ["*"]
 
 
 def name_pattern(text: str) -> str:
@@ -97,21 +95,19 @@ def check_names(patterns: Sequence[str], alive: Sequence[str]) -> None:
         raise ZteamError(f"no process {', '.join(unknown)}; {living}")
 
 
-def _log(args: argparse.Namespace, patterns: Sequence[str]) -> int:
-    bus, waiter = open_bus(bus_options(args)), Waiter()
-    try:
-        reader = LogReader(bus, patterns, waiter.notify, logging.getLevelName(args.level.upper()))
+def _log(args: argparse.Namespace) -> int:
+    waiter = Waiter()
+    with closing(open_bus(bus_options(args))) as bus:
+        reader = LogReader(bus, args.names, waiter.notify, logging.getLevelName(args.level.upper()))
         if not args.once:
             reader.follow()
-        found = _fetch(bus, reader, patterns)
+        found = _fetch(bus, reader, args.names)
         kept = reader.ready(math.inf)
         _print(kept if args.tail is None else kept[max(0, len(kept) - args.tail) :], args.json)
         if not args.once:
             _follow(reader, waiter, args.json, found)
         elif not found:
             print("no processes (start a team with 'zteam up')", file=sys.stderr)
-    finally:
-        bus.close()
     return 0
 
 
@@ -152,5 +148,4 @@ def _print(lines: Sequence[LogLine], as_json: bool) -> None:
     sys.stdout.flush()
 
 
-if __name__ == "__main__":
-    leave(main())
+main = partial(run_tool, build_parser, _log, read=_read)

@@ -1,16 +1,16 @@
 """`zteam map save FILE`: write the map that is on the bus as files of map_server, as map_saver does."""
 
 import argparse
-from collections.abc import Sequence
+from contextlib import closing
+from functools import partial
 from pathlib import Path
 from typing import get_args
 
 from zteam import names
 from zteam.bus import Bus
 from zteam.cli.arguments import number
-from zteam.cli.interrupts import leave
 from zteam.cli.listening import Waiter, check_key, open_bus, wait_for_message
-from zteam.cli.options import Parser, add_bus_options, bus_options, checked, run
+from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
 from zteam.errors import BusError, UsageError
 from zteam.messages import OccupancyGrid
 from zteam.numbers import MAX_SECONDS
@@ -19,7 +19,7 @@ from zteam.services.maps import map_grid
 from zteam.world.images import Mode
 
 
-def build_parser() -> argparse.ArgumentParser:
+def build_parser() -> Parser:
     """The command line."""
     parser = Parser(prog="zteam map", description=__doc__)
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="save")
@@ -56,30 +56,20 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point."""
-    args = build_parser().parse_args(argv)
-    path = checked(args, lambda: _check(args))
-    return run("zteam map", args, lambda: _save(args, path))
-
-
-def _check(args: argparse.Namespace) -> Path:
-    """The YAML file to write. Raises UsageError."""
+def _read(args: argparse.Namespace) -> None:
+    """Raise UsageError for options that contradict each other."""
     if args.free >= args.occupied:
         raise UsageError(f"--free {args.free:g}, --occupied {args.occupied:g}: the first is to be below the second")
     if args.mode == "scale" and args.fmt == "pgm":
         raise UsageError("--mode scale marks unknown cells by transparency: leave --fmt pgm out")
-    path = Path(args.file)
-    return path if path.suffix in (".yaml", ".yml") else path.with_name(f"{path.name}.yaml")
 
 
-def _save(args: argparse.Namespace, path: Path) -> int:
-    key = check_key(args.topic)
-    bus = open_bus(bus_options(args))
-    try:
+def _save(args: argparse.Namespace) -> int:
+    key, path = check_key(args.topic), Path(args.file)
+    if path.suffix not in (".yaml", ".yml"):
+        path = path.with_name(f"{path.name}.yaml")
+    with closing(open_bus(bus_options(args))) as bus:
         grid = map_grid(_wait_for_map(bus, key, args.timeout))
-    finally:
-        bus.close()
     if args.mode == "trinary":
         grid = to_three_values(grid, args.free, args.occupied)
     written = write_map(grid, path, mode=args.mode, suffix=f".{args.fmt}" if args.fmt else None)
@@ -101,5 +91,4 @@ def _wait_for_map(bus: Bus, key: str, timeout: float | None) -> OccupancyGrid:
     return found[-1]
 
 
-if __name__ == "__main__":
-    leave(main())
+main = partial(run_tool, build_parser, _save, read=_read)

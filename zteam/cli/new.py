@@ -6,13 +6,13 @@ import re
 import string
 import sys
 from collections.abc import Sequence
+from functools import partial
 from importlib.machinery import PathFinder
 from pathlib import Path
 from typing import NamedTuple
 
 from zteam import names
-from zteam.cli.interrupts import leave
-from zteam.cli.options import Parser, add_log_options, run
+from zteam.cli.options import Parser, add_log_options, run_tool
 from zteam.cli.tables import format_table
 from zteam.errors import UsageError, ZteamError
 
@@ -52,7 +52,7 @@ _RESERVED = {names.SIMULATOR, names.AGGREGATOR, names.MONITOR, names.LAUNCHER, n
 """Names of zteam's own processes."""
 
 
-def build_parser() -> argparse.ArgumentParser:
+def build_parser() -> Parser:
     """The command line."""
     parser = Parser(prog="zteam new", description=__doc__)
     kinds = parser.add_subparsers(dest="kind", required=True, metavar="|".join(KINDS))
@@ -63,18 +63,13 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point."""
-    args = build_parser().parse_args(argv)
-    return run("zteam new", args, lambda: _run(args.kind, args.name))
-
-
 def class_name(module: str) -> str:
     """`MyRobot` for `my_robot`."""
     return "".join(part[:1].upper() + part[1:] for part in module.split("_"))
 
 
-def _run(word: str, name: str) -> int:
+def _run(args: argparse.Namespace) -> int:
+    word, name = args.kind, args.name
     try:
         _check_name(word, name)
         return _write(word, name)
@@ -133,5 +128,4 @@ def _is_taken(name: str) -> bool:
     return found is not None and found.origin is not None
 
 
-if __name__ == "__main__":
-    leave(main())
+main = partial(run_tool, build_parser, _run)

@@ -2,15 +2,16 @@
 
 import argparse
 from collections.abc import Sequence
+from contextlib import closing
+from functools import partial
 
 import msgspec
 
 from zteam import names
 from zteam.bus import Bus
 from zteam.bus.presence import ProcessInfo, holder_text, names_of_sessions
-from zteam.cli.interrupts import leave
 from zteam.cli.listening import Waiter, open_bus
-from zteam.cli.options import Parser, add_bus_options, bus_options, run
+from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
 from zteam.cli.tables import format_table
 from zteam.clock import wall_ns
 from zteam.runtime.tokens import TokenSet
@@ -46,7 +47,7 @@ def writer_names(nodes: Sequence[ProcessInfo], sessions: Sequence[str], key: str
     return [holder_text(known.get(session), session) if session else "unknown (no time stamp)" for session in sessions]
 
 
-def build_parser() -> argparse.ArgumentParser:
+def build_parser() -> Parser:
     """The command line."""
     parser = Parser(prog="zteam node", description=__doc__)
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="list")
@@ -56,18 +57,9 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point."""
-    args = build_parser().parse_args(argv)
-    return run("zteam node", args, lambda: _list(args))
-
-
 def _list(args: argparse.Namespace) -> int:
-    bus = open_bus(bus_options(args))
-    try:
+    with closing(open_bus(bus_options(args))) as bus:
         found = find_nodes(bus)
-    finally:
-        bus.close()
     if args.json:
         print(msgspec.json.encode(found).decode())
         return 0
@@ -90,5 +82,4 @@ def _age(nanoseconds: int) -> str:
     return f"{hours} h {minutes} min" if hours else f"{minutes} min"
 
 
-if __name__ == "__main__":
-    leave(main())
+main = partial(run_tool, build_parser, _list)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 from zteam.bus import BusOptions
 from zteam.bus.options import FROM_STDIN, LEASE, LEASE_BOUNDS, check_endpoint
-from zteam.cli.arguments import number, one_of
+from zteam.cli.arguments import negative_numbers, number, one_of
 from zteam.cli.interrupts import INTERRUPTED
 from zteam.cli.output import OutputError, guarded
 from zteam.cli.usage import answer, in_short, unknown_subcommand, unknown_words
@@ -35,6 +35,8 @@ class Parser(argparse.ArgumentParser):
 
     _words: Sequence[str] = ()
     """What is parsed."""
+    takes_negative_numbers = False
+    """Whether a word such as -1e-3 is a number and no option."""
     takes_assignments = False
     """Whether words NAME=VALUE may stand anywhere: argparse takes only those that stand together."""
 
@@ -45,7 +47,9 @@ class Parser(argparse.ArgumentParser):
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """Parse as argparse does, and end with 2 on an unknown word: only this parser knows what was meant."""
         self._words = list(sys.argv[1:] if args is None else args)
-        found, unknown = super().parse_known_args(args, namespace)
+        if self.takes_negative_numbers:
+            self._words = negative_numbers(self._words)
+        found, unknown = super().parse_known_args(self._words, namespace)
         if self.takes_assignments:
             found.arguments += [word for word in unknown if _is_assignment(word)]
             unknown = [word for word in unknown if not _is_assignment(word)]
@@ -187,12 +191,33 @@ def run(name: str, args: argparse.Namespace, body: Callable[[], int], *, needs_o
     return guarded(name, reported, needs_output=needs_output)
 
 
+def run_tool(
+    build_parser: Callable[[], Parser],
+    body: Callable[[argparse.Namespace], int],
+    argv: Sequence[str] | None = None,
+    *,
+    name: str = "",
+    read: Callable[[argparse.Namespace], None] | None = None,
+    needs_output: bool = True,
+) -> int:
+    """Be a tool, which is called `name`, by default as its parser; its exit code.
+
+    Before `body` runs, `read` replaces words of the command line by what they say; a UsageError of it ends with 2, on
+    one line with the usage.
+    """
+    parser = build_parser()
+    args = parser.parse_args(argv)
+    if read is not None:
+        checked(args, lambda: read(args))
+    return run(name or parser.prog, args, lambda: body(args), needs_output=needs_output)
+
+
 def run_process(
     command: str,
     kind: type[S],
     build_parser: Callable[[], argparse.ArgumentParser],
     read: Callable[[argparse.Namespace], tuple[str, Callable[[], S]]],
-    argv: Sequence[str] | None,
+    argv: Sequence[str] | None = None,
     *,
     needs_output: bool = True,
 ) -> int:

@@ -2,18 +2,17 @@
 
 import argparse
 import math
-import sys
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from fnmatch import fnmatchcase
+from functools import partial
 from typing import Any
 
 import msgspec
 
 from zteam import names
-from zteam.cli.arguments import negative_numbers
-from zteam.cli.interrupts import leave
 from zteam.cli.listening import open_bus
-from zteam.cli.options import Parser, add_bus_options, bus_options, checked, run
+from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
 from zteam.cli.parameter_table import format_parameters
 from zteam.errors import BusError, UsageError, did_you_mean
 from zteam.robot_ids import parse_robot_ids
@@ -25,9 +24,10 @@ Robots = dict[str, DescribeReply]
 _ROBOTS = "robots: robot_0, 'robot_*', or ids such as 0 or 0-3"
 
 
-def build_parser() -> argparse.ArgumentParser:
+def build_parser() -> Parser:
     """The command line."""
     parser = Parser(prog="zteam param", description=__doc__)
+    parser.takes_negative_numbers = True
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="|".join(_VERBS))
 
     def verb(name: str, text: str) -> argparse.ArgumentParser:
@@ -52,21 +52,15 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point."""
-    args = build_parser().parse_args(negative_numbers(sys.argv[1:] if argv is None else argv))
+def _read(args: argparse.Namespace) -> None:
     if args.verb == "set":
-        args.values = checked(args, lambda: parse_pairs(args.pairs))
-    return run("zteam param", args, lambda: _answer(args))
+        args.values = parse_pairs(args.pairs)
 
 
 def _answer(args: argparse.Namespace) -> int:
-    bus = open_bus(bus_options(args))
-    try:
+    with closing(open_bus(bus_options(args))) as bus:
         client = ParametersClient(bus)
         return _VERBS[args.verb](args, client, find_robots(client, args.robots))
-    finally:
-        bus.close()
 
 
 def parse_pairs(words: Sequence[str]) -> dict[str, Any]:
@@ -193,5 +187,4 @@ _VERBS: dict[str, Callable[[argparse.Namespace, ParametersClient, Robots], int]]
 }
 
 
-if __name__ == "__main__":
-    leave(main())
+main = partial(run_tool, build_parser, _answer, read=_read)

@@ -4,15 +4,17 @@ import argparse
 import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
+from functools import partial
 from typing import TypeVar
 
 import msgspec
 
 from zteam import names
-from zteam.cli.arguments import negative_numbers, parse_speed
+from zteam.cli.arguments import parse_speed
 from zteam.cli.listening import Waiter, open_bus
 from zteam.cli.live_line import has_live_line
-from zteam.cli.options import Parser, add_bus_options, bus_options, checked, run
+from zteam.cli.options import Parser, add_bus_options, bus_options, run_tool
 from zteam.clock import Every, monotonic, to_seconds
 from zteam.errors import BusError, UsageError
 from zteam.geometry import turn_problem
@@ -31,9 +33,10 @@ Answer = tuple[msgspec.Struct, str]
 """The reply, and its text for users."""
 
 
-def build_parser() -> argparse.ArgumentParser:
+def build_parser() -> Parser:
     """The command line."""
     parser = Parser(prog="zteam sim", description=__doc__)
+    parser.takes_negative_numbers = True
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="|".join(_VERBS))
 
     def verb(name: str, text: str) -> argparse.ArgumentParser:
@@ -68,13 +71,6 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point."""
-    args = build_parser().parse_args(negative_numbers(sys.argv[1:] if argv is None else argv))
-    checked(args, lambda: _read(args))
-    return run("zteam sim", args, lambda: _answer(args))
-
-
 def _read(args: argparse.Namespace) -> None:
     """Replace the words of the command line by what they say. Raises UsageError."""
     match args.verb:
@@ -92,11 +88,8 @@ def _read(args: argparse.Namespace) -> None:
 
 
 def _answer(args: argparse.Namespace) -> int:
-    bus = open_bus(bus_options(args))
-    try:
+    with closing(open_bus(bus_options(args))) as bus:
         reply, text = _VERBS[args.verb](SimulatorClient(bus), args)
-    finally:
-        bus.close()
     print(msgspec.json.encode(reply).decode() if args.json else text)
     return 0
 
@@ -287,3 +280,6 @@ def _format_pace(status: SimStatus) -> str:
 
 def _listed(items: Sequence[object]) -> str:
     return ", ".join(map(str, items)) or "-"
+
+
+main = partial(run_tool, build_parser, _answer, read=_read)

@@ -6,12 +6,13 @@ import sys
 import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
+from functools import partial
 from typing import TYPE_CHECKING
 
 from zteam import names
 from zteam.cli.arguments import number
-from zteam.cli.interrupts import INTERRUPTED, leave
-from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, checked, run
+from zteam.cli.interrupts import INTERRUPTED
+from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, run_tool
 from zteam.errors import UsageError, ZteamError
 from zteam.nodes.teleop import HELP, HELP_TEXT, MAX_SPEED, MIN_SPEED, PERIOD, Pilot, drive, parse_script
 from zteam.robot_ids import parse_robot_ids
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from zteam.runtime.wheels import Wheels
 
 
-def build_parser() -> argparse.ArgumentParser:
+def build_parser() -> Parser:
     """The command line."""
     parser = Parser(
         prog="zteam teleop",
@@ -50,12 +51,8 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point."""
-    args = build_parser().parse_args(argv)
-    ids = checked(args, lambda: parse_robot_ids(args.ids, "--id"))
-    script = checked(args, lambda: _script(args.script))
-    return run("teleop", args, lambda: _teleop(args, ids, script), needs_output=False)
+def _read(args: argparse.Namespace) -> None:
+    args.ids, args.script = parse_robot_ids(args.ids, "--id"), _script(args.script)
 
 
 def _script(text: str | None) -> list[str] | None:
@@ -67,18 +64,18 @@ def _script(text: str | None) -> list[str] | None:
     return None
 
 
-def _teleop(args: argparse.Namespace, ids: Sequence[int], script: list[str] | None) -> int:
+def _teleop(args: argparse.Namespace) -> int:
     from zteam.bus import connect
     from zteam.cli.listening import PATIENCE
     from zteam.runtime.shutdown import Stop, stopping_in_order
     from zteam.runtime.wheels import Wheels
 
-    pilot, stop = Pilot(ids, args.speed, args.turn), Stop()
+    pilot, stop = Pilot(args.ids, args.speed, args.turn), Stop()
     with stopping_in_order(stop), ExitStack() as ends:
         try:
             bus = connect(bus_options(args), patience=PATIENCE, stopping=stop)
             ends.callback(bus.close)
-            wheels = {robot_id: Wheels(bus, robot_id, stop) for robot_id in ids}
+            wheels = {robot_id: Wheels(bus, robot_id, stop) for robot_id in args.ids}
             for each in wheels.values():
                 ends.callback(each.close)
                 each.take()
@@ -86,9 +83,9 @@ def _teleop(args: argparse.Namespace, ids: Sequence[int], script: list[str] | No
             if not stop.requested:
                 raise
             return INTERRUPTED
-        if script is None:
+        if args.script is None:
             return _drive_by_hand(pilot, wheels, stop)
-        return _drive_by_script(pilot, wheels, script, bus, args, stop)
+        return _drive_by_script(pilot, wheels, bus, args, stop)
 
 
 def _drive_by_hand(pilot: Pilot, wheels: Mapping[int, "Wheels"], stop: "Stop") -> int:
@@ -119,7 +116,6 @@ def _drive_by_hand(pilot: Pilot, wheels: Mapping[int, "Wheels"], stop: "Stop") -
 def _drive_by_script(
     pilot: Pilot,
     wheels: Mapping[int, "Wheels"],
-    script: Sequence[str],
     bus: "Bus",
     args: argparse.Namespace,
     stop: "Stop",
@@ -132,7 +128,7 @@ def _drive_by_script(
         if pilot.holds:
             driven.add(pilot.robot_id)
 
-    drive(pilot, wheels, _typed(script, open_clock(bus, args.clock), stop), note)
+    drive(pilot, wheels, _typed(args.script, open_clock(bus, args.clock), stop), note)
     if stop.requested:
         return INTERRUPTED
     unheard = [wheels[robot_id].unheard for robot_id in sorted(driven) if wheels[robot_id].unheard]
@@ -190,5 +186,4 @@ def _velocity(command: "Twist") -> str:
     return f"{command.linear.x:.2f} m/s, {command.angular.z:.2f} rad/s"
 
 
-if __name__ == "__main__":
-    leave(main())
+main = partial(run_tool, build_parser, _teleop, name="teleop", read=_read, needs_output=False)

@@ -17,7 +17,6 @@ from zteam.bus.bus import Publisher
 from zteam.bus.topics import type_of_key
 from zteam.bus.transport import RawSample
 from zteam.cli.arguments import MAX_RATE, number, whole
-from zteam.cli.interrupts import leave
 from zteam.cli.listening import (
     SURVEY,
     KeyUsers,
@@ -33,7 +32,7 @@ from zteam.cli.listening import (
     silence,
     wait_for_message,
 )
-from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, run
+from zteam.cli.options import Parser, add_bus_options, add_clock_option, bus_options, run_tool
 from zteam.cli.tool_clock import open_clock, ticker
 from zteam.cli.topic_keys import show_info, show_list
 from zteam.clock import AutoClock, monotonic, to_seconds
@@ -196,7 +195,7 @@ _SHORT = 12
 """Elements of an array that the text output shows without --full."""
 
 
-def build_parser() -> argparse.ArgumentParser:
+def build_parser() -> Parser:
     """The command line."""
     parser = Parser(prog="zteam topic", description=__doc__)
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="list|echo|hz|info|pub")
@@ -258,13 +257,6 @@ def _add_pub_options(parser: argparse.ArgumentParser) -> None:
     until = parser.add_mutually_exclusive_group()
     until.add_argument("-t", "--times", type=whole(1, 10**12, "messages"), metavar="N", help="end after N messages")
     until.add_argument("-1", "--once", action="store_true", help="end after one message")
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point."""
-    args = build_parser().parse_args(argv)
-    verbs = {"list": show_list, "echo": _echo, "hz": _hz, "info": show_info, "pub": publish}
-    return run("zteam topic", args, lambda: verbs[args.verb](args))
 
 
 def format_message(message: Message, full: bool) -> str:
@@ -397,5 +389,5 @@ def _ms(seconds: float) -> str:
     return f"{seconds * 1e3:.1f} ms"
 
 
-if __name__ == "__main__":
-    leave(main())
+_VERBS = {"list": show_list, "echo": _echo, "hz": _hz, "info": show_info, "pub": publish}
+main = partial(run_tool, build_parser, lambda args: _VERBS[args.verb](args))

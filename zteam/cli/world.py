@@ -2,15 +2,14 @@
 
 import argparse
 import math
-from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import msgspec
 
 from zteam.cli.arguments import number, whole
-from zteam.cli.interrupts import leave
-from zteam.cli.options import Parser, add_log_options, run
+from zteam.cli.options import Parser, add_log_options, run_tool
 from zteam.errors import UsageError
 from zteam.geometry import Pose2
 from zteam.names import BASE_SCAN, MAX_ROBOT_ID
@@ -25,7 +24,7 @@ if TYPE_CHECKING:
     from zteam.world.drawing import Fan
 
 
-def build_parser() -> argparse.ArgumentParser:
+def build_parser() -> Parser:
     """The command line."""
     parser = Parser(prog="zteam world", description=__doc__)
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="check|show|scan")
@@ -63,12 +62,6 @@ def build_parser() -> argparse.ArgumentParser:
     for sub in (check, scan):
         sub.add_argument("--json", action="store_true", help="print JSON")
     return parser
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point."""
-    args = build_parser().parse_args(argv)
-    return run("zteam world", args, lambda: _run(args))
 
 
 def _run(args: argparse.Namespace) -> int:
@@ -282,5 +275,4 @@ def _laser(ranger: "Ranger") -> dict[str, Any]:
     }
 
 
-if __name__ == "__main__":
-    leave(main())
+main = partial(run_tool, build_parser, _run)

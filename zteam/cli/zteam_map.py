@@ -1,7 +1,8 @@
 """`zteam-map MAP.yaml`: serve a map without a simulator, as map_server does: on `map`, for late subscribers too."""
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from zteam import names
@@ -10,7 +11,7 @@ from zteam.cli.options import Parser, add_bus_options, run_process
 from zteam.process_options import MapOptions
 
 
-def build_parser() -> argparse.ArgumentParser:
+def build_parser() -> Parser:
     """The command line."""
     parser = Parser(prog="zteam-map", description=__doc__)
     parser.add_argument(
@@ -20,14 +21,11 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point."""
-    return run_process("zteam-map", MapOptions, build_parser, _read, argv)
-
-
 def _read(args: argparse.Namespace) -> tuple[str, Callable[[], MapOptions]]:
     return names.MAP_SERVER, lambda: MapOptions(Path(args.map))
 
+
+main = partial(run_process, "zteam-map", MapOptions, build_parser, _read)
 
 if __name__ == "__main__":
     leave(main())

@@ -3,6 +3,7 @@ running already, show that one's team."""
 
 import argparse
 from collections.abc import Callable, Sequence
+from functools import partial
 
 from zteam import names
 from zteam.cli.arguments import add_go_timeout_option, number
@@ -13,7 +14,7 @@ from zteam.process_options import MonitorOptions
 from zteam.robot_ids import parse_robot_ids
 
 
-def build_parser() -> argparse.ArgumentParser:
+def build_parser() -> Parser:
     """The command line."""
     parser = Parser(prog="zteam-monitor", description=__doc__)
     parser.add_argument("--team-size", metavar="N", help="wait for this many robots")
@@ -47,16 +48,13 @@ def parse_team(size: str | None, ids: Sequence[str] | None) -> tuple[int, tuple[
     return int(size), chosen
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point."""
-    return run_process("zteam-monitor", MonitorOptions, build_parser, _read, argv, needs_output=False)
-
-
 def _read(args: argparse.Namespace) -> tuple[str, Callable[[], MonitorOptions]]:
     team_size, ids = parse_team(args.team_size, args.ids)
     options = MonitorOptions(team_size, ids, args.json, args.exit_on_go, args.table, args.go_timeout)
     return names.MONITOR, lambda: options
 
+
+main = partial(run_process, "zteam-monitor", MonitorOptions, build_parser, _read, needs_output=False)
 
 if __name__ == "__main__":
     leave(main())

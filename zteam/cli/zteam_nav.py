@@ -1,7 +1,8 @@
 """`zteam-nav --id N`: localise a robot, plan its way to a goal, and drive there; with `--ids`, several robots."""
 
 import argparse
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from zteam.robot_ids import format_robot_ids, parse_robot_ids
 from zteam.toml_values import parse_value
 
 
-def build_parser() -> argparse.ArgumentParser:
+def build_parser() -> Parser:
     """The command line."""
     parser = Parser(prog="zteam-nav", description=__doc__)
     parser.add_argument(
@@ -44,20 +45,9 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point."""
-
-    def read(args: argparse.Namespace) -> tuple[str, Callable[[], NavigationOptions]]:
-        ids = _ids(args)
-        return names.navigation_name(ids[0]), lambda: _read(args, ids)
-
-    return run_process("zteam-nav", NavigationOptions, build_parser, read, argv)
-
-
-def _ids(args: argparse.Namespace) -> tuple[int, ...]:
-    if args.ids is not None:
-        return tuple(sorted(parse_robot_ids(args.ids, "--ids")))
-    return (names.parse_robot_id(args.id),)
+def _read(args: argparse.Namespace) -> tuple[str, Callable[[], NavigationOptions]]:
+    ids = [names.parse_robot_id(args.id)] if args.ids is None else sorted(parse_robot_ids(args.ids, "--ids"))
+    return names.navigation_name(ids[0]), lambda: _options(args, ids)
 
 
 def _table(args: argparse.Namespace) -> dict[str, Any]:
@@ -85,7 +75,7 @@ def _joined(table: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any
     return joined
 
 
-def _read(args: argparse.Namespace, ids: Iterable[int]) -> NavigationOptions:
+def _options(args: argparse.Namespace, ids: Iterable[int]) -> NavigationOptions:
     """What the command line and the team file say. Raises UsageError and ConfigError."""
     from zteam.team_file import load_team, navigation_of, parse_arguments
 
@@ -106,6 +96,8 @@ def _read(args: argparse.Namespace, ids: Iterable[int]) -> NavigationOptions:
         robots[robot_id] = NavigatedRobot(_joined(own, given), folder, source, entry.base)
     return NavigationOptions(robots, args.seed)
 
+
+main = partial(run_process, "zteam-nav", NavigationOptions, build_parser, _read)
 
 if __name__ == "__main__":
     leave(main())

@@ -1,11 +1,12 @@
 """`zteam-robot --id N`: run one robot's behaviour: read its sensors, write its velocity command."""
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from zteam import names
-from zteam.cli.arguments import add_path_option, add_seed_option
+from zteam.cli.arguments import add_path_option, add_seed_option, option_type
 from zteam.cli.interrupts import leave
 from zteam.cli.options import Parser, add_bus_options, add_clock_option, run_process
 from zteam.errors import UsageError
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 _EXAMPLES = {"--param": "speed=0.4", "--base": "max_vel_x=0.4"}
 
 
-def build_parser() -> argparse.ArgumentParser:
+def build_parser() -> Parser:
     """The command line."""
     parser = Parser(prog="zteam-robot", description=__doc__)
     _add_robot_options(parser)
@@ -50,7 +51,7 @@ def _add_robot_options(parser: argparse.ArgumentParser) -> None:
     add_param_option(parser)
     parser.add_argument(
         "--base",
-        type=_pair("--base"),
+        type=option_type(partial(parse_param, option="--base")),
         action="append",
         default=[],
         metavar="KEY=VALUE",
@@ -60,10 +61,10 @@ def _add_robot_options(parser: argparse.ArgumentParser) -> None:
 
 
 def add_param_option(parser: argparse.ArgumentParser) -> None:
-    """Add `--param`; `parse_param` reads each of its values."""
+    """Add `--param`, whose values are pairs."""
     parser.add_argument(
         "--param",
-        type=_pair("--param"),
+        type=option_type(parse_param),
         action="append",
         default=[],
         metavar="KEY=VALUE",
@@ -75,36 +76,18 @@ def parse_param(text: str, option: str = "--param") -> tuple[str, Any]:
     """(key, value) of KEY=VALUE; the value is TOML as in a team file (0.4, true, "text", [1, 2]), else a string."""
     key, equals, value = text.partition("=")
     if not equals or not key.isidentifier():
-        raise UsageError(f"{option} {text!r} is not KEY=VALUE, e.g. {option} {_EXAMPLES[option]}")
+        raise UsageError(f"{text!r} is not KEY=VALUE, e.g. {option} {_EXAMPLES[option]}")
     return key, parse_value(value)
 
 
-def _pair(option: str) -> Callable[[str], str]:
-    """The `type` of an option that takes KEY=VALUE, which stays text."""
-
-    def check(text: str) -> str:
-        try:
-            parse_param(text, option)
-        except UsageError as error:
-            raise argparse.ArgumentTypeError(str(error).removeprefix(f"{option} ")) from None
-        return text
-
-    return check
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point."""
-    return run_process("zteam-robot", RobotOptions, build_parser, _read, argv)
-
-
-def read_base(entries: Sequence[str]) -> "BaseOverride":
-    """What the options `--base KEY=VALUE` set; values are as with `--param`. Raises UsageError."""
+def read_base(pairs: Iterable[tuple[str, Any]]) -> "BaseOverride":
+    """What the options `--base KEY=VALUE` set. Raises UsageError."""
     import msgspec
 
     from zteam.base import BaseOverride
     from zteam.problems import problems_of
 
-    given = dict(parse_param(text, "--base") for text in entries)
+    given = dict(pairs)
     for problem in problems_of(given, BaseOverride):
         raise UsageError(f"--base {problem}")
     return msgspec.convert(given, BaseOverride)
@@ -113,7 +96,7 @@ def read_base(entries: Sequence[str]) -> "BaseOverride":
 def _read(args: argparse.Namespace) -> tuple[str, Callable[[], RobotOptions]]:
     """What the options say. Raises UsageError."""
     robot_id = _parse_id(args.id, "--id")
-    params = dict(map(parse_param, args.param))
+    params = dict(args.param)
     spec = "forward" if args.behavior is None else args.behavior
     if args.law is not None:
         if args.follow is None:
@@ -149,6 +132,8 @@ def _parse_id(text: str, option: str) -> int:
     except UsageError as error:
         raise UsageError(f"{option}: {error}") from None
 
+
+main = partial(run_process, "zteam-robot", RobotOptions, build_parser, _read)
 
 if __name__ == "__main__":
     leave(main())

@@ -1,17 +1,17 @@
 """`zteam-router`: the one Zenoh router of a machine. Other commands start it on demand."""
 
 import argparse
-from collections.abc import Sequence
+from functools import partial
 
 from zteam.bus.options import DEFAULT_ENDPOINT
 from zteam.cli.arguments import number
 from zteam.cli.interrupts import leave
-from zteam.cli.options import Parser, add_lease_option, add_log_options, run
+from zteam.cli.options import Parser, add_lease_option, add_log_options, run_tool
 from zteam.nodes.router import run_router
 from zteam.numbers import MAX_SECONDS
 
 
-def build_parser() -> argparse.ArgumentParser:
+def build_parser() -> Parser:
     """The command line."""
     parser = Parser(prog="zteam-router", description=__doc__)
     parser.add_argument(
@@ -27,17 +27,11 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point."""
-    args = build_parser().parse_args(argv)
-    return run(
-        "router",
-        args,
-        lambda: run_router(
-            args.listen, config=args.config, detached=args.detached, announce=args.announce, lease=args.lease
-        ),
-    )
+def _route(args: argparse.Namespace) -> int:
+    return run_router(args.listen, config=args.config, detached=args.detached, announce=args.announce, lease=args.lease)
 
+
+main = partial(run_tool, build_parser, _route, name="router")
 
 if __name__ == "__main__":
     leave(main())

@@ -1,7 +1,8 @@
 """`zteam-sim WORLD`: run the simulator. It reads Stage's world files; a robot's id is its place in the file."""
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import msgspec
@@ -19,7 +20,7 @@ from zteam.services.simulator import MAX_PLACE
 from zteam.simulation_options import PHYSICS, Options
 
 
-def build_parser() -> argparse.ArgumentParser:
+def build_parser() -> Parser:
     """The command line."""
     parser = Parser(prog="zteam-sim", description=__doc__)
     parser.add_argument("world", metavar="WORLD", help="a .world file, or the name of a shipped world such as office")
@@ -195,10 +196,7 @@ def _read(args: argparse.Namespace) -> tuple[str, Callable[[], SimOptions]]:
     return names.SIMULATOR, lambda: msgspec.structs.replace(options, world=find_world(args.world))
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point."""
-    return run_process("zteam-sim", SimOptions, build_parser, _read, argv)
-
+main = partial(run_process, "zteam-sim", SimOptions, build_parser, _read)
 
 if __name__ == "__main__":
     leave(main())

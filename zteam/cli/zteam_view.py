@@ -2,7 +2,8 @@
 
 import argparse
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from zteam import names
@@ -12,7 +13,7 @@ from zteam.cli.options import Parser, add_bus_options, run_process
 from zteam.process_options import DEFAULT_VIEW_PORT, ViewOptions
 
 
-def build_parser() -> argparse.ArgumentParser:
+def build_parser() -> Parser:
     """The command line."""
     parser = Parser(prog="zteam view", description=__doc__)
     parser.add_argument("--host", default="127.0.0.1", help="listen at this address (default: %(default)s)")
@@ -35,15 +36,12 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point."""
-    return run_process("zteam", ViewOptions, build_parser, _read, argv, needs_output=False)
-
-
 def _read(args: argparse.Namespace) -> tuple[str, Callable[[], ViewOptions]]:
     options = ViewOptions(args.host, args.port, args.token, not args.no_browser, args.layout, args.name)
     return names.VIEW, lambda: options
 
+
+main = partial(run_process, "zteam", ViewOptions, build_parser, _read, needs_output=False)
 
 if __name__ == "__main__":
     leave(main())

@@ -1,6 +1,7 @@
 """Mistakes on the command line of every command: one line with the cause and the usage, and exit code 2."""
 
 import argparse
+import re
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
@@ -58,7 +59,7 @@ def refused(module: str, words: list[str], capsys: pytest.CaptureFixture[str]) -
 def test_every_command_is_checked() -> None:
     """Each file of `cli/` that has a `main` is in this test."""
     files = Path(cli.__file__).parent.glob("*.py")
-    commands = {file.stem for file in files if "\ndef main(" in file.read_text(encoding="utf-8")}
+    commands = {file.stem for file in files if re.search(r"^(def )?main\b", file.read_text(encoding="utf-8"), re.M)}
     assert commands - {"main"} == set(MODULES)
 
 

@@ -13,7 +13,7 @@ from zteam.nodes.bodies import part_of
 def read(*arguments: str):  # type: ignore[no-untyped-def]
     """The options of a command line."""
     args = zteam_nav.build_parser().parse_args(arguments)
-    options = zteam_nav._read(args, zteam_nav._ids(args))
+    options = zteam_nav._read(args)[1]()
     part_of(options)
     return options
 

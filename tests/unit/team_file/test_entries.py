@@ -8,8 +8,7 @@ import pytest
 
 from support.team_files import WHOLE, load
 from zteam.base import BaseOverride
-from zteam.cli.zteam_robot import parse_param, read_base
-from zteam.errors import UsageError
+from zteam.cli.zteam_robot import main, parse_param, read_base
 from zteam.geometry import yaw_from_quaternion
 from zteam.process_options import RobotOptions, from_line, to_line
 from zteam.team_file import RobotEntry, behavior_of, static_transform
@@ -75,7 +74,7 @@ def test_children_are_told_what_holds_instead_of_base_info(tmp_path: Path) -> No
         told = RobotOptions(robot.id, "forward", base=robot.base)
         assert from_line(to_line("robot", told), RobotOptions)[1] == told
         typed = [f"{key}={toml_text(value)}" for key, value in msgspec.to_builtins(robot.base).items()]
-        assert read_base(typed) == robot.base
+        assert read_base(map(parse_param, typed)) == robot.base
     first, second = (robot.base for robot in robots)
     assert (first.max_vel_x, first.decel_lim_x, first.max_vel_theta) == (0.5, -math.inf, None)
     assert second == BaseOverride(min_vel_x=0.0)
@@ -84,17 +83,19 @@ def test_children_are_told_what_holds_instead_of_base_info(tmp_path: Path) -> No
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ("max_vel_x", "--base 'max_vel_x' is not KEY=VALUE, e.g. --base max_vel_x=0.4"),
+        ("max_vel_x", "--base: 'max_vel_x' is not KEY=VALUE, e.g. --base max_vel_x=0.4"),
         ("max_vel_z=1.0", "--base max_vel_z: unknown key (did you mean max_vel_y?); known: footprint, max_vel_x"),
         ("max_vel_x=fast", '--base max_vel_x: a number is expected, not "fast"'),
         ("footprint=[[0, 0], [1, 0], [2, 0]]", "--base footprint: must enclose an area"),
     ],
 )
-def test_a_wrong_base_on_the_command_line_is_told(text: str, told: str) -> None:
+def test_a_wrong_base_on_the_command_line_is_told(text: str, told: str, capsys: pytest.CaptureFixture[str]) -> None:
     """One line that names the option and the key."""
-    with pytest.raises(UsageError) as caught:
-        read_base([text])
-    assert str(caught.value).startswith(told)
+    with pytest.raises(SystemExit) as ended:
+        main(["--id", "0", "--base", text])
+    assert ended.value.code == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"zteam-robot: {told}")
 
 
 def test_a_robot_without_a_behaviour_drives_forward() -> None:
