@@ -47,5 +47,5 @@ def test_it_loads_runs_and_is_drawn(path: Path, tmp_path: Path) -> None:
     assert not moved or np.mean(moved) > 0.5
     for suffix in ("svg", "png"):
         picture = tmp_path / f"world.{suffix}"
-        draw_world(world, engine.robots, picture, width=400)
+        draw_world(world, picture, width=400)
         assert picture.stat().st_size > 500

@@ -198,14 +198,13 @@ def _degrees(pose: Pose2) -> list[float]:
 def _show(args: argparse.Namespace, world: "World") -> int:
     from zteam.world.drawing import draw_world
 
-    robots = dict(enumerate(world.robots))
     fans: dict[int, list[Fan]] = {}
     if args.scan:
         from zteam.sim import Engine
 
         fans = {robot_id: _fans(seen) for robot_id, seen in Engine(world).observe().robots.items()}
-    draw_world(world, robots, Path(args.output), width=args.width, fans=fans)
-    print(f"{args.output}: {world.name}, {counted(len(robots), 'robot')}")
+    draw_world(world, Path(args.output), width=args.width, fans=fans)
+    print(f"{args.output}: {world.name}, {counted(len(world.robots), 'robot')}")
     return 0
 
 

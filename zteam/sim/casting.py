@@ -5,6 +5,7 @@ may leap to the edge of the empty square that opens into the ray's quadrant; not
 stored mirrored, so that every ray runs towards larger columns and rows.
 """
 
+import itertools
 import math
 from collections.abc import Callable, Sequence
 from functools import cached_property
@@ -71,10 +72,8 @@ def solid_bitmaps(plans: Plans) -> Bitmaps:
 
 def is_occupied(plan: Floorplan, x: float, y: float) -> bool:
     """Whether the point (metres in `map`) lies in an occupied cell."""
-    cos, sin = math.cos(plan.pose.yaw), math.sin(plan.pose.yaw)
-    dx, dy = x - plan.pose.x, y - plan.pose.y
-    column = math.floor((cos * dx + sin * dy) / plan.cell[0])
-    row = math.floor((cos * dy - sin * dx) / plan.cell[1])
+    along = plan.pose.locate(x, y)
+    column, row = (math.floor(place / size) for place, size in zip(along, plan.cell, strict=True))
     rows, columns = plan.occupied.shape
     return 0 <= row < rows and 0 <= column < columns and bool(plan.occupied[row, column])
 
@@ -89,16 +88,21 @@ class Group(NamedTuple):
     shapes: Sequence[Shape]
 
 
+def movers_of(robots: Sequence[Robot], obstacles: Sequence[Obstacle]) -> list[tuple[int, Robot | Obstacle]]:
+    """All models, robots first, each with its mover: robots are movers 0, 1, …, what can be pushed comes after them."""
+    numbers = itertools.count()
+    models: list[Robot | Obstacle] = [*robots, *obstacles]
+    return [(NO_MOVER if isinstance(m, Obstacle) and m.mass is None else next(numbers), m) for m in models]
+
+
 def group_shapes(robots: Sequence[Robot], obstacles: Sequence[Obstacle]) -> list[Group]:
-    """All shapes by owner: robots are movers 0, 1, …; obstacles that can be pushed come after them."""
-    groups = [Group(i, i, robot.shapes) for i, robot in enumerate(robots)]
-    movers = len(robots)
-    for source, obstacle in enumerate(obstacles, len(robots)):
-        if obstacle.mass is not None:
-            groups.append(Group(movers, source, obstacle.shapes))
-            movers += 1
+    """All shapes by mover; each shape that stands still is a group of its own."""
+    groups = []
+    for source, (mover, model) in enumerate(movers_of(robots, obstacles)):
+        if mover == NO_MOVER:
+            groups += [Group(NO_MOVER, source, [place_shape(model.pose, shape)]) for shape in model.shapes]
         else:
-            groups += [Group(NO_MOVER, source, [place_shape(obstacle.pose, shape)]) for shape in obstacle.shapes]
+            groups.append(Group(mover, source, model.shapes))
     return groups
 
 
@@ -199,7 +203,7 @@ class Scene:
     """What devices sense: the robots, all else, and casters of rays at both."""
 
     def __init__(self, robots: Sequence[Robot], obstacles: Sequence[Obstacle], plans: Plans) -> None:
-        self.robots, self.obstacles = robots, obstacles
+        self.robots, self.models = robots, movers_of(robots, obstacles)
         self._plans, self._groups = plans, group_shapes(robots, obstacles)
         self._casters: list[Caster] = []
 

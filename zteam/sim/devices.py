@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 
 from zteam.geometry import Pose2, normalize_angle
 from zteam.kernels.binding import BeamTable, Fans, Rays
-from zteam.messages import Message
+from zteam.messages import Blob, ColorRGBA, Fiducial, Message
 from zteam.sim.casting import NO_MOVER, Caster, Scene, mount_devices, rays_of
+from zteam.world.colors import find_color
 from zteam.world.devices import Blobfinder, BumperPiece, DeviceKind, Finder
-from zteam.world.model import FiducialMarker, Obstacle, Robot
+from zteam.world.model import FiducialMarker
 
 if TYPE_CHECKING:
     from zteam.sim.observation import Observation
@@ -29,31 +30,6 @@ _BEHIND = 0.02
 """Metres behind its line where a bumper's rays start, so that what has been pressed in still counts."""
 _SPACING = 0.02
 """Metres between a bumper's rays."""
-
-
-class Sighting(NamedTuple):
-    """A marker that a fiducial finder sees."""
-
-    id: int
-    """0 where it is too far to be read."""
-    range: float
-    """Metres from the finder to the marked model's origin."""
-    bearing: float
-    """Radians in the finder's frame."""
-    orientation: float
-    """Heading of the marked model in the finder's frame."""
-
-
-class Blob(NamedTuple):
-    """Neighbouring pixels of one colour."""
-
-    color: str
-    bearing: float
-    """Of its middle: radians in the blob finder's frame."""
-    width: float
-    """Radians."""
-    range: float
-    """Metres to its nearest point."""
 
 
 Detections = Mapping[str, tuple[Any, ...]]
@@ -89,17 +65,6 @@ class _Target(NamedTuple):
         return model.compose(Pose2(self.marker.x, self.marker.y, self.marker.yaw))
 
 
-def _targets(robots: Sequence[Robot], obstacles: Sequence[Obstacle]) -> list[_Target]:
-    found = [_Target(marker, i, i, robot.pose) for i, robot in enumerate(robots) for marker in robot.markers]
-    movers = len(robots)
-    for source, obstacle in enumerate(obstacles, len(robots)):
-        mover = NO_MOVER
-        if obstacle.mass is not None:
-            mover, movers = movers, movers + 1
-        found += [_Target(marker, source, mover, obstacle.pose) for marker in obstacle.markers]
-    return found
-
-
 def _bumper_rays(owner: int, bumper: BumperPiece) -> Rays:
     """Rays outward along a bumper."""
     count = max(2, math.ceil(bumper.length / _SPACING) + 1)
@@ -116,20 +81,22 @@ class FiducialFinders:
         self._visible = scene.visible
         self._finders = owned
         self._at = mount_devices(owned)
-        self._targets = _targets(scene.robots, scene.obstacles)
-        self._target_sources = np.array([target.source for target in self._targets], np.int64)
-        self._target_keys = np.array([target.marker.key for target in self._targets], np.int64)
+        self._targets = [
+            _Target(marker, source, mover, model.pose)
+            for source, (mover, model) in enumerate(scene.models)
+            for marker in model.markers
+        ]
+        self._sources = np.array([target.source for target in self._targets], np.int64)
+        self._keys = np.array([target.marker.key for target in self._targets], np.int64)
 
-    def __call__(self, poses: Floats) -> list[tuple[Sighting, ...]]:
-        at = rays_of(poses, self._at)
+    def __call__(self, poses: Floats) -> list[tuple[Fiducial, ...]]:
+        at = rays_of(poses, self._at).at.T.tolist()
         places = np.array([target.place(poses) for target in self._targets], float).reshape(-1, 3)
-        found = []
-        for row, (i, finder) in enumerate(self._finders):
-            here = Pose2(*at.at[:, row].tolist())
-            found.append(self._sightings(i, here, finder, places))
-        return found
+        return [
+            self._find(i, Pose2(*here), finder, places) for (i, finder), here in zip(self._finders, at, strict=True)
+        ]
 
-    def _sightings(self, i: int, here: Pose2, finder: Finder, places: Floats) -> tuple[Sighting, ...]:
+    def _find(self, i: int, here: Pose2, finder: Finder, places: Floats) -> tuple[Fiducial, ...]:
         """Markers within range and sight: the ray towards the marked model's origin has to meet that model first.
 
         `places` are the targets' poses in `map`.
@@ -137,20 +104,20 @@ class FiducialFinders:
         dx, dy = places[:, 0] - here.x, places[:, 1] - here.y
         far = np.hypot(dx, dy)
         bearing = np.remainder(np.arctan2(dy, dx) - here.yaw + math.pi, math.tau) - math.pi
-        near = (self._target_sources != i) & (self._target_keys == finder.key)
+        near = (self._sources != i) & (self._keys == finder.key)
         near &= (far >= finder.range_min) & (far <= finder.range_max) & (np.abs(bearing) <= finder.fov / 2 + 1e-12)
         chosen = np.flatnonzero(near)
-        if not len(chosen):
-            return ()
         count = len(chosen)
+        if not count:
+            return ()
         towards = np.stack((np.full(count, here.x), np.full(count, here.y), here.yaw + bearing[chosen]))
         rays = Rays(towards, np.full(count, finder.z), np.full(count, i, np.int64))
         ranges, hit = self._visible.cast(Fans(rays, BeamTable.ahead(finder.range_max)))
-        seen = self._visible.source_of[hit[:, 0]] == self._target_sources[chosen]
+        seen = self._visible.source_of[hit[:, 0]] == self._sources[chosen]
         if finder.ignore_zloc:
             seen |= ranges[:, 0] >= far[chosen]
         return tuple(
-            Sighting(
+            Fiducial(
                 self._targets[k].marker.id if far[k] <= finder.range_max_id else 0,
                 float(far[k]),
                 float(bearing[k]),
@@ -192,7 +159,8 @@ def _find_blobs(visible: Caster, i: int, finder: Blobfinder, poses: Floats) -> t
         end = begin + len(list(group))
         if color and (not finder.colors or color in finder.colors):
             middle = angle_min + step * 0.5 * (begin + end - 1)
-            blobs.append(Blob(color, middle, step * (end - begin), float(ranges[0, begin:end].min())))
+            rgba = ColorRGBA(*(find_color(color) or (0.0, 0.0, 0.0)))
+            blobs.append(Blob(rgba, color, middle, step * (end - begin), float(ranges[0, begin:end].min())))
         begin = end
     return tuple(blobs)
 

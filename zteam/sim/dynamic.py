@@ -111,14 +111,7 @@ class _Builder:
 class Cores:
     """The cores of all movers, and what they must stay out of: what stands still and, with `apart`, each other."""
 
-    def __init__(
-        self,
-        groups: Sequence[Group],
-        plans: Plans,
-        poses: Floats,
-        rim: float,
-        apart: bool,
-    ) -> None:
+    def __init__(self, groups: Sequence[Group], plans: Plans, poses: Floats, rim: float, apart: bool) -> None:
         """`poses` is (movers, 3); `rim` metres are taken off every polygon, less where it is narrow."""
         solid = solid_groups(groups)
         widest = [max(_half_width(shape.points) for shape in group.shapes) for group in solid]
@@ -155,13 +148,7 @@ class Cores:
 class DynamicBodies:
     """Robots and the things that they push. `poses` is (movers, 3): x, y, yaw in `map`, robots first."""
 
-    def __init__(
-        self,
-        robots: Sequence[Robot],
-        poses: Floats,
-        plans: Plans,
-        obstacles: Sequence[Obstacle],
-    ) -> None:
+    def __init__(self, robots: Sequence[Robot], poses: Floats, plans: Plans, obstacles: Sequence[Obstacle]) -> None:
         self._space = pymunk.Space()
         self._space.collision_slop = _SLOP
         self._space.collision_bias = 1e-6

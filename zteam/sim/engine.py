@@ -20,7 +20,7 @@ from zteam.robot_ids import format_robot_ids
 from zteam.sim.bodies import Bodies, make_bodies
 from zteam.sim.casting import Plans, Scene, prepare_plans
 from zteam.sim.devices import Detections, Devices
-from zteam.sim.lasers import Lasers, Reading, Scans
+from zteam.sim.lasers import Lasers, Scans
 from zteam.sim.motion import Odometry, keep_what_is_left, make_bases
 from zteam.sim.observation import Observation, RobotObservation, Snapshot, pose_of
 from zteam.sim.to_messages import SENSORS
@@ -29,8 +29,6 @@ from zteam.world.model import Obstacle, Robot, World
 from zteam.world.placing import find_hindrance
 
 Floats = NDArray[np.float64]
-
-__all__ = ["WATCHDOG", "Engine", "Observation", "Options", "Reading", "RobotObservation"]
 
 WATCHDOG = to_ns(0.2)
 """A command moves its robot for this long (simulated ns); then the wheels stop."""
@@ -53,14 +51,9 @@ class RobotArrays:
     """
 
     def __init__(
-        self,
-        world: World,
-        robots: Mapping[int, Robot],
-        plans: Plans,
-        options: Options,
-        seed: int,
+        self, world: World, robots: Mapping[int, Robot], plans: Plans, options: Options, seed: int,
         old: "RobotArrays | None",
-    ) -> None:
+    ) -> None:  # fmt: skip
         self.ids = {robot_id: i for i, robot_id in enumerate(robots)}
         self._robots = list(robots.values())
         self._pushed = [obstacle for obstacle in world.obstacles if obstacle.mass is not None]
@@ -147,16 +140,9 @@ class Engine:
     """A world in motion. Robots have ids; by default they are the world's own, numbered in file order."""
 
     def __init__(
-        self,
-        world: World,
-        *,
-        seed: int = 1,
-        robots: Mapping[int, Robot] | None = None,
-        options: Options | None = None,
+        self, world: World, *, seed: int = 1, robots: Mapping[int, Robot] | None = None, options: Options | None = None
     ) -> None:
-        self.world = world
-        self.seed = seed
-        self.options = options or Options()
+        self.world, self.seed, self.options = world, seed, options or Options()
         self.tick = 0
         self._plans = prepare_plans(world.floorplans)
         self._at_first = dict(enumerate(world.robots)) if robots is None else dict(robots)

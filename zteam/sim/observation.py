@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from zteam import names
 from zteam.geometry import Pose2, normalize_angle
-from zteam.sim.devices import Blob, Detections, Sighting
+from zteam.messages import Blob, Fiducial
+from zteam.sim.devices import Detections
 from zteam.sim.lasers import Reading, Scans
 from zteam.sim.motion import WheelJoints
 from zteam.world.model import Robot
@@ -97,7 +98,7 @@ class RobotObservation:
         return self._snapshot.detections.get(self._index, {})
 
     @property
-    def fiducials(self) -> tuple[tuple[Sighting, ...], ...]:
+    def fiducials(self) -> tuple[tuple[Fiducial, ...], ...]:
         """Of its fiducial finders."""
         return self.detections.get(names.FIDUCIALS, ())
 

@@ -6,12 +6,10 @@ import numpy as np
 
 from zteam import names
 from zteam.geometry import Pose2, normalize_angle, quaternion_from_yaw
-from zteam.messages import Blob as BlobMessage
 from zteam.messages import (
     Blobs,
     Bool,
-    ColorRGBA,
-    Fiducial,
+    Bumper,
     Fiducials,
     Header,
     JointState,
@@ -30,10 +28,8 @@ from zteam.messages import (
     Vector3,
     time_from_ns,
 )
-from zteam.messages import Bumper as BumperMessage
 from zteam.sim.devices import FiducialFinders, Sensor, prepare_blobfinders, prepare_bumpers
 from zteam.sim.observation import Observation, RobotObservation
-from zteam.world.colors import find_color
 from zteam.world.devices import KINDS, DeviceKind
 from zteam.world.model import Robot
 
@@ -115,22 +111,19 @@ def stall_message(observation: Observation, robot_id: int, index: int = 0) -> Bo
 def fiducials_message(observation: Observation, robot_id: int, index: int) -> Fiducials:
     """What the robot's `index`-th fiducial finder sees, in `robot_N/fiducial_link[_i]`."""
     seen = observation.robots[robot_id].fiducials[index]
-    return Fiducials(header(observation, KINDS[names.FIDUCIALS], robot_id, index), [Fiducial(*one) for one in seen])
+    return Fiducials(header(observation, KINDS[names.FIDUCIALS], robot_id, index), list(seen))
 
 
-def bumper_message(observation: Observation, robot_id: int, index: int = 0) -> BumperMessage:
+def bumper_message(observation: Observation, robot_id: int, index: int = 0) -> Bumper:
     """All pieces of all of a robot's bumpers."""
     pressed = np.array(observation.robots[robot_id].bumpers, bool)
-    return BumperMessage(header(observation, KINDS[names.BUMPER], robot_id, index), pressed)
+    return Bumper(header(observation, KINDS[names.BUMPER], robot_id, index), pressed)
 
 
 def blobs_message(observation: Observation, robot_id: int, index: int) -> Blobs:
     """What the robot's `index`-th blob finder sees, in `robot_N/blobfinder_link[_i]`; an unknown colour is black."""
-    blobs = [
-        BlobMessage(ColorRGBA(*(find_color(name) or (0.0, 0.0, 0.0))), name, bearing, width, far)
-        for name, bearing, width, far in observation.robots[robot_id].blobs[index]
-    ]
-    return Blobs(header(observation, KINDS[names.BLOBS], robot_id, index), blobs)
+    seen = observation.robots[robot_id].blobs[index]
+    return Blobs(header(observation, KINDS[names.BLOBS], robot_id, index), list(seen))
 
 
 def header(observation: Observation, kind: DeviceKind, robot_id: int, index: int) -> Header:

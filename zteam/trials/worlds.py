@@ -14,7 +14,7 @@ from zteam.clock import NS_PER_S, to_ns
 from zteam.geometry import Pose2
 from zteam.messages import Twist
 from zteam.resources import find_world
-from zteam.sim.engine import Engine, Observation
+from zteam.sim import Engine, Observation
 from zteam.sim.to_messages import odometry_message, scan_message
 from zteam.trials.situations import LEADER, ROBOT, lookup_in
 from zteam.trials.subject import Answer, Subject

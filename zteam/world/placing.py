@@ -60,7 +60,7 @@ def find_misplaced(world: World) -> Iterator[tuple[int, str]]:
 
 def find_bounds(world: World) -> tuple[Floats, Floats] | None:
     """Least and greatest x, y (m, in `map`) of everything that stands still; None if nothing does."""
-    corners = [_plan_corners(plan) for plan in world.floorplans]
+    corners = [plan_corners(plan) for plan in world.floorplans]
     fixed = [thing for thing in world.obstacles if thing.mass is None]
     corners += [place_shape(thing.pose, shape) for thing in fixed for shape in thing.shapes]
     if not corners:
@@ -70,7 +70,21 @@ def find_bounds(world: World) -> tuple[Floats, Floats] | None:
 
 def place_shape(pose: Pose2, shape: Shape) -> Floats:
     """(corners, 2): a shape's corners in the frame that its owner's `pose` is in."""
-    return _place(pose, np.array(shape.points, float))
+    return place_points(pose, np.array(shape.points, float))
+
+
+def plan_corners(plan: Floorplan) -> Floats:
+    """(4, 2): a floor plan's corners in `map`."""
+    rows, columns = plan.occupied.shape
+    ends = [(u * columns * plan.cell[0], v * rows * plan.cell[1]) for u in (0, 1) for v in (0, 1)]
+    return place_points(plan.pose, np.array(ends, float))
+
+
+def place_points(pose: Pose2, points: Floats) -> Floats:
+    """Points (n, 2) in the frame that `pose` is in."""
+    cos, sin = np.cos(pose.yaw), np.sin(pose.yaw)
+    x, y = points[:, 0], points[:, 1]
+    return np.stack((pose.x + cos * x - sin * y, pose.y + sin * x + cos * y), axis=1)
 
 
 def _find_outside(world: World, pose: Pose2) -> str:
@@ -97,25 +111,13 @@ def _standing(world: World, others: Mapping[int, Robot]) -> Iterator[tuple[str, 
         yield f"robot {robot_id}", robot.pose, robot.shapes
 
 
-def _plan_corners(plan: Floorplan) -> Floats:
-    rows, columns = plan.occupied.shape
-    ends = [(u * columns * plan.cell[0], v * rows * plan.cell[1]) for u in (0, 1) for v in (0, 1)]
-    return _place(plan.pose, np.array(ends, float))
-
-
-def _place(pose: Pose2, points: Floats) -> Floats:
-    cos, sin = np.cos(pose.yaw), np.sin(pose.yaw)
-    x, y = points[:, 0], points[:, 1]
-    return np.stack((pose.x + cos * x - sin * y, pose.y + sin * x + cos * y), axis=1)
-
-
 def _heights_overlap(one: Shape | Floorplan, other: Shape | Floorplan) -> bool:
     return one.z_min < other.z_max and other.z_min < one.z_max
 
 
 def _meets_plan(plan: Floorplan, polygon: Floats) -> bool:
     """Whether a polygon covers a part of an occupied cell without its rim."""
-    local = _place(plan.pose.inverse(), polygon) / plan.cell
+    local = place_points(plan.pose.inverse(), polygon) / plan.cell
     rows, columns = plan.occupied.shape
     low = np.clip(np.floor(local.min(axis=0)), 0, (columns, rows)).astype(int)
     high = np.clip(np.ceil(local.max(axis=0)), 0, (columns, rows)).astype(int)

@@ -101,7 +101,7 @@ def test_a_blob_finder_names_the_colours_it_looks_for() -> None:
     every = Blobfinder("b", 0.0, 0.0, 0.1, 0.0, math.radians(90), 91, 12.0)
     blue = Blobfinder("b", 0.0, 0.0, 0.1, 0.0, math.radians(90), 91, 12.0, ("blue",))
     seen = Engine(make_world(make_robot(devices=(every, blue)), others=(box,))).observe().robots[0]
-    assert [blob.color for blob in seen.blobs[0]] == ["green", "blue", "green"]
+    assert [blob.name for blob in seen.blobs[0]] == ["green", "blue", "green"]
     (blob,) = seen.blobs[1]
     assert blob.bearing == pytest.approx(0.0, abs=1e-9)
     assert blob.width == pytest.approx(2 * math.atan2(0.2, 0.8), abs=math.radians(2.0))

@@ -26,9 +26,9 @@ def test_a_png_shows_walls_and_robots_where_they_are(tmp_path: Path) -> None:
     world = make_maze()
     for yaw in (0.0, 0.5):
         plan = msgspec.structs.replace(world.floorplans[0], pose=Pose2(-4.0, -4.0, yaw), color="#0000ff")
-        turned = msgspec.structs.replace(world, floorplans=(plan,))
+        turned = msgspec.structs.replace(world, floorplans=(plan,), robots=(GREEN,))
         path = tmp_path / f"maze_{yaw}.png"
-        draw_world(turned, {0: GREEN}, path, width=600)
+        draw_world(turned, path, width=600)
         pixels = np.asarray(Image.open(path))
         cos, sin = math.cos(yaw), math.sin(yaw)
         corners = [(-4 + cos * u - sin * v, -4 + sin * u + cos * v) for u in (0, 8) for v in (0, 8)]
@@ -52,15 +52,14 @@ def test_a_png_shows_walls_and_robots_where_they_are(tmp_path: Path) -> None:
 def test_an_svg_holds_the_same_things(tmp_path: Path) -> None:
     """It is well-formed, with the plan as an image, a polygon for each body, the ids and a scale."""
     path = tmp_path / "world.svg"
-    robots = {0: GREEN, 12: make_robot(2.0, 2.0)}
-    world = msgspec.structs.replace(make_maze(), obstacles=(make_box("b", -2.0, 0.0),))
-    draw_world(world, robots, path)
+    robots, box = (GREEN, make_robot(2.0, 2.0)), make_box("b", -2.0, 0.0)
+    draw_world(msgspec.structs.replace(make_maze(), obstacles=(box,), robots=robots), path)
     root = ET.fromstring(path.read_text())
     tags = [element.tag.rpartition("}")[2] for element in root]
     assert tags.count("image") == 1
     assert tags.count("polygon") == 1 + 2 * 2
     texts = [element.text for element in root.iter() if element.tag.endswith("text")]
-    assert texts[:2] == ["0", "12"]
+    assert texts[:2] == ["0", "1"]
     assert re.fullmatch(r"[125]0* m", texts[2] or "")
 
 
@@ -68,7 +67,7 @@ def test_a_fan_reaches_its_hits(tmp_path: Path) -> None:
     """A fan is a polygon from the laser over all ends, with a dot at every hit and none at a miss."""
     path = tmp_path / "fan.svg"
     fan = Fan((0.0, 0.0), [(1.0, 0.0), (1.0, 1.0), (0.0, 1.0)], [True, False, True])
-    draw_world(make_world(wall_at=2.0), {0: make_robot()}, path, fans={0: [fan]})
+    draw_world(make_world(make_robot(), wall_at=2.0), path, fans={0: [fan]})
     text = path.read_text()
     assert text.count("<circle") == 2
     (points,) = re.findall(r'points="([^"]+)"[^>]*fill-opacity="0.18"', text)
@@ -82,4 +81,4 @@ def test_a_fan_reaches_its_hits(tmp_path: Path) -> None:
 def test_what_cannot_be_drawn_is_said(tmp_path: Path, name: str, width: int, text: str) -> None:
     """Another format, a folder that is not there and an absurd size are errors of one line."""
     with pytest.raises(UsageError, match=text):
-        draw_world(make_world(), {0: make_robot()}, tmp_path / name, width=width)
+        draw_world(make_world(make_robot()), tmp_path / name, width=width)
