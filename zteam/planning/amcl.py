@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from zteam.counter_random import gaussian_pairs, gaussians, stream, uniforms
 from zteam.geometry import Pose2, normalize_angle
-from zteam.kernels.binding import BeamEnds, find_cluster, move_poses, resample
+from zteam.kernels.binding import BeamEnds, Floats, find_cluster, move_poses, resample
 from zteam.planning.grid import FREE, GridMap
 from zteam.planning.likelihood import (
     GlobalSearch,
@@ -24,8 +24,6 @@ from zteam.planning.likelihood import (
     weigh_poses,
 )
 from zteam.planning.scans import Scan, Teammate, find_ends, on_teammates
-
-Floats = NDArray[np.float64]
 
 BIN_SIZE = 0.5, 0.5, math.radians(10.0)
 """Of the histogram that says how spread out the particles are (amcl's pf_kdtree): metres, metres, radians."""
@@ -342,7 +340,7 @@ def kld_limits(least: int, most: int, error: float, quantile: float) -> NDArray[
     return enough
 
 
-def estimate_pose(poses: Floats, weights: Floats) -> tuple[Pose2, NDArray[np.float64]]:
+def estimate_pose(poses: Floats, weights: Floats) -> tuple[Pose2, Floats]:
     """The mean and covariance (3, 3) of the heaviest cluster of particles (n, 3)."""
     _, moments, about = find_cluster(poses, weights, BIN_SIZE, _BINS_OF_TURN)
     moments /= moments[0, 0]

@@ -9,16 +9,14 @@ from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from zteam.geometry import Pose2, in_polygon
-from zteam.kernels.binding import Window, inflate, trace_beams
+from zteam.kernels.binding import Bytes, Cells, Floats, Window, inflate, trace_beams
 from zteam.planning.grid import Frame, GridMap
 from zteam.planning.polygons import cells_of_disc, cells_of_polygon
 from zteam.planning.scans import Scan, Teammate, find_ends, on_teammates
 
-Floats = NDArray[np.float64]
-Costs = NDArray[np.uint8]
+Costs = Bytes
 """(rows, columns)."""
 
 FREE_SPACE = 0
@@ -245,14 +243,14 @@ class Costmap:
         cell = self.frame.cell_at(x, y)
         return int(self.costs[cell]) if self.frame.holds(*cell) else LETHAL_OBSTACLE
 
-    def _note(self, cells: NDArray[np.int64], cost: int) -> None:
+    def _note(self, cells: Cells, cost: int) -> None:
         self._seen[cells[:, 0], cells[:, 1]] = cost
         self._touch(cells[:, ::-1])
 
     def _whole(self) -> None:
         self._changed = 0, self.frame.rows, 0, self.frame.columns
 
-    def _touch(self, cells: NDArray[np.int64]) -> None:
+    def _touch(self, cells: Cells) -> None:
         """Note that the layers have changed within the box of these cells (column, row)."""
         if not len(cells):
             return

@@ -18,6 +18,7 @@ from zteam.kernels.binding import (
     UNREACHED,
     Bytes,
     Cells,
+    Floats,
     Steps,
     measure_lines,
     search,
@@ -27,8 +28,6 @@ from zteam.kernels.binding import (
 )
 from zteam.planning.costmap import INSCRIBED_INFLATED_OBSTACLE, Costmap, Costs
 from zteam.planning.grid import Frame
-
-Floats = NDArray[np.float64]
 
 COSTMAP_STEPS = (70, 99)
 """A diagonal step is √2 straight ones, less a hundredth of a percent; small, so that long ways fit into 32 bits."""

@@ -1,16 +1,12 @@
-"""Which cells shapes cover."""
+"""Which cells (n, 2; row, column) shapes cover."""
 
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from zteam.geometry import in_polygon
-from zteam.planning.grid import Frame
-
-Floats = NDArray[np.float64]
-Cells = NDArray[np.int64]
-"""(n, 2): row and column."""
+from zteam.kernels.binding import Cells
+from zteam.planning.grid import Floats, Frame
 
 
 def cells_of_disc(frame: Frame, x: float, y: float, radius: float) -> Cells:

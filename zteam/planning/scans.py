@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from zteam.geometry import Pose2
 from zteam.laser import read_ranges
-
-Floats = NDArray[np.float64]
+from zteam.planning.grid import Floats
 
 
 class Scan(NamedTuple):

@@ -4,7 +4,6 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from zteam import names
 from zteam.counter_random import gaussians, stream
@@ -12,12 +11,10 @@ from zteam.geometry import Pose2
 from zteam.messages import PoseWithCovarianceStamped
 from zteam.nodes.navigation.inputs import OLD, Inputs
 from zteam.planning.amcl import Amcl
-from zteam.planning.grid import GridMap
+from zteam.planning.grid import Floats, GridMap
 from zteam.planning.parameters import FakeOptions, Parameters
 from zteam.planning.scans import Scan, Teammate, seen_from
 from zteam.services.maps import planar
-
-Floats = NDArray[np.float64]
 
 _LOST = 1.0
 """Metres: with a larger standard deviation a robot does not know where it is."""

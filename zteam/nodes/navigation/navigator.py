@@ -3,19 +3,15 @@
 import math
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from zteam.geometry import Pose2
 from zteam.messages import NavigationState, PoseStamped
 from zteam.nodes.navigation.costmaps import Costmaps, PlacedScan
 from zteam.planning.controller import BlockedError, Controller, GoalChecker, ProgressChecker, Velocity
+from zteam.planning.grid import Floats
 from zteam.planning.parameters import Parameters
 from zteam.planning.planner import NoPathError, Planner
 from zteam.planning.recovery import Recovery
 from zteam.services.navigation import ON_THE_WAY
-
-Floats = NDArray[np.float64]
 
 STOP = Velocity()
 MISSING_LIMIT = 10.0

@@ -4,7 +4,6 @@ import logging
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from zteam import names
 from zteam.geometry import Pose2, quaternion_from_yaw
@@ -38,13 +37,12 @@ from zteam.nodes.navigation.localisers import Localiser
 from zteam.nodes.navigation.navigator import STOP, Navigator
 from zteam.planning.controller import Velocity
 from zteam.planning.costmap import INSCRIBED_INFLATED_OBSTACLE, LETHAL_OBSTACLE, NO_INFORMATION, Costmap, place
+from zteam.planning.grid import Floats
 from zteam.planning.parameters import Parameters
 from zteam.runtime.node import Node
 from zteam.services.maps import pose_message
 
 log = logging.getLogger("zteam")
-
-Floats = NDArray[np.float64]
 
 _VALUES = np.array([1 + (97 * (cost - 1)) // 251 for cost in range(256)]).astype(np.int8)
 """Costs as values of an OccupancyGrid: Costmap2DPublisher's table of Nav2."""

@@ -42,9 +42,7 @@ class Transforms:
 
     def __init__(self) -> None:
         self.buffer = Buffer()
-
-    def left(self, _robot_id: int) -> Pose2 | None:
-        return None
+        self.left: dict[int, Pose2] = {}
 
 
 class Outputs:
