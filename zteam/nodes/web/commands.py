@@ -28,7 +28,7 @@ from zteam.messages import (
     time_from_ns,
 )
 from zteam.nodes.web import frames, requests
-from zteam.nodes.web.team_view import TeamView, decoded, pose2_of
+from zteam.nodes.web.team_view import TeamView, pose2_of
 from zteam.services.simulator import SimulatorClient
 
 SPACING = 0.9
@@ -113,9 +113,8 @@ def make_tiles(key: str, grid: OccupancyGrid, number: int, map_from_frame: Pose2
     return made
 
 
-def room_in(content: bytes | Message, radius: float) -> Callable[[float, float], bool]:
-    """Whether all cells within `radius` (m) of a place in the grid are known to be free."""
-    grid = decoded(OccupancyGrid, content)
+def room_in(grid: OccupancyGrid | None, radius: float) -> Callable[[float, float], bool]:
+    """Whether all cells within `radius` (m) of a place in the grid are known to be free; without a grid all are."""
     if grid is None or grid.info.resolution <= 0.0 or grid.info.width * grid.info.height != grid.data.size:
         return lambda _x, _y: True
     info = grid.info
@@ -199,8 +198,8 @@ class Commands:
         known = self._state.poses
         goal = Pose2(request.x, request.y, request.yaw)
         poses = {robot_id: known.get(robot_id, goal) for robot_id in request.robots}
-        arrival = self._state.newest.get(names.MAP)
-        is_free = _everywhere if arrival is None else room_in(arrival.content, ROOM)
+        arrival = self._state.received.get(names.MAP)
+        is_free = room_in(arrival and arrival.read(OccupancyGrid), ROOM)
         unheard = []
         for robot_id, place in spread(goal, poses, is_free).items():
             message = PoseStamped(self._header(), _pose(place))
@@ -211,7 +210,7 @@ class Commands:
                 unheard.append(names.robot_name(robot_id))
                 continue
             # A session does not hear itself.
-            self._state.newest.take(key, message)
+            self._state.received.take(key, message)
         if unheard:
             raise ZteamError(f"no goal is heard by {', '.join(unheard)}: behaviours such as go_to take them")
 
@@ -238,10 +237,6 @@ class Commands:
         if not publisher.has_subscribers:
             raise ZteamError(f"nothing hears {key}")
         publisher.put(message)
-
-
-def _everywhere(_x: float, _y: float) -> bool:
-    return True
 
 
 def _pose(place: Pose2) -> Pose:

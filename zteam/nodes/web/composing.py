@@ -77,7 +77,7 @@ class Composer:
 
     def _navigation(self, viewer: Viewer) -> Iterator[bytes]:
         """Paths and particles."""
-        layers, scene, pose_of = viewer.look.layers, self._scene, self._documents.pose_of
+        layers, scene, pose_of = viewer.look.layers, self._scene, self._state.places.pose_of
         for key in self._state.drawables.keys("plans") if "plans" in layers else ():
             found = scene.read(key, Path)
             frame = pose_of(found[1].header.frame_id) if found else None
@@ -121,19 +121,18 @@ class Composer:
         number, lines = self._documents.log(viewer.log_number)
         viewer.log_number = number
         if lines:
-            shown = [line._asdict() for line in lines[-LINES:]]
-            yield frames.encode_doc("log", msgspec.json.encode(shown))
+            yield frames.encode_doc("log", msgspec.json.encode(lines[-LINES:]))
 
     def _watched(self, viewer: Viewer, now: float) -> Iterator[bytes]:
         offset = to_seconds(self._state.places.stamp) - now
         for watch, number in list(viewer.watches.items()):
             if watch.field:
-                newest, pairs = samples_since(self._state.history, watch.topic, watch.field, number, offset)
+                newest, pairs = samples_since(self._state.received, watch.topic, watch.field, number, offset)
                 viewer.watches[watch] = newest
                 if len(pairs):
                     yield frames.encode_samples(watch.topic, watch.field, pairs)
             elif viewer.lacks((watch.topic, "looked at"), int(now / FAST)):
-                arrival = self._state.newest.get(watch.topic)
+                arrival = self._state.received.get(watch.topic)
                 echo = self._documents.echo(watch.topic) if arrival and arrival.number != number else None
                 if echo is not None:
                     viewer.watches[watch] = echo[0]

@@ -6,11 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from zteam.bus.topics import type_of_key
 from zteam.clock import to_seconds
-from zteam.errors import DecodeError
-from zteam.messages import Message, decode, type_of_encoding
-from zteam.nodes.web.received import Event, History
+from zteam.messages import Message
+from zteam.nodes.web.received import Received
 from zteam.runtime.tick_messages import stamp_of
 
 _PART = re.compile(r"([A-Za-z_][A-Za-z0-9_]*)((?:\[[0-9]{1,6}\])*)", re.ASCII)
@@ -54,34 +52,22 @@ MOST = 100
 
 
 def samples_since(
-    history: History, topic: str, field: str, number: int, team_from_host: float
+    received: Received, topic: str, field: str, number: int, team_from_host: float
 ) -> tuple[int, NDArray[np.float64]]:
     """The number of the newest message, and pairs (n, 2) of time in s and value of those after `number`.
 
     The time is that of the message's header. For a type without one it is the host's time at which the message came,
     with `team_from_host` (s) added.
     """
-    events = history.since(topic, number)
+    events = received.since(topic, number)
     path = parse_path(field)
     if not events or path is None:
         return (events[-1].number if events else number), np.zeros((0, 2))
     stride = max(1, -(-len(events) // MOST))
     pairs = []
     for event in events[::-stride][::-1]:
-        message = _message(event)
+        message = event.read(event.kind) if event.kind else None
         value = None if message is None else number_at(message, path)
         if message is not None and value is not None:
             pairs.append((to_seconds(stamp_of(message)) or event.time + team_from_host, value))
     return events[-1].number, np.array(pairs, np.float64).reshape(-1, 2)
-
-
-def _message(event: Event) -> Message | None:
-    if isinstance(event.content, Message):
-        return event.content
-    kind = type_of_encoding(event.encoding) or type_of_key(event.key)
-    if kind is None:
-        return None
-    try:
-        return decode(kind, event.content)
-    except DecodeError:
-        return None

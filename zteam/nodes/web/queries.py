@@ -113,7 +113,8 @@ class Queries:
         self.authorities: dict[str, str] = {}
         """Which process says where each frame is."""
         self._keys_due, self._frames_due = Every(KEYS_PERIOD), Every(KEYS_PERIOD)
-        self.on_log: Callable[[list[LogLine]], None] = lambda lines: None
+        self.kept_log: list[LogLine] = []
+        """What the processes kept of their logs when a page began to show them."""
         self.on_transforms: Callable[[TFMessage], None] = lambda message: None
         self._has_log = False
         self._opened = 0
@@ -161,8 +162,7 @@ class Queries:
             self._has_log = False
         elif not self._has_log:
             self._has_log = True
-            for _, lines in self._ask(names.log_key(), list[LogLine]):
-                self.on_log(lines)
+            self.kept_log = [line for _, lines in self._ask(names.log_key(), list[LogLine]) for line in lines]
         if ("topics" in docs or {"plans", "costmaps", "particles", "markers"} & set(layers)) and self._keys_due.due():
             self.declarations = self._bus.declarations()
             if "topics" in docs:

@@ -5,14 +5,14 @@ import threading
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Mapping
 from functools import partial
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 from zteam import names
 from zteam.bus import Bus
 from zteam.bus.topics import type_of_key
 from zteam.bus.transport import Closeable, RawSample
 from zteam.clock import monotonic
-from zteam.errors import BusError
+from zteam.errors import BusError, DecodeError
 from zteam.geometry import Pose2
 from zteam.messages import (
     Fiducials,
@@ -29,14 +29,18 @@ from zteam.messages import (
     PoseStamped,
     Range,
     TFMessage,
+    decode,
     type_of_encoding,
 )
 from zteam.nodes.web.requests import MAX_WATCHES, Ack, Look, Unwatch, Watch
+
+M = TypeVar("M", bound=Message)
 
 
 class Arrival(NamedTuple):
     """One message."""
 
+    key: str
     content: bytes | Message
     number: int
     """Grows with every message of any key."""
@@ -45,42 +49,23 @@ class Arrival(NamedTuple):
     encoding: str = ""
     """Empty where the key has one type."""
 
-
-class Newest:
-    """Filled by threads of the bus, read by the one that makes frames."""
-
-    def __init__(self, on_news: Callable[[], None]) -> None:
-        self._on_news = on_news
-        self._lock = threading.Lock()
-        self._arrivals: dict[str, Arrival] = {}
-        self._number = 0
-
     @property
-    def number(self) -> int:
-        """Of the newest message of all keys."""
-        return self._number
+    def kind(self) -> type[Message] | None:
+        """Its type; None if neither encoding nor key tells."""
+        if isinstance(self.content, Message):
+            return type(self.content)
+        return type_of_encoding(self.encoding) or type_of_key(self.key)
 
-    def take(self, key: str, content: bytes | Message, encoding: str = "") -> None:
-        """A message came."""
-        with self._lock:
-            self._number += 1
-            self._arrivals[key] = Arrival(content, self._number, monotonic(), encoding)
-        self._on_news()
-
-    def get(self, key: str) -> Arrival | None:
-        """The newest of a key; None before the first."""
-        return self._arrivals.get(key)
-
-    def items(self) -> list[tuple[str, Arrival]]:
-        """All that is kept, by key."""
-        with self._lock:
-            return list(self._arrivals.items())
-
-    def drop(self, has_gone: Callable[[str], bool]) -> None:
-        """Forget the keys for which `has_gone(key)`."""
-        with self._lock:
-            for key in [key for key in self._arrivals if has_gone(key)]:
-                del self._arrivals[key]
+    def read(self, kind: type[M]) -> M | None:
+        """The message; None if it is none of this type."""
+        if isinstance(self.content, Message):
+            return self.content if isinstance(self.content, kind) else None
+        if type_of_encoding(self.encoding) not in (kind, None):
+            return None
+        try:
+            return decode(kind, self.content)
+        except DecodeError:
+            return None
 
 
 KEPT = 2000
@@ -89,52 +74,65 @@ KEPT_BYTES = 16_000_000
 """Of one topic; the newest message is kept whatever its size."""
 
 
-class Event(NamedTuple):
-    """One message."""
+class Received:
+    """The newest message of each key, and of some topics all for a while.
 
-    number: int
-    key: str
-    content: bytes | Message
-    encoding: str
-    time: float
-    """Host time at which it came."""
-
-
-def _size(content: bytes | Message) -> int:
-    """Bytes of a message; the messages of a topic are of about one size."""
-    return len(content) if isinstance(content, bytes) else 0
-
-
-class History:
-    """Filled by threads of the bus, read by the one that makes frames."""
+    Filled by threads of the bus, read by the one that makes frames.
+    """
 
     def __init__(self, on_news: Callable[[], None]) -> None:
         self._on_news = on_news
         self._lock = threading.Lock()
-        self._numbers = itertools.count(1)
-        self._events: dict[str, deque[Event]] = {}
+        self.number = 0
+        """Of the newest message of all keys."""
+        self._newest: dict[str, Arrival] = {}
+        self._kept: dict[str, deque[Arrival]] = {}
 
-    def take(self, topic: str, key: str, content: bytes | Message, encoding: str = "") -> None:
-        """A message came on `key`, by the subscription to `topic`."""
+    def take(self, key: str, content: bytes | Message, encoding: str = "") -> None:
+        """A message came."""
         with self._lock:
-            event = Event(next(self._numbers), key, content, encoding, monotonic())
-            events = self._events.setdefault(topic, deque(maxlen=KEPT))
-            events.append(event)
-            while len(events) > 1 and len(events) * _size(content) > KEPT_BYTES:
-                events.popleft()
+            self._newest[key] = self._arrival(key, content, encoding)
         self._on_news()
 
-    def since(self, topic: str, number: int) -> list[Event]:
-        """The messages of a topic after the one with this number, oldest first."""
+    def keep(self, topic: str, key: str, content: bytes | Message, encoding: str = "") -> None:
+        """A message came on `key`, by the subscription to `topic`, of which each counts."""
         with self._lock:
-            events = self._events.get(topic, ())
-            newer = list(itertools.takewhile(lambda event: event.number > number, reversed(events)))
-        return newer[::-1]
+            kept = self._kept.setdefault(topic, deque(maxlen=KEPT))
+            kept.append(self._arrival(key, content, encoding))
+            # The messages of a topic are of about one size.
+            size = len(content) if isinstance(content, bytes) else 0
+            while len(kept) > 1 and len(kept) * size > KEPT_BYTES:
+                kept.popleft()
+        self._on_news()
+
+    def _arrival(self, key: str, content: bytes | Message, encoding: str) -> Arrival:
+        self.number += 1
+        return Arrival(key, content, self.number, monotonic(), encoding)
+
+    def get(self, key: str) -> Arrival | None:
+        """The newest of a key; None before the first."""
+        return self._newest.get(key)
+
+    def newest(self) -> list[Arrival]:
+        """The newest of all keys."""
+        with self._lock:
+            return list(self._newest.values())
+
+    def clear(self) -> None:
+        """Forget the newest of all keys."""
+        with self._lock:
+            self._newest.clear()
+
+    def since(self, topic: str, number: int) -> list[Arrival]:
+        """The kept messages of a topic after the one with this number, oldest first."""
+        with self._lock:
+            newer = itertools.takewhile(lambda one: one.number > number, reversed(self._kept.get(topic, ())))
+            return [*newer][::-1]
 
     def forget(self, topic: str) -> None:
-        """The subscription is closed."""
+        """Keep no messages of this topic."""
         with self._lock:
-            self._events.pop(topic, None)
+            self._kept.pop(topic, None)
 
 
 class Topic(NamedTuple):
@@ -152,8 +150,8 @@ class Topic(NamedTuple):
 class Subscriptions:
     """One thread makes all calls."""
 
-    def __init__(self, bus: Bus, newest: Newest, history: History) -> None:
-        self._bus, self._newest, self._history = bus, newest, history
+    def __init__(self, bus: Bus, received: Received) -> None:
+        self._bus, self._received = bus, received
         self._open: dict[Topic, Closeable | None] = {}
         self.opened = 0
         """How many were opened so far that miss what was sent before."""
@@ -161,8 +159,11 @@ class Subscriptions:
     def match(self, wanted: Iterable[Topic]) -> None:
         """Subscribe to these and to nothing else. A key that is no key expression is left out."""
         chosen = set(wanted)
-        for topic in [topic for topic in self._open if topic not in chosen]:
-            self._close(topic, self._open.pop(topic))
+        for topic in self._open.keys() - chosen:
+            if (handle := self._open.pop(topic)) is not None:
+                handle.close()
+            if topic.every:
+                self._received.forget(topic.key)
         for topic in chosen:
             if topic not in self._open:
                 self.opened += not topic.latched
@@ -171,14 +172,9 @@ class Subscriptions:
                 except BusError:
                     self._open[topic] = None
 
-    def _close(self, topic: Topic, handle: Closeable | None) -> None:
-        if handle is not None:
-            handle.close()
-        if topic.every:
-            self._history.forget(topic.key)
-
     def _subscribe(self, topic: Topic) -> Closeable:
-        take: Callable[..., None] = partial(self._history.take, topic.key) if topic.every else self._newest.take
+        received = self._received
+        take: Callable[..., None] = partial(received.keep, topic.key) if topic.every else received.take
         if topic.kind is not None and not topic.latched:
             # As bytes, without time and source: at the rate of lock-step this is most of the cost of a view.
             return self._bus.subscribe_contents(topic.key, topic.kind, take)

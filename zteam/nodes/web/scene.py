@@ -25,7 +25,7 @@ from zteam.messages import (
 from zteam.nodes.web import frames
 from zteam.nodes.web.commands import Tile, make_tiles
 from zteam.nodes.web.received import Arrival
-from zteam.nodes.web.team_view import TeamView, decoded
+from zteam.nodes.web.team_view import TeamView
 from zteam.services.simulator import RobotShape, SimStatus
 
 SILENT_AFTER = 3.0
@@ -211,19 +211,19 @@ class Scene:
 
     def read(self, key: str, kind: type[M]) -> tuple[Arrival, M] | None:
         """The newest message of a key, decoded once; None without one of this type."""
-        arrival = self._state.newest.get(key)
+        arrival = self._state.received.get(key)
         if arrival is None:
             return None
         number, message = self._decoded.get(key, (0, None))
         if number != arrival.number:
-            message = decoded(kind, arrival.content)
+            message = arrival.read(kind)
             self._decoded[key] = arrival.number, message
         return None if message is None else (arrival, message)
 
     def look(self) -> None:
         """Take the robots' newest poses, once for all pages."""
         state = self._state
-        seen = state.newest.number, state.queries.sim, state.places
+        seen = state.received.number, state.queries.sim, state.places
         if seen != self._looked:
             self._looked = seen
             state.poses = state.places.look(sorted(state.robots()))
@@ -250,8 +250,7 @@ class Scene:
             index += 1
 
     def _scan(self, robot_id: int, index: int, scan: LaserScan, beams: int) -> bytes:
-        frame = names.strip_slash(scan.header.frame_id)
-        sensor = self._state.places.pose_of(frame, ns_from_time(scan.header.stamp))
+        sensor = self._state.places.pose_of(scan.header.frame_id, ns_from_time(scan.header.stamp))
         if sensor is None:
             sensor = self._sensor_on_base(robot_id, index)
         if sensor is None:
@@ -304,8 +303,8 @@ class Scene:
     def _newest_data(self) -> dict[int, float]:
         """Host time of the newest message of each base. What is latched tells nothing of whether it is there."""
         found: dict[int, float] = {}
-        for key, arrival in self._state.newest.items():
-            target = names.split_robot_key(key)
+        for arrival in self._state.received.newest():
+            target = names.split_robot_key(arrival.key)
             if target is not None and target[1] not in (names.BASE_INFO, names.STATUS, names.GOAL_POSE):
                 found[target[0]] = max(arrival.time, found.get(target[0], arrival.time))
         return found

@@ -2,20 +2,17 @@
 
 import threading
 from collections.abc import Callable, Iterable
-from typing import TypeVar
 
 from zteam import names
-from zteam.errors import DecodeError
 from zteam.geometry import Pose2, yaw_from_quaternion
-from zteam.messages import Message, Odometry, Pose, TFMessage, decode, ns_from_time
+from zteam.messages import Odometry, Pose, TFMessage, ns_from_time
 from zteam.nodes.web.queries import ASK_PERIOD, Queries
 from zteam.nodes.web.received import (
     FAST_PERIOD,
     NOTHING,
     PERIOD,
     Drawables,
-    History,
-    Newest,
+    Received,
     Sampled,
     Subscriptions,
     Viewer,
@@ -27,14 +24,12 @@ from zteam.runtime.process_node import ProcessNode
 from zteam.tf import Buffer, TransformException
 from zteam.tf.bases import bases_stamp
 
-M = TypeVar("M", bound=Message)
-
 
 class Places:
     """Reads what has come since the last look. One thread makes all calls."""
 
-    def __init__(self, newest: Newest) -> None:
-        self._newest = newest
+    def __init__(self, received: Received) -> None:
+        self._received = received
         self.buffer = Buffer()
         self._taken = 0
         """The number of the newest bundle that was taken."""
@@ -48,20 +43,16 @@ class Places:
         self.from_truth = False
 
     def _take_static(self) -> None:
-        arrival = self._newest.get(names.TF_STATIC)
+        arrival = self._received.get(names.TF_STATIC)
         if arrival is None or arrival.number == self._taken_static:
             return
         self._taken_static = arrival.number
-        message = decoded(TFMessage, arrival.content)
+        message = arrival.read(TFMessage)
         if message is not None:
             self.buffer.set_all_static(message.transforms, names.TF)
             if self._taken:
                 # Where odometry begins may be another place now.
                 self.number = max(self.number, arrival.number)
-
-    def clear(self) -> None:
-        """Time was set back: what was known of the other time does not count."""
-        self.buffer.clear()
 
     def look(self, robots: Iterable[int]) -> dict[int, Pose2]:
         """The pose in `map` of each of these robots whose pose is known."""
@@ -78,15 +69,16 @@ class Places:
         return found
 
     def _take_bundle(self) -> bool:
-        arrival = self._newest.get(names.TF)
+        arrival = self._received.get(names.TF)
         if arrival is None or arrival.number == self._taken:
             return False
-        message = decoded(TFMessage, arrival.content)
+        message = arrival.read(TFMessage)
         if message is None:
             return False
         stamp = bases_stamp(message)
         if stamp and stamp < self.stamp:
-            self.clear()
+            # Time was set back: what was known of the other time does not count.
+            self.buffer.clear()
         self.buffer.set_transforms(message.transforms, names.TF)
         self.stamp = stamp or self.stamp
         self._taken = self.number = arrival.number
@@ -95,9 +87,12 @@ class Places:
 
     def pose_of(self, frame: str, stamp: int = 0) -> Pose2 | None:
         """The pose of a frame in `map` at `stamp` (ns), or its newest where it is not known for then."""
+        name = names.strip_slash(frame)
+        if name == names.MAP_FRAME:
+            return Pose2(0.0, 0.0, 0.0)
         for time in (stamp, 0) if stamp else (0,):
             try:
-                return self.buffer.lookup_pose2(names.MAP_FRAME, frame, time)[0]
+                return self.buffer.lookup_pose2(names.MAP_FRAME, name, time)[0]
             except TransformException:
                 pass
         return None
@@ -105,8 +100,8 @@ class Places:
     def _look_at_truth(self, robots: Iterable[int]) -> dict[int, Pose2]:
         found = {}
         for robot_id in robots:
-            arrival = self._newest.get(names.robot_key(robot_id, names.GROUND_TRUTH))
-            message = None if arrival is None else decoded(Odometry, arrival.content)
+            arrival = self._received.get(names.robot_key(robot_id, names.GROUND_TRUTH))
+            message = arrival and arrival.read(Odometry)
             if arrival is None or message is None:
                 continue
             found[robot_id] = pose2_of(message.pose.pose)
@@ -121,16 +116,6 @@ def pose2_of(pose: Pose) -> Pose2:
     """The planar part of a pose."""
     turn = pose.orientation
     return Pose2(pose.position.x, pose.position.y, yaw_from_quaternion(turn.x, turn.y, turn.z, turn.w))
-
-
-def decoded(kind: type[M], content: bytes | Message) -> M | None:
-    """The message in what came; None if it is none of this type."""
-    if isinstance(content, bytes):
-        try:
-            return decode(kind, content)
-        except DecodeError:
-            return None
-    return content if isinstance(content, kind) else None
 
 
 LOOK = 0.2
@@ -148,10 +133,9 @@ class TeamView:
         self.node = node
         self.on_news: Callable[[], None] = lambda: None
         """Called from any thread when something came."""
-        self.newest = Newest(self._tell)
-        self.history = History(self._tell)
+        self.received = Received(self._tell)
         self.drawables = Drawables()
-        self.places = Places(self.newest)
+        self.places = Places(self.received)
         self.queries = Queries(node, self._tell)
         self.queries.on_transforms = self._take_transforms
         self.viewers: dict[int, Viewer] = {}
@@ -159,13 +143,13 @@ class TeamView:
         """The viewer that drives a robot."""
         self.poses: dict[int, Pose2] = {}
         """The robots' newest poses in `map`. Replaced as a whole."""
-        self._subscriptions = Subscriptions(node.bus, self.newest, self.history)
+        self._subscriptions = Subscriptions(node.bus, self.received)
         self._looks = 0
         self._asks = 0
 
     def _take_transforms(self, message: TFMessage) -> None:
-        if self.newest.get(names.TF) is None:
-            self.newest.take(names.TF, message)
+        if self.received.get(names.TF) is None:
+            self.received.take(names.TF, message)
 
     def _tell(self) -> None:
         self.on_news()
@@ -182,7 +166,7 @@ class TeamView:
 
     def robots(self) -> set[int]:
         """All robots of which anything is known."""
-        found = present_robots(key for key, _ in self.newest.items()) | self.queries.robots()
+        found = present_robots(arrival.key for arrival in self.received.newest()) | self.queries.robots()
         return found if self.queries.sim is None else found | set(self.queries.sim.robots)
 
     def add(self, viewer: Viewer) -> None:
@@ -225,10 +209,10 @@ class TeamView:
         wanted = topics_of(viewers.values(), self.poses, self.drawables, aggregator=aggregator, sampled=sampled)
         self._subscriptions.match(wanted)
         for key, content in self.queries.sample(sampled):
-            self.newest.take(key, content)
+            self.received.take(key, content)
         if not viewers:
-            self.newest.drop(lambda _key: True)
-            self.places, self.poses = Places(self.newest), {}
+            self.received.clear()
+            self.places, self.poses = Places(self.received), {}
         period = LOOK if sampled is NOTHING else FAST_PERIOD
         self.node.wait(lambda: self._looks != looks, period if viewers else REST)
 
@@ -243,7 +227,7 @@ class TeamView:
         """Find out which keys carry something to draw."""
         self.drawables.take_keys(declaration.key for declaration in self.queries.declarations if declaration.publishes)
         for key in self.drawables.unknown():
-            arrival = self.newest.get(key)
+            arrival = self.received.get(key)
             if arrival is not None:
                 self.drawables.learn(key, arrival.encoding)
 

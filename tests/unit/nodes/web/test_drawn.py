@@ -53,13 +53,13 @@ def test_markers_are_added_changed_and_deleted() -> None:
     board = MarkerBoard()
     board.take("k", [marker(1), marker(2), marker(2)], now=0.0)
     (first, second) = board.drawn(pose_of, now=1.0)
-    assert (first.ns, first.id, second.id) == ("k/n", 1, 2)
-    assert (round(first.x, 6), round(first.y, 6)) == (0.0, 3.0)
+    assert (first["ns"], first["id"], second["id"]) == ("k/n", 1, 2)
+    assert (round(first["x"], 6), round(first["y"], 6)) == (0.0, 3.0)
     board.take("k", [marker(1, MarkerAction.DELETE)], now=0.0)
-    assert [drawn.id for drawn in board.drawn(pose_of, now=1.0)] == [2]
+    assert [drawn["id"] for drawn in board.drawn(pose_of, now=1.0)] == [2]
     board.take("other", [marker(5)], now=0.0)
     board.take("k", [marker(0, MarkerAction.DELETEALL)], now=0.0)
-    assert [drawn.id for drawn in board.drawn(pose_of, now=1.0)] == [5]
+    assert [drawn["id"] for drawn in board.drawn(pose_of, now=1.0)] == [5]
     board.keep([])
     assert board.drawn(pose_of, now=1.0) == []
 
@@ -69,7 +69,7 @@ def test_a_marker_ends_with_its_lifetime() -> None:
     board = MarkerBoard()
     board.take("k", [marker(1, seconds=2), marker(2)], now=10.0)
     assert len(board.drawn(pose_of, now=11.9)) == 2
-    assert [drawn.id for drawn in board.drawn(pose_of, now=12.0)] == [2]
+    assert [drawn["id"] for drawn in board.drawn(pose_of, now=12.0)] == [2]
 
 
 def test_a_marker_of_an_unknown_frame_waits() -> None:
@@ -92,9 +92,8 @@ def test_a_polygon_is_a_closed_line() -> None:
     polygon = PolygonStamped(
         Header(frame_id="robot"), Polygon([Point32(0.0, 0.0), Point32(1.0, 0.0), Point32(1.0, 1.0)])
     )
-    drawn = drawn_polygon("k", polygon, pose_of)
-    assert drawn is not None
-    assert (drawn.type, len(drawn.points), drawn.points[0]) == (4, 4, drawn.points[-1])
+    drawn = drawn_polygon("k", polygon, ONE_LEFT)
+    assert (drawn["type"], len(drawn["points"]), drawn["points"][0]) == (4, 4, drawn["points"][-1])
 
 
 def test_a_sonar_tells_whether_it_has_a_return() -> None:
@@ -103,17 +102,16 @@ def test_a_sonar_tells_whether_it_has_a_return() -> None:
     def reading(distance: float) -> Range:
         return Range(Header(frame_id="robot"), 0, 0.5, 0.1, 4.0, distance)
 
-    found = [sonar_of(3, reading(distance), pose_of) for distance in (2.5, 4.0, math.inf, 0.0)]
-    assert [sonar.range for sonar in found if sonar] == [2.5, None, None, None]
-    assert found[0] is not None
-    assert (found[0].robot, found[0].x, found[0].y, found[0].max_range) == (3, 0.0, 1.0, 4.0)
+    found = [sonar_of(3, reading(distance), ONE_LEFT) for distance in (2.5, 4.0, math.inf, 0.0)]
+    assert [sonar["range"] for sonar in found] == [2.5, None, None, None]
+    assert [found[0][name] for name in ("robot", "x", "y", "max_range")] == [3, 0.0, 1.0, 4.0]
 
 
 def test_a_fiducial_is_where_it_is_seen() -> None:
     """Range and bearing are taken from the finder's pose."""
     seen = Fiducials(Header(frame_id="robot"), [Fiducial(7, 2.0, math.pi / 2, 0.0)])
-    (found,) = fiducials_of(1, seen, pose_of)
-    assert (found.robot, found.id, round(found.x, 3), round(found.y, 3)) == (1, 7, -2.0, 1.0)
+    (found,) = fiducials_of(1, seen, ONE_LEFT)
+    assert (found["robot"], found["id"], round(found["x"], 3), round(found["y"], 3)) == (1, 7, -2.0, 1.0)
 
 
 def grid(cells: np.ndarray, resolution: float = 0.1) -> OccupancyGrid:

@@ -3,7 +3,7 @@
 from zteam.messages import Log, LogLevel, Twist, Vector3, encode, encoding_of, time_from_ns
 from zteam.nodes.web.documents import LogTail
 from zteam.nodes.web.plots import MOST, samples_since
-from zteam.nodes.web.received import KEPT, KEPT_BYTES, History, Newest
+from zteam.nodes.web.received import KEPT, KEPT_BYTES, Received
 from zteam.services.logs import LogLine
 
 
@@ -12,68 +12,68 @@ def command(speed: float) -> bytes:
     return encode(Twist(Vector3(speed)))
 
 
-def take(history: History, *speeds: float) -> None:
+def take(received: Received, *speeds: float) -> None:
     """Commands come."""
     for speed in speeds:
-        history.take("t", "t", command(speed), encoding_of(Twist))
+        received.keep("t", "t", command(speed), encoding_of(Twist))
 
 
 def test_only_the_newest_of_a_key_is_kept() -> None:
     """Its number grows with every message of any key, and each is news."""
     news: list[int] = []
-    newest = Newest(lambda: news.append(1))
+    received = Received(lambda: news.append(1))
     for content in (b"a", b"b"):
-        newest.take("x", content)
-    newest.take("y", b"c")
-    assert [(key, arrival.content, arrival.number) for key, arrival in newest.items()] == [
+        received.take("x", content)
+    received.take("y", b"c")
+    assert [(arrival.key, arrival.content, arrival.number) for arrival in received.newest()] == [
         ("x", b"b", 2),
         ("y", b"c", 3),
     ]
-    newest.drop(lambda key: key == "x")
-    assert (newest.get("x"), len(news)) == (None, 3)
+    received.clear()
+    assert (received.get("x"), len(news)) == (None, 3)
 
 
 def test_history_gives_what_came_after_a_number() -> None:
     """Each page has its own number; the oldest are dropped in the end."""
-    history = History(lambda: None)
-    take(history, *range(KEPT + 5))
-    everything = history.since("t", 0)
+    received = Received(lambda: None)
+    take(received, *range(KEPT + 5))
+    everything = received.since("t", 0)
     assert (len(everything), everything[0].number, everything[-1].number) == (KEPT, 6, KEPT + 5)
-    assert [event.number for event in history.since("t", KEPT + 3)] == [KEPT + 4, KEPT + 5]
-    history.forget("t")
-    assert history.since("t", 0) == []
+    assert [event.number for event in received.since("t", KEPT + 3)] == [KEPT + 4, KEPT + 5]
+    received.forget("t")
+    assert received.since("t", 0) == []
 
 
 def test_history_of_large_messages_is_short() -> None:
     """A plot of a map's field does not fill the memory."""
-    history = History(lambda: None)
+    received = Received(lambda: None)
     for _ in range(10):
-        history.take("map", "map", bytes(KEPT_BYTES // 4))
-    assert [event.number for event in history.since("map", 0)] == [7, 8, 9, 10]
+        received.keep("map", "map", bytes(KEPT_BYTES // 4))
+    assert [event.number for event in received.since("map", 0)] == [7, 8, 9, 10]
 
 
 def test_samples_have_the_values_of_a_field() -> None:
     """Messages without a header get the time at which they came, in the team's time."""
-    history = History(lambda: None)
-    take(history, 1.0, 2.0)
-    number, pairs = samples_since(history, "t", "linear.x", 0, team_from_host=-1e6)
+    received = Received(lambda: None)
+    take(received, 1.0, 2.0)
+    number, pairs = samples_since(received, "t", "linear.x", 0, team_from_host=-1e6)
     assert (number, pairs[:, 1].tolist()) == (2, [1.0, 2.0])
-    assert pairs[0, 0] == history.since("t", 0)[0].time - 1e6
-    assert samples_since(history, "t", "linear.x", 2, 0.0)[1].size == 0
+    assert pairs[0, 0] == received.since("t", 0)[0].time - 1e6
+    assert samples_since(received, "t", "linear.x", 2, 0.0)[1].size == 0
 
 
 def test_fields_that_are_no_numbers_give_no_samples() -> None:
     """Neither a part of the message, nor a field that it lacks, nor nonsense."""
-    history = History(lambda: None)
-    take(history, 1.0)
-    assert all(samples_since(history, "t", field, 0, 0.0)[1].size == 0 for field in ("linear", "speed", "a..b", "[1]"))
+    received = Received(lambda: None)
+    take(received, 1.0)
+    assert all(samples_since(received, "t", field, 0, 0.0)[1].size == 0 for field in ("linear", "speed", "a..b", "[1]"))
 
 
 def test_many_samples_are_thinned_evenly() -> None:
     """In fast lock-step there are more messages than pixels; the newest is always among them."""
-    history = History(lambda: None)
-    take(history, *range(1000))
-    _, pairs = samples_since(history, "t", "linear.x", 0, 0.0)
+    received = Received(lambda: None)
+    take(received, *range(1000))
+    _, pairs = samples_since(received, "t", "linear.x", 0, 0.0)
     assert len(pairs) == MOST
     assert pairs[-1, 1] == 999.0
     assert len({round(step) for step in (pairs[1:, 1] - pairs[:-1, 1])}) == 1
@@ -90,7 +90,7 @@ def test_log_lines_come_in_order_of_time_and_once() -> None:
     tail.take([early, late], now=10.1)
     assert tail.since(0, now=10.15) == (0, [])
     number, lines = tail.since(0, now=11.0)
-    assert [(line.time, line.level, line.text) for line in lines] == [
+    assert [(line["time"], line["level"], line["text"]) for line in lines] == [
         (1.0, "warning", "one"),
         (2.0, "info", "two\ufffd[0m"),
     ]

@@ -4,7 +4,7 @@ import pytest
 
 from support.transforms import S, stamped
 from zteam.messages import Header, Odometry, Point, Pose, PoseWithCovariance, TFMessage, encode, time_from_ns
-from zteam.nodes.web.received import Newest
+from zteam.nodes.web.received import Received
 from zteam.nodes.web.team_view import Places
 
 STATIC = TFMessage(
@@ -16,15 +16,15 @@ STATIC = TFMessage(
 
 
 @pytest.fixture
-def newest() -> Newest:
+def received() -> Received:
     """Messages as they come."""
-    return Newest(lambda: None)
+    return Received(lambda: None)
 
 
 @pytest.fixture
-def places(newest: Newest) -> Places:
+def places(received: Received) -> Places:
     """Reads them."""
-    return Places(newest)
+    return Places(received)
 
 
 def bundle(stamp: int, x: float) -> bytes:
@@ -32,24 +32,24 @@ def bundle(stamp: int, x: float) -> bytes:
     return encode(TFMessage([stamped("robot_0/odom", "robot_0/base_footprint", stamp, x)]))
 
 
-def test_poses_come_from_the_newest_bundle(newest: Newest, places: Places) -> None:
+def test_poses_come_from_the_newest_bundle(received: Received, places: Places) -> None:
     """A robot without transforms has no pose; the stamp and the number tell which bundle it was."""
-    newest.take("tf_static", encode(STATIC))
-    newest.take("tf", bundle(1 * S, 1.0))
-    newest.take("tf", bundle(2 * S, 2.0))
+    received.take("tf_static", encode(STATIC))
+    received.take("tf", bundle(1 * S, 1.0))
+    received.take("tf", bundle(2 * S, 2.0))
     found = places.look([0, 1])
     assert {robot: pose[:2] for robot, pose in found.items()} == {0: (12.0, 0.0)}
     assert (places.stamp, places.from_truth) == (2 * S, False)
-    arrival = newest.get("tf")
+    arrival = received.get("tf")
     assert arrival is not None
     assert places.number == arrival.number
 
 
-def test_a_sensor_is_where_it_was_when_it_saw_something(newest: Newest, places: Places) -> None:
-    """Between two bundles its pose is interpolated; for a time that is not known it is the newest."""
-    newest.take("tf_static", encode(STATIC))
+def test_a_sensor_is_where_it_was_when_it_saw_something(received: Received, places: Places) -> None:
+    """Between two bundles its pose is interpolated; for a time that is not known it is the received."""
+    received.take("tf_static", encode(STATIC))
     for second in (1, 2):
-        newest.take("tf", bundle(second * S, float(second)))
+        received.take("tf", bundle(second * S, float(second)))
         places.look([0])
     laser = "robot_0/base_laser_link"
     poses = [places.pose_of(laser, stamp) for stamp in (S + S // 2, 9 * S, 2 * S)]
@@ -57,40 +57,40 @@ def test_a_sensor_is_where_it_was_when_it_saw_something(newest: Newest, places: 
     assert places.pose_of("robot_7/base_laser_link") is None
 
 
-def test_a_moved_origin_of_odometry_is_news(newest: Newest, places: Places) -> None:
+def test_a_moved_origin_of_odometry_is_news(received: Received, places: Places) -> None:
     """A robot that is dragged while the world stands is shown at its new place at once."""
-    newest.take("tf_static", encode(STATIC))
-    newest.take("tf", bundle(1 * S, 1.0))
+    received.take("tf_static", encode(STATIC))
+    received.take("tf", bundle(1 * S, 1.0))
     places.look([0])
     before = places.number
-    newest.take("tf_static", encode(TFMessage([stamped("map", "robot_0/odom", 0, 20.0)])))
+    received.take("tf_static", encode(TFMessage([stamped("map", "robot_0/odom", 0, 20.0)])))
     assert places.look([0])[0].x == 21.0
     assert places.number > before
 
 
-def test_after_a_reset_the_earlier_time_counts(newest: Newest, places: Places) -> None:
+def test_after_a_reset_the_earlier_time_counts(received: Received, places: Places) -> None:
     """Time that goes back makes the buffer forget."""
-    newest.take("tf_static", encode(STATIC))
-    newest.take("tf", bundle(50 * S, 5.0))
+    received.take("tf_static", encode(STATIC))
+    received.take("tf", bundle(50 * S, 5.0))
     places.look([0])
-    newest.take("tf", bundle(1 * S, 0.0))
+    received.take("tf", bundle(1 * S, 0.0))
     assert places.look([0])[0].x == 10.0
     assert places.stamp == 1 * S
 
 
-def test_garbage_is_left_out(newest: Newest, places: Places) -> None:
+def test_garbage_is_left_out(received: Received, places: Places) -> None:
     """A payload that does not decode changes nothing."""
-    newest.take("tf_static", encode(STATIC))
-    newest.take("tf", bundle(1 * S, 1.0))
+    received.take("tf_static", encode(STATIC))
+    received.take("tf", bundle(1 * S, 1.0))
     places.look([0])
-    newest.take("tf", b"\0\1\0\0garbage")
-    newest.take("tf_static", b"")
+    received.take("tf", b"\0\1\0\0garbage")
+    received.take("tf_static", b"")
     assert places.look([0])[0].x == 11.0
 
 
-def test_without_an_aggregator_the_ground_truth_counts(newest: Newest, places: Places) -> None:
+def test_without_an_aggregator_the_ground_truth_counts(received: Received, places: Places) -> None:
     """The poses are marked as such."""
     truth = Odometry(Header(time_from_ns(3 * S), "map"), pose=PoseWithCovariance(Pose(Point(1.0, 2.0))))
-    newest.take("robot_4/base_pose_ground_truth", encode(truth))
+    received.take("robot_4/base_pose_ground_truth", encode(truth))
     assert {robot: pose[:2] for robot, pose in places.look([4, 5]).items()} == {4: (1.0, 2.0)}
     assert (places.from_truth, places.stamp) == (True, 3 * S)
