@@ -1,4 +1,4 @@
-"""Which page drives which robot, and what it commands. Pure: the caller passes the host's time.
+"""Which page drives which robot, and what it commands.
 
 A lease is for one robot and one page. While it holds, the robot is commanded: with what the page says, and with zero
 velocity when the page has said nothing for DEAD_MAN.
@@ -6,92 +6,37 @@ velocity when the page has said nothing for DEAD_MAN.
 
 import asyncio
 import contextlib
-import logging
-from collections.abc import Iterator
 from functools import partial
-from typing import NamedTuple
 
 import msgspec
 
 from zteam.bus import Bus
 from zteam.clock import monotonic
 from zteam.errors import ZteamError
-from zteam.messages import Twist, Vector3
+from zteam.messages import Twist
 from zteam.runtime.shutdown import Stop
 from zteam.runtime.wheels import Wheels
 
 DEAD_MAN = 0.5
 """Host seconds for which what a page says counts."""
-
-
-class Velocity(NamedTuple):
-    """m/s forward, rad/s counter-clockwise, m/s to the left."""
-
-    linear: float = 0.0
-    angular: float = 0.0
-    left: float = 0.0
-
-
-STOP = Velocity()
+PERIOD = 0.05
+"""Host seconds between two commands to a leased robot."""
 
 
 class Lease(msgspec.Struct):
     """One robot's."""
 
     viewer: int
-    velocity: Velocity = STOP
+    wheels: Wheels | None = None
+    """None until the way to them is found."""
+    command: Twist = msgspec.field(default_factory=Twist)
     until: float = float("-inf")
-    """Host time until which that velocity counts."""
+    """Host time until which that command counts."""
 
-
-class Leases:
-    """All robots' leases."""
-
-    def __init__(self) -> None:
-        self._leases: dict[int, Lease] = {}
-
-    def holder(self, robot_id: int) -> int | None:
-        """The viewer that drives a robot; None if none does."""
-        lease = self._leases.get(robot_id)
-        return None if lease is None else lease.viewer
-
-    def of(self, viewer: int) -> list[int]:
-        """The robots that a viewer drives."""
-        return [robot_id for robot_id, lease in self._leases.items() if lease.viewer == viewer]
-
-    def take(self, robot_id: int, viewer: int) -> str:
-        """Give a viewer the lease; why not, if another one has it."""
-        holder = self.holder(robot_id)
-        if holder is not None and holder != viewer:
-            return f"viewer {holder} drives this robot"
-        self._leases.setdefault(robot_id, Lease(viewer))
-        return ""
-
-    def release(self, robot_id: int, viewer: int) -> str:
-        """Take the lease back; why not, if this viewer does not have it."""
-        if self.holder(robot_id) != viewer:
-            return "this page does not drive this robot"
-        del self._leases[robot_id]
-        return ""
-
-    def drive(self, robot_id: int, viewer: int, velocity: Velocity, now: float) -> bool:
-        """A viewer commands its robot; False if it does not have the lease."""
-        lease = self._leases.get(robot_id)
-        if lease is None or lease.viewer != viewer:
-            return False
-        lease.velocity, lease.until = velocity, now + DEAD_MAN
-        return True
-
-    def commands(self, now: float) -> Iterator[tuple[int, Velocity]]:
-        """What each leased robot is commanded at host time `now`."""
-        for robot_id, lease in self._leases.items():
-            yield robot_id, lease.velocity if now < lease.until else STOP
-
-
-log = logging.getLogger("zteam")
-
-PERIOD = 0.05
-"""Host seconds between two commands to a leased robot."""
+    def send(self, now: float) -> None:
+        """Command the robot at host time `now`."""
+        if self.wheels is not None:
+            self.wheels.drive(self.command if now < self.until else Twist())
 
 
 class Driving:
@@ -99,26 +44,33 @@ class Driving:
 
     def __init__(self, bus: Bus) -> None:
         self._bus = bus
-        self._call = asyncio.get_running_loop().call_soon_threadsafe
-        self.leases = Leases()
-        self._wheels: dict[int, Wheels] = {}
+        self._loop = asyncio.get_running_loop()
+        self._leases: dict[int, Lease] = {}
+        """By the robot's id."""
         self._timer: asyncio.TimerHandle | None = None
+
+    def holder(self, robot_id: int) -> int | None:
+        """The viewer that drives a robot; None if none does."""
+        lease = self._leases.get(robot_id)
+        return None if lease is None else lease.viewer
 
     async def take(self, robot_id: int, viewer: int) -> str:
         """Give a viewer the lease of a robot; why not, if that cannot be."""
-        refusal = self.leases.take(robot_id, viewer)
-        if refusal or robot_id in self._wheels:
-            return refusal
+        holder = self.holder(robot_id)
+        if holder is not None:
+            return "" if holder == viewer else f"viewer {holder} drives this robot"
+        lease = self._leases[robot_id] = Lease(viewer)
         try:
             wheels = await asyncio.to_thread(self._open, robot_id)
         except ZteamError as error:
-            self.leases.release(robot_id, viewer)
+            if self._leases.get(robot_id) is lease:
+                del self._leases[robot_id]
             return str(error)
-        if self.leases.holder(robot_id) != viewer:
+        if self._leases.get(robot_id) is not lease:
             # The page has gone meanwhile.
             await asyncio.to_thread(wheels.close)
             return "the lease was given back"
-        self._wheels[robot_id] = wheels
+        lease.wheels = wheels
         self._repeat()
         return ""
 
@@ -136,63 +88,52 @@ class Driving:
 
     def _tell_lost(self, robot_id: int) -> None:
         with contextlib.suppress(RuntimeError):
-            self._call(self._lose, robot_id)
+            self._loop.call_soon_threadsafe(self._lose, robot_id)
 
     def _lose(self, robot_id: int) -> None:
-        holder, wheels = self.leases.holder(robot_id), self._wheels.pop(robot_id, None)
-        if holder is not None:
-            self.leases.release(robot_id, holder)
-        if wheels is not None:
-            wheels.close()
+        lease = self._leases.pop(robot_id, None)
+        if lease is not None and lease.wheels is not None:
+            lease.wheels.close()
 
     async def release(self, robot_id: int, viewer: int) -> str:
         """Stop a robot and take its lease back; why not, if this viewer does not have it."""
-        refusal = self.leases.release(robot_id, viewer)
-        if not refusal:
-            await self._close(robot_id)
-        return refusal
+        if self.holder(robot_id) != viewer:
+            return "this page does not drive this robot"
+        wheels = self._leases.pop(robot_id).wheels
+        if wheels is not None:
+            _halt(wheels)
+            await asyncio.to_thread(wheels.close)
+        return ""
 
     async def release_all(self, viewer: int) -> None:
         """A page has gone: stop its robots."""
-        for robot_id in self.leases.of(viewer):
+        for robot_id in [robot_id for robot_id, lease in self._leases.items() if lease.viewer == viewer]:
             await self.release(robot_id, viewer)
 
-    async def _close(self, robot_id: int) -> None:
-        wheels = self._wheels.pop(robot_id, None)
-        if wheels is not None:
-            with contextlib.suppress(ZteamError):
-                wheels.drive(twist(STOP))
-            await asyncio.to_thread(wheels.close)
-
-    def drive(self, robot_id: int, viewer: int, velocity: Velocity) -> bool:
-        """A page commands its robot; False if it does not have the lease."""
-        now = monotonic()
-        if not self.leases.drive(robot_id, viewer, velocity, now):
-            return False
-        if robot_id in self._wheels:
-            self._wheels[robot_id].drive(twist(velocity))
-        return True
+    def drive(self, robot_id: int, viewer: int, command: Twist) -> None:
+        """A page commands a robot; without its lease that changes nothing."""
+        lease, now = self._leases.get(robot_id), monotonic()
+        if lease is not None and lease.viewer == viewer:
+            lease.command, lease.until = command, now + DEAD_MAN
+            lease.send(now)
 
     def _repeat(self) -> None:
         """Send every leased robot its command, until there is no lease."""
         if self._timer is not None:
             self._timer.cancel()
-        self._timer = None
-        if self._wheels:
-            for robot_id, velocity in self.leases.commands(monotonic()):
-                if robot_id in self._wheels:
-                    self._wheels[robot_id].drive(twist(velocity))
-            self._timer = asyncio.get_running_loop().call_later(PERIOD, self._repeat)
+        for lease in self._leases.values():
+            lease.send(monotonic())
+        self._timer = self._loop.call_later(PERIOD, self._repeat) if self._leases else None
 
     def stop(self) -> None:
         """The process ends: stop all robots."""
-        for wheels in self._wheels.values():
-            with contextlib.suppress(ZteamError):
-                wheels.drive(twist(STOP))
-            wheels.close()
-        self._wheels.clear()
+        for lease in self._leases.values():
+            if lease.wheels is not None:
+                _halt(lease.wheels)
+                lease.wheels.close()
+        self._leases.clear()
 
 
-def twist(velocity: Velocity) -> Twist:
-    """The message of a velocity."""
-    return Twist(Vector3(velocity.linear, velocity.left), Vector3(z=velocity.angular))
+def _halt(wheels: Wheels) -> None:
+    with contextlib.suppress(ZteamError):
+        wheels.drive(Twist())

@@ -20,10 +20,11 @@ from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
 from zteam.clock import monotonic
 from zteam.errors import DecodeError, UsageError
+from zteam.messages import Twist, Vector3
 from zteam.nodes.web import rights
 from zteam.nodes.web.commands import Commands
 from zteam.nodes.web.composing import Composer
-from zteam.nodes.web.driving import Driving, Velocity
+from zteam.nodes.web.driving import Driving
 from zteam.nodes.web.files import HEADERS, KEPT, find_version, read_file, read_index
 from zteam.nodes.web.received import Viewer
 from zteam.nodes.web.requests import (
@@ -61,7 +62,7 @@ class Pages:
         self._loop = asyncio.get_running_loop()
         self.driving = Driving(state.node.bus)
         self.commands = Commands(state)
-        state.lease_of = self.driving.leases.holder
+        state.lease_of = self.driving.holder
         state.on_news = self._on_news
 
     def _on_news(self) -> None:
@@ -241,9 +242,8 @@ class Page:
             case Hello():
                 raise RefusedError("hello comes once")
             case Drive():
-                self._pages.driving.drive(
-                    request.robot, viewer.number, Velocity(request.linear, request.angular, request.left)
-                )
+                command = Twist(Vector3(request.linear, request.left), Vector3(z=request.angular))
+                self._pages.driving.drive(request.robot, viewer.number, command)
             case Command():
                 self._commands.take(request, viewer)
 

@@ -1,43 +1,97 @@
 """Leases of robots, and the dead man."""
 
-from zteam.nodes.web.driving import DEAD_MAN, STOP, Leases, Velocity
+import asyncio
+from collections.abc import Awaitable, Callable
 
-AHEAD = Velocity(0.5, 0.1)
+import pytest
+
+from zteam.bus import Bus, MemoryHub
+from zteam.messages import Twist, Vector3
+from zteam.nodes.web import driving as module
+from zteam.nodes.web.driving import DEAD_MAN, Driving, Lease
+from zteam.runtime.wheels import Wheels
+
+AHEAD = Twist(Vector3(0.5), Vector3(z=0.1))
 
 
+class Sent(Wheels):
+    """Wheels that keep the commands."""
+
+    def __init__(self) -> None:
+        self.commands: list[Twist] = []
+
+    def drive(self, command: Twist) -> None:
+        """Keep a command."""
+        self.commands.append(command)
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+
+@pytest.fixture
+def wheels(monkeypatch: pytest.MonkeyPatch) -> Sent:
+    """Those of every robot."""
+    sent = Sent()
+    monkeypatch.setattr(Driving, "_open", lambda _self, _robot_id: sent)
+    monkeypatch.setattr(module, "PERIOD", 60.0)
+    return sent
+
+
+def run(story: Callable[[Driving], Awaitable[None]]) -> None:
+    """What pages do."""
+
+    async def tell(bus: Bus) -> None:
+        await story(Driving(bus))
+
+    asyncio.run(tell(MemoryHub().bus()))
+
+
+@pytest.mark.usefixtures("wheels")
 def test_one_viewer_drives_a_robot() -> None:
     """A second viewer is told which one drives; it gets the lease when that one gives it back."""
-    leases = Leases()
-    assert leases.take(0, viewer=1) == ""
-    assert leases.take(0, viewer=1) == ""
-    assert leases.take(0, viewer=2) == "viewer 1 drives this robot"
-    assert leases.release(0, viewer=2) == "this page does not drive this robot"
-    assert leases.release(0, viewer=1) == ""
-    assert (leases.take(0, viewer=2), leases.holder(0)) == ("", 2)
+
+    async def story(driving: Driving) -> None:
+        assert await driving.take(0, viewer=1) == ""
+        assert await driving.take(0, viewer=1) == ""
+        assert await driving.take(0, viewer=2) == "viewer 1 drives this robot"
+        assert await driving.release(0, viewer=2) == "this page does not drive this robot"
+        assert await driving.release(0, viewer=1) == ""
+        assert (await driving.take(0, viewer=2), driving.holder(0)) == ("", 2)
+
+    run(story)
 
 
-def test_only_the_holder_commands() -> None:
-    """What another viewer says changes nothing."""
-    leases = Leases()
-    leases.take(0, viewer=1)
-    assert not leases.drive(0, 2, AHEAD, now=10.0)
-    assert not leases.drive(5, 1, AHEAD, now=10.0)
-    assert dict(leases.commands(10.0)) == {0: STOP}
+def test_only_the_holder_commands(wheels: Sent) -> None:
+    """What another viewer says changes nothing; when the lease ends the robot is told to stand."""
+
+    async def story(driving: Driving) -> None:
+        await driving.take(0, viewer=1)
+        driving.drive(0, 2, AHEAD)
+        driving.drive(5, 1, AHEAD)
+        assert wheels.commands == [Twist()]
+        driving.drive(0, 1, AHEAD)
+        await driving.release(0, viewer=1)
+        assert wheels.commands[1:] == [AHEAD, Twist()]
+
+    run(story)
 
 
-def test_a_silent_page_stops_its_robot() -> None:
-    """What a page says counts for half a second; then the robot is commanded to stand, and stays leased."""
-    leases = Leases()
-    leases.take(0, viewer=1)
-    leases.drive(0, 1, AHEAD, now=10.0)
-    assert dict(leases.commands(10.0 + DEAD_MAN - 0.01)) == {0: AHEAD}
-    assert dict(leases.commands(10.0 + DEAD_MAN)) == {0: STOP}
-    assert leases.holder(0) == 1
+def test_a_silent_page_stops_its_robot(wheels: Sent) -> None:
+    """What a page says counts until its time is over; then the robot is commanded to stand."""
+    lease = Lease(1, wheels, AHEAD, until=10.0 + DEAD_MAN)
+    lease.send(10.0 + DEAD_MAN - 0.01)
+    lease.send(10.0 + DEAD_MAN)
+    assert wheels.commands == [AHEAD, Twist()]
 
 
-def test_the_robots_of_a_page_are_known() -> None:
-    """When the page goes, these are released."""
-    leases = Leases()
-    for robot_id, viewer in ((0, 1), (1, 2), (2, 1)):
-        leases.take(robot_id, viewer)
-    assert leases.of(1) == [0, 2]
+@pytest.mark.usefixtures("wheels")
+def test_the_robots_of_a_page_are_released_with_it() -> None:
+    """Those of other pages stay leased."""
+
+    async def story(driving: Driving) -> None:
+        for robot_id, viewer in ((0, 1), (1, 2), (2, 1)):
+            await driving.take(robot_id, viewer)
+        await driving.release_all(1)
+        assert [driving.holder(robot_id) for robot_id in range(3)] == [None, 2, None]
+
+    run(story)
