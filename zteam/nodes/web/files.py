@@ -1,8 +1,10 @@
 """The files of the page, which lie in this package; nothing else is served."""
 
 import zlib
+from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple
+
+from starlette.responses import Response
 
 FOLDER = Path(__file__).parent / "page"
 KINDS = {
@@ -28,20 +30,11 @@ HEADERS = {
     "cache-control": "no-cache",
 }
 """Of every answer, unless it says otherwise."""
-
-
 KEPT = {"cache-control": "private, max-age=31536000, immutable"}
 """Of a file whose address holds its version."""
 
 
-class File(NamedTuple):
-    """One file."""
-
-    content: bytes
-    kind: str
-
-
-def read_file(name: str, folder: Path = FOLDER) -> File | None:
+def read_file(name: str, headers: Mapping[str, str] | None = None, *, folder: Path = FOLDER) -> Response | None:
     """The file of this name, relative to the page's folder; None where there is none."""
     kind = KINDS.get(Path(name).suffix)
     if kind is None or "\0" in name:
@@ -51,7 +44,7 @@ def read_file(name: str, folder: Path = FOLDER) -> File | None:
         return None
     if not path.resolve().is_relative_to(folder.resolve()):
         return None
-    return File(path.read_bytes(), kind)
+    return Response(path.read_bytes(), media_type=kind, headers=headers)
 
 
 def find_version(folder: Path = FOLDER) -> str:
@@ -60,11 +53,11 @@ def find_version(folder: Path = FOLDER) -> str:
     return f"v{zlib.crc32(repr(found).encode()):08x}"
 
 
-def read_index(version: str, folder: Path = FOLDER) -> File:
+def read_index(version: str, *, folder: Path = FOLDER) -> Response:
     """The page itself. It asks for all its modules at once, as each of them names others, and under addresses that hold
     the version, so that a browser need not ask again for what it has."""
     modules = sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*.js"))
     links = "".join(f'<link rel="modulepreload" href="/page/{name}">\n' for name in modules)
     before, script, after = (folder / "index.html").read_text("utf-8").partition('<script type="module"')
     page = f"{before}{links}{script}{after}".replace('"/page/', f'"/page/{version}/')
-    return File(page.encode(), KINDS[".html"])
+    return Response(page.encode(), media_type=KINDS[".html"])

@@ -1,7 +1,8 @@
 """What a view asks the team for instead of subscribing to it: the simulator's state, presence, keys and their rates."""
 
 import logging
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from typing import Any, TypeVar
 
 import msgspec
@@ -54,33 +55,25 @@ def rates(before: Counts | None, after: Counts) -> dict[str, float]:
     return found
 
 
-def topic_rows(declarations: Iterable[Declaration], hz: Mapping[str, float], robots: Iterable[int]) -> list[TopicRow]:
+def topic_rows(declarations: Sequence[Declaration], hz: Mapping[str, float], robots: Iterable[int]) -> list[TopicRow]:
     """One row for each key with a publisher or a subscriber; a wildcard is a key of each of these robots."""
-    known, ids = list(declarations), sorted(robots)
-    rows: dict[str, TopicRow] = {}
-    for declaration in known:
-        for key in names.keys_in(declaration.key, ids):
-            rows.setdefault(key, TopicRow(key))
-    wild = [declaration for declaration in known if names.is_wildcard(declaration.key)]
-    for declaration in known:
-        row = rows.get(declaration.key)
-        if row is not None:
-            _count(row, declaration)
-    for key, row in rows.items():
-        for declaration in wild:
-            if matches(declaration.key, key):
-                _count(row, declaration)
+    ids = sorted(robots)
+    single = Counter((declaration.key, declaration.publishes) for declaration in declarations)
+    wild = [declaration for declaration in declarations if names.is_wildcard(declaration.key)]
+    rows = []
+    for key in sorted({key for declaration in declarations for key in names.keys_in(declaration.key, ids)}):
+        users = Counter(declaration.publishes for declaration in wild if matches(declaration.key, key))
         kind = type_of_key(key)
-        row.type = "" if kind is None else kind.ros_type
-        row.hz = round(hz[key], 1) if key in hz else None
-    return [rows[key] for key in sorted(rows)]
-
-
-def _count(row: TopicRow, declaration: Declaration) -> None:
-    if declaration.publishes:
-        row.publishers += 1
-    else:
-        row.subscribers += 1
+        rows.append(
+            TopicRow(
+                key,
+                kind.ros_type if kind else "",
+                round(hz[key], 1) if key in hz else None,
+                publishers=single[key, True] + users[True],
+                subscribers=single[key, False] + users[False],
+            )
+        )
+    return rows
 
 
 log = logging.getLogger("zteam")
@@ -198,11 +191,7 @@ class Queries:
         self._opened = opened
         if missed and sim is not None and (sim.paused or sim.finished) and sim.tick > 0:
             self._ask_transforms(sim.robots)
-            key = names.service_key(names.SIMULATOR, "repeat")
-            try:
-                self._bus.query(key, SimStatus, Change(), timeout=PATIENCE)
-            except BusError as error:
-                log.debug("%s: %s", key, error)
+            self._ask(names.service_key(names.SIMULATOR, "repeat"), SimStatus, Change())
 
     def _ask_transforms(self, robots: Iterable[int]) -> None:
         # The aggregator does not send a tick's bundle twice.

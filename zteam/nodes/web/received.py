@@ -32,7 +32,7 @@ from zteam.messages import (
     decode,
     type_of_encoding,
 )
-from zteam.nodes.web.requests import MAX_WATCHES, Ack, Look, Unwatch, Watch
+from zteam.nodes.web.requests import MAX_WATCHES, Ack, Look, Watch
 
 M = TypeVar("M", bound=Message)
 
@@ -289,16 +289,10 @@ class Viewer:
         if ack.frame == self.frame:
             self._acknowledged = ack.frame
 
-    def take_watch(self, watch: Watch) -> str:
-        """It watches a topic from now on; why not, if it watches too many."""
-        if watch not in self.watches and len(self.watches) >= MAX_WATCHES:
-            return f"a page watches {MAX_WATCHES} topics at most"
-        self.watches.setdefault(watch, 0)
-        return ""
-
-    def take_unwatch(self, unwatch: Unwatch) -> None:
-        """It watches a topic no more."""
-        self.watches.pop(Watch(unwatch.topic, unwatch.field), None)
+    def take_watch(self, watch: Watch) -> None:
+        """It watches a topic from now on, unless it watches too many."""
+        if len(self.watches) < MAX_WATCHES:
+            self.watches.setdefault(watch, 0)
 
     def next_frame(self, now: float) -> int:
         """Count a frame that is sent now; its number."""
@@ -354,11 +348,16 @@ def topics_of(
     the simulator's."""
     if not viewers:
         return set()
-    wanted = {*TEAM} if sampled.transforms else {*TEAM, _poses(aggregator=aggregator)}
+    wanted = {*TEAM}
+    if not aggregator:
+        wanted.add(Topic(names.all_robots_key(names.GROUND_TRUTH), Odometry))
+    elif not sampled.transforms:
+        wanted.add(Topic(names.TF, TFMessage))
     for viewer in viewers:
         layers = set(viewer.look.layers)
         wanted |= drawables.topics(layers)
-        wanted |= {_watched(watch) for watch in viewer.watches}
+        # Of a plot each message counts. The last message is enough for an echo, also if it came before the page.
+        wanted |= {Topic(watch.topic, latched=not watch.field, every=bool(watch.field)) for watch in viewer.watches}
         if "log" in viewer.look.docs:
             wanted.add(Topic(names.log_key(), Log, every=True))
         if "goals" in layers:
@@ -375,15 +374,6 @@ def topics_of(
         if "fiducials" in layers:
             wanted |= {Topic(names.robot_key(i, names.FIDUCIALS), Fiducials) for i in robots}
     return wanted
-
-
-def _watched(watch: Watch) -> Topic:
-    # Of a plot each message counts. The last message is enough for an echo, also if it came before the page.
-    return Topic(watch.topic, latched=not watch.field, every=bool(watch.field))
-
-
-def _poses(*, aggregator: bool) -> Topic:
-    return Topic(names.TF, TFMessage) if aggregator else Topic(names.all_robots_key(names.GROUND_TRUTH), Odometry)
 
 
 def robots_in_sight(viewer: Viewer, poses: Mapping[int, Pose2]) -> list[int]:
@@ -406,8 +396,3 @@ def scanned_robots(viewers: Collection[Viewer], poses: Mapping[int, Pose2]) -> s
     """The robots whose scans some page is shown."""
     shown = [viewer for viewer in viewers if "scans" in viewer.look.layers]
     return {robot_id for viewer in shown for robot_id in robots_in_sight(viewer, poses)}
-
-
-def present_robots(keys: Iterable[str]) -> set[int]:
-    """The robots that these keys are of."""
-    return {target[0] for target in map(names.split_robot_key, keys) if target is not None}

@@ -6,7 +6,7 @@ import itertools
 import logging
 import socket
 import threading
-from collections.abc import Awaitable, Callable, Mapping, MutableMapping
+from collections.abc import Awaitable, Callable, MutableMapping
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -92,81 +92,27 @@ BURST, RATE = 200.0, 100.0
 """Messages that a page may send at once, and a second; more are read later, so they delay no other page."""
 
 
-class CommandQueue:
-    """`take` puts a command into the queue, `carry_out` empties it."""
-
-    def __init__(self, pages: Pages, reply: Callable[[int, str], None]) -> None:
-        """`reply(seq, error)` answers a command."""
-        self._pages, self._reply = pages, reply
-        self._waiting: asyncio.Queue[Command] = asyncio.Queue(MAX_WAITING)
-
-    def take(self, command: Command, viewer: Viewer) -> None:
-        """A page commands."""
-        if not viewer.may_command:
-            self._reply(command.seq, "this page may only watch: open it with its token")
-        elif self._waiting.full():
-            self._reply(command.seq, f"{MAX_WAITING} commands of this page wait already")
-        else:
-            self._waiting.put_nowait(command)
-
-    async def carry_out(self, viewer: int) -> None:
-        """Carry out the commands of a viewer as they come."""
-        pages = self._pages
-        while True:
-            command = await self._waiting.get()
-            match command:
-                case Take():
-                    error = await pages.driving.take(command.robot, viewer)
-                case Release():
-                    error = await pages.driving.release(command.robot, viewer)
-                case _:
-                    error = await asyncio.to_thread(pages.commands.carry_out, command)
-            self._reply(command.seq, error)
-            pages.state.on_news()
-
-
-class Allowance:
-    """How many messages a page may still send."""
-
-    def __init__(self) -> None:
-        self._left, self._counted = BURST, monotonic()
-
-    async def wait(self) -> None:
-        """Count a message, and wait where there were too many."""
-        now = monotonic()
-        self._left = min(BURST, self._left + RATE * (now - self._counted)) - 1.0
-        self._counted = now
-        if self._left < 0.0:
-            # Host time: a page that says too much is read later.
-            await asyncio.sleep(-self._left / RATE)  # noqa: TID251
-
-
 HELLO_LIMIT = 5.0
 """Host seconds for a page's first message."""
 POLICY_VIOLATION = 1008
 
 
-class RefusedError(Exception):
-    """The page is told why, and its socket is closed."""
-
-
 class Page:
-    """One connection."""
+    """One connection. What cannot be taken raises DecodeError: the page is told why, and its socket is closed."""
 
     def __init__(self, socket: WebSocket, pages: Pages) -> None:
         self._socket, self._pages, self._state = socket, pages, pages.state
         self._ready, self._news = asyncio.Event(), asyncio.Event()
         self._news.set()
         self._replies: asyncio.Queue[bytes] = asyncio.Queue()
-        self._commands = CommandQueue(pages, self._reply)
-        self._allowance = Allowance()
+        self._commands: asyncio.Queue[Command] = asyncio.Queue(MAX_WAITING)
 
     async def run(self) -> None:
         """Serve the page until its socket is closed."""
         await self._socket.accept()
         try:
             viewer = await self._greet()
-        except RefusedError as refusal:
+        except DecodeError as refusal:
             await self._refuse(str(refusal))
             return
         except WebSocketDisconnect:
@@ -177,12 +123,12 @@ class Page:
             async with asyncio.TaskGroup() as tasks:
                 for work in (
                     self._receive(viewer),
-                    self._commands.carry_out(viewer.number),
+                    self._carry_out(viewer.number),
                     self._send_replies(),
                     self._send_frames(viewer),
                 ):
                     tasks.create_task(work)
-        except* RefusedError as refusals:
+        except* DecodeError as refusals:
             await self._refuse(str(refusals.exceptions[0]))
         except* WebSocketDisconnect:
             pass
@@ -196,11 +142,11 @@ class Page:
             # Host time: a page that says nothing is let go, while this thread serves others.
             hello = await asyncio.wait_for(self._read(), HELLO_LIMIT)  # noqa: TID251
         except TimeoutError:
-            raise RefusedError(f"no hello within {HELLO_LIMIT:g} s") from None
+            raise DecodeError(f"no hello within {HELLO_LIMIT:g} s") from None
         if not isinstance(hello, Hello):
-            raise RefusedError("the first message has to be hello")
+            raise DecodeError("the first message has to be hello")
         if hello.version != VERSION:
-            raise RefusedError(f"the page speaks version {hello.version}, this server {VERSION}: load it again")
+            raise DecodeError(f"the page speaks version {hello.version}, this server {VERSION}: load it again")
         viewer = Viewer(next(self._pages.numbers), rights.is_token(hello.token, self._pages.token))
         welcome = {"op": "welcome", "version": VERSION, "viewer": viewer.number, "may_command": viewer.may_command}
         await self._socket.send_text(msgspec.json.encode(welcome).decode())
@@ -212,18 +158,18 @@ class Page:
             raise WebSocketDisconnect(message.get("code", 1005))
         text = message.get("text")
         if text is None:
-            raise RefusedError("messages are text")
-        if len(text) > MAX_BYTES:
-            raise RefusedError(f"a message has {MAX_BYTES} bytes at most")
-        try:
-            return decode_request(text)
-        except DecodeError as error:
-            raise RefusedError(str(error)) from None
+            raise DecodeError("messages are text")
+        return decode_request(text)
 
     async def _receive(self, viewer: Viewer) -> None:
+        left, counted = BURST, monotonic()
         while True:
             self._take(viewer, await self._read())
-            await self._allowance.wait()
+            now = monotonic()
+            left, counted = min(BURST, left + RATE * (now - counted)) - 1.0, now
+            if left < 0.0:
+                # Host time: a page that says too much is read later.
+                await asyncio.sleep(-left / RATE)  # noqa: TID251
 
     def _take(self, viewer: Viewer, request: AnyRequest) -> None:
         match request:
@@ -237,15 +183,37 @@ class Page:
                 viewer.take_watch(request)
                 self._state.changed()
             case Unwatch():
-                viewer.take_unwatch(request)
+                viewer.watches.pop(Watch(request.topic, request.field), None)
                 self._state.changed()
             case Hello():
-                raise RefusedError("hello comes once")
+                raise DecodeError("hello comes once")
             case Drive():
                 command = Twist(Vector3(request.linear, request.left), Vector3(z=request.angular))
                 self._pages.driving.drive(request.robot, viewer.number, command)
             case Command():
-                self._commands.take(request, viewer)
+                self._queue(viewer, request)
+
+    def _queue(self, viewer: Viewer, command: Command) -> None:
+        if not viewer.may_command:
+            self._reply(command.seq, "this page may only watch: open it with its token")
+        elif self._commands.full():
+            self._reply(command.seq, f"{MAX_WAITING} commands of this page wait already")
+        else:
+            self._commands.put_nowait(command)
+
+    async def _carry_out(self, viewer: int) -> None:
+        pages = self._pages
+        while True:
+            command = await self._commands.get()
+            match command:
+                case Take():
+                    error = await pages.driving.take(command.robot, viewer)
+                case Release():
+                    error = await pages.driving.release(command.robot, viewer)
+                case _:
+                    error = await asyncio.to_thread(pages.commands.carry_out, command)
+            self._reply(command.seq, error)
+            pages.state.on_news()
 
     def _reply(self, seq: int, error: str) -> None:
         self._replies.put_nowait(msgspec.json.encode({"op": "reply", "seq": seq, "error": error}))
@@ -379,13 +347,13 @@ def make_app(pages: Pages, layout: bytes) -> Starlette:
     async def index(_request: Request) -> Response:
         nonlocal shown
         shown = find_version()
-        page = read_index(shown)
-        return Response(page.content, media_type=page.kind)
+        return read_index(shown)
 
     async def file(request: Request) -> Response:
         name: str = request.path_params["name"]
         version, _, rest = name.partition("/")
-        return _file(rest, KEPT) if version == shown else _file(name)
+        found = read_file(rest, KEPT) if version == shown else read_file(name)
+        return found or PlainTextResponse("there is no such file", 404)
 
     async def first_layout(_request: Request) -> Response:
         return Response(layout, 200 if layout else 204, media_type="application/json" if layout else None)
@@ -401,13 +369,6 @@ def make_app(pages: Pages, layout: bytes) -> Starlette:
             WebSocketRoute("/ws", open_socket),
         ]
     )
-
-
-def _file(name: str, headers: Mapping[str, str] | None = None) -> Response:
-    found = read_file(name)
-    if found is None:
-        return PlainTextResponse("there is no such file", 404)
-    return Response(found.content, media_type=found.kind, headers=headers)
 
 
 def listen(host: str, port: int) -> tuple[socket.socket, int]:

@@ -16,7 +16,6 @@ from zteam.nodes.web.received import (
     Sampled,
     Subscriptions,
     Viewer,
-    present_robots,
     scanned_robots,
     topics_of,
 )
@@ -133,10 +132,10 @@ class TeamView:
         self.node = node
         self.on_news: Callable[[], None] = lambda: None
         """Called from any thread when something came."""
-        self.received = Received(self._tell)
+        self.received = Received(lambda: self.on_news())
         self.drawables = Drawables()
         self.places = Places(self.received)
-        self.queries = Queries(node, self._tell)
+        self.queries = Queries(node, lambda: self.on_news())
         self.queries.on_transforms = self._take_transforms
         self.viewers: dict[int, Viewer] = {}
         self.lease_of: Callable[[int], int | None] = lambda robot_id: None
@@ -151,9 +150,6 @@ class TeamView:
         if self.received.get(names.TF) is None:
             self.received.take(names.TF, message)
 
-    def _tell(self) -> None:
-        self.on_news()
-
     @property
     def period(self) -> float:
         """Host seconds between two frames of one page."""
@@ -166,7 +162,8 @@ class TeamView:
 
     def robots(self) -> set[int]:
         """All robots of which anything is known."""
-        found = present_robots(arrival.key for arrival in self.received.newest()) | self.queries.robots()
+        targets = [names.split_robot_key(arrival.key) for arrival in self.received.newest()]
+        found = {target[0] for target in targets if target is not None} | self.queries.robots()
         return found if self.queries.sim is None else found | set(self.queries.sim.robots)
 
     def add(self, viewer: Viewer) -> None:

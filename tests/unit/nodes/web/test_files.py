@@ -22,9 +22,9 @@ def folder(tmp_path: Path) -> Path:
 
 def test_a_file_has_its_media_type(folder: Path) -> None:
     """Scripts are JavaScript, whatever the system's table says."""
-    found = read_file("js/app.js", folder)
+    found = read_file("js/app.js", folder=folder)
     assert found is not None
-    assert (found.content, found.kind) == (b"1;", "text/javascript; charset=utf-8")
+    assert (found.body, found.media_type) == (b"1;", "text/javascript; charset=utf-8")
 
 
 @pytest.mark.parametrize(
@@ -34,7 +34,7 @@ def test_a_file_has_its_media_type(folder: Path) -> None:
 )  # fmt: skip
 def test_nothing_else_is_read(folder: Path, name: str) -> None:
     """Neither what lies outside, nor hidden files, nor other kinds."""
-    assert read_file(name, folder) is None
+    assert read_file(name, folder=folder) is None
 
 
 def test_the_policy_lets_nothing_be_loaded_from_elsewhere() -> None:
@@ -51,7 +51,7 @@ def test_the_page_asks_for_all_its_modules_at_once(folder: Path) -> None:
     (folder / "index.html").write_text('<link href="/page/a.css"><script type="module" src="/page/js/app.js">')
     (folder / ".hidden.js").unlink()
     (folder / "link.js").unlink()
-    assert read_index("v1", folder).content.decode() == (
+    assert bytes(read_index("v1", folder=folder).body).decode() == (
         '<link href="/page/v1/a.css"><link rel="modulepreload" href="/page/v1/js/app.js">\n'
         '<script type="module" src="/page/v1/js/app.js">'
     )
